@@ -1,0 +1,1 @@
+"""Measure the real vehicle, and make the model agree with it."""

@@ -1,0 +1,1 @@
+"""Poses in from a motion-capture room, out to a drone."""

@@ -1,0 +1,1 @@
+"""The drone: what it knows and computes, and the one door to it."""

@@ -1,0 +1,1 @@
+"""Fly: supervisor, campaigns, learning, records, reports, live view, command line."""

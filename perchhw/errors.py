@@ -1,0 +1,7 @@
+"""Errors of the ``perchhw`` package."""
+
+from onboard.errors import PerchhwError
+
+
+class FlightStackError(PerchhwError):
+    """Base of the errors of the ``perchhw`` package."""
