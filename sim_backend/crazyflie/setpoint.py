@@ -1,0 +1,62 @@
+"""What a commander asks of the controller: one setpoint, with a mode for each axis, in SI and FLU signs.
+
+The firmware's ``setpoint_t`` (``stabilizer_types.h``) keeps degrees and the legacy sign of pitch (nose up
+positive); both are converted where packets are decoded (:mod:`sim_backend.crazyflie.commander`), so that only
+this form is used inside.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+Vector = tuple[float, float, float]
+ZERO: Vector = (0.0, 0.0, 0.0)
+
+
+class Mode(IntEnum):
+    """How an axis is controlled."""
+
+    DISABLED = 0
+    ABSOLUTE = 1
+    VELOCITY = 2
+
+
+@dataclass(slots=True)
+class Setpoint:
+    """Desired state. The default is the null setpoint: everything disabled, motors off.
+
+    position [m], velocity [m/s] and acceleration [m/s2] in the world frame (velocity x and y in the
+    yaw-aligned body frame with `velocity_body`); roll, pitch, yaw [rad] and rates [rad/s] about the body's FLU axes; quaternion
+    (x, y, z, w) body to world; thrust 0 to 65535 (used when the z axis is disabled).
+    """
+
+    time_ms: int = 0
+    mode_x: Mode = Mode.DISABLED
+    mode_y: Mode = Mode.DISABLED
+    mode_z: Mode = Mode.DISABLED
+    mode_roll: Mode = Mode.DISABLED
+    mode_pitch: Mode = Mode.DISABLED
+    mode_yaw: Mode = Mode.DISABLED
+    mode_quat: Mode = Mode.DISABLED
+    position: Vector = ZERO
+    velocity: Vector = ZERO
+    acceleration: Vector = ZERO
+    velocity_body: bool = False
+    roll: float = 0.0
+    pitch: float = 0.0
+    yaw: float = 0.0
+    rates: Vector = ZERO
+    quaternion: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
+    thrust: float = 0.0
+
+    @property
+    def is_null(self) -> bool:
+        """Whether the setpoint asks for nothing: the motors stop."""
+        return self.thrust == 0.0 and not (
+            self.mode_x
+            or self.mode_y
+            or self.mode_z
+            or self.mode_roll
+            or self.mode_pitch
+            or self.mode_yaw
+            or self.mode_quat
+        )

@@ -1,0 +1,365 @@
+"""The simulated drone's supervisor: preflight checks, arming, flying, tumble check, watchdogs, locks (25 Hz).
+
+A pure state machine: it knows ticks (ms), the accelerometer (g), whether a motor turns and the age of the
+setpoint, and answers in info bits and in whether motors may turn. States, rules, their order and every
+constant are those of bitcraze/crazyflie-firmware 2026.08 (``supervisor.c``, ``supervisor_state_machine.c``,
+``platform_defaults.h``); the conditions that need rpm feedback or a supervised deck are left out, because a
+brushed Crazyflie 2.1 has neither. The build modelled: ``CONFIG_MOTORS_REQUIRE_ARMING=y``, idle thrust 0.
+"""
+
+import math
+from dataclasses import dataclass
+from enum import Enum, IntEnum, IntFlag, auto
+
+from onboard.supervisor_info import SupervisorBits
+
+RATE_HZ = 25
+COMMANDER_WARNING_MS = 500
+COMMANDER_TIMEOUT_MS = 2000
+FLYING_HYSTERESIS_MS = 2000
+EMERGENCY_STOP_WATCHDOG_MS = 1000
+TILTED_ACC_Z_G = 0.5
+TILTED_TIME_MS = 1000
+UPSIDE_DOWN_ACC_Z_G = -0.2
+UPSIDE_DOWN_TIME_MS = 100
+FREE_FALL_G = 0.1
+
+
+class State(IntEnum):
+    """States, numbered as in the firmware."""
+
+    NOT_INITIALIZED = 0
+    PREFLIGHT_CHECKS_NOT_PASSED = 1
+    PREFLIGHT_CHECKS_PASSED = 2
+    ARMING = 3
+    READY_TO_FLY = 4
+    FLYING = 5
+    LANDED = 6
+    RESET = 7
+    WARNING_LEVEL_OUT = 8
+    EXCEPTION_FREE_FALL = 9
+    LOCKED = 10
+    CRASHED = 11
+
+
+class Condition(IntFlag):
+    """What the rules look at."""
+
+    NONE = 0
+    ARMED = auto()
+    FLYING = auto()
+    TUMBLED = auto()
+    COMMANDER_WARNING = auto()
+    COMMANDER_TIMEOUT = auto()
+    EMERGENCY_STOP = auto()
+    CRASHED = auto()
+    PREFLIGHT_TIMEOUT = auto()
+    LANDING_TIMEOUT = auto()
+    SPINUP_TIMEOUT = auto()
+
+
+class When(Enum):
+    """How the conditions of a rule combine."""
+
+    ANY = auto()
+    ALL = auto()
+    ALWAYS = auto()
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """Go to `to` when the conditions `given` hold and `missing` do not; never while `blocked` holds."""
+
+    to: State
+    when: When
+    given: Condition = Condition.NONE
+    missing: Condition = Condition.NONE
+    blocked: Condition = Condition.NONE
+
+    def fires(self, conditions: Condition) -> bool:
+        """Whether this rule moves the state under `conditions`."""
+        if conditions & self.blocked:
+            return False
+        if self.when is When.ALWAYS:
+            return True
+        absent = ~conditions
+        if self.when is When.ANY:
+            return bool(conditions & self.given) or bool(absent & self.missing)
+        return not (absent & self.given) and not (conditions & self.missing)
+
+
+_C = Condition
+_E_STOP = Rule(State.EXCEPTION_FREE_FALL, When.ANY, given=_C.EMERGENCY_STOP)
+
+RULES: dict[State, tuple[Rule, ...]] = {
+    State.NOT_INITIALIZED: (Rule(State.PREFLIGHT_CHECKS_NOT_PASSED, When.ALWAYS),),
+    State.PREFLIGHT_CHECKS_NOT_PASSED: (
+        _E_STOP,
+        Rule(State.PREFLIGHT_CHECKS_PASSED, When.ALWAYS, blocked=_C.TUMBLED),
+    ),
+    State.PREFLIGHT_CHECKS_PASSED: (
+        _E_STOP,
+        Rule(State.PREFLIGHT_CHECKS_NOT_PASSED, When.ANY, given=_C.TUMBLED),
+        Rule(State.ARMING, When.ALL, given=_C.ARMED, blocked=_C.TUMBLED),
+    ),
+    State.ARMING: (
+        _E_STOP,
+        Rule(
+            State.PREFLIGHT_CHECKS_NOT_PASSED,
+            When.ANY,
+            given=_C.TUMBLED | _C.SPINUP_TIMEOUT,
+            missing=_C.ARMED,
+        ),
+        # Without rpm feedback the spin-up counts as done at once.
+        Rule(State.READY_TO_FLY, When.ALWAYS),
+    ),
+    State.READY_TO_FLY: (
+        _E_STOP,
+        Rule(
+            State.PREFLIGHT_CHECKS_NOT_PASSED,
+            When.ANY,
+            given=_C.TUMBLED | _C.PREFLIGHT_TIMEOUT,
+            missing=_C.ARMED,
+        ),
+        Rule(State.FLYING, When.ALL, given=_C.FLYING),
+    ),
+    State.FLYING: (
+        Rule(State.EXCEPTION_FREE_FALL, When.ANY, given=_C.COMMANDER_TIMEOUT | _C.EMERGENCY_STOP),
+        Rule(State.CRASHED, When.ANY, given=_C.TUMBLED),
+        Rule(State.RESET, When.ALL, missing=_C.ARMED),
+        Rule(State.WARNING_LEVEL_OUT, When.ALL, given=_C.COMMANDER_WARNING),
+        Rule(State.LANDED, When.ALL, missing=_C.FLYING),
+    ),
+    State.LANDED: (
+        Rule(State.RESET, When.ANY, given=_C.LANDING_TIMEOUT, missing=_C.ARMED),
+        Rule(State.FLYING, When.ALL, given=_C.FLYING),
+    ),
+    State.RESET: (Rule(State.PREFLIGHT_CHECKS_NOT_PASSED, When.ALWAYS),),
+    State.WARNING_LEVEL_OUT: (
+        Rule(
+            State.EXCEPTION_FREE_FALL,
+            When.ANY,
+            given=_C.COMMANDER_TIMEOUT | _C.TUMBLED | _C.EMERGENCY_STOP,
+        ),
+        Rule(State.FLYING, When.ALL, missing=_C.COMMANDER_WARNING | _C.COMMANDER_TIMEOUT),
+    ),
+    State.EXCEPTION_FREE_FALL: (Rule(State.LOCKED, When.ALWAYS),),
+    State.LOCKED: (),
+    State.CRASHED: (
+        Rule(State.PREFLIGHT_CHECKS_NOT_PASSED, When.ALL, missing=_C.CRASHED | _C.TUMBLED),
+        Rule(State.LOCKED, When.ALL, given=_C.EMERGENCY_STOP),
+    ),
+}
+
+_CAN_FLY = frozenset({State.READY_TO_FLY, State.FLYING, State.WARNING_LEVEL_OUT, State.LANDED})
+_ARMED_STATES = _CAN_FLY | {State.ARMING}
+
+
+class TumbleCheck:
+    """Tilted for long, or upside down for a short time; falling freely is allowed."""
+
+    def __init__(self) -> None:
+        self.crash_detection_g = 0.0
+        self.acc_norm_g = 0.0
+        self._since_ms: int | None = None
+
+    def tumbled(self, tick_ms: int, acc_g: tuple[float, float, float]) -> bool:
+        """Whether the accelerometer (g, body axes) says that the drone lies on its side or upside down."""
+        x, y, z = acc_g
+        self.acc_norm_g = math.sqrt(x * x + y * y + z * z)
+        if self.crash_detection_g > 0.0 and abs(self.acc_norm_g - 1.0) > self.crash_detection_g:
+            return True
+        if abs(x) < FREE_FALL_G and abs(y) < FREE_FALL_G and abs(z) < FREE_FALL_G:
+            self._since_ms = None
+        if z >= TILTED_ACC_Z_G:
+            self._since_ms = None
+            return False
+        if self._since_ms is None:
+            self._since_ms = tick_ms
+        elapsed = tick_ms - self._since_ms
+        return elapsed > TILTED_TIME_MS or (z < UPSIDE_DOWN_ACC_Z_G and elapsed > UPSIDE_DOWN_TIME_MS)
+
+
+class Supervisor:
+    """State machine, latches and timers of one drone; everything is lost at a reboot (make a new one)."""
+
+    def __init__(self) -> None:
+        self.state = State.NOT_INITIALIZED
+        self.tumble = TumbleCheck()
+        self.tumble_check_enabled = True
+        self.preflight_timeout_ms = 30000
+        self.landed_timeout_ms = 3000
+        self.spinup_timeout_ms = 2000
+        self.stop_parameter = False
+        self._armed = False
+        self._tumbled = False
+        self._crashed = False
+        self._emergency_stop = False
+        self._watchdog_kick_ms: int | None = None
+        self._thrust_ms: int | None = None
+        self._entered_ms = 0
+        self._tick_ms = 0
+        self._high_level = SupervisorBits(0)
+        self._console: list[str] = []
+
+    # What port 9 asks for.
+
+    def info_bits(self) -> int:
+        """The bit field of ``supervisor.info``; see :class:`onboard.supervisor_info.SupervisorBits`."""
+        bits = self._high_level
+        if self.state is State.PREFLIGHT_CHECKS_PASSED:
+            bits |= SupervisorBits.CAN_ARM
+        if self._armed:
+            bits |= SupervisorBits.ARMED
+        if self.can_fly:
+            bits |= SupervisorBits.CAN_FLY
+        if self.is_flying:
+            bits |= SupervisorBits.FLYING
+        if self._tumbled:
+            bits |= SupervisorBits.TUMBLED
+        if self.state is State.LOCKED:
+            bits |= SupervisorBits.LOCKED
+        if self._crashed:
+            bits |= SupervisorBits.CRASHED
+        return int(bits)
+
+    def arm(self, on: bool) -> bool:
+        """Arm or disarm; whether the request was accepted. Arming needs passed preflight checks."""
+        if on == self._armed:
+            return True
+        if on and self.state is not State.PREFLIGHT_CHECKS_PASSED:
+            return False
+        self._armed = on
+        return True
+
+    def recover(self) -> bool:
+        """Clear a crash; refused while the drone lies tumbled."""
+        if self._crashed and self._tumbled:
+            return False
+        self._crashed = False
+        return True
+
+    def emergency_stop(self) -> None:
+        """Stop the motors until a reboot."""
+        self._emergency_stop = True
+
+    def kick_emergency_stop_watchdog(self) -> None:
+        """Start or feed the watchdog: 1 s without a kick is an emergency stop. It cannot be cancelled."""
+        self._watchdog_kick_ms = self._tick_ms
+
+    # What the stabilizer loop asks for.
+
+    @property
+    def is_armed(self) -> bool:
+        """Whether an arming request is in force."""
+        return self._armed
+
+    @property
+    def can_fly(self) -> bool:
+        """Whether setpoints are obeyed and the high-level commander is not blocked."""
+        return self.state in _CAN_FLY
+
+    @property
+    def is_flying(self) -> bool:
+        """Flying, or levelling out on a missing setpoint."""
+        return self.state in (State.FLYING, State.WARNING_LEVEL_OUT)
+
+    @property
+    def is_tumbled(self) -> bool:
+        """Whether the tumble check (if enabled) holds."""
+        return self._tumbled
+
+    @property
+    def is_crashed(self) -> bool:
+        """Whether a crash waits for the recovery command."""
+        return self._crashed
+
+    @property
+    def motors_allowed(self) -> bool:
+        """Whether the motor drivers are enabled."""
+        return self.state in _ARMED_STATES
+
+    def take_console(self) -> list[str]:
+        """Lines for the console since the last call."""
+        lines, self._console = self._console, []
+        return lines
+
+    def update(
+        self,
+        tick_ms: int,
+        acc_g: tuple[float, float, float],
+        motors_turning: bool,
+        setpoint_time_ms: int,
+        high_level: SupervisorBits,
+    ) -> None:
+        """Advance by one 25 Hz step.
+
+        Args:
+            tick_ms: ms since boot.
+            acc_g: accelerometer, body axes, g.
+            motors_turning: whether any motor's ratio is above the idle thrust (0).
+            setpoint_time_ms: tick of the setpoint in force.
+            high_level: bits 8 to 10, as the high-level commander reports them.
+        """
+        self._tick_ms = tick_ms
+        self._high_level = high_level
+        if motors_turning:
+            self._thrust_ms = tick_ms
+        conditions = self._conditions(tick_ms, acc_g, tick_ms - setpoint_time_ms)
+        for rule in RULES[self.state]:
+            if rule.fires(conditions):
+                self._enter(rule.to, tick_ms)
+                break
+        self._tumbled = bool(conditions & Condition.TUMBLED)
+
+    def watch(self, tick_ms: int) -> None:
+        """Tell the time between updates (a watchdog kick is stamped with it)."""
+        self._tick_ms = tick_ms
+
+    def _conditions(self, tick_ms: int, acc_g: tuple[float, float, float], setpoint_age_ms: int) -> Condition:
+        in_state_ms = tick_ms - self._entered_ms
+        found = Condition.NONE
+        if self._armed:
+            found |= Condition.ARMED
+        if self._thrust_ms is not None and tick_ms - self._thrust_ms < FLYING_HYSTERESIS_MS:
+            found |= Condition.FLYING
+        if self.tumble.tumbled(tick_ms, acc_g) and self.tumble_check_enabled:
+            found |= Condition.TUMBLED
+        if setpoint_age_ms > COMMANDER_WARNING_MS:
+            found |= Condition.COMMANDER_WARNING
+        if setpoint_age_ms > COMMANDER_TIMEOUT_MS:
+            found |= Condition.COMMANDER_TIMEOUT
+        kick = self._watchdog_kick_ms
+        watchdog_expired = kick is not None and tick_ms >= kick + EMERGENCY_STOP_WATCHDOG_MS
+        if self._emergency_stop or self.stop_parameter or watchdog_expired:
+            found |= Condition.EMERGENCY_STOP
+        if self._crashed:
+            found |= Condition.CRASHED
+        if self.state is State.READY_TO_FLY and in_state_ms > self.preflight_timeout_ms:
+            found |= Condition.PREFLIGHT_TIMEOUT
+        if self.state is State.LANDED and in_state_ms > self.landed_timeout_ms:
+            found |= Condition.LANDING_TIMEOUT
+        if self.state is State.ARMING and in_state_ms > self.spinup_timeout_ms:
+            found |= Condition.SPINUP_TIMEOUT
+        return found
+
+    def _enter(self, state: State, tick_ms: int) -> None:
+        was_armed = self._armed
+        self.state = state
+        self._entered_ms = tick_ms
+        if state is State.READY_TO_FLY:
+            self._say("Ready to fly")
+        elif state is State.EXCEPTION_FREE_FALL:
+            self._say("free falling!")
+        elif state is State.LOCKED:
+            self._say("Locked, reboot required")
+        elif state is State.CRASHED:
+            self._say("Crashed, recovery required")
+            self._crashed = True
+        if state not in _ARMED_STATES:
+            self._armed = False
+            if was_armed and state in (State.RESET, State.PREFLIGHT_CHECKS_NOT_PASSED):
+                self._say("Disarming")
+
+    def _say(self, text: str) -> None:
+        self._console.append(f"SUP: {text}\n")
