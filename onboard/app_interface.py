@@ -1,0 +1,186 @@
+"""The interface of our firmware app: parameters, log variables and memory, as the ground and the drone see it.
+
+One place for the names, types and enumerations that the link, the simulated drone and the app in C share.
+Parameter group ``perch``; log groups ``perch`` (now) and ``perchT`` (snapshot at the trigger). Parameters are
+volatile: after a reboot they have their defaults and there is no policy.
+
+Policy upload: write the bundle to the app memory from address 0, read it back, set `POLICY_LENGTH` and
+`POLICY_CRC`, write 1 to `POLICY_COMMIT`, then read `POLICY_STATUS` and `POLICY_ACTIVE_CRC`.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum, StrEnum
+
+INTERFACE_VERSION = 1
+"""Value of `Parameter.VERSION`; a host refuses any other."""
+
+MEMORY_TYPE_APP = 0x18
+"""Memory type that the firmware reserves for apps (MEM_TYPE_APP)."""
+
+MEMORY_SIZE = 8192
+"""Bytes of the app memory; the bundle is staged from `BUNDLE_ADDRESS` on."""
+
+BUNDLE_ADDRESS = 0
+
+
+class PolicyStatus(IntEnum):
+    """`Parameter.POLICY_STATUS`: 16 and above say why the last commit was refused.
+
+    A refusal keeps the previous policy live.
+    """
+
+    NONE = 0
+    ACTIVE = 1
+    REFUSED_LENGTH = 16
+    REFUSED_CRC = 17
+    REFUSED_FORMAT = 18
+    REFUSED_RANGE = 19
+    REFUSED_FLYING = 20
+
+
+class TrajectoryStatus(IntEnum):
+    """`Parameter.TRAJECTORY_STATUS`: 16 and above say why the last arming was refused."""
+
+    NONE = 0
+    ARMED = 1
+    FLYING = 2
+    REFUSED_TOO_FAR = 16
+    REFUSED_NUMBERS = 17
+    REFUSED_NOT_FLYING = 18
+
+
+class LandingState(IntEnum):
+    """State of the landing state machine (:mod:`onboard.landing`), `Log.STATE`."""
+
+    IDLE = 0
+    TRAJECTORY_ARMED = 1
+    APPROACH = 2
+    FLIP = 3
+    CUT = 4
+    BRAKE = 5
+    HOLD = 6
+    FAULT = 7
+
+
+class ValueType(StrEnum):
+    """Type of a parameter or log variable, spelled as in the firmware's tables."""
+
+    UINT8 = "uint8_t"
+    UINT16 = "uint16_t"
+    UINT32 = "uint32_t"
+    FLOAT = "float"
+
+
+class Parameter(StrEnum):
+    """Complete names of the app's parameters."""
+
+    POLICY_LENGTH = "perch.polLen"
+    POLICY_CRC = "perch.polCrc"
+    POLICY_COMMIT = "perch.polCommit"
+    POLICY_STATUS = "perch.polStat"
+    POLICY_ACTIVE_CRC = "perch.polActCrc"
+    POLICY_ARM = "perch.polArm"
+    TRAJECTORY_ARM = "perch.trjArm"
+    TRAJECTORY_STATUS = "perch.trjStat"
+    GO = "perch.go"
+    ABORT = "perch.abort"
+    CEILING_Z = "perch.zCeil"
+    IMPACT_X = "perch.xImp"
+    IMPACT_Y = "perch.yImp"
+    SPEED_X = "perch.vx"
+    SPEED_Z = "perch.vz"
+    ACCELERATION_X = "perch.ax"
+    ACCELERATION_Z = "perch.az"
+    TAU_START = "perch.tau0"
+    VERSION = "perch.version"
+
+
+class Log(StrEnum):
+    """Complete names of the app's log variables."""
+
+    STATE = "perch.state"
+    TAU = "perch.tau"
+    THETA_X = "perch.thetaX"
+    D_CEIL = "perch.dCeil"
+    TRIGGER_VALUE = "perch.trigVal"
+    A_ROT = "perch.aRot"
+    POLICY_CRC = "perch.polCrc"
+    POLICY_STATUS = "perch.polStat"
+    SNAPSHOT_TICK = "perchT.tick"
+    SNAPSHOT_TAU = "perchT.tau"
+    SNAPSHOT_THETA_X = "perchT.thetaX"
+    SNAPSHOT_D_CEIL = "perchT.dCeil"
+    SNAPSHOT_TRIGGER_VALUE = "perchT.trigVal"
+    SNAPSHOT_A_ROT = "perchT.aRot"
+    SNAPSHOT_VX = "perchT.vx"
+    SNAPSHOT_VY = "perchT.vy"
+    SNAPSHOT_VZ = "perchT.vz"
+    SNAPSHOT_Z = "perchT.z"
+    SNAPSHOT_PITCH = "perchT.pitch"
+    SNAPSHOT_COUNT = "perchT.count"
+
+
+@dataclass(frozen=True)
+class ParameterEntry:
+    """One parameter of the app: name, type, whether the ground may only read it, value after a reboot."""
+
+    name: Parameter
+    type: ValueType
+    read_only: bool = False
+    default: int | float = 0
+
+
+@dataclass(frozen=True)
+class LogEntry:
+    """One log variable of the app: name and type."""
+
+    name: Log
+    type: ValueType
+
+
+PARAMETERS: tuple[ParameterEntry, ...] = (
+    ParameterEntry(Parameter.POLICY_LENGTH, ValueType.UINT16),
+    ParameterEntry(Parameter.POLICY_CRC, ValueType.UINT32),
+    ParameterEntry(Parameter.POLICY_COMMIT, ValueType.UINT8),
+    ParameterEntry(Parameter.POLICY_STATUS, ValueType.UINT8, read_only=True),
+    ParameterEntry(Parameter.POLICY_ACTIVE_CRC, ValueType.UINT32, read_only=True),
+    ParameterEntry(Parameter.POLICY_ARM, ValueType.UINT8),
+    ParameterEntry(Parameter.TRAJECTORY_ARM, ValueType.UINT8),
+    ParameterEntry(Parameter.TRAJECTORY_STATUS, ValueType.UINT8, read_only=True),
+    ParameterEntry(Parameter.GO, ValueType.UINT8),
+    ParameterEntry(Parameter.ABORT, ValueType.UINT8),
+    ParameterEntry(Parameter.CEILING_Z, ValueType.FLOAT),
+    ParameterEntry(Parameter.IMPACT_X, ValueType.FLOAT),
+    ParameterEntry(Parameter.IMPACT_Y, ValueType.FLOAT),
+    ParameterEntry(Parameter.SPEED_X, ValueType.FLOAT),
+    ParameterEntry(Parameter.SPEED_Z, ValueType.FLOAT),
+    ParameterEntry(Parameter.ACCELERATION_X, ValueType.FLOAT),
+    ParameterEntry(Parameter.ACCELERATION_Z, ValueType.FLOAT),
+    ParameterEntry(Parameter.TAU_START, ValueType.FLOAT),
+    ParameterEntry(Parameter.VERSION, ValueType.UINT8, read_only=True, default=INTERFACE_VERSION),
+)
+"""Every parameter of the app, in the order of its table of contents."""
+
+LOGS: tuple[LogEntry, ...] = (
+    LogEntry(Log.STATE, ValueType.UINT8),
+    LogEntry(Log.TAU, ValueType.FLOAT),
+    LogEntry(Log.THETA_X, ValueType.FLOAT),
+    LogEntry(Log.D_CEIL, ValueType.FLOAT),
+    LogEntry(Log.TRIGGER_VALUE, ValueType.FLOAT),
+    LogEntry(Log.A_ROT, ValueType.FLOAT),
+    LogEntry(Log.POLICY_CRC, ValueType.UINT32),
+    LogEntry(Log.POLICY_STATUS, ValueType.UINT8),
+    LogEntry(Log.SNAPSHOT_TICK, ValueType.UINT32),
+    LogEntry(Log.SNAPSHOT_TAU, ValueType.FLOAT),
+    LogEntry(Log.SNAPSHOT_THETA_X, ValueType.FLOAT),
+    LogEntry(Log.SNAPSHOT_D_CEIL, ValueType.FLOAT),
+    LogEntry(Log.SNAPSHOT_TRIGGER_VALUE, ValueType.FLOAT),
+    LogEntry(Log.SNAPSHOT_A_ROT, ValueType.FLOAT),
+    LogEntry(Log.SNAPSHOT_VX, ValueType.FLOAT),
+    LogEntry(Log.SNAPSHOT_VY, ValueType.FLOAT),
+    LogEntry(Log.SNAPSHOT_VZ, ValueType.FLOAT),
+    LogEntry(Log.SNAPSHOT_Z, ValueType.FLOAT),
+    LogEntry(Log.SNAPSHOT_PITCH, ValueType.FLOAT),
+    LogEntry(Log.SNAPSHOT_COUNT, ValueType.UINT8),
+)
+"""Every log variable of the app (units: s, 1/s, m, N m, m/s, rad, ms), in the order of its table of contents."""
