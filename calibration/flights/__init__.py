@@ -1,0 +1,26 @@
+"""Flights from files: one type, one loader per format."""
+
+from calibration.flights.flight import (
+    CHANNELS,
+    Channel,
+    Flight,
+    FlightFileError,
+    PoseSource,
+    Trigger,
+    UnusableFlightError,
+)
+from calibration.flights.formats import FORMATS, UnusableFlight, open_flight, open_flights
+
+__all__ = [
+    "CHANNELS",
+    "FORMATS",
+    "Channel",
+    "Flight",
+    "FlightFileError",
+    "PoseSource",
+    "Trigger",
+    "UnusableFlight",
+    "UnusableFlightError",
+    "open_flight",
+    "open_flights",
+]

@@ -1,0 +1,95 @@
+"""Open flight files of any known format.
+
+A format is one entry in :data:`FORMATS`: how to tell it and how to load it.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from calibration.flights.csv_file import read_header
+from calibration.flights.flight import Flight, FlightFileError, UnusableFlightError
+from calibration.flights.habas import is_habas, load_habas
+from calibration.flights.perchhw_run import load_run
+from calibration.flights.run_folder import is_run_folder
+from calibration.flights.table import is_table, load_table
+
+
+@dataclass(frozen=True)
+class FlightFormat:
+    """One format of flight files."""
+
+    name: str
+    detects: Callable[[Path], bool]
+    load: Callable[[Path], Flight]
+
+
+@dataclass(frozen=True)
+class UnusableFlight:
+    """A file that holds no usable flight, and why."""
+
+    file: Path
+    reason: str
+
+
+def _csv_with(test: Callable[[tuple[str, ...]], bool]) -> Callable[[Path], bool]:
+    return lambda path: path.is_file() and test(read_header(path))
+
+
+FORMATS: dict[str, FlightFormat] = {
+    f.name: f
+    for f in (
+        FlightFormat("perchhw", is_run_folder, load_run),
+        FlightFormat("habas", _csv_with(is_habas), load_habas),
+        FlightFormat("table", _csv_with(is_table), load_table),
+    )
+}
+"""Known formats by name, in the order in which they are tried."""
+
+
+def open_flight(path: str | Path, format: str = "auto") -> Flight:
+    """Read one flight.
+
+    Args:
+        path: a file, or a run folder.
+        format: a name in :data:`FORMATS`, or ``auto`` to tell it from the content.
+
+    Raises:
+        FlightFileError: missing, of no known format, or broken (names row and column).
+        UnusableFlightError: readable, but no usable flight (names the reason).
+        RunFolderError: a broken run folder.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise FlightFileError(f"{path}: no such file or folder")
+    return _format_of(path, format).load(path)
+
+
+def open_flights(
+    paths: Iterable[str | Path], format: str = "auto"
+) -> tuple[list[Flight], list[UnusableFlight]]:
+    """Read many flights: the usable ones, and those that are not, each with its reason.
+
+    Raises:
+        FlightFileError: a file is broken, which is not the same as unusable.
+    """
+    flights, unusable = [], []
+    for path in paths:
+        try:
+            flights.append(open_flight(path, format))
+        except UnusableFlightError as error:
+            unusable.append(UnusableFlight(error.source, error.reason))
+    return flights, unusable
+
+
+def _format_of(path: Path, name: str) -> FlightFormat:
+    if name == "auto":
+        found = next((f for f in FORMATS.values() if f.detects(path)), None)
+        if found is None:
+            raise FlightFileError(
+                f"{path}: of no known flight format; known are {', '.join(FORMATS)} (give --format for a clearer error)"
+            )
+        return found
+    if name not in FORMATS:
+        raise FlightFileError(f"unknown flight format {name!r}; known are auto, {', '.join(FORMATS)}")
+    return FORMATS[name]

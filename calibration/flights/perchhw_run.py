@@ -1,0 +1,141 @@
+"""Flights from our own records: the channels of a run folder on one time column.
+
+Each message becomes (part of) a row at its time; a channel is valid where a message brought it. A pose is valid
+when it was not occluded and the health monitor called it ``ok`` (or gave no verdict).
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from calibration.flights.flight import (
+    POSE_CHANNELS,
+    Flight,
+    FloatArray,
+    PoseSource,
+    Trigger,
+    UnusableFlightError,
+    finite_masks,
+)
+from calibration.flights.run_folder import RunRecord, Series, read_run
+
+_TOPIC_CHANNELS: dict[str, dict[str, str]] = {
+    "pose": {name: name for name in POSE_CHANNELS},
+    "estimate": {"vx": "vx", "vy": "vy", "vz": "vz", "x": "est_x", "y": "est_y", "z": "est_z"},
+    "rates": {"gx": "gx", "gy": "gy", "gz": "gz"},
+    "acceleration": {"ax": "ax", "ay": "ay", "az": "az"},
+    "cues": {
+        **{name: name for name in ("tau", "theta_x", "d_ceil", "trigger_value", "a_rot")},
+        "state": "landing_state",
+    },
+    "motors": {name: name for name in ("m1", "m2", "m3", "m4")},
+    "power": {"vbat": "vbat"},
+}
+_GOOD_VERDICTS = ("ok", None)
+_SNAPSHOT = ("tau", "theta_x", "d_ceil", "trigger_value", "a_rot", "vx", "vy", "vz", "z", "pitch")
+
+
+def load_run(path: Path) -> Flight:
+    """Read the run folder `path`.
+
+    Raises:
+        RunFolderError: broken.
+        UnusableFlightError: no message in it.
+    """
+    return flight_from_run(read_run(path))
+
+
+def flight_from_run(run: RunRecord) -> Flight:
+    """The flight of a record that was already read.
+
+    Raises:
+        UnusableFlightError: no message in it.
+    """
+    used = {topic: run.series[topic] for topic in _TOPIC_CHANNELS if topic in run.series}
+    if not used:
+        raise UnusableFlightError(run.folder, "the record holds no pose, estimate, rates or cues")
+    t = np.unique(np.concatenate([series.t for series in used.values()]))
+    data: dict[str, FloatArray] = {}
+    for topic, series in used.items():
+        rows = np.searchsorted(t, series.t)
+        for theirs, ours in _TOPIC_CHANNELS[topic].items():
+            values = series.numbers(theirs)
+            if np.isnan(values).all():
+                continue
+            data[ours] = np.full(t.shape, np.nan)
+            data[ours][rows] = values
+    valid = finite_masks(data)
+    _reject_poses(used.get("pose"), t, valid)
+    config = run.config
+    return Flight(
+        name=run.folder.name,
+        source=run.folder,
+        format="perchhw",
+        pose_source=PoseSource.MOCAP,
+        t=t,
+        data=data,
+        valid=valid,
+        trigger=_trigger(run),
+        commanded_speed=_number(config.get("speed_m_s")),
+        commanded_angle_deg=_number(config.get("angle_deg")),
+        ceiling_z=_number(config.get("ceiling_z")),
+        aborted_by=_aborted_by(run),
+        notes=run.torn,
+    )
+
+
+def _reject_poses(pose: Series | None, t: FloatArray, valid: dict[str, Any]) -> None:
+    if pose is None:
+        return
+    verdicts = pose.texts("verdict")
+    good = np.array([v is None or v.lower() in _GOOD_VERDICTS for v in verdicts], dtype=np.bool_)
+    rows = np.searchsorted(t, pose.t[~good])
+    for name in POSE_CHANNELS:
+        if name in valid:
+            valid[name][rows] = False
+
+
+def _trigger(run: RunRecord) -> Trigger | None:
+    """The first trigger snapshot with a count, else the event ``trigger``.
+
+    The snapshot arrives over the radio after the trigger; when the drone's times are known, the trigger is put
+    at the drone's time of it, as seen from the nearest message that carries the drone's time.
+    """
+    series = run.series.get("trigger")
+    if series is not None:
+        for t, message in zip(series.t, series.messages, strict=True):
+            if message.get("count") is None or message["count"] > 0:
+                snapshot = {k: float(message[k]) for k in _SNAPSHOT if message.get(k) is not None}
+                return Trigger(_host_time(run, message.get("tick_ms"), float(t)), snapshot)
+    event = run.first_event("trigger")
+    return None if event is None else Trigger(float(event["t"]))
+
+
+def _host_time(run: RunRecord, tick_ms: float | None, receipt: float) -> float:
+    """Host time of the drone's `tick_ms`: least receipt delay over all messages that carry a drone time."""
+    if tick_ms is None:
+        return receipt
+    offsets = [
+        series.t - series.numbers("drone_time_ms") * 1e-3
+        for series in run.series.values()
+        if "drone_time_ms" in series.fields()
+    ]
+    if not offsets:
+        return receipt
+    offset = float(np.nanmin(np.concatenate(offsets)))
+    return min(receipt, tick_ms * 1e-3 + offset)
+
+
+def _aborted_by(run: RunRecord) -> str | None:
+    rule = run.info.get("aborted_by")
+    if rule is not None:
+        return str(rule)
+    event = run.first_event("abort", "aborted")
+    if event is None:
+        return None
+    return str(event.get("rule") or event.get("reason") or event.get("aborted_by") or "abort")
+
+
+def _number(value: Any) -> float | None:
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None

@@ -1,0 +1,106 @@
+"""Flights as a plain table: ``t,x,y,z,qx,qy,qz,qw`` and any further channels, CSV or CSV.gz, SI units.
+
+Also reads the truth files of ``perchhw sim lab --truth`` (rates named ``wx,wy,wz`` and a column ``drone``). An
+empty cell is a missing value.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from calibration.flights.csv_file import CsvFile, read_csv
+from calibration.flights.flight import (
+    CHANNELS,
+    POSE_CHANNELS,
+    Flight,
+    FlightFileError,
+    FloatArray,
+    PoseSource,
+    Trigger,
+    UnusableFlightError,
+    finite_masks,
+)
+
+_REQUIRED = ("t", *POSE_CHANNELS)
+_ALIASES = {"wx": "gx", "wy": "gy", "wz": "gz"}
+_DRONE = "drone"
+_NORM_TOLERANCE = 0.05
+
+
+def is_table(header: tuple[str, ...]) -> bool:
+    """Whether a CSV header is of this format."""
+    return set(_REQUIRED) <= set(header) and all(_channel(n) in {*CHANNELS, "t", _DRONE} for n in header)
+
+
+def load_table(path: Path) -> Flight:
+    """Read a table.
+
+    Raises:
+        FlightFileError: broken; names row and column.
+        UnusableFlightError: fewer than two rows.
+    """
+    file = read_csv(path)
+    _check_header(file)
+    if len(file.rows) < 2:
+        raise UnusableFlightError(path, f"only {len(file.rows)} data rows")
+    t = file.column("t")
+    _check_time(file, t)
+    data = {_channel(n): file.column(n) for n in file.header if n not in ("t", _DRONE)}
+    _check_quaternion(file, data)
+    truth = "legs_attached" in data
+    return Flight(
+        name=path.name.removesuffix(".gz").removesuffix(".csv"),
+        source=path,
+        format="table",
+        pose_source=PoseSource.TRUTH if truth else PoseSource.MOCAP,
+        t=t,
+        data=data,
+        valid=finite_masks(data),
+        trigger=_trigger(t, data),
+    )
+
+
+def _channel(name: str) -> str:
+    return _ALIASES.get(name, name)
+
+
+def _check_header(file: CsvFile) -> None:
+    for name in _REQUIRED:
+        file.index(name)
+    unknown = [n for n in file.header if _channel(n) not in {*CHANNELS, "t", _DRONE}]
+    if unknown:
+        raise FlightFileError(f"{file.path} row 1: unknown column {', '.join(unknown)}; see docs/records.md")
+    repeated = {n for n in file.header if [_channel(m) for m in file.header].count(_channel(n)) > 1}
+    if repeated:
+        raise FlightFileError(f"{file.path} row 1: column given twice: {', '.join(sorted(repeated))}")
+    if _DRONE in file.header:
+        index = file.index(_DRONE)
+        drones = {row.cells[index] for row in file.rows}
+        if len(drones) > 1:
+            raise FlightFileError(
+                f"{file.path} column 'drone': {len(drones)} drones in one table; give one file per drone"
+            )
+
+
+def _check_time(file: CsvFile, t: FloatArray) -> None:
+    bad = np.flatnonzero(~np.isfinite(t))
+    if bad.size:
+        raise FlightFileError(f"{file.path} row {file.rows[bad[0]].number} column 't': no time")
+    back = np.flatnonzero(np.diff(t) < 0)
+    if back.size:
+        raise FlightFileError(f"{file.path} row {file.rows[back[0] + 1].number} column 't': time goes back")
+
+
+def _check_quaternion(file: CsvFile, data: dict[str, FloatArray]) -> None:
+    norm = np.linalg.norm(np.column_stack([data[q] for q in ("qx", "qy", "qz", "qw")]), axis=1)
+    bad = np.flatnonzero(np.abs(norm - 1.0) > _NORM_TOLERANCE)  # NaN (missing) compares false
+    if bad.size:
+        place = f"{file.path} row {file.rows[bad[0]].number} columns 'qx'..'qw'"
+        raise FlightFileError(f"{place}: not a unit quaternion (norm {norm[bad[0]]:.3f})")
+
+
+def _trigger(t: FloatArray, data: dict[str, FloatArray]) -> Trigger | None:
+    fired = data.get("triggered")
+    if fired is None or not np.any(fired == 1.0):
+        return None
+    return Trigger(float(t[int(np.argmax(fired == 1.0))]))

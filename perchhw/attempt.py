@@ -1,0 +1,98 @@
+"""What one attempt is asked to do and what came of it: the words between a campaign and the flight.
+
+A campaign (or ``fly``, or ``demo``) makes an :class:`AttemptRequest`; an :data:`AttemptRunner` flies it and
+returns an :class:`AttemptResult`. Neither side knows how the other works.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+from onboard.room import RoomGeometry
+
+
+class Outcome(StrEnum):
+    """How an attempt ended. Three or four legs count as four-leg, one or two as two-leg (paper's reward)."""
+
+    FOUR_LEG = "four_leg"
+    FOUR_LEG_BODY_CONTACT = "four_leg_body_contact"
+    TWO_LEG = "two_leg"
+    TWO_LEG_BODY_CONTACT = "two_leg_body_contact"
+    FAILURE = "failure"
+    NO_TRIGGER = "no_trigger"
+    ABORTED = "aborted"
+
+    @property
+    def attached(self) -> bool:
+        """Whether at least one leg holds the vehicle to the ceiling."""
+        return self in ATTACHED_OUTCOMES
+
+    @property
+    def success(self) -> bool:
+        """Whether it counts in a success rate: four legs without body contact."""
+        return self is Outcome.FOUR_LEG
+
+
+ATTACHED_OUTCOMES = frozenset(
+    {Outcome.FOUR_LEG, Outcome.FOUR_LEG_BODY_CONTACT, Outcome.TWO_LEG, Outcome.TWO_LEG_BODY_CONTACT}
+)
+
+
+@dataclass(frozen=True)
+class AttemptRequest:
+    """One attempt to fly.
+
+    Attributes:
+        speed: commanded speed on the approach line (m/s).
+        angle_deg: angle of the approach line above the horizon (deg).
+        index: number of the attempt in its campaign, from 0 (its place in the flying order).
+        folder: the run folder to create for the record; it does not exist yet.
+        drone: URI of the drone.
+        mocap: URI of the motion-capture source.
+        policy: policy file (``*.policy.json``) or the name of a shipped policy.
+        vehicle: name or path of the vehicle file.
+        legs: name of the leg design, or None for the one in the vehicle file.
+        room: ceiling and flight volume.
+        seed: seed of everything random in this attempt.
+        try_number: 1 for the first try; higher when an earlier try was interrupted.
+        approach: further parameters of the approach by name (for example ``tau0``, ``ax``, ``az``).
+    """
+
+    speed: float
+    angle_deg: float
+    index: int
+    folder: Path
+    drone: str
+    mocap: str
+    policy: str
+    vehicle: str
+    legs: str | None = None
+    room: RoomGeometry = RoomGeometry()
+    seed: int = 0
+    try_number: int = 1
+    approach: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class AttemptResult:
+    """What came of an attempt.
+
+    Attributes:
+        outcome: landing outcome.
+        triggered: whether the policy fired on the drone.
+        trigger: the trigger snapshot (fields of the ``trigger`` topic), or None when it never fired.
+        aborted_by: name of the rule that ended the attempt, or None.
+        record: the run folder.
+    """
+
+    outcome: Outcome
+    triggered: bool
+    trigger: dict[str, Any] | None
+    aborted_by: str | None
+    record: Path
+
+
+AttemptRunner = Callable[[AttemptRequest], AttemptResult]
+"""Flies one attempt. Raises ``KeyboardInterrupt`` after cleaning up when the operator interrupts it."""

@@ -1,0 +1,206 @@
+"""Write a run's record so that a killed process loses nothing that was written.
+
+Every message and every event is one ``write`` to the operating system, without a buffer in the process:
+after SIGKILL the kernel still has all of it. (A power failure may lose what the kernel had not yet put on the
+disk.) ``series.mcap`` is unchunked, because a chunk lives in the process until it is full.
+"""
+
+import json
+import math
+import os
+import platform
+import threading
+import time
+from collections.abc import Callable, Mapping
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+from mcap.well_known import MessageEncoding, SchemaEncoding
+from mcap.writer import IndexType, Writer
+
+from perchhw.errors import FlightStackError
+from perchhw.record.folder import EVENTS_FILE, RUN_FILE, SERIES_FILE, utc_now, write_json_atomically
+from perchhw.record.topics import TOPICS
+
+Clock = Callable[[], float]
+Scalar = float | int | str | bool | None
+
+
+class RecordError(FlightStackError):
+    """The record cannot be written, or was asked to hold what its schema does not have."""
+
+
+class _UnbufferedFile:
+    """The stream under the MCAP writer: each ``write`` reaches the operating system before it returns.
+
+    Not a ``RawIOBase`` on purpose: the MCAP writer would put a buffer around one.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
+        self._position = 0
+
+    def write(self, data: bytes | bytearray | memoryview) -> int:
+        view = memoryview(data)
+        while view:
+            written = os.write(self._descriptor, view)
+            self._position += written
+            view = view[written:]
+        return len(data)
+
+    def tell(self) -> int:
+        return self._position
+
+    def close(self) -> None:
+        os.close(self._descriptor)
+
+
+class RunRecorder:
+    """The one writer of a run folder. May be called from several threads.
+
+    Args:
+        folder: the run folder; created. A folder that already holds a record is refused.
+        config: goes into ``run.json`` (``config``). Well-known keys that readers use when present:
+            ``speed_m_s``, ``angle_deg``, ``ceiling_z``, ``vehicle``, ``legs``, ``policy_crc32``, ``seed``,
+            ``drone``, ``mocap``. Must be JSON.
+        clock: the monotonic clock of the flight (s).
+
+    Raises:
+        RecordError: the folder already holds a record, or cannot be written.
+    """
+
+    def __init__(self, folder: Path, config: Mapping[str, Any], clock: Clock = time.monotonic) -> None:
+        self.folder = folder
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._closed = False
+        self._sequence = dict.fromkeys(TOPICS, 0)
+        folder.mkdir(parents=True, exist_ok=True)
+        self._info: dict[str, Any] = {
+            "schema": "perchhw.run/1",
+            "config": dict(config),
+            "versions": _versions(),
+            "started_utc": utc_now().isoformat(),
+            "clock_at_start": clock(),
+            "closed": False,
+            "outcome": None,
+        }
+        try:
+            self._stream = _UnbufferedFile(folder / SERIES_FILE)
+        except FileExistsError as error:
+            raise RecordError(f"{folder} already holds a record: give the run a new folder") from error
+        self._events = _UnbufferedFile(folder / EVENTS_FILE)
+        write_json_atomically(folder / RUN_FILE, self._info)
+        # A plain IO[bytes] would be wrapped into a buffer; the writer only needs write() and tell().
+        self._writer = Writer(self._stream, use_chunking=False, index_types=IndexType.NONE)  # type: ignore[arg-type]
+        self._writer.start(profile="", library="perchhw")
+        self._channels = {name: self._register(name) for name in TOPICS}
+
+    def _register(self, name: str) -> int:
+        schema = json.dumps(TOPICS[name].json_schema()).encode()
+        schema_id = self._writer.register_schema(f"perchhw.{name}", SchemaEncoding.JSONSchema, schema)
+        return self._writer.register_channel(name, MessageEncoding.JSON, schema_id)
+
+    @property
+    def closed(self) -> bool:
+        """Whether :meth:`close` was called."""
+        return self._closed
+
+    def write(self, topic: str, t: float, values: Mapping[str, Scalar]) -> None:
+        """Append one message; on return it is with the operating system.
+
+        Args:
+            topic: a name in :data:`perchhw.record.topics.TOPICS`.
+            t: time on the recorder's clock (s).
+            values: fields of the topic; any may be left out. Infinite and NaN numbers are kept.
+
+        Raises:
+            RecordError: unknown topic or field, or the record is closed.
+        """
+        known = TOPICS.get(topic)
+        if known is None:
+            raise RecordError(f"topic {topic!r} is not in the record's schema: {', '.join(TOPICS)}")
+        unknown = values.keys() - {f.name for f in known.fields}
+        if unknown:
+            raise RecordError(f"topic {topic!r} has no field {', '.join(sorted(unknown))}")
+        data = json.dumps({k: _encode(v) for k, v in values.items()}, separators=(",", ":")).encode()
+        time_ns = _nanoseconds(t)
+        with self._lock:
+            self._require_open()
+            self._sequence[topic] += 1
+            self._writer.add_message(
+                self._channels[topic], time_ns, data, publish_time=time_ns, sequence=self._sequence[topic]
+            )
+
+    def event(self, name: str, t: float, **fields: Any) -> None:
+        """Append one event (a line of ``events.jsonl``) at time `t` (s) on the recorder's clock."""
+        line = json.dumps({"t": t, "event": name, **{k: _encode(v) for k, v in fields.items()}}) + "\n"
+        with self._lock:
+            self._require_open()
+            self._events.write(line.encode())
+
+    def update(self, **fields: Any) -> None:
+        """Put further facts into ``run.json`` while the run goes on (for example the active policy's crc)."""
+        with self._lock:
+            self._require_open()
+            self._info.update(fields)
+            write_json_atomically(self.folder / RUN_FILE, self._info)
+
+    def close(self, outcome: str | None = None, **result: Any) -> None:
+        """Finish the files and write the outcome and further results into ``run.json``. May be called twice."""
+        with self._lock:
+            if self._closed:
+                return
+            self._closed = True
+            self._writer.finish()
+            self._stream.close()
+            self._events.close()
+            ended = {"closed": True, "ended_utc": utc_now().isoformat(), "clock_at_end": self._clock()}
+            self._info.update(ended, outcome=outcome, **result)
+            write_json_atomically(self.folder / RUN_FILE, self._info)
+
+    def _require_open(self) -> None:
+        if self._closed:
+            raise RecordError(f"the record {self.folder} is closed")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if error is None:
+            self.close()
+        else:
+            self.close(error=f"{type(error).__name__}: {error}")
+
+
+def _encode(value: Any) -> Any:
+    """JSON has no infinity and no NaN; they travel as the words that the schema lists."""
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        if math.isnan(value):
+            return "NaN"
+        return "Infinity" if value > 0 else "-Infinity"
+    return value
+
+
+def _nanoseconds(t: float) -> int:
+    if not math.isfinite(t) or t < 0.0:
+        raise RecordError(f"time {t!r} s cannot be recorded: it must be finite and not negative")
+    return round(t * 1e9)
+
+
+def _versions() -> dict[str, str]:
+    """Versions of what decides how a run behaves."""
+    found = {"python": platform.python_version()}
+    for package in ("perchhw", "cflib", "numpy", "numba", "mcap"):
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "not installed"
+    return found
