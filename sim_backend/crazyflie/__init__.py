@@ -1,0 +1,1 @@
+"""A simulated Crazyflie that any CRTP client can connect to."""
