@@ -69,7 +69,7 @@ class AttemptRequest:
     policy: str
     vehicle: str
     legs: str | None = None
-    room: RoomGeometry = RoomGeometry()
+    room: RoomGeometry = field(default_factory=RoomGeometry)
     seed: int = 0
     try_number: int = 1
     approach: dict[str, float] = field(default_factory=dict)

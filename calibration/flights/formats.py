@@ -87,7 +87,8 @@ def _format_of(path: Path, name: str) -> FlightFormat:
         found = next((f for f in FORMATS.values() if f.detects(path)), None)
         if found is None:
             raise FlightFileError(
-                f"{path}: of no known flight format; known are {', '.join(FORMATS)} (give --format for a clearer error)"
+                f"{path}: of no known flight format; known are {', '.join(FORMATS)} "
+                "(name one with --format for a clearer error)"
             )
         return found
     if name not in FORMATS:

@@ -1,10 +1,10 @@
 """Flights of the paper's authors (Habas and Cheng, 2022): ground logs as CSV or CSV.gz.
 
-Source: bhabas/sar_simulation, crazyflie_projects/Supervised_ML/Data_Logs/SVL_Experimental_Data (MIT). What the
-loader corrects:
+Source: bhabas/sar_simulation, crazyflie_projects/Supervised_ML/Data_Logs/SVL_Experimental_Data (MIT).
+What the loader corrects:
 
-- Rows whose ``Error`` is not ``--`` are summaries that reuse the columns for other things. ``Flip Data`` is the
-  trigger snapshot taken on board; its time is wrong in most logs, so the time comes from the flag and moment.
+- Rows whose ``Error`` is not ``--`` are summaries that reuse the columns for other things. ``Flip Data`` is
+  the trigger snapshot taken on board; its time is wrong in most logs, so the time comes from flag and moment.
 - ``flip_flag`` and moments at the head of a log are left over from the previous attempt.
 - The authors number motors M1 front left, M2 rear left, M3 rear right, M4 front right.
 - ``OF_y`` = -theta_x. ``My`` during the flip is 2 a_rot. N mm and grams-force become N m and N.
@@ -85,9 +85,9 @@ def load_habas(path: Path) -> Flight:
     _finish_flip_channels(data, flag, trigger_row)
     log = _Log(t, data, finite_masks(data), trigger_row, [])
     _reject_wrapped(log)
+    _reject_frozen(log)
     ceiling_z = _ceiling(log)
     _reject_pose(log, ceiling_z)
-    _reject_frozen(log)
     highest = float(np.max(log.data["z"][log.valid["z"]], initial=0.0))
     if highest < _MINIMUM_HEIGHT_M:
         raise UnusableFlightError(path, f"never leaves the floor (highest z {highest:.2f} m)")
@@ -161,7 +161,7 @@ def _flag_without_leftover(file: CsvFile, rows: tuple[CsvRow, ...]) -> BoolArray
 
 
 def _trigger_row(flag: BoolArray, data: dict[str, FloatArray]) -> int | None:
-    """Row of the trigger: where the flag rises, or up to three rows earlier if the moment is already there."""
+    """Row of the trigger: where the flag rises, or up to three rows earlier if the moment is there."""
     if not flag.any():
         return None
     rise = int(np.argmax(flag))
@@ -231,7 +231,7 @@ def _reject_frozen(log: _Log) -> None:
     if log.t[-1] - log.t[last_change] < 1.0 or rate < 0.2:
         return
     tail = np.arange(log.t.size) > last_change
-    log.reject((*POSE_CHANNELS, "vx", "vy", "vz", "gx", "gy", "gz"), tail)
+    log.reject((*POSE_CHANNELS, "vx", "vy", "vz", "gx", "gy", "gz", "d_ceil"), tail)
     log.notes.append(f"telemetry frozen from {log.t[last_change]:.3f} s to the end ({log.t[-1]:.3f} s)")
 
 

@@ -1,7 +1,7 @@
 """Flights from our own records: the channels of a run folder on one time column.
 
-Each message becomes (part of) a row at its time; a channel is valid where a message brought it. A pose is valid
-when it was not occluded and the health monitor called it ``ok`` (or gave no verdict).
+Each message becomes (part of) a row at its time; a channel is valid where a message brought it. A pose is
+valid when it was not occluded and the health monitor called it ``ok`` (or gave no verdict).
 """
 
 from pathlib import Path
@@ -99,8 +99,8 @@ def _reject_poses(pose: Series | None, t: FloatArray, valid: dict[str, Any]) -> 
 def _trigger(run: RunRecord) -> Trigger | None:
     """The first trigger snapshot with a count, else the event ``trigger``.
 
-    The snapshot arrives over the radio after the trigger; when the drone's times are known, the trigger is put
-    at the drone's time of it, as seen from the nearest message that carries the drone's time.
+    The snapshot arrives over the radio after the trigger; when the drone's times are known, the trigger is
+    put at the drone's own time of it.
     """
     series = run.series.get("trigger")
     if series is not None:

@@ -193,6 +193,11 @@ def _message(
     )
 
 
+def _restored(values: dict[str, Any]) -> dict[str, Any]:
+    """`values` with the words for infinite and NaN numbers turned back into numbers."""
+    return {k: _NOT_FINITE.get(v, v) if isinstance(v, str) else v for k, v in values.items()}
+
+
 def _read_events(path: Path) -> tuple[tuple[dict[str, Any], ...], str | None]:
     if not path.is_file():
         return (), f"{path.name}: missing"
@@ -206,6 +211,6 @@ def _read_events(path: Path) -> tuple[tuple[dict[str, Any], ...], str | None]:
             raise RunFolderError(f"{path} line {number}: not JSON ({error})") from error
         if not isinstance(event, dict) or "t" not in event or "event" not in event:
             raise RunFolderError(f"{path} line {number}: an event needs the keys t and event")
-        events.append(event)
+        events.append(_restored(event))
     torn = f"{path.name}: {len(tail)} bytes of a torn event at the end left out" if tail else None
     return tuple(events), torn

@@ -1,7 +1,7 @@
 """Flights as a plain table: ``t,x,y,z,qx,qy,qz,qw`` and any further channels, CSV or CSV.gz, SI units.
 
-Also reads the truth files of ``perchhw sim lab --truth`` (rates named ``wx,wy,wz`` and a column ``drone``). An
-empty cell is a missing value.
+Also reads the truth files of ``perchhw sim lab --truth`` (rates named ``wx,wy,wz`` and a column ``drone``).
+An empty cell is a missing value.
 """
 
 from pathlib import Path

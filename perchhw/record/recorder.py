@@ -150,7 +150,7 @@ class RunRecorder:
             write_json_atomically(self.folder / RUN_FILE, self._info)
 
     def close(self, outcome: str | None = None, **result: Any) -> None:
-        """Finish the files and write the outcome and further results into ``run.json``. May be called twice."""
+        """Finish the files; `outcome` and further results go into ``run.json``. May be called twice."""
         with self._lock:
             if self._closed:
                 return
