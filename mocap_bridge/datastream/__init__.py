@@ -1,0 +1,1 @@
+"""Codec of the Vicon DataStream (CGStream) protocol: bytes to objects and back, no sockets."""

@@ -1,0 +1,1 @@
+"""Where poses come from: one module per protocol, each behind the ``PoseStream`` contract."""

@@ -1,0 +1,76 @@
+"""Mocap URIs: ``vicon://HOST[:PORT]?subject=NAME`` and ``vicon-udp://[ADDRESS]:PORT?subject=NAME``."""
+
+from dataclasses import dataclass
+from urllib.parse import parse_qsl, quote, urlsplit
+
+from mocap_bridge.errors import MocapUriError
+
+# Vicon DataStream listens on 801 and Tracker's UDP object stream goes to 51001 (notes of the vendor's
+# manuals).
+DEFAULT_PORTS = {"vicon": 801, "vicon-udp": 51001}
+EXAMPLES = {"vicon": "vicon://192.168.1.10?subject=cf1", "vicon-udp": "vicon-udp://:51001?subject=cf1"}
+SUBJECT_NAME_LIMIT = 100
+
+
+@dataclass(frozen=True, slots=True)
+class MocapUri:
+    """A parsed mocap address.
+
+    Attributes:
+        scheme: ``vicon`` or ``vicon-udp``.
+        host: the server for ``vicon``; the local address to listen on for ``vicon-udp`` ("" is all).
+        port: TCP or UDP port.
+        subject: name of the body.
+    """
+
+    scheme: str
+    host: str
+    port: int
+    subject: str
+
+    def __str__(self) -> str:
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"{self.scheme}://{host}:{self.port}?subject={quote(self.subject)}"
+
+
+def parse_mocap_uri(text: str) -> MocapUri:
+    """Parse `text`.
+
+    Raises:
+        MocapUriError: unknown scheme, host or subject missing, bad port, unknown option.
+    """
+    try:
+        parts = urlsplit(text)
+        port = parts.port
+        host = parts.hostname or ""
+        options = parse_qsl(parts.query, keep_blank_values=True, strict_parsing=bool(parts.query))
+    except ValueError as error:
+        raise MocapUriError(f"mocap URI {text!r}: {error}; write e.g. {EXAMPLES['vicon']}") from error
+    if parts.scheme not in DEFAULT_PORTS:
+        known = ", ".join(EXAMPLES.values())
+        raise MocapUriError(f"mocap URI {text!r}: unknown scheme {parts.scheme!r}; write one of: {known}")
+    example = EXAMPLES[parts.scheme]
+    if parts.username or parts.password or parts.path not in ("", "/") or parts.fragment:
+        raise MocapUriError(
+            f"mocap URI {text!r}: only host, port and ?subject= are allowed; write e.g. {example}"
+        )
+    if not host and parts.scheme == "vicon":
+        raise MocapUriError(f"mocap URI {text!r}: the host is missing; write e.g. {example}")
+    if port == 0:
+        raise MocapUriError(f"mocap URI {text!r}: port 0 is not an address; write e.g. {example}")
+    subject = _subject(text, options, example)
+    return MocapUri(parts.scheme, host, port or DEFAULT_PORTS[parts.scheme], subject)
+
+
+def _subject(text: str, options: list[tuple[str, str]], example: str) -> str:
+    unknown = [key for key, _ in options if key != "subject"]
+    if unknown:
+        raise MocapUriError(f"mocap URI {text!r}: unknown option {unknown[0]!r}; only subject is known")
+    names = [value for _, value in options]
+    if len(names) != 1 or not names[0]:
+        raise MocapUriError(f"mocap URI {text!r}: name exactly one subject; write e.g. {example}")
+    if len(names[0]) > SUBJECT_NAME_LIMIT or not names[0].isprintable():
+        raise MocapUriError(
+            f"mocap URI {text!r}: the subject is not a printable name of at most 100 characters"
+        )
+    return names[0]

@@ -1,0 +1,1 @@
+"""A simulated motion-capture room that any Vicon client can connect to."""

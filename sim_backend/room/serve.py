@@ -1,0 +1,223 @@
+"""The simulated room as a whole: feed in; Vicon DataStream (TCP) and Tracker object stream (UDP) out."""
+
+import asyncio
+import socket
+import threading
+import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+
+from mocap_bridge.rotation import euler_xyz_from_quaternion
+from mocap_bridge.tracker_udp import TrackerItem, encode_blocks
+from sim_backend.room.cameras import CameraFrame, Cameras
+from sim_backend.room.datastream_server import DataStreamServer
+from sim_backend.room.feed import FeedError, FeedReceiver, decode_feed
+from sim_backend.room.settings import RoomError, RoomSettings
+
+Clock = Callable[[], float]
+
+
+class _FeedProtocol(asyncio.DatagramProtocol):
+    """Feed datagrams into the receiver; foreign datagrams are counted and left alone."""
+
+    def __init__(self, receiver: FeedReceiver, clock: Clock) -> None:
+        self._receiver = receiver
+        self._clock = clock
+        self.refused = 0
+
+    def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
+        receipt_time = self._clock()
+        try:
+            self._receiver.observe(decode_feed(data), receipt_time)
+        except FeedError:
+            self.refused += 1
+
+
+class RoomServer:
+    """Serves one room on the running event loop: ``await start()``, then the ports are known, ``await
+    close()``.
+
+    Without a feed the cameras run and see nothing. Bodies that the feed names but the settings do not are
+    ignored.
+
+    Attributes:
+        vicon_port: TCP port of the DataStream server.
+        vicon_udp_port: UDP port that the object stream is sent to.
+        feed_port: UDP port for true poses.
+        died: set when the fault ``dies_at`` has struck.
+    """
+
+    def __init__(
+        self, settings: RoomSettings, rng: np.random.Generator, clock: Clock = time.monotonic
+    ) -> None:
+        self._settings = settings
+        self._rng = rng
+        self._clock = clock
+        self._cameras = Cameras(settings, rng)
+        self._feed = FeedReceiver(settings.feed_timeout)
+        self._datastream = DataStreamServer(settings.rate_hz)
+        self._tracker_socket: socket.socket | None = None
+        self._feed_transport: asyncio.DatagramTransport | None = None
+        self._task: asyncio.Task[None] | None = None
+        self._last_send_time = 0.0
+        self.died = asyncio.Event()
+        self.vicon_port = settings.vicon_port
+        self.vicon_udp_port = settings.vicon_udp_port
+        self.feed_port = settings.feed_port
+
+    async def start(self) -> None:
+        """Open the sockets and start the cameras.
+
+        Raises:
+            RoomError: a port cannot be taken.
+        """
+        host = self._settings.host
+        loop = asyncio.get_running_loop()
+        try:
+            self._feed_transport, _ = await loop.create_datagram_endpoint(
+                lambda: _FeedProtocol(self._feed, self._clock), local_addr=(host, self._settings.feed_port)
+            )
+            self.feed_port = self._feed_transport.get_extra_info("sockname")[1]
+            self.vicon_port = await self._datastream.start(host, self._settings.vicon_port)
+        except OSError as error:
+            await self.close()
+            raise RoomError(
+                f"simulated room on {host}: {error}; choose another port (0 takes a free one)"
+            ) from error
+        if self.vicon_udp_port == 0:
+            self.vicon_udp_port = _free_udp_port(host)
+        self._tracker_socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._tracker_socket.setblocking(False)
+        self._task = asyncio.create_task(self._run_cameras())
+
+    async def close(self) -> None:
+        """Stop the cameras, drop all clients, close all sockets. May be called again."""
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.wait([self._task])
+            self._task = None
+        await self._datastream.close()
+        if self._feed_transport is not None:
+            self._feed_transport.close()
+        if self._tracker_socket is not None:
+            self._tracker_socket.close()
+            self._tracker_socket = None
+
+    async def _run_cameras(self) -> None:
+        """Expose frame after frame; each is sent `latency` after its exposure, late frames are skipped."""
+        period, latency = self._settings.period, self._settings.latency
+        start = self._clock()
+        number = 0
+        while True:
+            number += 1
+            due = start + number * period + latency
+            delay = due - self._clock()
+            if delay < -5.0 * period:
+                number += int(-delay / period)
+                continue
+            await asyncio.sleep(max(0.0, delay))
+            if self._step(number, start + number * period):
+                self.died.set()
+                await self._datastream.close()
+                return
+
+    def _step(self, number: int, exposure_time: float) -> bool:
+        """One frame; True when the room dies here."""
+        faults = self._settings.faults
+        world_time = self._feed.world_time(exposure_time)
+        if faults.dies_at is not None and world_time is not None and world_time >= faults.dies_at:
+            return True
+        bodies = self._feed.bodies_at(exposure_time)
+        frame = self._cameras.expose(number, exposure_time, bodies, world_time)
+        if faults.drop > 0.0 and self._rng.random() < faults.drop:
+            return False
+        latency = self._clock() - exposure_time
+        if faults.jitter > 0.0:
+            self._send_later(frame, latency, faults.jitter * self._rng.random())
+        else:
+            self._send(frame, latency)
+        return False
+
+    def _send_later(self, frame: CameraFrame, latency: float, delay: float) -> None:
+        # A network delays frames but TCP keeps their order; the microsecond keeps the loop's order too.
+        loop = asyncio.get_running_loop()
+        self._last_send_time = max(self._last_send_time + 1e-6, loop.time() + delay)
+        loop.call_at(self._last_send_time, self._send, frame, latency)
+
+    def _send(self, frame: CameraFrame, latency: float) -> None:
+        self._datastream.publish(frame, latency)
+        if self._tracker_socket is None:
+            return
+        items = [
+            TrackerItem(
+                body.name,
+                (
+                    1000.0 * body.pose.position[0],
+                    1000.0 * body.pose.position[1],
+                    1000.0 * body.pose.position[2],
+                ),
+                euler_xyz_from_quaternion(body.pose.quaternion),
+            )
+            for body in frame.bodies
+            if body.pose is not None
+        ]
+        for block in encode_blocks(frame.number, items, self._settings.udp_block_size):
+            try:
+                self._tracker_socket.sendto(block, (self._settings.host, self.vicon_udp_port))
+            except (BlockingIOError, ConnectionRefusedError):
+                return  # nobody listens, or the system's buffer is full: UDP loses this frame
+
+
+def _free_udp_port(host: str) -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind((host, 0))
+        return int(probe.getsockname()[1])
+
+
+class RoomThread:
+    """A room on an event loop of its own in a thread of this process, for tests: a context manager."""
+
+    def __init__(
+        self, settings: RoomSettings, rng: np.random.Generator, clock: Clock = time.monotonic
+    ) -> None:
+        self._settings = settings
+        self._rng = rng
+        self._clock = clock
+        self._ready = threading.Event()
+        self._error: RoomError | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._stop: asyncio.Event | None = None
+        self._thread = threading.Thread(target=lambda: asyncio.run(self._serve()), name="simulated-room")
+        self.server: RoomServer
+
+    async def _serve(self) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._stop = asyncio.Event()
+        self.server = RoomServer(self._settings, self._rng, self._clock)
+        try:
+            await self.server.start()
+        except RoomError as error:
+            self._error = error
+            return
+        finally:
+            self._ready.set()
+        await self._stop.wait()
+        await self.server.close()
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        self._ready.wait()
+        if self._error is not None:
+            self._thread.join()
+            raise self._error
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._loop is not None and self._stop is not None:
+            self._loop.call_soon_threadsafe(self._stop.set)
+        self._thread.join()
