@@ -127,9 +127,10 @@ def format_blocks(kind: str, blocks: Sequence[Block]) -> str:
     ]
     for block in blocks:
         for index, row in enumerate(block.rows):
-            flags = "".join(flag for flag, bit in _FLAGS[kind].items() if row.type_byte & bit) default =
-            repr(row.default) if kind == "param" else "" cells = (block.group if index == 0 else "",
-            row.name, _type_name(kind, row.type_byte), flags, default)
+            flags = "".join(flag for flag, bit in _FLAGS[kind].items() if row.type_byte & bit)
+            default = repr(row.default) if kind == "param" else ""
+            group = block.group if index == 0 else ""
+            cells = (group, row.name, _type_name(kind, row.type_byte), flags, default)
             lines.append("\t".join(cells).rstrip("\t"))
     return "\n".join(lines) + "\n"
 
@@ -152,7 +153,7 @@ def load_blocks(kind: str, path: Path | None = None) -> list[Block]:
         try:
             group, row = _parse_line(kind, line)
         except (ValueError, KeyError) as error:
-            raise TocError(f"{path}:{number}: {line!r} is not a table row ({error}); see {__name__}") from error
+            raise TocError(f"{path}:{number}: {line!r} is no table row ({error}), see {__name__}") from error
         if group:
             blocks.append(Block(group, ()))
         elif not blocks:
@@ -182,7 +183,7 @@ def check_blocks(blocks: Iterable[Block]) -> None:
         for row in block.rows:
             full = f"{block.group}.{row.name}"
             if len(block.group) + len(row.name) + 2 > NAMES_MAX:
-                raise TocError(f"'{full}' is too long: group and name have {NAMES_MAX - 2} characters together")
+                raise TocError(f"'{full}' is too long: group and name share {NAMES_MAX - 2} characters")
             if full in seen:
                 raise TocError(f"'{full}' is in the table twice")
             seen.add(full)
