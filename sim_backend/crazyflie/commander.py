@@ -3,7 +3,7 @@
 Packet layouts: CRTP port 3 (roll, pitch, yaw rate, thrust) and port 7 (generic types); priorities and the
 hand-over to the high-level commander as in bitcraze/crazyflie-firmware 2026.08 (``commander.c``,
 ``crtp_commander_generic.c``, ``crtp_commander_rpyt.c``). A generic packet of the wrong length trips an assert
-in the firmware: here :class:`FirmwareAssertError`, on which the drone stops its motors and reboots. Not
+in the firmware: here :class:`FirmwareAssertion`, on which the drone stops its motors and reboots. Not
 modelled: CPPM emulation (type 3, a null setpoint here) and the ``flightmode`` parameters (angle mode always).
 """
 
@@ -12,8 +12,8 @@ import struct
 from collections.abc import Callable
 from enum import IntEnum
 
+from sim_backend.crazyflie.interfaces import FirmwareAssertion
 from sim_backend.crazyflie.setpoint import Mode, Setpoint, Vector
-from sim_backend.errors import SimulationError
 
 MINIMUM_THRUST = 1000
 MAXIMUM_THRUST = 60000
@@ -27,10 +27,6 @@ class Priority(IntEnum):
     HIGH_LEVEL = 1
     CRTP = 2
     EXTERNAL_RECEIVER = 3
-
-
-class FirmwareAssertError(SimulationError):
-    """An assert of the firmware failed: motors off and reboot."""
 
 
 def decompress_quaternion(packed: int) -> tuple[float, float, float, float]:
@@ -168,17 +164,17 @@ def decode_generic(payload: bytes) -> Setpoint:
     """Setpoint of a port 7 channel 0 payload (type byte, then data).
 
     Raises:
-        FirmwareAssertError: wrong length for the type.
+        FirmwareAssertion: wrong length for the type.
     """
     if not payload:
-        raise FirmwareAssertError("ASSERT failed: empty generic setpoint")
+        raise FirmwareAssertion("ASSERT failed: empty generic setpoint")
     decoder = _DECODERS.get(payload[0])
     if decoder is None:
         return Setpoint()
     try:
         return decoder(payload[1:])
     except struct.error:
-        raise FirmwareAssertError(
+        raise FirmwareAssertion(
             f"ASSERT failed: generic setpoint type {payload[0]} with {len(payload) - 1} bytes of data"
         ) from None
 
@@ -216,7 +212,7 @@ class Commander:
         self.priority = Priority.HIGH_LEVEL
 
     def generic(self, payload: bytes, tick_ms: int) -> None:
-        """A packet on port 7, channel 0. Raises FirmwareAssertError on a wrong length."""
+        """A packet on port 7, channel 0. Raises FirmwareAssertion on a wrong length."""
         self.set(decode_generic(payload), Priority.CRTP, tick_ms)
 
     def rpyt(self, payload: bytes, tick_ms: int) -> None:

@@ -25,8 +25,8 @@ class Setpoint:
     """Desired state. The default is the null setpoint: everything disabled, motors off.
 
     position [m], velocity [m/s] and acceleration [m/s2] in the world frame (velocity x and y in the
-    yaw-aligned body frame with `velocity_body`); roll, pitch, yaw [rad] and rates [rad/s] about the body's FLU axes; quaternion
-    (x, y, z, w) body to world; thrust 0 to 65535 (used when the z axis is disabled).
+    yaw-aligned body frame with `velocity_body`); roll, pitch, yaw [rad] and rates [rad/s] about the body's
+    FLU axes; quaternion (x, y, z, w) body to world; thrust 0 to 65535 (used when the z axis is disabled).
     """
 
     time_ms: int = 0

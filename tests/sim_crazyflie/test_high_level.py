@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from sim_backend.crazyflie.commander import (
     Commander,
-    FirmwareAssertError,
     Priority,
     compress_quaternion,
     decode_generic,
@@ -24,6 +23,7 @@ from sim_backend.crazyflie.high_level import (
     PlannerState,
     smooth_polynomial,
 )
+from sim_backend.crazyflie.interfaces import FirmwareAssertion
 from sim_backend.crazyflie.setpoint import Mode, Setpoint
 
 ON_FLOOR = FlatState((0.3, -0.2, 0.02), yaw=0.4)
@@ -206,7 +206,7 @@ def test_full_state_in_si() -> None:
 
 @pytest.mark.parametrize("kind", [1, 2, 4, 5, 6, 8, 9, 10, 11])
 def test_wrong_length_is_an_assert(kind: int) -> None:
-    with pytest.raises(FirmwareAssertError, match=f"type {kind}"):
+    with pytest.raises(FirmwareAssertion, match=f"type {kind}"):
         decode_generic(bytes([kind, 1, 2, 3]))
 
 
