@@ -1,4 +1,4 @@
-"""The interface of our firmware app: parameters, log variables and memory, as the ground and the drone see it.
+"""The interface of our firmware app: parameters, logs and memory, as ground and drone both see it.
 
 One place for the names, types and enumerations that the link, the simulated drone and the app in C share.
 Parameter group ``perch``; log groups ``perch`` (now) and ``perchT`` (snapshot at the trigger). Parameters are
@@ -183,4 +183,4 @@ LOGS: tuple[LogEntry, ...] = (
     LogEntry(Log.SNAPSHOT_PITCH, ValueType.FLOAT),
     LogEntry(Log.SNAPSHOT_COUNT, ValueType.UINT8),
 )
-"""Every log variable of the app (units: s, 1/s, m, N m, m/s, rad, ms), in the order of its table of contents."""
+"""Every log variable of the app (s, 1/s, m, N m, m/s, rad, ms), in the order of its table of contents."""

@@ -1,0 +1,184 @@
+"""Rotations as small compiled functions that everybody uses.
+
+Quaternions are scalar-last (x, y, z, w), unit length, body to world. Vectors and quaternions come in as
+anything with an index (array or tuple) and go out as tuples, so that compiled code allocates nothing.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import TypeAlias
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Vector: TypeAlias = tuple[float, float, float]
+Quaternion: TypeAlias = tuple[float, float, float, float]
+Indexable: TypeAlias = Sequence[float] | NDArray[np.float64]
+
+
+@njit(cache=True)
+def multiply(a: Indexable, b: Indexable) -> Quaternion:
+    """Quaternion product a b: rotate by `b`, then by `a`."""
+    ax, ay, az, aw = a[0], a[1], a[2], a[3]
+    bx, by, bz, bw = b[0], b[1], b[2], b[3]
+    return (
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+        aw * bw - ax * bx - ay * by - az * bz,
+    )
+
+
+@njit(cache=True)
+def conjugate(q: Indexable) -> Quaternion:
+    """The inverse rotation of a unit quaternion."""
+    return (-q[0], -q[1], -q[2], q[3])
+
+
+@njit(cache=True)
+def normalise(q: Indexable) -> Quaternion:
+    """`q` scaled to unit length; NaN in every part when it has no direction."""
+    length = math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    if not length > 1e-12:
+        return (math.nan, math.nan, math.nan, math.nan)
+    return (q[0] / length, q[1] / length, q[2] / length, q[3] / length)
+
+
+@njit(cache=True)
+def rotate(q: Indexable, v: Indexable) -> Vector:
+    """A body-frame vector in the world frame: v + 2 w (u x v) + 2 u x (u x v), u the vector part of `q`."""
+    x, y, z, w = q[0], q[1], q[2], q[3]
+    cx = 2.0 * (y * v[2] - z * v[1])
+    cy = 2.0 * (z * v[0] - x * v[2])
+    cz = 2.0 * (x * v[1] - y * v[0])
+    return (
+        v[0] + w * cx + y * cz - z * cy,
+        v[1] + w * cy + z * cx - x * cz,
+        v[2] + w * cz + x * cy - y * cx,
+    )
+
+
+@njit(cache=True)
+def rotate_inverse(q: Indexable, v: Indexable) -> Vector:
+    """A world-frame vector in the body frame."""
+    return rotate((-q[0], -q[1], -q[2], q[3]), v)
+
+
+@njit(cache=True)
+def body_x(q: Indexable) -> Vector:
+    """Body axis b1 (forward) in the world frame."""
+    return (
+        1.0 - 2.0 * (q[1] * q[1] + q[2] * q[2]),
+        2.0 * (q[0] * q[1] + q[2] * q[3]),
+        2.0 * (q[0] * q[2] - q[1] * q[3]),
+    )
+
+
+@njit(cache=True)
+def body_y(q: Indexable) -> Vector:
+    """Body axis b2 (left) in the world frame."""
+    return (
+        2.0 * (q[0] * q[1] - q[2] * q[3]),
+        1.0 - 2.0 * (q[0] * q[0] + q[2] * q[2]),
+        2.0 * (q[1] * q[2] + q[0] * q[3]),
+    )
+
+
+@njit(cache=True)
+def body_z(q: Indexable) -> Vector:
+    """Body axis b3 (up, along the thrust) in the world frame; its z part is <= 0 when upside down."""
+    return (
+        2.0 * (q[0] * q[2] + q[1] * q[3]),
+        2.0 * (q[1] * q[2] - q[0] * q[3]),
+        1.0 - 2.0 * (q[0] * q[0] + q[1] * q[1]),
+    )
+
+
+@njit(cache=True)
+def to_matrix(q: Indexable) -> NDArray[np.float64]:
+    """Rotation matrix, shape (3, 3), body to world; its columns are the body axes."""
+    matrix = np.empty((3, 3))
+    first, second, third = body_x(q), body_y(q), body_z(q)
+    for i in range(3):
+        matrix[i, 0] = first[i]
+        matrix[i, 1] = second[i]
+        matrix[i, 2] = third[i]
+    return matrix
+
+
+@njit(cache=True)
+def from_matrix(matrix: NDArray[np.float64]) -> Quaternion:
+    """Unit quaternion (w >= 0 where possible) of a rotation matrix, shape (3, 3).
+
+    Shepperd's method: the largest of the four squares is computed first, so that nothing is divided by a
+    small number.
+    """
+    m00, m11, m22 = matrix[0, 0], matrix[1, 1], matrix[2, 2]
+    trace = m00 + m11 + m22
+    if trace >= max(m00, m11, m22):
+        w = math.sqrt(max(0.0, 1.0 + trace)) / 2.0
+        s = 1.0 / (4.0 * w)
+        x = (matrix[2, 1] - matrix[1, 2]) * s
+        y = (matrix[0, 2] - matrix[2, 0]) * s
+        z = (matrix[1, 0] - matrix[0, 1]) * s
+    elif m00 >= m11 and m00 >= m22:
+        x = math.sqrt(max(0.0, 1.0 + m00 - m11 - m22)) / 2.0
+        s = 1.0 / (4.0 * x)
+        w = (matrix[2, 1] - matrix[1, 2]) * s
+        y = (matrix[1, 0] + matrix[0, 1]) * s
+        z = (matrix[0, 2] + matrix[2, 0]) * s
+    elif m11 >= m22:
+        y = math.sqrt(max(0.0, 1.0 + m11 - m00 - m22)) / 2.0
+        s = 1.0 / (4.0 * y)
+        w = (matrix[0, 2] - matrix[2, 0]) * s
+        x = (matrix[1, 0] + matrix[0, 1]) * s
+        z = (matrix[2, 1] + matrix[1, 2]) * s
+    else:
+        z = math.sqrt(max(0.0, 1.0 + m22 - m00 - m11)) / 2.0
+        s = 1.0 / (4.0 * z)
+        w = (matrix[1, 0] - matrix[0, 1]) * s
+        x = (matrix[0, 2] + matrix[2, 0]) * s
+        y = (matrix[2, 1] + matrix[1, 2]) * s
+    if w < 0.0:
+        return normalise((-x, -y, -z, -w))
+    return normalise((x, y, z, w))
+
+
+@njit(cache=True)
+def from_rotation_vector(r: Indexable) -> Quaternion:
+    """Exponential map: the rotation by |r| rad about r."""
+    angle = math.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
+    # sin(angle/2)/angle; its series below 1e-4 rad is exact to 1e-18.
+    scale = 0.5 - angle * angle / 48.0 if angle < 1e-4 else math.sin(0.5 * angle) / angle
+    return (scale * r[0], scale * r[1], scale * r[2], math.cos(0.5 * angle))
+
+
+@njit(cache=True)
+def integrate(q: Indexable, omega: Indexable, dt: float) -> Quaternion:
+    """`q` after `dt` s of the constant body rate `omega` (rad/s), normalised."""
+    step = from_rotation_vector((omega[0] * dt, omega[1] * dt, omega[2] * dt))
+    return normalise(multiply(q, step))
+
+
+@njit(cache=True)
+def from_yaw(yaw: float) -> Quaternion:
+    """Level attitude with heading `yaw` (rad, about world z)."""
+    return (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw))
+
+
+@njit(cache=True)
+def euler_angles(q: Indexable) -> Vector:
+    """(roll, pitch, yaw) in rad: turns about z, y, x of the moving body; pitch > 0 is nose down."""
+    x, y, z, w = q[0], q[1], q[2], q[3]
+    roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    pitch = math.asin(min(1.0, max(-1.0, 2.0 * (w * y - z * x))))
+    yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return (roll, pitch, yaw)
+
+
+@njit(cache=True)
+def angle_between(a: Indexable, b: Indexable) -> float:
+    """Angle (rad, 0 to pi) of the rotation from `a` to `b`; the sign of a quaternion does not matter."""
+    x, y, z, w = multiply(conjugate(a), b)
+    return 2.0 * math.atan2(math.sqrt(x * x + y * y + z * z), abs(w))
