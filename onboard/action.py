@@ -52,7 +52,7 @@ def action_moment(policy: CompiledPolicy, tau: float, theta_x: float, d_ceil: fl
         values, sums = sums, values
         start = bias + outputs
     moment = values[0]
-    if moment < policy.a_rot_min:
+    if not moment >= policy.a_rot_min:  # also when the cues were NaN: a flip command is never NaN
         return policy.a_rot_min
     if moment > policy.a_rot_max:
         return policy.a_rot_max

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from onboard.policy_bundle import MAGIC, decode_bundle, policy_crc32
+from onboard.policy_bundle import decode_bundle, is_bundle, policy_crc32
 from onboard.policy_json import JsonTable, PolicyFileError
 from onboard.policy_model import (
     INPUT_NAMES,
@@ -117,7 +117,7 @@ def load_policy(path: str | Path) -> Policy:
         PolicyBundleError: the bundle is damaged.
     """
     path = Path(path)
-    if _begins_with_magic(path):
+    if path.is_file() and is_bundle(path):
         return decode_bundle(path.read_bytes(), name=path.stem, provenance={"bundle": path.name})
     document = JsonTable.from_file(path)
     schema = document.value("schema") if "schema" in document else None
@@ -129,17 +129,6 @@ def load_policy(path: str | Path) -> Policy:
         )
         raise document.error("schema", f"is {schema!r}, expected {SCHEMA!r}{hint}")
     return _policy_from(document)
-
-
-def _begins_with_magic(path: Path) -> bool:
-    try:
-        with path.open("rb") as file:
-            return file.read(len(MAGIC)) == MAGIC
-    except OSError as error:
-        raise PolicyFileError(
-            f"{path}: cannot be read ({error.strerror}); give a *{SUFFIX} file or a shipped policy: "
-            f"{', '.join(shipped_policies()) or 'there is none'}"
-        ) from error
 
 
 def _policy_from(document: JsonTable) -> Policy:

@@ -9,6 +9,7 @@ import zlib
 from collections.abc import Mapping
 from enum import IntEnum
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -74,6 +75,12 @@ def bundle_crc32(data: bytes) -> int:
 def policy_crc32(policy: Policy) -> int:
     """:func:`bundle_crc32` of the policy's bundle."""
     return bundle_crc32(encode_bundle(policy))
+
+
+def is_bundle(path: Path) -> bool:
+    """Whether a readable file begins as a policy bundle does."""
+    with path.open("rb") as file:
+        return file.read(len(MAGIC)) == MAGIC
 
 
 def encode_bundle(policy: Policy) -> bytes:
