@@ -1,1 +1,8 @@
-"""The operator's command line: ``perchhw VERB ...``."""
+"""The operator's command line: ``perchhw VERB ...``.
+
+Verbs live in modules of their own, imported only when their verb is called, so that ``--help`` stays fast.
+"""
+
+from perchhw.cli.main import main
+
+__all__ = ["main"]

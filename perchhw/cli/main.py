@@ -1,0 +1,130 @@
+"""Root of the command line: global flags, verbs imported when called, and how errors become exit codes."""
+
+import importlib
+import logging
+import sys
+from collections.abc import Sequence
+from typing import Annotated, Any, NamedTuple
+
+import typer
+
+from onboard.errors import InputError, PerchhwError, SafetyStop
+from perchhw.cli.output import progress_console, settings
+
+EXIT_FAILED = 1
+EXIT_USAGE = 2
+EXIT_SAFETY = 3
+EXIT_INTERRUPTED = 130
+
+_GLOBAL_FLAGS = ("--json", "-v", "--verbose")
+
+
+class Verb(NamedTuple):
+    """Where a verb lives and what it does, known without importing it; `group` has verbs of its own."""
+
+    module: str
+    help: str
+    group: bool = True
+
+
+VERBS: dict[str, Verb] = {
+    "demo": Verb(
+        "perchhw.cli.demo", "Fly approaches in a simulated lab, from policy to report.", group=False
+    ),
+    "sim": Verb("perchhw.cli.sim", "Serve the simulated lab, drone or mocap room until interrupted."),
+    "fly": Verb("perchhw.cli.fly", "Fly one supervised landing attempt.", group=False),
+    "campaign": Verb("perchhw.cli.campaign", "Fly a grid of attempts; resume, status, report."),
+    "policy": Verb("perchhw.cli.policy", "Show, import, export, evaluate, upload and verify policies."),
+    "learn": Verb("perchhw.cli.learn", "Learn a landing policy in simulation."),
+    "vehicle": Verb("perchhw.cli.vehicle", "List, show, check and compare vehicle files."),
+    "mocap": Verb("perchhw.cli.mocap", "Watch what a mocap source delivers."),
+    "log": Verb("perchhw.cli.log", "List, export, label and view recorded flights."),
+}
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        typer.echo(f"perchhw {version('perchhw')}")
+        raise typer.Exit
+
+
+def _set_global_flags(
+    as_json: Annotated[bool, typer.Option("--json", help="Exactly one JSON document on stdout.")] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Say more on stderr.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    """Land a Crazyflie upside down on a ceiling: learn, upload, fly, record, measure."""
+    settings.as_json = as_json
+    settings.verbose = verbose
+    logging.basicConfig(
+        level=logging.INFO if verbose else logging.ERROR, stream=sys.stderr, format="%(name)s: %(message)s"
+    )
+
+
+def _exit_with(result: Any, **_flags: Any) -> None:
+    """A verb's integer result is the exit code."""
+    if isinstance(result, int) and result:
+        raise typer.Exit(result)
+
+
+def _not_imported() -> None:
+    """Stands for a verb that was not called."""
+
+
+def _command_line(called: str | None) -> typer.Typer:
+    """The application with every verb in its help and only `called` imported."""
+    app = typer.Typer(
+        add_completion=False,
+        callback=_set_global_flags,
+        result_callback=_exit_with,
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+    for name, verb in VERBS.items():
+        if name != called:
+            app.command(name, help=verb.help)(_not_imported)
+            continue
+        verbs: typer.Typer = importlib.import_module(verb.module).app
+        if verb.group:
+            app.add_typer(verbs, name=name, help=verb.help, result_callback=_exit_with, no_args_is_help=True)
+        else:
+            app.command(name)(verbs.registered_commands[0].callback or _not_imported)
+    return app
+
+
+def hoist_global_flags(arguments: Sequence[str]) -> list[str]:
+    """The arguments with the global flags first, so that they may stand anywhere before ``--``."""
+    limit = list(arguments).index("--") if "--" in arguments else len(arguments)
+    flags = [a for a in arguments[:limit] if a in _GLOBAL_FLAGS]
+    others = [a for a in arguments[:limit] if a not in _GLOBAL_FLAGS]
+    return [*flags, *others, *arguments[limit:]]
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run one command line and give its exit code (0 done; 1, 2, 3, 130 as in the contract)."""
+    ordered = hoist_global_flags(arguments)
+    called = next((a for a in ordered if not a.startswith("-")), None)
+    errors = progress_console()
+    try:
+        _command_line(called)(ordered, prog_name="perchhw")
+    except SystemExit as ended:
+        return ended.code if isinstance(ended.code, int) else 0
+    except KeyboardInterrupt:
+        errors.print("interrupted", style="yellow")
+        return EXIT_INTERRUPTED
+    except PerchhwError as error:
+        errors.print(f"error: {error}", style="red", markup=False)
+        if isinstance(error, SafetyStop):
+            return EXIT_SAFETY
+        return EXIT_USAGE if isinstance(error, InputError) else EXIT_FAILED
+    return 0
+
+
+def main() -> None:
+    """Entry point of the console script."""
+    sys.exit(run(sys.argv[1:]))
