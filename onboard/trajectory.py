@@ -1,0 +1,211 @@
+"""The approach to the ceiling: along x, then along z, then at constant velocity (paper errata 9).
+
+From a hover at (x0, y, z0) the vehicle accelerates along x at `ax` with z held, then along z at `az` with v_x
+held, and reaches (V cos phi, V sin phi) `tau0` seconds before its origin would reach the ceiling at the
+impact point. World frame; x is the direction of flight.
+"""
+
+import math
+from typing import NamedTuple, TypeAlias
+
+from numba import njit
+
+from onboard.errors import InputError, OnboardError
+from onboard.room import RoomGeometry
+from onboard.rotation import Vector
+
+Setpoint: TypeAlias = tuple[Vector, Vector, Vector]
+
+TAU0_CHOICES = (0.5, 0.4, 0.3)
+"""s. What the authors flew: 0.5 s, less for faster or steeper approaches (errata 9)."""
+
+ACCELERATION_X_CHOICES = (1.0, 1.5, 2.0, 3.0)
+"""m/s2. The authors flew 1.0, with a longer run-up than many rooms have; 3.0 is a tilt of 17 deg."""
+
+ACCELERATION_Z_CHOICES = (3.1, 3.5)
+"""m/s2. The authors' default, and the most that they flew."""
+
+
+class ApproachError(OnboardError, InputError):
+    """An approach that cannot be flown."""
+
+
+class ApproachPlan(NamedTuple):
+    """One approach. Times in s from its start, lengths in m, world frame.
+
+    Attributes:
+        x0, y0, z0: start, and y of the whole flight.
+        t_x, t_z: durations of the acceleration along x and along z.
+        vx, vz: velocity after both, m/s.
+        ax, az: accelerations, m/s2.
+        tau0: time at constant velocity before the ceiling.
+        impact_x: x at which the origin would meet the ceiling.
+        ceiling_z: height of the ceiling.
+    """
+
+    x0: float
+    y0: float
+    z0: float
+    t_x: float
+    t_z: float
+    vx: float
+    vz: float
+    ax: float
+    az: float
+    tau0: float
+    impact_x: float
+    ceiling_z: float
+
+    @property
+    def impact_time(self) -> float:
+        """Time at which the body's origin would reach the ceiling, s."""
+        return self.t_x + self.t_z + self.tau0
+
+
+@njit(cache=True)
+def plan_from_velocity(
+    vx: float,
+    vz: float,
+    impact_x: float,
+    impact_y: float,
+    ceiling_z: float,
+    ax: float,
+    az: float,
+    tau0: float,
+) -> ApproachPlan:
+    """The approach that reaches (vx, vz) m/s `tau0` s before the ceiling; see :func:`approach_is_sound`."""
+    t_x = vx / ax
+    t_z = vz / az
+    z0 = ceiling_z - tau0 * vz - 0.5 * az * t_z * t_z
+    x0 = impact_x - (vx * (t_x + t_z) - 0.5 * ax * t_x * t_x) - tau0 * vx
+    return ApproachPlan(x0, impact_y, z0, t_x, t_z, vx, vz, ax, az, tau0, impact_x, ceiling_z)
+
+
+@njit(cache=True)
+def approach_is_sound(plan: ApproachPlan, start_z_min: float) -> bool:
+    """Whether the numbers make an approach: finite, climbing, forward or straight up, and not from below
+    `start_z_min` (m). False for anything that is not a number.
+    """
+    return (
+        0.0 <= plan.vx < 10.0
+        and 0.05 <= plan.vz < 10.0
+        and 0.05 <= plan.ax < 20.0
+        and 0.05 <= plan.az < 20.0
+        and 0.05 <= plan.tau0 < 5.0
+        and math.isfinite(plan.x0)
+        and math.isfinite(plan.y0)
+        and start_z_min <= plan.z0 < plan.ceiling_z < 100.0
+    )
+
+
+def plan_approach(
+    speed: float,
+    angle_deg: float,
+    impact_x: float,
+    ceiling_z: float,
+    ax: float,
+    az: float,
+    tau0: float,
+    impact_y: float = 0.0,
+) -> ApproachPlan:
+    """The approach at `speed` (m/s) and `angle_deg` above the horizon.
+
+    Args:
+        speed: magnitude V of the velocity at the ceiling, m/s.
+        angle_deg: flight angle phi, more than 0 and up to 90 deg.
+        impact_x: x (m) at which the origin would meet the ceiling.
+        ceiling_z: height of the ceiling, m.
+        ax: acceleration along x, m/s2.
+        az: acceleration along z, m/s2.
+        tau0: time at constant velocity before the ceiling, s.
+        impact_y: y (m) of the flight.
+
+    Raises:
+        ApproachError: the numbers make no approach, or it would start below the floor.
+    """
+    if not (0.0 < angle_deg <= 90.0) or not (0.0 < speed < 10.0):
+        raise ApproachError(
+            f"approach: speed {speed} m/s, angle {angle_deg} deg; give a speed of more than 0 and an angle of "
+            "more than 0 and at most 90"
+        )
+    if not (ax > 0.0 and az > 0.0):
+        raise ApproachError(f"approach: accelerations {ax}, {az} m/s2; both must be more than 0")
+    angle = math.radians(angle_deg)
+    vx = 0.0 if angle_deg == 90.0 else speed * math.cos(angle)
+    plan = plan_from_velocity(vx, speed * math.sin(angle), impact_x, impact_y, ceiling_z, ax, az, tau0)
+    if not approach_is_sound(plan, 0.0):
+        raise ApproachError(
+            f"approach: {speed} m/s at {angle_deg} deg with az {az} m/s2 and tau0 {tau0} s would start at "
+            f"z = {plan.z0:.2f} m under a ceiling at {ceiling_z} m; take a smaller tau0, a larger az or a "
+            "lower speed"
+        )
+    return plan
+
+
+def fit_approach(
+    speed: float,
+    angle_deg: float,
+    room: RoomGeometry,
+    *,
+    impact_x: float = 0.0,
+    impact_y: float = 0.0,
+    start_z_min: float = 0.4,
+    wall_margin: float = 0.25,
+) -> ApproachPlan:
+    """The approach that starts inside the room, with tau0 and accelerations as near to the authors' as fit.
+
+    Tried in order: tau0 of `TAU0_CHOICES`, then az, then ax. `start_z_min` (m) is the lowest hover, and
+    `wall_margin` (m) the distance of the start from the side walls.
+
+    Raises:
+        ApproachError: none of the choices fits; the message gives the run-up that the least demanding needs.
+    """
+    plan = None
+    for tau0 in TAU0_CHOICES:
+        for az in ACCELERATION_Z_CHOICES:
+            for ax in ACCELERATION_X_CHOICES:
+                try:
+                    plan = plan_approach(
+                        speed, angle_deg, impact_x, room.ceiling_z, ax, az, tau0, impact_y=impact_y
+                    )
+                except ApproachError:
+                    if tau0 == TAU0_CHOICES[-1] and az == ACCELERATION_Z_CHOICES[-1]:
+                        raise
+                    continue
+                if plan.z0 >= start_z_min and room.contains(plan.x0, plan.y0, plan.z0, wall_margin):
+                    return plan
+    start = "" if plan is None else f"it would start at x = {plan.x0:.2f} m, z = {plan.z0:.2f} m; "
+    raise ApproachError(
+        f"approach: {speed} m/s at {angle_deg} deg does not fit the room: {start}the room allows x from "
+        f"{room.x_min + wall_margin:.2f} m and z from {start_z_min:.2f} m; fly slower or at another angle"
+    )
+
+
+@njit(cache=True)
+def sample_approach(plan: ApproachPlan, t: float) -> Setpoint:
+    """Position (m), velocity (m/s) and acceleration (m/s2) of the setpoint `t` s after the start.
+
+    Before the start it is the hover; after the impact time it goes on at constant velocity (what ends the
+    flight is the landing state machine).
+    """
+    if t <= 0.0:
+        return (plan.x0, plan.y0, plan.z0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    if t < plan.t_x:
+        return (
+            (plan.x0 + 0.5 * plan.ax * t * t, plan.y0, plan.z0),
+            (plan.ax * t, 0.0, 0.0),
+            (plan.ax, 0.0, 0.0),
+        )
+    x = plan.x0 + plan.vx * (t - 0.5 * plan.t_x)
+    s = t - plan.t_x
+    if s < plan.t_z:
+        return (
+            (x, plan.y0, plan.z0 + 0.5 * plan.az * s * s),
+            (plan.vx, 0.0, plan.az * s),
+            (0.0, 0.0, plan.az),
+        )
+    return (
+        (x, plan.y0, plan.z0 + plan.vz * (s - 0.5 * plan.t_z)),
+        (plan.vx, 0.0, plan.vz),
+        (0.0, 0.0, 0.0),
+    )
