@@ -1,0 +1,1 @@
+"""Learning a landing policy: sweep of approach conditions, trigger and action policy, validation."""
