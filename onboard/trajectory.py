@@ -5,6 +5,7 @@ held, and reaches (V cos phi, V sin phi) `tau0` seconds before its origin would 
 impact point. World frame; x is the direction of flight.
 """
 
+import itertools
 import math
 from typing import NamedTuple, TypeAlias
 
@@ -98,6 +99,18 @@ def approach_is_sound(plan: ApproachPlan, start_z_min: float) -> bool:
     )
 
 
+def _velocity(speed: float, angle_deg: float) -> tuple[float, float]:
+    """(v_x, v_z) in m/s of a flight at `speed` and `angle_deg` above the horizon."""
+    if not (0.0 < angle_deg <= 90.0) or not (0.0 < speed < 10.0):
+        raise ApproachError(
+            f"approach: speed {speed} m/s, angle {angle_deg} deg; give a speed of more than 0 and an angle "
+            "of more than 0 and at most 90"
+        )
+    angle = math.radians(angle_deg)
+    vx = 0.0 if angle_deg == 90.0 else speed * math.cos(angle)
+    return vx, speed * math.sin(angle)
+
+
 def plan_approach(
     speed: float,
     angle_deg: float,
@@ -123,16 +136,10 @@ def plan_approach(
     Raises:
         ApproachError: the numbers make no approach, or it would start below the floor.
     """
-    if not (0.0 < angle_deg <= 90.0) or not (0.0 < speed < 10.0):
-        raise ApproachError(
-            f"approach: speed {speed} m/s, angle {angle_deg} deg; give a speed of more than 0 and an angle of "
-            "more than 0 and at most 90"
-        )
+    vx, vz = _velocity(speed, angle_deg)
     if not (ax > 0.0 and az > 0.0):
         raise ApproachError(f"approach: accelerations {ax}, {az} m/s2; both must be more than 0")
-    angle = math.radians(angle_deg)
-    vx = 0.0 if angle_deg == 90.0 else speed * math.cos(angle)
-    plan = plan_from_velocity(vx, speed * math.sin(angle), impact_x, impact_y, ceiling_z, ax, az, tau0)
+    plan = plan_from_velocity(vx, vz, impact_x, impact_y, ceiling_z, ax, az, tau0)
     if not approach_is_sound(plan, 0.0):
         raise ApproachError(
             f"approach: {speed} m/s at {angle_deg} deg with az {az} m/s2 and tau0 {tau0} s would start at "
@@ -160,23 +167,14 @@ def fit_approach(
     Raises:
         ApproachError: none of the choices fits; the message gives the run-up that the least demanding needs.
     """
-    plan = None
-    for tau0 in TAU0_CHOICES:
-        for az in ACCELERATION_Z_CHOICES:
-            for ax in ACCELERATION_X_CHOICES:
-                try:
-                    plan = plan_approach(
-                        speed, angle_deg, impact_x, room.ceiling_z, ax, az, tau0, impact_y=impact_y
-                    )
-                except ApproachError:
-                    if tau0 == TAU0_CHOICES[-1] and az == ACCELERATION_Z_CHOICES[-1]:
-                        raise
-                    continue
-                if plan.z0 >= start_z_min and room.contains(plan.x0, plan.y0, plan.z0, wall_margin):
-                    return plan
-    start = "" if plan is None else f"it would start at x = {plan.x0:.2f} m, z = {plan.z0:.2f} m; "
+    vx, vz = _velocity(speed, angle_deg)
+    for tau0, az, ax in itertools.product(TAU0_CHOICES, ACCELERATION_Z_CHOICES, ACCELERATION_X_CHOICES):
+        plan = plan_from_velocity(vx, vz, impact_x, impact_y, room.ceiling_z, ax, az, tau0)
+        if approach_is_sound(plan, start_z_min) and room.contains(plan.x0, plan.y0, plan.z0, wall_margin):
+            return plan
     raise ApproachError(
-        f"approach: {speed} m/s at {angle_deg} deg does not fit the room: {start}the room allows x from "
+        f"approach: {speed} m/s at {angle_deg} deg does not fit the room: with tau0 {tau0} s, ax {ax} and "
+        f"az {az} m/s2 it would start at x = {plan.x0:.2f} m, z = {plan.z0:.2f} m; the room allows x from "
         f"{room.x_min + wall_margin:.2f} m and z from {start_z_min:.2f} m; fly slower or at another angle"
     )
 
