@@ -1,0 +1,35 @@
+"""Mechanical energy of a state: what the invariants are about."""
+
+from typing import Any
+
+from numba import njit
+
+from sim_backend.physics.legs import FREE, RELEASED, bending, hinge_energy
+from sim_backend.physics.step import attitude, to_body
+
+
+@njit(cache=True)
+def spring_energy(state: Any, p: Any) -> float:
+    """Energy (J) in hinges and legs of the feet that touch."""
+    rot = attitude(state)
+    energy = 0.0
+    for leg in range(4):
+        mode = state.foot_mode[leg]
+        if mode in (FREE, RELEASED):
+            continue
+        anchor, position = state.foot_anchor[leg], state.position
+        px, py, pz = to_body(rot, anchor[0] - position[0], anchor[1] - position[1], anchor[2] - position[2])
+        rx, ry, rz = px - p.hip[leg, 0], py - p.hip[leg, 1], pz - p.hip[leg, 2]
+        length = (rx * rx + ry * ry + rz * rz) ** 0.5
+        angle = bending(p, leg, rx / length, ry / length, rz / length)[0]
+        energy += hinge_energy(p, angle) + 0.5 * p.axial_stiffness * (length - p.leg_length) ** 2
+    return energy
+
+
+@njit(cache=True)
+def mechanical_energy(state: Any, p: Any) -> float:
+    """Kinetic, potential (zero at the floor) and spring energy (J)."""
+    kinetic = 0.0
+    for axis in range(3):
+        kinetic += 0.5 * p.mass * state.velocity[axis] ** 2 + 0.5 * p.inertia[axis] * state.omega[axis] ** 2
+    return kinetic + p.mass * p.gravity * state.position[2] + spring_energy(state, p)

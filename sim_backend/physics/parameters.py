@@ -1,0 +1,157 @@
+"""The parameters of the physics as one numpy record, made from a vehicle file and a room."""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from onboard.room import RoomGeometry
+from onboard.vehicle import Legs, Vehicle
+from sim_backend.errors import SimulationError
+
+GRAVITY = 9.81
+"""m/s2, the value of the authors' simulation."""
+
+SUBSTEPS = 8
+"""Steps within a step while anything may touch: 1 kHz becomes 8 kHz (docs/physics.md gives the error)."""
+
+RESTITUTION = 0.3
+"""Body and propellers against a surface: hard plastic and blades on plywood, engineering estimate."""
+
+FRICTION = 0.5
+"""Coulomb coefficient of body and propellers on a surface, engineering estimate."""
+
+FOOT_FRICTION = 1.0
+"""Coulomb coefficient of a foot that touches without adhering; the value of the authors' simulation."""
+
+LIMIT_STIFFNESS_RATIO = 10.0
+"""Stiffness of the hinge's stop relative to the hinge spring."""
+
+DECLARED_EFFECTS: frozenset[str] = frozenset()
+"""Names of `[[effects]]` that this physics has terms for."""
+
+PARAMETERS = np.dtype(
+    [
+        ("mass", "f8"),
+        ("inertia", "f8", (3,)),  # kg m2, diagonal
+        ("arm_x", "f8"),
+        ("arm_y", "f8"),
+        ("thrust_to_torque", "f8"),
+        ("thrust_max", "f8"),  # N, what one motor can give
+        ("time_constant_up", "f8"),
+        ("time_constant_down", "f8"),
+        ("thrust_map_form", "i8"),
+        ("thrust_map_coefficients", "f8", (8,)),
+        ("open_circuit_full", "f8"),
+        ("open_circuit_slope", "f8"),  # V over the capacity
+        ("battery_capacity", "f8"),  # C
+        ("battery_resistance", "f8"),
+        ("current_per_newton", "f8"),
+        ("drag", "f8", (3,)),  # N s/m, body axes
+        ("has_legs", "i8"),
+        ("hip", "f8", (4, 3)),
+        ("leg_direction", "f8", (4, 3)),  # unit, body frame, hip to foot at rest
+        ("leg_length", "f8"),
+        ("foot_radius", "f8"),
+        ("hinge_stiffness", "f8"),
+        ("hinge_damping", "f8"),
+        ("hinge_limit", "f8"),
+        ("hinge_limit_stiffness", "f8"),
+        ("axial_stiffness", "f8"),
+        ("axial_damping", "f8"),
+        ("adhesion_strength", "f8"),
+        ("minimum_preload", "f8"),
+        ("foot_friction", "f8"),
+        ("body_half_x", "f8"),
+        ("body_half_y", "f8"),
+        ("body_top_z", "f8"),
+        ("body_bottom_z", "f8"),
+        ("propeller_radius", "f8"),
+        ("propeller_height_z", "f8"),
+        ("restitution", "f8"),
+        ("friction", "f8"),
+        ("reach", "f8"),  # m, farthest point of the vehicle from its origin
+        ("ceiling_z", "f8"),
+        ("gravity", "f8"),
+        ("substeps", "i8"),
+    ],
+    align=True,
+)
+
+_LEG_SIGNS = np.array([[1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]])
+
+
+def physics_parameters(vehicle: Vehicle, room: RoomGeometry) -> Any:
+    """The record of parameters for one vehicle in one room.
+
+    Raises:
+        SimulationError: the vehicle has an effect for which there is no term yet.
+    """
+    unknown = sorted({effect.name for effect in vehicle.effects} - DECLARED_EFFECTS)
+    if unknown:
+        raise SimulationError(
+            f"vehicle {vehicle.name!r} has the effect(s) {', '.join(unknown)}, which the physics has no "
+            "term for: remove them from the vehicle file to simulate without them"
+        )
+    p = np.zeros(1, dtype=PARAMETERS)[0]
+    body, motors, battery = vehicle.body, vehicle.motors, vehicle.battery
+    p["mass"] = body.mass.value
+    p["inertia"] = [body.inertia_xx.value, body.inertia_yy.value, body.inertia_zz.value]
+    p["arm_x"], p["arm_y"] = body.arm_x.value, body.arm_y.value
+    for name in ("body_half_x", "body_half_y", "body_top_z", "body_bottom_z"):
+        p[name] = getattr(body, name).value
+    p["propeller_radius"], p["propeller_height_z"] = (
+        body.propeller_radius.value,
+        body.propeller_height_z.value,
+    )
+    for name in ("thrust_to_torque", "thrust_max", "time_constant_up", "time_constant_down"):
+        p[name] = getattr(motors, name).value
+    thrust_map = motors.thrust_map_compiled()
+    p["thrust_map_form"], p["thrust_map_coefficients"] = thrust_map.form, thrust_map.coefficients
+    p["open_circuit_full"] = battery.open_circuit_full.value
+    p["open_circuit_slope"] = battery.open_circuit_slope.value
+    p["battery_capacity"] = battery.capacity.value
+    p["battery_resistance"] = battery.resistance.value
+    p["current_per_newton"] = battery.motor_current_per_newton.value
+    p["drag"] = [vehicle.air.drag_x.value, vehicle.air.drag_y.value, vehicle.air.drag_z.value]
+    p["restitution"], p["friction"], p["foot_friction"] = RESTITUTION, FRICTION, FOOT_FRICTION
+    p["ceiling_z"], p["gravity"], p["substeps"] = room.ceiling_z, GRAVITY, SUBSTEPS
+    if vehicle.legs is not None:
+        _set_legs(p, vehicle.legs)
+    p["reach"] = _reach(p)
+    return p
+
+
+def _set_legs(p: Any, legs: Legs) -> None:
+    p["has_legs"] = 1
+    psi = legs.angle
+    hip_xy = np.array([legs.hip_x.value, legs.hip_y.value])
+    p["hip"][:, :2] = _LEG_SIGNS * hip_xy
+    p["hip"][:, 2] = legs.hip_z.value
+    # The leg leans outwards along the diagonal of its quadrant.
+    p["leg_direction"][:, :2] = _LEG_SIGNS * (math.sin(psi) / math.sqrt(2.0))
+    p["leg_direction"][:, 2] = -math.cos(psi)
+    p["leg_length"], p["foot_radius"] = legs.length.value, legs.foot_radius.value
+    p["hinge_stiffness"], p["hinge_damping"] = legs.stiffness.value, legs.damping.value
+    p["hinge_limit"] = legs.deflection_limit.value
+    p["hinge_limit_stiffness"] = LIMIT_STIFFNESS_RATIO * legs.stiffness.value
+    p["axial_stiffness"], p["axial_damping"] = legs.axial_stiffness.value, legs.axial_damping.value
+    p["adhesion_strength"], p["minimum_preload"] = legs.adhesion_limit, legs.minimum_preload.value
+
+
+def _reach(p: Any) -> float:
+    z = max(abs(float(p["body_top_z"])), abs(float(p["body_bottom_z"])))
+    corner = math.hypot(p["body_half_x"], p["body_half_y"], z)
+    hub = math.hypot(p["arm_x"], p["arm_y"]) + p["propeller_radius"]
+    rim = math.hypot(hub, p["propeller_height_z"])
+    foot = 0.0
+    if p["has_legs"]:
+        feet = p["hip"] + p["leg_length"] * p["leg_direction"]
+        foot = float(np.max(np.linalg.norm(feet, axis=1))) + float(p["foot_radius"])
+    return max(corner, rim, foot)
+
+
+def parameter_batch(parameters: Any, count: int) -> NDArray[np.void]:
+    """`count` copies of one record, to be varied one by one (domain randomisation)."""
+    return np.repeat(np.array(parameters, dtype=PARAMETERS).reshape(1), count)

@@ -1,0 +1,67 @@
+"""The state of one simulated vehicle as a numpy record; a batch is an array of them.
+
+Units SI; world frame ENU (z up, floor at z = 0), body frame FLU; quaternion scalar-last, body to world.
+"""
+
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class FootMode(IntEnum):
+    """What a foot does."""
+
+    FREE = 0
+    PRESSING_CEILING = 1
+    """touches the ceiling, but has not been pressed hard enough to adhere"""
+    PRESSING_FLOOR = 2
+    ATTACHED = 3
+    RELEASED = 4
+    """torn off; may touch again once its rest position is clear of the ceiling"""
+
+
+STATE = np.dtype(
+    [
+        ("time", "f8"),  # s since the reset
+        ("position", "f8", (3,)),  # m, world, body origin = centre of mass
+        ("velocity", "f8", (3,)),  # m/s, world
+        ("quaternion", "f8", (4,)),  # x, y, z, w
+        ("omega", "f8", (3,)),  # rad/s, body
+        ("thrust", "f8", (4,)),  # N, motors M1..M4, after the lag
+        ("specific_force", "f8", (3,)),  # m/s2, body: what an ideal accelerometer shows, mean over the step
+        ("charge_used", "f8"),  # C drawn from the full battery
+        ("battery_current", "f8"),  # A
+        ("battery_voltage", "f8"),  # V at the terminals under load
+        ("foot_mode", "i8", (4,)),  # FootMode; legs 1..4 beside motors M1..M4
+        ("foot_attached", "i8", (4,)),  # 1 while the foot adheres to the ceiling
+        ("foot_anchor", "f8", (4, 3)),  # m, world: where a foot that touches is held
+        ("body_contact", "i8"),  # 1 once the body or a propeller touched the ceiling (latched)
+        (
+            "ceiling_contact",
+            "i8",
+        ),  # 1 once anything touched the ceiling (latched); the impact fields are valid
+        ("impact_time", "f8"),  # s, first contact of anything with the ceiling
+        ("impact_quaternion", "f8", (4,)),
+        ("impact_velocity", "f8", (3,)),  # m/s, world
+        ("impact_omega", "f8", (3,)),  # rad/s, body
+        ("body_contact_time", "f8"),  # s, first contact of the body or a propeller with the ceiling
+    ],
+    align=True,
+)
+
+
+def new_states(count: int) -> NDArray[np.void]:
+    """`count` vehicles at the origin: level, at rest, legs free, motors still, no battery yet."""
+    states = np.zeros(count, dtype=STATE)
+    states["quaternion"][:, 3] = 1.0
+    states["impact_quaternion"][:, 3] = 1.0
+    states["impact_time"] = np.inf
+    states["body_contact_time"] = np.inf
+    return states
+
+
+def new_state() -> Any:
+    """One vehicle as in :func:`new_states`, as a record that the kernels change in place."""
+    return new_states(1)[0]
