@@ -119,6 +119,7 @@ class Flight:
         commanded_angle_deg: angle above the horizon asked for (deg), if known.
         ceiling_z: height of the ceiling (m), if known.
         aborted_by: rule that aborted the flight, or None.
+        finished: whether the file was finished by its writer (False: the writer was killed).
         notes: what the loader found wrong or left out, in words.
     """
 
@@ -134,6 +135,7 @@ class Flight:
     commanded_angle_deg: float | None = None
     ceiling_z: float | None = None
     aborted_by: str | None = None
+    finished: bool = True
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:

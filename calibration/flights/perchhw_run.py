@@ -19,6 +19,7 @@ from calibration.flights.flight import (
     finite_masks,
 )
 from calibration.flights.run_folder import RunRecord, Series, read_run
+from onboard.app_interface import LandingState
 
 _TOPIC_CHANNELS: dict[str, dict[str, str]] = {
     "pose": {name: name for name in POSE_CHANNELS},
@@ -81,6 +82,7 @@ def flight_from_run(run: RunRecord) -> Flight:
         commanded_angle_deg=_number(config.get("angle_deg")),
         ceiling_z=_number(config.get("ceiling_z")),
         aborted_by=_aborted_by(run),
+        finished=_finished(run),
         notes=run.torn,
     )
 
@@ -97,7 +99,7 @@ def _reject_poses(pose: Series | None, t: FloatArray, valid: dict[str, Any]) -> 
 
 
 def _trigger(run: RunRecord) -> Trigger | None:
-    """The first trigger snapshot with a count, else the event ``trigger``.
+    """The first trigger snapshot with a count, else the moment when the drone began to flip.
 
     The snapshot arrives over the radio after the trigger; when the drone's times are known, the trigger is
     put at the drone's own time of it.
@@ -108,8 +110,12 @@ def _trigger(run: RunRecord) -> Trigger | None:
             if message.get("count") is None or message["count"] > 0:
                 snapshot = {k: float(message[k]) for k in _SNAPSHOT if message.get(k) is not None}
                 return Trigger(_host_time(run, message.get("tick_ms"), float(t)), snapshot)
-    event = run.first_event("trigger")
-    return None if event is None else Trigger(float(event["t"]))
+    cues = run.series.get("cues")  # a killed writer left no snapshot: the drone's state tells
+    if cues is not None:
+        flips = np.flatnonzero(cues.numbers("state") == LandingState.FLIP)
+        if flips.size:
+            return Trigger(float(cues.t[flips[0]]))
+    return None
 
 
 def _host_time(run: RunRecord, tick_ms: float | None, receipt: float) -> float:
@@ -128,13 +134,16 @@ def _host_time(run: RunRecord, tick_ms: float | None, receipt: float) -> float:
 
 
 def _aborted_by(run: RunRecord) -> str | None:
-    rule = run.info.get("aborted_by")
-    if rule is not None:
-        return str(rule)
-    event = run.first_event("abort", "aborted")
-    if event is None:
-        return None
-    return str(event.get("rule") or event.get("reason") or event.get("aborted_by") or "abort")
+    for key in ("aborted_by", "error"):
+        if run.info.get(key) is not None:
+            return str(run.info[key])
+    rules = [e["aborted_by"] for e in run.events if e["event"] == "phase" and e.get("aborted_by")]
+    return str(rules[0]) if rules else None
+
+
+def _finished(run: RunRecord) -> bool:
+    """Whether the flight came to its end: the record is closed, or the supervisor was done."""
+    return run.closed or any(e["event"] == "phase" and e.get("phase") == "done" for e in run.events)
 
 
 def _number(value: Any) -> float | None:

@@ -10,8 +10,7 @@ import math
 import os
 import platform
 import threading
-import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import TracebackType
@@ -21,11 +20,11 @@ import numpy as np
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import IndexType, Writer
 
+from onboard.clock import Clock, monotonic
 from perchhw.errors import FlightStackError
 from perchhw.record.folder import EVENTS_FILE, RUN_FILE, SERIES_FILE, utc_now, write_json_atomically
 from perchhw.record.topics import TOPICS
 
-Clock = Callable[[], float]
 Scalar = float | int | str | bool | None
 
 
@@ -72,7 +71,7 @@ class RunRecorder:
         RecordError: the folder already holds a record, or cannot be written.
     """
 
-    def __init__(self, folder: Path, config: Mapping[str, Any], clock: Clock = time.monotonic) -> None:
+    def __init__(self, folder: Path, config: Mapping[str, Any], clock: Clock = monotonic) -> None:
         self.folder = folder
         self._clock = clock
         self._lock = threading.Lock()
