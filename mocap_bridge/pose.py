@@ -10,8 +10,7 @@ from typing import Protocol, Self
 from mocap_bridge.errors import MocapUriError
 from mocap_bridge.rotation import Quaternion, Vector
 from mocap_bridge.uri import MocapUri, parse_mocap_uri
-
-Clock = Callable[[], float]
+from onboard.clock import Clock
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +54,7 @@ class SourceStatistics:
         period: frame period that the source reports (s), or None.
         round_trip: newest measured round trip of a ping (s), or None.
         ignored_latencies: frames whose reported latency was outside 0..100 ms and was not used.
+        refused: datagrams that were not of the protocol and were left out.
     """
 
     frames: int
@@ -62,6 +62,7 @@ class SourceStatistics:
     period: float | None
     round_trip: float | None
     ignored_latencies: int
+    refused: int = 0
 
 
 class PoseStream(Protocol):

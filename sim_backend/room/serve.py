@@ -4,7 +4,6 @@ import asyncio
 import socket
 import threading
 import time
-from collections.abc import Callable
 from types import TracebackType
 from typing import Self
 
@@ -12,12 +11,11 @@ import numpy as np
 
 from mocap_bridge.rotation import euler_xyz_from_quaternion
 from mocap_bridge.tracker_udp import TrackerItem, encode_blocks
+from onboard.clock import Clock
 from sim_backend.room.cameras import CameraFrame, Cameras
 from sim_backend.room.datastream_server import DataStreamServer
 from sim_backend.room.feed import FeedError, FeedReceiver, decode_feed
 from sim_backend.room.settings import RoomError, RoomSettings
-
-Clock = Callable[[], float]
 
 
 class _FeedProtocol(asyncio.DatagramProtocol):

@@ -1,0 +1,1 @@
+"""Where poses go: one module per receiver, each with ``send_pose``."""

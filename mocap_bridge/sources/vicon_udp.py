@@ -1,0 +1,173 @@
+"""Vicon Tracker UDP object stream: the poses of one object, keyed by its name.
+
+There is no handshake and no time in the stream: capture time is the receipt time. A frame may come in several
+datagrams, so that an object is missing from a frame is known only when the next frame begins.
+"""
+
+import socket
+from collections import deque
+from types import TracebackType
+from typing import Self
+
+from mocap_bridge.errors import MocapError, PacketError, PoseTimeout, SourceLost, UnknownSubject
+from mocap_bridge.pose import PoseSample, SourceStatistics
+from mocap_bridge.rotation import Quaternion, continuous, quaternion_from_euler_xyz
+from mocap_bridge.tracker_udp import NAME_BYTES, TrackerItem, decode_block
+from mocap_bridge.uri import MocapUri
+from onboard.clock import Clock
+
+OPEN_TIMEOUT_S = 0.5
+_RECEIVE_BYTES = 2048
+
+
+def open_vicon_udp(uri: MocapUri, clock: Clock) -> "ViconUdpStream":
+    """Listen, and wait up to 0.5 s for a frame that has our object.
+
+    Raises:
+        SourceLost: the port cannot be taken.
+        PoseTimeout: no object stream arrives.
+        UnknownSubject: objects arrive, ours is not among them (a wrong name, or out of view).
+    """
+    listener = socket.socket(socket.AF_INET6 if ":" in uri.host else socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        listener.bind((uri.host, uri.port))
+    except OSError as error:
+        listener.close()
+        raise SourceLost(
+            f"cannot listen on UDP {uri.host or '*'}:{uri.port} ({error}); is it in use?"
+        ) from error
+    stream = ViconUdpStream(listener, uri, clock)
+    try:
+        stream.find_subject(clock() + OPEN_TIMEOUT_S)
+    except MocapError:
+        stream.close()
+        raise
+    return stream
+
+
+class ViconUdpStream:
+    """An open Tracker UDP listener (a ``PoseStream``)."""
+
+    def __init__(self, listener: socket.socket, uri: MocapUri, clock: Clock) -> None:
+        self._socket = listener
+        self._uri = uri
+        # Tracker cuts names; a longer one in the URI means the cut one on the wire.
+        self._key = uri.subject.encode()[:NAME_BYTES].decode("utf-8", "replace")
+        self._clock = clock
+        self._seen: dict[str, None] = {}
+        self._samples: deque[PoseSample] = deque()
+        self._open_frame: int | None = None
+        self._open_receipt = 0.0
+        self._answered = False
+        self._last_quaternion: Quaternion | None = None
+        self._frames = 0
+        self._refused = 0
+
+    def find_subject(self, deadline: float) -> None:
+        """Receive until our object appears; errors as :func:`open_vicon_udp`."""
+        while self._key not in self._seen:
+            if not self._receive(deadline):
+                break
+        self._samples = deque(sample for sample in self._samples if not sample.occluded)
+        if self._key in self._seen:
+            return
+        if self._frames == 0:
+            refused = f" ({self._refused} foreign datagrams)" if self._refused else ""
+            raise PoseTimeout(
+                f"no Tracker object stream on UDP port {self._uri.port}{refused}; "
+                "is it enabled and sent to this computer?"
+            )
+        names = tuple(self._seen)
+        listed = ", ".join(repr(name) for name in names) or "none"
+        raise UnknownSubject(
+            f"the stream on UDP port {self._uri.port} has no object {self._uri.subject!r}, "
+            f"or it is out of view; seen: {listed}",
+            names,
+        )
+
+    def read(self, timeout_s: float) -> PoseSample:
+        """The next frame; see :meth:`PoseStream.read`."""
+        deadline = self._clock() + timeout_s
+        while not self._samples:
+            if not self._receive(deadline):
+                raise PoseTimeout(f"UDP port {self._uri.port}: no frame within {timeout_s:.3g} s")
+        return self._samples.popleft()
+
+    def _receive(self, deadline: float) -> bool:
+        """Take in one datagram; False at the deadline."""
+        remaining = deadline - self._clock()
+        if remaining <= 0.0:
+            return False
+        self._socket.settimeout(remaining)
+        try:
+            data = self._socket.recv(_RECEIVE_BYTES)
+        except TimeoutError:
+            return False
+        except OSError as error:
+            raise SourceLost(f"UDP port {self._uri.port}: {error}") from error
+        receipt_time = self._clock()
+        try:
+            block = decode_block(data)
+        except PacketError:
+            self._refused += 1
+            return True
+        self._begin_frame(block.frame, receipt_time)
+        for item in block.items:
+            self._seen[item.name] = None
+            if item.name == self._key and not self._answered:
+                self._answered = True
+                self._samples.append(self._sample(block.frame, receipt_time, item))
+        return True
+
+    def _begin_frame(self, frame: int, receipt_time: float) -> None:
+        """Close the frame before, when `frame` is another: our object was absent if nothing answered."""
+        if frame == self._open_frame:
+            return
+        if self._open_frame is not None and not self._answered:
+            self._samples.append(self._sample(self._open_frame, self._open_receipt, None))
+        self._frames += 1
+        self._open_frame = frame
+        self._open_receipt = receipt_time
+        self._answered = False
+
+    def _sample(self, frame: int, receipt_time: float, item: TrackerItem | None) -> PoseSample:
+        position, quaternion = None, None
+        if item is not None and item.has_pose():
+            x, y, z = item.position
+            position = (x / 1000.0, y / 1000.0, z / 1000.0)
+            quaternion = continuous(quaternion_from_euler_xyz(*item.angles), self._last_quaternion)
+            self._last_quaternion = quaternion
+        return PoseSample(
+            subject=self._uri.subject,
+            frame=frame,
+            capture_time=receipt_time,
+            receipt_time=receipt_time,
+            position=position,
+            quaternion=quaternion,
+            occluded=position is None,
+            quality=None,
+            latency=None,
+        )
+
+    def statistics(self) -> SourceStatistics:
+        """What is known about the stream so far."""
+        return SourceStatistics(
+            frames=self._frames,
+            subjects=tuple(self._seen),
+            period=None,
+            round_trip=None,
+            ignored_latencies=0,
+            refused=self._refused,
+        )
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()

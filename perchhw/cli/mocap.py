@@ -1,0 +1,128 @@
+"""``perchhw mocap``: what a mocap source delivers."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from perchhw.cli.output import console, emit
+
+if TYPE_CHECKING:
+    from mocap_bridge.bridge import BridgeStatus
+
+app = typer.Typer(add_completion=False, no_args_is_help=True, help="Motion capture: look at a source.")
+
+
+@app.command()
+def watch(
+    uri: Annotated[
+        str, typer.Argument(help="vicon://HOST[:PORT]?subject=NAME or vicon-udp://:PORT?subject=NAME")
+    ],
+    seconds: Annotated[float, typer.Option(min=0.1, max=3600.0, help="How long to watch.")] = 5.0,
+) -> int:
+    """Report rate, gaps, age, health and the last pose of a source; exit code 1 when it is not good."""
+    from mocap_bridge.bridge import PoseBridge
+    from mocap_bridge.health import Verdict
+
+    ages: list[float] = []
+
+    def note_age(sample: Any, _: Verdict) -> None:
+        ages.append(sample.receipt_time - sample.capture_time)
+
+    with PoseBridge(uri, sink=None, on_sample=note_age) as bridge:
+        bridge.wait_for(lambda _: False, seconds)
+        status = bridge.status()
+    result = summary(uri, seconds, status, ages)
+    emit(result, _table(result))
+    return 0 if result["ok"] else 1
+
+
+def summary(uri: str, seconds: float, status: "BridgeStatus", ages: list[float]) -> dict[str, Any]:
+    """The JSON document of ``mocap watch``: SI units; what never came is null.
+
+    Args:
+        uri: the source's URI.
+        seconds: how long was watched (s).
+        status: the bridge's status at the end.
+        ages: age of each sample at its receipt (s).
+    """
+    from mocap_bridge.health import Verdict
+
+    health, source, last = status.health, status.source, status.last_sample
+    ordered = sorted(ages)
+    return {
+        "uri": uri,
+        "seconds": seconds,
+        "ok": status.verdict is Verdict.OK,
+        "verdict": status.verdict.value,
+        "error": status.error,
+        "connected": status.connected,
+        "reconnects": status.reconnects,
+        "frames": health.samples,
+        "good": health.good,
+        "rate_hz": status.rate_hz,
+        "missing_frames": health.missing_frames,
+        "duplicates": health.duplicates,
+        "restarts": health.restarts,
+        "rejects": {verdict.value: count for verdict, count in health.rejects.items()},
+        "age": status.age,
+        "age_at_receipt": {
+            "p50": ordered[len(ordered) // 2] if ordered else None,
+            "p99": ordered[int(0.99 * (len(ordered) - 1))] if ordered else None,
+            "max": ordered[-1] if ordered else None,
+        },
+        "late_warnings": health.late_warnings,
+        "round_trip": source.round_trip if source else None,
+        "frame_period": source.period if source else None,
+        "subjects": list(source.subjects) if source else [],
+        "last_pose": None
+        if last is None
+        else {
+            "frame": last.frame,
+            "occluded": last.occluded,
+            "position": last.position,
+            "quaternion": last.quaternion,
+            "quality": last.quality,
+            "latency": last.latency,
+        },
+    }
+
+
+def _table(result: dict[str, Any]) -> Callable[[], None]:
+    def draw() -> None:
+        from rich.table import Table
+
+        table = Table(title=f"mocap {result['uri']}", show_header=False, title_justify="left")
+        table.add_row("verdict", result["verdict"] + (f" ({result['error']})" if result["error"] else ""))
+        table.add_row("rate", f"{result['rate_hz']:.1f} Hz in the last second")
+        table.add_row(
+            "frames", f"{result['frames']}, {result['missing_frames']} missing, {result['good']} good"
+        )
+        rejects = ", ".join(f"{count} {name}" for name, count in result["rejects"].items())
+        table.add_row("not good", rejects or "none")
+        table.add_row(
+            "age at receipt", ", ".join(f"{k} {_ms(v)}" for k, v in result["age_at_receipt"].items())
+        )
+        table.add_row("ping", _ms(result["round_trip"]))
+        table.add_row("subjects", ", ".join(result["subjects"]) or "none known")
+        table.add_row("last pose", _pose_text(result["last_pose"]))
+        console().print(table)
+
+    return draw
+
+
+def _ms(seconds: float | None) -> str:
+    return "unknown" if seconds is None else f"{1000.0 * seconds:.2f} ms"
+
+
+def _pose_text(pose: dict[str, Any] | None) -> str:
+    if pose is None:
+        return "none came"
+    if pose["position"] is None:
+        return f"frame {pose['frame']}: occluded"
+    x, y, z = pose["position"]
+    qx, qy, qz, qw = pose["quaternion"]
+    return (
+        f"frame {pose['frame']}: ({x:.4f}, {y:.4f}, {z:.4f}) m, "
+        f"quaternion ({qx:.4f}, {qy:.4f}, {qz:.4f}, {qw:.4f})"
+    )
