@@ -116,14 +116,19 @@ def read_run(folder: Path) -> RunRecord:
     """
     if not is_run_folder(folder):
         raise RunFolderError(f"{folder} is not a run folder: it needs run.json and series.mcap")
-    info = _read_info(folder / "run.json")
+    info = read_info(folder / "run.json")
     series, torn_series = _read_series(folder / "series.mcap")
     events, torn_events = _read_events(folder / "events.jsonl")
     torn = tuple(note for note in (torn_series, torn_events) if note)
     return RunRecord(folder, info, series, events, torn)
 
 
-def _read_info(path: Path) -> dict[str, Any]:
+def read_info(path: Path) -> dict[str, Any]:
+    """The content of a ``run.json``.
+
+    Raises:
+        RunFolderError: not JSON, or not of a run.
+    """
     try:
         info = json.loads(path.read_bytes())
     except ValueError as error:

@@ -1,0 +1,182 @@
+"""``perchhw log``: list, export, label, view and replay recorded flights."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from perchhw.cli.output import console, emit, progress_console
+
+if TYPE_CHECKING:
+    from calibration.flights import Flight
+    from onboard.vehicle import Vehicle
+    from perchhw.record.listing import RunSummary
+
+app = typer.Typer(add_completion=False)
+
+_DEFAULT_VEHICLE = "crazyflie21-upgraded"
+_RunFolder = Annotated[Path, typer.Argument(help="A run folder.")]
+
+
+@app.command("list")
+def list_runs(root: Annotated[Path, typer.Argument(help="Folder that holds runs.")] = Path("runs")) -> int:
+    """List the runs below a folder."""
+    from perchhw.record.listing import find_runs
+
+    runs, broken = find_runs(root)
+    for problem in broken:
+        progress_console().print(f"skipped: {problem}", style="yellow", markup=False)
+    emit({"runs": [r.to_json() for r in runs], "broken": broken}, lambda: _draw_runs(runs))
+    return 0
+
+
+def _draw_runs(runs: "list[RunSummary]") -> None:
+    from rich.table import Table
+
+    table = Table("run", "m/s", "deg", "outcome", "triggered", "record", box=None, pad_edge=False)
+    for run in runs:
+        table.add_row(
+            run.folder.name,
+            "" if run.speed is None else f"{run.speed:g}",
+            "" if run.angle_deg is None else f"{run.angle_deg:g}",
+            run.outcome or "",
+            {True: "yes", False: "no", None: ""}[run.triggered],
+            "closed" if run.closed else "torn",
+        )
+    console().print(table)
+
+
+@app.command()
+def export(
+    run: _RunFolder,
+    to: Annotated[str, typer.Option(help="csv or parquet.")] = "csv",
+    out: Annotated[Path | None, typer.Option(help="Folder to write to; default: export/ in the run.")] = None,
+) -> int:
+    """Write a run as CSV or Parquet: one file per topic, and flight.* with all channels."""
+    from calibration.flights.run_folder import read_run
+    from perchhw.record.export import ExportError, ExportFormat, export_run
+
+    if to not in tuple(ExportFormat):
+        raise ExportError(f"--to {to}: not a known format; use csv or parquet")
+    record = read_run(run)
+    files = export_run(record, out or run / "export", ExportFormat(to))
+    for note in record.torn:
+        progress_console().print(note, style="yellow", markup=False)
+    emit(
+        {"run": str(run), "files": [str(f) for f in files], "torn": list(record.torn)},
+        "\n".join(str(f) for f in files),
+    )
+    return 0
+
+
+@app.command()
+def label(
+    files: Annotated[list[Path], typer.Argument(help="Run folders or flight files.")],
+    format: Annotated[str, typer.Option(help="auto, perchhw, habas or table.")] = "auto",
+    vehicle: Annotated[
+        str | None, typer.Option(help=f"Vehicle; default: the record's own, else {_DEFAULT_VEHICLE}.")
+    ] = None,
+    legs: Annotated[str | None, typer.Option(help="Leg design instead of the vehicle's.")] = None,
+    ceiling_z: Annotated[float | None, typer.Option(help="Height of the ceiling, m.")] = None,
+) -> int:
+    """Give the landing outcome of flights, with the evidence for it.
+
+    A flight that is not usable is named with the reason, and the rest go on; when none is usable, the exit
+    code is 2.
+    """
+    from calibration.flights import UnusableFlightError, open_flight
+    from perchhw.label import LabelError, label_flight
+
+    labels: list[dict[str, Any]] = []
+    unusable: list[dict[str, str]] = []
+    for file in files:
+        try:
+            flight = open_flight(file, format)
+            result = label_flight(flight, _vehicle_of(flight, vehicle, legs), ceiling_z)
+        except (UnusableFlightError, LabelError) as error:
+            unusable.append({"file": str(file), "reason": str(error)})
+            continue
+        labels.append({"file": str(file), **result.to_json(), "notes": list(flight.notes)})
+    document: dict[str, Any] = {"flights": labels, "unusable": unusable}
+    if len(files) == 1 and labels:
+        document["outcome"] = labels[0]["outcome"]
+    for entry in unusable:
+        progress_console().print(f"unusable: {entry['reason']}", style="yellow", markup=False)
+    emit(document, lambda: _draw_labels(labels))
+    return 0 if labels else 2
+
+
+def _vehicle_of(flight: "Flight", vehicle: str | None, legs: str | None) -> "Vehicle":
+    from calibration.flights.run_folder import read_info
+    from onboard.vehicle import load_vehicle
+
+    if vehicle is None and flight.format == "perchhw":
+        config = read_info(flight.source / "run.json")["config"]
+        vehicle, legs = config.get("vehicle"), legs or config.get("legs")
+    return load_vehicle(vehicle or _DEFAULT_VEHICLE, legs)
+
+
+def _draw_labels(labels: list[dict[str, Any]]) -> None:
+    from rich.table import Table
+
+    table = Table("flight", "outcome", "by", "evidence", box=None, pad_edge=False)
+    for entry in labels:
+        evidence = entry["evidence"]
+        table.add_row(Path(entry["file"]).name, entry["outcome"], evidence["method"], _in_words(evidence))
+    console().print(table)
+    limits = sorted({limit for entry in labels for limit in entry["limits"]})
+    for limit in limits:
+        console().print(f"limit: {limit}", markup=False)
+
+
+def _in_words(evidence: dict[str, Any]) -> str:
+    """The evidence in one line."""
+    if "pose" in evidence:
+        pose = evidence["pose"]
+        return (
+            f"rests {pose['rest_distance_m'] * 1e3:.0f} mm below the ceiling, "
+            f"tilt {pose['rest_tilt_deg']:.0f} deg, "
+            f"body clearance {pose['body_clearance_m'] * 1e3:.0f} mm"
+        )
+    if "gyro" in evidence:
+        gyro = evidence["gyro"]
+        swing = "" if gyro["swing_hz"] is None else f" at {gyro['swing_hz']:.2f} Hz"
+        rate = f"{gyro['settled_rms_rad_s']:.2f} rad/s RMS{swing} after landing"
+        return f"{rate}; first touch {gyro['first_touch']}"
+    if "n_feet" in evidence:
+        return f"{evidence['n_feet']} feet hold"
+    return f"aborted by {evidence['aborted_by']}" if evidence.get("aborted_by") else "never triggered"
+
+
+@app.command()
+def view(
+    run: _RunFolder,
+    out: Annotated[Path | None, typer.Option(help="File to write; default: flight.rrd in the run.")] = None,
+    open_viewer: Annotated[bool, typer.Option("--open", help="Open it in the Rerun viewer.")] = False,
+) -> int:
+    """Write a run as a Rerun recording (.rrd), to be opened with `rerun FILE`."""
+    from calibration.flights.perchhw_run import load_run
+    from perchhw.view.rerun_recording import open_in_viewer, write_rrd
+
+    flight = load_run(run)
+    path = write_rrd(run, _vehicle_of(flight, None, None), out or run / "flight.rrd")
+    emit({"run": str(run), "recording": str(path)}, str(path))
+    if open_viewer:
+        open_in_viewer(path)
+    return 0
+
+
+@app.command()
+def replay(
+    file: Annotated[Path, typer.Argument(help="A run folder or flight file with cues.")],
+    policy: Annotated[str, typer.Option(help="Policy file, or the name of a shipped policy.")] = "default",
+    format: Annotated[str, typer.Option(help="auto, perchhw, habas or table.")] = "auto",
+) -> int:
+    """Run a policy by the onboard arithmetic over the recorded cues: where would it have fired?"""
+    from calibration.flights import open_flight
+    from onboard.policy import find_policy, load_policy
+    from perchhw.record.replay import replay_policy
+
+    result = replay_policy(open_flight(file, format), load_policy(find_policy(policy)))
+    emit({"file": str(file), "policy": policy, **result.to_json()}, result.in_words())
+    return 0

@@ -1,0 +1,77 @@
+"""Find and summarise run folders."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from calibration.flights.run_folder import RunFolderError, is_run_folder, read_info
+
+
+@dataclass(frozen=True)
+class RunSummary:
+    """One run in a list; what ``run.json`` does not say is None.
+
+    Attributes:
+        folder: the run folder.
+        started_utc: wall time of the start (ISO 8601).
+        speed: commanded speed (m/s).
+        angle_deg: commanded angle (deg).
+        outcome: landing outcome.
+        triggered: whether the policy fired.
+        aborted_by: rule that ended the run early.
+        closed: whether the writer finished the record.
+    """
+
+    folder: Path
+    started_utc: str | None
+    speed: float | None
+    angle_deg: float | None
+    outcome: str | None
+    triggered: bool | None
+    aborted_by: str | None
+    closed: bool
+
+    def to_json(self) -> dict[str, Any]:
+        """The summary as a JSON object."""
+        return {**self.__dict__, "folder": str(self.folder)}
+
+
+def summarise_run(folder: Path) -> RunSummary:
+    """Summarise one run from its ``run.json``.
+
+    Raises:
+        RunFolderError: no run folder.
+    """
+    if not is_run_folder(folder):
+        raise RunFolderError(f"{folder} is not a run folder: it needs run.json and series.mcap")
+    info = read_info(folder / "run.json")
+    config = info["config"]
+    return RunSummary(
+        folder=folder,
+        started_utc=info.get("started_utc"),
+        speed=config.get("speed_m_s"),
+        angle_deg=config.get("angle_deg"),
+        outcome=info.get("outcome"),
+        triggered=info.get("triggered"),
+        aborted_by=info.get("aborted_by"),
+        closed=bool(info["closed"]),
+    )
+
+
+def find_runs(root: Path) -> tuple[list[RunSummary], list[str]]:
+    """All runs below `root` in order of their names, and in words those whose ``run.json`` is broken.
+
+    Raises:
+        RunFolderError: `root` does not exist.
+    """
+    if not root.is_dir():
+        raise RunFolderError(f"{root}: no such folder; give the folder that holds the runs")
+    runs, broken = [], []
+    for path in sorted(root.rglob("run.json")):
+        if not is_run_folder(path.parent):
+            continue
+        try:
+            runs.append(summarise_run(path.parent))
+        except RunFolderError as error:
+            broken.append(str(error))
+    return runs, broken
