@@ -1,0 +1,30 @@
+"""The flight supervisor: a pure state machine and the safety rules that it obeys.
+
+(state, event, clock) -> (state, commands). No I/O, no threads, no clock of its own: :mod:`perchhw.flight`
+feeds it events and carries out its commands.
+"""
+
+from perchhw.supervisor.events import CommandDone, CommandFailed, Event, LinkDown, OperatorAbort, Tick
+from perchhw.supervisor.machine import initial_state, step
+from perchhw.supervisor.observation import Observation
+from perchhw.supervisor.rules import SafetyLimits, Violation
+from perchhw.supervisor.state import FlightState, Mission, Phase, Step, Timing
+
+__all__ = [
+    "CommandDone",
+    "CommandFailed",
+    "Event",
+    "FlightState",
+    "LinkDown",
+    "Mission",
+    "Observation",
+    "OperatorAbort",
+    "Phase",
+    "SafetyLimits",
+    "Step",
+    "Tick",
+    "Timing",
+    "Violation",
+    "initial_state",
+    "step",
+]

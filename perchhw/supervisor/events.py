@@ -1,0 +1,114 @@
+"""What the supervisor is told (events) and what it asks for (commands)."""
+
+from dataclasses import dataclass
+
+from perchhw.supervisor.observation import Observation, Vector
+
+# --- commands ---------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class UploadPolicy:
+    """Write the policy bundle to the drone, read it back, make it live; the result is the live CRC."""
+
+
+@dataclass(frozen=True, slots=True)
+class Arm:
+    """Ask the drone to arm its motors."""
+
+
+@dataclass(frozen=True, slots=True)
+class TakeOff:
+    """Climb vertically to `height` (m) within `duration` (s)."""
+
+    height: float
+    duration: float
+
+
+@dataclass(frozen=True, slots=True)
+class GoTo:
+    """Fly to `position` (m, world frame), heading along +x, within `duration` (s)."""
+
+    position: Vector
+    duration: float
+
+
+@dataclass(frozen=True, slots=True)
+class ArmApproach:
+    """Give the drone the approach trajectory, arm it, and arm the policy (two separate switches)."""
+
+
+@dataclass(frozen=True, slots=True)
+class StartApproach:
+    """Start the armed approach."""
+
+
+@dataclass(frozen=True, slots=True)
+class Brake:
+    """Leave the approach on the drone: brake, then hold below the ceiling."""
+
+
+@dataclass(frozen=True, slots=True)
+class Land:
+    """Descend to the floor where the drone is, within `duration` (s)."""
+
+    duration: float
+
+
+@dataclass(frozen=True, slots=True)
+class Disarm:
+    """Stop the motors and disarm."""
+
+
+@dataclass(frozen=True, slots=True)
+class EmergencyStop:
+    """Cut the motors now; the drone stays locked until it is rebooted."""
+
+
+Command = (
+    UploadPolicy | Arm | TakeOff | GoTo | ArmApproach | StartApproach | Brake | Land | Disarm | EmergencyStop
+)
+URGENT_COMMANDS = (Brake, Land, EmergencyStop)
+"""Commands that do not wait behind others."""
+
+# --- events -----------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """A look at the world, some tens of times a second."""
+
+    observation: Observation
+
+
+@dataclass(frozen=True, slots=True)
+class CommandDone:
+    """`command` was carried out; `value` is what came back (the CRC of an uploaded policy)."""
+
+    command: Command
+    value: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class CommandFailed:
+    """`command` could not be carried out, and why."""
+
+    command: Command
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class LinkDown:
+    """The link to the drone is gone for good, and why."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class OperatorAbort:
+    """The operator wants the flight to end now (Ctrl-C); `urgent` when asked a second time."""
+
+    urgent: bool = False
+
+
+Event = Tick | CommandDone | CommandFailed | LinkDown | OperatorAbort

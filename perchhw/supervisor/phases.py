@@ -1,0 +1,242 @@
+"""The phases of an attempt, one function each: what it watches, when it moves on, and its deadline.
+
+An unknown or late answer is an abort, never a wait without end.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from math import dist, hypot
+
+from onboard.app_interface import LandingState
+from perchhw.supervisor.aborts import abort, disarm, elapsed, enter, guard, land
+from perchhw.supervisor.events import (
+    Arm,
+    ArmApproach,
+    EmergencyStop,
+    GoTo,
+    StartApproach,
+    TakeOff,
+    UploadPolicy,
+)
+from perchhw.supervisor.observation import Observation, Vector
+from perchhw.supervisor.rules import (
+    APPROACH_RULES,
+    GROUND_RULES,
+    HOVER_RULES,
+    PREFLIGHT_RULES,
+    first_violation,
+)
+from perchhw.supervisor.state import Context, FlightState, Phase, Step
+
+
+def _held(state: FlightState, good: bool, hold: float, context: Context) -> tuple[FlightState, bool]:
+    """Whether a condition has held for `hold` s without a break, and the state that remembers since when."""
+    if not good:
+        return replace(state, good_since=None), False
+    since = context.now if state.good_since is None else state.good_since
+    return replace(state, good_since=since), context.now - since >= hold
+
+
+# --- on the ground ----------------------------------------------------------------------------------------
+
+
+def _checking(state: FlightState, o: Observation, context: Context) -> Step:
+    violation = first_violation(PREFLIGHT_RULES, o, context.limits)
+    if violation is not None and elapsed(state, context) > context.timing.checks_deadline:
+        return abort(state, str(violation), context)
+    waiting = "the preflight checks" if violation is None else str(violation)
+    state, passed = _held(
+        replace(state, waiting_for=waiting), violation is None, context.timing.checks_hold, context
+    )
+    if not passed:
+        return Step(state)
+    return Step(enter(state, Phase.UPLOADING, context, "the policy upload"), (UploadPolicy(),))
+
+
+def _uploading(state: FlightState, o: Observation, context: Context) -> Step:
+    if elapsed(state, context) > context.timing.upload_deadline:
+        return abort(state, f"policy upload took longer than {context.timing.upload_deadline:g} s", context)
+    return guard(state, GROUND_RULES, o, context) or Step(state)
+
+
+def after_upload(state: FlightState, crc: int | None, context: Context) -> Step:
+    """Arm when the drone's live policy has the CRC (`crc`, unknown: ``None``) of the one to be flown."""
+    if state.phase is not Phase.UPLOADING:
+        return Step(state)
+    if crc != context.mission.policy_crc:
+        live = "unknown" if crc is None else f"{crc:08x}"
+        return abort(
+            state, f"policy_crc: the drone has {live}, need {context.mission.policy_crc:08x}", context
+        )
+    state = replace(state, uploaded=True)
+    if context.mission.dry_run:
+        return Step(enter(state, Phase.DONE, context))
+    return Step(enter(state, Phase.ARMING, context, "the drone to arm"), (Arm(),))
+
+
+def _arming(state: FlightState, o: Observation, context: Context) -> Step:
+    stop = guard(state, GROUND_RULES, o, context)
+    if stop is not None:
+        return stop
+    if o.drone is not None and o.drone.is_armed and o.drone.can_fly:
+        # Only now: telemetry from before the upload may still be in flight earlier in this phase.
+        stop = _policy_guard(state, o, context)
+        if stop is not None:
+            return stop
+        flying = replace(enter(state, Phase.TAKING_OFF, context, "the first hover"), armed=True)
+        return Step(flying, (TakeOff(context.mission.hover_height, context.timing.take_off),))
+    if elapsed(state, context) > context.timing.arm_deadline:
+        return abort(
+            state, f"the drone did not arm within {context.timing.arm_deadline:g} s ({o.drone})", context
+        )
+    return Step(state)
+
+
+def _policy_guard(state: FlightState, o: Observation, context: Context) -> Step | None:
+    """The live policy is the one that was uploaded, or the attempt ends."""
+    if o.active_policy_crc == context.mission.policy_crc:
+        return None
+    live = "unknown" if o.active_policy_crc is None else f"{o.active_policy_crc:08x}"
+    return abort(state, f"policy_crc: the drone has {live}, need {context.mission.policy_crc:08x}", context)
+
+
+# --- hovering ---------------------------------------------------------------------------------------------
+
+
+def _settled_at(o: Observation, place: Vector) -> bool:
+    """The drone hovers within 8 cm of `place` (m) at less than 0.15 m/s."""
+    if o.estimate_position is None or o.estimate_velocity is None:
+        return False
+    return dist(o.estimate_position, place) < 0.08 and hypot(*o.estimate_velocity) < 0.15
+
+
+def _taking_off(state: FlightState, o: Observation, context: Context) -> Step:
+    stop = guard(state, HOVER_RULES, o, context)
+    if stop is not None:
+        return stop
+    timing, mission = context.timing, context.mission
+    risen = o.estimate_position is not None and abs(o.estimate_position[2] - mission.hover_height) < 0.1
+    state, steady = _held(
+        state, risen and elapsed(state, context) >= timing.take_off, timing.hover_hold, context
+    )
+    if steady and o.estimate_position is not None:
+        duration = max(2.0, dist(o.estimate_position, mission.start) / mission.transit_speed)
+        moving = enter(state, Phase.MOVING_TO_START, context, "the start of the approach")
+        return Step(moving, (GoTo(mission.start, duration),))
+    if elapsed(state, context) > timing.take_off + timing.move_margin:
+        return abort(state, f"no steady hover at {mission.hover_height:g} m after take-off", context)
+    return Step(state)
+
+
+def _moving_to_start(state: FlightState, o: Observation, context: Context) -> Step:
+    stop = guard(state, HOVER_RULES, o, context)
+    if stop is not None:
+        return stop
+    timing, mission = context.timing, context.mission
+    state, steady = _held(state, _settled_at(o, mission.start), timing.hover_hold, context)
+    if steady:
+        arming = enter(state, Phase.ARMING_APPROACH, context, "the drone to accept the approach")
+        return Step(arming, (ArmApproach(),))
+    room = context.limits.room
+    longest = (room.x_max - room.x_min) / mission.transit_speed + timing.move_margin
+    if elapsed(state, context) > longest:
+        return abort(state, f"the start of the approach was not reached within {longest:.1f} s", context)
+    return Step(state)
+
+
+def _arming_approach(state: FlightState, o: Observation, context: Context) -> Step:
+    stop = guard(state, HOVER_RULES, o, context) or _policy_guard(state, o, context)
+    if stop is not None:
+        return stop
+    fresh = o.landing_age is not None and o.landing_age <= context.limits.telemetry_age
+    if fresh and o.landing_state is LandingState.TRAJECTORY_ARMED:
+        approaching = enter(state, Phase.APPROACHING, context, "the trigger")
+        return Step(approaching, (StartApproach(),))
+    if elapsed(state, context) > context.timing.approach_arm_deadline:
+        reported = "unknown" if o.landing_state is None else o.landing_state.name
+        return abort(state, f"the drone did not arm the approach: its landing state is {reported}", context)
+    return Step(state)
+
+
+# --- the approach and after -------------------------------------------------------------------------------
+
+
+def _approaching(state: FlightState, o: Observation, context: Context) -> Step:
+    match o.landing_state:
+        case LandingState.FLIP:
+            return Step(replace(enter(state, Phase.FLIPPING, context, "the end of the flip"), triggered=True))
+        case LandingState.CUT:
+            return Step(replace(enter(state, Phase.SETTLING, context, "the body to rest"), triggered=True))
+        case LandingState.BRAKE | LandingState.HOLD:
+            return Step(replace(enter(state, Phase.BRAKING, context, "the drone to brake"), missed=True))
+        case LandingState.FAULT:
+            return abort(state, "the drone reports a fault in its landing state machine", context)
+    stop = guard(state, APPROACH_RULES, o, context)
+    if stop is not None:
+        return stop
+    if elapsed(state, context) > context.mission.approach_duration + context.timing.approach_margin:
+        return abort(state, "the approach ended neither in a trigger nor in a brake", context)
+    return Step(state)
+
+
+def _flipping(state: FlightState, o: Observation, context: Context) -> Step:
+    if o.landing_state is LandingState.CUT:
+        return Step(enter(state, Phase.SETTLING, context, "the body to rest"))
+    if elapsed(state, context) > context.timing.flip_deadline:
+        settling = enter(state, Phase.SETTLING, context, "the body to rest")
+        return Step(settling, (EmergencyStop(),))
+    return Step(state)
+
+
+def _settling(state: FlightState, o: Observation, context: Context) -> Step:
+    if elapsed(state, context) >= context.timing.settle:
+        return disarm(state, context)
+    return Step(state)
+
+
+def _braking(state: FlightState, o: Observation, context: Context) -> Step:
+    if o.landing_state is LandingState.CUT or (o.drone is not None and not o.drone.can_fly):
+        return Step(enter(state, Phase.SETTLING, context, "the body to rest"))
+    if (
+        o.landing_state in (LandingState.HOLD, LandingState.IDLE)
+        or elapsed(state, context) > context.timing.brake_deadline
+    ):
+        return land(state, context)
+    return Step(state)
+
+
+def _landing(state: FlightState, o: Observation, context: Context) -> Step:
+    since = elapsed(state, context)
+    down = o.estimate_position is not None and o.estimate_position[2] < context.limits.height_on_ground
+    stopped = o.drone is not None and not o.drone.can_fly
+    if stopped or (down and since >= context.timing.land):
+        return disarm(state, context)
+    if since > context.timing.land + context.timing.land_margin:
+        return abort(state, "the drone did not reach the floor", context)
+    return Step(state)
+
+
+def _disarming(state: FlightState, o: Observation, context: Context) -> Step:
+    if o.drone is not None and o.drone_age is not None and o.drone_age <= context.limits.telemetry_age:
+        still = o.drone.is_armed and o.drone.can_fly
+        if not still:
+            return Step(enter(state, Phase.DONE, context))
+    if elapsed(state, context) > context.timing.disarm_deadline:
+        return Step(enter(state, Phase.DONE, context), (EmergencyStop(),))
+    return Step(state)
+
+
+PHASES: dict[Phase, Callable[[FlightState, Observation, Context], Step]] = {
+    Phase.CHECKING: _checking,
+    Phase.UPLOADING: _uploading,
+    Phase.ARMING: _arming,
+    Phase.TAKING_OFF: _taking_off,
+    Phase.MOVING_TO_START: _moving_to_start,
+    Phase.ARMING_APPROACH: _arming_approach,
+    Phase.APPROACHING: _approaching,
+    Phase.FLIPPING: _flipping,
+    Phase.SETTLING: _settling,
+    Phase.BRAKING: _braking,
+    Phase.LANDING: _landing,
+    Phase.DISARMING: _disarming,
+}

@@ -1,0 +1,113 @@
+"""The supervisor's types: where an attempt stands, what is to be flown, and by when."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import NamedTuple
+
+from perchhw.supervisor.events import Command
+from perchhw.supervisor.observation import Vector
+from perchhw.supervisor.rules import SafetyLimits
+
+
+class Phase(StrEnum):
+    """Where the attempt stands."""
+
+    CHECKING = "checking"
+    UPLOADING = "uploading"
+    ARMING = "arming"
+    TAKING_OFF = "taking off"
+    MOVING_TO_START = "moving to start"
+    ARMING_APPROACH = "arming approach"
+    APPROACHING = "approaching"
+    FLIPPING = "flipping"
+    SETTLING = "settling"
+    BRAKING = "braking"
+    LANDING = "landing"
+    DISARMING = "disarming"
+    DONE = "done"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mission:
+    """What is to be flown.
+
+    Attributes:
+        policy_crc: CRC32 of the bundle that must be live on the drone.
+        start: where the approach begins, m, world frame.
+        hover_height: height of the first hover, m.
+        approach_duration: from the start of the approach to the ceiling if nothing were done, s.
+        dry_run: stop after the verified upload; the motors never arm.
+        transit_speed: mean speed of moves between hovers, m/s.
+    """
+
+    policy_crc: int
+    start: Vector
+    hover_height: float
+    approach_duration: float
+    dry_run: bool = False
+    transit_speed: float = 0.8
+
+
+@dataclass(frozen=True, kw_only=True)
+class Timing:
+    """Deadlines and dwell times of the phases, s."""
+
+    checks_hold: float = 0.5
+    checks_deadline: float = 8.0
+    upload_deadline: float = 20.0
+    arm_deadline: float = 3.0
+    take_off: float = 2.0
+    move_margin: float = 4.0
+    hover_hold: float = 0.6
+    approach_arm_deadline: float = 2.0
+    approach_margin: float = 1.0
+    flip_deadline: float = 1.0
+    settle: float = 1.5
+    brake_deadline: float = 3.0
+    land: float = 2.0
+    land_margin: float = 3.0
+    disarm_deadline: float = 2.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightState:
+    """The supervisor's memory.
+
+    Attributes:
+        phase: where the attempt stands.
+        entered_at: when it came there, s of the injected clock.
+        good_since: since when the phase's condition holds without a break, s, or ``None``.
+        uploaded: the upload was verified.
+        armed: the motors were armed in this attempt.
+        triggered: the drone's own trigger fired.
+        missed: the approach ended without a trigger.
+        aborted_by: the rule, command or person that ended the attempt early, or ``None``.
+        waiting_for: what the current phase waits for, in words.
+    """
+
+    phase: Phase
+    entered_at: float
+    good_since: float | None = None
+    uploaded: bool = False
+    armed: bool = False
+    triggered: bool = False
+    missed: bool = False
+    aborted_by: str | None = None
+    waiting_for: str = ""
+
+
+class Step(NamedTuple):
+    """Result of one step: the next state and the commands to carry out, in order."""
+
+    state: FlightState
+    commands: tuple[Command, ...] = ()
+
+
+@dataclass(frozen=True)
+class Context:
+    """What every phase function gets besides the state."""
+
+    now: float
+    mission: Mission
+    limits: SafetyLimits
+    timing: Timing

@@ -1,0 +1,154 @@
+"""A tiny world for the supervisor: observations that follow its commands, with faults put in where wanted."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+from mocap_bridge.health import Verdict
+from onboard.app_interface import LandingState
+from onboard.supervisor_info import SupervisorBits, SupervisorInfo
+from perchhw.supervisor import (
+    CommandDone,
+    Event,
+    FlightState,
+    Mission,
+    Observation,
+    Phase,
+    Tick,
+    initial_state,
+    step,
+)
+from perchhw.supervisor.events import (
+    Arm,
+    ArmApproach,
+    Brake,
+    Command,
+    Disarm,
+    EmergencyStop,
+    GoTo,
+    Land,
+    StartApproach,
+    TakeOff,
+    UploadPolicy,
+)
+from perchhw.supervisor.observation import Attitude
+
+CRC = 0x1234ABCD
+MISSION = Mission(policy_crc=CRC, start=(-3.0, 0.0, 0.6), hover_height=0.6, approach_duration=2.0)
+PERIOD = 0.02
+READY = SupervisorBits.CAN_ARM
+FLYING = SupervisorBits.ARMED | SupervisorBits.CAN_FLY | SupervisorBits.FLYING
+
+Fault = Callable[[Observation, float, FlightState], Observation]
+
+
+def good_on_ground() -> Observation:
+    """All is known and well, on the start mark."""
+    attitude = Attitude(tilt=0.0, yaw=0.0)
+    return Observation(
+        link_silence=0.01,
+        pose_verdict=Verdict.OK,
+        pose_age=0.01,
+        pose_position=(-3.0, 0.0, 0.07),
+        pose_attitude=attitude,
+        estimate_age=0.01,
+        estimate_position=(-3.0, 0.0, 0.07),
+        estimate_velocity=(0.0, 0.0, 0.0),
+        estimate_attitude=attitude,
+        drone=SupervisorInfo(READY),
+        drone_age=0.01,
+        battery_voltage=4.1,
+        battery_age=0.05,
+        landing_state=LandingState.IDLE,
+        landing_age=0.01,
+        active_policy_crc=0,
+        trigger_count=0,
+    )
+
+
+@dataclass
+class SimulatedAttempt:
+    """Runs the supervisor against a drone that does at once what it is told.
+
+    Attributes:
+        mission: what is flown.
+        fault: changes each observation before the supervisor sees it.
+        triggers: whether the trigger fires half-way through the approach (otherwise the drone brakes).
+        commands: all commands so far.
+        phases: all phases so far.
+    """
+
+    mission: Mission = MISSION
+    fault: Fault = lambda observation, now, state: observation
+    triggers: bool = True
+    events_at: dict[Phase, Event] = field(default_factory=dict)
+    commands: list[Command] = field(default_factory=list)
+    phases: list[Phase] = field(default_factory=list)
+    now: float = 0.0
+    world: Observation = field(default_factory=good_on_ground)
+    approach_started: float | None = None
+
+    def run(self, longest: float = 60.0) -> FlightState:
+        """Until the supervisor is done; fails when it does not end within `longest` s."""
+        state = initial_state(self.now)
+        pending: list[Event] = []
+        while state.phase is not Phase.DONE:
+            if not self.phases or self.phases[-1] is not state.phase:
+                self.phases.append(state.phase)
+                if state.phase in self.events_at:
+                    pending.append(self.events_at.pop(state.phase))
+            event = pending.pop(0) if pending else self._tick(state)
+            state, orders = step(state, event, self.now, self.mission)
+            for command in orders:
+                self.commands.append(command)
+                self._obey(command)
+                value = CRC if isinstance(command, UploadPolicy) else None
+                pending.append(CommandDone(command, value))
+            assert self.now < longest, f"stuck in {state.phase}, waiting for {state.waiting_for}"
+        self.phases.append(state.phase)
+        return state
+
+    def _tick(self, state: FlightState) -> Tick:
+        self.now += PERIOD
+        if self.approach_started is not None:
+            self._fly_approach()
+        return Tick(self.fault(self.world, self.now, state))
+
+    def _fly_approach(self) -> None:
+        since = self.now - (self.approach_started or 0.0)
+        if self.world.landing_state is LandingState.APPROACH and since > 1.0:
+            self._landing(LandingState.FLIP if self.triggers else LandingState.BRAKE)
+        elif self.world.landing_state is LandingState.FLIP and since > 1.2:
+            self._landing(LandingState.CUT)
+        elif self.world.landing_state is LandingState.BRAKE and since > 1.5:
+            self._landing(LandingState.HOLD)
+
+    def _landing(self, state: LandingState) -> None:
+        self.world = replace(self.world, landing_state=state)
+
+    def _move(self, position: tuple[float, float, float]) -> None:
+        self.world = replace(self.world, pose_position=position, estimate_position=position)
+
+    def _obey(self, command: Command) -> None:
+        x, y, _ = self.world.pose_position or (0.0, 0.0, 0.0)
+        match command:
+            case UploadPolicy():
+                self.world = replace(self.world, active_policy_crc=CRC)
+            case Arm():
+                self.world = replace(self.world, drone=SupervisorInfo(FLYING))
+            case TakeOff(height, _):
+                self._move((x, y, height))
+            case GoTo(position, _):
+                self._move(position)
+            case ArmApproach():
+                self._landing(LandingState.TRAJECTORY_ARMED)
+            case StartApproach():
+                self._landing(LandingState.APPROACH)
+                self.approach_started = self.now
+            case Brake():
+                self._landing(LandingState.HOLD)
+            case Land(_):
+                self._move((x, y, 0.07))
+            case Disarm():
+                self.world = replace(self.world, drone=SupervisorInfo(READY))
+            case EmergencyStop():
+                self.world = replace(self.world, drone=SupervisorInfo(SupervisorBits.LOCKED))

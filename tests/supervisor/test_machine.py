@@ -1,0 +1,269 @@
+"""The supervisor's state machine: the whole flight, and every way out of it."""
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mocap_bridge.health import Verdict
+from onboard.app_interface import LandingState
+from onboard.supervisor_info import SupervisorBits, SupervisorInfo
+from perchhw.supervisor import (
+    CommandDone,
+    CommandFailed,
+    FlightState,
+    LinkDown,
+    Observation,
+    OperatorAbort,
+    Phase,
+    Tick,
+    initial_state,
+    step,
+)
+from perchhw.supervisor.events import (
+    Arm,
+    ArmApproach,
+    Brake,
+    Disarm,
+    EmergencyStop,
+    GoTo,
+    Land,
+    StartApproach,
+    TakeOff,
+    UploadPolicy,
+)
+
+from .simulated_attempt import CRC, FLYING, MISSION, SimulatedAttempt, good_on_ground
+
+MOTION = (Arm, TakeOff, GoTo, ArmApproach, StartApproach)
+
+
+def kinds(attempt: SimulatedAttempt) -> list[type]:
+    return [type(command) for command in attempt.commands]
+
+
+def test_a_good_attempt_goes_through_every_phase_in_order() -> None:
+    attempt = SimulatedAttempt()
+    state = attempt.run()
+    assert kinds(attempt) == [UploadPolicy, Arm, TakeOff, GoTo, ArmApproach, StartApproach, Disarm]
+    assert attempt.phases == [
+        Phase.CHECKING,
+        Phase.UPLOADING,
+        Phase.ARMING,
+        Phase.TAKING_OFF,
+        Phase.MOVING_TO_START,
+        Phase.ARMING_APPROACH,
+        Phase.APPROACHING,
+        Phase.FLIPPING,
+        Phase.SETTLING,
+        Phase.DISARMING,
+        Phase.DONE,
+    ]
+    assert state.triggered
+    assert not state.missed
+    assert state.aborted_by is None
+
+
+def test_a_dry_run_uploads_and_never_arms() -> None:
+    attempt = SimulatedAttempt(mission=replace(MISSION, dry_run=True))
+    state = attempt.run()
+    assert kinds(attempt) == [UploadPolicy]
+    assert state.uploaded
+    assert not state.armed
+
+
+def test_a_missed_trigger_lands_on_the_floor() -> None:
+    attempt = SimulatedAttempt(triggers=False)
+    state = attempt.run()
+    assert kinds(attempt)[-2:] == [Land, Disarm]
+    assert state.missed
+    assert not state.triggered
+    assert state.aborted_by is None
+
+
+def test_a_wrong_policy_on_the_drone_never_arms() -> None:
+    state = FlightState(phase=Phase.UPLOADING, entered_at=0.0)
+    for crc in (None, 0, CRC ^ 1):
+        done, commands = step(state, CommandDone(UploadPolicy(), crc), 1.0, MISSION)
+        assert done.phase is Phase.DONE
+        assert commands == ()
+        assert "policy_crc" in (done.aborted_by or "")
+
+
+def test_a_policy_that_changes_after_the_upload_is_noticed_before_take_off() -> None:
+    def other_policy(o: Observation, now: float, state: FlightState) -> Observation:
+        return replace(o, active_policy_crc=7) if state.phase is Phase.ARMING else o
+
+    attempt = SimulatedAttempt(fault=other_policy)
+    state = attempt.run()
+    assert TakeOff not in kinds(attempt)
+    assert kinds(attempt)[-1] is Disarm
+    assert "policy_crc" in (state.aborted_by or "")
+
+
+AIRBORNE = [Phase.TAKING_OFF, Phase.MOVING_TO_START, Phase.ARMING_APPROACH]
+
+
+@pytest.mark.parametrize("phase", AIRBORNE)
+@pytest.mark.parametrize(
+    "fault",
+    [
+        {"pose_verdict": Verdict.FROZEN},
+        {"pose_age": 0.2},
+        {"link_silence": 0.7},
+        {"estimate_age": 0.5},
+        {"battery_voltage": 2.5},
+        {"drone": None},
+        {"estimate_position": (0.0, 0.0, 1.0)},
+    ],
+    ids=lambda fault: next(iter(fault)),
+)
+def test_a_fault_in_a_hover_lands(phase: Phase, fault: dict[str, object]) -> None:
+    def broken(o: Observation, now: float, state: FlightState) -> Observation:
+        return replace(o, **fault) if state.phase is phase else o  # type: ignore[arg-type]
+
+    attempt = SimulatedAttempt(fault=broken)
+    state = attempt.run()
+    assert kinds(attempt)[-2:] == [Land, Disarm]
+    assert state.aborted_by is not None
+    assert StartApproach not in kinds(attempt)
+
+
+def test_a_fault_on_the_approach_brakes_on_the_drone_and_lands() -> None:
+    def lost(o: Observation, now: float, state: FlightState) -> Observation:
+        return replace(o, pose_verdict=Verdict.LOST) if state.phase is Phase.APPROACHING else o
+
+    attempt = SimulatedAttempt(fault=lost)
+    state = attempt.run()
+    assert kinds(attempt)[-3:] == [Brake, Land, Disarm]
+    assert "LOST" in (state.aborted_by or "")
+
+
+def test_a_pose_lost_during_the_flip_does_not_abort_the_landing() -> None:
+    def lost(o: Observation, now: float, state: FlightState) -> Observation:
+        flipping = state.phase in (Phase.FLIPPING, Phase.SETTLING)
+        return replace(o, pose_verdict=Verdict.LOST, pose_age=1.0) if flipping else o
+
+    attempt = SimulatedAttempt(fault=lost)
+    assert attempt.run().aborted_by is None
+    assert kinds(attempt)[-1] is Disarm
+
+
+def test_a_flip_that_never_ends_is_cut() -> None:
+    def endless(o: Observation, now: float, state: FlightState) -> Observation:
+        return replace(o, landing_state=LandingState.FLIP) if state.phase is Phase.FLIPPING else o
+
+    attempt = SimulatedAttempt(fault=endless)
+    attempt.run()
+    assert EmergencyStop in kinds(attempt)
+
+
+@pytest.mark.parametrize("phase", [p for p in Phase if p is not Phase.DONE])
+def test_the_operator_ends_any_phase(phase: Phase) -> None:
+    attempt = SimulatedAttempt(events_at={phase: OperatorAbort()}, triggers=phase is not Phase.BRAKING)
+    if phase is Phase.LANDING:
+        attempt.triggers = False
+    state = attempt.run()
+    assert phase in attempt.phases
+    if Arm in kinds(attempt):
+        assert kinds(attempt)[-1] in (Disarm, EmergencyStop)
+    landed_first = (Phase.FLIPPING, Phase.SETTLING)
+    assert (state.aborted_by == "operator") == (phase not in landed_first)
+
+
+@pytest.mark.parametrize("phase", [Phase.TAKING_OFF, Phase.APPROACHING, Phase.FLIPPING, Phase.LANDING])
+def test_the_operator_cuts_the_motors_when_asked_twice(phase: Phase) -> None:
+    state = FlightState(phase=phase, entered_at=0.0, armed=True)
+    done, commands = step(state, OperatorAbort(urgent=True), 0.1, MISSION)
+    assert commands == (EmergencyStop(),)
+    assert done.phase is Phase.DONE
+
+
+@pytest.mark.parametrize("phase", [p for p in Phase if p not in (Phase.DONE, Phase.SETTLING, Phase.FLIPPING)])
+def test_a_lost_link_ends_the_attempt_at_once(phase: Phase) -> None:
+    done, commands = step(
+        FlightState(phase=phase, entered_at=0.0, armed=True), LinkDown("link_lost: silent"), 0.1, MISSION
+    )
+    assert done.phase is Phase.DONE
+    assert done.aborted_by == "link_lost: silent"
+    assert commands == ()
+
+
+@pytest.mark.parametrize(
+    ("phase", "command", "answer"),
+    [
+        (Phase.UPLOADING, UploadPolicy(), []),
+        (Phase.ARMING, Arm(), [Disarm]),
+        (Phase.TAKING_OFF, TakeOff(0.6, 2.0), [Land]),
+        (Phase.ARMING_APPROACH, ArmApproach(), [Land]),
+        (Phase.APPROACHING, StartApproach(), [Brake]),
+        (Phase.BRAKING, Brake(), [EmergencyStop]),
+        (Phase.LANDING, Land(2.0), [EmergencyStop]),
+        (Phase.DISARMING, Disarm(), [EmergencyStop]),
+    ],
+    ids=lambda value: str(value) if isinstance(value, Phase) else "",
+)
+def test_a_failed_command_is_an_abort(phase: Phase, command: object, answer: list[type]) -> None:
+    state = FlightState(phase=phase, entered_at=0.0, armed=True)
+    after, commands = step(state, CommandFailed(command, "no answer"), 0.1, MISSION)  # type: ignore[arg-type]
+    assert [type(c) for c in commands] == answer
+    assert "no answer" in (after.aborted_by or "")
+
+
+def test_checks_that_never_pass_end_with_the_rule_that_failed() -> None:
+    def flat(o: Observation, now: float, state: FlightState) -> Observation:
+        return replace(o, battery_voltage=3.5)
+
+    attempt = SimulatedAttempt(fault=flat)
+    state = attempt.run()
+    assert attempt.commands == []
+    assert (state.aborted_by or "").startswith("battery_at_rest: 3.5 V")
+
+
+def test_checks_must_hold_without_a_break() -> None:
+    def flicker(o: Observation, now: float, state: FlightState) -> Observation:
+        return replace(o, pose_verdict=Verdict.FROZEN) if int(now / 0.3) % 2 else o
+
+    attempt = SimulatedAttempt(fault=flicker)
+    assert attempt.run().aborted_by is not None
+    assert attempt.commands == []
+
+
+OBSERVATIONS = st.builds(
+    lambda changes: replace(good_on_ground(), **changes),
+    st.fixed_dictionaries(
+        {},
+        optional={
+            "pose_verdict": st.sampled_from([None, *Verdict]),
+            "pose_age": st.sampled_from([None, 0.0, 0.2, float("nan")]),
+            "landing_state": st.sampled_from([None, *LandingState]),
+            "drone": st.sampled_from(
+                [None, SupervisorInfo(FLYING), SupervisorInfo(SupervisorBits.LOCKED), SupervisorInfo(0)]
+            ),
+            "battery_voltage": st.sampled_from([None, 2.0, 4.1]),
+            "active_policy_crc": st.sampled_from([None, 0, CRC]),
+        },
+    ),
+)
+EVENTS = st.one_of(
+    OBSERVATIONS.map(Tick),
+    st.sampled_from(
+        [CommandDone(UploadPolicy(), CRC), CommandDone(Arm()), OperatorAbort(), OperatorAbort(urgent=True)]
+    ),
+)
+
+
+@given(st.lists(st.tuples(EVENTS, st.floats(0.0, 1.0)), max_size=60))
+def test_whatever_happens_motion_is_commanded_only_in_order(sequence: list[tuple[object, float]]) -> None:
+    """Each motion command follows the one before it in the plan, and none follows an abort."""
+    state, now, given_commands = initial_state(0.0), 0.0, []
+    for event, wait in sequence:
+        now += wait
+        aborted = state.aborted_by is not None
+        state, commands = step(state, event, now, MISSION)  # type: ignore[arg-type]
+        for command in commands:
+            if isinstance(command, MOTION):
+                assert not aborted
+                given_commands.append(type(command))
+    assert given_commands == list(MOTION[: len(given_commands)])
