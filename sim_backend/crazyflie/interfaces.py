@@ -43,11 +43,11 @@ class Memory(Protocol):
         """Size in bytes as the client is told."""
         ...
 
-    def read(self, address: int, length: int) -> bytes | None:
+    def read(self, address: int, length: int, /) -> bytes | None:
         """``length`` bytes from ``address``, or ``None`` (the client gets status EIO)."""
         ...
 
-    def write(self, address: int, data: bytes) -> bool:
+    def write(self, address: int, data: bytes, /) -> bool:
         """Write ``data``; False: refused, nothing written (the client gets status EIO)."""
         ...
 

@@ -1,0 +1,35 @@
+"""Faults of the link between client and drone, at the level of datagrams."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass(slots=True)
+class DatagramFaults:
+    """Loses, doubles and delays datagrams; independent in both directions. May be changed while it works.
+
+    Attributes:
+        rng: source of all randomness.
+        loss: probability that a datagram is lost, 0..1.
+        duplicate: probability that a datagram that is not lost arrives twice, 0..1.
+        delay_s: shortest and longest delay [s], uniform; each copy has its own, so copies may be reordered.
+        lost: datagrams lost so far.
+        duplicated: datagrams doubled so far.
+    """
+
+    rng: np.random.Generator
+    loss: float = 0.0
+    duplicate: float = 0.0
+    delay_s: tuple[float, float] = (0.0, 0.0)
+    lost: int = field(default=0, init=False)
+    duplicated: int = field(default=0, init=False)
+
+    def copies(self) -> list[float]:
+        """Delays [s] of the copies of one datagram that arrive; empty when it is lost."""
+        if self.rng.random() < self.loss:
+            self.lost += 1
+            return []
+        count = 2 if self.rng.random() < self.duplicate else 1
+        self.duplicated += count - 1
+        return [float(self.rng.uniform(*self.delay_s)) for _ in range(count)]

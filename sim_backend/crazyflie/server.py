@@ -1,0 +1,277 @@
+"""One simulated Crazyflie on one UDP socket, for any CRTP client (``udp://host:port``).
+
+A datagram is a packet. Replies go to where the request came from; what the drone sends by itself (log
+data, console, changed parameters) goes to the peer, that is the last source of a packet for the firmware.
+Packets for the radio chip, such as the polls of a scan and power commands, are answered without making
+their source the peer.
+
+Source of the behaviour: bitcraze/crazyflie-firmware 2a18fc29 (``crtp.c``, ``radiolink.c``) and our
+measurements of cflib 0.1.34.
+"""
+
+import asyncio
+import heapq
+import itertools
+import socket
+from collections import deque
+from collections.abc import Callable
+from functools import partial
+from typing import Protocol
+
+from sim_backend.crazyflie.crtp import PAYLOAD_MAX, Packet, Port
+from sim_backend.crazyflie.faults import DatagramFaults
+from sim_backend.crazyflie.interfaces import FirmwareAssertion, FirmwarePort
+from sim_backend.crazyflie.ports.console import console_packets
+from sim_backend.crazyflie.ports.high_level import HighLevelPort
+from sim_backend.crazyflie.ports.link import LinkPort
+from sim_backend.crazyflie.ports.localization import LocalizationPort
+from sim_backend.crazyflie.ports.log import LogPort
+from sim_backend.crazyflie.ports.memory import MemoryPort
+from sim_backend.crazyflie.ports.param import ParamPort
+from sim_backend.crazyflie.ports.platform import PlatformPort
+from sim_backend.crazyflie.ports.radio import Power, Radio
+from sim_backend.crazyflie.ports.setpoint import GenericSetpointPort, RpytPort
+from sim_backend.crazyflie.ports.supervisor import SupervisorCrtpPort
+from sim_backend.errors import SimulationError
+
+#: A full table of contents is asked for and answered within milliseconds, and udp:// clients never resend: a
+#: datagram that the kernel drops hangs them.
+BUFFER_BYTES = 4 << 20
+#: Datagrams handled in one go before other tasks of the loop get their turn.
+BURST = 1024
+DATAGRAM_MAX = 2048
+#: Silence after which the firmware stops all logging (CONFIG_RADIO_ACTIVITY_TIMEOUT_MS).
+ACTIVITY_TIMEOUT_MS = 1000
+#: Length of the firmware's queue towards the radio.
+CONSOLE_QUEUE = 200
+
+Address = tuple[str, int]
+
+
+class ServerError(SimulationError):
+    """The simulated drone cannot be served."""
+
+
+class PortHandler(Protocol):
+    """One CRTP port."""
+
+    def handle(self, packet: Packet) -> None:
+        """One packet of the client."""
+        ...
+
+
+class CrazyflieServer:
+    """Serves a firmware. Use from one event loop: ``await start()``, ``poll(now)`` after each step,
+    ``close()``.
+
+    Attributes:
+        radio: the radio chip with the drone's power switch.
+        dropped: datagrams that the kernel did not take.
+        assertions: assertions of the firmware that packets have tripped, oldest first.
+    """
+
+    def __init__(
+        self,
+        firmware: FirmwarePort,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        *,
+        radio_id: int = 0xE7,
+        faults: DatagramFaults | None = None,
+    ) -> None:
+        """Port 0 takes a free one; ``radio_id`` is the last byte of the drone's radio address."""
+        self.radio = Radio(firmware)
+        self.dropped = 0
+        self.assertions: list[str] = []
+        self._firmware = firmware
+        self._requested: Address = (host, port)
+        self._radio_id = radio_id
+        self._faults = faults
+        self._socket: socket.socket | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._peer: Address | None = None
+        self._last_packet_ms = 0
+        self._console: deque[Packet] = deque(maxlen=CONSOLE_QUEUE)
+        self._now = 0.0
+        self._delayed: list[tuple[float, int, Callable[[], None]]] = []
+        self._sequence = itertools.count()
+        self._connect_ports()
+
+    async def start(self) -> None:
+        """Bind the socket and answer from now on.
+
+        Raises:
+            ServerError: the address cannot be bound.
+        """
+        host, port = self._requested
+        self._loop = asyncio.get_running_loop()
+        sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        sock.setblocking(False)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER_BYTES)
+        try:
+            sock.bind(self._requested)
+        except OSError as error:
+            sock.close()
+            raise ServerError(
+                f"no simulated drone on udp://{host}:{port}: {error}; use another port"
+            ) from error
+        self._socket = sock
+        self._loop.add_reader(sock, self._drain)
+
+    def close(self) -> None:
+        """Stop answering; may be called twice."""
+        if self._socket is not None and self._loop is not None:
+            self._loop.remove_reader(self._socket)
+            self._socket.close()
+        self._socket = None
+
+    @property
+    def address(self) -> Address:
+        """Host and port in use.
+
+        Raises:
+            ServerError: not started.
+        """
+        if self._socket is None:
+            raise ServerError("the simulated drone is not served; await start() first")
+        host, port = self._socket.getsockname()
+        return host, port
+
+    @property
+    def uri(self) -> str:
+        """``udp://host:port``."""
+        host, port = self.address
+        return f"udp://{host}:{port}"
+
+    def poll(self, now: float) -> None:
+        """Send what became due: log data, console, changed parameters, delayed datagrams.
+
+        Call after every step of the world, at least every 10 ms of drone time: log blocks are sampled here.
+        ``now`` [s] is any clock that does not go back; the delays of injected faults count in it.
+        """
+        self._now = now
+        while self._delayed and self._delayed[0][0] <= now:
+            heapq.heappop(self._delayed)[2]()
+        if self.radio.power is not Power.ON:
+            return
+        self._notice_reboot()
+        for text in self._firmware.take_console():
+            self._console.extend(console_packets(text))
+        if self._log.is_due and not self.connected:
+            self._log.reset()
+            self._console.clear()
+        self._log.poll()
+        if not self.connected:
+            self._firmware.params.take_updates()
+            return
+        self._param.push_updates()
+        while self._console:
+            self._send(self._console.popleft())
+
+    @property
+    def connected(self) -> bool:
+        """A client is there and the radio was not silent for a second of drone time."""
+        silence = self._firmware.tick_ms() - self._last_packet_ms
+        return self._peer is not None and silence < ACTIVITY_TIMEOUT_MS
+
+    def _connect_ports(self) -> None:
+        """Ports in the state after boot."""
+        firmware = self._firmware
+        self._boot_count = firmware.boot_count
+        self._param = ParamPort(firmware.params, self._send)
+        self._log = LogPort(firmware.logs, firmware.tick_ms, self._send)
+        self._ports: dict[int, PortHandler] = {
+            Port.PARAM: self._param,
+            Port.SETPOINT: RpytPort(firmware.commander),
+            Port.MEMORY: MemoryPort(firmware.memories, self._send),
+            Port.LOG: self._log,
+            Port.LOCALIZATION: LocalizationPort(firmware.localization, self._radio_id, self._send),
+            Port.SETPOINT_GENERIC: GenericSetpointPort(firmware.commander),
+            Port.SETPOINT_HIGH_LEVEL: HighLevelPort(firmware.commander, self._send),
+            Port.SUPERVISOR: SupervisorCrtpPort(firmware.supervisor, self._send),
+            Port.PLATFORM: PlatformPort(firmware.supervisor, self._send),
+            Port.LINK: LinkPort(self._send),
+        }
+
+    def _notice_reboot(self) -> None:
+        if self._firmware.boot_count != self._boot_count:
+            self._peer = None
+            self._last_packet_ms = 0
+            self._console.clear()
+            self._connect_ports()
+
+    def _drain(self) -> None:
+        """Take all datagrams that have arrived."""
+        for _ in range(BURST):
+            if self._socket is None:
+                return
+            try:
+                datagram, source = self._socket.recvfrom(DATAGRAM_MAX)
+            except BlockingIOError:
+                return
+            self._pass(partial(self._receive, datagram, source))
+
+    def _pass(self, deliver: Callable[[], None]) -> None:
+        """Deliver one datagram through the faults of the link."""
+        if self._faults is None:
+            deliver()
+            return
+        for delay in self._faults.copies():
+            if delay <= 0.0:
+                deliver()
+            else:
+                heapq.heappush(self._delayed, (self._now + delay, next(self._sequence), deliver))
+
+    def _receive(self, datagram: bytes, source: Address) -> None:
+        packet = Packet.decode(datagram)
+        if packet is None:
+            return
+        if packet.for_radio:
+            answer = self.radio.handle(packet)
+            if answer is not None:
+                self._transmit(answer, source)
+            if packet.is_null:
+                self._touch()
+            return
+        if self.radio.power is not Power.ON:
+            return
+        self._notice_reboot()
+        self._peer = source
+        self._touch()
+        port = self._ports.get(packet.port)
+        if port is None:
+            return
+        try:
+            port.handle(packet)
+        except FirmwareAssertion as assertion:
+            self.assertions.append(str(assertion))
+            self._firmware.assert_failed(str(assertion))
+            self._notice_reboot()
+
+    def _touch(self) -> None:
+        if self.radio.power is Power.ON:
+            self._last_packet_ms = self._firmware.tick_ms()
+            self._firmware.on_packet()
+
+    def _send(self, packet: Packet) -> None:
+        """Send to the peer.
+
+        Raises:
+            FirmwareAssertion: the payload is longer than a packet.
+        """
+        if len(packet.payload) > PAYLOAD_MAX:
+            raise FirmwareAssertion(f"crtp.c: packet of {len(packet.payload)} bytes on port {packet.port}")
+        if self._peer is not None:
+            self._transmit(packet.encode(), self._peer)
+
+    def _transmit(self, datagram: bytes, address: Address) -> None:
+        self._pass(partial(self._put, datagram, address))
+
+    def _put(self, datagram: bytes, address: Address) -> None:
+        if self._socket is None:
+            return
+        try:
+            self._socket.sendto(datagram, address)
+        except OSError:  # full buffer, or the client is gone: a radio packet would be lost as well
+            self.dropped += 1
