@@ -1,0 +1,161 @@
+"""Commands that fly, arm and stop: CRTP ports 6 (external pose), 8 (high-level commander) and 9 (supervisor).
+
+Port 6 channel 1: ``08``, then x y z [m] and qx qy qz qw as float32; no answer.
+Port 8 channel 0: command, group mask, arguments -> the first three bytes and an errno (cflib listens to none
+of it). Port 9 channel 0: ``0C`` -> ``8C``, bits u16. Channel 1: ``01 on`` -> ``81 success armed``; ``02`` ->
+``82 success recovered``; ``03`` emergency stop and ``04`` kick of its watchdog have no answer. Little endian.
+"""
+
+import errno
+import math
+import struct
+from collections.abc import Sequence
+
+from cflib.crtp.crtpstack import CRTPPort
+
+from onboard.clock import Clock
+from onboard.link.errors import CommandRefused, LinkInputError, LinkTimeout
+from onboard.link.exchange import Exchange
+from onboard.supervisor_info import SupervisorBits, SupervisorInfo
+
+_POSE_CHANNEL, _POSE_COMMAND = 1, 0x08
+_STOP, _TAKEOFF, _LAND, _GO_TO = 3, 7, 8, 12
+_ALL_GROUPS = 0
+_INFO_CHANNEL, _COMMAND_CHANNEL = 0, 1
+_GET_INFO, _ARM, _RECOVER, _EMERGENCY_STOP, _WATCHDOG = 0x0C, 0x01, 0x02, 0x03, 0x04
+_ANSWER = 0x80
+_COMMANDER_RETRY_S = 0.1
+_EMERGENCY_COPIES = 3
+_EMERGENCY_INTERVAL_S = 0.05
+_POSE = struct.Struct("<B7f")
+
+
+class Commands:
+    """Sends commands and says no when the drone does."""
+
+    def __init__(self, exchange: Exchange, reply_timeout_s: float, clock: Clock) -> None:
+        self._exchange = exchange
+        self._within = reply_timeout_s
+        self._clock = clock
+
+    def send_pose(self, position: Sequence[float], quaternion: Sequence[float]) -> None:
+        """Send an external pose; never blocks.
+
+        The drone feeds it to its estimator unchecked, so nothing but finite numbers leaves here.
+
+        Raises:
+            LinkInputError: a number is not finite, or there are not three and four of them.
+            LinkLost: the link is gone.
+        """
+        numbers = (*position, *quaternion)
+        if len(position) != 3 or len(quaternion) != 4 or not all(map(math.isfinite, numbers)):
+            raise LinkInputError(f"a pose is three and four finite numbers, not {position} and {quaternion}")
+        payload = _POSE.pack(_POSE_COMMAND, *numbers)
+        self._exchange.send(CRTPPort.LOCALIZATION, _POSE_CHANNEL, payload)
+
+    def takeoff(self, height: float, duration: float, yaw: float | None) -> None:
+        """Climb to ``height``; see :meth:`onboard.link.drone.DroneLink.takeoff`."""
+        self._high_level(
+            "takeoff",
+            struct.pack("<BBff?f", _TAKEOFF, _ALL_GROUPS, height, yaw or 0.0, yaw is None, duration),
+        )
+
+    def land(self, height: float, duration: float, yaw: float | None) -> None:
+        """Descend to ``height``; see :meth:`onboard.link.drone.DroneLink.land`."""
+        self._high_level(
+            "land", struct.pack("<BBff?f", _LAND, _ALL_GROUPS, height, yaw or 0.0, yaw is None, duration)
+        )
+
+    def go_to(self, x: float, y: float, z: float, yaw: float, duration: float, relative: bool) -> None:
+        """Fly to a point; see :meth:`onboard.link.drone.DroneLink.go_to`."""
+        payload = struct.pack("<BB??5f", _GO_TO, _ALL_GROUPS, relative, False, x, y, z, yaw, duration)
+        # A relative move that arrives twice goes twice as far, so it is sent once; a lost answer is then an
+        # error.
+        self._high_level("go_to", payload, repeatable=not relative)
+
+    def stop_motors(self) -> None:
+        """End the trajectory and stop the motors."""
+        self._high_level("stop", struct.pack("<BB", _STOP, _ALL_GROUPS))
+
+    def supervisor_info(self) -> SupervisorInfo:
+        """The drone's supervisor bits, asked for now."""
+        reply = self._supervisor(_INFO_CHANNEL, bytes((_GET_INFO,)), 3, "supervisor information")
+        return SupervisorInfo(int.from_bytes(reply[1:3], "little"))
+
+    def arm(self, on: bool) -> None:
+        """Arm or disarm."""
+        reply = self._supervisor(_COMMAND_CHANNEL, bytes((_ARM, on)), 3, "arm" if on else "disarm")
+        if not reply[1] or bool(reply[2]) is not on:
+            raise CommandRefused(f"the drone does not {'arm' if on else 'disarm'}: {self._why()}")
+
+    def recover(self) -> None:
+        """Leave the crashed state."""
+        reply = self._supervisor(_COMMAND_CHANNEL, bytes((_RECOVER,)), 3, "recover from a crash")
+        if not reply[1] or not reply[2]:
+            raise CommandRefused(f"the drone does not recover, it must lie upright: {self._why()}")
+
+    def emergency_stop(self, confirm_s: float) -> None:
+        """Stop the motors at once, then repeat until the drone's supervisor confirms."""
+        payload = bytes((_EMERGENCY_STOP,))
+        for _ in range(_EMERGENCY_COPIES):
+            self._exchange.send(CRTPPort.SUPERVISOR, _COMMAND_CHANNEL, payload)
+        deadline = self._clock() + confirm_s
+        while self._clock() < deadline:
+            try:
+                reply = self._supervisor(
+                    _INFO_CHANNEL,
+                    bytes((_GET_INFO,)),
+                    3,
+                    "emergency stop confirmation",
+                    _EMERGENCY_INTERVAL_S,
+                )
+            except LinkTimeout:
+                reply = b""
+            if reply and SupervisorInfo(int.from_bytes(reply[1:3], "little")).is_locked:
+                return
+            self._exchange.send(CRTPPort.SUPERVISOR, _COMMAND_CHANNEL, payload)
+        raise LinkTimeout(
+            f"the emergency stop was sent but not confirmed within {confirm_s:g} s; cut the power"
+        )
+
+    def kick_emergency_stop_watchdog(self) -> None:
+        """Start or feed the watchdog; never blocks."""
+        self._exchange.send(CRTPPort.SUPERVISOR, _COMMAND_CHANNEL, bytes((_WATCHDOG,)))
+
+    def _high_level(self, name: str, payload: bytes, repeatable: bool = True) -> None:
+        head = payload[:3]
+        reply = self._exchange.ask(
+            CRTPPort.SETPOINT_HL,
+            0,
+            payload,
+            accepts=lambda data: len(data) >= 4 and data[: len(head)] == head,
+            within=self._within,
+            what=f"{name} command",
+            retry_s=_COMMANDER_RETRY_S if repeatable else None,
+        )
+        if reply[3] == errno.EBUSY:
+            raise CommandRefused(
+                f"the drone refuses to {name}, its supervisor does not let it fly: {self._why()}"
+            )
+        if reply[3] != 0:
+            raise CommandRefused(f"the drone refuses to {name}: error {reply[3]}")
+
+    def _supervisor(
+        self, channel: int, request: bytes, size: int, what: str, within: float | None = None
+    ) -> bytes:
+        answer = request[0] | _ANSWER
+        return self._exchange.ask(
+            CRTPPort.SUPERVISOR,
+            channel,
+            request,
+            accepts=lambda data: len(data) >= size and data[0] == answer,
+            within=self._within if within is None else within,
+            what=what,
+        )
+
+    def _why(self) -> str:
+        """The supervisor's bits in words, for a message about a refusal."""
+        bits = SupervisorBits(self.supervisor_info().bits)
+        return "supervisor says " + (
+            ", ".join(str(bit.name).lower() for bit in bits) or "nothing is possible"
+        )

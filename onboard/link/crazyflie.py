@@ -1,0 +1,148 @@
+"""Opening and closing cflib's ``Crazyflie`` with deadlines, and guarding the two places where it can lock
+itself up."""
+
+import logging
+import threading
+from pathlib import Path
+from typing import Any
+
+from cflib.crazyflie import Crazyflie
+
+from onboard.clock import Clock
+from onboard.link.driver import install_driver, parse_udp_uri
+from onboard.link.errors import LinkError, LinkLost, LinkTimeout
+
+_CLOSE_DEADLINE = 2.0
+_log = logging.getLogger(__name__)
+
+
+class _NoCache:
+    """Keeps no tables of contents; cflib's own, without a folder, complains about it each time."""
+
+    def fetch(self, crc: int) -> None:
+        """Nothing is known."""
+
+    def insert(self, crc: int, toc: object) -> None:
+        """Nothing is kept."""
+
+
+class GuardedCrazyflie(Crazyflie):
+    """cflib's ``Crazyflie``, for which a link error can never end in a deadlock, whatever the driver.
+
+    In cflib 0.1.34 ``send_packet`` reads the link twice and keeps its lock when anything below it raises; and
+    a driver that reports an error from inside a send (the radio does, when its queue is full) makes cflib
+    wait for a thread that waits for this very lock.
+    """
+
+    def __init__(self, toc_cache: Path | None = None) -> None:
+        self.failure: str | None = None
+        self.failed = threading.Event()
+        self.heard = threading.Event()
+        self._failure_lock = threading.Lock()
+        self._failure_thread: threading.Thread | None = None
+        super().__init__(rw_cache=None if toc_cache is None else str(toc_cache))
+        if toc_cache is None:
+            self._toc_cache = _NoCache()
+        self.packet_received.add_callback(lambda _packet: self.heard.set())
+
+    def send_packet(
+        self, pk: Any, expected_reply: tuple[int, ...] = (), resend: bool = False, timeout: float = 0.2
+    ) -> None:
+        """As cflib's; without its lock and timers where the driver resends by itself or need not."""
+        link = self.link
+        if link is None:
+            return
+        if link.needs_resending:
+            super().send_packet(pk, expected_reply, resend, timeout)
+        else:
+            link.send_packet(pk)
+            self.packet_sent.call(pk)
+
+    def _link_error_cb(self, errmsg: str) -> None:
+        """Note the error at once; let cflib take the connection down on a thread of its own, one time."""
+        with self._failure_lock:
+            if self.failure is not None:
+                return
+            self.failure = errmsg
+            self._failure_thread = threading.Thread(
+                target=super()._link_error_cb, args=(errmsg,), name="LinkDown", daemon=True
+            )
+        self.failed.set()
+        self._failure_thread.start()
+
+    def close_within(self, seconds: float) -> bool:
+        """Close the link, which cuts the motors; False if cflib did not manage in time (its thread is left
+        behind)."""
+        closing = threading.Thread(target=self._close, name="LinkClose", daemon=True)
+        closing.start()
+        closing.join(seconds)
+        return not closing.is_alive()
+
+    def _close(self) -> None:
+        if self._failure_thread is not None:
+            self._failure_thread.join()
+        self.close_link()
+
+
+def open_crazyflie(
+    uri: str, *, timeout_s: float, clock: Clock, toc_cache: Path | None = None
+) -> GuardedCrazyflie:
+    """Connect completely: link, tables of contents, memories, and the value of every parameter.
+
+    Args:
+        uri: ``udp://``, ``radio://`` or ``usb://`` address.
+        timeout_s: deadline for all of it [s].
+        clock: monotonic clock [s].
+        toc_cache: folder for tables of contents that were seen before. Only one that this user alone can
+            write to: cflib evaluates names in these files.
+
+    Raises:
+        LinkInputError: the URI cannot be used.
+        LinkError: nobody is there, or no driver or radio for this URI.
+        LinkTimeout: not connected by the deadline.
+        LinkLost: the drone answered and then vanished.
+    """
+    install_driver()
+    if uri.startswith("udp://"):
+        parse_udp_uri(uri)
+    crazyflie = GuardedCrazyflie(toc_cache)
+    finished = threading.Event()
+    refusals: list[str] = []
+
+    def on_connection_failed(_uri: str, message: str) -> None:
+        refusals.append(message.strip().splitlines()[0])
+        finished.set()
+
+    def on_connection_lost(_uri: str, message: str) -> None:
+        on_connection_failed(_uri, message)
+
+    crazyflie.fully_connected.add_callback(lambda _uri: finished.set())
+    crazyflie.connection_failed.add_callback(on_connection_failed)
+    crazyflie.connection_lost.add_callback(on_connection_lost)
+    deadline = clock() + timeout_s
+    # On a thread, because looking for a radio can take its time and must not outlast the deadline.
+    threading.Thread(target=crazyflie.open_link, args=(uri,), name="LinkOpen", daemon=True).start()
+    connected = finished.wait(max(0.0, deadline - clock()))
+    if connected and not refusals:
+        return crazyflie
+    if not crazyflie.close_within(_CLOSE_DEADLINE):
+        _log.warning(
+            "cflib did not close %s within %g s; its threads stay until the process ends",
+            uri,
+            _CLOSE_DEADLINE,
+        )
+    raise _opening_error(uri, timeout_s, refusals, crazyflie.heard.is_set())
+
+
+def _opening_error(uri: str, timeout_s: float, refusals: list[str], heard: bool) -> LinkError:
+    if refusals and heard:
+        return LinkLost(f"{uri} answered, but the connection broke while it was set up: {refusals[0]}")
+    if refusals:
+        return LinkError(f"no drone at {uri}: {refusals[0]}. Is it on, and are address and port right?")
+    if heard:
+        return LinkTimeout(
+            f"{uri} answers, but is not fully connected after {timeout_s:g} s; the link is slow or lossy"
+        )
+    return LinkTimeout(
+        f"{uri} did not answer within {timeout_s:g} s; is the drone on, and is this its address?"
+    )

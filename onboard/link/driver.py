@@ -1,0 +1,269 @@
+"""A CRTP driver for ``udp://`` under cflib that resends, de-duplicates, watches for silence and never hangs.
+
+One UDP datagram is one CRTP packet: a header byte and up to 30 bytes of payload, no checksum, no handshake.
+cflib's own driver for this scheme sends every request once and reports a vanished peer from inside
+``send_packet``, while cflib holds a lock that the report needs. This one differs in five ways:
+
+1. *Resending.* It repeats every request that demands an answer (also the two that cflib never repeats: link
+   source and protocol version), at a pace measured from the round trips. cflib's timers stay out of it
+   (``needs_resending`` is False): one thread a request, and on a late timer the same packet once more after
+   its answer.
+2. *De-duplication.* A reply passes only while its request is outstanding, see :mod:`onboard.link.replies`.
+3. *Watchdog.* Silence for ``silence_s`` although answers were asked for (cflib pings ten times a second) is a
+   link error.
+4. *Errors* reach cflib once, from a thread of their own, never from inside a send or a receive.
+5. *Bounds.* The receive queue has a limit (what does not fit is dropped as if the network had lost it), sends
+   never block, and closing takes some ten milliseconds.
+
+URI: ``udp://HOST:PORT[?silence_s=SECONDS]``; other query keys are ignored, as cflib itself appends some.
+"""
+
+import queue
+import socket
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from urllib.parse import parse_qs, urlsplit
+
+import cflib.crtp
+from cflib.crtp.crtpdriver import CRTPDriver
+from cflib.crtp.crtpstack import CRTPPacket
+from cflib.crtp.exceptions import WrongUriType
+from cflib.crtp.udpdriver import UdpDriver
+
+from onboard.link.errors import LinkError, LinkInputError
+from onboard.link.replies import ECHO_HEADER, PORT_AND_CHANNEL, OutstandingRequests, Packet
+
+#: No packet for this long although answers were asked for: the link is lost [s].
+SILENCE_LIMIT = 1.0
+#: Packets kept for a client that does not take them: 2 s of 16 log blocks at 100 Hz.
+QUEUE_LIMIT = 4096
+DATAGRAM_MAX = 31
+_TICK = 0.01
+_RECEIVE_BUFFER = 1 << 20
+
+_install_lock = threading.Lock()
+
+
+@dataclass(frozen=True, slots=True)
+class UdpAddress:
+    """A parsed ``udp://`` URI."""
+
+    host: str
+    port: int
+    silence_s: float = SILENCE_LIMIT
+
+
+@dataclass(slots=True)
+class DriverStatistics:
+    """Packet counts since the link was opened."""
+
+    sent: int = 0
+    resent: int = 0
+    received: int = 0
+    duplicates: int = 0
+    overflow: int = 0
+    unsent: int = 0
+
+
+def parse_udp_uri(uri: str) -> UdpAddress:
+    """Read ``udp://HOST:PORT[?silence_s=SECONDS]``.
+
+    Raises:
+        LinkInputError: the URI has no host or port, or ``silence_s`` is not a positive number.
+    """
+    hint = f"{uri!r} is not a usable drone address; write udp://HOST:PORT, for example udp://127.0.0.1:19850"
+    parts = urlsplit(uri)
+    try:
+        host, port = parts.hostname, parts.port
+        silence_s = float(parse_qs(parts.query).get("silence_s", [SILENCE_LIMIT])[0])
+    except ValueError as error:
+        raise LinkInputError(f"{hint} ({error})") from error
+    if parts.scheme != "udp" or not host or not port:
+        raise LinkInputError(hint)
+    if not silence_s > 0:
+        raise LinkInputError(f"{uri!r}: silence_s must be more than 0 s, not {silence_s}")
+    return UdpAddress(host, port, silence_s)
+
+
+def install_driver() -> None:
+    """Make cflib use :class:`ResendingUdpDriver` for ``udp://``; other schemes keep cflib's. Idempotent."""
+    with _install_lock:
+        classes = cflib.crtp.CLASSES
+        if UdpDriver not in classes:
+            cflib.crtp.init_drivers()
+        if ResendingUdpDriver not in classes:
+            classes.insert(classes.index(UdpDriver), ResendingUdpDriver)
+
+
+class ResendingUdpDriver(CRTPDriver):
+    """CRTP over UDP for a network that may lose, double, delay and reorder. See the module's description."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.needs_resending = False
+        self.uri = ""
+        self.statistics_so_far = DriverStatistics()
+        self._address: UdpAddress | None = None
+        self._socket: socket.socket | None = None
+        self._on_error: Callable[[str], None] | None = None
+        self._incoming: queue.SimpleQueue[CRTPPacket | None] = queue.SimpleQueue()
+        # Guards everything below and the counts; held for microseconds, never while sending or calling out.
+        self._lock = threading.Lock()
+        self._requests = OutstandingRequests()
+        self._unanswered_since: float | None = None
+        self._failed = False
+        self._closed = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def connect(
+        self,
+        uri: str,
+        radio_link_statistics_callback: Callable[..., None] | None,
+        link_error_callback: Callable[[str], None] | None,
+    ) -> None:
+        """Open the socket and start receiving; sends nothing.
+
+        Raises:
+            WrongUriType: not a ``udp://`` URI (cflib then tries its next driver).
+            LinkInputError: the URI is malformed.
+            LinkError: the host name does not resolve.
+        """
+        if not uri.startswith("udp://"):
+            raise WrongUriType("not a udp:// URI")
+        address = parse_udp_uri(uri)
+        udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            udp.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
+            udp.connect((address.host, address.port))
+        except OSError as error:
+            udp.close()
+            raise LinkError(f"cannot reach {uri}: {error}; check host and network") from error
+        udp.settimeout(_TICK)
+        self.uri, self._address, self._socket, self._on_error = uri, address, udp, link_error_callback
+        self._thread = threading.Thread(target=self._receive_loop, name="UdpLink", daemon=True)
+        self._thread.start()
+
+    def send_packet(self, pk: Packet) -> bool:
+        """Send without blocking; False if the packet did not leave. Link errors come on a thread."""
+        udp, now = self._socket, time.monotonic()
+        if udp is None or self._failed:
+            return False
+        with self._lock:
+            wants_answer = self._requests.sending(pk, now) or pk.header & PORT_AND_CHANNEL == ECHO_HEADER
+            if wants_answer and self._unanswered_since is None:
+                self._unanswered_since = now
+            self.statistics_so_far.sent += 1
+        return self._transmit(udp, pk)
+
+    def receive_packet(self, wait: float = 0) -> CRTPPacket | None:
+        """The next packet, or None after ``wait`` s (0: at once; negative: until the link closes)."""
+        if self._closed.is_set() and self._incoming.empty():
+            # cflib polls a link that it is just closing; without a pause it can catch itself half-closed.
+            time.sleep(2 * _TICK)
+            return None
+        try:
+            if wait == 0:
+                return self._incoming.get_nowait()
+            return self._incoming.get(timeout=None if wait < 0 else wait)
+        except queue.Empty:
+            return None
+
+    def close(self) -> None:
+        """Close the socket and end the thread; no error is reported any more. Sends nothing."""
+        with self._lock:
+            self._closed.set()
+            udp, self._socket = self._socket, None
+            self._on_error = None
+        if self._thread is not None and self._thread is not threading.current_thread():
+            self._thread.join(timeout=1.0)
+        if udp is not None:
+            udp.close()
+        self._incoming.put(None)  # ends a receive_packet that is waiting
+
+    def statistics(self) -> DriverStatistics:
+        """A copy of the packet counts."""
+        with self._lock:
+            return replace(self.statistics_so_far)
+
+    def get_name(self) -> str:
+        """The scheme's name, as cflib wants it."""
+        return "udp"
+
+    def get_status(self) -> str:
+        """One line about the driver, as cflib wants it."""
+        return "perchhw udp driver"
+
+    def scan_interface(self, address: int | None = None) -> list[list[str]]:
+        """Nothing: cflib's own UDP driver, which stays installed, does the scanning."""
+        return []
+
+    def _transmit(self, udp: socket.socket, packet: Packet) -> bool:
+        try:
+            udp.send(bytes((packet.header,)) + packet.data)
+        except (BlockingIOError, TimeoutError, InterruptedError):
+            with self._lock:
+                self.statistics_so_far.unsent += 1  # as if the network had lost it
+            return False
+        except OSError as error:
+            self._fail(f"cannot send to {self.uri}: {error.strerror or error}")
+            return False
+        return True
+
+    def _receive_loop(self) -> None:
+        udp = self._socket
+        while udp is not None and not self._closed.is_set() and not self._failed:
+            try:
+                datagram = udp.recv(DATAGRAM_MAX + 1)
+            except TimeoutError:
+                # Only when nothing waits to be read: a process that was paused first reads what came
+                # meanwhile.
+                self._check_silence()
+            except OSError as error:
+                self._fail(f"cannot receive from {self.uri}: {error.strerror or error}")
+            else:
+                self._take(datagram)
+            self._resend(udp)
+
+    def _take(self, datagram: bytes) -> None:
+        if not 1 <= len(datagram) <= DATAGRAM_MAX:
+            return
+        with self._lock:
+            self.statistics_so_far.received += 1
+            self._unanswered_since = None
+            if self._incoming.qsize() >= QUEUE_LIMIT:
+                # Before the reply is matched, as if the packet never came: it will be asked for again.
+                self.statistics_so_far.overflow += 1
+                return
+            if not self._requests.accept(datagram, time.monotonic()):
+                self.statistics_so_far.duplicates += 1
+                return
+        self._incoming.put(CRTPPacket(datagram[0], datagram[1:]))
+
+    def _resend(self, udp: socket.socket) -> None:
+        if not self._requests:
+            return
+        with self._lock:
+            packets = self._requests.due(time.monotonic())
+            self.statistics_so_far.resent += len(packets)
+        for packet in packets:
+            self._transmit(udp, packet)
+
+    def _check_silence(self) -> None:
+        address, since = self._address, self._unanswered_since
+        # A peer that never said anything is not lost but absent: the opening's deadline deals with it.
+        if address is None or since is None or self.statistics_so_far.received == 0:
+            return
+        silence = time.monotonic() - since
+        if silence > address.silence_s:
+            self._fail(f"no packet from {self.uri} for {silence:.2f} s although asked: frozen or away")
+
+    def _fail(self, message: str) -> None:
+        with self._lock:
+            callback = self._on_error
+            if self._failed or self._closed.is_set():
+                return
+            self._failed = True
+        if callback is not None:
+            threading.Thread(target=callback, args=(message,), name="UdpLinkError", daemon=True).start()

@@ -1,0 +1,321 @@
+"""The one door to the drone.
+
+>>> with DroneLink.open("udp://127.0.0.1:19850") as drone:        # doctest: +SKIP
+...     drone.upload_policy(bundle)
+...     drone.takeoff(0.5, 2.0)
+
+Three promises. Every call returns or raises by a deadline. Every value was asked of the drone for this call,
+or came in a log sample that carries the drone's time; there are no cached ones. Every refusal of the drone is
+an error.
+"""
+
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Self
+
+from onboard.clock import Clock
+from onboard.link.commands import Commands
+from onboard.link.crazyflie import GuardedCrazyflie, open_crazyflie
+from onboard.link.driver import SILENCE_LIMIT, ResendingUdpDriver
+from onboard.link.errors import LinkError, LinkLost
+from onboard.link.exchange import Exchange
+from onboard.link.logs import LogSample, LogStream, LogStreams
+from onboard.link.memory import Memories, MemoryInfo
+from onboard.link.parameters import Parameters
+from onboard.link.policy_upload import PolicyUpload
+from onboard.link.power import reboot
+from onboard.link.variables import log_table, parameter_table
+from onboard.supervisor_info import SupervisorInfo
+
+__all__ = ["DroneLink", "LogSample", "LogStream", "reboot"]
+
+#: First CRTP protocol version with the supervisor port (firmware 2025.12).
+PROTOCOL_VERSION_MIN = 12
+_CLOSE_DEADLINE_S = 2.0
+_WATCH_INTERVAL_S = 0.1
+
+
+class DroneLink:
+    """An open connection to one drone. Methods may be called from any thread but the callbacks of
+    :meth:`stream` should leave the commanding to others. Make one with :meth:`open`.
+
+    Every method raises :class:`LinkLost` once the link is gone, and :class:`LinkTimeout` when the drone is
+    silent.
+    """
+
+    def __init__(
+        self,
+        crazyflie: GuardedCrazyflie,
+        uri: str,
+        clock: Clock,
+        reply_timeout_s: float,
+        transfer_timeout_s: float,
+    ) -> None:
+        self.uri = uri
+        self._crazyflie = crazyflie
+        self._exchange = Exchange(crazyflie, uri, clock)
+        self._parameters = Parameters(
+            self._exchange, parameter_table(crazyflie.param.toc.toc), reply_timeout_s
+        )
+        memories = [MemoryInfo(m.id, m.type, m.size) for m in crazyflie.mem.mems]
+        self._memories = Memories(self._exchange, memories, transfer_timeout_s, clock)
+        self._logs = LogStreams(
+            crazyflie, self._exchange, log_table(crazyflie.log.toc.toc), reply_timeout_s, clock
+        )
+        self._commands = Commands(self._exchange, reply_timeout_s, clock)
+        self._policy = PolicyUpload(self._parameters, self._memories, transfer_timeout_s, clock)
+        self._closing = threading.Event()
+        self._watch = threading.Thread(target=self._watch_link, name="DroneLinkWatch", daemon=True)
+        self._watch.start()
+
+    @classmethod
+    def open(
+        cls,
+        uri: str,
+        *,
+        timeout_s: float = 10.0,
+        clock: Clock = time.monotonic,
+        toc_cache: Path | None = None,
+        reply_timeout_s: float = 2.0,
+        transfer_timeout_s: float = 10.0,
+    ) -> Self:
+        """Connect, and return when the tables and the value of every parameter are known.
+
+        Args:
+            uri: ``udp://HOST:PORT``, ``radio://...`` or ``usb://...``.
+            timeout_s: deadline for connecting [s].
+            clock: monotonic clock [s].
+            toc_cache: folder for tables of contents; makes the next connection faster.
+            reply_timeout_s: deadline of calls that need one answer [s].
+            transfer_timeout_s: deadline of memory transfers and of the drone's verdict on a policy [s].
+
+        Raises:
+            LinkInputError, LinkError, LinkTimeout, LinkLost: see
+            :func:`onboard.link.crazyflie.open_crazyflie`.
+        """
+        crazyflie = open_crazyflie(uri, timeout_s=timeout_s, clock=clock, toc_cache=toc_cache)
+        protocol = crazyflie.platform.get_protocol_version()
+        if protocol < PROTOCOL_VERSION_MIN:
+            crazyflie.close_within(_CLOSE_DEADLINE_S)
+            raise LinkError(
+                f"the firmware of {uri} has protocol {protocol}, needed is {PROTOCOL_VERSION_MIN}; update it"
+            )
+        return cls(crazyflie, uri, clock, reply_timeout_s, transfer_timeout_s)
+
+    # Parameters and logs
+
+    def has_param(self, name: str) -> bool:
+        """Whether the drone has a parameter of this complete name."""
+        return name in self._parameters
+
+    def has_log(self, name: str) -> bool:
+        """Whether the drone has a log variable of this complete name."""
+        return name in self._logs
+
+    def param(self, name: str) -> float | int:
+        """The parameter's value, read from the drone now.
+
+        Raises:
+            NoSuchVariable: the drone has no such parameter.
+        """
+        return self._parameters.read(name)
+
+    def set_param(self, name: str, value: float) -> None:
+        """Set a parameter; returns when the drone has echoed exactly this value.
+
+        The echo says that the value arrived, not what the firmware makes of it: where it answers through
+        another parameter or log (arming, committing), read that.
+
+        Raises:
+            NoSuchVariable: the drone has no such parameter.
+            LinkInputError: the value does not fit its type.
+            CommandRefused: it is read-only, or the drone echoes another value.
+        """
+        self._parameters.write(name, value)
+
+    def set_params(self, values: Mapping[str, float]) -> None:
+        """Set several parameters in the given order; stops at the first error."""
+        for name, value in values.items():
+            self._parameters.write(name, value)
+
+    def stream(
+        self, variables: Sequence[str], period_ms: int, callback: Callable[[LogSample], None]
+    ) -> LogStream:
+        """Let the drone send log variables periodically.
+
+        Args:
+            variables: complete names; at most 9 with 26 bytes together.
+            period_ms: 10 to 2540 in steps of 10 [ms].
+            callback: gets every sample, on the stream's own thread; it may take its time, but when it falls
+                256 samples behind, the oldest are dropped and counted.
+
+        Raises:
+            NoSuchVariable, LinkInputError, CommandRefused.
+        """
+        return self._logs.start(variables, period_ms, callback)
+
+    # Memory and policy
+
+    def write_memory(self, type_id: int, data: bytes, address: int = 0) -> None:
+        """Write to the first memory of a type, every chunk acknowledged.
+
+        Raises:
+            NoSuchVariable: no memory of this type.
+            LinkInputError: the data do not fit.
+            CommandRefused: the drone refuses the write; part of the data may be written.
+        """
+        self._memories.write(type_id, data, address)
+
+    def read_memory(self, type_id: int, address: int, length: int) -> bytes:
+        """Read from the first memory of a type.
+
+        Raises:
+            NoSuchVariable, LinkInputError, CommandRefused: as for :meth:`write_memory`.
+        """
+        return self._memories.read(type_id, address, length)
+
+    def upload_policy(self, bundle: bytes) -> int:
+        """Make ``bundle`` the live policy: write, read back, compare, commit, wait for the drone's verdict.
+
+        Returns:
+            The CRC-32 of the live policy, as the drone reports it (that of ``bundle``).
+
+        Raises:
+            PolicyRefused: with the drone's reason; it keeps the policy that it had.
+            NoSuchVariable: the firmware has no perching app.
+        """
+        return self._policy.upload(bundle)
+
+    def active_policy_crc(self) -> int:
+        """CRC-32 of the live policy; 0 when there is none (always after a reboot)."""
+        return self._policy.active_crc()
+
+    # Supervisor
+
+    def supervisor_info(self) -> SupervisorInfo:
+        """The drone's supervisor, asked now; raises rather than guess."""
+        return self._commands.supervisor_info()
+
+    def arm(self) -> None:
+        """Arm; the motors may turn after this.
+
+        Raises:
+            CommandRefused: with the supervisor's state in the message.
+        """
+        self._commands.arm(True)
+
+    def disarm(self) -> None:
+        """Disarm. A firmware that arms by itself will do so again (``supervisor_info().auto_arm``)."""
+        self._commands.arm(False)
+
+    def recover(self) -> None:
+        """Leave the crashed state; the drone must lie upright."""
+        self._commands.recover()
+
+    def emergency_stop(self, confirm_s: float = 0.5) -> None:
+        """Stop the motors at once, wherever the drone is; only a reboot makes it fly again.
+
+        Three copies leave before anything else happens; then it is repeated until the drone says that it is
+        locked.
+
+        Raises:
+            LinkTimeout: no confirmation within ``confirm_s``. The drone may or may not have stopped.
+        """
+        self._commands.emergency_stop(confirm_s)
+
+    def kick_emergency_stop_watchdog(self) -> None:
+        """Start or feed the drone's watchdog: 1 s without a kick stops the motors and locks it. It has no off
+        switch."""
+        self._commands.kick_emergency_stop_watchdog()
+
+    # Flying
+
+    def send_pose(self, position: Sequence[float], quaternion: Sequence[float]) -> None:
+        """Send a pose from motion capture to the drone's estimator; never blocks.
+
+        Args:
+            position: x, y, z [m], world (ENU).
+            quaternion: x, y, z, w, body to world.
+
+        Raises:
+            LinkInputError: a number is not finite (the drone would believe it).
+        """
+        self._commands.send_pose(position, quaternion)
+
+    def takeoff(self, height: float, duration: float, yaw: float | None = None) -> None:
+        """Climb to ``height`` [m, world z] within ``duration`` [s]; ``yaw`` [rad], None keeps the present
+        one.
+
+        Raises:
+            CommandRefused: the drone's supervisor does not let it fly.
+        """
+        self._commands.takeoff(height, duration, yaw)
+
+    def go_to(
+        self, x: float, y: float, z: float, yaw: float, duration: float, relative: bool = False
+    ) -> None:
+        """Fly to a point [m, world] with ``yaw`` [rad] within ``duration`` [s]; ``relative`` to the present
+        setpoint.
+
+        Raises:
+            CommandRefused: as for :meth:`takeoff`.
+            LinkTimeout: no answer. A relative move is sent once only, so it may or may not happen.
+        """
+        self._commands.go_to(x, y, z, yaw, duration, relative)
+
+    def land(self, height: float, duration: float, yaw: float | None = None) -> None:
+        """Descend to ``height`` [m, world z] within ``duration`` [s]. Call :meth:`stop_motors` when it is
+        down."""
+        self._commands.land(height, duration, yaw)
+
+    def stop_motors(self) -> None:
+        """Stop the high-level commander and with it the motors."""
+        self._commands.stop_motors()
+
+    # The link itself
+
+    def silence(self) -> float:
+        """Seconds since the last packet from the drone; it is asked ten times a second."""
+        return self._exchange.silence()
+
+    @property
+    def lost(self) -> LinkLost | None:
+        """Why the link broke, or None while it stands (or was closed on purpose)."""
+        return self._exchange.lost
+
+    def close(self) -> None:
+        """Close the link; idempotent, takes at most 2 s.
+
+        This CUTS THE MOTORS of a flying drone (cflib sends a zero setpoint, which ends the high-level
+        commander). It lands
+        nothing: land first. A link that was lost cannot do even that; the drone's own watchdogs have to.
+        """
+        if self._closing.is_set():
+            return
+        self._closing.set()
+        self._logs.stop_delivery()
+        self._exchange.close()
+        self._watch.join(timeout=1.0)
+        self._crazyflie.close_within(_CLOSE_DEADLINE_S)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _watch_link(self) -> None:
+        """Notice the loss of the link at once, also over drivers that do not watch for silence by
+        themselves."""
+        watches_itself = isinstance(self._crazyflie.link, ResendingUdpDriver)
+        while not self._closing.is_set():
+            if self._crazyflie.failed.wait(_WATCH_INTERVAL_S):
+                self._exchange.fail(self._crazyflie.failure or "unknown reason")
+                return
+            if not watches_itself and self.silence() > SILENCE_LIMIT:
+                self._exchange.fail(
+                    f"no packet for {self.silence():.2f} s although it was asked ten times a second"
+                )
+                return

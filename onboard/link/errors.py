@@ -1,0 +1,31 @@
+"""Errors of the link to a drone."""
+
+from onboard.errors import InputError, OnboardError
+
+
+class LinkError(OnboardError):
+    """The link cannot do what was asked. Base of all errors of the link."""
+
+
+class LinkTimeout(LinkError):
+    """The drone did not answer by the deadline. Whether it acted on the request is unknown."""
+
+
+class LinkLost(LinkError):
+    """The connection is gone: the peer vanished, fell silent, or the radio gave up. Open a new link."""
+
+
+class LinkInputError(LinkError, InputError):
+    """A URI, value or request that no drone could serve; nothing was sent."""
+
+
+class NoSuchVariable(LinkInputError):
+    """The drone has no parameter, log variable or memory of this name. Usually the wrong firmware."""
+
+
+class CommandRefused(LinkError):
+    """The drone answered, and the answer is no."""
+
+
+class PolicyRefused(CommandRefused):
+    """The drone did not take the policy; it keeps the one that it had."""

@@ -1,0 +1,174 @@
+"""Which CRTP packets ask for an answer, which answer belongs to which request, and which are duplicates.
+
+CRTP carries no sequence numbers, and over UDP a datagram can be lost, doubled or overtaken. The radio hides
+that below CRTP (safelink); cflib therefore treats every reply as the one and only. What goes wrong when it is
+not (cflib 0.1.34):
+
+- a second acknowledgement of a memory write pops an empty list while a lock is held: every later write
+  deadlocks;
+- a second link-source or protocol-version reply starts the download of the tables a second time;
+- a late reply to a parameter *read* is taken for the reply to a *write* of the same parameter.
+
+So a reply passes only while a request with the same key is outstanding, and the first reply settles the
+request. That is exact, not a time window: two equal replies to two requests both pass, two equal replies to
+one request do not.
+
+What may legitimately repeat byte for byte passes always: console text, pushed parameter values (``2/3 01``),
+the app channel, localization, commander replies, echoes (a raw client may send the same echo many times and
+count). Log data is the exception without a request: one block never sends two samples with one timestamp
+(periods are >= 10 ms), so an identical packet among the last few is a duplicate.
+
+One ambiguity is left, and no receiver can remove it: a duplicate that is delayed until an identical *new*
+request is outstanding. It then answers that request one round trip too early, with content that was true one
+request ago. Memory uploads are therefore read back and guarded by a CRC on the drone.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+from typing import Protocol
+
+ECHO_HEADER = 0xF0
+LOG_DATA_HEADER = 0x52
+PORT_AND_CHANNEL = 0xF3
+
+#: Log packets among which an identical one is a duplicate: 16 blocks at 100 Hz send 16 packets in 10 ms.
+LOG_MEMORY = 64
+#: A request without an answer is forgotten after this time [s] (firmware never answers a write to a read-only
+#: parameter).
+FORGET_AFTER = 5.0
+#: Bounds of the time before a request is sent again [s].
+RESEND_MIN, RESEND_MAX = 0.01, 0.4
+#: Before the first round trip was measured [s].
+RESEND_FIRST = 0.05
+
+# Length of the part of the payload that a request and its reply have in common, by header and command byte.
+# Bytes: headers are port << 4 | channel. ``None`` as command stands for "whatever the first byte is".
+_KEY_LENGTH: dict[tuple[int, int | None], int] = {
+    (0x20, 0x02): 3,  # parameter table: item by id
+    (0x20, 0x03): 1,  # parameter table: size and checksum
+    (0x21, None): 2,  # parameter read, by id
+    (0x22, None): 2,  # parameter write, by id
+    **{(0x23, command): 3 for command in range(2, 9)},  # extended type, persistence, defaults: by id
+    (0x40, 0x01): 1,  # number of memories
+    (0x40, 0x02): 2,  # one memory's details
+    (0x41, None): 5,  # memory read: id and address
+    (0x42, None): 5,  # memory write: id and address
+    (0x50, 0x02): 3,  # log table: item by id
+    (0x50, 0x03): 1,  # log table: size and checksum
+    (0x51, 0x05): 1,  # log reset
+    **{(0x51, command): 2 for command in (2, 3, 4, 6, 7, 8)},  # log block commands, by block
+    (0x90, None): 1,  # supervisor information
+    (0x91, 0x01): 1,  # arm or disarm
+    (0x91, 0x02): 1,  # recover
+    **{(0xD1, command): 1 for command in (0, 1, 2)},  # protocol and firmware version, device name
+    (0xF1, None): 0,  # link source
+}
+_SUPERVISOR_HEADERS = (0x90, 0x91)
+_SUPERVISOR_REPLY_BIT = 0x80
+
+
+class Packet(Protocol):
+    """The part of cflib's ``CRTPPacket`` that is used here."""
+
+    header: int
+    data: bytearray
+
+
+def reply_key(header: int, payload: bytes | bytearray) -> bytes | None:
+    """What a request and its reply have in common.
+
+    Args:
+        header: CRTP header; the two link bits are ignored.
+        payload: the bytes after the header, of the request or of the reply.
+
+    Returns:
+        The key, or ``None`` for packets that ask for no answer or whose answers may repeat.
+    """
+    header &= PORT_AND_CHANNEL
+    command = payload[0] if payload else None
+    if header in _SUPERVISOR_HEADERS and command is not None:
+        command &= ~_SUPERVISOR_REPLY_BIT
+    length = _KEY_LENGTH.get((header, command), _KEY_LENGTH.get((header, None)))
+    if length is None or len(payload) < length:
+        return None
+    if header in _SUPERVISOR_HEADERS:
+        return bytes((header, command or 0))
+    return bytes((header,)) + bytes(payload[:length])
+
+
+@dataclass(slots=True)
+class _Request:
+    packet: Packet
+    first_sent: float
+    due: float
+    interval: float
+    sends: int = 1
+
+
+class OutstandingRequests:
+    """Requests without an answer yet: says what to send again and which replies to let through.
+
+    Not thread-safe; the driver holds its lock.
+    """
+
+    def __init__(self) -> None:
+        self._requests: dict[bytes, _Request] = {}
+        self._log_packets: deque[bytes] = deque(maxlen=LOG_MEMORY)
+        self._round_trip: float | None = None
+
+    def __len__(self) -> int:
+        return len(self._requests)
+
+    def sending(self, packet: Packet, now: float) -> bool:
+        """Note that a client sends ``packet`` at ``now`` [s]; True for a request that is watched now."""
+        key = reply_key(packet.header, packet.data)
+        if key is None:
+            return False
+        known = self._requests.get(key)
+        if known is not None and known.packet is packet:
+            known.sends += 1  # the client sends it again by itself
+            return True
+        # All these protocols are lock-step per key: a new request means that the client gave up the old one.
+        interval = self._first_interval()
+        self._requests[key] = _Request(packet, now, now + interval, interval)
+        return True
+
+    def accept(self, datagram: bytes, now: float) -> bool:
+        """Whether the received ``datagram`` goes to the client; False for a duplicate."""
+        header, payload = datagram[0], datagram[1:]
+        if header & PORT_AND_CHANNEL == LOG_DATA_HEADER:
+            if datagram in self._log_packets:
+                return False
+            self._log_packets.append(datagram)
+            return True
+        key = reply_key(header, payload)
+        if key is None:
+            return True
+        request = self._requests.pop(key, None)
+        if request is None:
+            return False
+        if request.sends == 1:  # otherwise it is unknown which of the sends was answered (Karn's rule)
+            self._measure(now - request.first_sent)
+        return True
+
+    def due(self, now: float) -> list[Packet]:
+        """Packets to send again at ``now`` [s]. Each wait is twice the one before."""
+        packets = []
+        for key, request in list(self._requests.items()):
+            if now - request.first_sent > FORGET_AFTER:
+                del self._requests[key]
+            elif now >= request.due:
+                request.sends += 1
+                request.interval = min(2 * request.interval, RESEND_MAX)
+                request.due = now + request.interval
+                packets.append(request.packet)
+        return packets
+
+    def _first_interval(self) -> float:
+        if self._round_trip is None:
+            return RESEND_FIRST
+        return min(max(4 * self._round_trip, RESEND_MIN), RESEND_MAX)
+
+    def _measure(self, round_trip: float) -> None:
+        known = self._round_trip
+        self._round_trip = round_trip if known is None else 0.875 * known + 0.125 * round_trip

@@ -1,0 +1,161 @@
+"""The link over a network that loses, doubles, reorders and delays, and to drones that freeze, vanish or
+never were."""
+
+import socket
+import threading
+import time
+import zlib
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+
+from onboard.link import DroneLink, LinkError, LinkLost, LinkTimeout
+from tests.link.faulty_network import Faults, FaultyNetwork
+from tests.link.tiny_drone import MEMORY_TYPE, TinyDrone
+
+BUNDLE = bytes(np.random.default_rng(1).integers(0, 256, 5120, dtype=np.uint8))
+BAD_NETWORKS = {
+    "loss": Faults(loss=0.05),
+    "duplicates": Faults(duplicate=0.05),
+    "reordering": Faults(reorder=0.1),
+    "delay": Faults(delay=0.005),
+    "everything": Faults(loss=0.05, duplicate=0.05, reorder=0.05, delay=0.0005),
+}
+
+
+@pytest.fixture(params=list(BAD_NETWORKS))
+def network(request: pytest.FixtureRequest, tiny: TinyDrone) -> Iterator[FaultyNetwork]:
+    """A bad network in front of the tiny drone."""
+    with FaultyNetwork(tiny.port, np.random.default_rng(7), BAD_NETWORKS[request.param]) as proxy:
+        yield proxy
+
+
+def test_bad_network_costs_time_only(network: FaultyNetwork, tiny: TinyDrone) -> None:
+    """Connecting, parameters and an upload complete and are right."""
+    bundle = BUNDLE if network.faults.delay < 0.002 else BUNDLE[:1200]
+    with DroneLink.open(network.uri) as link:
+        for step in range(20):
+            link.set_param("motion.offset", step)
+            assert link.param("motion.offset") == step == tiny.values["motion.offset"]
+        assert link.upload_policy(bundle) == zlib.crc32(bundle)
+        assert link.read_memory(MEMORY_TYPE, 0, len(bundle)) == bundle
+        assert link.lost is None
+    if network.faults.loss:
+        assert network.lost > 10
+    if network.faults.duplicate:
+        assert network.doubled > 10
+    if network.faults.reorder:
+        assert network.reordered > 10
+
+
+def test_frozen_drone_is_lost_within_one_and_a_half_seconds_and_every_blocked_call_returns(
+    tiny: TinyDrone,
+) -> None:
+    with DroneLink.open(tiny.uri, reply_timeout_s=10.0) as link:
+        calls: list[Callable[[], object]] = [
+            link.supervisor_info,
+            lambda: link.param("ring.solid"),
+            lambda: link.set_param("ring.solid", 1.0),
+            lambda: link.upload_policy(BUNDLE),
+            lambda: link.read_memory(MEMORY_TYPE, 0, 100),
+            lambda: link.takeoff(0.5, 1.0),
+            link.arm,
+            lambda: link.stream(["pm.vbatMV"], 100, lambda _sample: None),
+        ]
+        outcomes: list[tuple[float, BaseException | None]] = []
+        tiny.frozen.set()
+        frozen = time.monotonic()
+
+        def attempt(call: Callable[[], object]) -> None:
+            try:
+                call()
+            except LinkError as error:
+                outcomes.append((time.monotonic() - frozen, error))
+            else:
+                outcomes.append((time.monotonic() - frozen, None))
+
+        threads = [threading.Thread(target=attempt, args=(call,)) for call in calls]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join(3.0)
+        assert len(outcomes) == len(calls), "a call is still blocked"
+        assert all(isinstance(error, LinkLost) for _, error in outcomes), outcomes
+        assert all(0.9 < after < 1.5 for after, _ in outcomes), outcomes
+        assert link.lost is not None
+        assert link.silence() > 0.9
+        with pytest.raises(LinkLost):
+            link.send_pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+
+
+def test_frozen_drone_is_noticed_without_any_call(tiny: TinyDrone) -> None:
+    with DroneLink.open(tiny.uri + "?silence_s=0.3") as link:
+        tiny.frozen.set()
+        frozen = time.monotonic()
+        while link.lost is None and time.monotonic() - frozen < 2.0:
+            threading.Event().wait(0.005)
+        assert time.monotonic() - frozen < 0.8
+        assert "no packet" in str(link.lost)
+
+
+def test_short_freeze_is_survived(tiny: TinyDrone) -> None:
+    with DroneLink.open(tiny.uri) as link:
+        tiny.frozen.set()
+        threading.Timer(0.6, tiny.frozen.clear).start()
+        assert link.param("ring.solid") == 0.25
+        assert link.lost is None
+
+
+def test_process_that_dies_is_noticed_at_once(tiny: TinyDrone) -> None:
+    with (
+        FaultyNetwork(tiny.port, np.random.default_rng(3), Faults()) as network,
+        DroneLink.open(network.uri, reply_timeout_s=10.0) as link,
+    ):
+        network.die()
+        died = time.monotonic()
+        with pytest.raises(LinkLost, match="refused"):
+            link.param("ring.solid")
+        assert time.monotonic() - died < 0.5
+
+
+def test_nobody_listening_is_a_clear_error_within_two_seconds() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as unused:
+        unused.bind(("127.0.0.1", 0))
+        uri = f"udp://127.0.0.1:{unused.getsockname()[1]}"
+    start = time.monotonic()
+    with pytest.raises(LinkError, match="no drone at") as caught:
+        DroneLink.open(uri)
+    assert time.monotonic() - start < 2.0
+    assert uri in str(caught.value)
+    assert not isinstance(caught.value, LinkTimeout)
+
+
+def test_silent_listener_is_a_timeout_at_the_deadline(tiny: TinyDrone) -> None:
+    tiny.frozen.set()
+    start = time.monotonic()
+    with pytest.raises(LinkTimeout, match="did not answer"):
+        DroneLink.open(tiny.uri, timeout_s=0.7)
+    assert 0.7 <= time.monotonic() - start < 1.2
+
+
+@pytest.mark.parametrize("header", [0xD1, 0x50, 0x42 - 2, 0x20, 0x23, 0x21])
+def test_drone_that_stops_answering_while_connecting(tiny: TinyDrone, header: int) -> None:
+    """Alive but silent on one subject: only the deadline can end this."""
+    tiny.drop = lambda request: request[0] & 0xF3 == header
+    start = time.monotonic()
+    with pytest.raises(LinkError):
+        DroneLink.open(tiny.uri, timeout_s=0.8)
+    assert time.monotonic() - start < 1.6
+
+
+def test_drone_that_freezes_while_connecting_is_lost(tiny: TinyDrone) -> None:
+    tiny.drop = lambda request: tiny.count(0x50) > 2
+    with pytest.raises(LinkLost, match="while it was set up"):
+        DroneLink.open(tiny.uri + "?silence_s=0.3", timeout_s=5.0)
+
+
+@pytest.mark.parametrize("uri", ["udp://nowhere", "ftp://127.0.0.1:1", "udp://host.invalid:19850"])
+def test_unusable_uris_say_so(uri: str) -> None:
+    with pytest.raises(LinkError, match=uri.split("/")[2].split(":")[0]):
+        DroneLink.open(uri, timeout_s=5.0)
