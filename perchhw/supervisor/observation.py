@@ -40,6 +40,7 @@ class Observation:
     Attributes:
         link_silence: time since the last packet from the drone.
         pose_verdict: the mocap health monitor's verdict on the pose stream.
+        pose_problem: why there are no poses, in words, or ``None``.
         pose_age: age of the last good pose.
         pose_position: last good mocap position.
         pose_attitude: attitude of the last good mocap pose.
@@ -59,6 +60,7 @@ class Observation:
 
     link_silence: float | None = None
     pose_verdict: Verdict | None = None
+    pose_problem: str | None = None
     pose_age: float | None = None
     pose_position: Vector | None = None
     pose_attitude: Attitude | None = None
