@@ -1,0 +1,71 @@
+"""``perchhw fly``: one supervised landing attempt."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from perchhw.cli.output import emit, progress_console
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command()
+def fly(
+    drone: Annotated[str, typer.Option(help="URI of the drone: udp://HOST:PORT, radio://..., usb://...")],
+    mocap: Annotated[str, typer.Option(help="URI of the mocap stream: vicon://HOST[:PORT]?subject=NAME")],
+    speed: Annotated[float, typer.Option(help="Speed on the approach line, m/s.")],
+    angle: Annotated[float, typer.Option(help="Angle of the approach line above the horizon, deg.")],
+    policy: Annotated[str, typer.Option(help="Policy file, or the name of a shipped policy.")] = "default",
+    vehicle: Annotated[str, typer.Option(help="Vehicle file, or the name of a known vehicle.")] = (
+        "crazyflie21-upgraded"
+    ),
+    legs: Annotated[str | None, typer.Option(help="Leg design instead of the vehicle file's.")] = None,
+    ceiling: Annotated[float, typer.Option(help="Height of the ceiling, m.")] = 2.10,
+    out: Annotated[Path, typer.Option(help="Folder for the record (a new folder inside it).")] = Path("runs"),
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Check and upload; never arm.")] = False,
+) -> int:
+    """Fly one attempt: check, upload and verify, arm, take off, approach, land upside down, label.
+
+    Exit codes: 0 landed (or the dry run passed), 1 not landed, 3 a safety rule refused or ended it.
+    """
+    from onboard.room import RoomGeometry
+    from perchhw.attempt import AttemptRequest
+    from perchhw.flight import fly_attempt
+    from perchhw.record import new_run_folder
+
+    console = progress_console()
+    request = AttemptRequest(
+        speed=speed,
+        angle_deg=angle,
+        index=0,
+        folder=new_run_folder(out, f"fly-{speed:g}ms-{angle:g}deg"),
+        drone=drone,
+        mocap=mocap,
+        policy=policy,
+        vehicle=vehicle,
+        legs=legs,
+        room=RoomGeometry(ceiling_z=ceiling),
+    )
+    result = fly_attempt(
+        request, dry_run=dry_run, on_phase=lambda state: console.print(f"  {state.phase.value}")
+    )
+    document: dict[str, Any] = {
+        "outcome": result.outcome.value,
+        "triggered": result.triggered,
+        "trigger": result.trigger,
+        "aborted_by": result.aborted_by,
+        "record": str(result.record),
+    }
+    emit(document, _in_words(document, dry_run))
+    if result.aborted_by is not None:
+        return 3
+    return 0 if dry_run or result.outcome.attached else 1
+
+
+def _in_words(document: dict[str, Any], dry_run: bool) -> str:
+    if document["aborted_by"] is not None:
+        return f"aborted: {document['aborted_by']}\nrecord: {document['record']}"
+    if dry_run:
+        return f"ready to fly: checks passed, policy uploaded and verified\nrecord: {document['record']}"
+    return f"outcome: {document['outcome']}\nrecord: {document['record']}"

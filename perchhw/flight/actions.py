@@ -1,0 +1,127 @@
+"""Carrying out the supervisor's commands on the link, without ever holding up the supervisor."""
+
+import queue
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING
+
+from onboard.app_interface import Parameter, TrajectoryStatus
+from onboard.errors import PerchhwError
+from perchhw.errors import FlightStackError
+from perchhw.flight.mission import AttemptPlan
+from perchhw.supervisor import CommandDone, CommandFailed, Event
+from perchhw.supervisor.events import (
+    URGENT_COMMANDS,
+    Arm,
+    ArmApproach,
+    Brake,
+    Command,
+    Disarm,
+    EmergencyStop,
+    GoTo,
+    Land,
+    StartApproach,
+    TakeOff,
+    UploadPolicy,
+)
+
+if TYPE_CHECKING:
+    from onboard.link import DroneLink
+
+
+class CommandRefusedOnboard(FlightStackError):
+    """The drone's landing app refused a command."""
+
+
+class CommandRunner:
+    """Runs commands in order on a thread of its own, urgent ones on a second; results come back as events.
+
+    Args:
+        link: the open link; its calls have deadlines of their own.
+        plan: what is flown.
+        bundle: the policy bundle to upload.
+        ceiling_z: height of the ceiling, m.
+        events: where :class:`CommandDone` and :class:`CommandFailed` are put.
+    """
+
+    def __init__(
+        self,
+        link: "DroneLink",
+        plan: AttemptPlan,
+        bundle: bytes,
+        ceiling_z: float,
+        events: "queue.Queue[Event]",
+    ) -> None:
+        self._link = link
+        self._plan = plan
+        self._bundle = bundle
+        self._ceiling_z = ceiling_z
+        self._events = events
+        self._normal = ThreadPoolExecutor(1, "commands")
+        self._urgent = ThreadPoolExecutor(1, "urgent-commands")
+
+    def submit(self, command: Command) -> None:
+        """Start to carry out `command`."""
+        lane = self._urgent if isinstance(command, URGENT_COMMANDS) else self._normal
+        lane.submit(self._run, command)
+
+    def _run(self, command: Command) -> None:
+        try:
+            value = self._carry_out(command)
+        except PerchhwError as error:
+            self._events.put(CommandFailed(command, str(error)))
+        else:
+            self._events.put(CommandDone(command, value))
+
+    def _carry_out(self, command: Command) -> int | None:
+        link = self._link
+        match command:
+            case UploadPolicy():
+                return link.upload_policy(self._bundle)
+            case Arm():
+                link.arm()
+            case TakeOff(height, duration):
+                link.takeoff(height, duration)
+            case GoTo(position, duration):
+                link.go_to(*position, 0.0, duration)
+            case ArmApproach():
+                self._arm_approach()
+            case StartApproach():
+                link.set_param(Parameter.GO, 1)
+            case Brake():
+                link.set_param(Parameter.ABORT, 1)
+            case Land(duration):
+                link.land(0.0, duration)
+            case Disarm():
+                link.stop_motors()
+                link.disarm()
+            case EmergencyStop():
+                link.emergency_stop()
+        return None
+
+    def _arm_approach(self) -> None:
+        """Hand the approach to the drone, arm it, and arm the policy: two separate switches."""
+        approach = self._plan.approach
+        self._link.set_params(
+            {
+                Parameter.CEILING_Z: self._ceiling_z,
+                Parameter.IMPACT_X: float(approach.impact_x),
+                Parameter.IMPACT_Y: float(approach.y0),
+                Parameter.SPEED_X: float(approach.vx),
+                Parameter.SPEED_Z: float(approach.vz),
+                Parameter.ACCELERATION_X: float(approach.ax),
+                Parameter.ACCELERATION_Z: float(approach.az),
+                Parameter.TAU_START: float(approach.tau0),
+            }
+        )
+        self._link.set_param(Parameter.TRAJECTORY_ARM, 1)
+        status = TrajectoryStatus(int(self._link.param(Parameter.TRAJECTORY_STATUS)))
+        if status is not TrajectoryStatus.ARMED:
+            raise CommandRefusedOnboard(
+                f"the drone refused the approach: {status.name.lower().replace('_', ' ')}"
+            )
+        self._link.set_param(Parameter.POLICY_ARM, 1)
+
+    def close(self) -> None:
+        """Wait for what is running (its deadline bounds the wait) and drop what is not."""
+        for lane in (self._normal, self._urgent):
+            lane.shutdown(wait=True, cancel_futures=True)

@@ -1,0 +1,86 @@
+"""From a commanded speed and angle to what is flown: approach, start point and hover height, or why not."""
+
+from dataclasses import dataclass
+
+from onboard.errors import InputError
+from onboard.trajectory import ApproachPlan, fit_approach, plan_approach
+from perchhw.attempt import AttemptRequest
+from perchhw.errors import FlightStackError
+from perchhw.supervisor import Mission
+
+LOWEST_HOVER = 0.5
+"""Height of the first hover, m, unless the approach starts higher."""
+
+START_MARGIN = 0.2
+"""Distance of the start from the side walls, m."""
+
+APPROACH_PARAMETERS = ("ax", "az", "tau0", "impact_x", "impact_y")
+
+
+class ApproachNotPossible(FlightStackError, InputError):
+    """The commanded approach does not fit the room, or its parameters are unknown."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AttemptPlan:
+    """Everything that is decided before an attempt.
+
+    Attributes:
+        approach: the trajectory that the drone flies.
+        mission: what the supervisor works towards.
+    """
+
+    approach: ApproachPlan
+    mission: Mission
+
+
+def plan_attempt(request: AttemptRequest, policy_crc: int, dry_run: bool = False) -> AttemptPlan:
+    """Plan one attempt.
+
+    Accelerations (``ax``, ``az``, m/s2) and the time at constant velocity (``tau0``, s) are as near to the
+    authors' as fit the room, unless the request fixes all three of them; ``impact_x`` and ``impact_y`` (m)
+    move the point that the approach aims at.
+
+    Raises:
+        ApproachNotPossible: unknown or incomplete parameters, or a start outside the room.
+        ApproachError: no approach fits; the message says what to change.
+    """
+    approach = _approach(request)
+    start = (float(approach.x0), float(approach.y0), float(approach.z0))
+    if not request.room.contains(*start, margin=START_MARGIN):
+        raise ApproachNotPossible(
+            f"the approach would start at x = {start[0]:.2f} m, outside the flight volume "
+            f"({request.room.x_min:g} to {request.room.x_max:g} m): choose a larger approach.ax"
+        )
+    mission = Mission(
+        policy_crc=policy_crc,
+        start=start,
+        hover_height=max(LOWEST_HOVER, start[2]),
+        approach_duration=float(approach.impact_time),
+        dry_run=dry_run,
+    )
+    return AttemptPlan(approach=approach, mission=mission)
+
+
+def _approach(request: AttemptRequest) -> ApproachPlan:
+    given = dict(request.approach)
+    unknown = given.keys() - set(APPROACH_PARAMETERS)
+    if unknown:
+        raise ApproachNotPossible(
+            f"approach parameter {', '.join(sorted(unknown))} is unknown; "
+            f"known are {', '.join(APPROACH_PARAMETERS)}"
+        )
+    impact_x, impact_y = given.pop("impact_x", 0.0), given.pop("impact_y", 0.0)
+    if not given:
+        return fit_approach(
+            request.speed, request.angle_deg, request.room, impact_x=impact_x, impact_y=impact_y
+        )
+    missing = {"ax", "az", "tau0"} - given.keys()
+    if missing:
+        raise ApproachNotPossible(
+            f"approach gives {', '.join(sorted(given))} but not {', '.join(sorted(missing))}: "
+            "give all three or none"
+        )
+    return plan_approach(
+        request.speed, request.angle_deg, impact_x, request.room.ceiling_z, **given, impact_y=impact_y
+    )

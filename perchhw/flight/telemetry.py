@@ -1,0 +1,226 @@
+"""What the drone and the room last said: streams into the record, and one :class:`Observation` on demand."""
+
+import threading
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
+
+from mocap_bridge.bridge import PoseBridge
+from mocap_bridge.health import Verdict
+from mocap_bridge.pose import PoseSample
+from onboard.app_interface import LandingState
+from onboard.clock import Clock
+from onboard.supervisor_info import SupervisorInfo
+from perchhw.record import RunRecorder
+from perchhw.supervisor import Observation
+from perchhw.supervisor.observation import Attitude
+
+if TYPE_CHECKING:
+    from onboard.link import DroneLink, LogSample
+
+STANDARD_GRAVITY = 9.80665
+_RAD = 0.017453292519943295
+
+
+class Field(NamedTuple):
+    """A field of a record's topic, and the factor that brings the drone's unit to the record's."""
+
+    topic: str
+    name: str
+    scale: float = 1.0
+
+
+def _floats(group: str, topic: str, names: str, targets: str, scale: float = 1.0) -> dict[str, Field]:
+    return {
+        f"{group}.{a}": Field(topic, b, scale) for a, b in zip(names.split(), targets.split(), strict=True)
+    }
+
+
+class Block(NamedTuple):
+    """One log block (at most 26 bytes): its period and where its variables go in the record."""
+
+    period_ms: int
+    variables: dict[str, Field]
+
+
+BLOCKS: tuple[Block, ...] = (
+    Block(10, _floats("stateEstimate", "estimate", "x y z vx vy vz", "x y z vx vy vz")),
+    Block(
+        10,
+        {
+            **_floats("stateEstimate", "estimate", "qx qy qz qw", "qx qy qz qw"),
+            "perch.state": Field("cues", "state"),
+            "perchT.count": Field("trigger", "count"),
+            "supervisor.info": Field("supervisor", "bits"),
+        },
+    ),
+    Block(
+        10,
+        {
+            **_floats("gyro", "rates", "x y z", "gx gy gz", _RAD),
+            **_floats("acc", "acceleration", "x y z", "ax ay az", STANDARD_GRAVITY),
+        },
+    ),
+    Block(
+        10,
+        _floats("perch", "cues", "tau thetaX dCeil trigVal aRot", "tau theta_x d_ceil trigger_value a_rot"),
+    ),
+    Block(
+        20,
+        {
+            **_floats("motor", "motors", "m1 m2 m3 m4", "m1 m2 m3 m4"),
+            "pm.vbat": Field("power", "vbat"),
+            "pm.state": Field("power", "state"),
+            "perch.polCrc": Field("", "policy_crc"),
+        },
+    ),
+    Block(
+        50,
+        _floats(
+            "perchT",
+            "trigger",
+            "tick tau thetaX dCeil trigVal aRot",
+            "tick_ms tau theta_x d_ceil trigger_value a_rot",
+        ),
+    ),
+    Block(50, _floats("perchT", "trigger", "vx vy vz z pitch", "vx vy vz z pitch")),
+)
+"""The log blocks of a flight. Variables with an empty topic are watched but not recorded."""
+
+
+class _Latest(NamedTuple):
+    """The newest content of a block: receipt time (s), drone time (ms), values by (topic, field)."""
+
+    receipt_time: float
+    drone_time_ms: int
+    values: dict[tuple[str, str], float]
+
+
+class Telemetry:
+    """Subscribes to the drone's log blocks, records them, and keeps the newest of each.
+
+    A block whose drone time does not advance is not new: a frozen drone's values grow old here.
+
+    Args:
+        link: an open link; `start` opens the log blocks.
+        bridge: the running pose bridge.
+        recorder: where everything goes.
+        clock: the flight's monotonic clock, s.
+    """
+
+    def __init__(self, link: "DroneLink", bridge: PoseBridge, recorder: RunRecorder, clock: Clock) -> None:
+        self._link = link
+        self._bridge = bridge
+        self._recorder = recorder
+        self._clock = clock
+        self._latest: dict[int, _Latest] = {}
+        self._lock = threading.Lock()
+        self._trigger_written = False
+
+    def start(self) -> None:
+        """Open all log blocks on the drone."""
+        for index, block in enumerate(BLOCKS):
+            self._link.stream(tuple(block.variables), block.period_ms, self._receiver(index, block))
+
+    def _receiver(self, index: int, block: Block) -> "Callable[[LogSample], None]":
+        def receive(sample: "LogSample") -> None:
+            values = {
+                (target.topic, target.name): sample.values[variable] * target.scale
+                for variable, target in block.variables.items()
+            }
+            with self._lock:
+                previous = self._latest.get(index)
+                if previous is not None and sample.drone_time_ms <= previous.drone_time_ms:
+                    return
+                self._latest[index] = _Latest(sample.receipt_time, sample.drone_time_ms, values)
+            self._record(sample.receipt_time, sample.drone_time_ms, values)
+
+        return receive
+
+    def _record(self, receipt_time: float, drone_time_ms: int, values: dict[tuple[str, str], float]) -> None:
+        by_topic: dict[str, dict[str, float]] = {}
+        for (topic, name), value in values.items():
+            by_topic.setdefault(topic, {})[name] = value
+        for topic, fields in by_topic.items():
+            if topic in ("", "trigger"):
+                continue
+            self._recorder.write(topic, receipt_time, {**fields, "drone_time_ms": drone_time_ms})
+
+    def value(self, topic: str, name: str) -> float | None:
+        """The newest value of a field, or ``None`` when it never came."""
+        return self._with_age(topic, name)[0]
+
+    def _with_age(self, topic: str, name: str) -> tuple[float | None, float | None]:
+        now = self._clock()
+        with self._lock:
+            for latest in self._latest.values():
+                if (topic, name) in latest.values:
+                    return latest.values[topic, name], now - latest.receipt_time
+        return None, None
+
+    def trigger_snapshot(self) -> dict[str, float] | None:
+        """The drone's snapshot of its trigger, or ``None`` when it never fired."""
+        if not self.value("trigger", "count"):
+            return None
+        with self._lock:
+            return {
+                name: value
+                for latest in self._latest.values()
+                for (topic, name), value in latest.values.items()
+                if topic == "trigger"
+            }
+
+    def _triple(self, topic: str, names: str) -> tuple[float, float, float] | None:
+        values = [self.value(topic, name) for name in names.split()]
+        return None if None in values else tuple(values)  # type: ignore[return-value]
+
+    def observe(self) -> Observation:
+        """Everything that is known now, with ages; what never came is ``None``."""
+        pose = self._bridge.status()
+        good = pose.last_good
+        quaternion = [self.value("estimate", name) for name in ("qx", "qy", "qz", "qw")]
+        bits, bits_age = self._with_age("supervisor", "bits")
+        vbat, vbat_age = self._with_age("power", "vbat")
+        landing, landing_age = self._with_age("cues", "state")
+        crc, count = self.value("", "policy_crc"), self.value("trigger", "count")
+        return Observation(
+            link_silence=self._link.silence(),
+            pose_verdict=pose.verdict,
+            pose_problem=pose.error,
+            pose_age=pose.age,
+            pose_position=None if good is None else good.position,
+            pose_attitude=None
+            if good is None or good.quaternion is None
+            else Attitude.from_quaternion(good.quaternion),
+            estimate_age=self._with_age("estimate", "x")[1],
+            estimate_position=self._triple("estimate", "x y z"),
+            estimate_velocity=self._triple("estimate", "vx vy vz"),
+            estimate_attitude=None if None in quaternion else Attitude.from_quaternion(tuple(quaternion)),  # type: ignore[arg-type]
+            drone=None if bits is None else SupervisorInfo(int(bits)),
+            drone_age=bits_age,
+            battery_voltage=vbat,
+            battery_age=vbat_age,
+            landing_state=None if landing is None else LandingState(int(landing)),
+            landing_age=landing_age,
+            active_policy_crc=None if crc is None else int(crc),
+            trigger_count=None if count is None else int(count),
+        )
+
+
+def pose_recorder(recorder: RunRecorder) -> Callable[[PoseSample, Verdict], None]:
+    """A callback for the pose bridge that records every sample with the verdict given to it."""
+
+    def record(sample: PoseSample, verdict: Verdict) -> None:
+        x, y, z = sample.position or (None, None, None)
+        qx, qy, qz, qw = sample.quaternion or (None, None, None, None)
+        recorder.write(
+            "pose",
+            sample.receipt_time,
+            {
+                **{"x": x, "y": y, "z": z, "qx": qx, "qy": qy, "qz": qz, "qw": qw},
+                "frame": sample.frame,
+                "verdict": verdict.name,
+                "capture_time": sample.capture_time,
+            },
+        )
+
+    return record
