@@ -40,6 +40,7 @@ class GuardedCrazyflie(Crazyflie):
         self.heard = threading.Event()
         self._failure_lock = threading.Lock()
         self._failure_thread: threading.Thread | None = None
+        self._closing = False
         super().__init__(rw_cache=None if toc_cache is None else str(toc_cache))
         if toc_cache is None:
             self._toc_cache = _NoCache()
@@ -61,14 +62,14 @@ class GuardedCrazyflie(Crazyflie):
     def _link_error_cb(self, errmsg: str) -> None:
         """Note the error at once; let cflib take the connection down on a thread of its own, one time."""
         with self._failure_lock:
-            if self.failure is not None:
+            if self.failure is not None or self._closing:
                 return
             self.failure = errmsg
             self._failure_thread = threading.Thread(
                 target=super()._link_error_cb, args=(errmsg,), name="LinkDown", daemon=True
             )
+            self._failure_thread.start()
         self.failed.set()
-        self._failure_thread.start()
 
     def close_within(self, seconds: float) -> bool:
         """Close the link, which cuts the motors; False if cflib did not manage in time (its thread is left
@@ -79,8 +80,11 @@ class GuardedCrazyflie(Crazyflie):
         return not closing.is_alive()
 
     def _close(self) -> None:
-        if self._failure_thread is not None:
-            self._failure_thread.join()
+        with self._failure_lock:
+            self._closing = True
+            failure_thread = self._failure_thread
+        if failure_thread is not None:
+            failure_thread.join()
         self.close_link()
 
 
