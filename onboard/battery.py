@@ -39,6 +39,8 @@ def _quadratic_root(a: float, b: float, c: float, thrust: float) -> float:
 @njit(cache=True)
 def _cubic_root(c0: float, c1: float, c2: float, c3: float, thrust: float) -> float:
     """Voltage at which an increasing cubic gives `thrust`: Newton's method kept inside a bracket."""
+    if thrust <= c0:
+        return 0.0
     low, high = 0.0, 16.0
     voltage = 2.0
     for _ in range(_NEWTON_STEPS):

@@ -1,0 +1,136 @@
+"""Approach trajectory: the shape of errata 9, and what the room allows."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onboard.room import RoomGeometry
+from onboard.trajectory import (
+    ApproachError,
+    ApproachPlan,
+    approach_is_sound,
+    fit_approach,
+    plan_approach,
+    sample_approach,
+)
+
+ROOM = RoomGeometry()
+
+
+def plan(speed: float = 2.5, angle_deg: float = 40.0) -> ApproachPlan:
+    return plan_approach(speed, angle_deg, 0.3, 2.1, 1.0, 3.1, 0.5, impact_y=-0.1)
+
+
+conditions = st.tuples(st.floats(0.5, 2.2), st.floats(20.0, 90.0))
+
+
+@given(conditions)
+def test_reaches_the_velocity_tau0_before_the_ceiling_at_the_impact_point(
+    condition: tuple[float, float],
+) -> None:
+    speed, angle_deg = condition
+    approach = plan(speed, angle_deg)
+    angle = math.radians(angle_deg)
+    velocity = (speed * math.cos(angle), 0.0, speed * math.sin(angle))
+    end = approach.t_x + approach.t_z
+    for t in (end + 1e-9, end + 0.25, approach.impact_time):
+        position, v, a = sample_approach(approach, t)
+        assert v == pytest.approx(velocity, abs=1e-8)
+        assert a == (0.0, 0.0, 0.0)
+        assert (2.1 - position[2]) / v[2] == pytest.approx(approach.impact_time - t, abs=1e-9)
+    assert sample_approach(approach, approach.impact_time)[0] == pytest.approx((0.3, -0.1, 2.1), abs=1e-9)
+
+
+@given(conditions)
+def test_velocity_is_the_derivative_and_never_overshoots(condition: tuple[float, float]) -> None:
+    approach = plan(*condition)
+    times = np.linspace(-0.1, approach.impact_time + 0.3, 400)
+    samples = [sample_approach(approach, float(t)) for t in times]
+    positions, velocities, accelerations = (np.array(part) for part in zip(*samples, strict=True))
+    dt = times[1] - times[0]
+    middle = 0.5 * (velocities[1:] + velocities[:-1])
+    assert np.abs(np.diff(positions, axis=0) / dt - middle).max() < 3.1 * dt
+    assert np.all(np.diff(velocities, axis=0) >= -1e-12)
+    assert velocities[:, 0].max() <= approach.vx + 1e-12
+    assert velocities[:, 2].max() <= approach.vz + 1e-12
+    assert np.all(np.abs(np.diff(velocities, axis=0)) <= 3.1 * dt + 1e-12)
+    # First x with z held, then z with v_x held: never both.
+    assert not np.any((accelerations[:, 0] != 0.0) & (accelerations[:, 2] != 0.0))
+    assert np.all(positions[times < approach.t_x, 2] == approach.z0)
+
+
+def test_position_is_continuous_at_the_joints() -> None:
+    approach = plan()
+    for joint in (0.0, approach.t_x, approach.t_x + approach.t_z):
+        before, after = (sample_approach(approach, joint + d) for d in (-1e-9, 1e-9))
+        np.testing.assert_allclose(before[0], after[0], atol=1e-8)
+        np.testing.assert_allclose(before[1], after[1], atol=1e-8)
+
+
+def test_start_point_is_that_of_the_errata() -> None:
+    approach = plan()
+    vx, vz = approach.vx, approach.vz
+    assert approach.z0 == pytest.approx(2.1 - 0.5 * vz - 3.1 * (vz / 3.1) ** 2 / 2)
+    run_up = vx * (vx / 1.0 + vz / 3.1) - vx**2 / 2.0
+    assert approach.x0 == pytest.approx(0.3 - run_up - 0.5 * vx)
+
+
+def test_vertical_approach_has_no_run_up() -> None:
+    approach = plan(1.5, 90.0)
+    assert (approach.vx, approach.t_x, approach.x0) == (0.0, 0.0, 0.3)
+
+
+@pytest.mark.parametrize(
+    ("speed", "angle_deg"),
+    [(v, a) for v, a in itertools.product(np.arange(1.5, 3.6, 0.25), np.arange(30, 91, 7.5))],
+)
+def test_grid_starts_inside_the_room_or_is_refused(speed: float, angle_deg: float) -> None:
+    """The paper's grid; with at most 3.5 m/s2 and 0.3 s, climbs above 2.6 m/s need more height."""
+    climb = speed * math.sin(math.radians(angle_deg))
+    if 0.3 * climb + climb**2 / 7.0 > ROOM.ceiling_z - 0.4:
+        with pytest.raises(ApproachError, match="fly slower or at another angle"):
+            fit_approach(float(speed), float(angle_deg), ROOM)
+        return
+    approach = fit_approach(float(speed), float(angle_deg), ROOM)
+    assert ROOM.contains(approach.x0, approach.y0, approach.z0, 0.25)
+    assert approach.z0 >= 0.4
+    assert approach.tau0 >= 0.3
+    assert approach.vz == pytest.approx(climb)
+
+
+def test_slow_approaches_are_flown_as_the_authors_did() -> None:
+    approach = fit_approach(2.0, 45.0, ROOM)
+    assert (approach.ax, approach.az, approach.tau0) == (1.0, 3.1, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("speed", "angle_deg", "ax", "tau0"),
+    [
+        (0.0, 40.0, 1.0, 0.5),
+        (-1.0, 40.0, 1.0, 0.5),
+        (2.0, 0.0, 1.0, 0.5),
+        (2.0, 91.0, 1.0, 0.5),
+        (math.nan, 40.0, 1.0, 0.5),
+        (2.0, math.nan, 1.0, 0.5),
+        (2.0, 40.0, 0.0, 0.5),
+        (2.0, 40.0, math.nan, 0.5),
+        (2.0, 40.0, 1.0, math.nan),
+        (3.5, 90.0, 1.0, 0.5),
+    ],
+)
+def test_impossible_approaches_are_refused(speed: float, angle_deg: float, ax: float, tau0: float) -> None:
+    with pytest.raises(ApproachError):
+        plan_approach(speed, angle_deg, 0.0, 2.1, ax, 3.1, tau0)
+
+
+@pytest.mark.parametrize("field", ApproachPlan._fields)
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_a_plan_with_a_number_that_is_none_is_not_sound(field: str, value: float) -> None:
+    good = plan()
+    assert approach_is_sound(good, 0.2)
+    if field not in ("impact_x", "t_x", "t_z"):
+        assert not approach_is_sound(good._replace(**{field: value}), 0.2)
