@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from onboard.errors import InputError
 from onboard.vehicle import Vehicle
 from perchhw.errors import FlightStackError
 
@@ -19,7 +18,7 @@ _RIM_POINTS = 16
 FloatArray = NDArray[np.float64]
 
 
-class LabelError(FlightStackError, InputError):
+class LabelError(FlightStackError):
     """The flight cannot be labelled; the message says what is missing."""
 
 

@@ -1,0 +1,16 @@
+"""A campaign: a grid of attempts, one after another, that survives a killed process (docs/campaigns.md)."""
+
+from perchhw.campaign.plan import CampaignFileError, CampaignPlan, load_plan
+from perchhw.campaign.run import CampaignStopped, run_campaign
+from perchhw.campaign.store import AttemptRow, CampaignError, CampaignStore
+
+__all__ = [
+    "AttemptRow",
+    "CampaignError",
+    "CampaignFileError",
+    "CampaignPlan",
+    "CampaignStopped",
+    "CampaignStore",
+    "load_plan",
+    "run_campaign",
+]

@@ -1,0 +1,145 @@
+"""Run a campaign: one attempt after another through a runner, until all are done or a rule stops it."""
+
+import fcntl
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from onboard.errors import InputError, PerchhwError, SafetyStop
+from perchhw.attempt import AttemptRequest, AttemptResult, AttemptRunner, Outcome
+from perchhw.campaign.plan import CampaignPlan, Slot
+from perchhw.campaign.store import AttemptRow, CampaignError, CampaignStore, exists
+from perchhw.errors import FlightStackError
+from perchhw.record.folder import new_run_folder
+
+LOCK_FILE = "campaign.lock"
+OnChange = Callable[[list[AttemptRow]], None]
+
+
+class CampaignStopped(FlightStackError, SafetyStop):
+    """Too many attempts in a row were aborted; the message names the last reason."""
+
+
+def run_campaign(
+    plan: CampaignPlan,
+    folder: Path,
+    runner: AttemptRunner,
+    *,
+    resume: bool = False,
+    on_change: OnChange | None = None,
+) -> list[AttemptRow]:
+    """Fly what `plan` has left in the campaign `folder`; gives all rows at the end.
+
+    Args:
+        plan: the campaign.
+        folder: where its database and records live.
+        runner: flies one attempt.
+        resume: continue a campaign that is there already (one that is not is started).
+        on_change: called with all rows after each change, for a display.
+
+    An attempt that ends with an error of ours (no link, a check failed) counts as aborted, with the error as
+    the reason. The streak of aborted attempts begins at zero in every run of this function.
+
+    Raises:
+        CampaignStopped: ``plan.aborted_in_a_row`` attempts in a row were aborted.
+        CampaignError: the folder cannot be used.
+        InputError: an attempt cannot be flown as configured.
+        KeyboardInterrupt: interrupted; the running attempt is kept as interrupted and planned again.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with _only_one(folder):
+        store = _store(plan, folder, resume)
+        try:
+            return _fly_all(plan, store, runner, on_change or (lambda rows: None))
+        finally:
+            store.close()
+
+
+def _store(plan: CampaignPlan, folder: Path, resume: bool) -> CampaignStore:
+    if not (resume and exists(folder)):
+        return CampaignStore.create(folder, plan)
+    store = CampaignStore.open(folder)
+    try:
+        store.check_plan(plan)
+        store.recover()
+    except PerchhwError:
+        store.close()
+        raise
+    return store
+
+
+def _fly_all(
+    plan: CampaignPlan, store: CampaignStore, runner: AttemptRunner, on_change: OnChange
+) -> list[AttemptRow]:
+    aborted_in_a_row = 0
+    on_change(store.rows())
+    while (row := store.next_planned()) is not None:
+        result = _fly_one(plan, store, row, runner, on_change)
+        on_change(store.rows())
+        aborted_in_a_row = aborted_in_a_row + 1 if result.outcome is Outcome.ABORTED else 0
+        if aborted_in_a_row >= plan.aborted_in_a_row:
+            raise CampaignStopped(
+                f"stopped: {aborted_in_a_row} attempts in a row were aborted, the last one by "
+                f"{result.aborted_by or 'an unnamed rule'}; put that right and continue with --resume"
+            )
+    return store.rows()
+
+
+def _fly_one(
+    plan: CampaignPlan, store: CampaignStore, row: AttemptRow, runner: AttemptRunner, on_change: OnChange
+) -> AttemptResult:
+    """Fly the attempt of `row`, with its state committed before and after."""
+    name = f"{row.slot:03d}-try{row.try_number}-{row.speed:g}ms-{row.angle_deg:g}deg"
+    record = new_run_folder(store.folder / "attempts", name)
+    store.start(row, record)
+    ended = False
+    try:
+        on_change(store.rows())
+        result = _result(request_of(plan, row.place, record, row.try_number), runner)
+        store.finish(row, result)
+        ended = True
+    finally:  # whatever ends an attempt early (Ctrl-C, a bug): it is planned again
+        if not ended:
+            store.give_back(row, record)
+    return result
+
+
+def _result(request: AttemptRequest, runner: AttemptRunner) -> AttemptResult:
+    try:
+        return runner(request)
+    except InputError:
+        raise
+    except PerchhwError as error:
+        return AttemptResult(
+            Outcome.ABORTED, triggered=False, trigger=None, aborted_by=str(error), record=request.folder
+        )
+
+
+def request_of(plan: CampaignPlan, slot: Slot, record: Path, try_number: int) -> AttemptRequest:
+    """What `plan` asks for in one try of `slot`."""
+    return AttemptRequest(
+        speed=slot.speed,
+        angle_deg=slot.angle_deg,
+        index=slot.number,
+        folder=record,
+        drone=plan.drone,
+        mocap=plan.mocap,
+        policy=plan.policy,
+        vehicle=plan.vehicle,
+        legs=plan.legs,
+        room=plan.room,
+        seed=plan.attempt_seed(slot.number, try_number),
+        try_number=try_number,
+        approach=dict(plan.approach),
+    )
+
+
+@contextmanager
+def _only_one(folder: Path) -> Iterator[None]:
+    """Hold the campaign's lock; the system releases it when the process dies, however it dies."""
+    with (folder / LOCK_FILE).open("w") as stream:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise CampaignError(f"{folder}: another process is running this campaign") from error
+        yield

@@ -1,0 +1,69 @@
+"""A campaign as tables in the terminal: what was flown and what is left."""
+
+from collections import Counter
+from collections.abc import Iterable
+
+from rich.markup import escape
+from rich.table import Table
+
+from perchhw.attempt import Outcome
+from perchhw.campaign.store import AttemptRow
+
+_STYLES = {
+    Outcome.FOUR_LEG: "green",
+    Outcome.FOUR_LEG_BODY_CONTACT: "yellow",
+    Outcome.TWO_LEG: "yellow",
+    Outcome.TWO_LEG_BODY_CONTACT: "yellow",
+    Outcome.FAILURE: "red",
+    Outcome.NO_TRIGGER: "red",
+    Outcome.ABORTED: "magenta",
+}
+_SHOWN_AROUND_NOW = 12
+
+
+def attempts_table(rows: list[AttemptRow], around_now: bool = False) -> Table:
+    """One line per try; with `around_now` only the last ones flown and the next ones planned."""
+    shown = _window(rows) if around_now else rows
+    table = Table(
+        "#", "m/s", "deg", "try", "state", "outcome", "trigger tau", "why aborted", title=progress(rows)
+    )
+    for row in shown:
+        outcome = "" if row.outcome is None else f"[{_STYLES[row.outcome]}]{row.outcome.value}[/]"
+        tau = (row.trigger or {}).get("tau")
+        table.add_row(
+            str(row.slot),
+            f"{row.speed:g}",
+            f"{row.angle_deg:g}",
+            str(row.try_number),
+            f"[bold]{row.state}[/]" if row.state == "running" else row.state,
+            outcome,
+            "" if tau is None else f"{tau:.3f} s",
+            escape(_shortened(row.aborted_by or "")),
+        )
+    return table
+
+
+def progress(rows: Iterable[AttemptRow]) -> str:
+    """``7 of 20 done: four_leg 5, two_leg 2``."""
+    rows = list(rows)
+    counts = outcome_counts(rows)
+    done = sum(counts.values())
+    slots = len({row.slot for row in rows})
+    words = ", ".join(f"{outcome.value} {n}" for outcome, n in counts.items())
+    return f"{done} of {slots} done" + (f": {words}" if words else "")
+
+
+def outcome_counts(rows: Iterable[AttemptRow]) -> dict[Outcome, int]:
+    """Number of done attempts by outcome, in the order of the outcomes; those that occur."""
+    counts = Counter(row.outcome for row in rows if row.state == "done")
+    return {outcome: counts[outcome] for outcome in Outcome if counts[outcome]}
+
+
+def _window(rows: list[AttemptRow]) -> list[AttemptRow]:
+    now = next((i for i, row in enumerate(rows) if row.state in ("running", "planned")), len(rows))
+    first = max(0, now - _SHOWN_AROUND_NOW + 3)
+    return rows[first : first + _SHOWN_AROUND_NOW]
+
+
+def _shortened(text: str, length: int = 48) -> str:
+    return text if len(text) <= length else text[: length - 1] + "…"

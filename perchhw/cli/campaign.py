@@ -1,0 +1,114 @@
+"""``perchhw campaign``: fly a grid of attempts; resume, status, report."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from perchhw.cli.output import console, emit, progress_console
+
+if TYPE_CHECKING:
+    from perchhw.campaign import AttemptRow, CampaignPlan
+
+app = typer.Typer(add_completion=False)
+
+_CampaignFolder = Annotated[Path, typer.Argument(help="Folder of a campaign.")]
+
+
+@app.command()
+def run(
+    file: Annotated[Path, typer.Argument(help="Campaign file (TOML).")],
+    resume: Annotated[bool, typer.Option("--resume", help="Continue where the campaign stopped.")] = False,
+    out: Annotated[Path | None, typer.Option(help="Campaign folder; default: runs/campaign-NAME.")] = None,
+) -> int:
+    """Fly the attempts of a campaign file, one after another, and write its report.
+
+    Exit codes: 0 all attempts are done, 2 the file or folder cannot be used, 3 too many attempts in a row
+    were aborted, 130 interrupted (continue with --resume).
+    """
+    from perchhw.campaign import load_plan, run_campaign
+    from perchhw.flight import fly_attempt
+    from perchhw.record.folder import slug
+    from perchhw.report import write_campaign_report
+
+    plan = load_plan(file)
+    _check_approaches(plan)
+    folder = out or Path("runs") / f"campaign-{slug(plan.name)}"
+    with _live_table() as show:
+        rows = run_campaign(plan, folder, fly_attempt, resume=resume, on_change=show)
+    report = write_campaign_report(folder)
+    _emit_rows(folder, rows, report)
+    return 0
+
+
+def _check_approaches(plan: "CampaignPlan") -> None:
+    """Every approach of the grid must fit the room, before the first one is flown."""
+    from perchhw.campaign.run import request_of
+    from perchhw.flight.mission import plan_attempt
+
+    for slot in plan.slots():
+        plan_attempt(request_of(plan, slot, Path(), try_number=1), 0, False)
+
+
+@contextmanager
+def _live_table() -> "Iterator[Callable[[list[AttemptRow]], None]]":
+    """A table that redraws itself on a terminal; a line per change elsewhere (both on stderr)."""
+    from perchhw.campaign.table import attempts_table, progress
+
+    screen = progress_console()
+    if not screen.is_terminal:
+        yield lambda rows: screen.print(progress(rows), markup=False)
+        return
+    from rich.live import Live
+
+    with Live(console=screen, auto_refresh=False) as live:
+        yield lambda rows: live.update(attempts_table(rows, around_now=True), refresh=True)
+
+
+@app.command()
+def status(folder: _CampaignFolder) -> int:
+    """What of a campaign was flown, how it ended, and what is left."""
+    _emit_rows(folder, _rows(folder), None)
+    return 0
+
+
+@app.command()
+def report(folder: _CampaignFolder) -> int:
+    """Write the report of a campaign."""
+    from perchhw.report import write_campaign_report
+
+    rows = _rows(folder)
+    _emit_rows(folder, rows, write_campaign_report(folder))
+    return 0
+
+
+def _rows(folder: Path) -> "list[AttemptRow]":
+    from contextlib import closing
+
+    from perchhw.campaign import CampaignStore
+
+    with closing(CampaignStore.open(folder)) as store:
+        return store.rows()
+
+
+def _emit_rows(folder: Path, rows: "list[AttemptRow]", report: Path | None) -> None:
+    from perchhw.campaign.table import attempts_table, outcome_counts
+
+    counts = outcome_counts(rows)
+    document: dict[str, Any] = {
+        "campaign": str(folder),
+        "planned": len({row.slot for row in rows}),
+        "done": sum(counts.values()),
+        "outcomes": {outcome.value: number for outcome, number in counts.items()},
+        "attempts": [row.to_json() for row in rows],
+        "report": None if report is None else str(report),
+    }
+
+    def draw() -> None:
+        console().print(attempts_table(rows))
+        if report is not None:
+            console().print(f"report: {report}", markup=False)
+
+    emit(document, draw)

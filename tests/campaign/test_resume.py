@@ -1,0 +1,155 @@
+"""A campaign neither loses nor repeats an attempt, however its process dies."""
+
+import signal
+import sqlite3
+import subprocess
+import sys
+from collections import Counter
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from perchhw.attempt import AttemptRequest, AttemptResult, Outcome
+from perchhw.campaign import (
+    AttemptRow,
+    CampaignError,
+    CampaignStopped,
+    CampaignStore,
+    load_plan,
+    run_campaign,
+)
+from perchhw.errors import FlightStackError
+from perchhw.record import read_run
+from tests.campaign.stand_in import expected_outcome, fly
+
+STAND_IN = Path(__file__).with_name("stand_in.py")
+REPOSITORY = STAND_IN.parents[2]
+
+
+def rows_of(folder: Path) -> list[AttemptRow]:
+    with closing(CampaignStore.open(folder)) as store:
+        return store.rows()
+
+
+def run_process(file: Path, folder: Path, point: str, count: int) -> int:
+    command = [sys.executable, "-m", "tests.campaign.stand_in", str(file), str(folder), point, str(count)]
+    return subprocess.run(command, timeout=60, cwd=REPOSITORY, check=False).returncode
+
+
+@pytest.mark.parametrize(
+    "kills",
+    [
+        [("before", 1), ("inside", 1), ("closed", 1)],
+        [("inside", 3), ("closed", 2), ("before", 2), ("inside", 1)],
+        [("closed", 8)],
+    ],
+)
+def test_every_slot_ends_exactly_once_as_done_after_sigkill(
+    campaign_file: Path, tmp_path: Path, kills: list[tuple[str, int]]
+) -> None:
+    folder = tmp_path / "campaign"
+    inside = 0
+    for point, count in kills:
+        assert run_process(campaign_file, folder, point, count) == -signal.SIGKILL
+        inside += point == "inside"
+    assert run_process(campaign_file, folder, "never", 0) == 0
+
+    rows = rows_of(folder)
+    done = [r for r in rows if r.state == "done"]
+    plan = load_plan(campaign_file)
+    assert [(r.slot, r.speed, r.angle_deg, r.repeat) for r in done] == [
+        (s.number, s.speed, s.angle_deg, s.repeat) for s in plan.slots()
+    ]
+    assert all(r.outcome is expected_outcome(r.slot) for r in done)
+    # An attempt whose record was closed is not flown again; one killed inside is kept beside its repetition.
+    interrupted = [r for r in rows if r.state == "interrupted"]
+    assert len(interrupted) == inside
+    assert {r.state for r in rows} <= {"done", "interrupted"}
+    records = sorted((folder / "attempts").iterdir())
+    assert records == sorted(r.record for r in rows if r.record is not None)
+    for row in interrupted:
+        assert row.record is not None
+        assert len(read_run(row.record).series["pose"].t) == 11
+
+
+def test_trigger_and_outcome_survive_the_way_into_the_database(campaign_file: Path, tmp_path: Path) -> None:
+    rows = run_campaign(load_plan(campaign_file), tmp_path / "c", fly)
+    assert rows == rows_of(tmp_path / "c")
+    assert [r.state for r in rows] == ["done"] * 8
+    assert all(r.trigger is not None and r.trigger["d_ceil"] == 0.45 for r in rows)
+    seeds = {r.trigger["seed"] for r in rows if r.trigger is not None}
+    assert len(seeds) == 8
+
+
+def test_interrupt_during_an_attempt_plans_it_again(campaign_file: Path, tmp_path: Path) -> None:
+    flown: list[AttemptRequest] = []
+
+    def interrupted(request: AttemptRequest) -> AttemptResult:
+        flown.append(request)
+        if len(flown) == 3:
+            request.folder.mkdir(parents=True)
+            raise KeyboardInterrupt
+        return fly(request)
+
+    plan, folder = load_plan(campaign_file), tmp_path / "c"
+    with pytest.raises(KeyboardInterrupt):
+        run_campaign(plan, folder, interrupted)
+    assert Counter(r.state for r in rows_of(folder)) == {"done": 2, "interrupted": 1, "planned": 6}
+    rows = run_campaign(plan, folder, interrupted, resume=True)
+    assert [r.index for r in flown] == [0, 1, 2, 2, 3, 4, 5, 6, 7]
+    assert flown[3].try_number == 2
+    assert flown[3].seed != flown[2].seed
+    assert sum(r.state == "done" for r in rows) == 8
+
+
+def test_aborted_attempts_in_a_row_stop_the_campaign(campaign_file: Path, tmp_path: Path) -> None:
+    class NoLinkError(FlightStackError):
+        """No drone."""
+
+    def aborts(request: AttemptRequest) -> AttemptResult:
+        if request.index in (0, 1, 3, 4):
+            return AttemptResult(Outcome.ABORTED, False, None, "battery_low", request.folder)
+        if request.index == 5:
+            raise NoLinkError("no answer from udp://127.0.0.1:19850")
+        return fly(request)
+
+    plan, folder = load_plan(campaign_file), tmp_path / "c"
+    with pytest.raises(CampaignStopped, match="3 attempts in a row were aborted, the last one by no answer"):
+        run_campaign(plan, folder, aborts)
+    rows = rows_of(folder)
+    assert [r.state for r in rows] == ["done"] * 6 + ["planned"] * 2
+    assert rows[5].aborted_by == "no answer from udp://127.0.0.1:19850"
+    assert [r.state for r in run_campaign(plan, folder, aborts, resume=True)] == ["done"] * 8
+
+
+def test_a_campaign_is_not_started_twice_by_accident(campaign_file: Path, tmp_path: Path) -> None:
+    plan, folder = load_plan(campaign_file), tmp_path / "c"
+
+    def second(request: AttemptRequest) -> AttemptResult:
+        with pytest.raises(CampaignError, match="another process is running"):
+            run_campaign(plan, folder, fly, resume=True)
+        return fly(request)
+
+    run_campaign(plan, folder, second)
+    with pytest.raises(CampaignError, match="continue it with --resume"):
+        run_campaign(plan, folder, fly)
+    campaign_file.write_text(campaign_file.read_text().replace("seed = 7", "seed = 8"))
+    with pytest.raises(CampaignError, match="changed since the start in seed"):
+        run_campaign(load_plan(campaign_file), folder, fly, resume=True)
+    campaign_file.write_text(
+        campaign_file.read_text().replace("seed = 8", "seed = 7").replace("19850", "19999")
+    )
+    assert len(run_campaign(load_plan(campaign_file), folder, fly, resume=True)) == 8
+
+
+def test_the_database_itself_refuses_a_second_done_row(campaign_file: Path, tmp_path: Path) -> None:
+    run_campaign(load_plan(campaign_file), tmp_path / "c", fly)
+    with closing(sqlite3.connect(tmp_path / "c" / "campaign.db")) as connection:
+        mode = connection.execute("PRAGMA journal_mode").fetchone()[0]
+        assert mode == "wal"
+        with pytest.raises(sqlite3.IntegrityError):
+            connection.execute(
+                "INSERT INTO attempts (slot, speed_m_s, angle_deg, repeat, try, state) "
+                "VALUES (0, 2, 40, 1, 9, 'done')"
+            )
