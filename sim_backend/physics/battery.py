@@ -2,14 +2,13 @@
 
 from typing import Any
 
-from numba import njit
-
 from onboard.battery import battery_current, open_circuit_voltage, terminal_voltage, thrust_from_voltage
 from onboard.thrust_map import ThrustMap
+from sim_backend.physics.jit import kernel
 from sim_backend.physics.motors import Four
 
 
-@njit(cache=True)
+@kernel
 def motor_targets(state: Any, p: Any, duty: Any) -> Four:
     """Thrusts (N) that the motors head for at these duties (0..1) of the present battery voltage."""
     voltage = state.battery_voltage
@@ -22,7 +21,7 @@ def motor_targets(state: Any, p: Any, duty: Any) -> Four:
     )
 
 
-@njit(cache=True)
+@kernel
 def draw(state: Any, p: Any, dt: float) -> None:
     """Draw the motors' current for `dt` (s) and set the terminal voltage for the next step."""
     thrust = state.thrust

@@ -10,7 +10,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
+
+from sim_backend.physics.jit import kernel
 
 Rotation = tuple[float, float, float, float, float, float, float, float, float]
 Point = tuple[float, float, float]
@@ -25,7 +26,7 @@ PASSES = 2
 """The first pass bounces, the second stops what the first pushed into the plane elsewhere."""
 
 
-@njit(cache=True)
+@kernel
 def hull_point(p: Any, rot: Rotation, index: int, normal: float) -> Point:
     """Point `index` that may touch the plane (ceiling: normal -1, floor: +1), body frame, m."""
     sign_x = 1.0 if index & 1 else -1.0
@@ -39,14 +40,14 @@ def hull_point(p: Any, rot: Rotation, index: int, normal: float) -> Point:
     return sign_x * p.arm_x + gx * scale, sign_y * p.arm_y + gy * scale, p.propeller_height_z
 
 
-@njit(cache=True)
+@kernel
 def beyond(state: Any, p: Any, rot: Rotation, point: Point, normal: float) -> bool:
     """Whether a body point lies beyond the ceiling (normal -1) or below the floor (normal +1)."""
     z = state.position[2] + rot[6] * point[0] + rot[7] * point[1] + rot[8] * point[2]
     return z >= p.ceiling_z if normal < 0.0 else z <= 0.0
 
 
-@njit(cache=True)
+@kernel
 def point_velocity(state: Any, rot: Rotation, b: Point) -> Point:
     """Velocity of a body point in the world frame (m/s)."""
     v, w = state.velocity, state.omega
@@ -58,7 +59,7 @@ def point_velocity(state: Any, rot: Rotation, b: Point) -> Point:
     )
 
 
-@njit(cache=True)
+@kernel
 def lever(rot: Rotation, b: Point, nx: float, ny: float, nz: float) -> Point:
     """b x n in the body frame, for a point b (body frame) and a direction n (world frame)."""
     ax = rot[0] * nx + rot[3] * ny + rot[6] * nz
@@ -67,14 +68,14 @@ def lever(rot: Rotation, b: Point, nx: float, ny: float, nz: float) -> Point:
     return b[1] * az - b[2] * ay, b[2] * ax - b[0] * az, b[0] * ay - b[1] * ax
 
 
-@njit(cache=True)
+@kernel
 def mobility(p: Any, arm: Point) -> float:
     """Change of a point's velocity per impulse along the direction of its lever (1/kg)."""
     i = p.inertia
     return 1.0 / p.mass + arm[0] * arm[0] / i[0] + arm[1] * arm[1] / i[1] + arm[2] * arm[2] / i[2]
 
 
-@njit(cache=True)
+@kernel
 def apply_impulse(state: Any, p: Any, total: Any, scale: float) -> None:
     """Change the velocities by `scale` times an impulse (N s, world) and an angular impulse (N m s, body)."""
     for axis in range(3):
@@ -82,7 +83,7 @@ def apply_impulse(state: Any, p: Any, total: Any, scale: float) -> None:
         state.omega[axis] += scale * total[3 + axis] / p.inertia[axis]
 
 
-@njit(cache=True)
+@kernel
 def best_scale(p: Any, total: Any, gain: float) -> float:
     """The scale of an impulse that leaves the least kinetic energy; `gain` (J) is what it takes at first."""
     cost = 0.0
@@ -91,7 +92,7 @@ def best_scale(p: Any, total: Any, gain: float) -> float:
     return gain / cost if cost > 0.0 else 0.0
 
 
-@njit(cache=True)
+@kernel
 def push_out(state: Any, p: Any, rot: Rotation, normal: float, pushes: Any, bounce: float) -> None:
     """Normal impulses on all touching points that move inwards; `pushes` receives each of them (N s)."""
     total = np.zeros(6)
@@ -119,7 +120,7 @@ def push_out(state: Any, p: Any, rot: Rotation, normal: float, pushes: Any, boun
         pushes[index] *= scale
 
 
-@njit(cache=True)
+@kernel
 def rub(state: Any, p: Any, rot: Rotation, normal: float, pushes: Any) -> None:
     """Friction impulses of the points that pushed, within the Coulomb cone, against their slip."""
     total = np.zeros(6)
@@ -144,16 +145,19 @@ def rub(state: Any, p: Any, rot: Rotation, normal: float, pushes: Any) -> None:
     apply_impulse(state, p, total, min(1.0, best_scale(p, total, gain)))
 
 
-@njit(cache=True)
+@kernel
 def touches(state: Any, p: Any, rot: Rotation, normal: float) -> bool:
-    """Whether any point of hull or propellers lies beyond the plane."""
-    for index in range(POINTS):  # noqa: SIM110  (numba has no any() over generators)
-        if beyond(state, p, rot, hull_point(p, rot, index, normal), normal):
-            return True
-    return False
+    """Whether any point of hull or propellers lies beyond the plane: the extreme of box and discs."""
+    gx, gy, gz = -normal * rot[6], -normal * rot[7], -normal * rot[8]
+    box = abs(gx) * p.body_half_x + abs(gy) * p.body_half_y + max(gz * p.body_top_z, gz * p.body_bottom_z)
+    discs = abs(gx) * p.arm_x + abs(gy) * p.arm_y + gz * p.propeller_height_z
+    discs += p.propeller_radius * math.sqrt(gx * gx + gy * gy)
+    z = state.position[2]
+    gap = p.ceiling_z - z if normal < 0.0 else z
+    return max(box, discs) >= gap
 
 
-@njit(cache=True)
+@kernel
 def collide(state: Any, p: Any, rot: Rotation, normal: float) -> None:
     """Impulses of one plane (ceiling: normal -1, floor: +1) on all touching points of hull and propellers."""
     pushes = np.zeros(POINTS)

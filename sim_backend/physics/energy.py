@@ -2,13 +2,12 @@
 
 from typing import Any
 
-from numba import njit
-
+from sim_backend.physics.jit import kernel
 from sim_backend.physics.legs import FREE, RELEASED, bending, hinge_energy
 from sim_backend.physics.step import attitude, to_body
 
 
-@njit(cache=True)
+@kernel
 def spring_energy(state: Any, p: Any) -> float:
     """Energy (J) in hinges and legs of the feet that touch."""
     rot = attitude(state)
@@ -26,7 +25,7 @@ def spring_energy(state: Any, p: Any) -> float:
     return energy
 
 
-@njit(cache=True)
+@kernel
 def mechanical_energy(state: Any, p: Any) -> float:
     """Kinetic, potential (zero at the floor) and spring energy (J)."""
     kinetic = 0.0

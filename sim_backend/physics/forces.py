@@ -7,19 +7,18 @@ Gravity and the gyroscopic torque belong to the integrator, contact to the step.
 
 from typing import Any
 
-from numba import njit
-
 from sim_backend.physics.air import linear_drag
+from sim_backend.physics.jit import kernel
 from sim_backend.physics.motors import Wrench, rotor_wrench
 
 
-@njit(cache=True)
+@kernel
 def add(a: Wrench, b: Wrench) -> Wrench:
     """Sum of two wrenches."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5]
 
 
-@njit(cache=True)
+@kernel
 def free_flight_wrench(state: Any, p: Any, vx: float, vy: float, vz: float) -> Wrench:
     """Force (N) and torque (N m) on the body in the body frame; the velocity (m/s) is in the body frame."""
     wrench = rotor_wrench(state, p)

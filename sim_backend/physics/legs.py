@@ -9,8 +9,7 @@ The wrench on the body is that force, acting at the anchor.
 import math
 from typing import Any
 
-from numba import njit
-
+from sim_backend.physics.jit import kernel
 from sim_backend.physics.motors import Wrench
 from sim_backend.physics.state import FootMode
 
@@ -24,7 +23,7 @@ CLEARANCE = 5e-4
 """m: a foot that was torn off may touch again once its rest position is this far below the ceiling."""
 
 
-@njit(cache=True)
+@kernel
 def bending(p: Any, leg: int, ux: float, uy: float, uz: float) -> tuple[float, float, float, float]:
     """Bending angle (rad) of a leg along the unit vector u (body frame), and its axis (unit, body frame)."""
     rx, ry, rz = p.leg_direction[leg, 0], p.leg_direction[leg, 1], p.leg_direction[leg, 2]
@@ -36,7 +35,7 @@ def bending(p: Any, leg: int, ux: float, uy: float, uz: float) -> tuple[float, f
     return angle, nx / sine, ny / sine, nz / sine
 
 
-@njit(cache=True)
+@kernel
 def hinge_moment(p: Any, angle: float) -> float:
     """Restoring moment (N m) of the hinge spring and, beyond the limit, of its stop."""
     moment = p.hinge_stiffness * angle
@@ -45,7 +44,7 @@ def hinge_moment(p: Any, angle: float) -> float:
     return moment
 
 
-@njit(cache=True)
+@kernel
 def hinge_energy(p: Any, angle: float) -> float:
     """Energy (J) in the hinge spring and its stop."""
     energy = 0.5 * p.hinge_stiffness * angle * angle
@@ -54,7 +53,7 @@ def hinge_energy(p: Any, angle: float) -> float:
     return energy
 
 
-@njit(cache=True)
+@kernel
 def foot_force(
     p: Any, leg: int, px: float, py: float, pz: float, vx: float, vy: float, vz: float,
     wx: float, wy: float, wz: float,
@@ -90,7 +89,7 @@ def foot_force(
     )
 
 
-@njit(cache=True)
+@kernel
 def limit_friction(p: Any, state: Any, leg: int, fx: float, fy: float, push: float) -> tuple[float, float]:
     """Horizontal force (N, world) within the friction cone of a pressing foot; beyond it the anchor slides.
 
@@ -106,7 +105,7 @@ def limit_friction(p: Any, state: Any, leg: int, fx: float, fy: float, push: flo
     return fx * limit / size, fy * limit / size
 
 
-@njit(cache=True)
+@kernel
 def hold_foot(p: Any, state: Any, leg: int, fx: float, fy: float, fz: float) -> Wrench:
     """Decide what a touching foot can hold of the force (N, world) that would keep it at its anchor.
 

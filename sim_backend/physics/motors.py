@@ -3,26 +3,31 @@
 import math
 from typing import Any
 
-from numba import njit
+from sim_backend.physics.jit import kernel
 
 Four = tuple[float, float, float, float]
 Wrench = tuple[float, float, float, float, float, float]
 
+SETTLED = 1e-15
+"""N: a thrust this close to its target is there; otherwise a stopped motor decays into slow denormal numbers."""
 
-@njit(cache=True)
+
+@kernel
 def decay(p: Any, dt: float) -> tuple[float, float]:
     """What is left of a thrust error after `dt` (s), for a rising and a falling thrust: exp(-dt / tau)."""
     return math.exp(-dt / p.time_constant_up), math.exp(-dt / p.time_constant_down)
 
 
-@njit(cache=True)
+@kernel
 def lag(thrust: float, target: float, decay_up: float, decay_down: float) -> float:
     """Thrust (N) of one motor after the time that belongs to the decays; exact for a constant target."""
     error = thrust - target
+    if abs(error) < SETTLED:
+        return target
     return target + error * (decay_up if error < 0.0 else decay_down)
 
 
-@njit(cache=True)
+@kernel
 def lag_all(state: Any, targets: Four, decay_up: float, decay_down: float) -> None:
     """Advance the four thrusts of the state towards their targets (N)."""
     thrust = state.thrust
@@ -32,7 +37,7 @@ def lag_all(state: Any, targets: Four, decay_up: float, decay_down: float) -> No
     thrust[3] = lag(thrust[3], targets[3], decay_up, decay_down)
 
 
-@njit(cache=True)
+@kernel
 def rotor_wrench(state: Any, p: Any) -> Wrench:
     """Force (N) and torque (N m) of the four rotors in the body frame.
 

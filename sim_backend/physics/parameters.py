@@ -13,8 +13,8 @@ from sim_backend.errors import SimulationError
 GRAVITY = 9.81
 """m/s2, the value of the authors' simulation."""
 
-SUBSTEPS = 8
-"""Steps within a step while anything may touch: 1 kHz becomes 8 kHz (docs/physics.md gives the error)."""
+SUBSTEPS = 4
+"""Steps within a step while anything may touch: 1 kHz becomes 4 kHz (docs/physics.md gives the error)."""
 
 RESTITUTION = 0.3
 """Body and propellers against a surface: hard plastic and blades on plywood, engineering estimate."""

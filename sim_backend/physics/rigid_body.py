@@ -2,13 +2,13 @@
 
 import math
 
-from numba import njit
+from sim_backend.physics.jit import kernel
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
 
-@njit(cache=True)
+@kernel
 def rotation_matrix(
     qx: float, qy: float, qz: float, qw: float
 ) -> tuple[float, float, float, float, float, float, float, float, float]:
@@ -26,7 +26,7 @@ def rotation_matrix(
     )
 
 
-@njit(cache=True)
+@kernel
 def turn(q: Quaternion, wx: float, wy: float, wz: float, dt: float) -> Quaternion:
     """The quaternion after turning at the constant body rate (rad/s) for `dt` (s): q exp(w dt / 2).
 
@@ -53,13 +53,13 @@ def turn(q: Quaternion, wx: float, wy: float, wz: float, dt: float) -> Quaternio
     return nx * unit, ny * unit, nz * unit, nw * unit
 
 
-@njit(cache=True)
+@kernel
 def gyroscopic_torque(wx: float, wy: float, wz: float, ix: float, iy: float, iz: float) -> Vector:
     """-w x (I w) for a diagonal inertia (kg m2), N m in the body frame; its power w . T is zero."""
     return (iy - iz) * wy * wz, (iz - ix) * wz * wx, (ix - iy) * wx * wy
 
 
-@njit(cache=True)
+@kernel
 def turn_rate(
     wx: float, wy: float, wz: float, tx: float, ty: float, tz: float,
     ix: float, iy: float, iz: float, inv_x: float, inv_y: float, inv_z: float, dt: float,

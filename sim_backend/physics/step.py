@@ -3,11 +3,10 @@
 import math
 from typing import Any
 
-from numba import njit
-
 from sim_backend.physics.battery import draw, motor_targets
 from sim_backend.physics.collision import Rotation, collide, touches
 from sim_backend.physics.forces import add, free_flight_wrench
+from sim_backend.physics.jit import kernel
 from sim_backend.physics.legs import (
     ATTACHED,
     CLEARANCE,
@@ -22,7 +21,7 @@ from sim_backend.physics.motors import Four, Wrench, decay, lag_all
 from sim_backend.physics.rigid_body import rotation_matrix, turn, turn_rate
 
 
-@njit(cache=True)
+@kernel
 def to_body(rot: Rotation, x: float, y: float, z: float) -> tuple[float, float, float]:
     """World to body components."""
     return (
@@ -32,7 +31,7 @@ def to_body(rot: Rotation, x: float, y: float, z: float) -> tuple[float, float, 
     )
 
 
-@njit(cache=True)
+@kernel
 def to_world(rot: Rotation, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Body to world components."""
     return (
@@ -42,7 +41,7 @@ def to_world(rot: Rotation, x: float, y: float, z: float) -> tuple[float, float,
     )
 
 
-@njit(cache=True)
+@kernel
 def drift(state: Any, dt: float) -> None:
     """Move position and attitude with the present velocities for `dt` (s)."""
     position, velocity, q, w = state.position, state.velocity, state.quaternion, state.omega
@@ -52,7 +51,7 @@ def drift(state: Any, dt: float) -> None:
     q[0], q[1], q[2], q[3] = turn((q[0], q[1], q[2], q[3]), w[0], w[1], w[2], dt)
 
 
-@njit(cache=True)
+@kernel
 def kick(state: Any, p: Any, rot: Rotation, wrench: Wrench, dt: float) -> None:
     """Change the velocities by a constant body-frame wrench and gravity for `dt` (s)."""
     fx, fy, fz = to_world(rot, wrench[0], wrench[1], wrench[2])
@@ -67,14 +66,14 @@ def kick(state: Any, p: Any, rot: Rotation, wrench: Wrench, dt: float) -> None:
     )
 
 
-@njit(cache=True)
+@kernel
 def attitude(state: Any) -> Rotation:
     """Rotation matrix of the state, row by row."""
     q = state.quaternion
     return rotation_matrix(q[0], q[1], q[2], q[3])
 
 
-@njit(cache=True)
+@kernel
 def free_substep(state: Any, p: Any, targets: Four, dt: float, up: float, down: float) -> None:
     """`dt` (s) of free flight; `up` and `down` are the motor decays of half the time."""
     drift(state, 0.5 * dt)
@@ -92,7 +91,7 @@ def free_substep(state: Any, p: Any, targets: Four, dt: float, up: float, down: 
     state.time += dt
 
 
-@njit(cache=True)
+@kernel
 def leg_wrench(state: Any, p: Any, rot: Rotation, vx: float, vy: float, vz: float) -> Wrench:
     """Wrench of all touching feet on the body, body frame; feet attach, slide and come off on the way."""
     wrench = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -111,7 +110,7 @@ def leg_wrench(state: Any, p: Any, rot: Rotation, vx: float, vy: float, vz: floa
     return wrench
 
 
-@njit(cache=True)
+@kernel
 def touch_feet(state: Any, p: Any) -> None:
     """Let free feet that reached the ceiling or the floor take hold where they are."""
     rot = attitude(state)
@@ -143,7 +142,7 @@ def touch_feet(state: Any, p: Any) -> None:
         state.foot_anchor[leg, 0], state.foot_anchor[leg, 1], state.foot_anchor[leg, 2] = x, y, z
 
 
-@njit(cache=True)
+@kernel
 def record_impact(state: Any) -> None:
     """Keep time, attitude and velocities of the first contact of anything with the ceiling."""
     if state.ceiling_contact:
@@ -157,7 +156,7 @@ def record_impact(state: Any) -> None:
         state.impact_quaternion[i] = state.quaternion[i]
 
 
-@njit(cache=True)
+@kernel
 def collide_all(state: Any, p: Any, rot: Rotation) -> None:
     """Impulses of ceiling and floor on hull and propellers."""
     z = state.position[2]
@@ -171,7 +170,7 @@ def collide_all(state: Any, p: Any, rot: Rotation) -> None:
         collide(state, p, rot, 1.0)
 
 
-@njit(cache=True)
+@kernel
 def contact_substep(state: Any, p: Any, targets: Four, dt: float, up: float, down: float) -> None:
     """`dt` (s) with everything that may touch; leaves the mean specific force of the substep in the state."""
     drift(state, 0.5 * dt)
@@ -194,7 +193,7 @@ def contact_substep(state: Any, p: Any, targets: Four, dt: float, up: float, dow
         touch_feet(state, p)
 
 
-@njit(cache=True)
+@kernel
 def near_surface(state: Any, p: Any, dt: float) -> bool:
     """Whether anything of the vehicle touches, or may touch, ceiling or floor within `dt` (s)."""
     mode = state.foot_mode
@@ -205,7 +204,7 @@ def near_surface(state: Any, p: Any, dt: float) -> bool:
     return z + margin >= p.ceiling_z or z - margin <= 0.0
 
 
-@njit(cache=True)
+@kernel
 def advance(
     state: Any, p: Any, targets: Four, dt: float, up: float, down: float, fine_up: float, fine_down: float
 ) -> None:
@@ -226,7 +225,7 @@ def advance(
     state.specific_force[0], state.specific_force[1], state.specific_force[2] = sx / n, sy / n, sz / n
 
 
-@njit(cache=True)
+@kernel
 def half_decays(p: Any, dt: float) -> tuple[float, float, float, float]:
     """Motor decays (up, down) of half a step of `dt` (s) and of half a substep."""
     up, down = decay(p, 0.5 * dt)
@@ -234,14 +233,14 @@ def half_decays(p: Any, dt: float) -> tuple[float, float, float, float]:
     return up, down, fine_up, fine_down
 
 
-@njit(cache=True)
+@kernel
 def step_thrust(state: Any, p: Any, targets: Four, dt: float) -> None:
     """One step of `dt` (s) towards four thrusts (N): for a battery compensation that is perfect."""
     up, down, fine_up, fine_down = half_decays(p, dt)
     advance(state, p, targets, dt, up, down, fine_up, fine_down)
 
 
-@njit(cache=True)
+@kernel
 def step(state: Any, parameters: Any, duty: Any, dt: float) -> None:
     """One step of the world with its battery, contact included; changes the record `state` in place.
 
@@ -256,7 +255,7 @@ def step(state: Any, parameters: Any, duty: Any, dt: float) -> None:
     draw(state, parameters, dt)
 
 
-@njit(cache=True)
+@kernel
 def is_finite(state: Any) -> bool:
     """Whether the numbers of the state are still numbers."""
     total = state.time

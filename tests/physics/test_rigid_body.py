@@ -51,7 +51,7 @@ def test_free_tumble_keeps_momentum_energy_and_norm(open_sky: Any, high: NDArray
     start, end = _tumble(open_sky, high, 1e-3, 0.0), _tumble(open_sky, high, 1e-3, 2.0)
     assert abs(np.linalg.norm(end["quaternion"]) - 1.0) < 1e-14
     np.testing.assert_allclose(end["velocity"], [1.0, -2.0, 3.0 - 2.0 * 9.81], atol=1e-11)
-    np.testing.assert_allclose(end["position"], high + [2.0, -4.0, 6.0 - 0.5 * 9.81 * 4.0], atol=1e-9)
+    np.testing.assert_allclose(end["position"], np.add(high, [2.0, -4.0, 6.0 - 0.5 * 9.81 * 4.0]), atol=1e-9)
     spin = _spin(start, open_sky)
     assert np.linalg.norm(_spin(end, open_sky) - spin) < 2e-4 * np.linalg.norm(spin)
     energy = [float(np.sum(open_sky["inertia"] * s["omega"] ** 2)) for s in (start, end)]

@@ -1,0 +1,44 @@
+"""What a policy decides at given cues: one compiled function for every kind of policy."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import types
+from numba.extending import overload
+
+from onboard.action import action_moment
+from onboard.policy_model import CompiledPolicy
+from onboard.trigger import trigger_value
+
+
+class ThresholdPolicy(NamedTuple):
+    """The policy of one learning trial: flip with a_rot once tau <= tau_critical.
+
+    Attributes:
+        tau_critical: s.
+        a_rot: N m about b_y, negative = nose up.
+    """
+
+    tau_critical: float
+    a_rot: float
+
+
+def decide(policy: Any, tau: float, theta_x: float, d_ceil: float) -> tuple[bool, float]:
+    """Whether a policy flips at these cues, and the moment (N m); compiled once per kind of policy."""
+    raise NotImplementedError("decide() exists in compiled code only")
+
+
+@overload(decide, strict=False)
+def _decide(policy: Any, tau: Any, theta_x: Any, d_ceil: Any) -> Any:
+    if not isinstance(policy, types.BaseNamedTuple):
+        return None
+    if policy.instance_class is ThresholdPolicy:
+        return lambda policy, tau, theta_x, d_ceil: (tau <= policy.tau_critical, policy.a_rot)
+    if policy.instance_class is CompiledPolicy:
+        return _two_stage
+    return None
+
+
+def _two_stage(policy: Any, tau: float, theta_x: float, d_ceil: float) -> tuple[bool, float]:
+    fires = trigger_value(policy, tau, theta_x, d_ceil) >= np.float32(0.0)
+    return fires, float(action_moment(policy, tau, theta_x, d_ceil)) if fires else 0.0

@@ -1,0 +1,226 @@
+"""One landing attempt from the placement under the ceiling to rest, as learning needs it by the thousand.
+
+The attempt follows the authors' (paper errata 9 and 11): placed level at h - 0.5 V_z with exact velocity, the
+controller holds the velocity, the policy is armed 0.05 s later and looks at the cues at 100 Hz; on the
+trigger the two front motors flip, and all motors stop when the body axis falls below the horizon. Thrust commands are
+taken as delivered up to the motors' limit: the battery compensation is perfect here, as in the authors'
+simulation.
+"""
+
+import math
+from enum import IntEnum
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from onboard.controller import ControllerGains, geometric_control
+from onboard.cues import optical_flow_cues
+from onboard.mixer import flip_thrusts, mix
+from onboard.rotation import body_z
+from sim_backend.physics.decision import decide
+from sim_backend.physics.jit import kernel
+from sim_backend.physics.motors import Four
+from sim_backend.physics.step import advance, half_decays, is_finite
+
+
+class End(IntEnum):
+    """Why a rollout ended (paper errata 11)."""
+
+    SETTLED = 0
+    """0.5 s after the first contact with the ceiling"""
+    FLIP_TIMEOUT = 1
+    """2.25 s after the trigger without contact"""
+    TIMEOUT = 2
+    """5 s in all"""
+    FALLING = 3
+    NOT_FINITE = 4
+    """a number in the state is not a number: a fault of the simulation, reported with its seed"""
+
+
+class RolloutSettings(NamedTuple):
+    """Rules of a rollout; the defaults are the authors' (paper errata 9 and 11).
+
+    Attributes:
+        dt: s, step of the physics.
+        control_steps: steps between two runs of the controller (500 Hz).
+        policy_steps: steps between two looks at the cues (100 Hz).
+        start_time_to_ceiling: s, the vehicle starts this far below the ceiling at its commanded climb.
+        arm_delay: s after the start.
+        after_contact, after_trigger, at_most: s, ends of the rollout.
+        fall_speed: m/s, fall_height: m: falling when v_z <= -fall_speed below fall_height.
+        cue_delay_min, cue_delay_max: s, age of the cues, uniform, drawn once a rollout.
+        velocity_bias: m/s, standard deviation of an error of v_x and v_z that lasts a rollout.
+        velocity_noise: m/s, standard deviation of the error of each look.
+        height_noise: m, likewise for the height.
+    """
+
+    dt: float = 1e-3
+    control_steps: int = 2
+    policy_steps: int = 10
+    start_time_to_ceiling: float = 0.5
+    arm_delay: float = 0.05
+    after_contact: float = 0.5
+    after_trigger: float = 2.25
+    at_most: float = 5.0
+    fall_speed: float = 0.5
+    fall_height: float = 1.5
+    cue_delay_min: float = 0.0
+    cue_delay_max: float = 0.0
+    velocity_bias: float = 0.0
+    velocity_noise: float = 0.0
+    height_noise: float = 0.0
+
+
+ROLLOUT = np.dtype(
+    [
+        ("speed", "f8"),  # m/s, commanded
+        ("angle", "f8"),  # rad above the horizon, commanded
+        ("triggered", "i8"),
+        ("trigger_time", "f8"),  # s
+        ("tau", "f8"),  # s, cue at the trigger as the policy saw it
+        ("theta_x", "f8"),  # rad/s
+        ("d_ceil", "f8"),  # m
+        ("a_rot", "f8"),  # N m
+        ("velocity_x", "f8"),  # m/s at the trigger, true
+        ("velocity_z", "f8"),
+        ("d_min", "f8"),  # m, least distance of the body origin to the ceiling
+        ("contact", "i8"),  # anything touched the ceiling
+        ("impact_time", "f8"),  # s
+        ("impact_tilt", "f8"),  # rad between body axis and vertical at the first contact, 0..pi
+        ("feet", "i8"),  # on the ceiling at the end
+        ("body_contact", "i8"),
+        ("end", "i8"),  # End
+        ("duration", "f8"),  # s
+    ],
+    align=True,
+)
+
+_DELAY_STEPS = 64
+"""Longest age of the cues in steps."""
+
+
+@kernel
+def place(state: Any, p: Any, speed: float, angle: float, time_to_ceiling: float) -> None:
+    """Put a fresh state on the approach: level, exact velocity, hover thrust."""
+    vx, vz = speed * math.cos(angle), speed * math.sin(angle)
+    state.position[2] = p.ceiling_z - time_to_ceiling * vz
+    state.velocity[0], state.velocity[2] = vx, vz
+    hover = 0.25 * p.mass * p.gravity
+    for motor in range(4):
+        state.thrust[motor] = hover
+
+
+@kernel
+def hold_velocity(state: Any, p: Any, vx: float, vz: float, gains: ControllerGains) -> Four:
+    """Motor thrusts (N) of the controller that holds a velocity, without a position loop."""
+    zero = (0.0, 0.0, 0.0)
+    collective, tau_x, tau_y, tau_z = geometric_control(
+        zero, state.velocity, state.quaternion, state.omega, zero, zero, (vx, 0.0, vz), zero, 0.0, gains
+    )
+    return mix(collective, tau_x, tau_y, tau_z, p.arm_x, p.arm_y, p.thrust_to_torque, p.thrust_max)
+
+
+@kernel
+def limited(targets: Four, most: float) -> Four:
+    """Thrusts no higher than a motor can give (N)."""
+    return min(targets[0], most), min(targets[1], most), min(targets[2], most), min(targets[3], most)
+
+
+@kernel
+def end_of(state: Any, out: Any, s: RolloutSettings) -> int:
+    """The :class:`End` that holds now, -1 while the rollout goes on."""
+    t = state.time
+    if not is_finite(state):
+        return 4
+    if state.ceiling_contact and t - state.impact_time > s.after_contact:
+        return 0
+    if out.triggered and t - out.trigger_time > s.after_trigger:
+        return 1
+    if t > s.at_most:
+        return 2
+    if state.velocity[2] <= -s.fall_speed and state.position[2] <= s.fall_height:
+        return 3
+    return -1
+
+
+@kernel
+def record_trigger(out: Any, state: Any, tau: float, theta_x: float, d_ceil: float, a_rot: float) -> None:
+    """Keep what the policy saw and the true velocity."""
+    out.triggered = 1
+    out.trigger_time = state.time
+    out.tau, out.theta_x, out.d_ceil, out.a_rot = tau, theta_x, d_ceil, a_rot
+    out.velocity_x, out.velocity_z = state.velocity[0], state.velocity[2]
+
+
+@kernel
+def record_end(out: Any, state: Any, end: int) -> None:
+    """Keep how the rollout ended."""
+    feet = 0
+    for leg in range(4):
+        feet += state.foot_attached[leg]
+    out.feet = feet
+    out.body_contact = state.body_contact
+    out.contact = state.ceiling_contact
+    out.end = end
+    out.duration = state.time
+    out.impact_time = state.impact_time
+    if state.ceiling_contact:
+        out.impact_tilt = math.acos(min(max(body_z(state.impact_quaternion)[2], -1.0), 1.0))
+
+
+@kernel
+def rollout(
+    rng: Any, state: Any, p: Any, gains: ControllerGains, policy: Any, speed: float, angle: float,
+    s: RolloutSettings, out: Any,
+) -> None:  # fmt: skip
+    """Fly one attempt.
+
+    Args:
+        rng: numpy Generator, for the phase of the policy's clock and the errors of the cues.
+        state: fresh record (:func:`sim_backend.physics.state.new_state`); holds the last state afterwards.
+        p: physics parameters of this rollout.
+        gains: of the controller, for the nominal vehicle.
+        policy: :class:`sim_backend.physics.decision.ThresholdPolicy` or a compiled two-stage policy.
+        speed: m/s. angle: rad above the horizon.
+        s: rules.
+        out: record of :data:`ROLLOUT`, zeroed; receives the result.
+    """
+    out.speed, out.angle = speed, angle
+    place(state, p, speed, angle, s.start_time_to_ceiling)
+    vx, vz = state.velocity[0], state.velocity[2]
+    up, down, fine_up, fine_down = half_decays(p, s.dt)
+    phase = rng.integers(0, s.policy_steps)
+    delay = min(int(rng.uniform(s.cue_delay_min, s.cue_delay_max) / s.dt + 0.5), _DELAY_STEPS - 1)
+    bias_x, bias_z = s.velocity_bias * rng.standard_normal(), s.velocity_bias * rng.standard_normal()
+    seen = np.empty((_DELAY_STEPS, 3))
+    out.d_min = math.inf
+    cut = False
+    targets = (0.0, 0.0, 0.0, 0.0)
+    count = 0
+    end = -1
+    while end < 0:
+        if out.triggered == 0:
+            now = count % _DELAY_STEPS
+            seen[now, 0], seen[now, 1], seen[now, 2] = state.position[2], state.velocity[0], state.velocity[2]
+            if state.time >= s.arm_delay and (count + phase) % s.policy_steps == 0:
+                then = (count - min(delay, count)) % _DELAY_STEPS
+                z = seen[then, 0] + s.height_noise * rng.standard_normal()
+                seen_x = seen[then, 1] + bias_x + s.velocity_noise * rng.standard_normal()
+                seen_z = seen[then, 2] + bias_z + s.velocity_noise * rng.standard_normal()
+                tau, theta_x, d_ceil = optical_flow_cues(z, seen_x, seen_z, p.ceiling_z)
+                fires, a_rot = decide(policy, tau, theta_x, d_ceil)
+                if fires:
+                    record_trigger(out, state, tau, theta_x, d_ceil, a_rot)
+        if count % s.control_steps == 0:
+            if out.triggered == 0:
+                targets = hold_velocity(state, p, vx, vz, gains)
+            else:
+                cut = cut or body_z(state.quaternion)[2] <= 0.0
+                targets = (0.0, 0.0, 0.0, 0.0)
+                if not cut:
+                    targets = limited(flip_thrusts(out.a_rot, p.arm_x), p.thrust_max)
+        advance(state, p, targets, s.dt, up, down, fine_up, fine_down)
+        out.d_min = min(out.d_min, p.ceiling_z - state.position[2])
+        count += 1
+        end = end_of(state, out, s)
+    record_end(out, state, end)
