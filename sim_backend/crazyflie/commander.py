@@ -13,6 +13,7 @@ from collections.abc import Callable
 from enum import IntEnum
 
 from sim_backend.crazyflie.interfaces import FirmwareAssertion
+from sim_backend.crazyflie.ports.localization import decompress_quaternion
 from sim_backend.crazyflie.setpoint import Mode, Setpoint, Vector
 
 MINIMUM_THRUST = 1000
@@ -29,28 +30,8 @@ class Priority(IntEnum):
     EXTERNAL_RECEIVER = 3
 
 
-def decompress_quaternion(packed: int) -> tuple[float, float, float, float]:
-    """Quaternion (x, y, z, w) from the 32-bit form of ``quatcompress.h``.
-
-    Bits 30 and 31 hold the index of the largest component; the other three follow, ten bits each (sign and
-    nine bits of magnitude, 511 = 1/sqrt 2), the last component lowest.
-    """
-    largest = packed >> 30
-    values = [0.0, 0.0, 0.0, 0.0]
-    total = 0.0
-    for index in (3, 2, 1, 0):
-        if index == largest:
-            continue
-        magnitude = (packed & 0x1FF) / 511.0 * math.sqrt(0.5)
-        values[index] = -magnitude if packed & 0x200 else magnitude
-        total += magnitude * magnitude
-        packed >>= 10
-    values[largest] = math.sqrt(max(1.0 - total, 0.0))
-    return (values[0], values[1], values[2], values[3])
-
-
 def compress_quaternion(quaternion: tuple[float, float, float, float]) -> int:
-    """The 32-bit form of a unit quaternion (x, y, z, w); inverse of :func:`decompress_quaternion`."""
+    """The 32-bit form of a unit quaternion (x, y, z, w) as in ``quatcompress.h``."""
     largest = max(range(4), key=lambda i: abs(quaternion[i]))
     negate = quaternion[largest] < 0
     packed = largest

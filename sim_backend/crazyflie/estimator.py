@@ -3,12 +3,12 @@
 A decoupled error-state Kalman filter: for each axis one (position, velocity) pair and one small attitude
 error, with the process and measurement noise of the firmware's filter (bitcraze/crazyflie-firmware 2026.08,
 ``kalman_core_params_defaults.h``, ``crtp_localization_service.c``). At 100 Hz of poses it settles at fixed
-gains: of each residual 0.058 to position, 0.16 /s to velocity (z: 0.082 and 0.33 /s), 0.072 to attitude.
-When poses stop it dead-reckons and its variances grow. What it keeps of the real filter's weaknesses,
+gains: of each residual 0.058 to position, 0.16 /s to velocity (z 0.082, 0.33 /s), 0.072 to attitude. When
+poses stop it dead-reckons and its variances grow. What it keeps of the real filter's weaknesses,
 because a flight stack must cope with them:
 
 - no gate and no validity check: a wrong, late or NaN pose goes straight in;
-- the attitude residual is 2 vec / w (``mm_pose.c``): invariant to the quaternion's sign and scale, singular for
+- the attitude residual is 2 vec / w (``mm_pose.c``): blind to sign and scale of the quaternion, singular for
   residuals near 180 degrees;
 - a queue of 20 measurements (``estimator.c``); what arrives when it is full is dropped and counted;
 - a state outside ``kalman.maxPos`` or ``kalman.maxVel`` resets the filter (``kalman_supervisor.c``).

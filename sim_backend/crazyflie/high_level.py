@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onboard.supervisor_info import SupervisorBits
+from sim_backend.crazyflie.memory import TRAJECTORY_SIZE
 from sim_backend.crazyflie.setpoint import ZERO, Mode, Setpoint, Vector
 
-TRAJECTORY_MEMORY_SIZE = 4096
 NUMBER_OF_DEFINITIONS = 31
 POLYNOMIAL_PIECE = struct.Struct("<33f")  # x, y, z, yaw with 8 coefficients each, then the duration
 
@@ -172,11 +172,12 @@ class _Definition:
 class HighLevelCommander:
     """Planner of one drone. `now` is the drone's own time in s."""
 
-    def __init__(self) -> None:
+    def __init__(self, memory: bytearray | None = None) -> None:
+        """`memory` is the drone's trajectory memory (4096 bytes), shared with port 4."""
         self.state = PlannerState.IDLE
         self.takeoff_velocity = 0.5
         self.landing_velocity = 0.5
-        self.memory = bytearray(TRAJECTORY_MEMORY_SIZE)
+        self.memory = bytearray(TRAJECTORY_SIZE) if memory is None else memory
         self._definitions: dict[int, _Definition] = {}
         self._group_mask = 0
         self._blocked = False
@@ -225,6 +226,11 @@ class HighLevelCommander:
         if blocked and not self._blocked and self.state is not PlannerState.DISABLED:
             self.stop()
         self._blocked = blocked
+
+    def hold(self, here: FlatState, now: float) -> None:
+        """Stay at `here`: a go-to of no duration, for an app that hands the drone back."""
+        goal = FlatState(here.position, yaw=here.yaw)
+        self._begin(move(goal, goal, 0.0, now), PlannerState.FLYING)
 
     def tell_state(self, estimate: FlatState) -> None:
         """Where the drone is, when another commander hands over."""
@@ -336,7 +342,7 @@ class HighLevelCommander:
         if definition is None:
             return 0  # the firmware ignores it silently, too
         size = definition.pieces * POLYNOMIAL_PIECE.size
-        outside = definition.offset + size > TRAJECTORY_MEMORY_SIZE
+        outside = definition.offset + size > TRAJECTORY_SIZE
         if definition.kind != 0 or definition.pieces == 0 or outside or not timescale > 0:
             return errno.ENOEXEC
         raw = bytes(self.memory[definition.offset : definition.offset + size])

@@ -14,7 +14,6 @@ from sim_backend.crazyflie.commander import (
     Priority,
     compress_quaternion,
     decode_generic,
-    decompress_quaternion,
 )
 from sim_backend.crazyflie.high_level import (
     Command,
@@ -24,6 +23,7 @@ from sim_backend.crazyflie.high_level import (
     smooth_polynomial,
 )
 from sim_backend.crazyflie.interfaces import FirmwareAssertion
+from sim_backend.crazyflie.ports.localization import decompress_quaternion
 from sim_backend.crazyflie.setpoint import Mode, Setpoint
 
 ON_FLOOR = FlatState((0.3, -0.2, 0.02), yaw=0.4)

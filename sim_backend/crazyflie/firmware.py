@@ -1,0 +1,337 @@
+"""The simulated Crazyflie's firmware: the 1 kHz loop behind the ports, with everything it keeps in RAM.
+
+Order and rates of one step as in bitcraze/crazyflie-firmware 2026.08 (``stabilizer.c``): sensors, estimator,
+high-level commander (100 Hz), commander, supervisor (25 Hz), the supervisor's override, the landing app or
+the controller (500 Hz), battery compensation, 8-bit PWM. It needs no sockets and no clock: one call of
+:meth:`Firmware.step` is one ms of the drone's life.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from onboard.vehicle import Vehicle
+from sim_backend.crazyflie.bindings import log_sources, parameter_setters
+from sim_backend.crazyflie.commander import Commander, Priority
+from sim_backend.crazyflie.estimator import GRAVITY, Estimator
+from sim_backend.crazyflie.high_level import FlatState, HighLevelCommander
+from sim_backend.crazyflie.interfaces import Memory
+from sim_backend.crazyflie.landing_app import LandingApp
+from sim_backend.crazyflie.memory import (
+    EEPROM_SIZE,
+    TRAJECTORY_SIZE,
+    DeckMemory,
+    MemoryTester,
+    MemoryType,
+    RamMemory,
+)
+from sim_backend.crazyflie.power import PowerManager
+from sim_backend.crazyflie.sensors import InertialSensors
+from sim_backend.crazyflie.setpoint import Setpoint
+from sim_backend.crazyflie.stabilizer import Stabilizer, applied_duties, level_out
+from sim_backend.crazyflie.supervisor import RATE_HZ, State, Supervisor
+from sim_backend.crazyflie.tables import LogTable, ParameterTable
+
+DT = 0.001
+HIGH_LEVEL_PERIOD_MS = 10
+SUPERVISOR_PERIOD_MS = 1000 // RATE_HZ
+FloatArray = NDArray[np.float64]
+
+
+class Firmware:
+    """One drone's firmware; the ``FirmwarePort`` of the CRTP server.
+
+    Attributes:
+        params, logs: the tables of the real firmware, with our app's groups unless `with_app` is False.
+        app: the landing app, or None.
+        supervisor, estimator, high_level, stabilizer, sensors, power: the parts; new ones after each boot.
+        setpoint: what the controller follows, after the supervisor's override.
+        ratios: int64[4], motor ratios 0..65535 as given to the motor drivers.
+        running: False while the microcontroller has no power.
+        boot_count: boots so far.
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        rng: np.random.Generator,
+        *,
+        with_app: bool = True,
+        gyro_bias: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    ) -> None:
+        self._vehicle = vehicle
+        self._rng = rng
+        self._gyro_bias = gyro_bias
+        self.params = ParameterTable.firmware(with_app)
+        self.logs = LogTable.firmware(with_app)
+        self.app = LandingApp(vehicle, self.params, self._is_flying) if with_app else None
+        self._trajectories = RamMemory(MemoryType.TRAJECTORY, TRAJECTORY_SIZE)
+        self._tester = MemoryTester()
+        app_memory: tuple[Memory, ...] = (self.app.slot.memory,) if self.app else ()
+        self.memories: tuple[Memory, ...] = (
+            RamMemory(MemoryType.EEPROM, EEPROM_SIZE),
+            *app_memory,
+            self._trajectories,
+            self._tester,
+            DeckMemory(),
+        )
+        self.localization = _LocalizationService(self)
+        self.commander = _CommanderService(self)
+        self.ratios: NDArray[np.int64] = np.zeros(4, dtype=np.int64)
+        self.motor_override = [0, 0, 0, 0, 0]
+        self._duties: FloatArray = np.zeros(4)
+        self._console: list[str] = []
+        self.boot_count = 0
+        self._poses = self._rejected = 0
+        self._boot()
+        self._setters = parameter_setters(self)
+        for name, setter in self._setters.items():
+            self.params.on_write(name, setter)
+        self.params.on_write("memTst.resetW", lambda _: self._tester.reset_write_errors())
+        self.logs.bind("memTst.errCntW", lambda: self._tester.write_errors)
+        self.logs.bind_all(log_sources(self))
+        if self.app:
+            self.logs.bind_all(self.app.log_sources())
+            self.app.connect(self)
+        self._apply_parameters()
+
+    # FirmwarePort
+
+    def tick_ms(self) -> int:
+        """Milliseconds since boot."""
+        return self._tick
+
+    def on_packet(self) -> None:
+        """A packet arrived; the firmware only counts the time since the last one."""
+        self._packet_tick = self._tick
+
+    def battery_voltage(self) -> float:
+        """V, as the radio chip measures it."""
+        return self._terminal_voltage
+
+    def power_off(self) -> None:
+        """The radio chip cut the power: motors stop, nothing runs until :meth:`reboot`."""
+        self.running = False
+        self.ratios[:] = 0
+        self._duties[:] = 0.0
+
+    def reboot(self) -> None:
+        """Start anew; RAM is lost."""
+        self._boot()
+        self._apply_parameters()
+
+    def assert_failed(self, reason: str) -> None:
+        """Motors off and restart, as after a failed ``ASSERT``."""
+        self.power_off()
+        self.reboot()
+        self._console.append(f"SYS: The system resumed after a failed assert [{reason}]\n")
+
+    def take_console(self) -> list[str]:
+        """Console lines since the last call."""
+        lines, self._console = self._console, []
+        return lines
+
+    def supervisor_info(self) -> int:
+        """Log ``supervisor.info``."""
+        return self.supervisor.info_bits()
+
+    # The loop
+
+    def step(self, specific_force: FloatArray, rates: FloatArray, terminal_voltage: float) -> FloatArray:
+        """One ms of the drone.
+
+        Args:
+            specific_force: what an ideal accelerometer shows (3,), m/s2, body.
+            rates: true body rates (3,), rad/s.
+            terminal_voltage: true battery voltage, V.
+
+        Returns:
+            Duties of the four motors (0..1 of the battery voltage); overwritten by the next call.
+        """
+        self._terminal_voltage = terminal_voltage
+        if not self.running:
+            return self._duties
+        if self._tick == 0:
+            self.sensors.settle(specific_force)
+        self._tick += 1
+        tick = self._tick
+        self.sensors.sample(specific_force, rates)
+        self.power.step(tick, terminal_voltage)
+        self.supervisor.watch(tick)
+        if self.estimator.step(self.sensors.acc, self.sensors.gyro, DT):
+            self._console.append("ESTKALMAN: State out of bounds, resetting\n")
+        setpoint = self._commanded(tick)
+        self._supervise(tick, setpoint)
+        self._control(tick, self._overridden(setpoint))
+        return self._duties
+
+    def _commanded(self, tick: int) -> Setpoint:
+        """The setpoint in force; null while flying is not allowed."""
+        can_fly = self.supervisor.can_fly
+        self.high_level.block(not can_fly)
+        if can_fly and tick % HIGH_LEVEL_PERIOD_MS == 0:
+            planned = self.high_level.setpoint(self.flat_state(), tick * DT)
+            if planned is not None:
+                self._commander.set(planned, Priority.HIGH_LEVEL, tick)
+        return self._commander.setpoint if can_fly else Setpoint()
+
+    def _supervise(self, tick: int, setpoint: Setpoint) -> None:
+        if tick % SUPERVISOR_PERIOD_MS:
+            return
+        acc = self.sensors.acc / GRAVITY
+        self.supervisor.update(
+            tick,
+            (float(acc[0]), float(acc[1]), float(acc[2])),
+            bool(self.ratios.any()),
+            setpoint.time_ms,
+            self.high_level.info_bits(tick * DT),
+        )
+        self._console += self.supervisor.take_console()
+        if tick % 1000 == 0:
+            self.pose_rate, self._poses = self._poses, 0
+            self.rejected_rate = self.estimator.rejected - self._rejected
+            self._rejected = self.estimator.rejected
+
+    def _overridden(self, setpoint: Setpoint) -> Setpoint:
+        """The supervisor's say on the setpoint."""
+        if self.supervisor.state is State.WARNING_LEVEL_OUT:
+            return level_out(setpoint)
+        return setpoint if self.supervisor.motors_allowed else Setpoint()
+
+    def _control(self, tick: int, setpoint: Setpoint) -> None:
+        self.setpoint = setpoint
+        stabilizer = self.stabilizer
+        if self.app is None or not self.app.control(self):
+            stabilizer.follow(tick, setpoint, self.estimator, self.sensors.gyro)
+        if self.supervisor.motors_allowed:
+            stabilizer.drive(self.power.supply)
+            self.ratios[:] = stabilizer.ratios
+        else:
+            stabilizer.stop()
+            self.ratios[:] = 0
+        if self.motor_override[0]:
+            self._override_motors()
+        applied_duties(self.ratios, self._duties)
+
+    def _override_motors(self) -> None:
+        """``motorPowerSet``: it wins in every state, disarmed and locked included, as in the firmware."""
+        mode, *values = self.motor_override
+        if mode == 1:
+            self.ratios[:] = values
+        elif mode == 2:
+            self.ratios[:] = values[0]
+        else:
+            thrust = values[0] / 65535.0 * self.stabilizer.thrust_max
+            self.stabilizer.thrusts = (thrust, thrust, thrust, thrust)
+            self.stabilizer.drive(self.power.supply)
+            self.ratios[:] = self.stabilizer.ratios
+
+    def flat_state(self) -> FlatState:
+        """The estimate as the planner wants it."""
+        yaw = self.estimator.roll_pitch_yaw()[2]
+        return FlatState(self.estimator.position(), self.estimator.velocity(), yaw=yaw)
+
+    def pose_age(self) -> float:
+        """Time since the last external measurement, s; infinite before the first."""
+        return math.inf if self.last_pose_tick is None else (self._tick - self.last_pose_tick) * DT
+
+    def _is_flying(self) -> bool:
+        return self.supervisor.is_flying
+
+    def _boot(self) -> None:
+        self.boot_count += 1
+        self.running = True
+        self._tick = 0
+        self._packet_tick = 0
+        self._terminal_voltage = 0.0
+        self.params.reset()
+        sensing = self._vehicle.sensing
+        self.supervisor = Supervisor()
+        self.estimator = Estimator()
+        self.sensors = InertialSensors(sensing, self._rng)
+        self.sensors.gyro_bias[:] = self._gyro_bias
+        self.power = PowerManager(sensing.battery_voltage_noise.value, self._rng)
+        self._trajectories.clear()
+        self._tester.reset_write_errors()
+        self.high_level = HighLevelCommander(self._trajectories.data)
+        self._commander = Commander(
+            self.high_level.stop, lambda: self.high_level.tell_state(self.flat_state())
+        )
+        self.stabilizer = Stabilizer(self._vehicle)
+        self.setpoint = Setpoint()
+        self.ratios[:] = 0
+        self._duties[:] = 0.0
+        self.motor_override[:] = [0, 0, 0, 0, 0]
+        self.last_pose: tuple[float, ...] = (0.0,) * 7
+        self.last_pose_tick: int | None = None
+        self.pose_rate = self.rejected_rate = 0
+        self._poses = self._rejected = 0
+        self._console = [
+            "SYS: ----------------------------\n",
+            "SYS: Crazyflie 2.1 (simulated by perchhw) is up and running!\n",
+            "SYS: Free to fly\n",
+        ]
+        if self.app:
+            self.app.boot()
+
+    def _apply_parameters(self) -> None:
+        self.params["system.selftestPassed"] = 1
+        self.params["stabilizer.estimator"] = 2  # Kalman
+        self.params["stabilizer.controller"] = 6 if self.app else 5  # out of tree, Lee
+        self.params.take_updates()
+        for name, setter in self._setters.items():
+            setter(self.params[name])
+
+
+class _CommanderService:
+    """``CommanderPort``: hands setpoints to the parts of the present boot."""
+
+    def __init__(self, firmware: Firmware) -> None:
+        self._fw = firmware
+
+    def high_level(self, command: int, payload: bytes) -> int:
+        """Port 8."""
+        return self._fw.high_level.command(command, payload, self._fw.tick_ms() * DT)
+
+    def setpoint_generic(self, payload: bytes) -> None:
+        """Port 7, channel 0."""
+        self._fw._commander.generic(payload, self._fw.tick_ms())
+
+    def setpoint_rpyt(self, payload: bytes) -> None:
+        """Port 3."""
+        self._fw._commander.rpyt(payload, self._fw.tick_ms())
+
+    def notify_setpoints_stop(self, remain_valid_ms: int) -> None:
+        """Port 7, channel 1; the firmware ignores the time."""
+        self._fw._commander.relax()
+
+
+class _LocalizationService:
+    """``Localization``: external measurements into the estimator, unchecked, with the echo logs."""
+
+    def __init__(self, firmware: Firmware) -> None:
+        self._fw = firmware
+
+    def external_position(self, x: float, y: float, z: float) -> None:
+        """Position, m."""
+        self._note((x, y, z, *self._fw.last_pose[3:]))
+        self._fw.estimator.external_position(x, y, z)
+
+    def external_pose(self, x: float, y: float, z: float, qx: float, qy: float, qz: float, qw: float) -> None:
+        """Pose, m and quaternion."""
+        self._note((x, y, z, qx, qy, qz, qw))
+        self._fw.estimator.external_pose(x, y, z, qx, qy, qz, qw)
+
+    def emergency_stop(self) -> None:
+        """Legacy path."""
+        self._fw.supervisor.emergency_stop()
+
+    def emergency_stop_watchdog(self) -> None:
+        """Legacy path."""
+        self._fw.supervisor.kick_emergency_stop_watchdog()
+
+    def _note(self, pose: tuple[float, ...]) -> None:
+        self._fw.last_pose = pose
+        self._fw.last_pose_tick = self._fw.tick_ms()
+        self._fw._poses += 1

@@ -1,0 +1,233 @@
+"""The simulated world: drones with their physics, batteries, firmware and start marks, in steps of 1 ms.
+
+An operator belongs to it: a drone that is rebooted and lies, stands or hangs still is put back on its start
+mark with a fresh battery. That is how campaigns reset in simulation, as a person does in the laboratory.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from onboard.room import RoomGeometry
+from onboard.vehicle import Vehicle
+from sim_backend.crazyflie.firmware import Firmware
+from sim_backend.errors import SimulationError
+from sim_backend.faults import DroneFaults
+from sim_backend.physics.parameters import physics_parameters
+from sim_backend.physics.reset import resting_on_floor
+from sim_backend.physics.state import STATE
+from sim_backend.physics.step import is_finite, step
+from sim_backend.truth import RATE_HZ, TruthRecorder
+
+DT = 0.001
+LAG_LIMIT_S = 0.05
+"""A process that is further behind than this gives up simulated time instead of catching up."""
+AT_REST_M_S = 0.2
+CHECK_PERIOD_TICKS = 10
+TRUTH_PERIOD_TICKS = 1000 // RATE_HZ
+
+
+class WorldError(SimulationError):
+    """The simulated world broke: its numbers are no longer numbers."""
+
+
+@dataclass(frozen=True, slots=True)
+class StartMark:
+    """Where the operator puts a drone down: x, y [m], heading [rad]."""
+
+    x: float
+    y: float
+    yaw: float = 0.0
+
+
+def start_marks(count: int) -> list[StartMark]:
+    """Marks for `count` drones, 2.5 m before the impact point: side by side in threes, rows 0.6 m apart."""
+    return [StartMark(-2.5 - 0.6 * (i // 3), (0.0, 0.5, -0.5)[i % 3]) for i in range(count)]
+
+
+class Drone:
+    """One drone in the world.
+
+    Attributes:
+        name: as the mocap room knows it, ``cf1`` ...
+        firmware: what flies it.
+        state: record of :data:`sim_backend.physics.state.STATE`, changed in place.
+        mark: its start mark.
+        frozen: the firmware hangs (fault).
+        dead: no power any more (fault).
+        placements: how often the operator put it on its mark.
+    """
+
+    def __init__(
+        self, name: str, firmware: Firmware, parameters: Any, mark: StartMark, charge_used: float
+    ) -> None:
+        self.name = name
+        self.firmware = firmware
+        self.mark = mark
+        self.frozen = False
+        self.dead = False
+        self.placements = 0
+        self._parameters = parameters
+        self._at_mark = np.array(
+            [resting_on_floor(parameters, mark.x, mark.y, mark.yaw, charge_used)], dtype=STATE
+        )
+        self._storage: NDArray[np.void] = self._at_mark.copy()
+        self.state: Any = self._storage[0]
+        # Views into the record: fields of a record are slow to look up a thousand times a second.
+        self._specific_force = self.state["specific_force"]
+        self._rates = self.state["omega"]
+        self._duties = np.zeros(4)
+        self._boots = firmware.boot_count
+        self._to_be_placed = False
+
+    def step(self) -> None:
+        """One ms of firmware and physics."""
+        if self.firmware.boot_count != self._boots:
+            self._boots = self.firmware.boot_count
+            self._to_be_placed = True
+        if self._to_be_placed and self.at_rest:
+            self.place_on_start_mark()
+        if not self.frozen:
+            voltage = float(self.state["battery_voltage"])
+            self._duties = self.firmware.step(self._specific_force, self._rates, voltage)
+        step(self.state, self._parameters, self._duties, DT)
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether a person could pick it up: motors off, still, on the floor or hanging from the ceiling."""
+        velocity, z = self.state["velocity"], float(self.state["position"][2])
+        held = bool(self.state["foot_attached"].any()) or z < float(self._parameters["reach"]) + 0.02
+        return held and not self.firmware.ratios.any() and float(np.abs(velocity).max()) < AT_REST_M_S
+
+    def place_on_start_mark(self) -> None:
+        """The operator's work: back on the mark, upright, still, with a fresh battery."""
+        self._storage[0] = self._at_mark[0]
+        self._to_be_placed = False
+        self.placements += 1
+
+    def pose(self) -> tuple[str, tuple[float, float, float], tuple[float, float, float, float]]:
+        """Name, position (m) and quaternion (x, y, z, w), for the room."""
+        x, y, z = self.state["position"].tolist()
+        qx, qy, qz, qw = self.state["quaternion"].tolist()
+        return self.name, (x, y, z), (qx, qy, qz, qw)
+
+    def check(self) -> None:
+        """Raise WorldError when the state is not finite."""
+        if not is_finite(self.state):
+            raise WorldError(
+                f"the physics of {self.name} diverged at {self.state['time']:.3f} s: {self.state!r}; this is "
+                "a bug of the simulation, please keep this message and the seed"
+            )
+
+
+class World:
+    """All drones in one room.
+
+    Attributes:
+        ticks: ms of simulated time so far.
+        dropped: s of real time that were given up because the process fell behind.
+        drones: the drones, ``cf1`` first.
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        room: RoomGeometry | None = None,
+        *,
+        drones: int = 1,
+        seed: int = 0,
+        faults: DroneFaults | None = None,
+        truth: TruthRecorder | None = None,
+    ) -> None:
+        room = room or RoomGeometry()
+        self.ticks = 0
+        self.dropped = 0.0
+        self._faults = faults or DroneFaults()
+        self._truth = truth
+        parameters = physics_parameters(vehicle, room)
+        used = _charge_used(parameters, self._faults.battery_voltage)
+        generators = np.random.default_rng(seed).spawn(drones)
+        self.drones = [
+            Drone(
+                f"cf{i + 1}",
+                Firmware(vehicle, generators[i], gyro_bias=self._faults.gyro_bias),
+                parameters,
+                mark,
+                used,
+            )
+            for i, mark in enumerate(start_marks(drones))
+        ]
+
+    @property
+    def time(self) -> float:
+        """Simulated time, s."""
+        return self.ticks * DT
+
+    def run(self, seconds: float) -> None:
+        """Simulate `seconds`, as fast as it goes."""
+        for _ in range(round(seconds / DT)):
+            self.step()
+
+    def advance(self, to_time: float) -> None:
+        """Catch up with `to_time` (s since the start of the lab, real time).
+
+        Lateness beyond 0.05 s is given up and counted in `dropped`, so that a busy machine makes time
+        run slower instead of making the lab spin.
+        """
+        lag = to_time - self.dropped - self.time
+        if lag > LAG_LIMIT_S:
+            self.dropped += lag - LAG_LIMIT_S
+            lag = LAG_LIMIT_S
+        for _ in range(int(lag / DT + 1e-6)):
+            self.step()
+
+    def step(self) -> None:
+        """One ms."""
+        self.ticks += 1
+        self._strike()
+        for drone in self.drones:
+            drone.step()
+        if self.ticks % CHECK_PERIOD_TICKS == 0:
+            for drone in self.drones:
+                drone.check()
+        if self._truth is not None and self.ticks % TRUTH_PERIOD_TICKS == 0:
+            for drone in self.drones:
+                self._truth.record(self.time, drone.name, drone.state)
+
+    def _strike(self) -> None:
+        """Faults that have a time."""
+        if self.time >= self._faults.freeze_drone_at:
+            for drone in self.drones:
+                drone.frozen = True
+        if self.time >= self._faults.drone_dies_at:
+            for drone in self.drones:
+                if not drone.dead:
+                    drone.dead = True
+                    drone.firmware.power_off()
+
+
+def _charge_used(parameters: Any, open_circuit: float | None) -> float:
+    """Charge (C) drawn from a pack with this open-circuit voltage (V); 0 for None."""
+    if open_circuit is None:
+        return 0.0
+    fall = float(parameters["open_circuit_fall"])
+    if fall <= 0.0:
+        raise WorldError("--fault battery_voltage: this vehicle's battery has no slope; give it one")
+    return (float(parameters["open_circuit_full"]) - open_circuit) / fall
+
+
+def warm_up(vehicle: Vehicle, room: RoomGeometry | None = None) -> None:
+    """Compile (or load from the cache) every kernel that a flight calls, so that none does it in flight."""
+    world = World(vehicle, room, seed=0)
+    drone = world.drones[0]
+    world.run(0.2)
+    drone.firmware.localization.external_pose(drone.mark.x, drone.mark.y, 0.1, 0.0, 0.0, 0.0, 1.0)
+    drone.firmware.supervisor.arm(True)
+    world.run(0.2)
+    drone.firmware.commander.high_level(7, _TAKEOFF)
+    world.run(0.5)
+
+
+_TAKEOFF = b"\0" + np.array([0.3, 0.0], "<f4").tobytes() + b"\1" + np.array([0.5], "<f4").tobytes()

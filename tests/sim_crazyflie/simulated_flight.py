@@ -1,0 +1,117 @@
+"""Flying a simulated drone in simulated time, without sockets: the hands of an operator and a mocap room."""
+
+import struct
+from collections import deque
+from collections.abc import Callable
+
+from onboard.app_interface import Parameter
+from onboard.policy_bundle import bundle_crc32
+from onboard.supervisor_info import SupervisorInfo
+from onboard.trajectory import ApproachPlan
+from onboard.vehicle import load_vehicle
+from sim_backend.crazyflie.high_level import Command
+from sim_backend.faults import DroneFaults
+from sim_backend.world import World
+
+VEHICLE, LEGS = "crazyflie21-upgraded", "semi-narrow-long"
+
+
+class Flight:
+    """One drone in a world of its own, with poses at 100 Hz that arrive 10 ms late."""
+
+    def __init__(self, seed: int = 0, faults: DroneFaults | None = None) -> None:
+        self.world = World(load_vehicle(VEHICLE, LEGS), seed=seed, faults=faults)
+        self.drone = self.world.drones[0]
+        self.firmware = self.drone.firmware
+        self.poses = True
+        self._queue: deque[tuple[int, tuple[float, ...]]] = deque()
+
+    def run(self, seconds: float, until: Callable[[], bool] | None = None) -> float:
+        """Simulate; ends early when `until` holds. Returns the time that passed."""
+        for passed in range(round(seconds * 1000)):
+            if until is not None and until():
+                return passed / 1000
+            self.tick()
+        return seconds
+
+    def tick(self) -> None:
+        ticks = self.world.ticks
+        if ticks % 10 == 0:
+            _, position, quaternion = self.drone.pose()
+            self._queue.append((ticks + 10, (*position, *quaternion)))
+        while self._queue and self._queue[0][0] <= ticks:
+            pose = self._queue.popleft()[1]
+            if self.poses:
+                self.firmware.localization.external_pose(*pose)
+        self.world.step()
+
+    @property
+    def info(self) -> SupervisorInfo:
+        return SupervisorInfo(self.firmware.supervisor.info_bits())
+
+    @property
+    def position(self) -> list[float]:
+        position: list[float] = self.drone.state["position"].tolist()
+        return position
+
+    def write(self, name: str, value: float) -> None:
+        """A client's write of a parameter."""
+        entry = self.firmware.params.entry(name)
+        self.firmware.params.write_raw(entry.ident, entry.encode(value))
+        self.firmware.params.notify(entry.ident)
+
+    def param(self, name: str) -> float:
+        return self.firmware.params[name]
+
+    def log(self, name: str) -> float:
+        return self.firmware.logs[name]
+
+    def arm(self) -> None:
+        self.run(1.0)
+        assert self.firmware.supervisor.arm(True)
+        self.run(0.2)
+
+    def high_level(self, command: Command, layout: str, *values: float) -> int:
+        return self.firmware.commander.high_level(int(command), struct.pack(layout, *values))
+
+    def takeoff(self, height: float, duration: float = 2.0) -> int:
+        return self.high_level(Command.TAKEOFF_2, "<BffBf", 0, height, 0.0, 1, duration)
+
+    def go_to(self, x: float, y: float, z: float, duration: float) -> int:
+        return self.high_level(Command.GO_TO_2, "<BBB5f", 0, 0, 0, x, y, z, 0.0, duration)
+
+    def land(self, duration: float = 2.0) -> int:
+        return self.high_level(Command.LAND_2, "<BffBf", 0, 0.0, 0.0, 1, duration)
+
+    def hover(self, height: float = 0.5) -> None:
+        self.arm()
+        assert self.takeoff(height) == 0
+        self.run(4.0)
+
+    def upload(self, bundle: bytes) -> int:
+        """Stage and commit a bundle; the drone's policy status."""
+        slot = self.firmware.memories[1]
+        for address in range(0, len(bundle), 24):
+            slot.write(address, bundle[address : address + 24])
+        self.write(Parameter.POLICY_LENGTH, len(bundle))
+        self.write(Parameter.POLICY_CRC, bundle_crc32(bundle))
+        self.write(Parameter.POLICY_COMMIT, 1)
+        return int(self.param(Parameter.POLICY_STATUS))
+
+    def set_plan(self, plan: ApproachPlan) -> None:
+        for name, value in (
+            (Parameter.CEILING_Z, plan.ceiling_z),
+            (Parameter.IMPACT_X, plan.impact_x),
+            (Parameter.IMPACT_Y, plan.y0),
+            (Parameter.SPEED_X, plan.vx),
+            (Parameter.SPEED_Z, plan.vz),
+            (Parameter.ACCELERATION_X, plan.ax),
+            (Parameter.ACCELERATION_Z, plan.az),
+            (Parameter.TAU_START, plan.tau0),
+        ):
+            self.write(name, value)
+
+    def fly_to_start(self, plan: ApproachPlan) -> None:
+        self.hover(0.5)
+        assert self.go_to(plan.x0, plan.y0, plan.z0, 4.0) == 0
+        self.run(6.0)
