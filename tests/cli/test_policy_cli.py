@@ -8,6 +8,7 @@ import pytest
 from onboard.policy import load_policy, policy_crc32, save_policy
 from onboard.policy_bundle import decode_bundle, encode_bundle
 from perchhw.cli.main import run
+from tests.link.tiny_drone import TinyDrone
 from tests.onboard.policies import small_policy
 
 
@@ -113,4 +114,34 @@ def test_a_damaged_policy_is_refused_with_what_to_do(policy_file, tmp_path, caps
     assert "CRC" in capsys.readouterr().err
     assert run(["policy", "export", str(tmp_path / "none.bin"), "--out", str(tmp_path / "x.bin")]) == 2
     assert not (tmp_path / "x.bin").exists()
+    capsys.readouterr()
+
+
+@pytest.fixture
+def drone():
+    with TinyDrone() as served:
+        yield served
+
+
+def test_upload_then_verify_over_a_real_link(policy_file, drone, capsys):
+    crc = policy_crc32(small_policy())
+    assert run(["--json", "policy", "verify", str(policy_file), "--drone", drone.uri]) == 1
+    assert document(capsys) == {"drone": drone.uri, "matches": False, "crc32": 0, "expected_crc32": crc}
+    assert run(["--json", "policy", "upload", str(policy_file), "--drone", drone.uri]) == 0
+    assert document(capsys)["crc32"] == crc
+    assert bytes(drone.memory[:164]) == encode_bundle(small_policy())
+    assert run(["--json", "policy", "verify", str(policy_file), "--drone", drone.uri]) == 0
+    assert document(capsys)["matches"] is True
+
+
+def test_verify_names_another_policy(policy_file, drone, capsys):
+    drone.values["perch.polActCrc"] = 0x1234
+    assert run(["policy", "verify", str(policy_file), "--drone", drone.uri]) == 1
+    assert "0x00001234" in capsys.readouterr().out
+
+
+def test_a_damaged_policy_never_reaches_the_drone(policy_file, drone, capsys):
+    policy_file.write_text(policy_file.read_text().replace("0.25", "0.26", 1))
+    assert run(["policy", "upload", str(policy_file), "--drone", drone.uri]) == 2
+    assert drone.requests == []
     capsys.readouterr()

@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from onboard.action import action_moment
+from onboard.app_interface import MEMORY_SIZE, PolicyStatus
 from onboard.policy import ActionLayer
 from onboard.policy_bundle import (
     MAX_BUNDLE_BYTES,
@@ -170,6 +171,15 @@ def test_faults_of_length_and_crc():
         with pytest.raises(PolicyBundleError) as refusal:
             decode_bundle(bad)
         assert refusal.value.fault is fault
+
+
+def test_faults_and_size_are_those_of_the_drones_interface():
+    assert {f"REFUSED_{fault.name}": int(fault) for fault in BundleFault} == {
+        status.name: int(status)
+        for status in PolicyStatus
+        if status >= PolicyStatus.REFUSED_LENGTH and status is not PolicyStatus.REFUSED_FLYING
+    }
+    assert MAX_BUNDLE_BYTES == MEMORY_SIZE
 
 
 def test_a_policy_too_large_for_the_drone_is_refused():
