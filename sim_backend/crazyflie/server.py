@@ -148,7 +148,8 @@ class CrazyflieServer:
         """Send what became due: log data, console, changed parameters, delayed datagrams.
 
         Call after every step of the world, at least every 10 ms of drone time: log blocks are sampled here.
-        ``now`` [s] is any clock that does not go back; the delays of injected faults count in it.
+        ``now`` [s] is any clock that does not go back; delays of injected faults count in it from the first
+        call on.
         """
         self._now = now
         while self._delayed and self._delayed[0][0] <= now:
