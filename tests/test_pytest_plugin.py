@@ -1,0 +1,73 @@
+"""The pytest plugin as another project would use it: in a pytest of its own, with nothing of ours but the
+fixtures."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from tests.link.tiny_drone import TinyDrone
+
+pytest_plugins = ["pytester"]
+
+STRICT = ("-W", "error", "--strict-config", "--strict-markers", "-q")
+
+ON_ANY_DRONE = """
+    import threading
+
+    def test_link(drone_link):
+        drone_link.set_param("ring.solid", 0.5)
+        assert drone_link.param("ring.solid") == 0.5
+
+    def test_cflib(crazyflie):
+        assert crazyflie.is_connected()
+        read = threading.Event()
+        crazyflie.param.add_update_callback("ring", "solid", lambda name, value: read.set())
+        crazyflie.param.request_param_update("ring.solid")
+        assert read.wait(2.0)
+        assert float(crazyflie.param.get_value("ring.solid")) == 0.5
+
+    def test_uri(crazyflie_uri):
+        assert crazyflie_uri == {uri!r}
+"""
+
+
+def test_the_plugin_loads_nothing_heavy() -> None:
+    program = "import json, sys, perchhw.pytest_plugin; print(json.dumps(sorted(sys.modules)))"
+    output = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    ).stdout
+    loaded = {name.split(".")[0] for name in json.loads(output)}
+    assert not loaded & {
+        "cflib",
+        "numpy",
+        "numba",
+        "scipy",
+        "typer",
+        "rich",
+        "onboard",
+        "sim_backend",
+        "mcap",
+    }
+
+
+def test_strict_projects_get_no_warning(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile("def test_nothing():\n    pass\n")
+    result = pytester.runpytest_subprocess(*STRICT)
+    result.assert_outcomes(passed=1)
+    result.stdout.no_fnmatch_line("*arning*")
+
+
+def test_fixtures_and_option_are_described(pytester: pytest.Pytester) -> None:
+    listed = pytester.runpytest_subprocess("--fixtures", "-q")
+    for name in ("crazyflie_uri", "simulated_lab", "simulated_room", "crazyflie", "drone_link"):
+        listed.stdout.fnmatch_lines([f"{name}*"])
+    pytester.runpytest_subprocess("--help").stdout.fnmatch_lines(["*--crazyflie-uri=URI*"])
+
+
+def test_the_same_tests_run_on_a_given_drone(pytester: pytest.Pytester) -> None:
+    with TinyDrone() as drone:
+        pytester.makepyfile(ON_ANY_DRONE.replace("{uri!r}", repr(drone.uri)))
+        result = pytester.runpytest_subprocess(*STRICT, f"--crazyflie-uri={drone.uri}")
+    result.assert_outcomes(passed=3)
