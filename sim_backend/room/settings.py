@@ -93,9 +93,9 @@ def _number(faults: Mapping[str, str], name: str, missing: float) -> float:
 def _window(faults: Mapping[str, str], name: str, duration: float) -> Window | None:
     if name not in faults:
         return None
-    start, _, length = faults[name].partition(":")
+    start, colon, length = faults[name].partition(":")
     begin = _parse(name, start)
-    return Window(begin, begin + (_parse(name, length) if length else duration))
+    return Window(begin, begin + (_parse(name, length) if colon else duration))
 
 
 def _parse(name: str, text: str) -> float:

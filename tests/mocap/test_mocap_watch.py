@@ -1,0 +1,66 @@
+import json
+import socket
+import subprocess
+import sys
+
+import pytest
+
+from tests.mocap.moving_room import MovingRoom
+
+
+def watch(*arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [
+        sys.executable,
+        "-c",
+        "from perchhw.cli import main; main()",
+        "--json",
+        "mocap",
+        "watch",
+        *arguments,
+    ]
+    return subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
+
+
+def test_a_good_source_as_one_json_document():
+    with MovingRoom() as room:
+        done = watch(room.uri, "--seconds", "1.5")
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    assert result["verdict"] == "ok"
+    assert result["ok"] is True
+    assert result["rate_hz"] == pytest.approx(100.0, abs=10.0)
+    assert result["missing_frames"] == 0
+    assert result["subjects"] == ["cf1"]
+    assert result["frame_period"] == pytest.approx(0.01)
+    assert 0.003 < result["age_at_receipt"]["p50"] < 0.02
+    assert result["last_pose"]["position"][2] == pytest.approx(1.0, abs=1e-3)
+    assert len(result["last_pose"]["quaternion"]) == 4
+
+
+def test_no_source_is_exit_code_1_with_the_reason():
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
+    done = watch(f"vicon://127.0.0.1:{port}?subject=cf1", "--seconds", "0.3")
+    assert done.returncode == 1
+    result = json.loads(done.stdout)
+    assert result["verdict"] == "unknown"
+    assert "no Vicon DataStream" in result["error"]
+    assert result["last_pose"] is None
+
+
+def test_a_bad_uri_is_exit_code_2():
+    done = watch("vicon://host?subjct=cf1")
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert "unknown option 'subjct'" in done.stderr
+
+
+def test_a_person_gets_a_table():
+    with MovingRoom() as room:
+        command = [sys.executable, "-c", "from perchhw.cli import main; main()", "mocap", "watch", room.uri]
+        done = subprocess.run(
+            [*command, "--seconds", "0.5"], capture_output=True, text=True, timeout=30, check=False
+        )
+    assert done.returncode == 0, done.stderr
+    assert "verdict" in done.stdout
+    assert "cf1" in done.stdout
