@@ -117,7 +117,7 @@ def load_policy(path: str | Path) -> Policy:
         PolicyBundleError: the bundle is damaged.
     """
     path = Path(path)
-    if path.is_file() and is_bundle(path):
+    if is_bundle(path):
         return decode_bundle(path.read_bytes(), name=path.stem, provenance={"bundle": path.name})
     document = JsonTable.from_file(path)
     schema = document.value("schema") if "schema" in document else None

@@ -78,9 +78,12 @@ def policy_crc32(policy: Policy) -> int:
 
 
 def is_bundle(path: Path) -> bool:
-    """Whether a readable file begins as a policy bundle does."""
-    with path.open("rb") as file:
-        return file.read(len(MAGIC)) == MAGIC
+    """Whether a file begins as a policy bundle does; one that cannot be read does not."""
+    try:
+        with path.open("rb") as file:
+            return file.read(len(MAGIC)) == MAGIC
+    except OSError:
+        return False
 
 
 def encode_bundle(policy: Policy) -> bytes:
@@ -154,8 +157,6 @@ def decode_bundle(
             a_rot_max=a_rot_max,
             provenance=provenance or {},
         )
-    except PolicyBundleError:
-        raise
     except PolicyError as error:
         raise PolicyBundleError(BundleFault.RANGE, str(error)) from error
 

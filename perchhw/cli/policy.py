@@ -91,7 +91,7 @@ def import_(
     from onboard.policy_bundle import is_bundle
 
     name = name or out.name.removesuffix(SUFFIX)
-    if file.is_file() and is_bundle(file):
+    if is_bundle(file):
         policy = replace(load_policy(file), name=name)
     else:
         policy = import_authors_policy(file, name)
