@@ -91,10 +91,7 @@ def import_(
     from onboard.policy_bundle import is_bundle
 
     name = name or out.name.removesuffix(SUFFIX)
-    if is_bundle(file):
-        policy = replace(load_policy(file), name=name)
-    else:
-        policy = import_authors_policy(file, name)
+    policy = replace(load_policy(file), name=name) if is_bundle(file) else import_authors_policy(file, name)
     save_policy(policy, out)
     crc = policy_crc32(policy)
     emit(
