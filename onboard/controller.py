@@ -55,15 +55,15 @@ class ControllerGains(NamedTuple):
 
 
 DEFAULT_GAINS = ControllerGains(
-    kp_xy=0.45,
-    kd_xy=0.36,
+    kp_xy=0.4,
+    kd_xy=0.32,
     ki_xy=0.07,
     kp_z=1.1,
-    kd_z=1.0,
+    kd_z=0.9,
     ki_z=0.1,
     integral_limit=0.3,
-    kr_xy=0.014,
-    kw_xy=0.0023,
+    kr_xy=0.012,
+    kw_xy=0.0021,
     kr_z=0.003,
     kw_z=0.001,
     tilt_limit=math.radians(50.0),
@@ -81,7 +81,7 @@ Integral and yaw gains are the authors'. The others were chosen by us in simulat
 0.47 m and an approach of 2.5 m/s at 40 deg.
 """
 
-AUTHORS_GAINS = DEFAULT_GAINS._replace(kp_xy=0.4, kd_xy=0.35, kp_z=1.2, kd_z=0.35, kr_xy=0.004, kw_xy=0.0017)
+AUTHORS_GAINS = DEFAULT_GAINS._replace(kd_xy=0.35, kp_z=1.2, kd_z=0.35, kr_xy=0.004, kw_xy=0.0017)
 """The gains of the authors (SIM@4c815026:crazyflie_launch/config/Model_Types.yaml, CtrlGains)."""
 
 
