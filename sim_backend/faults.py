@@ -80,10 +80,9 @@ _ROOM_HELP = {
 }
 
 
-def fault_help() -> str:
-    """One line a fault, for ``--help``."""
-    entries = {name: text for name, (_, text) in _PARSERS.items()} | _ROOM_HELP
-    return "\n\n".join(f"{name}={text}" for name, text in entries.items())
+def fault_table() -> dict[str, str]:
+    """What each fault takes and does, by name."""
+    return {name: text for name, (_, text) in _PARSERS.items()} | _ROOM_HELP
 
 
 def parse_faults(arguments: Iterable[str]) -> Faults:
@@ -102,7 +101,7 @@ def parse_faults(arguments: Iterable[str]) -> Faults:
             room[name] = value
             continue
         if name not in _PARSERS:
-            known = ", ".join([*_PARSERS, *_ROOM_HELP])
+            known = ", ".join(fault_table())
             raise FaultError(f"--fault {argument}: no fault named {name!r}; known: {known}")
         try:
             drone[name] = _PARSERS[name][0](value)

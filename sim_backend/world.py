@@ -101,6 +101,11 @@ class Drone:
         held = bool(self.state["foot_attached"].any()) or z < float(self._parameters["reach"]) + 0.02
         return held and not self.firmware.ratios.any() and float(np.abs(velocity).max()) < AT_REST_M_S
 
+    @property
+    def silent(self) -> bool:
+        """Whether its radio answers nothing any more."""
+        return self.frozen or self.dead
+
     def place_on_start_mark(self) -> None:
         """The operator's work: back on the mark, upright, still, with a fresh battery."""
         self._storage[0] = self._at_mark[0]
@@ -182,6 +187,10 @@ class World:
             lag = LAG_LIMIT_S
         for _ in range(int(lag / DT + 1e-6)):
             self.step()
+
+    def pass_time(self, to_time: float) -> None:
+        """Let the time go on with nothing happening: the drones rest where they are."""
+        self.ticks = max(self.ticks, int(to_time / DT))
 
     def step(self) -> None:
         """One ms."""

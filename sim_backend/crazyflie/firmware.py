@@ -16,7 +16,7 @@ from sim_backend.crazyflie.bindings import log_sources, parameter_setters
 from sim_backend.crazyflie.commander import Commander, Priority
 from sim_backend.crazyflie.estimator import GRAVITY, Estimator
 from sim_backend.crazyflie.high_level import FlatState, HighLevelCommander
-from sim_backend.crazyflie.interfaces import Memory
+from sim_backend.crazyflie.interfaces import FirmwareAssertion, Memory
 from sim_backend.crazyflie.landing_app import LandingApp
 from sim_backend.crazyflie.memory import (
     EEPROM_SIZE,
@@ -31,7 +31,7 @@ from sim_backend.crazyflie.sensors import InertialSensors
 from sim_backend.crazyflie.setpoint import Setpoint
 from sim_backend.crazyflie.stabilizer import Stabilizer, applied_duties, level_out
 from sim_backend.crazyflie.supervisor import RATE_HZ, State, Supervisor
-from sim_backend.crazyflie.tables import LogTable, ParameterTable
+from sim_backend.crazyflie.tables import LogTable, Number, ParameterTable
 
 DT = 0.001
 HIGH_LEVEL_PERIOD_MS = 10
@@ -88,6 +88,8 @@ class Firmware:
         self._setters = parameter_setters(self)
         for name, setter in self._setters.items():
             self.params.on_write(name, setter)
+        self.params.on_write("system.doAssert", _fail_assert)
+        self.logs.bind("sys.testLogParam", lambda: self.params["system.testLogParam"])
         self.params.on_write("memTst.resetW", lambda _: self._tester.reset_write_errors())
         self.logs.bind("memTst.errCntW", lambda: self._tester.write_errors)
         self.logs.bind_all(log_sources(self))
@@ -282,6 +284,12 @@ class Firmware:
         self.params.take_updates()
         for name, setter in self._setters.items():
             setter(self.params[name])
+
+
+def _fail_assert(value: Number) -> None:
+    """``system.doAssert``: an assert that fails on request."""
+    if value:
+        raise FirmwareAssertion("system.c: doAssert")
 
 
 class _CommanderService:

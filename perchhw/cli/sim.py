@@ -1,0 +1,160 @@
+"""``perchhw sim``: serves the simulated lab, drones alone, or the mocap room alone, until interrupted."""
+
+import asyncio
+import json
+import signal
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from sim_backend.lab import LabSettings
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    help="The simulated lab. Prints one JSON line on stdout when everything accepts connections.",
+)
+
+Drones = Annotated[int, typer.Option(min=1, max=9, help="Number of drones: cf1, cf2 ...")]
+DronePort = Annotated[
+    int, typer.Option(min=0, max=65535, help="UDP port of cf1, the others follow; 0: free ones.")
+]
+ViconPort = Annotated[int, typer.Option(min=0, max=65535, help="TCP port of the Vicon DataStream; 0: free.")]
+ViconUdpPort = Annotated[
+    int, typer.Option(min=0, max=65535, help="UDP port that the Vicon object stream is sent to; 0: free.")
+]
+Vehicle = Annotated[str, typer.Option(help="Vehicle file or known vehicle.")]
+Legs = Annotated[str | None, typer.Option(help="Leg design instead of the vehicle's own.")]
+Truth = Annotated[Path | None, typer.Option(help="Write the true state to this CSV file at 100 Hz.")]
+Fault = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME=VALUE", help="Show a fault; may be repeated. 'perchhw sim faults' lists them."
+    ),
+]
+Seed = Annotated[int, typer.Option(help="Seed of all random numbers.")]
+
+
+@app.command()
+def lab(
+    drone_port: DronePort = 19850,
+    drones: Drones = 1,
+    vicon_port: ViconPort = 18801,
+    vicon_udp_port: ViconUdpPort = 51001,
+    vehicle: Vehicle = "crazyflie21-upgraded",
+    legs: Legs = None,
+    truth: Truth = None,
+    fault: Fault = None,
+    seed: Seed = 0,
+) -> int:
+    """Drones and mocap room."""
+    from sim_backend.faults import parse_faults
+    from sim_backend.lab import LabSettings
+
+    settings = LabSettings(
+        vehicle=vehicle,
+        legs=legs,
+        drones=drones,
+        drone_port=drone_port,
+        vicon_port=vicon_port,
+        vicon_udp_port=vicon_udp_port,
+        truth=truth,
+        faults=parse_faults(fault or ()),
+        seed=seed,
+    )
+    return _serve(settings)
+
+
+@app.command()
+def drone(
+    drone_port: DronePort = 19850,
+    drones: Drones = 1,
+    vehicle: Vehicle = "crazyflie21-upgraded",
+    legs: Legs = None,
+    truth: Truth = None,
+    fault: Fault = None,
+    seed: Seed = 0,
+) -> int:
+    """Drones without a mocap room: nobody tells them where they are."""
+    from sim_backend.faults import parse_faults
+    from sim_backend.lab import LabSettings
+
+    settings = LabSettings(
+        vehicle=vehicle,
+        legs=legs,
+        drones=drones,
+        drone_port=drone_port,
+        with_room=False,
+        truth=truth,
+        faults=parse_faults(fault or ()),
+        seed=seed,
+    )
+    return _serve(settings)
+
+
+@app.command()
+def room(
+    drones: Drones = 1,
+    vicon_port: ViconPort = 18801,
+    vicon_udp_port: ViconUdpPort = 51001,
+    vehicle: Vehicle = "crazyflie21-upgraded",
+    legs: Legs = None,
+    fault: Fault = None,
+    seed: Seed = 0,
+) -> int:
+    """The mocap room alone, with drones that rest on their start marks."""
+    from sim_backend.faults import parse_faults
+    from sim_backend.lab import LabSettings
+
+    settings = LabSettings(
+        vehicle=vehicle,
+        legs=legs,
+        drones=drones,
+        with_drones=False,
+        vicon_port=vicon_port,
+        vicon_udp_port=vicon_udp_port,
+        faults=parse_faults(fault or ()),
+        seed=seed,
+    )
+    return _serve(settings)
+
+
+@app.command()
+def faults() -> None:
+    """List the faults that --fault can show."""
+    from perchhw.cli.output import emit
+    from sim_backend.faults import fault_table
+
+    table = fault_table()
+    emit({"faults": table}, "\n".join(f"{name}={text}" for name, text in table.items()))
+
+
+def _serve(settings: "LabSettings") -> int:
+    """Serve until SIGINT (exit code 130) or SIGTERM (0)."""
+    return asyncio.run(_serve_until_signal(settings))
+
+
+async def _serve_until_signal(settings: "LabSettings") -> int:
+    from sim_backend.lab import Lab
+
+    stop = asyncio.Event()
+    caught: list[int] = []
+
+    def end(number: int) -> None:
+        caught.append(number)
+        stop.set()
+
+    served = Lab(settings)
+    try:
+        await served.start()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            asyncio.get_running_loop().add_signal_handler(number, end, number)
+        sys.stdout.write(json.dumps(served.ready()) + "\n")
+        sys.stdout.flush()
+        await served.run(stop)
+    finally:
+        await served.close()
+    return 130 if signal.SIGINT in caught else 0

@@ -1,0 +1,197 @@
+"""The running lab: an event loop that advances the world in real time and serves its drones and its room.
+
+The drones live in this process; the mocap room is a child process that gets the true poses over loopback UDP,
+so that either can be killed without the other. The room ends with the lab, however the lab ends.
+"""
+
+import asyncio
+import contextlib
+import gc
+import os
+import sys
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from onboard.clock import Clock
+from onboard.vehicle import load_vehicle
+from sim_backend.crazyflie.faults import DatagramFaults
+from sim_backend.crazyflie.server import CrazyflieServer
+from sim_backend.faults import Faults
+from sim_backend.room.feed import FeedSender
+from sim_backend.room_process import RoomProcess, RoomRequest
+from sim_backend.truth import TruthRecorder
+from sim_backend.world import Drone, World, warm_up
+
+PERIOD_S = 0.002
+"""Time between two rounds of the loop: 2 ms of world, one poll of each drone, one feed datagram."""
+RADIO_ID = 0xE7
+
+
+@dataclass(frozen=True, slots=True)
+class LabSettings:
+    """What a lab has.
+
+    Attributes:
+        vehicle, legs: vehicle file or known name, and leg design (None: the vehicle's own).
+        drones: number of drones, named cf1, cf2 ...
+        drone_port: UDP port of the first drone, the others follow; 0 takes free ones.
+        with_drones: serve the drones; without, they rest on their start marks.
+        with_room: serve the mocap room.
+        vicon_port, vicon_udp_port: of the room; 0 takes free ones.
+        truth: CSV file for the true state, or None.
+        faults: what goes wrong.
+        seed: of all random numbers.
+        host: local address of everything.
+    """
+
+    vehicle: str = "crazyflie21-upgraded"
+    legs: str | None = None
+    drones: int = 1
+    drone_port: int = 19850
+    with_drones: bool = True
+    with_room: bool = True
+    vicon_port: int = 18801
+    vicon_udp_port: int = 51001
+    truth: Path | None = None
+    faults: Faults = field(default_factory=Faults)
+    seed: int = 0
+    host: str = "127.0.0.1"
+
+
+class Lab:
+    """A lab: ``await start()``, then it answers; ``await run(stop)`` until `stop` is set; ``await close()``.
+
+    Attributes:
+        settings: as given.
+        world: the world, from :meth:`start` on.
+        servers: one a drone, in their order.
+        room: the room's process, or None.
+    """
+
+    def __init__(self, settings: LabSettings, clock: Clock = time.monotonic) -> None:
+        self.settings = settings
+        self.servers: list[CrazyflieServer] = []
+        self.room: RoomProcess | None = None
+        self._clock = clock
+        self._links: list[DatagramFaults] = []
+        self._truth: TruthRecorder | None = None
+        self._feed: FeedSender | None = None
+        self._started = 0.0
+
+    async def start(self) -> None:
+        """Make everything accept connections.
+
+        Raises:
+            SimulationError: a port is taken, the vehicle cannot be simulated, or the truth file be written.
+            InputError: the vehicle is not known.
+        """
+        settings = self.settings
+        vehicle = load_vehicle(settings.vehicle, settings.legs)
+        names = tuple(f"cf{i + 1}" for i in range(settings.drones))
+        request = RoomRequest(
+            names,
+            settings.vicon_port,
+            settings.vicon_udp_port,
+            settings.seed,
+            dict(settings.faults.room),
+            settings.host,
+        )
+        if settings.with_room:
+            request.settings()  # refuses bad faults here, before a process is started
+            self.room = await RoomProcess.start(request)
+            self._feed = FeedSender(self.room.ports.feed, settings.host)
+        _say("preparing the simulation (the first time this takes a minute)")
+        warm_up(vehicle)
+        if settings.truth is not None:
+            self._truth = TruthRecorder(settings.truth)
+        self.world = World(
+            vehicle,
+            drones=settings.drones,
+            seed=settings.seed,
+            faults=settings.faults.drone,
+            truth=self._truth,
+        )
+        if settings.with_drones:
+            for index, drone in enumerate(self.world.drones):
+                await self._serve(index, drone)
+        gc.collect()
+        gc.freeze()  # what exists now stays: collections in flight have little to look at
+        self._started = self._clock()
+
+    async def _serve(self, index: int, drone: Drone) -> None:
+        settings = self.settings
+        link = DatagramFaults(
+            np.random.default_rng((settings.seed, index)), loss=settings.faults.drone.link_loss
+        )
+        port = settings.drone_port + index if settings.drone_port else 0
+        radio_id = (RADIO_ID + index) & 0xFF
+        server = CrazyflieServer(drone.firmware, settings.host, port, radio_id=radio_id, faults=link)
+        await server.start()
+        self.servers.append(server)
+        self._links.append(link)
+
+    def ready(self) -> dict[str, Any]:
+        """The ready line: addresses and process ids."""
+        line: dict[str, Any] = {"ready": True, "drones": [server.uri for server in self.servers]}
+        processes: dict[str, int] = {"lab": os.getpid()}
+        line["mocap"] = []
+        if self.room is not None:
+            ports, host = self.room.ports, self.settings.host
+            names = [drone.name for drone in self.world.drones]
+            line["mocap"] = [f"vicon://{host}:{ports.vicon}?subject={name}" for name in names]
+            line["mocap"] += [f"vicon-udp://:{ports.vicon_udp}?subject={name}" for name in names]
+            processes["room"] = ports.pid
+        return line | {"processes": processes}
+
+    async def run(self, stop: asyncio.Event) -> None:
+        """Live until `stop` is set."""
+        watch = asyncio.create_task(self._watch_room()) if self.room is not None else None
+        due = self._clock()
+        while not stop.is_set():
+            self.round()
+            due = max(due + PERIOD_S, self._clock() - PERIOD_S)
+            await asyncio.sleep(max(0.0, due - self._clock()))
+        if watch is not None:
+            watch.cancel()
+
+    def round(self) -> None:
+        """Bring the world up to date, then talk."""
+        now = self._clock()
+        if self.settings.with_drones:
+            self.world.advance(now - self._started)
+        else:
+            self.world.pass_time(now - self._started)
+        for drone, link, server in zip(self.world.drones, self._links, self.servers, strict=False):
+            if drone.silent:
+                link.loss = 1.0
+            server.poll(now)
+        if self._feed is not None:
+            self._feed.send(self.world.time, [drone.pose() for drone in self.world.drones])
+
+    async def _watch_room(self) -> None:
+        if self.room is not None:
+            code = await self.room.ended()
+            _say(f"the mocap room has ended (code {code}); the drones go on")
+
+    async def close(self) -> None:
+        """Close sockets and files, end the room. May be called after a start that failed."""
+        for server in self.servers:
+            server.close()
+        if self._feed is not None:
+            self._feed.close()
+        if self.room is not None:
+            await self.room.stop()
+        if self._truth is not None:
+            self._truth.close()
+        if self.servers and self.world.dropped > 0.0:
+            _say(f"the machine was too slow: {self.world.dropped:.2f} s of simulated time were dropped")
+
+
+def _say(text: str) -> None:
+    with contextlib.suppress(BrokenPipeError):
+        sys.stderr.write(f"lab: {text}\n")
+        sys.stderr.flush()
