@@ -17,6 +17,20 @@ from sim_backend.crazyflie.server import CrazyflieServer
 from sim_backend.crazyflie.tables import LogTable, ParameterTable
 
 
+class SteppedClock:
+    """A clock that stands still until it is moved."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+    def set_ms(self, milliseconds: int) -> None:
+        """Move to the middle of a millisecond."""
+        self.now = (milliseconds + 0.5) / 1000
+
+
 class MinimalFirmware:
     """Tables, memories and a supervisor that arms; setpoints and measurements are only recorded."""
 

@@ -10,7 +10,13 @@ import pytest
 from sim_backend.crazyflie.ports.localization import decompress_quaternion
 from sim_backend.crazyflie.ports.log import convert
 from sim_backend.crazyflie.toc import LogType
-from tests.sim_crazyflie.minimal_firmware import MinimalFirmware, RawClient, ServedFirmware, serve
+from tests.sim_crazyflie.minimal_firmware import (
+    MinimalFirmware,
+    RawClient,
+    ServedFirmware,
+    SteppedClock,
+    serve,
+)
 
 CONSOLE, PARAM, SETPOINT, MEMORY, LOG, LOCALIZATION, GENERIC, HIGH_LEVEL, SUPERVISOR = (
     0,
@@ -254,15 +260,29 @@ class TestLog:
         assert data[0] == 1
         assert struct.unpack("<febIBf", data[4:]) == (-1.5, -1.5, -1, 0x80000001, 1, -(2.0**31))
 
-    def test_period_and_time_stamps(self, client: RawClient, drone: ServedFirmware) -> None:
-        client.ask(LOG, 1, b"\6\1" + log_entry(drone, "supervisor.info"))
-        client.ask(LOG, 1, b"\3\1\1")
-        ticks = np.array([int.from_bytes(client.wait_for(LOG, 2)[1:4], "little") for _ in range(30)])
-        assert abs(np.diff(ticks).mean() - 10) < 0.5
-        client.ask(LOG, 1, b"\4\1")
-        client.ask(LOG, 1, b"\x08\1\x14\0")  # 20 ms
-        ticks = np.array([int.from_bytes(client.wait_for(LOG, 2)[1:4], "little") for _ in range(10)])
-        assert abs(np.diff(ticks).mean() - 20) < 1
+    def test_period_and_time_stamps(self) -> None:
+        clock = SteppedClock()
+        firmware = MinimalFirmware(clock=clock)
+        with serve(firmware) as drone, RawClient(drone.uri) as client:
+            clock.set_ms(1000)
+            client.ask(LOG, 1, b"\6\1" + log_entry(drone, "supervisor.info"))
+            for start, period in ((b"\3\1\1", 10), (b"\x08\1\x07\0", 7)):
+                began = firmware.tick_ms()
+                client.ask(LOG, 1, start)
+                for index in range(1, 20):
+                    clock.set_ms(began + index * period)
+                    stamp = int.from_bytes(client.wait_for(LOG, 2)[1:4], "little")
+                    assert stamp == began + index * period
+                client.ask(LOG, 1, b"\4\1")
+
+    def test_a_late_block_sends_once_and_keeps_its_phase(self) -> None:
+        clock = SteppedClock()
+        with serve(MinimalFirmware(clock=clock)) as drone, RawClient(drone.uri) as client:
+            client.ask(LOG, 1, b"\6\1" + log_entry(drone, "supervisor.info"))
+            client.ask(LOG, 1, b"\3\1\1")
+            for now in (35, 40, 50):
+                clock.set_ms(now)
+                assert int.from_bytes(client.wait_for(LOG, 2)[1:4], "little") == now
 
     @pytest.mark.parametrize(
         ("value", "stored", "wanted", "expected"),

@@ -14,7 +14,13 @@ from sim_backend.crazyflie.crtp import Packet
 from sim_backend.crazyflie.faults import DatagramFaults
 from sim_backend.crazyflie.ports.radio import Power
 from sim_backend.crazyflie.server import CrazyflieServer, ServerError
-from tests.sim_crazyflie.minimal_firmware import MinimalFirmware, RawClient, ServedFirmware, serve
+from tests.sim_crazyflie.minimal_firmware import (
+    MinimalFirmware,
+    RawClient,
+    ServedFirmware,
+    SteppedClock,
+    serve,
+)
 
 
 @pytest.fixture
@@ -39,16 +45,6 @@ def answers(client: RawClient, datagram: bytes, timeout_s: float = 0.2) -> bytes
         return None
     finally:
         client.socket.settimeout(5.0)
-
-
-class SteppedClock:
-    """A clock that stands still until it is moved."""
-
-    def __init__(self) -> None:
-        self.now = 0.0
-
-    def __call__(self) -> float:
-        return self.now
 
 
 def test_scan_is_answered_and_does_not_take_over_the_stream(client: RawClient, drone: ServedFirmware) -> None:
