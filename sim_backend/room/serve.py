@@ -1,6 +1,7 @@
 """The simulated room as a whole: feed in; Vicon DataStream (TCP) and Tracker object stream (UDP) out."""
 
 import asyncio
+import contextlib
 import socket
 import threading
 import time
@@ -95,7 +96,8 @@ class RoomServer:
         """Stop the cameras, drop all clients, close all sockets. May be called again."""
         if self._task is not None:
             self._task.cancel()
-            await asyncio.wait([self._task])
+            with contextlib.suppress(asyncio.CancelledError):
+                await self._task
             self._task = None
         await self._datastream.close()
         if self._feed_transport is not None:
