@@ -71,3 +71,31 @@ def test_the_same_tests_run_on_a_given_drone(pytester: pytest.Pytester) -> None:
         pytester.makepyfile(ON_ANY_DRONE.replace("{uri!r}", repr(drone.uri)))
         result = pytester.runpytest_subprocess(*STRICT, f"--crazyflie-uri={drone.uri}")
     result.assert_outcomes(passed=3)
+
+
+ON_SIMULATED_PARTS = """
+    import socket
+    from urllib.parse import urlsplit
+
+    def test_cflib_gets_the_real_tables(crazyflie):
+        assert len(crazyflie.log.toc.toc["stateEstimate"]) > 10
+        assert crazyflie.param.get_value("system.selftestPassed") == "1"
+
+    def test_link_to_the_same_drone(drone_link, crazyflie_uri):
+        assert drone_link.uri == crazyflie_uri
+        assert not drone_link.supervisor_info().is_flying
+
+    def test_room_accepts_vicon_clients(simulated_room):
+        vicon = [urlsplit(uri) for uri in simulated_room.mocap if uri.startswith("vicon://")]
+        socket.create_connection((vicon[0].hostname, vicon[0].port), timeout=2.0).close()
+
+    def test_lab_has_both(simulated_lab):
+        assert simulated_lab.drones[0].startswith("udp://")
+        assert simulated_lab.mocap
+"""
+
+
+def test_simulated_parts_are_started_on_demand_and_stopped(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(ON_SIMULATED_PARTS)
+    result = pytester.runpytest_subprocess(*STRICT)
+    result.assert_outcomes(passed=4)

@@ -135,10 +135,10 @@ class Commands:
         )
         if reply[3] == errno.EBUSY:
             raise CommandRefused(
-                f"the drone refuses to {name}, its supervisor does not let it fly: {self._why()}"
+                f"the drone refuses {name}, its supervisor does not let it fly: {self._why()}"
             )
         if reply[3] != 0:
-            raise CommandRefused(f"the drone refuses to {name}: error {reply[3]}")
+            raise CommandRefused(f"the drone refuses {name}: error {reply[3]}")
 
     def _supervisor(
         self, channel: int, request: bytes, size: int, what: str, within: float | None = None

@@ -1,0 +1,177 @@
+"""The link to the simulated drone: the real firmware's tables and the perching app, in a process of its
+own."""
+
+import struct
+import threading
+import time
+import zlib
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from onboard.app_interface import Log, Parameter, PolicyStatus
+from onboard.link import CommandRefused, DroneLink, LinkLost, LogSample, PolicyRefused, reboot
+from onboard.policy_bundle import encode_bundle
+from onboard.supervisor_info import SupervisorInfo
+from tests.link.faulty_network import Faults, FaultyNetwork
+from tests.onboard.policies import small_policy
+
+POLICY = encode_bundle(small_policy())
+MAGIC_END, CRC_AT, MEAN_AT = 4, 12, 16 + 8 + 24
+
+
+def with_crc(bundle: bytes) -> bytes:
+    """The bundle with its own checksum made right again."""
+    crc = zlib.crc32(bundle[CRC_AT + 4 :], zlib.crc32(bundle[:CRC_AT]))
+    return bundle[:CRC_AT] + struct.pack("<I", crc) + bundle[CRC_AT + 4 :]
+
+
+REFUSED = {
+    "damaged": (POLICY[:-1] + bytes((POLICY[-1] ^ 1,)), PolicyStatus.REFUSED_CRC, "checksum"),
+    "cut": (POLICY[:-4], PolicyStatus.REFUSED_LENGTH, "length"),
+    "foreign": (with_crc(b"ABCD" + POLICY[MAGIC_END:]), PolicyStatus.REFUSED_FORMAT, "format"),
+    "not a number": (
+        with_crc(POLICY[:MEAN_AT] + struct.pack("<f", float("nan")) + POLICY[MEAN_AT + 4 :]),
+        PolicyStatus.REFUSED_RANGE,
+        "not finite",
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def network(crazyflie_uri: str) -> Iterator[FaultyNetwork]:
+    """A network to the simulated drone, good until a test spoils it."""
+    port = int(crazyflie_uri.rpartition(":")[2])
+    with FaultyNetwork(port, np.random.default_rng(11), Faults()) as proxy:
+        yield proxy
+
+
+def test_opens_fully_within_a_second(crazyflie_uri: str) -> None:
+    """Tables of 587 logs and 354 parameters, 136 extended types, every value; no cache."""
+    durations = []
+    for _ in range(3):
+        start = time.monotonic()
+        with DroneLink.open(crazyflie_uri):
+            durations.append(time.monotonic() - start)
+    assert min(durations) < 1.0, durations
+
+
+def test_opens_and_uploads_over_a_bad_network(network: FaultyNetwork) -> None:
+    network.faults = Faults(loss=0.05, duplicate=0.05, reorder=0.05)
+    try:
+        with DroneLink.open(network.uri, timeout_s=30.0) as link:
+            assert link.upload_policy(POLICY) == zlib.crc32(POLICY)
+            link.set_param("ring.effect", 7)
+            assert link.param("ring.effect") == 7
+    finally:
+        network.faults = Faults()
+    assert network.lost > 100
+    assert network.doubled > 100
+
+
+@pytest.mark.parametrize("reason", REFUSED)
+def test_wrong_policies_are_refused_in_words_and_the_previous_one_stays(
+    drone_link: DroneLink, reason: str
+) -> None:
+    bundle, status, words = REFUSED[reason]
+    assert drone_link.upload_policy(POLICY) == zlib.crc32(POLICY)
+    with pytest.raises(PolicyRefused, match=words):
+        drone_link.upload_policy(bundle)
+    assert drone_link.param(Parameter.POLICY_STATUS) == status
+    assert drone_link.active_policy_crc() == zlib.crc32(POLICY)
+
+
+def test_policy_and_parameters_are_gone_after_a_reboot(crazyflie_uri: str) -> None:
+    with DroneLink.open(crazyflie_uri) as link:
+        link.upload_policy(POLICY)
+        link.set_param("ring.effect", 3)
+        reboot(crazyflie_uri)
+    with DroneLink.open(crazyflie_uri) as link:
+        assert link.active_policy_crc() == 0
+        assert link.param("ring.effect") != 3
+
+
+def test_log_streams_keep_the_drones_pace(drone_link: DroneLink) -> None:
+    done = threading.Event()
+    samples: list[LogSample] = []
+
+    def collect(sample: LogSample) -> None:
+        samples.append(sample)
+        if len(samples) >= 100:
+            done.set()
+
+    names = [*(f"stateEstimate.{axis}" for axis in ("x", "y", "z", "vx", "vy", "vz")), Log.STATE]
+    others = [
+        drone_link.stream(["gyro.x", "gyro.y", "gyro.z", "acc.x", "acc.y", "acc.z"], 10, lambda _sample: None)
+        for _ in range(7)
+    ]
+    with drone_link.stream(names, 10, collect) as stream:
+        assert done.wait(5.0)
+        assert (stream.late, stream.malformed, stream.dropped) == (0, 0, 0)
+    steps = np.diff([sample.drone_time_ms for sample in samples])
+    assert np.mean(steps) == pytest.approx(10.0, rel=0.03)
+    assert list(samples[0].values) == names
+    assert all(other.received > 80 for other in others)
+    for other in others:
+        other.close()
+
+
+def test_streamed_and_asked_supervisor_information_agree(drone_link: DroneLink) -> None:
+    arrived: list[SupervisorInfo] = []
+    event = threading.Event()
+
+    def take(sample: LogSample) -> None:
+        arrived.append(SupervisorInfo(int(sample.values["supervisor.info"])))
+        event.set()
+
+    with drone_link.stream(["supervisor.info"], 100, take):
+        assert event.wait(2.0)
+    assert arrived[0] == drone_link.supervisor_info()
+
+
+def test_commands_follow_the_drones_supervisor(crazyflie_uri: str) -> None:
+    reboot(crazyflie_uri)
+    with DroneLink.open(crazyflie_uri) as link:
+        with pytest.raises(CommandRefused, match="takeoff"):
+            link.takeoff(0.3, 1.0)
+        link.arm()
+        assert link.supervisor_info().is_armed
+        link.disarm()
+        assert not link.supervisor_info().is_armed
+        link.emergency_stop()
+        assert link.supervisor_info().is_locked
+        with pytest.raises(CommandRefused, match="locked"):
+            link.arm()
+    reboot(crazyflie_uri)
+    with DroneLink.open(crazyflie_uri) as link:
+        assert not link.supervisor_info().is_locked
+
+
+def test_poses_reach_the_drones_estimator(drone_link: DroneLink) -> None:
+    samples: list[LogSample] = []
+    near = threading.Event()
+
+    def take(sample: LogSample) -> None:
+        samples.append(sample)
+        if abs(sample.values["locSrv.x"] - 0.25) < 1e-6:
+            near.set()
+
+    with drone_link.stream(["locSrv.x"], 10, take):
+        for _ in range(500):
+            drone_link.send_pose((0.25, 0.0, 0.02), (0.0, 0.0, 0.0, 1.0))
+            if near.wait(0.01):
+                break
+    assert near.is_set(), samples[-1:]
+
+
+def test_frozen_drone_is_lost_within_one_and_a_half_seconds(network: FaultyNetwork) -> None:
+    with DroneLink.open(network.uri) as link:
+        try:
+            network.frozen.set()
+            frozen = time.monotonic()
+            with pytest.raises(LinkLost):
+                link.upload_policy(POLICY)
+            assert time.monotonic() - frozen < 1.5
+        finally:
+            network.frozen.clear()
