@@ -35,7 +35,11 @@ QUIET_RAD_S = 0.3
 """RMS rate below which the vehicle does not swing: 2 deg of swing amplitude at 1.6 Hz is 0.25 rad/s RMS."""
 _CONTACT_RISE_RAD_S = 0.5
 _CONTACT_SEARCH_S = (0.05, 0.6)
-_FLOOR_JOLT_RAD_S = 5.0
+_STEP_S = 0.01
+_SMOOTHING_S = 0.15
+_JOLT_SPAN_S = 0.1
+_FLOOR_JOLT_RAD_S = 10.0
+"""More than a swing changes in 0.1 s: one of 55 deg at 1.6 Hz changes by 9.8 rad/s."""
 _FREQUENCY_TOLERANCE = 0.35  # rigid legs are assumed; the labelled flights swing at 0.97-1.31 of the value
 
 
@@ -61,10 +65,10 @@ class GyroEvidence:
 
     Attributes:
         hold: what holds the vehicle.
-        settled_rms_rad_s: RMS rate in the window after the landing.
+        settled_rms_rad_s: RMS rate in the window after the landing, without the ringing of the legs.
         swing_hz: dominant frequency in the window (Hz), or None when quiet.
         swing_expected_hz: frequency of a pendulum on two feet (Hz) about the dominant axis.
-        floor_jolt_rad_s: largest step of the rate from row to row later than a fall takes.
+        floor_jolt_rad_s: largest change of the rates within 0.1 s, later than a fall takes.
         contact_after_trigger_s: last row before the first contact (s after the trigger), or None if unseen.
         first_touch: what met the ceiling first, from the integrated attitude at contact.
     """
@@ -95,13 +99,14 @@ def judge_gyro(flight: Flight, trigger_t: float, geometry: LandingGeometry, ceil
             f"{flight.source}: rates end {after[-1]:.2f} s after the trigger; "
             f"{SETTLE_S + MINIMUM_WINDOW_S:.1f} s are needed"
         )
-    window = (after >= SETTLE_S) & (after < SETTLE_S + WINDOW_S)
-    rms = float(np.sqrt(np.mean(np.sum(rates[window] ** 2, axis=1))))
-    axis = 0 if np.var(rates[window, 0]) > np.var(rates[window, 1]) else 1
-    expected = geometry.swing_hz[1 - axis]
-    frequency = _dominant_hz(after[window], rates[window, axis]) if rms > QUIET_RAD_S else None
     contact = _contact_row(after, rates)
-    jolt = _floor_jolt(after, rates, contact, ceiling_z)
+    grid, slow = _slow_rates(after, rates)
+    window = grid >= SETTLE_S
+    rms = float(np.sqrt(np.mean(np.sum(slow[window] ** 2, axis=1))))
+    axis = 0 if np.var(slow[window, 0]) > np.var(slow[window, 1]) else 1
+    expected = geometry.swing_hz[1 - axis]
+    frequency = _dominant_hz(slow[window, axis]) if rms > QUIET_RAD_S else None
+    jolt = _floor_jolt(grid, slow, _CONTACT_SEARCH_S[1] if contact is None else after[contact], ceiling_z)
     return GyroEvidence(
         hold=_hold(rms, frequency, expected, jolt),
         settled_rms_rad_s=rms,
@@ -123,15 +128,23 @@ def _hold(rms: float, frequency: float | None, expected: float, jolt: float) -> 
     return Hold.NONE
 
 
-def _dominant_hz(t: FloatArray, rate: FloatArray) -> float:
-    """Frequency (Hz) of the strongest oscillation in `rate` (rad/s), resolved finer than the window."""
-    step = 0.01
-    grid = np.arange(t[0], t[-1], step)
-    values = np.interp(grid, t, rate)
-    tapered = (values - values.mean()) * np.hanning(values.size)
+def _slow_rates(after: FloatArray, rates: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The rates from the trigger to the end of the window on a 10 ms grid, without the ringing of the legs.
+
+    A Hann window of 0.15 s passes the swing (1.6 Hz: 0.92) and not the legs on their hinges (10 Hz: 0.07).
+    """
+    grid = np.arange(0.0, min(float(after[-1]), SETTLE_S + WINDOW_S), _STEP_S)
+    kernel = np.hanning(round(_SMOOTHING_S / _STEP_S) + 2)[1:-1]
+    columns = [np.convolve(np.interp(grid, after, r), kernel / kernel.sum(), "same") for r in rates.T]
+    return grid, np.column_stack(columns)
+
+
+def _dominant_hz(rate: FloatArray) -> float:
+    """Frequency (Hz) of the strongest oscillation in `rate` (on the grid), resolved finer than the window."""
+    tapered = (rate - rate.mean()) * np.hanning(rate.size)
     length = 4096
     power = np.abs(np.fft.rfft(tapered, length)) ** 2
-    return float(np.fft.rfftfreq(length, step)[int(np.argmax(power))])
+    return float(np.fft.rfftfreq(length, _STEP_S)[int(np.argmax(power))])
 
 
 def _contact_row(after: FloatArray, rates: FloatArray) -> int | None:
@@ -142,13 +155,12 @@ def _contact_row(after: FloatArray, rates: FloatArray) -> int | None:
     return int(rows[0]) if rows.size else None
 
 
-def _floor_jolt(after: FloatArray, rates: FloatArray, contact: int | None, ceiling_z: float) -> float:
-    """Largest step of the rates (rad/s) later than a fall from the ceiling takes."""
-    start = after[contact] if contact is not None else _CONTACT_SEARCH_S[1]
-    earliest = start + 0.8 * math.sqrt(2.0 * ceiling_z / GRAVITY)
-    steps = np.linalg.norm(np.diff(rates, axis=0), axis=1)
-    late = (after[1:] > earliest) & (after[1:] < SETTLE_S + WINDOW_S)
-    return float(np.max(steps[late], initial=0.0))
+def _floor_jolt(grid: FloatArray, slow: FloatArray, contact_s: float, ceiling_z: float) -> float:
+    """Largest change of the rates (rad/s) within 0.1 s, later than a fall from the ceiling takes."""
+    earliest = contact_s + 0.8 * math.sqrt(2.0 * ceiling_z / GRAVITY)
+    span = round(_JOLT_SPAN_S / _STEP_S)
+    changes = np.linalg.norm(slow[span:] - slow[:-span], axis=1)
+    return float(np.max(changes[grid[:-span] > earliest], initial=0.0))
 
 
 def _first_touch(

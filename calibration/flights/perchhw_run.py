@@ -66,6 +66,8 @@ def flight_from_run(run: RunRecord) -> Flight:
                 continue
             data[ours] = np.full(t.shape, np.nan)
             data[ours][rows] = values
+    trigger = _trigger(run)
+    data["triggered"] = np.zeros(t.shape) if trigger is None else (t >= trigger.t).astype(np.float64)
     valid = finite_masks(data)
     _reject_poses(used.get("pose"), t, valid)
     config = run.config
@@ -77,7 +79,7 @@ def flight_from_run(run: RunRecord) -> Flight:
         t=t,
         data=data,
         valid=valid,
-        trigger=_trigger(run),
+        trigger=trigger,
         commanded_speed=_number(config.get("speed_m_s")),
         commanded_angle_deg=_number(config.get("angle_deg")),
         ceiling_z=_number(config.get("ceiling_z")),

@@ -20,11 +20,13 @@ from calibration.flights.flight import (
     UnusableFlightError,
     finite_masks,
 )
+from onboard.app_interface import LandingState
 
 _REQUIRED = ("t", *POSE_CHANNELS)
 _ALIASES = {"wx": "gx", "wy": "gy", "wz": "gz"}
 _DRONE = "drone"
 _NORM_TOLERANCE = 0.05
+_FLIPPING = 0.5  # cosine of the tilt beyond which the vehicle is taken to flip
 
 
 def is_table(header: tuple[str, ...]) -> bool:
@@ -48,6 +50,7 @@ def load_table(path: Path) -> Flight:
     data = {_channel(n): file.column(n) for n in file.header if n not in ("t", _DRONE)}
     _check_quaternion(file, data)
     truth = "legs_attached" in data
+    trigger, notes = _trigger(t, data)
     return Flight(
         name=path.name.removesuffix(".gz").removesuffix(".csv"),
         source=path,
@@ -56,7 +59,8 @@ def load_table(path: Path) -> Flight:
         t=t,
         data=data,
         valid=finite_masks(data),
-        trigger=_trigger(t, data),
+        trigger=trigger,
+        notes=notes,
     )
 
 
@@ -99,8 +103,16 @@ def _check_quaternion(file: CsvFile, data: dict[str, FloatArray]) -> None:
         raise FlightFileError(f"{place}: not a unit quaternion (norm {norm[bad[0]]:.3f})")
 
 
-def _trigger(t: FloatArray, data: dict[str, FloatArray]) -> Trigger | None:
-    fired = data.get("triggered")
-    if fired is None or not np.any(fired == 1.0):
-        return None
-    return Trigger(float(t[int(np.argmax(fired == 1.0))]))
+def _trigger(t: FloatArray, data: dict[str, FloatArray]) -> tuple[Trigger | None, tuple[str, ...]]:
+    """The trigger, and a note when it had to be inferred from the attitude."""
+    for name, value in (("triggered", 1.0), ("landing_state", float(LandingState.FLIP))):
+        if name in data:
+            fired = np.flatnonzero(data[name] == value)
+            return (Trigger(float(t[fired[0]])) if fired.size else None), ()
+    upright = 1.0 - 2.0 * (data["qx"] ** 2 + data["qy"] ** 2)
+    turned = np.flatnonzero(upright < _FLIPPING)
+    if turned.size == 0:
+        return None, ()
+    return Trigger(float(t[turned[0]])), (
+        "no column triggered: the flip is taken to begin at 60 deg of tilt",
+    )

@@ -1,0 +1,1 @@
+"""Views of a flight in Rerun."""
