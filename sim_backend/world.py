@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onboard.room import RoomGeometry
-from onboard.vehicle import Vehicle
+from onboard.vehicle import Battery, Vehicle
 from sim_backend.crazyflie.firmware import Firmware
 from sim_backend.errors import SimulationError
 from sim_backend.faults import DroneFaults
@@ -152,7 +152,7 @@ class World:
         self._faults = faults or DroneFaults()
         self._truth = truth
         parameters = physics_parameters(vehicle, room)
-        used = _charge_used(parameters, self._faults.battery_voltage)
+        used = _charge_used(vehicle.battery, self._faults.battery_voltage)
         generators = np.random.default_rng(seed).spawn(drones)
         self.drones = [
             Drone(
@@ -217,14 +217,14 @@ class World:
                     drone.firmware.power_off()
 
 
-def _charge_used(parameters: Any, open_circuit: float | None) -> float:
+def _charge_used(battery: Battery, open_circuit: float | None) -> float:
     """Charge (C) drawn from a pack with this open-circuit voltage (V); 0 for None."""
     if open_circuit is None:
         return 0.0
-    fall = float(parameters["open_circuit_fall"])
-    if fall <= 0.0:
+    slope = battery.open_circuit_slope.value
+    if slope <= 0.0:
         raise WorldError("--fault battery_voltage: this vehicle's battery has no slope; give it one")
-    return (float(parameters["open_circuit_full"]) - open_circuit) / fall
+    return (battery.open_circuit_full.value - open_circuit) / slope * battery.capacity.value
 
 
 def warm_up(vehicle: Vehicle, room: RoomGeometry | None = None) -> None:

@@ -64,6 +64,7 @@ class LandingApp:
         self._limits_crc = 0
         self._ceiling_z = 0.0
         self._policy_armed = self._trajectory_armed = self._go = self._abort = False
+        self._status = 0
         self._cues = (math.inf, 0.0, 0.0)
         self._trigger_value = 0.0
         self._a_rot = 0.0
@@ -195,18 +196,19 @@ class LandingApp:
             policy_armed=self._policy_armed,
             trajectory_armed=self._trajectory_armed,
             go=self._go,
-            abort=self._abort or withdrawn,
+            abort=self._abort or (withdrawn and self.state is not LandingState.IDLE),
             flying=firmware.supervisor.is_flying,
         )
 
     def _after(self, firmware: "Firmware", was: LandingState) -> None:
         """Keep the parameters true and the high-level commander in step."""
         state, status = self.state, int(self.memory["trajectory_status"])
+        if status != self._status:
+            self._status = status
+            self._params[Parameter.TRAJECTORY_STATUS] = status
         if status >= TrajectoryStatus.REFUSED_TOO_FAR and self._trajectory_armed:
             self._trajectory_armed = False
             self._params[Parameter.TRAJECTORY_ARM] = 0
-        if self._params[Parameter.TRAJECTORY_STATUS] != status:
-            self._params[Parameter.TRAJECTORY_STATUS] = status
         if state is was:
             return
         if state in _CUT:
@@ -226,7 +228,9 @@ class LandingApp:
         self._trajectory_armed = bool(value)
         if value and self.state is LandingState.IDLE:
             self._plan = self._planned()
-        # A step of no time: the answer stands in trjStat before the client can ask for it.
+        # Steps of no time: the answer stands in trjStat before the client can ask for it, and after a refusal
+        # the machine has seen the flag go down.
+        self._step(firmware, 0.0, evaluated=False)
         self._step(firmware, 0.0, evaluated=False)
 
     def _on_go(self, firmware: "Firmware", value: Number) -> None:

@@ -1,0 +1,269 @@
+"""Our firmware app in the simulated drone: policy upload, arming, approach, trigger, flip, cut, brake."""
+
+import struct
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from onboard.app_interface import LandingState, Parameter, PolicyStatus, TrajectoryStatus
+from onboard.landing import EndReason
+from onboard.policy import import_authors_policy
+from onboard.policy_bundle import MAX_BUNDLE_BYTES, bundle_crc32, encode_bundle
+from onboard.room import RoomGeometry
+from onboard.trajectory import ApproachPlan, fit_approach, plan_approach
+from sim_backend.crazyflie.supervisor import State
+from tests.sim_crazyflie.simulated_flight import Flight
+from tests.sim_crazyflie.small_policy import small_policy
+
+BUNDLE = encode_bundle(small_policy())
+PLAN = fit_approach(2.5, 60.0, RoomGeometry())
+NUMBERS_OFFSET = 24  # gamma, the first number of the header
+
+
+def damaged(offset: int, raw: bytes, seal: bool = True) -> bytes:
+    """The bundle with other bytes at `offset`; `seal`: with the header's checksum put right again."""
+    data = bytearray(BUNDLE)
+    data[offset : offset + len(raw)] = raw
+    if seal:
+        data[12:16] = struct.pack("<L", zlib.crc32(data[16:], zlib.crc32(data[:12])))
+    return bytes(data)
+
+
+def commit(flight: Flight, data: bytes, length: int | None = None, crc: int | None = None) -> PolicyStatus:
+    """Stage `data` and commit it with these words about it."""
+    memory = flight.firmware.memories[1]
+    for address in range(0, len(data), 24):
+        assert memory.write(address, data[address : address + 24])
+    flight.write(Parameter.POLICY_LENGTH, len(data) if length is None else length)
+    flight.write(Parameter.POLICY_CRC, bundle_crc32(data) if crc is None else crc)
+    flight.write(Parameter.POLICY_COMMIT, 1)
+    return PolicyStatus(int(flight.param(Parameter.POLICY_STATUS)))
+
+
+def ready_to_go(plan: ApproachPlan = PLAN, *, policy: bytes | None = BUNDLE, seed: int = 0) -> Flight:
+    """A drone that hovers at the start with everything armed."""
+    flight = Flight(seed)
+    if policy is not None:
+        assert flight.upload(policy) == PolicyStatus.ACTIVE
+    flight.set_plan(plan)
+    flight.fly_to_start(plan)
+    if policy is not None:
+        flight.write(Parameter.POLICY_ARM, 1)
+    flight.write(Parameter.TRAJECTORY_ARM, 1)
+    assert flight.param(Parameter.TRAJECTORY_STATUS) == TrajectoryStatus.ARMED
+    return flight
+
+
+def state(flight: Flight) -> LandingState:
+    return LandingState(int(flight.log("perch.state")))
+
+
+def run_until(flight: Flight, wanted: LandingState, seconds: float = 6.0) -> float:
+    passed = flight.run(seconds, until=lambda: state(flight) is wanted)
+    assert state(flight) is wanted, f"{state(flight).name} instead of {wanted.name}"
+    return passed
+
+
+def test_commit_makes_the_policy_live_and_readable() -> None:
+    flight = Flight()
+    assert commit(flight, BUNDLE) is PolicyStatus.ACTIVE
+    assert flight.param(Parameter.POLICY_ACTIVE_CRC) == zlib.crc32(BUNDLE)
+    assert flight.log("perch.polCrc") == zlib.crc32(BUNDLE)
+    assert flight.log("perch.polStat") == PolicyStatus.ACTIVE
+    assert flight.param(Parameter.POLICY_COMMIT) == 0
+    memory = flight.firmware.memories[1]
+    assert (memory.type_id, memory.size) == (0x18, MAX_BUNDLE_BYTES)
+    assert memory.read(0, len(BUNDLE)) == BUNDLE
+
+
+@pytest.mark.parametrize(
+    ("data", "length", "crc", "status"),
+    [
+        (BUNDLE, 0, None, PolicyStatus.REFUSED_LENGTH),
+        (BUNDLE, 8193, None, PolicyStatus.REFUSED_LENGTH),
+        (BUNDLE, len(BUNDLE) - 4, bundle_crc32(BUNDLE[:-4]), PolicyStatus.REFUSED_LENGTH),
+        (BUNDLE, None, 0x12345678, PolicyStatus.REFUSED_CRC),
+        (damaged(100, b"\x01", seal=False), None, None, PolicyStatus.REFUSED_CRC),
+        (damaged(0, b"NOPE"), None, None, PolicyStatus.REFUSED_FORMAT),
+        (damaged(4, b"\x09"), None, None, PolicyStatus.REFUSED_FORMAT),
+        (damaged(NUMBERS_OFFSET, struct.pack("<f", float("nan"))), None, None, PolicyStatus.REFUSED_RANGE),
+        (damaged(NUMBERS_OFFSET + 36, bytes(4)), None, None, PolicyStatus.REFUSED_RANGE),
+    ],
+    ids=["empty", "too-long", "cut", "other-crc", "flipped-byte", "magic", "version", "nan", "zero-scale"],
+)
+def test_refused_commit_keeps_the_previous_policy(
+    data: bytes, length: int | None, crc: int | None, status: PolicyStatus
+) -> None:
+    flight = Flight()
+    other = encode_bundle(small_policy(a_rot=-6e-3))
+    assert commit(flight, other) is PolicyStatus.ACTIVE
+    assert commit(flight, data, length, crc) is status
+    assert flight.param(Parameter.POLICY_ACTIVE_CRC) == zlib.crc32(other)
+    assert flight.firmware.app is not None
+    assert flight.firmware.app.slot.live is not None
+
+
+def test_nothing_is_accepted_while_flying() -> None:
+    flight = Flight()
+    assert commit(flight, BUNDLE) is PolicyStatus.ACTIVE
+    flight.hover()
+    assert not flight.firmware.memories[1].write(0, b"123")
+    assert flight.firmware.memories[1].read(0, 4) == BUNDLE[:4]
+    flight.write(Parameter.POLICY_COMMIT, 1)
+    assert flight.param(Parameter.POLICY_STATUS) == PolicyStatus.REFUSED_FLYING
+    assert flight.param(Parameter.POLICY_ACTIVE_CRC) == zlib.crc32(BUNDLE)
+
+
+def test_a_policy_that_is_not_there_cannot_be_armed() -> None:
+    flight = Flight()
+    flight.write(Parameter.POLICY_ARM, 1)
+    assert flight.param(Parameter.POLICY_ARM) == 0
+
+
+def test_trajectory_arming_is_refused_with_a_reason() -> None:
+    flight = Flight()
+    flight.set_plan(PLAN)
+    flight.write(Parameter.TRAJECTORY_ARM, 1)
+    assert flight.param(Parameter.TRAJECTORY_STATUS) == TrajectoryStatus.REFUSED_NOT_FLYING
+    assert flight.param(Parameter.TRAJECTORY_ARM) == 0
+    flight.hover(0.5)
+    flight.write(Parameter.TRAJECTORY_ARM, 1)
+    assert flight.param(Parameter.TRAJECTORY_STATUS) == TrajectoryStatus.REFUSED_TOO_FAR
+    flight.run(0.1)
+    assert flight.param(Parameter.TRAJECTORY_STATUS) == TrajectoryStatus.REFUSED_TOO_FAR, "it stays readable"
+    flight.write(Parameter.ACCELERATION_X, 0.0)
+    flight.write(Parameter.TRAJECTORY_ARM, 1)
+    assert flight.param(Parameter.TRAJECTORY_STATUS) == TrajectoryStatus.REFUSED_NUMBERS
+    flight.write(Parameter.GO, 1)
+    assert flight.param(Parameter.GO) == 0
+    assert state(flight) is LandingState.IDLE
+
+
+def test_approach_triggers_flips_cuts_and_lands_on_four_feet() -> None:
+    flight = ready_to_go()
+    flight.write(Parameter.GO, 1)
+    assert flight.param(Parameter.TRAJECTORY_STATUS) == TrajectoryStatus.FLYING
+    run_until(flight, LandingState.FLIP)
+    assert flight.log("perchT.count") == 1
+    assert flight.log("perchT.trigVal") >= 0.0
+    assert flight.log("perchT.aRot") == pytest.approx(-5.5e-3)
+    assert flight.log("perchT.vz") == pytest.approx(PLAN.vz, rel=0.15)
+    assert flight.log("perchT.dCeil") == pytest.approx(2.1 - flight.position[2], abs=0.06)
+    assert flight.log("perchT.tau") == pytest.approx(
+        flight.log("perchT.dCeil") / flight.log("perchT.vz"), rel=0.01
+    )
+    assert abs(flight.log("perchT.tick") - flight.firmware.tick_ms()) <= 2
+    flight.run(0.02)
+    ratios = flight.firmware.ratios
+    assert ratios[0] == ratios[3] > 20000
+    assert ratios[1] == ratios[2] == 0
+    flip = run_until(flight, LandingState.CUT, 0.5)
+    assert 0.12 < flip < 0.35
+    assert not flight.firmware.ratios.any()
+    flight.run(3.0)
+    truth = flight.drone.state
+    assert truth["foot_attached"].sum() == 4
+    assert not truth["body_contact"]
+    assert flight.firmware.supervisor.state is State.CRASHED, "hanging upside down is a tumble"
+    assert not flight.firmware.ratios.any()
+
+
+def test_a_wrong_pose_in_the_flip_does_not_move_the_cut() -> None:
+    cuts = []
+    for bad in (False, True):
+        flight = ready_to_go()
+        flight.write(Parameter.GO, 1)
+        run_until(flight, LandingState.FLIP)
+        flight.run(0.05)
+        if bad:
+            flight.firmware.localization.external_pose(*flight.position, 0.0, 0.98, 0.0, 0.2)
+        cuts.append(run_until(flight, LandingState.CUT, 0.5))
+    assert cuts[1] == pytest.approx(cuts[0], abs=0.003)
+
+
+def test_cut_is_latched_until_disarmed_and_not_flying() -> None:
+    flight = ready_to_go()
+    flight.write(Parameter.GO, 1)
+    run_until(flight, LandingState.CUT)
+    flight.run(2.0)
+    assert state(flight) is LandingState.CUT
+    flight.write(Parameter.TRAJECTORY_ARM, 0)
+    flight.write(Parameter.POLICY_ARM, 0)
+    flight.run(1.0)
+    assert state(flight) is LandingState.IDLE
+    assert not flight.firmware.ratios.any()
+
+
+def test_missed_trigger_brakes_below_the_ceiling_and_hands_back() -> None:
+    plan = plan_approach(1.0, 60.0, 0.0, 2.1, 1.0, 3.1, 0.5)
+    flight = ready_to_go(plan, policy=None)
+    flight.write(Parameter.GO, 1)
+    run_until(flight, LandingState.BRAKE)
+    assert flight.firmware.app is not None
+    assert flight.firmware.app.memory["reason"] == EndReason.MISSED_TRIGGER
+    run_until(flight, LandingState.HOLD)
+    flight.run(3.0)
+    assert not flight.drone.state["ceiling_contact"]
+    here = flight.position
+    flight.write(Parameter.TRAJECTORY_ARM, 0)
+    flight.run(2.0)
+    assert state(flight) is LandingState.IDLE
+    assert flight.position == pytest.approx(here, abs=0.15)
+    assert flight.land() == 0
+    flight.run(5.0)
+    assert flight.position[2] < 0.1
+
+
+def test_abort_brakes() -> None:
+    flight = ready_to_go()
+    flight.write(Parameter.GO, 1)
+    flight.run(1.2)
+    flight.write(Parameter.ABORT, 1)
+    assert state(flight) in (LandingState.BRAKE, LandingState.HOLD)
+    assert flight.param(Parameter.ABORT) == 0
+    flight.run(3.0)
+    assert state(flight) is LandingState.HOLD
+    assert np.abs(flight.drone.state["velocity"]).max() < 0.1
+    assert flight.log("perchT.count") == 0
+
+
+def test_poses_that_stop_end_the_approach() -> None:
+    flight = ready_to_go()
+    flight.write(Parameter.GO, 1)
+    flight.run(1.0)
+    flight.poses = False
+    flight.run(0.3)
+    assert flight.firmware.app is not None
+    assert flight.firmware.app.memory["reason"] == EndReason.BAD_ESTIMATE
+    assert flight.log("perchT.count") == 0
+
+
+def test_nobody_flies_against_a_stop() -> None:
+    for stop in ("high level stop", "emergency stop", "disarm"):
+        flight = ready_to_go()
+        flight.write(Parameter.GO, 1)
+        flight.run(1.5)
+        if stop == "high level stop":
+            flight.firmware.high_level.stop()
+        elif stop == "disarm":
+            flight.firmware.supervisor.arm(False)
+        else:
+            flight.firmware.supervisor.emergency_stop()
+        flight.run(0.1)
+        assert not flight.firmware.ratios.any(), stop
+        flight.run(2.0)
+        assert flight.position[2] < 0.4, stop
+
+
+def test_authors_policy_fires_on_the_simulated_drone(shared_data: Path) -> None:
+    policy = import_authors_policy(shared_data / "habas2022" / "policy" / "flown_policy.json")
+    flight = ready_to_go(policy=encode_bundle(policy))
+    flight.write(Parameter.GO, 1)
+    run_until(flight, LandingState.CUT)
+    flight.run(2.0)
+    assert flight.log("perchT.count") == 1
+    assert 0.15 < flight.log("perchT.tau") < 0.3
+    assert -9.6e-3 < flight.log("perchT.aRot") < -3e-3
+    assert flight.drone.state["foot_attached"].sum() >= 2
