@@ -160,7 +160,7 @@ class PoseBridge:
                 connected=self._source is not None,
                 error=self._error,
                 age=now - self._last_good.capture_time if self._last_good is not None else None,
-                rate_hz=len(self._receipts) / _RATE_WINDOW_S,
+                rate_hz=self._rate(now),
                 last_sample=self._last_sample,
                 last_good=self._last_good,
                 reconnects=self._reconnects,
@@ -173,6 +173,12 @@ class PoseBridge:
                 health=self._health.statistics(),
                 source=self._source,
             )
+
+    def _rate(self, now: float) -> float:
+        """Frames a second over the last second, or over the time since the first frame when that is less."""
+        if len(self._receipts) < 2:
+            return 0.0
+        return (len(self._receipts) - 1) / (now - self._receipts[0])
 
     def wait_for(self, condition: Callable[[BridgeStatus], bool], timeout_s: float) -> bool:
         """Wait until `condition` holds of the status, looked at after every sample; False at the timeout."""

@@ -46,16 +46,6 @@ def angle_between(a: Quaternion, b: Quaternion) -> float:
     return 2.0 * math.atan2(math.sqrt(x * x + y * y + z * z), abs(w))
 
 
-def rotate(q: Quaternion, v: Vector) -> Vector:
-    """The vector `v` turned by `q`."""
-    m = matrix_from_quaternion(q)
-    return (
-        m[0] * v[0] + m[1] * v[1] + m[2] * v[2],
-        m[3] * v[0] + m[4] * v[1] + m[5] * v[2],
-        m[6] * v[0] + m[7] * v[1] + m[8] * v[2],
-    )
-
-
 def slerp(a: Quaternion, b: Quaternion, fraction: float) -> Quaternion:
     """Shortest great-circle interpolation from `a` (fraction 0) to `b` (fraction 1)."""
     b = continuous(b, a)

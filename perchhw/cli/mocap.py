@@ -27,7 +27,8 @@ def watch(
     ages: list[float] = []
 
     def note_age(sample: Any, _: Verdict) -> None:
-        ages.append(sample.receipt_time - sample.capture_time)
+        if sample.latency is not None or sample.source_time is not None:
+            ages.append(sample.receipt_time - sample.capture_time)
 
     with PoseBridge(uri, sink=None, on_sample=note_age) as bridge:
         bridge.wait_for(lambda _: False, seconds)
@@ -44,7 +45,7 @@ def summary(uri: str, seconds: float, status: "BridgeStatus", ages: list[float])
         uri: the source's URI.
         seconds: how long was watched (s).
         status: the bridge's status at the end.
-        ages: age of each sample at its receipt (s).
+        ages: age at receipt (s) of each sample of which the source tells anything about time.
     """
     from mocap_bridge.health import Verdict
 

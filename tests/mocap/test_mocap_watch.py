@@ -37,6 +37,16 @@ def test_a_good_source_as_one_json_document():
     assert len(result["last_pose"]["quaternion"]) == 4
 
 
+def test_a_source_that_tells_nothing_of_time_has_no_age():
+    with MovingRoom() as room:
+        done = watch(room.udp_uri, "--seconds", "0.5")
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    assert result["age_at_receipt"] == {"p50": None, "p99": None, "max": None}
+    assert result["frame_period"] is None
+    assert result["rate_hz"] == pytest.approx(100.0, abs=15.0)
+
+
 def test_no_source_is_exit_code_1_with_the_reason():
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
