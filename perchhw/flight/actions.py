@@ -90,7 +90,10 @@ class CommandRunner:
             case Brake():
                 link.set_param(Parameter.ABORT, 1)
             case Land(duration):
+                # First the descent, then the switches: a landing app that holds gives way to a commander
+                # that already knows where it is going.
                 link.land(0.0, duration)
+                link.set_params({Parameter.POLICY_ARM: 0, Parameter.TRAJECTORY_ARM: 0})
             case Disarm():
                 link.stop_motors()
                 link.disarm()

@@ -172,9 +172,10 @@ class Firmware:
         """The setpoint in force; null while flying is not allowed."""
         can_fly = self.supervisor.can_fly
         self.high_level.block(not can_fly)
-        if can_fly and tick % HIGH_LEVEL_PERIOD_MS == 0:
+        if tick % HIGH_LEVEL_PERIOD_MS == 0:
+            # Also while flying is not allowed: the planner must know where the drone is when it first may.
             planned = self.high_level.setpoint(self.flat_state(), tick * DT)
-            if planned is not None:
+            if can_fly and planned is not None:
                 self._commander.set(planned, Priority.HIGH_LEVEL, tick)
         return self._commander.setpoint if can_fly else Setpoint()
 
