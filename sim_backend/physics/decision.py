@@ -3,7 +3,6 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
 from numba.extending import overload
 
 from onboard.action import action_moment
@@ -30,15 +29,16 @@ def decide(policy: Any, tau: float, theta_x: float, d_ceil: float) -> tuple[bool
 
 @overload(decide, strict=False)
 def _decide(policy: Any, tau: Any, theta_x: Any, d_ceil: Any) -> Any:
-    if not isinstance(policy, types.BaseNamedTuple):
-        return None
-    if policy.instance_class is ThresholdPolicy:
-        return lambda policy, tau, theta_x, d_ceil: (tau <= policy.tau_critical, policy.a_rot)
-    if policy.instance_class is CompiledPolicy:
-        return _two_stage
-    return None
+    kind = getattr(policy, "instance_class", None)
+    if kind is ThresholdPolicy:
+        return _threshold
+    return _two_stage if kind is CompiledPolicy else None
+
+
+def _threshold(policy: Any, tau: float, theta_x: float, d_ceil: float) -> tuple[bool, float]:
+    return tau <= policy.tau_critical, policy.a_rot
 
 
 def _two_stage(policy: Any, tau: float, theta_x: float, d_ceil: float) -> tuple[bool, float]:
-    fires = trigger_value(policy, tau, theta_x, d_ceil) >= np.float32(0.0)
+    fires = bool(trigger_value(policy, tau, theta_x, d_ceil) >= np.float32(0.0))
     return fires, float(action_moment(policy, tau, theta_x, d_ceil)) if fires else 0.0

@@ -9,7 +9,7 @@ Four = tuple[float, float, float, float]
 Wrench = tuple[float, float, float, float, float, float]
 
 SETTLED = 1e-15
-"""N: a thrust this close to its target is there; otherwise a stopped motor decays into slow denormal numbers."""
+"""N: a thrust this close to its target is there; a stopped motor would decay into slow denormal numbers."""
 
 
 @kernel

@@ -2,9 +2,9 @@
 
 The attempt follows the authors' (paper errata 9 and 11): placed level at h - 0.5 V_z with exact velocity, the
 controller holds the velocity, the policy is armed 0.05 s later and looks at the cues at 100 Hz; on the
-trigger the two front motors flip, and all motors stop when the body axis falls below the horizon. Thrust commands are
-taken as delivered up to the motors' limit: the battery compensation is perfect here, as in the authors'
-simulation.
+trigger the two front motors flip, and all motors stop when the body axis falls below the horizon. Thrust
+commands are taken as delivered up to the motors' limit: the battery compensation is perfect here, as in the
+authors' simulation.
 """
 
 import math
@@ -208,9 +208,9 @@ def rollout(
                 seen_x = seen[then, 1] + bias_x + s.velocity_noise * rng.standard_normal()
                 seen_z = seen[then, 2] + bias_z + s.velocity_noise * rng.standard_normal()
                 tau, theta_x, d_ceil = optical_flow_cues(z, seen_x, seen_z, p.ceiling_z)
-                fires, a_rot = decide(policy, tau, theta_x, d_ceil)
+                fires, a_rot = decide(policy, float(tau), float(theta_x), float(d_ceil))
                 if fires:
-                    record_trigger(out, state, tau, theta_x, d_ceil, a_rot)
+                    record_trigger(out, state, float(tau), float(theta_x), float(d_ceil), a_rot)
         if count % s.control_steps == 0:
             if out.triggered == 0:
                 targets = hold_velocity(state, p, vx, vz, gains)

@@ -1,0 +1,301 @@
+"""``perchhw learn``: sweep, train, validate, or all three."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from perchhw.cli.output import console, emit, progress_console
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+    from onboard.policy import Policy
+    from perchhw.learning.setup import LearningSetup
+    from perchhw.learning.sweep import SweepSummary
+
+app = typer.Typer(add_completion=False, no_args_is_help=True, help="Learn a landing policy in simulation.")
+
+POLICY_FILE, VALIDATION_FILE = "policy.policy.json", "validation.csv"
+TRAINING_FILE, VALIDATION_SUMMARY = "training.json", "validation.json"
+
+VehicleOption = Annotated[str, typer.Option(help="Vehicle: a known name or a vehicle file.")]
+LegsOption = Annotated[str | None, typer.Option(help="Leg design; the vehicle's own without it.")]
+LegAngleOption = Annotated[float | None, typer.Option(help="Another leg angle from -b_z, deg.")]
+LegLengthOption = Annotated[float | None, typer.Option(help="Another leg length, m.")]
+SpeedsOption = Annotated[str, typer.Option(help="m/s, FIRST:LAST:STEP or A,B,C.")]
+AnglesOption = Annotated[str, typer.Option(help="deg above the horizon, FIRST:LAST:STEP or A,B,C.")]
+RepeatsOption = Annotated[int, typer.Option(help="Learning trials at each condition.")]
+RewardOption = Annotated[str, typer.Option(help="paper, or flown (made the data of the flown policy).")]
+DomainOption = Annotated[str, typer.Option(help="Domain randomisation: paper or none.")]
+SensingOption = Annotated[str, typer.Option(help="Errors of the cues: perfect (the paper) or realistic.")]
+WorkersOption = Annotated[int, typer.Option(min=0, help="Threads, 0: one a core; the result is the same.")]
+SeedOption = Annotated[int, typer.Option(min=0, help="Of everything random.")]
+OutOption = Annotated[Path, typer.Option(help="Folder for the results.")]
+RolloutsOption = Annotated[int, typer.Option(min=1, help="Attempts at each condition of the validation.")]
+ResumeOption = Annotated[bool, typer.Option("--resume", help="Go on with the sweep in the folder.")]
+
+_SPEEDS, _ANGLES = "1.5:3.5:0.1", "30:90:3.75"
+_OUT = Path("runs/learn")
+
+
+@app.command()
+def sweep(
+    vehicle: VehicleOption = "crazyflie21-upgraded",
+    legs: LegsOption = None,
+    leg_angle_deg: LegAngleOption = None,
+    leg_length_m: LegLengthOption = None,
+    speeds: SpeedsOption = _SPEEDS,
+    angles: AnglesOption = _ANGLES,
+    repeats: RepeatsOption = 3,
+    reward: RewardOption = "paper",
+    domain: DomainOption = "paper",
+    sensing: SensingOption = "perfect",
+    workers: WorkersOption = 0,
+    seed: SeedOption = 0,
+    out: OutOption = _OUT,
+    resume: ResumeOption = False,
+) -> None:
+    """Learn a sensory-motor pair for every approach condition."""
+    setup = _setup(vehicle, legs, leg_angle_deg, leg_length_m, reward, domain, sensing, seed)
+    summary = _sweep(setup, speeds, angles, repeats, workers, out, resume)
+    result = _sweep_result(summary, out)
+    emit(result, lambda: _draw_rates("best landing rate per condition", result["bands"]))
+
+
+@app.command()
+def train(
+    out: OutOption = _OUT,
+    pairs: Annotated[Path | None, typer.Option(help="Table of pairs; default: pairs.csv in --out.")] = None,
+    landing_rate_min: Annotated[float, typer.Option(help="Pairs below are left out.")] = 0.8,
+    name: Annotated[str, typer.Option(help="Name of the policy.")] = "trained",
+    seed: SeedOption = 0,
+) -> None:
+    """Train the trigger and the action policy on the pairs of a sweep."""
+    result = _train(out, pairs, landing_rate_min, name, seed)
+    emit(result, _training_text(result))
+
+
+@app.command()
+def validate(
+    vehicle: VehicleOption = "crazyflie21-upgraded",
+    legs: LegsOption = None,
+    leg_angle_deg: LegAngleOption = None,
+    leg_length_m: LegLengthOption = None,
+    speeds: SpeedsOption = _SPEEDS,
+    angles: AnglesOption = _ANGLES,
+    policy: Annotated[str | None, typer.Option(help="Policy; default: the trained one in --out.")] = None,
+    domain: DomainOption = "paper",
+    sensing: SensingOption = "perfect",
+    rollouts: RolloutsOption = 18,
+    workers: WorkersOption = 0,
+    seed: SeedOption = 0,
+    out: OutOption = _OUT,
+) -> None:
+    """Fly the two-stage policy at every condition of a grid."""
+    setup = _setup(vehicle, legs, leg_angle_deg, leg_length_m, "paper", domain, sensing, seed)
+    result = _validate(setup, policy, speeds, angles, rollouts, workers, out)
+    emit(result, lambda: _draw_rates("landing rate of the two-stage policy", result["bands"]))
+
+
+@app.command("all")
+def everything(
+    vehicle: VehicleOption = "crazyflie21-upgraded",
+    legs: LegsOption = None,
+    leg_angle_deg: LegAngleOption = None,
+    leg_length_m: LegLengthOption = None,
+    speeds: SpeedsOption = _SPEEDS,
+    angles: AnglesOption = _ANGLES,
+    repeats: RepeatsOption = 3,
+    reward: RewardOption = "paper",
+    domain: DomainOption = "paper",
+    sensing: SensingOption = "perfect",
+    rollouts: RolloutsOption = 18,
+    workers: WorkersOption = 0,
+    seed: SeedOption = 0,
+    out: OutOption = _OUT,
+    resume: ResumeOption = False,
+) -> None:
+    """Sweep, train, and validate."""
+    setup = _setup(vehicle, legs, leg_angle_deg, leg_length_m, reward, domain, sensing, seed)
+    summary = _sweep(setup, speeds, angles, repeats, workers, out, resume)
+    swept = _sweep_result(summary, out)
+    trained = _train(out, None, 0.8, "trained", seed)
+    validated = _validate(setup, None, speeds, angles, rollouts, workers, out)
+
+    def draw() -> None:
+        _draw_rates("best landing rate per condition", swept["bands"])
+        console().print(_training_text(trained), markup=False)
+        _draw_rates("landing rate of the two-stage policy", validated["bands"])
+
+    emit({"sweep": swept, "training": trained, "validation": validated}, draw)
+
+
+def _setup(
+    vehicle: str,
+    legs: str | None,
+    leg_angle_deg: float | None,
+    leg_length_m: float | None,
+    reward: str,
+    domain: str,
+    sensing: str,
+    seed: int,
+) -> "LearningSetup":
+    from perchhw.learning.setup import LearningSetup
+
+    return LearningSetup(
+        vehicle=vehicle,
+        legs=legs,
+        leg_angle_deg=leg_angle_deg,
+        leg_length_m=leg_length_m,
+        reward=reward,
+        domain=domain,
+        sensing=sensing,
+        seed=seed,
+    )
+
+
+def _threads(workers: int) -> int:
+    import os
+
+    return workers or os.cpu_count() or 1
+
+
+def _progress() -> "Progress":
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=progress_console(),
+    )
+
+
+def _sweep(
+    setup: "LearningSetup", speeds: str, angles: str, repeats: int, workers: int, out: Path, resume: bool
+) -> "SweepSummary":
+    from perchhw.learning.grid import parse_range
+    from perchhw.learning.sweep import Row, SweepGrid, run_sweep
+
+    grid = SweepGrid(parse_range(speeds, "--speeds"), parse_range(angles, "--angles"), repeats)
+    with _progress() as progress:
+        task = progress.add_task("learning trials", total=None)
+
+        def on_trial(row: Row, done: int, total: int) -> None:
+            progress.update(task, completed=done, total=total)
+
+        return run_sweep(setup, grid, out, workers=_threads(workers), resume=resume, on_trial=on_trial)
+
+
+def _sweep_result(summary: "SweepSummary", out: Path) -> dict[str, Any]:
+    from perchhw.learning.sweep import SWEEP_FILE
+    from perchhw.learning.validate import band_table, best_per_condition
+
+    document = json.loads((out / SWEEP_FILE).read_text(encoding="utf-8"))
+    return {
+        "folder": str(out),
+        **document["result"],
+        "new_trials": summary.new_trials,
+        "bands": band_table(best_per_condition(summary.rows)),
+    }
+
+
+def _train(out: Path, pairs: Path | None, landing_rate_min: float, name: str, seed: int) -> dict[str, Any]:
+    from dataclasses import replace
+
+    from onboard.policy import policy_crc32, save_policy
+    from perchhw.learning.sweep import PAIRS_FILE, SWEEP_FILE
+    from perchhw.learning.train import train_policy
+    from perchhw.learning.training_set import load_training_set
+
+    table = pairs or out / PAIRS_FILE
+    training_set = load_training_set(table, landing_rate_min=landing_rate_min)
+    policy = train_policy(training_set, name=name, seed=seed).policy
+    swept = table.parent / SWEEP_FILE
+    if swept.is_file():
+        document = json.loads(swept.read_text(encoding="utf-8"))
+        kept = {key: document[key] for key in ("settings", "versions", "result") if key in document}
+        policy = replace(policy, provenance={**policy.provenance, "sweep": kept})
+    out.mkdir(parents=True, exist_ok=True)
+    save_policy(policy, out / POLICY_FILE)
+    result = {
+        "policy": str(out / POLICY_FILE),
+        "crc32": policy_crc32(policy),
+        "pairs": len(training_set.a_rot),
+        "support_vectors": len(policy.dual_coefficients),
+        "inside_share": policy.provenance["inside_share"],
+        "action_rms_nm": policy.provenance["train_rms_nm"],
+        "action_held_out_rms_nm": policy.provenance["held_out_rms_nm"],
+    }
+    (out / TRAINING_FILE).write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    return result
+
+
+def _training_text(result: dict[str, Any]) -> str:
+    return (
+        f"{result['pairs']} pairs, {result['support_vectors']} support vectors, "
+        f"{100 * result['inside_share']:.0f} % of the pairs inside the trigger region; "
+        f"moment within {1e3 * result['action_rms_nm']:.2f} N mm RMS "
+        f"({1e3 * result['action_held_out_rms_nm']:.2f} on pairs held out)\n"
+        f"policy {result['policy']}, crc32 0x{result['crc32']:08x}"
+    )
+
+
+def _load_policy(name_or_path: str | None, out: Path) -> "Policy":
+    from onboard.policy import find_policy, load_policy
+
+    return load_policy(find_policy(name_or_path if name_or_path is not None else str(out / POLICY_FILE)))
+
+
+def _validate(
+    setup: "LearningSetup",
+    policy: str | None,
+    speeds: str,
+    angles: str,
+    rollouts: int,
+    workers: int,
+    out: Path,
+) -> dict[str, Any]:
+    from onboard.policy import policy_crc32
+    from perchhw.learning.grid import conditions, parse_range
+    from perchhw.learning.validate import band_table, best_per_condition, validate_policy, write_validation
+
+    loaded = _load_policy(policy, out)
+    grid = conditions(parse_range(speeds, "--speeds"), parse_range(angles, "--angles"))
+    with _progress() as progress:
+        task = progress.add_task("validation", total=len(grid))
+        rows = validate_policy(
+            loaded,
+            setup,
+            grid,
+            rollouts=rollouts,
+            workers=_threads(workers),
+            on_condition=lambda done, total: progress.update(task, completed=done, total=total),
+        )
+    out.mkdir(parents=True, exist_ok=True)
+    write_validation(rows, out / VALIDATION_FILE)
+    result = {
+        "policy_crc32": policy_crc32(loaded),
+        "settings": setup.describe(),
+        "table": str(out / VALIDATION_FILE),
+        "conditions": len(rows),
+        "rollouts_per_condition": rollouts,
+        "trigger_rate": sum(float(row["trigger_rate"] or 0) for row in rows) / len(rows),
+        "bands": band_table(best_per_condition(rows)),
+    }
+    (out / VALIDATION_SUMMARY).write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    return result
+
+
+def _draw_rates(title: str, bands: list[dict[str, Any]]) -> None:
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left")
+    for heading in ("approach angle", "speed", "four legs, no contact", "conditions"):
+        table.add_column(heading)
+    for band in bands:
+        table.add_row(band["angles"], band["speeds"], f"{band['rate']:.2f}", str(band["conditions"]))
+    console().print(table)

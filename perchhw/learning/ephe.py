@@ -1,0 +1,106 @@
+"""EPHE: a normal distribution moves towards its own best samples (Wang et al., paper section III.C).
+
+The parameters are (10 tau_critical [s], moment [N mm, positive = nose up]), as in the authors' code, so that
+both are of order one; the hyperparameters, which the paper does not print, are the authors' (errata 11).
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+TAU_SCALE = 10.0
+"""First parameter per second of tau."""
+
+MOMENT_SCALE = -1e-3
+"""a_rot (N m, negative = nose up) per unit of the second parameter."""
+
+START_TAU = (0.18, 0.22, 0.24)
+"""s, mean of tau at the start of the three repeats."""
+
+
+class EpheSettings(NamedTuple):
+    """Hyperparameters.
+
+    Attributes:
+        rollouts: samples an episode.
+        best: of them that update the distribution.
+        episodes: at most.
+        evaluation_episodes: with the final distribution.
+        sigma_stop: converged when both standard deviations are below.
+        sigma_tau, sigma_moment: at the start.
+        moment_low, moment_high: range of the moment's mean at the start (uniform).
+        tau_most, moment_most: samples lie between 0 and these.
+    """
+
+    rollouts: int = 6
+    best: int = 3
+    episodes: int = 15
+    evaluation_episodes: int = 3
+    sigma_stop: float = 0.05
+    sigma_tau: float = 0.5
+    sigma_moment: float = 1.5
+    moment_low: float = 3.0
+    moment_high: float = 8.0
+    tau_most: float = 6.0
+    moment_most: float = 10.0
+
+
+@njit(cache=True)
+def truncated_normal(rng: Any, mu: float, sigma: float, low: float, high: float) -> float:
+    """A sample of a normal distribution that lies within [low, high].
+
+    By rejection; a mean so far outside that this would not end gives the nearer bound.
+    """
+    for _ in range(1000):
+        sample = mu + sigma * rng.standard_normal()
+        if low <= sample <= high:
+            return sample
+    return min(max(mu, low), high)
+
+
+@njit(cache=True)
+def sample(
+    rng: Any, mu: NDArray[np.float64], sigma: NDArray[np.float64], s: EpheSettings
+) -> tuple[float, float]:
+    """One sample of both parameters."""
+    tau = truncated_normal(rng, mu[0], sigma[0], 0.0, s.tau_most)
+    moment = truncated_normal(rng, mu[1], sigma[1], 0.0, s.moment_most)
+    return tau, moment
+
+
+@njit(cache=True)
+def update(
+    theta: NDArray[np.float64], rewards: NDArray[np.float64], best: int,
+    mu: NDArray[np.float64], sigma: NDArray[np.float64],
+) -> None:  # fmt: skip
+    """Move the distribution to its best samples, weighted with their rewards; changes `mu` and `sigma`.
+
+    mu' = sum(r theta) / (sum r + 1e-3), sigma'^2 = sum(r (theta - mu)^2) / (sum r + 1e-3), with the old mean
+    in the second.
+
+    Args:
+        theta: (n, 2) samples.
+        rewards: (n,).
+        best: how many count.
+        mu, sigma: (2,).
+    """
+    order = np.argsort(-rewards, kind="mergesort")[:best]
+    total = 1e-3
+    for k in order:
+        total += rewards[k]
+    for i in range(2):
+        mean, spread = 0.0, 0.0
+        for k in order:
+            mean += rewards[k] * theta[k, i]
+            spread += rewards[k] * (theta[k, i] - mu[i]) ** 2
+        mu[i] = mean / total
+        sigma[i] = math.sqrt(spread / total)
+
+
+@njit(cache=True)
+def converged(sigma: NDArray[np.float64], s: EpheSettings) -> bool:
+    """Whether the distribution is narrow enough to stop."""
+    return sigma[0] < s.sigma_stop and sigma[1] < s.sigma_stop
