@@ -1,0 +1,266 @@
+"""The running lab as a process: unmodified cflib flies its drone on its room's poses; it ends cleanly."""
+
+import contextlib
+import json
+import os
+import select
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import cflib.crtp
+import pytest
+from cflib.crazyflie import Crazyflie
+from cflib.crazyflie.log import LogConfig
+from cflib.crazyflie.syncCrazyflie import SyncCrazyflie
+
+from mocap_bridge.bridge import PoseBridge
+from mocap_bridge.health import Verdict
+
+READY_S = 240.0  # the first start on a machine compiles everything
+FREE_PORTS = ("--drone-port", "0", "--vicon-port", "0", "--vicon-udp-port", "0")
+
+
+class LabProcess:
+    """``perchhw sim PART`` and its ready line."""
+
+    def __init__(self, *arguments: str) -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "perchhw", "sim", *arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        self.ready: dict[str, Any] = {}
+
+    def wait_ready(self) -> None:
+        assert self.process.stdout is not None
+        readable, _, _ = select.select([self.process.stdout], [], [], READY_S)
+        line = self.process.stdout.readline() if readable else ""
+        assert line, f"no ready line; stderr: {self.end(signal.SIGKILL)[1]}"
+        self.ready = json.loads(line)
+
+    def end(self, how: signal.Signals) -> tuple[int, str]:
+        """Send a signal; exit code and what stderr said."""
+        self.process.send_signal(how)
+        _, errors = self.process.communicate(timeout=10)
+        return self.process.returncode, errors
+
+
+@contextlib.contextmanager
+def running(*arguments: str) -> Iterator[LabProcess]:
+    lab = LabProcess(*arguments)
+    try:
+        lab.wait_ready()
+        yield lab
+    finally:
+        if lab.process.poll() is None:
+            lab.end(signal.SIGKILL)
+
+
+@pytest.fixture(scope="module")
+def truth_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("lab") / "truth.csv"
+
+
+@pytest.fixture(scope="module")
+def lab(truth_file: Path) -> Iterator[LabProcess]:
+    with running("lab", *FREE_PORTS, "--truth", str(truth_file)) as served:
+        yield served
+
+
+def alive(pid: int) -> bool:
+    """Whether a process that is not our child runs (a zombie does not)."""
+    try:
+        status = Path(f"/proc/{pid}/stat").read_text(encoding="ascii")
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+    return status.rpartition(")")[2].split()[0] != "Z"
+
+
+def wait_gone(pid: int, seconds: float) -> None:
+    deadline = time.monotonic() + seconds
+    tick = threading.Event()
+    while alive(pid):
+        assert time.monotonic() < deadline, f"process {pid} still runs after {seconds} s"
+        tick.wait(0.01)
+
+
+class Telemetry:
+    """Newest log values of a connected Crazyflie, with a way to wait for a condition on them."""
+
+    def __init__(self, cf: Crazyflie, *names: str) -> None:
+        self.values: dict[str, float] = {}
+        self._changed = threading.Condition()
+        config = LogConfig("test", 20)
+        for name in names:
+            config.add_variable(name, "float")
+        cf.log.add_config(config)
+        config.data_received_cb.add_callback(self._take)
+        config.start()
+
+    def _take(self, _stamp: int, data: dict[str, float], _config: LogConfig) -> None:
+        with self._changed:
+            self.values = data
+            self._changed.notify_all()
+
+    def wait(self, what: str, condition: Any, seconds: float = 10.0) -> None:
+        with self._changed:
+            reached = self._changed.wait_for(lambda: bool(self.values) and condition(self.values), seconds)
+        assert reached, f"{what}: not within {seconds} s, last {self.values}"
+
+    def hold(self, what: str, condition: Any, seconds: float) -> None:
+        with self._changed:
+            left = self._changed.wait_for(lambda: not condition(self.values), seconds)
+        assert not left, f"{what}: left it, {self.values}"
+
+
+class CflibSink:
+    """Poses into cflib, as a script of a stranger would do it."""
+
+    def __init__(self, cf: Crazyflie) -> None:
+        self._cf = cf
+
+    def send_pose(self, position: tuple[float, ...], quaternion: tuple[float, ...]) -> None:
+        self._cf.extpos.send_extpose(*position, *quaternion)
+
+
+def test_ready_line_is_the_contract(lab: LabProcess) -> None:
+    assert lab.ready["ready"] is True
+    assert lab.ready["drones"][0].startswith("udp://127.0.0.1:")
+    assert lab.ready["mocap"][0].startswith("vicon://127.0.0.1:")
+    assert lab.ready["mocap"][0].endswith("?subject=cf1")
+    assert lab.ready["mocap"][1].startswith("vicon-udp://:")
+    assert lab.ready["processes"]["lab"] == lab.process.pid
+    assert alive(lab.ready["processes"]["room"])
+
+
+def test_unmodified_cflib_takes_off_on_poses_from_the_room(lab: LabProcess, truth_file: Path) -> None:
+    cflib.crtp.init_drivers()
+    with SyncCrazyflie(lab.ready["drones"][0], cf=Crazyflie()) as link:
+        cf = link.cf
+        bridge = PoseBridge(lab.ready["mocap"][0], CflibSink(cf))
+        bridge.start()
+        try:
+            names = ("stateEstimate.x", "stateEstimate.z", "kalman.varX", "supervisor.info", "pm.vbat")
+            telemetry = Telemetry(cf, *names)
+            telemetry.wait("estimate", lambda v: abs(v["stateEstimate.x"] + 2.5) < 0.02)
+            assert bridge.status().verdict is Verdict.OK
+            assert telemetry.values["pm.vbat"] > 3.8
+            telemetry.wait("may arm", lambda v: int(v["supervisor.info"]) & 1)
+            cf.supervisor.send_arming_request(True)
+            telemetry.wait("ready to fly", lambda v: int(v["supervisor.info"]) & 8)
+            cf.high_level_commander.takeoff(0.5, 1.5)
+            telemetry.wait("half a metre", lambda v: abs(v["stateEstimate.z"] - 0.5) < 0.03)
+            telemetry.wait("flying", lambda v: int(v["supervisor.info"]) & 16)
+            telemetry.hold("half a metre", lambda v: abs(v["stateEstimate.z"] - 0.5) < 0.03, 1.0)
+            true_z = float(truth_file.read_text(encoding="ascii").splitlines()[-2].split(",")[4])
+            assert true_z == pytest.approx(0.5, abs=0.03)
+            cf.high_level_commander.land(0.0, 1.5)
+            telemetry.wait("motors off", lambda v: v["stateEstimate.z"] < 0.1)
+        finally:
+            bridge.stop()
+
+
+def test_the_room_can_die_alone(tmp_path: Path) -> None:
+    with running("lab", *FREE_PORTS) as lab:
+        room = lab.ready["processes"]["room"]
+        os.kill(room, signal.SIGKILL)
+        wait_gone(room, 2.0)
+        host, port = lab.ready["drones"][0].removeprefix("udp://").split(":")
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
+            client.settimeout(2.0)
+            client.sendto(b"\xf3", (host, int(port)))  # link echo without data keeps the radio busy
+            client.sendto(b"\xf0\x01\x02", (host, int(port)))
+            assert client.recv(64)
+        started = time.monotonic()
+        code, errors = lab.end(signal.SIGTERM)
+        assert time.monotonic() - started < 1.0
+        assert code == 0
+        assert "mocap room has ended" in errors
+
+
+@pytest.mark.parametrize(("how", "code"), [(signal.SIGINT, 130), (signal.SIGKILL, -9)])
+def test_the_room_dies_with_the_lab(how: signal.Signals, code: int) -> None:
+    with running("lab", *FREE_PORTS) as lab:
+        room = lab.ready["processes"]["room"]
+        started = time.monotonic()
+        assert lab.end(how)[0] == code
+        wait_gone(room, 1.0)
+        assert time.monotonic() - started < 1.5
+
+
+def test_room_alone_shows_resting_drones() -> None:
+    with running("room", "--drones", "2", *FREE_PORTS[2:]) as lab:
+        assert lab.ready["drones"] == []
+        assert len(lab.ready["mocap"]) == 4
+        seen = threading.Event()
+        places: list[tuple[float, ...]] = []
+
+        def take(sample: Any, verdict: Verdict) -> None:
+            if verdict is Verdict.OK and sample.position is not None:
+                places.append(sample.position)
+                seen.set()
+
+        bridge = PoseBridge(lab.ready["mocap"][1], None, on_sample=take)
+        bridge.start()
+        try:
+            assert seen.wait(5.0)
+        finally:
+            bridge.stop()
+        assert places[-1] == pytest.approx((-2.5, 0.5, 0.07), abs=0.02)
+
+
+def test_frozen_drone_is_silent() -> None:
+    with running("drone", "--drone-port", "0", "--fault", "freeze_drone_at=0.5") as lab:
+        assert lab.ready["mocap"] == []
+        host, port = lab.ready["drones"][0].removeprefix("udp://").split(":")
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
+            client.settimeout(0.2)
+            deadline = time.monotonic() + 5.0
+            answered = True
+            while answered and time.monotonic() < deadline:
+                client.sendto(b"\xf0\x01\x02", (host, int(port)))
+                try:
+                    client.recv(64)
+                except TimeoutError:
+                    answered = False
+            assert not answered
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (("lab", "--fault", "gremlins=1"), 2, "gremlins"),
+        (("lab", *FREE_PORTS, "--fault", "mocap_freeze_at=x"), 2, "mocap_freeze_at"),
+        (("lab", *FREE_PORTS, "--vehicle", "zeppelin"), 2, "zeppelin"),
+        (("lab", "--drones", "0"), 2, "drones"),
+    ],
+)
+def test_bad_input_is_refused(arguments: tuple[str, ...], code: int, words: str) -> None:
+    ended = subprocess.run(
+        [sys.executable, "-m", "perchhw", "sim", *arguments],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert ended.returncode == code, ended.stderr
+    assert words in ended.stderr
+    assert not ended.stdout
+
+
+def test_a_taken_port_is_named() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        lab = LabProcess("drone", "--drone-port", str(port))
+        _, errors = lab.process.communicate(timeout=READY_S)
+    assert lab.process.returncode == 1
+    assert str(port) in errors
