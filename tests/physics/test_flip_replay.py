@@ -1,8 +1,8 @@
 """The flips of the authors' flights, predicted by motors and rigid body without any fitted number.
 
 Method and limits: notes of the authors' data, "Flip check": front motors head for |My| / (4 arm), rear motors
-for zero, from the thrusts of the last row before the trigger in which all four run; compared over 0.24 s, until
-the motors are cut or the first contact. |mean| <= 2.5 and RMS <= 3 rad/s pass.
+for zero, from the thrusts of the last row before the trigger in which all four run; compared over 0.24 s,
+until the motors are cut or the first contact. |mean| <= 2.5 and RMS <= 3 rad/s pass.
 """
 
 import csv
@@ -88,7 +88,3 @@ def test_recorded_flips_are_predicted(errors: list[np.ndarray]) -> None:
     together = np.concatenate(errors)
     assert abs(together.mean()) <= 2.5
     assert np.sqrt(np.mean(together**2)) <= 3.0
-    print(
-        f"{len(errors)} flips, {len(together)} samples: mean {together.mean():+.2f}, "
-        f"RMS {np.sqrt(np.mean(together**2)):.2f} rad/s"
-    )
