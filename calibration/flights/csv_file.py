@@ -82,6 +82,8 @@ def read_csv(path: Path) -> CsvFile:
         with _open(path) as stream:
             reader = csv.reader(stream)
             header = tuple(cell.strip() for cell in next(reader, []))
+            if not header:
+                raise FlightFileError(f"{path}: empty first row; expected a header")
             for cells in reader:
                 if not cells:
                     continue
@@ -96,8 +98,6 @@ def read_csv(path: Path) -> CsvFile:
         raise FlightFileError(f"{path}: cannot be read after row {len(rows) + 1}: {error}") from error
     except OSError as error:
         raise FlightFileError(f"{path}: {error.strerror}") from error
-    if not header:
-        raise FlightFileError(f"{path}: empty; expected a header row")
     return CsvFile(path, header, tuple(rows))
 
 
