@@ -39,7 +39,7 @@ class Commands:
         self._clock = clock
 
     def send_pose(self, position: Sequence[float], quaternion: Sequence[float]) -> None:
-        """Send an external pose; never blocks.
+        """Send an external pose; nothing answers.
 
         The drone feeds it to its estimator unchecked, so nothing but finite numbers leaves here.
 
@@ -119,7 +119,7 @@ class Commands:
         )
 
     def kick_emergency_stop_watchdog(self) -> None:
-        """Start or feed the watchdog; never blocks."""
+        """Start or feed the watchdog; nothing answers."""
         self._exchange.send(CRTPPort.SUPERVISOR, _COMMAND_CHANNEL, bytes((_WATCHDOG,)))
 
     def _high_level(self, name: str, payload: bytes, repeatable: bool = True) -> None:

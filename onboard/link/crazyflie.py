@@ -36,7 +36,7 @@ class GuardedCrazyflie(Crazyflie):
 
     def __init__(self, toc_cache: Path | None = None) -> None:
         self.failure: str | None = None
-        self.failed = threading.Event()
+        self.ended = threading.Event()  # it failed, or is being closed
         self.heard = threading.Event()
         self._failure_lock = threading.Lock()
         self._failure_thread: threading.Thread | None = None
@@ -69,11 +69,12 @@ class GuardedCrazyflie(Crazyflie):
                 target=super()._link_error_cb, args=(errmsg,), name="LinkDown", daemon=True
             )
             self._failure_thread.start()
-        self.failed.set()
+        self.ended.set()
 
     def close_within(self, seconds: float) -> bool:
         """Close the link, which cuts the motors; False if cflib did not manage in time (its thread is left
         behind)."""
+        self.ended.set()
         closing = threading.Thread(target=self._close, name="LinkClose", daemon=True)
         closing.start()
         closing.join(seconds)

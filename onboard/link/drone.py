@@ -233,7 +233,9 @@ class DroneLink:
     # Flying
 
     def send_pose(self, position: Sequence[float], quaternion: Sequence[float]) -> None:
-        """Send a pose from motion capture to the drone's estimator; never blocks.
+        """Send a pose from motion capture to the drone's estimator, unanswered.
+
+        Over UDP this never blocks; over the radio it waits for its turn, some ms and at most 2 s.
 
         Args:
             position: x, y, z [m], world (ENU).
@@ -297,8 +299,8 @@ class DroneLink:
         self._closing.set()
         self._logs.stop_delivery()
         self._exchange.close()
-        self._watch.join(timeout=1.0)
         self._crazyflie.close_within(_CLOSE_DEADLINE_S)
+        self._watch.join(timeout=1.0)
 
     def __enter__(self) -> Self:
         return self
@@ -311,8 +313,9 @@ class DroneLink:
         themselves."""
         watches_itself = isinstance(self._crazyflie.link, ResendingUdpDriver)
         while not self._closing.is_set():
-            if self._crazyflie.failed.wait(_WATCH_INTERVAL_S):
-                self._exchange.fail(self._crazyflie.failure or "unknown reason")
+            self._crazyflie.ended.wait(_WATCH_INTERVAL_S)
+            if self._crazyflie.failure is not None:
+                self._exchange.fail(self._crazyflie.failure)
                 return
             if not watches_itself and self.silence() > SILENCE_LIMIT:
                 self._exchange.fail(

@@ -63,7 +63,7 @@ class Exchange:
         return self._clock() - self._last_packet
 
     def send(self, port: int, channel: int, payload: bytes) -> None:
-        """Send one packet that asks for no answer; never blocks.
+        """Send one packet that asks for no answer (over the radio this waits for its turn, at most 2 s).
 
         Raises:
             LinkLost: the link is gone or closed.

@@ -110,7 +110,9 @@ def test_log_streams_keep_the_drones_pace(drone_link: DroneLink) -> None:
         assert done.wait(5.0)
         assert (stream.late, stream.malformed, stream.dropped) == (0, 0, 0)
     steps = np.diff([sample.drone_time_ms for sample in samples])
-    assert np.mean(steps) == pytest.approx(10.0, rel=0.03)
+    # Drone time. The median, because a busy computer may let the simulated drone skip a beat.
+    assert np.median(steps) == pytest.approx(10.0, abs=0.5)
+    assert min(steps) > 0
     assert list(samples[0].values) == names
     assert all(other.received > 80 for other in others)
     for other in others:
