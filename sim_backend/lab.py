@@ -24,7 +24,8 @@ from sim_backend.faults import Faults
 from sim_backend.room.feed import FeedSender
 from sim_backend.room_process import RoomProcess, RoomRequest
 from sim_backend.truth import TruthRecorder
-from sim_backend.world import Drone, World, warm_up
+from sim_backend.warm_up import warm_up
+from sim_backend.world import Drone, World
 
 PERIOD_S = 0.002
 """Time between two rounds of the loop: 2 ms of world, one poll of each drone, one feed datagram."""

@@ -225,18 +225,3 @@ def _charge_used(battery: Battery, open_circuit: float | None) -> float:
     if slope <= 0.0:
         raise WorldError("--fault battery_voltage: this vehicle's battery has no slope; give it one")
     return (battery.open_circuit_full.value - open_circuit) / slope * battery.capacity.value
-
-
-def warm_up(vehicle: Vehicle, room: RoomGeometry | None = None) -> None:
-    """Compile (or load from the cache) every kernel that a flight calls, so that none does it in flight."""
-    world = World(vehicle, room, seed=0)
-    drone = world.drones[0]
-    world.run(0.2)
-    drone.firmware.localization.external_pose(drone.mark.x, drone.mark.y, 0.1, 0.0, 0.0, 0.0, 1.0)
-    drone.firmware.supervisor.arm(True)
-    world.run(0.2)
-    drone.firmware.commander.high_level(7, _TAKEOFF)
-    world.run(0.5)
-
-
-_TAKEOFF = b"\0" + np.array([0.3, 0.0], "<f4").tobytes() + b"\1" + np.array([0.5], "<f4").tobytes()

@@ -70,7 +70,9 @@ class PolicySlot:
             policy = decode_bundle(staged)
         except PolicyBundleError as error:
             return _REFUSALS[error.fault]
-        self.live = policy.compiled()
-        self.live_crc = crc
-        self.tau_min = float(policy.tau_min)
+        self.load(policy.compiled(), crc, float(policy.tau_min))
         return PolicyStatus.ACTIVE
+
+    def load(self, policy: CompiledPolicy, crc: int, tau_min: float) -> None:
+        """Make a policy live."""
+        self.live, self.live_crc, self.tau_min = policy, crc, tau_min

@@ -72,7 +72,7 @@ def test_dead_reckoning_drifts_and_says_so() -> None:
 @pytest.mark.parametrize("factor", [1.0, -1.0, 0.5])
 def test_attitude_residual_ignores_sign_and_scale(factor: float) -> None:
     angle = 0.05
-    measured = tuple(factor * c for c in (0.0, math.sin(angle / 2), 0.0, math.cos(angle / 2)))
+    measured = (0.0, factor * math.sin(angle / 2), 0.0, factor * math.cos(angle / 2))
     estimator = Estimator()
     settle(estimator, 2.0, quaternion=measured, acc=np.array([-math.sin(angle), 0, math.cos(angle)]) * 9.81)
     assert estimator.roll_pitch_yaw()[1] == pytest.approx(angle, abs=1e-4)

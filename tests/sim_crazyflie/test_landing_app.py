@@ -1,11 +1,13 @@
 """Our firmware app in the simulated drone: policy upload, arming, approach, trigger, flip, cut, brake."""
 
 import struct
+import sys
 import zlib
 from pathlib import Path
 
 import numpy as np
 import pytest
+from numba.core.dispatcher import Dispatcher
 
 from onboard.app_interface import LandingState, Parameter, PolicyStatus, TrajectoryStatus
 from onboard.landing import EndReason
@@ -13,8 +15,10 @@ from onboard.policy import import_authors_policy
 from onboard.policy_bundle import MAX_BUNDLE_BYTES, bundle_crc32, encode_bundle
 from onboard.room import RoomGeometry
 from onboard.trajectory import ApproachPlan, fit_approach, plan_approach
+from onboard.vehicle import load_vehicle
 from sim_backend.crazyflie.supervisor import State
-from tests.sim_crazyflie.simulated_flight import Flight
+from sim_backend.warm_up import warm_up
+from tests.sim_crazyflie.simulated_flight import LEGS, VEHICLE, Flight
 from tests.sim_crazyflie.small_policy import small_policy
 
 BUNDLE = encode_bundle(small_policy())
@@ -178,7 +182,8 @@ def test_a_wrong_pose_in_the_flip_does_not_move_the_cut() -> None:
         run_until(flight, LandingState.FLIP)
         flight.run(0.05)
         if bad:
-            flight.firmware.localization.external_pose(*flight.position, 0.0, 0.98, 0.0, 0.2)
+            x, y, z = flight.position
+            flight.firmware.localization.external_pose(x, y, z, 0.0, 0.98, 0.0, 0.2)
         cuts.append(run_until(flight, LandingState.CUT, 0.5))
     assert cuts[1] == pytest.approx(cuts[0], abs=0.003)
 
@@ -267,3 +272,25 @@ def test_authors_policy_fires_on_the_simulated_drone(shared_data: Path) -> None:
     assert 0.15 < flight.log("perchT.tau") < 0.3
     assert -9.6e-3 < flight.log("perchT.aRot") < -3e-3
     assert flight.drone.state["foot_attached"].sum() >= 2
+
+
+def test_warm_up_compiles_everything_that_a_flight_calls() -> None:
+    warm_up(load_vehicle(VEHICLE, LEGS))
+    before = compiled_signatures()
+    flight = ready_to_go()
+    flight.write(Parameter.GO, 1)
+    run_until(flight, LandingState.CUT)
+    flight.run(1.0)
+    assert compiled_signatures() == before
+
+
+def compiled_signatures() -> dict[str, int]:
+    """How many versions of each kernel of ours are compiled in this process."""
+    found = {}
+    for name, module in list(sys.modules.items()):
+        if name.startswith(("onboard.", "sim_backend.")):
+            for value in vars(module).values():
+                if isinstance(value, Dispatcher):
+                    function = value.py_func
+                    found[f"{function.__module__}.{function.__qualname__}"] = len(value.signatures)
+    return found
