@@ -102,7 +102,7 @@ def label(
         document["outcome"] = labels[0]["outcome"]
     for entry in unusable:
         progress_console().print(f"unusable: {entry['reason']}", style="yellow", markup=False)
-    emit(document, lambda: _draw_labels(labels))
+    emit(document, lambda: _draw_labels(labels) if labels else None)
     return 0 if labels else 2
 
 

@@ -1,0 +1,147 @@
+"""``perchhw log`` and ``perchhw campaign`` from the command line: results, exit codes, one JSON document."""
+
+import csv
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from onboard.vehicle import load_vehicle
+from perchhw.cli.main import run
+from tests.campaign.stand_in import fly
+from tests.label.simulated import land
+from tests.report.recorded import record_landing
+
+
+@pytest.fixture(scope="module")
+def landing(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    vehicle = load_vehicle("crazyflie21-upgraded")
+    rng = np.random.default_rng(4)
+    attempts = (land(vehicle, 3.0, 70.0, tau, -7e-3, rng) for tau in (0.23, 0.24, 0.22, 0.25, 0.21, 0.26))
+    attempt = next(a for a in attempts if a.truth.value == "four_leg")
+    return record_landing(attempt, tmp_path_factory.mktemp("runs") / "landing", vehicle, 3.0, 70.0)
+
+
+def call(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int, dict[str, Any], str]:
+    """Exit code, the JSON document on stdout (exactly one, or none), and stderr."""
+    code = run([*(str(a) for a in arguments), "--json"])
+    captured = capsys.readouterr()
+    document = json.loads(captured.out) if captured.out else {}
+    return code, document, captured.err
+
+
+def test_label_gives_the_outcome(capsys: pytest.CaptureFixture[str], landing: Path) -> None:
+    code, document, _ = call(capsys, "log", "label", landing)
+    assert code == 0
+    assert document["outcome"] == "four_leg"
+    [flight] = document["flights"]
+    assert flight["file"] == str(landing)
+    assert flight["outcome"] == "four_leg"
+    assert flight["evidence"]["pose"]["rest_distance_m"] == pytest.approx(0.079, abs=0.01)
+    assert run(["log", "label", str(landing)]) == 0
+    assert "mm below the ceiling" in " ".join(capsys.readouterr().out.split())
+
+
+def test_label_of_several_goes_on_after_an_unusable_one(
+    capsys: pytest.CaptureFixture[str], landing: Path, shared_data: Path
+) -> None:
+    folder = shared_data / "habas2022" / "flights"
+    floor = folder / "SVL--NL_2.50_80.00_10-27_11-00.csv.gz"
+    four = folder / "SVL--NL_2.50_40.00_10-26_16-34.csv.gz"
+    code, document, errors = call(capsys, "log", "label", "--format", "habas", floor, four)
+    assert code == 0
+    assert [f["outcome"] for f in document["flights"]] == ["four_leg"]
+    assert document["unusable"][0]["file"] == str(floor)
+    assert "never leaves the floor" in document["unusable"][0]["reason"]
+    assert "never leaves the floor" in " ".join(errors.split())
+    assert "outcome" not in document
+    assert call(capsys, "log", "label", floor)[0] == 2
+
+
+def test_exit_code_2_for_what_cannot_be_used(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    broken = tmp_path / "b.csv"
+    broken.write_text("t,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n1,0,oops,0,0,0,0,1\n")
+    code, document, errors = call(capsys, "log", "label", broken)
+    assert (code, document) == (2, {})
+    assert "row 3 column 'y': 'oops' is not a number" in " ".join(errors.split())
+    assert call(capsys, "log", "label", tmp_path / "missing")[0] == 2
+    assert call(capsys, "log", "view", tmp_path)[0] == 2
+    assert call(capsys, "log", "list", tmp_path / "missing")[0] == 2
+    assert call(capsys, "campaign", "status", tmp_path)[0] == 2
+    assert call(capsys, "campaign", "run", tmp_path / "missing.toml")[0] == 2
+
+
+def test_list_names_runs_and_broken_ones(capsys: pytest.CaptureFixture[str], landing: Path) -> None:
+    damaged = landing.parent / "damaged"
+    damaged.mkdir(exist_ok=True)
+    (damaged / "run.json").write_text("{")
+    (damaged / "series.mcap").write_bytes(b"")
+    code, document, errors = call(capsys, "log", "list", landing.parent)
+    assert code == 0
+    [entry] = document["runs"]
+    assert (entry["speed"], entry["outcome"], entry["triggered"], entry["closed"]) == (
+        3.0,
+        "four_leg",
+        True,
+        True,
+    )
+    assert "run.json is not JSON" in " ".join(errors.split())
+    shutil.rmtree(damaged)
+
+
+def test_export_is_complete_and_reads_back(
+    capsys: pytest.CaptureFixture[str], landing: Path, tmp_path: Path
+) -> None:
+    code, document, _ = call(capsys, "log", "export", landing, "--out", tmp_path)
+    assert code == 0
+    files = {Path(f).name for f in document["files"]}
+    assert files == {f"{n}.csv" for n in ("pose", "rates", "estimate", "cues", "power", "trigger", "flight")}
+    with (tmp_path / "rates.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert list(rows[0]) == ["t", "gx", "gy", "gz"]
+    code, labelled, _ = call(capsys, "log", "label", tmp_path / "flight.csv", "--ceiling-z", "2.1")
+    assert (code, labelled["outcome"]) == (0, "four_leg")
+
+
+def test_export_to_parquet(capsys: pytest.CaptureFixture[str], landing: Path, tmp_path: Path) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
+    assert call(capsys, "log", "export", landing, "--to", "parquet", "--out", tmp_path)[0] == 0
+    table = parquet.read_table(tmp_path / "pose.parquet")
+    assert table.column("verdict")[0].as_py() == "OK"
+    assert table.num_rows == parquet.read_table(tmp_path / "rates.parquet").num_rows
+    assert call(capsys, "log", "export", landing, "--to", "xls")[0] == 2
+
+
+def test_replay_of_the_flown_policy_fires_where_the_drone_did(
+    capsys: pytest.CaptureFixture[str], shared_data: Path, tmp_path: Path
+) -> None:
+    from onboard.policy import import_authors_policy, save_policy
+
+    policy = tmp_path / "flown.policy.json"
+    save_policy(import_authors_policy(shared_data / "habas2022" / "policy" / "flown_policy.json"), policy)
+    flight = shared_data / "habas2022" / "flights" / "SVL--NL_2.50_40.00_10-26_16-34.csv.gz"
+    code, document, _ = call(capsys, "log", "replay", flight, "--policy", policy)
+    assert code == 0
+    assert document["fires_at"] == pytest.approx(document["recorded_trigger"], abs=0.045)
+    # the authors log the moment on the trigger as 2 a_rot; the replay gives a_rot itself
+    assert -9.6e-3 < document["a_rot_at_firing"] < -4.5e-3
+
+
+def test_status_and_report_of_a_campaign(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    from perchhw.campaign import load_plan, run_campaign
+
+    file = tmp_path / "c.toml"
+    file.write_text(
+        'schema = "perchhw.campaign/1"\ndrone = "udp://a:1"\nmocap = "vicon://b?subject=c"\n'
+        "[grid]\nspeeds = [2.0]\nangles_deg = [40, 50]\n"
+    )
+    run_campaign(load_plan(file), tmp_path / "c", fly)
+    code, document, _ = call(capsys, "campaign", "status", tmp_path / "c")
+    assert code == 0
+    assert (document["planned"], document["done"]) == (2, 2)
+    assert [a["state"] for a in document["attempts"]] == ["done", "done"]
+    code, document, _ = call(capsys, "campaign", "report", tmp_path / "c")
+    assert Path(document["report"]).is_file()

@@ -1,0 +1,128 @@
+"""Reports show what the record holds, and load nothing from elsewhere."""
+
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from perchhw.attempt import AttemptResult, Outcome
+from perchhw.campaign import CampaignError, load_plan, run_campaign
+from perchhw.report import write_campaign_report, write_run_report
+from perchhw.report.campaign_report import wilson_interval
+from tests.campaign.stand_in import fly
+
+VOID = {"meta", "br", "img", "link", "input", "hr"}
+
+
+class Page(HTMLParser):
+    """Checks that tags are balanced and collects what a page refers to."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.references: list[str] = []
+        self.text = ""
+        self.svgs = 0
+        self.feed(path.read_text())
+        assert self.open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.svgs += tag == "svg"
+        self.references += [v or "" for k, v in attrs if k in ("href", "src", "xlink:href")]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.references += [v or "" for k, v in attrs if k in ("href", "src", "xlink:href")]
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+def assert_self_contained(page: Page, folder: Path) -> None:
+    for reference in page.references:
+        assert reference.startswith(("#", "data:")) or (folder / reference).is_file(), reference
+
+
+def test_a_landing(runs: Path) -> None:
+    path = write_run_report(runs / "run-0")
+    page = Page(path)
+    assert_self_contained(page, path.parent)
+    assert page.svgs == 5  # side view, cues, optical-flow space, rates, battery
+    assert "Landing attempt: 3 m/s at 70 deg" in page.text
+    assert "phase flipping" in page.text
+    assert re.search(r"a_rot \(N mm\).*-6\.000", page.text, re.DOTALL)
+    assert "url(http" not in path.read_text()
+
+
+def test_an_attempt_that_never_flew(runs: Path) -> None:
+    page = Page(write_run_report(runs / "run-2"))
+    assert page.svgs == 0
+    assert "battery <3.2 V & falling" in page.text
+    assert "holds no pose" in page.text
+
+
+def test_a_torn_record_is_reported_as_torn(runs: Path, tmp_path: Path) -> None:
+    torn = tmp_path / "torn"
+    torn.mkdir()
+    for name in ("run.json", "events.jsonl"):
+        (torn / name).write_bytes((runs / "run-0" / name).read_bytes())
+    data = (runs / "run-0" / "series.mcap").read_bytes()
+    (torn / "series.mcap").write_bytes(data[: len(data) // 2])
+    page = Page(write_run_report(torn))
+    assert "not finished by its writer" in page.text
+    assert page.svgs >= 3
+
+
+def test_a_folder_of_runs(runs: Path) -> None:
+    path = write_campaign_report(runs)
+    page = Page(path)
+    assert_self_contained(page, runs)
+    assert "3 of 3 attempts flown" in page.text
+    assert page.references.count("run-0/report.html") == 1
+    assert page.svgs == 3  # outcome map, triggers, paths
+
+
+def test_a_campaign(tmp_path: Path) -> None:
+    file = tmp_path / "c.toml"
+    file.write_text(
+        'schema = "perchhw.campaign/1"\ndrone = "udp://a:1"\nmocap = "vicon://b?subject=c"\n'
+        "[grid]\nspeeds = [2.0, 3.0]\nangles_deg = [40, 50]\n"
+    )
+    flown = 0
+
+    def three_only(request):  # type: ignore[no-untyped-def]
+        nonlocal flown
+        flown += 1
+        if flown > 3:
+            raise KeyboardInterrupt
+        if flown == 2:
+            return AttemptResult(Outcome.ABORTED, False, None, "link_lost", request.folder)
+        return fly(request)
+
+    with pytest.raises(KeyboardInterrupt):
+        run_campaign(load_plan(file), tmp_path / "c", three_only)
+    page = Page(write_campaign_report(tmp_path / "c"))
+    assert_self_contained(page, tmp_path / "c")
+    assert "Campaign c" in page.text
+    assert "3 of 4 attempts flown" in page.text
+    assert "link_lost" in page.text
+
+
+def test_nothing_to_report(tmp_path: Path) -> None:
+    with pytest.raises(CampaignError, match="neither a campaign nor a finished attempt"):
+        write_campaign_report(tmp_path)
+
+
+def test_the_interval_is_wilsons() -> None:
+    assert wilson_interval(8, 10) == pytest.approx(
+        (0.4902, 0.9433), abs=1e-4
+    )  # Newcombe 1998's formula, n = 10
+    low, high = wilson_interval(0, 5)
+    assert low == 0.0
+    assert high == pytest.approx(0.4345, abs=1e-4)
+    assert wilson_interval(5, 5)[1] == 1.0
