@@ -1,5 +1,5 @@
 """``python -m perchhw`` is the console script ``perchhw``."""
 
-from perchhw.cli import main
+from perchhw.cli.main import main
 
 main()

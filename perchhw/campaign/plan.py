@@ -54,6 +54,7 @@ class CampaignPlan:
         room: ceiling and flight volume.
         approach: further parameters of the approach.
         aborted_in_a_row: that many aborted attempts in a row stop the campaign.
+        attempts: fly only so many, from the beginning of the order; None for all.
     """
 
     name: str
@@ -70,6 +71,7 @@ class CampaignPlan:
     room: RoomGeometry
     approach: dict[str, float]
     aborted_in_a_row: int
+    attempts: int | None = None
 
     def slots(self) -> list[Slot]:
         """All attempts in flying order: each condition `repeats` times."""
@@ -82,7 +84,7 @@ class CampaignPlan:
         if self.order == "shuffled":
             order = np.random.default_rng(self.seed).permutation(len(conditions))
             conditions = [conditions[i] for i in order]
-        return [Slot(number, *condition) for number, condition in enumerate(conditions)]
+        return [Slot(number, *condition) for number, condition in enumerate(conditions[: self.attempts])]
 
     def attempt_seed(self, slot: int, try_number: int) -> int:
         """Seed of one try of one attempt."""
@@ -126,6 +128,7 @@ def load_plan(path: Path) -> CampaignPlan:
         room=_room(root.table("room", required=False)),
         approach=_approach(root.table("approach", required=False)),
         aborted_in_a_row=stop.integer("aborted_in_a_row", default=3, minimum=1),
+        attempts=stop.integer("attempts", default=0, minimum=0) or None,
     )
     for table in (root, grid, stop):
         table.refuse_unread()

@@ -2,7 +2,3 @@
 
 Verbs live in modules of their own, imported only when their verb is called, so that ``--help`` stays fast.
 """
-
-from perchhw.cli.main import main
-
-__all__ = ["main"]

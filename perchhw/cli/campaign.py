@@ -22,6 +22,7 @@ def run(
     file: Annotated[Path, typer.Argument(help="Campaign file (TOML).")],
     resume: Annotated[bool, typer.Option("--resume", help="Continue where the campaign stopped.")] = False,
     out: Annotated[Path | None, typer.Option(help="Campaign folder; default: runs/campaign-NAME.")] = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask before each attempt.")] = False,
 ) -> int:
     """Fly the attempts of a campaign file, one after another, and write its report.
 
@@ -29,15 +30,17 @@ def run(
     were aborted, 130 interrupted (continue with --resume).
     """
     from perchhw.campaign import load_plan, run_campaign
-    from perchhw.flight import fly_attempt
+    from perchhw.cli.prompts import confirmation
+    from perchhw.flight.turnaround import attempt_after_attempt
     from perchhw.record.folder import slug
     from perchhw.report import write_campaign_report
 
     plan = load_plan(file)
     _check_approaches(plan)
     folder = out or Path("runs") / f"campaign-{slug(plan.name)}"
-    with _live_table() as show:
-        rows = run_campaign(plan, folder, fly_attempt, resume=resume, on_change=show)
+    runner = attempt_after_attempt(confirmation(yes))
+    with live_table() as show:
+        rows = run_campaign(plan, folder, runner, resume=resume, on_change=show)
     report = write_campaign_report(folder)
     _emit_rows(folder, rows, report)
     return 0
@@ -53,7 +56,7 @@ def _check_approaches(plan: "CampaignPlan") -> None:
 
 
 @contextmanager
-def _live_table() -> "Iterator[Callable[[list[AttemptRow]], None]]":
+def live_table() -> "Iterator[Callable[[list[AttemptRow]], None]]":
     """A table that redraws itself on a terminal; a line per change elsewhere (both on stderr)."""
     from perchhw.campaign.table import attempts_table, progress
 

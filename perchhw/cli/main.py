@@ -118,7 +118,7 @@ def run(arguments: Sequence[str]) -> int:
         errors.print("interrupted", style="yellow")
         return EXIT_INTERRUPTED
     except PerchhwError as error:
-        errors.print(f"error: {error}", style="red", markup=False)
+        errors.print(f"error: {error}", style="red", markup=False, soft_wrap=True)
         if isinstance(error, SafetyStop):
             return EXIT_SAFETY
         return EXIT_USAGE if isinstance(error, InputError) else EXIT_FAILED

@@ -47,4 +47,4 @@ def emit(result: dict[str, Any], human: Callable[[], None] | str) -> None:
     elif callable(human):
         human()
     else:
-        console().print(human, markup=False)
+        console().print(human, markup=False, soft_wrap=True)

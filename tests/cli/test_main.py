@@ -1,0 +1,68 @@
+"""The root of the command line: help, global flags, exit codes."""
+
+import subprocess
+import sys
+
+import pytest
+
+from onboard.errors import InputError, PerchhwError, SafetyStop
+from perchhw.cli import main as root_module
+from perchhw.cli.main import VERBS, hoist_global_flags, run
+from perchhw.cli.output import settings
+
+
+def test_help_lists_every_verb_without_importing_any() -> None:
+    code = (
+        "import sys; from perchhw.cli.main import run; code = run(['--help']);"
+        "heavy = {'numba', 'numpy', 'cflib', 'torch', 'matplotlib'} & set(sys.modules);"
+        "sys.exit(f'imported {heavy}' if heavy else code)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    for name in VERBS:
+        assert name in done.stdout
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_verb_has_help(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run([verb, "--help"]) == 0
+    assert "Usage: perchhw" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("arguments", [["no-such-verb"], ["fly"], ["fly", "--no-such-option"]])
+def test_wrong_usage_exits_2(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err
+
+
+def test_global_flags_may_stand_anywhere_before_the_double_dash() -> None:
+    assert hoist_global_flags(["vehicle", "list", "--json"]) == ["--json", "vehicle", "list"]
+    assert hoist_global_flags(["-v", "x", "--", "--json"]) == ["-v", "x", "--", "--json"]
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (PerchhwError("a"), 1),
+        (InputError("b"), 2),
+        (SafetyStop("c"), 3),
+        (KeyboardInterrupt(), 130),
+    ],
+)
+def test_errors_become_exit_codes(
+    error: BaseException, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(_called: str | None) -> None:
+        raise error
+
+    monkeypatch.setattr(root_module, "_command_line", fail)
+    assert run(["vehicle"]) == code
+    assert capsys.readouterr().err.strip()
+
+
+def test_json_flag_is_set_for_the_verb(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(settings, "as_json", False)
+    run(["vehicle", "list", "--json"])
+    assert settings.as_json
