@@ -1,7 +1,7 @@
 """Compiles every kernel that a simulated flight calls, before the clock runs.
 
-A kernel that is compiled (or loaded from the cache) in flight stops the world for a second. So a drone of its own
-flies through everything first: take-off, tilt, an approach that is aborted, one that flips.
+A kernel that is compiled (or loaded from the cache) in flight stops the world for a second. So a drone of its
+own flies through everything first: take-off, tilt, an approach that is aborted, one that flips.
 """
 
 import struct
