@@ -81,7 +81,7 @@ def _recording(rows: "list[AttemptRow]") -> Path | None:
     from importlib.util import find_spec
 
     from onboard.vehicle import load_vehicle
-    from perchhw.view import write_rrd
+    from perchhw.view.rerun_recording import write_rrd
 
     landed = [row.record for row in rows if row.record is not None and row.triggered]
     if not landed or find_spec("rerun") is None:
