@@ -7,6 +7,7 @@ import sys
 
 import pytest
 
+from perchhw.lab_process import LabNotReady, SimulatedLab
 from tests.link.tiny_drone import TinyDrone
 
 pytest_plugins = ["pytester"]
@@ -99,3 +100,11 @@ def test_simulated_parts_are_started_on_demand_and_stopped(pytester: pytest.Pyte
     pytester.makepyfile(ON_SIMULATED_PARTS)
     result = pytester.runpytest_subprocess(*STRICT)
     result.assert_outcomes(passed=4)
+
+
+def test_simulator_that_does_not_start_says_why() -> None:
+    with (
+        pytest.raises(LabNotReady, match="no-such-fault"),
+        SimulatedLab("drone", ("--fault", "no-such-fault=1")),
+    ):
+        pass

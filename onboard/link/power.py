@@ -6,14 +6,18 @@ CRTP header ``FF`` (port 15, channel 3) with ``FE 02`` turns the processor and a
 
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 import cflib.crtp
 from cflib.crtp.crtpstack import CRTPPacket
+from cflib.utils.power_switch import PowerSwitch
 
 from onboard.clock import Clock
-from onboard.link.driver import install_driver
-from onboard.link.errors import LinkError, LinkTimeout
+from onboard.link.driver import install_driver, parse_udp_uri
+from onboard.link.errors import LinkError, LinkInputError, LinkTimeout
 
 _BOOTLOADER_HEADER, _BOOTLOADER_COMMAND, _OFF, _ON = 0xFF, 0xFE, 0x02, 0x03
 _LINK_SOURCE_HEADER = 0xF1
@@ -25,41 +29,76 @@ def reboot(uri: str, timeout_s: float = 10.0, clock: Clock = time.monotonic) -> 
     """Switch the drone off and on, and return when its firmware answers again.
 
     Whatever it held in memory is gone: parameters, policy, log blocks. A connection that is open meanwhile is
-    lost.
+    lost. Over the radio cflib's own power switch does the switching.
 
     Raises:
-        LinkError: the URI has no driver, or nobody is there.
+        LinkInputError: the URI cannot be used.
+        LinkError: there is no radio, or nobody is there.
         LinkTimeout: the drone did not answer before or after.
     """
     install_driver()
-    errors: list[str] = []
-    link = cflib.crtp.get_link_driver(uri, None, errors.append)
-    if link is None:
-        raise LinkError(f"no driver for {uri!r}; write udp://HOST:PORT, radio://... or usb://...")
     deadline = clock() + timeout_s
+    if uri.startswith("udp://"):
+        parse_udp_uri(uri)
+        with _raw_link(uri) as link:
+            link.until_answered(_BOOTLOADER_HEADER, bytes((_BOOTLOADER_COMMAND, _OFF)), deadline, clock)
+            threading.Event().wait(_OFF_TIME_S)
+            link.until_answered(_BOOTLOADER_HEADER, bytes((_BOOTLOADER_COMMAND, _ON)), deadline, clock)
+    else:
+        with _cflib_errors(uri):
+            switch = PowerSwitch(uri)
+            switch.stm_power_down()
+            threading.Event().wait(_OFF_TIME_S)
+            switch.stm_power_up()
+            switch.close()
+    with _raw_link(uri) as link:
+        link.until_answered(_LINK_SOURCE_HEADER, b"\0", deadline, clock)
+
+
+@contextmanager
+def _cflib_errors(uri: str) -> Iterator[None]:
+    """Turn whatever cflib's radio code raises into an error with the address in it."""
     try:
-        _until_answered(link, (_BOOTLOADER_HEADER, _OFF), uri, deadline, clock, errors)
-        threading.Event().wait(_OFF_TIME_S)
-        _until_answered(link, (_BOOTLOADER_HEADER, _ON), uri, deadline, clock, errors)
-        _until_answered(link, (_LINK_SOURCE_HEADER, None), uri, deadline, clock, errors)
+        yield
+    except Exception as error:  # cflib raises bare exceptions here, there is nothing narrower
+        raise LinkError(f"cannot reboot {uri}: {error}") from error
+
+
+@contextmanager
+def _raw_link(uri: str) -> Iterator["_RawLink"]:
+    """A link without a connection on it."""
+    errors: list[str] = []
+    with _cflib_errors(uri):
+        driver = cflib.crtp.get_link_driver(uri, None, errors.append)
+    if driver is None:
+        raise LinkInputError(f"no driver for {uri!r}; write udp://HOST:PORT, radio://... or usb://...")
+    try:
+        yield _RawLink(uri, driver, errors)
     finally:
-        link.close()
+        driver.close()
 
 
-def _until_answered(
-    link: Any, request: tuple[int, int | None], uri: str, deadline: float, clock: Clock, errors: list[str]
-) -> None:
-    """Send a request until a packet of the same port and channel comes back."""
-    header, command = request
-    payload = b"\0" if command is None else bytes((_BOOTLOADER_COMMAND, command))
-    packet = CRTPPacket(header, payload)
-    while clock() < deadline:
-        link.send_packet(packet)
-        until = clock() + _REPEAT_S
-        while clock() < until:
-            answer = link.receive_packet(_REPEAT_S)
-            if errors:
-                raise LinkError(f"cannot reboot {uri}: {errors[0]}")
-            if answer is not None and (answer.port, answer.channel) == (packet.port, packet.channel):
-                return
-    raise LinkTimeout(f"cannot reboot {uri}: no answer to header {header:#04x} by the deadline")
+@dataclass(frozen=True, slots=True)
+class _RawLink:
+    uri: str
+    driver: Any
+    errors: list[str]
+
+    def until_answered(self, header: int, payload: bytes, deadline: float, clock: Clock) -> None:
+        """Send a request until a packet of the same port and channel comes back.
+
+        Raises:
+            LinkError: the driver reported an error.
+            LinkTimeout: no answer by ``deadline``.
+        """
+        packet = CRTPPacket(header, payload)
+        while clock() < deadline:
+            self.driver.send_packet(packet)
+            until = clock() + _REPEAT_S
+            while clock() < until:
+                answer = self.driver.receive_packet(_REPEAT_S)
+                if self.errors:
+                    raise LinkError(f"cannot reboot {self.uri}: {self.errors[0]}")
+                if answer is not None and (answer.port, answer.channel) == (packet.port, packet.channel):
+                    return
+        raise LinkTimeout(f"cannot reboot {self.uri}: no answer to header {header:#04x} by the deadline")

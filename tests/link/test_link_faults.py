@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
-from onboard.link import DroneLink, LinkError, LinkLost, LinkTimeout
+from onboard.link import DroneLink, LinkError, LinkLost, LinkTimeout, reboot
 from tests.link.faulty_network import Faults, FaultyNetwork
 from tests.link.tiny_drone import MEMORY_TYPE, TinyDrone
 
@@ -157,5 +157,8 @@ def test_drone_that_freezes_while_connecting_is_lost(tiny: TinyDrone) -> None:
 
 @pytest.mark.parametrize("uri", ["udp://nowhere", "ftp://127.0.0.1:1", "udp://host.invalid:19850"])
 def test_unusable_uris_say_so(uri: str) -> None:
-    with pytest.raises(LinkError, match=uri.split("/")[2].split(":")[0]):
+    address = uri.split("/")[2].split(":")[0]
+    with pytest.raises(LinkError, match=address):
         DroneLink.open(uri, timeout_s=5.0)
+    with pytest.raises(LinkError, match=address):
+        reboot(uri, timeout_s=1.0)
