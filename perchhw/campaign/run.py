@@ -26,6 +26,7 @@ def run_campaign(
     runner: AttemptRunner,
     *,
     resume: bool = False,
+    retry_aborted: bool = False,
     on_change: OnChange | None = None,
 ) -> list[AttemptRow]:
     """Fly what `plan` has left in the campaign `folder`; gives all rows at the end.
@@ -35,6 +36,7 @@ def run_campaign(
         folder: where its database and records live.
         runner: flies one attempt.
         resume: continue a campaign that is there already (one that is not is started).
+        retry_aborted: when resuming, plan aborted attempts again.
         on_change: called with all rows after each change, for a display.
 
     An attempt that ends with an error of ours (no link, a check failed) counts as aborted, with the error as
@@ -48,20 +50,22 @@ def run_campaign(
     """
     folder.mkdir(parents=True, exist_ok=True)
     with _only_one(folder):
-        store = _store(plan, folder, resume)
+        store = _store(plan, folder, resume, retry_aborted)
         try:
             return _fly_all(plan, store, runner, on_change or (lambda rows: None))
         finally:
             store.close()
 
 
-def _store(plan: CampaignPlan, folder: Path, resume: bool) -> CampaignStore:
+def _store(plan: CampaignPlan, folder: Path, resume: bool, retry_aborted: bool) -> CampaignStore:
     if not (resume and exists(folder)):
         return CampaignStore.create(folder, plan)
     store = CampaignStore.open(folder)
     try:
         store.check_plan(plan)
         store.recover()
+        if retry_aborted:
+            store.plan_aborted_again()
     except PerchhwError:
         store.close()
         raise

@@ -196,7 +196,7 @@ class CampaignStore:
         with self._connection:
             self._connection.execute("BEGIN IMMEDIATE")
             self._connection.execute(
-                "UPDATE attempts SET state = 'interrupted', ended_utc = ? WHERE id = ?",
+                "UPDATE attempts SET state = 'interrupted', ended_utc = coalesce(ended_utc, ?) WHERE id = ?",
                 (utc_now().isoformat(), row.id),
             )
             self._connection.execute(
@@ -214,6 +214,12 @@ class CampaignStore:
             "WHERE id = ? AND state = 'running'",
             (row.id,),
         )
+
+    def plan_aborted_again(self) -> None:
+        """Plan a new try of every slot whose attempt was aborted; the aborted try counts as interrupted."""
+        for row in self.rows():
+            if row.state == "done" and row.outcome is Outcome.ABORTED:
+                self.interrupt(row)
 
     def recover(self) -> None:
         """Settle what a killed process left running.

@@ -21,6 +21,9 @@ _CampaignFolder = Annotated[Path, typer.Argument(help="Folder of a campaign.")]
 def run(
     file: Annotated[Path, typer.Argument(help="Campaign file (TOML).")],
     resume: Annotated[bool, typer.Option("--resume", help="Continue where the campaign stopped.")] = False,
+    retry_aborted: Annotated[
+        bool, typer.Option("--retry-aborted", help="With --resume: fly aborted attempts again.")
+    ] = False,
     out: Annotated[Path | None, typer.Option(help="Campaign folder; default: runs/campaign-NAME.")] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before each attempt.")] = False,
 ) -> int:
@@ -29,7 +32,7 @@ def run(
     Exit codes: 0 all attempts are done, 2 the file or folder cannot be used, 3 too many attempts in a row
     were aborted, 130 interrupted (continue with --resume).
     """
-    from perchhw.campaign import load_plan, run_campaign
+    from perchhw.campaign import CampaignStopped, load_plan, run_campaign
     from perchhw.cli.prompts import confirmation
     from perchhw.flight.turnaround import attempt_after_attempt
     from perchhw.record.folder import slug
@@ -39,11 +42,15 @@ def run(
     _check_approaches(plan)
     folder = out or Path("runs") / f"campaign-{slug(plan.name)}"
     runner = attempt_after_attempt(confirmation(yes))
-    with live_table() as show:
-        rows = run_campaign(plan, folder, runner, resume=resume, on_change=show)
-    report = write_campaign_report(folder)
-    _emit_rows(folder, rows, report)
-    return 0
+    stopped: str | None = None
+    try:
+        with live_table() as show:
+            run_campaign(plan, folder, runner, resume=resume, retry_aborted=retry_aborted, on_change=show)
+    except CampaignStopped as stop:
+        stopped = str(stop)
+        progress_console().print(stopped, style="red", markup=False)
+    _emit_rows(folder, _rows(folder), write_campaign_report(folder), stopped)
+    return 3 if stopped else 0
 
 
 def _check_approaches(plan: "CampaignPlan") -> None:
@@ -62,7 +69,15 @@ def live_table() -> "Iterator[Callable[[list[AttemptRow]], None]]":
 
     screen = progress_console()
     if not screen.is_terminal:
-        yield lambda rows: screen.print(progress(rows), markup=False)
+        shown = ""
+
+        def show(rows: "list[AttemptRow]") -> None:
+            nonlocal shown
+            if progress(rows) != shown:
+                shown = progress(rows)
+                screen.print(shown, markup=False)
+
+        yield show
         return
     from rich.live import Live
 
@@ -96,7 +111,9 @@ def _rows(folder: Path) -> "list[AttemptRow]":
         return store.rows()
 
 
-def _emit_rows(folder: Path, rows: "list[AttemptRow]", report: Path | None) -> None:
+def _emit_rows(
+    folder: Path, rows: "list[AttemptRow]", report: Path | None, stopped: str | None = None
+) -> None:
     from perchhw.campaign.table import attempts_table, outcome_counts
 
     counts = outcome_counts(rows)
@@ -107,6 +124,7 @@ def _emit_rows(folder: Path, rows: "list[AttemptRow]", report: Path | None) -> N
         "outcomes": {outcome.value: number for outcome, number in counts.items()},
         "attempts": [row.to_json() for row in rows],
         "report": None if report is None else str(report),
+        "stopped": stopped,
     }
 
     def draw() -> None:

@@ -36,7 +36,8 @@ h1 { font-size: 25px; margin: 0 0 2px; } h2 { font-size: 17px; margin: 0 0 8px; 
 p.sub { color: #6b7480; margin: 0 0 18px; }
 section { background: #fff; border: 1px solid #e1e4e8; border-radius: 8px; padding: 16px 18px; }
 section { margin: 0 0 16px; }
-.grid { display: grid; grid-template-columns: repeat(auto-fit, minmax(470px, 1fr)); gap: 16px; }
+.grid { display: grid; grid-template-columns: repeat(auto-fit, minmax(470px, 1fr)); }
+.grid { gap: 16px; align-items: start; }
 .grid section { margin: 0; } .grid + section, section + .grid { margin-top: 16px; }
 .scroll { overflow-x: auto; }
 table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }

@@ -123,6 +123,25 @@ def test_aborted_attempts_in_a_row_stop_the_campaign(campaign_file: Path, tmp_pa
     assert [r.state for r in run_campaign(plan, folder, aborts, resume=True)] == ["done"] * 8
 
 
+def test_aborted_attempts_are_flown_again_when_asked(campaign_file: Path, tmp_path: Path) -> None:
+    def aborts_first_try(request: AttemptRequest) -> AttemptResult:
+        if request.index % 3 == 0 and request.try_number == 1:
+            return AttemptResult(Outcome.ABORTED, False, None, "drone_state: locked", request.folder)
+        return fly(request)
+
+    plan, folder = load_plan(campaign_file), tmp_path / "c"
+    run_campaign(plan, folder, aborts_first_try)
+    rows = run_campaign(plan, folder, aborts_first_try, resume=True)
+    assert sum(r.outcome is Outcome.ABORTED for r in rows) == 3  # by default they stay as they are
+    rows = run_campaign(plan, folder, aborts_first_try, resume=True, retry_aborted=True)
+    done = [r for r in rows if r.state == "done"]
+    assert [r.slot for r in done] == list(range(8))
+    assert all(r.outcome is expected_outcome(r.slot) for r in done)
+    assert [(r.slot, r.aborted_by) for r in rows if r.state == "interrupted"] == [
+        (slot, "drone_state: locked") for slot in (0, 3, 6)
+    ]
+
+
 def test_a_campaign_is_not_started_twice_by_accident(campaign_file: Path, tmp_path: Path) -> None:
     plan, folder = load_plan(campaign_file), tmp_path / "c"
 
