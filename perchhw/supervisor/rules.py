@@ -31,7 +31,8 @@ class SafetyLimits:
 
     Attributes:
         link_silence: longest silence of the drone (it answers echoes at 10 Hz), s.
-        pose_age: oldest usable mocap pose (criterion B4: stale at 0.1 s), s.
+        pose_age: oldest good mocap pose before arming (criterion B4: stale at 0.1 s), s.
+        pose_age_bridged: oldest one that the drone's own estimate bridges (lost at 0.5 s), s.
         telemetry_age: oldest usable onboard value, s.
         battery_age: oldest usable battery reading (it is sent at 10 Hz), s.
         battery_at_rest: least voltage with motors off; a lower pack sags below what 15 gf needs (the
@@ -49,6 +50,7 @@ class SafetyLimits:
 
     link_silence: float = 0.5
     pose_age: float = 0.1
+    pose_age_bridged: float = 0.3
     telemetry_age: float = 0.25
     battery_age: float = 1.0
     battery_at_rest: float = 3.8
@@ -95,22 +97,24 @@ def link_alive(o: Observation, limits: SafetyLimits) -> Violation | None:
     return _at_most("link_silence", o.link_silence, limits.link_silence, "s")
 
 
+def _bad_pose(o: Observation) -> Violation:
+    verdict = "unknown" if o.pose_verdict is None else o.pose_verdict.name
+    measured = verdict if o.pose_problem is None else f"{verdict} ({o.pose_problem})"
+    return Violation("pose", measured, Verdict.OK.name)
+
+
 def pose_good(o: Observation, limits: SafetyLimits) -> Violation | None:
     """The pose stream is healthy, and its last good pose is fresh."""
     if o.pose_verdict is not Verdict.OK:
-        return Violation(
-            "pose", "unknown" if o.pose_verdict is None else o.pose_verdict.name, Verdict.OK.name
-        )
+        return _bad_pose(o)
     return _at_most("pose_age", o.pose_age, limits.pose_age, "s")
 
 
 def pose_usable(o: Observation, limits: SafetyLimits) -> Violation | None:
-    """In flight a few lost frames are bridged by the drone's own estimate, a stale stream is not."""
-    if o.pose_verdict not in (Verdict.OK, Verdict.COASTING, Verdict.OCCLUDED, Verdict.LATE):
-        return Violation(
-            "pose", "unknown" if o.pose_verdict is None else o.pose_verdict.name, Verdict.OK.name
-        )
-    return _at_most("pose_age", o.pose_age, limits.pose_age, "s")
+    """Once begun, lost and rejected frames are bridged by the drone's own estimate, but not for long."""
+    if o.pose_verdict in (None, Verdict.UNKNOWN, Verdict.LOST):
+        return _bad_pose(o)
+    return _at_most("pose_age", o.pose_age, limits.pose_age_bridged, "s")
 
 
 def estimate_fresh(o: Observation, limits: SafetyLimits) -> Violation | None:
@@ -219,7 +223,7 @@ def calm_on_ground(o: Observation, limits: SafetyLimits) -> Violation | None:
 GROUND_RULES: tuple[Rule, ...] = (
     link_alive,
     drone_known,
-    pose_good,
+    pose_usable,
     inside_room,
     upright_on_ground,
     estimate_fresh,
@@ -229,7 +233,7 @@ GROUND_RULES: tuple[Rule, ...] = (
 )
 """While the drone stands on its start mark."""
 
-PREFLIGHT_RULES: tuple[Rule, ...] = (*GROUND_RULES, drone_can_arm)
+PREFLIGHT_RULES: tuple[Rule, ...] = (*GROUND_RULES, pose_good, drone_can_arm)
 """Before the motors may be armed."""
 
 HOVER_RULES: tuple[Rule, ...] = (

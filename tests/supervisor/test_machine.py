@@ -109,8 +109,8 @@ AIRBORNE = [Phase.TAKING_OFF, Phase.MOVING_TO_START, Phase.ARMING_APPROACH]
 @pytest.mark.parametrize(
     "fault",
     [
-        {"pose_verdict": Verdict.FROZEN},
-        {"pose_age": 0.2},
+        {"pose_verdict": Verdict.LOST},
+        {"pose_age": 0.4},
         {"link_silence": 0.7},
         {"estimate_age": 0.5},
         {"battery_voltage": 2.5},

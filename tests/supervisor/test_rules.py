@@ -52,11 +52,19 @@ def test_only_a_good_pose_arms(verdict: Verdict) -> None:
     )
 
 
-@pytest.mark.parametrize(
-    "verdict", [Verdict.UNKNOWN, Verdict.STALE, Verdict.LOST, Verdict.FROZEN, Verdict.FLIPPED]
-)
-def test_a_bad_pose_ends_a_hover(verdict: Verdict) -> None:
-    assert first_violation(HOVER_RULES, replace(good_in_flight(), pose_verdict=verdict), LIMITS) is not None
+@pytest.mark.parametrize("verdict", [None, Verdict.UNKNOWN, Verdict.LOST])
+def test_lost_poses_end_a_flight(verdict: Verdict | None) -> None:
+    for rules in (HOVER_RULES, APPROACH_RULES):
+        assert first_violation(rules, replace(good_in_flight(), pose_verdict=verdict), LIMITS) is not None
+
+
+@pytest.mark.parametrize("verdict", [Verdict.FROZEN, Verdict.FLIPPED, Verdict.STALE, Verdict.OCCLUDED])
+def test_rejected_poses_are_bridged_for_a_moment_and_no_longer(verdict: Verdict) -> None:
+    for rules in (HOVER_RULES, APPROACH_RULES):
+        short = replace(good_in_flight(), pose_verdict=verdict, pose_age=LIMITS.pose_age_bridged)
+        assert first_violation(rules, short, LIMITS) is None
+        long = replace(short, pose_age=nextafter(LIMITS.pose_age_bridged, inf))
+        assert first_violation(rules, long, LIMITS) is not None
 
 
 @pytest.mark.parametrize(
