@@ -1,7 +1,7 @@
 """A deterministic stand-in for a flight: writes a real, short record; may kill its process at a chosen point.
 
-Run as a program: ``stand_in.py FILE FOLDER POINT COUNT`` flies the campaign and kills itself with SIGKILL
-when the point (``before``, ``inside``, ``closed``, ``never``) of the COUNT-th attempt of this process is reached.
+Run as a program, ``stand_in.py FILE FOLDER POINT COUNT`` flies the campaign and kills itself with SIGKILL when
+POINT (``before``, ``inside``, ``closed``, ``never``) of its COUNT-th attempt is reached.
 """
 
 import os
