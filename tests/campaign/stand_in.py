@@ -1,6 +1,6 @@
 """A deterministic stand-in for a flight: writes a real, short record; may kill its process at a chosen point.
 
-Run as a program, ``stand_in.py FILE FOLDER POINT COUNT`` flies the campaign and kills itself with SIGKILL when
+Run as a program, ``stand_in.py FILE FOLDER POINT COUNT`` flies the campaign and kills itself by SIGKILL when
 POINT (``before``, ``inside``, ``closed``, ``never``) of its COUNT-th attempt is reached.
 """
 
