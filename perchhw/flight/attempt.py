@@ -21,7 +21,7 @@ from perchhw.flight.actions import CommandRunner
 from perchhw.flight.interrupts import OperatorInterrupts
 from perchhw.flight.mission import AttemptPlan, plan_attempt
 from perchhw.flight.telemetry import Telemetry, pose_recorder
-from perchhw.label import label_flight
+from perchhw.label import LabelError, label_flight
 from perchhw.record import RunRecorder
 from perchhw.supervisor import Event, FlightState, LinkDown, Phase, SafetyLimits, Tick, initial_state, step
 
@@ -114,26 +114,20 @@ def _conclude(
     clock: Clock,
 ) -> AttemptResult:
     """Label what was flown and close the record."""
-    if state.aborted_by is not None or not state.armed:
-        outcome, evidence = Outcome.ABORTED, {}
-    else:
-        label = label_flight(open_flight(request.folder, "perchhw"), vehicle, request.room.ceiling_z)
-        outcome, evidence = label.outcome, label.evidence
+    outcome, evidence, aborted_by = Outcome.ABORTED, {}, state.aborted_by
+    if aborted_by is None and state.armed:
+        try:
+            label = label_flight(open_flight(request.folder, "perchhw"), vehicle, request.room.ceiling_z)
+        except LabelError as error:
+            aborted_by = f"label: {error}"
+        else:
+            outcome, evidence = label.outcome, label.evidence
     recorder.event("labelled", clock(), outcome=outcome, evidence=evidence)
+    result = AttemptResult(outcome, state.triggered, trigger, aborted_by, request.folder)
     recorder.close(
-        outcome=outcome,
-        triggered=state.triggered,
-        trigger=trigger,
-        aborted_by=state.aborted_by,
-        evidence=evidence,
+        outcome=outcome, triggered=state.triggered, trigger=trigger, aborted_by=aborted_by, evidence=evidence
     )
-    return AttemptResult(
-        outcome=outcome,
-        triggered=state.triggered,
-        trigger=trigger,
-        aborted_by=state.aborted_by,
-        record=request.folder,
-    )
+    return result
 
 
 @dataclass

@@ -30,13 +30,11 @@ def put_back(drone: str, confirm: Confirm) -> None:
 def attempt_after_attempt(
     confirm: Confirm, on_phase: OnPhase | None = None, limits: SafetyLimits | None = None
 ) -> AttemptRunner:
-    """A runner for campaigns: puts the drone back before every attempt but the first, then flies it."""
-    flown: set[str] = set()
+    """A runner for campaigns: puts the drone back before every attempt but the very first, then flies it."""
 
     def run(request: AttemptRequest) -> AttemptResult:
-        if request.drone in flown:
+        if request.index > 0 or request.try_number > 1:
             put_back(request.drone, confirm)
-        flown.add(request.drone)
         return fly_attempt(request, limits=limits, on_phase=on_phase)
 
     return run

@@ -62,7 +62,7 @@ class Timing:
     approach_arm_deadline: float = 2.0
     approach_margin: float = 1.0
     flip_deadline: float = 1.0
-    settle: float = 1.5
+    settle: float = 2.5
     brake_deadline: float = 3.0
     land: float = 2.0
     land_margin: float = 3.0
