@@ -33,9 +33,9 @@ def demo(
     from perchhw.cli.campaign import live_table
     from perchhw.cli.prompts import confirmation
     from perchhw.flight.turnaround import attempt_after_attempt
+    from perchhw.lab_process import SimulatedLab
     from perchhw.record import new_run_folder
     from perchhw.report import write_campaign_report
-    from perchhw.lab_process import SimulatedLab
 
     screen = progress_console()
     folder = new_run_folder(out, "demo")

@@ -29,7 +29,9 @@ AnglesOption = Annotated[str, typer.Option(help="deg above the horizon, FIRST:LA
 RepeatsOption = Annotated[int, typer.Option(help="Learning trials at each condition.")]
 RewardOption = Annotated[str, typer.Option(help="paper, or flown (made the data of the flown policy).")]
 DomainOption = Annotated[str, typer.Option(help="Domain randomisation: paper or none.")]
-SensingOption = Annotated[str, typer.Option(help="Errors of the cues: perfect (the paper) or realistic.")]
+SensingOption = Annotated[
+    str, typer.Option(help="Errors of the cues: perfect (the paper), realistic or late.")
+]
 WorkersOption = Annotated[int, typer.Option(min=0, help="Threads, 0: one a core; the result is the same.")]
 SeedOption = Annotated[int, typer.Option(min=0, help="Of everything random.")]
 OutOption = Annotated[Path, typer.Option(help="Folder for the results.")]

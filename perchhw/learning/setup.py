@@ -21,16 +21,15 @@ from sim_backend.physics.rollout import RolloutSettings
 SENSING: dict[str, RolloutSettings] = {
     "perfect": RolloutSettings(),
     "realistic": RolloutSettings(
-        cue_delay_min=0.005,
-        cue_delay_max=0.020,
-        velocity_bias=0.04,
-        velocity_noise=0.02,
-        height_noise=0.002,
+        cue_delay_max=0.015, velocity_bias=0.02, velocity_noise=0.01, height_noise=0.001
+    ),
+    "late": RolloutSettings(
+        cue_delay_min=0.015, cue_delay_max=0.015, velocity_bias=0.02, velocity_noise=0.02, height_noise=0.001
     ),
 }
-"""Errors of the cues. ``perfect`` is the paper's; ``realistic`` is what a mocap pose over radio and an
-onboard estimator leave: 5 to 20 ms of age, 0.04 m/s of lasting and 0.02 m/s of quick error in velocity, 2 mm
-in height (engineering estimates)."""
+"""Errors of the cues. ``perfect`` is the paper's. ``realistic`` is what a mocap pose over radio and an
+onboard estimator leave (engineering estimates): 0 to 15 ms of age, 0.02 m/s of lasting and 0.01 m/s of quick
+error in velocity, 1 mm in height. ``late`` is a stress test with 15 ms of age always."""
 
 
 @dataclass(frozen=True)

@@ -86,12 +86,6 @@ def _at_least(rule: str, value: float | None, limit: float, unit: str) -> Violat
     return None
 
 
-def _bad_pose(o: Observation) -> Violation:
-    verdict = "unknown" if o.pose_verdict is None else o.pose_verdict.name
-    measured = verdict if o.pose_problem is None else f"{verdict} ({o.pose_problem})"
-    return Violation("pose", measured, Verdict.OK.name)
-
-
 def link_alive(o: Observation, limits: SafetyLimits) -> Violation | None:
     """The drone answered recently."""
     return _at_most("link_silence", o.link_silence, limits.link_silence, "s")

@@ -67,7 +67,14 @@ def test_a_bad_uri_is_exit_code_2():
 
 def test_a_person_gets_a_table():
     with MovingRoom() as room:
-        command = [sys.executable, "-c", "from perchhw.cli.main import main; main()", "mocap", "watch", room.uri]
+        command = [
+            sys.executable,
+            "-c",
+            "from perchhw.cli.main import main; main()",
+            "mocap",
+            "watch",
+            room.uri,
+        ]
         done = subprocess.run(
             [*command, "--seconds", "0.5"], capture_output=True, text=True, timeout=30, check=False
         )
