@@ -1,4 +1,4 @@
-"""The drone's own supervisor as it reports itself: the bit field of CRTP port 9 and of the log ``supervisor.info``.
+"""The drone's own supervisor as it reports itself: bits of CRTP port 9 and of the log ``supervisor.info``.
 
 Layout as in bitcraze/crazyflie-firmware 2026.08, ``supervisor.c`` (bit 11 is not known to cflib 0.1.34).
 """
@@ -26,7 +26,7 @@ class SupervisorBits(IntFlag):
 
 @dataclass(frozen=True, slots=True)
 class SupervisorInfo:
-    """One report of the drone's supervisor. There is no default: no answer is an error, never "all is well"."""
+    """One report of the drone's supervisor. It has no default: no answer is an error, never "all is well"."""
 
     bits: int
 
