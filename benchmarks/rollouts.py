@@ -1,0 +1,160 @@
+"""Speed of the physics and of landing attempts. Prints one JSON document.
+
+    python benchmarks/rollouts.py [--seconds 1.0] [--workers N]
+
+Free flight counts steps of 1 kHz with the geometric controller and mixer at 500 Hz, and without, on one core.
+Contact counts steps of a vehicle that hangs on four legs and swings. A landing is a complete attempt from the
+placement to half a second after the contact. Median and best of five repeats by wall time, and the
+median by processor time, which a busy machine disturbs less. Compilation is not in these figures;
+`first_call_s` has it when the cache is cold.
+"""
+
+import argparse
+import json
+import math
+import os
+import platform
+import statistics
+import sys
+import time
+from collections.abc import Callable
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from onboard.controller import ControllerGains
+from perchhw.learning.grid import Condition, generator, spread
+from perchhw.learning.setup import LearningSetup
+from perchhw.learning.trial import Rules, fly, new_bench
+from sim_backend.physics.decision import ThresholdPolicy
+from sim_backend.physics.reset import approaching
+from sim_backend.physics.rollout import hold_velocity
+from sim_backend.physics.step import advance, half_decays
+
+REPEATS = 5
+DT = 1e-3
+
+
+@njit(cache=True)
+def free_flight(states: Any, parameters: Any, gains: ControllerGains, control_steps: int, steps: int) -> None:
+    """`steps` steps far from any surface; the controller runs every `control_steps`, never for 0."""
+    p = parameters[0]
+    up, down, fine_up, fine_down = half_decays(p, DT)
+    hover = 0.25 * p.mass * p.gravity
+    for k in range(len(states)):
+        targets = (hover, hover, hover, hover)
+        for i in range(steps):
+            if control_steps > 0 and i % control_steps == 0:
+                targets = hold_velocity(states[k], p, 1.0, 0.5, gains)
+            advance(states[k], p, targets, DT, up, down, fine_up, fine_down)
+
+
+@njit(cache=True)
+def hanging(states: Any, parameters: Any, steps: int) -> None:
+    """`steps` steps of attached vehicles with their motors off."""
+    p = parameters[0]
+    up, down, fine_up, fine_down = half_decays(p, DT)
+    for k in range(len(states)):
+        for _ in range(steps):
+            advance(states[k], p, (0.0, 0.0, 0.0, 0.0), DT, up, down, fine_up, fine_down)
+
+
+def rate(work: Callable[[], float]) -> dict[str, float]:
+    """Units of work (`work` returns how many it did) a second of wall time and a second of processor time."""
+    wall, processor = [], []
+    for _ in range(REPEATS):
+        started, used = time.perf_counter(), time.process_time()
+        done = work()
+        wall.append(done / (time.perf_counter() - started))
+        processor.append(done / (time.process_time() - used))
+    return {
+        "median": statistics.median(wall),
+        "best": max(wall),
+        "median_per_cpu_s": statistics.median(processor),
+    }
+
+
+def flying(parameters: Any, count: int) -> np.ndarray:
+    """Vehicles in flight, far from everything."""
+    state = approaching(parameters, np.array([0.0, 0.0, 1e6]), np.array([1.0, 0.0, 0.5]))
+    state["omega"] = [0.1, 1.0, 0.2]
+    return np.repeat(np.array(state).reshape(1), count)
+
+
+def landed(parameters: Any, rules: Rules) -> np.ndarray:
+    """A vehicle that has just swung onto four legs."""
+    bench = new_bench(parameters, 1)
+    rng = np.random.default_rng(0)
+    fly(rng, bench, 0, ThresholdPolicy(0.23, -7e-3), 2.5, math.radians(40.0), rules)
+    if bench.outs[0]["feet"] != 4:
+        sys.exit("the landing of the benchmark did not attach four legs")
+    return bench.state
+
+
+def landings(parameters: Any, rules: Rules, count: int, workers: int) -> float:
+    """Fly `count` attempts over the grid's range on `workers` threads."""
+    chunks = [Condition(1.5 + 2.0 * k / 16, 30.0 + 60.0 * ((7 * k) % 17) / 17) for k in range(16)]
+    each = math.ceil(count / len(chunks))
+
+    def work(condition: Condition) -> int:
+        bench, rng = new_bench(parameters, 1), generator(0, 9, condition)
+        for _ in range(each):
+            policy = ThresholdPolicy(float(rng.uniform(0.2, 0.26)), -float(rng.uniform(4e-3, 9e-3)))
+            fly(rng, bench, 0, policy, condition.speed, math.radians(condition.angle_deg), rules)
+        return each
+
+    return float(sum(done for _, done in spread(work, chunks, workers)))
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--seconds", type=float, default=1.0, help="about how long one repeat takes")
+    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
+    arguments = parser.parse_args()
+    started = time.perf_counter()
+    parameters, rules = LearningSetup().load()
+    sky = np.array(parameters).reshape(1).copy()
+    sky["ceiling_z"] = 1e9
+    room = np.array(parameters).reshape(1)
+    attached = landed(parameters, rules)
+    free_flight(flying(sky[0], 1), sky, rules.gains, 2, 2)
+    hanging(attached.copy(), room, 2)
+    first_call = time.perf_counter() - started
+    free, contact = int(2e6 * arguments.seconds), int(2e5 * arguments.seconds)
+    attempts = int(1000 * arguments.seconds)
+
+    def fly_free(control_steps: int) -> float:
+        free_flight(flying(sky[0], 4), sky, rules.gains, control_steps, free)
+        return 4.0 * free
+
+    def hang() -> float:
+        for _ in range(100):
+            hanging(attached.copy(), room, contact // 100)
+        return float(contact)
+
+    document = {
+        "benchmark": "rollouts",
+        "free_flight_with_controller_steps_per_s": rate(lambda: fly_free(2)),
+        "free_flight_steps_per_s": rate(lambda: fly_free(0)),
+        "contact_steps_per_s": rate(hang),
+        "contact_substeps": int(parameters["substeps"]),
+        "landings_per_s_one_core": rate(lambda: landings(parameters, rules, attempts, 1)),
+        "landings_per_s": rate(
+            lambda: landings(parameters, rules, attempts * arguments.workers, arguments.workers)
+        ),
+        "workers": arguments.workers,
+        "first_call_s": first_call,
+        "cores": os.cpu_count(),
+        "load_average": os.getloadavg()[0],
+        "machine": platform.processor() or platform.machine(),
+        "python": platform.python_version(),
+        "versions": {package: version(package) for package in ("numba", "numpy")},
+    }
+    print(json.dumps(document, indent=1))
+
+
+if __name__ == "__main__":
+    main()
