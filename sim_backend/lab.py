@@ -22,6 +22,7 @@ from sim_backend.crazyflie.faults import DatagramFaults
 from sim_backend.crazyflie.server import CrazyflieServer
 from sim_backend.faults import Faults
 from sim_backend.room.feed import FeedSender
+from sim_backend.room.settings import RoomFaults
 from sim_backend.room_process import RoomProcess, RoomRequest
 from sim_backend.truth import TruthRecorder
 from sim_backend.warm_up import warm_up
@@ -64,7 +65,7 @@ class LabSettings:
 
 
 class Lab:
-    """A lab: ``await start()``, then it answers; ``await run(stop)`` until `stop` is set; ``await close()``.
+    """A lab: ``prepare()``, ``await start()``, then it answers; ``await run(stop)``; ``await close()``.
 
     Attributes:
         settings: as given.
@@ -83,15 +84,25 @@ class Lab:
         self._feed: FeedSender | None = None
         self._started = 0.0
 
+    def prepare(self) -> None:
+        """Read the vehicle and compile; takes long the first time, and needs no event loop.
+
+        Raises:
+            InputError: the vehicle or a fault is not known.
+            SimulationError: the vehicle cannot be simulated.
+        """
+        self._vehicle = load_vehicle(self.settings.vehicle, self.settings.legs)
+        RoomFaults.parse(self.settings.faults.room)  # refuses bad faults here, before a process is started
+        _say("preparing the simulation (the first time this takes a minute)")
+        warm_up(self._vehicle)
+
     async def start(self) -> None:
         """Make everything accept connections.
 
         Raises:
-            SimulationError: a port is taken, the vehicle cannot be simulated, or the truth file be written.
-            InputError: the vehicle is not known.
+            SimulationError: a port is taken, or the truth file cannot be written.
         """
         settings = self.settings
-        vehicle = load_vehicle(settings.vehicle, settings.legs)
         names = tuple(f"cf{i + 1}" for i in range(settings.drones))
         request = RoomRequest(
             names,
@@ -102,15 +113,12 @@ class Lab:
             settings.host,
         )
         if settings.with_room:
-            request.settings()  # refuses bad faults here, before a process is started
             self.room = await RoomProcess.start(request)
             self._feed = FeedSender(self.room.ports.feed, settings.host)
-        _say("preparing the simulation (the first time this takes a minute)")
-        warm_up(vehicle)
         if settings.truth is not None:
             self._truth = TruthRecorder(settings.truth)
         self.world = World(
-            vehicle,
+            self._vehicle,
             drones=settings.drones,
             seed=settings.seed,
             faults=settings.faults.drone,
@@ -121,7 +129,6 @@ class Lab:
                 await self._serve(index, drone)
         gc.collect()
         gc.freeze()  # what exists now stays: collections in flight have little to look at
-        self._started = self._clock()
 
     async def _serve(self, index: int, drone: Drone) -> None:
         settings = self.settings
@@ -151,13 +158,15 @@ class Lab:
     async def run(self, stop: asyncio.Event) -> None:
         """Live until `stop` is set."""
         watch = asyncio.create_task(self._watch_room()) if self.room is not None else None
-        due = self._clock()
-        while not stop.is_set():
-            self.round()
-            due = max(due + PERIOD_S, self._clock() - PERIOD_S)
-            await asyncio.sleep(max(0.0, due - self._clock()))
-        if watch is not None:
-            watch.cancel()
+        due = self._started = self._clock()
+        try:
+            while not stop.is_set():
+                self.round()
+                due = max(due + PERIOD_S, self._clock() - PERIOD_S)
+                await asyncio.sleep(max(0.0, due - self._clock()))
+        finally:
+            if watch is not None:
+                watch.cancel()
 
     def round(self) -> None:
         """Bring the world up to date, then talk."""

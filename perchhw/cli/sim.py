@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import os
 import signal
 import sys
 from pathlib import Path
@@ -9,8 +10,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from perchhw.cli.output import emit
+from sim_backend.faults import fault_table, parse_faults
+
 if TYPE_CHECKING:
-    from sim_backend.lab import LabSettings
+    from sim_backend.lab import Lab, LabSettings
+
+EXIT_INTERRUPTED = 130
 
 app = typer.Typer(
     add_completion=False,
@@ -32,7 +38,8 @@ Truth = Annotated[Path | None, typer.Option(help="Write the true state to this C
 Fault = Annotated[
     list[str] | None,
     typer.Option(
-        metavar="NAME=VALUE", help="Show a fault; may be repeated. 'perchhw sim faults' lists them."
+        metavar="NAME=VALUE",
+        help="Show a fault; may be repeated. " + " ".join(f"{n}={t}." for n, t in fault_table().items()),
     ),
 ]
 Seed = Annotated[int, typer.Option(help="Seed of all random numbers.")]
@@ -51,7 +58,6 @@ def lab(
     seed: Seed = 0,
 ) -> int:
     """Drones and mocap room."""
-    from sim_backend.faults import parse_faults
     from sim_backend.lab import LabSettings
 
     settings = LabSettings(
@@ -79,7 +85,6 @@ def drone(
     seed: Seed = 0,
 ) -> int:
     """Drones without a mocap room: nobody tells them where they are."""
-    from sim_backend.faults import parse_faults
     from sim_backend.lab import LabSettings
 
     settings = LabSettings(
@@ -106,7 +111,6 @@ def room(
     seed: Seed = 0,
 ) -> int:
     """The mocap room alone, with drones that rest on their start marks."""
-    from sim_backend.faults import parse_faults
     from sim_backend.lab import LabSettings
 
     settings = LabSettings(
@@ -125,21 +129,25 @@ def room(
 @app.command()
 def faults() -> None:
     """List the faults that --fault can show."""
-    from perchhw.cli.output import emit
-    from sim_backend.faults import fault_table
-
     table = fault_table()
     emit({"faults": table}, "\n".join(f"{name}={text}" for name, text in table.items()))
 
 
 def _serve(settings: "LabSettings") -> int:
     """Serve until SIGINT (exit code 130) or SIGTERM (0)."""
-    return asyncio.run(_serve_until_signal(settings))
-
-
-async def _serve_until_signal(settings: "LabSettings") -> int:
     from sim_backend.lab import Lab
 
+    lab = Lab(settings)
+    # Compiled callbacks swallow a KeyboardInterrupt; nothing is open yet that would have to be closed.
+    previous = signal.signal(signal.SIGINT, lambda _number, _frame: os._exit(EXIT_INTERRUPTED))
+    try:
+        lab.prepare()
+    finally:
+        signal.signal(signal.SIGINT, previous)
+    return asyncio.run(_serve_until_signal(lab))
+
+
+async def _serve_until_signal(lab: "Lab") -> int:
     stop = asyncio.Event()
     caught: list[int] = []
 
@@ -147,14 +155,13 @@ async def _serve_until_signal(settings: "LabSettings") -> int:
         caught.append(number)
         stop.set()
 
-    served = Lab(settings)
     try:
-        await served.start()
+        await lab.start()
         for number in (signal.SIGINT, signal.SIGTERM):
             asyncio.get_running_loop().add_signal_handler(number, end, number)
-        sys.stdout.write(json.dumps(served.ready()) + "\n")
+        sys.stdout.write(json.dumps(lab.ready()) + "\n")
         sys.stdout.flush()
-        await served.run(stop)
+        await lab.run(stop)
     finally:
-        await served.close()
-    return 130 if signal.SIGINT in caught else 0
+        await lab.close()
+    return EXIT_INTERRUPTED if signal.SIGINT in caught else 0
