@@ -42,7 +42,7 @@ from onboard.landing_model import (
 )
 from onboard.mixer import flip_thrusts
 from onboard.rotation import body_z, euler_angles
-from onboard.trajectory import ApproachPlan, approach_is_sound, sample_approach
+from onboard.trajectory import ApproachPlan, Setpoint, approach_is_sound, smooth_approach
 
 __all__ = [
     "LANDING_MEMORY",
@@ -201,7 +201,7 @@ def _trigger_is_missed(memory: Any, inputs: LandingInputs, plan: ApproachPlan, l
         # Between two evaluations tau may pass the range's end unseen: wait for the one after.
         floor = limits.policy_tau_min - (0.0 if inputs.evaluated else POLICY_PERIOD)
         return left < floor * climb
-    climbing = inputs.time - memory.start_time < plan.t_x + plan.t_z
+    climbing = inputs.time - memory.start_time < plan.t_x + plan.t_z + 2.0 * limits.smoothing
     acceleration = limits.thrust_reserve + (plan.az if climbing else 0.0)
     rise = stopping_distance(climb, acceleration, limits.motor_lag) + climb * limits.latency
     return left - limits.brake_margin < rise
@@ -310,11 +310,19 @@ def _advance(memory: Any, inputs: LandingInputs, plan: ApproachPlan, limits: Lan
 
 
 @njit(cache=True)
+def _approach_setpoint(elapsed: float, plan: ApproachPlan, limits: LandingLimits) -> Setpoint:
+    """The approach as motors with a lag can fly it: rounded off, its thrust commanded ahead by the lag."""
+    p, v, a, jerk = smooth_approach(plan, elapsed - limits.smoothing, limits.smoothing)
+    lag = limits.motor_lag_up if jerk[2] > 0.0 else limits.motor_lag
+    return p, v, (a[0], a[1], a[2] + lag * jerk[2])
+
+
+@njit(cache=True)
 def _output(memory: Any, inputs: LandingInputs, plan: ApproachPlan, limits: LandingLimits) -> LandingOutput:
     state = memory.state
     attitude = own_attitude(memory)
     if state == APPROACH:
-        p, v, a = sample_approach(plan, inputs.time - memory.start_time)
+        p, v, a = _approach_setpoint(inputs.time - memory.start_time, plan, limits)
         return LandingOutput(_SETPOINT, p, v, a, 0.0, 0.0, _NO_THRUSTS, attitude)
     if state == HOLD:
         p, v, a = hold_setpoint(memory, inputs.time, plan, limits)

@@ -111,7 +111,8 @@ class LandingLimits(NamedTuple):
         policy_tau_min: below this tau the live policy cannot trigger; NaN when there is none.
         start_distance, start_speed: how near the start the drone must be for `go`.
         start_z_min: lowest start of an approach.
-        motor_lag: time constant of falling thrust.
+        motor_lag, motor_lag_up: time constants of falling and rising thrust.
+        smoothing: half the time over which steps of the approach's acceleration are rounded off.
         latency: from the ceiling's approach to a changed motor command.
         thrust_reserve: m/s2 by which the thrust may exceed what the plan asks for.
         brake_margin: distance from the origin to the ceiling that a brake must leave.
@@ -131,6 +132,8 @@ class LandingLimits(NamedTuple):
     start_speed: float
     start_z_min: float
     motor_lag: float
+    motor_lag_up: float
+    smoothing: float
     latency: float
     thrust_reserve: float
     brake_margin: float
@@ -160,6 +163,8 @@ def landing_limits(vehicle: Vehicle, policy_tau_min: float = math.nan) -> Landin
         start_speed=0.3,
         start_z_min=0.2,
         motor_lag=motors.time_constant_down.value,
+        motor_lag_up=motors.time_constant_up.value,
+        smoothing=0.08,
         latency=0.02,
         thrust_reserve=0.5,
         brake_margin=top + 0.06,

@@ -207,3 +207,41 @@ def sample_approach(plan: ApproachPlan, t: float) -> Setpoint:
         (plan.vx, 0.0, plan.vz),
         (0.0, 0.0, 0.0),
     )
+
+
+@njit(cache=True)
+def _speed_up(
+    t: float, start: float, duration: float, acceleration: float
+) -> tuple[float, float, float, float]:
+    """One constant acceleration from `start` on: it, velocity, displacement and its integral, at `t`."""
+    s = t - start
+    if s <= 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    if s < duration:
+        return acceleration, acceleration * s, 0.5 * acceleration * s * s, acceleration * s**3 / 6.0
+    speed, middle = acceleration * duration, s - 0.5 * duration
+    integral = acceleration * duration**3 / 6.0 + 0.5 * speed * (middle * middle - 0.25 * duration * duration)
+    return 0.0, speed, speed * middle, integral
+
+
+@njit(cache=True)
+def smooth_approach(plan: ApproachPlan, t: float, half_width: float) -> tuple[Vector, Vector, Vector, Vector]:
+    """The approach with its steps of acceleration rounded off: what motors with a lag can follow.
+
+    The moving average of :func:`sample_approach` over `half_width` (s) to both sides, which is exact on the
+    line of constant velocity and in the hover. Its acceleration is a trapezoid.
+
+    Returns:
+        Position (m), velocity (m/s), acceleration (m/s2) and jerk (m/s3).
+    """
+    width = 2.0 * half_width
+    a1, v1, d1, i1 = _speed_up(t + half_width, 0.0, plan.t_x, plan.ax)
+    a0, v0, d0, i0 = _speed_up(t - half_width, 0.0, plan.t_x, plan.ax)
+    c1, w1, e1, j1 = _speed_up(t + half_width, plan.t_x, plan.t_z, plan.az)
+    c0, w0, e0, j0 = _speed_up(t - half_width, plan.t_x, plan.t_z, plan.az)
+    return (
+        (plan.x0 + (i1 - i0) / width, plan.y0, plan.z0 + (j1 - j0) / width),
+        ((d1 - d0) / width, 0.0, (e1 - e0) / width),
+        ((v1 - v0) / width, 0.0, (w1 - w0) / width),
+        ((a1 - a0) / width, 0.0, (c1 - c0) / width),
+    )

@@ -23,7 +23,13 @@ from onboard.landing import (
     new_landing_memory,
 )
 from onboard.rotation import body_z, from_rotation_vector, integrate
-from onboard.trajectory import ApproachPlan, plan_approach, plan_from_velocity, sample_approach
+from onboard.trajectory import (
+    ApproachPlan,
+    plan_approach,
+    plan_from_velocity,
+    sample_approach,
+    smooth_approach,
+)
 from onboard.vehicle import load_vehicle
 
 LIMITS = landing_limits(load_vehicle("crazyflie21-upgraded"), 0.206)
@@ -208,8 +214,25 @@ def test_the_approach_is_the_plan(elapsed: float) -> None:
     rig = Rig()
     output = rig.approach(elapsed)
     assert output.mode == OutputMode.SETPOINT
-    for got, wanted in zip(output[1:4], sample_approach(PLAN, elapsed), strict=True):
-        assert got == pytest.approx(wanted, abs=1e-9)
+    position, velocity, acceleration, jerk = smooth_approach(
+        PLAN, elapsed - LIMITS.smoothing, LIMITS.smoothing
+    )
+    assert output.position == pytest.approx(position, abs=1e-9)
+    assert output.velocity == pytest.approx(velocity, abs=1e-9)
+    if jerk[2] == 0.0:
+        assert output.acceleration == pytest.approx(acceleration, abs=1e-9)
+
+
+def test_the_approach_begins_where_the_drone_hovers() -> None:
+    output = Rig().approach(0.0)
+    assert output.position == pytest.approx((PLAN.x0, PLAN.y0, PLAN.z0))
+    assert output.velocity == pytest.approx((0.0, 0.0, 0.0))
+
+
+def test_thrust_is_commanded_ahead_of_the_motors() -> None:
+    climb_begins, climb_ends = PLAN.t_x + LIMITS.smoothing, PLAN.t_x + PLAN.t_z + LIMITS.smoothing
+    assert Rig().approach(climb_begins).acceleration[2] > 0.5 * PLAN.az
+    assert Rig().approach(climb_ends).acceleration[2] < 0.5 * PLAN.az
 
 
 # ---- trigger ----------------------------------------------------------------------------------------------
@@ -592,7 +615,8 @@ def fly_point_mass(plan: ApproachPlan, limits: LandingLimits, policy_armed: bool
     closest = plan.ceiling_z - p[2]
     for k in range(20000):
         if output.mode == OutputMode.SETPOINT and rig.state is LandingState.APPROACH:
-            position, velocity, acceleration = sample_approach(plan, rig.inputs.time - start)
+            elapsed = rig.inputs.time - start - limits.smoothing
+            position, velocity, acceleration, _ = smooth_approach(plan, elapsed, limits.smoothing)
             p, v, thrust = list(position), list(velocity), 9.81 + acceleration[2]
         else:
             wanted = output.collective

@@ -16,6 +16,7 @@ from onboard.trajectory import (
     fit_approach,
     plan_approach,
     sample_approach,
+    smooth_approach,
 )
 
 ROOM = RoomGeometry()
@@ -134,3 +135,33 @@ def test_a_plan_with_a_number_that_is_none_is_not_sound(field: str, value: float
     assert approach_is_sound(good, 0.2)
     if field not in ("impact_x", "t_x", "t_z"):
         assert not approach_is_sound(good._replace(**{field: value}), 0.2)
+
+
+@given(conditions, st.floats(0.02, 0.2), st.floats(0.0, 1.2))
+def test_rounding_off_is_the_moving_average(
+    condition: tuple[float, float], half_width: float, share: float
+) -> None:
+    approach = plan(*condition)
+    t = share * approach.impact_time
+    position, velocity, acceleration, jerk = smooth_approach(approach, t, half_width)
+    around = np.linspace(t - half_width, t + half_width, 4001)
+    samples = [sample_approach(approach, float(moment)) for moment in around]
+    for got, exact in zip(
+        (position, velocity), np.moveaxis(np.array([s[:2] for s in samples]), 1, 0), strict=True
+    ):
+        np.testing.assert_allclose(got, np.trapezoid(exact, around, axis=0) / (2 * half_width), atol=1e-5)
+    step = 1e-5
+    later = smooth_approach(approach, t + step, half_width)
+    np.testing.assert_allclose((np.array(later[1]) - velocity) / step, acceleration, atol=1e-2)
+    assert np.all(np.abs(np.array(jerk)) <= 3.1 / (2 * half_width) + 1e-9)
+
+
+@given(conditions)
+def test_rounding_off_changes_neither_the_hover_nor_the_line_of_constant_velocity(
+    condition: tuple[float, float],
+) -> None:
+    approach = plan(*condition)
+    for t in (-1.0, -0.08, approach.t_x + approach.t_z + 0.08, approach.impact_time):
+        smooth, sharp = smooth_approach(approach, t, 0.08), sample_approach(approach, t)
+        for got, wanted in zip(smooth[:3], sharp, strict=True):
+            np.testing.assert_allclose(got, wanted, atol=1e-9)
