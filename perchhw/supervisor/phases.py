@@ -78,7 +78,9 @@ def _arming(state: FlightState, o: Observation, context: Context) -> Step:
     stop = guard(state, GROUND_RULES, o, context)
     if stop is not None:
         return stop
-    if o.drone is not None and o.drone.is_armed and o.drone.can_fly:
+    armed = o.drone is not None and o.drone.is_armed and o.drone.can_fly
+    state, ready = _held(state, armed, context.timing.arm_hold, context)
+    if ready:
         # Only now: telemetry from before the upload may still be in flight earlier in this phase.
         stop = _policy_guard(state, o, context)
         if stop is not None:

@@ -50,12 +50,18 @@ class Mission:
 
 @dataclass(frozen=True, kw_only=True)
 class Timing:
-    """Deadlines and dwell times of the phases, s."""
+    """Deadlines and dwell times of the phases, s.
+
+    Attributes:
+        arm_hold: between "may fly" and the take-off. The firmware's planner learns where the drone is up to
+            10 ms after it may fly; an earlier take-off would start from the origin.
+    """
 
     checks_hold: float = 0.5
     checks_deadline: float = 8.0
     upload_deadline: float = 20.0
     arm_deadline: float = 3.0
+    arm_hold: float = 0.1
     take_off: float = 2.0
     move_margin: float = 4.0
     hover_hold: float = 0.6

@@ -172,10 +172,11 @@ class Firmware:
         """The setpoint in force; null while flying is not allowed."""
         can_fly = self.supervisor.can_fly
         self.high_level.block(not can_fly)
-        if tick % HIGH_LEVEL_PERIOD_MS == 0:
-            # Also while flying is not allowed: the planner must know where the drone is when it first may.
+        if can_fly and tick % HIGH_LEVEL_PERIOD_MS == 0:
+            # As in the firmware, the planner knows where the drone is only from here on: a take-off in the
+            # first 10 ms starts from where it was last told.
             planned = self.high_level.setpoint(self.flat_state(), tick * DT)
-            if can_fly and planned is not None:
+            if planned is not None:
                 self._commander.set(planned, Priority.HIGH_LEVEL, tick)
         return self._commander.setpoint if can_fly else Setpoint()
 
