@@ -1,0 +1,95 @@
+"""Every command that the documentation shows works: console lines run, synopses agree with ``--help``."""
+
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from perchhw.lab_process import SimulatedLab
+from tests.conftest import REPOSITORY
+
+PAGES = [REPOSITORY / "README.md", *sorted((REPOSITORY / "docs").glob("*.md"))]
+RUN_BY_CI = {"make demo", "make test"}
+LAB = "perchhw sim lab"
+DRONE, MOCAP = "udp://127.0.0.1:19850", "vicon://127.0.0.1:18801?subject=cf1"
+
+
+def console_lines(page: Path) -> list[str]:
+    """Commands after ``$`` in the page's console blocks."""
+    blocks = re.findall(r"```console\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    return [line[2:] for block in blocks for line in block.splitlines() if line.startswith("$ ")]
+
+
+def synopses(page: Path) -> list[str]:
+    """Lines of code that show a verb with placeholders."""
+    lines = re.findall(r"^(?:    )?(perchhw [a-z].*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    return [line.split("#")[0].strip() for line in lines if " is " not in line]
+
+
+def perchhw(*arguments: str, folder: Path | None = None) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(
+        [sys.executable, "-m", "perchhw", *arguments], capture_output=True, text=True, check=False, cwd=folder
+    )
+
+
+@pytest.fixture(scope="module")
+def lab() -> Iterator[SimulatedLab]:
+    with SimulatedLab(
+        "lab", ["--drone-port", "0", "--vicon-port", "0", "--vicon-udp-port", "0", "--seed", "3"]
+    ) as lab:
+        yield lab
+
+
+@pytest.mark.timeout(240)
+@pytest.mark.parametrize("page", [p for p in PAGES if console_lines(p)], ids=lambda page: page.name)
+def test_console_lines_run(page: Path, lab: SimulatedLab, tmp_path: Path) -> None:
+    for line in console_lines(page):
+        if line in RUN_BY_CI or line == LAB:
+            continue
+        on_lab = line.replace(DRONE, lab.drones[0]).replace(MOCAP, lab.mocap[0])
+        program, *arguments = shlex.split(on_lab)
+        assert program == "perchhw", f"{page.name}: teach this test how to run {line!r}"
+        done = perchhw(*arguments, folder=tmp_path)
+        assert done.returncode == 0, f"{page.name}: {line}\n{done.stdout}{done.stderr}"
+        if arguments[0] == "fly" and "--dry-run" not in arguments:
+            put_back(lab)
+
+
+def put_back(lab: SimulatedLab) -> None:
+    from perchhw.flight.turnaround import put_back
+
+    put_back(lab.drones[0], confirm=lambda _what: None)
+
+
+def test_the_readme_shows_the_two_commands_first() -> None:
+    assert console_lines(REPOSITORY / "README.md")[:2] == ["make demo", "make test"]
+    makefile = (REPOSITORY / "Makefile").read_text(encoding="utf-8")
+    for command in RUN_BY_CI:
+        assert re.search(rf"^{command.split()[1]}:", makefile, re.MULTILINE)
+
+
+@pytest.mark.parametrize(
+    ("page", "synopsis"),
+    [(p.name, line) for p in PAGES for line in synopses(p)],
+    ids=lambda value: value[:60],
+)
+def test_synopses_agree_with_the_help(page: str, synopsis: str) -> None:
+    words = synopsis.split()[1:]
+    verbs = [word for word in words[:2] if re.fullmatch(r"[a-z]+", word)]
+    done = perchhw(*verbs, "--help")
+    if done.returncode and len(verbs) == 2:
+        done = perchhw(verbs[0], "--help")
+    assert done.returncode == 0, f"{page}: {synopsis}\n{done.stderr}"
+    for option in re.findall(r"--[a-z][a-z-]*", synopsis):
+        assert option in done.stdout or option == "--json", f"{page}: {synopsis} has no {option}"
+
+
+def test_links_between_pages_lead_somewhere() -> None:
+    for page in PAGES:
+        for target in re.findall(r"\]\(([^)#]+?)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):
+            if not target.startswith(("http:", "https:")):
+                assert (page.parent / target).exists(), f"{page.name} links to {target}"

@@ -1,0 +1,209 @@
+"""Whole attempts over the real protocols against the simulated lab: landings, refusals, sudden deaths."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calibration.flights import open_flight
+from onboard.errors import PerchhwError
+from perchhw.attempt import AttemptRequest, AttemptResult, Outcome
+from perchhw.flight import fly_attempt
+from perchhw.flight.turnaround import put_back
+from perchhw.lab_process import SimulatedLab
+from perchhw.record import read_run
+from perchhw.supervisor import FlightState, Phase
+
+FREE_PORTS = ("--drone-port", "0", "--vicon-port", "0", "--vicon-udp-port", "0", "--seed", "7")
+
+
+def open_lab(*arguments: str) -> SimulatedLab:
+    return SimulatedLab("lab", (*FREE_PORTS, *arguments))
+
+
+@pytest.fixture(scope="module")
+def lab() -> Iterator[SimulatedLab]:
+    with open_lab() as lab:
+        yield lab
+
+
+def request(lab: SimulatedLab, folder: Path, **changes: Any) -> AttemptRequest:
+    values: dict[str, Any] = {
+        "speed": 2.5,
+        "angle_deg": 60.0,
+        "index": 0,
+        "folder": folder,
+        "drone": lab.drones[0],
+        "mocap": lab.mocap[0],
+        "policy": "default",
+        "vehicle": "crazyflie21-upgraded",
+    }
+    return AttemptRequest(**{**values, **changes})
+
+
+def refused(lab: SimulatedLab, folder: Path, **changes: Any) -> AttemptResult:
+    """An attempt that must not arm: the record must show that it never did."""
+    phases: list[Phase] = []
+    result = fly_attempt(request(lab, folder, **changes), on_phase=lambda state: phases.append(state.phase))
+    assert result.outcome is Outcome.ABORTED
+    assert result.aborted_by is not None
+    assert Phase.TAKING_OFF not in phases
+    return result
+
+
+@pytest.mark.timeout(300)
+def test_an_attempt_lands_and_its_record_tells_the_whole_story(lab: SimulatedLab, tmp_path: Path) -> None:
+    result = fly_attempt(request(lab, tmp_path / "run"))
+    assert result.triggered, result
+    assert result.outcome.attached, result
+    assert result.trigger is not None
+    assert 0.05 < result.trigger["tau"] < 0.4
+    assert result.trigger["trigger_value"] >= 0.0
+    assert result.trigger["a_rot"] < 0.0
+
+    run = read_run(result.record)
+    assert run.info["outcome"] == result.outcome
+    assert run.info["triggered"] is True
+    events = [event["phase"] for event in run.events if event["event"] == "phase"]
+    assert events[0] == "checking"
+    assert events[-1] == "done"
+    flight = open_flight(result.record)
+    assert float(np.nanmax(flight.data["z"])) > 1.9
+    put_back(lab.drones[0], confirm=lambda _what: None)
+
+
+def test_a_dry_run_uploads_the_policy_and_never_arms(lab: SimulatedLab, tmp_path: Path) -> None:
+    phases: list[Phase] = []
+    result = fly_attempt(
+        request(lab, tmp_path / "run"), dry_run=True, on_phase=lambda state: phases.append(state.phase)
+    )
+    assert result.aborted_by is None
+    assert phases == [Phase.CHECKING, Phase.UPLOADING, Phase.DONE]
+
+
+def test_a_wrong_subject_name_does_not_arm(lab: SimulatedLab, tmp_path: Path) -> None:
+    wrong = lab.mocap[0].replace("subject=", "subject=not-")
+    result = refused(lab, tmp_path / "run", mocap=wrong)
+    assert "pose" in str(result.aborted_by)
+
+
+def test_no_mocap_does_not_arm(lab: SimulatedLab, tmp_path: Path) -> None:
+    result = refused(lab, tmp_path / "run", mocap="vicon://127.0.0.1:9?subject=cf1")
+    assert "pose" in str(result.aborted_by)
+
+
+def test_no_drone_is_an_error_and_the_record_says_why(lab: SimulatedLab, tmp_path: Path) -> None:
+    with pytest.raises(PerchhwError, match=r"127\.0\.0\.1:9"):
+        fly_attempt(request(lab, tmp_path / "run", drone="udp://127.0.0.1:9"))
+    assert "127.0.0.1:9" in read_run(tmp_path / "run").info["aborted_by"]
+
+
+def test_a_flat_battery_does_not_arm(tmp_path: Path) -> None:
+    with open_lab("--fault", "battery_voltage=3.6") as lab:
+        result = refused(lab, tmp_path / "run")
+    assert "battery_at_rest" in str(result.aborted_by)
+
+
+def test_frozen_poses_do_not_arm(tmp_path: Path) -> None:
+    with open_lab("--fault", "mocap_freeze_at=0") as lab:
+        result = refused(lab, tmp_path / "run")
+    assert "pose" in str(result.aborted_by)
+
+
+def fly_in_child(lab: SimulatedLab, folder: Path) -> "subprocess.Popen[str]":
+    """`perchhw fly` as a process of its own."""
+    arguments = ["--drone", lab.drones[0], "--mocap", lab.mocap[0], "--speed", "2.5", "--angle", "60"]
+    return subprocess.Popen(
+        [sys.executable, "-m", "perchhw", "--json", "fly", *arguments, "--out", str(folder)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def wait_for_phase(process: "subprocess.Popen[str]", phase: str) -> None:
+    """Read the child's progress until it enters `phase`."""
+    assert process.stderr is not None
+    for line in process.stderr:
+        if phase in line:
+            return
+    pytest.fail(f"the flight ended before it was {phase}")
+
+
+def only_run(folder: Path) -> Path:
+    (run,) = folder.iterdir()
+    return run
+
+
+def last_pose_time(run: Path) -> float:
+    return float(read_run(run).series["pose"].t[-1])
+
+
+@pytest.mark.parametrize("victim", ["lab", "room"])
+def test_a_drone_or_room_that_dies_on_the_approach_ends_the_attempt(victim: str, tmp_path: Path) -> None:
+    with open_lab() as lab:
+        processes = lab.ready["processes"]
+        died = threading.Event()
+
+        def kill_on_approach(state: FlightState) -> None:
+            if state.phase is Phase.APPROACHING and not died.is_set():
+                os.kill(processes[victim], signal.SIGKILL)
+                died.set()
+
+        result = fly_attempt(request(lab, tmp_path / "run"), on_phase=kill_on_approach)
+    assert died.is_set()
+    assert result.outcome is Outcome.ABORTED, result
+    run = read_run(tmp_path / "run")
+    assert run.info["closed"] is True
+    killed_at = next(e["t"] for e in run.events if e["event"] == "phase" and e["phase"] == "approaching")
+    topic = "pose" if victim == "room" else "estimate"
+    assert abs(float(run.series[topic].t[-1]) - killed_at) < 0.2 or victim == "room"
+
+
+def test_a_flight_killed_on_the_approach_loses_nothing_older_than_200_ms(tmp_path: Path) -> None:
+    with open_lab() as lab:
+        process = fly_in_child(lab, tmp_path)
+        wait_for_phase(process, "approaching")
+        from onboard.clock import monotonic
+
+        killed_at = monotonic()
+        process.kill()
+        process.communicate()
+        assert killed_at - last_pose_time(only_run(tmp_path)) < 0.2
+
+
+def test_ctrl_c_in_the_air_stops_the_motors_and_exits_130(tmp_path: Path) -> None:
+    truth = tmp_path / "truth.csv"
+    with open_lab("--truth", str(truth)) as lab:
+        process = fly_in_child(lab, tmp_path / "runs")
+        wait_for_phase(process, "moving to start")
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=20)
+    assert process.returncode == 130, errors
+    run = read_run(only_run(tmp_path / "runs"))
+    assert run.info["closed"] is True
+    assert run.info["aborted_by"] == "operator"
+    last_row = truth.read_text().splitlines()[-1].split(",")
+    assert float(last_row[4]) < 0.3
+
+
+def test_fly_reports_one_json_document(lab: SimulatedLab, tmp_path: Path) -> None:
+    arguments = ["--drone", lab.drones[0], "--mocap", lab.mocap[0], "--speed", "2.5", "--angle", "60"]
+    done = subprocess.run(
+        [sys.executable, "-m", "perchhw", "fly", *arguments, "--dry-run", "--json", "--out", str(tmp_path)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
+    assert set(document) >= {"outcome", "triggered", "trigger", "aborted_by", "record"}
+    assert document["aborted_by"] is None
