@@ -33,7 +33,7 @@ class SimulatedLab:
     """
 
     def __init__(self, part: str = "lab", arguments: Sequence[str] = (), timeout_s: float = 300.0) -> None:
-        self._command = [sys.executable, "-m", "perchhw", "sim", part, *arguments]
+        self._command = [sys.executable, "-m", "perchhw", "sim", part, "--with-parent", *arguments]
         self._timeout_s = timeout_s
         self._process: subprocess.Popen[str] | None = None
         self._lines: queue.Queue[str | None] = queue.Queue()
@@ -65,7 +65,12 @@ class SimulatedLab:
             LabNotReady: it ended or stayed silent; the message has what it said.
         """
         process = subprocess.Popen(
-            self._command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+            self._command,
+            stdin=subprocess.PIPE,  # ends with this process, however that ends
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
         )
         self._process = process
         self._readers = (
@@ -78,6 +83,9 @@ class SimulatedLab:
             line = self._lines.get(timeout=self._timeout_s)
         except queue.Empty:
             line = None
+        except BaseException:
+            self.close()
+            raise
         if line is None:
             self.close()
             said = "".join(self._errors).strip() or "nothing"
@@ -102,6 +110,8 @@ class SimulatedLab:
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
+        if process.stdin is not None:
+            process.stdin.close()
         for reader in self._readers:
             reader.join()
 

@@ -5,6 +5,7 @@ import json
 import os
 import signal
 import sys
+import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -43,6 +44,9 @@ Fault = Annotated[
     ),
 ]
 Seed = Annotated[int, typer.Option(help="Seed of all random numbers.")]
+WithParent = Annotated[
+    bool, typer.Option("--with-parent", help="End when standard input ends, as it does when the parent dies.")
+]
 
 
 @app.command()
@@ -56,6 +60,7 @@ def lab(
     truth: Truth = None,
     fault: Fault = None,
     seed: Seed = 0,
+    with_parent: WithParent = False,
 ) -> int:
     """Drones and mocap room."""
     from sim_backend.lab import LabSettings
@@ -71,7 +76,7 @@ def lab(
         faults=parse_faults(fault or ()),
         seed=seed,
     )
-    return _serve(settings)
+    return _serve(settings, with_parent)
 
 
 @app.command()
@@ -83,6 +88,7 @@ def drone(
     truth: Truth = None,
     fault: Fault = None,
     seed: Seed = 0,
+    with_parent: WithParent = False,
 ) -> int:
     """Drones without a mocap room: nobody tells them where they are."""
     from sim_backend.lab import LabSettings
@@ -97,7 +103,7 @@ def drone(
         faults=parse_faults(fault or ()),
         seed=seed,
     )
-    return _serve(settings)
+    return _serve(settings, with_parent)
 
 
 @app.command()
@@ -109,6 +115,7 @@ def room(
     legs: Legs = None,
     fault: Fault = None,
     seed: Seed = 0,
+    with_parent: WithParent = False,
 ) -> int:
     """The mocap room alone, with drones that rest on their start marks."""
     from sim_backend.lab import LabSettings
@@ -123,7 +130,7 @@ def room(
         faults=parse_faults(fault or ()),
         seed=seed,
     )
-    return _serve(settings)
+    return _serve(settings, with_parent)
 
 
 @app.command()
@@ -133,8 +140,8 @@ def faults() -> None:
     emit({"faults": table}, "\n".join(f"{name}={text}" for name, text in table.items()))
 
 
-def _serve(settings: "LabSettings") -> int:
-    """Serve until SIGINT (exit code 130) or SIGTERM (0)."""
+def _serve(settings: "LabSettings", with_parent: bool) -> int:
+    """Serve until SIGINT (exit code 130), SIGTERM or, `with_parent`, the end of standard input (0)."""
     from sim_backend.lab import Lab
 
     lab = Lab(settings)
@@ -144,10 +151,10 @@ def _serve(settings: "LabSettings") -> int:
         lab.prepare()
     finally:
         signal.signal(signal.SIGINT, previous)
-    return asyncio.run(_serve_until_signal(lab))
+    return asyncio.run(_serve_until_told(lab, with_parent))
 
 
-async def _serve_until_signal(lab: "Lab") -> int:
+async def _serve_until_told(lab: "Lab", with_parent: bool) -> int:
     stop = asyncio.Event()
     caught: list[int] = []
 
@@ -157,11 +164,20 @@ async def _serve_until_signal(lab: "Lab") -> int:
 
     try:
         await lab.start()
+        loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM):
-            asyncio.get_running_loop().add_signal_handler(number, end, number)
+            loop.add_signal_handler(number, end, number)
+        if with_parent:
+            threading.Thread(target=_wait_for_parent, args=(loop, stop), daemon=True).start()
         sys.stdout.write(json.dumps(lab.ready()) + "\n")
         sys.stdout.flush()
         await lab.run(stop)
     finally:
         await lab.close()
     return EXIT_INTERRUPTED if signal.SIGINT in caught else 0
+
+
+def _wait_for_parent(loop: asyncio.AbstractEventLoop, stop: asyncio.Event) -> None:
+    """Stop the lab when standard input ends. A thread, because not every kind of input can be polled."""
+    sys.stdin.buffer.read()
+    loop.call_soon_threadsafe(stop.set)

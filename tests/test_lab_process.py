@@ -1,0 +1,55 @@
+"""The simulated lab as a child process: it comes with its parent and goes with it."""
+
+import os
+import select
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from perchhw.lab_process import LabNotReady, SimulatedLab
+
+PORTS = ["--drone-port", "0", "--vicon-port", "0", "--vicon-udp-port", "0"]
+
+
+def test_serves_while_open_and_is_gone_afterwards() -> None:
+    with SimulatedLab("lab", PORTS) as lab:
+        pids = list(lab.ready["processes"].values())
+        assert lab.drones[0].startswith("udp://127.0.0.1:")
+        assert lab.mocap[0].startswith("vicon://127.0.0.1:")
+        watches = [os.pidfd_open(pid) for pid in pids]
+    try:
+        for watch in watches:
+            assert select.select([watch], [], [], 5.0)[0], "a process of the lab outlived it"
+    finally:
+        for watch in watches:
+            os.close(watch)
+
+
+def test_a_parent_that_is_killed_takes_the_lab_along() -> None:
+    code = (
+        "import sys; from perchhw.lab_process import SimulatedLab\n"
+        f"lab = SimulatedLab('lab', {PORTS!r}).open()\n"
+        "print(*lab.ready['processes'].values(), flush=True); sys.stdin.read()"
+    )
+    parent = subprocess.Popen(
+        [sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    assert parent.stdout is not None
+    pids = [int(word) for word in parent.stdout.readline().split()]
+    assert len(pids) == 2
+    watches = [os.pidfd_open(pid) for pid in pids]
+    try:
+        parent.send_signal(signal.SIGKILL)
+        parent.communicate()
+        for watch in watches:
+            assert select.select([watch], [], [], 5.0)[0], "a process of the lab outlived its parent"
+    finally:
+        for watch in watches:
+            os.close(watch)
+
+
+def test_a_lab_that_cannot_start_says_why() -> None:
+    with pytest.raises(LabNotReady, match="no_such_fault"):
+        SimulatedLab("lab", [*PORTS, "--fault", "no_such_fault=1"]).open()
