@@ -16,8 +16,9 @@ from typing import Protocol, Self
 from mocap_bridge.errors import MocapError, PoseTimeout
 from mocap_bridge.health import HealthLimits, HealthStatistics, PoseHealth, Verdict
 from mocap_bridge.pose import PoseSample, PoseStream, SourceStatistics, open_pose_stream
-from mocap_bridge.rotation import Quaternion, Vector, continuous, normalised
+from mocap_bridge.rotation import continuous, normalised
 from mocap_bridge.uri import MocapUri, parse_mocap_uri
+from onboard.arrays import Quaternion, Vector
 from onboard.clock import Clock
 from onboard.errors import PerchhwError
 

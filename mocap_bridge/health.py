@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from enum import Enum
 
 from mocap_bridge.pose import PoseSample
-from mocap_bridge.rotation import Vector, angle_between
+from mocap_bridge.rotation import angle_between
+from onboard.arrays import Vector
 from onboard.clock import Clock
 
 

@@ -8,8 +8,8 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from mocap_bridge.errors import MocapUriError
-from mocap_bridge.rotation import Quaternion, Vector
 from mocap_bridge.uri import MocapUri, parse_mocap_uri
+from onboard.arrays import Quaternion, Vector
 from onboard.clock import Clock
 
 

@@ -1,12 +1,13 @@
-"""Rotations as the mocap protocols write them, in plain floats (one body a frame needs no arrays).
+"""Rotations as the mocap protocols write them, in plain floats (one body a frame needs no arrays,
+and a compiled function would stall the first frame).
 
 Quaternions are (x, y, z, w), unit, body to world. Matrices are nine floats, row-major, body to world.
 """
 
 import math
 
-Vector = tuple[float, float, float]
-Quaternion = tuple[float, float, float, float]
+from onboard.arrays import Quaternion, Vector
+
 Matrix = tuple[float, float, float, float, float, float, float, float, float]
 
 

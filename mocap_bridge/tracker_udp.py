@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from mocap_bridge.errors import PacketError
-from mocap_bridge.rotation import Vector
+from onboard.arrays import Vector
 
 BLOCK_SIZES = (256, 512, 1024)
 NAME_BYTES = 23

@@ -12,7 +12,7 @@ from typing import Any
 
 from numba import njit
 
-from onboard.controller import GRAVITY
+from onboard.gravity import GRAVITY
 from onboard.landing_model import LandingLimits
 from onboard.trajectory import ApproachPlan, Setpoint
 

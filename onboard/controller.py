@@ -13,11 +13,10 @@ from typing import NamedTuple, TypeAlias
 
 from numba import njit
 
-from onboard.rotation import Indexable, Vector, body_x, body_y, body_z
+from onboard.arrays import Vector
+from onboard.gravity import GRAVITY
+from onboard.rotation import Indexable, body_x, body_y, body_z
 from onboard.vehicle_model import Vehicle
-
-GRAVITY = 9.81
-"""m/s2."""
 
 Wrench: TypeAlias = tuple[float, float, float, float]
 

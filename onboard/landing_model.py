@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from onboard.rotation import Quaternion, Vector
+from onboard.arrays import Quaternion, Vector
 from onboard.vehicle_model import Vehicle
 
 

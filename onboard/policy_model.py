@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from onboard.errors import InputError, OnboardError
+from onboard.gravity import GRAM_FORCE
 
 Float32Array = NDArray[np.float32]
 
@@ -32,7 +33,7 @@ WEIGHT_LIMIT = 1.0e4
 TAU_LIMIT = 10.0
 A_ROT_LIMIT = 0.05
 
-PAPER_A_ROT_LIMIT = 2 * 0.015 * 9.80665 * 0.0325
+PAPER_A_ROT_LIMIT = 2 * 15 * GRAM_FORCE * 0.0325
 """N m. Two motors of 15 gf at an arm of 32.5 mm: the largest moment of the paper's vehicle (errata 7)."""
 
 

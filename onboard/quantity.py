@@ -5,6 +5,7 @@ import re
 from dataclasses import dataclass
 
 from onboard.errors import InputError, OnboardError
+from onboard.gravity import GRAM_FORCE
 
 
 class UnitError(OnboardError, InputError):
@@ -56,7 +57,7 @@ _CONVERSION: dict[str, tuple[str, float]] = {
     "mA": ("A", 1e-3),
     "deg": ("rad", math.pi / 180.0),
     "mN": ("N", 1e-3),
-    "gf": ("N", 9.80665e-3),  # gram-force, standard gravity
+    "gf": ("N", GRAM_FORCE),
     "mV": ("V", 1e-3),
     "mohm": ("ohm", 1e-3),
     "mAh": ("C", 3.6),

@@ -10,11 +10,10 @@ from typing import TypeAlias
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-Vector: TypeAlias = tuple[float, float, float]
-Quaternion: TypeAlias = tuple[float, float, float, float]
-Indexable: TypeAlias = Sequence[float] | NDArray[np.float64]
+from onboard.arrays import FloatArray, Quaternion, Vector
+
+Indexable: TypeAlias = Sequence[float] | FloatArray
 
 
 @njit(cache=True)
@@ -96,7 +95,7 @@ def body_z(q: Indexable) -> Vector:
 
 
 @njit(cache=True)
-def to_matrix(q: Indexable) -> NDArray[np.float64]:
+def to_matrix(q: Indexable) -> FloatArray:
     """Rotation matrix, shape (3, 3), body to world; its columns are the body axes."""
     matrix = np.empty((3, 3))
     first, second, third = body_x(q), body_y(q), body_z(q)
@@ -108,7 +107,7 @@ def to_matrix(q: Indexable) -> NDArray[np.float64]:
 
 
 @njit(cache=True)
-def from_matrix(matrix: NDArray[np.float64]) -> Quaternion:
+def from_matrix(matrix: FloatArray) -> Quaternion:
     """Unit quaternion (w >= 0 where possible) of a rotation matrix, shape (3, 3).
 
     Shepperd's method: the largest of the four squares is computed first, so that nothing is divided by a

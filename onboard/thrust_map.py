@@ -15,8 +15,7 @@ two_region_log      V = a1 ln(1 + f/b1) up to `break_thrust`, V(break) + a2 ln((
 from enum import IntEnum
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
+from onboard.arrays import FloatArray
 
 
 class ThrustMapForm(IntEnum):
@@ -52,4 +51,4 @@ class ThrustMap(NamedTuple):
     """
 
     form: int
-    coefficients: NDArray[np.float64]
+    coefficients: FloatArray

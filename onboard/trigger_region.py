@@ -7,11 +7,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from onboard.arrays import FloatArray
 from onboard.policy_model import PolicyError
-
-Float64Array = NDArray[np.float64]
 
 _FIRST_WIDTH = 0.5
 """Width of the first boxes, standard deviations; about the width of the kernel at the paper's gamma of 2."""
@@ -26,12 +25,12 @@ _MAX_BOXES = 2_000_000
 class _Trigger:
     """The trigger policy in standardised cues, double precision."""
 
-    vectors: Float64Array
-    duals: Float64Array
+    vectors: FloatArray
+    duals: FloatArray
     gamma: float
     intercept: float
 
-    def judge(self, centres: Float64Array, half_width: Float64Array) -> tuple[Float64Array, Float64Array]:
+    def judge(self, centres: FloatArray, half_width: FloatArray) -> tuple[FloatArray, FloatArray]:
         """An upper bound of the trigger value over each box, and the value at its centre."""
         bounds = np.empty(len(centres))
         values = np.empty(len(centres))
@@ -105,7 +104,7 @@ def tau_range(
 
 
 def _smallest_first_coordinate(
-    trigger: _Trigger, low: Float64Array, high: Float64Array, tolerance: float
+    trigger: _Trigger, low: FloatArray, high: FloatArray, tolerance: float
 ) -> float:
     """A lower bound, tight to `tolerance`, of the first coordinate over the trigger's region within a box."""
     counts = np.ceil((high - low) / _FIRST_WIDTH).astype(int)

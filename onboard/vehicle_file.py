@@ -9,6 +9,7 @@ import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 
+from onboard.gravity import GRAVITY
 from onboard.quantity import Quantity
 from onboard.thrust_map import COEFFICIENT_UNITS, ThrustMapForm
 from onboard.vehicle_model import (
@@ -303,7 +304,7 @@ def _check_consistency(
             problems.add("body.body_top_z", "must lie above body_bottom_z")
     if motors is not None and motors.thrust_max.value <= motors.thrust_min.value:
         problems.add("motors.thrust_max", "must be more than thrust_min")
-    if body is not None and motors is not None and 4.0 * motors.thrust_max.value <= 9.81 * body.mass.value:
+    if body is not None and motors is not None and 4.0 * motors.thrust_max.value <= GRAVITY * body.mass.value:
         problems.add("motors.thrust_max", "four motors cannot lift the mass; check thrust_max and body.mass")
     if battery is not None and battery.cutoff.value >= battery.open_circuit_full.value:
         problems.add("battery.cutoff", "must be less than open_circuit_full")

@@ -11,7 +11,8 @@ from typing import TextIO, cast
 
 import numpy as np
 
-from calibration.flights.flight import FlightFileError, FloatArray
+from calibration.flights.flight import FlightFileError
+from onboard.arrays import FloatArray
 
 
 @dataclass(frozen=True)

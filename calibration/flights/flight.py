@@ -11,13 +11,10 @@ from enum import StrEnum
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calibration.errors import CalibrationError
+from onboard.arrays import BoolArray, FloatArray
 from onboard.errors import InputError
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 
 class FlightFileError(CalibrationError, InputError):

@@ -28,21 +28,20 @@ import numpy as np
 from calibration.flights.csv_file import CsvFile, CsvRow, read_csv
 from calibration.flights.flight import (
     POSE_CHANNELS,
-    BoolArray,
     Flight,
     FlightFileError,
-    FloatArray,
     PoseSource,
     Trigger,
     UnusableFlightError,
     finite_masks,
 )
+from onboard.arrays import BoolArray, FloatArray
+from onboard.gravity import GRAM_FORCE
 
 TAU_TRUNCATION_S = 0.5e-3
 """Mean of what truncation to 1 ms took away from the logged tau."""
 
 _SIGNATURE = ("k_ep", "k_run", "Policy_Flip", "flip_flag", "Tau", "OF_y", "F_thrust", "Error")
-_NEWTON_PER_GRAM = 9.80665e-3
 _WRAPPED = 32.766  # int16 in thousandths: nothing beyond this is a value
 _VOLTS_FLOOR = 3.500
 _MINIMUM_HEIGHT_M = 0.5  # a log that stays below never flew an approach
@@ -141,7 +140,7 @@ def _channels(file: CsvFile, rows: tuple[CsvRow, ...]) -> dict[str, FloatArray]:
         data[f"moment_{axis}"] = file.column(f"M{axis}", rows, _MISSING) * 1e-3
     for ours, theirs in _THEIR_MOTOR.items():
         data[f"m{ours}"] = file.column(f"M{theirs}_pwm", rows, _MISSING)
-        data[f"f{ours}"] = file.column(f"M{theirs}_thrust", rows, _MISSING) * _NEWTON_PER_GRAM
+        data[f"f{ours}"] = file.column(f"M{theirs}_thrust", rows, _MISSING) * GRAM_FORCE
     return data
 
 

@@ -17,9 +17,9 @@ import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Channel
-from numpy.typing import NDArray
 
 from calibration.errors import CalibrationError
+from onboard.arrays import FloatArray
 from onboard.errors import InputError
 
 _MAGIC = bytes((137, 77, 67, 65, 80, 48, 13, 10))
@@ -43,7 +43,7 @@ class Series:
     """
 
     topic: str
-    t: NDArray[np.float64]
+    t: FloatArray
     messages: tuple[dict[str, Any], ...]
 
     def fields(self) -> tuple[str, ...]:
@@ -54,7 +54,7 @@ class Series:
         texts = {k for m in self.messages for k, v in m.items() if isinstance(v, str)}
         return tuple(n for n in names if n not in texts)
 
-    def numbers(self, name: str) -> NDArray[np.float64]:
+    def numbers(self, name: str) -> FloatArray:
         """The numeric field `name`, shape (n,); NaN where a message does not have it."""
         values = (m.get(name) for m in self.messages)
         return np.array([math.nan if v is None else float(v) for v in values], dtype=np.float64)

@@ -14,13 +14,13 @@ from calibration.flights.flight import (
     POSE_CHANNELS,
     Flight,
     FlightFileError,
-    FloatArray,
     PoseSource,
     Trigger,
     UnusableFlightError,
     finite_masks,
 )
 from onboard.app_interface import LandingState
+from onboard.arrays import FloatArray
 
 _REQUIRED = ("t", *POSE_CHANNELS)
 _ALIASES = {"wx": "gx", "wy": "gy", "wz": "gz"}

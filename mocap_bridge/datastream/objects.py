@@ -8,7 +8,8 @@ angles rad. Segment ids start at 1; 0 means "no parent".
 from typing import NamedTuple
 
 from mocap_bridge.datastream.fields import Field, Many, Numbers, Record, Scalar, Text
-from mocap_bridge.rotation import Matrix, Vector
+from mocap_bridge.rotation import Matrix
+from onboard.arrays import Vector
 
 # Ticks per second of the clock in which StreamInfo counts.
 STREAM_CLOCK_HZ = 135_000_000

@@ -2,7 +2,7 @@
 
 from typing import Protocol
 
-from mocap_bridge.rotation import Quaternion, Vector
+from onboard.arrays import Quaternion, Vector
 
 
 class PoseLink(Protocol):

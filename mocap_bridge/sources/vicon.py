@@ -37,9 +37,10 @@ from mocap_bridge.errors import (
     UnknownSubject,
 )
 from mocap_bridge.pose import PoseSample, SourceStatistics
-from mocap_bridge.rotation import Quaternion, Vector, continuous, is_rotation, quaternion_from_matrix
+from mocap_bridge.rotation import continuous, is_rotation, quaternion_from_matrix
 from mocap_bridge.timing import CaptureClock, credible_latency
 from mocap_bridge.uri import MocapUri
+from onboard.arrays import Quaternion, Vector
 from onboard.clock import Clock
 
 OPEN_TIMEOUT_S = 0.5

@@ -11,9 +11,10 @@ from typing import Self
 
 from mocap_bridge.errors import MocapError, PacketError, PoseTimeout, SourceLost, UnknownSubject
 from mocap_bridge.pose import PoseSample, SourceStatistics
-from mocap_bridge.rotation import Quaternion, continuous, quaternion_from_euler_xyz
+from mocap_bridge.rotation import continuous, quaternion_from_euler_xyz
 from mocap_bridge.tracker_udp import NAME_BYTES, TrackerItem, decode_block
 from mocap_bridge.uri import MocapUri
+from onboard.arrays import Quaternion
 from onboard.clock import Clock
 
 OPEN_TIMEOUT_S = 0.5

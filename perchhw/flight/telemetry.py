@@ -9,6 +9,7 @@ from mocap_bridge.health import Verdict
 from mocap_bridge.pose import PoseSample
 from onboard.app_interface import LandingState
 from onboard.clock import Clock
+from onboard.gravity import GRAVITY
 from onboard.supervisor_info import SupervisorInfo
 from perchhw.record import RunRecorder
 from perchhw.supervisor import Observation
@@ -17,7 +18,6 @@ from perchhw.supervisor.observation import Attitude
 if TYPE_CHECKING:
     from onboard.link import DroneLink, LogSample
 
-STANDARD_GRAVITY = 9.80665
 _RAD = 0.017453292519943295
 
 
@@ -57,7 +57,7 @@ BLOCKS: tuple[Block, ...] = (
         10,
         {
             **_floats("gyro", "rates", "x y z", "gx gy gz", _RAD),
-            **_floats("acc", "acceleration", "x y z", "ax ay az", STANDARD_GRAVITY),
+            **_floats("acc", "acceleration", "x y z", "ax ay az", GRAVITY),
         },
     ),
     Block(

@@ -5,15 +5,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calibration.flights import Flight, UnusableFlightError
 from calibration.flights.habas import TAU_TRUNCATION_S
 from onboard.action import action_moments
+from onboard.arrays import FloatArray
 from onboard.policy_model import Policy
 from onboard.trigger import trigger_values
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -4,17 +4,15 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calibration.flights import Flight, Trigger
+from onboard.arrays import BoolArray, FloatArray
 from perchhw.label_math import rotation_matrix
 from perchhw.report.style import BLUE, GREEN, INK, MUTED, ORANGE, TRIGGER, new_figure, svg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 _APPROACH_S = 2.5
 _DRAWN_HALF_LENGTH_M = 0.05
 

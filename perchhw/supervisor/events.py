@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 
-from perchhw.supervisor.observation import Observation, Vector
+from onboard.arrays import Vector
+from perchhw.supervisor.observation import Observation
 
 # --- commands ---------------------------------------------------------------------------------------------
 

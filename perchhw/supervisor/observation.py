@@ -5,10 +5,8 @@ from math import acos, atan2
 
 from mocap_bridge.health import Verdict
 from onboard.app_interface import LandingState
+from onboard.arrays import Quaternion, Vector
 from onboard.supervisor_info import SupervisorInfo
-
-Vector = tuple[float, float, float]
-Quaternion = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,6 +8,7 @@ from dataclasses import replace
 from math import dist, hypot
 
 from onboard.app_interface import LandingState
+from onboard.arrays import Vector
 from perchhw.supervisor.aborts import abort, disarm, elapsed, enter, guard, land
 from perchhw.supervisor.events import (
     Arm,
@@ -18,7 +19,7 @@ from perchhw.supervisor.events import (
     TakeOff,
     UploadPolicy,
 )
-from perchhw.supervisor.observation import Observation, Vector
+from perchhw.supervisor.observation import Observation
 from perchhw.supervisor.rules import (
     APPROACH_RULES,
     GROUND_RULES,

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
 
+from onboard.arrays import Vector
 from perchhw.supervisor.events import Command
-from perchhw.supervisor.observation import Vector
 from perchhw.supervisor.rules import SafetyLimits
 
 

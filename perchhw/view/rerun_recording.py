@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calibration.flights import Flight
 from calibration.flights.perchhw_run import flight_from_run
 from calibration.flights.run_folder import RunRecord, read_run
+from onboard.arrays import FloatArray
 from onboard.errors import InputError
 from onboard.vehicle import Vehicle
 from perchhw.errors import FlightStackError
@@ -24,7 +24,6 @@ from perchhw.label_geometry import landing_geometry
 if TYPE_CHECKING:
     import rerun
 
-FloatArray = NDArray[np.float64]
 
 TIMELINE = "time"
 _APPLICATION = "perchhw"

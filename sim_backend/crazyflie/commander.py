@@ -12,9 +12,10 @@ import struct
 from collections.abc import Callable
 from enum import IntEnum
 
+from onboard.arrays import Vector
 from sim_backend.crazyflie.interfaces import FirmwareAssertion
 from sim_backend.crazyflie.ports.localization import decompress_quaternion
-from sim_backend.crazyflie.setpoint import Mode, Setpoint, Vector
+from sim_backend.crazyflie.setpoint import Mode, Setpoint
 
 MINIMUM_THRUST = 1000
 MAXIMUM_THRUST = 60000

@@ -22,9 +22,10 @@ from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-GRAVITY = 9.81
+from onboard.arrays import FloatArray
+from onboard.gravity import GRAVITY
+
 QUEUE_LENGTH = 20
 MAX_COVARIANCE = 100.0
 MIN_COVARIANCE = 1e-6
@@ -33,8 +34,6 @@ MIN_COVARIANCE = 1e-6
 POSITION, VELOCITY, QUATERNION, ACCELERATION = 0, 3, 6, 10
 P_POSITION, P_CROSS, P_VELOCITY, P_ATTITUDE = 13, 16, 19, 22
 SIZE = 25
-
-FloatArray = NDArray[np.float64]
 
 
 @njit(cache=True)

@@ -11,10 +11,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from onboard.arrays import FloatArray
+from onboard.gravity import GRAVITY
 from onboard.vehicle import Vehicle
 from sim_backend.crazyflie.bindings import log_sources, parameter_setters
 from sim_backend.crazyflie.commander import Commander, Priority
-from sim_backend.crazyflie.estimator import GRAVITY, Estimator
+from sim_backend.crazyflie.estimator import Estimator
 from sim_backend.crazyflie.high_level import FlatState, HighLevelCommander
 from sim_backend.crazyflie.interfaces import FirmwareAssertion, Memory
 from sim_backend.crazyflie.landing_app import LandingApp
@@ -36,7 +38,6 @@ from sim_backend.crazyflie.tables import LogTable, Number, ParameterTable
 DT = 0.001
 HIGH_LEVEL_PERIOD_MS = 10
 SUPERVISOR_PERIOD_MS = 1000 // RATE_HZ
-FloatArray = NDArray[np.float64]
 
 
 class Firmware:

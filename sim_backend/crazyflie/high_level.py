@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from onboard.arrays import FloatArray, Vector
 from onboard.supervisor_info import SupervisorBits
 from sim_backend.crazyflie.memory import TRAJECTORY_SIZE
-from sim_backend.crazyflie.setpoint import ZERO, Mode, Setpoint, Vector
+from sim_backend.crazyflie.setpoint import ZERO, Mode, Setpoint
 
 NUMBER_OF_DEFINITIONS = 31
 POLYNOMIAL_PIECE = struct.Struct("<33f")  # x, y, z, yaw with 8 coefficients each, then the duration
@@ -94,8 +94,8 @@ def wrap(angle: float) -> float:
 class Trajectory:
     """Polynomial pieces in a row: coefficients (pieces, 4, 8) of x, y, z, yaw and durations (pieces,) [s]."""
 
-    coefficients: NDArray[np.float64]
-    durations: NDArray[np.float64]
+    coefficients: FloatArray
+    durations: FloatArray
     begin: float
     timescale: float = 1.0
     reversed: bool = False

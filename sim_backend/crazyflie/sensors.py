@@ -10,16 +10,14 @@ import math
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from onboard.arrays import FloatArray
 from onboard.vehicle import Sensing
 
 GYRO_CUTOFF_HZ = 80.0
 ACCELEROMETER_CUTOFF_HZ = 30.0
 SAMPLE_RATE_HZ = 1000.0
 _BLOCK = 1000
-
-FloatArray = NDArray[np.float64]
 
 
 def butterworth(cutoff_hz: float, sample_rate_hz: float) -> FloatArray:

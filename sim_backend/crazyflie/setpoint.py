@@ -8,7 +8,8 @@ this form is used inside.
 from dataclasses import dataclass
 from enum import IntEnum
 
-Vector = tuple[float, float, float]
+from onboard.arrays import Vector
+
 ZERO: Vector = (0.0, 0.0, 0.0)
 
 

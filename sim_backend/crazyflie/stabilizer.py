@@ -12,23 +12,22 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from onboard.arrays import FloatArray, Quaternion, Vector
 from onboard.battery import duty_for_thrust, quantise_pwm
 from onboard.controller import ControllerGains, Wrench, controller_gains, geometric_control
+from onboard.gravity import GRAVITY
 from onboard.mixer import Thrusts, mix
-from onboard.rotation import Quaternion, body_z
+from onboard.rotation import body_z
 from onboard.thrust_map import ThrustMap
 from onboard.vehicle import Vehicle
 from sim_backend.crazyflie.estimator import Estimator
-from sim_backend.crazyflie.setpoint import Mode, Setpoint, Vector
+from sim_backend.crazyflie.setpoint import Mode, Setpoint
 
-GRAVITY = 9.81
 POSITION_PERIOD_MS = 10
 ATTITUDE_PERIOD_MS = 2
 LEASH = 0.3
 """m: how far a position that follows a velocity setpoint may run ahead."""
 FULL_RATIO = 65535
-
-FloatArray = NDArray[np.float64]
 
 # Layout of the target of the control kernel.
 _POSITION, _VELOCITY, _ACCELERATION, _YAW, _RATES, _INTEGRAL, _TRACKED, _SIZE = 0, 3, 6, 9, 10, 13, 16, 19

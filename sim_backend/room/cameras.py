@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mocap_bridge.rotation import Quaternion, Vector, multiply, normalised
+from mocap_bridge.rotation import multiply, normalised
+from onboard.arrays import Quaternion, Vector
 from sim_backend.room.feed import TruePose
 from sim_backend.room.settings import RoomSettings
 

@@ -11,7 +11,8 @@ from collections import deque
 from collections.abc import Iterable
 from typing import NamedTuple, Self
 
-from mocap_bridge.rotation import Quaternion, Vector, slerp
+from mocap_bridge.rotation import slerp
+from onboard.arrays import Quaternion, Vector
 from sim_backend.errors import SimulationError
 
 _HEADER = struct.Struct("<IHHd")
