@@ -11,6 +11,7 @@ from numba import njit
 from onboard.thrust_map import ThrustMap, ThrustMapForm
 
 __all__ = [
+    "FULL_RATIO",
     "ThrustMap",
     "ThrustMapForm",
     "battery_current",
@@ -25,6 +26,8 @@ __all__ = [
 _QUADRATIC = int(ThrustMapForm.QUADRATIC_INVERSE)
 _CUBIC = int(ThrustMapForm.FIRMWARE_CUBIC)
 
+FULL_RATIO = 65535
+"""Full scale of the motor command: 16 bits, whatever the timer makes of them."""
 LOWEST_BATTERY_VOLTAGE = 2.0
 """V. Below it the firmware gives no PWM at all (crazyflie-firmware@2a18fc29, battery compensation)."""
 
@@ -129,7 +132,7 @@ def quantise_pwm(duty: float, bits: int = 8) -> float:
     """
     if not duty > 0.0:
         return 0.0
-    ratio = int(min(duty, 1.0) * 65535.0)
+    ratio = int(min(duty, 1.0) * FULL_RATIO)
     return float(ratio >> (16 - bits)) / float(1 << bits)
 
 

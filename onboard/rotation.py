@@ -59,12 +59,6 @@ def rotate(q: Indexable, v: Indexable) -> Vector:
 
 
 @njit(cache=True)
-def rotate_inverse(q: Indexable, v: Indexable) -> Vector:
-    """A world-frame vector in the body frame."""
-    return rotate((-q[0], -q[1], -q[2], q[3]), v)
-
-
-@njit(cache=True)
 def body_x(q: Indexable) -> Vector:
     """Body axis b1 (forward) in the world frame."""
     return (
@@ -107,41 +101,12 @@ def to_matrix(q: Indexable) -> FloatArray:
 
 
 @njit(cache=True)
-def from_matrix(matrix: FloatArray) -> Quaternion:
-    """Unit quaternion (w >= 0 where possible) of a rotation matrix, shape (3, 3).
-
-    Shepperd's method: the largest of the four squares is computed first, so that nothing is divided by a
-    small number.
-    """
-    m00, m11, m22 = matrix[0, 0], matrix[1, 1], matrix[2, 2]
-    trace = m00 + m11 + m22
-    if trace >= max(m00, m11, m22):
-        w = math.sqrt(max(0.0, 1.0 + trace)) / 2.0
-        s = 1.0 / (4.0 * w)
-        x = (matrix[2, 1] - matrix[1, 2]) * s
-        y = (matrix[0, 2] - matrix[2, 0]) * s
-        z = (matrix[1, 0] - matrix[0, 1]) * s
-    elif m00 >= m11 and m00 >= m22:
-        x = math.sqrt(max(0.0, 1.0 + m00 - m11 - m22)) / 2.0
-        s = 1.0 / (4.0 * x)
-        w = (matrix[2, 1] - matrix[1, 2]) * s
-        y = (matrix[1, 0] + matrix[0, 1]) * s
-        z = (matrix[0, 2] + matrix[2, 0]) * s
-    elif m11 >= m22:
-        y = math.sqrt(max(0.0, 1.0 + m11 - m00 - m22)) / 2.0
-        s = 1.0 / (4.0 * y)
-        w = (matrix[0, 2] - matrix[2, 0]) * s
-        x = (matrix[1, 0] + matrix[0, 1]) * s
-        z = (matrix[2, 1] + matrix[1, 2]) * s
-    else:
-        z = math.sqrt(max(0.0, 1.0 + m22 - m00 - m11)) / 2.0
-        s = 1.0 / (4.0 * z)
-        w = (matrix[1, 0] - matrix[0, 1]) * s
-        x = (matrix[0, 2] + matrix[2, 0]) * s
-        y = (matrix[2, 1] + matrix[1, 2]) * s
-    if w < 0.0:
-        return normalise((-x, -y, -z, -w))
-    return normalise((x, y, z, w))
+def to_matrices(quaternions: FloatArray) -> FloatArray:
+    """Rotation matrices, shape (n, 3, 3), of quaternions of any length, shape (n, 4)."""
+    matrices = np.empty((quaternions.shape[0], 3, 3))
+    for k in range(quaternions.shape[0]):
+        matrices[k] = to_matrix(normalise(quaternions[k]))
+    return matrices
 
 
 @njit(cache=True)

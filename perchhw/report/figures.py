@@ -7,7 +7,7 @@ import numpy as np
 
 from calibration.flights import Flight, Trigger
 from onboard.arrays import BoolArray, FloatArray
-from perchhw.label_math import rotation_matrix
+from onboard.rotation import to_matrices
 from perchhw.report.style import BLUE, GREEN, INK, MUTED, ORANGE, TRIGGER, new_figure, svg
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def _draw_bodies(axes: "Axes", after: FloatArray, pose: FloatArray) -> None:
     """The fore-aft axis of the body every 40 ms around the trigger, and at rest; a dot marks the nose."""
     wanted = [*np.arange(-0.4, 0.401, 0.04), after[-1]]
     rows = sorted({int(np.argmin(np.abs(after - w))) for w in wanted if after[0] <= w <= after[-1]})
-    forward = rotation_matrix(pose[rows, 3:])[:, :, 0] * _DRAWN_HALF_LENGTH_M
+    forward = to_matrices(pose[rows, 3:])[:, :, 0] * _DRAWN_HALF_LENGTH_M
     for row, nose in zip(rows, forward, strict=True):
         x, z = pose[row, 0], pose[row, 2]
         axes.plot([x - nose[0], x + nose[0]], [z - nose[2], z + nose[2]], color=INK, lw=1.6, alpha=0.75)

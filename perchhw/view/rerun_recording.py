@@ -19,7 +19,7 @@ from onboard.arrays import FloatArray
 from onboard.errors import InputError
 from onboard.vehicle import Vehicle
 from perchhw.errors import FlightStackError
-from perchhw.label_geometry import landing_geometry
+from perchhw.label import landing_geometry
 
 if TYPE_CHECKING:
     import rerun

@@ -9,10 +9,10 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
 
+from onboard.battery import FULL_RATIO
 from onboard.gravity import GRAVITY
 from sim_backend.crazyflie.commander import compress_quaternion
 from sim_backend.crazyflie.estimator import P_ATTITUDE, P_POSITION, P_VELOCITY
-from sim_backend.crazyflie.stabilizer import FULL_RATIO
 from sim_backend.crazyflie.tables import Number
 
 if TYPE_CHECKING:

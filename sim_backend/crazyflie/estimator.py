@@ -16,7 +16,6 @@ because a flight stack must cope with them:
 Differences: the firmware's filter couples all nine states and predicts at 100 Hz; this one predicts at 1 kHz.
 """
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,6 +24,7 @@ from numba import njit
 
 from onboard.arrays import FloatArray
 from onboard.gravity import GRAVITY
+from onboard.rotation import euler_angles, from_yaw, integrate, rotate
 
 QUEUE_LENGTH = 20
 MAX_COVARIANCE = 100.0
@@ -37,33 +37,9 @@ SIZE = 25
 
 
 @njit(cache=True)
-def rotate(x: FloatArray, v0: float, v1: float, v2: float) -> tuple[float, float, float]:
-    """A body vector in world axes, by the attitude in filter state `x`."""
-    qx, qy, qz, qw = x[6], x[7], x[8], x[9]
-    tx = 2.0 * (qy * v2 - qz * v1)
-    ty = 2.0 * (qz * v0 - qx * v2)
-    tz = 2.0 * (qx * v1 - qy * v0)
-    return (
-        v0 + qw * tx + qy * tz - qz * ty,
-        v1 + qw * ty + qz * tx - qx * tz,
-        v2 + qw * tz + qx * ty - qy * tx,
-    )
-
-
-@njit(cache=True)
 def _turn(x: FloatArray, rx: float, ry: float, rz: float) -> None:
     """Turn the attitude by the rotation vector (rad, body axes), in place; keeps it a unit quaternion."""
-    angle = math.sqrt(rx * rx + ry * ry + rz * rz)
-    s = 0.5 if angle < 1e-9 else math.sin(0.5 * angle) / angle
-    c = math.cos(0.5 * angle)
-    dx, dy, dz = s * rx, s * ry, s * rz
-    qx, qy, qz, qw = x[6], x[7], x[8], x[9]
-    nx = qw * dx + qx * c + qy * dz - qz * dy
-    ny = qw * dy - qx * dz + qy * c + qz * dx
-    nz = qw * dz + qx * dy - qy * dx + qz * c
-    nw = qw * c - qx * dx - qy * dy - qz * dz
-    norm = math.sqrt(nx * nx + ny * ny + nz * nz + nw * nw)
-    x[6], x[7], x[8], x[9] = nx / norm, ny / norm, nz / norm, nw / norm
+    x[6], x[7], x[8], x[9] = integrate((x[6], x[7], x[8], x[9]), (rx, ry, rz), 1.0)
 
 
 @njit(cache=True)
@@ -85,7 +61,7 @@ def predict(x: FloatArray, acc: FloatArray, gyro: FloatArray, noise: FloatArray,
         noise: process noise: acceleration xy and z [m/s2], gyro roll/pitch and yaw [rad/s].
         dt: s.
     """
-    ax, ay, az = rotate(x, acc[0], acc[1], acc[2])
+    ax, ay, az = rotate((x[6], x[7], x[8], x[9]), acc)
     az -= GRAVITY
     x[10], x[11], x[12] = ax, ay, az
     for i in range(3):
@@ -179,7 +155,7 @@ class Estimator:
         x = self.state
         x[:] = 0.0
         x[POSITION : POSITION + 3] = px, py, pz
-        x[8], x[9] = math.sin(yaw / 2.0), math.cos(yaw / 2.0)
+        x[QUATERNION : QUATERNION + 4] = from_yaw(yaw)
         x[P_POSITION : P_POSITION + 3] = MAX_COVARIANCE, MAX_COVARIANCE, 1.0
         x[P_VELOCITY : P_VELOCITY + 3] = 1e-4
         x[P_ATTITUDE : P_ATTITUDE + 3] = 1e-4
@@ -235,9 +211,5 @@ class Estimator:
 
     def roll_pitch_yaw(self) -> tuple[float, float, float]:
         """Z-Y-X Euler angles in FLU signs (pitch positive nose down), rad."""
-        qx, qy, qz, qw = self.quaternion()
-        roll = math.atan2(2.0 * (qw * qx + qy * qz), 1.0 - 2.0 * (qx * qx + qy * qy))
-        sine = 2.0 * (qw * qy - qz * qx)
-        pitch = math.asin(min(1.0, max(-1.0, sine)))
-        yaw = math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+        roll, pitch, yaw = euler_angles(self.quaternion())
         return roll, pitch, yaw

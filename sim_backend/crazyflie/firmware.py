@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onboard.arrays import FloatArray
+from onboard.battery import FULL_RATIO
 from onboard.gravity import GRAVITY
 from onboard.vehicle import Vehicle
 from sim_backend.crazyflie.bindings import log_sources, parameter_setters
@@ -227,7 +228,7 @@ class Firmware:
         elif mode == 2:
             self.ratios[:] = values[0]
         else:
-            thrust = values[0] / 65535.0 * self.stabilizer.thrust_max
+            thrust = values[0] / FULL_RATIO * self.stabilizer.thrust_max
             self.stabilizer.thrusts = (thrust, thrust, thrust, thrust)
             self.stabilizer.drive(self.power.supply)
             self.ratios[:] = self.stabilizer.ratios

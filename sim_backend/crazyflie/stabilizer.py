@@ -13,11 +13,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 from onboard.arrays import FloatArray, Quaternion, Vector
-from onboard.battery import duty_for_thrust, quantise_pwm
+from onboard.battery import FULL_RATIO, duty_for_thrust, quantise_pwm
 from onboard.controller import ControllerGains, Wrench, controller_gains, geometric_control
 from onboard.gravity import GRAVITY
 from onboard.mixer import Thrusts, mix
-from onboard.rotation import body_z
+from onboard.rotation import body_z, euler_angles
 from onboard.thrust_map import ThrustMap
 from onboard.vehicle import Vehicle
 from sim_backend.crazyflie.estimator import Estimator
@@ -27,7 +27,6 @@ POSITION_PERIOD_MS = 10
 ATTITUDE_PERIOD_MS = 2
 LEASH = 0.3
 """m: how far a position that follows a velocity setpoint may run ahead."""
-FULL_RATIO = 65535
 
 # Layout of the target of the control kernel.
 _POSITION, _VELOCITY, _ACCELERATION, _YAW, _RATES, _INTEGRAL, _TRACKED, _SIZE = 0, 3, 6, 9, 10, 13, 16, 19
@@ -64,7 +63,7 @@ def control(x: FloatArray, gyro: FloatArray, target: FloatArray, gains: Controll
 @njit(cache=True)
 def motor_ratio(thrust: float, supply: float, thrust_map: ThrustMap, thrust_min: float) -> int:
     """16-bit ratio that gives one motor `thrust` (N) at the supply voltage `supply` (V)."""
-    return int(duty_for_thrust(thrust, supply, thrust_map, thrust_min) * 65535.0)
+    return int(duty_for_thrust(thrust, supply, thrust_map, thrust_min) * FULL_RATIO)
 
 
 @njit(cache=True)
@@ -82,7 +81,7 @@ def motor_ratios(
 def applied_duties(ratios: NDArray[np.int64], duties: FloatArray) -> None:
     """What the 8-bit timers make of the ratios, in place: duties 0..1."""
     for i in range(4):
-        duties[i] = quantise_pwm(ratios[i] / 65535.0)
+        duties[i] = quantise_pwm(ratios[i] / FULL_RATIO)
 
 
 def level_out(setpoint: Setpoint) -> Setpoint:
@@ -180,8 +179,7 @@ class Stabilizer:
         target = self._target
         target[_RATES : _RATES + 3] = setpoint.rates
         if setpoint.mode_quat is Mode.ABSOLUTE:
-            x, y, z, w = setpoint.quaternion
-            target[_YAW] = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+            target[_YAW] = euler_angles(setpoint.quaternion)[2]
         elif setpoint.mode_yaw is Mode.ABSOLUTE:
             target[_YAW] = setpoint.yaw
         else:

@@ -17,7 +17,6 @@ def test_rotate_and_matrix_agree_with_scipy(index: int) -> None:
     turn = ROTATIONS[index]
     q, v = turn.as_quat(), RNG.normal(size=3)
     np.testing.assert_allclose(rotation.rotate(q, v), turn.apply(v), atol=1e-14)
-    np.testing.assert_allclose(rotation.rotate_inverse(q, v), turn.inv().apply(v), atol=1e-14)
     matrix = rotation.to_matrix(q)
     np.testing.assert_allclose(matrix, turn.as_matrix(), atol=1e-14)
     axes = [rotation.body_x(q), rotation.body_y(q), rotation.body_z(q)]
@@ -30,12 +29,10 @@ def test_product_turns_by_the_right_factor_first() -> None:
     np.testing.assert_allclose(product.as_matrix(), (a * b).as_matrix(), atol=1e-14)
 
 
-def test_matrix_round_trip_in_all_branches() -> None:
-    half_turns = [Rotation.from_rotvec(math.pi * axis * (1 - 1e-9)) for axis in np.eye(3)]
-    for turn in [*ROTATIONS, *half_turns, Rotation.identity()]:
-        q = rotation.from_matrix(turn.as_matrix())
-        assert math.isclose(math.hypot(*q), 1.0)
-        np.testing.assert_allclose(rotation.to_matrix(q), turn.as_matrix(), atol=1e-12)
+def test_matrices_of_many_quaternions_of_any_length() -> None:
+    lengths = RNG.uniform(0.5, 2.0, (len(ROTATIONS), 1))
+    matrices = rotation.to_matrices(lengths * ROTATIONS.as_quat())
+    np.testing.assert_allclose(matrices, ROTATIONS.as_matrix(), atol=1e-14)
 
 
 @pytest.mark.parametrize("size", [0.0, 1e-12, 1e-5, 0.99e-4, 1.01e-4, 0.1, 3.0])

@@ -13,11 +13,10 @@ import numpy as np
 from calibration.flights import Flight, PoseSource
 from onboard.vehicle import Vehicle
 from perchhw.attempt import Outcome
-from perchhw.label_geometry import LabelError, LandingGeometry, landing_geometry
-from perchhw.label_gyro import MINIMUM_WINDOW_S, SETTLE_S, Hold, Touch, judge_gyro
-from perchhw.label_pose import judge_pose
-
-__all__ = ["LabelError", "LandingLabel", "label_flight", "label_from_truth"]
+from perchhw.label.evidence import Hold, Touch
+from perchhw.label.geometry import LabelError, LandingGeometry, landing_geometry
+from perchhw.label.gyro import MINIMUM_WINDOW_S, SETTLE_S, judge_gyro
+from perchhw.label.pose import judge_pose
 
 MISSED_TRIGGER_RULES = frozenset({"missed_trigger", "no_trigger"})
 """Names of abort rules that mean that the policy never fired: ``no_trigger``, not ``aborted``."""

@@ -7,15 +7,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from onboard.arrays import FloatArray
+from onboard.gravity import GRAVITY
 from onboard.vehicle import Vehicle
 from perchhw.errors import FlightStackError
 
-GRAVITY = 9.80665
 _RIM_POINTS = 16
-
-FloatArray = NDArray[np.float64]
 
 
 class LabelError(FlightStackError):

@@ -14,16 +14,15 @@ which rows 20 ms apart (up to 30 deg of flip) seldom allow.
 
 import math
 from dataclasses import dataclass
-from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calibration.flights import Flight
-from perchhw.label_geometry import GRAVITY, LabelError, LandingGeometry
-from perchhw.label_math import advance, rotation_matrix
-
-FloatArray = NDArray[np.float64]
+from onboard.arrays import FloatArray
+from onboard.gravity import GRAVITY
+from onboard.rotation import integrate, normalise, to_matrix
+from perchhw.label.evidence import Hold, Touch
+from perchhw.label.geometry import LabelError, LandingGeometry
 
 SETTLE_S = 0.9
 """After the trigger: flip (about 0.25 s) and ring-down (about 0.5 s) are over."""
@@ -41,22 +40,6 @@ _JOLT_SPAN_S = 0.1
 _FLOOR_JOLT_RAD_S = 10.0
 """More than a swing changes in 0.1 s: one of 55 deg at 1.6 Hz changes by 9.8 rad/s."""
 _FREQUENCY_TOLERANCE = 0.35  # rigid legs are assumed; the labelled flights swing at 0.97-1.31 of the value
-
-
-class Touch(StrEnum):
-    """What met the ceiling first."""
-
-    FEET = "feet"
-    BODY = "body"
-    UNCLEAR = "unclear"
-
-
-class Hold(StrEnum):
-    """What holds the vehicle."""
-
-    FOUR_LEG = "four_leg"
-    TWO_LEG = "two_leg"
-    NONE = "none"
 
 
 @dataclass(frozen=True)
@@ -179,12 +162,12 @@ def _first_touch(
     first = int(np.searchsorted(t, trigger_t))
     if start < 0 or first > contact:
         return Touch.UNCLEAR
-    quaternion = quaternions[start]
+    quaternion = normalise(quaternions[start])
     for row in range(first, contact):
-        quaternion = advance(quaternion, 0.5 * (rates[row] + rates[row + 1]), t[row + 1] - t[row])
-    before = geometry.touch_margin(rotation_matrix(quaternion))
-    last = advance(quaternion, rates[contact], t[contact + 1] - t[contact])
-    after = geometry.touch_margin(rotation_matrix(last))
+        quaternion = integrate(quaternion, 0.5 * (rates[row] + rates[row + 1]), t[row + 1] - t[row])
+    before = geometry.touch_margin(to_matrix(quaternion))
+    last = integrate(quaternion, rates[contact], t[contact + 1] - t[contact])
+    after = geometry.touch_margin(to_matrix(last))
     if before > 0.0 and after > 0.0:
         return Touch.FEET
     return Touch.BODY if before < 0.0 and after < 0.0 else Touch.UNCLEAR

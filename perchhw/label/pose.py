@@ -7,14 +7,12 @@ its centre of mass below them. The border lies half way between the two tilts th
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calibration.flights import Flight
-from perchhw.label_geometry import LandingGeometry
-from perchhw.label_gyro import Hold, Touch
-from perchhw.label_math import rotation_matrix
-
-FloatArray = NDArray[np.float64]
+from onboard.arrays import FloatArray
+from onboard.rotation import to_matrices
+from perchhw.label.evidence import Hold, Touch
+from perchhw.label.geometry import LandingGeometry
 
 REST_WINDOW_S = 1.0
 """The last poses of the flight that are averaged: more than one swing on two feet."""
@@ -70,7 +68,7 @@ def judge_pose(
     rest = (t > flight.t[-1] - REST_WINDOW_S) & (t > trigger_t + settle_s)
     if np.count_nonzero(rest) < MINIMUM_POSES:
         return None
-    rotations = rotation_matrix(pose[:, 3:])
+    rotations = to_matrices(pose[:, 3:].copy())
     up = np.mean(rotations[rest, :, 2], axis=0)
     tilt = float(np.degrees(np.arccos(np.clip(-up[2] / np.linalg.norm(up), -1.0, 1.0))))
     distance = float(ceiling_z - np.mean(pose[rest, 2]))
@@ -105,7 +103,7 @@ def _touches(
         pose[:, 3:] * np.concatenate([[1.0], np.cumprod(np.where(signs == 0.0, 1.0, signs))])[:, None]
     )
     columns = [np.interp(grid, t, pose[:, 2]), *(np.interp(grid, t, continuous[:, k]) for k in range(4))]
-    rotations = rotation_matrix(np.column_stack(columns[1:]))
+    rotations = to_matrices(np.column_stack(columns[1:]))
     body_gap = ceiling_z - columns[0] - geometry.body_top(rotations)
     feet_gap = ceiling_z - columns[0] - geometry.feet_top(rotations)
     first_body = _first_below(body_gap)
