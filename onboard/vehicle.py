@@ -9,6 +9,7 @@ import dataclasses
 from pathlib import Path
 
 from onboard.quantity import Quantity
+from onboard.toml_file import read_toml
 from onboard.vehicle_file import (
     LEGS_FILE,
     LIBRARY,
@@ -17,7 +18,6 @@ from onboard.vehicle_file import (
     parse_vehicle,
     read_leg_design,
     read_thrust_map,
-    read_toml,
     thrust_map_names,
     vehicle_to_toml,
 )
@@ -107,7 +107,7 @@ def load_vehicle(name_or_path: str | Path, legs: str | None = None) -> Vehicle:
         VehicleFileError: the file cannot be used; the message has one line a problem, with file and key.
     """
     path = _vehicle_path(name_or_path)
-    vehicle = parse_vehicle(read_toml(path), str(path))
+    vehicle = parse_vehicle(read_toml(path, VehicleFileError), str(path))
     return vehicle if legs is None else dataclasses.replace(vehicle, legs=read_leg_design(legs))
 
 

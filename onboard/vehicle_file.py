@@ -5,13 +5,13 @@ The format is described in docs/vehicle_file.md.
 
 import dataclasses
 import json
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 
 from onboard.gravity import GRAVITY
 from onboard.quantity import Quantity
 from onboard.thrust_map import COEFFICIENT_UNITS, ThrustMapForm
+from onboard.toml_file import read_toml
 from onboard.vehicle_model import (
     EFFECT_NAMES,
     SCHEMA,
@@ -56,22 +56,6 @@ _SECTIONS = (
 )
 
 
-def read_toml(path: Path) -> dict[str, object]:
-    """The content of a TOML file.
-
-    Raises:
-        VehicleFileError: the file is absent, unreadable or not TOML; the message names file and line.
-    """
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise VehicleFileError(f"{path}: cannot be read ({error.strerror}); check the path") from error
-    except UnicodeDecodeError as error:
-        raise VehicleFileError(f"{path}: is not UTF-8 text (byte {error.start}); save it as UTF-8") from error
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise VehicleFileError(f"{path}: is not valid TOML: {error}") from error
-
-
 def _check_schema(content: Mapping[str, object], schema: str, problems: Problems) -> None:
     if content.get("schema") != schema:
         problems.add("schema", f'must be "{schema}", not {content.get("schema")!r}')
@@ -79,7 +63,7 @@ def _check_schema(content: Mapping[str, object], schema: str, problems: Problems
 
 
 def _library(path: Path, schema: str) -> dict[str, object]:
-    content = read_toml(path)
+    content = read_toml(path, VehicleFileError)
     _check_schema(content, schema, Problems(str(path)))
     return {name: table for name, table in content.items() if name != "schema"}
 

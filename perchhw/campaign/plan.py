@@ -5,7 +5,6 @@ Its keys are described in ``docs/campaigns.md``; a key that is not is an error.
 
 import dataclasses
 import math
-import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ import numpy as np
 
 from onboard.errors import InputError
 from onboard.room import RoomGeometry
+from onboard.toml_file import read_toml
 from perchhw.errors import FlightStackError
 
 SCHEMA = "perchhw.campaign/1"
@@ -104,13 +104,7 @@ def load_plan(path: Path) -> CampaignPlan:
     Raises:
         CampaignFileError: missing, not TOML, or with an unknown key or an unusable value.
     """
-    try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise CampaignFileError(f"{path}: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise CampaignFileError(f"{path}: not TOML: {error}") from error
-    root = _Table(path, "", document)
+    root = _Table(path, "", read_toml(path, CampaignFileError))
     root.choice("schema", (SCHEMA,))
     grid, stop = root.table("grid"), root.table("stop", required=False)
     plan = CampaignPlan(

@@ -64,7 +64,7 @@ def test_a_range_includes_both_ends(campaign_file: Path) -> None:
         ("repeats = 2", "[stop]\naborted_in_a_row = 0", "key stop.aborted_in_a_row: 0 is less than 1"),
         ("campaign/1", "campaign/9", "key schema: 'perchhw.campaign/9' is not one of perchhw.campaign/1"),
         ('drone = "udp://127.0.0.1:19850"', "", "key drone: missing; expected a text"),
-        ("[grid]", "[grid", "not TOML"),
+        ("[grid]", "[grid", "not valid TOML"),
     ],
 )
 def test_errors_name_file_and_key(campaign_file: Path, old: str, new: str, message: str) -> None:
