@@ -3,10 +3,7 @@
 import asyncio
 import contextlib
 import socket
-import threading
 import time
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 
@@ -175,49 +172,3 @@ def _free_udp_port(host: str) -> int:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind((host, 0))
         return int(probe.getsockname()[1])
-
-
-class RoomThread:
-    """A room on an event loop of its own in a thread of this process, for tests: a context manager."""
-
-    def __init__(
-        self, settings: RoomSettings, rng: np.random.Generator, clock: Clock = time.monotonic
-    ) -> None:
-        self._settings = settings
-        self._rng = rng
-        self._clock = clock
-        self._ready = threading.Event()
-        self._error: RoomError | None = None
-        self._loop: asyncio.AbstractEventLoop | None = None
-        self._stop: asyncio.Event | None = None
-        self._thread = threading.Thread(target=lambda: asyncio.run(self._serve()), name="simulated-room")
-        self.server: RoomServer
-
-    async def _serve(self) -> None:
-        self._loop = asyncio.get_running_loop()
-        self._stop = asyncio.Event()
-        self.server = RoomServer(self._settings, self._rng, self._clock)
-        try:
-            await self.server.start()
-        except RoomError as error:
-            self._error = error
-            return
-        finally:
-            self._ready.set()
-        await self._stop.wait()
-        await self.server.close()
-
-    def __enter__(self) -> Self:
-        self._thread.start()
-        self._ready.wait()
-        if self._error is not None:
-            self._thread.join()
-            raise self._error
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if self._loop is not None and self._stop is not None:
-            self._loop.call_soon_threadsafe(self._stop.set)
-        self._thread.join()

@@ -11,8 +11,8 @@ import numpy as np
 
 from mocap_bridge.rotation import Quaternion, Vector
 from sim_backend.room.feed import FeedSender
-from sim_backend.room.serve import RoomThread
 from sim_backend.room.settings import RoomSettings
+from tests.room_thread import RoomThread
 
 Bodies = list[tuple[str, Vector, Quaternion]]
 FREE_PORTS = RoomSettings(vicon_port=0, vicon_udp_port=0)

@@ -2,7 +2,6 @@
 
 import math
 import struct
-from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -30,18 +29,6 @@ CONSOLE, PARAM, SETPOINT, MEMORY, LOG, LOCALIZATION, GENERIC, HIGH_LEVEL, SUPERV
     9,
 )
 PLATFORM, LINK = 13, 15
-
-
-@pytest.fixture
-def drone() -> Iterator[ServedFirmware]:
-    with serve(MinimalFirmware()) as served:
-        yield served
-
-
-@pytest.fixture
-def client(drone: ServedFirmware) -> Iterator[RawClient]:
-    with RawClient(drone.uri) as raw:
-        yield raw
 
 
 def param_id(drone: ServedFirmware, name: str) -> bytes:

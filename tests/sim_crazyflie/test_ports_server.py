@@ -3,7 +3,6 @@
 import asyncio
 import struct
 import time
-from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -21,18 +20,6 @@ from tests.sim_crazyflie.minimal_firmware import (
     SteppedClock,
     serve,
 )
-
-
-@pytest.fixture
-def drone() -> Iterator[ServedFirmware]:
-    with serve(MinimalFirmware()) as served:
-        yield served
-
-
-@pytest.fixture
-def client(drone: ServedFirmware) -> Iterator[RawClient]:
-    with RawClient(drone.uri) as raw:
-        yield raw
 
 
 def answers(client: RawClient, datagram: bytes, timeout_s: float = 0.2) -> bytes | None:

@@ -21,9 +21,9 @@ from mocap_bridge.datastream.packet import PacketBuffer, decode_packet, encode_p
 from mocap_bridge.errors import SourceLost
 from mocap_bridge.health import Verdict
 from mocap_bridge.pose import open_pose_stream
-from sim_backend.room.serve import RoomThread
 from sim_backend.room.settings import RoomError, RoomFaults, RoomSettings, Window
 from tests.mocap.moving_room import MovingRoom
+from tests.room_thread import RoomThread
 
 WANTED = tuple(OBJECT_IDS[kind] for kind in (SubjectInfo, FrameInfo, GlobalSegments, Contents))
 
