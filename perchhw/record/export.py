@@ -58,7 +58,7 @@ def _writer(format: ExportFormat) -> Callable[[Path, list[str], Iterable[Sequenc
     if format is ExportFormat.CSV:
         return _write_csv
     if importlib.util.find_spec("pyarrow") is None:
-        raise ExportError("Parquet needs pyarrow: pip install pyarrow, or export with --to csv")
+        raise ExportError("Parquet needs pyarrow: pip install 'perchhw[parquet]', or export with --to csv")
     return _write_parquet
 
 

@@ -107,7 +107,8 @@ def test_export_is_complete_and_reads_back(
 
 
 def test_export_to_parquet(capsys: pytest.CaptureFixture[str], landing: Path, tmp_path: Path) -> None:
-    parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
+    from pyarrow import parquet
+
     assert call(capsys, "log", "export", landing, "--to", "parquet", "--out", tmp_path)[0] == 0
     table = parquet.read_table(tmp_path / "pose.parquet")
     assert table.column("verdict")[0].as_py() == "OK"

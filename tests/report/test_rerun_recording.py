@@ -4,12 +4,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 from onboard.vehicle import Vehicle
 from perchhw.view.rerun_recording import write_rrd
-
-pytest.importorskip("rerun", reason="rerun-sdk is not installed (extra: view)")
 
 
 def test_what_is_in_the_file(runs: Path, vehicle: Vehicle, tmp_path: Path) -> None:
