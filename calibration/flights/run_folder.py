@@ -98,10 +98,6 @@ class RunRecord:
         """Time of the latest message (s), or None for a record without one."""
         return max((float(s.t.max()) for s in self.series.values()), default=None)
 
-    def first_event(self, *names: str) -> dict[str, Any] | None:
-        """The first event with one of the `names`, or None."""
-        return next((e for e in self.events if e["event"] in names), None)
-
 
 def is_run_folder(path: Path) -> bool:
     """Whether `path` is a run folder."""

@@ -170,14 +170,19 @@ class Telemetry:
             }
 
     def _triple(self, topic: str, names: str) -> tuple[float, float, float] | None:
-        values = [self.value(topic, name) for name in names.split()]
-        return None if None in values else tuple(values)  # type: ignore[return-value]
+        x, y, z = (self.value(topic, name) for name in names.split())
+        return None if x is None or y is None or z is None else (x, y, z)
+
+    def _estimated_attitude(self) -> Attitude | None:
+        x, y, z, w = (self.value("estimate", name) for name in ("qx", "qy", "qz", "qw"))
+        if x is None or y is None or z is None or w is None:
+            return None
+        return Attitude.from_quaternion((x, y, z, w))
 
     def observe(self) -> Observation:
         """Everything that is known now, with ages; what never came is ``None``."""
         pose = self._bridge.status()
         good = pose.last_good
-        quaternion = [self.value("estimate", name) for name in ("qx", "qy", "qz", "qw")]
         bits, bits_age = self._with_age("supervisor", "bits")
         vbat, vbat_age = self._with_age("power", "vbat")
         landing, landing_age = self._with_age("cues", "state")
@@ -194,7 +199,7 @@ class Telemetry:
             estimate_age=self._with_age("estimate", "x")[1],
             estimate_position=self._triple("estimate", "x y z"),
             estimate_velocity=self._triple("estimate", "vx vy vz"),
-            estimate_attitude=None if None in quaternion else Attitude.from_quaternion(tuple(quaternion)),  # type: ignore[arg-type]
+            estimate_attitude=self._estimated_attitude(),
             drone=None if bits is None else SupervisorInfo(int(bits)),
             drone_age=bits_age,
             battery_voltage=vbat,

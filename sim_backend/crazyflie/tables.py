@@ -8,7 +8,6 @@ from typing import Self, TypeAlias
 
 from sim_backend.crazyflie.app_toc import app_blocks
 from sim_backend.crazyflie.toc import (
-    BY_FUNCTION,
     EXTENDED,
     FORMATS,
     PERSISTENT,
@@ -236,11 +235,6 @@ class LogVariable:
     def type(self) -> LogType:
         """Type without flags: what the client is told."""
         return LogType(self.type_byte & TYPE_MASK)
-
-    @property
-    def by_function(self) -> bool:
-        """The firmware computes it when it is asked."""
-        return bool(self.type_byte & BY_FUNCTION)
 
 
 class LogTable:

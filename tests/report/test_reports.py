@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from perchhw.attempt import AttemptResult, Outcome
+from perchhw.attempt import AttemptRequest, AttemptResult, Outcome
 from perchhw.campaign import CampaignError, load_plan, run_campaign
 from perchhw.report import write_campaign_report, write_run_report
 from perchhw.report.campaign_report import wilson_interval
@@ -95,7 +95,7 @@ def test_a_campaign(tmp_path: Path) -> None:
     )
     flown = 0
 
-    def three_only(request):  # type: ignore[no-untyped-def]
+    def three_only(request: AttemptRequest) -> AttemptResult:
         nonlocal flown
         flown += 1
         if flown > 3:

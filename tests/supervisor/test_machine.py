@@ -25,8 +25,10 @@ from perchhw.supervisor.events import (
     Arm,
     ArmApproach,
     Brake,
+    Command,
     Disarm,
     EmergencyStop,
+    Event,
     GoTo,
     Land,
     StartApproach,
@@ -204,9 +206,9 @@ def test_a_lost_link_ends_the_attempt_at_once(phase: Phase) -> None:
     ],
     ids=lambda value: str(value) if isinstance(value, Phase) else "",
 )
-def test_a_failed_command_is_an_abort(phase: Phase, command: object, answer: list[type]) -> None:
+def test_a_failed_command_is_an_abort(phase: Phase, command: Command, answer: list[type]) -> None:
     state = FlightState(phase=phase, entered_at=0.0, armed=True)
-    after, commands = step(state, CommandFailed(command, "no answer"), 0.1, MISSION)  # type: ignore[arg-type]
+    after, commands = step(state, CommandFailed(command, "no answer"), 0.1, MISSION)
     assert [type(c) for c in commands] == answer
     assert "no answer" in (after.aborted_by or "")
 
@@ -255,13 +257,13 @@ EVENTS = st.one_of(
 
 
 @given(st.lists(st.tuples(EVENTS, st.floats(0.0, 1.0)), max_size=60))
-def test_whatever_happens_motion_is_commanded_only_in_order(sequence: list[tuple[object, float]]) -> None:
+def test_whatever_happens_motion_is_commanded_only_in_order(sequence: list[tuple[Event, float]]) -> None:
     """Each motion command follows the one before it in the plan, and none follows an abort."""
     state, now, given_commands = initial_state(0.0), 0.0, []
     for event, wait in sequence:
         now += wait
         aborted = state.aborted_by is not None
-        state, commands = step(state, event, now, MISSION)  # type: ignore[arg-type]
+        state, commands = step(state, event, now, MISSION)
         for command in commands:
             if isinstance(command, MOTION):
                 assert not aborted
