@@ -1,0 +1,73 @@
+"""A campaign over the real protocols: killed in flight, resumed, every condition done once."""
+
+import contextlib
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from perchhw.lab_process import SimulatedLab
+
+CAMPAIGN = """
+schema = "perchhw.campaign/1"
+name = "two"
+drone = "{drone}"
+mocap = "{mocap}"
+order = "grid"
+
+[grid]
+speeds = [2.25, 2.5]
+angles_deg = [52.5]
+"""
+
+
+def campaign(*arguments: str) -> "subprocess.Popen[str]":
+    return subprocess.Popen(
+        [sys.executable, "-m", "perchhw", "--json", "campaign", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def wait_for_flight(folder: Path, process: "subprocess.Popen[str]") -> None:
+    """Until the second attempt is in the air: its record says that it takes off."""
+    assert process.stderr is not None
+    for line in process.stderr:
+        if line.startswith("1 of 2"):
+            break
+    while not in_the_air(folder):
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(0.05)
+            pytest.fail("the campaign ended before its second attempt took off")
+
+
+def in_the_air(folder: Path) -> bool:
+    records = sorted((folder / "attempts").glob("*-001-try1-*/events.jsonl"))
+    return bool(records) and "taking off" in records[0].read_text()
+
+
+@pytest.mark.timeout(240)
+def test_a_campaign_killed_in_flight_resumes_without_losing_or_repeating(tmp_path: Path) -> None:
+    ports = ["--drone-port", "0", "--vicon-port", "0", "--vicon-udp-port", "0", "--seed", "5"]
+    with SimulatedLab("lab", ports) as lab:
+        file = tmp_path / "two.toml"
+        file.write_text(CAMPAIGN.format(drone=lab.drones[0], mocap=lab.mocap[0]))
+        folder = tmp_path / "campaign"
+        first = campaign("run", str(file), "--yes", "--out", str(folder))
+        wait_for_flight(folder, first)
+        first.kill()
+        first.communicate()
+
+        second = campaign("run", str(file), "--yes", "--resume", "--out", str(folder))
+        output, errors = second.communicate()
+    assert second.returncode == 0, errors
+    document = json.loads(output)
+    done = [row for row in document["attempts"] if row["state"] == "done"]
+    assert [(row["speed"], row["try_number"]) for row in done] == [(2.25, 1), (2.5, 2)], document
+    assert all(row["outcome"] != "aborted" for row in done), document
+    interrupted = [row for row in document["attempts"] if row["state"] == "interrupted"]
+    assert [row["slot"] for row in interrupted] == [1]
+    assert (folder / "report.html").is_file()
