@@ -1,7 +1,8 @@
 """Carrying out the supervisor's commands on the link, without ever holding up the supervisor."""
 
 import queue
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 from typing import TYPE_CHECKING
 
 from onboard.app_interface import Parameter, TrajectoryStatus
@@ -62,15 +63,19 @@ class CommandRunner:
     def submit(self, command: Command) -> None:
         """Start to carry out `command`."""
         lane = self._urgent if isinstance(command, URGENT_COMMANDS) else self._normal
-        lane.submit(self._run, command)
+        lane.submit(self._carry_out, command).add_done_callback(partial(self._report, command))
 
-    def _run(self, command: Command) -> None:
-        try:
-            value = self._carry_out(command)
-        except PerchhwError as error:
+    def _report(self, command: Command, result: "Future[int | None]") -> None:
+        """Say what came of `command`. An error of any kind is a failed command: the supervisor aborts."""
+        if result.cancelled():
+            return
+        error = result.exception()
+        if error is None:
+            self._events.put(CommandDone(command, result.result()))
+        elif isinstance(error, PerchhwError):
             self._events.put(CommandFailed(command, str(error)))
         else:
-            self._events.put(CommandDone(command, value))
+            self._events.put(CommandFailed(command, f"error in perchhw: {error!r}"))
 
     def _carry_out(self, command: Command) -> int | None:
         link = self._link

@@ -1,0 +1,24 @@
+"""Whatever goes wrong while a command is carried out, the supervisor hears of it."""
+
+import queue
+from typing import Any
+
+from perchhw.flight.actions import CommandRunner
+from perchhw.flight.mission import plan_attempt
+from perchhw.supervisor import CommandFailed, Event
+from perchhw.supervisor.events import Arm
+from tests.flight.test_mission import REQUEST
+
+
+def test_a_programming_error_is_a_failed_command() -> None:
+    events: queue.Queue[Event] = queue.Queue()
+    no_link: Any = None
+    runner = CommandRunner(no_link, plan_attempt(REQUEST, 0), b"", 2.1, events)
+    try:
+        runner.submit(Arm())
+        event = events.get(timeout=5.0)
+    finally:
+        runner.close()
+    assert isinstance(event, CommandFailed)
+    assert event.command == Arm()
+    assert "AttributeError" in event.reason
