@@ -12,6 +12,13 @@ from typing import Any
 
 from onboard.room import RoomGeometry
 
+DEFAULT_VEHICLE = "crazyflie21-upgraded"
+"""The paper's flying vehicle."""
+DEFAULT_POLICY = "default"
+"""The policy that comes with the code, trained for it."""
+APPROACH_PARAMETERS = ("ax", "az", "tau0", "impact_x", "impact_y")
+"""What :attr:`AttemptRequest.approach` may hold; :mod:`perchhw.flight.mission` says what they mean."""
+
 
 class Outcome(StrEnum):
     """How an attempt ended. Three or four legs count as four-leg, one or two as two-leg (paper's reward)."""
@@ -57,7 +64,7 @@ class AttemptRequest:
         room: ceiling and flight volume.
         seed: seed of everything random in this attempt.
         try_number: 1 for the first try; higher when an earlier try was interrupted.
-        approach: further parameters of the approach by name (for example ``tau0``, ``ax``, ``az``).
+        approach: further parameters of the approach (:data:`APPROACH_PARAMETERS`).
     """
 
     speed: float

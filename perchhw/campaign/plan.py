@@ -15,12 +15,11 @@ import numpy as np
 from onboard.errors import InputError
 from onboard.room import RoomGeometry
 from onboard.toml_file import read_toml
+from perchhw.attempt import APPROACH_PARAMETERS, DEFAULT_POLICY, DEFAULT_VEHICLE
 from perchhw.errors import FlightStackError
 
 SCHEMA = "perchhw.campaign/1"
 ORDERS = ("shuffled", "grid")
-APPROACH_KEYS = ("ax", "az", "tau0", "impact_x", "impact_y")
-"""As in :mod:`perchhw.flight.mission`, which checks the values against the room."""
 
 
 class CampaignFileError(FlightStackError, InputError):
@@ -111,8 +110,8 @@ def load_plan(path: Path) -> CampaignPlan:
         name=root.text("name", default=path.stem),
         drone=root.text("drone"),
         mocap=root.text("mocap"),
-        policy=root.text("policy", default="default"),
-        vehicle=root.text("vehicle", default="crazyflie21-upgraded"),
+        policy=root.text("policy", default=DEFAULT_POLICY),
+        vehicle=root.text("vehicle", default=DEFAULT_VEHICLE),
         legs=root.text("legs", default="") or None,
         seed=root.integer("seed", default=0, minimum=0),
         order=root.choice("order", ORDERS, default="shuffled"),
@@ -141,7 +140,7 @@ def _room(table: "_Table") -> RoomGeometry:
 
 
 def _approach(table: "_Table") -> dict[str, float]:
-    values = {key: table.number(key, 0.0) for key in APPROACH_KEYS if key in table.content}
+    values = {key: table.number(key, 0.0) for key in APPROACH_PARAMETERS if key in table.content}
     table.refuse_unread()
     return values
 
@@ -222,6 +221,6 @@ class _Table:
         unknown = [key for key in self.content if key not in self._read]
         if unknown:
             known = ", ".join(
-                sorted(set(self._read) | (set(APPROACH_KEYS) if self._name == "approach" else set()))
+                sorted(set(self._read) | (set(APPROACH_PARAMETERS) if self._name == "approach" else set()))
             )
             raise self.error(unknown[0], f"unknown; known are {known}")

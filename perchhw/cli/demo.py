@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from perchhw.attempt import DEFAULT_POLICY, DEFAULT_VEHICLE
 from perchhw.cli.output import console, emit, progress_console
 
 if TYPE_CHECKING:
@@ -61,8 +62,8 @@ def demo_plan(drone: str, mocap: str, attempts: int, seed: int) -> "CampaignPlan
         name="demo",
         drone=drone,
         mocap=mocap,
-        policy="default",
-        vehicle="crazyflie21-upgraded",
+        policy=DEFAULT_POLICY,
+        vehicle=DEFAULT_VEHICLE,
         legs=None,
         seed=seed,
         order="shuffled",
@@ -86,7 +87,7 @@ def _recording(rows: "list[AttemptRow]") -> Path | None:
     landed = [row.record for row in rows if row.record is not None and row.triggered]
     if not landed or find_spec("rerun") is None:
         return None
-    return write_rrd(landed[-1], load_vehicle("crazyflie21-upgraded"), landed[-1] / "flight.rrd")
+    return write_rrd(landed[-1], load_vehicle(DEFAULT_VEHICLE), landed[-1] / "flight.rrd")
 
 
 def _emit(

@@ -5,6 +5,8 @@ from typing import Annotated, Any
 
 import typer
 
+from perchhw.attempt import DEFAULT_POLICY, DEFAULT_VEHICLE, AttemptRequest
+from perchhw.cli.options import DroneUri, Legs, Policy, Vehicle
 from perchhw.cli.output import emit, progress_console
 
 app = typer.Typer(add_completion=False)
@@ -12,15 +14,13 @@ app = typer.Typer(add_completion=False)
 
 @app.command()
 def fly(
-    drone: Annotated[str, typer.Option(help="URI of the drone: udp://HOST:PORT, radio://..., usb://...")],
+    drone: DroneUri,
     mocap: Annotated[str, typer.Option(help="URI of the mocap stream: vicon://HOST[:PORT]?subject=NAME")],
     speed: Annotated[float, typer.Option(help="Speed on the approach line, m/s.")],
     angle: Annotated[float, typer.Option(help="Angle of the approach line above the horizon, deg.")],
-    policy: Annotated[str, typer.Option(help="Policy file, or the name of a shipped policy.")] = "default",
-    vehicle: Annotated[str, typer.Option(help="Vehicle file, or the name of a known vehicle.")] = (
-        "crazyflie21-upgraded"
-    ),
-    legs: Annotated[str | None, typer.Option(help="Leg design instead of the vehicle file's.")] = None,
+    policy: Policy = DEFAULT_POLICY,
+    vehicle: Vehicle = DEFAULT_VEHICLE,
+    legs: Legs = None,
     ceiling: Annotated[float, typer.Option(help="Height of the ceiling, m.")] = 2.10,
     out: Annotated[Path, typer.Option(help="Folder for the record (a new folder inside it).")] = Path("runs"),
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Check and upload; never arm.")] = False,
@@ -30,7 +30,6 @@ def fly(
     Exit codes: 0 landed (or the dry run passed), 1 not landed, 3 a safety rule refused or ended it.
     """
     from onboard.room import RoomGeometry
-    from perchhw.attempt import AttemptRequest
     from perchhw.flight import fly_attempt
     from perchhw.record import new_run_folder
 

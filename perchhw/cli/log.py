@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from perchhw.attempt import DEFAULT_POLICY, DEFAULT_VEHICLE
+from perchhw.cli.options import FlightFormat, Legs, Policy
 from perchhw.cli.output import console, emit, progress_console
 
 if TYPE_CHECKING:
@@ -14,7 +16,6 @@ if TYPE_CHECKING:
 
 app = typer.Typer(add_completion=False)
 
-_DEFAULT_VEHICLE = "crazyflie21-upgraded"
 _RunFolder = Annotated[Path, typer.Argument(help="A run folder.")]
 
 
@@ -72,11 +73,11 @@ def export(
 @app.command()
 def label(
     files: Annotated[list[Path], typer.Argument(help="Run folders or flight files.")],
-    format: Annotated[str, typer.Option(help="auto, perchhw, habas or table.")] = "auto",
+    format: FlightFormat = "auto",
     vehicle: Annotated[
-        str | None, typer.Option(help=f"Vehicle; default: the record's own, else {_DEFAULT_VEHICLE}.")
+        str | None, typer.Option(help=f"Vehicle; default: the record's own, else {DEFAULT_VEHICLE}.")
     ] = None,
-    legs: Annotated[str | None, typer.Option(help="Leg design instead of the vehicle's.")] = None,
+    legs: Legs = None,
     ceiling_z: Annotated[float | None, typer.Option(help="Height of the ceiling, m.")] = None,
 ) -> int:
     """Give the landing outcome of flights, with the evidence for it.
@@ -113,7 +114,7 @@ def _vehicle_of(flight: "Flight", vehicle: str | None, legs: str | None) -> "Veh
     if vehicle is None and flight.format == "perchhw":
         config = read_info(flight.source / "run.json")["config"]
         vehicle, legs = config.get("vehicle"), legs or config.get("legs")
-    return load_vehicle(vehicle or _DEFAULT_VEHICLE, legs)
+    return load_vehicle(vehicle or DEFAULT_VEHICLE, legs)
 
 
 def _draw_labels(labels: list[dict[str, Any]]) -> None:
@@ -169,8 +170,8 @@ def view(
 @app.command()
 def replay(
     file: Annotated[Path, typer.Argument(help="A run folder or flight file with cues.")],
-    policy: Annotated[str, typer.Option(help="Policy file, or the name of a shipped policy.")] = "default",
-    format: Annotated[str, typer.Option(help="auto, perchhw, habas or table.")] = "auto",
+    policy: Policy = DEFAULT_POLICY,
+    format: FlightFormat = "auto",
 ) -> int:
     """Run a policy by the onboard arithmetic over the recorded cues: where would it have fired?"""
     from calibration.flights import open_flight

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from perchhw.cli.options import DroneUri
 from perchhw.cli.output import console, emit
 
 if TYPE_CHECKING:
@@ -16,7 +17,6 @@ app = typer.Typer(
 )
 
 PolicyArgument = Annotated[str, typer.Argument(help="A *.policy.json file, a bundle, or a shipped policy.")]
-DroneOption = Annotated[str, typer.Option(help="URI of the drone: udp://HOST:PORT, radio://..., usb://...")]
 
 
 def _load(name_or_path: str) -> "Policy":
@@ -162,7 +162,7 @@ def evaluate(
 
 
 @app.command()
-def upload(policy: PolicyArgument, drone: DroneOption) -> None:
+def upload(policy: PolicyArgument, drone: DroneUri) -> None:
     """Give a policy to a drone; it reports the CRC that it reads back."""
     from onboard.link import DroneLink
     from onboard.policy_bundle import encode_bundle
@@ -177,7 +177,7 @@ def upload(policy: PolicyArgument, drone: DroneOption) -> None:
 
 
 @app.command()
-def verify(policy: PolicyArgument, drone: DroneOption) -> None:
+def verify(policy: PolicyArgument, drone: DroneUri) -> None:
     """Check that a drone runs a policy; exit code 1 if it runs another or none."""
     from onboard.link import DroneLink
     from onboard.policy import policy_crc32

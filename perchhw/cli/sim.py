@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from perchhw.attempt import DEFAULT_VEHICLE
+from perchhw.cli.options import Legs, Vehicle
 from perchhw.cli.output import emit
 from sim_backend.faults import fault_table, parse_faults
 
@@ -33,8 +35,6 @@ ViconPort = Annotated[int, typer.Option(min=0, max=65535, help="TCP port of the 
 ViconUdpPort = Annotated[
     int, typer.Option(min=0, max=65535, help="UDP port that the Vicon object stream is sent to; 0: free.")
 ]
-Vehicle = Annotated[str, typer.Option(help="Vehicle file or known vehicle.")]
-Legs = Annotated[str | None, typer.Option(help="Leg design instead of the vehicle's own.")]
 Truth = Annotated[Path | None, typer.Option(help="Write the true state to this CSV file at 100 Hz.")]
 Fault = Annotated[
     list[str] | None,
@@ -55,7 +55,7 @@ def lab(
     drones: Drones = 1,
     vicon_port: ViconPort = 18801,
     vicon_udp_port: ViconUdpPort = 51001,
-    vehicle: Vehicle = "crazyflie21-upgraded",
+    vehicle: Vehicle = DEFAULT_VEHICLE,
     legs: Legs = None,
     truth: Truth = None,
     fault: Fault = None,
@@ -83,7 +83,7 @@ def lab(
 def drone(
     drone_port: DronePort = 19850,
     drones: Drones = 1,
-    vehicle: Vehicle = "crazyflie21-upgraded",
+    vehicle: Vehicle = DEFAULT_VEHICLE,
     legs: Legs = None,
     truth: Truth = None,
     fault: Fault = None,
@@ -111,7 +111,7 @@ def room(
     drones: Drones = 1,
     vicon_port: ViconPort = 18801,
     vicon_udp_port: ViconUdpPort = 51001,
-    vehicle: Vehicle = "crazyflie21-upgraded",
+    vehicle: Vehicle = DEFAULT_VEHICLE,
     legs: Legs = None,
     fault: Fault = None,
     seed: Seed = 0,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from perchhw.cli.options import Legs
 from perchhw.cli.output import console, emit
 
 if TYPE_CHECKING:
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
 app = typer.Typer(add_completion=False, no_args_is_help=True, help="Vehicle files: what the drone is.")
 
 VehicleArgument = Annotated[str, typer.Argument(help="A known vehicle or the path of a vehicle file.")]
-LegsOption = Annotated[str | None, typer.Option(help="Take these legs instead: a known leg design.")]
 
 
 @app.command("list")
@@ -34,7 +34,7 @@ def list_() -> None:
 @app.command()
 def show(
     vehicle: VehicleArgument,
-    legs: LegsOption = None,
+    legs: Legs = None,
     toml: Annotated[bool, typer.Option("--toml", help="Print a complete vehicle file.")] = False,
 ) -> None:
     """Show every number of a vehicle with its uncertainty (k = 1) and source, in SI units."""

@@ -1,7 +1,6 @@
 """Fly one attempt: link and mocap open, the supervisor decides, its commands are carried out and recorded."""
 
 import queue
-import zlib
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -13,8 +12,8 @@ from mocap_bridge.sinks.crazyflie import CrazyfliePoseSink
 from onboard.clock import Clock, monotonic
 from onboard.errors import PerchhwError
 from onboard.link import DroneLink
-from onboard.policy import load_policy, shipped_policy_path
-from onboard.policy_bundle import encode_bundle
+from onboard.policy import find_policy, load_policy
+from onboard.policy_bundle import bundle_crc32, encode_bundle
 from onboard.vehicle import Vehicle, load_vehicle
 from perchhw.attempt import AttemptRequest, AttemptResult, Outcome
 from perchhw.flight.actions import CommandRunner
@@ -63,9 +62,8 @@ def fly_attempt(
         KeyboardInterrupt: the operator interrupted; the drone was stopped and the record closed first.
     """
     vehicle = load_vehicle(request.vehicle, request.legs)
-    policy_path = _policy_path(request.policy)
-    bundle = encode_bundle(load_policy(policy_path))
-    plan = plan_attempt(request, zlib.crc32(bundle), dry_run)
+    bundle = encode_bundle(load_policy(find_policy(request.policy)))
+    plan = plan_attempt(request, bundle_crc32(bundle), dry_run)
     limits = limits or SafetyLimits(room=request.room)
     with RunRecorder(request.folder, _configuration(request, vehicle, plan), clock) as recorder:
         flight = _Flight(request, plan, bundle, limits, recorder, clock, on_phase)
@@ -79,10 +77,6 @@ def fly_attempt(
     if interrupted:
         raise KeyboardInterrupt
     return result
-
-
-def _policy_path(name_or_path: str) -> Any:
-    return name_or_path if name_or_path.endswith(".json") else shipped_policy_path(name_or_path)
 
 
 def _configuration(request: AttemptRequest, vehicle: Vehicle, plan: AttemptPlan) -> dict[str, Any]:

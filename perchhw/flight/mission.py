@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from onboard.errors import InputError
 from onboard.trajectory import ApproachPlan, fit_approach, plan_approach
-from perchhw.attempt import AttemptRequest
+from perchhw.attempt import APPROACH_PARAMETERS, AttemptRequest
 from perchhw.errors import FlightStackError
 from perchhw.supervisor import Mission
 
@@ -13,8 +13,6 @@ LOWEST_HOVER = 0.5
 
 START_MARGIN = 0.2
 """Distance of the start from the side walls, m."""
-
-APPROACH_PARAMETERS = ("ax", "az", "tau0", "impact_x", "impact_y")
 
 
 class ApproachNotPossible(FlightStackError, InputError):

@@ -29,6 +29,11 @@ from perchhw.supervisor.rules import (
 )
 from perchhw.supervisor.state import Context, FlightState, Phase, Step
 
+_RISE_ERROR = 0.1
+"""m from the height of the first hover, from which the drone moves on."""
+_HOVER_ERROR, _HOVER_SPEED = 0.08, 0.15
+"""m and m/s at the start of the approach; the drone itself demands 0.25 m and 0.3 m/s there."""
+
 
 def _held(state: FlightState, good: bool, hold: float, context: Context) -> tuple[FlightState, bool]:
     """Whether a condition has held for `hold` s without a break, and the state that remembers since when."""
@@ -107,10 +112,10 @@ def _policy_guard(state: FlightState, o: Observation, context: Context) -> Step 
 
 
 def _settled_at(o: Observation, place: Vector) -> bool:
-    """The drone hovers within 8 cm of `place` (m) at less than 0.15 m/s."""
+    """The drone hovers at `place` (m)."""
     if o.estimate_position is None or o.estimate_velocity is None:
         return False
-    return dist(o.estimate_position, place) < 0.08 and hypot(*o.estimate_velocity) < 0.15
+    return dist(o.estimate_position, place) < _HOVER_ERROR and hypot(*o.estimate_velocity) < _HOVER_SPEED
 
 
 def _taking_off(state: FlightState, o: Observation, context: Context) -> Step:
@@ -118,7 +123,9 @@ def _taking_off(state: FlightState, o: Observation, context: Context) -> Step:
     if stop is not None:
         return stop
     timing, mission = context.timing, context.mission
-    risen = o.estimate_position is not None and abs(o.estimate_position[2] - mission.hover_height) < 0.1
+    risen = (
+        o.estimate_position is not None and abs(o.estimate_position[2] - mission.hover_height) < _RISE_ERROR
+    )
     state, steady = _held(
         state, risen and elapsed(state, context) >= timing.take_off, timing.hover_hold, context
     )

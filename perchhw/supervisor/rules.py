@@ -43,6 +43,7 @@ class SafetyLimits:
         yaw_disagreement: largest heading difference before arming (criterion D2: 5 deg), rad.
         tilt_on_ground: largest tilt before arming, rad.
         tilt_in_hover: largest tilt while hovering and moving to the start, rad.
+        speed_on_ground: largest speed of the estimate before arming, m/s.
         height_on_ground: greatest height of the body's origin before arming, m.
         room: the flight volume.
         wall_margin: distance to the sides of the volume that must remain, m.
@@ -60,6 +61,7 @@ class SafetyLimits:
     yaw_disagreement: float = radians(5.0)
     tilt_on_ground: float = radians(10.0)
     tilt_in_hover: float = radians(35.0)
+    speed_on_ground: float = 0.15
     height_on_ground: float = 0.25
     room: RoomGeometry = field(default_factory=RoomGeometry)
     wall_margin: float = 0.0
@@ -211,7 +213,7 @@ def inside_room(o: Observation, limits: SafetyLimits) -> Violation | None:
 def calm_on_ground(o: Observation, limits: SafetyLimits) -> Violation | None:
     """The estimate stands still before arming: a drifting estimator has not converged."""
     speed = None if o.estimate_velocity is None else hypot(*o.estimate_velocity)
-    return _at_most("speed_on_ground", speed, 0.15, "m/s")
+    return _at_most("speed_on_ground", speed, limits.speed_on_ground, "m/s")
 
 
 GROUND_RULES: tuple[Rule, ...] = (
