@@ -151,7 +151,7 @@ class LandingLimits(NamedTuple):
 def landing_limits(vehicle: Vehicle, policy_tau_min: float = math.nan) -> LandingLimits:
     """The limits for a vehicle and the live policy's `tau_min` (s; NaN without a policy).
 
-    The flip of the authors' flights took 0.196 to 0.275 s (authors_data 2), so 0.5 s is no flip any more.
+    The flip of the authors' flights took 0.196 to 0.275 s, so 0.5 s is no flip any more.
     """
     body, motors = vehicle.body, vehicle.motors
     top = max(body.body_top_z.value, body.propeller_height_z.value)

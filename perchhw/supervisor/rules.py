@@ -31,7 +31,7 @@ class SafetyLimits:
 
     Attributes:
         link_silence: longest silence of the drone (it answers echoes at 10 Hz), s.
-        pose_age: oldest good mocap pose before arming (criterion B4: stale at 0.1 s), s.
+        pose_age: oldest good mocap pose before arming (where the health monitor says stale), s.
         pose_age_bridged: oldest one that the drone's own estimate bridges (lost at 0.5 s), s.
         telemetry_age: oldest usable onboard value, s.
         battery_age: oldest usable battery reading (it is sent at 10 Hz), s.
@@ -40,7 +40,7 @@ class SafetyLimits:
         battery_in_flight: least voltage under load; 15 gf of one motor needs 2.72 V (errata 1), V.
         disagreement_on_ground: largest distance of the onboard estimate from the mocap pose, m.
         disagreement_in_flight: the same in flight, where the estimate lags the pose by the latency, m.
-        yaw_disagreement: largest heading difference before arming (criterion D2: 5 deg), rad.
+        yaw_disagreement: largest heading difference before arming, rad.
         tilt_on_ground: largest tilt before arming, rad.
         tilt_in_hover: largest tilt while hovering and moving to the start, rad.
         speed_on_ground: largest speed of the estimate before arming, m/s.

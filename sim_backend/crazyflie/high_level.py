@@ -1,7 +1,7 @@
 """The simulated drone's high-level commander: take-off, landing, go-to and uploaded polynomial trajectories.
 
 Commands and their errors as in bitcraze/crazyflie-firmware 2026.08 (``crtp_commander_high_level.c``,
-``planner.c``, ``pptraj.c``); wire format in notes section 2.2. Left out, answered ENOEXEC: spirals and
+``planner.c``, ``pptraj.c``). Left out, answered ENOEXEC: spirals and
 compressed trajectories. Group mask 0 of a command means everybody.
 """
 

@@ -9,7 +9,7 @@ import pytest
 from calibration.flights import Flight, FlightFileError, UnusableFlightError, open_flight, open_flights
 from calibration.flights.habas import TAU_TRUNCATION_S
 
-POSE_JUMPS_NEAR_THE_TRIGGER = {  # authors_data, "The pose estimate fails during some flips"
+POSE_JUMPS_NEAR_THE_TRIGGER = {  # docs/paper_errata.md 8
     "SVL--NL_2.25_40.00_10-26_17-21",
     "SVL--NL_2.25_50.00_10-26_17-34",
     "SVL--NL_2.75_45.00_10-26_17-42",

@@ -64,7 +64,7 @@ def test_floors_of_accuracy(authors: dict[str, str], labels: dict[str, LandingLa
     assert attached / 33 >= 0.95
     legs = sum(LEGS[label.outcome.value] == LEGS[authors[file]] for file, label in classified.items())
     assert legs / 33 >= 0.95
-    # 5 of the 7 failures never triggered (authors_data, section 2)
+    # 5 of the 7 failures never triggered (docs/paper_errata.md 12)
     never = [file for file, label in classified.items() if label.outcome is Outcome.NO_TRIGGER]
     assert len(never) == 5
     assert all(authors[file] == "failure" for file in never)

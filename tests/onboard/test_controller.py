@@ -183,7 +183,7 @@ def test_tracks_an_approach_to_the_trigger(speed: float, angle_deg: float) -> No
     until_trigger = plan.impact_time - 0.23
     _, states = simulate(DEFAULT_GAINS, target, state(position=(plan.x0, 0.0, plan.z0)), until_trigger)
     end = states[-1]
-    # The authors' flights: v_x -0.17 +- 0.27, v_z +0.07 +- 0.09 m/s, pitch up to 16 deg (authors_data 2).
+    # The authors' flights: v_x -0.17 +- 0.27, v_z +0.07 +- 0.09 m/s, pitch up to 16 deg.
     assert end[3] == pytest.approx(plan.vx, abs=0.12)
     assert end[5] == pytest.approx(plan.vz, abs=0.12)
     assert end[14] > math.cos(math.radians(8.0))

@@ -119,7 +119,7 @@ def test_every_number_says_its_uncertainty_and_source(name: str) -> None:
 
 
 def test_battery_meets_what_the_flights_show() -> None:
-    """Errata 1 and authors_data 2: about 4.1 V at rest, 3.4 to 3.5 V in hover on a fresh pack."""
+    """The authors' flights: about 4.1 V at rest, 3.4 to 3.5 V in hover on a fresh pack."""
     vehicle = load_vehicle("crazyflie21-upgraded")
     battery, weight = vehicle.battery, 9.81 * vehicle.body.mass.value
     drop = battery.resistance.value * battery.motor_current_per_newton.value
