@@ -43,6 +43,22 @@ class CsvFile:
         chosen = self.rows if rows is None else rows
         return np.array([self.number(row, index, missing) for row in chosen], dtype=np.float64)
 
+    def time(self, rows: Sequence[CsvRow] | None = None, missing: Sequence[str] = ("",)) -> FloatArray:
+        """The column ``t`` of `rows` (default all), which every row has and which never goes back.
+
+        Raises:
+            FlightFileError: it is not so in the row that is named.
+        """
+        chosen = self.rows if rows is None else rows
+        t = self.column("t", chosen, missing)
+        absent = np.flatnonzero(~np.isfinite(t))
+        if absent.size:
+            raise FlightFileError(f"{self.path} row {chosen[absent[0]].number} column 't': no time")
+        back = np.flatnonzero(np.diff(t) < 0)
+        if back.size:
+            raise FlightFileError(f"{self.path} row {chosen[back[0] + 1].number} column 't': time goes back")
+        return t
+
     def index(self, name: str) -> int:
         """Position of the column `name`."""
         if name not in self.header:

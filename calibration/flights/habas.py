@@ -76,8 +76,9 @@ def load_habas(path: Path) -> Flight:
     error = file.index("Error")
     rows = tuple(r for r in file.rows if r.cells[error] == "--")
     summaries = {r.cells[error]: r for r in file.rows if r.cells[error] != "--"}
-    t = file.column("t", rows, _MISSING)
-    _check_time(file, rows, t)
+    if not rows:
+        raise UnusableFlightError(path, "no data rows")
+    t = file.time(rows, _MISSING)
     data = _channels(file, rows)
     flag = _flag_without_leftover(file, rows)
     trigger_row = _trigger_row(flag, data)
@@ -120,17 +121,6 @@ class _Log:
     def reject(self, names: tuple[str, ...], rows: BoolArray) -> None:
         for name in names:
             self.valid[name] &= ~rows
-
-
-def _check_time(file: CsvFile, rows: tuple[CsvRow, ...], t: FloatArray) -> None:
-    if len(rows) == 0:
-        raise UnusableFlightError(file.path, "no data rows")
-    bad = np.flatnonzero(~np.isfinite(t))
-    if bad.size:
-        raise FlightFileError(f"{file.path} row {rows[bad[0]].number} column 't': no time")
-    back = np.flatnonzero(np.diff(t) < 0)
-    if back.size:
-        raise FlightFileError(f"{file.path} row {rows[back[0] + 1].number} column 't': time goes back")
 
 
 def _channels(file: CsvFile, rows: tuple[CsvRow, ...]) -> dict[str, FloatArray]:

@@ -45,8 +45,7 @@ def load_table(path: Path) -> Flight:
     _check_header(file)
     if len(file.rows) < 2:
         raise UnusableFlightError(path, f"only {len(file.rows)} data rows")
-    t = file.column("t")
-    _check_time(file, t)
+    t = file.time()
     data = {_channel(n): file.column(n) for n in file.header if n not in ("t", _DRONE)}
     _check_quaternion(file, data)
     truth = "legs_attached" in data
@@ -84,15 +83,6 @@ def _check_header(file: CsvFile) -> None:
             raise FlightFileError(
                 f"{file.path} column 'drone': {len(drones)} drones in one table; give one file per drone"
             )
-
-
-def _check_time(file: CsvFile, t: FloatArray) -> None:
-    bad = np.flatnonzero(~np.isfinite(t))
-    if bad.size:
-        raise FlightFileError(f"{file.path} row {file.rows[bad[0]].number} column 't': no time")
-    back = np.flatnonzero(np.diff(t) < 0)
-    if back.size:
-        raise FlightFileError(f"{file.path} row {file.rows[back[0] + 1].number} column 't': time goes back")
 
 
 def _check_quaternion(file: CsvFile, data: dict[str, FloatArray]) -> None:
