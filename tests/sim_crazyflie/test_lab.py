@@ -179,11 +179,12 @@ def test_the_room_can_die_alone(tmp_path: Path) -> None:
             client.sendto(b"\xf3", (host, int(port)))  # link echo without data keeps the radio busy
             client.sendto(b"\xf0\x01\x02", (host, int(port)))
             assert client.recv(64)
+        assert lab.process.stderr is not None
+        assert any("mocap room has ended" in line for line in lab.process.stderr)  # waits for it
         started = time.monotonic()
-        code, errors = lab.end(signal.SIGTERM)
+        code, _ = lab.end(signal.SIGTERM)
         assert time.monotonic() - started < 1.0
         assert code == 0
-        assert "mocap room has ended" in errors
 
 
 @pytest.mark.parametrize(("how", "code"), [(signal.SIGINT, 130), (signal.SIGKILL, -9)])
