@@ -1,6 +1,7 @@
-"""Commands that fly, arm and stop: CRTP ports 6 (external pose), 8 (high-level commander) and 9 (supervisor).
+"""Commands that fly, arm and stop: CRTP ports 6 (pose), 7, 8 (high-level commander) and 9 (supervisor).
 
 Port 6 channel 1: ``08``, then x y z [m] and qx qy qz qw as float32; no answer.
+Port 7 channel 1: ``00``, then u32 ms: no more setpoints come (notify-setpoints-stop); no answer.
 Port 8 channel 0: command, group mask, arguments -> the first three bytes and an errno (cflib listens to none
 of it). Port 9 channel 0: ``0C`` -> ``8C``, bits u16. Channel 1: ``01 on`` -> ``81 success armed``; ``02`` ->
 ``82 success recovered``; ``03`` emergency stop and ``04`` kick of its watchdog have no answer. Little endian.
@@ -24,6 +25,8 @@ _ALL_GROUPS = 0
 _INFO_CHANNEL, _COMMAND_CHANNEL = 0, 1
 _GET_INFO, _ARM, _RECOVER, _EMERGENCY_STOP, _WATCHDOG = 0x0C, 0x01, 0x02, 0x03, 0x04
 _ANSWER = 0x80
+_META_CHANNEL, _NOTICE_COPIES = 1, 2
+_SETPOINTS_STOPPED = struct.pack("<BI", 0, 0)
 _COMMANDER_RETRY_S = 0.1
 _EMERGENCY_COPIES = 3
 _EMERGENCY_INTERVAL_S = 0.05
@@ -54,7 +57,14 @@ class Commands:
         self._exchange.send(CRTPPort.LOCALIZATION, _POSE_CHANNEL, payload)
 
     def takeoff(self, height: float, duration: float, yaw: float | None) -> None:
-        """Climb to ``height``; see :meth:`onboard.link.drone.DroneLink.takeoff`."""
+        """Climb to ``height``; see :meth:`onboard.link.drone.DroneLink.takeoff`.
+
+        A setpoint of higher priority may still be in force: cflib sends one when it closes a link, and then
+        the drone would not follow the high-level commander. The notice that setpoints have stopped also tells
+        the planner where the drone is now.
+        """
+        for _ in range(_NOTICE_COPIES):
+            self._exchange.send(CRTPPort.COMMANDER_GENERIC, _META_CHANNEL, _SETPOINTS_STOPPED)
         self._high_level(
             "takeoff",
             struct.pack("<BBff?f", _TAKEOFF, _ALL_GROUPS, height, yaw or 0.0, yaw is None, duration),

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from onboard.app_interface import Log, Parameter, PolicyStatus
+from onboard.clock import monotonic
 from onboard.link import CommandRefused, DroneLink, LinkLost, LogSample, PolicyRefused, reboot
 from onboard.policy_bundle import encode_bundle
 from onboard.supervisor_info import SupervisorInfo
@@ -148,6 +149,32 @@ def test_commands_follow_the_drones_supervisor(crazyflie_uri: str) -> None:
     reboot(crazyflie_uri)
     with DroneLink.open(crazyflie_uri) as link:
         assert not link.supervisor_info().is_locked
+
+
+def test_takes_off_although_an_earlier_link_was_closed(crazyflie_uri: str) -> None:
+    """Closing a link leaves a zero setpoint behind, of higher priority than the high-level commander."""
+    reboot(crazyflie_uri)
+    with DroneLink.open(crazyflie_uri):
+        pass
+    turning = threading.Event()
+
+    def watch(sample: LogSample) -> None:
+        if sample.values["motor.m1"] > 10_000.0:
+            turning.set()
+
+    with DroneLink.open(crazyflie_uri) as link, link.stream(["motor.m1"], 10, watch):
+        link.arm()
+        wait_until_it_may_fly(link)
+        link.takeoff(0.5, 1.0)
+        assert turning.wait(2.0)
+        link.emergency_stop()
+    reboot(crazyflie_uri)
+
+
+def wait_until_it_may_fly(link: DroneLink) -> None:
+    deadline = monotonic() + 3.0
+    while not link.supervisor_info().can_fly:
+        assert monotonic() < deadline, "the drone did not get ready"
 
 
 def test_poses_reach_the_drones_estimator(drone_link: DroneLink) -> None:
