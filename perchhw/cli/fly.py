@@ -24,13 +24,20 @@ def fly(
     ceiling: Annotated[float, typer.Option(help="Height of the ceiling, m.")] = 2.10,
     out: Annotated[Path, typer.Option(help="Folder for the record (a new folder inside it).")] = Path("runs"),
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Check and upload; never arm.")] = False,
+    put_back: Annotated[
+        bool, typer.Option("--put-back", help="First put the drone back on its start mark and reboot it.")
+    ] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask whether it stands there.")] = False,
 ) -> int:
     """Fly one attempt: check, upload and verify, arm, take off, approach, land upside down, label.
+
+    A drone that has landed needs --put-back before it flies again.
 
     Exit codes: 0 landed (or the dry run passed), 1 not landed, 3 a safety rule refused or ended it.
     """
     from onboard.room import RoomGeometry
-    from perchhw.flight import fly_attempt
+    from perchhw.cli.prompts import confirmation
+    from perchhw.flight import fly_attempt, turnaround
     from perchhw.record import new_run_folder
 
     console = progress_console()
@@ -46,6 +53,8 @@ def fly(
         legs=legs,
         room=RoomGeometry(ceiling_z=ceiling),
     )
+    if put_back:
+        turnaround.put_back(drone, confirmation(yes))
     result = fly_attempt(
         request, dry_run=dry_run, on_phase=lambda state: console.print(f"  {state.phase.value}")
     )

@@ -36,7 +36,7 @@ def perchhw(*arguments: str, folder: Path | None = None) -> "subprocess.Complete
     )
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def lab() -> Iterator[SimulatedLab]:
     with SimulatedLab(
         "lab", ["--drone-port", "0", "--vicon-port", "0", "--vicon-udp-port", "0", "--seed", "3"]
@@ -55,14 +55,6 @@ def test_console_lines_run(page: Path, lab: SimulatedLab, tmp_path: Path) -> Non
         assert program == "perchhw", f"{page.name}: teach this test how to run {line!r}"
         done = perchhw(*arguments, folder=tmp_path)
         assert done.returncode == 0, f"{page.name}: {line}\n{done.stdout}{done.stderr}"
-        if arguments[0] == "fly" and "--dry-run" not in arguments:
-            put_back(lab)
-
-
-def put_back(lab: SimulatedLab) -> None:
-    from perchhw.flight.turnaround import put_back
-
-    put_back(lab.drones[0], confirm=lambda _what: None)
 
 
 def test_the_readme_shows_the_two_commands_first() -> None:
