@@ -74,7 +74,6 @@ def after_upload(state: FlightState, crc: int | None, context: Context) -> Step:
         return abort(
             state, f"policy_crc: the drone has {live}, need {context.mission.policy_crc:08x}", context
         )
-    state = replace(state, uploaded=True)
     if context.mission.dry_run:
         return Step(enter(state, Phase.DONE, context))
     return Step(enter(state, Phase.ARMING, context, "the drone to arm"), (Arm(),))
@@ -158,10 +157,9 @@ def _arming_approach(state: FlightState, o: Observation, context: Context) -> St
     stop = guard(state, HOVER_RULES, o, context) or _policy_guard(state, o, context)
     if stop is not None:
         return stop
-    fresh = o.landing_age is not None and o.landing_age <= context.limits.telemetry_age
-    if fresh and o.landing_state is LandingState.TRAJECTORY_ARMED:
+    if _landing_state(o, context) is LandingState.TRAJECTORY_ARMED and o.trigger_count is not None:
         approaching = enter(state, Phase.APPROACHING, context, "the trigger")
-        return Step(approaching, (StartApproach(),))
+        return Step(replace(approaching, triggers_before=o.trigger_count), (StartApproach(),))
     if elapsed(state, context) > context.timing.approach_arm_deadline:
         reported = "unknown" if o.landing_state is None else o.landing_state.name
         return abort(state, f"the drone did not arm the approach: its landing state is {reported}", context)
@@ -171,14 +169,22 @@ def _arming_approach(state: FlightState, o: Observation, context: Context) -> St
 # --- the approach and after -------------------------------------------------------------------------------
 
 
+def _landing_state(o: Observation, context: Context) -> LandingState | None:
+    """The landing state of the drone as it is now, or ``None`` when that is not known."""
+    fresh = o.landing_age is not None and o.landing_age <= context.limits.telemetry_age
+    return o.landing_state if fresh else None
+
+
 def _approaching(state: FlightState, o: Observation, context: Context) -> Step:
-    match o.landing_state:
+    match _landing_state(o, context):
         case LandingState.FLIP:
             return Step(replace(enter(state, Phase.FLIPPING, context, "the end of the flip"), triggered=True))
         case LandingState.CUT:
-            return Step(replace(enter(state, Phase.SETTLING, context, "the body to rest"), triggered=True))
+            # The drone also cuts its motors on contact and on tilt; only its count tells a trigger.
+            fired = o.trigger_count is not None and o.trigger_count > state.triggers_before
+            return Step(replace(enter(state, Phase.SETTLING, context, "the body to rest"), triggered=fired))
         case LandingState.BRAKE | LandingState.HOLD:
-            return Step(replace(enter(state, Phase.BRAKING, context, "the drone to brake"), missed=True))
+            return Step(enter(state, Phase.BRAKING, context, "the drone to brake"))
         case LandingState.FAULT:
             return abort(state, "the drone reports a fault in its landing state machine", context)
     stop = guard(state, APPROACH_RULES, o, context)
@@ -190,7 +196,7 @@ def _approaching(state: FlightState, o: Observation, context: Context) -> Step:
 
 
 def _flipping(state: FlightState, o: Observation, context: Context) -> Step:
-    if o.landing_state is LandingState.CUT:
+    if _landing_state(o, context) is LandingState.CUT:
         return Step(enter(state, Phase.SETTLING, context, "the body to rest"))
     if elapsed(state, context) > context.timing.flip_deadline:
         settling = enter(state, Phase.SETTLING, context, "the body to rest")
@@ -205,12 +211,12 @@ def _settling(state: FlightState, o: Observation, context: Context) -> Step:
 
 
 def _braking(state: FlightState, o: Observation, context: Context) -> Step:
-    if o.landing_state is LandingState.CUT or (o.drone is not None and not o.drone.can_fly):
+    landing_state = _landing_state(o, context)
+    motors_stopped = landing_state in (LandingState.CUT, LandingState.FAULT)
+    if motors_stopped or (o.drone is not None and not o.drone.can_fly):
         return Step(enter(state, Phase.SETTLING, context, "the body to rest"))
-    if (
-        o.landing_state in (LandingState.HOLD, LandingState.IDLE)
-        or elapsed(state, context) > context.timing.brake_deadline
-    ):
+    braked = landing_state in (LandingState.HOLD, LandingState.IDLE)
+    if braked or elapsed(state, context) > context.timing.brake_deadline:
         return land(state, context)
     return Step(state)
 

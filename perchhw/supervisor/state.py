@@ -83,10 +83,9 @@ class FlightState:
         phase: where the attempt stands.
         entered_at: when it came there, s of the injected clock.
         good_since: since when the phase's condition holds without a break, s, or ``None``.
-        uploaded: the upload was verified.
         armed: the motors were armed in this attempt.
         triggered: the drone's own trigger fired.
-        missed: the approach ended without a trigger.
+        triggers_before: triggers that the drone had counted when the approach began.
         aborted_by: the rule, command or person that ended the attempt early, or ``None``.
         waiting_for: what the current phase waits for, in words.
     """
@@ -94,10 +93,9 @@ class FlightState:
     phase: Phase
     entered_at: float
     good_since: float | None = None
-    uploaded: bool = False
     armed: bool = False
     triggered: bool = False
-    missed: bool = False
+    triggers_before: int = 0
     aborted_by: str | None = None
     waiting_for: str = ""
 

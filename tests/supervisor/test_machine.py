@@ -63,7 +63,6 @@ def test_a_good_attempt_goes_through_every_phase_in_order() -> None:
         Phase.DONE,
     ]
     assert state.triggered
-    assert not state.missed
     assert state.aborted_by is None
 
 
@@ -71,7 +70,7 @@ def test_a_dry_run_uploads_and_never_arms() -> None:
     attempt = SimulatedAttempt(mission=replace(MISSION, dry_run=True))
     state = attempt.run()
     assert kinds(attempt) == [UploadPolicy]
-    assert state.uploaded
+    assert state.aborted_by is None
     assert not state.armed
 
 
@@ -79,9 +78,44 @@ def test_a_missed_trigger_lands_on_the_floor() -> None:
     attempt = SimulatedAttempt(triggers=False)
     state = attempt.run()
     assert kinds(attempt)[-2:] == [Land, Disarm]
-    assert state.missed
     assert not state.triggered
     assert state.aborted_by is None
+
+
+@pytest.mark.parametrize(("count", "triggered"), [(1, True), (0, False), (None, False)])
+def test_motors_that_stop_on_the_approach_are_a_trigger_only_if_the_drone_counted_one(
+    count: int | None, triggered: bool
+) -> None:
+    def touch(o: Observation, now: float, state: FlightState) -> Observation:
+        if state.phase is not Phase.APPROACHING:
+            return o
+        return replace(o, landing_state=LandingState.CUT, trigger_count=count)
+
+    attempt = SimulatedAttempt(fault=touch)
+    assert attempt.run().triggered is triggered
+    assert kinds(attempt)[-1] is Disarm
+
+
+def test_a_landing_state_that_is_old_moves_nothing() -> None:
+    def frozen(o: Observation, now: float, state: FlightState) -> Observation:
+        if state.phase is not Phase.APPROACHING:
+            return o
+        return replace(o, landing_state=LandingState.CUT, landing_age=1.0)
+
+    attempt = SimulatedAttempt(fault=frozen)
+    state = attempt.run()
+    assert not state.triggered
+    assert "neither in a trigger nor in a brake" in (state.aborted_by or "")
+
+
+def test_a_fault_while_braking_is_not_landed_but_disarmed() -> None:
+    def faulty(o: Observation, now: float, state: FlightState) -> Observation:
+        return replace(o, landing_state=LandingState.FAULT) if state.phase is Phase.BRAKING else o
+
+    attempt = SimulatedAttempt(fault=faulty, triggers=False)
+    attempt.run()
+    assert Land not in kinds(attempt)
+    assert kinds(attempt)[-1] is Disarm
 
 
 def test_a_wrong_policy_on_the_drone_never_arms() -> None:
