@@ -16,6 +16,7 @@ from onboard.link.errors import (
     NoSuchVariable,
     PolicyRefused,
 )
+from onboard.link.uri import check_drone_uri
 
 if TYPE_CHECKING:
     from onboard.link.drone import DroneLink, LogSample, LogStream, reboot
@@ -31,6 +32,7 @@ __all__ = [
     "LogStream",
     "NoSuchVariable",
     "PolicyRefused",
+    "check_drone_uri",
     "reboot",
 ]
 

@@ -9,8 +9,9 @@ from typing import Any
 from cflib.crazyflie import Crazyflie
 
 from onboard.clock import Clock
-from onboard.link.driver import install_driver, parse_udp_uri
+from onboard.link.driver import install_driver
 from onboard.link.errors import LinkError, LinkLost, LinkTimeout
+from onboard.link.uri import check_drone_uri
 
 _CLOSE_DEADLINE = 2.0
 _log = logging.getLogger(__name__)
@@ -107,9 +108,8 @@ def open_crazyflie(
         LinkTimeout: not connected by the deadline.
         LinkLost: the drone answered and then vanished.
     """
+    check_drone_uri(uri)
     install_driver()
-    if uri.startswith("udp://"):
-        parse_udp_uri(uri)
     crazyflie = GuardedCrazyflie(toc_cache)
     finished = threading.Event()
     refusals: list[str] = []

@@ -24,7 +24,6 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from urllib.parse import parse_qs, urlsplit
 
 import cflib.crtp
 from cflib.crtp.crtpdriver import CRTPDriver
@@ -32,11 +31,10 @@ from cflib.crtp.crtpstack import CRTPPacket
 from cflib.crtp.exceptions import WrongUriType
 from cflib.crtp.udpdriver import UdpDriver
 
-from onboard.link.errors import LinkError, LinkInputError
+from onboard.link.errors import LinkError
 from onboard.link.replies import ECHO_HEADER, PORT_AND_CHANNEL, OutstandingRequests, Packet
+from onboard.link.uri import UdpAddress, parse_udp_uri
 
-#: No packet for this long although answers were asked for: the link is lost [s].
-SILENCE_LIMIT = 1.0
 #: Packets kept for a client that does not take them: 2 s of 16 log blocks at 100 Hz.
 QUEUE_LIMIT = 4096
 DATAGRAM_MAX = 31
@@ -44,15 +42,6 @@ _TICK = 0.01
 _RECEIVE_BUFFER = 1 << 20
 
 _install_lock = threading.Lock()
-
-
-@dataclass(frozen=True, slots=True)
-class UdpAddress:
-    """A parsed ``udp://`` URI."""
-
-    host: str
-    port: int
-    silence_s: float = SILENCE_LIMIT
 
 
 @dataclass(slots=True)
@@ -65,26 +54,6 @@ class DriverStatistics:
     duplicates: int = 0
     overflow: int = 0
     unsent: int = 0
-
-
-def parse_udp_uri(uri: str) -> UdpAddress:
-    """Read ``udp://HOST:PORT[?silence_s=SECONDS]``.
-
-    Raises:
-        LinkInputError: the URI has no host or port, or ``silence_s`` is not a positive number.
-    """
-    hint = f"{uri!r} is not a usable drone address; write udp://HOST:PORT, for example udp://127.0.0.1:19850"
-    parts = urlsplit(uri)
-    try:
-        host, port = parts.hostname, parts.port
-        silence_s = float(parse_qs(parts.query).get("silence_s", [SILENCE_LIMIT])[0])
-    except ValueError as error:
-        raise LinkInputError(f"{hint} ({error})") from error
-    if parts.scheme != "udp" or not host or not port:
-        raise LinkInputError(hint)
-    if not silence_s > 0:
-        raise LinkInputError(f"{uri!r}: silence_s must be more than 0 s, not {silence_s}")
-    return UdpAddress(host, port, silence_s)
 
 
 def install_driver() -> None:

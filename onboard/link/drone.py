@@ -18,7 +18,7 @@ from typing import Self
 from onboard.clock import Clock
 from onboard.link.commands import Commands
 from onboard.link.crazyflie import GuardedCrazyflie, open_crazyflie
-from onboard.link.driver import SILENCE_LIMIT, ResendingUdpDriver
+from onboard.link.driver import ResendingUdpDriver
 from onboard.link.errors import LinkError, LinkLost
 from onboard.link.exchange import Exchange
 from onboard.link.logs import LogSample, LogStream, LogStreams
@@ -26,6 +26,7 @@ from onboard.link.memory import Memories, MemoryInfo
 from onboard.link.parameters import Parameters
 from onboard.link.policy_upload import PolicyUpload
 from onboard.link.power import reboot
+from onboard.link.uri import SILENCE_LIMIT
 from onboard.link.variables import log_table, parameter_table
 from onboard.supervisor_info import SupervisorInfo
 

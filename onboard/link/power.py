@@ -16,8 +16,9 @@ from cflib.crtp.crtpstack import CRTPPacket
 from cflib.utils.power_switch import PowerSwitch
 
 from onboard.clock import Clock
-from onboard.link.driver import install_driver, parse_udp_uri
+from onboard.link.driver import install_driver
 from onboard.link.errors import LinkError, LinkInputError, LinkTimeout
+from onboard.link.uri import check_drone_uri
 
 _BOOTLOADER_HEADER, _BOOTLOADER_COMMAND, _OFF, _ON = 0xFF, 0xFE, 0x02, 0x03
 _LINK_SOURCE_HEADER = 0xF1
@@ -36,10 +37,10 @@ def reboot(uri: str, timeout_s: float = 10.0, clock: Clock = time.monotonic) -> 
         LinkError: there is no radio, or nobody is there.
         LinkTimeout: the drone did not answer before or after.
     """
+    check_drone_uri(uri)
     install_driver()
     deadline = clock() + timeout_s
     if uri.startswith("udp://"):
-        parse_udp_uri(uri)
         with _raw_link(uri) as link:
             link.until_answered(_BOOTLOADER_HEADER, bytes((_BOOTLOADER_COMMAND, _OFF)), deadline, clock)
             threading.Event().wait(_OFF_TIME_S)

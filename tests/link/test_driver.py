@@ -11,9 +11,7 @@ from cflib.crtp.crtpstack import CRTPPacket
 from cflib.crtp.exceptions import WrongUriType
 from cflib.crtp.udpdriver import UdpDriver
 
-from onboard.errors import InputError
-from onboard.link.driver import QUEUE_LIMIT, ResendingUdpDriver, install_driver, parse_udp_uri
-from onboard.link.errors import LinkError
+from onboard.link.driver import QUEUE_LIMIT, ResendingUdpDriver, install_driver
 from tests.link.tiny_drone import MEMORY_TYPE, TinyDrone
 
 PING = CRTPPacket(0xF0, b"\0" * 9)
@@ -56,29 +54,6 @@ def test_installs_itself_before_cflibs_driver_once() -> None:
 def test_other_schemes_are_left_to_cflib() -> None:
     with pytest.raises(WrongUriType):
         ResendingUdpDriver().connect("radio://0/80/2M", None, None)
-
-
-@pytest.mark.parametrize(
-    "uri",
-    [
-        "udp://",
-        "udp://127.0.0.1",
-        "udp://127.0.0.1:0",
-        "udp://:19850",
-        "udp://h:99999",
-        "udp://h:1?silence_s=-1",
-    ],
-)
-def test_unusable_addresses_are_input_errors(uri: str) -> None:
-    with pytest.raises(LinkError) as caught:
-        parse_udp_uri(uri)
-    assert isinstance(caught.value, InputError)
-    assert uri in str(caught.value)
-
-
-def test_query_keys_of_cflib_are_tolerated() -> None:
-    address = parse_udp_uri("udp://127.0.0.1:19850?safelink=0&autoping=0&silence_s=2.5")
-    assert (address.port, address.silence_s) == (19850, 2.5)
 
 
 def test_unmodified_cflib_connects_and_writes_memory_with_every_reply_doubled() -> None:
