@@ -62,6 +62,21 @@ class LandingState(IntEnum):
     FAULT = 7
 
 
+class EndReason(IntEnum):
+    """Why an approach ended, `Log.REASON`."""
+
+    NONE = 0
+    TRIGGERED = 1
+    MISSED_TRIGGER = 2
+    ABORT = 3
+    DISARMED = 4
+    BAD_ESTIMATE = 5
+    OFF_TRACK = 6
+    TILT = 7
+    CONTACT = 8
+    NOT_FLYING = 9
+
+
 class ValueType(StrEnum):
     """Type of a parameter or log variable, spelled as in the firmware's tables."""
 
@@ -99,6 +114,7 @@ class Log(StrEnum):
     """Complete names of the app's log variables."""
 
     STATE = "perch.state"
+    REASON = "perch.reason"
     TAU = "perch.tau"
     THETA_X = "perch.thetaX"
     D_CEIL = "perch.dCeil"
@@ -163,6 +179,7 @@ PARAMETERS: tuple[ParameterEntry, ...] = (
 
 LOGS: tuple[LogEntry, ...] = (
     LogEntry(Log.STATE, ValueType.UINT8),
+    LogEntry(Log.REASON, ValueType.UINT8),
     LogEntry(Log.TAU, ValueType.FLOAT),
     LogEntry(Log.THETA_X, ValueType.FLOAT),
     LogEntry(Log.D_CEIL, ValueType.FLOAT),

@@ -27,12 +27,11 @@ from typing import Any
 
 from numba import njit
 
-from onboard.app_interface import LandingState, TrajectoryStatus
+from onboard.app_interface import EndReason, LandingState, TrajectoryStatus
 from onboard.braking import hold_setpoint, stopping_distance
 from onboard.landing_attitude import is_finite, own_attitude, propagate_attitude
 from onboard.landing_model import (
     LANDING_MEMORY,
-    EndReason,
     LandingInputs,
     LandingLimits,
     LandingOutput,

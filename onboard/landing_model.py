@@ -28,21 +28,6 @@ class OutputMode(IntEnum):
     """Stop the motors, whatever anybody else asks for."""
 
 
-class EndReason(IntEnum):
-    """Why an approach ended."""
-
-    NONE = 0
-    TRIGGERED = 1
-    MISSED_TRIGGER = 2
-    ABORT = 3
-    DISARMED = 4
-    BAD_ESTIMATE = 5
-    OFF_TRACK = 6
-    TILT = 7
-    CONTACT = 8
-    NOT_FLYING = 9
-
-
 class LandingInputs(NamedTuple):
     """One sample for the machine. Plain floats and bools only: other types would be compiled anew.
 

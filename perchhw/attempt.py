@@ -101,5 +101,17 @@ class AttemptResult:
     record: Path
 
 
+class AttemptInterrupted(KeyboardInterrupt):
+    """The operator interrupted an attempt; the drone was stopped and the record closed first.
+
+    Attributes:
+        result: what came of the attempt until then.
+    """
+
+    def __init__(self, result: AttemptResult) -> None:
+        super().__init__()
+        self.result = result
+
+
 AttemptRunner = Callable[[AttemptRequest], AttemptResult]
-"""Flies one attempt. Raises ``KeyboardInterrupt`` after cleaning up when the operator interrupts it."""
+"""Flies one attempt. Raises :class:`AttemptInterrupted` after cleaning up."""

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from perchhw.attempt import DEFAULT_POLICY, DEFAULT_VEHICLE
+from perchhw.cli import exit_codes
 from perchhw.cli.output import console, emit, progress_console
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ def demo(
     report = write_campaign_report(folder)
     recording = _recording(rows)
     _emit(folder, plan, rows, report, recording)
-    return 3 if any(row.outcome == "aborted" for row in rows) else 0
+    return exit_codes.SAFETY if any(row.outcome == "aborted" for row in rows) else exit_codes.DONE
 
 
 def demo_plan(drone: str, mocap: str, attempts: int, seed: int) -> "CampaignPlan":

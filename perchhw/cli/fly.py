@@ -5,7 +5,14 @@ from typing import Annotated, Any
 
 import typer
 
-from perchhw.attempt import DEFAULT_POLICY, DEFAULT_VEHICLE, AttemptRequest
+from perchhw.attempt import (
+    DEFAULT_POLICY,
+    DEFAULT_VEHICLE,
+    AttemptInterrupted,
+    AttemptRequest,
+    AttemptResult,
+)
+from perchhw.cli import exit_codes
 from perchhw.cli.options import DroneUri, Legs, Policy, Vehicle
 from perchhw.cli.output import emit, progress_console
 
@@ -55,20 +62,29 @@ def fly(
     )
     if put_back:
         turnaround.put_back(drone, confirmation(yes))
-    result = fly_attempt(
-        request, dry_run=dry_run, on_phase=lambda state: console.print(f"  {state.phase.value}")
-    )
+    try:
+        result = fly_attempt(
+            request, dry_run=dry_run, on_phase=lambda state: console.print(f"  {state.phase.value}")
+        )
+    except AttemptInterrupted as interrupted:
+        _emit(interrupted.result, dry_run)
+        raise
+    _emit(result, dry_run)
+    if result.aborted_by is not None:
+        return exit_codes.SAFETY
+    return exit_codes.DONE if dry_run or result.outcome.attached else exit_codes.FAILED
+
+
+def _emit(result: AttemptResult, dry_run: bool) -> None:
+    landed = not (dry_run and result.aborted_by is None)
     document: dict[str, Any] = {
-        "outcome": result.outcome.value,
+        "outcome": result.outcome.value if landed else None,
         "triggered": result.triggered,
         "trigger": result.trigger,
         "aborted_by": result.aborted_by,
         "record": str(result.record),
     }
     emit(document, _in_words(document, dry_run))
-    if result.aborted_by is not None:
-        return 3
-    return 0 if dry_run or result.outcome.attached else 1
 
 
 def _in_words(document: dict[str, Any], dry_run: bool) -> str:

@@ -9,12 +9,8 @@ from typing import Annotated, Any, NamedTuple
 import typer
 
 from onboard.errors import InputError, PerchhwError, SafetyStop
-from perchhw.cli.output import progress_console, settings
-
-EXIT_FAILED = 1
-EXIT_USAGE = 2
-EXIT_SAFETY = 3
-EXIT_INTERRUPTED = 130
+from perchhw.cli import exit_codes
+from perchhw.cli.output import emit_error, progress_console, settings
 
 _GLOBAL_FLAGS = ("--json", "-v", "--verbose")
 
@@ -106,23 +102,35 @@ def hoist_global_flags(arguments: Sequence[str]) -> list[str]:
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Run one command line and give its exit code (0 done; 1, 2, 3, 130 as in the contract)."""
+    """Run one command line and give its exit code."""
     ordered = hoist_global_flags(arguments)
     called = next((a for a in ordered if not a.startswith("-")), None)
-    errors = progress_console()
+    settings.as_json, settings.emitted = "--json" in ordered, False
     try:
         _command_line(called)(ordered, prog_name="perchhw")
     except SystemExit as ended:
-        return ended.code if isinstance(ended.code, int) else 0
+        code = ended.code if isinstance(ended.code, int) else exit_codes.DONE
+        if code == exit_codes.USAGE:
+            emit_error("wrong usage: the message is on stderr", code)
+        return code
     except KeyboardInterrupt:
-        errors.print("interrupted", style="yellow")
-        return EXIT_INTERRUPTED
+        return _ended_by("interrupted", exit_codes.INTERRUPTED)
     except PerchhwError as error:
-        errors.print(f"error: {error}", style="red", markup=False, soft_wrap=True)
-        if isinstance(error, SafetyStop):
-            return EXIT_SAFETY
-        return EXIT_USAGE if isinstance(error, InputError) else EXIT_FAILED
-    return 0
+        return _ended_by(f"error: {error}", _exit_code(error))
+    return exit_codes.DONE
+
+
+def _exit_code(error: PerchhwError) -> int:
+    if isinstance(error, SafetyStop):
+        return exit_codes.SAFETY
+    return exit_codes.USAGE if isinstance(error, InputError) else exit_codes.FAILED
+
+
+def _ended_by(message: str, exit_code: int) -> int:
+    """Tell the person on stderr, and the script that asked for JSON on stdout."""
+    progress_console().print(message, style="red", markup=False, soft_wrap=True)
+    emit_error(message.removeprefix("error: "), exit_code)
+    return exit_code
 
 
 def main() -> None:

@@ -16,10 +16,11 @@ if TYPE_CHECKING:
 
 @dataclass
 class OutputSettings:
-    """The global flags of the command line."""
+    """The global flags of the command line, and whether the verb has given its result yet."""
 
     as_json: bool = False
     verbose: bool = False
+    emitted: bool = False
 
 
 settings = OutputSettings()
@@ -39,8 +40,15 @@ def progress_console() -> "Console":
     return Console(file=sys.stderr, highlight=False)
 
 
+def emit_error(message: str, exit_code: int) -> None:
+    """With ``--json``, the document of a verb that ended without a result, so that there is always one."""
+    if settings.as_json and not settings.emitted:
+        emit({"error": message, "exit_code": exit_code}, "")
+
+
 def emit(result: dict[str, Any], human: Callable[[], None] | str) -> None:
     """Give the result of a verb: one JSON document, or `human`: a text or a function that draws."""
+    settings.emitted = True
     if settings.as_json:
         sys.stdout.write(json.dumps(result, allow_nan=False) + "\n")
         sys.stdout.flush()

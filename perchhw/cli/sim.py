@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from perchhw.attempt import DEFAULT_VEHICLE
+from perchhw.cli import exit_codes
 from perchhw.cli.options import Legs, Vehicle
 from perchhw.cli.output import emit
 from sim_backend.faults import fault_table, parse_faults
@@ -19,7 +20,6 @@ from sim_backend.faults import fault_table, parse_faults
 if TYPE_CHECKING:
     from sim_backend.lab import Lab, LabSettings
 
-EXIT_INTERRUPTED = 130
 
 app = typer.Typer(
     add_completion=False,
@@ -146,7 +146,7 @@ def _serve(settings: "LabSettings", with_parent: bool) -> int:
 
     lab = Lab(settings)
     # Compiled callbacks swallow a KeyboardInterrupt; nothing is open yet that would have to be closed.
-    previous = signal.signal(signal.SIGINT, lambda _number, _frame: os._exit(EXIT_INTERRUPTED))
+    previous = signal.signal(signal.SIGINT, lambda _number, _frame: os._exit(exit_codes.INTERRUPTED))
     try:
         lab.prepare()
     finally:
@@ -174,7 +174,7 @@ async def _serve_until_told(lab: "Lab", with_parent: bool) -> int:
         await lab.run(stop)
     finally:
         await lab.close()
-    return EXIT_INTERRUPTED if signal.SIGINT in caught else 0
+    return exit_codes.INTERRUPTED if signal.SIGINT in caught else 0
 
 
 def _wait_for_parent(loop: asyncio.AbstractEventLoop, stop: asyncio.Event) -> None:

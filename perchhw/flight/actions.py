@@ -95,10 +95,10 @@ class CommandRunner:
             case Brake():
                 link.set_param(Parameter.ABORT, 1)
             case Land(duration):
-                # First the descent, then the switches: a landing app that holds gives way to a commander
-                # that already knows where it is going.
-                link.land(0.0, duration)
+                # A landing app that holds the drone hands it over when its switches are cleared, and tells
+                # the commander to stay where it is: so the descent comes second.
                 link.set_params({Parameter.POLICY_ARM: 0, Parameter.TRAJECTORY_ARM: 0})
+                link.land(0.0, duration)
             case Disarm():
                 link.stop_motors()
                 link.disarm()

@@ -15,7 +15,7 @@ from onboard.link import DroneLink
 from onboard.policy import find_policy, load_policy
 from onboard.policy_bundle import bundle_crc32, encode_bundle
 from onboard.vehicle import Vehicle, load_vehicle
-from perchhw.attempt import AttemptRequest, AttemptResult, Outcome
+from perchhw.attempt import AttemptInterrupted, AttemptRequest, AttemptResult, Outcome
 from perchhw.flight.actions import CommandRunner
 from perchhw.flight.interrupts import OperatorInterrupts
 from perchhw.flight.mission import AttemptPlan, plan_attempt
@@ -59,7 +59,7 @@ def fly_attempt(
     Raises:
         PerchhwError: no link, unusable policy or vehicle, or an approach that does not fit the room; the
             record holds the reason when it was already open.
-        KeyboardInterrupt: the operator interrupted; the drone was stopped and the record closed first.
+        AttemptInterrupted: the operator interrupted; the drone was stopped and the record closed first.
     """
     vehicle = load_vehicle(request.vehicle, request.legs)
     bundle = encode_bundle(load_policy(find_policy(request.policy)))
@@ -75,7 +75,7 @@ def fly_attempt(
             raise
         result = _conclude(request, vehicle, state, trigger, recorder, clock)
     if interrupted:
-        raise KeyboardInterrupt
+        raise AttemptInterrupted(result)
     return result
 
 
@@ -113,7 +113,7 @@ def _conclude(
         try:
             label = label_flight(open_flight(request.folder, "perchhw"), vehicle, request.room.ceiling_z)
         except LabelError as error:
-            aborted_by = f"label: {error}"
+            aborted_by = state.link_lost or f"label: {error}"
         else:
             outcome, evidence = label.outcome, label.evidence
     recorder.event("labelled", clock(), outcome=outcome, evidence=evidence)

@@ -4,10 +4,10 @@ import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
-from mocap_bridge.bridge import PoseBridge
+from mocap_bridge.bridge import BridgeStatus, PoseBridge
 from mocap_bridge.health import Verdict
 from mocap_bridge.pose import PoseSample
-from onboard.app_interface import LandingState
+from onboard.app_interface import EndReason, LandingState
 from onboard.clock import Clock
 from onboard.gravity import GRAVITY
 from onboard.supervisor_info import SupervisorInfo
@@ -49,6 +49,7 @@ BLOCKS: tuple[Block, ...] = (
         {
             **_floats("stateEstimate", "estimate", "qx qy qz qw", "qx qy qz qw"),
             "perch.state": Field("cues", "state"),
+            "perch.reason": Field("cues", "reason"),
             "perchT.count": Field("trigger", "count"),
             "supervisor.info": Field("supervisor", "bits"),
         },
@@ -186,11 +187,12 @@ class Telemetry:
         bits, bits_age = self._with_age("supervisor", "bits")
         vbat, vbat_age = self._with_age("power", "vbat")
         landing, landing_age = self._with_age("cues", "state")
+        reason = self.value("cues", "reason")
         crc, count = self.value("", "policy_crc"), self.value("trigger", "count")
         return Observation(
             link_silence=self._link.silence(),
             pose_verdict=pose.verdict,
-            pose_problem=pose.error,
+            pose_problem=_pose_problem(pose),
             pose_age=pose.age,
             pose_position=None if good is None else good.position,
             pose_attitude=None
@@ -206,9 +208,20 @@ class Telemetry:
             battery_age=vbat_age,
             landing_state=None if landing is None else LandingState(int(landing)),
             landing_age=landing_age,
+            end_reason=None if reason is None else EndReason(int(reason)),
             active_policy_crc=None if crc is None else int(crc),
             trigger_count=None if count is None else int(count),
         )
+
+
+def _pose_problem(pose: BridgeStatus) -> str | None:
+    """Why there are no good poses, in words, or ``None``."""
+    if pose.error is not None or pose.verdict is Verdict.OK:
+        return pose.error
+    refused = ", ".join(
+        f"{count} {verdict.name.lower()}" for verdict, count in pose.health.rejects.items() if count
+    )
+    return f"refused so far: {refused}" if refused else None
 
 
 def pose_recorder(recorder: RunRecorder) -> Callable[[PoseSample, Verdict], None]:

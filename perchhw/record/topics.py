@@ -92,6 +92,7 @@ _TOPIC_LIST = (
             Field("trigger_value", "1", "value of the trigger policy; fires at >= 0"),
             Field("a_rot", "N m", "moment about b_y of the action policy; negative = nose up"),
             Field("state", "1", "state of the landing state machine (onboard.landing.LandingState)"),
+            Field("reason", "1", "why the approach ended (onboard.landing.EndReason)"),
             _DRONE_TIME,
         ),
     ),

@@ -36,9 +36,10 @@ def abort(state: FlightState, why: str, context: Context) -> Step:
 
 def link_down(state: FlightState, reason: str, context: Context) -> Step:
     """Nothing reaches the drone any more; its own watchdogs stop it."""
+    done = replace(enter(state, Phase.DONE, context), link_lost=reason)
     if state.phase in (Phase.FLIPPING, Phase.SETTLING):
-        return Step(enter(state, Phase.DONE, context))
-    return Step(enter(replace(state, aborted_by=state.aborted_by or reason), Phase.DONE, context))
+        return Step(done)
+    return Step(replace(done, aborted_by=state.aborted_by or reason))
 
 
 def operator_abort(state: FlightState, urgent: bool, context: Context) -> Step:

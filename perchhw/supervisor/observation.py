@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from math import acos, atan2
 
 from mocap_bridge.health import Verdict
-from onboard.app_interface import LandingState
+from onboard.app_interface import EndReason, LandingState
 from onboard.arrays import Quaternion, Vector
 from onboard.supervisor_info import SupervisorInfo
 
@@ -52,6 +52,7 @@ class Observation:
         battery_age: age of that reading.
         landing_state: state of the landing state machine on the drone.
         landing_age: age of that state.
+        end_reason: why the drone ended its approach.
         active_policy_crc: CRC32 of the policy that is live on the drone.
         trigger_count: triggers since boot.
     """
@@ -72,5 +73,6 @@ class Observation:
     battery_age: float | None = None
     landing_state: LandingState | None = None
     landing_age: float | None = None
+    end_reason: EndReason | None = None
     active_policy_crc: int | None = None
     trigger_count: int | None = None

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from math import dist, hypot
 
-from onboard.app_interface import LandingState
+from onboard.app_interface import EndReason, LandingState
 from onboard.arrays import Vector
 from perchhw.supervisor.aborts import abort, disarm, elapsed, enter, guard, land
 from perchhw.supervisor.events import (
@@ -26,6 +26,7 @@ from perchhw.supervisor.rules import (
     HOVER_RULES,
     PREFLIGHT_RULES,
     first_violation,
+    pose_good,
 )
 from perchhw.supervisor.state import Context, FlightState, Phase, Step
 
@@ -175,6 +176,15 @@ def _landing_state(o: Observation, context: Context) -> LandingState | None:
     return o.landing_state if fresh else None
 
 
+def _broken_off_by(o: Observation, context: Context) -> str | None:
+    """Why the drone broke off its approach; ``None`` for a trigger that did not come, which is no abort."""
+    if o.end_reason is EndReason.MISSED_TRIGGER:
+        return None
+    reason = "unknown" if o.end_reason is None else o.end_reason.name.lower()
+    pose = pose_good(o, context.limits)
+    return f"drone_broke_off: {reason}" + ("" if pose is None else f" ({pose})")
+
+
 def _approaching(state: FlightState, o: Observation, context: Context) -> Step:
     match _landing_state(o, context):
         case LandingState.FLIP:
@@ -184,7 +194,8 @@ def _approaching(state: FlightState, o: Observation, context: Context) -> Step:
             fired = o.trigger_count is not None and o.trigger_count > state.triggers_before
             return Step(replace(enter(state, Phase.SETTLING, context, "the body to rest"), triggered=fired))
         case LandingState.BRAKE | LandingState.HOLD:
-            return Step(enter(state, Phase.BRAKING, context, "the drone to brake"))
+            braking = enter(state, Phase.BRAKING, context, "the drone to brake")
+            return Step(replace(braking, aborted_by=_broken_off_by(o, context)))
         case LandingState.FAULT:
             return abort(state, "the drone reports a fault in its landing state machine", context)
     stop = guard(state, APPROACH_RULES, o, context)

@@ -53,6 +53,7 @@ class Timing:
     """Deadlines and dwell times of the phases, s.
 
     Attributes:
+        land: for a descent from wherever the drone is; from under the ceiling that is 0.6 m/s.
         arm_hold: between "may fly" and the take-off. The firmware's planner learns where the drone is up to
             10 ms after it may fly; an earlier take-off would start from the origin.
     """
@@ -70,7 +71,7 @@ class Timing:
     flip_deadline: float = 1.0
     settle: float = 2.5
     brake_deadline: float = 3.0
-    land: float = 2.0
+    land: float = 3.5
     land_margin: float = 3.0
     disarm_deadline: float = 2.0
 
@@ -87,6 +88,7 @@ class FlightState:
         triggered: the drone's own trigger fired.
         triggers_before: triggers that the drone had counted when the approach began.
         aborted_by: the rule, command or person that ended the attempt early, or ``None``.
+        link_lost: why the link broke, or ``None``; after the flip that is no abort, but less is recorded.
         waiting_for: what the current phase waits for, in words.
     """
 
@@ -97,6 +99,7 @@ class FlightState:
     triggered: bool = False
     triggers_before: int = 0
     aborted_by: str | None = None
+    link_lost: str | None = None
     waiting_for: str = ""
 
 

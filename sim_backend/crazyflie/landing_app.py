@@ -89,6 +89,7 @@ class LandingApp:
         """Where the app's log variables come from."""
         sources: dict[str, Callable[[], Number]] = {
             Log.STATE: lambda: int(self.memory["state"]),
+            Log.REASON: lambda: int(self.memory["reason"]),
             Log.TAU: lambda: self._cues[0],
             Log.THETA_X: lambda: self._cues[1],
             Log.D_CEIL: lambda: self._cues[2],

@@ -1,5 +1,6 @@
 """The root of the command line: help, global flags, exit codes."""
 
+import json
 import subprocess
 import sys
 
@@ -60,6 +61,15 @@ def test_errors_become_exit_codes(
     monkeypatch.setattr(root_module, "_command_line", fail)
     assert run(["vehicle"]) == code
     assert capsys.readouterr().err.strip()
+    assert run(["vehicle", "--json"]) == code
+    document = json.loads(capsys.readouterr().out)
+    assert document["exit_code"] == code
+    assert document["error"] == (str(error) or "interrupted")
+
+
+def test_wrong_usage_gives_a_script_one_document(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["fly", "--json"]) == 2
+    assert json.loads(capsys.readouterr().out)["exit_code"] == 2
 
 
 def test_json_flag_is_set_for_the_verb(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from calibration.flights import open_flight
+from onboard.arrays import FloatArray
 from onboard.errors import PerchhwError
 from perchhw.attempt import AttemptRequest, AttemptResult, Outcome
 from perchhw.flight import fly_attempt
@@ -175,6 +176,7 @@ def test_a_drone_or_room_that_dies_on_the_approach_ends_the_attempt(victim: str,
         result = fly_attempt(request(lab, tmp_path / "run"), on_phase=kill_on_approach)
     assert died.is_set()
     assert result.outcome is Outcome.ABORTED, result
+    assert ("pose" if victim == "room" else "link") in str(result.aborted_by)
     run = read_run(tmp_path / "run")
     assert run.info["closed"] is True
     killed_at = next(e["t"] for e in run.events if e["event"] == "phase" and e["phase"] == "approaching")
@@ -194,19 +196,43 @@ def test_a_flight_killed_on_the_approach_loses_nothing_older_than_200_ms(tmp_pat
         assert killed_at - last_pose_time(only_run(tmp_path)) < 0.2
 
 
-def test_ctrl_c_in_the_air_stops_the_motors_and_exits_130(tmp_path: Path) -> None:
+def truth_columns(path: Path, *names: str) -> list[FloatArray]:
+    """Columns of the lab's truth file."""
+    rows = [line.split(",") for line in path.read_text().splitlines()]
+    table = {name: [row[i] for row in rows[1:] if len(row) == len(rows[0])] for i, name in enumerate(rows[0])}
+    return [np.array(table[name], dtype=float) for name in names]
+
+
+def assert_landed_softly(truth: Path) -> None:
+    z, vz, feet = truth_columns(truth, "z", "vz", "legs_attached")
+    assert z[-1] < 0.15, "the drone is not on the floor"
+    assert feet.max() == 0
+    falling = vz[z < z.max() - 0.1]
+    assert falling.min() > -1.5, f"it came down at {falling.min():.1f} m/s"
+
+
+@pytest.mark.parametrize("phase", ["moving to start", "approaching"])
+def test_ctrl_c_in_the_air_lands_stops_the_motors_and_exits_130(phase: str, tmp_path: Path) -> None:
     truth = tmp_path / "truth.csv"
     with open_lab("--truth", str(truth)) as lab:
         process = fly_in_child(lab, tmp_path / "runs")
-        wait_for_phase(process, "moving to start")
+        wait_for_phase(process, phase)
         process.send_signal(signal.SIGINT)
-        _, errors = process.communicate(timeout=20)
+        output, errors = process.communicate(timeout=20)
     assert process.returncode == 130, errors
+    assert json.loads(output)["aborted_by"] == "operator"
     run = read_run(only_run(tmp_path / "runs"))
     assert run.info["closed"] is True
     assert run.info["aborted_by"] == "operator"
-    last_row = truth.read_text().splitlines()[-1].split(",")
-    assert float(last_row[4]) < 0.3
+    assert_landed_softly(truth)
+
+
+def test_a_trigger_that_does_not_come_ends_on_the_floor(tmp_path: Path) -> None:
+    truth = tmp_path / "truth.csv"
+    with open_lab("--truth", str(truth)) as lab:
+        result = fly_attempt(request(lab, tmp_path / "run", speed=1.5, angle_deg=88.0))
+    assert (result.outcome, result.aborted_by, result.triggered) == (Outcome.NO_TRIGGER, None, False)
+    assert_landed_softly(truth)
 
 
 def test_fly_reports_one_json_document(lab: SimulatedLab, tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 from mocap_bridge.health import Verdict
-from onboard.app_interface import LandingState
+from onboard.app_interface import EndReason, LandingState
 from onboard.supervisor_info import SupervisorBits, SupervisorInfo
 from perchhw.supervisor import (
     CommandDone,
@@ -73,6 +73,7 @@ class SimulatedAttempt:
         mission: what is flown.
         fault: changes each observation before the supervisor sees it.
         triggers: whether the trigger fires half-way through the approach (otherwise the drone brakes).
+        ends_by: why the drone says that it brakes.
         commands: all commands so far.
         phases: all phases so far.
     """
@@ -80,6 +81,7 @@ class SimulatedAttempt:
     mission: Mission = MISSION
     fault: Fault = lambda observation, now, state: observation
     triggers: bool = True
+    ends_by: EndReason | None = EndReason.MISSED_TRIGGER
     events_at: dict[Phase, Event] = field(default_factory=dict)
     commands: list[Command] = field(default_factory=list)
     phases: list[Phase] = field(default_factory=list)
@@ -117,6 +119,8 @@ class SimulatedAttempt:
         since = self.now - (self.approach_started or 0.0)
         if self.world.landing_state is LandingState.APPROACH and since > 1.0:
             self._landing(LandingState.FLIP if self.triggers else LandingState.BRAKE)
+            reason = EndReason.TRIGGERED if self.triggers else self.ends_by
+            self.world = replace(self.world, end_reason=reason)
         elif self.world.landing_state is LandingState.FLIP and since > 1.2:
             self._landing(LandingState.CUT)
         elif self.world.landing_state is LandingState.BRAKE and since > 1.5:

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mocap_bridge.health import Verdict
-from onboard.app_interface import LandingState
+from onboard.app_interface import EndReason, LandingState
 from onboard.supervisor_info import SupervisorBits, SupervisorInfo
 from perchhw.supervisor import (
     CommandDone,
@@ -80,6 +80,16 @@ def test_a_missed_trigger_lands_on_the_floor() -> None:
     assert kinds(attempt)[-2:] == [Land, Disarm]
     assert not state.triggered
     assert state.aborted_by is None
+
+
+@pytest.mark.parametrize("reason", [EndReason.BAD_ESTIMATE, EndReason.OFF_TRACK, None])
+def test_an_approach_that_the_drone_broke_off_is_an_abort_that_names_the_reason(
+    reason: EndReason | None,
+) -> None:
+    attempt = SimulatedAttempt(triggers=False, ends_by=reason)
+    state = attempt.run()
+    assert kinds(attempt)[-2:] == [Land, Disarm]
+    assert (reason.name.lower() if reason else "unknown") in (state.aborted_by or "")
 
 
 @pytest.mark.parametrize(("count", "triggered"), [(1, True), (0, False), (None, False)])

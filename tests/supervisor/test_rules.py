@@ -14,7 +14,14 @@ from perchhw.supervisor.rules import APPROACH_RULES, HOVER_RULES, PREFLIGHT_RULE
 from .simulated_attempt import FLYING, good_on_ground
 
 LIMITS = SafetyLimits()
-NOT_GUARDED_ON_GROUND = {"pose_problem", "landing_state", "landing_age", "active_policy_crc", "trigger_count"}
+NOT_GUARDED_ON_GROUND = {
+    "pose_problem",
+    "landing_state",
+    "landing_age",
+    "end_reason",
+    "active_policy_crc",
+    "trigger_count",
+}
 
 
 def good_in_flight() -> Observation:
