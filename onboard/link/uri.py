@@ -78,8 +78,8 @@ def _check_radio(uri: str) -> None:
     if parts is None or int(parts["channel"]) > _RADIO_CHANNEL_MAX:
         raise LinkInputError(
             f"{uri!r} is not a usable drone address; write radio://DONGLE/CHANNEL/RATE/ADDRESS with a "
-            f"channel from 0 to {_RADIO_CHANNEL_MAX}, a rate of 250K, 1M or 2M and up to 10 hexadecimal digits, "
-            f"for example {EXAMPLES['radio']}"
+            f"channel from 0 to {_RADIO_CHANNEL_MAX}, a rate of 250K, 1M or 2M and up to 10 hexadecimal "
+            f"digits, for example {EXAMPLES['radio']}"
         )
     limit = parse_qs(parts["query"] or "").get("rate_limit", ["1"])[0]
     if not limit.isdecimal():

@@ -12,9 +12,14 @@ from typing import Any
 
 import numpy as np
 
+from mocap_bridge.uri import parse_mocap_uri
 from onboard.errors import InputError
+from onboard.link import check_drone_uri
+from onboard.policy import find_policy, load_policy
+from onboard.policy_bundle import encode_bundle
 from onboard.room import RoomGeometry
 from onboard.toml_file import read_toml
+from onboard.vehicle import load_vehicle
 from perchhw.attempt import APPROACH_PARAMETERS, DEFAULT_POLICY, DEFAULT_VEHICLE
 from perchhw.errors import FlightStackError
 
@@ -101,7 +106,8 @@ def load_plan(path: Path) -> CampaignPlan:
     """Read and check a campaign file.
 
     Raises:
-        CampaignFileError: missing, not TOML, or with an unknown key or an unusable value.
+        CampaignFileError: missing, not TOML, with an unknown key or an unusable value, or naming a policy,
+            vehicle or kind of address that does not exist.
     """
     root = _Table(path, "", read_toml(path, CampaignFileError))
     root.choice("schema", (SCHEMA,))
@@ -125,7 +131,24 @@ def load_plan(path: Path) -> CampaignPlan:
     )
     for table in (root, grid, stop):
         table.refuse_unread()
+    _check_what_is_named(plan, root)
     return plan
+
+
+def _check_what_is_named(plan: CampaignPlan, root: "_Table") -> None:
+    """URIs, policy and vehicle must be usable before the first attempt; nothing is connected."""
+    checks: dict[str, Callable[[], object]] = {
+        "drone": lambda: check_drone_uri(plan.drone),
+        "mocap": lambda: parse_mocap_uri(plan.mocap),
+        "policy": lambda: encode_bundle(load_policy(find_policy(plan.policy))),
+        "vehicle": lambda: load_vehicle(plan.vehicle),
+        "legs": lambda: load_vehicle(plan.vehicle, plan.legs),
+    }
+    for key, check in checks.items():
+        try:
+            check()
+        except InputError as error:
+            raise root.error(key, str(error)) from error
 
 
 def _room(table: "_Table") -> RoomGeometry:

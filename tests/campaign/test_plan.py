@@ -64,6 +64,21 @@ def test_a_range_includes_both_ends(campaign_file: Path) -> None:
         ("repeats = 2", "[stop]\naborted_in_a_row = 0", "key stop.aborted_in_a_row: 0 is less than 1"),
         ("campaign/1", "campaign/9", "key schema: 'perchhw.campaign/9' is not one of perchhw.campaign/1"),
         ('drone = "udp://127.0.0.1:19850"', "", "key drone: missing; expected a text"),
+        (
+            "udp://127",
+            "foo://127",
+            "key drone: 'foo://127.0.0.1:19850' is not a drone address; the known schemes",
+        ),
+        ("udp://127.0.0.1:19850", "udp:/nonsense", "key drone: 'udp:/nonsense' is not a drone address"),
+        (
+            "vicon://",
+            "optitrack://",
+            "key mocap: mocap URI 'optitrack://127.0.0.1:18801?subject=cf1': unknown",
+        ),
+        ("seed = 7", 'policy = "no-such"', "key policy: no-such: no such file, and no shipped policy"),
+        ("seed = 7", 'policy = "pyproject.toml"', "key policy: pyproject.toml"),
+        ("seed = 7", 'vehicle = "no-such"', "key vehicle: "),
+        ("seed = 7", 'legs = "no-such"', "key legs: "),
         ("[grid]", "[grid", "not valid TOML"),
     ],
 )
