@@ -6,10 +6,10 @@ returns an :class:`AttemptResult`. Neither side knows how the other works.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
+from onboard.outcome import Outcome as Outcome
 from onboard.room import RoomGeometry
 
 DEFAULT_VEHICLE = "crazyflie21-upgraded"
@@ -18,33 +18,6 @@ DEFAULT_POLICY = "default"
 """The policy that comes with the code, trained for it."""
 APPROACH_PARAMETERS = ("ax", "az", "tau0", "impact_x", "impact_y")
 """What :attr:`AttemptRequest.approach` may hold; :mod:`perchhw.flight.mission` says what they mean."""
-
-
-class Outcome(StrEnum):
-    """How an attempt ended. Three or four legs count as four-leg, one or two as two-leg (paper's reward)."""
-
-    FOUR_LEG = "four_leg"
-    FOUR_LEG_BODY_CONTACT = "four_leg_body_contact"
-    TWO_LEG = "two_leg"
-    TWO_LEG_BODY_CONTACT = "two_leg_body_contact"
-    FAILURE = "failure"
-    NO_TRIGGER = "no_trigger"
-    ABORTED = "aborted"
-
-    @property
-    def attached(self) -> bool:
-        """Whether at least one leg holds the vehicle to the ceiling."""
-        return self in ATTACHED_OUTCOMES
-
-    @property
-    def success(self) -> bool:
-        """Whether it counts in a success rate: four legs without body contact."""
-        return self is Outcome.FOUR_LEG
-
-
-ATTACHED_OUTCOMES = frozenset(
-    {Outcome.FOUR_LEG, Outcome.FOUR_LEG_BODY_CONTACT, Outcome.TWO_LEG, Outcome.TWO_LEG_BODY_CONTACT}
-)
 
 
 @dataclass(frozen=True)

@@ -82,4 +82,4 @@ def land(
         trigger=Trigger(trigger_t),
         ceiling_z=room.ceiling_z,
     )
-    return Landing(flight, Outcome(landing_outcome(state).value), int(state["foot_attached"].sum()))
+    return Landing(flight, landing_outcome(state), int(state["foot_attached"].sum()))

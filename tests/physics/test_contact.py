@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from onboard.outcome import Outcome
 from sim_backend.physics.energy import mechanical_energy
-from sim_backend.physics.outcome import LandingOutcome, classify, landing_outcome
+from sim_backend.physics.outcome import classify, landing_outcome
 from sim_backend.physics.reset import approaching, resting_on_floor
 from sim_backend.physics.step import step_thrust
 
@@ -40,7 +41,7 @@ def test_energy_never_grows_without_power(parameters: Any, rng: np.random.Genera
 
 def test_an_attached_swing_loses_energy(parameters: Any) -> None:
     state = _flip_landing(parameters, 1e-3, 350)
-    assert landing_outcome(state) is LandingOutcome.FOUR_LEG
+    assert landing_outcome(state) is Outcome.FOUR_LEG
     first = mechanical_energy(state, parameters)
     for _ in range(500):
         step_thrust(state, parameters, OFF, 1e-3)
@@ -96,7 +97,7 @@ def test_landing_at_1_khz_agrees_with_8_khz(parameters: Any) -> None:
     """The bounds of docs/physics.md: impact and rest of a four-leg landing."""
     coarse = _flip_landing(parameters, 1e-3, 800)
     fine = _flip_landing(parameters, 1e-3 / 8, 800)
-    assert landing_outcome(coarse) is landing_outcome(fine) is LandingOutcome.FOUR_LEG
+    assert landing_outcome(coarse) is landing_outcome(fine) is Outcome.FOUR_LEG
     assert abs(coarse["impact_time"] - fine["impact_time"]) < 1.5e-3
     np.testing.assert_allclose(coarse["impact_omega"], fine["impact_omega"], atol=0.3)
     np.testing.assert_allclose(coarse["position"], fine["position"], atol=5e-3)
@@ -106,7 +107,7 @@ def test_feet_tear_off_when_pulled_harder_than_they_hold(parameters: Any) -> Non
     parameters["adhesion_strength"] = 0.02
     state = _flip_landing(parameters, 1e-3, 900)
     assert state["foot_attached"].sum() == 0
-    assert landing_outcome(state) is LandingOutcome.FAILURE
+    assert landing_outcome(state) is Outcome.FAILURE
     assert state["position"][2] < 1.9
 
 
@@ -126,8 +127,8 @@ def test_level_climb_into_the_ceiling_hits_with_the_propellers(parameters: Any) 
     assert state["ceiling_contact"] == 1
     gap = 2.1 - 1.9 - float(parameters["body_top_z"])
     assert state["impact_velocity"][2] == pytest.approx(math.sqrt(4.0 - 2.0 * 9.81 * gap), abs=0.02)
-    assert landing_outcome(state) is LandingOutcome.FAILURE
-    assert landing_outcome(state, triggered=False) is LandingOutcome.NO_TRIGGER
+    assert landing_outcome(state) is Outcome.FAILURE
+    assert landing_outcome(state, triggered=False) is Outcome.NO_TRIGGER
 
 
 def test_tilted_disc_touches_at_its_highest_point(parameters: Any) -> None:
