@@ -9,9 +9,11 @@ from typing import Any
 from calibration.flights import open_flight
 from mocap_bridge.bridge import PoseBridge
 from mocap_bridge.sinks.crazyflie import CrazyfliePoseSink
+from mocap_bridge.uri import parse_mocap_uri
 from onboard.clock import Clock, monotonic
 from onboard.errors import PerchhwError
 from onboard.link import DroneLink
+from onboard.link.uri import check_drone_uri
 from onboard.policy import find_policy, load_policy
 from onboard.policy_bundle import bundle_crc32, encode_bundle
 from onboard.vehicle import Vehicle, load_vehicle
@@ -61,6 +63,8 @@ def fly_attempt(
             record holds the reason when it was already open.
         AttemptInterrupted: the operator interrupted; the drone was stopped and the record closed first.
     """
+    check_drone_uri(request.drone)
+    parse_mocap_uri(request.mocap)
     vehicle = load_vehicle(request.vehicle, request.legs)
     bundle = encode_bundle(load_policy(find_policy(request.policy)))
     plan = plan_attempt(request, bundle_crc32(bundle), dry_run)

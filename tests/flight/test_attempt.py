@@ -15,7 +15,7 @@ import pytest
 
 from calibration.flights import open_flight
 from onboard.arrays import FloatArray
-from onboard.errors import PerchhwError
+from onboard.errors import InputError, PerchhwError
 from perchhw.attempt import AttemptRequest, AttemptResult, Outcome
 from perchhw.flight import fly_attempt
 from perchhw.flight.turnaround import put_back
@@ -119,6 +119,17 @@ def test_no_drone_is_an_error_and_the_record_says_why(lab: SimulatedLab, tmp_pat
     with pytest.raises(PerchhwError, match=r"127\.0\.0\.1:9"):
         fly_attempt(request(lab, tmp_path / "run", drone="udp://127.0.0.1:9"))
     assert "127.0.0.1:9" in read_run(tmp_path / "run").info["aborted_by"]
+
+
+@pytest.mark.parametrize(
+    "changes", [{"drone": "foo://1"}, {"mocap": "vicon://"}, {"policy": "no-such-policy"}]
+)
+def test_input_that_cannot_be_used_leaves_no_record(
+    changes: dict[str, str], lab: SimulatedLab, tmp_path: Path
+) -> None:
+    with pytest.raises(InputError):
+        fly_attempt(request(lab, tmp_path / "run", **changes))
+    assert not (tmp_path / "run").exists()
 
 
 def test_a_flat_battery_does_not_arm(tmp_path: Path) -> None:
