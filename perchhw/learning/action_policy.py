@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from onboard.arrays import FloatArray
 from onboard.policy import ActionLayer
 from perchhw.learning.trigger_policy import TrainingError
 
 if TYPE_CHECKING:
     import torch
-
-Float64Array = NDArray[np.float64]
 
 HIDDEN = (10, 10)
 """Widths of the hidden layers; the paper's. The policy that flew has three of ten (paper errata 7)."""
@@ -44,8 +43,8 @@ class ActionFit(NamedTuple):
 
 
 def fit_action(
-    scaled_states: Float64Array,
-    a_rot: Float64Array,
+    scaled_states: FloatArray,
+    a_rot: FloatArray,
     *,
     hidden: Sequence[int] = HIDDEN,
     epochs: int = EPOCHS,

@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
+
+from onboard.arrays import FloatArray
 
 TAU_SCALE = 10.0
 """First parameter per second of tau."""
@@ -62,9 +63,7 @@ def truncated_normal(rng: Any, mu: float, sigma: float, low: float, high: float)
 
 
 @njit(cache=True)
-def sample(
-    rng: Any, mu: NDArray[np.float64], sigma: NDArray[np.float64], s: EpheSettings
-) -> tuple[float, float]:
+def sample(rng: Any, mu: FloatArray, sigma: FloatArray, s: EpheSettings) -> tuple[float, float]:
     """One sample of both parameters."""
     tau = truncated_normal(rng, mu[0], sigma[0], 0.0, s.tau_most)
     moment = truncated_normal(rng, mu[1], sigma[1], 0.0, s.moment_most)
@@ -73,8 +72,8 @@ def sample(
 
 @njit(cache=True)
 def update(
-    theta: NDArray[np.float64], rewards: NDArray[np.float64], best: int,
-    mu: NDArray[np.float64], sigma: NDArray[np.float64],
+    theta: FloatArray, rewards: FloatArray, best: int,
+    mu: FloatArray, sigma: FloatArray,
 ) -> None:  # fmt: skip
     """Move the distribution to its best samples, weighted with their rewards; changes `mu` and `sigma`.
 
@@ -101,6 +100,6 @@ def update(
 
 
 @njit(cache=True)
-def converged(sigma: NDArray[np.float64], s: EpheSettings) -> bool:
+def converged(sigma: FloatArray, s: EpheSettings) -> bool:
     """Whether the distribution is narrow enough to stop."""
     return sigma[0] < s.sigma_stop and sigma[1] < s.sigma_stop

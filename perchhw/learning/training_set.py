@@ -12,12 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from onboard.arrays import FloatArray
 from onboard.errors import InputError
 from perchhw.errors import FlightStackError
-
-Float64Array = NDArray[np.float64]
 
 LANDING_RATE_MIN = 0.8
 """Pairs with at least this landing rate train a policy (paper, section "Flip Trigger Policy")."""
@@ -41,9 +39,9 @@ class TrainingSet:
         source: what the pairs came from and how they were chosen, for the policy's provenance.
     """
 
-    states: Float64Array
-    a_rot: Float64Array
-    landing_rate: Float64Array
+    states: FloatArray
+    a_rot: FloatArray
+    landing_rate: FloatArray
     source: Mapping[str, str | int | float]
 
 

@@ -3,11 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from onboard.arrays import FloatArray
 from perchhw.errors import FlightStackError
-
-Float64Array = NDArray[np.float64]
 
 GAMMA = 2.0
 """Of the radial basis function, in standardised cues; the authors' value (paper errata 6)."""
@@ -28,10 +26,10 @@ class Scaler(NamedTuple):
         std: (3,) population standard deviation.
     """
 
-    mean: Float64Array
-    std: Float64Array
+    mean: FloatArray
+    std: FloatArray
 
-    def transform(self, states: Float64Array) -> Float64Array:
+    def transform(self, states: FloatArray) -> FloatArray:
         """Standardise (n, 3) states."""
         return (states - self.mean) / self.std
 
@@ -46,13 +44,13 @@ class TriggerFit(NamedTuple):
         inside_share: share of the training pairs at which it fires.
     """
 
-    support_vectors: Float64Array
-    dual_coefficients: Float64Array
+    support_vectors: FloatArray
+    dual_coefficients: FloatArray
     intercept: float
     inside_share: float
 
 
-def fit_scaler(states: Float64Array) -> Scaler:
+def fit_scaler(states: FloatArray) -> Scaler:
     """Mean and population standard deviation of (n, 3) states.
 
     Raises:
@@ -66,7 +64,7 @@ def fit_scaler(states: Float64Array) -> Scaler:
     return Scaler(mean, std)
 
 
-def fit_trigger(scaled_states: Float64Array, *, gamma: float = GAMMA, nu: float = NU) -> TriggerFit:
+def fit_trigger(scaled_states: FloatArray, *, gamma: float = GAMMA, nu: float = NU) -> TriggerFit:
     """Fit the region of good trigger states.
 
     The decision value is ``sum_i alpha_i exp(-gamma |x - s_i|^2) + b`` (paper Eq. OC-SVM with the bias inside

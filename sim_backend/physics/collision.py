@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from onboard.arrays import Vector
 from sim_backend.physics.jit import kernel
 
 Rotation = tuple[float, float, float, float, float, float, float, float, float]
-Point = tuple[float, float, float]
 
 POINTS = 12
 """Eight corners and four propellers."""
@@ -27,7 +27,7 @@ PASSES = 2
 
 
 @kernel
-def hull_point(p: Any, rot: Rotation, index: int, normal: float) -> Point:
+def hull_point(p: Any, rot: Rotation, index: int, normal: float) -> Vector:
     """Point `index` that may touch the plane (ceiling: normal -1, floor: +1), body frame, m."""
     sign_x = 1.0 if index & 1 else -1.0
     sign_y = 1.0 if index & 2 else -1.0
@@ -41,14 +41,14 @@ def hull_point(p: Any, rot: Rotation, index: int, normal: float) -> Point:
 
 
 @kernel
-def beyond(state: Any, p: Any, rot: Rotation, point: Point, normal: float) -> bool:
+def beyond(state: Any, p: Any, rot: Rotation, point: Vector, normal: float) -> bool:
     """Whether a body point lies beyond the ceiling (normal -1) or below the floor (normal +1)."""
     z = state.position[2] + rot[6] * point[0] + rot[7] * point[1] + rot[8] * point[2]
     return z >= p.ceiling_z if normal < 0.0 else z <= 0.0
 
 
 @kernel
-def point_velocity(state: Any, rot: Rotation, b: Point) -> Point:
+def point_velocity(state: Any, rot: Rotation, b: Vector) -> Vector:
     """Velocity of a body point in the world frame (m/s)."""
     v, w = state.velocity, state.omega
     sx, sy, sz = w[1] * b[2] - w[2] * b[1], w[2] * b[0] - w[0] * b[2], w[0] * b[1] - w[1] * b[0]
@@ -60,7 +60,7 @@ def point_velocity(state: Any, rot: Rotation, b: Point) -> Point:
 
 
 @kernel
-def lever(rot: Rotation, b: Point, nx: float, ny: float, nz: float) -> Point:
+def lever(rot: Rotation, b: Vector, nx: float, ny: float, nz: float) -> Vector:
     """b x n in the body frame, for a point b (body frame) and a direction n (world frame)."""
     ax = rot[0] * nx + rot[3] * ny + rot[6] * nz
     ay = rot[1] * nx + rot[4] * ny + rot[7] * nz
@@ -69,7 +69,7 @@ def lever(rot: Rotation, b: Point, nx: float, ny: float, nz: float) -> Point:
 
 
 @kernel
-def mobility(p: Any, arm: Point) -> float:
+def mobility(p: Any, arm: Vector) -> float:
     """Change of a point's velocity per impulse along the direction of its lever (1/kg)."""
     i = p.inertia
     return 1.0 / p.mass + arm[0] * arm[0] / i[0] + arm[1] * arm[1] / i[1] + arm[2] * arm[2] / i[2]

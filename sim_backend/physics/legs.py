@@ -9,6 +9,7 @@ The wrench on the body is that force, acting at the anchor.
 import math
 from typing import Any
 
+from onboard.arrays import Vector
 from sim_backend.physics.jit import kernel
 from sim_backend.physics.motors import Wrench
 from sim_backend.physics.state import FootMode
@@ -57,7 +58,7 @@ def hinge_energy(p: Any, angle: float) -> float:
 def foot_force(
     p: Any, leg: int, px: float, py: float, pz: float, vx: float, vy: float, vz: float,
     wx: float, wy: float, wz: float,
-) -> tuple[float, float, float]:  # fmt: skip
+) -> Vector:  # fmt: skip
     """Force (N, body frame) of the surface on a foot held at p (m, body frame).
 
     Args:

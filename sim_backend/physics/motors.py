@@ -3,9 +3,9 @@
 import math
 from typing import Any
 
+from onboard.mixer import Thrusts
 from sim_backend.physics.jit import kernel
 
-Four = tuple[float, float, float, float]
 Wrench = tuple[float, float, float, float, float, float]
 
 SETTLED = 1e-15
@@ -28,7 +28,7 @@ def lag(thrust: float, target: float, decay_up: float, decay_down: float) -> flo
 
 
 @kernel
-def lag_all(state: Any, targets: Four, decay_up: float, decay_down: float) -> None:
+def lag_all(state: Any, targets: Thrusts, decay_up: float, decay_down: float) -> None:
     """Advance the four thrusts of the state towards their targets (N)."""
     thrust = state.thrust
     thrust[0] = lag(thrust[0], targets[0], decay_up, decay_down)

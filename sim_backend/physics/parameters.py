@@ -6,12 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from onboard.gravity import GRAVITY
 from onboard.room import RoomGeometry
 from onboard.vehicle import Legs, Vehicle
 from sim_backend.errors import SimulationError
-
-GRAVITY = 9.81
-"""m/s2, the value of the authors' simulation."""
 
 SUBSTEPS = 4
 """Steps within a step while anything may touch: 1 kHz becomes 4 kHz (docs/physics.md gives the error)."""

@@ -4,8 +4,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from onboard.arrays import FloatArray
 from onboard.battery import open_circuit_voltage
 from sim_backend.physics.state import new_state
 from sim_backend.physics.step import step
@@ -55,7 +55,7 @@ def resting_on_floor(parameters: Any, x: float, y: float, yaw: float, charge_use
     return charged(state, parameters, charge_used)
 
 
-def approaching(parameters: Any, position: NDArray[np.float64], velocity: NDArray[np.float64]) -> Any:
+def approaching(parameters: Any, position: FloatArray, velocity: FloatArray) -> Any:
     """A level vehicle in flight at exactly `velocity` (m/s, world), hovering thrust on all motors."""
     state = charged(new_state(), parameters)
     state["position"] = position

@@ -2,10 +2,8 @@
 
 import math
 
+from onboard.arrays import Quaternion, Vector
 from sim_backend.physics.jit import kernel
-
-Vector = tuple[float, float, float]
-Quaternion = tuple[float, float, float, float]
 
 
 @kernel

@@ -15,11 +15,10 @@ import numpy as np
 
 from onboard.controller import ControllerGains, geometric_control
 from onboard.cues import optical_flow_cues
-from onboard.mixer import flip_thrusts, mix
+from onboard.mixer import Thrusts, flip_thrusts, mix
 from onboard.rotation import body_z
 from sim_backend.physics.decision import decide
 from sim_backend.physics.jit import kernel
-from sim_backend.physics.motors import Four
 from sim_backend.physics.step import advance, half_decays, is_finite
 
 
@@ -111,7 +110,7 @@ def place(state: Any, p: Any, speed: float, angle: float, time_to_ceiling: float
 
 
 @kernel
-def hold_velocity(state: Any, p: Any, vx: float, vz: float, gains: ControllerGains) -> Four:
+def hold_velocity(state: Any, p: Any, vx: float, vz: float, gains: ControllerGains) -> Thrusts:
     """Motor thrusts (N) of the controller that holds a velocity, without a position loop."""
     zero = (0.0, 0.0, 0.0)
     collective, tau_x, tau_y, tau_z = geometric_control(
@@ -121,7 +120,7 @@ def hold_velocity(state: Any, p: Any, vx: float, vz: float, gains: ControllerGai
 
 
 @kernel
-def limited(targets: Four, most: float) -> Four:
+def limited(targets: Thrusts, most: float) -> Thrusts:
     """Thrusts no higher than a motor can give (N)."""
     return min(targets[0], most), min(targets[1], most), min(targets[2], most), min(targets[3], most)
 

@@ -3,6 +3,8 @@
 import math
 from typing import Any
 
+from onboard.arrays import Vector
+from onboard.mixer import Thrusts
 from sim_backend.physics.battery import draw, motor_targets
 from sim_backend.physics.collision import Rotation, collide, touches
 from sim_backend.physics.forces import add, free_flight_wrench
@@ -17,12 +19,12 @@ from sim_backend.physics.legs import (
     foot_force,
     hold_foot,
 )
-from sim_backend.physics.motors import Four, Wrench, decay, lag_all
+from sim_backend.physics.motors import Wrench, decay, lag_all
 from sim_backend.physics.rigid_body import rotation_matrix, turn, turn_rate
 
 
 @kernel
-def to_body(rot: Rotation, x: float, y: float, z: float) -> tuple[float, float, float]:
+def to_body(rot: Rotation, x: float, y: float, z: float) -> Vector:
     """World to body components."""
     return (
         rot[0] * x + rot[3] * y + rot[6] * z,
@@ -32,7 +34,7 @@ def to_body(rot: Rotation, x: float, y: float, z: float) -> tuple[float, float, 
 
 
 @kernel
-def to_world(rot: Rotation, x: float, y: float, z: float) -> tuple[float, float, float]:
+def to_world(rot: Rotation, x: float, y: float, z: float) -> Vector:
     """Body to world components."""
     return (
         rot[0] * x + rot[1] * y + rot[2] * z,
@@ -74,7 +76,7 @@ def attitude(state: Any) -> Rotation:
 
 
 @kernel
-def free_substep(state: Any, p: Any, targets: Four, dt: float, up: float, down: float) -> None:
+def free_substep(state: Any, p: Any, targets: Thrusts, dt: float, up: float, down: float) -> None:
     """`dt` (s) of free flight; `up` and `down` are the motor decays of half the time."""
     drift(state, 0.5 * dt)
     lag_all(state, targets, up, down)
@@ -171,7 +173,7 @@ def collide_all(state: Any, p: Any, rot: Rotation) -> None:
 
 
 @kernel
-def contact_substep(state: Any, p: Any, targets: Four, dt: float, up: float, down: float) -> None:
+def contact_substep(state: Any, p: Any, targets: Thrusts, dt: float, up: float, down: float) -> None:
     """`dt` (s) with everything that may touch; leaves the mean specific force of the substep in the state."""
     drift(state, 0.5 * dt)
     lag_all(state, targets, up, down)
@@ -206,7 +208,7 @@ def near_surface(state: Any, p: Any, dt: float) -> bool:
 
 @kernel
 def advance(
-    state: Any, p: Any, targets: Four, dt: float, up: float, down: float, fine_up: float, fine_down: float
+    state: Any, p: Any, targets: Thrusts, dt: float, up: float, down: float, fine_up: float, fine_down: float
 ) -> None:
     """One step of `dt` (s) towards the thrust targets (N).
 
@@ -234,7 +236,7 @@ def half_decays(p: Any, dt: float) -> tuple[float, float, float, float]:
 
 
 @kernel
-def step_thrust(state: Any, p: Any, targets: Four, dt: float) -> None:
+def step_thrust(state: Any, p: Any, targets: Thrusts, dt: float) -> None:
     """One step of `dt` (s) towards four thrusts (N): for a battery compensation that is perfect."""
     up, down, fine_up, fine_down = half_decays(p, dt)
     advance(state, p, targets, dt, up, down, fine_up, fine_down)
