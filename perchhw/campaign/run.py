@@ -10,7 +10,7 @@ from perchhw.attempt import AttemptRequest, AttemptResult, AttemptRunner, Outcom
 from perchhw.campaign.plan import CampaignPlan, Slot
 from perchhw.campaign.store import AttemptRow, CampaignError, CampaignStore, exists
 from perchhw.errors import FlightStackError
-from perchhw.record.folder import new_run_folder
+from perchhw.record.folder import make_folder, new_run_folder
 
 LOCK_FILE = "campaign.lock"
 OnChange = Callable[[list[AttemptRow]], None]
@@ -45,10 +45,11 @@ def run_campaign(
     Raises:
         CampaignStopped: ``plan.aborted_in_a_row`` attempts in a row were aborted.
         CampaignError: the folder cannot be used.
+        OutputFolderError: the folder cannot be written.
         InputError: an attempt cannot be flown as configured.
         KeyboardInterrupt: interrupted; the running attempt is kept as interrupted and planned again.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     with _only_one(folder):
         store = _store(plan, folder, resume, retry_aborted)
         try:

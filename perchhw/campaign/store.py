@@ -19,7 +19,7 @@ from onboard.errors import InputError
 from perchhw.attempt import AttemptResult, Outcome
 from perchhw.campaign.plan import CampaignPlan, Slot
 from perchhw.errors import FlightStackError
-from perchhw.record.folder import utc_now
+from perchhw.record.folder import discard_if_empty, utc_now
 
 DATABASE = "campaign.db"
 
@@ -206,6 +206,7 @@ class CampaignStore:
 
     def give_back(self, row: AttemptRow, record: Path) -> None:
         """The attempt of `row` was ended from outside: plan it again, as a new try if it left a record."""
+        discard_if_empty(record)
         if record.exists():
             self.interrupt(row)
             return

@@ -13,6 +13,7 @@ from calibration.flights.perchhw_run import flight_from_run
 from calibration.flights.run_folder import RunRecord, Series
 from onboard.errors import InputError
 from perchhw.errors import FlightStackError
+from perchhw.record.folder import make_folder
 
 Table = tuple[list[str], Iterable[Sequence[Any]]]
 
@@ -37,9 +38,10 @@ def export_run(run: RunRecord, out: Path, format: ExportFormat) -> list[Path]:
 
     Raises:
         ExportError: Parquet without pyarrow.
+        OutputFolderError: `out` cannot be written.
     """
     write = _writer(format)
-    out.mkdir(parents=True, exist_ok=True)
+    make_folder(out)
     written = []
     for series in run.series.values():
         path = out / f"{series.topic}.{format}"

@@ -1,5 +1,6 @@
 """Names of run folders and files that are replaced as a whole."""
 
+import itertools
 import json
 import os
 import re
@@ -7,9 +8,20 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from onboard.errors import InputError
+from perchhw.errors import FlightStackError
+
 RUN_FILE = "run.json"
 SERIES_FILE = "series.mcap"
 EVENTS_FILE = "events.jsonl"
+
+
+class OutputFolderError(FlightStackError, InputError):
+    """A folder for results cannot be written; the message names it and the reason."""
+
+    def __init__(self, folder: Path, reason: str | None) -> None:
+        super().__init__(f"{folder}: cannot be written ({reason}); give a folder that can, with --out")
+        self.folder = folder
 
 
 def utc_now() -> datetime:
@@ -23,17 +35,46 @@ def slug(text: str) -> str:
 
 
 def new_run_folder(parent: Path, name: str) -> Path:
-    """A free path ``parent/<utc>-<slug>``; the folder itself is made by the recorder.
+    """Make and give a new, empty folder ``parent/<utc>-<slug>``.
 
-    Two runs within one second get different names.
+    It is reserved by making it: two runs within one second, also of two processes, get different ones. Who
+    does not write into it after all gives it back with :func:`discard_if_empty`.
+
+    Raises:
+        OutputFolderError: `parent` cannot be written.
     """
+    make_folder(parent)
     stem = f"{utc_now():%Y%m%dT%H%M%SZ}-{slug(name)}"
-    path = parent / stem
-    number = 2
-    while path.exists():
-        path = parent / f"{stem}-{number}"
-        number += 1
+    for number in itertools.count(1):
+        path = parent / (stem if number == 1 else f"{stem}-{number}")
+        try:
+            path.mkdir()
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise OutputFolderError(parent, error.strerror) from error
+        break
     return path
+
+
+def make_folder(folder: Path) -> None:
+    """Make `folder` and its parents, unless it is there already.
+
+    Raises:
+        OutputFolderError: it cannot be made or written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputFolderError(folder, error.strerror) from error
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise OutputFolderError(folder, "no permission to write into it")
+
+
+def discard_if_empty(folder: Path) -> None:
+    """Remove a reserved folder into which nothing was written; one that holds something stays."""
+    if folder.is_dir() and not any(folder.iterdir()):
+        folder.rmdir()
 
 
 def write_json_atomically(path: Path, document: dict[str, Any]) -> None:

@@ -22,7 +22,14 @@ from mcap.writer import IndexType, Writer
 
 from onboard.clock import Clock, monotonic
 from perchhw.errors import FlightStackError
-from perchhw.record.folder import EVENTS_FILE, RUN_FILE, SERIES_FILE, utc_now, write_json_atomically
+from perchhw.record.folder import (
+    EVENTS_FILE,
+    RUN_FILE,
+    SERIES_FILE,
+    make_folder,
+    utc_now,
+    write_json_atomically,
+)
 from perchhw.record.topics import TOPICS
 
 Scalar = float | int | str | bool | None
@@ -68,7 +75,8 @@ class RunRecorder:
         clock: the monotonic clock of the flight (s).
 
     Raises:
-        RecordError: the folder already holds a record, or cannot be written.
+        RecordError: the folder already holds a record.
+        OutputFolderError: it cannot be written.
     """
 
     def __init__(self, folder: Path, config: Mapping[str, Any], clock: Clock = monotonic) -> None:
@@ -77,7 +85,7 @@ class RunRecorder:
         self._lock = threading.Lock()
         self._closed = False
         self._sequence = dict.fromkeys(TOPICS, 0)
-        folder.mkdir(parents=True, exist_ok=True)
+        make_folder(folder)
         self._info: dict[str, Any] = {
             "schema": "perchhw.run/1",
             "config": dict(config),

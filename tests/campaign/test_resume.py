@@ -88,7 +88,7 @@ def test_interrupt_during_an_attempt_plans_it_again(campaign_file: Path, tmp_pat
     def interrupted(request: AttemptRequest) -> AttemptResult:
         flown.append(request)
         if len(flown) == 3:
-            request.folder.mkdir(parents=True)
+            (request.folder / "run.json").write_text("{")
             raise KeyboardInterrupt
         return fly(request)
 

@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from pathlib import Path
+from subprocess import PIPE
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -16,7 +17,8 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 
 from calibration.flights.run_folder import RunFolderError
-from perchhw.record import TOPICS, RecordError, RunRecorder, new_run_folder, read_run
+from onboard.errors import InputError
+from perchhw.record import TOPICS, RecordError, RunRecorder, discard_if_empty, new_run_folder, read_run
 
 POSE = {
     "x": 0.1,
@@ -196,10 +198,39 @@ def test_update_reaches_run_json_at_once(tmp_path: Path) -> None:
 
 def test_run_folders_of_one_second_differ(tmp_path: Path) -> None:
     first = new_run_folder(tmp_path, "Fly 2.5 m/s, 40 deg!")
-    first.mkdir()
     second = new_run_folder(tmp_path, "Fly 2.5 m/s, 40 deg!")
     assert first.name.endswith("Z-fly-2.5-m-s-40-deg")
     assert first != second
+    with RunRecorder(first, {}) as recorder:
+        recorder.event("a", 0.0)
+    discard_if_empty(first)
+    discard_if_empty(second)
+    assert [path.name for path in tmp_path.iterdir()] == [first.name]
+
+
+def test_run_folders_of_two_processes_differ(tmp_path: Path) -> None:
+    program = (
+        "import sys; from pathlib import Path; from perchhw.record.folder import new_run_folder\n"
+        "sys.stdin.readline()\n"
+        "for _ in range(100): print(new_run_folder(Path(sys.argv[1]) / 'runs', 'fly'))"
+    )
+    command = [sys.executable, "-c", program, str(tmp_path)]
+    both = [subprocess.Popen(command, stdin=PIPE, stdout=PIPE, text=True) for _ in range(2)]
+    for process in both:
+        assert process.stdin is not None
+        process.stdin.write("go\n")
+        process.stdin.flush()
+    names = [name for process in both for name in process.communicate(timeout=60)[0].split()]
+    assert len(names) == 200
+    assert len(set(names)) == 200
+
+
+@pytest.mark.parametrize("parent", ["a-file", "a-file/below"])
+def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path, parent: str) -> None:
+    (tmp_path / "a-file").write_text("")
+    for use in (lambda folder: new_run_folder(folder, "fly"), lambda folder: RunRecorder(folder, {})):
+        with pytest.raises(InputError, match=f"{tmp_path / parent}: cannot be written"):
+            use(tmp_path / parent)
 
 
 def test_damage_before_the_end_names_the_place(finished_run: Path, tmp_path: Path) -> None:
