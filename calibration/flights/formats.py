@@ -55,14 +55,17 @@ def open_flight(path: str | Path, format: str = "auto") -> Flight:
         format: a name in :data:`FORMATS`, or ``auto`` to tell it from the content.
 
     Raises:
-        FlightFileError: missing, of no known format, or broken (names row and column).
+        FlightFileError: missing, not readable, of no known format, or broken (names row and column).
         UnusableFlightError: readable, but no usable flight (names the reason).
         RunFolderError: a broken run folder.
     """
     path = Path(path)
-    if not path.exists():
-        raise FlightFileError(f"{path}: no such file or folder")
-    return _format_of(path, format).load(path)
+    try:
+        if not path.exists():
+            raise FlightFileError(f"{path}: no such file or folder")
+        return _format_of(path, format).load(path)
+    except OSError as error:
+        raise FlightFileError(f"{path}: cannot be read ({error.strerror})") from error
 
 
 def open_flights(

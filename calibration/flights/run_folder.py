@@ -132,6 +132,8 @@ def read_info(path: Path) -> dict[str, Any]:
     for key in ("config", "closed"):
         if not isinstance(info, dict) or key not in info:
             raise RunFolderError(f"{path} has no key {key!r}: not a run of perchhw")
+    if not isinstance(info["config"], dict):
+        raise RunFolderError(f"{path} key 'config': {info['config']!r} is not an object")
     return info
 
 
@@ -187,6 +189,8 @@ def _message(
         values = json.loads(content[_MESSAGE_HEAD.size :])
     except (struct.error, KeyError, ValueError) as error:
         raise RunFolderError(f"{path} byte {position}: damaged message ({error!r})") from error
+    if not isinstance(values, dict):
+        raise RunFolderError(f"{path} byte {position}: damaged message (not a JSON object)")
     return (
         topic,
         log_time / 1e9,

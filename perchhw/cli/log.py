@@ -82,19 +82,23 @@ def label(
 ) -> int:
     """Give the landing outcome of flights, with the evidence for it.
 
-    A flight that is not usable is named with the reason, and the rest go on; when none is usable, the exit
-    code is 2.
+    A file that is broken or holds no usable flight is named with the reason, and the rest go on; when nothing
+    could be labelled, the exit code is 2.
     """
-    from calibration.flights import UnusableFlightError, open_flight
+    from calibration.flights import open_flight
+    from onboard.errors import InputError
+    from onboard.vehicle import load_vehicle
     from perchhw.label import LabelError, label_flight
 
+    if vehicle is not None:
+        load_vehicle(vehicle, legs)  # a wrong option is no fault of the files
     labels: list[dict[str, Any]] = []
     unusable: list[dict[str, str]] = []
     for file in files:
         try:
             flight = open_flight(file, format)
             result = label_flight(flight, _vehicle_of(flight, vehicle, legs), ceiling_z)
-        except (UnusableFlightError, LabelError) as error:
+        except (InputError, LabelError) as error:
             unusable.append({"file": str(file), "reason": str(error)})
             continue
         labels.append({"file": str(file), **result.to_json(), "notes": list(flight.notes)})
@@ -102,9 +106,17 @@ def label(
     if len(files) == 1 and labels:
         document["outcome"] = labels[0]["outcome"]
     for entry in unusable:
-        progress_console().print(f"unusable: {entry['reason']}", style="yellow", markup=False)
+        progress_console().print(
+            f"unusable: {_with_file(entry)}", style="yellow", markup=False, soft_wrap=True
+        )
     emit(document, lambda: _draw_labels(labels) if labels else None)
     return 0 if labels else 2
+
+
+def _with_file(unusable: dict[str, str]) -> str:
+    """The reason, with the file in front where it does not name it itself."""
+    file, reason = unusable["file"], unusable["reason"]
+    return reason if file in reason else f"{file}: {reason}"
 
 
 def _vehicle_of(flight: "Flight", vehicle: str | None, legs: str | None) -> "Vehicle":

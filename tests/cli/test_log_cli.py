@@ -15,6 +15,15 @@ from tests.campaign.stand_in import fly
 from tests.label.simulated import land
 from tests.report.recorded import record_landing
 
+CAMPAIGN = """
+schema = "perchhw.campaign/1"
+drone = "udp://a:1"
+mocap = "vicon://b?subject=c"
+[grid]
+speeds = [2.0]
+angles_deg = [40, 50]
+"""
+
 
 @pytest.fixture(scope="module")
 def landing(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -61,12 +70,50 @@ def test_label_of_several_goes_on_after_an_unusable_one(
     assert call(capsys, "log", "label", floor)[0] == 2
 
 
+def test_label_names_broken_files_and_goes_on(
+    capsys: pytest.CaptureFixture[str], landing: Path, tmp_path: Path
+) -> None:
+    table, run_folder, list_folder = tmp_path / "b.csv", tmp_path / "damaged", tmp_path / "list"
+    table.write_text("t,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n1,0,oops,0,0,0,0,1\n")
+    for folder, text in ((run_folder, "{"), (list_folder, '{"config": [], "closed": true}')):
+        folder.mkdir()
+        (folder / "run.json").write_text(text)
+        (folder / "series.mcap").write_bytes(b"")
+    binary = tmp_path / "noise.csv"
+    binary.write_bytes(bytes(range(256)))
+    too_long = tmp_path / ("n" * 300)  # the system refuses to look at it, also for root
+    bad = [table, run_folder, list_folder, binary, too_long, tmp_path / "missing"]
+    code, document, errors = call(capsys, "log", "label", *bad[:3], landing, *bad[3:])
+    assert code == 0
+    assert [f["outcome"] for f in document["flights"]] == ["four_leg"]
+    assert [u["file"] for u in document["unusable"]] == [str(b) for b in bad]
+    reasons = [u["reason"] for u in document["unusable"]]
+    words = (
+        "row 3 column 'y'",
+        "run.json is not JSON",
+        "'config'",
+        "no known flight format",
+        "too long",
+        "no such",
+    )
+    for word, reason in zip(words, reasons, strict=True):
+        assert word in reason
+        assert reason in errors
+    code, document, _ = call(capsys, "log", "label", *bad)
+    assert (code, document["flights"], len(document["unusable"])) == (2, [], len(bad))
+    code, _, errors = call(capsys, "log", "label", landing, "--vehicle", "no-such")
+    assert code == 2
+    assert "no-such" in errors
+
+
 def test_exit_code_2_for_what_cannot_be_used(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     broken = tmp_path / "b.csv"
     broken.write_text("t,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n1,0,oops,0,0,0,0,1\n")
     code, document, errors = call(capsys, "log", "label", broken)
-    assert (code, document) == (2, {})
-    assert "row 3 column 'y': 'oops' is not a number" in " ".join(errors.split())
+    assert (code, document["flights"]) == (2, [])
+    reason = f"{broken} row 3 column 'y': 'oops' is not a number"
+    assert document["unusable"] == [{"file": str(broken), "reason": reason}]
+    assert f"unusable: {reason}" in errors
     assert call(capsys, "log", "label", tmp_path / "missing")[0] == 2
     assert call(capsys, "log", "view", tmp_path)[0] == 2
     assert call(capsys, "log", "list", tmp_path / "missing")[0] == 2
@@ -131,14 +178,49 @@ def test_replay_of_the_flown_policy_fires_where_the_drone_did(
     assert -9.6e-3 < document["a_rot_at_firing"] < -4.5e-3
 
 
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("udp://a:1", "foo://a:1"),
+        ("vicon://b", "vicom://b"),
+        ("[grid]", 'policy = "no-such"\n[grid]'),
+        ("[grid]", 'vehicle = "no-such"\n[grid]'),
+    ],
+)
+def test_a_campaign_that_names_what_does_not_exist_begins_nothing(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, old: str, new: str
+) -> None:
+    file = tmp_path / "c.toml"
+    file.write_text(CAMPAIGN.replace(old, new, 1))
+    code, _, errors = call(capsys, "campaign", "run", file, "--out", tmp_path / "c", "--yes")
+    assert code == 2
+    key = {"foo://a:1": "drone", "vicom://b": "mocap"}.get(new, new.split()[0])
+    assert f"{file}: key {key}: " in errors
+    assert not (tmp_path / "c").exists()
+
+
+def test_a_folder_that_cannot_be_written_is_named(
+    capsys: pytest.CaptureFixture[str], landing: Path, tmp_path: Path
+) -> None:
+    plan, out = tmp_path / "c.toml", tmp_path / "a-file" / "out"
+    plan.write_text(CAMPAIGN)
+    out.parent.write_text("")
+    addresses = ("--drone", "udp://a:1", "--mocap", "vicon://b?subject=c")
+    for command in (
+        ("campaign", "run", plan, "--yes"),
+        ("log", "export", landing),
+        ("fly", *addresses, "--speed", "2.5", "--angle", "60"),
+    ):
+        code, _, errors = call(capsys, *command, "--out", out)
+        assert code == 2, command
+        assert f"{out}: cannot be written" in errors, command
+
+
 def test_status_and_report_of_a_campaign(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     from perchhw.campaign import load_plan, run_campaign
 
     file = tmp_path / "c.toml"
-    file.write_text(
-        'schema = "perchhw.campaign/1"\ndrone = "udp://a:1"\nmocap = "vicon://b?subject=c"\n'
-        "[grid]\nspeeds = [2.0]\nangles_deg = [40, 50]\n"
-    )
+    file.write_text(CAMPAIGN)
     run_campaign(load_plan(file), tmp_path / "c", fly)
     code, document, _ = call(capsys, "campaign", "status", tmp_path / "c")
     assert code == 0
