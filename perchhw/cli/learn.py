@@ -1,11 +1,15 @@
 """``perchhw learn``: sweep, train, validate, or all three."""
 
 import json
+import os
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from perchhw.attempt import DEFAULT_VEHICLE
+from perchhw.cli.option_groups import with_option_groups
 from perchhw.cli.output import console, emit, progress_console
 
 if TYPE_CHECKING:
@@ -13,56 +17,81 @@ if TYPE_CHECKING:
 
     from onboard.policy import Policy
     from perchhw.learning.setup import LearningSetup
-    from perchhw.learning.sweep import SweepSummary
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help="Learn a landing policy in simulation.")
 
 POLICY_FILE, VALIDATION_FILE = "policy.policy.json", "validation.csv"
 TRAINING_FILE, VALIDATION_SUMMARY = "training.json", "validation.json"
 
-VehicleOption = Annotated[str, typer.Option(help="Vehicle: a known name or a vehicle file.")]
-LegsOption = Annotated[str | None, typer.Option(help="Leg design; the vehicle's own without it.")]
-LegAngleOption = Annotated[float | None, typer.Option(help="Another leg angle from -b_z, deg.")]
-LegLengthOption = Annotated[float | None, typer.Option(help="Another leg length, m.")]
-SpeedsOption = Annotated[str, typer.Option(help="m/s, FIRST:LAST:STEP or A,B,C.")]
-AnglesOption = Annotated[str, typer.Option(help="deg above the horizon, FIRST:LAST:STEP or A,B,C.")]
-RepeatsOption = Annotated[int, typer.Option(help="Learning trials at each condition.")]
-RewardOption = Annotated[str, typer.Option(help="paper, or flown (made the data of the flown policy).")]
-DomainOption = Annotated[str, typer.Option(help="Domain randomisation: paper or none.")]
-SensingOption = Annotated[
-    str, typer.Option(help="Errors of the cues: perfect (the paper), realistic or late.")
-]
-WorkersOption = Annotated[int, typer.Option(min=0, help="Threads, 0: one a core; the result is the same.")]
-SeedOption = Annotated[int, typer.Option(min=0, help="Of everything random.")]
 OutOption = Annotated[Path, typer.Option(help="Folder for the results.")]
+SeedOption = Annotated[int, typer.Option(min=0, help="Of everything random.")]
 RolloutsOption = Annotated[int, typer.Option(min=1, help="Attempts at each condition of the validation.")]
-ResumeOption = Annotated[bool, typer.Option("--resume", help="Go on with the sweep in the folder.")]
 
-_SPEEDS, _ANGLES = "1.5:3.5:0.1", "30:90:3.75"
 _OUT = Path("runs/learn")
 
 
+@dataclass(frozen=True)
+class SetupOptions:
+    """What flies in the simulation."""
+
+    vehicle: Annotated[str, typer.Option(help="Vehicle: a known name or a vehicle file.")] = DEFAULT_VEHICLE
+    legs: Annotated[str | None, typer.Option(help="Leg design; the vehicle's own without it.")] = None
+    leg_angle_deg: Annotated[float | None, typer.Option(help="Another leg angle from -b_z, deg.")] = None
+    leg_length_m: Annotated[float | None, typer.Option(help="Another leg length, m.")] = None
+    domain: Annotated[str, typer.Option(help="Domain randomisation: paper or none.")] = "paper"
+    sensing: Annotated[
+        str, typer.Option(help="Errors of the cues: perfect (the paper), realistic or late.")
+    ] = "perfect"
+    seed: SeedOption = 0
+
+    def learning_setup(self, reward: str = "paper") -> "LearningSetup":
+        """The setup of the rollouts; a validation has no use for the reward."""
+        from perchhw.learning.setup import LearningSetup
+
+        return LearningSetup(**asdict(self), reward=reward)
+
+
+@dataclass(frozen=True)
+class GridOptions:
+    """Which approaches are flown, by how many threads; the paper's grid (section III.C) without a choice."""
+
+    speeds: Annotated[str, typer.Option(help="m/s, FIRST:LAST:STEP or A,B,C.")] = "1.5:3.5:0.1"
+    angles: Annotated[str, typer.Option(help="deg above the horizon, FIRST:LAST:STEP or A,B,C.")] = (
+        "30:90:3.75"
+    )
+    workers: Annotated[int, typer.Option(min=0, help="Threads, 0: one a core; the result is the same.")] = 0
+
+    def ranges(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Speeds (m/s) and angles (deg).
+
+        Raises:
+            LearningInputError: an option is not a range.
+        """
+        from perchhw.learning.grid import parse_range
+
+        return parse_range(self.speeds, "--speeds"), parse_range(self.angles, "--angles")
+
+    def threads(self) -> int:
+        """How many threads to start."""
+        return self.workers or os.cpu_count() or 1
+
+
+@dataclass(frozen=True)
+class SweepOptions:
+    """How a sweep learns."""
+
+    repeats: Annotated[int, typer.Option(help="Learning trials at each condition.")] = 3
+    reward: Annotated[str, typer.Option(help="paper, or flown (made the data of the flown policy).")] = (
+        "paper"
+    )
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with the sweep in the folder.")] = False
+
+
 @app.command()
-def sweep(
-    vehicle: VehicleOption = "crazyflie21-upgraded",
-    legs: LegsOption = None,
-    leg_angle_deg: LegAngleOption = None,
-    leg_length_m: LegLengthOption = None,
-    speeds: SpeedsOption = _SPEEDS,
-    angles: AnglesOption = _ANGLES,
-    repeats: RepeatsOption = 3,
-    reward: RewardOption = "paper",
-    domain: DomainOption = "paper",
-    sensing: SensingOption = "perfect",
-    workers: WorkersOption = 0,
-    seed: SeedOption = 0,
-    out: OutOption = _OUT,
-    resume: ResumeOption = False,
-) -> None:
+@with_option_groups
+def sweep(setup: SetupOptions, grid: GridOptions, learning: SweepOptions, out: OutOption = _OUT) -> None:
     """Learn a sensory-motor pair for every approach condition."""
-    setup = _setup(vehicle, legs, leg_angle_deg, leg_length_m, reward, domain, sensing, seed)
-    summary = _sweep(setup, speeds, angles, repeats, workers, out, resume)
-    result = _sweep_result(summary, out)
+    result = _sweep(setup, grid, learning, out)
     emit(result, lambda: _draw_rates("best landing rate per condition", result["bands"]))
 
 
@@ -80,51 +109,32 @@ def train(
 
 
 @app.command()
+@with_option_groups
 def validate(
-    vehicle: VehicleOption = "crazyflie21-upgraded",
-    legs: LegsOption = None,
-    leg_angle_deg: LegAngleOption = None,
-    leg_length_m: LegLengthOption = None,
-    speeds: SpeedsOption = _SPEEDS,
-    angles: AnglesOption = _ANGLES,
+    setup: SetupOptions,
+    grid: GridOptions,
     policy: Annotated[str | None, typer.Option(help="Policy; default: the trained one in --out.")] = None,
-    domain: DomainOption = "paper",
-    sensing: SensingOption = "perfect",
     rollouts: RolloutsOption = 18,
-    workers: WorkersOption = 0,
-    seed: SeedOption = 0,
     out: OutOption = _OUT,
 ) -> None:
     """Fly the two-stage policy at every condition of a grid."""
-    setup = _setup(vehicle, legs, leg_angle_deg, leg_length_m, "paper", domain, sensing, seed)
-    result = _validate(setup, policy, speeds, angles, rollouts, workers, out)
+    result = _validate(setup, grid, policy, rollouts, out)
     emit(result, lambda: _draw_rates("landing rate of the two-stage policy", result["bands"]))
 
 
 @app.command("all")
+@with_option_groups
 def everything(
-    vehicle: VehicleOption = "crazyflie21-upgraded",
-    legs: LegsOption = None,
-    leg_angle_deg: LegAngleOption = None,
-    leg_length_m: LegLengthOption = None,
-    speeds: SpeedsOption = _SPEEDS,
-    angles: AnglesOption = _ANGLES,
-    repeats: RepeatsOption = 3,
-    reward: RewardOption = "paper",
-    domain: DomainOption = "paper",
-    sensing: SensingOption = "perfect",
+    setup: SetupOptions,
+    grid: GridOptions,
+    learning: SweepOptions,
     rollouts: RolloutsOption = 18,
-    workers: WorkersOption = 0,
-    seed: SeedOption = 0,
     out: OutOption = _OUT,
-    resume: ResumeOption = False,
 ) -> None:
     """Sweep, train, and validate."""
-    setup = _setup(vehicle, legs, leg_angle_deg, leg_length_m, reward, domain, sensing, seed)
-    summary = _sweep(setup, speeds, angles, repeats, workers, out, resume)
-    swept = _sweep_result(summary, out)
-    trained = _train(out, None, 0.8, "trained", seed)
-    validated = _validate(setup, None, speeds, angles, rollouts, workers, out)
+    swept = _sweep(setup, grid, learning, out)
+    trained = _train(out, None, 0.8, "trained", setup.seed)
+    validated = _validate(setup, grid, None, rollouts, out)
 
     def draw() -> None:
         _draw_rates("best landing rate per condition", swept["bands"])
@@ -132,36 +142,6 @@ def everything(
         _draw_rates("landing rate of the two-stage policy", validated["bands"])
 
     emit({"sweep": swept, "training": trained, "validation": validated}, draw)
-
-
-def _setup(
-    vehicle: str,
-    legs: str | None,
-    leg_angle_deg: float | None,
-    leg_length_m: float | None,
-    reward: str,
-    domain: str,
-    sensing: str,
-    seed: int,
-) -> "LearningSetup":
-    from perchhw.learning.setup import LearningSetup
-
-    return LearningSetup(
-        vehicle=vehicle,
-        legs=legs,
-        leg_angle_deg=leg_angle_deg,
-        leg_length_m=leg_length_m,
-        reward=reward,
-        domain=domain,
-        sensing=sensing,
-        seed=seed,
-    )
-
-
-def _threads(workers: int) -> int:
-    import os
-
-    return workers or os.cpu_count() or 1
 
 
 def _progress() -> "Progress":
@@ -176,30 +156,28 @@ def _progress() -> "Progress":
     )
 
 
-def _sweep(
-    setup: "LearningSetup", speeds: str, angles: str, repeats: int, workers: int, out: Path, resume: bool
-) -> "SweepSummary":
-    from perchhw.learning.grid import parse_range
-    from perchhw.learning.sweep import Row, SweepGrid, run_sweep
+def _sweep(setup: SetupOptions, grid: GridOptions, learning: SweepOptions, out: Path) -> dict[str, Any]:
+    from perchhw.learning.sweep import SweepGrid, run_sweep
+    from perchhw.learning.sweep_folder import SWEEP_FILE, Row, read_settings
+    from perchhw.learning.validate import band_table, best_per_condition
 
-    grid = SweepGrid(parse_range(speeds, "--speeds"), parse_range(angles, "--angles"), repeats)
     with _progress() as progress:
         task = progress.add_task("learning trials", total=None)
 
         def on_trial(row: Row, done: int, total: int) -> None:
             progress.update(task, completed=done, total=total)
 
-        return run_sweep(setup, grid, out, workers=_threads(workers), resume=resume, on_trial=on_trial)
-
-
-def _sweep_result(summary: "SweepSummary", out: Path) -> dict[str, Any]:
-    from perchhw.learning.sweep import SWEEP_FILE
-    from perchhw.learning.validate import band_table, best_per_condition
-
-    document = json.loads((out / SWEEP_FILE).read_text(encoding="utf-8"))
+        summary = run_sweep(
+            setup.learning_setup(learning.reward),
+            SweepGrid(*grid.ranges(), learning.repeats),
+            out,
+            workers=grid.threads(),
+            resume=learning.resume,
+            on_trial=on_trial,
+        )
     return {
         "folder": str(out),
-        **document["result"],
+        **read_settings(out / SWEEP_FILE)["result"],
         "new_trials": summary.new_trials,
         "bands": band_table(best_per_condition(summary.rows)),
     }
@@ -209,7 +187,7 @@ def _train(out: Path, pairs: Path | None, landing_rate_min: float, name: str, se
     from dataclasses import replace
 
     from onboard.policy import policy_crc32, save_policy
-    from perchhw.learning.sweep import PAIRS_FILE, SWEEP_FILE
+    from perchhw.learning.sweep_folder import PAIRS_FILE, SWEEP_FILE, read_settings
     from perchhw.learning.train import train_policy
     from perchhw.learning.training_set import load_training_set
 
@@ -218,7 +196,7 @@ def _train(out: Path, pairs: Path | None, landing_rate_min: float, name: str, se
     policy = train_policy(training_set, name=name, seed=seed).policy
     swept = table.parent / SWEEP_FILE
     if swept.is_file():
-        document = json.loads(swept.read_text(encoding="utf-8"))
+        document = read_settings(swept)
         kept = {key: document[key] for key in ("settings", "versions", "result") if key in document}
         policy = replace(policy, provenance={**policy.provenance, "sweep": kept})
     out.mkdir(parents=True, exist_ok=True)
@@ -253,35 +231,30 @@ def _load_policy(name_or_path: str | None, out: Path) -> "Policy":
 
 
 def _validate(
-    setup: "LearningSetup",
-    policy: str | None,
-    speeds: str,
-    angles: str,
-    rollouts: int,
-    workers: int,
-    out: Path,
+    setup: SetupOptions, grid: GridOptions, policy: str | None, rollouts: int, out: Path
 ) -> dict[str, Any]:
     from onboard.policy import policy_crc32
-    from perchhw.learning.grid import conditions, parse_range
+    from perchhw.learning.grid import conditions
     from perchhw.learning.validate import band_table, best_per_condition, validate_policy, write_validation
 
     loaded = _load_policy(policy, out)
-    grid = conditions(parse_range(speeds, "--speeds"), parse_range(angles, "--angles"))
+    approaches = conditions(*grid.ranges())
+    flown_by = setup.learning_setup()
     with _progress() as progress:
-        task = progress.add_task("validation", total=len(grid))
+        task = progress.add_task("validation", total=len(approaches))
         rows = validate_policy(
             loaded,
-            setup,
-            grid,
+            flown_by,
+            approaches,
             rollouts=rollouts,
-            workers=_threads(workers),
+            workers=grid.threads(),
             on_condition=lambda done, total: progress.update(task, completed=done, total=total),
         )
     out.mkdir(parents=True, exist_ok=True)
     write_validation(rows, out / VALIDATION_FILE)
     result = {
         "policy_crc32": policy_crc32(loaded),
-        "settings": setup.describe(),
+        "settings": flown_by.describe(),
         "table": str(out / VALIDATION_FILE),
         "conditions": len(rows),
         "rollouts_per_condition": rollouts,

@@ -1,6 +1,7 @@
 """Training of the action policy: the network from trigger state to body moment."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -17,11 +18,24 @@ if TYPE_CHECKING:
 HIDDEN = (10, 10)
 """Widths of the hidden layers; the paper's. The policy that flew has three of ten (paper errata 7)."""
 
-EPOCHS = 3200
-LEARNING_RATE = 1.0e-3
-HELD_OUT_SHARE = 0.1
-
 _OUTPUT_UNIT = 1.0e-3  # N m; the network is trained in N mm, where moments are of order 1 to 10
+
+
+@dataclass(frozen=True)
+class ActionSettings:
+    """How the action network is made and trained.
+
+    Attributes:
+        hidden: widths of the hidden layers.
+        epochs: passes over the pairs.
+        learning_rate: Adam's step.
+        held_out_share: share of the pairs that the network never sees.
+    """
+
+    hidden: tuple[int, ...] = HIDDEN
+    epochs: int = 3200
+    learning_rate: float = 1.0e-3
+    held_out_share: float = 0.1
 
 
 class ActionFit(NamedTuple):
@@ -43,14 +57,7 @@ class ActionFit(NamedTuple):
 
 
 def fit_action(
-    scaled_states: FloatArray,
-    a_rot: FloatArray,
-    *,
-    hidden: Sequence[int] = HIDDEN,
-    epochs: int = EPOCHS,
-    learning_rate: float = LEARNING_RATE,
-    held_out_share: float = HELD_OUT_SHARE,
-    seed: int,
+    scaled_states: FloatArray, a_rot: FloatArray, settings: ActionSettings | None = None, *, seed: int
 ) -> ActionFit:
     """Fit the network by Adam on the mean squared error, all pairs in one batch, on the CPU.
 
@@ -59,10 +66,7 @@ def fit_action(
     Args:
         scaled_states: (n, 3), standardised.
         a_rot: (n,) moments about b_y, N m.
-        hidden: widths of the hidden layers.
-        epochs: passes over the pairs.
-        learning_rate: Adam's step.
-        held_out_share: share of the pairs that the network never sees.
+        settings: of network and training; the defaults without it.
         seed: of the split and of the initial weights.
 
     Raises:
@@ -70,28 +74,15 @@ def fit_action(
     """
     import torch
 
-    count = len(scaled_states)
-    held_out_count = max(1, round(held_out_share * count))
-    if count - held_out_count < 1:
-        raise TrainingError(f"{count} pairs are too few to train an action policy and hold some back")
-    order = np.random.default_rng(seed).permutation(count)
-    held_out, train = np.sort(order[:held_out_count]), np.sort(order[held_out_count:])
-
+    settings = settings or ActionSettings()
+    train, held_out = _split(len(scaled_states), settings.held_out_share, seed)
     inputs = torch.tensor(scaled_states, dtype=torch.float32)
     targets = torch.tensor(a_rot / _OUTPUT_UNIT, dtype=torch.float32)[:, None]
     # The global generator decides the initial weights; it is put back afterwards.
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        network = _network((scaled_states.shape[1], *hidden, 1))
-    optimiser = torch.optim.Adam(network.parameters(), lr=learning_rate)
-    loss_function = torch.nn.MSELoss()
-    train_inputs, train_targets = inputs[train], targets[train]
-    for _ in range(epochs):
-        optimiser.zero_grad()
-        loss = loss_function(network(train_inputs), train_targets)
-        loss.backward()
-        optimiser.step()
-
+        network = _network((scaled_states.shape[1], *settings.hidden, 1))
+    _optimise(network, inputs[train], targets[train], settings)
     with torch.no_grad():
         errors = (network(inputs) - targets).numpy()[:, 0] * _OUTPUT_UNIT
     return ActionFit(
@@ -101,6 +92,30 @@ def fit_action(
         train_indices=train,
         held_out_indices=held_out,
     )
+
+
+def _split(count: int, held_out_share: float, seed: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Sorted indices of the pairs to train on and of those to hold back."""
+    held_out_count = max(1, round(held_out_share * count))
+    if count - held_out_count < 1:
+        raise TrainingError(f"{count} pairs are too few to train an action policy and hold some back")
+    order = np.random.default_rng(seed).permutation(count)
+    return np.sort(order[held_out_count:]), np.sort(order[:held_out_count])
+
+
+def _optimise(
+    network: "torch.nn.Sequential", inputs: "torch.Tensor", targets: "torch.Tensor", settings: ActionSettings
+) -> None:
+    """Train the network in place."""
+    import torch
+
+    optimiser = torch.optim.Adam(network.parameters(), lr=settings.learning_rate)
+    loss_function = torch.nn.MSELoss()
+    for _ in range(settings.epochs):
+        optimiser.zero_grad()
+        loss = loss_function(network(inputs), targets)
+        loss.backward()
+        optimiser.step()
 
 
 def _network(sizes: Sequence[int]) -> "torch.nn.Sequential":

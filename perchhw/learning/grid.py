@@ -9,10 +9,6 @@ import numpy as np
 
 from perchhw.learning.errors import LearningInputError
 
-SPEEDS = "1.5:3.5:0.1"
-ANGLES = "30:90:3.75"
-"""The paper's grid (section III.C): m/s, and deg above the horizon."""
-
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 

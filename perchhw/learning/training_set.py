@@ -91,28 +91,11 @@ def load_training_set(
         TrainingSetError: naming file, row and column. The header is line 1.
     """
     path = Path(path)
-    try:
-        content = path.read_bytes()
-        rows = list(_numbered_rows(content.decode("utf-8-sig"), path))
-    except OSError as error:
-        raise TrainingSetError(f"{path}: cannot be read ({error.strerror}); check the path") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise TrainingSetError(f"{path}: is not a CSV text file ({error})") from error
+    content, rows = _read(path)
     form = _format_of(rows, path, rate_column)
-    chosen = []
-    implausible = 0
-    for line, row in rows:
-        low, high = PLAUSIBLE_ANGLE_DEG
-        if not low <= _number(row, form.angle, path, line) <= high:
-            implausible += 1
-            continue
-        rate = _number(row, form.landing_rate, path, line)
-        if not 0 <= rate <= 1:
-            raise TrainingSetError(
-                f"{path}: line {line}: {form.landing_rate} is {rate:g}, not a rate from 0 to 1"
-            )
-        if rate >= landing_rate_min:
-            chosen.append(_pair(row, form, path, line, rate))
+    plausible = [(line, row) for line, row in rows if _has_plausible_angle(row, form, path, line)]
+    rated = [(line, row, _rate(row, form, path, line)) for line, row in plausible]
+    chosen = [_pair(row, form, path, line, rate) for line, row, rate in rated if rate >= landing_rate_min]
     if not chosen:
         raise TrainingSetError(
             f"{path}: no row has {form.landing_rate} >= {landing_rate_min:g}; lower the limit or sweep more"
@@ -126,12 +109,23 @@ def load_training_set(
         "rate_column": form.landing_rate,
         "landing_rate_min": landing_rate_min,
         "pairs": len(chosen),
-        "rows_with_implausible_angle": implausible,
+        "rows_with_implausible_angle": len(rows) - len(plausible),
     }
     return TrainingSet(states=numbers[:, :3], a_rot=numbers[:, 3], landing_rate=numbers[:, 4], source=source)
 
 
-def _numbered_rows(text: str, path: Path) -> "list[tuple[int, dict[str, str]]]":
+def _read(path: Path) -> tuple[bytes, list[tuple[int, dict[str, str]]]]:
+    """The bytes of a table, and its rows by line number."""
+    try:
+        content = path.read_bytes()
+        return content, _numbered_rows(content.decode("utf-8-sig"), path)
+    except OSError as error:
+        raise TrainingSetError(f"{path}: cannot be read ({error.strerror}); check the path") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise TrainingSetError(f"{path}: is not a CSV text file ({error})") from error
+
+
+def _numbered_rows(text: str, path: Path) -> list[tuple[int, dict[str, str]]]:
     reader = csv.DictReader(text.splitlines())
     rows = [(reader.line_num, row) for row in reader]
     if not rows:
@@ -161,6 +155,20 @@ def _number(row: Mapping[str, str], column: str, path: Path, line: int) -> float
             f"{path}: line {line}: {column} is {text!r}, not a usable number; remove the row"
         )
     return value
+
+
+def _has_plausible_angle(row: Mapping[str, str], form: _Format, path: Path, line: int) -> bool:
+    low, high = PLAUSIBLE_ANGLE_DEG
+    return low <= _number(row, form.angle, path, line) <= high
+
+
+def _rate(row: Mapping[str, str], form: _Format, path: Path, line: int) -> float:
+    rate = _number(row, form.landing_rate, path, line)
+    if not 0 <= rate <= 1:
+        raise TrainingSetError(
+            f"{path}: line {line}: {form.landing_rate} is {rate:g}, not a rate from 0 to 1"
+        )
+    return rate
 
 
 def _pair(

@@ -6,8 +6,8 @@ import pytest
 from onboard.action import action_moments
 from onboard.policy import load_policy, policy_crc32, save_policy
 from onboard.trigger import trigger_values
-from perchhw.learning.action_policy import fit_action
-from perchhw.learning.train import train_policy
+from perchhw.learning.action_policy import ActionSettings, fit_action
+from perchhw.learning.train import TrainingSettings, train_policy
 from perchhw.learning.training_set import TrainingSet, load_training_set
 from perchhw.learning.trigger_policy import TrainingError
 from tests.onboard.test_action import reference_moments
@@ -15,6 +15,10 @@ from tests.onboard.test_action import reference_moments
 
 def smooth_moment(scaled):
     return -6.5e-3 + 1.0e-3 * np.tanh(scaled[:, 0]) - 0.5e-3 * scaled[:, 1]
+
+
+def quick(epochs):
+    return TrainingSettings(action=ActionSettings(epochs=epochs))
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +31,7 @@ def pairs():
 
 def test_learns_a_smooth_moment():
     scaled = np.random.default_rng(7).normal(size=(200, 3))
-    fit = fit_action(scaled, smooth_moment(scaled), epochs=1500, seed=0)
+    fit = fit_action(scaled, smooth_moment(scaled), ActionSettings(epochs=1500), seed=0)
     assert fit.train_rms < 0.1e-3
     assert fit.held_out_rms < 0.3e-3
     assert [layer.weights.shape for layer in fit.layers] == [(10, 3), (10, 10), (1, 10)]
@@ -36,12 +40,12 @@ def test_learns_a_smooth_moment():
 def test_pairs_held_back_do_not_teach():
     scaled = np.random.default_rng(8).normal(size=(50, 3))
     moments = smooth_moment(scaled)
-    fit = fit_action(scaled, moments, epochs=20, seed=3)
+    fit = fit_action(scaled, moments, ActionSettings(epochs=20), seed=3)
     assert len(fit.held_out_indices) == 5
     assert set(fit.held_out_indices) | set(fit.train_indices) == set(range(50))
     changed = moments.copy()
     changed[fit.held_out_indices] *= 2
-    again = fit_action(scaled, changed, epochs=20, seed=3)
+    again = fit_action(scaled, changed, ActionSettings(epochs=20), seed=3)
     for one, other in zip(fit.layers, again.layers, strict=True):
         np.testing.assert_array_equal(one.weights, other.weights)
     assert again.held_out_rms > fit.held_out_rms
@@ -51,14 +55,15 @@ def test_the_same_seed_gives_the_same_policy(pairs):
     import torch
 
     before = torch.random.get_rng_state()
-    policies = [train_policy(pairs, seed=seed, epochs=30).policy for seed in (1, 1, 2)]
+    policies = [train_policy(pairs, quick(30), seed=seed).policy for seed in (1, 1, 2)]
     assert torch.equal(torch.random.get_rng_state(), before)
     crcs = [policy_crc32(policy) for policy in policies]
     assert crcs[0] == crcs[1] != crcs[2]
 
 
 def test_the_policy_computes_what_was_trained(pairs, tmp_path):
-    result = train_policy(pairs, seed=5, epochs=300, hidden=(8, 6, 4), gamma=1.0, nu=0.2, name="blob")
+    settings = TrainingSettings(gamma=1.0, nu=0.2, action=ActionSettings(hidden=(8, 6, 4), epochs=300))
+    result = train_policy(pairs, settings, name="blob", seed=5)
     save_policy(result.policy, tmp_path / "blob.policy.json")
     policy = load_policy(tmp_path / "blob.policy.json")
     assert policy.layer_sizes == (3, 8, 6, 4, 1)
@@ -77,10 +82,11 @@ def test_the_policy_computes_what_was_trained(pairs, tmp_path):
 
 
 def test_moments_stay_within_the_pairs_and_the_vehicle(pairs):
-    free = train_policy(pairs, seed=1, epochs=5).policy
+    free = train_policy(pairs, quick(5), seed=1).policy
     assert free.a_rot_min == np.float32(pairs.a_rot.min())
     assert free.a_rot_max == np.float32(pairs.a_rot.max())
-    assert train_policy(pairs, seed=1, epochs=5, a_rot_strongest=-7e-3).policy.a_rot_min == np.float32(-7e-3)
+    weak = TrainingSettings(action=ActionSettings(epochs=5), a_rot_strongest=-7e-3)
+    assert train_policy(pairs, weak, seed=1).policy.a_rot_min == np.float32(-7e-3)
 
 
 def test_too_few_pairs_are_refused():

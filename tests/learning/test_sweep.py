@@ -15,7 +15,8 @@ from perchhw.learning.domain_randomisation import PAPER, draw_vehicle
 from perchhw.learning.errors import LearningInputError
 from perchhw.learning.grid import Condition, conditions, parse_range, spread
 from perchhw.learning.setup import LearningSetup
-from perchhw.learning.sweep import SweepGrid, read_pairs, run_sweep
+from perchhw.learning.sweep import SweepGrid, run_sweep
+from perchhw.learning.sweep_folder import read_pairs
 from perchhw.learning.training_set import load_training_set
 from perchhw.learning.trial import fly, new_bench
 from perchhw.learning.validate import validate_policy
@@ -203,6 +204,19 @@ def test_usage_errors_exit_with_2(tmp_path: Path) -> None:
     assert run(["learn", "sweep", "--speeds", "fast", "--out", str(tmp_path)]) == 2
     assert run(["learn", "sweep", "--legs", "spider", "--out", str(tmp_path)]) == 2
     assert run(["learn", "train", "--out", str(tmp_path)]) == 2
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"schema": "another/1"}'])
+def test_training_names_a_broken_sweep_document(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str
+) -> None:
+    header, cells = "tau,theta_x,d_ceil,a_rot,angle_deg,landing_rate", "0.2{0},{0}.0,0.{0},-0.00{0},45,1"
+    table = "\n".join([header, *(cells.format(digit) for digit in "3456789")])
+    (tmp_path / "pairs.csv").write_text(table + "\n", encoding="utf-8")
+    (tmp_path / "sweep.json").write_text(text, encoding="utf-8")
+    assert run(["learn", "train", "--out", str(tmp_path)]) == 2
+    assert "sweep.json" in capsys.readouterr().err.replace("\n", "")
+    assert not (tmp_path / "policy.policy.json").exists()
 
 
 def test_result_record_has_no_padding_surprises() -> None:
