@@ -71,6 +71,7 @@ CHANNELS: dict[str, Channel] = {
     **_named("tau", "s", "", "time to contact d_ceil / v_z"),
     **_named("theta_x", "1/s", "", "optical flow v_x / d_ceil, positive forward"),
     **_named("d_ceil", "m", "", "ceiling height minus height of the body's origin"),
+    **_named("cues_drone_time", "s", "", "the drone's own time of tau, theta_x, d_ceil"),
     **_named("trigger_value", "1", "", "trigger policy; fires at >= 0"),
     **_named("a_rot", "N m", "body y", "flip moment; negative = nose up"),
     **_named("triggered", "1", "", "1 once the policy has fired"),
@@ -93,10 +94,12 @@ class Trigger:
     Attributes:
         t: time in the flight's time column (s).
         snapshot: what was stored on board at that moment, by channel name (and ``pitch``, rad); may be empty.
+        drone_time: the drone's own time of it (s), on the time base of ``cues_drone_time``, if known.
     """
 
     t: float
     snapshot: dict[str, float] = field(default_factory=dict)
+    drone_time: float | None = None
 
 
 @dataclass(frozen=True)

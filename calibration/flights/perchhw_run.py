@@ -33,6 +33,8 @@ _TOPIC_CHANNELS: dict[str, dict[str, str]] = {
     "motors": {name: name for name in ("m1", "m2", "m3", "m4")},
     "power": {"vbat": "vbat"},
 }
+_DRONE_TIME = "drone_time_ms"
+_DRONE_TIME_WRAP_MS = 1 << 24
 _GOOD_VERDICTS = ("ok", None)
 _SNAPSHOT = ("tau", "theta_x", "d_ceil", "trigger_value", "a_rot", "vx", "vy", "vz", "z", "pitch")
 
@@ -66,6 +68,7 @@ def flight_from_run(run: RunRecord) -> Flight:
                 continue
             data[ours] = np.full(t.shape, np.nan)
             data[ours][rows] = values
+    _add_drone_time(used.get("cues"), t, data)
     trigger = _trigger(run)
     data["triggered"] = np.zeros(t.shape) if trigger is None else (t >= trigger.t).astype(np.float64)
     valid = finite_masks(data)
@@ -100,6 +103,15 @@ def _reject_poses(pose: Series | None, t: FloatArray, valid: dict[str, Any]) -> 
             valid[name][rows] = False
 
 
+def _add_drone_time(cues: Series | None, t: FloatArray, data: dict[str, FloatArray]) -> None:
+    """The drone's time of each cue, s; the landing state, of the same topic, comes in messages of its own."""
+    if cues is None or _DRONE_TIME not in cues.fields():
+        return
+    seen = ~np.isnan(cues.numbers("tau"))
+    data["cues_drone_time"] = np.full(t.shape, np.nan)
+    data["cues_drone_time"][np.searchsorted(t, cues.t[seen])] = cues.numbers(_DRONE_TIME)[seen] * 1e-3
+
+
 def _trigger(run: RunRecord) -> Trigger | None:
     """The first trigger snapshot with a count, else the moment when the drone began to flip.
 
@@ -111,28 +123,30 @@ def _trigger(run: RunRecord) -> Trigger | None:
         for t, message in zip(series.t, series.messages, strict=True):
             if message.get("count") is None or message["count"] > 0:
                 snapshot = {k: float(message[k]) for k in _SNAPSHOT if message.get(k) is not None}
-                return Trigger(_host_time(run, message.get("tick_ms"), float(t)), snapshot)
+                return _trigger_at_tick(run, message.get("tick_ms"), float(t), snapshot)
     cues = run.series.get("cues")  # a killed writer left no snapshot: the drone's state tells
     if cues is not None:
         flips = np.flatnonzero(cues.numbers("state") == LandingState.FLIP)
         if flips.size:
-            return Trigger(float(cues.t[flips[0]]))
+            drone_ms = cues.messages[flips[0]].get(_DRONE_TIME)
+            return Trigger(float(cues.t[flips[0]]), drone_time=None if drone_ms is None else drone_ms * 1e-3)
     return None
 
 
-def _host_time(run: RunRecord, tick_ms: float | None, receipt: float) -> float:
+def _trigger_at_tick(
+    run: RunRecord, tick_ms: float | None, receipt: float, snapshot: dict[str, float]
+) -> Trigger:
     """Host time of the drone's `tick_ms`: least receipt delay over all messages that carry a drone time."""
-    if tick_ms is None:
-        return receipt
-    offsets = [
-        series.t - series.numbers("drone_time_ms") * 1e-3
-        for series in run.series.values()
-        if "drone_time_ms" in series.fields()
-    ]
-    if not offsets:
-        return receipt
-    offset = float(np.nanmin(np.concatenate(offsets)))
-    return min(receipt, tick_ms * 1e-3 + offset)
+    timed = [series for series in run.series.values() if _DRONE_TIME in series.fields()]
+    if tick_ms is None or not timed:
+        return Trigger(receipt, snapshot)
+    host = np.concatenate([series.t for series in timed])
+    drone_ms = np.concatenate([series.numbers(_DRONE_TIME) for series in timed])
+    # Log packets carry 24 bits of the tick, so their unwrapped time lacks the wraps before the connection.
+    last_ms = float(np.nanmax(drone_ms))
+    drone_time = (last_ms - (last_ms - tick_ms) % _DRONE_TIME_WRAP_MS) * 1e-3
+    offset = float(np.nanmin(host - drone_ms * 1e-3))
+    return Trigger(min(receipt, drone_time + offset), snapshot, drone_time)
 
 
 def _aborted_by(run: RunRecord) -> str | None:
