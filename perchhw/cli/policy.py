@@ -81,8 +81,13 @@ def _show_table(result: dict[str, Any]) -> Callable[[], None]:
 @app.command("import")
 def import_(
     file: Annotated[Path, typer.Argument(help="Authors' format (flown_policy.json), or a bundle.")],
-    out: Annotated[Path, typer.Option(help="The policy file to write: NAME.policy.json.")],
+    out: Annotated[
+        Path | None, typer.Option(help="The policy file to write; default: NAME.policy.json, here.")
+    ] = None,
     name: Annotated[str | None, typer.Option(help="Name of the policy; default: the file's name.")] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Without --out: replace a NAME.policy.json that is there.")
+    ] = False,
 ) -> None:
     """Turn a policy of another form into a policy file."""
     from dataclasses import replace
@@ -90,7 +95,8 @@ def import_(
     from onboard.policy import SUFFIX, import_authors_policy, load_policy, policy_crc32, save_policy
     from onboard.policy_bundle import is_bundle
 
-    name = name or out.name.removesuffix(SUFFIX)
+    name = name or (file.stem if out is None else out.name.removesuffix(SUFFIX))
+    out = _file_here(f"{name}{SUFFIX}", force) if out is None else out
     policy = replace(load_policy(file), name=name) if is_bundle(file) else import_authors_policy(file, name)
     save_policy(policy, out)
     crc = policy_crc32(policy)
@@ -98,6 +104,17 @@ def import_(
         {"policy": str(out), "name": policy.name, "crc32": crc},
         f"wrote {out}: policy {policy.name}, crc32 0x{crc:08x}",
     )
+
+
+def _file_here(name: str, force: bool) -> Path:
+    """The file `name` in the current folder, unless something would be lost by writing it."""
+    from onboard.policy import PolicyFileError
+
+    if Path(name).name != name:
+        raise PolicyFileError(f"{name}: not the name of a file in this folder; say where with --out")
+    if Path(name).exists() and not force:
+        raise PolicyFileError(f"{name}: is there already; replace it with --force, or give --out or --name")
+    return Path(name)
 
 
 @app.command()

@@ -103,6 +103,29 @@ def test_export_and_import_of_the_bundle(policy_file, tmp_path, capsys):
     assert load_policy(again).name == "again"
 
 
+def test_import_writes_here_by_default_and_overwrites_nothing(policy_file, tmp_path, capsys, monkeypatch):
+    bundle, here = tmp_path / "flown.bin", tmp_path / "here"
+    assert run(["policy", "export", str(policy_file), "--out", str(bundle)]) == 0
+    here.mkdir()
+    monkeypatch.chdir(here)
+    assert run(["policy", "import", str(bundle)]) == 0
+    written = here / "flown.policy.json"
+    assert load_policy(written).name == "flown"
+    assert encode_bundle(load_policy(written)) == encode_bundle(small_policy())
+    written.write_text("mine")
+    capsys.readouterr()
+    assert run(["policy", "import", str(bundle)]) == 2
+    assert "flown.policy.json: is there already" in capsys.readouterr().err
+    assert written.read_text() == "mine"
+    assert run(["--json", "policy", "import", str(bundle), "--force"]) == 0
+    assert document(capsys)["policy"] == "flown.policy.json"
+    assert load_policy(written).name == "flown"
+    assert run(["policy", "import", str(bundle), "--name", "second"]) == 0
+    assert run(["policy", "import", str(bundle), "--name", "../up"]) == 2
+    assert sorted(p.name for p in here.iterdir()) == ["flown.policy.json", "second.policy.json"]
+    assert not (tmp_path / "up.policy.json").exists()
+
+
 def test_a_damaged_policy_is_refused_with_what_to_do(policy_file, tmp_path, capsys):
     text = policy_file.read_text()
     policy_file.write_text(text.replace("0.25", "0.26", 1))
