@@ -20,6 +20,7 @@ from onboard.errors import InputError
 from onboard.vehicle import Vehicle
 from perchhw.errors import FlightStackError
 from perchhw.label import landing_geometry
+from perchhw.record.folder import make_folder
 
 if TYPE_CHECKING:
     import rerun
@@ -65,7 +66,7 @@ def write_rrd(run_folder: Path, vehicle: Vehicle, out: Path) -> Path:
 
     run = read_run(run_folder)
     flight = flight_from_run(run)
-    out.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(out.parent)
     recording = rr.RecordingStream(_APPLICATION, recording_id=run_folder.name)
     recording.save(out, default_blueprint=_blueprint())
     recording.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
