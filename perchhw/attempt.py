@@ -28,7 +28,7 @@ class AttemptRequest:
         speed: commanded speed on the approach line (m/s).
         angle_deg: angle of the approach line above the horizon (deg).
         index: number of the attempt in its campaign, from 0 (its place in the flying order).
-        folder: the run folder to create for the record; it does not exist yet.
+        folder: the run folder for the record: reserved and empty, or not there yet.
         drone: URI of the drone.
         mocap: URI of the motion-capture source.
         policy: policy file (``*.policy.json``) or the name of a shipped policy.

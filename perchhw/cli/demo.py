@@ -40,10 +40,10 @@ def demo(
     from perchhw.report import write_campaign_report
 
     screen = progress_console()
-    folder = new_run_folder(out, "demo")
     arguments = ["--drone-port", "0", "--vicon-port", "0", "--vicon-udp-port", "0", "--seed", str(seed)]
     screen.print("Starting the simulated lab (the first start compiles the physics, about a minute) ...")
     with SimulatedLab("lab", arguments) as lab:
+        folder = new_run_folder(out, "demo")
         plan = demo_plan(lab.drones[0], lab.mocap[0], attempts, seed)
         with live_table() as show:
             rows = run_campaign(plan, folder, attempt_after_attempt(confirmation(yes=True)), on_change=show)

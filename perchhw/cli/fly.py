@@ -45,7 +45,7 @@ def fly(
     from onboard.room import RoomGeometry
     from perchhw.cli.prompts import confirmation
     from perchhw.flight import fly_attempt, turnaround
-    from perchhw.record import new_run_folder
+    from perchhw.record import discard_if_empty, new_run_folder
 
     console = progress_console()
     request = AttemptRequest(
@@ -60,15 +60,17 @@ def fly(
         legs=legs,
         room=RoomGeometry(ceiling_z=ceiling),
     )
-    if put_back:
-        turnaround.put_back(drone, confirmation(yes))
     try:
+        if put_back:
+            turnaround.put_back(drone, confirmation(yes))
         result = fly_attempt(
             request, dry_run=dry_run, on_phase=lambda state: console.print(f"  {state.phase.value}")
         )
     except AttemptInterrupted as interrupted:
         _emit(interrupted.result, dry_run)
         raise
+    finally:
+        discard_if_empty(request.folder)
     _emit(result, dry_run)
     if result.aborted_by is not None:
         return exit_codes.SAFETY
