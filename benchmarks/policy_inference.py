@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from onboard.action import action_moment
-from onboard.policy import load_policy, shipped_policy_path
-from onboard.policy_model import Policy
-from onboard.trigger import trigger_value
+from onboard.policy.action import action_moment
+from onboard.policy.files import load_policy, shipped_policy_path
+from onboard.policy.model import Policy
+from onboard.policy.trigger import trigger_value
 
 States = NDArray[np.float32]
 Decide = Callable[[States], tuple[float, float]]

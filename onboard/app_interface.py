@@ -50,7 +50,7 @@ class TrajectoryStatus(IntEnum):
 
 
 class LandingState(IntEnum):
-    """State of the landing state machine (:mod:`onboard.landing`), `Log.STATE`."""
+    """State of the landing state machine (:mod:`onboard.landing.state_machine`), `Log.STATE`."""
 
     IDLE = 0
     TRAJECTORY_ARMED = 1

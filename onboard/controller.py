@@ -16,7 +16,7 @@ from numba import njit
 from onboard.arrays import Vector
 from onboard.gravity import GRAVITY
 from onboard.rotation import Indexable, body_x, body_y, body_z
-from onboard.vehicle_model import Vehicle
+from onboard.vehicle.model import Vehicle
 
 Wrench: TypeAlias = tuple[float, float, float, float]
 

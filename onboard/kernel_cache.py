@@ -12,8 +12,8 @@ import sys
 from pathlib import Path
 
 KERNEL_SOURCES = (
-    "onboard/*.py",
-    "sim_backend/physics/*.py",
+    "onboard/**/*.py",
+    "sim_backend/physics/**/*.py",
     "sim_backend/crazyflie/*.py",
     "perchhw/learning/*.py",
 )

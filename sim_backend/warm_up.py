@@ -9,7 +9,7 @@ import struct
 import numpy as np
 
 from onboard.app_interface import Parameter
-from onboard.policy_model import ActionLayer, Policy
+from onboard.policy.model import ActionLayer, Policy
 from onboard.vehicle import Vehicle
 from sim_backend.crazyflie.high_level import Command
 from sim_backend.world import World

@@ -4,8 +4,13 @@ import os
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 REPOSITORY = Path(__file__).resolve().parents[1]
+
+# A kernel's first call compiles, and a busy machine is slow: time is no property of a test here.
+settings.register_profile("perchhw", deadline=None)
+settings.load_profile("perchhw")
 
 
 @pytest.fixture(scope="session")

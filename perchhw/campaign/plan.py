@@ -15,8 +15,8 @@ import numpy as np
 from mocap_bridge.uri import parse_mocap_uri
 from onboard.errors import InputError
 from onboard.link import check_drone_uri
-from onboard.policy import find_policy, load_policy
-from onboard.policy_bundle import encode_bundle
+from onboard.policy.bundle import encode_bundle
+from onboard.policy.files import find_policy, load_policy
 from onboard.room import RoomGeometry
 from onboard.toml_file import read_toml
 from onboard.vehicle import load_vehicle

@@ -94,7 +94,7 @@ def _recording(rows: "list[AttemptRow]") -> Path | None:
 def _emit(
     folder: Path, plan: "CampaignPlan", rows: "list[AttemptRow]", report: Path, recording: Path | None
 ) -> None:
-    from onboard.policy import load_policy, policy_crc32, shipped_policy_path
+    from onboard.policy.files import load_policy, policy_crc32, shipped_policy_path
     from perchhw.campaign.table import attempts_table
 
     document: dict[str, Any] = {

@@ -15,7 +15,7 @@ from perchhw.cli.output import console, emit, progress_console
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-    from onboard.policy import Policy
+    from onboard.policy.files import Policy
     from perchhw.learning.setup import LearningSetup
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help="Learn a landing policy in simulation.")
@@ -186,7 +186,7 @@ def _sweep(setup: SetupOptions, grid: GridOptions, learning: SweepOptions, out: 
 def _train(out: Path, pairs: Path | None, landing_rate_min: float, name: str, seed: int) -> dict[str, Any]:
     from dataclasses import replace
 
-    from onboard.policy import policy_crc32, save_policy
+    from onboard.policy.files import policy_crc32, save_policy
     from perchhw.learning.sweep_folder import PAIRS_FILE, SWEEP_FILE, read_settings
     from perchhw.learning.train import train_policy
     from perchhw.learning.training_set import load_training_set
@@ -225,7 +225,7 @@ def _training_text(result: dict[str, Any]) -> str:
 
 
 def _load_policy(name_or_path: str | None, out: Path) -> "Policy":
-    from onboard.policy import find_policy, load_policy
+    from onboard.policy.files import find_policy, load_policy
 
     return load_policy(find_policy(name_or_path if name_or_path is not None else str(out / POLICY_FILE)))
 
@@ -233,7 +233,7 @@ def _load_policy(name_or_path: str | None, out: Path) -> "Policy":
 def _validate(
     setup: SetupOptions, grid: GridOptions, policy: str | None, rollouts: int, out: Path
 ) -> dict[str, Any]:
-    from onboard.policy import policy_crc32
+    from onboard.policy.files import policy_crc32
     from perchhw.learning.grid import conditions
     from perchhw.learning.validate import band_table, best_per_condition, validate_policy, write_validation
 

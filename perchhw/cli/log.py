@@ -187,7 +187,7 @@ def replay(
 ) -> int:
     """Run a policy by the onboard arithmetic over the recorded cues: where would it have fired?"""
     from calibration.flights import open_flight
-    from onboard.policy import find_policy, load_policy
+    from onboard.policy.files import find_policy, load_policy
     from perchhw.record.replay import replay_policy
 
     result = replay_policy(open_flight(file, format), load_policy(find_policy(policy)))

@@ -10,7 +10,7 @@ from perchhw.cli.options import DroneUri
 from perchhw.cli.output import console, emit
 
 if TYPE_CHECKING:
-    from onboard.policy import Policy
+    from onboard.policy.files import Policy
 
 app = typer.Typer(
     add_completion=False, no_args_is_help=True, help="Landing policies: files, bundles, drones."
@@ -20,7 +20,7 @@ PolicyArgument = Annotated[str, typer.Argument(help="A *.policy.json file, a bun
 
 
 def _load(name_or_path: str) -> "Policy":
-    from onboard.policy import find_policy, load_policy
+    from onboard.policy.files import find_policy, load_policy
 
     return load_policy(find_policy(name_or_path))
 
@@ -28,7 +28,7 @@ def _load(name_or_path: str) -> "Policy":
 @app.command()
 def show(policy: PolicyArgument) -> None:
     """Say what a policy is, covers and came from."""
-    from onboard.policy_bundle import bundle_crc32, encode_bundle
+    from onboard.policy.bundle import bundle_crc32, encode_bundle
 
     loaded = _load(policy)
     bundle = encode_bundle(loaded)
@@ -92,8 +92,8 @@ def import_(
     """Turn a policy of another form into a policy file."""
     from dataclasses import replace
 
-    from onboard.policy import SUFFIX, import_authors_policy, load_policy, policy_crc32, save_policy
-    from onboard.policy_bundle import is_bundle
+    from onboard.policy.bundle import is_bundle
+    from onboard.policy.files import SUFFIX, import_authors_policy, load_policy, policy_crc32, save_policy
 
     name = name or (file.stem if out is None else out.name.removesuffix(SUFFIX))
     out = _file_here(f"{name}{SUFFIX}", force) if out is None else out
@@ -108,7 +108,7 @@ def import_(
 
 def _file_here(name: str, force: bool) -> Path:
     """The file `name` in the current folder, unless something would be lost by writing it."""
-    from onboard.policy import PolicyFileError
+    from onboard.policy.files import PolicyFileError
 
     if Path(name).name != name:
         raise PolicyFileError(f"{name}: not the name of a file in this folder; say where with --out")
@@ -125,8 +125,8 @@ def export(
     ],
 ) -> None:
     """Write the bundle of a policy."""
-    from onboard.policy import PolicyFileError
-    from onboard.policy_bundle import bundle_crc32, encode_bundle
+    from onboard.policy.bundle import bundle_crc32, encode_bundle
+    from onboard.policy.files import PolicyFileError
 
     bundle = encode_bundle(_load(policy))
     try:
@@ -146,13 +146,13 @@ def evaluate(
     states: Annotated[Path, typer.Option(help="CSV with the columns tau [s], theta_x [rad/s], d_ceil [m].")],
 ) -> None:
     """Evaluate a policy at given cues, by the arithmetic of the drone."""
-    from onboard.policy_states import read_states
+    from onboard.policy.states import read_states
 
     loaded = _load(policy)
     cues = read_states(states)
 
-    from onboard.action import action_moments
-    from onboard.trigger import trigger_values
+    from onboard.policy.action import action_moments
+    from onboard.policy.trigger import trigger_values
 
     compiled = loaded.compiled()
     values = trigger_values(compiled, cues)
@@ -182,7 +182,7 @@ def evaluate(
 def upload(policy: PolicyArgument, drone: DroneUri) -> None:
     """Give a policy to a drone; it reports the CRC that it reads back."""
     from onboard.link import DroneLink
-    from onboard.policy_bundle import encode_bundle
+    from onboard.policy.bundle import encode_bundle
 
     bundle = encode_bundle(_load(policy))
     with DroneLink.open(drone) as link:
@@ -197,7 +197,7 @@ def upload(policy: PolicyArgument, drone: DroneUri) -> None:
 def verify(policy: PolicyArgument, drone: DroneUri) -> None:
     """Check that a drone runs a policy; exit code 1 if it runs another or none."""
     from onboard.link import DroneLink
-    from onboard.policy import policy_crc32
+    from onboard.policy.files import policy_crc32
 
     expected = policy_crc32(_load(policy))
     with DroneLink.open(drone) as link:

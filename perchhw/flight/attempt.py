@@ -14,8 +14,8 @@ from onboard.clock import Clock, monotonic
 from onboard.errors import PerchhwError
 from onboard.link import DroneLink
 from onboard.link.uri import check_drone_uri
-from onboard.policy import find_policy, load_policy
-from onboard.policy_bundle import bundle_crc32, encode_bundle
+from onboard.policy.bundle import bundle_crc32, encode_bundle
+from onboard.policy.files import find_policy, load_policy
 from onboard.vehicle import Vehicle, load_vehicle
 from perchhw.attempt import AttemptInterrupted, AttemptRequest, AttemptResult, Outcome
 from perchhw.flight.actions import CommandRunner

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onboard.arrays import FloatArray
-from onboard.policy import ActionLayer
+from onboard.policy.files import ActionLayer
 from perchhw.learning.trigger_policy import TrainingError
 
 if TYPE_CHECKING:

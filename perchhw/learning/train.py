@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from onboard.policy import Policy, make_policy
-from onboard.policy_model import PAPER_A_ROT_LIMIT
+from onboard.policy.files import Policy, make_policy
+from onboard.policy.model import PAPER_A_ROT_LIMIT
 from perchhw.learning.action_policy import ActionFit, ActionSettings, fit_action
 from perchhw.learning.training_set import TrainingSet
 from perchhw.learning.trigger_policy import GAMMA, NU, Scaler, TriggerFit, fit_scaler, fit_trigger

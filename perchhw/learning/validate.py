@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from onboard.policy import Policy
+from onboard.policy.files import Policy
 from perchhw.learning.grid import Condition, generator, spread
 from perchhw.learning.setup import LearningSetup
 from perchhw.learning.trial import TRIAL, Bench, Rules, fly, new_bench, summarise

@@ -8,11 +8,11 @@ import numpy as np
 
 from calibration.flights import Flight, UnusableFlightError
 from calibration.flights.habas import TAU_TRUNCATION_S
-from onboard.action import action_moments
 from onboard.app_interface import LandingState
 from onboard.arrays import FloatArray
-from onboard.policy_model import Policy
-from onboard.trigger import trigger_values
+from onboard.policy.action import action_moments
+from onboard.policy.model import Policy
+from onboard.policy.trigger import trigger_values
 
 _CUES = ("tau", "theta_x", "d_ceil")
 _EVALUATION_PERIOD_S = 0.010

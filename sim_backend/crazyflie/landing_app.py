@@ -1,4 +1,4 @@
-"""Our firmware app in the simulated drone: :mod:`onboard.landing` behind :mod:`onboard.app_interface`.
+"""Our firmware app in the simulated drone: the landing machine behind :mod:`onboard.app_interface`.
 
 The landing machine runs at the controller's 500 Hz, the policy at 100 Hz on the estimated state. Where the
 app flies, it takes the place of the controller (on the real drone it is an out-of-tree controller); the
@@ -12,11 +12,10 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
 
-from onboard.action import action_moment
 from onboard.app_interface import LandingState, Log, Parameter, TrajectoryStatus
 from onboard.controller import attitude_control
 from onboard.cues import optical_flow_cues
-from onboard.landing import (
+from onboard.landing.state_machine import (
     LandingInputs,
     LandingOutput,
     OutputMode,
@@ -24,8 +23,9 @@ from onboard.landing import (
     landing_step,
     new_landing_memory,
 )
+from onboard.policy.action import action_moment
+from onboard.policy.trigger import trigger_value
 from onboard.trajectory import ApproachPlan, plan_from_velocity
-from onboard.trigger import trigger_value
 from onboard.vehicle import Vehicle
 from sim_backend.crazyflie.policy_slot import PolicySlot
 from sim_backend.crazyflie.setpoint import Mode, Setpoint
@@ -46,7 +46,7 @@ class LandingApp:
 
     Attributes:
         slot: staged and live policy.
-        memory: the landing machine's record (:data:`onboard.landing_model.LANDING_MEMORY`).
+        memory: the landing machine's record (:data:`onboard.landing.model.LANDING_MEMORY`).
     """
 
     def __init__(self, vehicle: Vehicle, params: ParameterTable, is_flying: Callable[[], bool]) -> None:

@@ -9,8 +9,8 @@ import math
 from collections.abc import Callable
 
 from onboard.app_interface import MEMORY_SIZE, MEMORY_TYPE_APP, Parameter, PolicyStatus
-from onboard.policy_bundle import BundleFault, PolicyBundleError, bundle_crc32, decode_bundle
-from onboard.policy_model import CompiledPolicy
+from onboard.policy.bundle import BundleFault, PolicyBundleError, bundle_crc32, decode_bundle
+from onboard.policy.model import CompiledPolicy
 from sim_backend.crazyflie.memory import RamMemory
 from sim_backend.crazyflie.tables import Number, ParameterTable
 

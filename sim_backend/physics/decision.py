@@ -5,9 +5,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba.extending import overload
 
-from onboard.action import action_moment
-from onboard.policy_model import CompiledPolicy
-from onboard.trigger import trigger_value
+from onboard.policy.action import action_moment
+from onboard.policy.model import CompiledPolicy
+from onboard.policy.trigger import trigger_value
 
 
 class ThresholdPolicy(NamedTuple):

@@ -166,7 +166,7 @@ def test_export_to_parquet(capsys: pytest.CaptureFixture[str], landing: Path, tm
 def test_replay_of_the_flown_policy_fires_where_the_drone_did(
     capsys: pytest.CaptureFixture[str], shared_data: Path, tmp_path: Path
 ) -> None:
-    from onboard.policy import import_authors_policy, save_policy
+    from onboard.policy.files import import_authors_policy, save_policy
 
     policy = tmp_path / "flown.policy.json"
     save_policy(import_authors_policy(shared_data / "habas2022" / "policy" / "flown_policy.json"), policy)

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from onboard.policy import load_policy, policy_crc32, save_policy
-from onboard.policy_bundle import decode_bundle, encode_bundle
+from onboard.policy.bundle import decode_bundle, encode_bundle
+from onboard.policy.files import load_policy, policy_crc32, save_policy
 from perchhw.cli.main import run
 from tests.link.tiny_drone import TinyDrone
 from tests.onboard.policies import small_policy

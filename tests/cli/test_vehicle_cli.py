@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from onboard.vehicle import load_vehicle, vehicle_to_toml
-from onboard.vehicle_file import parse_vehicle
+from onboard.vehicle.file_format import parse_vehicle
 from perchhw.cli.main import run
 
 

@@ -91,7 +91,7 @@ def test_a_flip_is_inferred_when_no_column_tells_it(tmp_path: Path) -> None:
     assert "no column triggered" in flight.notes[0]
 
 
-@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     content=st.one_of(st.binary(max_size=300), st.text("t,xyzqw01.\n-e \"'", max_size=200).map(str.encode))
 )

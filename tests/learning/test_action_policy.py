@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from onboard.action import action_moments
-from onboard.policy import load_policy, policy_crc32, save_policy
-from onboard.trigger import trigger_values
+from onboard.policy.action import action_moments
+from onboard.policy.files import load_policy, policy_crc32, save_policy
+from onboard.policy.trigger import trigger_values
 from perchhw.learning.action_policy import ActionSettings, fit_action
 from perchhw.learning.train import TrainingSettings, train_policy
 from perchhw.learning.training_set import TrainingSet, load_training_set
@@ -95,7 +95,7 @@ def test_too_few_pairs_are_refused():
 
 
 def test_the_authors_pairs_train_a_policy_like_the_flown_one(shared_data):
-    from onboard.policy import import_authors_policy
+    from onboard.policy.files import import_authors_policy
 
     pairs = load_training_set(shared_data / "habas2022/policy/training_set_NL.csv")
     result = train_policy(pairs, seed=1)

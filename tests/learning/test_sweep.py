@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from onboard.policy import import_authors_policy, load_policy, shipped_policy_path
+from onboard.policy.files import import_authors_policy, load_policy, shipped_policy_path
 from perchhw.cli.main import run
 from perchhw.learning.domain_randomisation import PAPER, draw_vehicle
 from perchhw.learning.errors import LearningInputError

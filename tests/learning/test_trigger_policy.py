@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from onboard.policy import import_authors_policy, make_policy
-from onboard.trigger import trigger_values
+from onboard.policy.files import import_authors_policy, make_policy
+from onboard.policy.trigger import trigger_values
 from perchhw.learning.training_set import load_training_set
 from perchhw.learning.trigger_policy import TrainingError, fit_scaler, fit_trigger
 

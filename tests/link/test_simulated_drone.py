@@ -13,7 +13,7 @@ import pytest
 from onboard.app_interface import Log, Parameter, PolicyStatus
 from onboard.clock import monotonic
 from onboard.link import CommandRefused, DroneLink, LinkLost, LogSample, PolicyRefused, reboot
-from onboard.policy_bundle import encode_bundle
+from onboard.policy.bundle import encode_bundle
 from onboard.supervisor_info import SupervisorInfo
 from tests.link.faulty_network import Faults, FaultyNetwork
 from tests.onboard.policies import small_policy

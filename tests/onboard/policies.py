@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from onboard.policy import ActionLayer, Policy
+from onboard.policy.files import ActionLayer, Policy
 
 
 def float32s(low: float, high: float, *, exclude_min: bool = False) -> st.SearchStrategy[float]:

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from onboard.action import action_moment, action_moments
-from onboard.policy import ActionLayer, import_authors_policy
+from onboard.policy.action import action_moment, action_moments
+from onboard.policy.files import ActionLayer, import_authors_policy
 from tests.onboard.policies import policies, small_policy
 from tests.onboard.test_trigger import states_around
 

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from onboard.app_interface import TrajectoryStatus
-from onboard.braking import stopping_distance
-from onboard.landing import (
+from onboard.landing.braking import stopping_distance
+from onboard.landing.state_machine import (
     EndReason,
     LandingInputs,
     LandingLimits,
@@ -711,7 +711,7 @@ samples = st.fixed_dictionaries(
 )
 
 
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(st.sampled_from(["idle", "approach", "trigger", "brake", "hold"]), st.lists(samples, max_size=8))
 def test_no_input_makes_it_forget_its_rules(where: str, sequence: list[dict[str, Any]]) -> None:
     rig = Rig()

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onboard.policy import (
+from onboard.policy.bundle import bundle_crc32, encode_bundle
+from onboard.policy.files import (
     ActionLayer,
     PolicyError,
     PolicyFileError,
@@ -23,7 +24,6 @@ from onboard.policy import (
     shipped_policies,
     shipped_policy_path,
 )
-from onboard.policy_bundle import bundle_crc32, encode_bundle
 from tests.onboard.policies import policies, small_policy
 
 

@@ -11,10 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from onboard.action import action_moment
 from onboard.app_interface import MEMORY_SIZE, PolicyStatus
-from onboard.policy import ActionLayer
-from onboard.policy_bundle import (
+from onboard.policy.action import action_moment
+from onboard.policy.bundle import (
     MAX_BUNDLE_BYTES,
     BundleFault,
     PolicyBundleError,
@@ -22,7 +21,8 @@ from onboard.policy_bundle import (
     decode_bundle,
     encode_bundle,
 )
-from onboard.trigger import trigger_value
+from onboard.policy.files import ActionLayer
+from onboard.policy.trigger import trigger_value
 from tests.onboard.policies import policies, small_policy
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "policy_bundle.md"

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from calibration.flights import UnusableFlightError, open_flight
-from onboard.action import action_moment
-from onboard.policy import import_authors_policy
-from onboard.trigger import trigger_value, trigger_values
+from onboard.policy.action import action_moment
+from onboard.policy.files import import_authors_policy
+from onboard.policy.trigger import trigger_value, trigger_values
 
 TAU_STEP = 1.0e-3
 CEILING_Z = 2.079  # of every log: d_ceil + z

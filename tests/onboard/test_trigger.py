@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from onboard.policy import PolicyError, import_authors_policy
-from onboard.trigger import trigger_value, trigger_values
-from onboard.trigger_region import tau_range
+from onboard.policy.files import PolicyError, import_authors_policy
+from onboard.policy.trigger import trigger_value, trigger_values
+from onboard.policy.trigger_region import tau_range
 from tests.onboard.policies import policies, small_policy
 
 

@@ -25,7 +25,7 @@ from onboard.vehicle import (
     read_thrust_map,
     vehicle_to_toml,
 )
-from onboard.vehicle_file import LIBRARY, parse_vehicle
+from onboard.vehicle.file_format import LIBRARY, parse_vehicle
 
 UPGRADED = LIBRARY / "crazyflie21-upgraded.toml"
 
@@ -267,7 +267,7 @@ def _damage(value: Any, rng: random.Random) -> Any:
     return rng.choice(junk)
 
 
-@settings(deadline=None, max_examples=300)
+@settings(max_examples=300)
 @given(st.integers(0, 2**32), st.integers(1, 6), st.sampled_from(known_vehicles()), st.booleans())
 def test_damaged_content_gives_a_vehicle_or_an_input_error(
     seed: int, hits: int, name: str, full: bool
@@ -296,7 +296,7 @@ _CONTENTS = {
 }
 
 
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(st.integers(0, 2**32), st.integers(1, 4))
 def test_damaged_text_gives_a_vehicle_or_an_input_error(
     tmp_path_factory: pytest.TempPathFactory, seed: int, hits: int

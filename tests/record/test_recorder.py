@@ -84,7 +84,7 @@ def finished_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(share=st.floats(0.0, 1.0), events_share=st.floats(0.0, 1.0))
 def test_truncation_at_any_byte_keeps_every_complete_message(
     finished_run: Path, tmp_path: Path, share: float, events_share: float

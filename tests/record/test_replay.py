@@ -10,8 +10,8 @@ import pytest
 from calibration.flights import open_flight
 from onboard.app_interface import LandingState
 from onboard.arrays import FloatArray
-from onboard.policy import load_policy, shipped_policy_path
-from onboard.trigger import trigger_values
+from onboard.policy.files import load_policy, shipped_policy_path
+from onboard.policy.trigger import trigger_values
 from perchhw.record import RunRecorder
 from perchhw.record.replay import PolicyReplay, replay_policy
 

@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Callable
 
 from onboard.app_interface import Parameter
-from onboard.policy_bundle import bundle_crc32
+from onboard.policy.bundle import bundle_crc32
 from onboard.supervisor_info import SupervisorInfo
 from onboard.trajectory import ApproachPlan
 from onboard.vehicle import load_vehicle

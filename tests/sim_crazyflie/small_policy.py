@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from onboard.policy import make_policy
-from onboard.policy_model import ActionLayer, Policy
+from onboard.policy.files import make_policy
+from onboard.policy.model import ActionLayer, Policy
 
 
 def small_policy(

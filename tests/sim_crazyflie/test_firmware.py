@@ -7,7 +7,7 @@ import struct
 import numpy as np
 import pytest
 
-from onboard.policy_bundle import encode_bundle
+from onboard.policy.bundle import encode_bundle
 from sim_backend.crazyflie.estimator import P_VELOCITY
 from sim_backend.crazyflie.high_level import Command, PlannerState
 from sim_backend.crazyflie.interfaces import FirmwareAssertion

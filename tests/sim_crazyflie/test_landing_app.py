@@ -10,9 +10,9 @@ import pytest
 from numba.core.dispatcher import Dispatcher
 
 from onboard.app_interface import LandingState, Parameter, PolicyStatus, TrajectoryStatus
-from onboard.landing import EndReason
-from onboard.policy import import_authors_policy
-from onboard.policy_bundle import MAX_BUNDLE_BYTES, bundle_crc32, encode_bundle
+from onboard.landing.state_machine import EndReason
+from onboard.policy.bundle import MAX_BUNDLE_BYTES, bundle_crc32, encode_bundle
+from onboard.policy.files import import_authors_policy
 from onboard.room import RoomGeometry
 from onboard.trajectory import ApproachPlan, fit_approach, plan_approach
 from onboard.vehicle import load_vehicle

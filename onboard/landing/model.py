@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from onboard.arrays import Quaternion, Vector
-from onboard.vehicle_model import Vehicle
+from onboard.vehicle.model import Vehicle
 
 
 class OutputMode(IntEnum):

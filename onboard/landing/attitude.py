@@ -10,7 +10,7 @@ from typing import Any
 from numba import njit
 
 from onboard.app_interface import LandingState
-from onboard.landing_model import LandingInputs
+from onboard.landing.model import LandingInputs
 from onboard.rotation import (
     Quaternion,
     Vector,

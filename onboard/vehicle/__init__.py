@@ -1,8 +1,8 @@
 """The vehicle description: the single truth of what the drone is.
 
 :func:`load_vehicle` reads a vehicle file (docs/vehicle_file.md) or one of the vehicles that ship with the
-code. The dataclasses live in :mod:`onboard.vehicle_model`, the checks in :mod:`onboard.vehicle_schema`, the
-file format in :mod:`onboard.vehicle_file`; the names are gathered here.
+code. The dataclasses live in :mod:`onboard.vehicle.model`, the checks in :mod:`onboard.vehicle.schema`, the
+file format in :mod:`onboard.vehicle.file_format`; the names are gathered here.
 """
 
 import dataclasses
@@ -10,7 +10,7 @@ from pathlib import Path
 
 from onboard.quantity import Quantity
 from onboard.toml_file import read_toml
-from onboard.vehicle_file import (
+from onboard.vehicle.file_format import (
     LEGS_FILE,
     LIBRARY,
     THRUST_MAPS_FILE,
@@ -21,7 +21,7 @@ from onboard.vehicle_file import (
     thrust_map_names,
     vehicle_to_toml,
 )
-from onboard.vehicle_model import (
+from onboard.vehicle.model import (
     EFFECT_NAMES,
     SCHEMA,
     Air,
@@ -34,7 +34,7 @@ from onboard.vehicle_model import (
     ThrustMapDescription,
     Vehicle,
 )
-from onboard.vehicle_schema import VehicleFileError
+from onboard.vehicle.schema import VehicleFileError
 
 __all__ = [
     "EFFECT_NAMES",

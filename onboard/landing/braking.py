@@ -13,7 +13,7 @@ from typing import Any
 from numba import njit
 
 from onboard.gravity import GRAVITY
-from onboard.landing_model import LandingLimits
+from onboard.landing.model import LandingLimits
 from onboard.trajectory import ApproachPlan, Setpoint
 
 

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from onboard.policy_bundle import decode_bundle, is_bundle, policy_crc32
-from onboard.policy_json import JsonTable, PolicyFileError
-from onboard.policy_model import (
+from onboard.policy.bundle import decode_bundle, is_bundle, policy_crc32
+from onboard.policy.json_table import JsonTable, PolicyFileError
+from onboard.policy.model import (
     INPUT_NAMES,
     PAPER_A_ROT_LIMIT,
     ActionLayer,
@@ -26,7 +26,7 @@ from onboard.policy_model import (
     Policy,
     PolicyError,
 )
-from onboard.trigger_region import tau_range
+from onboard.policy.trigger_region import tau_range
 
 __all__ = [
     "ActionLayer",
@@ -47,7 +47,7 @@ __all__ = [
 
 SCHEMA = "perchhw.policy/1"
 SUFFIX = ".policy.json"
-_SHIPPED_FOLDER = Path(__file__).parent / "policies"
+_SHIPPED_FOLDER = Path(__file__).parent / "library"
 _NEWTON_MILLIMETRE = 1.0e-3  # N m
 
 

@@ -9,7 +9,7 @@ from typing import TextIO
 import numpy as np
 
 from onboard.errors import InputError, OnboardError
-from onboard.policy_model import Float32Array
+from onboard.policy.model import Float32Array
 
 STATE_COLUMNS = ("tau", "theta_x", "d_ceil")
 

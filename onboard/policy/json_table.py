@@ -6,7 +6,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from onboard.policy_model import Float32Array, PolicyError
+from onboard.policy.model import Float32Array, PolicyError
 
 _SHAPES = ("one number", "a list of numbers", "a list of rows of numbers, all of one length")
 

@@ -12,7 +12,7 @@ from onboard.gravity import GRAVITY
 from onboard.quantity import Quantity
 from onboard.thrust_map import COEFFICIENT_UNITS, ThrustMapForm
 from onboard.toml_file import read_toml
-from onboard.vehicle_model import (
+from onboard.vehicle.model import (
     EFFECT_NAMES,
     SCHEMA,
     Air,
@@ -25,7 +25,7 @@ from onboard.vehicle_model import (
     ThrustMapDescription,
     Vehicle,
 )
-from onboard.vehicle_schema import (
+from onboard.vehicle.schema import (
     Measured,
     Problems,
     Range,
@@ -37,7 +37,7 @@ from onboard.vehicle_schema import (
     parse_section,
 )
 
-LIBRARY = Path(__file__).parent / "vehicles"
+LIBRARY = Path(__file__).parent / "library"
 LEGS_FILE = LIBRARY / "legs.toml"
 THRUST_MAPS_FILE = LIBRARY / "thrust_maps.toml"
 LEGS_SCHEMA = "perchhw.legs/1"

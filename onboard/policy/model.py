@@ -134,7 +134,7 @@ class Policy:
         return (INPUT_COUNT, *(len(layer.bias) for layer in self.layers))
 
     def compiled(self) -> CompiledPolicy:
-        """The arrays for the onboard arithmetic (:mod:`onboard.trigger`, :mod:`onboard.action`).
+        """The arrays for :mod:`onboard.policy.trigger` and :mod:`onboard.policy.action`.
 
         Copies, writable, always of the same types, so that Numba compiles each function once.
         """

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from onboard.policy_model import (
+from onboard.policy.model import (
     INPUT_COUNT,
     MAX_LAYER_WIDTH,
     MAX_LAYERS,

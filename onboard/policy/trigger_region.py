@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from onboard.arrays import FloatArray
-from onboard.policy_model import PolicyError
+from onboard.policy.model import PolicyError
 
 _FIRST_WIDTH = 0.5
 """Width of the first boxes, standard deviations; about the width of the kernel at the paper's gamma of 2."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from onboard.quantity import Quantity
 from onboard.thrust_map import COEFFICIENT_UNITS, ThrustMap, ThrustMapForm
-from onboard.vehicle_schema import Measured, Range
+from onboard.vehicle.schema import Measured, Range
 
 SCHEMA = "perchhw.vehicle/1"
 

@@ -15,7 +15,8 @@ Rules (default deny: what is not known is not allowed, and a NaN never starts an
   is pulled slowly towards the estimate before the flip and not at all during it. A single bad pose cannot
   move the cut. A flip that takes too long, or an abort in it, cuts as well.
 - A missed trigger brakes: with an armed policy as soon as tau is below its range (no later trigger can
-  come), without one when the stopping distance demands it (:mod:`onboard.braking`); contact and tilt cut.
+  come), without one when the stopping distance demands it (:mod:`onboard.landing.braking`); contact and
+  tilt cut.
   Without a policy the ceiling is always avoided. With one that fires down to 0.206 s, as the flown one,
   and motors that fall with 0.15 s, it is avoided up to a climb of 1.6 m/s; above, waiting for the trigger
   takes longer than stopping would, and the ceiling is met at 0.7 m/s (climb 2.0), 1.5 (2.5), 2.5 (3.5).
@@ -28,9 +29,9 @@ from typing import Any
 from numba import njit
 
 from onboard.app_interface import EndReason, LandingState, TrajectoryStatus
-from onboard.braking import hold_setpoint, stopping_distance
-from onboard.landing_attitude import is_finite, own_attitude, propagate_attitude
-from onboard.landing_model import (
+from onboard.landing.attitude import is_finite, own_attitude, propagate_attitude
+from onboard.landing.braking import hold_setpoint, stopping_distance
+from onboard.landing.model import (
     LANDING_MEMORY,
     LandingInputs,
     LandingLimits,

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from onboard.policy_model import CompiledPolicy
+from onboard.policy.model import CompiledPolicy
 
 
 @njit(cache=True)
