@@ -157,9 +157,9 @@ def _progress() -> "Progress":
 
 
 def _sweep(setup: SetupOptions, grid: GridOptions, learning: SweepOptions, out: Path) -> dict[str, Any]:
+    from perchhw.learning.bands import band_table, best_per_condition
     from perchhw.learning.sweep import SweepGrid, run_sweep
     from perchhw.learning.sweep_folder import SWEEP_FILE, Row, read_settings
-    from perchhw.learning.validate import band_table, best_per_condition
 
     with _progress() as progress:
         task = progress.add_task("learning trials", total=None)
@@ -234,8 +234,9 @@ def _validate(
     setup: SetupOptions, grid: GridOptions, policy: str | None, rollouts: int, out: Path
 ) -> dict[str, Any]:
     from onboard.policy.files import policy_crc32
+    from perchhw.learning.bands import band_table, best_per_condition
     from perchhw.learning.grid import conditions
-    from perchhw.learning.validate import band_table, best_per_condition, validate_policy, write_validation
+    from perchhw.learning.validate import validate_policy, write_validation
 
     loaded = _load_policy(policy, out)
     approaches = conditions(*grid.ranges())

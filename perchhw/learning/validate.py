@@ -10,6 +10,9 @@ import numpy as np
 from numba import njit
 
 from onboard.policy.files import Policy
+from perchhw.learning.bands import Row
+from perchhw.learning.bands import band_table as band_table
+from perchhw.learning.bands import best_per_condition as best_per_condition
 from perchhw.learning.grid import Condition, generator, spread
 from perchhw.learning.setup import LearningSetup
 from perchhw.learning.trial import TRIAL, Bench, Rules, fly, new_bench, summarise
@@ -20,14 +23,6 @@ COLUMNS = (
     "speed_m_s", "angle_deg", "trigger_rate", "landing_rate", "four_leg_rate", "two_leg_rate",
     "body_contact_rate", "tau", "theta_x", "d_ceil", "a_rot", "rollouts",
 )  # fmt: skip
-
-BANDS_DEG = ((30.0, 45.0), (45.0, 60.0), (60.0, 75.0), (75.0, 90.1))
-"""Bands of the approach angle; the right bound is outside, except for 90 deg."""
-
-FAST = 2.5
-"""m/s from which an approach counts as fast in the table."""
-
-Row = dict[str, float | int | None]
 
 
 @njit(cache=True, nogil=True)
@@ -99,30 +94,3 @@ def write_validation(rows: Sequence[Row], path: Path) -> None:
         writer.writerow(COLUMNS)
         for row in rows:
             writer.writerow(["" if row[name] is None else repr(row[name]) for name in COLUMNS])
-
-
-def best_per_condition(rows: Sequence[Row], column: str = "landing_rate") -> dict[Condition, float]:
-    """The best rate of the repeats at each condition."""
-    best: dict[Condition, float] = {}
-    for row in rows:
-        condition = Condition(float(row["speed_m_s"] or 0), float(row["angle_deg"] or 0))
-        best[condition] = max(best.get(condition, 0.0), float(row[column] or 0))
-    return best
-
-
-def band_table(rates: dict[Condition, float]) -> list[dict[str, Any]]:
-    """Mean rate by band of angle and below or from 2.5 m/s, and over all; bands without data are left out."""
-    table = []
-    for low, high in BANDS_DEG:
-        for fast in (False, True):
-            inside = [
-                rate for c, rate in rates.items() if low <= c.angle_deg < high and (c.speed >= FAST) == fast
-            ]
-            if inside:
-                table.append(_band(f"{low:g}-{min(high, 90.0):g} deg", fast, inside))
-    return [*table, _band("all", None, list(rates.values()))]
-
-
-def _band(angles: str, fast: bool | None, rates: list[float]) -> dict[str, Any]:
-    speeds = "all" if fast is None else f">= {FAST:g} m/s" if fast else f"< {FAST:g} m/s"
-    return {"angles": angles, "speeds": speeds, "rate": float(np.mean(rates)), "conditions": len(rates)}
