@@ -11,6 +11,8 @@ from sim_backend.physics.air import linear_drag
 from sim_backend.physics.jit import kernel
 from sim_backend.physics.motors import Wrench, rotor_wrench
 
+Rotation = tuple[float, float, float, float, float, float, float, float, float]
+
 
 @kernel
 def add(a: Wrench, b: Wrench) -> Wrench:
@@ -19,8 +21,14 @@ def add(a: Wrench, b: Wrench) -> Wrench:
 
 
 @kernel
-def free_flight_wrench(state: Any, p: Any, vx: float, vy: float, vz: float) -> Wrench:
-    """Force (N) and torque (N m) on the body in the body frame; the velocity (m/s) is in the body frame."""
+def free_flight_wrench(state: Any, p: Any, rot: Rotation, vx: float, vy: float, vz: float) -> Wrench:
+    """Force (N) and torque (N m) on the body in the body frame.
+
+    Args:
+        state, p: records.
+        rot: rotation matrix body to world, row by row.
+        vx, vy, vz: velocity in the body frame, m/s.
+    """
     wrench = rotor_wrench(state, p)
     wrench = add(wrench, linear_drag(state, p, vx, vy, vz))
     return wrench  # noqa: RET504  (one line a term)

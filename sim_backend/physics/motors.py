@@ -28,8 +28,22 @@ def lag(thrust: float, target: float, decay_up: float, decay_down: float) -> flo
 
 
 @kernel
-def lag_all(state: Any, targets: Thrusts, decay_up: float, decay_down: float) -> None:
-    """Advance the four thrusts of the state towards their targets (N)."""
+def commanded(state: Any, p: Any, targets: Thrusts) -> Thrusts:
+    """What the motors head for (N) in this step when they are told `targets`: to be called once a step."""
+    return targets
+
+
+@kernel
+def lag_all(state: Any, p: Any, targets: Thrusts, decay_up: float, decay_down: float, dt: float) -> None:
+    """Advance the four thrusts of the state towards their targets (N).
+
+    Args:
+        state: record, changed in place.
+        p: record of parameters.
+        targets: from :func:`commanded`.
+        decay_up, decay_down: from :func:`decay` for the same `dt`.
+        dt: s, half a step: the forces are taken between two calls.
+    """
     thrust = state.thrust
     thrust[0] = lag(thrust[0], targets[0], decay_up, decay_down)
     thrust[1] = lag(thrust[1], targets[1], decay_up, decay_down)

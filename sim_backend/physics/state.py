@@ -9,6 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+COMMAND_MEMORY = 64
+"""Steps of commands that a state remembers: a command delay must be shorter."""
+
 
 class FootMode(IntEnum):
     """What a foot does."""
@@ -29,7 +32,10 @@ STATE = np.dtype(
         ("velocity", "f8", (3,)),  # m/s, world
         ("quaternion", "f8", (4,)),  # x, y, z, w
         ("omega", "f8", (3,)),  # rad/s, body
-        ("thrust", "f8", (4,)),  # N, motors M1..M4, after the lag
+        ("thrust", "f8", (4,)),  # N, motors M1..M4, after the lag: of the rotor's speed, in still open air
+        ("rotor_acceleration", "f8", (4,)),  # rad/s2, mean over the step; kept only for its torque
+        ("command_count", "i8"),  # commands so far; kept only with a command delay
+        ("command_memory", "f8", (COMMAND_MEMORY, 4)),  # N, ring of the last commands, one a step
         ("specific_force", "f8", (3,)),  # m/s2, body: what an ideal accelerometer shows, mean over the step
         ("charge_used", "f8"),  # C drawn from the full battery
         ("battery_current", "f8"),  # A

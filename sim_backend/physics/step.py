@@ -19,7 +19,7 @@ from sim_backend.physics.legs import (
     foot_force,
     hold_foot,
 )
-from sim_backend.physics.motors import Wrench, decay, lag_all
+from sim_backend.physics.motors import Wrench, commanded, decay, lag_all
 from sim_backend.physics.rigid_body import rotation_matrix, turn, turn_rate
 
 
@@ -79,13 +79,13 @@ def attitude(state: Any) -> Rotation:
 def free_substep(state: Any, p: Any, targets: Thrusts, dt: float, up: float, down: float) -> None:
     """`dt` (s) of free flight; `up` and `down` are the motor decays of half the time."""
     drift(state, 0.5 * dt)
-    lag_all(state, targets, up, down)
+    lag_all(state, p, targets, up, down, 0.5 * dt)
     rot = attitude(state)
     velocity = state.velocity
     vx, vy, vz = to_body(rot, velocity[0], velocity[1], velocity[2])
-    wrench = free_flight_wrench(state, p, vx, vy, vz)
+    wrench = free_flight_wrench(state, p, rot, vx, vy, vz)
     kick(state, p, rot, wrench, dt)
-    lag_all(state, targets, up, down)
+    lag_all(state, p, targets, up, down, 0.5 * dt)
     drift(state, 0.5 * dt)
     state.specific_force[0] = wrench[0] / p.mass
     state.specific_force[1] = wrench[1] / p.mass
@@ -176,19 +176,19 @@ def collide_all(state: Any, p: Any, rot: Rotation) -> None:
 def contact_substep(state: Any, p: Any, targets: Thrusts, dt: float, up: float, down: float) -> None:
     """`dt` (s) with everything that may touch; leaves the mean specific force of the substep in the state."""
     drift(state, 0.5 * dt)
-    lag_all(state, targets, up, down)
+    lag_all(state, p, targets, up, down, 0.5 * dt)
     rot = attitude(state)
     velocity = state.velocity
     ux, uy, uz = velocity[0], velocity[1], velocity[2]
     vx, vy, vz = to_body(rot, ux, uy, uz)
-    wrench = add(free_flight_wrench(state, p, vx, vy, vz), leg_wrench(state, p, rot, vx, vy, vz))
+    wrench = add(free_flight_wrench(state, p, rot, vx, vy, vz), leg_wrench(state, p, rot, vx, vy, vz))
     kick(state, p, rot, wrench, dt)
     collide_all(state, p, rot)
     sx, sy, sz = to_body(
         rot, (velocity[0] - ux) / dt, (velocity[1] - uy) / dt, (velocity[2] - uz) / dt + p.gravity
     )
     state.specific_force[0], state.specific_force[1], state.specific_force[2] = sx, sy, sz
-    lag_all(state, targets, up, down)
+    lag_all(state, p, targets, up, down, 0.5 * dt)
     drift(state, 0.5 * dt)
     state.time += dt
     if p.has_legs:
@@ -214,6 +214,7 @@ def advance(
 
     `up`, `down`: motor decays of dt / 2; `fine_up`, `fine_down`: of half a substep (see :func:`half_decays`).
     """
+    targets = commanded(state, p, targets)
     if not near_surface(state, p, dt):
         free_substep(state, p, targets, dt, up, down)
         return
