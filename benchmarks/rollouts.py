@@ -1,12 +1,17 @@
-"""Speed of the physics and of landing attempts. Prints one JSON document.
+"""Speed of the physics and of landing attempts beside crazyflow and MuJoCo. Prints one JSON document.
 
-    python benchmarks/rollouts.py [--seconds 1.0] [--workers N]
+    python benchmarks/rollouts.py [--seconds 1.0] [--workers N] [--peers PYTHON]
 
 Free flight counts steps of 1 kHz with the geometric controller and mixer at 500 Hz, and without, on one core.
 Contact counts steps of a vehicle that hangs on four legs and swings. A landing is a complete attempt from the
 placement to half a second after the contact. Median and best of five repeats by wall time, and the
 median by processor time, which a busy machine disturbs less. Compilation is not in these figures;
 `first_call_s` has it when the cache is cold.
+
+PYTHON is an interpreter whose packages include crazyflow and mujoco (a virtual environment of its own). Peers
+and we take turns, repeat by repeat. Ratios are of medians: free flight with controller on one core against
+crazyflow's best case on all cores; contact against MuJoCo's four-legged vehicle, both on one core. Without
+PYTHON the peers are reported as not measured.
 """
 
 import argparse
@@ -14,7 +19,6 @@ import json
 import math
 import os
 import platform
-import statistics
 import sys
 import time
 from collections.abc import Callable
@@ -23,6 +27,7 @@ from typing import Any
 
 import numpy as np
 from numba import njit
+from peer_process import PeerProcess, rates
 
 from onboard.controller import ControllerGains
 from perchhw.learning.grid import Condition, generator, spread
@@ -61,18 +66,14 @@ def hanging(states: Any, parameters: Any, steps: int) -> None:
             advance(states[k], p, (0.0, 0.0, 0.0, 0.0), DT, up, down, fine_up, fine_down)
 
 
-def rate(work: Callable[[], float]) -> dict[str, float]:
-    """Units of work (`work` returns how many it did) a second of wall time and a second of processor time."""
-    wall, processor = [], []
-    for _ in range(REPEATS):
-        started, used = time.perf_counter(), time.process_time()
-        done = work()
-        wall.append(done / (time.perf_counter() - started))
-        processor.append(done / (time.process_time() - used))
+def repeat(work: Callable[[], float]) -> dict[str, float]:
+    """One repeat of `work`, which returns how many units it did."""
+    started, used = time.perf_counter(), time.process_time()
+    steps = work()
     return {
-        "median": statistics.median(wall),
-        "best": max(wall),
-        "median_per_cpu_s": statistics.median(processor),
+        "steps": steps,
+        "wall_s": time.perf_counter() - started,
+        "cpu_s": time.process_time() - used,
     }
 
 
@@ -108,13 +109,8 @@ def landings(parameters: Any, rules: Rules, count: int, workers: int) -> float:
     return float(sum(done for _, done in spread(work, chunks, workers)))
 
 
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--seconds", type=float, default=1.0, help="about how long one repeat takes")
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
-    arguments = parser.parse_args()
-    started = time.perf_counter()
+def our_cases(seconds: float, workers: int) -> dict[str, Callable[[], float]]:
+    """What is measured of ours; each repeat takes about `seconds`. Compiles everything."""
     parameters, rules = LearningSetup().load()
     sky = np.array(parameters).reshape(1).copy()
     sky["ceiling_z"] = 1e9
@@ -122,9 +118,7 @@ def main() -> None:
     attached = landed(parameters, rules)
     free_flight(flying(sky[0], 1), sky, rules.gains, 2, 2)
     hanging(attached.copy(), room, 2)
-    first_call = time.perf_counter() - started
-    free, contact = int(2e6 * arguments.seconds), int(2e5 * arguments.seconds)
-    attempts = int(1000 * arguments.seconds)
+    free, contact, attempts = int(2e6 * seconds), int(2e5 * seconds), int(1000 * seconds)
 
     def fly_free(control_steps: int) -> float:
         free_flight(flying(sky[0], 4), sky, rules.gains, control_steps, free)
@@ -135,16 +129,61 @@ def main() -> None:
             hanging(attached.copy(), room, contact // 100)
         return float(contact)
 
+    return {
+        "free_flight_with_controller_steps_per_s": lambda: fly_free(2),
+        "free_flight_steps_per_s": lambda: fly_free(0),
+        "contact_steps_per_s": hang,
+        "landings_per_s_one_core": lambda: landings(parameters, rules, attempts, 1),
+        "landings_per_s": lambda: landings(parameters, rules, attempts * workers, workers),
+    }
+
+
+def ratios(ours: dict[str, dict[str, float]], crazyflow: Any, mujoco: Any) -> dict[str, float | None]:
+    """Ours over theirs, None where the peer was not measured."""
+    flight = ours["free_flight_with_controller_steps_per_s"]["median"]
+    contact = ours["contact_steps_per_s"]["median"]
+    result: dict[str, float | None] = {
+        "free_flight_with_controller_vs_crazyflow_best": None,
+        "contact_vs_mujoco_pressed_per_core": None,
+        "contact_vs_mujoco_hanging_per_core": None,
+    }
+    if crazyflow["measured"]:
+        best = max(case["median"] for case in crazyflow["steps_per_s"].values())
+        result["free_flight_with_controller_vs_crazyflow_best"] = flight / best
+    if mujoco["measured"]:
+        for case in ("pressed", "hanging"):
+            rival = mujoco["steps_per_s"][case]["median"]
+            result[f"contact_vs_mujoco_{case}_per_core"] = contact / rival
+    return result
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--seconds", type=float, default=1.0, help="about how long one repeat takes")
+    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--peers", metavar="PYTHON", help="interpreter that has crazyflow and mujoco")
+    arguments = parser.parse_args()
+    started = time.perf_counter()
+    cases = our_cases(arguments.seconds, arguments.workers)
+    first_call = time.perf_counter() - started
+    repeats: dict[str, list[dict[str, float]]] = {name: [] for name in cases}
+    with (
+        PeerProcess(arguments.peers, "crazyflow_flight.py", arguments.seconds) as crazyflow,
+        PeerProcess(arguments.peers, "mujoco_legs.py", arguments.seconds) as mujoco,
+    ):
+        for _ in range(REPEATS):
+            for name, work in cases.items():
+                repeats[name].append(repeat(work))
+            crazyflow.turn()
+            mujoco.turn()
+    ours = {name: rates(list_of) for name, list_of in repeats.items()}
+    peers = {"crazyflow": crazyflow.result(), "mujoco": mujoco.result()}
     document = {
         "benchmark": "rollouts",
-        "free_flight_with_controller_steps_per_s": rate(lambda: fly_free(2)),
-        "free_flight_steps_per_s": rate(lambda: fly_free(0)),
-        "contact_steps_per_s": rate(hang),
-        "contact_substeps": int(parameters["substeps"]),
-        "landings_per_s_one_core": rate(lambda: landings(parameters, rules, attempts, 1)),
-        "landings_per_s": rate(
-            lambda: landings(parameters, rules, attempts * arguments.workers, arguments.workers)
-        ),
+        **ours,
+        "peers": peers,
+        "ratios": ratios(ours, peers["crazyflow"], peers["mujoco"]),
         "workers": arguments.workers,
         "first_call_s": first_call,
         "cores": os.cpu_count(),
