@@ -6,8 +6,7 @@ total: a request that is not a number, or a battery that is not there, gives a m
 
 import math
 
-from numba import njit
-
+from onboard.jit import kernel
 from onboard.thrust_map import ThrustMap, ThrustMapForm
 
 __all__ = [
@@ -34,12 +33,12 @@ LOWEST_BATTERY_VOLTAGE = 2.0
 _NEWTON_STEPS = 60
 
 
-@njit(cache=True)
+@kernel
 def _quadratic_root(a: float, b: float, c: float, thrust: float) -> float:
     return (-b + math.sqrt(max(0.0, b * b + 4.0 * a * (thrust - c)))) / (2.0 * a)
 
 
-@njit(cache=True)
+@kernel
 def _cubic_root(c0: float, c1: float, c2: float, c3: float, thrust: float) -> float:
     """Voltage at which an increasing cubic gives `thrust`: Newton's method kept inside a bracket."""
     if thrust <= c0:
@@ -62,7 +61,7 @@ def _cubic_root(c0: float, c1: float, c2: float, c3: float, thrust: float) -> fl
     return voltage
 
 
-@njit(cache=True)
+@kernel
 def voltage_from_thrust(thrust_map: ThrustMap, thrust: float) -> float:
     """Voltage (V) at the motor that gives `thrust` (N); 0 for a thrust of 0, below, or not a number."""
     if not thrust > 0.0:
@@ -79,7 +78,7 @@ def voltage_from_thrust(thrust_map: ThrustMap, thrust: float) -> float:
     return c[0] * math.log(1.0 + c[4] / c[1]) + c[2] * math.log((thrust + c[3]) / (c[4] + c[3]))
 
 
-@njit(cache=True)
+@kernel
 def thrust_from_voltage(thrust_map: ThrustMap, voltage: float) -> float:
     """Settled thrust (N) of a motor at `voltage` (V); never negative.
 
@@ -103,7 +102,7 @@ def thrust_from_voltage(thrust_map: ThrustMap, voltage: float) -> float:
     return (c[4] + c[3]) * math.exp((voltage - break_voltage) / c[2]) - c[3]
 
 
-@njit(cache=True)
+@kernel
 def duty_for_thrust(
     thrust: float, battery_voltage: float, thrust_map: ThrustMap, thrust_min: float = 0.0
 ) -> float:
@@ -123,7 +122,7 @@ def duty_for_thrust(
     return min(voltage_from_thrust(thrust_map, thrust) / battery_voltage, 1.0)
 
 
-@njit(cache=True)
+@kernel
 def quantise_pwm(duty: float, bits: int = 8) -> float:
     """The duty (0..1) that a timer of `bits` bits really applies to a 16-bit command.
 
@@ -136,19 +135,19 @@ def quantise_pwm(duty: float, bits: int = 8) -> float:
     return float(ratio >> (16 - bits)) / float(1 << bits)
 
 
-@njit(cache=True)
+@kernel
 def open_circuit_voltage(full: float, slope: float, capacity: float, charge_used: float) -> float:
     """Open-circuit voltage (V) after `charge_used` (C): falls by `slope` (V) over the `capacity` (C)."""
     return full - slope * charge_used / capacity
 
 
-@njit(cache=True)
+@kernel
 def battery_current(current_per_newton: float, f1: float, f2: float, f3: float, f4: float) -> float:
     """Current (A) out of the battery for four thrusts (N): first model, proportional to their sum."""
     return current_per_newton * (f1 + f2 + f3 + f4)
 
 
-@njit(cache=True)
+@kernel
 def terminal_voltage(open_circuit: float, resistance: float, current: float) -> float:
     """Voltage (V) at the terminals; never negative."""
     return max(0.0, open_circuit - resistance * current)

@@ -11,10 +11,9 @@ position integral is the caller's and goes through :func:`integrate_position_err
 import math
 from typing import NamedTuple, TypeAlias
 
-from numba import njit
-
 from onboard.arrays import Vector
 from onboard.gravity import GRAVITY
+from onboard.jit import kernel
 from onboard.rotation import Indexable, body_x, body_y, body_z
 from onboard.vehicle.model import Vehicle
 
@@ -28,7 +27,7 @@ class ControllerGains(NamedTuple):
         kp_xy, kp_z: N/m. kd_xy, kd_z: N s/m. ki_xy, ki_z: N/(m s).
         integral_limit: m s, bound of each part of the position integral.
         kr_xy, kr_z: N m (per rad of e_R). kw_xy, kw_z: N m s/rad.
-        tilt_limit: rad, largest angle between b3 desired and vertical.
+        tilt_tangent: tangent of the largest angle between b3 desired and vertical.
         collective_min, collective_max: N, bounds of the commanded collective.
         mass: kg. inertia_xx, inertia_yy, inertia_zz: kg m2.
     """
@@ -44,7 +43,7 @@ class ControllerGains(NamedTuple):
     kw_xy: float
     kr_z: float
     kw_z: float
-    tilt_limit: float
+    tilt_tangent: float
     collective_min: float
     collective_max: float
     mass: float
@@ -65,7 +64,7 @@ DEFAULT_GAINS = ControllerGains(
     kw_xy=0.0021,
     kr_z=0.003,
     kw_z=0.001,
-    tilt_limit=math.radians(50.0),
+    tilt_tangent=math.tan(math.radians(50.0)),
     collective_min=0.0,
     collective_max=0.9 * 4.0 * 0.147,
     mass=0.0381,
@@ -114,7 +113,7 @@ def controller_gains(vehicle: Vehicle) -> ControllerGains:
     )
 
 
-@njit(cache=True)
+@kernel
 def _desired_force(
     position: Indexable,
     velocity: Indexable,
@@ -146,25 +145,28 @@ def _desired_force(
     )
     # A force that points down or is tiny has no attitude of its own: attitude comes from at least a fifth of
     # the weight, the collective from the projection of the force on the real b3.
-    lateral = math.hypot(fx, fy)
-    most = math.tan(gains.tilt_limit) * max(fz, 0.2 * mass * GRAVITY)
-    if lateral > most:
-        fx *= most / lateral
-        fy *= most / lateral
+    most = gains.tilt_tangent * max(fz, 0.2 * mass * GRAVITY)
+    lateral_squared = fx * fx + fy * fy
+    if lateral_squared > most * most:
+        scale = most / math.sqrt(lateral_squared)
+        fx *= scale
+        fy *= scale
     return (fx, fy, fz)
 
 
-@njit(cache=True)
+@kernel
 def _attitude_error(quaternion: Indexable, force: Vector, yaw: float, least_z: float) -> Vector:
     """e_R = 1/2 vee(R_d^T R - R^T R_d), with R_d from the force and the heading; body frame."""
     fx, fy, fz = force[0], force[1], max(force[2], least_z)
-    length = math.sqrt(fx * fx + fy * fy + fz * fz)
-    d3x, d3y, d3z = fx / length, fy / length, fz / length
-    cos_yaw, sin_yaw = math.cos(yaw), math.sin(yaw)
+    inverse = 1.0 / math.sqrt(fx * fx + fy * fy + fz * fz)
+    d3x, d3y, d3z = fx * inverse, fy * inverse, fz * inverse
+    cos_yaw, sin_yaw = 1.0, 0.0
+    if yaw != 0.0:
+        cos_yaw, sin_yaw = math.cos(yaw), math.sin(yaw)
     # b2_d = b3_d x b1_c / |..|, b1_d = b2_d x b3_d
     d2x, d2y, d2z = -d3z * sin_yaw, d3z * cos_yaw, d3x * sin_yaw - d3y * cos_yaw
-    length = math.sqrt(d2x * d2x + d2y * d2y + d2z * d2z)
-    d2x, d2y, d2z = d2x / length, d2y / length, d2z / length
+    inverse = 1.0 / math.sqrt(d2x * d2x + d2y * d2y + d2z * d2z)
+    d2x, d2y, d2z = d2x * inverse, d2y * inverse, d2z * inverse
     d1x = d2y * d3z - d2z * d3y
     d1y = d2z * d3x - d2x * d3z
     d1z = d2x * d3y - d2y * d3x
@@ -176,7 +178,7 @@ def _attitude_error(quaternion: Indexable, force: Vector, yaw: float, least_z: f
     )
 
 
-@njit(cache=True)
+@kernel
 def _moments(error: Vector, omega: Indexable, gains: ControllerGains) -> Vector:
     """-kr e_R - kw Omega + Omega x J Omega, N m in the body frame."""
     wx, wy, wz = omega[0], omega[1], omega[2]
@@ -188,7 +190,7 @@ def _moments(error: Vector, omega: Indexable, gains: ControllerGains) -> Vector:
     )
 
 
-@njit(cache=True)
+@kernel
 def geometric_control(
     position: Indexable,
     velocity: Indexable,
@@ -226,7 +228,7 @@ def geometric_control(
     return (collective, tau_x, tau_y, tau_z)
 
 
-@njit(cache=True)
+@kernel
 def attitude_control(
     quaternion: Indexable, omega: Indexable, collective: float, target_yaw: float, gains: ControllerGains
 ) -> Wrench:
@@ -236,7 +238,7 @@ def attitude_control(
     return (collective, tau_x, tau_y, tau_z)
 
 
-@njit(cache=True)
+@kernel
 def integrate_position_error(
     integral: Indexable, position: Indexable, target_position: Indexable, dt: float, limit: float
 ) -> Vector:

@@ -7,10 +7,11 @@ used world-frame velocities too.
 import math
 
 import numpy as np
-from numba import njit
+
+from onboard.jit import kernel
 
 
-@njit(cache=True)
+@kernel
 def optical_flow_cues(
     z: float, vx: float, vz: float, ceiling_z: float
 ) -> tuple[np.float32, np.float32, np.float32]:

@@ -11,12 +11,12 @@ Compiled; nothing is checked: parameters come from a checked vehicle file.
 
 from typing import TypeAlias
 
-from numba import njit
+from onboard.jit import kernel
 
 Thrusts: TypeAlias = tuple[float, float, float, float]
 
 
-@njit(cache=True)
+@kernel
 def mix(
     collective: float,
     tau_x: float,
@@ -59,7 +59,7 @@ def mix(
     )
 
 
-@njit(cache=True)
+@kernel
 def unmix(
     f1: float, f2: float, f3: float, f4: float, arm_x: float, arm_y: float, thrust_to_torque: float
 ) -> Thrusts:
@@ -72,7 +72,7 @@ def unmix(
     )
 
 
-@njit(cache=True)
+@kernel
 def flip_thrusts(a_rot: float, arm_x: float) -> Thrusts:
     """Thrusts (N) of M1..M4 that flip with the moment `a_rot` (N m about b_y, negative = nose up).
 

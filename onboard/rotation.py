@@ -9,14 +9,14 @@ from collections.abc import Sequence
 from typing import TypeAlias
 
 import numpy as np
-from numba import njit
 
 from onboard.arrays import FloatArray, Quaternion, Vector
+from onboard.jit import kernel
 
 Indexable: TypeAlias = Sequence[float] | FloatArray
 
 
-@njit(cache=True)
+@kernel
 def multiply(a: Indexable, b: Indexable) -> Quaternion:
     """Quaternion product a b: rotate by `b`, then by `a`."""
     ax, ay, az, aw = a[0], a[1], a[2], a[3]
@@ -29,13 +29,13 @@ def multiply(a: Indexable, b: Indexable) -> Quaternion:
     )
 
 
-@njit(cache=True)
+@kernel
 def conjugate(q: Indexable) -> Quaternion:
     """The inverse rotation of a unit quaternion."""
     return (-q[0], -q[1], -q[2], q[3])
 
 
-@njit(cache=True)
+@kernel
 def normalise(q: Indexable) -> Quaternion:
     """`q` scaled to unit length; NaN in every part when it has no direction."""
     length = math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
@@ -44,7 +44,7 @@ def normalise(q: Indexable) -> Quaternion:
     return (q[0] / length, q[1] / length, q[2] / length, q[3] / length)
 
 
-@njit(cache=True)
+@kernel
 def rotate(q: Indexable, v: Indexable) -> Vector:
     """A body-frame vector in the world frame: v + 2 w (u x v) + 2 u x (u x v), u the vector part of `q`."""
     x, y, z, w = q[0], q[1], q[2], q[3]
@@ -58,7 +58,7 @@ def rotate(q: Indexable, v: Indexable) -> Vector:
     )
 
 
-@njit(cache=True)
+@kernel
 def body_x(q: Indexable) -> Vector:
     """Body axis b1 (forward) in the world frame."""
     return (
@@ -68,7 +68,7 @@ def body_x(q: Indexable) -> Vector:
     )
 
 
-@njit(cache=True)
+@kernel
 def body_y(q: Indexable) -> Vector:
     """Body axis b2 (left) in the world frame."""
     return (
@@ -78,7 +78,7 @@ def body_y(q: Indexable) -> Vector:
     )
 
 
-@njit(cache=True)
+@kernel
 def body_z(q: Indexable) -> Vector:
     """Body axis b3 (up, along the thrust) in the world frame; its z part is <= 0 when upside down."""
     return (
@@ -88,7 +88,7 @@ def body_z(q: Indexable) -> Vector:
     )
 
 
-@njit(cache=True)
+@kernel
 def to_matrix(q: Indexable) -> FloatArray:
     """Rotation matrix, shape (3, 3), body to world; its columns are the body axes."""
     matrix = np.empty((3, 3))
@@ -100,7 +100,7 @@ def to_matrix(q: Indexable) -> FloatArray:
     return matrix
 
 
-@njit(cache=True)
+@kernel
 def to_matrices(quaternions: FloatArray) -> FloatArray:
     """Rotation matrices, shape (n, 3, 3), of quaternions of any length, shape (n, 4)."""
     matrices = np.empty((quaternions.shape[0], 3, 3))
@@ -109,7 +109,7 @@ def to_matrices(quaternions: FloatArray) -> FloatArray:
     return matrices
 
 
-@njit(cache=True)
+@kernel
 def from_rotation_vector(r: Indexable) -> Quaternion:
     """Exponential map: the rotation by |r| rad about r."""
     angle = math.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
@@ -118,20 +118,20 @@ def from_rotation_vector(r: Indexable) -> Quaternion:
     return (scale * r[0], scale * r[1], scale * r[2], math.cos(0.5 * angle))
 
 
-@njit(cache=True)
+@kernel
 def integrate(q: Indexable, omega: Indexable, dt: float) -> Quaternion:
     """`q` after `dt` s of the constant body rate `omega` (rad/s), normalised."""
     step = from_rotation_vector((omega[0] * dt, omega[1] * dt, omega[2] * dt))
     return normalise(multiply(q, step))
 
 
-@njit(cache=True)
+@kernel
 def from_yaw(yaw: float) -> Quaternion:
     """Level attitude with heading `yaw` (rad, about world z)."""
     return (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw))
 
 
-@njit(cache=True)
+@kernel
 def euler_angles(q: Indexable) -> Vector:
     """(roll, pitch, yaw) in rad: turns about z, y, x of the moving body; pitch > 0 is nose down."""
     x, y, z, w = q[0], q[1], q[2], q[3]
@@ -141,7 +141,7 @@ def euler_angles(q: Indexable) -> Vector:
     return (roll, pitch, yaw)
 
 
-@njit(cache=True)
+@kernel
 def angle_between(a: Indexable, b: Indexable) -> float:
     """Angle (rad, 0 to pi) of the rotation from `a` to `b`; the sign of a quaternion does not matter."""
     x, y, z, w = multiply(conjugate(a), b)

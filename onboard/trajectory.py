@@ -9,9 +9,8 @@ import itertools
 import math
 from typing import NamedTuple, TypeAlias
 
-from numba import njit
-
 from onboard.errors import InputError, OnboardError
+from onboard.jit import kernel
 from onboard.room import RoomGeometry
 from onboard.rotation import Vector
 
@@ -63,7 +62,7 @@ class ApproachPlan(NamedTuple):
         return self.t_x + self.t_z + self.tau0
 
 
-@njit(cache=True)
+@kernel
 def plan_from_velocity(
     vx: float,
     vz: float,
@@ -82,7 +81,7 @@ def plan_from_velocity(
     return ApproachPlan(x0, impact_y, z0, t_x, t_z, vx, vz, ax, az, tau0, impact_x, ceiling_z)
 
 
-@njit(cache=True)
+@kernel
 def approach_is_sound(plan: ApproachPlan, start_z_min: float) -> bool:
     """Whether the numbers make an approach: finite, climbing, forward or straight up, and not from below
     `start_z_min` (m). False for anything that is not a number.
@@ -179,7 +178,7 @@ def fit_approach(
     )
 
 
-@njit(cache=True)
+@kernel
 def sample_approach(plan: ApproachPlan, t: float) -> Setpoint:
     """Position (m), velocity (m/s) and acceleration (m/s2) of the setpoint `t` s after the start.
 
@@ -209,7 +208,7 @@ def sample_approach(plan: ApproachPlan, t: float) -> Setpoint:
     )
 
 
-@njit(cache=True)
+@kernel
 def _speed_up(
     t: float, start: float, duration: float, acceleration: float
 ) -> tuple[float, float, float, float]:
@@ -224,7 +223,7 @@ def _speed_up(
     return 0.0, speed, speed * middle, integral
 
 
-@njit(cache=True)
+@kernel
 def smooth_approach(plan: ApproachPlan, t: float, half_width: float) -> tuple[Vector, Vector, Vector, Vector]:
     """The approach with its steps of acceleration rounded off: what motors with a lag can follow.
 

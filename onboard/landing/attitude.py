@@ -7,9 +7,8 @@ deg of real rotation (errata 8). An attitude that only the gyro turns during the
 import math
 from typing import Any
 
-from numba import njit
-
 from onboard.app_interface import LandingState
+from onboard.jit import kernel
 from onboard.landing.model import LandingInputs
 from onboard.rotation import (
     Quaternion,
@@ -36,20 +35,20 @@ ATTITUDE_RATE_IDLE = 20.0
 """rad/s. Fastest correction while nothing depends on it."""
 
 
-@njit(cache=True)
+@kernel
 def is_finite(v: Vector) -> bool:
     """Whether all three parts are finite."""
     return math.isfinite(v[0]) and math.isfinite(v[1]) and math.isfinite(v[2])
 
 
-@njit(cache=True)
+@kernel
 def own_attitude(memory: Any) -> Quaternion:
     """The attitude that the machine keeps, body to world."""
     a = memory.attitude
     return (a[0], a[1], a[2], a[3])
 
 
-@njit(cache=True)
+@kernel
 def propagate_attitude(memory: Any, inputs: LandingInputs) -> None:
     """Turn the own attitude by the gyro, and outside the flip a little towards the estimate."""
     estimate = normalise(inputs.quaternion)

@@ -26,9 +26,8 @@ Rules (default deny: what is not known is not allowed, and a NaN never starts an
 import math
 from typing import Any
 
-from numba import njit
-
 from onboard.app_interface import EndReason, LandingState, TrajectoryStatus
+from onboard.jit import kernel
 from onboard.landing.attitude import is_finite, own_attitude, propagate_attitude
 from onboard.landing.braking import hold_setpoint, stopping_distance
 from onboard.landing.model import (
@@ -99,27 +98,27 @@ _ZERO = (0.0, 0.0, 0.0)
 _NO_THRUSTS = (0.0, 0.0, 0.0, 0.0)
 
 
-@njit(cache=True)
+@kernel
 def _estimate_is_finite(inputs: LandingInputs) -> bool:
     q = inputs.quaternion
     attitude = math.isfinite(q[0] + q[1] + q[2] + q[3])
     return attitude and is_finite(inputs.position) and is_finite(inputs.velocity)
 
 
-@njit(cache=True)
+@kernel
 def _end_approach(memory: Any, state: int, reason: int) -> None:
     memory.state = state
     memory.reason = reason
     memory.trajectory_status = _STATUS_NONE
 
 
-@njit(cache=True)
+@kernel
 def _begin_brake(memory: Any, inputs: LandingInputs, reason: int) -> None:
     _end_approach(memory, BRAKE, reason)
     memory.blind_time = inputs.time
 
 
-@njit(cache=True)
+@kernel
 def _start_distance(inputs: LandingInputs, plan: ApproachPlan) -> float:
     """Distance (m) from the plan's start; NaN for a position that is not known."""
     p = inputs.position
@@ -127,7 +126,7 @@ def _start_distance(inputs: LandingInputs, plan: ApproachPlan) -> float:
     return math.sqrt(dx * dx + dy * dy + dz * dz)
 
 
-@njit(cache=True)
+@kernel
 def _arm(memory: Any, inputs: LandingInputs, plan: ApproachPlan, limits: LandingLimits) -> None:
     if not inputs.flying:
         memory.trajectory_status = _REFUSED_NOT_FLYING
@@ -141,7 +140,7 @@ def _arm(memory: Any, inputs: LandingInputs, plan: ApproachPlan, limits: Landing
         memory.reason = 0
 
 
-@njit(cache=True)
+@kernel
 def _may_go(inputs: LandingInputs, plan: ApproachPlan, limits: LandingLimits) -> bool:
     v = inputs.velocity
     speed = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
@@ -154,7 +153,7 @@ def _may_go(inputs: LandingInputs, plan: ApproachPlan, limits: LandingLimits) ->
     )
 
 
-@njit(cache=True)
+@kernel
 def _triggers(memory: Any, inputs: LandingInputs) -> bool:
     """Whether the policy fires now. Written so that a NaN anywhere makes it False."""
     return (
@@ -173,7 +172,7 @@ def _triggers(memory: Any, inputs: LandingInputs) -> bool:
     )
 
 
-@njit(cache=True)
+@kernel
 def _begin_flip(memory: Any, inputs: LandingInputs) -> None:
     _end_approach(memory, FLIP, _TRIGGERED)
     memory.flip_time = inputs.time
@@ -190,7 +189,7 @@ def _begin_flip(memory: Any, inputs: LandingInputs) -> None:
         memory.snapshot_velocity[i] = inputs.velocity[i]
 
 
-@njit(cache=True)
+@kernel
 def _trigger_is_missed(memory: Any, inputs: LandingInputs, plan: ApproachPlan, limits: LandingLimits) -> bool:
     """Whether to brake now because no trigger can come any more, or because later is too late."""
     climb = inputs.velocity[2]
@@ -207,12 +206,12 @@ def _trigger_is_missed(memory: Any, inputs: LandingInputs, plan: ApproachPlan, l
     return left - limits.brake_margin < rise
 
 
-@njit(cache=True)
+@kernel
 def _is_tilted(memory: Any, limits: LandingLimits) -> bool:
     return not body_z(memory.attitude)[2] > math.cos(limits.tilt_limit)
 
 
-@njit(cache=True)
+@kernel
 def _step_approach(memory: Any, inputs: LandingInputs, plan: ApproachPlan, limits: LandingLimits) -> None:
     t = inputs.time - memory.start_time
     if not inputs.flying:
@@ -242,7 +241,7 @@ def _step_approach(memory: Any, inputs: LandingInputs, plan: ApproachPlan, limit
         _begin_brake(memory, inputs, _OFF_TRACK)
 
 
-@njit(cache=True)
+@kernel
 def _step_flip(memory: Any, inputs: LandingInputs, limits: LandingLimits) -> None:
     upright = body_z(memory.attitude)[2] > 0.0
     in_time = inputs.time - memory.flip_time <= limits.flip_timeout
@@ -250,7 +249,7 @@ def _step_flip(memory: Any, inputs: LandingInputs, limits: LandingLimits) -> Non
         memory.state = CUT
 
 
-@njit(cache=True)
+@kernel
 def _step_brake(memory: Any, inputs: LandingInputs, plan: ApproachPlan, limits: LandingLimits) -> None:
     """BRAKE and HOLD: cut on tilt and contact, fault when blind, hold once the climb has ended."""
     if _is_tilted(memory, limits):
@@ -282,7 +281,7 @@ def _step_brake(memory: Any, inputs: LandingInputs, plan: ApproachPlan, limits: 
         memory.state = IDLE
 
 
-@njit(cache=True)
+@kernel
 def _advance(memory: Any, inputs: LandingInputs, plan: ApproachPlan, limits: LandingLimits) -> None:
     state = memory.state
     if state == IDLE:
@@ -309,7 +308,7 @@ def _advance(memory: Any, inputs: LandingInputs, plan: ApproachPlan, limits: Lan
     memory.go_seen = 1 if inputs.go else 0
 
 
-@njit(cache=True)
+@kernel
 def _approach_setpoint(elapsed: float, plan: ApproachPlan, limits: LandingLimits) -> Setpoint:
     """The approach as motors with a lag can fly it: rounded off, its thrust commanded ahead by the lag."""
     p, v, a, jerk = smooth_approach(plan, elapsed - limits.smoothing, limits.smoothing)
@@ -317,7 +316,7 @@ def _approach_setpoint(elapsed: float, plan: ApproachPlan, limits: LandingLimits
     return p, v, (a[0], a[1], a[2] + lag * jerk[2])
 
 
-@njit(cache=True)
+@kernel
 def _output(memory: Any, inputs: LandingInputs, plan: ApproachPlan, limits: LandingLimits) -> LandingOutput:
     state = memory.state
     attitude = own_attitude(memory)
@@ -339,7 +338,7 @@ def _output(memory: Any, inputs: LandingInputs, plan: ApproachPlan, limits: Land
     return LandingOutput(_PASS, _ZERO, _ZERO, _ZERO, 0.0, 0.0, _NO_THRUSTS, attitude)
 
 
-@njit(cache=True)
+@kernel
 def landing_step(
     memory: Any, inputs: LandingInputs, plan: ApproachPlan, limits: LandingLimits
 ) -> LandingOutput:

@@ -6,13 +6,13 @@ Single precision throughout; ``docs/policy_bundle.md`` states the same arithmeti
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from onboard.jit import kernel
 from onboard.policy.model import CompiledPolicy
 
 
-@njit(cache=True)
+@kernel
 def action_moment(policy: CompiledPolicy, tau: float, theta_x: float, d_ceil: float) -> np.float32:
     """Body moment of the flip, ``a_rot``.
 
@@ -59,7 +59,7 @@ def action_moment(policy: CompiledPolicy, tau: float, theta_x: float, d_ceil: fl
     return moment
 
 
-@njit(cache=True)
+@kernel
 def action_moments(policy: CompiledPolicy, states: NDArray[np.float32]) -> NDArray[np.float32]:
     """:func:`action_moment` for many states.
 

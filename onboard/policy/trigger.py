@@ -7,13 +7,13 @@ arithmetic for a C implementation.
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from onboard.jit import kernel
 from onboard.policy.model import CompiledPolicy
 
 
-@njit(cache=True)
+@kernel
 def trigger_value(policy: CompiledPolicy, tau: float, theta_x: float, d_ceil: float) -> np.float32:
     """Value of the trigger policy; the flip starts when it is >= 0.
 
@@ -43,7 +43,7 @@ def trigger_value(policy: CompiledPolicy, tau: float, theta_x: float, d_ceil: fl
     return total + policy.intercept
 
 
-@njit(cache=True)
+@kernel
 def trigger_values(policy: CompiledPolicy, states: NDArray[np.float32]) -> NDArray[np.float32]:
     """:func:`trigger_value` for many states.
 

@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 
 from onboard.arrays import Vector
-from sim_backend.physics.jit import kernel
-
-Rotation = tuple[float, float, float, float, float, float, float, float, float]
+from onboard.jit import kernel
+from sim_backend.physics.frames import Rotation
 
 POINTS = 12
 """Eight corners and four propellers."""

@@ -2,9 +2,11 @@
 
 from typing import Any
 
-from sim_backend.physics.jit import kernel
-from sim_backend.physics.legs import FREE, RELEASED, bending, hinge_energy
-from sim_backend.physics.step import attitude, to_body
+from onboard.jit import kernel
+from sim_backend.physics.feet import can_touch
+from sim_backend.physics.frames import to_body
+from sim_backend.physics.legs import bending, hinge_energy
+from sim_backend.physics.step import attitude
 
 
 @kernel
@@ -13,8 +15,7 @@ def spring_energy(state: Any, p: Any) -> float:
     rot = attitude(state)
     energy = 0.0
     for leg in range(4):
-        mode = state.foot_mode[leg]
-        if mode in (FREE, RELEASED):
+        if can_touch(state.foot_mode[leg]):
             continue
         anchor, position = state.foot_anchor[leg], state.position
         px, py, pz = to_body(rot, anchor[0] - position[0], anchor[1] - position[1], anchor[2] - position[2])

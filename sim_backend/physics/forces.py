@@ -7,11 +7,10 @@ Gravity and the gyroscopic torque belong to the integrator, contact to the step.
 
 from typing import Any
 
+from onboard.jit import kernel
 from sim_backend.physics.air import linear_drag
-from sim_backend.physics.jit import kernel
+from sim_backend.physics.frames import Rotation
 from sim_backend.physics.motors import Wrench, rotor_wrench
-
-Rotation = tuple[float, float, float, float, float, float, float, float, float]
 
 
 @kernel

@@ -1,27 +1,32 @@
-"""Four sprung legs with adhesive feet.
+"""Four sprung legs: geometry, hinge, and the force of a leg whose foot is held.
 
 A leg is massless: a rod from the hip, held by a torsional spring and damper that is equally stiff for any
 bending, stiff along its axis. A foot that touches is a ball joint at its anchor; the rod then points from the
 hip to the anchor, and the force on the foot follows from the moments about the hip (docs/physics.md, Legs).
-The wrench on the body is that force, acting at the anchor.
+Across the rod it is the hinge's (:func:`hinge_force`); along the rod it is the much stiffer rod's own, which
+:mod:`sim_backend.physics.rods` finds for all legs together.
 """
 
 import math
 from typing import Any
 
+import numpy as np
+
 from onboard.arrays import Vector
-from sim_backend.physics.jit import kernel
-from sim_backend.physics.motors import Wrench
-from sim_backend.physics.state import FootMode
+from onboard.jit import kernel
 
-FREE = int(FootMode.FREE)
-PRESSING_CEILING = int(FootMode.PRESSING_CEILING)
-PRESSING_FLOOR = int(FootMode.PRESSING_FLOOR)
-ATTACHED = int(FootMode.ATTACHED)
-RELEASED = int(FootMode.RELEASED)
+_POLYNOMIAL_END = 0.5
 
-CLEARANCE = 5e-4
-"""m: a foot that was torn off may touch again once its rest position is this far below the ceiling."""
+
+def _ratio_polynomial() -> tuple[float, ...]:
+    """Coefficients (highest power first) of delta / sin(delta) in x = 1 - cos(delta), to 1e-13 up to 60 deg."""
+    x = np.polynomial.chebyshev.chebpts1(40) * 0.5 * _POLYNOMIAL_END + 0.5 * _POLYNOMIAL_END
+    delta = 2.0 * np.arcsin(np.sqrt(0.5 * x))
+    fit = np.polynomial.Polynomial.fit(x, delta / np.sin(delta), 11, domain=[0.0, _POLYNOMIAL_END])
+    return tuple(float(c) for c in fit.convert().coef[::-1])
+
+
+_RATIO = _ratio_polynomial()
 
 
 @kernel
@@ -37,15 +42,6 @@ def bending(p: Any, leg: int, ux: float, uy: float, uz: float) -> tuple[float, f
 
 
 @kernel
-def hinge_moment(p: Any, angle: float) -> float:
-    """Restoring moment (N m) of the hinge spring and, beyond the limit, of its stop."""
-    moment = p.hinge_stiffness * angle
-    if angle > p.hinge_limit:
-        moment += p.hinge_limit_stiffness * (angle - p.hinge_limit)
-    return moment
-
-
-@kernel
 def hinge_energy(p: Any, angle: float) -> float:
     """Energy (J) in the hinge spring and its stop."""
     energy = 0.5 * p.hinge_stiffness * angle * angle
@@ -55,77 +51,44 @@ def hinge_energy(p: Any, angle: float) -> float:
 
 
 @kernel
-def foot_force(
-    p: Any, leg: int, px: float, py: float, pz: float, vx: float, vy: float, vz: float,
-    wx: float, wy: float, wz: float,
-) -> Vector:  # fmt: skip
-    """Force (N, body frame) of the surface on a foot held at p (m, body frame).
+def bending_ratio(cosine: float) -> float:
+    """Bending angle over its sine, from its cosine; a polynomial up to 60 deg, where legs mostly are."""
+    x = 1.0 - cosine
+    if x > _POLYNOMIAL_END:
+        sine = math.sqrt(max(1.0 - cosine * cosine, 1e-24))
+        return math.atan2(sine, cosine) / sine
+    ratio = _RATIO[0]
+    for k in range(1, len(_RATIO)):
+        ratio = ratio * x + _RATIO[k]
+    return ratio
+
+
+@kernel
+def hinge_force(p: Any, leg: int, u: Vector, inverse: float, d: Vector) -> Vector:
+    """Force (N, body frame) on a held foot across its rod, by the hinge's spring and damper.
+
+    The spring's moment K delta about u x r and the damper's -c u x d / L, both over the lever L.
 
     Args:
         p: parameters.
         leg: index 0..3.
-        px, py, pz: anchor relative to the body origin, body frame.
-        vx, vy, vz: velocity of the body, body frame (m/s).
-        wx, wy, wz: body rate (rad/s).
+        u: unit vector from hip to foot, body frame.
+        inverse: 1/m, one over the distance L of hip and foot.
+        d: velocity of the foot as seen from the body (m/s, body frame).
     """
-    rx, ry, rz = px - p.hip[leg, 0], py - p.hip[leg, 1], pz - p.hip[leg, 2]
-    length = math.sqrt(rx * rx + ry * ry + rz * rz)
-    inverse = 1.0 / length
-    ux, uy, uz = rx * inverse, ry * inverse, rz * inverse
-    # The anchor rests in the world: seen from the body it moves with -(v + w x p).
-    dx, dy, dz = -(vx + wy * pz - wz * py), -(vy + wz * px - wx * pz), -(vz + wx * py - wy * px)
-    stretch_rate = dx * ux + dy * uy + dz * uz
-    angle, nx, ny, nz = bending(p, leg, ux, uy, uz)
-    moment = hinge_moment(p, angle)
-    damping = p.hinge_damping * inverse
-    # Moment of hinge spring and damper on the leg; the leg turns with u x d / length.
-    tx = -moment * nx - damping * (uy * dz - uz * dy)
-    ty = -moment * ny - damping * (uz * dx - ux * dz)
-    tz = -moment * nz - damping * (ux * dy - uy * dx)
-    axial = p.axial_stiffness * (length - p.leg_length) + p.axial_damping * stretch_rate
+    rx, ry, rz = p.leg_direction[leg, 0], p.leg_direction[leg, 1], p.leg_direction[leg, 2]
+    cosine = rx * u[0] + ry * u[1] + rz * u[2]
+    ratio = bending_ratio(cosine)
+    moment = p.hinge_stiffness * ratio
+    if cosine < p.hinge_limit_cosine:
+        # K_stop (delta - limit) / sin(delta)
+        moment += p.hinge_limit_stiffness * (
+            ratio - p.hinge_limit / math.sqrt(max(1.0 - cosine * cosine, 1e-24))
+        )
+    along = u[0] * d[0] + u[1] * d[1] + u[2] * d[2]
+    spring, damper = moment * inverse, p.hinge_damping * inverse * inverse
     return (
-        (uy * tz - uz * ty) * inverse + axial * ux,
-        (uz * tx - ux * tz) * inverse + axial * uy,
-        (ux * ty - uy * tx) * inverse + axial * uz,
+        damper * (d[0] - along * u[0]) - spring * (rx - cosine * u[0]),
+        damper * (d[1] - along * u[1]) - spring * (ry - cosine * u[1]),
+        damper * (d[2] - along * u[2]) - spring * (rz - cosine * u[2]),
     )
-
-
-@kernel
-def limit_friction(p: Any, state: Any, leg: int, fx: float, fy: float, push: float) -> tuple[float, float]:
-    """Horizontal force (N, world) within the friction cone of a pressing foot; beyond it the anchor slides.
-
-    The slide relaxes the excess over a few steps through the stiffest direction of the leg.
-    """
-    size = math.hypot(fx, fy)
-    limit = p.foot_friction * push
-    if size <= limit:
-        return fx, fy
-    slide = 0.5 * (size - limit) / (p.axial_stiffness * size)
-    state.foot_anchor[leg, 0] -= slide * fx
-    state.foot_anchor[leg, 1] -= slide * fy
-    return fx * limit / size, fy * limit / size
-
-
-@kernel
-def hold_foot(p: Any, state: Any, leg: int, fx: float, fy: float, fz: float) -> Wrench:
-    """Decide what a touching foot can hold of the force (N, world) that would keep it at its anchor.
-
-    Returns the force that acts (first three entries) and changes the foot's mode.
-    """
-    mode = state.foot_mode[leg]
-    if mode == ATTACHED:
-        if fz > p.adhesion_strength:
-            state.foot_mode[leg] = RELEASED
-            state.foot_attached[leg] = 0
-            return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        return fx, fy, fz, 0.0, 0.0, 0.0
-    push = fz if mode == PRESSING_FLOOR else -fz
-    if push <= 0.0:
-        state.foot_mode[leg] = FREE
-        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    if mode == PRESSING_CEILING and push >= p.minimum_preload:
-        state.foot_mode[leg] = ATTACHED
-        state.foot_attached[leg] = 1
-        return fx, fy, fz, 0.0, 0.0, 0.0
-    fx, fy = limit_friction(p, state, leg, fx, fy, push)
-    return fx, fy, fz, 0.0, 0.0, 0.0

@@ -3,8 +3,8 @@
 import math
 from typing import Any
 
+from onboard.jit import kernel
 from onboard.mixer import Thrusts
-from sim_backend.physics.jit import kernel
 
 Wrench = tuple[float, float, float, float, float, float]
 

@@ -11,7 +11,7 @@ from onboard.room import RoomGeometry
 from onboard.vehicle import Legs, Vehicle
 from sim_backend.errors import SimulationError
 
-SUBSTEPS = 4
+SUBSTEPS = 1
 """Steps within a step while anything may touch: 1 kHz becomes 4 kHz (docs/physics.md gives the error)."""
 
 RESTITUTION = 0.3
@@ -55,6 +55,7 @@ PARAMETERS = np.dtype(
         ("hinge_stiffness", "f8"),
         ("hinge_damping", "f8"),
         ("hinge_limit", "f8"),
+        ("hinge_limit_cosine", "f8"),
         ("hinge_limit_stiffness", "f8"),
         ("axial_stiffness", "f8"),
         ("axial_damping", "f8"),
@@ -133,6 +134,7 @@ def _set_legs(p: Any, legs: Legs) -> None:
     p["leg_length"], p["foot_radius"] = legs.length.value, legs.foot_radius.value
     p["hinge_stiffness"], p["hinge_damping"] = legs.stiffness.value, legs.damping.value
     p["hinge_limit"] = legs.deflection_limit.value
+    p["hinge_limit_cosine"] = math.cos(legs.deflection_limit.value)
     p["hinge_limit_stiffness"] = LIMIT_STIFFNESS_RATIO * legs.stiffness.value
     p["axial_stiffness"], p["axial_damping"] = legs.axial_stiffness.value, legs.axial_damping.value
     p["adhesion_strength"], p["minimum_preload"] = legs.adhesion_limit, legs.minimum_preload.value

@@ -1,46 +1,33 @@
-"""One step of the simulated world: drift, kick, drift; in small steps while anything may touch."""
+"""One step of the simulated world: drift, kick, drift; cut where a foot meets the ceiling."""
 
 import math
 from typing import Any
 
 from onboard.arrays import Vector
+from onboard.jit import kernel
 from onboard.mixer import Thrusts
 from sim_backend.physics.battery import draw, motor_targets
-from sim_backend.physics.collision import Rotation, collide, touches
-from sim_backend.physics.forces import add, free_flight_wrench
-from sim_backend.physics.jit import kernel
-from sim_backend.physics.legs import (
+from sim_backend.physics.collision import collide, touches
+from sim_backend.physics.feet import (
     ATTACHED,
-    CLEARANCE,
     FREE,
-    PRESSING_CEILING,
-    PRESSING_FLOOR,
-    RELEASED,
-    foot_force,
+    any_can_touch,
+    can_touch,
     hold_foot,
+    time_to_touch,
+    touch_feet,
 )
+from sim_backend.physics.forces import add, free_flight_wrench
+from sim_backend.physics.frames import Rotation, cross, to_body, to_world
+from sim_backend.physics.legs import hinge_force
 from sim_backend.physics.motors import Wrench, commanded, decay, lag_all
 from sim_backend.physics.rigid_body import rotation_matrix, turn, turn_rate
+from sim_backend.physics.rods import LOOSE, Inverse, Rod, rod_forces
 
+HeldLeg = tuple[Rod, Vector, Vector]
+"""(rod, hinge force in N, foot in m) of one leg in the middle of a step, body frame."""
 
-@kernel
-def to_body(rot: Rotation, x: float, y: float, z: float) -> Vector:
-    """World to body components."""
-    return (
-        rot[0] * x + rot[3] * y + rot[6] * z,
-        rot[1] * x + rot[4] * y + rot[7] * z,
-        rot[2] * x + rot[5] * y + rot[8] * z,
-    )
-
-
-@kernel
-def to_world(rot: Rotation, x: float, y: float, z: float) -> Vector:
-    """Body to world components."""
-    return (
-        rot[0] * x + rot[1] * y + rot[2] * z,
-        rot[3] * x + rot[4] * y + rot[5] * z,
-        rot[6] * x + rot[7] * y + rot[8] * z,
-    )
+NOTHING: Vector = (0.0, 0.0, 0.0)
 
 
 @kernel
@@ -54,18 +41,24 @@ def drift(state: Any, dt: float) -> None:
 
 
 @kernel
-def kick(state: Any, p: Any, rot: Rotation, wrench: Wrench, dt: float) -> None:
+def inverse_inertia(p: Any) -> Inverse:
+    """1/mass (1/kg) and one over the three moments of inertia (1/(kg m2))."""
+    return 1.0 / p.mass, 1.0 / p.inertia[0], 1.0 / p.inertia[1], 1.0 / p.inertia[2]
+
+
+@kernel
+def kick(state: Any, p: Any, rot: Rotation, inverse: Inverse, wrench: Wrench, dt: float) -> None:
     """Change the velocities by a constant body-frame wrench and gravity for `dt` (s)."""
     fx, fy, fz = to_world(rot, wrench[0], wrench[1], wrench[2])
-    per_mass = dt / p.mass
+    per_mass = dt * inverse[0]
     velocity, w, inertia = state.velocity, state.omega, p.inertia
     velocity[0] += per_mass * fx
     velocity[1] += per_mass * fy
     velocity[2] += per_mass * fz - dt * p.gravity
-    ix, iy, iz = inertia[0], inertia[1], inertia[2]
     w[0], w[1], w[2] = turn_rate(
-        w[0], w[1], w[2], wrench[3], wrench[4], wrench[5], ix, iy, iz, 1.0 / ix, 1.0 / iy, 1.0 / iz, dt
-    )
+        w[0], w[1], w[2], wrench[3], wrench[4], wrench[5],
+        inertia[0], inertia[1], inertia[2], inverse[1], inverse[2], inverse[3], dt,
+    )  # fmt: skip
 
 
 @kernel
@@ -84,64 +77,99 @@ def free_substep(state: Any, p: Any, targets: Thrusts, dt: float, up: float, dow
     velocity = state.velocity
     vx, vy, vz = to_body(rot, velocity[0], velocity[1], velocity[2])
     wrench = free_flight_wrench(state, p, rot, vx, vy, vz)
-    kick(state, p, rot, wrench, dt)
+    inverse = inverse_inertia(p)
+    kick(state, p, rot, inverse, wrench, dt)
     lag_all(state, p, targets, up, down, 0.5 * dt)
     drift(state, 0.5 * dt)
-    state.specific_force[0] = wrench[0] / p.mass
-    state.specific_force[1] = wrench[1] / p.mass
-    state.specific_force[2] = wrench[2] / p.mass
+    state.specific_force[0] = wrench[0] * inverse[0]
+    state.specific_force[1] = wrench[1] * inverse[0]
+    state.specific_force[2] = wrench[2] * inverse[0]
     state.time += dt
 
 
 @kernel
-def leg_wrench(state: Any, p: Any, rot: Rotation, vx: float, vy: float, vz: float) -> Wrench:
-    """Wrench of all touching feet on the body, body frame; feet attach, slide and come off on the way."""
-    wrench = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    position, w = state.position, state.omega
-    for leg in range(4):
-        mode = state.foot_mode[leg]
-        if mode in (FREE, RELEASED):
-            continue
-        anchor = state.foot_anchor[leg]
-        px, py, pz = to_body(rot, anchor[0] - position[0], anchor[1] - position[1], anchor[2] - position[2])
-        fx, fy, fz = foot_force(p, leg, px, py, pz, vx, vy, vz, w[0], w[1], w[2])
-        fx, fy, fz = to_world(rot, fx, fy, fz)
-        held = hold_foot(p, state, leg, fx, fy, fz)
-        fx, fy, fz = to_body(rot, held[0], held[1], held[2])
-        wrench = add(wrench, (fx, fy, fz, py * fz - pz * fy, pz * fx - px * fz, px * fy - py * fx))
-    return wrench
+def held_leg(state: Any, p: Any, rot: Rotation, leg: int, v: Vector, w: Vector) -> HeldLeg:
+    """Rod, hinge force and foot of one leg in the middle of a step; all zero while its foot is free.
+
+    Args:
+        state, p: the vehicle.
+        rot: its attitude.
+        leg: index 0..3.
+        v, w: velocity (m/s) and rate (rad/s), body frame.
+    """
+    if can_touch(state.foot_mode[leg]):
+        return LOOSE, NOTHING, NOTHING
+    anchor, position = state.foot_anchor[leg], state.position
+    foot = to_body(rot, anchor[0] - position[0], anchor[1] - position[1], anchor[2] - position[2])
+    rx, ry, rz = foot[0] - p.hip[leg, 0], foot[1] - p.hip[leg, 1], foot[2] - p.hip[leg, 2]
+    length = math.sqrt(rx * rx + ry * ry + rz * rz)
+    inverse = 1.0 / length
+    u = (rx * inverse, ry * inverse, rz * inverse)
+    # The anchor rests in the world: seen from the body it moves with -(v + w x p).
+    turn = cross(w, foot)
+    d = (-v[0] - turn[0], -v[1] - turn[1], -v[2] - turn[2])
+    arm = cross(foot, u)
+    rod = (u[0], u[1], u[2], arm[0], arm[1], arm[2], length - p.leg_length)
+    return rod, hinge_force(p, leg, u, inverse, d), foot
 
 
 @kernel
-def touch_feet(state: Any, p: Any) -> None:
-    """Let free feet that reached the ceiling or the floor take hold where they are."""
-    rot = attitude(state)
-    position = state.position
-    for leg in range(4):
-        mode = state.foot_mode[leg]
-        if mode not in (FREE, RELEASED):
-            continue
-        bx = p.hip[leg, 0] + p.leg_length * p.leg_direction[leg, 0]
-        by = p.hip[leg, 1] + p.leg_length * p.leg_direction[leg, 1]
-        bz = p.hip[leg, 2] + p.leg_length * p.leg_direction[leg, 2]
-        fx, fy, fz = to_world(rot, bx, by, bz)
-        x, y, z = position[0] + fx, position[1] + fy, position[2] + fz
-        gap = p.ceiling_z - p.foot_radius - z
-        if mode == RELEASED:
-            if gap > CLEARANCE:
-                state.foot_mode[leg] = FREE
-            continue
-        if gap <= 0.0:
-            state.foot_mode[leg] = PRESSING_CEILING
-            if p.minimum_preload <= 0.0:
-                state.foot_mode[leg] = ATTACHED
-                state.foot_attached[leg] = 1
-            record_impact(state)
-        elif z <= p.foot_radius:
-            state.foot_mode[leg] = PRESSING_FLOOR
-        else:
-            continue
-        state.foot_anchor[leg, 0], state.foot_anchor[leg, 1], state.foot_anchor[leg, 2] = x, y, z
+def wrench_at(foot: Vector, force: Vector) -> Wrench:
+    """Wrench of a force (N) at a point (m), body frame."""
+    moment = cross(foot, force)
+    return force[0], force[1], force[2], moment[0], moment[1], moment[2]
+
+
+@kernel
+def foot_reaction(state: Any, p: Any, rot: Rotation, leg: int, held: HeldLeg, pull: float) -> Wrench:
+    """What the ceiling or floor adds to the hinge's force on one foot: the rod's pull, or what the foot holds."""
+    rod, hinge, foot = held
+    x, y, z = hinge[0] + pull * rod[0], hinge[1] + pull * rod[1], hinge[2] + pull * rod[2]
+    mode = state.foot_mode[leg]
+    down = rot[6] * x + rot[7] * y + rot[8] * z
+    if can_touch(mode) or (mode == ATTACHED and down <= p.adhesion_strength):
+        return pull * rod[0], pull * rod[1], pull * rod[2], pull * rod[3], pull * rod[4], pull * rod[5]
+    wx, wy, wz = to_world(rot, x, y, z)
+    wx, wy, wz = hold_foot(p, state, leg, wx, wy, wz)
+    x, y, z = to_body(rot, wx, wy, wz)
+    return wrench_at(foot, (x - hinge[0], y - hinge[1], z - hinge[2]))
+
+
+@kernel
+def push(state: Any, rot: Rotation, inverse: Inverse, wrench: Wrench, dt: float) -> None:
+    """Change the velocities by the impulse of a body-frame wrench over `dt` (s), without gravity."""
+    fx, fy, fz = to_world(rot, wrench[0], wrench[1], wrench[2])
+    per_mass = dt * inverse[0]
+    state.velocity[0] += per_mass * fx
+    state.velocity[1] += per_mass * fy
+    state.velocity[2] += per_mass * fz
+    state.omega[0] += dt * inverse[1] * wrench[3]
+    state.omega[1] += dt * inverse[2] * wrench[4]
+    state.omega[2] += dt * inverse[3] * wrench[5]
+
+
+@kernel
+def kick_with_legs(
+    state: Any, p: Any, rot: Rotation, inverse: Inverse, wrench: Wrench, v: Vector, dt: float
+) -> None:
+    """As :func:`kick`, with the forces of all held feet; they take hold, slide and come off on the way."""
+    w = (state.omega[0], state.omega[1], state.omega[2])
+    leg0, leg1 = held_leg(state, p, rot, 0, v, w), held_leg(state, p, rot, 1, v, w)
+    leg2, leg3 = held_leg(state, p, rot, 2, v, w), held_leg(state, p, rot, 3, v, w)
+    hinges = add(
+        add(wrench_at(leg0[2], leg0[1]), wrench_at(leg1[2], leg1[1])),
+        add(wrench_at(leg2[2], leg2[1]), wrench_at(leg3[2], leg3[1])),
+    )
+    kick(state, p, rot, inverse, add(wrench, hinges), dt)
+    velocity = state.velocity
+    v = to_body(rot, velocity[0], velocity[1], velocity[2])
+    w = (state.omega[0], state.omega[1], state.omega[2])
+    pulls = rod_forces(p, inverse, leg0[0], leg1[0], leg2[0], leg3[0], v, w, dt)
+    reactions = add(
+        add(foot_reaction(state, p, rot, 0, leg0, pulls[0]), foot_reaction(state, p, rot, 1, leg1, pulls[1])),
+        add(foot_reaction(state, p, rot, 2, leg2, pulls[2]), foot_reaction(state, p, rot, 3, leg3, pulls[3])),
+    )
+    push(state, rot, inverse, reactions, dt)
 
 
 @kernel
@@ -180,19 +208,59 @@ def contact_substep(state: Any, p: Any, targets: Thrusts, dt: float, up: float, 
     rot = attitude(state)
     velocity = state.velocity
     ux, uy, uz = velocity[0], velocity[1], velocity[2]
-    vx, vy, vz = to_body(rot, ux, uy, uz)
-    wrench = add(free_flight_wrench(state, p, rot, vx, vy, vz), leg_wrench(state, p, rot, vx, vy, vz))
-    kick(state, p, rot, wrench, dt)
+    v = to_body(rot, ux, uy, uz)
+    wrench = free_flight_wrench(state, p, rot, v[0], v[1], v[2])
+    inverse = inverse_inertia(p)
+    if any_foot_holds(state):
+        kick_with_legs(state, p, rot, inverse, wrench, v, dt)
+    else:
+        kick(state, p, rot, inverse, wrench, dt)
     collide_all(state, p, rot)
+    rate = 1.0 / dt
     sx, sy, sz = to_body(
-        rot, (velocity[0] - ux) / dt, (velocity[1] - uy) / dt, (velocity[2] - uz) / dt + p.gravity
+        rot, (velocity[0] - ux) * rate, (velocity[1] - uy) * rate, (velocity[2] - uz) * rate + p.gravity
     )
     state.specific_force[0], state.specific_force[1], state.specific_force[2] = sx, sy, sz
     lag_all(state, p, targets, up, down, 0.5 * dt)
     drift(state, 0.5 * dt)
     state.time += dt
-    if p.has_legs:
-        touch_feet(state, p)
+
+
+@kernel
+def contact_step(state: Any, p: Any, targets: Thrusts, dt: float, up: float, down: float) -> None:
+    """`dt` (s) near a surface, cut where a foot meets the ceiling, so that it takes hold just there.
+
+    `up`, `down`: motor decays of dt / 2. At most one cut a foot; the specific force is the mean over the step.
+    """
+    if not (p.has_legs and any_can_touch(state)):
+        contact_substep(state, p, targets, dt, up, down)
+        return
+    left = dt
+    sx, sy, sz = 0.0, 0.0, 0.0
+    for _ in range(5):
+        part = time_to_touch(state, p, attitude(state), left)
+        if part < dt:
+            part_up, part_down = decay(p, 0.5 * part)
+            contact_substep(state, p, targets, part, part_up, part_down)
+        else:
+            contact_substep(state, p, targets, part, up, down)
+        if touch_feet(state, p, attitude(state)):
+            record_impact(state)
+        share = part / dt
+        sx += share * state.specific_force[0]
+        sy += share * state.specific_force[1]
+        sz += share * state.specific_force[2]
+        left -= part
+        if left <= 0.0:
+            break
+    state.specific_force[0], state.specific_force[1], state.specific_force[2] = sx, sy, sz
+
+
+@kernel
+def any_foot_holds(state: Any) -> bool:
+    """Whether any foot touches ceiling or floor."""
+    mode = state.foot_mode
+    return not (can_touch(mode[0]) and can_touch(mode[1]) and can_touch(mode[2]) and can_touch(mode[3]))
 
 
 @kernel
@@ -221,7 +289,7 @@ def advance(
     n = p.substeps
     sx, sy, sz = 0.0, 0.0, 0.0
     for _ in range(n):
-        contact_substep(state, p, targets, dt / n, fine_up, fine_down)
+        contact_step(state, p, targets, dt / n, fine_up, fine_down)
         sx += state.specific_force[0]
         sy += state.specific_force[1]
         sz += state.specific_force[2]

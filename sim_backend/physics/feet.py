@@ -1,0 +1,139 @@
+"""What a foot does: when it touches, when it takes hold, slides, and comes off."""
+
+import math
+from typing import Any
+
+from onboard.arrays import Vector
+from onboard.jit import kernel
+from sim_backend.physics.frames import Rotation, cross, to_world
+from sim_backend.physics.state import FootMode
+
+FREE = int(FootMode.FREE)
+PRESSING_CEILING = int(FootMode.PRESSING_CEILING)
+PRESSING_FLOOR = int(FootMode.PRESSING_FLOOR)
+ATTACHED = int(FootMode.ATTACHED)
+RELEASED = int(FootMode.RELEASED)
+
+CLEARANCE = 5e-4
+"""m: a foot that was torn off may touch again once its rest position is this far below the ceiling."""
+
+TOGETHER = 1e-7
+"""m: feet this close to the plane when another one touches touch with it, so that left and right stay alike."""
+
+
+@kernel
+def rest_foot(p: Any, leg: int) -> Vector:
+    """Where the foot of an unbent leg is, body frame (m)."""
+    return (
+        p.hip[leg, 0] + p.leg_length * p.leg_direction[leg, 0],
+        p.hip[leg, 1] + p.leg_length * p.leg_direction[leg, 1],
+        p.hip[leg, 2] + p.leg_length * p.leg_direction[leg, 2],
+    )
+
+
+@kernel
+def can_touch(mode: int) -> bool:
+    """Whether a foot in this mode may still come to touch."""
+    return mode in (FREE, RELEASED)
+
+
+@kernel
+def any_can_touch(state: Any) -> bool:
+    """Whether any foot is off the surfaces."""
+    mode = state.foot_mode
+    return can_touch(mode[0]) or can_touch(mode[1]) or can_touch(mode[2]) or can_touch(mode[3])
+
+
+@kernel
+def ceiling_gap(state: Any, p: Any, rot: Rotation, foot: Vector) -> float:
+    """Distance (m) of a foot's surface to the ceiling, negative beyond it."""
+    return p.ceiling_z - p.foot_radius - state.position[2] - to_world(rot, foot[0], foot[1], foot[2])[2]
+
+
+@kernel
+def time_to_touch(state: Any, p: Any, rot: Rotation, horizon: float) -> float:
+    """Time (s) until the next free foot meets the ceiling at its present velocity; `horizon` if none does."""
+    soonest = horizon
+    w = (state.omega[0], state.omega[1], state.omega[2])
+    for leg in range(4):
+        if state.foot_mode[leg] != FREE:
+            continue
+        foot = rest_foot(p, leg)
+        gap = ceiling_gap(state, p, rot, foot)
+        turn = cross(w, foot)
+        climb = state.velocity[2] + to_world(rot, turn[0], turn[1], turn[2])[2]
+        if gap > 0.0 and climb * soonest > gap:
+            soonest = gap / climb
+    return soonest
+
+
+@kernel
+def touch_feet(state: Any, p: Any, rot: Rotation) -> bool:
+    """Let free feet that reached the ceiling or the floor take hold where they are; whether one met the ceiling."""
+    position = state.position
+    met = False
+    for leg in range(4):
+        mode = state.foot_mode[leg]
+        if not can_touch(mode):
+            continue
+        foot = rest_foot(p, leg)
+        fx, fy, fz = to_world(rot, foot[0], foot[1], foot[2])
+        x, y, z = position[0] + fx, position[1] + fy, position[2] + fz
+        gap = p.ceiling_z - p.foot_radius - z
+        if mode == RELEASED:
+            if gap > CLEARANCE:
+                state.foot_mode[leg] = FREE
+            continue
+        if gap <= TOGETHER:
+            state.foot_mode[leg] = PRESSING_CEILING
+            if p.minimum_preload <= 0.0:
+                state.foot_mode[leg] = ATTACHED
+                state.foot_attached[leg] = 1
+            met = True
+        elif z <= p.foot_radius:
+            state.foot_mode[leg] = PRESSING_FLOOR
+        else:
+            continue
+        state.foot_anchor[leg, 0], state.foot_anchor[leg, 1], state.foot_anchor[leg, 2] = x, y, z
+    return met
+
+
+@kernel
+def limit_friction(p: Any, state: Any, leg: int, fx: float, fy: float, push: float) -> tuple[float, float]:
+    """Horizontal force (N, world) within the friction cone of a pressing foot; beyond it the anchor slides.
+
+    The slide relaxes the excess over a few steps through the stiffest direction of the leg.
+    """
+    size = math.hypot(fx, fy)
+    limit = p.foot_friction * push
+    if size <= limit:
+        return fx, fy
+    slide = 0.5 * (size - limit) / (p.axial_stiffness * size)
+    state.foot_anchor[leg, 0] -= slide * fx
+    state.foot_anchor[leg, 1] -= slide * fy
+    return fx * limit / size, fy * limit / size
+
+
+@kernel
+def hold_foot(p: Any, state: Any, leg: int, fx: float, fy: float, fz: float) -> Vector:
+    """What a touching foot holds of the force (N, world) that would keep it at its anchor.
+
+    Changes the foot's mode where it takes hold or comes off.
+    """
+    mode = state.foot_mode[leg]
+    if mode == ATTACHED:
+        if fz > p.adhesion_strength:
+            state.foot_mode[leg] = RELEASED
+            state.foot_attached[leg] = 0
+            return 0.0, 0.0, 0.0
+        return fx, fy, fz
+    push = fz if mode == PRESSING_FLOOR else -fz
+    if push <= 0.0:
+        state.foot_mode[leg] = FREE
+        return 0.0, 0.0, 0.0
+    if mode == PRESSING_CEILING and push >= p.minimum_preload:
+        state.foot_mode[leg] = ATTACHED
+        state.foot_attached[leg] = 1
+        return fx, fy, fz
+    fx, fy = limit_friction(p, state, leg, fx, fy, push)
+    return fx, fy, fz
