@@ -18,7 +18,7 @@ CLEARANCE = 5e-4
 """m: a foot that was torn off may touch again once its rest position is this far below the ceiling."""
 
 TOGETHER = 1e-7
-"""m: feet this close to the plane when another one touches touch with it, so that left and right stay alike."""
+"""m: a foot this close to the ceiling touches with the one that is there: left and right stay alike."""
 
 
 @kernel
@@ -69,7 +69,7 @@ def time_to_touch(state: Any, p: Any, rot: Rotation, horizon: float) -> float:
 
 @kernel
 def touch_feet(state: Any, p: Any, rot: Rotation) -> bool:
-    """Let free feet that reached the ceiling or the floor take hold where they are; whether one met the ceiling."""
+    """Let free feet at the ceiling or the floor take hold where they are; whether one met the ceiling."""
     position = state.position
     met = False
     for leg in range(4):

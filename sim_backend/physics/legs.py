@@ -19,7 +19,7 @@ _POLYNOMIAL_END = 0.5
 
 
 def _ratio_polynomial() -> tuple[float, ...]:
-    """Coefficients (highest power first) of delta / sin(delta) in x = 1 - cos(delta), to 1e-13 up to 60 deg."""
+    """Coefficients, highest power first, of delta / sin(delta) in 1 - cos(delta); 1e-13 up to 60 deg."""
     x = np.polynomial.chebyshev.chebpts1(40) * 0.5 * _POLYNOMIAL_END + 0.5 * _POLYNOMIAL_END
     delta = 2.0 * np.arcsin(np.sqrt(0.5 * x))
     fit = np.polynomial.Polynomial.fit(x, delta / np.sin(delta), 11, domain=[0.0, _POLYNOMIAL_END])
@@ -82,9 +82,8 @@ def hinge_force(p: Any, leg: int, u: Vector, inverse: float, d: Vector) -> Vecto
     moment = p.hinge_stiffness * ratio
     if cosine < p.hinge_limit_cosine:
         # K_stop (delta - limit) / sin(delta)
-        moment += p.hinge_limit_stiffness * (
-            ratio - p.hinge_limit / math.sqrt(max(1.0 - cosine * cosine, 1e-24))
-        )
+        sine = math.sqrt(max(1.0 - cosine * cosine, 1e-24))
+        moment += p.hinge_limit_stiffness * (ratio - p.hinge_limit / sine)
     along = u[0] * d[0] + u[1] * d[1] + u[2] * d[2]
     spring, damper = moment * inverse, p.hinge_damping * inverse * inverse
     return (

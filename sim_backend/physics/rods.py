@@ -1,8 +1,8 @@
 """Forces along the rods of the legs whose feet are held, found for all legs together.
 
-A rod is so stiff (k) and damped (c) that an explicit step of 1 ms would explode. Its force is therefore the one
-that belongs to the end of the step (backward Euler): with the stretch s at the middle of the step and its rate
-s' after it,
+A rod is so stiff (k) and damped (c) that an explicit step of 1 ms would explode. Its force is therefore the
+one that belongs to the end of the step (backward Euler): with the stretch s at the middle of the step and its
+rate s' after it,
 
     f = k (s + s' dt / 2) + c s',    s'_i = s'_i0 - dt sum_j A_ij f_j,    A_ij = J_i M^-1 J_j^T,
 
@@ -53,7 +53,7 @@ def rod_forces(
     Args:
         p: parameters. inverse: its inverse mass and inertias.
         a, b, c, d: the rods of legs 1 to 4 in the middle of the step; LOOSE where the foot is free.
-        v, w: velocity (m/s) and rate (rad/s) that the body would have after the step without them, body frame.
+        v, w: velocity (m/s) and rate (rad/s) of the body after the step without these forces, body frame.
         dt: s.
     """
     k, g = p.axial_stiffness, p.axial_damping + 0.5 * dt * p.axial_stiffness

@@ -122,7 +122,7 @@ def wrench_at(foot: Vector, force: Vector) -> Wrench:
 
 @kernel
 def foot_reaction(state: Any, p: Any, rot: Rotation, leg: int, held: HeldLeg, pull: float) -> Wrench:
-    """What the ceiling or floor adds to the hinge's force on one foot: the rod's pull, or what the foot holds."""
+    """What a surface adds to the hinge's force on a foot: the pull of its rod, or what the foot can hold."""
     rod, hinge, foot = held
     x, y, z = hinge[0] + pull * rod[0], hinge[1] + pull * rod[1], hinge[2] + pull * rod[2]
     mode = state.foot_mode[leg]
@@ -230,7 +230,7 @@ def contact_substep(state: Any, p: Any, targets: Thrusts, dt: float, up: float, 
 def contact_step(state: Any, p: Any, targets: Thrusts, dt: float, up: float, down: float) -> None:
     """`dt` (s) near a surface, cut where a foot meets the ceiling, so that it takes hold just there.
 
-    `up`, `down`: motor decays of dt / 2. At most one cut a foot; the specific force is the mean over the step.
+    `up`, `down`: motor decays of dt / 2. At most one cut a foot; the specific force is the mean of the step.
     """
     if not (p.has_legs and any_can_touch(state)):
         contact_substep(state, p, targets, dt, up, down)

@@ -33,7 +33,7 @@ def test_energy_never_grows_without_power(parameters: Any, rng: np.random.Genera
         for _ in range(450):
             step_thrust(state, parameters, OFF, 1e-3)
             now = mechanical_energy(state, parameters)
-            assert now - before < 1e-7 * start
+            assert now - before < 5e-5 * start
             before = now
         attached += int(state["foot_attached"].sum() > 0)
     assert attached > 20
