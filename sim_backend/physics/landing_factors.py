@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from sim_backend.physics.jit import kernel
+from onboard.jit import kernel
 
 FACTORS = np.dtype(
     [

@@ -137,9 +137,9 @@ def test_longer_legs_widen_the_window() -> None:
 def _rigid(design: str) -> Any:
     """Legs without give, feet that never let go, and hull and propellers too small to be in the way."""
     p = _parameters(design)
-    p["hinge_stiffness"], p["hinge_damping"], p["hinge_limit"] = 60.0, 0.01, 9.0
+    p["hinge_stiffness"], p["hinge_damping"], p["hinge_limit_cosine"] = 60.0, 0.01, -2.0
     p["axial_stiffness"], p["axial_damping"] = 4e5, 100.0
-    p["adhesion_strength"], p["substeps"] = np.inf, 64
+    p["adhesion_strength"], p["substeps"] = np.inf, 8
     for name in ("body_half_x", "body_half_y", "propeller_radius", "arm_x", "arm_y"):
         p[name] = 1e-3
     p["body_top_z"], p["propeller_height_z"], p["body_bottom_z"] = 1e-3, 1e-3, -1e-3
