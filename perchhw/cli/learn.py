@@ -1,7 +1,8 @@
 """``perchhw learn``: sweep, train, validate, or all three."""
 
 import json
-import os
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,7 +17,9 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
     from onboard.policy.files import Policy
+    from perchhw.learning.executor import Executor
     from perchhw.learning.setup import LearningSetup
+    from perchhw.learning.sweep_folder import Row
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help="Learn a landing policy in simulation.")
 
@@ -38,7 +41,16 @@ class SetupOptions:
     legs: Annotated[str | None, typer.Option(help="Leg design; the vehicle's own without it.")] = None
     leg_angle_deg: Annotated[float | None, typer.Option(help="Another leg angle from -b_z, deg.")] = None
     leg_length_m: Annotated[float | None, typer.Option(help="Another leg length, m.")] = None
-    domain: Annotated[str, typer.Option(help="Domain randomisation: paper or none.")] = "paper"
+    domain: Annotated[
+        str, typer.Option(help="Domain randomisation: paper, none, or vehicle (all of its sigmas).")
+    ] = "paper"
+    randomise: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME[=SIGMA]",
+            help="Draw this quantity of the vehicle file too, as legs.stiffness; repeat for more.",
+        ),
+    ] = None
     sensing: Annotated[
         str, typer.Option(help="Errors of the cues: perfect (the paper), realistic or late.")
     ] = "perfect"
@@ -48,18 +60,22 @@ class SetupOptions:
         """The setup of the rollouts; a validation has no use for the reward."""
         from perchhw.learning.setup import LearningSetup
 
-        return LearningSetup(**asdict(self), reward=reward)
+        return LearningSetup(**{**asdict(self), "randomise": tuple(self.randomise or ())}, reward=reward)
 
 
 @dataclass(frozen=True)
 class GridOptions:
-    """Which approaches are flown, by how many threads; the paper's grid (section III.C) without a choice."""
+    """Which approaches are flown, and by whom; the paper's grid (section III.C) without a choice."""
 
     speeds: Annotated[str, typer.Option(help="m/s, FIRST:LAST:STEP or A,B,C.")] = "1.5:3.5:0.1"
     angles: Annotated[str, typer.Option(help="deg above the horizon, FIRST:LAST:STEP or A,B,C.")] = (
         "30:90:3.75"
     )
     workers: Annotated[int, typer.Option(min=0, help="Threads, 0: one a core; the result is the same.")] = 0
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="tcp://HOST:PORT", help="Work on this Dask cluster instead; same result."),
+    ] = None
 
     def ranges(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Speeds (m/s) and angles (deg).
@@ -71,9 +87,11 @@ class GridOptions:
 
         return parse_range(self.speeds, "--speeds"), parse_range(self.angles, "--angles")
 
-    def threads(self) -> int:
-        """How many threads to start."""
-        return self.workers or os.cpu_count() or 1
+    def executor(self) -> "AbstractContextManager[Executor]":
+        """Who flies them."""
+        from perchhw.learning.executor import open_executor
+
+        return open_executor(self.workers, self.scheduler)
 
 
 @dataclass(frozen=True)
@@ -156,24 +174,37 @@ def _progress() -> "Progress":
     )
 
 
+@contextmanager
+def _shown(what: str, seed: int) -> "Iterator[Callable[[Row, int, int], None]]":
+    """Shows rows as they come: a bar, and a line for every row with rollouts that were not finite."""
+    from perchhw.learning.sweep_folder import not_finite_report
+
+    with _progress() as progress:
+        task = progress.add_task(what, total=None)
+
+        def show(row: "Row", done: int, total: int) -> None:
+            progress.update(task, completed=done, total=total)
+            report = not_finite_report(row, seed)
+            if report["rollouts"]:
+                progress.console.print(f"not finite, counted as failures: {report}", markup=False)
+
+        yield show
+
+
 def _sweep(setup: SetupOptions, grid: GridOptions, learning: SweepOptions, out: Path) -> dict[str, Any]:
     from perchhw.learning.bands import band_table, best_per_condition
     from perchhw.learning.sweep import SweepGrid, run_sweep
-    from perchhw.learning.sweep_folder import SWEEP_FILE, Row, read_settings
+    from perchhw.learning.sweep_folder import SWEEP_FILE, read_settings
 
-    with _progress() as progress:
-        task = progress.add_task("learning trials", total=None)
-
-        def on_trial(row: Row, done: int, total: int) -> None:
-            progress.update(task, completed=done, total=total)
-
+    trials = SweepGrid(*grid.ranges(), learning.repeats)
+    with grid.executor() as executor, _shown("learning trials", setup.seed) as show:
         summary = run_sweep(
             setup.learning_setup(learning.reward),
-            SweepGrid(*grid.ranges(), learning.repeats),
+            trials,
             out,
-            workers=grid.threads(),
+            executor=executor,
             resume=learning.resume,
-            on_trial=on_trial,
+            on_trial=show,
         )
     return {
         "folder": str(out),
@@ -187,19 +218,25 @@ def _train(out: Path, pairs: Path | None, landing_rate_min: float, name: str, se
     from dataclasses import replace
 
     from onboard.policy.files import policy_crc32, save_policy
-    from perchhw.learning.sweep_folder import PAIRS_FILE, SWEEP_FILE, read_settings
+    from perchhw.learning.sweep_folder import (
+        PAIRS_FILE,
+        SWEEP_FILE,
+        make_folder,
+        read_settings,
+        write_file,
+    )
     from perchhw.learning.train import train_policy
     from perchhw.learning.training_set import load_training_set
 
     table = pairs or out / PAIRS_FILE
     training_set = load_training_set(table, landing_rate_min=landing_rate_min)
+    make_folder(out)
     policy = train_policy(training_set, name=name, seed=seed).policy
     swept = table.parent / SWEEP_FILE
     if swept.is_file():
         document = read_settings(swept)
         kept = {key: document[key] for key in ("settings", "versions", "result") if key in document}
         policy = replace(policy, provenance={**policy.provenance, "sweep": kept})
-    out.mkdir(parents=True, exist_ok=True)
     save_policy(policy, out / POLICY_FILE)
     result = {
         "policy": str(out / POLICY_FILE),
@@ -210,7 +247,7 @@ def _train(out: Path, pairs: Path | None, landing_rate_min: float, name: str, se
         "action_rms_nm": policy.provenance["train_rms_nm"],
         "action_held_out_rms_nm": policy.provenance["held_out_rms_nm"],
     }
-    (out / TRAINING_FILE).write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    write_file(out / TRAINING_FILE, json.dumps(result, indent=1) + "\n")
     return result
 
 
@@ -236,22 +273,17 @@ def _validate(
     from onboard.policy.files import policy_crc32
     from perchhw.learning.bands import band_table, best_per_condition
     from perchhw.learning.grid import conditions
+    from perchhw.learning.sweep_folder import make_folder, not_finite_report, write_file
     from perchhw.learning.validate import validate_policy, write_validation
 
     loaded = _load_policy(policy, out)
     approaches = conditions(*grid.ranges())
     flown_by = setup.learning_setup()
-    with _progress() as progress:
-        task = progress.add_task("validation", total=len(approaches))
+    make_folder(out)
+    with grid.executor() as executor, _shown("validation", setup.seed) as show:
         rows = validate_policy(
-            loaded,
-            flown_by,
-            approaches,
-            rollouts=rollouts,
-            workers=grid.threads(),
-            on_condition=lambda done, total: progress.update(task, completed=done, total=total),
+            loaded, flown_by, approaches, rollouts=rollouts, executor=executor, on_condition=show
         )
-    out.mkdir(parents=True, exist_ok=True)
     write_validation(rows, out / VALIDATION_FILE)
     result = {
         "policy_crc32": policy_crc32(loaded),
@@ -260,9 +292,12 @@ def _validate(
         "conditions": len(rows),
         "rollouts_per_condition": rollouts,
         "trigger_rate": sum(float(row["trigger_rate"] or 0) for row in rows) / len(rows),
+        "not_finite_rollouts": [
+            not_finite_report(row, setup.seed) for row in rows if row["not_finite_rollouts"]
+        ],
         "bands": band_table(best_per_condition(rows)),
     }
-    (out / VALIDATION_SUMMARY).write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    write_file(out / VALIDATION_SUMMARY, json.dumps(result, indent=1) + "\n")
     return result
 
 

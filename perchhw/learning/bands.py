@@ -6,15 +6,13 @@ from typing import Any
 import numpy as np
 
 from perchhw.learning.grid import Condition
+from perchhw.learning.sweep_folder import Row
 
 BANDS_DEG = ((30.0, 45.0), (45.0, 60.0), (60.0, 75.0), (75.0, 90.1))
 """Bands of the approach angle; the right bound is outside, except for 90 deg."""
 
 FAST = 2.5
 """m/s from which an approach counts as fast in the table."""
-
-Row = dict[str, float | int | None]
-"""One row of a table of trials: numbers by column, None where a cell is empty."""
 
 
 def best_per_condition(rows: Sequence[Row], column: str = "landing_rate") -> dict[Condition, float]:

@@ -22,13 +22,17 @@ START_TAU = (0.18, 0.22, 0.24)
 """s, mean of tau at the start of the three repeats."""
 
 
+EPISODES_MOST = 15
+"""Episodes in which the distribution may move; the history of a trial has room for as many."""
+
+
 class EpheSettings(NamedTuple):
     """Hyperparameters.
 
     Attributes:
         rollouts: samples an episode.
         best: of them that update the distribution.
-        episodes: at most.
+        episodes: at most; no more than :data:`EPISODES_MOST`.
         evaluation_episodes: with the final distribution.
         sigma_stop: converged when both standard deviations are below.
         sigma_tau, sigma_moment: at the start.
@@ -38,7 +42,7 @@ class EpheSettings(NamedTuple):
 
     rollouts: int = 6
     best: int = 3
-    episodes: int = 15
+    episodes: int = EPISODES_MOST
     evaluation_episodes: int = 3
     sigma_stop: float = 0.05
     sigma_tau: float = 0.5

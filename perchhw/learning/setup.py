@@ -2,19 +2,25 @@
 
 import dataclasses
 import hashlib
+import json
+import tomllib
 from dataclasses import dataclass
-from importlib.metadata import version
+from functools import lru_cache
 from typing import Any
+
+import numpy as np
 
 from onboard.controller import AUTHORS_GAINS, ControllerGains, controller_gains
 from onboard.quantity import Quantity
 from onboard.room import RoomGeometry
 from onboard.vehicle import Vehicle, load_vehicle, vehicle_to_toml
-from perchhw.learning.domain_randomisation import domain_randomisation
+from onboard.vehicle.file_format import parse_vehicle
+from perchhw.learning.domain_randomisation import VEHICLE, DomainRandomisation, domain_randomisation
 from perchhw.learning.ephe import EpheSettings
 from perchhw.learning.errors import LearningInputError
 from perchhw.learning.reward import reward_weights
 from perchhw.learning.trial import Rules
+from perchhw.learning.vehicle_pool import acting, all_draws, parse_draws, vehicle_pool
 from sim_backend.physics.parameters import physics_parameters
 from sim_backend.physics.rollout import RolloutSettings
 
@@ -31,6 +37,9 @@ SENSING: dict[str, RolloutSettings] = {
 onboard estimator leave (engineering estimates): 0 to 15 ms of age, 0.02 m/s of lasting and 0.01 m/s of quick
 error in velocity, 1 mm in height. ``late`` is a stress test with 15 ms of age always."""
 
+_POOL_KEY = 3
+"""Of the random numbers of the pool of vehicles; the keys of trials have four parts."""
+
 
 @dataclass(frozen=True)
 class LearningSetup:
@@ -40,6 +49,8 @@ class LearningSetup:
         vehicle: name or path. legs: name of a design, None for the vehicle's own.
         leg_angle_deg, leg_length_m: replace those of the design.
         reward, domain, sensing, gains: names of presets.
+        randomise: quantities of the vehicle file that are drawn too, ``NAME`` or ``NAME=SIGMA``
+            (:mod:`vehicle_pool`); a name replaces what the preset says of it.
         ceiling_z: m.
         seed: of everything random.
     """
@@ -50,6 +61,7 @@ class LearningSetup:
     leg_length_m: float | None = None
     reward: str = "paper"
     domain: str = "paper"
+    randomise: tuple[str, ...] = ()
     sensing: str = "perfect"
     gains: str = "default"
     ceiling_z: float = RoomGeometry().ceiling_z
@@ -83,40 +95,104 @@ class LearningSetup:
             )
         return dataclasses.replace(vehicle, legs=legs)
 
-    def load(self) -> tuple[Any, Rules]:
-        """Physics parameters and the rules of all rollouts.
+    def recipe(self) -> "Recipe":
+        """The setup with its vehicle in full.
 
         Raises:
-            VehicleFileError, LearningInputError: see :meth:`load_vehicle`; a preset that is not known.
-            SimulationError: the vehicle has an effect that the physics lacks.
+            VehicleFileError, LearningInputError: see :meth:`load_vehicle`.
         """
-        if self.sensing not in SENSING:
-            raise LearningInputError(
-                f"sensing {self.sensing!r} is not known: choose one of {', '.join(SENSING)}"
-            )
-        vehicle = self.load_vehicle()
-        rules = Rules(
-            gains=self._gains(vehicle),
-            domain=domain_randomisation(self.domain),
-            rollout=SENSING[self.sensing],
-            reward=reward_weights(self.reward),
-            ephe=EpheSettings(),
-        )
-        return physics_parameters(vehicle, RoomGeometry(ceiling_z=self.ceiling_z)), rules
+        return Recipe(self, vehicle_to_toml(self.load_vehicle()))
 
-    def _gains(self, vehicle: Vehicle) -> ControllerGains:
-        if self.gains == "default":
-            return controller_gains(vehicle)
-        if self.gains == "authors":
-            return AUTHORS_GAINS
-        raise LearningInputError(f"gains {self.gains!r} are not known: choose default or authors")
+    def load(self) -> tuple[Any, Rules]:
+        """Physics parameters of the nominal vehicle, and the rules of all rollouts.
+
+        Raises:
+            VehicleFileError, LearningInputError, SimulationError: see :meth:`load_vehicle` and
+                :meth:`Recipe.build`.
+        """
+        return self.recipe().build()
 
     def describe(self) -> dict[str, Any]:
         """The settings, with a fingerprint of the vehicle, for records and for comparing runs."""
-        text = vehicle_to_toml(self.load_vehicle())
-        return {**dataclasses.asdict(self), "vehicle_sha256": hashlib.sha256(text.encode()).hexdigest()}
+        settings = {**dataclasses.asdict(self), "randomise": sorted(self.randomise)}
+        return {**settings, "vehicle_sha256": fingerprint(self.recipe().vehicle_toml)}
 
 
-def versions() -> dict[str, str]:
-    """Versions of what the numbers depend on."""
-    return {package: version(package) for package in ("perchhw", "numpy", "numba")}
+@dataclass(frozen=True)
+class Recipe:
+    """All that rollouts need, as plain text and numbers: it can be sent to a machine without our files."""
+
+    setup: LearningSetup
+    vehicle_toml: str
+
+    def build(self) -> tuple[Any, Rules]:
+        """Physics parameters of the nominal vehicle, and the rules of all rollouts.
+
+        Raises:
+            LearningInputError: a preset that is not known, or a quantity that cannot be drawn.
+            SimulationError: the vehicle has an effect that the physics lacks.
+        """
+        setup = self.setup
+        if setup.sensing not in SENSING:
+            raise LearningInputError(
+                f"sensing {setup.sensing!r} is not known: choose one of {', '.join(SENSING)}"
+            )
+        content = tomllib.loads(self.vehicle_toml)
+        vehicle = parse_vehicle(content, setup.vehicle)
+        room = RoomGeometry(ceiling_z=setup.ceiling_z)
+        rules = Rules(
+            gains=_gains(setup.gains, vehicle),
+            domain=_domain(setup, content, room),
+            rollout=SENSING[setup.sensing],
+            reward=reward_weights(setup.reward),
+            ephe=EpheSettings(),
+        )
+        return physics_parameters(vehicle, room), rules
+
+
+@lru_cache(maxsize=4)
+def prepared(recipe: Recipe) -> tuple[Any, Rules]:
+    """:meth:`Recipe.build`, once in a process. Not to be changed by its users."""
+    return recipe.build()
+
+
+def _gains(name: str, vehicle: Vehicle) -> ControllerGains:
+    if name == "default":
+        return controller_gains(vehicle)
+    if name == "authors":
+        return AUTHORS_GAINS
+    raise LearningInputError(f"gains {name!r} are not known: choose default or authors")
+
+
+def _domain(setup: LearningSetup, content: dict[str, Any], room: RoomGeometry) -> DomainRandomisation:
+    """The preset, with a pool for the quantities that are named."""
+    domain = domain_randomisation(setup.domain)
+    named = parse_draws(setup.randomise, content)
+    draws = acting(named, content, room)
+    if len(draws) < len(named):
+        idle = next(draw.name for draw in named if draw not in draws)
+        raise LearningInputError(
+            f"--randomise {idle}: it does not act in a landing attempt; cues have their errors by --sensing"
+        )
+    names = [draw.name for draw in draws]
+    if setup.domain == VEHICLE:
+        others = [draw for draw in all_draws(content) if draw.name not in names]
+        draws += acting(others, content, room)
+    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(setup.seed, spawn_key=(_POOL_KEY,))))
+    return DomainRandomisation(
+        mass=0.0 if "body.mass" in names else domain.mass,
+        inertia_yy=0.0 if "body.inertia_yy" in names else domain.inertia_yy,
+        pool=vehicle_pool(rng, draws, content, room),
+    )
+
+
+def fingerprint(vehicle_toml: str) -> str:
+    """SHA-256 of the names, numbers and units of a vehicle: another description or source does not count."""
+    text = json.dumps(_without_words(tomllib.loads(vehicle_toml)), sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _without_words(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _without_words(v) for key, v in value.items() if key not in ("source", "description")}
+    return [_without_words(item) for item in value] if isinstance(value, list) else value

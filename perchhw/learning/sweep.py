@@ -5,35 +5,32 @@ A row is appended to ``pairs.csv`` as soon as its trial is done; a resumed sweep
 """
 
 import math
+import resource
+import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from onboard.clock import Clock
-from perchhw.learning.ephe import START_TAU
 from perchhw.learning.errors import LearningInputError
-from perchhw.learning.grid import Condition, conditions, generator, spread
-from perchhw.learning.setup import LearningSetup, versions
+from perchhw.learning.executor import ALL_CORES, Executor, versions
+from perchhw.learning.grid import Condition, conditions
+from perchhw.learning.one_trial import not_finite_rollouts, run_trial
+from perchhw.learning.setup import LearningSetup, Recipe, prepared
 from perchhw.learning.sweep_folder import (
-    PAIRS_FILE,
     SCHEMA,
     SWEEP_FILE,
     Key,
     Row,
-    csv_line,
+    append_rows,
+    not_finite_report,
     open_folder,
     read_settings,
     write_pairs,
     write_settings,
 )
-from perchhw.learning.trial import TRIAL, Rules, learn_pair, new_bench
-
-_PURPOSE = 1
 
 
 @dataclass(frozen=True)
@@ -63,7 +60,7 @@ class SweepSummary:
 
     Attributes:
         rows: all rows of ``pairs.csv``, sorted.
-        new_trials, new_rollouts: of this run. seconds: of this run.
+        new_trials, new_rollouts, new_steps: of this run. seconds: of this run.
     """
 
     rows: tuple[Row, ...]
@@ -73,12 +70,27 @@ class SweepSummary:
     seconds: float
 
 
+@dataclass(frozen=True)
+class LearnTrial:
+    """The work of a sweep on one trial, as an executor takes it."""
+
+    recipe: Recipe
+
+    def __call__(self, key: Key) -> Row:
+        """The row of one trial."""
+        parameters, rules = prepared(self.recipe)
+        speed, angle_deg, repeat = key
+        trial = run_trial(parameters, rules, self.recipe.setup.seed, Condition(speed, angle_deg), repeat)
+        record = trial.record
+        return _row(key, record, not_finite_rollouts(trial.bench.outs[: int(record["rollouts"])]))
+
+
 def run_sweep(
     setup: LearningSetup,
     grid: SweepGrid,
     folder: Path,
     *,
-    workers: int,
+    executor: Executor = ALL_CORES,
     resume: bool = False,
     on_trial: Callable[[Row, int, int], None] = lambda row, done, total: None,
     clock: Clock = time.monotonic,
@@ -89,7 +101,7 @@ def run_sweep(
         setup: what the rollouts run on.
         grid: the trials.
         folder: where ``pairs.csv`` and ``sweep.json`` go.
-        workers: threads; the result does not depend on it.
+        executor: who does the work; the result does not depend on it.
         resume: go on with a sweep that was stopped; its rows stay.
         on_trial: called with the row, the number done and the number in all.
         clock: monotonic, s.
@@ -99,17 +111,17 @@ def run_sweep(
             `resume` was not asked for.
     """
     keys = list(grid.keys())
-    parameters, rules = setup.load()
+    work = LearnTrial(setup.recipe())
+    prepared(work.recipe)  # what cannot be used is refused before the folder is touched
     document = _document(setup, grid)
-    rows = open_folder(folder, document, resume)
+    rows = open_folder(folder, document, set(keys), resume)
     todo = [key for key in keys if key not in rows]
     total = len(todo) + len(rows)
     started = clock()
     new: list[Row] = []
-    with (folder / PAIRS_FILE).open("a", encoding="utf-8", newline="") as file:
-        for key, row in spread(partial(_learn, setup.seed, parameters, rules), todo, workers):
-            file.write(csv_line(row))
-            file.flush()
+    with append_rows(folder) as append:
+        for key, row in executor.spread(work, todo):
+            append(row)
             rows[key] = row
             new.append(row)
             on_trial(row, len(rows), total)
@@ -122,7 +134,7 @@ def run_sweep(
     )
     write_pairs(folder, summary.rows)
     if new or "result" not in read_settings(folder / SWEEP_FILE):
-        write_settings(folder, {**document, "result": _result(summary)})
+        write_settings(folder, {**document, "result": _result(summary, setup.seed, executor)})
     return summary
 
 
@@ -137,32 +149,32 @@ def _document(setup: LearningSetup, grid: SweepGrid) -> dict[str, Any]:
     return {"schema": SCHEMA, "settings": settings, "versions": versions()}
 
 
-def _learn(seed: int, parameters: Any, rules: Rules, key: Key) -> Row:
-    """One trial, on benches and a generator of its own."""
-    speed, angle_deg, repeat = key
-    trial = np.zeros(1, TRIAL)[0]
-    bench = new_bench(parameters, rules.ephe.rollouts * rules.ephe.evaluation_episodes)
-    rng = generator(seed, _PURPOSE, Condition(speed, angle_deg), repeat)
-    start_tau = START_TAU[repeat % len(START_TAU)]
-    learn_pair(rng, bench, speed, math.radians(angle_deg), start_tau, rules, trial)
-    return _row(key, trial)
-
-
-def _result(summary: SweepSummary) -> dict[str, Any]:
-    """Counts of all rows, and the speed of the last run."""
+def _result(summary: SweepSummary, seed: int, executor: Executor) -> dict[str, Any]:
+    """Counts of all rows; speed and memory of the last run."""
     seconds = max(summary.seconds, 1e-9)
     return {
         "trials": len(summary.rows),
         "rollouts": sum(int(row["rollouts"] or 0) for row in summary.rows),
         "not_finite": sum(int(row["not_finite"] or 0) for row in summary.rows),
+        "not_finite_rollouts": [
+            not_finite_report(row, seed) for row in summary.rows if row["not_finite_rollouts"]
+        ],
         "pairs_at_0.8": sum(float(row["landing_rate"] or 0) >= 0.8 for row in summary.rows),
         "seconds": summary.seconds,
         "rollouts_per_second": summary.new_rollouts / seconds,
         "steps_per_second": summary.new_steps / seconds,
+        "executor": executor.describe(),
+        "peak_memory_mb": _peak_memory_mb(),
     }
 
 
-def _row(key: Key, trial: Any) -> Row:
+def _peak_memory_mb() -> float:
+    """Most memory that this process ever held, MB."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / (1e6 if sys.platform == "darwin" else 1e3)  # bytes there, kB elsewhere
+
+
+def _row(key: Key, trial: Any, not_finite: tuple[int, ...]) -> Row:
     """A row of ``pairs.csv``; cues are None where no rollout triggered."""
     cues = {name: float(trial[name]) for name in ("tau", "theta_x", "d_ceil", "a_rot")}
     return {
@@ -180,4 +192,5 @@ def _row(key: Key, trial: Any) -> Row:
         "mu_moment_nmm": float(trial["mu"][1]),
         "sigma_moment_nmm": float(trial["sigma"][1]),
         "steps": float(trial["steps"]),
+        "not_finite_rollouts": " ".join(str(index) for index in not_finite) or None,
     }

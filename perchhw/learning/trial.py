@@ -8,6 +8,7 @@ from numba import njit
 from onboard.controller import ControllerGains
 from perchhw.learning.domain_randomisation import DomainRandomisation, draw_vehicle
 from perchhw.learning.ephe import (
+    EPISODES_MOST,
     MOMENT_SCALE,
     TAU_SCALE,
     EpheSettings,
@@ -18,7 +19,7 @@ from perchhw.learning.ephe import (
 from perchhw.learning.reward import RewardWeights, reward
 from sim_backend.physics.decision import ThresholdPolicy
 from sim_backend.physics.parameters import parameter_batch
-from sim_backend.physics.rollout import ROLLOUT, RolloutSettings, rollout
+from sim_backend.physics.rollout import ROLLOUT, End, RolloutSettings, rollout
 from sim_backend.physics.state import new_states
 
 
@@ -39,7 +40,7 @@ class Bench(NamedTuple):
         nominal: (1,) parameters of the nominal vehicle.
         drawn: (1,) those of the present rollout.
         blank: (1,) a fresh state. state: (1,) that of the present rollout.
-        empty: (1,) a blank result. outs: (n,) results.
+        empty: (1,) a blank result. outs: (n,) results, in the order of the rollouts.
     """
 
     nominal: Any
@@ -49,6 +50,8 @@ class Bench(NamedTuple):
     empty: Any
     outs: Any
 
+
+_NOT_FINITE = int(End.NOT_FINITE)
 
 TRIAL = np.dtype(
     [
@@ -68,9 +71,18 @@ TRIAL = np.dtype(
         ("not_finite", "i8"),
         ("converged", "i8"),
         ("steps", "f8"),  # of physics
+        # For each episode: the distribution that its samples came from, and their mean reward.
+        ("mu_history", "f8", (EPISODES_MOST, 2)),
+        ("sigma_history", "f8", (EPISODES_MOST, 2)),
+        ("reward_history", "f8", (EPISODES_MOST,)),
     ],
     align=True,
 )
+
+
+def rollouts_most(s: EpheSettings) -> int:
+    """Rollouts that a trial can have."""
+    return s.rollouts * (s.episodes + s.evaluation_episodes)
 
 
 def new_bench(parameters: Any, results: int) -> Bench:
@@ -87,37 +99,55 @@ def new_bench(parameters: Any, results: int) -> Bench:
 
 @njit(cache=True, nogil=True)
 def fly(rng: Any, bench: Bench, index: int, policy: Any, speed: float, angle: float, rules: Rules) -> float:
-    """One rollout with a vehicle of its own into ``bench.outs[index]``; returns its reward."""
-    draw_vehicle(rng, bench.nominal[0], rules.domain, bench.drawn[0])
+    """One rollout with a vehicle of its own into ``bench.outs[index]``; returns its reward.
+
+    A rollout whose state is no longer finite has landed on nothing and earns nothing.
+    """
+    draw_vehicle(rng, bench.nominal, rules.domain, bench.drawn)
     bench.state[0] = bench.blank[0]
     bench.outs[index] = bench.empty[0]
     out = bench.outs[index]
     rollout(rng, bench.state[0], bench.drawn[0], rules.gains, policy, speed, angle, rules.rollout, out)
+    if out.end == _NOT_FINITE:
+        out.feet = out.body_contact = 0
+        return 0.0
     return reward(out, rules.reward)
 
 
 @njit(cache=True, nogil=True)
-def fly_sample(
-    rng: Any, bench: Bench, index: int, theta: Any, speed: float, angle: float, rules: Rules
+def fly_next(
+    rng: Any, bench: Bench, policy: Any, speed: float, angle: float, rules: Rules, trial: Any
 ) -> float:
-    """One rollout of a sample (10 tau_critical, moment in N mm)."""
-    policy = ThresholdPolicy(theta[0] / TAU_SCALE, theta[1] * MOMENT_SCALE)
-    return fly(rng, bench, index, policy, speed, angle, rules)
+    """The next rollout of a trial, with its counts; returns its reward."""
+    index = trial.rollouts
+    earned = fly(rng, bench, index, policy, speed, angle, rules)
+    trial.rollouts += 1
+    trial.steps += bench.outs[index].duration / rules.rollout.dt
+    trial.not_finite += bench.outs[index].end == _NOT_FINITE
+    return earned
+
+
+@njit(cache=True, nogil=True)
+def threshold_policy(theta: Any) -> ThresholdPolicy:
+    """The policy of a sample (10 tau_critical, moment in N mm)."""
+    return ThresholdPolicy(theta[0] / TAU_SCALE, theta[1] * MOMENT_SCALE)
 
 
 @njit(cache=True, nogil=True)
 def learn_pair(
-    rng: Any, bench: Bench, speed: float, angle: float, start_tau: float, rules: Rules, trial: Any
+    rng: Any, bench: Bench, speed: float, angle: float, start_tau: float, rules: Rules, trial: Any, stop: int
 ) -> None:
     """Learn the threshold and the moment for one approach condition, and measure their landing rate.
 
     Args:
         rng: numpy Generator of this trial.
-        bench: memory with room for ``rollouts * evaluation_episodes`` results.
+        bench: memory with room for :func:`rollouts_most` results.
         speed: m/s. angle: rad above the horizon.
         start_tau: s, mean of tau at the start.
         rules: of the sweep.
         trial: record of :data:`TRIAL`, zeroed; receives the result.
+        stop: number of rollouts before which to stop, with `rng` and ``trial.mu``, ``trial.sigma`` ready for
+            the next sample; negative: the whole trial.
     """
     s = rules.ephe
     mu, sigma = trial.mu, trial.sigma
@@ -125,23 +155,26 @@ def learn_pair(
     sigma[0], sigma[1] = s.sigma_tau, s.sigma_moment
     theta, rewards = np.zeros((s.rollouts, 2)), np.zeros(s.rollouts)
     while trial.episodes < s.episodes and not trial.converged:
+        trial.mu_history[trial.episodes] = mu
+        trial.sigma_history[trial.episodes] = sigma
         for k in range(s.rollouts):
+            if trial.rollouts == stop:
+                return
             theta[k, 0], theta[k, 1] = sample(rng, mu, sigma, s)
-            rewards[k] = fly_sample(rng, bench, k, theta[k], speed, angle, rules)
-            trial.steps += bench.outs[k].duration / rules.rollout.dt
-            trial.not_finite += bench.outs[k].end == 4
+            rewards[k] = fly_next(rng, bench, threshold_policy(theta[k]), speed, angle, rules, trial)
+        trial.reward_history[trial.episodes] = np.mean(rewards)
         update(theta, rewards, s.best, mu, sigma)
         trial.episodes += 1
-        trial.rollouts += s.rollouts
         trial.converged = 1 if converged(sigma, s) else 0
     count = s.rollouts * s.evaluation_episodes
-    for k in range(count):
+    first = trial.rollouts
+    for _ in range(count):
+        if trial.rollouts == stop:
+            return
         theta[0, 0], theta[0, 1] = sample(rng, mu, sigma, s)
-        trial.reward += fly_sample(rng, bench, k, theta[0], speed, angle, rules) / count
-        trial.steps += bench.outs[k].duration / rules.rollout.dt
-        trial.not_finite += bench.outs[k].end == 4
-    trial.rollouts += count
-    summarise(bench.outs, count, trial)
+        policy = threshold_policy(theta[0])
+        trial.reward += fly_next(rng, bench, policy, speed, angle, rules, trial) / count
+    summarise(bench.outs[first : first + count], trial)
 
 
 @njit(cache=True)
@@ -151,9 +184,9 @@ def succeeded(out: Any) -> bool:
 
 
 @njit(cache=True)
-def summarise(outs: Any, count: int, trial: Any) -> None:
-    """Rates of `count` rollouts, and the mean cues of those that succeeded, or triggered where none did."""
-    good = 0
+def summarise(outs: Any, trial: Any) -> None:
+    """Rates of rollouts, and the mean cues of those that succeeded, or triggered where none did."""
+    count, good = len(outs), 0
     for k in range(count):
         good += succeeded(outs[k])
         trial.four_leg_rate += (outs[k].feet >= 3) / count

@@ -1,0 +1,172 @@
+"""A pool of vehicles whose quantities are drawn by their sigma, for domain randomisation.
+
+Any quantity of the vehicle file may be drawn. The draw happens in the vehicle description, not in the
+physics parameters: what the physics derives from a quantity (the direction of a leg, say) follows exactly,
+and a drawn vehicle passes the same checks as a vehicle file. A draw that fails them is made anew.
+"""
+
+import copy
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from onboard.room import RoomGeometry
+from onboard.vehicle import Air, Battery, Body, Legs, Motors, Sensing, VehicleFileError
+from onboard.vehicle.file_format import parse_vehicle
+from onboard.vehicle.schema import Range, quantity_rules
+from perchhw.learning.domain_randomisation import LEAST
+from perchhw.learning.errors import LearningInputError
+from sim_backend.physics.parameters import PARAMETERS, physics_parameters
+
+POOL = 256
+"""Vehicles in a pool: a mean over them is within sigma/16 of the nominal value, as of 256 attempts."""
+
+TRIES = 20
+"""Times the size of the pool: draws after which too many were no possible vehicle."""
+
+_SECTIONS: dict[str, Any] = {
+    "body": Body,
+    "motors": Motors,
+    "battery": Battery,
+    "legs": Legs,
+    "air": Air,
+    "sensing": Sensing,
+}
+
+
+class Draw(NamedTuple):
+    """One quantity to draw: dotted name as in the vehicle file, standard deviation in its SI unit."""
+
+    name: str
+    sigma: float
+
+
+def parse_draws(options: Sequence[str], content: dict[str, Any]) -> tuple[Draw, ...]:
+    """The draws that ``NAME`` (with the sigma of the vehicle file) and ``NAME=SIGMA`` ask for.
+
+    Args:
+        options: as on the command line.
+        content: of the vehicle file, in SI.
+
+    Raises:
+        LearningInputError: no such quantity, it is named twice, or there is no sigma above zero.
+    """
+    known = quantities(content)
+    draws: dict[str, Draw] = {}
+    for option in options:
+        name, given, text = option.partition("=")
+        if name not in known:
+            raise LearningInputError(
+                f"--randomise {option}: the vehicle has no quantity {name!r}; it has {', '.join(known)}"
+            )
+        if name in draws:
+            raise LearningInputError(f"--randomise {name} is given twice: name every quantity once")
+        try:
+            sigma = float(text) if given else float(known[name]["sigma"])
+        except ValueError as error:
+            raise LearningInputError(f"--randomise {option}: {text!r} is not a number") from error
+        if not (math.isfinite(sigma) and sigma > 0.0):
+            raise LearningInputError(
+                f"--randomise {option}: the standard deviation is {sigma:g}; write {name}=SIGMA with "
+                f"SIGMA > 0 in {known[name]['unit']}"
+            )
+        draws[name] = Draw(name, sigma)
+    return tuple(draws[name] for name in known if name in draws)
+
+
+def all_draws(content: dict[str, Any]) -> tuple[Draw, ...]:
+    """Every quantity of a vehicle with a sigma above zero."""
+    return tuple(Draw(name, table["sigma"]) for name, table in quantities(content).items() if table["sigma"])
+
+
+def quantities(content: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """The quantity tables of a vehicle file by dotted name, in the order of the file; changes go through."""
+    return dict(_quantities(content, ""))
+
+
+def _quantities(table: dict[str, Any], prefix: str) -> Iterator[tuple[str, dict[str, Any]]]:
+    for key, value in table.items():
+        if isinstance(value, list):
+            for item in value:
+                yield from _quantities(item, f"{prefix}{key}.{item['name']}.")
+        elif isinstance(value, dict) and "value" in value:
+            yield prefix + key, value
+        elif isinstance(value, dict):
+            yield from _quantities(value, f"{prefix}{key}.")
+
+
+def acting(draws: Sequence[Draw], content: dict[str, Any], room: RoomGeometry) -> tuple[Draw, ...]:
+    """Those of the draws that change the parameters of the physics."""
+    nominal = _record(content, room).tobytes()
+    return tuple(draw for draw in draws if _acts(draw, content, room, nominal))
+
+
+def _acts(draw: Draw, content: dict[str, Any], room: RoomGeometry, nominal: bytes) -> bool:
+    value = quantities(content)[draw.name]["value"]
+    for other in (value + 1e-3 * draw.sigma, value - 1e-3 * draw.sigma):
+        try:
+            return bool(_record(_with_values(content, {draw.name: other}), room).tobytes() != nominal)
+        except VehicleFileError:  # the nominal value lies on a bound: look on its other side
+            continue
+    return True
+
+
+def vehicle_pool(
+    rng: np.random.Generator, draws: Sequence[Draw], content: dict[str, Any], room: RoomGeometry
+) -> Any:
+    """(POOL,) parameter records of vehicles with the quantities drawn independently, normally distributed.
+
+    A quantity that cannot be negative is never below half its nominal value; one whose nominal value is zero
+    comes from the positive half. A vehicle whose numbers contradict each other is drawn anew.
+
+    Raises:
+        LearningInputError: hardly any draw is a possible vehicle.
+    """
+    if not draws:
+        return np.empty(0, PARAMETERS)
+    nominal = {name: float(table["value"]) for name, table in quantities(content).items()}
+    lowest = {draw.name: _lowest(draw.name, nominal[draw.name]) for draw in draws}
+    pool = np.empty(POOL, PARAMETERS)
+    found = 0
+    for _ in range(TRIES * POOL):
+        values = {d.name: _normal_above(rng, nominal[d.name], d.sigma, lowest[d.name]) for d in draws}
+        try:
+            pool[found] = _record(_with_values(content, values), room)
+        except VehicleFileError:
+            continue
+        found += 1
+        if found == POOL:
+            return pool
+    raise LearningInputError(
+        f"of {TRIES * POOL} vehicles drawn with {', '.join(f'{d.name}={d.sigma:g}' for d in draws)} only "
+        f"{found} are possible: give smaller standard deviations"
+    )
+
+
+def _normal_above(rng: np.random.Generator, mean: float, sigma: float, lowest: float) -> float:
+    """A sample of a normal distribution that is not below `lowest`, which must not be above the mean."""
+    while True:
+        value = float(rng.normal(mean, sigma))
+        if value >= lowest:
+            return value
+
+
+def _lowest(name: str, nominal: float) -> float:
+    section, _, key = name.partition(".")
+    rules = quantity_rules(_SECTIONS[section]) if section in _SECTIONS else {}
+    signed = key not in rules or rules[key].allowed is Range.ANY
+    return -math.inf if signed else LEAST * nominal
+
+
+def _with_values(content: dict[str, Any], values: dict[str, float]) -> dict[str, Any]:
+    changed = copy.deepcopy(content)
+    tables = quantities(changed)
+    for name, value in values.items():
+        tables[name]["value"] = value
+    return changed
+
+
+def _record(content: dict[str, Any], room: RoomGeometry) -> Any:
+    return physics_parameters(parse_vehicle(content, "drawn vehicle"), room)
