@@ -30,7 +30,8 @@ from numba import njit
 from peer_process import PeerProcess, rates
 
 from onboard.controller import ControllerGains
-from perchhw.learning.grid import Condition, generator, spread
+from perchhw.learning.executor import LocalThreads
+from perchhw.learning.grid import Condition, generator
 from perchhw.learning.setup import LearningSetup
 from perchhw.learning.trial import Rules, fly, new_bench
 from sim_backend.physics.decision import ThresholdPolicy
@@ -106,7 +107,7 @@ def landings(parameters: Any, rules: Rules, count: int, workers: int) -> float:
             fly(rng, bench, 0, policy, condition.speed, math.radians(condition.angle_deg), rules)
         return each
 
-    return float(sum(done for _, done in spread(work, chunks, workers)))
+    return float(sum(done for _, done in LocalThreads(workers).spread(work, chunks)))
 
 
 def our_cases(seconds: float, workers: int) -> dict[str, Callable[[], float]]:

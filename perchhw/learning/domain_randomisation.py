@@ -8,8 +8,8 @@ every rollout takes one at random.
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from onboard.jit import kernel
 from perchhw.learning.errors import LearningInputError
 from sim_backend.physics.parameters import PARAMETERS
 
@@ -54,7 +54,7 @@ def domain_randomisation(name: str) -> DomainRandomisation:
     return PRESETS[name]
 
 
-@njit(cache=True)
+@kernel
 def draw_vehicle(rng: Any, nominal: Any, domain: DomainRandomisation, drawn: Any) -> None:
     """Write the vehicle of one rollout into ``drawn[0]``; `nominal` and `drawn` are (1,) records."""
     if len(domain.pool) > 0:

@@ -3,9 +3,9 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from onboard.controller import ControllerGains
+from onboard.jit import kernel
 from perchhw.learning.domain_randomisation import DomainRandomisation, draw_vehicle
 from perchhw.learning.ephe import (
     EPISODES_MOST,
@@ -97,7 +97,7 @@ def new_bench(parameters: Any, results: int) -> Bench:
     )
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def fly(rng: Any, bench: Bench, index: int, policy: Any, speed: float, angle: float, rules: Rules) -> float:
     """One rollout with a vehicle of its own into ``bench.outs[index]``; returns its reward.
 
@@ -114,7 +114,7 @@ def fly(rng: Any, bench: Bench, index: int, policy: Any, speed: float, angle: fl
     return reward(out, rules.reward)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def fly_next(
     rng: Any, bench: Bench, policy: Any, speed: float, angle: float, rules: Rules, trial: Any
 ) -> float:
@@ -127,13 +127,13 @@ def fly_next(
     return earned
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def threshold_policy(theta: Any) -> ThresholdPolicy:
     """The policy of a sample (10 tau_critical, moment in N mm)."""
     return ThresholdPolicy(theta[0] / TAU_SCALE, theta[1] * MOMENT_SCALE)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def learn_pair(
     rng: Any, bench: Bench, speed: float, angle: float, start_tau: float, rules: Rules, trial: Any, stop: int
 ) -> None:
@@ -177,22 +177,23 @@ def learn_pair(
     summarise(bench.outs[first : first + count], trial)
 
 
-@njit(cache=True)
+@kernel
 def succeeded(out: Any) -> bool:
     """Three or four legs and no contact of body or propellers."""
     return out.feet >= 3 and not out.body_contact
 
 
-@njit(cache=True)
+@kernel
 def summarise(outs: Any, trial: Any) -> None:
     """Rates of rollouts, and the mean cues of those that succeeded, or triggered where none did."""
-    count, good = len(outs), 0
+    count, good, four, two, touched = len(outs), 0, 0, 0, 0
     for k in range(count):
         good += succeeded(outs[k])
-        trial.four_leg_rate += (outs[k].feet >= 3) / count
-        trial.two_leg_rate += (outs[k].feet == 1 or outs[k].feet == 2) / count
-        trial.body_contact_rate += (outs[k].body_contact == 1) / count
-    trial.landing_rate = good / count
+        four += outs[k].feet >= 3
+        two += outs[k].feet == 1 or outs[k].feet == 2
+        touched += outs[k].body_contact == 1
+    trial.landing_rate, trial.four_leg_rate = good / count, four / count
+    trial.two_leg_rate, trial.body_contact_rate = two / count, touched / count
     used = 0
     for k in range(count):
         if succeeded(outs[k]) if good > 0 else outs[k].triggered == 1:

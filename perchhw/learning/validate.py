@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from onboard.jit import kernel
 from onboard.policy.files import Policy
 from perchhw.learning.executor import ALL_CORES, Executor
 from perchhw.learning.grid import Condition, generator
@@ -27,7 +27,7 @@ COLUMNS = (
 )  # fmt: skip
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def try_policy(
     rng: Any, bench: Bench, policy: Any, speed: float, angle: float, rules: Rules, count: int, trial: Any
 ) -> int:

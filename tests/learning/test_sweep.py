@@ -13,7 +13,8 @@ from onboard.policy.files import import_authors_policy, load_policy, shipped_pol
 from perchhw.cli.main import run
 from perchhw.learning.domain_randomisation import PAPER, draw_vehicle
 from perchhw.learning.errors import LearningInputError
-from perchhw.learning.grid import Condition, conditions, parse_range, spread
+from perchhw.learning.executor import LocalThreads
+from perchhw.learning.grid import Condition, conditions, parse_range
 from perchhw.learning.setup import LearningSetup
 from perchhw.learning.sweep import SweepGrid, run_sweep
 from perchhw.learning.sweep_folder import read_pairs
@@ -25,6 +26,7 @@ from sim_backend.physics.rollout import ROLLOUT, End
 
 GRID = SweepGrid(speeds=(2.0, 2.5), angles_deg=(40.0, 60.0), repeats=2)
 SETUP = LearningSetup(seed=7)
+ONE = LocalThreads(1)
 
 
 def _attempt(policy: Any, speed: float, angle_deg: float, setup: LearningSetup = SETUP, seed: int = 0) -> Any:
@@ -69,7 +71,7 @@ def test_every_rollout_has_its_own_vehicle() -> None:
     rng = np.random.default_rng(3)
     drawn = []
     for _ in range(4000):
-        draw_vehicle(rng, bench.nominal[0], PAPER, bench.drawn[0])
+        draw_vehicle(rng, bench.nominal, PAPER, bench.drawn)
         drawn.append((bench.drawn[0]["mass"], bench.drawn[0]["inertia"][1]))
     np.testing.assert_allclose(np.std(drawn, axis=0), [0.5e-3, 1.5e-6], rtol=0.05)
     np.testing.assert_allclose(np.mean(drawn, axis=0), [38.1e-3, 30.46e-6], rtol=0.005)
@@ -77,18 +79,18 @@ def test_every_rollout_has_its_own_vehicle() -> None:
 
 
 def test_results_do_not_depend_on_workers_or_grid(tmp_path: Path) -> None:
-    one = run_sweep(SETUP, GRID, tmp_path / "one", workers=1)
-    two = run_sweep(SETUP, GRID, tmp_path / "two", workers=3)
+    one = run_sweep(SETUP, GRID, tmp_path / "one", executor=ONE)
+    two = run_sweep(SETUP, GRID, tmp_path / "two", executor=LocalThreads(3))
     assert one.rows == two.rows
     assert (tmp_path / "one" / "pairs.csv").read_bytes() == (tmp_path / "two" / "pairs.csv").read_bytes()
-    part = run_sweep(SETUP, SweepGrid((2.5,), (40.0,), 1), tmp_path / "part", workers=1)
+    part = run_sweep(SETUP, SweepGrid((2.5,), (40.0,), 1), tmp_path / "part", executor=ONE)
     assert part.rows[0] in one.rows
-    other = run_sweep(LearningSetup(seed=8), SweepGrid((2.5,), (40.0,), 1), tmp_path / "other", workers=1)
+    other = run_sweep(LearningSetup(seed=8), SweepGrid((2.5,), (40.0,), 1), tmp_path / "other", executor=ONE)
     assert other.rows != part.rows
 
 
 def test_resume_goes_on_where_a_killed_sweep_stopped(tmp_path: Path) -> None:
-    whole = run_sweep(SETUP, GRID, tmp_path / "whole", workers=1)
+    whole = run_sweep(SETUP, GRID, tmp_path / "whole", executor=ONE)
     stopped = tmp_path / "stopped"
 
     def stop(row: Any, done: int, total: int) -> None:
@@ -96,28 +98,28 @@ def test_resume_goes_on_where_a_killed_sweep_stopped(tmp_path: Path) -> None:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run_sweep(SETUP, GRID, stopped, workers=1, on_trial=stop)
+        run_sweep(SETUP, GRID, stopped, executor=ONE, on_trial=stop)
     with (stopped / "pairs.csv").open("a", encoding="utf-8") as file:
         file.write("2.0,60.0,1,0.2")  # a line that the kill cut off
-    resumed = run_sweep(SETUP, GRID, stopped, workers=1, resume=True)
+    resumed = run_sweep(SETUP, GRID, stopped, executor=ONE, resume=True)
     assert resumed.new_trials == len(whole.rows) - 3
     assert (stopped / "pairs.csv").read_bytes() == (tmp_path / "whole" / "pairs.csv").read_bytes()
 
 
 def test_a_folder_with_another_sweep_is_refused(tmp_path: Path) -> None:
     grid = SweepGrid((2.5,), (40.0,), 1)
-    run_sweep(SETUP, grid, tmp_path, workers=1)
+    run_sweep(SETUP, grid, tmp_path, executor=ONE)
     with pytest.raises(LearningInputError, match="--resume"):
-        run_sweep(SETUP, grid, tmp_path, workers=1)
+        run_sweep(SETUP, grid, tmp_path, executor=ONE)
     with pytest.raises(LearningInputError, match="seed is 7 there and 8 now"):
-        run_sweep(LearningSetup(seed=8), grid, tmp_path, workers=1, resume=True)
+        run_sweep(LearningSetup(seed=8), grid, tmp_path, executor=ONE, resume=True)
     (tmp_path / "sweep.json").write_text("{}")
     with pytest.raises(LearningInputError, match=r"sweep\.json"):
-        run_sweep(SETUP, grid, tmp_path, workers=1, resume=True)
+        run_sweep(SETUP, grid, tmp_path, executor=ONE, resume=True)
 
 
 def test_a_broken_table_names_line_and_column(tmp_path: Path) -> None:
-    run_sweep(SETUP, SweepGrid((2.5,), (40.0,), 1), tmp_path, workers=1)
+    run_sweep(SETUP, SweepGrid((2.5,), (40.0,), 1), tmp_path, executor=ONE)
     path = tmp_path / "pairs.csv"
     lines = path.read_text().splitlines()
     cells = lines[1].split(",")
@@ -150,7 +152,7 @@ def test_impossible_grids_are_refused(tmp_path: Path) -> None:
         with pytest.raises(LearningInputError):
             conditions(speeds, angles)
     with pytest.raises(LearningInputError, match="--repeats"):
-        run_sweep(SETUP, SweepGrid((2.0,), (40.0,), 0), tmp_path, workers=1)
+        run_sweep(SETUP, SweepGrid((2.0,), (40.0,), 0), tmp_path, executor=ONE)
 
 
 def test_impossible_legs_and_presets_are_refused() -> None:
@@ -172,7 +174,7 @@ def test_an_error_in_the_work_reaches_the_caller() -> None:
         return task
 
     with pytest.raises(ValueError, match="three"):
-        list(spread(work, range(10), 2))
+        list(LocalThreads(2).spread(work, range(10)))
 
 
 def test_flown_policy_lands_in_our_simulation(shared_data: Path) -> None:
@@ -228,6 +230,8 @@ def test_shipped_policy_lands_with_late_and_noisy_cues() -> None:
     """What the shipped policy promises (docs/learning.md): 30 to 60 deg with cues that are 15 ms old."""
     policy = load_policy(shipped_policy_path("default"))
     grid = conditions((2.0, 2.5, 3.0), (33.75, 41.25, 48.75, 56.25))
-    rows = validate_policy(policy, LearningSetup(sensing="late", seed=3), grid, rollouts=10, workers=2)
+    rows = validate_policy(
+        policy, LearningSetup(sensing="late", seed=3), grid, rollouts=10, executor=LocalThreads(2)
+    )
     assert np.mean([float(row["landing_rate"] or 0) for row in rows]) >= 0.85
     assert min(float(row["trigger_rate"] or 0) for row in rows) >= 0.8
