@@ -48,39 +48,6 @@ def test_an_attached_swing_loses_energy(parameters: Any) -> None:
     assert mechanical_energy(state, parameters) < first - 1e-3
 
 
-def test_rigid_legs_swing_like_a_pendulum(parameters: Any) -> None:
-    """Two front feet held, hinge and leg made stiff: the period of the compound pendulum about their line."""
-    parameters["hinge_stiffness"], parameters["hinge_damping"] = 60.0, 0.0
-    parameters["axial_stiffness"], parameters["axial_damping"] = 4e5, 0.0
-    parameters["adhesion_strength"], parameters["substeps"] = np.inf, 64
-    foot = parameters["hip"][0] + parameters["leg_length"] * parameters["leg_direction"][0]
-    distance = math.hypot(foot[0], foot[2])
-    # Nose up until the feet are straight above the centre of mass.
-    angle = math.atan2(foot[2], foot[0]) - 0.5 * math.pi
-    state = approaching(parameters, np.array([0.0, 0.0, parameters["ceiling_z"] - distance]), np.zeros(3))
-    state["thrust"] = 0.0
-    state["quaternion"] = [0.0, math.sin(0.5 * angle), 0.0, math.cos(0.5 * angle)]
-    for leg, side in ((0, -1.0), (3, 1.0)):
-        state["foot_mode"][leg], state["foot_attached"][leg] = 3, 1
-        state["foot_anchor"][leg] = [0.0, side * abs(foot[1]), parameters["ceiling_z"]]
-    parameters["body_half_x"] = parameters["body_half_y"] = parameters["propeller_radius"] = 1e-3
-    swing = 0.3
-    state["omega"][1] = swing
-    state["velocity"][0] = -swing * distance
-    crossings: list[float] = []
-    before = 0.0
-    for _ in range(2500):
-        step_thrust(state, parameters, OFF, 1e-3)
-        now = float(state["position"][0])
-        if before < 0.0 <= now:
-            crossings.append(float(state["time"]) - 1e-3 * now / (now - before))
-        before = now
-    m, g = float(parameters["mass"]), float(parameters["gravity"])
-    inertia = float(parameters["inertia"][1]) + m * distance**2
-    expected = 2.0 * math.pi * math.sqrt(inertia / (m * g * distance))
-    assert np.mean(np.diff(crossings)) == pytest.approx(expected, rel=5e-3)
-
-
 def _flip_landing(parameters: Any, dt: float, milliseconds: int) -> Any:
     """A flip of 7 N mm at tau = 0.23 s, which lands on four legs: 2.5 m/s at 40 deg."""
     state = approaching(parameters, np.array([0.0, 0.0, 2.1 - 0.23 * 1.607]), np.array([1.915, 0.0, 1.607]))
