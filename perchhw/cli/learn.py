@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from perchhw.attempt import DEFAULT_VEHICLE
+from perchhw.cli.learn_report import report, write_report
 from perchhw.cli.option_groups import with_option_groups
 from perchhw.cli.output import console, emit, progress_console
+from perchhw.learning.sweep_folder import POLICY_FILE, TRAINING_FILE, VALIDATION_FILE, VALIDATION_SUMMARY
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -22,9 +24,7 @@ if TYPE_CHECKING:
     from perchhw.learning.sweep_folder import Row
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help="Learn a landing policy in simulation.")
-
-POLICY_FILE, VALIDATION_FILE = "policy.policy.json", "validation.csv"
-TRAINING_FILE, VALIDATION_SUMMARY = "training.json", "validation.json"
+app.command()(report)
 
 OutOption = Annotated[Path, typer.Option(help="Folder for the results.")]
 SeedOption = Annotated[int, typer.Option(min=0, help="Of everything random.")]
@@ -149,17 +149,19 @@ def everything(
     rollouts: RolloutsOption = 18,
     out: OutOption = _OUT,
 ) -> None:
-    """Sweep, train, and validate."""
+    """Sweep, train, validate, and write the report."""
     swept = _sweep(setup, grid, learning, out)
     trained = _train(out, None, 0.8, "trained", setup.seed)
     validated = _validate(setup, grid, None, rollouts, out)
+    reported = write_report(out)
 
     def draw() -> None:
         _draw_rates("best landing rate per condition", swept["bands"])
         console().print(_training_text(trained), markup=False)
         _draw_rates("landing rate of the two-stage policy", validated["bands"])
+        console().print(f"report {reported['report']}", markup=False)
 
-    emit({"sweep": swept, "training": trained, "validation": validated}, draw)
+    emit({"sweep": swept, "training": trained, "validation": validated, **reported}, draw)
 
 
 def _progress() -> "Progress":

@@ -13,6 +13,8 @@ from perchhw.learning.errors import LearningInputError
 
 SCHEMA = "perchhw.sweep/1"
 PAIRS_FILE, SWEEP_FILE = "pairs.csv", "sweep.json"
+POLICY_FILE, TRAINING_FILE = "policy.policy.json", "training.json"
+VALIDATION_FILE, VALIDATION_SUMMARY = "validation.csv", "validation.json"
 
 COLUMNS = (
     "speed_m_s", "angle_deg", "trial", "tau", "theta_x", "d_ceil", "a_rot", "landing_rate", "four_leg_rate",

@@ -28,6 +28,9 @@ ORANGE = "#d2691e"
 GREEN = "#1a7f4b"
 TRIGGER = "#c0392b"
 
+RASTER_DPI = 160
+"""Of what is drawn as pixels within a vector figure."""
+
 _CSS = """
 :root { color-scheme: light; }
 body { font: 15px/1.5 system-ui, sans-serif; color: #1d232b; background: #f4f5f7; margin: 0; }
@@ -115,6 +118,6 @@ def report_style() -> Iterator[None]:
 def svg(figure: "Figure") -> str:
     """The figure as inline SVG."""
     stream = io.StringIO()
-    figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
+    figure.savefig(stream, format="svg", dpi=RASTER_DPI, metadata={"Date": None, "Creator": None})
     text = stream.getvalue()
     return text[text.index("<svg") :]
