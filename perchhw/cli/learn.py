@@ -1,108 +1,28 @@
-"""``perchhw learn``: sweep, train, validate, or all three."""
+"""``perchhw learn``: sweep, train, validate, or all three, and the leg study."""
 
 import json
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from perchhw.attempt import DEFAULT_VEHICLE
+from perchhw.cli.learn_legs import legs
+from perchhw.cli.learn_options import GridOptions, OutOption, SeedOption, SetupOptions, SweepOptions, shown
 from perchhw.cli.learn_report import report, write_report
 from perchhw.cli.option_groups import with_option_groups
-from perchhw.cli.output import console, emit, progress_console
+from perchhw.cli.output import console, emit
 from perchhw.learning.sweep_folder import POLICY_FILE, TRAINING_FILE, VALIDATION_FILE, VALIDATION_SUMMARY
 
 if TYPE_CHECKING:
-    from rich.progress import Progress
-
     from onboard.policy.files import Policy
-    from perchhw.learning.executor import Executor
-    from perchhw.learning.setup import LearningSetup
-    from perchhw.learning.sweep_folder import Row
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help="Learn a landing policy in simulation.")
 app.command()(report)
+app.command()(legs)
 
-OutOption = Annotated[Path, typer.Option(help="Folder for the results.")]
-SeedOption = Annotated[int, typer.Option(min=0, help="Of everything random.")]
 RolloutsOption = Annotated[int, typer.Option(min=1, help="Attempts at each condition of the validation.")]
 
 _OUT = Path("runs/learn")
-
-
-@dataclass(frozen=True)
-class SetupOptions:
-    """What flies in the simulation."""
-
-    vehicle: Annotated[str, typer.Option(help="Vehicle: a known name or a vehicle file.")] = DEFAULT_VEHICLE
-    legs: Annotated[str | None, typer.Option(help="Leg design; the vehicle's own without it.")] = None
-    leg_angle_deg: Annotated[float | None, typer.Option(help="Another leg angle from -b_z, deg.")] = None
-    leg_length_m: Annotated[float | None, typer.Option(help="Another leg length, m.")] = None
-    domain: Annotated[
-        str, typer.Option(help="Domain randomisation: paper, none, or vehicle (all of its sigmas).")
-    ] = "paper"
-    randomise: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME[=SIGMA]",
-            help="Draw this quantity of the vehicle file too, as legs.stiffness; repeat for more.",
-        ),
-    ] = None
-    sensing: Annotated[
-        str, typer.Option(help="Errors of the cues: perfect (the paper), realistic or late.")
-    ] = "perfect"
-    seed: SeedOption = 0
-
-    def learning_setup(self, reward: str = "paper") -> "LearningSetup":
-        """The setup of the rollouts; a validation has no use for the reward."""
-        from perchhw.learning.setup import LearningSetup
-
-        return LearningSetup(**{**asdict(self), "randomise": tuple(self.randomise or ())}, reward=reward)
-
-
-@dataclass(frozen=True)
-class GridOptions:
-    """Which approaches are flown, and by whom; the paper's grid (section III.C) without a choice."""
-
-    speeds: Annotated[str, typer.Option(help="m/s, FIRST:LAST:STEP or A,B,C.")] = "1.5:3.5:0.1"
-    angles: Annotated[str, typer.Option(help="deg above the horizon, FIRST:LAST:STEP or A,B,C.")] = (
-        "30:90:3.75"
-    )
-    workers: Annotated[int, typer.Option(min=0, help="Threads, 0: one a core; the result is the same.")] = 0
-    scheduler: Annotated[
-        str | None,
-        typer.Option(metavar="tcp://HOST:PORT", help="Work on this Dask cluster instead; same result."),
-    ] = None
-
-    def ranges(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Speeds (m/s) and angles (deg).
-
-        Raises:
-            LearningInputError: an option is not a range.
-        """
-        from perchhw.learning.grid import parse_range
-
-        return parse_range(self.speeds, "--speeds"), parse_range(self.angles, "--angles")
-
-    def executor(self) -> "AbstractContextManager[Executor]":
-        """Who flies them."""
-        from perchhw.learning.executor import open_executor
-
-        return open_executor(self.workers, self.scheduler)
-
-
-@dataclass(frozen=True)
-class SweepOptions:
-    """How a sweep learns."""
-
-    repeats: Annotated[int, typer.Option(help="Learning trials at each condition.")] = 3
-    reward: Annotated[str, typer.Option(help="paper, or flown (made the data of the flown policy).")] = (
-        "paper"
-    )
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with the sweep in the folder.")] = False
 
 
 @app.command()
@@ -164,42 +84,13 @@ def everything(
     emit({"sweep": swept, "training": trained, "validation": validated, **reported}, draw)
 
 
-def _progress() -> "Progress":
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        console=progress_console(),
-    )
-
-
-@contextmanager
-def _shown(what: str, seed: int) -> "Iterator[Callable[[Row, int, int], None]]":
-    """Shows rows as they come: a bar, and a line for every row with rollouts that were not finite."""
-    from perchhw.learning.sweep_folder import not_finite_report
-
-    with _progress() as progress:
-        task = progress.add_task(what, total=None)
-
-        def show(row: "Row", done: int, total: int) -> None:
-            progress.update(task, completed=done, total=total)
-            report = not_finite_report(row, seed)
-            if report["rollouts"]:
-                progress.console.print(f"not finite, counted as failures: {report}", markup=False)
-
-        yield show
-
-
 def _sweep(setup: SetupOptions, grid: GridOptions, learning: SweepOptions, out: Path) -> dict[str, Any]:
     from perchhw.learning.bands import band_table, best_per_condition
     from perchhw.learning.sweep import SweepGrid, run_sweep
     from perchhw.learning.sweep_folder import SWEEP_FILE, read_settings
 
     trials = SweepGrid(*grid.ranges(), learning.repeats)
-    with grid.executor() as executor, _shown("learning trials", setup.seed) as show:
+    with grid.executor() as executor, shown("learning trials", setup.seed) as show:
         summary = run_sweep(
             setup.learning_setup(learning.reward),
             trials,
@@ -282,7 +173,7 @@ def _validate(
     approaches = conditions(*grid.ranges())
     flown_by = setup.learning_setup()
     make_folder(out)
-    with grid.executor() as executor, _shown("validation", setup.seed) as show:
+    with grid.executor() as executor, shown("validation", setup.seed) as show:
         rows = validate_policy(
             loaded, flown_by, approaches, rollouts=rollouts, executor=executor, on_condition=show
         )

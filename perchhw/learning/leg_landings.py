@@ -33,7 +33,7 @@ COLUMNS = (
 nothing touched the ceiling, ``sufficiency`` also where gravity asks for nothing."""
 
 Pair = tuple[float, float, int, float, float, float, float]
-"""speed (m/s), angle (deg), repeat; mean and standard deviation of tau, then of the moment, as EPHE has them."""
+"""speed (m/s), angle (deg), repeat; mean and standard deviation of tau, then of the moment (EPHE's units)."""
 
 
 def pair_of(row: Row) -> Pair:

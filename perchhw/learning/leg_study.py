@@ -9,6 +9,7 @@ import dataclasses
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -35,7 +36,14 @@ BANDS_DEG = ((30.0, 50.0), (50.0, 65.0), (65.0, 80.0), (80.0, BEYOND))
 
 SPEED_BANDS = ((0.0, FAST), (FAST, math.inf))
 
+OnTrial = Callable[[Row, int, int], None]
+"""Called with the row of a trial, the number done and the number in all."""
+
 _RATES = ("landing_rate", "four_leg_rate", "two_leg_rate", "body_contact_rate")
+
+
+def _nothing(row: Row, done: int, total: int) -> None:
+    """Progress that nobody watches."""
 
 
 @dataclass(frozen=True)
@@ -61,9 +69,7 @@ def run_leg_study(
     rollouts: int = 6,
     executor: Executor = ALL_CORES,
     resume: bool = False,
-    on_design: Callable[[str], Callable[[Row, int, int], None]] = lambda design: (
-        lambda row, done, total: None
-    ),
+    on_design: Callable[[str], AbstractContextManager[OnTrial]] = lambda design: nullcontext(_nothing),
 ) -> LegStudy:
     """Sweep every design, land its pairs, and write the study.
 
@@ -75,7 +81,7 @@ def run_leg_study(
         rollouts: fresh landings of each pair.
         executor: who does the work; the result does not depend on it.
         resume: go on with a study that was stopped.
-        on_design: called before a design, gives what is called with each of its trials (row, done, total).
+        on_design: called with each design, gives what is called with its trials while they are learned.
 
     Raises:
         LearningInputError: settings, designs or grid cannot be used, or the folder holds another study.
@@ -86,9 +92,10 @@ def run_leg_study(
     landings: list[Row] = []
     for design in designs:
         legged = dataclasses.replace(setup, legs=design)
-        summary = run_sweep(
-            legged, grid, folder / design, executor=executor, resume=resume, on_trial=on_design(design)
-        )
+        with on_design(design) as on_trial:
+            summary = run_sweep(
+                legged, grid, folder / design, executor=executor, resume=resume, on_trial=on_trial
+            )
         pairs[design] = summary.rows
         landings += _land(legged, design, summary.rows, rollouts, executor)
     document = _document(setup, pairs, landings, rollouts)
@@ -168,7 +175,7 @@ def _mean(values: Sequence[float]) -> float | None:
 def _band(
     rows: Sequence[Row], landings: Sequence[Row], angles: tuple[float, float], speeds: tuple[float, float]
 ) -> dict[str, Any]:
-    """Rates of the trials in a band, and the factors of its fresh landings that succeeded and that did not."""
+    """Rates of the trials in a band, and the factors of its fresh landings by success and failure."""
     inside = [row for row in landings if _within(row, angles, speeds)]
     good = [row for row in inside if row["outcome"] == Outcome.FOUR_LEG.value]
     bad = [row for row in inside if row["outcome"] != Outcome.FOUR_LEG.value]
