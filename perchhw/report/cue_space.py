@@ -36,7 +36,7 @@ _MARGIN = 0.35
 def pairs_in_space(pairs: tuple[Row, ...]) -> "Figure":
     """Pairs in velocity space and in OF_a, coloured by landing rate."""
     tau, flow, distance, rate = columns(pairs, "tau", "theta_x", "d_ceil", "landing_rate")
-    figure, views = _two_views(10.6, 4.3, second=0.445)
+    figure, views = _two_views(10.6, 4.1, second=0.445)
     spaces = (
         ((flow * distance, distance / tau, distance), (r"$v_x$ (m/s)", r"$v_z$ (m/s)", DISTANCE_LABEL)),
         ((flow, tau, distance), (FLOW_LABEL, TAU_LABEL, DISTANCE_LABEL)),
@@ -51,7 +51,7 @@ def pairs_in_space(pairs: tuple[Row, ...]) -> "Figure":
         _label(axes, labels)
         axes.view_init(elev=20, azim=-60)
         title = "(a) velocity space" if k == 0 else "(b) optical-flow space"
-        axes.text2D(0.03, 0.95, title, transform=axes.transAxes, fontsize=10.5)
+        axes.text2D(0.03, 0.88, title, transform=axes.transAxes, fontsize=10.5)
     figure.colorbar(dots, cax=figure.add_axes((0.925, 0.18, 0.012, 0.64)), label="landing rate")
     return figure
 
@@ -63,7 +63,7 @@ def _two_views(width: float, height: float, second: float, **options: Any) -> tu
     """
     figure = new_figure(width, height)
     figure.set_layout_engine("none")
-    places = ((0.0, 0.03, 0.44, 0.97), (second, 0.03, 0.44, 0.97))
+    places = ((0.0, -0.03, 0.44, 1.1), (second, -0.03, 0.44, 1.1))
     return figure, [figure.add_axes(place, projection="3d", **options) for place in places]
 
 
@@ -197,6 +197,7 @@ def region_slices(pairs: tuple[Row, ...], policy: Policy, flight: Flight | None)
     bounds = region_bounds(policy, pairs)
     for k, values in enumerate((tau, flow)):
         bounds[k] = min(bounds[k, 0], values.min()), max(bounds[k, 1], values.max())
+        bounds[k] += np.array([-0.04, 0.04]) * (bounds[k, 1] - bounds[k, 0])
     edges = np.quantile(distance, np.linspace(0.0, 1.0, _SLABS + 1))
     figure = new_figure(10.6, 3.3)
     panels = figure.subplots(1, _SLABS, sharex=True, sharey=True)

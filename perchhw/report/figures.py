@@ -30,7 +30,7 @@ def side_view(flight: Flight, ceiling_z: float | None) -> str | None:
         axes.fill_between(x, ceiling_z, ceiling_z + 0.07, color="#c9ced4", lw=0)
         axes.text(x[0], ceiling_z + 0.035, f" ceiling {ceiling_z:.3f} m", va="center", color=INK, fontsize=8)
     if flight.trigger is not None:
-        _draw_bodies(axes, t - flight.trigger.t, pose)
+        draw_bodies(axes, t - flight.trigger.t, pose)
         k = int(np.argmin(np.abs(t - flight.trigger.t)))
         axes.plot(pose[k, 0], pose[k, 2], "o", ms=6, color=TRIGGER, zorder=5, label="trigger")
     axes.plot(pose[-1, 0], pose[-1, 2], "s", ms=5, color=GREEN, zorder=5, label="end")
@@ -41,7 +41,7 @@ def side_view(flight: Flight, ceiling_z: float | None) -> str | None:
     return svg(figure)
 
 
-def _draw_bodies(axes: "Axes", after: FloatArray, pose: FloatArray) -> None:
+def draw_bodies(axes: "Axes", after: FloatArray, pose: FloatArray) -> None:
     """The fore-aft axis of the body every 40 ms around the trigger, and at rest; a dot marks the nose."""
     wanted = [*np.arange(-0.4, 0.401, 0.04), after[-1]]
     rows = sorted({int(np.argmin(np.abs(after - w))) for w in wanted if after[0] <= w <= after[-1]})

@@ -103,9 +103,9 @@ def moment_against_tau(
             left,
             cues[0][good],
             np.asarray(answers, np.float64),
-            "policy at the same cues (pairs of 0.8 or more)",
+            "policy at the cues of pairs of 0.8 or more: median, 10 and 90 %",
         )
-        left.legend(fontsize=8, frameon=False, loc="lower left")
+        left.legend(fontsize=8, loc="lower left", facecolor="white", edgecolor="none", framealpha=1.0)
     if own is not None:
         _scatter(right, *own)
     right.set_title("(b) two-stage policy, mean of each condition", loc="left", fontsize=10.5)
@@ -133,7 +133,8 @@ def _band(axes: "Axes", tau: FloatArray, a_rot: FloatArray, label: str) -> None:
         np.array([np.percentile(a_rot[c], p) for c in chunks]) / _NEWTON_MILLIMETRE
         for p in (_BAND[0], 50, _BAND[1])
     )
-    axes.fill_between(middle, low, high, color=TRIGGER, alpha=0.15, lw=0, zorder=4)
+    for edge in (low, high):
+        axes.plot(middle, edge, color=TRIGGER, lw=1.2, ls="--", zorder=5)
     axes.plot(middle, mid, color=TRIGGER, lw=2, zorder=5, label=label)
 
 

@@ -6,12 +6,13 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from calibration.flights import Flight
+from calibration.flights import Flight, PoseSource
 from onboard.policy.files import Policy, policy_crc32
 from perchhw.learning.bands import band_table
 from perchhw.learning.example_data import Convergence, Examples
 from perchhw.learning.results import LearningResults, RateMap
-from perchhw.report import cue_space, figures, learning_figures
+from perchhw.report import cue_space, learning_figures
+from perchhw.report.approach import approach_views
 from perchhw.report.rate_maps import GOOD_RATE, rate_maps
 from perchhw.report.run_report import REPORT_FILE
 from perchhw.report.style import grid, page, report_style, section, svg, table
@@ -65,7 +66,7 @@ def _page(
     results: LearningResults, reference: RateMap | None, examples: Examples, drawn: list[Picture]
 ) -> str:
     settings = results.settings
-    legs = settings.get("legs") or "its own"
+    legs = f", {settings['legs']} legs" if settings.get("legs") else ""
     doubts = [*results.doubts, *examples.doubts]
     body = ""
     if doubts:
@@ -80,9 +81,8 @@ def _page(
     )
     for picture in others:
         body += section(picture.title, svg(picture.figure), picture.meaning)
-    body += _approach(examples.flight)
     body += grid([section(title, table(["", ""], rows)) for title, rows in _facts(results) if rows])
-    title = f"Learning to land: {settings.get('vehicle')}, {legs} legs"
+    title = f"Learning to land: {settings.get('vehicle')}{legs}"
     return page(title, str(results.folder.resolve().name), body)
 
 
@@ -108,6 +108,13 @@ def _pictures(results: LearningResults, reference: RateMap | None, examples: Exa
         _moment_meaning(results),
         learning_figures.moment_against_tau(results.pairs, results.policy, results.validation),
     )
+    if examples.flight is not None:
+        yield Picture(
+            "approach",
+            f"One approach: {examples.flight.name}",
+            _flight_meaning(examples.flight),
+            approach_views(examples.flight),
+        )
     if examples.trial is not None:
         yield Picture(
             "convergence",
@@ -123,6 +130,8 @@ def _maps_meaning(maps: list[RateMap]) -> str:
         "Across is the horizontal speed, up is the climb. Dots have the measured rate of their condition, "
         f"the surface is smoothed, and the black line is a rate of {GOOD_RATE:g}: brighter is better."
     )
+    if maps[-1].name.startswith("reference"):
+        text += " A reference counts landings by its own rule."
     if any(m.trigger_rates is not None and min(m.trigger_rates.values()) < 0.5 for m in maps):
         text += " Inside the orange dashes the policy triggers in fewer than half of the attempts."
     return text
@@ -160,36 +169,32 @@ def _moment_meaning(results: LearningResults) -> str:
     return text
 
 
+def _flight_meaning(flight: Flight) -> str:
+    text = (
+        "The body is a stroke with a dot at the nose. Time to contact falls while the trigger value rises; "
+    )
+    if flight.trigger is None:
+        text += "here it stays below zero where the policy looks, so the drone never flips."
+    else:
+        text += "at zero the drone flips."
+    if flight.pose_source is PoseSource.TRUTH:
+        text += (
+            " The cues drawn are the true ones; the policy sees them as old and as wrong as the sensing says."
+        )
+    return text
+
+
 def _trial_meaning(trial: Convergence) -> str:
-    ended = "became narrow enough to stop" if trial.converged else "used all its episodes"
+    episodes = len(trial.rewards)
+    ended = f"was narrow enough to stop after {episodes}" if trial.converged else f"used all {episodes}"
     text = (
         "The distribution that the samples come from moves towards the best of each episode; trial "
-        f"{trial.repeat} {ended} after {len(trial.rewards)} episodes, and {trial.landing_rate:.0%} of its "
+        f"{trial.repeat} {ended} episodes, and {trial.landing_rate:.0%} of its "
         "evaluation landed."
     )
     if not trial.as_recorded:
         text += " The sweep has no such trial, or the code has changed since: its own came out differently."
     return text
-
-
-def _approach(flight: Flight | None) -> str:
-    """Path and trigger value of the example flight."""
-    if flight is None:
-        return ""
-    side = figures.side_view(flight, flight.ceiling_z)
-    cues = figures.cues_over_time(flight)
-    body = ""
-    if side is not None:
-        body += section(
-            f"The approach in space: {flight.name}", side,
-            "The body as a stroke with a dot at the nose, every 40 ms around the trigger and at the end.",
-        )  # fmt: skip
-    if cues is not None:
-        body += section(
-            "Towards the trigger", cues,
-            "Time to contact falls until the trigger value reaches zero; then the drone flips.",
-        )  # fmt: skip
-    return body
 
 
 def _bands(results: LearningResults, reference: RateMap | None) -> str:
