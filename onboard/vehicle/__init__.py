@@ -10,6 +10,7 @@ from pathlib import Path
 
 from onboard.quantity import Quantity
 from onboard.toml_file import read_toml
+from onboard.vehicle.effects import EFFECTS
 from onboard.vehicle.file_format import (
     LEGS_FILE,
     LIBRARY,
@@ -37,6 +38,7 @@ from onboard.vehicle.model import (
 from onboard.vehicle.schema import VehicleFileError
 
 __all__ = [
+    "EFFECTS",
     "EFFECT_NAMES",
     "SCHEMA",
     "Air",

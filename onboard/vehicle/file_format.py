@@ -12,13 +12,12 @@ from onboard.gravity import GRAVITY
 from onboard.quantity import Quantity
 from onboard.thrust_map import COEFFICIENT_UNITS, ThrustMapForm
 from onboard.toml_file import read_toml
+from onboard.vehicle.effect_tables import check_effects, parse_effects
 from onboard.vehicle.model import (
-    EFFECT_NAMES,
     SCHEMA,
     Air,
     Battery,
     Body,
-    Effect,
     Legs,
     Motors,
     Sensing,
@@ -33,7 +32,6 @@ from onboard.vehicle.schema import (
     as_table,
     check_keys,
     parse_quantities,
-    parse_quantity,
     parse_section,
 )
 
@@ -129,8 +127,9 @@ def parse_vehicle(content: Mapping[str, object], file: str) -> Vehicle:
     legs = _parse_legs(content["legs"], problems) if "legs" in content else None
     air = parse_section(Air, content.get("air"), "air", problems)
     sensing = parse_section(Sensing, content.get("sensing"), "sensing", problems)
-    effects = _parse_effects(content.get("effects", []), problems)
+    effects = parse_effects(content.get("effects", []), problems)
     _check_consistency(body, motors, battery, problems)
+    check_effects(effects, body, motors, "legs" in content, air, problems)
     problems.raise_any()
     if not (name and description and body and motors and battery and air and sensing):
         raise VehicleFileError(f"{file}: cannot be used; run perchhw vehicle check on it")
@@ -247,33 +246,6 @@ def _parse_legs(raw: object, problems: Problems) -> Legs | None:
             problems.add("legs.design", str(error))
             return None
     return parse_section(Legs, table, "legs", problems, others={"design": design})
-
-
-def _parse_effects(raw: object, problems: Problems) -> tuple[Effect, ...]:
-    if not isinstance(raw, list):
-        problems.add("effects", "must be an array of tables; write each effect under [[effects]]")
-        return ()
-    effects: list[Effect] = []
-    for index, item in enumerate(raw):
-        key = f"effects[{index}]"
-        table = as_table(item, key, problems)
-        if table is None:
-            continue
-        name = table.get("name")
-        if not isinstance(name, str) or name not in EFFECT_NAMES:
-            problems.add(f"{key}.name", f"{name!r} is not an effect; known: {', '.join(EFFECT_NAMES)}")
-            continue
-        if any(effect.name == name for effect in effects):
-            problems.add(f"{key}.name", f"effect {name!r} is given twice; keep one")
-            continue
-        parameters: dict[str, Quantity] = {}
-        for parameter, value in table.items():
-            if parameter != "name":
-                quantity = parse_quantity(value, f"{key}.{parameter}", None, problems)
-                if quantity is not None:
-                    parameters[parameter] = quantity
-        effects.append(Effect(name=name, parameters=parameters))
-    return tuple(effects)
 
 
 def _check_consistency(

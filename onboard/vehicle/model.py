@@ -12,42 +12,12 @@ import numpy as np
 
 from onboard.quantity import Quantity
 from onboard.thrust_map import COEFFICIENT_UNITS, ThrustMap, ThrustMapForm
+from onboard.vehicle.effects import EFFECTS
 from onboard.vehicle.schema import Measured, Range
 
 SCHEMA = "perchhw.vehicle/1"
 
-EFFECT_NAMES = (
-    "thrust_scale",
-    "thrust_curve",
-    "battery_sag",
-    "motor_lag",
-    "motor_lag_asymmetry",
-    "motor_imbalance",
-    "motor_saturation",
-    "command_delay",
-    "rotor_drag",
-    "body_drag",
-    "inflow_thrust_loss",
-    "ceiling_effect",
-    "ground_effect",
-    "wind",
-    "velocity_moment",
-    "rate_damping",
-    "rotor_gyroscopic",
-    "rotor_acceleration_torque",
-    "mass_error",
-    "inertia_error",
-    "com_offset",
-    "thrust_tilt",
-    "pose_delay",
-    "pose_rotation",
-    "pose_offset",
-    "gyro_bias",
-    "leg_stiffness",
-    "leg_damping",
-    "foot_slip",
-    "tether",
-)
+EFFECT_NAMES = tuple(EFFECTS)
 """Names that an ``[[effects]]`` table may have."""
 
 
@@ -106,6 +76,7 @@ class Motors:
         thrust_to_torque: m, drag torque per thrust.
         pwm_bits: resolution of the motor PWM.
         rotor_inertia: kg m2 of one rotor with propeller about its axis, if known.
+        thrust_coefficient: N s2/rad2, thrust over the square of the rotor speed, if known.
     """
 
     thrust_map: ThrustMapDescription
@@ -116,6 +87,7 @@ class Motors:
     thrust_to_torque: Annotated[Quantity, Measured("m", Range.POSITIVE)]
     pwm_bits: Annotated[Quantity, Measured("bit", Range.PWM_BITS)]
     rotor_inertia: Annotated[Quantity | None, Measured("kg m2", Range.POSITIVE)] = None
+    thrust_coefficient: Annotated[Quantity | None, Measured("N s2/rad2", Range.POSITIVE)] = None
 
     def thrust_map_compiled(self) -> ThrustMap:
         """The thrust map for compiled code."""
@@ -225,10 +197,14 @@ class Sensing:
 
 @dataclass(frozen=True, kw_only=True)
 class Effect:
-    """A named effect beyond the base model, with its parameters (names are the effect's own)."""
+    """A named effect beyond the base model, with its parameters (:data:`onboard.vehicle.effects.EFFECTS`)."""
 
     name: str
     parameters: dict[str, Quantity]
+
+    def values(self) -> dict[str, float]:
+        """Every parameter's value in SI units, those that the file leaves out at their neutral value."""
+        return EFFECTS[self.name].values(self.parameters)
 
 
 @dataclass(frozen=True, kw_only=True)

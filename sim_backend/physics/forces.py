@@ -1,14 +1,15 @@
-"""The terms of the free-flight model, in one place.
+"""The forces of free flight, in one place.
 
-A term is a function ``(state, parameters, body-frame velocity) -> wrench`` in a module of its own; it joins
-the model by one line in :func:`free_flight_wrench`. A vehicle without the effect has zero for its parameter.
-Gravity and the gyroscopic torque belong to the integrator, contact to the step.
+The base model is rotors and linear drag. Effects that a vehicle file declares are in
+:mod:`sim_backend.physics.effects`, behind one test, so that a vehicle without them does not pay for them.
+Gravity and the gyroscopic torque of the body belong to the integrator, contact to the step.
 """
 
 from typing import Any
 
 from onboard.jit import kernel
 from sim_backend.physics.air import linear_drag
+from sim_backend.physics.effects.wrench import wrench_with_effects
 from sim_backend.physics.frames import Rotation
 from sim_backend.physics.motors import Wrench, rotor_wrench
 
@@ -28,6 +29,6 @@ def free_flight_wrench(state: Any, p: Any, rot: Rotation, vx: float, vy: float, 
         rot: rotation matrix body to world, row by row.
         vx, vy, vz: velocity in the body frame, m/s.
     """
-    wrench = rotor_wrench(state, p)
-    wrench = add(wrench, linear_drag(state, p, vx, vy, vz))
-    return wrench  # noqa: RET504  (one line a term)
+    if p.forces_on:
+        return wrench_with_effects(state, p, rot, vx, vy, vz)
+    return add(rotor_wrench(state, p), linear_drag(state, p, vx, vy, vz))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from onboard.gravity import GRAVITY
 from onboard.room import RoomGeometry
 from onboard.vehicle import Legs, Vehicle
-from sim_backend.errors import SimulationError
+from sim_backend.physics.effects.registry import FIELDS, apply_effects
 
 SUBSTEPS = 1
 """Steps within a step while anything may touch: 1 kHz becomes 4 kHz (docs/physics.md gives the error)."""
@@ -25,9 +25,6 @@ FOOT_FRICTION = 1.0
 
 LIMIT_STIFFNESS_RATIO = 10.0
 """Stiffness of the hinge's stop relative to the hinge spring."""
-
-DECLARED_EFFECTS: frozenset[str] = frozenset()
-"""Names of `[[effects]]` that this physics has terms for."""
 
 PARAMETERS = np.dtype(
     [
@@ -74,25 +71,28 @@ PARAMETERS = np.dtype(
         ("ceiling_z", "f8"),
         ("gravity", "f8"),
         ("substeps", "i8"),
+        ("hub", "f8", (4, 3)),  # m, rotors, body frame
+        ("hover_thrust", "f8"),  # N, a quarter of the weight in the vehicle file
+        ("thrust_per_speed2", "f8"),  # N s2/rad2, thrust over the square of the rotor speed; 0 when not known
+        ("speed2_per_thrust", "f8"),  # rad2/(N s2), its inverse; 0 when not known
+        ("command_on", "i8"),  # 1: the vehicle has effects on what the motors are told,
+        ("motors_on", "i8"),  # on how they follow,
+        ("forces_on", "i8"),  # on the forces,
+        ("sensors_on", "i8"),  # on what is measured
+        *((field.name, "f8", field.shape) for field in FIELDS),
     ],
     align=True,
 )
 
-_LEG_SIGNS = np.array([[1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]])
+_QUADRANTS = np.array([[1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]])
 
 
 def physics_parameters(vehicle: Vehicle, room: RoomGeometry) -> Any:
     """The record of parameters for one vehicle in one room.
 
     Raises:
-        SimulationError: the vehicle has an effect for which there is no term yet.
+        SimulationError: the vehicle has an effect that the physics has no equation for.
     """
-    unknown = sorted({effect.name for effect in vehicle.effects} - DECLARED_EFFECTS)
-    if unknown:
-        raise SimulationError(
-            f"vehicle {vehicle.name!r} has the effect(s) {', '.join(unknown)}, which the physics has no "
-            "term for: remove them from the vehicle file to simulate without them"
-        )
     p = np.zeros(1, dtype=PARAMETERS)[0]
     body, motors, battery = vehicle.body, vehicle.motors, vehicle.battery
     p["mass"] = body.mass.value
@@ -118,18 +118,32 @@ def physics_parameters(vehicle: Vehicle, room: RoomGeometry) -> Any:
     p["ceiling_z"], p["gravity"], p["substeps"] = room.ceiling_z, GRAVITY, SUBSTEPS
     if vehicle.legs is not None:
         _set_legs(p, vehicle.legs)
+    _prepare_effects(p, vehicle)
+    apply_effects(p, vehicle)
     p["reach"] = _reach(p)
     return p
+
+
+def _prepare_effects(p: Any, vehicle: Vehicle) -> None:
+    """What effects start from: places of the rotors, and parameters that do nothing."""
+    p["hub"][:, :2] = _QUADRANTS * (p["arm_x"], p["arm_y"])
+    p["hub"][:, 2] = p["propeller_height_z"]
+    p["hover_thrust"] = 0.25 * p["mass"] * p["gravity"]
+    coefficient = vehicle.motors.thrust_coefficient
+    if coefficient is not None:
+        p["thrust_per_speed2"], p["speed2_per_thrust"] = coefficient.value, 1.0 / coefficient.value
+    for field in FIELDS:
+        p[field.name] = field.default
 
 
 def _set_legs(p: Any, legs: Legs) -> None:
     p["has_legs"] = 1
     psi = legs.angle
     hip_xy = np.array([legs.hip_x.value, legs.hip_y.value])
-    p["hip"][:, :2] = _LEG_SIGNS * hip_xy
+    p["hip"][:, :2] = _QUADRANTS * hip_xy
     p["hip"][:, 2] = legs.hip_z.value
     # The leg leans outwards along the diagonal of its quadrant.
-    p["leg_direction"][:, :2] = _LEG_SIGNS * (math.sin(psi) / math.sqrt(2.0))
+    p["leg_direction"][:, :2] = _QUADRANTS * (math.sin(psi) / math.sqrt(2.0))
     p["leg_direction"][:, 2] = -math.cos(psi)
     p["leg_length"], p["foot_radius"] = legs.length.value, legs.foot_radius.value
     p["hinge_stiffness"], p["hinge_damping"] = legs.stiffness.value, legs.damping.value
@@ -149,7 +163,8 @@ def _reach(p: Any) -> float:
     if p["has_legs"]:
         feet = p["hip"] + p["leg_length"] * p["leg_direction"]
         foot = float(np.max(np.linalg.norm(feet, axis=1))) + float(p["foot_radius"])
-    return max(corner, rim, foot)
+    # Hips already are where the centre of mass puts them; hull and propellers are sideways of it.
+    return max(corner, rim, foot) + math.hypot(*p["geometric_centre"][:2])
 
 
 def parameter_batch(parameters: Any, count: int) -> NDArray[np.void]:

@@ -1,0 +1,14 @@
+"""All effects that a vehicle file may declare, by name. A new one is one entry in the module of its domain,
+and one module of its name in ``sim_backend/physics/effects`` (docs/physics.md, Effects)."""
+
+from onboard.vehicle.effects import actuation, air, contact, rigid_body, sensing
+from onboard.vehicle.effects.description import Domain, EffectDescription, EffectParameter, Needs
+
+__all__ = ["EFFECTS", "Domain", "EffectDescription", "EffectParameter", "Needs"]
+
+EFFECTS: dict[str, EffectDescription] = {
+    description.name: description
+    for module in (actuation, air, rigid_body, contact, sensing)
+    for description in module.DESCRIPTIONS
+}
+"""Every known effect, by name."""

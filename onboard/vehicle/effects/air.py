@@ -1,0 +1,174 @@
+"""Effects of the air on body and rotors."""
+
+from onboard.vehicle.effects.description import (
+    Domain,
+    EffectDescription,
+    EffectParameter,
+    Needs,
+    same_for,
+)
+
+_XYZ = ("x", "y", "z")
+_FOERSTER = (
+    "Foerster 2015, System Identification of the Crazyflie 2.0, ETH Zurich: matrix of drag over rotor speed"
+)
+
+DESCRIPTIONS = (
+    EffectDescription(
+        name="rotor_drag",
+        domain=Domain.AIR,
+        equation="f_i = -coefficient w_i (u_x, u_y, 0) at each hub, u air-relative velocity of the hub",
+        parameters={
+            "coefficient": EffectParameter(
+                unit="kg/rad",
+                low=0.0,
+                high=2e-5,
+                typical=1.025e-6,
+                neutral=0.0,
+                meaning="force per rotor speed and in-plane velocity",
+                source=_FOERSTER,
+            )
+        },
+        reference=(
+            "Mahony, Kumar, Corke, IEEE RAM 19(3), 2012; Faessler, Franchi, Scaramuzza, IEEE RA-L 3(2), 2018"
+        ),
+        needs=(Needs.ROTOR_SPEED,),
+    ),
+    EffectDescription(
+        name="body_drag",
+        domain=Domain.AIR,
+        equation="f_k = -1/2 rho area_k |u| u_k along each body axis",
+        parameters=same_for(
+            tuple(f"area_{axis}" for axis in _XYZ),
+            EffectParameter(
+                unit="m2",
+                low=0.0,
+                high=0.05,
+                typical=0.003,
+                neutral=0.0,
+                meaning="drag coefficient times area",
+                source="engineering estimate: 75 mm square, a third of it solid, coefficient 1.2 to 1.5",
+            ),
+        ),
+        reference="quadratic drag of a bluff body (Hoerner, Fluid-Dynamic Drag, 1965)",
+    ),
+    EffectDescription(
+        name="inflow_thrust_loss",
+        domain=Domain.AIR,
+        equation="F_i = F*_i - coefficient w_i u_z, u_z climb of the hub through the air",
+        parameters={
+            "coefficient": EffectParameter(
+                unit="kg/rad",
+                low=0.0,
+                high=2e-5,
+                typical=7.553e-7,
+                neutral=0.0,
+                meaning="loss of thrust per rotor speed and climb",
+                source=_FOERSTER,
+            )
+        },
+        reference="blade element theory, first order in the inflow (Svacha, Mohta, Kumar, ICUAS 2017)",
+        needs=(Needs.ROTOR_SPEED,),
+    ),
+    EffectDescription(
+        name="ceiling_effect",
+        domain=Domain.AIR,
+        equation=(
+            "F_i = F*_i y^2, y^2 + (inflow/gamma) y = 1 + inflow, "
+            "gamma = 1/2 + 1/2 sqrt(1 + R^2 / (8 opening^2 d_i^2)), d_i hub to ceiling"
+        ),
+        parameters={
+            "inflow": EffectParameter(
+                unit="1",
+                low=0.0,
+                high=4.0,
+                typical=1.0,
+                neutral=0.0,
+                meaning="share of the hover thrust that the induced inflow costs; the gain at contact",
+                source="engineering estimate: blade at 17 deg, induced 5 m/s at 2060 rad/s and 22.5 mm",
+            ),
+            "opening": EffectParameter(
+                unit="1",
+                low=0.1,
+                high=1.0,
+                typical=1.0,
+                neutral=1.0,
+                meaning="share of the rotor's rim through which air can enter; neighbours block the rest",
+                source="single rotor",
+            ),
+        },
+        reference="Hsiao, Chirarattananon, IEEE/ASME Trans. Mechatronics 24(5), 2019 (arXiv 1905.04632)",
+    ),
+    EffectDescription(
+        name="ground_effect",
+        domain=Domain.AIR,
+        equation="F_i = F*_i / (1 - strength (R / (4 h_i))^2), h_i hub above floor",
+        parameters={
+            "strength": EffectParameter(
+                unit="1",
+                low=0.0,
+                high=20.0,
+                typical=1.0,
+                neutral=0.0,
+                meaning="1 is the single rotor; four rotors close together have more",
+                source="Cheeseman and Bennett; 11.4 in gym-pybullet-drones for a Crazyflie 2",
+            )
+        },
+        reference="Cheeseman, Bennett, ARC R&M 3021, 1955",
+    ),
+    EffectDescription(
+        name="wind",
+        domain=Domain.AIR,
+        equation="u = v - wind, in all forces of the air",
+        parameters=same_for(
+            _XYZ,
+            EffectParameter(
+                unit="m/s",
+                low=-10.0,
+                high=10.0,
+                typical=0.3,
+                neutral=0.0,
+                meaning="velocity of the air along this world axis",
+                source="engineering estimate: air conditioning and the vehicle's own circulation indoors",
+            ),
+        ),
+        reference="constant wind",
+        needs=(Needs.AIR_FORCE,),
+    ),
+    EffectDescription(
+        name="velocity_moment",
+        domain=Domain.AIR,
+        equation="tau_x = roll u_y, tau_y = -pitch u_x",
+        parameters=same_for(
+            ("roll", "pitch"),
+            EffectParameter(
+                unit="N s",
+                low=-2e-3,
+                high=2e-3,
+                typical=1.2e-4,
+                neutral=0.0,
+                meaning="moment per speed; positive raises the leading edge",
+                source="rotor drag of Foerster 2015 at 8200 rad/s in all, 14 mm above the centre of mass",
+            ),
+        ),
+        reference="blade flapping and height of the drag's centre (Mahony, Kumar, Corke 2012)",
+    ),
+    EffectDescription(
+        name="rate_damping",
+        domain=Domain.AIR,
+        equation="tau_k = -damping_k w_k",
+        parameters=same_for(
+            _XYZ,
+            EffectParameter(
+                unit="N m s/rad",
+                low=0.0,
+                high=1e-4,
+                typical=6e-6,
+                neutral=0.0,
+                meaning="damping of the turn about this body axis",
+                source="inflow loss of Foerster 2015 on 32.5 mm arms at 8200 rad/s in all",
+            ),
+        ),
+        reference="climbing and sinking rotors of a turning vehicle lose and gain thrust",
+    ),
+)

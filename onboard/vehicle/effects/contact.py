@@ -1,0 +1,71 @@
+"""Effects of legs and feet."""
+
+import math
+
+from onboard.vehicle.effects.description import Domain, EffectDescription, EffectParameter, Needs
+
+DESCRIPTIONS = (
+    EffectDescription(
+        name="leg_stiffness",
+        domain=Domain.CONTACT,
+        equation="K -> scale K, hinge and stop",
+        parameters={
+            "scale": EffectParameter(
+                unit="1",
+                low=0.02,
+                high=50.0,
+                typical=0.5,
+                neutral=1.0,
+                meaning="factor on the stiffness of the hinges",
+                source="never measured; the authors later used 0.5 N m/rad for 0.08 (errata 4)",
+            )
+        },
+        reference="torsional hinge (paper, landing gear)",
+        needs=(Needs.LEGS,),
+    ),
+    EffectDescription(
+        name="leg_damping",
+        domain=Domain.CONTACT,
+        equation="c -> scale c",
+        parameters={
+            "scale": EffectParameter(
+                unit="1",
+                low=0.0,
+                high=100.0,
+                typical=3.0,
+                neutral=1.0,
+                meaning="factor on the damping of the hinges",
+                source="printed damping ratio 0.25, that of the model 0.08 (errata 4)",
+            )
+        },
+        reference="torsional hinge (paper, landing gear)",
+        needs=(Needs.LEGS,),
+    ),
+    EffectDescription(
+        name="foot_slip",
+        domain=Domain.CONTACT,
+        equation="a foot holds up to adhesion_strength and needs minimum_preload, if these are the stricter",
+        parameters={
+            "adhesion_strength": EffectParameter(
+                unit="N",
+                low=0.0,
+                high=100.0,
+                typical=0.5,
+                neutral=math.inf,
+                meaning="pull at which a foot comes off",
+                source="engineering estimate: a worn or dusty pad holds a few times the weight",
+            ),
+            "minimum_preload": EffectParameter(
+                unit="N",
+                low=0.0,
+                high=20.0,
+                typical=0.3,
+                neutral=0.0,
+                meaning="push that a foot needs to attach",
+                source="engineering estimate: as much as the vehicle weighs",
+            ),
+        },
+        reference="adhesive foot (docs/physics.md, Legs)",
+        needs=(Needs.LEGS,),
+    ),
+)

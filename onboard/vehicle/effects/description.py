@@ -1,0 +1,101 @@
+"""What an effect is, to people and to programs: name, where it acts, parameters with bounds, sources.
+
+An effect is a deviation from the base model that a vehicle file may declare in an ``[[effects]]`` table. Its
+equation is a module of the same name in ``sim_backend/physics/effects``; here is only what a vehicle file can
+be checked against and what a search for a missing effect needs to know.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+from onboard.quantity import Quantity
+
+
+class Domain(StrEnum):
+    """Where an effect acts."""
+
+    ACTUATION = "actuation"
+    """from the command to the thrust of the rotors"""
+    AIR = "air"
+    RIGID_BODY = "rigid_body"
+    CONTACT = "contact"
+    """legs, feet, ceiling"""
+    SENSING = "sensing"
+    """what the motion capture and the gyro report, not how the vehicle moves"""
+    TIMING = "timing"
+
+
+class Needs(StrEnum):
+    """What else a vehicle file must hold for an effect to act at all."""
+
+    LEGS = "legs"
+    ROTOR_SPEED = "motors.thrust_coefficient"
+    AIR_FORCE = "air force"
+
+
+@dataclass(frozen=True, kw_only=True)
+class EffectParameter:
+    """One number of an effect, in SI units.
+
+    Attributes:
+        unit: SI unit.
+        low, high: bounds within which the value is physically possible for a small quadrotor.
+        typical: value that an ordinary vehicle may show; the size to test a search with.
+        neutral: value at which the parameter does nothing, taken when a file leaves it out; None: must be
+            given.
+        meaning: what it is.
+        source: where the typical value comes from.
+    """
+
+    unit: str
+    low: float
+    high: float
+    typical: float
+    neutral: float | None
+    meaning: str
+    source: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class EffectDescription:
+    """A named effect.
+
+    Attributes:
+        name: as in ``[[effects]]`` and in the gap finder's report.
+        domain: where it acts.
+        equation: one line.
+        parameters: by name.
+        reference: paper or record that the equation is from.
+        needs: what else the vehicle file must hold.
+        excludes: effects that describe the same thing in another way.
+    """
+
+    name: str
+    domain: Domain
+    equation: str
+    parameters: Mapping[str, EffectParameter]
+    reference: str
+    needs: tuple[Needs, ...] = ()
+    excludes: tuple[str, ...] = ()
+
+    def values(self, given: Mapping[str, Quantity]) -> dict[str, float]:
+        """Every parameter's value (SI), those that are not given at their neutral value.
+
+        Raises:
+            KeyError: a parameter without a neutral value is missing (a checked file has it).
+        """
+        complete = {}
+        for name, parameter in self.parameters.items():
+            if name in given:
+                complete[name] = given[name].value
+            elif parameter.neutral is None:
+                raise KeyError(f"effect {self.name}: parameter {name} is missing")
+            else:
+                complete[name] = parameter.neutral
+        return complete
+
+
+def same_for(names: tuple[str, ...], parameter: EffectParameter) -> dict[str, EffectParameter]:
+    """The same parameter under several names, such as three axes."""
+    return dict.fromkeys(names, parameter)
