@@ -10,4 +10,4 @@ matters. Inlining takes a fifth off a step of physics and a quarter off one with
 """
 
 outlined = njit(cache=True, nogil=True, error_model="numpy")
-"""Decorator of large functions that few vehicles need: kept apart, so that those that call them stay small."""
+"""Decorator of large functions that few vehicles need: kept apart, so that their callers stay small."""

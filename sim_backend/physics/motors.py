@@ -40,62 +40,76 @@ def commanded(state: Any, p: Any, targets: Thrusts) -> Thrusts:
     return targets
 
 
-@outlined
-def follow_speed_law(state: Any, p: Any, targets: Thrusts, dt: float) -> None:
-    """Advance thrusts by the speed law for `dt` (s); the acceleration is the mean over twice that time."""
-    thrust, acceleration = state.thrust, state.rotor_acceleration
-    per_time = 0.5 / dt
-    for motor in range(4):
-        target = targets[motor]
-        rising = target > thrust[motor]
-        a = p.speed_law_a[0] if rising else p.speed_law_a[1]
-        b = p.speed_law_b[0] if rising else p.speed_law_b[1]
-        settled = math.sqrt(target * p.speed2_per_thrust)
-        before = math.sqrt(thrust[motor] * p.speed2_per_thrust)
-        speed = speed_after(before, settled, a, b, dt)
-        acceleration[motor] = (speed_after(speed, settled, a, b, dt) - before) * per_time
-        after = speed * speed * p.thrust_per_speed2
-        thrust[motor] = after if after > SETTLED else 0.0
-
-
-@outlined
-def follow_lag(state: Any, p: Any, targets: Thrusts, decay_up: float, decay_down: float, dt: float) -> None:
-    """Advance thrusts as :func:`lag` for `dt` (s); the acceleration is the mean over twice that time."""
-    thrust, acceleration = state.thrust, state.rotor_acceleration
-    per_time = 0.5 / dt
-    for motor in range(4):
-        before, target = thrust[motor], targets[motor]
-        after = lag(before, target, decay_up, decay_down)
-        later = lag(after, target, decay_up, decay_down)
-        change = math.sqrt(later * p.speed2_per_thrust) - math.sqrt(before * p.speed2_per_thrust)
-        acceleration[motor] = change * per_time
-        thrust[motor] = after
-
-
 @kernel
-def lag_all(state: Any, p: Any, targets: Thrusts, decay_up: float, decay_down: float, dt: float) -> None:
-    """Advance the four thrusts of the state towards their targets (N).
-
-    Args:
-        state: record, changed in place.
-        p: record of parameters.
-        targets: from :func:`commanded`.
-        decay_up, decay_down: from :func:`decay` for the same `dt`.
-        dt: s, half a step: the forces are taken between two calls.
-    """
-    if p.motors_on:
-        # The forces are taken after the first of two such calls: the mean acceleration over both is what they
-        # need. After the second call it is that of a step that may not come, and nobody looks at it.
-        if p.speed_law_b[0] > 0.0:
-            follow_speed_law(state, p, targets, dt)
-        else:
-            follow_lag(state, p, targets, decay_up, decay_down, dt)
-        return
+def lag_all(state: Any, targets: Thrusts, decay_up: float, decay_down: float) -> None:
+    """Advance the four thrusts of the state towards their targets (N), each as :func:`lag`."""
     thrust = state.thrust
     thrust[0] = lag(thrust[0], targets[0], decay_up, decay_down)
     thrust[1] = lag(thrust[1], targets[1], decay_up, decay_down)
     thrust[2] = lag(thrust[2], targets[2], decay_up, decay_down)
     thrust[3] = lag(thrust[3], targets[3], decay_up, decay_down)
+
+
+@outlined
+def speed_law_to_middle(state: Any, p: Any, targets: Thrusts, half: float) -> None:
+    """The first half of a step by the speed law; keeps what the second half and the torque need."""
+    thrust, per_time = state.thrust, 0.5 / half
+    for motor in range(4):
+        rising = targets[motor] > thrust[motor]
+        a = p.speed_law_a[0] if rising else p.speed_law_a[1]
+        b = p.speed_law_b[0] if rising else p.speed_law_b[1]
+        settled = math.sqrt(targets[motor] * p.speed2_per_thrust)
+        start = math.sqrt(thrust[motor] * p.speed2_per_thrust)
+        middle = speed_after(start, settled, a, b, half)
+        end = speed_after(start, settled, a, b, 2.0 * half)
+        ahead = end * end * p.thrust_per_speed2
+        thrust[motor] = middle * middle * p.thrust_per_speed2
+        state.thrust_ahead[motor] = ahead if ahead > SETTLED else 0.0
+        state.rotor_acceleration[motor] = (end - start) * per_time
+
+
+@outlined
+def mean_acceleration(
+    state: Any, p: Any, targets: Thrusts, decay_up: float, decay_down: float, half: float
+) -> None:
+    """Mean acceleration (rad/s2) of the rotors over a step that begins now, for first-order thrusts."""
+    thrust, per_time = state.thrust, 0.5 / half
+    for motor in range(4):
+        start, target = thrust[motor], targets[motor]
+        end = lag(lag(start, target, decay_up, decay_down), target, decay_up, decay_down)
+        change = math.sqrt(end * p.speed2_per_thrust) - math.sqrt(start * p.speed2_per_thrust)
+        state.rotor_acceleration[motor] = change * per_time
+
+
+@kernel
+def lag_to_middle(
+    state: Any, p: Any, targets: Thrusts, decay_up: float, decay_down: float, half: float
+) -> None:
+    """Advance the thrusts of the state over the first half of a step, where the forces are taken.
+
+    Args:
+        state: record, changed in place.
+        p: record of parameters.
+        targets: from :func:`commanded`.
+        decay_up, decay_down: from :func:`decay` for `half`.
+        half: s, half of the step.
+    """
+    if p.motors_on:
+        if p.speed_law_b[0] > 0.0:
+            speed_law_to_middle(state, p, targets, half)
+            return
+        mean_acceleration(state, p, targets, decay_up, decay_down, half)
+    lag_all(state, targets, decay_up, decay_down)
+
+
+@kernel
+def lag_to_end(state: Any, p: Any, targets: Thrusts, decay_up: float, decay_down: float) -> None:
+    """Advance the thrusts over the second half of the step that :func:`lag_to_middle` began."""
+    if p.speed_law_b[0] > 0.0:
+        thrust, ahead = state.thrust, state.thrust_ahead
+        thrust[0], thrust[1], thrust[2], thrust[3] = ahead[0], ahead[1], ahead[2], ahead[3]
+        return
+    lag_all(state, targets, decay_up, decay_down)
 
 
 @kernel

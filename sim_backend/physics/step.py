@@ -20,7 +20,7 @@ from sim_backend.physics.feet import (
 from sim_backend.physics.forces import add, free_flight_wrench
 from sim_backend.physics.frames import Rotation, cross, to_body, to_world
 from sim_backend.physics.legs import hinge_force
-from sim_backend.physics.motors import Wrench, commanded, decay, lag_all
+from sim_backend.physics.motors import Wrench, commanded, decay, lag_to_end, lag_to_middle
 from sim_backend.physics.rigid_body import rotation_matrix, turn, turn_rate
 from sim_backend.physics.rods import LOOSE, Inverse, Rod, rod_forces
 
@@ -72,14 +72,14 @@ def attitude(state: Any) -> Rotation:
 def free_substep(state: Any, p: Any, targets: Thrusts, dt: float, up: float, down: float) -> None:
     """`dt` (s) of free flight; `up` and `down` are the motor decays of half the time."""
     drift(state, 0.5 * dt)
-    lag_all(state, p, targets, up, down, 0.5 * dt)
+    lag_to_middle(state, p, targets, up, down, 0.5 * dt)
     rot = attitude(state)
     velocity = state.velocity
     vx, vy, vz = to_body(rot, velocity[0], velocity[1], velocity[2])
     wrench = free_flight_wrench(state, p, rot, vx, vy, vz)
     inverse = inverse_inertia(p)
     kick(state, p, rot, inverse, wrench, dt)
-    lag_all(state, p, targets, up, down, 0.5 * dt)
+    lag_to_end(state, p, targets, up, down)
     drift(state, 0.5 * dt)
     state.specific_force[0] = wrench[0] * inverse[0]
     state.specific_force[1] = wrench[1] * inverse[0]
@@ -204,7 +204,7 @@ def collide_all(state: Any, p: Any, rot: Rotation) -> None:
 def contact_substep(state: Any, p: Any, targets: Thrusts, dt: float, up: float, down: float) -> None:
     """`dt` (s) with everything that may touch; leaves the mean specific force of the substep in the state."""
     drift(state, 0.5 * dt)
-    lag_all(state, p, targets, up, down, 0.5 * dt)
+    lag_to_middle(state, p, targets, up, down, 0.5 * dt)
     rot = attitude(state)
     velocity = state.velocity
     ux, uy, uz = velocity[0], velocity[1], velocity[2]
@@ -221,7 +221,7 @@ def contact_substep(state: Any, p: Any, targets: Thrusts, dt: float, up: float, 
         rot, (velocity[0] - ux) * rate, (velocity[1] - uy) * rate, (velocity[2] - uz) * rate + p.gravity
     )
     state.specific_force[0], state.specific_force[1], state.specific_force[2] = sx, sy, sz
-    lag_all(state, p, targets, up, down, 0.5 * dt)
+    lag_to_end(state, p, targets, up, down)
     drift(state, 0.5 * dt)
     state.time += dt
 

@@ -21,8 +21,14 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
+from onboard.arrays import FloatArray
 from onboard.jit import kernel
 from sim_backend.physics.effects.term import Acts, EffectTerm, Field
+
+FAR = 0.01
+"""R^2 / (8 opening^2 d^2) below which a series takes the place of two square roots: 3.5 radii and more."""
 
 
 @kernel
@@ -46,12 +52,29 @@ def ceiling_gain(p: Any, gap: float, facing: float) -> float:
     """Thrust over that in open air; `facing`: cosine of the angle between the rotor's axis and up."""
     if p.ceiling_inflow == 0.0 or facing <= 0.0:
         return 1.0
+    share, c = p.ceiling_reach2 / (gap * gap), p.ceiling_far
+    if gap > 0.0 and share < FAR:
+        return 1.0 + facing * share * (c[0] + share * (c[1] + share * (c[2] + share * c[3])))
     return 1.0 + facing * (inflow_gain(p.ceiling_inflow, p.ceiling_reach2, gap) - 1.0)
+
+
+def _far_series(inflow: float) -> FloatArray:
+    """Coefficients of T/T0 - 1 over the first four powers of reach2/gap^2, good to 1e-12 below `FAR`."""
+    share = FAR * np.polynomial.chebyshev.chebpts1(30) * 0.5 + 0.5 * FAR
+    gain = np.array([inflow_gain(inflow, float(s), 1.0) for s in share])
+    fit = np.polynomial.Polynomial.fit(share, (gain - 1.0) / share, 3, domain=[0.0, FAR])
+    return np.asarray(fit.convert().coef)
 
 
 def _apply(p: Any, values: Mapping[str, float]) -> None:
     p["ceiling_inflow"] = values["inflow"]
     p["ceiling_reach2"] = 0.125 * (float(p["propeller_radius"]) / values["opening"]) ** 2
+    p["ceiling_far"] = _far_series(values["inflow"])
 
 
-EFFECT = EffectTerm("ceiling_effect", Acts.FORCES, _apply, (Field("ceiling_inflow"), Field("ceiling_reach2")))
+EFFECT = EffectTerm(
+    "ceiling_effect",
+    Acts.FORCES,
+    _apply,
+    (Field("ceiling_inflow"), Field("ceiling_reach2"), Field("ceiling_far", (4,))),
+)

@@ -11,7 +11,7 @@ With x = w - ws and alpha = a + 2 b ws this is Riccati's equation dx/dt = -alpha
     x(t) = alpha x0 e / (alpha + b x0 (1 - e)),  e = exp(-alpha t)
 
 Here e is replaced by its Pade approximant (1 - y/2 + y^2/12) / (1 + y/2 + y^2/12), y = alpha t, whose error
-is y^5/720: 1e-12 over half a millisecond. alpha then cancels, and no exponential is needed.
+is y^5/720: 1e-9 over a millisecond at most. alpha then cancels, and no exponential is needed.
 """
 
 from collections.abc import Mapping
