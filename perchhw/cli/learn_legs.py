@@ -6,6 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from perchhw.cli.learn_options import FlightOptions, GridOptions, OutOption, SweepOptions, shown
+from perchhw.cli.learn_report import write_report
 from perchhw.cli.option_groups import with_option_groups
 from perchhw.cli.output import console, emit
 
@@ -46,12 +47,14 @@ def _study(
             resume=learning.resume,
             on_design=lambda design: shown(design, setup.seed),
         )
-    return {"study": str(out / STUDY_FILE), "landings": str(out / LANDINGS_FILE), **study.document}
+    written = {"study": str(out / STUDY_FILE), "landings": str(out / LANDINGS_FILE), **write_report(out)}
+    return {**written, **study.document}
 
 
 def _draw(result: dict[str, Any]) -> None:
     _draw_designs(result["designs"])
     _draw_trends(result["trends"])
+    console().print(f"report {result['report']}", markup=False)
 
 
 def _draw_designs(designs: dict[str, Any]) -> None:

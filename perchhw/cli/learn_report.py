@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def report(
-    folder: Annotated[Path, typer.Argument(help="Folder of perchhw learn.")],
+    folder: Annotated[Path, typer.Argument(help="Folder of perchhw learn, or of its leg study.")],
     reference: Annotated[
         Path | None,
         typer.Option(help="Table of landing rates to compare with: ours, or an authors' sweep."),
@@ -26,7 +26,7 @@ def report(
     ] = None,
     pictures: Annotated[Path | None, typer.Option(help="Folder for the figures as PNG files, too.")] = None,
 ) -> None:
-    """Draw landing rates, trigger region, moments and convergence into report.html of the folder."""
+    """Draw what was learned into report.html of its folder: rates, trigger region, moments, convergence."""
     result = write_report(folder, reference, condition, repeat, run, pictures)
     emit(result, f"report {result['report']}")
 
@@ -46,9 +46,13 @@ def write_report(
         RunFolderError, UnusableFlightError: nor can the run.
     """
     from perchhw.learning.examples import make_examples
+    from perchhw.learning.leg_results import is_leg_study, read_leg_study
     from perchhw.learning.results import read_reference, read_results
     from perchhw.report.learning_report import write_learning_report
+    from perchhw.report.leg_report import write_leg_report
 
+    if is_leg_study(folder):
+        return {"report": str(write_leg_report(read_leg_study(folder), pictures)), "doubts": []}
     results = read_results(folder)
     wanted = None if condition is None else parse_condition(condition)
     compared = None if reference is None else read_reference(reference)

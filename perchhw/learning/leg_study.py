@@ -22,14 +22,12 @@ from perchhw.learning.bands import FAST
 from perchhw.learning.errors import LearningInputError
 from perchhw.learning.executor import ALL_CORES, Executor, versions
 from perchhw.learning.leg_landings import FACTOR_COLUMNS, LandPair, landings_text, pair_of
+from perchhw.learning.leg_results import LANDINGS_FILE, SCHEMA, STUDY_FILE
 from perchhw.learning.leg_trends import ALL_ANGLES, BEYOND, pairs_of, trends
 from perchhw.learning.setup import LearningSetup
 from perchhw.learning.sweep import SweepGrid, run_sweep
 from perchhw.learning.sweep_folder import Row, make_folder, write_file
 from sim_backend.physics.landing_factors import window_low
-
-SCHEMA = "perchhw.leg_study/1"
-LANDINGS_FILE, STUDY_FILE = "landings.csv", "study.json"
 
 BANDS_DEG = ((30.0, 50.0), (50.0, 65.0), (65.0, 80.0), (80.0, BEYOND))
 """Bands of the approach angle (right border outside) at the borders that the paper names, 50 and 65 deg."""

@@ -62,7 +62,7 @@ def _draw_path(axes: "Axes", flight: Flight, zero: float) -> None:
     if not flight.has("x", "z", "qw"):
         return
     t, pose = flight.series("x", "y", "z", "qx", "qy", "qz", "qw")
-    near = (t >= zero - _BEFORE_S) & (t <= zero + _AFTER_S)
+    near = (t >= zero - _BEFORE_S) & (t <= zero + (_AFTER_S if flight.trigger is not None else 0.0))
     t, pose = t[near], pose[near]
     axes.plot(pose[:, 0], pose[:, 2], color=BLUE, lw=1.3, label="path")
     draw_bodies(axes, t - zero, pose)

@@ -36,7 +36,7 @@ _MARGIN = 0.35
 def pairs_in_space(pairs: tuple[Row, ...]) -> "Figure":
     """Pairs in velocity space and in OF_a, coloured by landing rate."""
     tau, flow, distance, rate = columns(pairs, "tau", "theta_x", "d_ceil", "landing_rate")
-    figure, views = _two_views(10.6, 4.1, second=0.445)
+    figure, views = _two_views(10.6, 4.1, second=0.46)
     spaces = (
         ((flow * distance, distance / tau, distance), (r"$v_x$ (m/s)", r"$v_z$ (m/s)", DISTANCE_LABEL)),
         ((flow, tau, distance), (FLOW_LABEL, TAU_LABEL, DISTANCE_LABEL)),
@@ -63,7 +63,7 @@ def _two_views(width: float, height: float, second: float, **options: Any) -> tu
     """
     figure = new_figure(width, height)
     figure.set_layout_engine("none")
-    places = ((0.0, -0.03, 0.44, 1.1), (second, -0.03, 0.44, 1.1))
+    places = ((0.0, -0.03, 0.43, 1.08), (second, -0.03, 0.43, 1.08))
     return figure, [figure.add_axes(place, projection="3d", **options) for place in places]
 
 
@@ -170,11 +170,10 @@ def _draw_path(axes: Any, flight: Flight, bounds: FloatArray) -> None:
 
 
 def approach_cues(flight: Flight) -> FloatArray:
-    """(n, 3) tau, theta_x, d_ceil of a flight until its trigger, while it approaches."""
+    """(n, 3) tau, theta_x, d_ceil of a flight until its trigger, or the ceiling without one."""
     t, cues = flight.series("tau", "theta_x", "d_ceil")
-    used = cues[:, 0] > 0.0
-    if flight.trigger is not None:
-        used &= t <= flight.trigger.t
+    last = t[int(np.argmin(cues[:, 2]))] if flight.trigger is None else flight.trigger.t
+    used = (cues[:, 0] > 0.0) & (t <= last)
     return cues[used]
 
 

@@ -1,10 +1,9 @@
 """``report.html`` of a learning folder: rates, trigger region, moments, convergence, facts."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from calibration.flights import Flight, PoseSource
 from onboard.policy.files import Policy, policy_crc32
@@ -13,31 +12,10 @@ from perchhw.learning.example_data import Convergence, Examples
 from perchhw.learning.results import LearningResults, RateMap
 from perchhw.report import cue_space, learning_figures
 from perchhw.report.approach import approach_views
+from perchhw.report.picture import Picture, save_pictures
 from perchhw.report.rate_maps import GOOD_RATE, rate_maps
 from perchhw.report.run_report import REPORT_FILE
 from perchhw.report.style import grid, page, report_style, section, svg, table
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-_PICTURE_DPI = 150
-
-
-@dataclass(frozen=True)
-class Picture:
-    """One figure of the report.
-
-    Attributes:
-        name: of its PNG file.
-        title: of its section.
-        meaning: what it shows, in a sentence or two.
-        figure: matplotlib's.
-    """
-
-    name: str
-    title: str
-    meaning: str
-    figure: "Figure"
 
 
 def write_learning_report(
@@ -54,10 +32,7 @@ def write_learning_report(
     path = results.folder / REPORT_FILE
     with report_style():
         drawn = list(_pictures(results, reference, examples))
-        if pictures is not None:
-            pictures.mkdir(parents=True, exist_ok=True)
-            for picture in drawn:
-                picture.figure.savefig(pictures / f"{picture.name}.png", dpi=_PICTURE_DPI)
+        save_pictures(drawn, pictures)
         path.write_text(_page(results, reference, examples, drawn), encoding="utf-8")
     return path
 

@@ -25,7 +25,7 @@ GOOD_RATE = 0.8
 RATE_COLOURS = "viridis"
 _POINTS = 90
 """Of the drawn surface, in either direction."""
-_BANDWIDTH = 1.0
+_BANDWIDTH = 0.8
 """Of the smoothing, in steps of the grid."""
 
 
@@ -124,7 +124,7 @@ def _frame(panel: "PolarAxes", most: float) -> None:
     panel.tick_params(labelsize=8.5, labelcolor=INK, pad=2)
     panel.grid(color="#d5dade", lw=0.6)
     panel.spines["polar"].set_color(MUTED)
-    panel.text(0.5, -0.14, "speed (m/s)", transform=panel.transAxes, ha="center", va="center", fontsize=9)
+    panel.text(0.5, -0.125, "speed (m/s)", transform=panel.transAxes, ha="center", va="center", fontsize=9)
     middle = math.radians(45)
     panel.text(
         middle, most * 1.17, "approach angle", rotation=-45, ha="center", va="center", fontsize=9,
