@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from perchhw.cli.learn_legs import legs
-from perchhw.cli.learn_options import GridOptions, OutOption, SeedOption, SetupOptions, SweepOptions, shown
+from perchhw.cli.learn_options import (
+    GridOptions,
+    OutOption,
+    SeedOption,
+    SetupOptions,
+    SweepOptions,
+    shown,
+    shown_count,
+)
 from perchhw.cli.learn_report import report, write_report
 from perchhw.cli.option_groups import with_option_groups
 from perchhw.cli.output import console, emit
@@ -20,6 +28,10 @@ app = typer.Typer(add_completion=False, no_args_is_help=True, help="Learn a land
 app.command()(report)
 app.command()(legs)
 
+RefineOption = Annotated[
+    bool,
+    typer.Option(help="Train the action anew where the trigger fires (needs sweep.json beside the pairs)."),
+]
 RolloutsOption = Annotated[int, typer.Option(min=1, help="Attempts at each condition of the validation.")]
 
 _OUT = Path("runs/learn")
@@ -40,9 +52,10 @@ def train(
     landing_rate_min: Annotated[float, typer.Option(help="Pairs below are left out.")] = 0.8,
     name: Annotated[str, typer.Option(help="Name of the policy.")] = "trained",
     seed: SeedOption = 0,
+    refine: RefineOption = False,
 ) -> None:
     """Train the trigger and the action policy on the pairs of a sweep."""
-    result = _train(out, pairs, landing_rate_min, name, seed)
+    result = _train(out, pairs, landing_rate_min, name, seed, GridOptions() if refine else None)
     emit(result, _training_text(result))
 
 
@@ -68,10 +81,11 @@ def everything(
     learning: SweepOptions,
     rollouts: RolloutsOption = 18,
     out: OutOption = _OUT,
+    refine: RefineOption = True,
 ) -> None:
     """Sweep, train, validate, and write the report."""
     swept = _sweep(setup, grid, learning, out)
-    trained = _train(out, None, 0.8, "trained", setup.seed)
+    trained = _train(out, None, 0.8, "trained", setup.seed, grid if refine else None)
     validated = _validate(setup, grid, None, rollouts, out)
     reported = write_report(out)
 
@@ -107,7 +121,14 @@ def _sweep(setup: SetupOptions, grid: GridOptions, learning: SweepOptions, out: 
     }
 
 
-def _train(out: Path, pairs: Path | None, landing_rate_min: float, name: str, seed: int) -> dict[str, Any]:
+def _train(
+    out: Path,
+    pairs: Path | None,
+    landing_rate_min: float,
+    name: str,
+    seed: int,
+    refining: GridOptions | None,
+) -> dict[str, Any]:
     from dataclasses import replace
 
     from onboard.policy.files import policy_crc32, save_policy
@@ -130,6 +151,8 @@ def _train(out: Path, pairs: Path | None, landing_rate_min: float, name: str, se
         document = read_settings(swept)
         kept = {key: document[key] for key in ("settings", "versions", "result") if key in document}
         policy = replace(policy, provenance={**policy.provenance, "sweep": kept})
+    if refining is not None:
+        policy = _refined(policy, table.parent, refining)
     save_policy(policy, out / POLICY_FILE)
     result = {
         "policy": str(out / POLICY_FILE),
@@ -142,6 +165,21 @@ def _train(out: Path, pairs: Path | None, landing_rate_min: float, name: str, se
     }
     write_file(out / TRAINING_FILE, json.dumps(result, indent=1) + "\n")
     return result
+
+
+def _refined(policy: "Policy", swept: Path, refining: GridOptions) -> "Policy":
+    """The policy with its action trained anew on the conditions of the sweep in that folder."""
+    from perchhw.learning.grid import Condition
+    from perchhw.learning.refine import refine_action
+    from perchhw.learning.setup import recorded_setup
+    from perchhw.learning.sweep_folder import PAIRS_FILE, SWEEP_FILE, read_pairs, read_settings
+
+    settings = read_settings(swept / SWEEP_FILE)["settings"]
+    grid = sorted({Condition(speed, angle) for speed, angle, _ in read_pairs(swept / PAIRS_FILE)})
+    with refining.executor() as executor, shown_count("refinement") as show:
+        return refine_action(
+            policy, recorded_setup(settings, str(swept)), grid, executor=executor, on_condition=show
+        )
 
 
 def _training_text(result: dict[str, Any]) -> str:

@@ -127,3 +127,11 @@ def shown(what: str, seed: int) -> "Iterator[Callable[[Row, int, int], None]]":
                 progress.console.print(f"not finite, counted as failures: {report}", markup=False)
 
         yield show
+
+
+@contextmanager
+def shown_count(what: str) -> "Iterator[Callable[[int, int], None]]":
+    """Shows how much is done: a bar."""
+    with _progress() as progress:
+        task = progress.add_task(what, total=None)
+        yield lambda done, total: progress.update(task, completed=done, total=total)

@@ -1,9 +1,7 @@
 """Examples for a report of learning: one trial of the sweep once more, and one attempt of the policy."""
 
 import math
-from dataclasses import fields
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -21,7 +19,7 @@ from perchhw.learning.grid import Condition, generator
 from perchhw.learning.one_trial import run_trial
 from perchhw.learning.results import LearningResults
 from perchhw.learning.reward import reward
-from perchhw.learning.setup import LearningSetup
+from perchhw.learning.setup import LearningSetup, recorded_setup
 from perchhw.learning.sweep_folder import Row
 from perchhw.learning.trial import fly, new_bench
 
@@ -29,27 +27,6 @@ _PURPOSE = 3
 _PERIOD = 0.01  # s, of the samples
 _UNITS = np.array([1.0 / TAU_SCALE, MOMENT_SCALE])
 """From the units of EPHE to s and N m."""
-
-
-def recorded_setup(results: LearningResults) -> LearningSetup:
-    """The setup that a sweep was made with.
-
-    Raises:
-        LearningInputError: the settings lack one, or the vehicle is no longer the same.
-        VehicleFileError: its vehicle cannot be read any more.
-    """
-    settings = results.settings
-    missing = [field.name for field in fields(LearningSetup) if field.name not in settings]
-    if missing:
-        raise LearningInputError(f"{results.folder}: the settings of the sweep lack {', '.join(missing)}")
-    values: dict[str, Any] = {field.name: settings[field.name] for field in fields(LearningSetup)}
-    values["randomise"] = tuple(values["randomise"])
-    setup = LearningSetup(**values)
-    if setup.describe().get("vehicle_sha256") != settings.get("vehicle_sha256"):
-        raise LearningInputError(
-            f"{results.folder}: vehicle {setup.vehicle!r} has changed since the sweep: sweep again"
-        )
-    return setup
 
 
 def make_examples(
@@ -70,7 +47,7 @@ def make_examples(
     shown = condition or typical_condition(results)
     flight = None if run is None else _flown(run)
     try:
-        setup = recorded_setup(results)
+        setup = recorded_setup(results.settings, str(results.folder))
     except InputError as error:
         return Examples(flight=flight, doubts=(f"no trial and no approach are simulated: {error}",))
     key = (shown.speed, shown.angle_deg, repeat)

@@ -4,6 +4,7 @@ import dataclasses
 import hashlib
 import json
 import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -116,6 +117,29 @@ class LearningSetup:
         """The settings, with a fingerprint of the vehicle, for records and for comparing runs."""
         settings = {**dataclasses.asdict(self), "randomise": sorted(self.randomise)}
         return {**settings, "vehicle_sha256": fingerprint(self.recipe().vehicle_toml)}
+
+
+def recorded_setup(settings: Mapping[str, Any], where: str) -> LearningSetup:
+    """The setup whose :meth:`LearningSetup.describe` a record holds.
+
+    Args:
+        settings: as recorded. where: names the record in errors.
+
+    Raises:
+        LearningInputError: the settings lack one, or the vehicle is no longer the same.
+        VehicleFileError: its vehicle cannot be read any more.
+    """
+    names = [field.name for field in dataclasses.fields(LearningSetup)]
+    missing = [name for name in names if name not in settings]
+    if missing:
+        raise LearningInputError(f"{where}: the settings of the sweep lack {', '.join(missing)}")
+    values = {name: settings[name] for name in names}
+    setup = LearningSetup(**{**values, "randomise": tuple(values["randomise"])})
+    if setup.describe().get("vehicle_sha256") != settings.get("vehicle_sha256"):
+        raise LearningInputError(
+            f"{where}: vehicle {setup.vehicle!r} has changed since the sweep: sweep again"
+        )
+    return setup
 
 
 @dataclass(frozen=True)
