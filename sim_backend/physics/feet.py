@@ -1,11 +1,11 @@
 """What a foot does: when it touches, when it takes hold, slides, and comes off."""
 
-import math
 from typing import Any
 
 from onboard.arrays import Vector
 from onboard.jit import kernel
 from sim_backend.physics.frames import Rotation, cross, to_world
+from sim_backend.physics.sliding import slide
 from sim_backend.physics.state import FootMode
 
 FREE = int(FootMode.FREE)
@@ -99,41 +99,37 @@ def touch_feet(state: Any, p: Any, rot: Rotation) -> bool:
 
 
 @kernel
-def limit_friction(p: Any, state: Any, leg: int, fx: float, fy: float, push: float) -> tuple[float, float]:
-    """Horizontal force (N, world) within the friction cone of a pressing foot; beyond it the anchor slides.
-
-    The slide relaxes the excess over a few steps through the stiffest direction of the leg.
-    """
-    size = math.hypot(fx, fy)
-    limit = p.foot_friction * push
-    if size <= limit:
-        return fx, fy
-    slide = 0.5 * (size - limit) / (p.axial_stiffness * size)
-    state.foot_anchor[leg, 0] -= slide * fx
-    state.foot_anchor[leg, 1] -= slide * fy
-    return fx * limit / size, fy * limit / size
-
-
-@kernel
-def hold_foot(p: Any, state: Any, leg: int, fx: float, fy: float, fz: float) -> Vector:
+def hold_foot(p: Any, state: Any, leg: int, force: Vector, u: Vector, across: float, along: float) -> Vector:
     """What a touching foot holds of the force (N, world) that would keep it at its anchor.
 
-    Changes the foot's mode where it takes hold or comes off.
+    Changes the foot's mode where it takes hold or comes off, and its anchor where it slides.
+
+    Args:
+        p, state: the vehicle.
+        leg: index 0..3.
+        force: that would keep it (N, world).
+        u: direction of the rod, world.
+        across, along: see :func:`sim_backend.physics.sliding.slide`.
     """
     mode = state.foot_mode[leg]
     if mode == ATTACHED:
-        if fz > p.adhesion_strength:
+        if force[2] > p.adhesion_strength:
             state.foot_mode[leg] = RELEASED
             state.foot_attached[leg] = 0
             return 0.0, 0.0, 0.0
-        return fx, fy, fz
-    push = fz if mode == PRESSING_FLOOR else -fz
+        return force
+    push = force[2] if mode == PRESSING_FLOOR else -force[2]
     if push <= 0.0:
         state.foot_mode[leg] = FREE
         return 0.0, 0.0, 0.0
     if mode == PRESSING_CEILING and push >= p.minimum_preload:
         state.foot_mode[leg] = ATTACHED
         state.foot_attached[leg] = 1
-        return fx, fy, fz
-    fx, fy = limit_friction(p, state, leg, fx, fy, push)
-    return fx, fy, fz
+        return force
+    sign = 1.0 if mode == PRESSING_FLOOR else -1.0
+    force, x, y = slide(p.foot_friction, force, sign, u, across, along)
+    if force[2] == 0.0:
+        state.foot_mode[leg] = FREE
+    state.foot_anchor[leg, 0] += x
+    state.foot_anchor[leg, 1] += y
+    return force

@@ -22,7 +22,7 @@ from sim_backend.physics.frames import Rotation, cross, to_body, to_world
 from sim_backend.physics.legs import hinge_force
 from sim_backend.physics.motors import Wrench, commanded, decay, lag_to_end, lag_to_middle
 from sim_backend.physics.rigid_body import rotation_matrix, turn, turn_rate
-from sim_backend.physics.rods import LOOSE, Inverse, Rod, rod_forces
+from sim_backend.physics.rods import LOOSE, Inverse, Rod, coupling, rod_forces
 
 HeldLeg = tuple[Rod, Vector, Vector]
 """(rod, hinge force in N, foot in m) of one leg in the middle of a step, body frame."""
@@ -121,7 +121,9 @@ def wrench_at(foot: Vector, force: Vector) -> Wrench:
 
 
 @kernel
-def foot_reaction(state: Any, p: Any, rot: Rotation, leg: int, held: HeldLeg, pull: float) -> Wrench:
+def foot_reaction(
+    state: Any, p: Any, rot: Rotation, leg: int, held: HeldLeg, pull: float, inverse: Inverse, dt: float
+) -> Wrench:
     """What a surface adds to the hinge's force on a foot: the pull of its rod, or what the foot can hold."""
     rod, hinge, foot = held
     x, y, z = hinge[0] + pull * rod[0], hinge[1] + pull * rod[1], hinge[2] + pull * rod[2]
@@ -129,8 +131,11 @@ def foot_reaction(state: Any, p: Any, rot: Rotation, leg: int, held: HeldLeg, pu
     down = rot[6] * x + rot[7] * y + rot[8] * z
     if can_touch(mode) or (mode == ATTACHED and down <= p.adhesion_strength):
         return pull * rod[0], pull * rod[1], pull * rod[2], pull * rod[3], pull * rod[4], pull * rod[5]
-    wx, wy, wz = to_world(rot, x, y, z)
-    wx, wy, wz = hold_foot(p, state, leg, wx, wy, wz)
+    give = p.axial_damping + 0.5 * dt * p.axial_stiffness
+    along = give / (dt + dt * dt * give * coupling(rod, rod, inverse))
+    across = (p.hinge_damping / dt + 0.5 * p.hinge_stiffness) / p.leg_length**2
+    force, u = to_world(rot, x, y, z), to_world(rot, rod[0], rod[1], rod[2])
+    wx, wy, wz = hold_foot(p, state, leg, force, u, across, along)
     x, y, z = to_body(rot, wx, wy, wz)
     return wrench_at(foot, (x - hinge[0], y - hinge[1], z - hinge[2]))
 
@@ -166,8 +171,14 @@ def kick_with_legs(
     w = (state.omega[0], state.omega[1], state.omega[2])
     pulls = rod_forces(p, inverse, leg0[0], leg1[0], leg2[0], leg3[0], v, w, dt)
     reactions = add(
-        add(foot_reaction(state, p, rot, 0, leg0, pulls[0]), foot_reaction(state, p, rot, 1, leg1, pulls[1])),
-        add(foot_reaction(state, p, rot, 2, leg2, pulls[2]), foot_reaction(state, p, rot, 3, leg3, pulls[3])),
+        add(
+            foot_reaction(state, p, rot, 0, leg0, pulls[0], inverse, dt),
+            foot_reaction(state, p, rot, 1, leg1, pulls[1], inverse, dt),
+        ),
+        add(
+            foot_reaction(state, p, rot, 2, leg2, pulls[2], inverse, dt),
+            foot_reaction(state, p, rot, 3, leg3, pulls[3], inverse, dt),
+        ),
     )
     push(state, rot, inverse, reactions, dt)
 
