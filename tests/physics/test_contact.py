@@ -15,30 +15,6 @@ from sim_backend.physics.step import step_thrust
 OFF = (0.0, 0.0, 0.0, 0.0)
 
 
-def _thrown(parameters: Any, rng: np.random.Generator) -> Any:
-    """A vehicle with dead motors, thrown at the ceiling in any attitude."""
-    velocity = np.array([rng.uniform(0.0, 3.0), rng.uniform(-0.5, 0.5), rng.uniform(1.5, 3.0)])
-    state = approaching(parameters, np.array([0.0, 0.0, 1.95]), velocity)
-    q = rng.normal(size=4)
-    state["thrust"], state["quaternion"], state["omega"] = 0.0, q / np.linalg.norm(q), rng.uniform(-20, 20, 3)
-    return state
-
-
-def test_energy_never_grows_without_power(parameters: Any, rng: np.random.Generator) -> None:
-    """Sixty throws at the ceiling: swings on stretched and bent legs, body and propeller hits, friction."""
-    attached = 0
-    for _ in range(60):
-        state = _thrown(parameters, rng)
-        before = start = mechanical_energy(state, parameters)
-        for _ in range(450):
-            step_thrust(state, parameters, OFF, 1e-3)
-            now = mechanical_energy(state, parameters)
-            assert now - before < 5e-5 * start
-            before = now
-        attached += int(state["foot_attached"].sum() > 0)
-    assert attached > 20
-
-
 def test_an_attached_swing_loses_energy(parameters: Any) -> None:
     state = _flip_landing(parameters, 1e-3, 350)
     assert landing_outcome(state) is Outcome.FOUR_LEG

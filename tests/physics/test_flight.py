@@ -60,24 +60,33 @@ def test_front_motors_pitch_the_nose_up(open_sky: Any, high: NDArray[np.float64]
     assert state["velocity"][0] < 0.0
 
 
+def _fly_crooked(parameters: Any, mirror: bool, rng: np.random.Generator) -> Any:
+    """A random flip with roll, yaw and drift into the ceiling, or its mirror image."""
+    side = -1.0 if mirror else 1.0
+    speed, climb, drift = rng.uniform(1.0, 2.5), rng.uniform(1.5, 2.5), side * rng.uniform(-0.4, 0.4)
+    state = approaching(parameters, np.array([0.0, 0.0, 2.1 - 0.22 * climb]), np.array([speed, drift, climb]))
+    state["omega"] = [side * rng.uniform(-1.0, 1.0), 0.0, side * rng.uniform(-1.0, 1.0)]
+    front = rng.uniform(0.05, 0.14) * (1.0 + rng.uniform(-0.01, 0.01, 2))
+    right, left = front[::-1] if mirror else front
+    for k in range(400):
+        step_thrust(state, parameters, (right, 0.0, 0.0, left) if k < 190 else (0.0,) * 4, 1e-3)
+    return state
+
+
 def test_left_and_right_are_mirror_images(parameters: Any) -> None:
-    """A flip with a roll into the ceiling, and its mirror image: equal to rounding, contact included."""
-
-    def fly(side: int) -> Any:
-        state = approaching(parameters, np.array([0.0, 0.0, 1.66]), np.array([2.0, 0.2 * side, 2.0]))
-        state["omega"] = [0.2 * side, 0.0, 0.3 * side]
-        front = (0.121, 0.12) if side > 0 else (0.12, 0.121)
-        for k in range(400):
-            targets = (front[0], 0.0, 0.0, front[1]) if k < 190 else (0.0, 0.0, 0.0, 0.0)
-            step_thrust(state, parameters, targets, 1e-3)
-        return state
-
-    a, b = fly(1), fly(-1)
-    assert a["foot_attached"].sum() > 0
-    np.testing.assert_allclose(a["position"], b["position"] * [1, -1, 1], atol=1e-9)
-    np.testing.assert_allclose(a["velocity"], b["velocity"] * [1, -1, 1], atol=1e-7)
-    np.testing.assert_allclose(a["omega"], b["omega"] * [-1, 1, -1], atol=1e-5)
-    np.testing.assert_array_equal(a["foot_attached"], b["foot_attached"][[3, 2, 1, 0]])
+    """Twenty landings and crashes, and their mirror images: equal to rounding, contact included."""
+    feet = hulls = 0
+    for seed in range(20):
+        a = _fly_crooked(parameters, False, np.random.default_rng(seed))
+        b = _fly_crooked(parameters, True, np.random.default_rng(seed))
+        np.testing.assert_allclose(a["position"], b["position"] * [1, -1, 1], atol=1e-11)
+        np.testing.assert_allclose(a["velocity"], b["velocity"] * [1, -1, 1], atol=1e-9)
+        np.testing.assert_allclose(a["omega"], b["omega"] * [-1, 1, -1], atol=1e-8)
+        np.testing.assert_array_equal(a["foot_attached"], b["foot_attached"][[3, 2, 1, 0]])
+        assert a["body_contact"] == b["body_contact"]
+        feet, hulls = feet + int(a["foot_attached"].sum() > 0), hulls + int(a["body_contact"])
+    assert feet >= 10
+    assert 3 <= hulls < 20
 
 
 def test_battery_sags_under_load_and_empties(parameters: Any) -> None:
