@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from calibration.flights import Flight, PoseSource, Trigger
-from calibration.flights.flight import finite_masks
+from calibration.flights.flight import POSE_CHANNELS, finite_masks
 from calibration.flights.perchhw_run import load_run
 from onboard.arrays import FloatArray
 from onboard.errors import InputError
@@ -135,13 +135,13 @@ def example_flight(policy: Policy, setup: LearningSetup, condition: Condition) -
 
     fly_until(rules.rollout.at_most)
     whole = bench.outs[0].copy()
-    t = np.arange(0.0, whole["duration"], _PERIOD)
-    rows = np.empty((len(t), 10))
-    for k, moment in enumerate(t):
+    rows = []
+    for moment in np.arange(0.0, whole["duration"], _PERIOD):
         fly_until(float(moment))
         state = bench.state[0]
-        rows[k] = [*state["position"], *state["quaternion"], *state["velocity"]]
-    data = dict(zip(("x", "y", "z", "qx", "qy", "qz", "qw", "vx", "vy", "vz"), rows.T.copy(), strict=True))
+        rows.append([state["time"], *state["position"], *state["quaternion"], *state["velocity"]])
+    t, *columns = np.array(rows).T.copy()
+    data = dict(zip((*POSE_CHANNELS, "vx", "vy", "vz"), columns, strict=True))
     data |= _cues(policy, data, setup.ceiling_z)
     trigger = None
     if whole["triggered"]:

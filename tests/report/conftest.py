@@ -1,11 +1,13 @@
 """Runs to report on."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from onboard.vehicle import Vehicle, load_vehicle
+from perchhw.cli.main import run
 from perchhw.record import RunRecorder
 from tests.label.simulated import land
 from tests.report.recorded import record_landing
@@ -28,3 +30,30 @@ def runs(tmp_path_factory: pytest.TempPathFactory, vehicle: Vehicle) -> Path:
         recorder.event("refused", 1.0, reason="battery <3.2 V & falling")
         recorder.close(outcome="aborted", aborted_by="battery <3.2 V & falling")
     return root
+
+
+@pytest.fixture(scope="session")
+def learned(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small folder of ``perchhw learn all``; not to be changed."""
+    folder = tmp_path_factory.mktemp("learned") / "runs"
+    grid = ["--speeds", "2.0,2.5,3.0", "--angles", "40,50,60", "--repeats", "2"]
+    assert (
+        run(["learn", "all", *grid, "--sensing", "realistic", "--rollouts", "6", "--out", str(folder)]) == 0
+    )
+    return folder
+
+
+@pytest.fixture
+def copy_of_learned(learned: Path, tmp_path: Path) -> Path:
+    """The same, to be changed."""
+    return Path(shutil.copytree(learned, tmp_path / "learned"))
+
+
+@pytest.fixture(scope="session")
+def leg_study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small folder of ``perchhw learn legs``; not to be changed."""
+    folder = tmp_path_factory.mktemp("legs") / "runs"
+    designs = ["--designs", "narrow-short,wide-long"]
+    grid = ["--speeds", "2.0,3.0", "--angles", "40,70,90", "--repeats", "1", "--rollouts", "6"]
+    assert run(["learn", "legs", *designs, *grid, "--out", str(folder)]) == 0
+    return folder

@@ -1,7 +1,6 @@
 """Reports show what the record holds, and load nothing from elsewhere."""
 
 import re
-from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
@@ -11,41 +10,7 @@ from perchhw.campaign import CampaignError, load_plan, run_campaign
 from perchhw.report import write_campaign_report, write_run_report
 from perchhw.report.campaign_report import wilson_interval
 from tests.campaign.stand_in import fly
-
-VOID = {"meta", "br", "img", "link", "input", "hr"}
-
-
-class Page(HTMLParser):
-    """Checks that tags are balanced and collects what a page refers to."""
-
-    def __init__(self, path: Path) -> None:
-        super().__init__()
-        self.open: list[str] = []
-        self.references: list[str] = []
-        self.text = ""
-        self.svgs = 0
-        self.feed(path.read_text())
-        assert self.open == []
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.svgs += tag == "svg"
-        self.references += [v or "" for k, v in attrs if k in ("href", "src", "xlink:href")]
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.references += [v or "" for k, v in attrs if k in ("href", "src", "xlink:href")]
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag
-
-    def handle_data(self, data: str) -> None:
-        self.text += data
-
-
-def assert_self_contained(page: Page, folder: Path) -> None:
-    for reference in page.references:
-        assert reference.startswith(("#", "data:")) or (folder / reference).is_file(), reference
+from tests.report.page import Page, assert_self_contained
 
 
 def test_a_landing(runs: Path) -> None:

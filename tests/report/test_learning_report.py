@@ -1,0 +1,215 @@
+"""The report of a learning folder shows what the folder holds, and refuses folders that hold nothing."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from onboard.policy.files import load_policy, shipped_policy_path
+from onboard.policy.trigger import trigger_value
+from perchhw.cli.learn_report import parse_condition, write_report
+from perchhw.cli.main import run
+from perchhw.learning.errors import LearningInputError
+from perchhw.learning.examples import example_flight, example_trial, make_examples, recorded_setup
+from perchhw.learning.grid import Condition
+from perchhw.learning.results import read_reference, read_results
+from tests.report.page import Page, assert_self_contained
+
+PICTURES = {
+    "landing_rates", "pairs", "trigger_region", "trigger_slices", "moment", "approach", "convergence",
+}  # fmt: skip
+POLICY_PICTURES = {"trigger_region", "trigger_slices", "approach"}
+
+
+def rows_of(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def best_rates(path: Path) -> dict[tuple[float, float], float]:
+    """Best landing rate at each condition, straight from the file."""
+    best: dict[tuple[float, float], float] = {}
+    for row in rows_of(path):
+        key = float(row["speed_m_s"]), float(row["angle_deg"])
+        best[key] = max(best.get(key, 0.0), float(row["landing_rate"]))
+    return best
+
+
+def test_learn_all_writes_a_report_with_every_picture(learned: Path) -> None:
+    path = learned / "report.html"
+    page = Page(path)
+    assert_self_contained(page, learned)
+    assert page.svgs == len(PICTURES)
+    assert path.stat().st_size < 3e6
+    assert "url(http" not in path.read_text(encoding="utf-8")
+    assert "Read with care" not in page.text
+
+
+def test_the_numbers_are_those_of_the_folder(learned: Path) -> None:
+    page = Page(learned / "report.html")
+    pairs, policy = best_rates(learned / "pairs.csv"), best_rates(learned / "validation.csv")
+    fast = [key for key in pairs if 45.0 <= key[1] < 60.0 and key[0] >= 2.5]
+    for cells, keys in ((page.row("45-60 deg", ">= 2.5 m/s"), fast), (page.row("all", "all"), list(pairs))):
+        assert cells[2] == str(len(keys))
+        assert cells[3] == f"{np.mean([pairs[key] for key in keys]):.2f}"
+        assert cells[4] == f"{np.mean([policy[key] for key in keys]):.2f}"
+    rows = rows_of(learned / "pairs.csv")
+    good = sum(float(row["landing_rate"]) >= 0.8 for row in rows)
+    assert page.row("trials")[1] == str(len(rows)) == "18"
+    assert page.row("attempts")[1] == f"{sum(int(row['rollouts']) for row in rows):,}"
+    assert page.row("pairs of 0.8 or more")[1].startswith(f"{good} ")
+    assert page.row("pairs trained on")[1] == str(good)
+    assert page.row("sensing")[1] == "realistic"
+    speed = json.loads((learned / "sweep.json").read_text())["result"]["rollouts_per_second"]
+    assert page.row("attempts a second")[1] == f"{speed:,.0f}"
+
+
+def test_reference_condition_and_pictures(copy_of_learned: Path, tmp_path: Path) -> None:
+    authors = tmp_path / "theirs.csv"
+    authors.write_text(
+        "Vel_d,Phi_d,Trial_num,LR_4Leg\n2.0,40,0,0.25\n2.0,40,1,0.75\n3.0,60,0,1.0\n3.0,0.24,0,1.0\n"
+    )
+    out = tmp_path / "pictures"
+    arguments = [
+        "--reference",
+        str(authors),
+        "--condition",
+        "3.0,50",
+        "--repeat",
+        "1",
+        "--pictures",
+        str(out),
+    ]
+    assert run(["learn", "report", str(copy_of_learned), *arguments]) == 0
+    assert {path.stem for path in out.glob("*.png")} == PICTURES
+    page = Page(copy_of_learned / "report.html")
+    assert page.row("approach angle", "speed", "conditions")[5] == "reference: theirs"
+    assert (
+        page.row("all", "all")[5] == "0.88"
+    )  # the best of the first two and the third; the misprint is left out
+    assert page.row("30-45 deg", "< 2.5 m/s")[5] == "0.75"
+    assert "One learning trial: 3 m/s at 50 deg" in page.text
+    assert "3 m/s at 50 deg, simulated" in page.text
+
+
+def test_a_sweep_alone_and_a_flown_approach(copy_of_learned: Path, runs: Path, tmp_path: Path) -> None:
+    for name in ("policy.policy.json", "training.json", "validation.csv", "validation.json"):
+        (copy_of_learned / name).unlink()
+    write_report(copy_of_learned, pictures=tmp_path / "a")
+    assert {path.stem for path in (tmp_path / "a").glob("*.png")} == PICTURES - POLICY_PICTURES
+    write_report(copy_of_learned, run=runs / "run-0", pictures=tmp_path / "b")
+    assert {path.stem for path in (tmp_path / "b").glob("*.png")} - PICTURES == set()
+    assert "One approach: run-0" in Page(copy_of_learned / "report.html").text
+
+
+def test_the_example_trial_is_the_one_of_the_sweep(learned: Path) -> None:
+    results = read_results(learned)
+    row = next(r for r in results.pairs if (r["speed_m_s"], r["angle_deg"], r["trial"]) == (2.5, 50.0, 1))
+    trial = example_trial(recorded_setup(results), Condition(2.5, 50.0), 1, row)
+    assert trial.as_recorded
+    assert trial.samples.shape == (row["episodes"], 6, 2)
+    assert (trial.best.sum(axis=1) == 3).all()
+    # EPHE's update (paper, section III.C) of the samples and rewards gives the next mean.
+    for k in range(len(trial.rewards)):
+        weights = np.where(trial.best[k], trial.rewards[k], 0.0)
+        mean = weights @ trial.samples[k] / (weights.sum() + 1e-3)
+        np.testing.assert_allclose(trial.mu[k + 1], mean, rtol=1e-12)
+        assert trial.rewards[k][trial.best[k]].min() >= trial.rewards[k][~trial.best[k]].max()
+    assert not example_trial(recorded_setup(results), Condition(2.5, 50.0), 0, row).as_recorded
+
+
+def test_the_example_flight_is_one_attempt(learned: Path) -> None:
+    results = read_results(learned)
+    assert results.policy is not None
+    condition = Condition(3.0, 50.0)
+    flight = example_flight(results.policy, recorded_setup(results), condition)
+    t, path = flight.series("x", "z", "vx", "vz")
+    assert flight.trigger is not None
+    # Sampled attempts that end early are the same attempt: position and velocity belong together.
+    before = t < flight.trigger.t
+    np.testing.assert_allclose(np.gradient(path[before, 0], t[before]), path[before, 2], atol=0.03)
+    np.testing.assert_allclose(np.gradient(path[before, 1], t[before]), path[before, 3], atol=0.03)
+    seen = flight.trigger.snapshot
+    assert trigger_value(results.policy.compiled(), seen["tau"], seen["theta_x"], seen["d_ceil"]) >= 0.0
+    k = int(np.searchsorted(flight.t, flight.trigger.t))
+    assert seen["tau"] == pytest.approx(flight.data["tau"][k], abs=0.025)  # old by up to 15 ms, and noisy
+    assert path[-1, 1] == pytest.approx(2.1, abs=0.12)  # at the ceiling
+
+
+def test_parts_that_do_not_belong_together_are_named(copy_of_learned: Path) -> None:
+    shipped = shipped_policy_path()
+    (copy_of_learned / "policy.policy.json").write_bytes(shipped.read_bytes())
+    document = json.loads((copy_of_learned / "sweep.json").read_text())
+    document["settings"]["vehicle_sha256"] = "0" * 64
+    document["settings"]["repeats"] = 3
+    (copy_of_learned / "sweep.json").write_text(json.dumps(document))
+    written = write_report(copy_of_learned)
+    for doubt in (
+        "the sweep is not finished: 18 of 27 trials",
+        "the policy was trained on another table",
+        "the validation flew another policy",
+        "has changed since the sweep",
+    ):
+        assert sum(doubt in said for said in written["doubts"]) == 1, doubt
+        assert doubt in Page(copy_of_learned / "report.html").text
+    assert load_policy(shipped).name
+    assert make_examples(read_results(copy_of_learned), None, 0, None).trial is None
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("pairs.csv", None, "has no pairs.csv"),
+        ("pairs.csv", "a,b\n1,2\n", "line 1: the columns"),
+        ("sweep.json", "{}", "not a sweep of this version"),
+        ("training.json", "[", "is not JSON"),
+        ("policy.policy.json", "{}", "schema"),
+    ],
+)
+def test_folders_that_cannot_be_reported(
+    copy_of_learned: Path, capsys: pytest.CaptureFixture[str], name: str, content: str | None, message: str
+) -> None:
+    (copy_of_learned / "report.html").unlink()
+    if content is None:
+        (copy_of_learned / name).unlink()
+    else:
+        (copy_of_learned / name).write_text(content)
+    assert run(["learn", "report", str(copy_of_learned)]) == 2
+    assert message in capsys.readouterr().err
+    assert not (copy_of_learned / "report.html").exists()
+
+
+def test_an_empty_sweep_is_refused(copy_of_learned: Path) -> None:
+    pairs = copy_of_learned / "pairs.csv"
+    pairs.write_text(pairs.read_text().splitlines(keepends=True)[0])
+    with pytest.raises(LearningInputError, match="has no trial yet"):
+        read_results(copy_of_learned)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("a,b\n1,2\n", "columns"),
+        ("speed_m_s,angle_deg,landing_rate\n2,40,80\n", "rate of 80"),
+        ("speed_m_s,angle_deg,landing_rate\n2,40,\n", "no row with"),
+    ],
+)
+def test_references_that_cannot_be_used(tmp_path: Path, content: str, message: str) -> None:
+    path = tmp_path / "r.csv"
+    path.write_text(content)
+    with pytest.raises(LearningInputError, match=message):
+        read_reference(path)
+
+
+@pytest.mark.parametrize("text", ["2.5", "a,b", "2.5,45,1", "0,45", "2.5,99"])
+def test_conditions_that_are_none(text: str) -> None:
+    with pytest.raises(LearningInputError):
+        parse_condition(text)
+
+
+def test_the_authors_sweep_is_a_reference(shared_data: Path) -> None:
+    rates = read_reference(shared_data / "habas2022" / "sweeps" / "NL_LR_Trials.csv").rates
+    assert rates[Condition(1.5, 30.0)] < 0.5 < rates[Condition(3.0, 45.0)]
+    assert all(angle >= 5.0 for _, angle in rates)
