@@ -3,6 +3,7 @@
 import math
 import re
 from dataclasses import dataclass
+from functools import cache
 
 from onboard.errors import InputError, OnboardError
 from onboard.gravity import GRAM_FORCE
@@ -66,6 +67,7 @@ _CONVERSION: dict[str, tuple[str, float]] = {
 _TOKEN = re.compile(r"^([A-Za-z%]+|1)([0-9]?)$")
 
 
+@cache
 def si_unit(unit: str) -> tuple[str, float]:
     """The SI form of a unit and the factor that converts to it: ``"gf/V2" -> ("N/V2", 9.80665e-3)``.
 
@@ -96,6 +98,7 @@ def si_unit(unit: str) -> tuple[str, float]:
     return "/".join(sides), factor
 
 
+@cache
 def _dimension(unit: str) -> _Dimension:
     total = [0, 0, 0, 0, 0]
     for sign, part in zip((1, -1), unit.split("/"), strict=False):

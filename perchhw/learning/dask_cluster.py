@@ -3,6 +3,7 @@
 The scheduler does again what a worker that died had under way or had not handed over yet.
 """
 
+import asyncio
 import re
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
@@ -12,6 +13,7 @@ from typing import Any, TypeVar
 
 import dask
 from distributed import Client, Future, KilledWorker
+from distributed.comm import connect as handshake
 
 from perchhw.learning.errors import LearningError, LearningInputError
 from perchhw.learning.executor import environment
@@ -53,16 +55,26 @@ def connect(address: str) -> "Iterator[DaskCluster]":
     patience = {"distributed.comm.timeouts.connect": CONNECT_TIMEOUT, "logging.distributed": "critical"}
     with dask.config.set(patience):
         try:
-            client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
-        except (OSError, TimeoutError, ValueError) as error:
+            asyncio.run(_shake_hands(address))
+        except (OSError, TimeoutError, ValueError, EOFError, MemoryError) as error:
+            reason = "it is another server" if isinstance(error, MemoryError) else error
             raise LearningError(
-                f"no Dask scheduler answers at {address} ({error}): start one with 'dask scheduler', and "
+                f"no Dask scheduler answers at {address} ({reason}): start one with 'dask scheduler', and "
                 "workers with 'dask worker ADDRESS', or leave out --scheduler"
             ) from error
-        with client:
+        with Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False) as client:
             cluster = DaskCluster(client, address)
             cluster.check_workers()
             yield cluster
+
+
+async def _shake_hands(address: str) -> None:
+    """Connect once before a Client does: one that fails takes long to close.
+
+    Another server's greeting, read as a length, asks for more memory than there is.
+    """
+    connection = await handshake(address, timeout=CONNECT_TIMEOUT)
+    connection.abort()
 
 
 class DaskCluster:

@@ -23,8 +23,8 @@ from sim_backend.physics.parameters import PARAMETERS, physics_parameters
 POOL = 256
 """Vehicles in a pool: a mean over them is within sigma/16 of the nominal value, as of 256 attempts."""
 
-TRIES = 20
-"""Times the size of the pool: draws after which too many were no possible vehicle."""
+LEAST_POSSIBLE = 0.05
+"""Share of the draws that must be possible vehicles: with less, the pool is far from what was asked for."""
 
 _SECTIONS: dict[str, Any] = {
     "body": Body,
@@ -104,10 +104,12 @@ def acting(draws: Sequence[Draw], content: dict[str, Any], room: RoomGeometry) -
 
 
 def _acts(draw: Draw, content: dict[str, Any], room: RoomGeometry, nominal: bytes) -> bool:
-    value = quantities(content)[draw.name]["value"]
-    for other in (value + 1e-3 * draw.sigma, value - 1e-3 * draw.sigma):
+    changed = copy.deepcopy(content)
+    table = quantities(changed)[draw.name]
+    value = float(table["value"])
+    for table["value"] in (value + 1e-3 * draw.sigma, value - 1e-3 * draw.sigma):
         try:
-            return bool(_record(_with_values(content, {draw.name: other}), room).tobytes() != nominal)
+            return bool(_record(changed, room).tobytes() != nominal)
         except VehicleFileError:  # the nominal value lies on a bound: look on its other side
             continue
     return True
@@ -129,20 +131,25 @@ def vehicle_pool(
     nominal = {name: float(table["value"]) for name, table in quantities(content).items()}
     lowest = {draw.name: _lowest(draw.name, nominal[draw.name]) for draw in draws}
     pool = np.empty(POOL, PARAMETERS)
-    found = 0
-    for _ in range(TRIES * POOL):
-        values = {d.name: _normal_above(rng, nominal[d.name], d.sigma, lowest[d.name]) for d in draws}
+    drawn = copy.deepcopy(content)
+    tables = quantities(drawn)
+    tried = found = 0
+    while found < POOL:
+        if tried >= POOL and found < LEAST_POSSIBLE * tried:
+            raise LearningInputError(
+                f"of {tried} vehicles drawn with {', '.join(f'{d.name}={d.sigma:g}' for d in draws)} only "
+                f"{found} are possible: give smaller standard deviations"
+            )
+        tried += 1
+        for draw in draws:
+            value = _normal_above(rng, nominal[draw.name], draw.sigma, lowest[draw.name])
+            tables[draw.name]["value"] = value
         try:
-            pool[found] = _record(_with_values(content, values), room)
+            pool[found] = _record(drawn, room)
         except VehicleFileError:
             continue
         found += 1
-        if found == POOL:
-            return pool
-    raise LearningInputError(
-        f"of {TRIES * POOL} vehicles drawn with {', '.join(f'{d.name}={d.sigma:g}' for d in draws)} only "
-        f"{found} are possible: give smaller standard deviations"
-    )
+    return pool
 
 
 def _normal_above(rng: np.random.Generator, mean: float, sigma: float, lowest: float) -> float:
@@ -158,14 +165,6 @@ def _lowest(name: str, nominal: float) -> float:
     rules = quantity_rules(_SECTIONS[section]) if section in _SECTIONS else {}
     signed = key not in rules or rules[key].allowed is Range.ANY
     return -math.inf if signed else LEAST * nominal
-
-
-def _with_values(content: dict[str, Any], values: dict[str, float]) -> dict[str, Any]:
-    changed = copy.deepcopy(content)
-    tables = quantities(changed)
-    for name, value in values.items():
-        tables[name]["value"] = value
-    return changed
 
 
 def _record(content: dict[str, Any], room: RoomGeometry) -> Any:
