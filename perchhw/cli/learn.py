@@ -18,7 +18,7 @@ from perchhw.cli.learn_options import (
 )
 from perchhw.cli.learn_report import report, write_report
 from perchhw.cli.option_groups import with_option_groups
-from perchhw.cli.output import console, emit
+from perchhw.cli.output import console, emit, progress_console
 from perchhw.learning.sweep_folder import POLICY_FILE, TRAINING_FILE, VALIDATION_FILE, VALIDATION_SUMMARY
 
 if TYPE_CHECKING:
@@ -104,15 +104,21 @@ def _sweep(setup: SetupOptions, grid: GridOptions, learning: SweepOptions, out: 
     from perchhw.learning.sweep_folder import SWEEP_FILE, read_settings
 
     trials = SweepGrid(*grid.ranges(), learning.repeats)
-    with grid.executor() as executor, shown("learning trials", setup.seed) as show:
-        summary = run_sweep(
-            setup.learning_setup(learning.reward),
-            trials,
-            out,
-            executor=executor,
-            resume=learning.resume,
-            on_trial=show,
+    try:
+        with grid.executor() as executor, shown("learning trials", setup.seed) as show:
+            summary = run_sweep(
+                setup.learning_setup(learning.reward),
+                trials,
+                out,
+                executor=executor,
+                resume=learning.resume,
+                on_trial=show,
+            )
+    except KeyboardInterrupt:
+        progress_console().print(
+            f"interrupted: {out} keeps what is learned; go on with --resume", markup=False
         )
+        raise
     return {
         "folder": str(out),
         **read_settings(out / SWEEP_FILE)["result"],

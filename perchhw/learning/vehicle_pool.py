@@ -14,6 +14,7 @@ import numpy as np
 
 from onboard.room import RoomGeometry
 from onboard.vehicle import Air, Battery, Body, Legs, Motors, Sensing, VehicleFileError
+from onboard.vehicle.effects import EFFECTS
 from onboard.vehicle.file_format import parse_vehicle
 from onboard.vehicle.schema import Range, quantity_rules
 from perchhw.learning.domain_randomisation import LEAST
@@ -161,10 +162,15 @@ def _normal_above(rng: np.random.Generator, mean: float, sigma: float, lowest: f
 
 
 def _lowest(name: str, nominal: float) -> float:
-    section, _, key = name.partition(".")
-    rules = quantity_rules(_SECTIONS[section]) if section in _SECTIONS else {}
-    signed = key not in rules or rules[key].allowed is Range.ANY
-    return -math.inf if signed else LEAST * nominal
+    return LEAST * nominal if _cannot_be_negative(name) else -math.inf
+
+
+def _cannot_be_negative(name: str) -> bool:
+    section, *between, key = name.split(".")
+    if section == "effects":
+        return EFFECTS[between[0]].parameters[key].low >= 0.0
+    rules = quantity_rules(_SECTIONS[section]) if not between else {}
+    return key in rules and rules[key].allowed is not Range.ANY
 
 
 def _record(content: dict[str, Any], room: RoomGeometry) -> Any:

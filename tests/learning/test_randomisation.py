@@ -2,6 +2,7 @@
 
 import dataclasses
 import tomllib
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -87,6 +88,26 @@ def test_preset_vehicle_draws_all_sigmas_and_only_possible_vehicles() -> None:
     assert np.all(drawn["drag"] >= 0.0)
     assert np.std(drawn["drag"][:, 0]) > 0.0
     assert nominal["drag"][0] == 0.0
+
+
+def test_parameters_of_effects_are_drawn_too(tmp_path: Path) -> None:
+    file = tmp_path / "near.toml"
+    effects = """
+[[effects]]
+name = "ceiling_effect"
+inflow = { value = 0.9, unit = "1", sigma = 0.03, source = "test" }
+[[effects]]
+name = "com_offset"
+x = { value = 0.5, unit = "mm", sigma = 2.0, source = "test" }
+"""
+    file.write_text(vehicle_to_toml(load_vehicle(VEHICLE)) + effects)
+    options = ("effects.ceiling_effect.inflow", "effects.com_offset.x")
+    drawn = _drawn(LearningSetup(vehicle=str(file), domain="none", randomise=options))
+    changed = [name for name in drawn.dtype.names or () if len(np.unique(drawn[name], axis=0)) > 1]
+    assert any("ceiling" in name for name in changed), changed
+    assert len(changed) >= 2, changed
+    everything = _drawn(LearningSetup(vehicle=str(file), domain="vehicle"), 100)
+    assert all(len(np.unique(everything[name], axis=0)) > 1 for name in changed)
 
 
 def test_signed_quantities_go_both_ways_and_positive_ones_stay_above_half() -> None:

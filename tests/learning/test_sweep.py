@@ -11,13 +11,11 @@ import pytest
 
 from onboard.policy.files import import_authors_policy, load_policy, shipped_policy_path
 from perchhw.cli.main import run
-from perchhw.learning.domain_randomisation import PAPER, draw_vehicle
 from perchhw.learning.errors import LearningInputError
 from perchhw.learning.executor import LocalThreads
 from perchhw.learning.grid import Condition, conditions, parse_range
 from perchhw.learning.setup import LearningSetup
 from perchhw.learning.sweep import SweepGrid, run_sweep
-from perchhw.learning.sweep_folder import read_pairs
 from perchhw.learning.training_set import load_training_set
 from perchhw.learning.trial import fly, new_bench
 from perchhw.learning.validate import validate_policy
@@ -65,19 +63,6 @@ def test_late_cues_trigger_late() -> None:
     assert late["trigger_time"] - on_time["trigger_time"] == pytest.approx(0.015, abs=0.0101)
 
 
-def test_every_rollout_has_its_own_vehicle() -> None:
-    parameters, _ = SETUP.load()
-    bench = new_bench(parameters, 1)
-    rng = np.random.default_rng(3)
-    drawn = []
-    for _ in range(4000):
-        draw_vehicle(rng, bench.nominal, PAPER, bench.drawn)
-        drawn.append((bench.drawn[0]["mass"], bench.drawn[0]["inertia"][1]))
-    np.testing.assert_allclose(np.std(drawn, axis=0), [0.5e-3, 1.5e-6], rtol=0.05)
-    np.testing.assert_allclose(np.mean(drawn, axis=0), [38.1e-3, 30.46e-6], rtol=0.005)
-    assert bench.drawn[0]["inertia"][0] == parameters["inertia"][0]
-
-
 def test_results_do_not_depend_on_workers_or_grid(tmp_path: Path) -> None:
     one = run_sweep(SETUP, GRID, tmp_path / "one", executor=ONE)
     two = run_sweep(SETUP, GRID, tmp_path / "two", executor=LocalThreads(3))
@@ -113,19 +98,6 @@ def test_a_folder_with_another_sweep_is_refused(tmp_path: Path) -> None:
         run_sweep(SETUP, grid, tmp_path, executor=ONE)
     with pytest.raises(LearningInputError, match="seed is 7 there and 8 now"):
         run_sweep(LearningSetup(seed=8), grid, tmp_path, executor=ONE, resume=True)
-    (tmp_path / "sweep.json").write_text("{}")
-    with pytest.raises(LearningInputError, match=r"sweep\.json"):
-        run_sweep(SETUP, grid, tmp_path, executor=ONE, resume=True)
-
-
-def test_a_broken_table_names_line_and_column(tmp_path: Path) -> None:
-    run_sweep(SETUP, SweepGrid((2.5,), (40.0,), 1), tmp_path, executor=ONE)
-    path = tmp_path / "pairs.csv"
-    lines = path.read_text().splitlines()
-    cells = lines[1].split(",")
-    path.write_text("\n".join([lines[0], ",".join([*cells[:3], "soon", *cells[4:]])]) + "\n")
-    with pytest.raises(LearningInputError, match="line 2: tau is 'soon'"):
-        read_pairs(path)
 
 
 @pytest.mark.parametrize(
@@ -145,14 +117,6 @@ def test_ranges(text: str, values: tuple[float, ...]) -> None:
 def test_ranges_that_mean_nothing_are_refused(text: str) -> None:
     with pytest.raises(LearningInputError, match="--speeds"):
         parse_range(text, "--speeds")
-
-
-def test_impossible_grids_are_refused(tmp_path: Path) -> None:
-    for speeds, angles in (((0.0,), (40.0,)), ((2.0,), (0.0,)), ((2.0,), (100.0,)), ((), (40.0,))):
-        with pytest.raises(LearningInputError):
-            conditions(speeds, angles)
-    with pytest.raises(LearningInputError, match="--repeats"):
-        run_sweep(SETUP, SweepGrid((2.0,), (40.0,), 0), tmp_path, executor=ONE)
 
 
 def test_impossible_legs_and_presets_are_refused() -> None:
