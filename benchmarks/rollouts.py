@@ -2,19 +2,22 @@
 
     python benchmarks/rollouts.py [--seconds 1.0] [--workers N] [--peers PYTHON]
 
-Free flight counts steps of 1 kHz with the geometric controller and mixer at 500 Hz, and without, on one core.
-Contact counts steps of a vehicle that hangs on four legs and swings. A landing is a complete attempt from the
-placement to half a second after the contact. Median and best of five repeats by wall time, and the
-median by processor time, which a busy machine disturbs less. Compilation is not in these figures;
-`first_call_s` has it when the cache is cold.
+Free flight counts steps of 1 kHz with the geometric controller and mixer at 500 Hz, and without, on one
+core. `with_every_effect` is the same flight with all terms of docs/physics.md, Effects, switched on at
+typical values (of two that exclude each other, one). Contact counts steps of a vehicle that hangs on four
+legs and swings. A landing is a complete attempt from the placement to half a second after the contact.
+Median and best of five repeats by wall time, and the median by processor time, which a busy machine
+disturbs less. Compilation is not in these figures; `first_call_s` has it when the cache is cold.
 
-PYTHON is an interpreter whose packages include crazyflow and mujoco (a virtual environment of its own). Peers
-and we take turns, repeat by repeat. Ratios are of medians: free flight with controller on one core against
-crazyflow's best case on all cores; contact against MuJoCo's four-legged vehicle, both on one core. Without
-PYTHON the peers are reported as not measured.
+PYTHON is an interpreter whose packages include crazyflow and mujoco (a virtual environment of its own).
+Peers and we take turns, repeat by repeat. Ratios are of medians: free flight with controller on one core
+against crazyflow's best case on all cores; contact against MuJoCo's four-legged vehicle, both on one
+core; `cost_of_every_effect` is time with them over time without. Without PYTHON the peers are reported as
+not measured.
 """
 
 import argparse
+import dataclasses
 import json
 import math
 import os
@@ -30,11 +33,16 @@ from numba import njit
 from peer_process import PeerProcess, rates
 
 from onboard.controller import ControllerGains
+from onboard.quantity import Quantity
+from onboard.room import RoomGeometry
+from onboard.vehicle import Effect, Vehicle
+from onboard.vehicle.effects import EFFECTS
 from perchhw.learning.executor import LocalThreads
 from perchhw.learning.grid import Condition, generator
 from perchhw.learning.setup import LearningSetup
 from perchhw.learning.trial import Rules, fly, new_bench
 from sim_backend.physics.decision import ThresholdPolicy
+from sim_backend.physics.parameters import physics_parameters
 from sim_backend.physics.reset import approaching
 from sim_backend.physics.rollout import hold_velocity
 from sim_backend.physics.step import advance, half_decays
@@ -78,6 +86,21 @@ def repeat(work: Callable[[], float]) -> dict[str, float]:
     }
 
 
+def with_every_effect(vehicle: Vehicle) -> Vehicle:
+    """The vehicle with all effects at typical values, the motors' speed law instead of what it excludes."""
+    chosen: dict[str, Effect] = {}
+    for name in sorted(EFFECTS, key=lambda name: name != "motor_speed_law"):
+        description = EFFECTS[name]
+        if any(other in chosen for other in description.excludes):
+            continue
+        parameters = {
+            parameter: Quantity(rule.typical, rule.unit, 0.0, "benchmark")
+            for parameter, rule in description.parameters.items()
+        }
+        chosen[name] = Effect(name=name, parameters=parameters)
+    return dataclasses.replace(vehicle, effects=tuple(chosen.values()))
+
+
 def flying(parameters: Any, count: int) -> np.ndarray:
     """Vehicles in flight, far from everything."""
     state = approaching(parameters, np.array([0.0, 0.0, 1e6]), np.array([1.0, 0.0, 0.5]))
@@ -112,17 +135,20 @@ def landings(parameters: Any, rules: Rules, count: int, workers: int) -> float:
 
 def our_cases(seconds: float, workers: int) -> dict[str, Callable[[], float]]:
     """What is measured of ours; each repeat takes about `seconds`. Compiles everything."""
-    parameters, rules = LearningSetup().load()
+    setup = LearningSetup()
+    parameters, rules = setup.load()
     sky = np.array(parameters).reshape(1).copy()
-    sky["ceiling_z"] = 1e9
+    every = physics_parameters(with_every_effect(setup.load_vehicle()), RoomGeometry())
+    thick_air = np.array(every).reshape(1).copy()
+    sky["ceiling_z"] = thick_air["ceiling_z"] = 1e9
     room = np.array(parameters).reshape(1)
     attached = landed(parameters, rules)
     free_flight(flying(sky[0], 1), sky, rules.gains, 2, 2)
     hanging(attached.copy(), room, 2)
     free, contact, attempts = int(2e6 * seconds), int(2e5 * seconds), int(1000 * seconds)
 
-    def fly_free(control_steps: int) -> float:
-        free_flight(flying(sky[0], 4), sky, rules.gains, control_steps, free)
+    def fly_free(where: np.ndarray, control_steps: int) -> float:
+        free_flight(flying(where[0], 4), where, rules.gains, control_steps, free)
         return 4.0 * free
 
     def hang() -> float:
@@ -131,8 +157,9 @@ def our_cases(seconds: float, workers: int) -> dict[str, Callable[[], float]]:
         return float(contact)
 
     return {
-        "free_flight_with_controller_steps_per_s": lambda: fly_free(2),
-        "free_flight_steps_per_s": lambda: fly_free(0),
+        "free_flight_with_controller_steps_per_s": lambda: fly_free(sky, 2),
+        "free_flight_steps_per_s": lambda: fly_free(sky, 0),
+        "free_flight_with_controller_with_every_effect_steps_per_s": lambda: fly_free(thick_air, 2),
         "contact_steps_per_s": hang,
         "landings_per_s_one_core": lambda: landings(parameters, rules, attempts, 1),
         "landings_per_s": lambda: landings(parameters, rules, attempts * workers, workers),
@@ -143,7 +170,9 @@ def ratios(ours: dict[str, dict[str, float]], crazyflow: Any, mujoco: Any) -> di
     """Ours over theirs, None where the peer was not measured."""
     flight = ours["free_flight_with_controller_steps_per_s"]["median"]
     contact = ours["contact_steps_per_s"]["median"]
+    every_effect = ours["free_flight_with_controller_with_every_effect_steps_per_s"]["median"]
     result: dict[str, float | None] = {
+        "cost_of_every_effect": flight / every_effect,
         "free_flight_with_controller_vs_crazyflow_best": None,
         "contact_vs_mujoco_pressed_per_core": None,
         "contact_vs_mujoco_hanging_per_core": None,
