@@ -28,7 +28,7 @@ def report(
 ) -> None:
     """Draw what was learned into report.html of its folder: rates, trigger region, moments, convergence."""
     result = write_report(folder, reference, condition, repeat, run, pictures)
-    emit(result, f"report {result['report']}")
+    emit(result, "\n".join([f"report {result['report']}", *(f"note: {doubt}" for doubt in result["doubts"])]))
 
 
 def write_report(
