@@ -4,22 +4,27 @@ An operator belongs to it: a drone that is rebooted and lies, stands or hangs st
 mark with a fresh battery. That is how campaigns reset in simulation, as a person does in the laboratory.
 """
 
+from collections import deque
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from onboard.arrays import Quaternion, Vector
 from onboard.room import RoomGeometry
 from onboard.vehicle import Battery, Vehicle
 from sim_backend.crazyflie.firmware import Firmware
 from sim_backend.errors import SimulationError
 from sim_backend.faults import DroneFaults
+from sim_backend.physics.effects.sensors import tracked_attitude, tracked_position
 from sim_backend.physics.parameters import physics_parameters
 from sim_backend.physics.reset import resting_on_floor
 from sim_backend.physics.state import STATE
 from sim_backend.physics.step import is_finite, step
 from sim_backend.truth import RATE_HZ, TruthRecorder
+
+Pose = tuple[Vector, Quaternion]
 
 DT = 0.001
 LAG_LIMIT_S = 0.05
@@ -75,6 +80,7 @@ class Drone:
         )
         self._storage: NDArray[np.void] = self._at_mark.copy()
         self.state: Any = self._storage[0]
+        self._past: deque[Pose] = deque(maxlen=1 + round(float(parameters["pose_delay"]) / DT))
         # Views into the record: fields of a record are slow to look up a thousand times a second.
         self._specific_force = self.state["specific_force"]
         self._rates = self.state["omega"]
@@ -93,6 +99,8 @@ class Drone:
             voltage = float(self.state["battery_voltage"])
             self._duties = self.firmware.step(self._specific_force, self._rates, voltage)
         step(self.state, self._parameters, self._duties, DT)
+        if self._past.maxlen != 1:
+            self._past.append(self._tracked())
 
     @property
     def at_rest(self) -> bool:
@@ -109,14 +117,17 @@ class Drone:
     def place_on_start_mark(self) -> None:
         """The operator's work: back on the mark, upright, still, with a fresh battery."""
         self._storage[0] = self._at_mark[0]
+        self._past.clear()
         self._to_be_placed = False
         self.placements += 1
 
-    def pose(self) -> tuple[str, tuple[float, float, float], tuple[float, float, float, float]]:
-        """Name, position (m) and quaternion (x, y, z, w), for the room."""
-        x, y, z = self.state["position"].tolist()
-        qx, qy, qz, qw = self.state["quaternion"].tolist()
-        return self.name, (x, y, z), (qx, qy, qz, qw)
+    def pose(self) -> tuple[str, Vector, Quaternion]:
+        """Name, position (m) and quaternion (x, y, z, w) that the room sees, by the vehicle's effects."""
+        position, quaternion = self._past[0] if self._past else self._tracked()
+        return self.name, position, quaternion
+
+    def _tracked(self) -> Pose:
+        return tracked_position(self.state, self._parameters), tracked_attitude(self.state, self._parameters)
 
     def check(self) -> None:
         """Raise WorldError when the state is not finite."""
@@ -153,11 +164,13 @@ class World:
         self._truth = truth
         parameters = physics_parameters(vehicle, room)
         used = _charge_used(vehicle.battery, self._faults.battery_voltage)
+        bias = (np.array(self._faults.gyro_bias) + parameters["gyro_bias"]).tolist()
+        gyro_bias = (bias[0], bias[1], bias[2])
         generators = np.random.default_rng(seed).spawn(drones)
         self.drones = [
             Drone(
                 f"cf{i + 1}",
-                Firmware(vehicle, generators[i], gyro_bias=self._faults.gyro_bias),
+                Firmware(vehicle, generators[i], gyro_bias=gyro_bias),
                 parameters,
                 mark,
                 used,

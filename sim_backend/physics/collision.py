@@ -30,13 +30,16 @@ def hull_point(p: Any, rot: Rotation, index: int, normal: float) -> Vector:
     """Point `index` that may touch the plane (ceiling: normal -1, floor: +1), body frame, m."""
     sign_x = 1.0 if index & 1 else -1.0
     sign_y = 1.0 if index & 2 else -1.0
+    x, y = p.geometric_centre[0], p.geometric_centre[1]
     if index < 8:
-        return sign_x * p.body_half_x, sign_y * p.body_half_y, p.body_top_z if index & 4 else p.body_bottom_z
+        z = p.body_top_z if index & 4 else p.body_bottom_z
+        return x + sign_x * p.body_half_x, y + sign_y * p.body_half_y, z
     # The rim's point nearest to the plane lies along the plane's direction, projected on the disc.
     gx, gy = -normal * rot[6], -normal * rot[7]
     size = math.hypot(gx, gy)
     scale = p.propeller_radius / size if size > 1e-9 else 0.0
-    return sign_x * p.arm_x + gx * scale, sign_y * p.arm_y + gy * scale, p.propeller_height_z
+    x, y = x + sign_x * p.arm_x, y + sign_y * p.arm_y
+    return x + gx * scale, y + gy * scale, p.propeller_height_z
 
 
 @kernel
@@ -153,7 +156,7 @@ def touches(state: Any, p: Any, rot: Rotation, normal: float) -> bool:
     discs += p.propeller_radius * math.sqrt(gx * gx + gy * gy)
     z = state.position[2]
     gap = p.ceiling_z - z if normal < 0.0 else z
-    return max(box, discs) >= gap
+    return max(box, discs) + gx * p.geometric_centre[0] + gy * p.geometric_centre[1] >= gap
 
 
 @kernel

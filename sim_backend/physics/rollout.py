@@ -19,6 +19,7 @@ from onboard.jit import kernel
 from onboard.mixer import Thrusts, flip_thrusts, mix
 from onboard.rotation import body_z
 from sim_backend.physics.decision import decide
+from sim_backend.physics.effects.sensors import measured_rate, tracked_attitude, tracked_position
 from sim_backend.physics.step import advance, half_decays, is_finite
 
 
@@ -94,7 +95,7 @@ ROLLOUT = np.dtype(
     align=True,
 )
 
-_DELAY_STEPS = 64
+_DELAY_STEPS = 128
 """Longest age of the cues in steps."""
 
 
@@ -114,8 +115,9 @@ def hold_velocity(state: Any, p: Any, vx: float, vz: float, gains: ControllerGai
     """Motor thrusts (N) of the controller that holds a velocity, without a position loop."""
     zero = (0.0, 0.0, 0.0)
     collective, tau_x, tau_y, tau_z = geometric_control(
-        zero, state.velocity, state.quaternion, state.omega, zero, zero, (vx, 0.0, vz), zero, 0.0, gains
-    )
+        zero, state.velocity, tracked_attitude(state, p), measured_rate(state, p), zero,
+        zero, (vx, 0.0, vz), zero, 0.0, gains,
+    )  # fmt: skip
     return mix(collective, tau_x, tau_y, tau_z, p.arm_x, p.arm_y, p.thrust_to_torque, p.thrust_max)
 
 
@@ -189,7 +191,8 @@ def rollout(
     vx, vz = state.velocity[0], state.velocity[2]
     up, down, fine_up, fine_down = half_decays(p, s.dt)
     phase = rng.integers(0, s.policy_steps)
-    delay = min(int(rng.uniform(s.cue_delay_min, s.cue_delay_max) / s.dt + 0.5), _DELAY_STEPS - 1)
+    age = rng.uniform(s.cue_delay_min, s.cue_delay_max) + p.pose_delay
+    delay = min(int(age / s.dt + 0.5), _DELAY_STEPS - 1)
     bias_x, bias_z = s.velocity_bias * rng.standard_normal(), s.velocity_bias * rng.standard_normal()
     seen = np.empty((_DELAY_STEPS, 3))
     out.d_min = math.inf
@@ -200,7 +203,8 @@ def rollout(
     while end < 0:
         if out.triggered == 0:
             now = count % _DELAY_STEPS
-            seen[now, 0], seen[now, 1], seen[now, 2] = state.position[2], state.velocity[0], state.velocity[2]
+            seen[now, 0], seen[now, 1] = tracked_position(state, p)[2], state.velocity[0]
+            seen[now, 2] = state.velocity[2]
             if state.time >= s.arm_delay and (count + phase) % s.policy_steps == 0:
                 then = (count - min(delay, count)) % _DELAY_STEPS
                 z = seen[then, 0] + s.height_noise * rng.standard_normal()

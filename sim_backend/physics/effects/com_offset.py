@@ -17,6 +17,7 @@ def _apply(p: Any, values: Mapping[str, float]) -> None:
     p["geometric_centre"] -= offset
     p["hub"] -= offset
     p["hip"] -= offset
+    p["sensors_on"] = 1
     for name in ("body_top_z", "body_bottom_z", "propeller_height_z"):
         p[name] -= offset[2]
 
