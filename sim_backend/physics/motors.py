@@ -16,6 +16,9 @@ Wrench = tuple[float, float, float, float, float, float]
 SETTLED = 1e-15
 """N: a thrust this close to its target is there; a stopped motor would decay into slow denormal numbers."""
 
+STOPPED = 1e-6
+"""rad/s: likewise, a rotor this slow stands."""
+
 
 @kernel
 def decay(p: Any, dt: float) -> tuple[float, float]:
@@ -50,6 +53,15 @@ def lag_all(state: Any, targets: Thrusts, decay_up: float, decay_down: float) ->
     thrust[3] = lag(thrust[3], targets[3], decay_up, decay_down)
 
 
+@kernel
+def rotor_speed(state: Any, p: Any, motor: int) -> float:
+    """Speed (rad/s) of a rotor: from its thrust, unless a speed law left it in the state."""
+    thrust, kept = state.thrust[motor], state.rotor_speed[motor]
+    if kept * kept * p.thrust_per_speed2 == thrust:
+        return kept
+    return math.sqrt(thrust * p.speed2_per_thrust)
+
+
 @outlined
 def speed_law_to_middle(state: Any, p: Any, targets: Thrusts, half: float) -> None:
     """The first half of a step by the speed law; keeps what the second half and the torque need."""
@@ -59,12 +71,12 @@ def speed_law_to_middle(state: Any, p: Any, targets: Thrusts, half: float) -> No
         a = p.speed_law_a[0] if rising else p.speed_law_a[1]
         b = p.speed_law_b[0] if rising else p.speed_law_b[1]
         settled = math.sqrt(targets[motor] * p.speed2_per_thrust)
-        start = math.sqrt(thrust[motor] * p.speed2_per_thrust)
+        start = rotor_speed(state, p, motor)
         middle = speed_after(start, settled, a, b, half)
         end = speed_after(start, settled, a, b, 2.0 * half)
-        ahead = end * end * p.thrust_per_speed2
+        state.rotor_speed[motor] = middle
+        state.speed_ahead[motor] = end if end > STOPPED else 0.0
         thrust[motor] = middle * middle * p.thrust_per_speed2
-        state.thrust_ahead[motor] = ahead if ahead > SETTLED else 0.0
         state.rotor_acceleration[motor] = (end - start) * per_time
 
 
@@ -106,8 +118,10 @@ def lag_to_middle(
 def lag_to_end(state: Any, p: Any, targets: Thrusts, decay_up: float, decay_down: float) -> None:
     """Advance the thrusts over the second half of the step that :func:`lag_to_middle` began."""
     if p.speed_law_b[0] > 0.0:
-        thrust, ahead = state.thrust, state.thrust_ahead
-        thrust[0], thrust[1], thrust[2], thrust[3] = ahead[0], ahead[1], ahead[2], ahead[3]
+        for motor in range(4):
+            end = state.speed_ahead[motor]
+            state.rotor_speed[motor] = end
+            state.thrust[motor] = end * end * p.thrust_per_speed2
         return
     lag_all(state, targets, decay_up, decay_down)
 

@@ -33,7 +33,12 @@ STATE = np.dtype(
         ("quaternion", "f8", (4,)),  # x, y, z, w
         ("omega", "f8", (3,)),  # rad/s, body
         ("thrust", "f8", (4,)),  # N, motors M1..M4, after the lag: of the rotor's speed, in still open air
-        ("thrust_ahead", "f8", (4,)),  # N at the end of the step; kept only within a step, with a speed law
+        (
+            "rotor_speed",
+            "f8",
+            (4,),
+        ),  # rad/s; kept only with a speed law, valid while it belongs to the thrust
+        ("speed_ahead", "f8", (4,)),  # rad/s at the end of the step; kept only within a step, likewise
         ("rotor_acceleration", "f8", (4,)),  # rad/s2, mean over the step; kept only for its torque
         ("command_count", "i8"),  # commands so far; kept only with a command delay
         ("command_memory", "f8", (COMMAND_MEMORY, 4)),  # N, ring of the last commands, one a step

@@ -4,7 +4,6 @@ Rotors need their speed, w = sqrt(F / k_f), and the motion of their own hub thro
 once. An effect that a vehicle does not have is here with parameters that do nothing.
 """
 
-import math
 from typing import Any
 
 from onboard.jit import kernel, outlined
@@ -21,38 +20,47 @@ from sim_backend.physics.effects.tether import tether_force
 from sim_backend.physics.effects.velocity_moment import velocity_moment
 from sim_backend.physics.effects.wind import through_the_air
 from sim_backend.physics.frames import Rotation, to_body
-from sim_backend.physics.motors import Wrench
+from sim_backend.physics.motors import Wrench, rotor_speed
+
+RotorWrench = tuple[float, float, float, float, float, float, float]
 
 
 @kernel
-def rotors(
-    state: Any, p: Any, rot: Rotation, ux: float, uy: float, uz: float
-) -> tuple[float, float, float, float, float, float, float]:
+def rotor(
+    state: Any, p: Any, rot: Rotation, motor: int, sign: float, ux: float, uy: float, uz: float
+) -> RotorWrench:
+    """Wrench of one rotor (body frame), and its signed speed (rad/s)."""
+    x, y, z = p.hub[motor, 0], p.hub[motor, 1], p.hub[motor, 2]
+    wx, wy, wz = state.omega[0], state.omega[1], state.omega[2]
+    lean = p.thrust_lean
+    still = state.thrust[motor]
+    speed = rotor_speed(state, p, motor)
+    hub_z = state.position[2] + rot[6] * x + rot[7] * y + rot[8] * z
+    thrust = still * ceiling_gain(p, p.ceiling_z - hub_z, rot[8]) * ground_gain(p, hub_z, rot[8])
+    thrust -= inflow_loss(p, speed, uz + wx * y - wy * x)
+    dx, dy = rotor_drag(p, speed, ux + wy * z - wz * y, uy + wz * x - wx * z)
+    fx, fy, fz = thrust * lean[0] + dx, thrust * lean[1] + dy, thrust + thrust * lean[2]
+    # The drag torque of a propeller goes with its speed, not with what a surface adds to its thrust.
+    tz = x * fy - y * fx - sign * p.thrust_to_torque * still
+    return fx, fy, fz, y * fz - z * fy, z * fx - x * fz, tz, sign * speed
+
+
+@kernel
+def sum_of(a: RotorWrench, b: RotorWrench) -> RotorWrench:
+    """Sum of two rotors."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5], a[6] + b[6]
+
+
+@kernel
+def rotors(state: Any, p: Any, rot: Rotation, ux: float, uy: float, uz: float) -> RotorWrench:
     """Wrench of the four rotors (body frame), and the sum w1 - w2 + w3 - w4 of their speeds (rad/s).
 
     `ux`, `uy`, `uz`: velocity of the body through the air, body frame, m/s.
     """
-    wx, wy, wz = state.omega[0], state.omega[1], state.omega[2]
-    height, lean, thrusts = state.position[2], p.thrust_lean, state.thrust
-    fx, fy, fz, tx, ty, tz, spin = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    sign = 1.0
-    for motor in range(4):
-        x, y, z = p.hub[motor, 0], p.hub[motor, 1], p.hub[motor, 2]
-        still = thrusts[motor]
-        speed = math.sqrt(still * p.speed2_per_thrust)
-        hub_z = height + rot[6] * x + rot[7] * y + rot[8] * z
-        thrust = still * ceiling_gain(p, p.ceiling_z - hub_z, rot[8]) * ground_gain(p, hub_z, rot[8])
-        thrust -= inflow_loss(p, speed, uz + wx * y - wy * x)
-        dx, dy = rotor_drag(p, speed, ux + wy * z - wz * y, uy + wz * x - wx * z)
-        gx, gy, gz = thrust * lean[0] + dx, thrust * lean[1] + dy, thrust + thrust * lean[2]
-        fx, fy, fz = fx + gx, fy + gy, fz + gz
-        tx += y * gz - z * gy
-        ty += z * gx - x * gz
-        # The drag torque of a propeller goes with its speed, not with what a surface adds to its thrust.
-        tz += x * gy - y * gx - sign * p.thrust_to_torque * still
-        spin += sign * speed
-        sign = -sign
-    return fx, fy, fz, tx, ty, tz, spin
+    return sum_of(
+        sum_of(rotor(state, p, rot, 0, 1.0, ux, uy, uz), rotor(state, p, rot, 1, -1.0, ux, uy, uz)),
+        sum_of(rotor(state, p, rot, 2, 1.0, ux, uy, uz), rotor(state, p, rot, 3, -1.0, ux, uy, uz)),
+    )
 
 
 @outlined
