@@ -38,8 +38,14 @@ class FlightOptions:
         ),
     ] = None
     sensing: Annotated[
-        str, typer.Option(help="Errors of the cues: perfect (the paper), realistic or late.")
+        str,
+        typer.Option(
+            help="Errors of the cues: perfect (the paper), realistic, late, or gazebo (the authors')."
+        ),
     ] = "perfect"
+    gains: Annotated[
+        str, typer.Option(help="Of the controller: default, authors, or gazebo (that of their sweep).")
+    ] = "default"
     seed: SeedOption = 0
 
     def learning_setup(self, reward: str = "paper") -> "LearningSetup":

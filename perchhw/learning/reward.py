@@ -22,6 +22,7 @@ class RewardWeights(NamedTuple):
         tilt_full: rad of tilt at impact that earns the whole tilt part.
         two_legs, one_leg: share of the legs part for two legs and for one.
         contact_factor: on the legs part when body or propellers touched the ceiling.
+        contact_factor_few: the same with fewer than three legs.
     """
 
     distance: float
@@ -35,19 +36,22 @@ class RewardWeights(NamedTuple):
     two_legs: float
     one_leg: float
     contact_factor: float
+    contact_factor_few: float
 
 
 PAPER = RewardWeights(
     distance=0.05, tau=0.1, tilt=0.2, legs=0.65, c0=15.0, c1=15.0, distance_offset=0.0,
     tilt_full=math.radians(120.0), two_legs=0.5, one_leg=0.5, contact_factor=1.0 / 3.0,
+    contact_factor_few=1.0 / 3.0,
 )  # fmt: skip
 """The paper's equations; c0 and c1, not printed there, as in the only code with its weights (errata 10)."""
 
 FLOWN = RewardWeights(
-    distance=0.1, tau=0.0, tilt=0.3, legs=0.6, c0=10.0, c1=15.0, distance_offset=1e-3,
-    tilt_full=math.radians(90.0), two_legs=1.0 / 3.0, one_leg=0.0, contact_factor=0.5,
+    distance=0.1, tau=0.0, tilt=0.2, legs=0.7, c0=10.0, c1=15.0, distance_offset=1e-3,
+    tilt_full=math.radians(120.0), two_legs=2.0 / 7.0, one_leg=0.0, contact_factor=4.0 / 7.0,
+    contact_factor_few=0.5,
 )  # fmt: skip
-"""The reward that made the data of the flown policy: SIM@4c815026, CrazyflieEnv_ParamOpt.py (errata 10)."""
+"""The reward of the sweep that trained the flown policy: SIM@6a3be0be, Crazyflie_env.py (errata 10)."""
 
 PRESETS = {"paper": PAPER, "flown": FLOWN}
 
@@ -83,7 +87,9 @@ def legs_part(feet: int, body_contact: int, w: RewardWeights) -> float:
         share = w.two_legs
     elif feet == 1:
         share = w.one_leg
-    return share * w.contact_factor if body_contact else share
+    if not body_contact:
+        return share
+    return share * (w.contact_factor if feet >= 3 else w.contact_factor_few)
 
 
 @njit(cache=True)

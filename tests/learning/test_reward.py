@@ -37,15 +37,15 @@ def test_a_perfect_landing_earns_everything() -> None:
     ("change", "paper", "flown"),
     [
         ({"feet": 3}, 1.0, 1.0),
-        ({"feet": 2}, 0.35 + 0.65 * 0.5, 0.4 + 0.2),
-        ({"feet": 1}, 0.35 + 0.65 * 0.5, 0.4),
-        ({"feet": 0}, 0.35, 0.4),
-        ({"body_contact": 1}, 0.35 + 0.65 / 3, 0.4 + 0.3),
-        ({"feet": 2, "body_contact": 1}, 0.35 + 0.65 * 0.5 / 3, 0.4 + 0.1),
+        ({"feet": 2}, 0.35 + 0.65 * 0.5, 0.3 + 0.2),
+        ({"feet": 1}, 0.35 + 0.65 * 0.5, 0.3),
+        ({"feet": 0}, 0.35, 0.3),
+        ({"body_contact": 1}, 0.35 + 0.65 / 3, 0.3 + 0.4),
+        ({"feet": 2, "body_contact": 1}, 0.35 + 0.65 * 0.5 / 3, 0.3 + 0.1),
         ({"d_min": 0.2}, 1.0 - 0.05 + 0.05 * 5.0 / 15.0, 0.9 + 0.1 * (1 / 0.201) / 10),
         ({"tau": 0.3}, 1.0 - 0.1 + 0.1 * 10.0 / 15.0, 1.0),
         ({"tau": 0.2}, 1.0, 1.0),
-        ({"impact_tilt": math.radians(60)}, 1.0 - 0.2 + 0.1, 1.0 - 0.3 + 0.2),
+        ({"impact_tilt": math.radians(60)}, 1.0 - 0.2 + 0.1, 1.0 - 0.2 + 0.1),
     ],
 )
 def test_each_part(change: dict[str, float], paper: float, flown: float) -> None:

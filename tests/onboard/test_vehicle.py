@@ -201,7 +201,7 @@ def test_files_that_are_no_toml(tmp_path: Path, data: bytes, expected: str) -> N
 def test_absent_files_and_unknown_names() -> None:
     with pytest.raises(VehicleFileError, match=r"cannot be read \(No such file"):
         load_vehicle("no/such/file.toml")
-    with pytest.raises(VehicleFileError, match="one of crazyflie21-stock"):
+    with pytest.raises(VehicleFileError, match="one of crazyflie21-gazebo, crazyflie21-stock"):
         load_vehicle("crazyflie99")
     with pytest.raises(VehicleFileError, match="choose one of narrow-short"):
         load_vehicle("crazyflie21-stock", legs="long")
