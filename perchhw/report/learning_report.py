@@ -108,7 +108,9 @@ def _maps_meaning(maps: list[RateMap]) -> str:
     if maps[-1].name.startswith("reference"):
         text += " A reference counts landings by its own rule."
     if any(m.trigger_rates is not None and min(m.trigger_rates.values()) < 0.5 for m in maps):
-        text += " Inside the orange dashes the policy triggers in fewer than half of the attempts."
+        text += (
+            " On the dark side of the orange dashes the policy triggers in fewer than half of the attempts."
+        )
     return text
 
 
@@ -161,11 +163,10 @@ def _flight_meaning(flight: Flight) -> str:
 
 def _trial_meaning(trial: Convergence) -> str:
     episodes = len(trial.rewards)
-    ended = f"was narrow enough to stop after {episodes}" if trial.converged else f"used all {episodes}"
+    narrow = f"became narrow enough to stop after {episodes}" if trial.converged else f"used all {episodes}"
     text = (
-        "The distribution that the samples come from moves towards the best of each episode; trial "
-        f"{trial.repeat} {ended} episodes, and {trial.landing_rate:.0%} of its "
-        "evaluation landed."
+        "The distribution that the samples come from moves towards the best of each episode. In trial "
+        f"{trial.repeat} it {narrow} episodes, and then {trial.landing_rate:.0%} of the attempts landed."
     )
     if not trial.as_recorded:
         text += " The sweep has no such trial, or the code has changed since: its own came out differently."

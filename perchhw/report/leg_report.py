@@ -47,7 +47,8 @@ def _pictures(results: LegResults) -> list[Picture]:
         Picture(
             "leg_success",
             "What successes have and failures lack",
-            "Marker: median; line: middle half of the landings. Where the two lie apart, the factor decides.",
+            "Marker: median; line: middle half of the landings. Where the two lie apart, the factor tells "
+            "landings that succeed from those that fail.",
             leg_figures.success_and_failure(results),
         ),
     ]
