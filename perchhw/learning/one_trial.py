@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from perchhw.learning.ephe import START_TAU, sample
+from perchhw.learning.ephe import EPISODES_MOST, START_TAU, sample
 from perchhw.learning.errors import LearningInputError
 from perchhw.learning.grid import Condition, generator
 from perchhw.learning.setup import LearningSetup
@@ -57,7 +57,13 @@ class Flown(NamedTuple):
 def run_trial(
     parameters: Any, rules: Rules, seed: int, condition: Condition, repeat: int, stop: int = -1
 ) -> Trial:
-    """One trial, on a bench and random numbers of its own; ends before rollout `stop` unless negative."""
+    """One trial, on a bench and random numbers of its own; ends before rollout `stop` unless negative.
+
+    Raises:
+        LearningInputError: the rules have more episodes than the history of a trial.
+    """
+    if rules.ephe.episodes > EPISODES_MOST:
+        raise LearningInputError(f"{rules.ephe.episodes} episodes: give {EPISODES_MOST} at most")
     record = np.zeros(1, TRIAL)[0]
     bench = new_bench(parameters, rollouts_most(rules.ephe))
     rng = generator(seed, _PURPOSE, condition, repeat)

@@ -19,7 +19,7 @@ from onboard.policy.files import load_policy, shipped_policy_path
 from perchhw.cli.main import run
 from perchhw.learning.dask_cluster import do_batch
 from perchhw.learning.errors import LearningError, LearningInputError
-from perchhw.learning.executor import Executor, LocalThreads, environment, open_executor
+from perchhw.learning.executor import LocalThreads, environment, open_executor
 from perchhw.learning.grid import conditions
 from perchhw.learning.setup import LearningSetup
 from perchhw.learning.sweep import SweepGrid, run_sweep
@@ -125,14 +125,15 @@ def test_a_dead_worker_costs_nothing_but_time(cluster: Cluster, local: Path, tmp
         assert executor.describe()["processes"] == 1
         assert victim.wait() == -signal.SIGKILL
         assert _pairs(tmp_path / "out") == _pairs(local)
-        _same_validation(executor)
 
 
-def _same_validation(executor: Executor) -> None:
+def test_a_validation_gives_the_same_rows(cluster: Cluster) -> None:
     policy = load_policy(shipped_policy_path("default"))
     approaches = conditions((2.0, 3.0), (40.0, 60.0))
     here = validate_policy(policy, SETUP, approaches, rollouts=3, executor=LocalThreads(1))
-    assert validate_policy(policy, SETUP, approaches, rollouts=3, executor=executor) == here
+    cluster.start_worker()
+    with open_executor(scheduler=cluster.address) as executor:
+        assert validate_policy(policy, SETUP, approaches, rollouts=3, executor=executor) == here
 
 
 def test_interrupted_on_the_cluster_and_resumed_here(cluster: Cluster, local: Path, tmp_path: Path) -> None:
@@ -189,6 +190,24 @@ def test_a_lost_scheduler_keeps_the_rows(cluster: Cluster, tmp_path: Path) -> No
     ):
         run_sweep(SETUP, GRID, tmp_path / "out", executor=executor, on_trial=lose)
     assert _pairs(tmp_path / "out").count(b"\n") >= 4
+
+
+def test_without_any_worker_left_the_sweep_ends(
+    cluster: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("perchhw.learning.dask_cluster.PATIENCE", 0.4)
+    monkeypatch.setattr("perchhw.learning.dask_cluster.LOOK_EVERY", 0.2)
+    worker = cluster.start_worker()
+
+    def kill(row: Any, done: int, total: int) -> None:
+        if done == 3:
+            cluster.stop(worker)
+
+    with (
+        pytest.raises(LearningError, match=r"all workers .* are gone .*--resume"),
+        open_executor(scheduler=cluster.address) as executor,
+    ):
+        run_sweep(SETUP, GRID, tmp_path / "out", executor=executor, on_trial=kill)
 
 
 def test_a_scheduler_without_workers_says_so(cluster: Cluster, monkeypatch: pytest.MonkeyPatch) -> None:
