@@ -20,15 +20,23 @@ VehicleArgument = Annotated[str, typer.Argument(help="A known vehicle or the pat
 
 @app.command("list")
 def list_() -> None:
-    """Name the vehicles, leg designs and thrust maps that ship with the code."""
-    from onboard.vehicle import known_leg_designs, known_thrust_maps, known_vehicles, load_vehicle
+    """Name the vehicles, leg designs and thrust maps that ship with the code, and the known effects."""
+    from onboard.vehicle import (
+        EFFECT_NAMES,
+        known_leg_designs,
+        known_thrust_maps,
+        known_vehicles,
+        load_vehicle,
+    )
 
     vehicles = [{"name": name, "description": load_vehicle(name).description} for name in known_vehicles()]
     legs, thrust_maps = list(known_leg_designs()), list(known_thrust_maps())
     lines = [f"{vehicle['name']}: {vehicle['description']}" for vehicle in vehicles]
     lines.append("legs: " + ", ".join(legs))
     lines.append("thrust maps: " + ", ".join(thrust_maps))
-    emit({"vehicles": vehicles, "legs": legs, "thrust_maps": thrust_maps}, "\n".join(lines))
+    lines.append("effects: " + ", ".join(EFFECT_NAMES))
+    result = {"vehicles": vehicles, "legs": legs, "thrust_maps": thrust_maps, "effects": list(EFFECT_NAMES)}
+    emit(result, "\n".join(lines))
 
 
 @app.command()

@@ -22,6 +22,7 @@ def test_list_names_everything_that_ships(capsys: pytest.CaptureFixture[str]) ->
     names = [vehicle["name"] for vehicle in result["vehicles"]]
     assert {"crazyflie21-stock", "crazyflie21-upgraded", "crazyflie21plus"} <= set(names)
     assert len(result["legs"]) == 6
+    assert {"wind", "ceiling_effect", "gyro_bias"} <= set(result["effects"])
     assert run(["vehicle", "list"]) == 0
     assert "semi-narrow-long" in capsys.readouterr().out
 

@@ -261,6 +261,19 @@ def test_descriptions_of_effects_hold_together() -> None:
             assert parameter.source
 
 
+def test_the_documents_name_every_effect_with_its_parameters() -> None:
+    root = Path(__file__).parents[2] / "docs"
+    for document in ("physics.md", "vehicle_file.md"):
+        rows = [
+            line for line in (root / document).read_text(encoding="utf-8").splitlines() if line[:1] == "|"
+        ]
+        for name, effect in EFFECTS.items():
+            first = next(index for index, row in enumerate(rows) if row.startswith(f"| `{name}` |"))
+            last = next((i for i in range(first + 1, len(rows)) if not rows[i].startswith("|  |")), len(rows))
+            text = " ".join(rows[first:last])
+            assert all(f"`{parameter}`" in text for parameter in effect.parameters), name
+
+
 @pytest.mark.parametrize(
     ("effect", "expected"),
     [

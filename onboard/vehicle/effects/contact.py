@@ -53,7 +53,7 @@ DESCRIPTIONS = (
                 typical=0.5,
                 neutral=math.inf,
                 meaning="pull at which a foot comes off",
-                source="engineering estimate: a worn or dusty pad holds a few times the weight",
+                source="engineering estimate: a dusty pad holds little more than the vehicle weighs",
             ),
             "minimum_preload": EffectParameter(
                 unit="N",

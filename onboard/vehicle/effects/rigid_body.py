@@ -53,7 +53,7 @@ DESCRIPTIONS = (
                 source="a deck or another battery weighs about 1 g",
             )
         },
-        reference="Newton",
+        reference="equation of motion",
     ),
     EffectDescription(
         name="inertia_error",
@@ -71,7 +71,7 @@ DESCRIPTIONS = (
                 source="printed values are 8 to 12 % above the authors' own swings (errata 3)",
             ),
         ),
-        reference="Euler",
+        reference="Euler's equation",
     ),
     EffectDescription(
         name="com_offset",

@@ -71,7 +71,7 @@ DESCRIPTIONS = (
                 typical=0.02,
                 neutral=0.0,
                 meaning="bias that is left after the calibration at start",
-                source="BMI088 data sheet: 0.015 deg/s/K over some ten kelvin, and a moved calibration",
+                source="engineering estimate: about 1 deg/s, a drone that was moved while it calibrated",
             ),
         ),
         reference="constant bias",
