@@ -75,3 +75,26 @@ def test_energy_never_grows_without_power(
     assert touched == expected
     assert max(growth for growth, _ in coarse) < 2e-2
     assert max(growth for growth, _ in fine) < 2e-4
+
+
+@pytest.mark.parametrize("stiffness", [1e5, 1e7])
+def test_rods_of_any_stiffness_give_no_energy_to_the_body(
+    parameters: Any, rng: np.random.Generator, stiffness: float
+) -> None:
+    """Twenty times to two thousand times as stiff as the legs', at 1 kHz: motion and height never gain."""
+    parameters["axial_stiffness"], parameters["axial_damping"] = stiffness, 0.0
+    mass, inertia, g = float(parameters["mass"]), parameters["inertia"], float(parameters["gravity"])
+
+    def energy(state: Any) -> float:
+        motion = 0.5 * mass * np.sum(state["velocity"] ** 2) + 0.5 * np.sum(inertia * state["omega"] ** 2)
+        return float(motion + mass * g * state["position"][2])
+
+    held = 0
+    for _ in range(12):
+        state = _thrown(parameters, False, rng)
+        start = energy(state)
+        for _ in range(450):
+            step_thrust(state, parameters, OFF, 1e-3)
+            assert energy(state) < start * (1.0 + 1e-6)
+        held += int(state["foot_attached"].sum() > 0)
+    assert held >= 3
