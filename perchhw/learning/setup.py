@@ -39,7 +39,7 @@ SENSING: dict[str, RolloutSettings] = {
 onboard estimator leave (engineering estimates): 0 to 15 ms of age, 0.02 m/s of lasting and 0.01 m/s of quick
 error in velocity, 1 mm in height. ``late`` is a stress test with 15 ms of age always. ``gazebo`` stands for
 the authors' simulation: cues pass between its processes in 2 to 4 ms (engineering estimate), and its launch
-scatters v_z by 0.038 m/s within a trial (median of the shared training set); drawn masses make 0.012 of it."""
+scatters v_z by 0.038 m/s within a trial (median of the shared training set), of which masses make 0.012."""
 
 GAZEBO_GAINS = AUTHORS_GAINS._replace(mass=34.3e-3)
 """Of the authors' randomised sweep. Its controller asks for the parameter CF_MASS, the file says CF_Mass: the
