@@ -19,6 +19,8 @@ from perchhw.report.rate_maps import smoothed
 from perchhw.report.style import report_style
 from tests.report.page import Page, assert_self_contained
 
+pytestmark = pytest.mark.timeout(300)  # the first leg study compiles
+
 
 def test_the_zero_surface_of_a_ball_is_its_sphere() -> None:
     axes = tuple(np.linspace(-1.2, 1.3, n) for n in (30, 33, 36))
