@@ -84,7 +84,7 @@ DESCRIPTIONS = (
                 high=4.0,
                 typical=1.0,
                 neutral=0.0,
-                meaning="share of the open-air thrust that its own inflow costs; the gain at contact less one",
+                meaning="share of the open-air thrust that its own inflow costs; gain at contact less one",
                 source="engineering estimate: blade at 17 deg, induced 5 m/s at 2060 rad/s and 22.5 mm",
             ),
             "opening": EffectParameter(
