@@ -42,7 +42,7 @@ class FlightOptions:
         typer.Option(
             help="Errors of the cues: perfect (the paper), realistic, late, or gazebo (the authors')."
         ),
-    ] = "perfect"
+    ] = "realistic"
     gains: Annotated[
         str, typer.Option(help="Of the controller: default, authors, or gazebo (that of their sweep).")
     ] = "default"

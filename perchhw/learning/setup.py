@@ -70,7 +70,7 @@ class LearningSetup:
     reward: str = "paper"
     domain: str = "paper"
     randomise: tuple[str, ...] = ()
-    sensing: str = "perfect"
+    sensing: str = "realistic"
     gains: str = "default"
     ceiling_z: float = RoomGeometry().ceiling_z
     seed: int = 0
