@@ -166,11 +166,13 @@ def our_cases(seconds: float, workers: int) -> dict[str, Callable[[], float]]:
     }
 
 
-def ratios(ours: dict[str, dict[str, float]], crazyflow: Any, mujoco: Any) -> dict[str, float | None]:
-    """Ours over theirs, None where the peer was not measured."""
-    flight = ours["free_flight_with_controller_steps_per_s"]["median"]
-    contact = ours["contact_steps_per_s"]["median"]
-    every_effect = ours["free_flight_with_controller_with_every_effect_steps_per_s"]["median"]
+def ratios(
+    ours: dict[str, dict[str, float]], crazyflow: Any, mujoco: Any, figure: str
+) -> dict[str, float | None]:
+    """Ours over theirs in a figure of :func:`rates`, None where the peer was not measured."""
+    flight = ours["free_flight_with_controller_steps_per_s"][figure]
+    contact = ours["contact_steps_per_s"][figure]
+    every_effect = ours["free_flight_with_controller_with_every_effect_steps_per_s"][figure]
     result: dict[str, float | None] = {
         "cost_of_every_effect": flight / every_effect,
         "free_flight_with_controller_vs_crazyflow_best": None,
@@ -178,11 +180,11 @@ def ratios(ours: dict[str, dict[str, float]], crazyflow: Any, mujoco: Any) -> di
         "contact_vs_mujoco_hanging_per_core": None,
     }
     if crazyflow["measured"]:
-        best = max(case["median"] for case in crazyflow["steps_per_s"].values())
+        best = max(case[figure] for case in crazyflow["steps_per_s"].values())
         result["free_flight_with_controller_vs_crazyflow_best"] = flight / best
     if mujoco["measured"]:
         for case in ("pressed", "hanging"):
-            rival = mujoco["steps_per_s"][case]["median"]
+            rival = mujoco["steps_per_s"][case][figure]
             result[f"contact_vs_mujoco_{case}_per_core"] = contact / rival
     return result
 
@@ -213,7 +215,8 @@ def main() -> None:
         "benchmark": "rollouts",
         **ours,
         "peers": peers,
-        "ratios": ratios(ours, peers["crazyflow"], peers["mujoco"]),
+        "ratios": ratios(ours, peers["crazyflow"], peers["mujoco"], "median"),
+        "ratios_per_cpu_s": ratios(ours, peers["crazyflow"], peers["mujoco"], "median_per_cpu_s"),
         "workers": arguments.workers,
         "first_call_s": first_call,
         "cores": os.cpu_count(),
