@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from perchhw.cli.learn_hinge import hinge
 from perchhw.cli.learn_legs import legs
 from perchhw.cli.learn_options import (
     GridOptions,
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 app = typer.Typer(add_completion=False, no_args_is_help=True, help="Learn a landing policy in simulation.")
 app.command()(report)
 app.command()(legs)
+app.command()(hinge)
 
 RefineOption = Annotated[
     bool,

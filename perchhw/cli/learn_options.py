@@ -123,14 +123,14 @@ def shown(what: str, seed: int) -> "Iterator[Callable[[Row, int, int], None]]":
     """Shows rows as they come: a bar, and a line for every row with rollouts that were not finite."""
     from perchhw.learning.sweep_folder import not_finite_report
 
-    with _progress() as progress:
-        task = progress.add_task(what, total=None)
+    with _progress() as bar:
+        task = bar.add_task(what, total=None)
 
         def show(row: "Row", done: int, total: int) -> None:
-            progress.update(task, completed=done, total=total)
+            bar.update(task, completed=done, total=total)
             report = not_finite_report(row, seed)
             if report["rollouts"]:
-                progress.console.print(f"not finite, counted as failures: {report}", markup=False)
+                bar.console.print(f"not finite, counted as failures: {report}", markup=False)
 
         yield show
 
@@ -138,6 +138,6 @@ def shown(what: str, seed: int) -> "Iterator[Callable[[Row, int, int], None]]":
 @contextmanager
 def shown_count(what: str) -> "Iterator[Callable[[int, int], None]]":
     """Shows how much is done: a bar."""
-    with _progress() as progress:
-        task = progress.add_task(what, total=None)
-        yield lambda done, total: progress.update(task, completed=done, total=total)
+    with _progress() as bar:
+        task = bar.add_task(what, total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)

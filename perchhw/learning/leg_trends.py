@@ -73,20 +73,29 @@ def pairs_of(rows: Sequence[Row]) -> Pairs:
 
 
 def trends(designs: Mapping[str, Pairs]) -> dict[str, Trend]:
-    """The trends that these designs show; those that need a design which is missing are left out."""
-    found = {
-        "speed": _speed_helps(designs),
-        "semi_narrow": _semi_narrow_declines(designs),
-        "narrow": _narrow_recovers(designs),
-        "wide": _wide_falls_behind(designs),
-        "length": _short_loses(designs),
-        "moment": _larger_moments_later(designs),
-    }
-    return {
+    """The trends that these designs show; numbers that need a design which is missing are left out."""
+    return {**rate_trends(designs), **_known({"moment": _larger_moments_later(designs)})}
+
+
+def rate_trends(designs: Mapping[str, Pairs]) -> dict[str, Trend]:
+    """Those of the trends that compare landing rates."""
+    return _known(
+        {
+            "speed": _speed_helps(designs),
+            "semi_narrow": _semi_narrow_declines(designs),
+            "narrow": _narrow_recovers(designs),
+            "wide": _wide_falls_behind(designs),
+            "length": _short_loses(designs),
+        }
+    )
+
+
+def _known(found: Mapping[str, Trend]) -> dict[str, Trend]:
+    finite = {
         name: Trend(trend.says, {key: value for key, value in trend.numbers.items() if math.isfinite(value)})
         for name, trend in found.items()
-        if any(math.isfinite(value) for value in trend.numbers.values())
     }
+    return {name: trend for name, trend in finite.items() if trend.numbers}
 
 
 def _speed_helps(designs: Mapping[str, Pairs]) -> Trend:
