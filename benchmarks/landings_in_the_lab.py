@@ -2,10 +2,10 @@
 
     python benchmarks/landings_in_the_lab.py [--policy P] [--attempts 20] [--seed 0] [--out DIR]
 
-Speed (1.5 to 3.5 m/s) and angle (30 to 90 deg) are drawn until an approach at exactly that velocity stays in
-the policy's trigger region for 20 ms, two looks of the drone, and fits the room. Each condition is flown once,
-as `perchhw fly` does: upload, arm, take off, approach, flip, label. It runs in real time; a machine that is
-busy with other things changes the result.
+Speed (1.5 to 3.5 m/s) and angle (30 to 90 deg) are drawn until an approach at exactly that velocity stays
+in the policy's trigger region for 20 ms, two looks of the drone, and fits the room. Each condition is
+flown once, as `perchhw fly` does: upload, arm, take off, approach, flip, label. It runs in real time; a
+machine that is busy with other things changes the result.
 """
 
 import argparse
