@@ -1,6 +1,7 @@
 """A peer's benchmark as a subprocess that takes turns with ours, so that both see the same machine."""
 
 import json
+import shutil
 import statistics
 import subprocess
 import tempfile
@@ -8,7 +9,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-PEERS = Path(__file__).parent / "peers"
+PEERS = Path(__file__).resolve().parent / "peers"
 
 
 class PeerProcess:
@@ -29,14 +30,21 @@ class PeerProcess:
     def __enter__(self) -> "PeerProcess":
         if self._python is None:
             return self
-        self._complaints = tempfile.TemporaryFile("w+", encoding="utf-8")
-        command = [self._python, str(PEERS / self._script), str(self._seconds)]
+        self._folder = tempfile.TemporaryDirectory()  # peers leave logs where they run
+        self._complaints = (Path(self._folder.name) / "stderr.txt").open("w+", encoding="utf-8")
+        python = shutil.which(self._python)
+        command = [
+            str(Path(python).absolute()) if python else self._python,
+            str(PEERS / self._script),
+            str(self._seconds),
+        ]
         try:
             self._process = subprocess.Popen(
                 command,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=self._complaints,
+                cwd=self._folder.name,
                 text=True,
             )
         except OSError as error:
@@ -53,6 +61,9 @@ class PeerProcess:
         if self._process is not None and self._process.stdin is not None:
             self._process.stdin.close()
             self._process.wait()
+        if self._python is not None:
+            self._complaints.close()
+            self._folder.cleanup()
 
     def _answer(self) -> dict[str, Any] | None:
         assert self._process is not None
