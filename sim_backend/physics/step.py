@@ -27,6 +27,9 @@ from sim_backend.physics.rods import LOOSE, Inverse, Rod, coupling, rod_forces
 HeldLeg = tuple[Rod, Vector, Vector]
 """(rod, hinge force in N, foot in m) of one leg in the middle of a step, body frame."""
 
+MOST_PARTS = 5
+"""Parts of a step: each of the four feet may cut it once."""
+
 NOTHING: Vector = (0.0, 0.0, 0.0)
 
 
@@ -243,19 +246,15 @@ def contact_step(state: Any, p: Any, targets: Thrusts, dt: float, up: float, dow
 
     `up`, `down`: motor decays of dt / 2. At most one cut a foot; the specific force is the mean of the step.
     """
-    if not (p.has_legs and any_can_touch(state)):
-        contact_substep(state, p, targets, dt, up, down)
-        return
     left = dt
     sx, sy, sz = 0.0, 0.0, 0.0
-    for _ in range(5):
-        part = time_to_touch(state, p, attitude(state), left)
+    for _ in range(MOST_PARTS):
+        may_touch = p.has_legs and any_can_touch(state)
+        part = time_to_touch(state, p, attitude(state), left) if may_touch else left
         if part < dt:
-            part_up, part_down = decay(p, 0.5 * part)
-            contact_substep(state, p, targets, part, part_up, part_down)
-        else:
-            contact_substep(state, p, targets, part, up, down)
-        if touch_feet(state, p, attitude(state)):
+            up, down = decay(p, 0.5 * part)
+        contact_substep(state, p, targets, part, up, down)
+        if may_touch and touch_feet(state, p, attitude(state)):
             record_impact(state)
         share = part / dt
         sx += share * state.specific_force[0]
