@@ -1,8 +1,9 @@
 """What the paper says of landings (sections V.A, V.B and V.E), as numbers, without tuning for any of it.
 
-Table I's designs on the default vehicle with realistic cues, on a coarse grid; rates are means over all
-trials. docs/leg_study.md has the same numbers on a finer grid, and the one statement that does not hold here:
-wide-long legs are not better than wide-short ones.
+Table I's designs on the default vehicle with realistic cues, and the authors' vehicles as in their
+simulation, on a coarse grid; rates are means over all trials. docs/leg_study.md has the same numbers on a
+finer grid, and the one statement that holds only for the authors' vehicles: wide-long legs are better than
+wide-short ones.
 """
 
 from typing import NamedTuple
@@ -14,7 +15,8 @@ from onboard.policy.files import load_policy, shipped_policy_path
 from onboard.vehicle import known_leg_designs
 from perchhw.learning.executor import ALL_CORES
 from perchhw.learning.grid import conditions
-from perchhw.learning.leg_trends import HIGH, LOW, NARROW_EXCELS, NARROW_LOSES, Pairs, Trend, pairs_of, trends
+from perchhw.learning.hinge_calibration import AUTHORS_DAMPING, Hinge, hinge_rates, statement_numbers
+from perchhw.learning.leg_trends import HIGH, LOW, Pairs, Trend, pairs_of, trends
 from perchhw.learning.setup import LearningSetup
 from perchhw.learning.sweep import LearnTrial, SweepGrid
 from perchhw.learning.validate import validate_policy
@@ -64,15 +66,10 @@ def test_semi_narrow_legs_are_best_at_low_angles_and_decline(found: Study) -> No
 
 
 def test_narrow_legs_are_better_near_the_vertical(found: Study) -> None:
-    """Than semi-narrow ones there by 0.1 to 0.3; than themselves at low angles with the authors' 0 deg."""
+    """Than semi-narrow ones there; than themselves at low angles clearly only with the authors' legs."""
     numbers = found.trends["narrow"].numbers
     assert numbers["narrow-short less semi-narrow-short at 65-90 deg"] >= 0.15
     assert numbers["narrow-long less semi-narrow-long at 65-90 deg"] >= 0.05
-    for design in ("narrow-short", "narrow-long"):
-        upright = _pairs(
-            LearningSetup(legs=design, leg_angle_deg=0.0, sensing=SETUP.sensing, seed=SETUP.seed)
-        )
-        assert upright.mean_rate(NARROW_EXCELS) - upright.mean_rate(NARROW_LOSES) >= 0.08, design
 
 
 def test_wide_legs_are_worst_in_between(found: Study) -> None:
@@ -83,7 +80,7 @@ def test_wide_legs_are_worst_in_between(found: Study) -> None:
 
 
 def test_short_legs_lose(found: Study) -> None:
-    """By 0.1 and 0.2; wide ones by 0.00 +- 0.02, which is not asserted."""
+    """By 0.1 and 0.2; wide ones here by nothing (0.00 +- 0.02), by 0.05 to 0.09 as the authors' vehicles."""
     assert found.trends["length"].numbers["narrow"] >= 0.04
     assert found.trends["length"].numbers["semi-narrow"] >= 0.12
 
@@ -92,6 +89,26 @@ def test_larger_moments_go_with_smaller_tau(found: Study) -> None:
     numbers = found.trends["moment"].numbers
     assert len(numbers) >= 4
     assert min(numbers.values()) >= 0.4, numbers
+
+
+def test_all_trends_hold_for_the_authors_vehicles() -> None:
+    """Legs of 0, 30 and 50 deg, a hull of 120 mm, their reward, gains and cues: where the paper saw them."""
+    setup = LearningSetup(reward="flown", gains="gazebo", sensing="gazebo", seed=0)
+    rates = hinge_rates(setup, Hinge(0.08, AUTHORS_DAMPING), GRID)
+    numbers = statement_numbers(rates, np.arange(len(rates.conditions)))
+    least = {
+        "speed": 0.05,
+        "semi_narrow: semi-narrow-short, 30-65": 0.02,
+        "semi_narrow: semi-narrow-long": 0.05,
+        "narrow": 0.1,
+        "wide: wide-long": 0.04,
+        "wide: worst other of its length less wide-long": 0.1,
+        "length": 0.02,
+    }
+    for start, value in least.items():
+        stated = {name: number for name, number in numbers.items() if name.startswith(start)}
+        assert stated
+        assert min(stated.values()) >= value, stated
 
 
 def test_two_stage_policy_keeps_up_at_low_angles_and_loses_near_the_vertical(found: Study) -> None:
