@@ -60,7 +60,7 @@ def median_of_best(
     groups = defaultdict(lambda: defaultdict(list))
     for row in rows:
         condition = Condition(float(row["speed_m_s"] or 0), float(row["angle_deg"] or 0))
-        groups[condition][int(row["repeat"] or 0) // repeats].append(float(row[column] or 0))
+        groups[condition][int(row["trial"] or 0) // repeats].append(float(row[column] or 0))
     best = {}
     for condition, of_condition in groups.items():
         complete = [max(rates) for rates in of_condition.values() if len(rates) == repeats]

@@ -34,7 +34,7 @@ def test_too_little_in_common_is_refused() -> None:
 def test_median_over_groups_of_three() -> None:
     rates = [0.1, 0.9, 0.2, 0.3, 0.4, 0.5, 0.7, 0.6, 0.0, 1.0]
     rows: list[Row] = [
-        {"speed_m_s": 2.0, "angle_deg": 45.0, "repeat": k, "landing_rate": r} for k, r in enumerate(rates)
+        {"speed_m_s": 2.0, "angle_deg": 45.0, "trial": k, "landing_rate": r} for k, r in enumerate(rates)
     ]
     assert median_of_best(rows) == {Condition(2.0, 45.0): 0.7}
     with pytest.raises(LearningInputError, match="fewer than 3 repeats"):
