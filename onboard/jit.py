@@ -8,6 +8,3 @@ kernel = njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 A division by zero gives inf or NaN as in numpy; nothing tests for it each time, callers catch it where it
 matters. Inlining takes a fifth off a step of physics and a quarter off one with the controller.
 """
-
-outlined = njit(cache=True, nogil=True, error_model="numpy")
-"""Decorator of large functions that few vehicles need: kept apart, so that their callers stay small."""

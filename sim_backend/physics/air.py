@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from onboard.jit import kernel
+from sim_backend.physics.jit import kernel
 from sim_backend.physics.motors import Wrench
 
 

@@ -3,9 +3,9 @@
 from typing import Any
 
 from onboard.battery import battery_current, open_circuit_voltage, terminal_voltage, thrust_from_voltage
-from onboard.jit import kernel
 from onboard.mixer import Thrusts
 from onboard.thrust_map import ThrustMap
+from sim_backend.physics.jit import kernel
 
 
 @kernel

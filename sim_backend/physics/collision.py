@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from onboard.arrays import Vector
-from onboard.jit import kernel
 from sim_backend.physics.frames import Rotation
+from sim_backend.physics.jit import kernel
 
 POINTS = 12
 """Eight corners and four propellers."""

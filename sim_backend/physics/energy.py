@@ -2,9 +2,9 @@
 
 from typing import Any
 
-from onboard.jit import kernel
 from sim_backend.physics.feet import can_touch
 from sim_backend.physics.frames import to_body
+from sim_backend.physics.jit import kernel
 from sim_backend.physics.legs import bending, hinge_energy
 from sim_backend.physics.step import attitude
 

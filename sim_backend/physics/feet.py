@@ -3,8 +3,8 @@
 from typing import Any
 
 from onboard.arrays import Vector
-from onboard.jit import kernel
 from sim_backend.physics.frames import Rotation, cross, to_world
+from sim_backend.physics.jit import kernel
 from sim_backend.physics.sliding import slide
 from sim_backend.physics.state import FootMode
 

@@ -1,7 +1,7 @@
 """Components of a vector in the world and in the body frame, and cross products, on scalars."""
 
 from onboard.arrays import Vector
-from onboard.jit import kernel
+from sim_backend.physics.jit import kernel
 
 Rotation = tuple[float, float, float, float, float, float, float, float, float]
 """Rotation matrix, row by row, that turns body into world components."""

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from onboard.jit import kernel
+from sim_backend.physics.jit import kernel
 
 FACTORS = np.dtype(
     [

@@ -13,16 +13,16 @@ from typing import Any
 import numpy as np
 
 from onboard.arrays import Vector
-from onboard.jit import kernel
+from sim_backend.physics.jit import kernel
 
 _POLYNOMIAL_END = 0.5
 
 
 def _ratio_polynomial() -> tuple[float, ...]:
-    """Coefficients, highest power first, of delta / sin(delta) in 1 - cos(delta); 1e-13 up to 60 deg."""
+    """Coefficients, highest power first, of delta / sin(delta) in 1 - cos(delta); 1e-10 up to 60 deg."""
     x = np.polynomial.chebyshev.chebpts1(40) * 0.5 * _POLYNOMIAL_END + 0.5 * _POLYNOMIAL_END
     delta = 2.0 * np.arcsin(np.sqrt(0.5 * x))
-    fit = np.polynomial.Polynomial.fit(x, delta / np.sin(delta), 11, domain=[0.0, _POLYNOMIAL_END])
+    fit = np.polynomial.Polynomial.fit(x, delta / np.sin(delta), 8, domain=[0.0, _POLYNOMIAL_END])
     return tuple(float(c) for c in fit.convert().coef[::-1])
 
 

@@ -6,10 +6,10 @@ Effects (delay, gains, speed law ...) come in by one test each; a vehicle withou
 import math
 from typing import Any
 
-from onboard.jit import kernel, outlined
 from onboard.mixer import Thrusts
 from sim_backend.physics.effects.command import command_with_effects
 from sim_backend.physics.effects.motor_speed_law import speed_after
+from sim_backend.physics.jit import kernel, outlined
 
 Wrench = tuple[float, float, float, float, float, float]
 

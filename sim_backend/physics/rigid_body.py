@@ -3,7 +3,7 @@
 import math
 
 from onboard.arrays import Quaternion, Vector
-from onboard.jit import kernel
+from sim_backend.physics.jit import kernel
 
 
 @kernel

@@ -13,7 +13,7 @@ symmetric positive definite system of four unknowns, for any stiffness; a rod th
 from typing import Any
 
 from onboard.arrays import Vector
-from onboard.jit import kernel
+from sim_backend.physics.jit import kernel
 
 Rod = tuple[float, float, float, float, float, float, float]
 """(u, p x u, stretch): direction of a rod, moment arm of a force along it, stretch (m); body frame."""
@@ -58,28 +58,25 @@ def rod_forces(
     """
     k, g = p.axial_stiffness, p.axial_damping + 0.5 * dt * p.axial_stiffness
     h = g * dt
-    # (1 + h A) f = k s + g s'_0, by L D L^T.
-    a00 = 1.0 + h * coupling(a, a, inverse)
-    a10, a11 = h * coupling(b, a, inverse), 1.0 + h * coupling(b, b, inverse)
+    # (1 + h A) f = k s + g s'_0, in blocks of two.
+    a00, a10 = 1.0 + h * coupling(a, a, inverse), h * coupling(b, a, inverse)
+    a11 = 1.0 + h * coupling(b, b, inverse)
     a20, a21 = h * coupling(c, a, inverse), h * coupling(c, b, inverse)
-    a22 = 1.0 + h * coupling(c, c, inverse)
     a30, a31 = h * coupling(d, a, inverse), h * coupling(d, b, inverse)
-    a32, a33 = h * coupling(d, c, inverse), 1.0 + h * coupling(d, d, inverse)
-    i0 = 1.0 / a00
-    l10, l20, l30 = a10 * i0, a20 * i0, a30 * i0
-    i1 = 1.0 / (a11 - l10 * a10)
-    b21, b31 = a21 - l20 * a10, a31 - l30 * a10
-    l21, l31 = b21 * i1, b31 * i1
-    i2 = 1.0 / (a22 - l20 * a20 - l21 * b21)
-    b32 = a32 - l30 * a20 - l31 * b21
-    l32 = b32 * i2
-    i3 = 1.0 / (a33 - l30 * a30 - l31 * b31 - l32 * b32)
-    y0 = k * a[6] + g * stretch_rate(a, v, w)
-    y1 = k * b[6] + g * stretch_rate(b, v, w) - l10 * y0
-    y2 = k * c[6] + g * stretch_rate(c, v, w) - l20 * y0 - l21 * y1
-    y3 = k * d[6] + g * stretch_rate(d, v, w) - l30 * y0 - l31 * y1 - l32 * y2
-    f3 = y3 * i3
-    f2 = y2 * i2 - l32 * f3
-    f1 = y1 * i1 - l21 * f2 - l31 * f3
-    f0 = y0 * i0 - l10 * f1 - l20 * f2 - l30 * f3
+    a22, a32 = 1.0 + h * coupling(c, c, inverse), h * coupling(d, c, inverse)
+    a33 = 1.0 + h * coupling(d, d, inverse)
+    y0, y1 = k * a[6] + g * stretch_rate(a, v, w), k * b[6] + g * stretch_rate(b, v, w)
+    y2, y3 = k * c[6] + g * stretch_rate(c, v, w), k * d[6] + g * stretch_rate(d, v, w)
+    over = 1.0 / (a00 * a11 - a10 * a10)
+    w20, w21 = (a20 * a11 - a21 * a10) * over, (a21 * a00 - a20 * a10) * over
+    w30, w31 = (a30 * a11 - a31 * a10) * over, (a31 * a00 - a30 * a10) * over
+    s22, s32 = a22 - w20 * a20 - w21 * a21, a32 - w30 * a20 - w31 * a21
+    s33 = a33 - w30 * a30 - w31 * a31
+    y2 -= w20 * y0 + w21 * y1
+    y3 -= w30 * y0 + w31 * y1
+    under = 1.0 / (s22 * s33 - s32 * s32)
+    f2, f3 = (s33 * y2 - s32 * y3) * under, (s22 * y3 - s32 * y2) * under
+    y0 -= a20 * f2 + a30 * f3
+    y1 -= a21 * f2 + a31 * f3
+    f0, f1 = (a11 * y0 - a10 * y1) * over, (a00 * y1 - a10 * y0) * over
     return f0, f1, f2, f3

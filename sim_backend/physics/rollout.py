@@ -15,11 +15,11 @@ import numpy as np
 
 from onboard.controller import ControllerGains, geometric_control
 from onboard.cues import optical_flow_cues
-from onboard.jit import kernel
 from onboard.mixer import Thrusts, flip_thrusts, mix
 from onboard.rotation import body_z
 from sim_backend.physics.decision import decide
 from sim_backend.physics.effects.sensors import measured_rate, tracked_attitude, tracked_position
+from sim_backend.physics.jit import kernel
 from sim_backend.physics.step import advance, half_decays, is_finite
 
 

@@ -9,7 +9,7 @@ cone would let it).
 import math
 
 from onboard.arrays import Vector
-from onboard.jit import kernel
+from sim_backend.physics.jit import kernel
 
 BISECTIONS = 40
 """Halvings of the longest slide, some centimetres: down to the last bit that matters."""

@@ -4,7 +4,6 @@ import math
 from typing import Any
 
 from onboard.arrays import Vector
-from onboard.jit import kernel
 from onboard.mixer import Thrusts
 from sim_backend.physics.battery import draw, motor_targets
 from sim_backend.physics.collision import collide, touches
@@ -19,6 +18,7 @@ from sim_backend.physics.feet import (
 )
 from sim_backend.physics.forces import add, free_flight_wrench
 from sim_backend.physics.frames import Rotation, cross, to_body, to_world
+from sim_backend.physics.jit import kernel
 from sim_backend.physics.legs import hinge_force
 from sim_backend.physics.motors import Wrench, commanded, decay, lag_to_end, lag_to_middle
 from sim_backend.physics.rigid_body import rotation_matrix, turn, turn_rate

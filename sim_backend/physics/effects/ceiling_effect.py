@@ -24,8 +24,8 @@ from typing import Any
 import numpy as np
 
 from onboard.arrays import FloatArray
-from onboard.jit import kernel
 from sim_backend.physics.effects.term import Acts, EffectTerm, Field
+from sim_backend.physics.jit import kernel
 
 FAR = 0.01
 """R^2 / (8 opening^2 d^2) below which a series takes the place of two square roots: 3.5 radii and more."""

@@ -2,10 +2,10 @@
 
 from typing import Any
 
-from onboard.jit import outlined
 from onboard.mixer import Thrusts
 from sim_backend.physics.effects.command_delay import delayed
 from sim_backend.physics.effects.thrust_curve import bent
+from sim_backend.physics.jit import outlined
 
 
 @outlined

@@ -7,9 +7,9 @@ delay between two steps mixes the two commands, which is their mean over the ste
 from collections.abc import Mapping
 from typing import Any
 
-from onboard.jit import kernel
 from onboard.mixer import Thrusts
 from sim_backend.physics.effects.term import Acts, EffectTerm, Field
+from sim_backend.physics.jit import kernel
 from sim_backend.physics.state import COMMAND_MEMORY
 
 STEP = 1e-3

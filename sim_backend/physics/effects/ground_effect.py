@@ -8,8 +8,8 @@ has its own height. The gain fades with the cosine of the tilt; a rotor that fac
 from collections.abc import Mapping
 from typing import Any
 
-from onboard.jit import kernel
 from sim_backend.physics.effects.term import Acts, EffectTerm, Field
+from sim_backend.physics.jit import kernel
 
 MOST = 2.0
 """Largest gain, twice of what is measured on rotors that nearly touch the ground."""

@@ -17,8 +17,8 @@ is y^5/720: 1e-9 over a millisecond at most. alpha then cancels, and no exponent
 from collections.abc import Mapping
 from typing import Any
 
-from onboard.jit import kernel
 from sim_backend.physics.effects.term import Acts, EffectTerm, Field
+from sim_backend.physics.jit import kernel
 
 
 @kernel

@@ -8,8 +8,8 @@ the rotors and per mass). At the hubs the force makes a pitching moment and damp
 from collections.abc import Mapping
 from typing import Any
 
-from onboard.jit import kernel
 from sim_backend.physics.effects.term import Acts, EffectTerm, Field
+from sim_backend.physics.jit import kernel
 
 
 @kernel

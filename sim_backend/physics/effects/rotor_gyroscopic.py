@@ -6,8 +6,8 @@ M1 and M3 turn counter-clockwise seen from above. The torque is perpendicular to
 from collections.abc import Mapping
 from typing import Any
 
-from onboard.jit import kernel
 from sim_backend.physics.effects.term import Acts, EffectTerm, Field
+from sim_backend.physics.jit import kernel
 
 
 @kernel

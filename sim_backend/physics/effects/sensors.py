@@ -8,8 +8,8 @@ import math
 from typing import Any
 
 from onboard.arrays import Quaternion, Vector
-from onboard.jit import kernel
 from onboard.rotation import multiply, rotate
+from sim_backend.physics.jit import kernel
 
 
 @kernel

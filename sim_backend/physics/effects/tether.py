@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from onboard.arrays import Vector
-from onboard.jit import kernel
 from sim_backend.physics.effects.term import Acts, EffectTerm, Field
+from sim_backend.physics.jit import kernel
 
 
 @kernel

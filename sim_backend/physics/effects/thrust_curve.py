@@ -7,8 +7,8 @@ and a bend can be told apart.
 from collections.abc import Mapping
 from typing import Any
 
-from onboard.jit import kernel
 from sim_backend.physics.effects.term import Acts, EffectTerm, Field
+from sim_backend.physics.jit import kernel
 
 
 @kernel

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from onboard.arrays import Vector
-from onboard.jit import kernel
 from sim_backend.physics.effects.term import Acts, EffectTerm, Field
 from sim_backend.physics.frames import Rotation, to_body
+from sim_backend.physics.jit import kernel
 
 
 @kernel

@@ -6,7 +6,6 @@ once. An effect that a vehicle does not have is here with parameters that do not
 
 from typing import Any
 
-from onboard.jit import kernel, outlined
 from sim_backend.physics.air import linear_drag
 from sim_backend.physics.effects.body_drag import body_drag
 from sim_backend.physics.effects.ceiling_effect import ceiling_gain
@@ -20,6 +19,7 @@ from sim_backend.physics.effects.tether import tether_force
 from sim_backend.physics.effects.velocity_moment import velocity_moment
 from sim_backend.physics.effects.wind import through_the_air
 from sim_backend.physics.frames import Rotation, to_body
+from sim_backend.physics.jit import kernel, outlined
 from sim_backend.physics.motors import Wrench, rotor_speed
 
 RotorWrench = tuple[float, float, float, float, float, float, float]
