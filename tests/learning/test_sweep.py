@@ -23,7 +23,7 @@ from sim_backend.physics.decision import ThresholdPolicy
 from sim_backend.physics.rollout import ROLLOUT, End
 
 GRID = SweepGrid(speeds=(2.0, 2.5), angles_deg=(40.0, 60.0), repeats=2)
-SETUP = LearningSetup(seed=7)
+SETUP = LearningSetup(sensing="perfect", seed=7)
 ONE = LocalThreads(1)
 
 
@@ -70,7 +70,12 @@ def test_results_do_not_depend_on_workers_or_grid(tmp_path: Path) -> None:
     assert (tmp_path / "one" / "pairs.csv").read_bytes() == (tmp_path / "two" / "pairs.csv").read_bytes()
     part = run_sweep(SETUP, SweepGrid((2.5,), (40.0,), 1), tmp_path / "part", executor=ONE)
     assert part.rows[0] in one.rows
-    other = run_sweep(LearningSetup(seed=8), SweepGrid((2.5,), (40.0,), 1), tmp_path / "other", executor=ONE)
+    other = run_sweep(
+        LearningSetup(sensing="perfect", seed=8),
+        SweepGrid((2.5,), (40.0,), 1),
+        tmp_path / "other",
+        executor=ONE,
+    )
     assert other.rows != part.rows
 
 
@@ -97,7 +102,7 @@ def test_a_folder_with_another_sweep_is_refused(tmp_path: Path) -> None:
     with pytest.raises(LearningInputError, match="--resume"):
         run_sweep(SETUP, grid, tmp_path, executor=ONE)
     with pytest.raises(LearningInputError, match="seed is 7 there and 8 now"):
-        run_sweep(LearningSetup(seed=8), grid, tmp_path, executor=ONE, resume=True)
+        run_sweep(LearningSetup(sensing="perfect", seed=8), grid, tmp_path, executor=ONE, resume=True)
 
 
 @pytest.mark.parametrize(
