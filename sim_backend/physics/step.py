@@ -21,7 +21,7 @@ from sim_backend.physics.frames import Rotation, cross, to_body, to_world
 from sim_backend.physics.jit import kernel
 from sim_backend.physics.legs import hinge_force
 from sim_backend.physics.motors import Wrench, commanded, decay, lag_to_end, lag_to_middle
-from sim_backend.physics.rigid_body import rotation_matrix, turn, turn_rate
+from sim_backend.physics.rigid_body import rotation_matrix, turn, turn_rate, unit
 from sim_backend.physics.rods import LOOSE, Inverse, Rod, coupling, rod_forces
 
 HeldLeg = tuple[Rod, Vector, Vector]
@@ -34,13 +34,21 @@ NOTHING: Vector = (0.0, 0.0, 0.0)
 
 
 @kernel
-def drift(state: Any, dt: float) -> None:
-    """Move position and attitude with the present velocities for `dt` (s)."""
+def drift_to_middle(state: Any, dt: float) -> None:
+    """Move position and attitude with the present velocities for `dt` (s), half a step."""
     position, velocity, q, w = state.position, state.velocity, state.quaternion, state.omega
     position[0] += dt * velocity[0]
     position[1] += dt * velocity[1]
     position[2] += dt * velocity[2]
     q[0], q[1], q[2], q[3] = turn((q[0], q[1], q[2], q[3]), w[0], w[1], w[2], dt)
+
+
+@kernel
+def drift_to_end(state: Any, dt: float) -> None:
+    """The other half, and the quaternion back to unit length."""
+    drift_to_middle(state, dt)
+    q = state.quaternion
+    q[0], q[1], q[2], q[3] = unit((q[0], q[1], q[2], q[3]))
 
 
 @kernel
@@ -74,7 +82,7 @@ def attitude(state: Any) -> Rotation:
 @kernel
 def free_substep(state: Any, p: Any, targets: Thrusts, dt: float, up: float, down: float) -> None:
     """`dt` (s) of free flight; `up` and `down` are the motor decays of half the time."""
-    drift(state, 0.5 * dt)
+    drift_to_middle(state, 0.5 * dt)
     lag_to_middle(state, p, targets, up, down, 0.5 * dt)
     rot = attitude(state)
     velocity = state.velocity
@@ -83,7 +91,7 @@ def free_substep(state: Any, p: Any, targets: Thrusts, dt: float, up: float, dow
     inverse = inverse_inertia(p)
     kick(state, p, rot, inverse, wrench, dt)
     lag_to_end(state, p, targets, up, down)
-    drift(state, 0.5 * dt)
+    drift_to_end(state, 0.5 * dt)
     state.specific_force[0] = wrench[0] * inverse[0]
     state.specific_force[1] = wrench[1] * inverse[0]
     state.specific_force[2] = wrench[2] * inverse[0]
@@ -217,7 +225,7 @@ def collide_all(state: Any, p: Any, rot: Rotation) -> None:
 @kernel
 def contact_substep(state: Any, p: Any, targets: Thrusts, dt: float, up: float, down: float) -> None:
     """`dt` (s) with everything that may touch; leaves the mean specific force of the substep in the state."""
-    drift(state, 0.5 * dt)
+    drift_to_middle(state, 0.5 * dt)
     lag_to_middle(state, p, targets, up, down, 0.5 * dt)
     rot = attitude(state)
     velocity = state.velocity
@@ -236,7 +244,7 @@ def contact_substep(state: Any, p: Any, targets: Thrusts, dt: float, up: float, 
     )
     state.specific_force[0], state.specific_force[1], state.specific_force[2] = sx, sy, sz
     lag_to_end(state, p, targets, up, down)
-    drift(state, 0.5 * dt)
+    drift_to_end(state, 0.5 * dt)
     state.time += dt
 
 
