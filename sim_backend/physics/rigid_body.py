@@ -51,7 +51,7 @@ def turn(q: Quaternion, wx: float, wy: float, wz: float, dt: float) -> Quaternio
 
 @kernel
 def unit(q: Quaternion) -> Quaternion:
-    """A quaternion of nearly unit length brought back to it, to first order: once a step keeps it to 1e-15."""
+    """A quaternion of nearly unit length brought back to it, to first order: it stays there to 1e-15."""
     scale = 1.5 - 0.5 * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     return q[0] * scale, q[1] * scale, q[2] * scale, q[3] * scale
 
