@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 app = typer.Typer(add_completion=False)
 
 SPEEDS = (2.25, 2.5, 2.75)
-ANGLES_DEG = (45.0, 52.5, 60.0)
+ANGLES_DEG = (50.0, 52.5, 55.0)
 """Conditions of the demo: the middle of the range in which the paper's vehicle lands best."""
 
 

@@ -39,7 +39,7 @@ def lab() -> Iterator[SimulatedLab]:
 def request(lab: SimulatedLab, folder: Path, **changes: Any) -> AttemptRequest:
     values: dict[str, Any] = {
         "speed": 2.5,
-        "angle_deg": 60.0,
+        "angle_deg": 52.5,
         "index": 0,
         "folder": folder,
         "drone": lab.drones[0],
