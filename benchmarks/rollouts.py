@@ -42,10 +42,11 @@ from perchhw.learning.grid import Condition, generator
 from perchhw.learning.setup import LearningSetup
 from perchhw.learning.trial import Rules, fly, new_bench
 from sim_backend.physics.decision import ThresholdPolicy
+from sim_backend.physics.motors import decay
 from sim_backend.physics.parameters import physics_parameters
 from sim_backend.physics.reset import approaching
 from sim_backend.physics.rollout import hold_velocity
-from sim_backend.physics.step import advance, half_decays
+from sim_backend.physics.step import advance
 
 REPEATS = 5
 DT = 1e-3
@@ -57,24 +58,24 @@ FLIGHT = 1000
 def free_flight(states: Any, parameters: Any, gains: ControllerGains, control_steps: int, steps: int) -> None:
     """`steps` steps far from any surface; the controller runs every `control_steps`, never for 0."""
     p = parameters[0]
-    up, down, fine_up, fine_down = half_decays(p, DT)
+    up, down = decay(p, 0.5 * DT)
     hover = 0.25 * p.mass * p.gravity
     for k in range(len(states)):
         targets = (hover, hover, hover, hover)
         for i in range(steps):
             if control_steps > 0 and i % control_steps == 0:
                 targets = hold_velocity(states[k], p, 1.0, 0.5, gains)
-            advance(states[k], p, targets, DT, up, down, fine_up, fine_down)
+            advance(states[k], p, targets, DT, up, down)
 
 
 @njit(cache=True)
 def hanging(states: Any, parameters: Any, steps: int) -> None:
     """`steps` steps of attached vehicles with their motors off."""
     p = parameters[0]
-    up, down, fine_up, fine_down = half_decays(p, DT)
+    up, down = decay(p, 0.5 * DT)
     for k in range(len(states)):
         for _ in range(steps):
-            advance(states[k], p, (0.0, 0.0, 0.0, 0.0), DT, up, down, fine_up, fine_down)
+            advance(states[k], p, (0.0, 0.0, 0.0, 0.0), DT, up, down)
 
 
 def repeat(work: Callable[[], float]) -> dict[str, float]:

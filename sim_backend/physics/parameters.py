@@ -11,9 +11,6 @@ from onboard.room import RoomGeometry
 from onboard.vehicle import Legs, Vehicle
 from sim_backend.physics.effects.registry import FIELDS, apply_effects
 
-SUBSTEPS = 1
-"""Steps within a step while anything may touch: 1 kHz becomes 4 kHz (docs/physics.md gives the error)."""
-
 RESTITUTION = 0.3
 """Body and propellers against a surface: hard plastic and blades on plywood, engineering estimate."""
 
@@ -70,7 +67,6 @@ PARAMETERS = np.dtype(
         ("reach", "f8"),  # m, farthest point of the vehicle from its origin
         ("ceiling_z", "f8"),
         ("gravity", "f8"),
-        ("substeps", "i8"),
         ("hub", "f8", (4, 3)),  # m, rotors, body frame
         ("hover_thrust", "f8"),  # N, a quarter of the weight in the vehicle file
         ("thrust_per_speed2", "f8"),  # N s2/rad2, thrust over the square of the rotor speed; 0 when not known
@@ -115,7 +111,7 @@ def physics_parameters(vehicle: Vehicle, room: RoomGeometry) -> Any:
     p["current_per_newton"] = battery.motor_current_per_newton.value
     p["drag"] = [vehicle.air.drag_x.value, vehicle.air.drag_y.value, vehicle.air.drag_z.value]
     p["restitution"], p["friction"], p["foot_friction"] = RESTITUTION, FRICTION, FOOT_FRICTION
-    p["ceiling_z"], p["gravity"], p["substeps"] = room.ceiling_z, GRAVITY, SUBSTEPS
+    p["ceiling_z"], p["gravity"] = room.ceiling_z, GRAVITY
     if vehicle.legs is not None:
         _set_legs(p, vehicle.legs)
     _prepare_effects(p, vehicle)

@@ -20,7 +20,8 @@ from onboard.rotation import body_z
 from sim_backend.physics.decision import decide
 from sim_backend.physics.effects.sensors import measured_rate, tracked_attitude, tracked_position
 from sim_backend.physics.jit import kernel
-from sim_backend.physics.step import advance, half_decays, is_finite
+from sim_backend.physics.motors import decay
+from sim_backend.physics.step import advance, is_finite
 
 
 class End(IntEnum):
@@ -189,7 +190,7 @@ def rollout(
     out.speed, out.angle = speed, angle
     place(state, p, speed, angle, s.start_time_to_ceiling)
     vx, vz = state.velocity[0], state.velocity[2]
-    up, down, fine_up, fine_down = half_decays(p, s.dt)
+    up, down = decay(p, 0.5 * s.dt)
     phase = rng.integers(0, s.policy_steps)
     age = rng.uniform(s.cue_delay_min, s.cue_delay_max) + p.pose_delay
     delay = min(int(age / s.dt + 0.5), _DELAY_STEPS - 1)
@@ -222,7 +223,7 @@ def rollout(
                 targets = (0.0, 0.0, 0.0, 0.0)
                 if not cut:
                     targets = limited(flip_thrusts(out.a_rot, p.arm_x), p.thrust_max)
-        advance(state, p, targets, s.dt, up, down, fine_up, fine_down)
+        advance(state, p, targets, s.dt, up, down)
         out.d_min = min(out.d_min, p.ceiling_z - state.position[2])
         count += 1
         end = end_of(state, out, s)

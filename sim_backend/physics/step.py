@@ -27,8 +27,8 @@ from sim_backend.physics.rods import LOOSE, Inverse, Rod, coupling, rod_forces
 HeldLeg = tuple[Rod, Vector, Vector]
 """(rod, hinge force in N, foot in m) of one leg in the middle of a step, body frame."""
 
-MOST_PARTS = 5
-"""Parts of a step: each of the four feet may cut it once."""
+MOST_PARTS = 9
+"""Parts of a step: each of the four feet may cut it twice, where its path bends away at the first cut."""
 
 NOTHING: Vector = (0.0, 0.0, 0.0)
 
@@ -252,13 +252,16 @@ def contact_substep(state: Any, p: Any, targets: Thrusts, dt: float, up: float, 
 def contact_step(state: Any, p: Any, targets: Thrusts, dt: float, up: float, down: float) -> None:
     """`dt` (s) near a surface, cut where a foot meets the ceiling, so that it takes hold just there.
 
-    `up`, `down`: motor decays of dt / 2. At most one cut a foot; the specific force is the mean of the step.
+    `up`, `down`: motor decays of dt / 2. The last part takes all that is left of the step, so that no time is
+    lost; the specific force is the mean of the parts.
     """
     left = dt
     sx, sy, sz = 0.0, 0.0, 0.0
-    for _ in range(MOST_PARTS):
+    for index in range(MOST_PARTS):
         may_touch = p.has_legs and any_can_touch(state)
-        part = time_to_touch(state, p, attitude(state), left) if may_touch else left
+        part = left
+        if may_touch and index < MOST_PARTS - 1:
+            part = time_to_touch(state, p, attitude(state), left)
         if part < dt:
             up, down = decay(p, 0.5 * part)
         contact_substep(state, p, targets, part, up, down)
@@ -293,40 +296,23 @@ def near_surface(state: Any, p: Any, dt: float) -> bool:
 
 
 @kernel
-def advance(
-    state: Any, p: Any, targets: Thrusts, dt: float, up: float, down: float, fine_up: float, fine_down: float
-) -> None:
+def advance(state: Any, p: Any, targets: Thrusts, dt: float, up: float, down: float) -> None:
     """One step of `dt` (s) towards the thrust targets (N).
 
-    `up`, `down`: motor decays of dt / 2; `fine_up`, `fine_down`: of half a substep (see :func:`half_decays`).
+    `up`, `down`: motor decays of dt / 2 (:func:`sim_backend.physics.motors.decay`).
     """
     targets = commanded(state, p, targets)
-    if not near_surface(state, p, dt):
+    if near_surface(state, p, dt):
+        contact_step(state, p, targets, dt, up, down)
+    else:
         free_substep(state, p, targets, dt, up, down)
-        return
-    n = p.substeps
-    sx, sy, sz = 0.0, 0.0, 0.0
-    for _ in range(n):
-        contact_step(state, p, targets, dt / n, fine_up, fine_down)
-        sx += state.specific_force[0]
-        sy += state.specific_force[1]
-        sz += state.specific_force[2]
-    state.specific_force[0], state.specific_force[1], state.specific_force[2] = sx / n, sy / n, sz / n
-
-
-@kernel
-def half_decays(p: Any, dt: float) -> tuple[float, float, float, float]:
-    """Motor decays (up, down) of half a step of `dt` (s) and of half a substep."""
-    up, down = decay(p, 0.5 * dt)
-    fine_up, fine_down = decay(p, 0.5 * dt / p.substeps)
-    return up, down, fine_up, fine_down
 
 
 @kernel
 def step_thrust(state: Any, p: Any, targets: Thrusts, dt: float) -> None:
     """One step of `dt` (s) towards four thrusts (N): for a battery compensation that is perfect."""
-    up, down, fine_up, fine_down = half_decays(p, dt)
-    advance(state, p, targets, dt, up, down, fine_up, fine_down)
+    up, down = decay(p, 0.5 * dt)
+    advance(state, p, targets, dt, up, down)
 
 
 @kernel

@@ -15,6 +15,22 @@ from sim_backend.physics.step import step_thrust
 OFF = (0.0, 0.0, 0.0, 0.0)
 
 
+def test_a_step_that_feet_cut_loses_no_time(parameters: Any, rng: np.random.Generator) -> None:
+    """Feet that come down together, apart, or grazing: every step takes a millisecond, whatever it meets."""
+    cuts = 0
+    for _ in range(200):
+        velocity = np.array([rng.uniform(0.0, 3.0), rng.uniform(-0.5, 0.5), rng.uniform(1.5, 3.0)])
+        state = approaching(parameters, np.array([0.0, 0.0, 1.95]), velocity)
+        q = rng.normal(size=4)
+        state["quaternion"], state["omega"] = q / np.linalg.norm(q), rng.uniform(-30.0, 30.0, 3)
+        for count in range(1, 201):
+            held = int(state["foot_attached"].sum())
+            step_thrust(state, parameters, OFF, 1e-3)
+            cuts += int(state["foot_attached"].sum() > held)
+            assert state["time"] == pytest.approx(1e-3 * count, abs=1e-12)
+    assert cuts > 100
+
+
 def test_an_attached_swing_loses_energy(parameters: Any) -> None:
     state = _flip_landing(parameters, 1e-3, 350)
     assert landing_outcome(state) is Outcome.FOUR_LEG
