@@ -44,6 +44,8 @@ class EffectParameter:
         typical: value that an ordinary vehicle may show; the size to test a search with.
         neutral: value at which the parameter does nothing, taken when a file leaves it out; None: must be
             given.
+        practical_minimum: smallest distance from the neutral value (from another value, where nothing is
+            neutral) that is worth a name; below it a finding has no consequence for a flight.
         meaning: what it is.
         source: where the typical value comes from.
     """
@@ -53,6 +55,7 @@ class EffectParameter:
     high: float
     typical: float
     neutral: float | None
+    practical_minimum: float
     meaning: str
     source: str
 
@@ -66,6 +69,8 @@ class EffectDescription:
         domain: where it acts.
         equation: one line.
         parameters: by name.
+        revealed_by: what a flight must do for the effect to show.
+        confused_with: effects that an ordinary flight can take for this one; the relation is symmetric.
         reference: paper or record that the equation is from.
         needs: what else the vehicle file must hold.
         excludes: effects that describe the same thing in another way.
@@ -75,6 +80,8 @@ class EffectDescription:
     domain: Domain
     equation: str
     parameters: Mapping[str, EffectParameter]
+    revealed_by: str
+    confused_with: tuple[str, ...]
     reference: str
     needs: tuple[Needs, ...] = ()
     excludes: tuple[str, ...] = ()
