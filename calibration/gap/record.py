@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from calibration.errors import CalibrationError
+from calibration.flights.flight import PoseSource
 from onboard.arrays import BoolArray, FloatArray
 
 
@@ -33,6 +34,7 @@ class FlightRecord:
         motors_known: shape (n,): False where the motor commands were lost or made up.
         pose_known, inertial_known: shape (n,): likewise for pose, and for gyro and accelerometer.
         resting: shape (n,): on the floor with the motors off, before the flight.
+        pose_source: where the pose comes from; only motion capture and truth are independent of the gyro.
         ceiling_z: m, if known.
         notes: what was mended or left out, in words.
     """
@@ -53,6 +55,7 @@ class FlightRecord:
     pose_known: BoolArray
     inertial_known: BoolArray
     resting: BoolArray
+    pose_source: PoseSource = PoseSource.MOCAP
     ceiling_z: float | None = None
     notes: tuple[str, ...] = field(default=())
 
@@ -64,7 +67,9 @@ class FlightRecord:
                 raise CalibrationError(f"{self.source}: {name} must have shape ({count}, {width})")
         steps = np.diff(self.t)
         if count < 2 or np.any(np.abs(steps - steps.mean()) > 0.02 * steps.mean()):
-            raise CalibrationError(f"{self.source}: a record needs a uniform time grid of two samples or more")
+            raise CalibrationError(
+                f"{self.source}: a record needs a uniform time grid of two samples or more"
+            )
 
     @property
     def dt(self) -> float:
