@@ -1,1 +1,1 @@
-"""The gap finder: where simulation and measured flights disagree, which effect is missing, and proof of it."""
+"""The gap finder: where simulation and measurement disagree, which effect is missing, and the proof."""

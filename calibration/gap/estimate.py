@@ -1,0 +1,130 @@
+"""One linearised estimate: shared effects, nuisances and coloured noise, fitted together."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.gap.mixed import FIRST_SPREAD, MixedFit, Products, fit_mixed
+from calibration.gap.noise import ORDER, fit_autoregression, whiten, whole_windows
+from calibration.gap.nuisances import nuisance_columns
+from calibration.gap.signals import Signals
+from onboard.arrays import BoolArray, FloatArray
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Model of the noise: autoregressive coefficients (channels, order), innovation sigma (channels,)."""
+
+    coefficients: FloatArray
+    sigma: FloatArray
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A linearised fit about one model.
+
+    Attributes:
+        fit: shared effects (steps from the model's values) and nuisances.
+        products: of all columns that were offered.
+        noise: fitted to what the fit leaves.
+        residual: signals less prediction, nuisances and fitted effects, shape (n, 7), not whitened.
+    """
+
+    fit: MixedFit
+    products: Products
+    noise: Noise
+    residual: FloatArray
+
+
+class Regression:
+    """The signals of some flights, ready for fits about any model.
+
+    Attributes:
+        signals: of the flights.
+        whole: rows that have a complete past, shape (n, 7).
+    """
+
+    def __init__(self, signals: Signals) -> None:
+        self.signals = signals
+        self.whole: BoolArray = whole_windows(signals.valid, signals.bounds, ORDER)
+
+    def fit_noise(self, residual: FloatArray) -> Noise:
+        """Noise model of a residual, shape (n, 7)."""
+        coefficients = fit_autoregression(residual, self.whole)
+        innovations = whiten(residual, self.whole, coefficients)
+        counts = np.maximum(self.whole.sum(axis=0), 1)
+        sigma = np.sqrt((innovations**2).sum(axis=0) / counts)
+        return Noise(coefficients, np.where(sigma > 0.0, sigma, 1.0))
+
+    def products(
+        self, residual: FloatArray, columns: Sequence[FloatArray], nuisances: FloatArray, noise: Noise
+    ) -> Products:
+        """Products of whitened columns per flight; `columns`: signals per unit of each effect, (n, 7) each."""
+        stacked = [
+            whiten(column, self.whole, noise.coefficients) / noise.sigma
+            for column in (*nuisances, *columns, residual)
+        ]
+        q, g = len(nuisances), len(columns)
+        sums = np.empty((self.signals.flights, q + g + 1, q + g + 1))
+        for flight in range(self.signals.flights):
+            rows = self.signals.rows(flight)
+            table = np.stack([column[rows].ravel() for column in stacked])
+            sums[flight] = table @ table.T
+        counts = np.add.reduceat(self.whole, self.signals.bounds[:-1], axis=0)
+        return Products(
+            zz=sums[:, :q, :q],
+            zx=sums[:, :q, q:-1],
+            xx=sums[:, q:-1, q:-1],
+            zr=sums[:, :q, -1],
+            xr=sums[:, q:-1, -1],
+            rr=sums[:, -1, -1],
+            constant=-counts @ np.log(noise.sigma),
+        )
+
+    def estimate(
+        self,
+        predicted: FloatArray,
+        columns: Sequence[FloatArray],
+        ridge: FloatArray,
+        spread: FloatArray = FIRST_SPREAD,
+        noise: Noise | None = None,
+        rounds: int = 2,
+    ) -> Estimate:
+        """Fit effects, nuisances and noise in turn.
+
+        Args:
+            predicted: shape (n, 7), of the model about which is linearised.
+            columns: derivatives by each variable, shape (n, 7) each.
+            ridge: prior precision of each variable about its present value.
+            spread: of the nuisances, to begin with.
+            noise: to begin with; without one it is fitted to the residual less its mean per flight.
+            rounds: of fitting noise and effects in turn.
+        """
+        nuisances = nuisance_columns(self.signals, predicted)
+        raw = np.where(self.signals.valid, self.signals.measured - predicted, 0.0)
+        residual = self._centred(raw)
+        for _ in range(rounds):
+            noise = self.fit_noise(residual) if noise is None else noise
+            products = self.products(raw, columns, nuisances, noise)
+            fit = fit_mixed(products, ridge, spread)
+            residual = self._left(raw, columns, nuisances, fit)
+            spread, used, noise = fit.spread, noise, None
+        return Estimate(fit, products, used, residual)
+
+    def _left(
+        self, raw: FloatArray, columns: Sequence[FloatArray], nuisances: FloatArray, fit: MixedFit
+    ) -> FloatArray:
+        left = raw.copy()
+        for column, value in zip(columns, fit.theta, strict=True):
+            left -= value * column
+        per_row = fit.per_flight[self.signals.flight]
+        for index, nuisance in enumerate(nuisances):
+            left -= per_row[:, index, None] * nuisance
+        return np.where(self.signals.valid, left, 0.0)
+
+    def _centred(self, raw: FloatArray) -> FloatArray:
+        starts = self.signals.bounds[:-1]
+        count = np.maximum(np.add.reduceat(self.signals.valid, starts, axis=0), 1)
+        mean = np.add.reduceat(raw, starts, axis=0) / count
+        return np.where(self.signals.valid, raw - mean[self.signals.flight], 0.0)
