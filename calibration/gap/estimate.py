@@ -60,7 +60,7 @@ class Regression:
     def products(
         self, residual: FloatArray, columns: Sequence[FloatArray], nuisances: FloatArray, noise: Noise
     ) -> Products:
-        """Products of whitened columns per flight; `columns`: signals per unit of each effect, (n, 7) each."""
+        """Products of whitened columns per flight; `columns`: signals per unit of each effect, (n, 7)."""
         stacked = [
             whiten(column, self.whole, noise.coefficients) / noise.sigma
             for column in (*nuisances, *columns, residual)

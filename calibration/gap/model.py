@@ -76,6 +76,10 @@ class Model:
         """The model without one effect (with what the vehicle file says of it)."""
         return dataclasses.replace(self, values={v: x for v, x in self.values.items() if v.effect != effect})
 
+    def at_ceiling(self, ceiling_z: float) -> "Model":
+        """The model under a ceiling at this height (m)."""
+        return dataclasses.replace(self, ceiling_z=ceiling_z)
+
     def start_value(self, variable: Variable) -> float:
         """The value at present: searched for, else of the vehicle file, else the neutral or typical one."""
         if variable in self.values:
@@ -118,20 +122,24 @@ class Model:
             predictions = list(pool.map(lambda record: teacher_forced(record, p), records))
         return stack_predictions(predictions, [terminal_voltage(p, one) for one in predictions])
 
-    def derivative(self, records: Sequence[FlightRecord], variable: Variable) -> FloatArray:
+    def derivative(
+        self, records: Sequence[FlightRecord], variable: Variable, predicted: FloatArray
+    ) -> FloatArray:
         """Derivative of the predicted signals by one variable, shape (n, 7).
 
-        Two-sided where the bounds allow it. Voltage depends on the battery alone: what a propeller lifts at
-        a given command says little about what its motor draws.
+        Voltage depends on the battery alone: what a propeller lifts at a given command says little about
+        what its motor draws.
+
+        Args:
+            records: flights.
+            variable: by which; taken towards the middle of its bounds.
+            predicted: by this model, shape (n, 7).
         """
         value = self.start_value(variable)
-        step = _SHARE_OF_RANGE * (variable.high - variable.low)
-        if value != 0.0:
-            step = max(step, 1e-3 * abs(value))
-        above, below = min(value + step, variable.high), max(value - step, variable.low)
-        change = self.with_values({variable: above}).predict(records)
-        change -= self.with_values({variable: below}).predict(records)
-        change /= above - below
+        step = max(_SHARE_OF_RANGE * (variable.high - variable.low), 1e-3 * abs(value))
+        if value + step > variable.high:
+            step = -step
+        change = (self.with_values({variable: value + step}).predict(records) - predicted) / step
         if variable.effect == "battery_sag":
             change[:, :6] = 0.0
         else:

@@ -40,7 +40,7 @@ NUISANCES = (
     Nuisance("open_circuit", "V", 0.1, 1e-2, 1.0),
     Nuisance("discharge", "V/s", 1e-3, 1e-4, 2e-2),
 )
-"""Per flight: scale of thrust (propellers, charge), bias of the accelerometer or tilt, torque trim, battery."""
+"""Per flight: scale of thrust (propellers), bias of the accelerometer or tilt, torque trim, battery."""
 
 
 def nuisance_columns(signals: Signals, predicted: FloatArray) -> FloatArray:
