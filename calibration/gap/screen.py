@@ -20,8 +20,9 @@ def screen(present: Fitted, offered: Sequence[Candidate], training: Training) ->
     """
     linear = [c for c in offered if c.starts[0] is present.model]
     gains = _linear_gains(present, linear, training)
+    others = [c for c in offered if c.starts[0] is not present.model]
     with ThreadPoolExecutor(WORKERS) as pool:
-        far = list(pool.map(lambda c: _best_start(present, c, training), set(offered) - set(linear)))
+        far = list(pool.map(lambda c: _best_start(present, c, training), others))
     return sorted([*gains, *far], key=lambda pair: (-pair[0], pair[1].effect))
 
 
