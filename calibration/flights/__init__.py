@@ -9,7 +9,7 @@ from calibration.flights.flight import (
     Trigger,
     UnusableFlightError,
 )
-from calibration.flights.formats import FORMATS, UnusableFlight, open_flight, open_flights
+from calibration.flights.formats import FORMATS, UnusableFlight, flight_files, open_flight, open_flights
 
 __all__ = [
     "CHANNELS",
@@ -21,6 +21,7 @@ __all__ = [
     "Trigger",
     "UnusableFlight",
     "UnusableFlightError",
+    "flight_files",
     "open_flight",
     "open_flights",
 ]

@@ -10,9 +10,11 @@ from pathlib import Path
 from calibration.flights.csv_file import read_header
 from calibration.flights.flight import Flight, FlightFileError, UnusableFlightError
 from calibration.flights.habas import is_habas, load_habas
+from calibration.flights.nanobench import is_nanobench, load_nanobench
 from calibration.flights.perchhw_run import load_run
 from calibration.flights.run_folder import is_run_folder
 from calibration.flights.table import is_table, load_table
+from calibration.flights.usd import is_usd, load_usd
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,8 @@ FORMATS: dict[str, FlightFormat] = {
         FlightFormat("perchhw", is_run_folder, load_run),
         FlightFormat("habas", _csv_with(is_habas), load_habas),
         FlightFormat("table", _csv_with(is_table), load_table),
+        FlightFormat("nanobench", _csv_with(is_nanobench), load_nanobench),
+        FlightFormat("usd", is_usd, load_usd),
     )
 }
 """Known formats by name, in the order in which they are tried."""
@@ -85,9 +89,33 @@ def open_flights(
     return flights, unusable
 
 
+def flight_files(paths: Iterable[str | Path]) -> list[Path]:
+    """Files and run folders to open: `paths`, with each other folder replaced by the flights in it, sorted.
+
+    Raises:
+        FlightFileError: a path does not exist, or a folder holds no flight of a known format.
+    """
+    found: list[Path] = []
+    for path in map(Path, paths):
+        if not path.exists():
+            raise FlightFileError(f"{path}: no such file or folder")
+        if path.is_file() or _detected(path) is not None:
+            found.append(path)
+            continue
+        inside = [entry for entry in sorted(path.iterdir()) if _detected(entry) is not None]
+        if not inside:
+            raise FlightFileError(f"{path}: no flight of a known format in this folder")
+        found += inside
+    return found
+
+
+def _detected(path: Path) -> FlightFormat | None:
+    return next((f for f in FORMATS.values() if f.detects(path)), None)
+
+
 def _format_of(path: Path, name: str) -> FlightFormat:
     if name == "auto":
-        found = next((f for f in FORMATS.values() if f.detects(path)), None)
+        found = _detected(path)
         if found is None:
             raise FlightFileError(
                 f"{path}: of no known flight format; known are {', '.join(FORMATS)} "

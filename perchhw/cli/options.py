@@ -8,4 +8,4 @@ DroneUri = Annotated[str, typer.Option(help="URI of the drone: udp://HOST:PORT, 
 Policy = Annotated[str, typer.Option(help="Policy file, or the name of a shipped policy.")]
 Vehicle = Annotated[str, typer.Option(help="Vehicle file, or the name of a known vehicle.")]
 Legs = Annotated[str | None, typer.Option(help="Leg design instead of the vehicle's own.")]
-FlightFormat = Annotated[str, typer.Option("--format", help="auto, perchhw, habas or table.")]
+FlightFormat = Annotated[str, typer.Option("--format", help="auto, perchhw, habas, table, nanobench or usd.")]

@@ -63,15 +63,15 @@ def check_rate(flight: Flight, samples: Samples, what: str) -> None:
         )
 
 
-def uniform_grid(*channels: Samples) -> FloatArray:
-    """A uniform time grid that all `channels` cover; theirs, if they share one of about 100 Hz."""
-    first = max(float(c.t[0]) for c in channels)
-    last = min(float(c.t[-1]) for c in channels)
-    shared = channels[0].t[(channels[0].t >= first) & (channels[0].t <= last)]
-    if _uniform(shared) and all(np.array_equal(c.t, channels[0].t) for c in channels):
-        return shared
+def uniform_grid(pose: Samples, *others: Samples) -> FloatArray:
+    """A uniform time grid that `pose` and `others` cover; that of the pose, if it is one of about 100 Hz."""
+    first = max(float(c.t[0]) for c in (pose, *others))
+    last = min(float(c.t[-1]) for c in (pose, *others))
+    own = pose.t[(pose.t >= first) & (pose.t <= last)]
+    if _uniform(own):
+        return own
     count = max(int(np.floor((last - first) / INTERVAL_S + 1e-9)) + 1, 0)
-    return first + INTERVAL_S * np.arange(count)
+    return np.asarray(first + INTERVAL_S * np.arange(count), dtype=np.float64)
 
 
 def _uniform(t: FloatArray) -> bool:
