@@ -1,0 +1,314 @@
+"""How well a model predicts flights, by horizon, flight, phase and channel, and how well anything could."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from calibration.errors import CalibrationError
+from calibration.gap.prediction.flight_prediction import prediction_errors
+from calibration.gap.prediction.floors import accelerometer_driven, gyro_driven
+from calibration.gap.prediction.inputs import PredictionInputs, prediction_inputs
+from calibration.gap.prediction.nuisances import LEAST_STARTS, Nuisances, fit_nuisances
+from calibration.gap.prediction.torque_estimate import HORIZON as TORQUE_HORIZON
+from calibration.gap.prediction.torque_estimate import with_torque_estimate
+from calibration.gap.prediction.window_errors import (
+    QUANTITIES,
+    SCALES,
+    ByHorizon,
+    WindowErrors,
+    in_body_axes,
+    mean_by_horizon,
+)
+from calibration.gap.prediction.windows import (
+    PHASES,
+    Rows,
+    phase_indices,
+    rows_between,
+    start_rows,
+    usable_lengths,
+)
+from calibration.gap.record import FlightRecord
+from onboard.arrays import FloatArray
+from onboard.errors import InputError
+from onboard.vehicle import Vehicle
+
+HORIZONS = (0.1, 0.25, 0.5, 1.0)
+"""s."""
+START_EVERY = 0.1
+"""s from one start to the next."""
+_AXES = ("x", "y", "z")
+
+
+class PredictionError(CalibrationError, InputError):
+    """Nothing can be predicted; the message says of which flight and why."""
+
+
+@dataclass(frozen=True)
+class FlightErrors:
+    """Errors of one flight.
+
+    Attributes:
+        record: the flight.
+        open_loop: everything predicted.
+        given_attitude: attitude and rate are the measured ones.
+        gyro_driven, accelerometer_driven: floors of the two; None without an accelerometer.
+        torque_estimate: at 0.1 s with the disturbance torque of the last 0.2 s.
+        phases: index in :data:`~calibration.gap.prediction.windows.PHASES` of each start, shape (m,).
+        in_body: error vectors of `open_loop` and `given_attitude` along the body axes of the start, shape
+            (m, h, 4, 3).
+        nuisances: what the flight was given beside the model.
+    """
+
+    record: FlightRecord
+    open_loop: WindowErrors
+    given_attitude: WindowErrors
+    gyro_driven: WindowErrors | None
+    accelerometer_driven: WindowErrors | None
+    torque_estimate: WindowErrors
+    phases: Rows
+    in_body: tuple[FloatArray, FloatArray]
+    nuisances: Nuisances
+
+
+@dataclass(frozen=True)
+class Unpredicted:
+    """A flight without a single start that could be scored, and why."""
+
+    record: FlightRecord
+    reason: str
+
+
+@dataclass(frozen=True)
+class ErrorPair:
+    """Mean errors of both ways of predicting."""
+
+    open_loop: ByHorizon
+    given_attitude: ByHorizon
+
+    def to_json(self) -> dict[str, Any]:
+        """``{"horizons": {"0.5": {...}}, "given_attitude": {"0.5": {...}}}``."""
+        return {
+            "horizons": horizons_json(self.open_loop),
+            "given_attitude": horizons_json(self.given_attitude),
+        }
+
+
+def horizons_json(errors: ByHorizon) -> dict[str, Any]:
+    """Errors under their horizon as text."""
+    return {str(horizon): value.to_json() for horizon, value in errors.items()}
+
+
+@dataclass(frozen=True)
+class PredictionErrors:
+    """Errors of a model on flights; every mean is over starts, not over flights.
+
+    Attributes:
+        horizons: s.
+        flights: those that were scored.
+        unpredicted: those that could not be.
+        calibrated_s: s at the beginning of each flight that its nuisances were fitted to; 0: none were.
+    """
+
+    horizons: tuple[float, ...]
+    flights: tuple[FlightErrors, ...]
+    unpredicted: tuple[Unpredicted, ...] = field(default=())
+    calibrated_s: float = 0.0
+
+    @property
+    def overall(self) -> ErrorPair:
+        """Errors over all starts of all flights."""
+        return self._pair(self.flights)
+
+    @property
+    def floor(self) -> ErrorPair | None:
+        """The inertial sensors in place of the model, on the flights with an accelerometer; None without."""
+        open_loop = [f.gyro_driven.norms() for f in self.flights if f.gyro_driven is not None]
+        given = [f.accelerometer_driven.norms() for f in self.flights if f.accelerometer_driven is not None]
+        if not open_loop or not given:
+            return None
+        return ErrorPair(self._means(open_loop), self._means(given))
+
+    @property
+    def with_torque_estimate(self) -> ByHorizon:
+        """At 0.1 s with a causal estimate of the disturbance torque."""
+        norms = np.concatenate([f.torque_estimate.norms() for f in self.flights])
+        return mean_by_horizon(norms, (TORQUE_HORIZON,))
+
+    def by_flight(self) -> list[ErrorPair]:
+        """Errors of each flight."""
+        return [self._pair([flight]) for flight in self.flights]
+
+    def by_phase(self) -> dict[str, ErrorPair]:
+        """Errors over the starts of each phase that occurs."""
+        occurring = set(np.concatenate([f.phases for f in self.flights]).tolist())
+        return {
+            str(phase): self._pair(self.flights, index)
+            for index, phase in enumerate(PHASES)
+            if index in occurring
+        }
+
+    def by_channel(self) -> dict[float, dict[str, float]]:
+        """Mean absolute errors along the body axes of the start, by horizon: ``velocity_x_m_s`` and so on.
+
+        Position and velocity with given attitude, attitude and rate open loop: so each channel shows one
+        equation of motion.
+        """
+        free = np.concatenate([flight.in_body[0] for flight in self.flights])
+        given = np.concatenate([flight.in_body[1] for flight in self.flights])
+        absolute = np.abs(np.concatenate([given[:, :, :2], free[:, :, 2:]], axis=2))
+        channels: dict[float, dict[str, float]] = {}
+        for index, horizon in enumerate(self.horizons):
+            reached = absolute[np.isfinite(absolute[:, index, 0, 0]), index]
+            if reached.shape[0] == 0:
+                continue
+            means = reached.mean(axis=0) * np.asarray(SCALES)[:, None]
+            channels[horizon] = {
+                name.replace("_", f"_{axis}_", 1): float(means[q, a])
+                for q, name in enumerate(QUANTITIES)
+                for a, axis in enumerate(_AXES)
+            }
+        return channels
+
+    def to_json(self) -> dict[str, Any]:
+        """The document of ``perchhw gap evaluate``."""
+        floor = self.floor
+        return {
+            **self.overall.to_json(),
+            "flights": len(self.flights),
+            "floor": None if floor is None else floor.to_json(),
+            "with_torque_estimate": horizons_json(self.with_torque_estimate),
+            "by_channel": {str(horizon): values for horizon, values in self.by_channel().items()},
+            "by_phase": {phase: pair.to_json() for phase, pair in self.by_phase().items()},
+            "by_flight": [
+                {
+                    "flight": flight.record.name,
+                    "file": str(flight.record.source),
+                    "shape": flight.record.shape,
+                    **pair.to_json(),
+                    "nuisances": flight.nuisances.to_json() if self.calibrated_s else None,
+                }
+                for flight, pair in zip(self.flights, self.by_flight(), strict=True)
+            ],
+            "calibrated_first_s": self.calibrated_s,
+            "unpredicted": [
+                {"flight": item.record.name, "file": str(item.record.source), "reason": item.reason}
+                for item in self.unpredicted
+            ],
+        }
+
+    def _pair(self, flights: Sequence[FlightErrors], phase: int | None = None) -> ErrorPair:
+        """Errors over the starts of flights: all, or those of the phase with that index."""
+        starts = [np.full(f.phases.size, True) if phase is None else f.phases == phase for f in flights]
+        chosen = list(zip(flights, starts, strict=True))
+        return ErrorPair(
+            self._means(f.open_loop.norms()[these] for f, these in chosen),
+            self._means(f.given_attitude.norms()[these] for f, these in chosen),
+        )
+
+    def _means(self, norms: Iterable[FloatArray]) -> ByHorizon:
+        return mean_by_horizon(np.concatenate(list(norms)), self.horizons)
+
+
+def evaluate(
+    records: Sequence[FlightRecord],
+    vehicle: Vehicle,
+    horizons: Sequence[float] = HORIZONS,
+    calibrate_first_s: float = 0.0,
+) -> PredictionErrors:
+    """Predict flights with a model from a start every 0.1 s.
+
+    A start and its horizon lie in free flight, with pose, gyro and motor commands known from 0.15 s before
+    the start on. The start velocity comes from the past alone. Where the vehicle file says that pose or gyro
+    are wrong, that is taken out of the measurements first; so for records from which it was removed already,
+    give a vehicle without those effects.
+
+    Args:
+        records: the flights.
+        vehicle: the model.
+        horizons: s, increasing.
+        calibrate_first_s: s of each flight to which its thrust scale, lean and trim are fitted; only the rest
+            is scored. 0: nothing is fitted and all is scored.
+
+    Raises:
+        PredictionError: horizons that are not increasing, or not a single flight with a start to score.
+        SimulationError: the vehicle has an effect without an equation.
+    """
+    wanted = tuple(float(h) for h in horizons)
+    if not wanted or wanted[0] <= 0.0 or any(b <= a for a, b in pairwise(wanted)):
+        raise PredictionError(f"horizons {', '.join(map(str, wanted))}: must be positive and increasing (s)")
+    if not calibrate_first_s >= 0.0:
+        raise PredictionError(f"calibration over the first {calibrate_first_s} s: must not be negative")
+    done: list[FlightErrors] = []
+    left: list[Unpredicted] = []
+    for record in records:
+        result = _flight(record, vehicle, wanted, calibrate_first_s)
+        if isinstance(result, FlightErrors):
+            done.append(result)
+        else:
+            left.append(result)
+    if not done:
+        reasons = "; ".join(f"{item.record.source}: {item.reason}" for item in left) or "no flights"
+        raise PredictionError(f"nothing to predict: {reasons}")
+    return PredictionErrors(wanted, tuple(done), tuple(left), calibrate_first_s)
+
+
+def _flight(
+    record: FlightRecord, vehicle: Vehicle, horizons: tuple[float, ...], calibrate_first_s: float
+) -> FlightErrors | Unpredicted:
+    ends = np.array([round(h / record.dt) for h in horizons])
+    if ends[0] < 1 or np.any(np.diff(ends) < 1):
+        return Unpredicted(record, f"samples {record.dt:g} s apart are too coarse for these horizons")
+    inputs = prediction_inputs(record, vehicle)
+    lengths = usable_lengths(inputs)
+    rows = start_rows(lengths, max(1, round(START_EVERY / record.dt)), int(ends[0]))
+    nuisances = Nuisances()
+    if calibrate_first_s > 0.0 and rows.size:
+        split = float(record.t[np.argmax(record.flying)]) + calibrate_first_s
+        fitted = _calibrated(inputs, lengths, split)
+        if fitted is None:
+            return Unpredicted(
+                record,
+                f"fewer than {LEAST_STARTS} usable starts in the first {calibrate_first_s:g} s of the flight",
+            )
+        nuisances = fitted
+        rows = rows_between(rows, record.t, split, np.inf)
+    if rows.size == 0:
+        return Unpredicted(
+            record,
+            f"no {horizons[0]:g} s of free flight with pose, gyro and motor commands known"
+            + (f" after the first {calibrate_first_s:g} s" if calibrate_first_s else ""),
+        )
+    return _scored(inputs, rows, ends, lengths[rows], nuisances)
+
+
+def _calibrated(inputs: PredictionInputs, lengths: Rows, split: float) -> Nuisances | None:
+    """Nuisances from what lies before the time `split` (s)."""
+    every = max(1, round(0.5 * START_EVERY / inputs.dt))
+    rows = rows_between(start_rows(lengths, every, 1), inputs.record.t, -np.inf, split)
+    until_split = np.searchsorted(inputs.record.t, split) - rows
+    return fit_nuisances(inputs, rows, np.minimum(lengths[rows], until_split))
+
+
+def _scored(
+    inputs: PredictionInputs, rows: Rows, ends: Rows, lengths: Rows, nuisances: Nuisances
+) -> FlightErrors:
+    p, trim = nuisances.scaled(inputs.parameters), nuisances.trim()
+    free = prediction_errors(inputs, rows, ends, lengths, given_attitude=False, parameters=p, trims=trim)
+    given = prediction_errors(inputs, rows, ends, lengths, given_attitude=True, parameters=p, trims=trim)
+    measured = inputs.record.specific_force is not None
+    reached = ends[None, :] <= lengths[:, None]
+    rotation = inputs.rotation[rows]
+    return FlightErrors(
+        record=inputs.record,
+        open_loop=free,
+        given_attitude=given,
+        gyro_driven=gyro_driven(inputs, rows, ends, reached) if measured else None,
+        accelerometer_driven=accelerometer_driven(inputs, rows, ends, reached) if measured else None,
+        torque_estimate=with_torque_estimate(inputs, rows, lengths, nuisances),
+        phases=phase_indices(inputs, rows),
+        in_body=(in_body_axes(free, rotation), in_body_axes(given, rotation)),
+        nuisances=nuisances,
+    )
