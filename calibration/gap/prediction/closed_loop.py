@@ -158,13 +158,14 @@ def fly_again(
         SimulationError: the vehicle has an effect without an equation.
     """
     inputs = prediction_inputs(record, vehicle)
-    stretch = longest_stretch(record.flying & record.pose_known & record.inertial_known)
+    stretch = longest_stretch(record.flying & record.pose_known)
     if (stretch.stop - stretch.start) * record.dt < SHORTEST:
         return None
     nuisances = nuisances or Nuisances()
     p = nuisances.scaled(inputs.parameters)
     starts, thrust = motor_starts(inputs, p, np.array([stretch.start]))
     starts["velocity"] = inputs.velocity[stretch.start]
+    starts["omega"] = 0.0  # the gyro may not be known there, and the controller settles
     trim = nuisances.trim()
     out = np.empty((stretch.stop - stretch.start, _LOGGED))
     _fly_along(

@@ -299,14 +299,15 @@ def _scored(
     free = prediction_errors(inputs, rows, ends, lengths, given_attitude=False, parameters=p, trims=trim)
     given = prediction_errors(inputs, rows, ends, lengths, given_attitude=True, parameters=p, trims=trim)
     measured = inputs.record.specific_force is not None
+    bias = np.array(nuisances.accelerometer_bias)
     reached = ends[None, :] <= lengths[:, None]
     rotation = inputs.rotation[rows]
     return FlightErrors(
         record=inputs.record,
         open_loop=free,
         given_attitude=given,
-        gyro_driven=gyro_driven(inputs, rows, ends, reached) if measured else None,
-        accelerometer_driven=accelerometer_driven(inputs, rows, ends, reached) if measured else None,
+        gyro_driven=gyro_driven(inputs, rows, ends, reached, bias) if measured else None,
+        accelerometer_driven=accelerometer_driven(inputs, rows, ends, reached, bias) if measured else None,
         torque_estimate=with_torque_estimate(inputs, rows, lengths, nuisances),
         phases=phase_indices(inputs, rows),
         in_body=(in_body_axes(free, rotation), in_body_axes(given, rotation)),

@@ -4,16 +4,17 @@ Several airframes, batteries and marker frames hide behind one vehicle file (gap
 no fit saw, these few numbers come from its beginning, and only the rest is scored.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from calibration.gap.prediction.flight_prediction import prediction_errors
+from calibration.gap.prediction.floors import accelerometer_bias
 from calibration.gap.prediction.inputs import PredictionInputs
 from calibration.gap.prediction.window_errors import in_body_axes
 from calibration.gap.prediction.windows import Rows
-from onboard.arrays import FloatArray
+from onboard.arrays import FloatArray, Vector
 
 FORCE_HORIZON = 0.5
 """s over which velocity errors show scale and lean: long against the noise of the velocity."""
@@ -36,6 +37,7 @@ class Nuisances:
         thrust_scale: factor on the thrust of all rotors.
         lean_x, lean_y: rad, of the thrust towards b_x and b_y.
         angular_acceleration: rad/s2 about the body axes, constant.
+        accelerometer_bias: m/s2, body, for the floor only.
         at_bound: a number left the range of what is physical (0.5 to 1.5, 0.2 rad) and was held there: the
             flight belongs to another vehicle, or the model is far off.
     """
@@ -43,7 +45,8 @@ class Nuisances:
     thrust_scale: float = 1.0
     lean_x: float = 0.0
     lean_y: float = 0.0
-    angular_acceleration: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    angular_acceleration: Vector = (0.0, 0.0, 0.0)
+    accelerometer_bias: Vector = (0.0, 0.0, 0.0)
     at_bound: bool = False
 
     def trim(self) -> FloatArray:
@@ -65,6 +68,7 @@ class Nuisances:
             "thrust_scale": self.thrust_scale,
             "lean_rad": [self.lean_x, self.lean_y],
             "angular_acceleration_rad_s2": list(self.angular_acceleration),
+            "accelerometer_bias_m_s2": list(self.accelerometer_bias),
             "at_bound": self.at_bound,
         }
 
@@ -102,10 +106,17 @@ def fit_nuisances(inputs: PredictionInputs, rows: Rows, lengths: Rows) -> Nuisan
         wanted = force + change
         force = np.clip(wanted, *bound)
         at_bound = bool(np.any(wanted != force))
+    bias = np.zeros(3)
+    if inputs.record.specific_force is not None:
+        bias = accelerometer_bias(inputs, rows, int(end[0]))
     found = Nuisances(
-        thrust_scale=float(force[0]), lean_x=float(force[1]), lean_y=float(force[2]), at_bound=at_bound
+        thrust_scale=float(force[0]),
+        lean_x=float(force[1]),
+        lean_y=float(force[2]),
+        accelerometer_bias=(float(bias[0]), float(bias[1]), float(bias[2])),
+        at_bound=at_bound,
     )
-    return _with_trim(inputs, rows, lengths, found)
+    return replace(found, angular_acceleration=_trim(inputs, rows, lengths, found))
 
 
 def _velocity_errors(
@@ -120,17 +131,12 @@ def _velocity_errors(
     return in_body_axes(errors, inputs.rotation[rows])[:, 0, 1].ravel()
 
 
-def _with_trim(inputs: PredictionInputs, rows: Rows, lengths: Rows, found: Nuisances) -> Nuisances:
+def _trim(inputs: PredictionInputs, rows: Rows, lengths: Rows, found: Nuisances) -> Vector:
+    """Angular acceleration (rad/s2) that the model lacks."""
     end = np.array([max(1, inputs.rows(TORQUE_HORIZON))])
     errors = prediction_errors(
         inputs, rows, end, lengths,
         given_attitude=False, parameters=found.scaled(inputs.parameters), trims=found.trim(),
     )  # fmt: skip
     x, y, z = -errors.vectors[:, 0, 3].mean(axis=0) / (end[0] * inputs.dt)
-    return Nuisances(
-        thrust_scale=found.thrust_scale,
-        lean_x=found.lean_x,
-        lean_y=found.lean_y,
-        angular_acceleration=(float(x), float(y), float(z)),
-        at_bound=found.at_bound,
-    )
+    return float(x), float(y), float(z)
