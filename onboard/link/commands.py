@@ -1,7 +1,9 @@
 """Commands that fly, arm and stop: CRTP ports 6 (pose), 7, 8 (high-level commander) and 9 (supervisor).
 
 Port 6 channel 1: ``08``, then x y z [m] and qx qy qz qw as float32; no answer.
-Port 7 channel 1: ``00``, then u32 ms: no more setpoints come (notify-setpoints-stop); no answer.
+Port 7 channel 0: ``06``, then position, velocity, acceleration as i16 [mm, mm/s, mm/s2], attitude in
+32 bits and rates i16 [mrad/s]; no answer. Port 7 channel 1: ``00``, then u32 ms: no more setpoints come
+(notify-setpoints-stop); no answer.
 Port 8 channel 0: command, group mask, arguments -> the first three bytes and an errno (cflib listens to none
 of it). Port 9 channel 0: ``0C`` -> ``8C``, bits u16. Channel 1: ``01 on`` -> ``81 success armed``; ``02`` ->
 ``82 success recovered``; ``03`` emergency stop and ``04`` kick of its watchdog have no answer. Little endian.
@@ -13,7 +15,9 @@ import struct
 from collections.abc import Sequence
 
 from cflib.crtp.crtpstack import CRTPPort
+from cflib.utils.encoding import compress_quaternion
 
+from onboard.arrays import Vector
 from onboard.clock import Clock
 from onboard.link.errors import CommandRefused, LinkInputError, LinkTimeout
 from onboard.link.exchange import Exchange
@@ -31,6 +35,9 @@ _COMMANDER_RETRY_S = 0.1
 _EMERGENCY_COPIES = 3
 _EMERGENCY_INTERVAL_S = 0.05
 _POSE = struct.Struct("<B7f")
+_SETPOINT_CHANNEL, _FULL_STATE = 0, 6
+_FULL_STATE_LAYOUT = struct.Struct("<B9hI3h")
+_LARGEST_SETPOINT = 32.0
 
 
 class Commands:
@@ -63,8 +70,7 @@ class Commands:
         the drone would not follow the high-level commander. The notice that setpoints have stopped also tells
         the planner where the drone is now.
         """
-        for _ in range(_NOTICE_COPIES):
-            self._exchange.send(CRTPPort.COMMANDER_GENERIC, _META_CHANNEL, _SETPOINTS_STOPPED)
+        self.end_setpoints()
         self._high_level(
             "takeoff",
             struct.pack("<BBff?f", _TAKEOFF, _ALL_GROUPS, height, yaw or 0.0, yaw is None, duration),
@@ -131,6 +137,26 @@ class Commands:
     def kick_emergency_stop_watchdog(self) -> None:
         """Start or feed the watchdog; nothing answers."""
         self._exchange.send(CRTPPort.SUPERVISOR, _COMMAND_CHANNEL, bytes((_WATCHDOG,)))
+
+    def full_state(
+        self, position: Vector, velocity: Vector, acceleration: Vector, yaw: float, yaw_rate: float
+    ) -> None:
+        """Send a setpoint; see :meth:`onboard.link.drone.DroneLink.send_full_state`."""
+        numbers = (*position, *velocity, *acceleration)
+        if not all(abs(number) < _LARGEST_SETPOINT for number in (*numbers, yaw_rate)):
+            raise LinkInputError(
+                f"the setpoint {numbers} with {yaw_rate} rad/s does not fit into a packet: every number must "
+                f"be finite and below {_LARGEST_SETPOINT:g}"
+            )
+        attitude = compress_quaternion((0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)))
+        milli = (round(1000.0 * number) for number in numbers)
+        payload = _FULL_STATE_LAYOUT.pack(_FULL_STATE, *milli, attitude, 0, 0, round(1000.0 * yaw_rate))
+        self._exchange.send(CRTPPort.COMMANDER_GENERIC, _SETPOINT_CHANNEL, payload)
+
+    def end_setpoints(self) -> None:
+        """Give the high-level commander its turn; see :meth:`onboard.link.drone.DroneLink.end_setpoints`."""
+        for _ in range(_NOTICE_COPIES):
+            self._exchange.send(CRTPPort.COMMANDER_GENERIC, _META_CHANNEL, _SETPOINTS_STOPPED)
 
     def _high_level(self, name: str, payload: bytes, repeatable: bool = True) -> None:
         head = payload[:3]

@@ -15,6 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Self
 
+from onboard.arrays import Vector
 from onboard.clock import Clock
 from onboard.link.commands import Commands
 from onboard.link.crazyflie import GuardedCrazyflie, open_crazyflie
@@ -267,6 +268,28 @@ class DroneLink:
             LinkTimeout: no answer. A relative move is sent once only, so it may or may not happen.
         """
         self._commands.go_to(x, y, z, yaw, duration, relative)
+
+    def send_full_state(
+        self, position: Vector, velocity: Vector, acceleration: Vector, yaw: float, yaw_rate: float
+    ) -> None:
+        """Send one setpoint of a stream, unanswered; it overrules the high-level commander.
+
+        The drone levels 0.5 s after the last setpoint and stops its motors after 2 s, unless
+        :meth:`end_setpoints` comes before.
+
+        Args:
+            position, velocity, acceleration: m, m/s, m/s2, world (ENU), sent in thousandths.
+            yaw: rad.
+            yaw_rate: rad/s.
+
+        Raises:
+            LinkInputError: a number is not finite or too large for the packet.
+        """
+        self._commands.full_state(position, velocity, acceleration, yaw, yaw_rate)
+
+    def end_setpoints(self) -> None:
+        """Say that the stream of setpoints is over: the high-level commander takes the drone where it is."""
+        self._commands.end_setpoints()
 
     def land(self, height: float, duration: float, yaw: float | None = None) -> None:
         """Descend to ``height`` [m, world z] within ``duration`` [s]. Call :meth:`stop_motors` when it is

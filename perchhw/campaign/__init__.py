@@ -1,6 +1,7 @@
 """A campaign: a grid of attempts, one after another, that survives a killed process (docs/campaigns.md)."""
 
-from perchhw.campaign.plan import CampaignFileError, CampaignPlan, load_plan
+from perchhw.campaign.file_table import CampaignFileError
+from perchhw.campaign.plan import CampaignPlan, load_plan
 from perchhw.campaign.run import CampaignStopped, run_campaign
 from perchhw.campaign.store import AttemptRow, CampaignError, CampaignStore
 

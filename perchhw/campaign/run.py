@@ -50,7 +50,7 @@ def run_campaign(
         KeyboardInterrupt: interrupted; the running attempt is kept as interrupted and planned again.
     """
     make_folder(folder)
-    with _only_one(folder):
+    with only_one(folder):
         store = _store(plan, folder, resume, retry_aborted)
         try:
             return _fly_all(plan, store, runner, on_change or (lambda rows: None))
@@ -140,7 +140,7 @@ def request_of(plan: CampaignPlan, slot: Slot, record: Path, try_number: int) ->
 
 
 @contextmanager
-def _only_one(folder: Path) -> Iterator[None]:
+def only_one(folder: Path) -> Iterator[None]:
     """Hold the campaign's lock; the system releases it when the process dies, however it dies."""
     with (folder / LOCK_FILE).open("w") as stream:
         try:

@@ -27,17 +27,20 @@ def run(
     out: Annotated[Path | None, typer.Option(help="Campaign folder; default: runs/campaign-NAME.")] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before each attempt.")] = False,
 ) -> int:
-    """Fly the attempts of a campaign file, one after another, and write its report.
+    """Fly the attempts of a campaign file, one after another, and write its report; or its test flights.
 
     Exit codes: 0 all attempts are done, 2 the file or folder cannot be used, 3 too many attempts in a row
-    were aborted, 130 interrupted (continue with --resume).
+    (or a test flight) were aborted, 130 interrupted (continue with --resume).
     """
     from perchhw.campaign import CampaignStopped, load_plan, run_campaign
+    from perchhw.campaign.courses import has_flights
     from perchhw.cli.prompts import confirmation
     from perchhw.flight.turnaround import attempt_after_attempt
     from perchhw.record.folder import slug
     from perchhw.report import write_campaign_report
 
+    if has_flights(file):
+        return _fly_courses(file, out, resume, yes)
     plan = load_plan(file)
     _check_approaches(plan)
     folder = out or Path("runs") / f"campaign-{slug(plan.name)}"
@@ -50,6 +53,48 @@ def run(
         stopped = str(stop)
         progress_console().print(stopped, style="red", markup=False)
     _emit_rows(folder, _rows(folder), write_campaign_report(folder), stopped)
+    return 3 if stopped else 0
+
+
+def _fly_courses(file: Path, out: Path | None, resume: bool, yes: bool) -> int:
+    """Fly a campaign of test flights."""
+    from perchhw.campaign.courses import flight_rows, fly_plan, load_flight_plan
+    from perchhw.cli.prompts import confirmation
+    from perchhw.record.folder import slug
+
+    plan = load_flight_plan(file)
+    folder = out or Path("runs") / f"campaign-{slug(plan.name)}"
+    screen = progress_console()
+    screen.print(f"{len(plan.flights)} test flights", markup=False)
+    rows = fly_plan(
+        plan,
+        folder,
+        confirmation(yes),
+        resume=resume,
+        on_change=lambda rows: screen.print(f"{sum(row.done for row in rows)} of {len(rows)} done"),
+    )
+    stopped = next((row.aborted_by for row in flight_rows(plan, folder) if row.aborted_by), None)
+    document: dict[str, Any] = {
+        "campaign": str(folder),
+        "planned": len(rows),
+        "done": sum(row.done for row in rows),
+        "flights": [
+            {
+                "kind": row.kind,
+                "done": row.done,
+                "record": None if row.record is None else str(row.record),
+                "aborted_by": row.aborted_by,
+            }
+            for row in rows
+        ],
+        "stopped": stopped,
+    }
+    lines = (
+        f"{row.kind}: {row.aborted_by or ('flown' if row.done else 'left')}"
+        + ("" if row.record is None else f"  {row.record}")
+        for row in rows
+    )
+    emit(document, "\n".join(lines))
     return 3 if stopped else 0
 
 

@@ -1,41 +1,23 @@
 """Fly one attempt: link and mocap open, the supervisor decides, its commands are carried out and recorded."""
 
-import queue
-from collections.abc import Callable
-from contextlib import ExitStack
-from dataclasses import dataclass
 from typing import Any
 
 from calibration.flights import open_flight
-from mocap_bridge.bridge import PoseBridge
-from mocap_bridge.sinks.crazyflie import CrazyfliePoseSink
 from mocap_bridge.uri import parse_mocap_uri
 from onboard.clock import Clock, monotonic
 from onboard.errors import PerchhwError
-from onboard.link import DroneLink
 from onboard.link.uri import check_drone_uri
 from onboard.policy.bundle import bundle_crc32, encode_bundle
 from onboard.policy.files import find_policy, load_policy
 from onboard.vehicle import Vehicle, load_vehicle
 from perchhw.attempt import AttemptInterrupted, AttemptRequest, AttemptResult, Outcome
-from perchhw.flight.actions import CommandRunner
-from perchhw.flight.interrupts import OperatorInterrupts
+from perchhw.flight.actions import LandingCommands
 from perchhw.flight.mission import AttemptPlan, plan_attempt
-from perchhw.flight.telemetry import Telemetry, pose_recorder
+from perchhw.flight.session import OnPhase, SupervisedFlight
+from perchhw.flight.telemetry import BLOCKS
 from perchhw.label import LabelError, label_flight
 from perchhw.record import RunRecorder
-from perchhw.supervisor import Event, FlightState, LinkDown, Phase, SafetyLimits, Tick, initial_state, step
-
-TICK_PERIOD = 0.02
-"""Time between two looks of the supervisor, s."""
-
-KICK_PERIOD = 0.2
-"""Time between two kicks of the drone's emergency-stop watchdog, which bites after 1 s."""
-
-_WATCHED_PHASES = frozenset(Phase) - {Phase.CHECKING, Phase.UPLOADING, Phase.DISARMING, Phase.DONE}
-"""Phases in which a host that dies must stop the drone. The watchdog cannot be called off once kicked."""
-
-OnPhase = Callable[[FlightState], None]
+from perchhw.supervisor import FlightState, SafetyLimits
 
 
 def fly_attempt(
@@ -70,15 +52,25 @@ def fly_attempt(
     plan = plan_attempt(request, bundle_crc32(bundle), dry_run)
     limits = limits or SafetyLimits(room=request.room)
     with RunRecorder(request.folder, _configuration(request, vehicle, plan), clock) as recorder:
-        flight = _Flight(request, plan, bundle, limits, recorder, clock, on_phase)
+        flight = SupervisedFlight(
+            drone=request.drone,
+            mocap=request.mocap,
+            mission=plan.mission,
+            limits=limits,
+            blocks=BLOCKS,
+            commands=lambda link, events: LandingCommands(link, events, plan, bundle, request.room.ceiling_z),
+            recorder=recorder,
+            clock=clock,
+            on_phase=on_phase,
+        )
         try:
-            state, trigger, interrupted = flight.run()
+            flown = flight.run()
         except PerchhwError as error:
             recorder.event("refused", clock(), reason=str(error))
             recorder.close(outcome=Outcome.ABORTED, aborted_by=str(error))
             raise
-        result = _conclude(request, vehicle, state, trigger, recorder, clock)
-    if interrupted:
+        result = _conclude(request, vehicle, flown.state, flown.trigger, recorder, clock)
+    if flown.interrupted:
         raise AttemptInterrupted(result)
     return result
 
@@ -126,91 +118,3 @@ def _conclude(
         outcome=outcome, triggered=state.triggered, trigger=trigger, aborted_by=aborted_by, evidence=evidence
     )
     return result
-
-
-@dataclass
-class _Flight:
-    """The running attempt: everything with a thread or a socket lives and dies in :meth:`run`."""
-
-    request: AttemptRequest
-    plan: AttemptPlan
-    bundle: bytes
-    limits: SafetyLimits
-    recorder: RunRecorder
-    clock: Clock
-    on_phase: OnPhase | None
-
-    def run(self) -> tuple[FlightState, dict[str, float] | None, bool]:
-        """Fly until the supervisor is done; gives its last state, the trigger snapshot, and "interrupted"."""
-        events: queue.Queue[Event] = queue.Queue()
-        with ExitStack() as stack:
-            interrupts = stack.enter_context(OperatorInterrupts(events))
-            self.recorder.event(
-                "connecting", self.clock(), drone=self.request.drone, mocap=self.request.mocap
-            )
-            link = stack.enter_context(DroneLink.open(self.request.drone, clock=self.clock))
-            bridge = PoseBridge(
-                self.request.mocap,
-                CrazyfliePoseSink(link),
-                clock=self.clock,
-                on_sample=pose_recorder(self.recorder),
-            )
-            stack.enter_context(bridge)
-            telemetry = Telemetry(link, bridge, self.recorder, self.clock)
-            telemetry.start()
-            commands = CommandRunner(link, self.plan, self.bundle, self.request.room.ceiling_z, events)
-            stack.callback(commands.close)
-            state = self._supervise(link, bridge, telemetry, commands, events)
-            trigger = telemetry.trigger_snapshot() if state.triggered else None
-            if trigger is not None:
-                self.recorder.write("trigger", self.clock(), trigger)
-            return state, trigger, interrupts.count > 0
-
-    def _supervise(
-        self,
-        link: DroneLink,
-        bridge: PoseBridge,
-        telemetry: Telemetry,
-        commands: CommandRunner,
-        events: "queue.Queue[Event]",
-    ) -> FlightState:
-        """Feed the supervisor until it is done."""
-        state = initial_state(self.clock())
-        self._announce(state)
-        kicked_at = next_tick = self.clock()
-        while state.phase is not Phase.DONE:
-            now = self.clock()
-            if state.phase in _WATCHED_PHASES and now - kicked_at >= KICK_PERIOD:
-                link.kick_emergency_stop_watchdog()
-                kicked_at = now
-            event = self._next_event(link, telemetry, events, next_tick)
-            if isinstance(event, Tick):
-                next_tick = max(next_tick + TICK_PERIOD, now)
-            else:
-                self.recorder.event(type(event).__name__, now, what=str(event))
-            before = state
-            state, orders = step(state, event, self.clock(), self.plan.mission, self.limits)
-            for command in orders:
-                self.recorder.event("command", self.clock(), command=str(command))
-                commands.submit(command)
-            if state.phase is not before.phase:
-                bridge.set_in_flight(state.phase in _WATCHED_PHASES)
-                self._announce(state)
-        return state
-
-    def _next_event(
-        self, link: DroneLink, telemetry: Telemetry, events: "queue.Queue[Event]", next_tick: float
-    ) -> Event:
-        """The next event: an answer, an interrupt, a lost link, or the tick that is due."""
-        try:
-            return events.get(timeout=max(0.0, next_tick - self.clock()))
-        except queue.Empty:
-            lost = link.lost
-            return Tick(telemetry.observe()) if lost is None else LinkDown(f"link_lost: {lost}")
-
-    def _announce(self, state: FlightState) -> None:
-        now = self.clock()
-        self.recorder.event("phase", now, phase=state.phase, aborted_by=state.aborted_by)
-        self.recorder.write("supervisor", now, {"state": state.phase.value})
-        if self.on_phase is not None:
-            self.on_phase(state)

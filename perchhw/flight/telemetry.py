@@ -85,7 +85,28 @@ BLOCKS: tuple[Block, ...] = (
     ),
     Block(50, _floats("perchT", "trigger", "vx vy vz z pitch", "vx vy vz z pitch")),
 )
-"""The log blocks of a flight. Variables with an empty topic are watched but not recorded."""
+"""The log blocks of a landing attempt. Variables with an empty topic are watched but not recorded."""
+
+TEST_FLIGHT_BLOCKS: tuple[Block, ...] = (
+    BLOCKS[0],
+    Block(
+        10,
+        {
+            **_floats("stateEstimate", "estimate", "qx qy qz qw", "qx qy qz qw"),
+            "supervisor.info": Field("supervisor", "bits"),
+        },
+    ),
+    BLOCKS[2],
+    Block(
+        10,
+        {
+            **_floats("motor", "motors", "m1 m2 m3 m4", "m1 m2 m3 m4"),
+            "pm.vbat": Field("power", "vbat"),
+            "pm.state": Field("power", "state"),
+        },
+    ),
+)
+"""The log blocks of a test flight: what the gap finder uses at 100 Hz, nothing of the landing app."""
 
 
 class _Latest(NamedTuple):
@@ -106,9 +127,18 @@ class Telemetry:
         bridge: the running pose bridge.
         recorder: where everything goes.
         clock: the flight's monotonic clock, s.
+        blocks: what to subscribe to.
     """
 
-    def __init__(self, link: "DroneLink", bridge: PoseBridge, recorder: RunRecorder, clock: Clock) -> None:
+    def __init__(
+        self,
+        link: "DroneLink",
+        bridge: PoseBridge,
+        recorder: RunRecorder,
+        clock: Clock,
+        blocks: tuple[Block, ...] = BLOCKS,
+    ) -> None:
+        self._blocks = blocks
         self._link = link
         self._bridge = bridge
         self._recorder = recorder
@@ -119,7 +149,7 @@ class Telemetry:
 
     def start(self) -> None:
         """Open all log blocks on the drone."""
-        for index, block in enumerate(BLOCKS):
+        for index, block in enumerate(self._blocks):
             self._link.stream(tuple(block.variables), block.period_ms, self._receiver(index, block))
 
     def _receiver(self, index: int, block: Block) -> "Callable[[LogSample], None]":

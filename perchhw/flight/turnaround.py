@@ -4,7 +4,8 @@ from collections.abc import Callable
 
 from onboard.link import reboot
 from perchhw.attempt import AttemptRequest, AttemptResult, AttemptRunner
-from perchhw.flight.attempt import OnPhase, fly_attempt
+from perchhw.flight.attempt import fly_attempt
+from perchhw.flight.session import OnPhase
 from perchhw.supervisor import SafetyLimits
 
 Confirm = Callable[[str], None]

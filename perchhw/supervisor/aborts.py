@@ -21,7 +21,7 @@ def abort(state: FlightState, why: str, context: Context) -> Step:
             return Step(enter(state, Phase.DONE, context))
         case Phase.ARMING:
             return disarm(state, context)
-        case Phase.TAKING_OFF | Phase.MOVING_TO_START | Phase.ARMING_APPROACH:
+        case Phase.TAKING_OFF | Phase.MOVING_TO_START | Phase.ARMING_APPROACH | Phase.TEST_FLIGHT:
             return land(state, context)
         case Phase.APPROACHING:
             return Step(enter(state, Phase.BRAKING, context, "the drone to brake"), (Brake(),))

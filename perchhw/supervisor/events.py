@@ -45,6 +45,11 @@ class StartApproach:
 
 
 @dataclass(frozen=True, slots=True)
+class FlyCourse:
+    """Stream the setpoints of the test flight; done when its last one was reached, which then stays."""
+
+
+@dataclass(frozen=True, slots=True)
 class Brake:
     """Leave the approach on the drone: brake, then hold below the ceiling."""
 
@@ -67,7 +72,17 @@ class EmergencyStop:
 
 
 Command = (
-    UploadPolicy | Arm | TakeOff | GoTo | ArmApproach | StartApproach | Brake | Land | Disarm | EmergencyStop
+    UploadPolicy
+    | Arm
+    | TakeOff
+    | GoTo
+    | ArmApproach
+    | StartApproach
+    | FlyCourse
+    | Brake
+    | Land
+    | Disarm
+    | EmergencyStop
 )
 URGENT_COMMANDS = (Brake, Land, EmergencyStop)
 """Commands that do not wait behind others."""

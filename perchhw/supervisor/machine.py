@@ -1,6 +1,7 @@
 """The flight as a state machine: (state, event, clock) -> (state, commands), pure.
 
-Check, upload, arm, take off, move to the start, approach, flip, settle, disarm; abort from anywhere.
+Check, upload, arm, take off, move to the start, approach, flip, settle, disarm; abort from anywhere. A test
+flight has no policy to upload, follows its course instead of an approach, and lands on the floor.
 """
 
 from perchhw.supervisor.aborts import abort, link_down, operator_abort
@@ -8,12 +9,13 @@ from perchhw.supervisor.events import (
     CommandDone,
     CommandFailed,
     Event,
+    FlyCourse,
     LinkDown,
     OperatorAbort,
     Tick,
     UploadPolicy,
 )
-from perchhw.supervisor.phases import PHASES, after_upload
+from perchhw.supervisor.phases import PHASES, after_course, after_upload
 from perchhw.supervisor.rules import SafetyLimits
 from perchhw.supervisor.state import Context, FlightState, Mission, Phase, Step, Timing
 
@@ -40,6 +42,8 @@ def step(
             return PHASES[state.phase](state, observation, context)
         case CommandDone(UploadPolicy(), value):
             return after_upload(state, value, context)
+        case CommandDone(FlyCourse()):
+            return after_course(state, context)
         case CommandDone():
             return Step(state)
         case CommandFailed(command, reason):

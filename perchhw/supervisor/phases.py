@@ -14,6 +14,7 @@ from perchhw.supervisor.events import (
     Arm,
     ArmApproach,
     EmergencyStop,
+    FlyCourse,
     GoTo,
     StartApproach,
     TakeOff,
@@ -25,6 +26,7 @@ from perchhw.supervisor.rules import (
     GROUND_RULES,
     HOVER_RULES,
     PREFLIGHT_RULES,
+    TEST_FLIGHT_RULES,
     first_violation,
     pose_good,
 )
@@ -57,7 +59,16 @@ def _checking(state: FlightState, o: Observation, context: Context) -> Step:
     )
     if not passed:
         return Step(state)
+    if context.mission.test_flight:
+        return _ready(state, context)
     return Step(enter(state, Phase.UPLOADING, context, "the policy upload"), (UploadPolicy(),))
+
+
+def _ready(state: FlightState, context: Context) -> Step:
+    """All checks passed: arm, unless this is a rehearsal."""
+    if context.mission.dry_run:
+        return Step(enter(state, Phase.DONE, context))
+    return Step(enter(state, Phase.ARMING, context, "the drone to arm"), (Arm(),))
 
 
 def _uploading(state: FlightState, o: Observation, context: Context) -> Step:
@@ -75,9 +86,7 @@ def after_upload(state: FlightState, crc: int | None, context: Context) -> Step:
         return abort(
             state, f"policy_crc: the drone has {live}, need {context.mission.policy_crc:08x}", context
         )
-    if context.mission.dry_run:
-        return Step(enter(state, Phase.DONE, context))
-    return Step(enter(state, Phase.ARMING, context, "the drone to arm"), (Arm(),))
+    return _ready(state, context)
 
 
 def _arming(state: FlightState, o: Observation, context: Context) -> Step:
@@ -101,8 +110,8 @@ def _arming(state: FlightState, o: Observation, context: Context) -> Step:
 
 
 def _policy_guard(state: FlightState, o: Observation, context: Context) -> Step | None:
-    """The live policy is the one that was uploaded, or the attempt ends."""
-    if o.active_policy_crc == context.mission.policy_crc:
+    """The live policy is the one that was uploaded, or the attempt ends. A test flight needs none."""
+    if context.mission.test_flight or o.active_policy_crc == context.mission.policy_crc:
         return None
     live = "unknown" if o.active_policy_crc is None else f"{o.active_policy_crc:08x}"
     return abort(state, f"policy_crc: the drone has {live}, need {context.mission.policy_crc:08x}", context)
@@ -144,6 +153,8 @@ def _moving_to_start(state: FlightState, o: Observation, context: Context) -> St
         return stop
     timing, mission = context.timing, context.mission
     state, steady = _held(state, _settled_at(o, mission.start), timing.hover_hold, context)
+    if steady and mission.test_flight:
+        return Step(enter(state, Phase.TEST_FLIGHT, context, "the end of the course"), (FlyCourse(),))
     if steady:
         arming = enter(state, Phase.ARMING_APPROACH, context, "the drone to accept the approach")
         return Step(arming, (ArmApproach(),))
@@ -165,6 +176,20 @@ def _arming_approach(state: FlightState, o: Observation, context: Context) -> St
         reported = "unknown" if o.landing_state is None else o.landing_state.name
         return abort(state, f"the drone did not arm the approach: its landing state is {reported}", context)
     return Step(state)
+
+
+def _test_flight(state: FlightState, o: Observation, context: Context) -> Step:
+    stop = guard(state, TEST_FLIGHT_RULES, o, context)
+    if stop is not None:
+        return stop
+    if elapsed(state, context) > context.mission.approach_duration + context.timing.course_margin:
+        return abort(state, "the course did not come to its end", context)
+    return Step(state)
+
+
+def after_course(state: FlightState, context: Context) -> Step:
+    """Land when the course was flown; one that was broken off is being landed already."""
+    return land(state, context) if state.phase is Phase.TEST_FLIGHT else Step(state)
 
 
 # --- the approach and after -------------------------------------------------------------------------------
@@ -261,6 +286,7 @@ PHASES: dict[Phase, Callable[[FlightState, Observation, Context], Step]] = {
     Phase.MOVING_TO_START: _moving_to_start,
     Phase.ARMING_APPROACH: _arming_approach,
     Phase.APPROACHING: _approaching,
+    Phase.TEST_FLIGHT: _test_flight,
     Phase.FLIPPING: _flipping,
     Phase.SETTLING: _settling,
     Phase.BRAKING: _braking,

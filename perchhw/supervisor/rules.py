@@ -43,6 +43,7 @@ class SafetyLimits:
         yaw_disagreement: largest heading difference before arming, rad.
         tilt_on_ground: largest tilt before arming, rad.
         tilt_in_hover: largest tilt while hovering and moving to the start, rad.
+        tilt_in_test_flight: likewise during a test flight; the controller asks for 50 deg at most, rad.
         speed_on_ground: largest speed of the estimate before arming, m/s.
         height_on_ground: greatest height of the body's origin before arming, m.
         room: the flight volume.
@@ -61,6 +62,7 @@ class SafetyLimits:
     yaw_disagreement: float = radians(5.0)
     tilt_on_ground: float = radians(10.0)
     tilt_in_hover: float = radians(35.0)
+    tilt_in_test_flight: float = radians(65.0)
     speed_on_ground: float = 0.15
     height_on_ground: float = 0.25
     room: RoomGeometry = field(default_factory=RoomGeometry)
@@ -200,6 +202,12 @@ def upright_in_hover(o: Observation, limits: SafetyLimits) -> Violation | None:
     return _at_most("tilt_in_hover", tilt, degrees(limits.tilt_in_hover), "deg")
 
 
+def upright_in_test_flight(o: Observation, limits: SafetyLimits) -> Violation | None:
+    """The drone does not tilt more than a controller that is in command would have it."""
+    tilt = None if o.estimate_attitude is None else degrees(o.estimate_attitude.tilt)
+    return _at_most("tilt_in_test_flight", tilt, degrees(limits.tilt_in_test_flight), "deg")
+
+
 def inside_room(o: Observation, limits: SafetyLimits) -> Violation | None:
     """Mocap sees the drone inside the flight volume."""
     if o.pose_position is None:
@@ -244,6 +252,12 @@ HOVER_RULES: tuple[Rule, ...] = (
     battery_in_flight,
 )
 """From take-off to the start of the approach."""
+
+TEST_FLIGHT_RULES: tuple[Rule, ...] = (
+    *(rule for rule in HOVER_RULES if rule is not upright_in_hover),
+    upright_in_test_flight,
+)
+"""While a test flight follows its course."""
 
 APPROACH_RULES: tuple[Rule, ...] = (
     link_alive,

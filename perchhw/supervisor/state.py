@@ -19,6 +19,7 @@ class Phase(StrEnum):
     MOVING_TO_START = "moving to start"
     ARMING_APPROACH = "arming approach"
     APPROACHING = "approaching"
+    TEST_FLIGHT = "test flight"
     FLIPPING = "flipping"
     SETTLING = "settling"
     BRAKING = "braking"
@@ -32,11 +33,13 @@ class Mission:
     """What is to be flown.
 
     Attributes:
-        policy_crc: CRC32 of the bundle that must be live on the drone.
-        start: where the approach begins, m, world frame.
+        policy_crc: CRC32 of the bundle that must be live on the drone; a test flight needs none.
+        start: where the approach or the course begins, m, world frame.
         hover_height: height of the first hover, m.
-        approach_duration: from the start of the approach to the ceiling if nothing were done, s.
-        dry_run: stop after the verified upload; the motors never arm.
+        approach_duration: from the start of the approach to the ceiling if nothing were done, or of the
+            course of a test flight, s.
+        dry_run: stop after the verified upload (the checks, without a policy); the motors never arm.
+        test_flight: fly a course and land upright, without any policy.
         transit_speed: mean speed of moves between hovers, m/s.
     """
 
@@ -45,6 +48,7 @@ class Mission:
     hover_height: float
     approach_duration: float
     dry_run: bool = False
+    test_flight: bool = False
     transit_speed: float = 0.8
 
 
@@ -68,6 +72,7 @@ class Timing:
     hover_hold: float = 0.6
     approach_arm_deadline: float = 2.0
     approach_margin: float = 1.0
+    course_margin: float = 2.0
     flip_deadline: float = 1.0
     settle: float = 2.5
     brake_deadline: float = 3.0

@@ -4,16 +4,14 @@ import queue
 from typing import Any
 
 from perchhw.flight.actions import CommandRunner
-from perchhw.flight.mission import plan_attempt
 from perchhw.supervisor import CommandFailed, Event
 from perchhw.supervisor.events import Arm
-from tests.flight.test_mission import REQUEST
 
 
 def test_a_programming_error_is_a_failed_command() -> None:
     events: queue.Queue[Event] = queue.Queue()
     no_link: Any = None
-    runner = CommandRunner(no_link, plan_attempt(REQUEST, 0), b"", 2.1, events)
+    runner = CommandRunner(no_link, events)
     try:
         runner.submit(Arm())
         event = events.get(timeout=5.0)

@@ -24,6 +24,7 @@ from perchhw.supervisor.events import (
     Command,
     Disarm,
     EmergencyStop,
+    FlyCourse,
     GoTo,
     Land,
     StartApproach,
@@ -34,6 +35,7 @@ from perchhw.supervisor.observation import Attitude
 
 CRC = 0x1234ABCD
 MISSION = Mission(policy_crc=CRC, start=(-3.0, 0.0, 0.6), hover_height=0.6, approach_duration=2.0)
+TEST_FLIGHT = replace(MISSION, policy_crc=0, test_flight=True)
 PERIOD = 0.02
 READY = SupervisorBits.CAN_ARM
 FLYING = SupervisorBits.ARMED | SupervisorBits.CAN_FLY | SupervisorBits.FLYING
@@ -88,6 +90,7 @@ class SimulatedAttempt:
     now: float = 0.0
     world: Observation = field(default_factory=good_on_ground)
     approach_started: float | None = None
+    course_ends: float | None = None
 
     def run(self, longest: float = 60.0) -> FlightState:
         """Until the supervisor is done; fails when it does not end within `longest` s."""
@@ -98,11 +101,16 @@ class SimulatedAttempt:
                 self.phases.append(state.phase)
                 if state.phase in self.events_at:
                     pending.append(self.events_at.pop(state.phase))
+            if self.course_ends is not None and self.now > self.course_ends:
+                self.course_ends = None
+                pending.append(CommandDone(FlyCourse()))
             event = pending.pop(0) if pending else self._tick(state)
             state, orders = step(state, event, self.now, self.mission)
             for command in orders:
                 self.commands.append(command)
                 self._obey(command)
+                if isinstance(command, FlyCourse):
+                    continue
                 value = CRC if isinstance(command, UploadPolicy) else None
                 pending.append(CommandDone(command, value))
             assert self.now < longest, f"stuck in {state.phase}, waiting for {state.waiting_for}"
@@ -148,6 +156,8 @@ class SimulatedAttempt:
             case StartApproach():
                 self._landing(LandingState.APPROACH)
                 self.approach_started = self.now
+            case FlyCourse():
+                self.course_ends = self.now + self.mission.approach_duration
             case Brake():
                 self._landing(LandingState.HOLD)
             case Land(_):

@@ -29,16 +29,18 @@ from perchhw.supervisor.events import (
     Disarm,
     EmergencyStop,
     Event,
+    FlyCourse,
     GoTo,
     Land,
     StartApproach,
     TakeOff,
     UploadPolicy,
 )
+from perchhw.supervisor.observation import Attitude
 
-from .simulated_attempt import CRC, FLYING, MISSION, SimulatedAttempt, good_on_ground
+from .simulated_attempt import CRC, FLYING, MISSION, TEST_FLIGHT, SimulatedAttempt, good_on_ground
 
-MOTION = (Arm, TakeOff, GoTo, ArmApproach, StartApproach)
+MOTION = (Arm, TakeOff, GoTo, ArmApproach, StartApproach, FlyCourse)
 
 
 def kinds(attempt: SimulatedAttempt) -> list[type]:
@@ -176,6 +178,47 @@ def test_a_fault_in_a_hover_lands(phase: Phase, fault: dict[str, object]) -> Non
     assert StartApproach not in kinds(attempt)
 
 
+def test_a_test_flight_needs_no_policy_and_lands_when_its_course_is_flown() -> None:
+    attempt = SimulatedAttempt(mission=TEST_FLIGHT)
+    state = attempt.run()
+    assert kinds(attempt) == [Arm, TakeOff, GoTo, FlyCourse, Land, Disarm]
+    assert state.aborted_by is None
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        {"pose_verdict": Verdict.LOST},
+        {"pose_position": (0.0, 3.0, 1.0), "estimate_position": (0.0, 3.0, 1.0)},
+        {"battery_voltage": 2.5},
+        {"estimate_attitude": Attitude(tilt=1.3, yaw=0.0)},
+        {"link_silence": 2.0},
+    ],
+    ids=lambda fault: next(iter(fault)),
+)
+def test_a_fault_during_a_test_flight_lands_at_once(fault: dict[str, object]) -> None:
+    def broken(o: Observation, now: float, state: FlightState) -> Observation:
+        return replace(o, **fault) if state.phase is Phase.TEST_FLIGHT else o  # type: ignore[arg-type]
+
+    attempt = SimulatedAttempt(mission=TEST_FLIGHT, fault=broken)
+    state = attempt.run()
+    assert kinds(attempt)[-3:] == [FlyCourse, Land, Disarm]
+    assert state.aborted_by is not None
+
+
+def test_a_course_that_does_not_end_is_landed() -> None:
+    attempt = SimulatedAttempt(mission=TEST_FLIGHT)
+    state = FlightState(phase=Phase.TEST_FLIGHT, entered_at=0.0, armed=True)
+    flying = replace(
+        good_on_ground(), drone=SupervisorInfo(FLYING), pose_position=(-3.0, 0.0, 1.0),
+        estimate_position=(-3.0, 0.0, 1.0),
+    )  # fmt: skip
+    later = attempt.mission.approach_duration + 3.0
+    after, commands = step(state, Tick(flying), later, attempt.mission)
+    assert [type(c) for c in commands] == [Land]
+    assert "did not come to its end" in (after.aborted_by or "")
+
+
 def test_a_fault_on_the_approach_brakes_on_the_drone_and_lands() -> None:
     def lost(o: Observation, now: float, state: FlightState) -> Observation:
         return replace(o, pose_verdict=Verdict.LOST) if state.phase is Phase.APPROACHING else o
@@ -208,6 +251,8 @@ def test_a_flip_that_never_ends_is_cut() -> None:
 @pytest.mark.parametrize("phase", [p for p in Phase if p is not Phase.DONE])
 def test_the_operator_ends_any_phase(phase: Phase) -> None:
     attempt = SimulatedAttempt(events_at={phase: OperatorAbort()}, triggers=phase is not Phase.BRAKING)
+    if phase is Phase.TEST_FLIGHT:
+        attempt.mission = TEST_FLIGHT
     if phase is Phase.LANDING:
         attempt.triggers = False
     state = attempt.run()

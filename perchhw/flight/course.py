@@ -1,0 +1,137 @@
+"""Fly one test flight: a course from the library, under the same supervision as a landing attempt.
+
+It needs no policy and nothing of our firmware on the drone: setpoints, poses and logs are those of any
+Crazyflie.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from calibration.gap.suggest.course import Course
+from calibration.gap.suggest.manoeuvres import manoeuvre
+from mocap_bridge.uri import parse_mocap_uri
+from onboard.clock import Clock, monotonic
+from onboard.errors import PerchhwError
+from onboard.link.uri import check_drone_uri
+from onboard.outcome import Outcome
+from onboard.room import RoomGeometry
+from onboard.vehicle import load_vehicle
+from perchhw.flight.actions import CourseCommands
+from perchhw.flight.mission import LOWEST_HOVER
+from perchhw.flight.session import OnPhase, SupervisedFlight
+from perchhw.flight.telemetry import TEST_FLIGHT_BLOCKS
+from perchhw.record import RunRecorder
+from perchhw.supervisor import Mission, SafetyLimits
+
+FLOWN = "flown"
+"""Outcome of a test flight that came to its end."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CourseRequest:
+    """One test flight.
+
+    Attributes:
+        kind: of the library (:data:`calibration.gap.suggest.manoeuvres.MANOEUVRES`).
+        parameters: of the kind, SI; what is left out has its usual value.
+        folder: the run folder for the record: reserved and empty, or not there yet.
+        drone, mocap: URIs.
+        vehicle: name or path of the vehicle file.
+        legs: leg design, or None for that of the vehicle.
+        room: ceiling and flight volume.
+    """
+
+    kind: str
+    folder: Path
+    drone: str
+    mocap: str
+    vehicle: str
+    legs: str | None = None
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    room: RoomGeometry = field(default_factory=RoomGeometry)
+
+    def course(self) -> Course:
+        """What is flown.
+
+        Raises:
+            CourseError: unknown kind, unusable parameters, or it does not fit the room.
+        """
+        return manoeuvre(self.kind).course(self.parameters, self.room)
+
+
+@dataclass(frozen=True)
+class CourseResult:
+    """What came of a test flight.
+
+    Attributes:
+        aborted_by: rule, command or person that ended it early, or None.
+        record: the run folder.
+        interrupted: the operator interrupted it.
+    """
+
+    aborted_by: str | None
+    record: Path
+    interrupted: bool
+
+
+def fly_course(
+    request: CourseRequest,
+    *,
+    clock: Clock = monotonic,
+    limits: SafetyLimits | None = None,
+    on_phase: OnPhase | None = None,
+) -> CourseResult:
+    """Check, arm, take off, fly the course, land on the floor, disarm; everything is recorded.
+
+    Raises:
+        PerchhwError: no link, or input that cannot be used; the record holds the reason when it was already
+            open.
+    """
+    check_drone_uri(request.drone)
+    parse_mocap_uri(request.mocap)
+    vehicle = load_vehicle(request.vehicle, request.legs)
+    course = request.course()
+    mission = Mission(
+        policy_crc=0,
+        start=course.start,
+        hover_height=max(LOWEST_HOVER, course.start[2]),
+        approach_duration=course.duration,
+        test_flight=True,
+    )
+    design = None if vehicle.legs is None else vehicle.legs.design
+    with RunRecorder(request.folder, _configuration(request, vehicle.name, design), clock) as recorder:
+        flight = SupervisedFlight(
+            drone=request.drone,
+            mocap=request.mocap,
+            mission=mission,
+            limits=limits or SafetyLimits(room=request.room),
+            blocks=TEST_FLIGHT_BLOCKS,
+            commands=lambda link, events: CourseCommands(link, events, course, clock),
+            recorder=recorder,
+            clock=clock,
+            on_phase=on_phase,
+        )
+        try:
+            flown = flight.run()
+        except PerchhwError as error:
+            recorder.event("refused", clock(), reason=str(error))
+            recorder.close(outcome=Outcome.ABORTED, aborted_by=str(error))
+            raise
+        aborted_by = flown.state.aborted_by
+        recorder.close(outcome=FLOWN if aborted_by is None else Outcome.ABORTED, aborted_by=aborted_by)
+    return CourseResult(aborted_by, request.folder, flown.interrupted)
+
+
+def _configuration(request: CourseRequest, vehicle: str, legs: str | None) -> dict[str, Any]:
+    """What ``run.json`` says about the flight."""
+    return {
+        "flight": request.kind,
+        "parameters": manoeuvre(request.kind).values(request.parameters),
+        "drone": request.drone,
+        "mocap": request.mocap,
+        "vehicle": vehicle,
+        "legs": legs,
+        "ceiling_z": request.room.ceiling_z,
+    }
