@@ -32,6 +32,7 @@ VERBS: dict[str, Verb] = {
     "campaign": Verb("perchhw.cli.campaign", "Fly a grid of attempts; resume, status, report."),
     "policy": Verb("perchhw.cli.policy", "Show, import, export, evaluate, upload and verify policies."),
     "learn": Verb("perchhw.cli.learn", "Learn a landing policy in simulation."),
+    "gap": Verb("perchhw.cli.gap", "Find where the model and measured flights disagree."),
     "vehicle": Verb("perchhw.cli.vehicle", "List, show, check and compare vehicle files."),
     "mocap": Verb("perchhw.cli.mocap", "Watch what a mocap source delivers."),
     "log": Verb("perchhw.cli.log", "List, export, label and view recorded flights."),

@@ -18,6 +18,7 @@ from onboard.controller import ControllerGains, controller_gains, geometric_cont
 from onboard.jit import kernel
 from onboard.mixer import mix
 from onboard.room import RoomGeometry
+from onboard.rotation import from_rotation_vector, multiply
 from onboard.thrust_map import ThrustMap
 from onboard.vehicle import Vehicle
 from sim_backend.physics.effects.sensors import measured_rate, tracked_attitude, tracked_position
@@ -169,7 +170,6 @@ def _record(
 
 def with_noise(record: FlightRecord, scale: float, rng: np.random.Generator) -> FlightRecord:
     """The record with `scale` times ordinary sensor noise (gap note, 5)."""
-    from onboard.rotation import from_rotation_vector, multiply
 
     def noise(size: float, width: int) -> FloatArray:
         return scale * size * rng.standard_normal((record.t.size, width))
@@ -187,3 +187,22 @@ def with_noise(record: FlightRecord, scale: float, rng: np.random.Generator) -> 
         rate=record.rate + noise(0.01, 3),
         specific_force=None if force is None else force + noise(0.05, 3),
     )
+
+
+def write_table(record: FlightRecord, path: Path, rng: np.random.Generator) -> Path:
+    """The record as a file of the format ``table``, with commands that jitter as real ones do."""
+    assert record.specific_force is not None
+    assert record.voltage is not None
+    jitter = rng.integers(-6, 7, size=record.duty.shape)
+    columns = {
+        "t": record.t,
+        "x,y,z": record.position,
+        "qx,qy,qz,qw": record.attitude,
+        "gx,gy,gz": record.rate,
+        "ax,ay,az": record.specific_force,
+        "m1,m2,m3,m4": np.clip(np.round(65535.0 * record.duty) + jitter, 0, 65535),
+        "vbat": record.voltage,
+    }
+    table = np.column_stack(list(columns.values()))
+    np.savetxt(path, table, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")
+    return path

@@ -10,7 +10,7 @@ import numpy as np
 from calibration.errors import CalibrationError
 from calibration.gap.prediction.flight_prediction import prediction_errors
 from calibration.gap.prediction.floors import accelerometer_driven, gyro_driven
-from calibration.gap.prediction.inputs import PredictionInputs, prediction_inputs
+from calibration.gap.prediction.inputs import PredictionInputs, motor_starts, prediction_inputs
 from calibration.gap.prediction.nuisances import LEAST_STARTS, Nuisances, fit_nuisances
 from calibration.gap.prediction.torque_estimate import HORIZON as TORQUE_HORIZON
 from calibration.gap.prediction.torque_estimate import with_torque_estimate
@@ -39,6 +39,8 @@ HORIZONS = (0.1, 0.25, 0.5, 1.0)
 """s."""
 START_EVERY = 0.1
 """s from one start to the next."""
+ORDINARY_THRUST = (0.8, 1.25)
+"""Thrust of a flight over that of its model beyond which the vehicle file is probably another vehicle's."""
 _AXES = ("x", "y", "z")
 
 
@@ -60,6 +62,7 @@ class FlightErrors:
         in_body: error vectors of `open_loop` and `given_attitude` along the body axes of the start, shape
             (m, h, 4, 3).
         nuisances: what the flight was given beside the model.
+        thrust_ratio: mean thrust that the flight had over what the model makes of the logged commands.
     """
 
     record: FlightRecord
@@ -71,6 +74,7 @@ class FlightErrors:
     phases: Rows
     in_body: tuple[FloatArray, FloatArray]
     nuisances: Nuisances
+    thrust_ratio: float
 
 
 @dataclass(frozen=True)
@@ -172,6 +176,18 @@ class PredictionErrors:
             }
         return channels
 
+    def doubts(self) -> list[str]:
+        """What should be looked at before the numbers are believed, in words."""
+        low, high = ORDINARY_THRUST
+        odd = [f for f in self.flights if not low < f.thrust_ratio < high]
+        if not odd:
+            return []
+        ratios = sorted(f.thrust_ratio for f in odd)
+        return [
+            f"{len(odd)} of {len(self.flights)} flights had {ratios[0]:.2f} to {ratios[-1]:.2f} times the "
+            "thrust that the model makes of their commands: is this the file of the vehicle that flew?"
+        ]
+
     def to_json(self) -> dict[str, Any]:
         """The document of ``perchhw gap evaluate``."""
         floor = self.floor
@@ -188,11 +204,13 @@ class PredictionErrors:
                     "file": str(flight.record.source),
                     "shape": flight.record.shape,
                     **pair.to_json(),
+                    "thrust_ratio": flight.thrust_ratio,
                     "nuisances": flight.nuisances.to_json() if self.calibrated_s else None,
                 }
                 for flight, pair in zip(self.flights, self.by_flight(), strict=True)
             ],
             "calibrated_first_s": self.calibrated_s,
+            "doubts": self.doubts(),
             "unpredicted": [
                 {"flight": item.record.name, "file": str(item.record.source), "reason": item.reason}
                 for item in self.unpredicted
@@ -312,4 +330,15 @@ def _scored(
         phases=phase_indices(inputs, rows),
         in_body=(in_body_axes(free, rotation), in_body_axes(given, rotation)),
         nuisances=nuisances,
+        thrust_ratio=_thrust_ratio(inputs),
     )
+
+
+def _thrust_ratio(inputs: PredictionInputs) -> float:
+    """Mean thrust that was needed over mean thrust of the model, along the body's axis, where it is known."""
+    _, thrust = motor_starts(inputs, inputs.parameters, np.array([0]))
+    acceleration = np.gradient(inputs.velocity, inputs.dt, axis=0)
+    acceleration[:, 2] += inputs.parameters["gravity"]
+    needed = inputs.parameters["mass"] * np.einsum("ni,ni->n", inputs.rotation[:, :, 2], acceleration)
+    known = inputs.known & inputs.record.flying
+    return float(needed[known].mean() / thrust[known].sum(axis=1).mean())

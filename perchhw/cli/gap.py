@@ -1,0 +1,133 @@
+"""``perchhw gap``: where the model and measured flights disagree."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from perchhw.cli.options import FlightFormat, Legs
+from perchhw.cli.output import console, emit, progress_console
+
+if TYPE_CHECKING:
+    from calibration.gap.prediction import PredictionErrors
+    from calibration.gap.prepare import Prepared
+
+app = typer.Typer(add_completion=False, no_args_is_help=True, help="Compare the model with measured flights.")
+
+DataOption = Annotated[
+    list[Path], typer.Option("--data", help="Flight files, or folders of them; more may follow it.")
+]
+MoreData = Annotated[list[Path] | None, typer.Argument(metavar="[PATH]...", help="More of --data.")]
+VehicleOption = Annotated[str, typer.Option(help="Vehicle file, or the name of a known vehicle: the model.")]
+
+
+@app.command()
+def evaluate(
+    data: DataOption,
+    vehicle: VehicleOption,
+    more: MoreData = None,
+    format: FlightFormat = "auto",
+    legs: Legs = None,
+    horizons: Annotated[str, typer.Option(help="Seconds ahead, increasing.")] = "0.1,0.25,0.5,1.0",
+    calibrate_first_s: Annotated[
+        float,
+        typer.Option(
+            min=0.0,
+            help="Fit each flight's thrust scale, lean and trim to its first seconds; score the rest.",
+        ),
+    ] = 0.0,
+) -> None:
+    """How well a model predicts flights: mean errors by horizon, and what no model could beat."""
+    from calibration.gap.prediction import evaluate as predict
+    from onboard.vehicle import load_vehicle
+
+    seconds = _seconds(horizons)
+    model = load_vehicle(vehicle, legs=legs)
+    flights, unusable = read_records([*data, *(more or [])], format)
+    errors = predict(flights.records, model, seconds, calibrate_first_s)
+    document = errors.to_json()
+    document["unusable"] = unusable + [
+        {"file": item["file"], "reason": item["reason"]} for item in document.pop("unpredicted")
+    ]
+    document["limitations"] = list(flights.limitations)
+    document["vehicle"] = vehicle
+    _warn(document)
+    emit(document, lambda: _draw(errors, vehicle))
+
+
+def read_records(paths: list[Path], format: str) -> tuple["Prepared", list[dict[str, str]]]:
+    """Records of all usable flights, and the files that hold none, each with the reason.
+
+    Raises:
+        InputError: a path does not exist, or not one flight is usable.
+    """
+    from calibration.flights import flight_files, open_flight
+    from calibration.gap.prepare import prepare_flights
+    from onboard.errors import InputError
+
+    opened, unusable = [], []
+    for file in flight_files(paths):
+        try:
+            opened.append(open_flight(file, format))
+        except InputError as error:
+            unusable.append({"file": str(file), "reason": str(error)})
+    flights = prepare_flights(opened)
+    unusable += [{"file": str(item.file), "reason": item.reason} for item in flights.refused]
+    if not flights.records:
+        reasons = "; ".join(with_file(item) for item in unusable)
+        raise InputError(f"no usable flight: {reasons}")
+    return flights, unusable
+
+
+def with_file(unusable: dict[str, str]) -> str:
+    """The reason, with the file in front where it does not name it itself."""
+    file, reason = unusable["file"], unusable["reason"]
+    return reason if file in reason else f"{file}: {reason}"
+
+
+def _seconds(text: str) -> tuple[float, ...]:
+    from onboard.errors import InputError
+
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise InputError(f"--horizons {text!r}: expected seconds such as 0.1,0.5,1.0") from None
+
+
+def _warn(document: dict[str, Any]) -> None:
+    """Tell the person on stderr what was left out and what to be careful with."""
+    lines = [f"unusable: {with_file(item)}" for item in document["unusable"]]
+    lines += [f"limit: {text}" for text in document["limitations"]]
+    lines += [f"doubt: {text}" for text in document["doubts"]]
+    for line in lines:
+        progress_console().print(line, style="yellow", markup=False, soft_wrap=True)
+
+
+def _draw(errors: "PredictionErrors", vehicle: str) -> None:
+    from rich.table import Table
+
+    count = len(errors.flights)
+    after = f", after their first {errors.calibrated_s:g} s" if errors.calibrated_s else ""
+    console().print(f"{vehicle} on {count} flight{'s'[: count > 1]}{after}: mean errors", markup=False)
+    columns = ("after s", "position m", "velocity m/s", "attitude deg", "rate rad/s", "starts")
+    table = Table("", *columns, box=None, pad_edge=False)
+    floor = errors.floor
+    blocks = [
+        ("all predicted", errors.overall.open_loop),
+        ("attitude given", errors.overall.given_attitude),
+        ("torque estimated", errors.with_torque_estimate),
+    ]
+    if floor is not None:
+        blocks += [("floor, all", floor.open_loop), ("floor, att. given", floor.given_attitude)]
+    for name, block in blocks:
+        for number, (horizon, found) in enumerate(block.items()):
+            means = (found.position_m, found.velocity_m_s, found.attitude_deg, found.rate_rad_s)
+            table.add_row(
+                name if number == 0 else "",
+                f"{horizon:g}",
+                *("" if mean is None else f"{mean:.3g}" for mean in means),
+                str(found.windows),
+            )
+    console().print(table)
+    if floor is not None:
+        console().print("floor: gyro and accelerometer in place of the model", markup=False)
