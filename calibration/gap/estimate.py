@@ -1,5 +1,6 @@
 """One linearised estimate: shared effects, nuisances and coloured noise, fitted together."""
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -60,18 +61,18 @@ class Regression:
     def products(
         self, residual: FloatArray, columns: Sequence[FloatArray], nuisances: FloatArray, noise: Noise
     ) -> Products:
-        """Products of whitened columns per flight; `columns`: signals per unit of each effect, (n, 7)."""
+        """Products of whitened columns per part; `columns`: signals per unit of each effect, (n, 7)."""
         stacked = [
             whiten(column, self.whole, noise.coefficients) / noise.sigma
             for column in (*nuisances, *columns, residual)
         ]
         q, g = len(nuisances), len(columns)
-        sums = np.empty((self.signals.flights, q + g + 1, q + g + 1))
-        for flight in range(self.signals.flights):
-            rows = self.signals.rows(flight)
-            table = np.stack([column[rows].ravel() for column in stacked])
-            sums[flight] = table @ table.T
-        counts = np.add.reduceat(self.whole, self.signals.bounds[:-1], axis=0)
+        bounds = self.signals.part_bounds
+        sums = np.empty((bounds.size - 1, q + g + 1, q + g + 1))
+        for part, (first, end) in enumerate(itertools.pairwise(bounds)):
+            table = np.stack([column[first:end].ravel() for column in stacked])
+            sums[part] = table @ table.T
+        counts = np.add.reduceat(self.whole.astype(float), bounds[:-1], axis=0)
         return Products(
             zz=sums[:, :q, :q],
             zx=sums[:, :q, q:-1],
@@ -98,7 +99,7 @@ class Regression:
             columns: derivatives by each variable, shape (n, 7) each.
             ridge: prior precision of each variable about its present value.
             spread: of the nuisances, to begin with.
-            noise: to begin with; without one it is fitted to the residual less its mean per flight.
+            noise: to begin with; without one it is fitted to the residual less its mean per part.
             rounds: of fitting noise and effects in turn.
         """
         nuisances = nuisance_columns(self.signals, predicted)
@@ -118,13 +119,13 @@ class Regression:
         left = raw.copy()
         for column, value in zip(columns, fit.theta, strict=True):
             left -= value * column
-        per_row = fit.per_flight[self.signals.flight]
+        per_row = fit.per_part[self.signals.part]
         for index, nuisance in enumerate(nuisances):
             left -= per_row[:, index, None] * nuisance
         return np.where(self.signals.valid, left, 0.0)
 
     def _centred(self, raw: FloatArray) -> FloatArray:
-        starts = self.signals.bounds[:-1]
-        count = np.maximum(np.add.reduceat(self.signals.valid, starts, axis=0), 1)
+        starts = self.signals.part_bounds[:-1]
+        count = np.maximum(np.add.reduceat(self.signals.valid.astype(float), starts, axis=0), 1.0)
         mean = np.add.reduceat(raw, starts, axis=0) / count
-        return np.where(self.signals.valid, raw - mean[self.signals.flight], 0.0)
+        return np.where(self.signals.valid, raw - mean[self.signals.part], 0.0)

@@ -1,14 +1,15 @@
-"""Linear mixed-effects regression by normal equations: effects that all flights share, nuisances of each.
+"""Linear mixed-effects regression by normal equations: shared effects, and nuisances of each part.
 
-    whitened residual of flight f = X_f theta + Z_f b_f + white noise,   b_f ~ N(0, diag(spread^2))
+    whitened residual of part f = X_f theta + Z_f b_f + white noise,   b_f ~ N(0, diag(spread^2))
 
-The products of all columns are formed once per flight (:class:`Products`); every fit, hold-out and bootstrap
-over flights after that is algebra of small matrices. Nuisances are integrated out, their spreads found by
+The products of all columns are formed once per part (:class:`Products`); every fit, hold-out and bootstrap
+after that is algebra of small matrices. Nuisances are integrated out, their spreads found by
 expectation-maximisation (Laird, Ware, Biometrics 38, 1982).
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -24,15 +25,15 @@ FIRST_SPREAD: FloatArray = np.array([n.spread for n in NUISANCES])
 
 @dataclass(frozen=True)
 class Products:
-    """Sums of products of whitened columns, per flight.
+    """Sums of products of whitened columns, per part of a flight.
 
     Attributes:
-        zz: nuisance by nuisance, shape (flights, q, q).
-        zx: nuisance by effect, shape (flights, q, g).
-        xx: shape (flights, g, g).
-        zr, xr: with the residual, shapes (flights, q) and (flights, g).
-        rr: shape (flights,).
-        constant: what the noise adds to the log-likelihood of each flight, shape (flights,).
+        zz: nuisance by nuisance, shape (parts, q, q).
+        zx: nuisance by effect, shape (parts, q, g).
+        xx: shape (parts, g, g).
+        zr, xr: with the residual, shapes (parts, q) and (parts, g).
+        rr: shape (parts,).
+        constant: what the noise adds to the log-likelihood of each part, shape (parts,).
     """
 
     zz: FloatArray
@@ -65,22 +66,22 @@ class MixedFit:
         theta: shared effects, shape (g,).
         covariance: of theta by the model, shape (g, g).
         spread: standard deviations of the nuisances, shape (q,).
-        per_flight: nuisances of each flight, shape (flights, q).
-        information: shape (flights, g, g); each flight's part of the normal matrix, nuisances integrated out.
-        score: shape (flights, g); its part of the right-hand side.
-        log_likelihood: marginal, of each flight, shape (flights,).
+        per_part: nuisances of each part, shape (parts, q).
+        information: shape (parts, g, g); each part's share of the normal matrix, nuisances integrated out.
+        score: shape (parts, g); its part of the right-hand side.
+        log_likelihood: marginal, of each part, shape (parts,).
     """
 
     theta: FloatArray
     covariance: FloatArray
     spread: FloatArray
-    per_flight: FloatArray
+    per_part: FloatArray
     information: FloatArray
     score: FloatArray
     log_likelihood: FloatArray
 
 
-def _without_nuisances(p: Products, spread: FloatArray) -> tuple[FloatArray, ...]:
+def _without_nuisances(p: Products, spread: FloatArray) -> tuple[Any, ...]:
     precision = np.diag(spread**-2.0)
     inverse = np.linalg.inv(p.zz + precision)
     gain = np.einsum("fqp,fpg->fqg", inverse, p.zx)
@@ -93,7 +94,7 @@ def _without_nuisances(p: Products, spread: FloatArray) -> tuple[FloatArray, ...
 
 def solve(information: FloatArray, score: FloatArray, ridge: FloatArray) -> FloatArray:
     """theta from summed normal equations; `ridge` (g,) is a weak prior precision about zero."""
-    return np.linalg.solve(information + np.diag(ridge), score)
+    return np.asarray(np.linalg.solve(information + np.diag(ridge), score))
 
 
 def fit_mixed(
@@ -110,16 +111,16 @@ def fit_mixed(
     for last in (*[False] * rounds, True):
         inverse, information, score, left, volume = _without_nuisances(p, spread)
         theta = solve(information.sum(axis=0), score.sum(axis=0), ridge)
-        per_flight = np.einsum("fqp,fp->fq", inverse, p.zr - p.zx @ theta)
+        per_part = np.einsum("fqp,fp->fq", inverse, p.zr - p.zx @ theta)
         if not last:
-            square = per_flight**2 + np.diagonal(inverse, axis1=1, axis2=2)
+            square = per_part**2 + np.diagonal(inverse, axis1=1, axis2=2)
             spread = np.clip(np.sqrt(square.mean(axis=0)), _LEAST, _MOST)
     quadratic = left - 2.0 * score @ theta + np.einsum("g,fgh,h->f", theta, information, theta)
     return MixedFit(
         theta=theta,
         covariance=np.linalg.inv(information.sum(axis=0) + np.diag(ridge)),
         spread=spread,
-        per_flight=per_flight,
+        per_part=per_part,
         information=information,
         score=score,
         log_likelihood=p.constant + volume - 0.5 * quadratic,
@@ -127,13 +128,13 @@ def fit_mixed(
 
 
 def held_out_likelihood(p: Products, fit: MixedFit, ridge: FloatArray, folds: np.ndarray) -> FloatArray:
-    """Marginal log-likelihood of each flight with the shared effects fitted on the other folds.
+    """Marginal log-likelihood of each part with the shared effects fitted on the other folds.
 
     Args:
         p: products.
-        fit: of all flights (its spreads are kept).
+        fit: of all parts (its spreads are kept).
         ridge: as for :func:`fit_mixed`.
-        folds: fold of each flight, shape (flights,).
+        folds: fold of each part, shape (parts,).
     """
     result = np.empty(folds.size)
     _, information, score, left, volume = _without_nuisances(p, fit.spread)
@@ -146,11 +147,20 @@ def held_out_likelihood(p: Products, fit: MixedFit, ridge: FloatArray, folds: np
 
 
 def bootstrap_theta(
-    fit: MixedFit, ridge: FloatArray, rng: np.random.Generator, repeats: int = 400
+    fit: MixedFit, ridge: FloatArray, clusters: np.ndarray, rng: np.random.Generator, repeats: int = 400
 ) -> FloatArray:
-    """theta with the flights drawn anew, shape (repeats, g): what a clustered interval rests on."""
-    flights = fit.score.shape[0]
-    weights = rng.multinomial(flights, np.full(flights, 1.0 / flights), size=repeats).astype(float)
+    """theta with clusters of parts drawn anew, shape (repeats, g): what an honest interval rests on.
+
+    Args:
+        fit: of all parts.
+        ridge: as for :func:`fit_mixed`.
+        clusters: cluster of each part, 0 .. n-1, shape (parts,).
+        rng: source of the draws.
+        repeats: number of draws.
+    """
+    count = int(clusters.max()) + 1
+    drawn = rng.multinomial(count, np.full(count, 1.0 / count), size=repeats).astype(float)
+    weights = drawn[:, clusters]
     information = np.einsum("rf,fgh->rgh", weights, fit.information) + np.diag(ridge)
     score = weights @ fit.score
-    return np.linalg.solve(information, score[:, :, None])[:, :, 0]
+    return np.asarray(np.linalg.solve(information, score[:, :, None])[:, :, 0])

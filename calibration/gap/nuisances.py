@@ -1,7 +1,7 @@
-"""What differs from flight to flight and is nobody's fault: scale of thrust, bias and trim, state of charge.
+"""What differs from flight to flight and is nobody's fault: scale of thrust, bias, trim, state of charge.
 
-Each flight has its own values, drawn from normal distributions whose spread is estimated with everything
-else (random effects). The mean over flights is no nuisance: that is what effects are for.
+Each part of a flight has its own values, drawn from normal distributions whose spread is estimated with
+everything else (random effects). Their mean is no nuisance: that is what effects are for.
 """
 
 from typing import NamedTuple
@@ -44,15 +44,13 @@ NUISANCES = (
 
 
 def nuisance_columns(signals: Signals, predicted: FloatArray) -> FloatArray:
-    """Signals per unit of each nuisance, shape (nuisances, n, 7); each row belongs to its own flight."""
+    """Signals per unit of each nuisance, shape (nuisances, n, 7); each row belongs to its own part."""
     columns = np.zeros((len(NUISANCES), signals.valid.shape[0], len(CHANNELS)))
     columns[0][:, FORCE] = predicted[:, FORCE]
     columns[1][:, 0] = columns[2][:, 1] = 1.0
     for axis in range(3):
         columns[3 + axis][:, 3 + axis] = 1.0
     columns[6][:, 6] = 1.0
-    for flight in range(signals.flights):
-        rows = signals.rows(flight)
-        length = rows.stop - rows.start
-        columns[7][rows, 6] = signals.dt * (np.arange(length) - 0.5 * length)
+    middle = 0.5 * (signals.part_bounds[:-1] + signals.part_bounds[1:])
+    columns[7][:, 6] = signals.dt * (np.arange(signals.valid.shape[0]) - middle[signals.part])
     return columns

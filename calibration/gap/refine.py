@@ -9,10 +9,15 @@ from calibration.gap.estimate import Estimate, Noise, Regression
 from calibration.gap.mixed import FIRST_SPREAD, held_out_likelihood
 from calibration.gap.model import Model, Variable
 from calibration.gap.record import FlightRecord
+from calibration.gap.signals import PARTS, stack_signals
+from calibration.gap.split import folds
 from onboard.arrays import FloatArray
 
 _ENOUGH = 0.2
 """Standard errors: a step this small ends the iteration."""
+
+FEW = 4.0
+"""Flights: what fewer than these show cannot be checked on flights of other shapes."""
 
 _LONGEST = 0.34
 """Share of a variable's bounds that one step may go."""
@@ -25,12 +30,30 @@ class Training:
     Attributes:
         records: the flights.
         regression: their signals.
-        folds: fold of each flight; flights of one shape are in one fold.
+        by_shape: fold of each part of a flight; flights of one shape are in one fold.
+        by_time: fold of each part, neighbours apart: for effects that one or two flights alone show.
     """
 
     records: tuple[FlightRecord, ...]
     regression: Regression
-    folds: np.ndarray
+    by_shape: np.ndarray
+    by_time: np.ndarray
+
+    @property
+    def flight_of_part(self) -> np.ndarray:
+        """Index of the flight of each part."""
+        return np.arange(self.by_shape.size) // PARTS
+
+
+def training_set(records: Sequence[FlightRecord]) -> Training:
+    """Flights to fit to, with their folds."""
+    by_time = (np.arange(len(records) * PARTS) + np.arange(len(records) * PARTS) // PARTS) % 2
+    return Training(
+        records=tuple(records),
+        regression=Regression(stack_signals(records)),
+        by_shape=np.repeat(folds(records), PARTS),
+        by_time=by_time,
+    )
 
 
 @dataclass(frozen=True)
@@ -41,7 +64,8 @@ class Fitted:
         model: with the values found.
         variables: that were fitted, in the order of the estimate's columns.
         estimate: linearised about (nearly) these values.
-        held_out: log-likelihood of each flight with the shared parameters of the other folds.
+        held_out: log-likelihood of each part with the shared parameters of the other shapes' flights.
+        held_out_in_time: likewise, with those of the other parts of all flights.
         predicted: signals along the flights, shape (n, 7).
         columns: derivative of the signals by each variable.
     """
@@ -50,13 +74,30 @@ class Fitted:
     variables: tuple[Variable, ...]
     estimate: Estimate
     held_out: FloatArray
+    held_out_in_time: FloatArray
     predicted: FloatArray
     columns: tuple[FloatArray, ...]
 
-    @property
-    def score(self) -> float:
-        """Held-out log-likelihood of all flights."""
-        return float(self.held_out.sum())
+    def gains(self, over: "Fitted", concentrated: bool) -> FloatArray:
+        """Gain in held-out log-likelihood of each part over another fit.
+
+        Args:
+            over: the other fit.
+            concentrated: whether few flights alone tell of what is new: parts are held out then, not shapes.
+        """
+        if concentrated:
+            return self.held_out_in_time - over.held_out_in_time
+        return self.held_out - over.held_out
+
+    def concentrated(self, new: Sequence[Variable]) -> bool:
+        """Whether fewer than :data:`FEW` flights carry the information about the variables `new`."""
+        columns = [i for i, v in enumerate(self.variables) if v in new]
+        if not columns:
+            return False
+        information = np.einsum("fgg->fg", self.estimate.fit.information)[:, columns]
+        per_flight = information.reshape(-1, PARTS, len(columns)).sum(axis=1)
+        share = per_flight / np.maximum(per_flight.sum(axis=0), 1e-300)
+        return bool(np.any((share**2).sum(axis=0) > 1.0 / FEW))
 
 
 def ridge(variables: Sequence[Variable]) -> FloatArray:
@@ -100,8 +141,11 @@ def refine(
             predicted, _kept(columns, ~stuck), ridge(variables), spread, noise
         )
         columns = _kept(columns, ~stuck)
-    held_out = held_out_likelihood(estimate.products, estimate.fit, ridge(variables), training.folds)
-    return Fitted(model, tuple(variables), estimate, held_out, predicted, tuple(columns))
+    held_out, in_time = (
+        held_out_likelihood(estimate.products, estimate.fit, ridge(variables), split)
+        for split in (training.by_shape, training.by_time)
+    )
+    return Fitted(model, tuple(variables), estimate, held_out, in_time, predicted, tuple(columns))
 
 
 def _kept(columns: Sequence[FloatArray], keep: np.ndarray) -> list[FloatArray]:

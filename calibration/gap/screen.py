@@ -6,13 +6,16 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from calibration.gap.candidates import Candidate
-from calibration.gap.mixed import fit_mixed, held_out_likelihood
+from calibration.gap.mixed import Products, fit_mixed, held_out_likelihood
 from calibration.gap.model import WORKERS
 from calibration.gap.nuisances import nuisance_columns
 from calibration.gap.refine import Fitted, Training, refine, ridge
+from onboard.arrays import FloatArray
 
 
-def screen(present: Fitted, offered: Sequence[Candidate], training: Training) -> list[tuple[float, Candidate]]:
+def screen(
+    present: Fitted, offered: Sequence[Candidate], training: Training
+) -> list[tuple[float, Candidate]]:
     """Candidates with the gain in held-out log-likelihood that each promises, best first.
 
     Those with a derivative at the present model are judged by one linear fit each, out of one table of
@@ -44,14 +47,20 @@ def _linear_gains(
     for candidate in offered:
         chosen = [*base, *range(first, first + len(candidate.variables))]
         first += len(candidate.variables)
-        score = _held_out(products.of(chosen), weak[chosen], estimate.fit.spread, training)
-        found.append((score - reference, candidate))
+        scores = _held_out(products.of(chosen), weak[chosen], estimate.fit.spread, training)
+        found.append((float(np.max(scores - reference)), candidate))
     return found
 
 
-def _held_out(products, weak, spread, training: Training) -> float:  # type: ignore[no-untyped-def]
+def _held_out(products: Products, weak: FloatArray, spread: FloatArray, training: Training) -> FloatArray:
+    """Held-out log-likelihood by shapes and by parts, shape (2,)."""
     fit = fit_mixed(products, weak, spread)
-    return float(held_out_likelihood(products, fit, weak, training.folds).sum())
+    return np.array(
+        [
+            held_out_likelihood(products, fit, weak, split).sum()
+            for split in (training.by_shape, training.by_time)
+        ]
+    )
 
 
 def _best_start(present: Fitted, candidate: Candidate, training: Training) -> tuple[float, Candidate]:
@@ -60,5 +69,6 @@ def _best_start(present: Fitted, candidate: Candidate, training: Training) -> tu
         refine(start, present.variables, training, iterations=1, start=present.estimate)
         for start in candidate.starts
     ]
-    best = int(np.argmax([fit.score for fit in fits]))
-    return fits[best].score - present.score, candidate._replace(starts=(candidate.starts[best],))
+    gains = [float(fit.gains(present, concentrated=True).sum()) for fit in fits]
+    best = int(np.argmax(gains))
+    return gains[best], candidate._replace(starts=(candidate.starts[best],))

@@ -1,7 +1,9 @@
 """Measured and predicted signals of many flights, stacked: what the statistics of the gap finder work on."""
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -11,6 +13,9 @@ from onboard.arrays import BoolArray, FloatArray
 
 CHANNELS = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z", "voltage")
 """Specific force (m/s2) and angular acceleration (rad/s2) in the body frame, battery voltage (V)."""
+
+PARTS = 4
+"""Each flight is cut into parts, which have nuisances of their own: what drifts within a flight is no gap."""
 
 UNITS = ("m/s2", "m/s2", "m/s2", "rad/s2", "rad/s2", "rad/s2", "V")
 """Unit of each channel."""
@@ -29,16 +34,33 @@ class Signals:
         measured: shape (n, 7), see :data:`CHANNELS`; angular acceleration is the mean over the interval that
             begins at the sample.
         valid: shape (n, 7).
-        flight: shape (n,), index of the flight of each row.
         bounds: first row of each flight, and the end: shape (flights + 1,).
         dt: s, sample interval.
     """
 
     measured: FloatArray
     valid: BoolArray
-    flight: np.ndarray
     bounds: np.ndarray
     dt: float
+
+    @cached_property
+    def flight(self) -> np.ndarray:
+        """Index of the flight of each row, shape (n,)."""
+        return np.repeat(np.arange(self.flights), np.diff(self.bounds))
+
+    @cached_property
+    def part_bounds(self) -> np.ndarray:
+        """First row of each part of a flight, and the end, shape (PARTS flights + 1,)."""
+        cuts = [
+            np.linspace(first, end, PARTS + 1).round().astype(int)[:-1]
+            for first, end in itertools.pairwise(self.bounds)
+        ]
+        return np.concatenate([*cuts, self.bounds[-1:]])
+
+    @cached_property
+    def part(self) -> np.ndarray:
+        """Index of the part of each row, shape (n,)."""
+        return np.repeat(np.arange(PARTS * self.flights), np.diff(self.part_bounds))
 
     @property
     def flights(self) -> int:
@@ -58,7 +80,6 @@ def stack_signals(records: Sequence[FlightRecord]) -> Signals:
     return Signals(
         measured=np.where(valid, measured, 0.0),
         valid=valid,
-        flight=np.repeat(np.arange(len(records)), sizes),
         bounds=np.concatenate([[0], np.cumsum(sizes)]),
         dt=float(np.median([record.dt for record in records])),
     )

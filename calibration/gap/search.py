@@ -1,0 +1,128 @@
+"""The search for missing effects: forward, exchange, drop.
+
+Each round offers every candidate to the present model, refits noise and nuisances for the most promising, and
+takes the one that predicts flights best that its fit did not see. An effect that is beyond chance but too
+small to matter stays in the model without a name: left out, another would be named for it.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from calibration.gap.acceptance import LEAST_GAIN, Judgement, judge
+from calibration.gap.candidates import Candidate, candidates
+from calibration.gap.model import Model
+from calibration.gap.refine import Fitted, Training, refine
+from calibration.gap.screen import screen
+
+Progress = Callable[[str], None]
+"""Called with what is being looked at."""
+
+_CLOSELY = 7
+"""Candidates of a round that are looked at closely."""
+
+_MOST_ROUNDS = 12
+
+
+@dataclass(frozen=True)
+class Step:
+    """One effect that came into the model.
+
+    Attributes:
+        effect: its name.
+        judgement: why.
+        before, after: the fits without and with it.
+        rivals: effects that explained nearly as much, with the gain that each lacked.
+    """
+
+    effect: str
+    judgement: Judgement
+    before: Fitted
+    after: Fitted
+    rivals: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Search:
+    """Result of a search.
+
+    Attributes:
+        first: fit of the model as it was given, nuisances only.
+        steps: effects in the order found, those without a name (too small to matter) among them.
+        final: the last fit.
+        refused: candidates that gained much but were not believed, with the reason.
+    """
+
+    first: Fitted
+    steps: tuple[Step, ...]
+    final: Fitted
+    refused: dict[str, str]
+
+
+def search(
+    model: Model, training: Training, rng: np.random.Generator, progress: Progress = lambda _: None
+) -> Search:
+    """Find what is missing in a model.
+
+    Args:
+        model: to begin with.
+        training: flights to fit to.
+        rng: for the bootstrap.
+        progress: told what is being looked at.
+    """
+    first = present = refine(model, (), training)
+    steps: list[Step] = []
+    refused: dict[str, str] = {}
+    for _ in range(_MOST_ROUNDS):
+        step = _forward(present, training, rng, progress, refused)
+        if step is None:
+            break
+        steps.append(step)
+        present = step.after
+    return Search(first, tuple(steps), present, refused)
+
+
+def _forward(
+    present: Fitted,
+    training: Training,
+    rng: np.random.Generator,
+    progress: Progress,
+    refused: dict[str, str],
+) -> Step | None:
+    """The best candidate that is believed; None when there is none."""
+    offered = screen(present, candidates(present.model, training.records), training)
+    fits: list[tuple[float, Candidate, Fitted, Judgement]] = []
+    for promise, candidate in offered[:_CLOSELY]:
+        if promise < -LEAST_GAIN and len(fits) > 2:
+            break
+        progress(candidate.effect)
+        fitted = refine(
+            candidate.starts[0],
+            (*present.variables, *candidate.variables),
+            training,
+            start=present.estimate,
+        )
+        judgement = judge(present, fitted, candidate.variables, training, rng)
+        fits.append((judgement.gain, candidate, fitted, judgement))
+    fits.sort(key=lambda item: -item[0])
+    for gain, candidate, fitted, judgement in fits:
+        if gain < LEAST_GAIN or gain < 0.7 * fits[0][0]:
+            break
+        if judgement.significant and not judgement.at_bound:
+            rivals = {c.effect: gain - g for g, c, _, _ in fits if c is not candidate}
+            return Step(candidate.effect, judgement, present, fitted, rivals)
+        refused[candidate.effect] = _reason(judgement)
+    return None
+
+
+def _reason(judgement: Judgement) -> str:
+    if judgement.at_bound:
+        names = ", ".join(v.parameter for v in judgement.at_bound)
+        return f"{names} ran into its bound: it stands in for something else"
+    return "its gain does not hold across flights"
+
+
+def named(steps: Sequence[Step]) -> list[Step]:
+    """The steps whose effect is large enough to be worth a name."""
+    return [step for step in steps if step.judgement.sizeable]
