@@ -155,7 +155,7 @@ def test_nuisances_of_the_first_seconds_serve_the_rest() -> None:
     assert plain.overall.given_attitude[1.0].position_m > 0.2
     assert fitted.overall.given_attitude[1.0].position_m < 1e-3
     # Scored are only starts after the first 8 s of flight.
-    first = record.t[fitted.flights[0].open_loop.rows[0]]
+    first = record.t[fitted.flights[0].model.open_loop.rows[0]]
     assert first >= record.t[np.argmax(record.flying)] + 8.0
     assert plain.flights[0].nuisances.thrust_scale == 1.0
 
@@ -187,7 +187,7 @@ def test_windows_keep_clear_of_what_is_not_known(laps: FlightRecord) -> None:
     errors = evaluate([damaged], VEHICLE)
     # A falling thrust takes longer than 0.15 s to forget what was made up across the gap.
     assert errors.overall.open_loop[1.0].position_m < 3e-3
-    rows = errors.flights[0].open_loop.rows
+    rows = errors.flights[0].model.open_loop.rows
     t = laps.t[rows]
     assert not np.any((t > 3.9) & (t < 4.45))
     lengths = usable_lengths(prediction_inputs(damaged, VEHICLE))

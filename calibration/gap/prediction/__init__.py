@@ -3,6 +3,7 @@
 from calibration.gap.prediction.closed_loop import ClosedLoopFlight, fly_again
 from calibration.gap.prediction.evaluation import (
     HORIZONS,
+    BothWays,
     ErrorPair,
     FlightErrors,
     PredictionError,
@@ -16,6 +17,7 @@ from calibration.gap.prediction.window_errors import ByHorizon, HorizonErrors, W
 
 __all__ = [
     "HORIZONS",
+    "BothWays",
     "ByHorizon",
     "ClosedLoopFlight",
     "ErrorPair",

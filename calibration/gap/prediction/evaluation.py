@@ -49,32 +49,49 @@ class PredictionError(CalibrationError, InputError):
 
 
 @dataclass(frozen=True)
+class BothWays:
+    """Errors of one flight, with everything predicted and with attitude and rate given."""
+
+    open_loop: WindowErrors
+    given_attitude: WindowErrors
+
+    def in_body_axes(self, rotation: FloatArray) -> FloatArray:
+        """Position and velocity with given attitude, attitude and rate open loop, shape (m, h, 4, 3).
+
+        Args:
+            rotation: attitude at the starts, whose body axes are taken, shape (m, 3, 3).
+        """
+        given = in_body_axes(self.given_attitude, rotation)[:, :, :2]
+        return np.concatenate([given, self.open_loop.vectors[:, :, 2:]], axis=2)
+
+
+@dataclass(frozen=True)
 class FlightErrors:
     """Errors of one flight.
 
     Attributes:
         record: the flight.
-        open_loop: everything predicted.
-        given_attitude: attitude and rate are the measured ones.
-        gyro_driven, accelerometer_driven: floors of the two; None without an accelerometer.
+        model: of the model.
+        floor: of gyro and accelerometer in its place; None without an accelerometer.
         torque_estimate: at 0.1 s with the disturbance torque of the last 0.2 s.
         phases: index in :data:`~calibration.gap.prediction.windows.PHASES` of each start, shape (m,).
-        in_body: error vectors of `open_loop` and `given_attitude` along the body axes of the start, shape
-            (m, h, 4, 3).
+        rotation: attitude at the starts, shape (m, 3, 3).
         nuisances: what the flight was given beside the model.
         thrust_ratio: mean thrust that the flight had over what the model makes of the logged commands.
     """
 
     record: FlightRecord
-    open_loop: WindowErrors
-    given_attitude: WindowErrors
-    gyro_driven: WindowErrors | None
-    accelerometer_driven: WindowErrors | None
+    model: BothWays
+    floor: BothWays | None
     torque_estimate: WindowErrors
     phases: Rows
-    in_body: tuple[FloatArray, FloatArray]
+    rotation: FloatArray
     nuisances: Nuisances
     thrust_ratio: float
+
+    def source(self, floor: bool) -> BothWays:
+        """The errors of the model, or of its floor where there is one."""
+        return self.floor if floor and self.floor is not None else self.model
 
 
 @dataclass(frozen=True)
@@ -129,11 +146,7 @@ class PredictionErrors:
     @property
     def floor(self) -> ErrorPair | None:
         """The inertial sensors in place of the model, on the flights with an accelerometer; None without."""
-        open_loop = [f.gyro_driven.norms() for f in self.flights if f.gyro_driven is not None]
-        given = [f.accelerometer_driven.norms() for f in self.flights if f.accelerometer_driven is not None]
-        if not open_loop or not given:
-            return None
-        return ErrorPair(self._means(open_loop), self._means(given))
+        return self._pair(self._with_floor(), floor=True) if self._with_floor() else None
 
     @property
     def with_torque_estimate(self) -> ByHorizon:
@@ -147,12 +160,11 @@ class PredictionErrors:
 
     def by_phase(self) -> dict[str, ErrorPair]:
         """Errors over the starts of each phase that occurs."""
-        occurring = set(np.concatenate([f.phases for f in self.flights]).tolist())
-        return {
-            str(phase): self._pair(self.flights, index)
-            for index, phase in enumerate(PHASES)
-            if index in occurring
-        }
+        return self._phases(self.flights)
+
+    def floor_by_phase(self) -> dict[str, ErrorPair]:
+        """The floor by phase; empty without an accelerometer."""
+        return self._phases(self._with_floor(), floor=True)
 
     def by_channel(self) -> dict[float, dict[str, float]]:
         """Mean absolute errors along the body axes of the start, by horizon: ``velocity_x_m_s`` and so on.
@@ -160,21 +172,11 @@ class PredictionErrors:
         Position and velocity with given attitude, attitude and rate open loop: so each channel shows one
         equation of motion.
         """
-        free = np.concatenate([flight.in_body[0] for flight in self.flights])
-        given = np.concatenate([flight.in_body[1] for flight in self.flights])
-        absolute = np.abs(np.concatenate([given[:, :, :2], free[:, :, 2:]], axis=2))
-        channels: dict[float, dict[str, float]] = {}
-        for index, horizon in enumerate(self.horizons):
-            reached = absolute[np.isfinite(absolute[:, index, 0, 0]), index]
-            if reached.shape[0] == 0:
-                continue
-            means = reached.mean(axis=0) * np.asarray(SCALES)[:, None]
-            channels[horizon] = {
-                name.replace("_", f"_{axis}_", 1): float(means[q, a])
-                for q, name in enumerate(QUANTITIES)
-                for a, axis in enumerate(_AXES)
-            }
-        return channels
+        return self._channels(self.flights)
+
+    def floor_by_channel(self) -> dict[float, dict[str, float]]:
+        """The floor by channel, without the rates, which have none; empty without an accelerometer."""
+        return self._channels(self._with_floor(), floor=True)
 
     def doubts(self) -> list[str]:
         """What should be looked at before the numbers are believed, in words."""
@@ -217,14 +219,47 @@ class PredictionErrors:
             ],
         }
 
-    def _pair(self, flights: Sequence[FlightErrors], phase: int | None = None) -> ErrorPair:
+    def _with_floor(self) -> list[FlightErrors]:
+        return [flight for flight in self.flights if flight.floor is not None]
+
+    def _pair(
+        self, flights: Sequence[FlightErrors], phase: int | None = None, floor: bool = False
+    ) -> ErrorPair:
         """Errors over the starts of flights: all, or those of the phase with that index."""
         starts = [np.full(f.phases.size, True) if phase is None else f.phases == phase for f in flights]
-        chosen = list(zip(flights, starts, strict=True))
+        chosen = [(flight.source(floor), these) for flight, these in zip(flights, starts, strict=True)]
         return ErrorPair(
-            self._means(f.open_loop.norms()[these] for f, these in chosen),
-            self._means(f.given_attitude.norms()[these] for f, these in chosen),
+            self._means(source.open_loop.norms()[these] for source, these in chosen),
+            self._means(source.given_attitude.norms()[these] for source, these in chosen),
         )
+
+    def _phases(self, flights: Sequence[FlightErrors], floor: bool = False) -> dict[str, ErrorPair]:
+        occurring = {index for flight in flights for index in flight.phases.tolist()}
+        return {
+            str(phase): self._pair(flights, index, floor)
+            for index, phase in enumerate(PHASES)
+            if index in occurring
+        }
+
+    def _channels(
+        self, flights: Sequence[FlightErrors], floor: bool = False
+    ) -> dict[float, dict[str, float]]:
+        if not flights:
+            return {}
+        absolute = np.abs(np.concatenate([f.source(floor).in_body_axes(f.rotation) for f in flights]))
+        channels: dict[float, dict[str, float]] = {}
+        for index, horizon in enumerate(self.horizons):
+            reached = absolute[np.isfinite(absolute[:, index, 0, 0]), index]
+            if reached.shape[0] == 0:
+                continue
+            means = reached.mean(axis=0) * np.asarray(SCALES)[:, None]
+            channels[horizon] = {
+                name.replace("_", f"_{axis}_", 1): float(means[q, a])
+                for q, name in enumerate(QUANTITIES)
+                for a, axis in enumerate(_AXES)
+                if np.isfinite(means[q, a])
+            }
+        return channels
 
     def _means(self, norms: Iterable[FloatArray]) -> ByHorizon:
         return mean_by_horizon(np.concatenate(list(norms)), self.horizons)
@@ -314,23 +349,32 @@ def _scored(
     inputs: PredictionInputs, rows: Rows, ends: Rows, lengths: Rows, nuisances: Nuisances
 ) -> FlightErrors:
     p, trim = nuisances.scaled(inputs.parameters), nuisances.trim()
-    free = prediction_errors(inputs, rows, ends, lengths, given_attitude=False, parameters=p, trims=trim)
-    given = prediction_errors(inputs, rows, ends, lengths, given_attitude=True, parameters=p, trims=trim)
-    measured = inputs.record.specific_force is not None
-    bias = np.array(nuisances.accelerometer_bias)
-    reached = ends[None, :] <= lengths[:, None]
-    rotation = inputs.rotation[rows]
+    model = BothWays(
+        prediction_errors(inputs, rows, ends, lengths, given_attitude=False, parameters=p, trims=trim),
+        prediction_errors(inputs, rows, ends, lengths, given_attitude=True, parameters=p, trims=trim),
+    )
     return FlightErrors(
         record=inputs.record,
-        open_loop=free,
-        given_attitude=given,
-        gyro_driven=gyro_driven(inputs, rows, ends, reached, bias) if measured else None,
-        accelerometer_driven=accelerometer_driven(inputs, rows, ends, reached, bias) if measured else None,
+        model=model,
+        floor=_floor(inputs, rows, ends, lengths, nuisances),
         torque_estimate=with_torque_estimate(inputs, rows, lengths, nuisances),
         phases=phase_indices(inputs, rows),
-        in_body=(in_body_axes(free, rotation), in_body_axes(given, rotation)),
+        rotation=inputs.rotation[rows],
         nuisances=nuisances,
         thrust_ratio=_thrust_ratio(inputs),
+    )
+
+
+def _floor(
+    inputs: PredictionInputs, rows: Rows, ends: Rows, lengths: Rows, nuisances: Nuisances
+) -> BothWays | None:
+    if inputs.record.specific_force is None:
+        return None
+    reached = ends[None, :] <= lengths[:, None]
+    bias = np.array(nuisances.accelerometer_bias)
+    return BothWays(
+        gyro_driven(inputs, rows, ends, reached, bias),
+        accelerometer_driven(inputs, rows, ends, reached, bias),
     )
 
 

@@ -1,0 +1,304 @@
+"""The gap finder's report as data, and as the JSON that other programs read (``perchhw.gap/1``).
+
+Every name of the JSON is an attribute here. What the contract does not name (limitations, ambiguous sets,
+what was rejected, settings) stands beside it.
+"""
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+from calibration.errors import CalibrationError
+
+SCHEMA = "perchhw.gap/1"
+
+Interval = tuple[float, float]
+"""Low and high end of a 95 % interval."""
+
+
+class Verdict(StrEnum):
+    """What the search came to."""
+
+    EFFECTS_FOUND = "effects_found"
+    NO_GAP = "no_gap"
+    UNEXPLAINED_GAP = "unexplained_gap"
+    """something structured is left that no known effect explains, whether or not others were found"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FoundParameter:
+    """A number of an effect. `at_bound`: the fit ended at the limit of what is physical: a warning."""
+
+    value: float
+    unit: str
+    ci95: Interval
+    at_bound: bool = False
+
+    def to_json(self) -> dict[str, Any]:
+        """As in the contract; `at_bound` where it is so."""
+        shown: dict[str, Any] = {"value": self.value, "unit": self.unit, "ci95": list(self.ci95)}
+        return {**shown, "at_bound": True} if self.at_bound else shown
+
+
+@dataclass(frozen=True, kw_only=True)
+class FoundEffect:
+    """One effect that was missing.
+
+    Attributes:
+        name: as in :data:`onboard.vehicle.effects.EFFECTS`.
+        parameters: by name.
+        error_before, error_after: the gap's metric without and with it, on flights that no fit saw; with the
+            effects before it in the model.
+        improvement_ci95: of `error_before` minus `error_after`.
+        ambiguous_with: effects that these flights cannot tell from it.
+        separated_by: what a flight must do to tell them apart, in words.
+    """
+
+    name: str
+    parameters: Mapping[str, FoundParameter]
+    error_before: float
+    error_after: float
+    improvement_ci95: Interval
+    ambiguous_with: tuple[str, ...] = ()
+    separated_by: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        """As in the contract."""
+        return {
+            "name": self.name,
+            "parameters": {name: value.to_json() for name, value in self.parameters.items()},
+            "error_before": self.error_before,
+            "error_after": self.error_after,
+            "improvement_ci95": list(self.improvement_ci95),
+            "ambiguous_with": list(self.ambiguous_with),
+            "separated_by": self.separated_by,
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Levels:
+    """A number of the model before and after, and what no model could beat; None where that is not known."""
+
+    before: float
+    after: float
+    noise_floor: float | None = None
+    unit: str = ""
+
+    @property
+    def closed_share(self) -> float | None:
+        """Share of what could be removed that was; None without a floor, or with nothing to remove."""
+        if self.noise_floor is None or not self.before > self.noise_floor:
+            return None
+        return (self.before - self.after) / (self.before - self.noise_floor)
+
+    def to_json(self) -> dict[str, Any]:
+        """By name."""
+        return {
+            "before": self.before,
+            "after": self.after,
+            "noise_floor": self.noise_floor,
+            "unit": self.unit,
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gap:
+    """The gap on flights that no fit saw.
+
+    Attributes:
+        metric: what `overall` is, in words, such as "position error after 1 s, attitude given".
+        overall: its levels; the unit is that of the metric.
+        by_horizon: levels of the metric by horizon in seconds ("0.5").
+        by_channel: levels by channel ("force_z").
+        by_phase: levels of the metric by phase of flight ("near_ceiling").
+        by_quantity: levels of anything else, by its name in words ("velocity after 0.5 s, attitude given").
+    """
+
+    metric: str
+    overall: Levels
+    by_horizon: Mapping[str, Levels] = field(default_factory=dict)
+    by_channel: Mapping[str, Levels] = field(default_factory=dict)
+    by_phase: Mapping[str, Levels] = field(default_factory=dict)
+    by_quantity: Mapping[str, Levels] = field(default_factory=dict)
+
+    def to_json(self) -> dict[str, Any]:
+        """As in the contract; the share of the removable gap that was closed stands beside it."""
+        parts = {
+            "by_horizon": self.by_horizon,
+            "by_channel": self.by_channel,
+            "by_phase": self.by_phase,
+            "by_quantity": self.by_quantity,
+        }
+        return {
+            "metric": self.metric,
+            **self.overall.to_json(),
+            "closed_share": self.overall.closed_share,
+            **{name: {key: level.to_json() for key, level in part.items()} for name, part in parts.items()},
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Where:
+    """Where the gap lived before anything was added: `share` of it in this channel under this condition."""
+
+    channel: str
+    condition: str
+    share: float
+
+    def to_json(self) -> dict[str, Any]:
+        """As in the contract."""
+        return {"channel": self.channel, "condition": self.condition, "share": self.share}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unexplained:
+    """What is left after all effects.
+
+    Attributes:
+        share: of the gap before that is left and structured.
+        channels: where it lives.
+        suspects: what it goes with: regressors, frequencies, or effects that come close and do not explain.
+        formula: the closest formula, or None.
+    """
+
+    share: float
+    channels: tuple[str, ...] = ()
+    suspects: tuple[str, ...] = ()
+    formula: str | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """As in the contract."""
+        return {
+            "share": self.share,
+            "channels": list(self.channels),
+            "suspects": list(self.suspects),
+            "formula": self.formula,
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnusableFile:
+    """A file that was not used, and why."""
+
+    file: str
+    reason: str
+
+    def to_json(self) -> dict[str, Any]:
+        """As in the contract."""
+        return {"file": self.file, "reason": self.reason}
+
+
+@dataclass(frozen=True, kw_only=True)
+class AmbiguousSet:
+    """Effects that these flights cannot tell apart, best first, and what would."""
+
+    names: tuple[str, ...]
+    separated_by: str
+
+    def to_json(self) -> dict[str, Any]:
+        """By name."""
+        return {"names": list(self.names), "separated_by": self.separated_by}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rejected:
+    """An effect that looked like one, and the rule of acceptance that it failed, in words."""
+
+    name: str
+    reason: str
+
+    def to_json(self) -> dict[str, Any]:
+        """By name."""
+        return {"name": self.name, "reason": self.reason}
+
+
+@dataclass(frozen=True, kw_only=True)
+class GapReport:
+    """What ``perchhw gap find`` found.
+
+    Attributes:
+        verdict: see :class:`Verdict`.
+        vehicle: name of the model that was held against the flights.
+        effects: in the order found.
+        gap: before and after.
+        where: where the gap lived, largest share first.
+        unexplained: what is left.
+        train, held_out: names of the flights that were fitted and of those that no fit saw.
+        unusable: files that were not used.
+        ambiguous: sets of effects that the data cannot tell apart, whether or not one of them was found.
+        rejected: effects that were near but not accepted.
+        limitations: what cannot be concluded from these flights, in sentences.
+        seed: of every random number.
+        settings: anything else that a repetition needs (versions, options), by name.
+        noise: measured noise of the channels, by name; numbers, texts, lists or tables of them.
+    """
+
+    verdict: Verdict
+    vehicle: str
+    effects: tuple[FoundEffect, ...]
+    gap: Gap
+    where: tuple[Where, ...]
+    unexplained: Unexplained
+    train: tuple[str, ...]
+    held_out: tuple[str, ...]
+    unusable: tuple[UnusableFile, ...] = ()
+    ambiguous: tuple[AmbiguousSet, ...] = ()
+    rejected: tuple[Rejected, ...] = ()
+    limitations: tuple[str, ...] = ()
+    seed: int = 0
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    noise: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check that verdict and effects agree."""
+        if bool(self.effects) and self.verdict is Verdict.NO_GAP:
+            raise CalibrationError("a report without a gap cannot have effects")
+        if not self.effects and self.verdict is Verdict.EFFECTS_FOUND:
+            raise CalibrationError("a report with the verdict effects_found needs an effect")
+
+    def to_json(self) -> dict[str, Any]:
+        """The document.
+
+        Raises:
+            CalibrationError: a number that is not finite; names its place.
+        """
+        document = {
+            "schema": SCHEMA,
+            "verdict": str(self.verdict),
+            "vehicle": self.vehicle,
+            "effects": [effect.to_json() for effect in self.effects],
+            "gap": self.gap.to_json(),
+            "where": [place.to_json() for place in self.where],
+            "unexplained": self.unexplained.to_json(),
+            "flights": {
+                "train": list(self.train),
+                "held_out": list(self.held_out),
+                "unusable": [item.to_json() for item in self.unusable],
+            },
+            "ambiguous": [item.to_json() for item in self.ambiguous],
+            "rejected": [item.to_json() for item in self.rejected],
+            "limitations": list(self.limitations),
+            "seed": self.seed,
+            "settings": dict(self.settings),
+            "noise": dict(self.noise),
+        }
+        for place, number in leaves(document):
+            if isinstance(number, float) and not math.isfinite(number):
+                raise CalibrationError(f"report: {place} is {number}; a missing number must be null")
+        return document
+
+    def text(self) -> str:
+        """The document as text."""
+        return json.dumps(self.to_json(), indent=1, allow_nan=False) + "\n"
+
+
+def leaves(value: Any, place: str = "") -> list[tuple[str, Any]]:
+    """Everything in a document that is neither table nor list, with its place such as ``gap.by_phase``."""
+    if isinstance(value, Mapping):
+        return [leaf for key, item in value.items() for leaf in leaves(item, f"{place}.{key}".lstrip("."))]
+    if isinstance(value, list | tuple):
+        return [leaf for index, item in enumerate(value) for leaf in leaves(item, f"{place}[{index}]")]
+    return [(place, value)]

@@ -1,0 +1,212 @@
+"""The figures of a report, drawn: each function takes what it shows and gives a matplotlib figure."""
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from calibration.gap.report.figures_data import (
+    ClosedLoopTrace,
+    HeatMap,
+    HorizonCurves,
+    Lines,
+    ResidualCloud,
+    StageBars,
+)
+from calibration.gap.report.words import plain
+from calibration.report_style import BLUE, GREEN, INK, MUTED, ORANGE, new_figure
+from onboard.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_BEFORE, _AFTER, _FLOOR = ORANGE, BLUE, MUTED
+_PARTS = 14
+"""Parts of equal count that a cloud is drawn in."""
+_FEWEST = 8
+"""Points that a part needs."""
+_ROW = 3
+
+
+def stage_colours(stages: Mapping[str, FloatArray]) -> dict[str, object]:
+    """First stage orange, last blue, those between from light to dark grey-blue."""
+    from matplotlib import colormaps
+
+    names = list(stages)
+    shades = colormaps["GnBu"](np.linspace(0.45, 0.75, max(len(names) - 2, 1)))
+    between: dict[str, object] = dict(zip(names[1:-1], shades, strict=False))
+    return {**between, names[-1]: _AFTER, names[0]: _BEFORE}
+
+
+def horizon_panels(panels: tuple[HorizonCurves, ...]) -> "Figure":
+    """Errors against the horizon, one panel a quantity, one curve a stage, the floor dashed."""
+    figure, axes = _panels(len(panels), 3.1)
+    for panel, data in zip(axes, panels, strict=True):
+        colours = stage_colours(data.stages)
+        for name, errors in data.stages.items():
+            ends = name in (next(iter(data.stages)), list(data.stages)[-1])
+            panel.plot(
+                data.horizons, errors, "o-", ms=4, lw=2.0 if ends else 1.2, color=colours[name], label=name
+            )
+        if data.floor is not None:
+            panel.plot(data.horizons, data.floor, "--", lw=1.4, color=_FLOOR, label="floor")
+        panel.set(xlabel="s ahead", ylabel=data.unit, xscale="log", yscale="log")
+        panel.set_xticks(data.horizons, [f"{h:g}" for h in data.horizons])
+        panel.minorticks_off()
+        _plain_decades(panel)
+        panel.set_title(data.quantity, fontsize=9.5, loc="left")
+    _shared_legend(figure, axes)
+    return figure
+
+
+def stage_bars(data: StageBars) -> "Figure":
+    """Grouped bars; a dash marks the floor."""
+    count, labels = len(data.stages), len(data.labels)
+    figure = new_figure(5.2, max(2.0, 0.5 + labels * (0.16 * count + 0.14)))
+    axes = figure.add_subplot()
+    colours = stage_colours(data.stages)
+    height = 0.8 / count
+    at = np.arange(labels)
+    for index, (name, values) in enumerate(data.stages.items()):
+        offset = (index - 0.5 * (count - 1)) * height
+        axes.barh(at + offset, np.nan_to_num(values), height=0.92 * height, color=colours[name], label=name)
+    if data.floor is not None:
+        for y, value in zip(at, data.floor, strict=True):
+            if np.isfinite(value):
+                axes.plot([value, value], [y - 0.42, y + 0.42], color=INK, lw=1.6, solid_capstyle="butt")
+        axes.plot([], [], color=INK, lw=1.6, label="floor")
+    axes.set_yticks(at, [plain(label) for label in data.labels])
+    axes.invert_yaxis()
+    axes.grid(axis="y", visible=False)
+    axes.set_xlabel(data.unit)
+    figure.legend(loc="outside upper left", ncols=4, frameon=False, fontsize=8.5)
+    return figure
+
+
+def heat_maps(data: HeatMap) -> "Figure":
+    """Before and after side by side; what chance could have made is faint."""
+    rows, columns = len(data.channels), len(data.regressors)
+    figure = new_figure(10.4, 1.5 + 0.36 * rows)
+    most = max(float(np.nanmax(data.before, initial=0.0)), float(np.nanmax(data.after, initial=0.0)), 1e-3)
+    image = None
+    pair = figure.subplots(1, 2, sharey=True)
+    for axes, cells, title in zip(pair, (data.before, data.after), ("before", "after"), strict=True):
+        chance = np.zeros_like(cells) if data.chance is None else data.chance
+        faint = np.where(cells > chance, 1.0, 0.3)
+        image = axes.imshow(
+            np.nan_to_num(cells), cmap="YlOrRd", vmin=0.0, vmax=most, aspect="auto", alpha=faint
+        )
+        for (row, column), value in np.ndenumerate(cells):
+            if np.isfinite(value):
+                dark = value > 0.6 * most and faint[row, column] == 1.0
+                axes.text(
+                    column, row, f"{100 * value:.0f}", ha="center", va="center", fontsize=8,
+                    color="white" if dark else INK, alpha=0.55 if faint[row, column] < 1.0 else 1.0,
+                )  # fmt: skip
+        axes.set_xticks(range(columns), [plain(r) for r in data.regressors], rotation=40, ha="right")
+        axes.set_yticks(range(rows), [plain(c) for c in data.channels])
+        axes.grid(visible=False)
+        axes.tick_params(length=0)
+        axes.set_title(title, fontsize=9.5, loc="left")
+        for spine in axes.spines.values():
+            spine.set_visible(False)
+    if image is not None:
+        figure.colorbar(image, ax=pair, pad=0.01, shrink=0.9, format=lambda share, _: f"{100 * share:.0f} %")
+    return figure
+
+
+def cloud_panels(clouds: tuple[ResidualCloud, ...]) -> "Figure":
+    """Median and middle two thirds of the residual over parts of the regressor, before and after."""
+    figure, axes = _panels(len(clouds), 2.7)
+    for panel, data in zip(axes, clouds, strict=True):
+        for values, colour, name in ((data.before, _BEFORE, "before"), (data.after, _AFTER, "after")):
+            x, low, middle, high = quantile_bands(data.x, values)
+            panel.fill_between(x, low, high, color=colour, alpha=0.15, lw=0)
+            panel.plot(x, middle, "o-", ms=3, lw=1.5, color=colour, label=name)
+        panel.axhline(0.0, color=MUTED, lw=0.8)
+        panel.set(
+            xlabel=f"{plain(data.regressor)} ({data.regressor_unit})",
+            ylabel=f"{plain(data.channel)} ({data.channel_unit})",
+        )
+    _shared_legend(figure, axes)
+    return figure
+
+
+def quantile_bands(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Median of `x`, and 1/6, 1/2 and 5/6 quantiles of `y`, in parts of `x` of equal count; shapes (k,)."""
+    finite = np.isfinite(x) & np.isfinite(y)
+    order = np.argsort(x[finite], kind="stable")
+    parts = min(_PARTS, order.size // _FEWEST)
+    if parts == 0:
+        return np.empty(0), np.empty(0), np.empty(0), np.empty(0)
+    rows = np.array_split(order, parts)
+    middle = np.array([np.median(x[finite][part]) for part in rows])
+    bands = np.array([np.quantile(y[finite][part], [1 / 6, 0.5, 5 / 6]) for part in rows])
+    return middle, bands[:, 0], bands[:, 1], bands[:, 2]
+
+
+def closed_loop_trace(data: ClosedLoopTrace) -> "Figure":
+    """Duty and tilt that the flight had and that the model needs."""
+    figure = new_figure(10.4, 3.6)
+    top, bottom = figure.subplots(2, 1, sharex=True)
+    t = data.t - data.t[0] if data.t.size else data.t
+    rows = (
+        (top, np.where(data.known, data.duty, np.nan), data.needed_duty, "duty (share of battery)"),
+        (bottom, data.tilt_deg, data.needed_tilt_deg, "tilt (deg)"),
+    )
+    for axes, measured, needed, label in rows:
+        colours = stage_colours(needed)
+        for name, values in needed.items():
+            axes.plot(t, values, lw=1.2, color=colours[name], label=name)
+        axes.plot(t, measured, lw=1.0, color=INK, alpha=0.75, label="measured")
+        axes.set_ylabel(label)
+    bottom.set_xlabel("s")
+    _shared_legend(figure, [top])
+    return figure
+
+
+def line_plot(data: Lines) -> "Figure":
+    """Lines with a legend."""
+    figure = new_figure(10.4, 3.0)
+    axes = figure.add_subplot()
+    for (name, (x, y)), colour in zip(data.curves.items(), _line_colours(), strict=False):
+        axes.plot(x, y, lw=1.3, color=colour, label=name)
+    axes.set(xlabel=data.x_label, ylabel=data.y_label)
+    _shared_legend(figure, [axes])
+    return figure
+
+
+def _line_colours() -> Iterator[str]:
+    while True:
+        yield from (ORANGE, BLUE, GREEN, MUTED, INK)
+
+
+def _panels(count: int, height: float) -> "tuple[Figure, list[Axes]]":
+    """A figure with `count` panels in rows of three."""
+    rows, columns = -(-count // _ROW), min(count, _ROW)
+    figure = new_figure(10.4 * columns / _ROW if columns < _ROW else 10.4, height * rows)
+    axes = list(figure.subplots(rows, columns, squeeze=False).ravel())
+    for spare in axes[count:]:
+        spare.remove()
+    return figure, axes[:count]
+
+
+def _plain_decades(axes: "Axes") -> None:
+    """Ticks of a logarithmic axis as plain numbers at 1, 2 and 5 of each decade."""
+    from matplotlib.ticker import FuncFormatter, LogLocator
+
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+
+
+def _shared_legend(figure: "Figure", axes: "list[Axes]") -> None:
+    """One legend above all panels, every name once."""
+    named: dict[str, Artist] = {}
+    for panel in axes:
+        for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
+            named.setdefault(label, handle)
+    figure.legend(
+        list(named.values()), list(named), loc="outside upper left", ncols=8, frameon=False, fontsize=8.5
+    )

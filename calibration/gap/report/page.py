@@ -1,0 +1,225 @@
+"""``report.html``: the verdict, the effects, the gap before and after, where it lives, what is not known."""
+
+from collections.abc import Iterator, Mapping
+from html import escape
+from typing import Any
+
+from calibration.gap.report import drawings, words
+from calibration.gap.report.document import GapReport, Levels, Verdict, leaves
+from calibration.gap.report.figures_data import ReportFigures
+from calibration.gap.report.words import interval, number, plain, unit
+from calibration.report_style import grid, page, report_style, section, svg, table
+from onboard.vehicle import EFFECTS
+
+_COLOURS = {
+    Verdict.EFFECTS_FOUND: "#2067b0",
+    Verdict.NO_GAP: "#1a7f4b",
+    Verdict.UNEXPLAINED_GAP: "#b5531c",
+}
+
+
+def report_page(report: GapReport, figures: ReportFigures) -> str:
+    """The whole page; it loads nothing from elsewhere."""
+    with report_style():
+        body = "".join(_sections(report, figures))
+    title = f"Gap between model and flights: {report.vehicle}"
+    counts = f"{len(report.train)} flights fitted, {len(report.held_out)} held out"
+    return page(title, f"{counts}, {len(report.unusable)} not used", body)
+
+
+def _sections(report: GapReport, figures: ReportFigures) -> Iterator[str]:
+    yield _verdict(report)
+    if report.effects:
+        yield section(
+            "What was missing",
+            _effects(report),
+            "In the order found. Errors are the metric above on flights that no fit saw, without and with "
+            "the effect, those before it in the model.",
+        )
+    if report.ambiguous:
+        rows = [
+            [escape(" or ".join(map(plain, item.names))), escape(item.separated_by)]
+            for item in report.ambiguous
+        ]
+        yield section(
+            "What these flights cannot tell apart", table(["effects", "what would tell them"], rows)
+        )
+    yield from _gap(report, figures)
+    yield from _where(report, figures)
+    yield from _closed_loop(figures)
+    for lines in figures.lines:
+        yield section(lines.title, svg(drawings.line_plot(lines)), lines.meaning)
+    if report.unexplained.share > 0.0 or report.verdict is Verdict.UNEXPLAINED_GAP:
+        yield section("What is left", _rest(report))
+    if report.rejected:
+        rows = [[escape(plain(item.name)), escape(item.reason)] for item in report.rejected]
+        yield section("What looked missing and was not accepted", table(["effect", "why not"], rows))
+    yield section("Flights", _flights(report))
+    if report.limitations:
+        items = "".join(f"<li>{escape(text)}</li>" for text in report.limitations)
+        yield section("What cannot be concluded", f"<ul>{items}</ul>")
+    yield grid([section(title, content) for title, content in _settings(report)])
+
+
+def _verdict(report: GapReport) -> str:
+    sentences = [words.gap_in_words(report.gap.metric, report.gap.overall)]
+    if report.verdict is Verdict.UNEXPLAINED_GAP:
+        sentences.append(words.unexplained_in_words(report))
+    sentences += [words.ambiguity_in_words(effect) for effect in report.effects if effect.ambiguous_with]
+    bounds = [
+        f"{plain(effect.name)}: {plain(name)} ended at the limit of what is physical, which is a warning and "
+        "not a measurement."
+        for effect in report.effects
+        for name, found in effect.parameters.items()
+        if found.at_bound
+    ]
+    text = "".join(f"<p>{escape(sentence)}</p>" for sentence in [*sentences, *bounds])
+    colour = _COLOURS[report.verdict]
+    badge = f'<span class="badge" style="background:{colour}">{escape(plain(str(report.verdict)))}</span>'
+    return (
+        f'<section style="border-left:6px solid {colour}"><p>{badge}</p>'
+        f'<p style="font-size:20px;margin:6px 0 10px">{escape(words.headline(report))}</p>{text}</section>\n'
+    )
+
+
+def _effects(report: GapReport) -> str:
+    rows = []
+    metric_unit = unit(report.gap.overall.unit)
+    for index, effect in enumerate(report.effects, start=1):
+        known = EFFECTS.get(effect.name)
+        meaning = "" if known is None else f"<br><small>{escape(known.equation)}</small>"
+        values = "<br>".join(escape(words.parameter(n, p)) for n, p in effect.parameters.items())
+        others = ", ".join(plain(name) for name in effect.ambiguous_with) or "nothing"
+        told = f"<br><small>to tell: {escape(effect.separated_by)}</small>" if effect.separated_by else ""
+        rows.append(
+            [
+                str(index),
+                f"<b>{escape(plain(effect.name))}</b>{meaning}",
+                values,
+                f"{number(effect.error_before)} to {number(effect.error_after)}{metric_unit}",
+                interval(effect.improvement_ci95),
+                escape(others) + told,
+            ]
+        )
+    header = ["", "effect", "parameters", "error", "improvement, 95 %", "could also be"]
+    return table(header, rows)
+
+
+def _gap(report: GapReport, figures: ReportFigures) -> Iterator[str]:
+    drawing = svg(drawings.horizon_panels(figures.horizons)) if figures.horizons else ""
+    if drawing or report.gap.by_horizon or report.gap.by_quantity:
+        metric = {f"{horizon} s ahead": level for horizon, level in report.gap.by_horizon.items()}
+        others = _folded("other predictions", _levels(report.gap.by_quantity, "prediction"))
+        yield section(
+            "The gap by horizon",
+            drawing + _levels(metric, report.gap.metric.split(" after ")[0]) + others,
+            "Mean errors on flights that no fit saw. The floor is what gyro and accelerometer give in place "
+            "of the model.",
+        )
+    parts = []
+    for title, bars, levels in (
+        ("The gap by channel", figures.channels, report.gap.by_channel),
+        ("The gap by phase of flight", figures.phases, report.gap.by_phase),
+    ):
+        if bars is None and not levels:
+            continue
+        drawn = "" if bars is None else svg(drawings.stage_bars(bars))
+        parts.append(section(title, drawn + _levels(levels, "")))
+    if parts:
+        yield grid(parts)
+
+
+def _levels(levels: Mapping[str, Levels], heading: str) -> str:
+    if not levels:
+        return ""
+    rows = []
+    floors = any(level.noise_floor is not None for level in levels.values())
+    for name, level in levels.items():
+        share = level.closed_share
+        row = [escape(plain(name)), *(f"{number(v)}{unit(level.unit)}" for v in (level.before, level.after))]
+        if floors:
+            row.append("" if level.noise_floor is None else f"{number(level.noise_floor)}{unit(level.unit)}")
+            row.append("" if share is None else f"{100.0 * share:.0f} %")
+        rows.append(row)
+    return table([heading, "before", "after", *(["floor", "closed"] if floors else [])], rows)
+
+
+def _folded(title: str, content: str) -> str:
+    """Content that a click opens; nothing where there is none."""
+    if not content:
+        return ""
+    return f'<details><summary class="note">{escape(title)}</summary>{content}</details>'
+
+
+def _where(report: GapReport, figures: ReportFigures) -> Iterator[str]:
+    if report.where or figures.heat_map is not None:
+        rows = [
+            [escape(plain(place.channel)), escape(place.condition), f"{number(place.share)}"]
+            for place in report.where
+        ]
+        content = table(["channel", "condition", "share of the gap before"], rows) if rows else ""
+        note = ""
+        if figures.heat_map is not None:
+            content += svg(drawings.heat_maps(figures.heat_map))
+            note = f"Cells, in percent: {figures.heat_map.meaning}."
+            if figures.heat_map.chance is not None:
+                note += " Faint cells are no larger than what the colour of the noise alone makes in 1 of 20."
+        yield section("Where it lives", content, note)
+    if figures.clouds:
+        yield section(
+            "Residuals against what they may depend on",
+            svg(drawings.cloud_panels(figures.clouds)),
+            "Measured minus modelled; medians of parts of equal count, and the middle two thirds of each. A "
+            "model that lacks nothing is flat at zero.",
+        )
+
+
+def _closed_loop(figures: ReportFigures) -> Iterator[str]:
+    if not figures.closed_loop:
+        return
+    drawn = "".join(
+        f"<h3>{escape(trace.flight)}</h3>{svg(drawings.closed_loop_trace(trace))}"
+        for trace in figures.closed_loop
+    )
+    yield section(
+        "Flown again in closed loop",
+        drawn,
+        "The project's own controller flies the model along the measured path. What the model needs should "
+        "be what the vehicle needed.",
+    )
+
+
+def _rest(report: GapReport) -> str:
+    rest = report.unexplained
+    rows = [
+        ["share of the gap", number(rest.share)],
+        ["channels", escape(", ".join(map(plain, rest.channels)) or "none stands out")],
+        ["goes with", escape(", ".join(rest.suspects) or "nothing that was measured")],
+        ["closest formula", f"<code>{escape(rest.formula)}</code>" if rest.formula else "none"],
+    ]
+    return table(["", ""], rows)
+
+
+def _flights(report: GapReport) -> str:
+    rows = []
+    for title, names in (("fitted", report.train), ("held out", report.held_out)):
+        rows.append([f"{title} ({len(names)})", escape(", ".join(names) or "none")])
+    content = table(["", ""], rows)
+    if report.unusable:
+        unusable = [[escape(item.file), escape(item.reason)] for item in report.unusable]
+        content += "<h3>Not used</h3>" + table(["file", "reason"], unusable)
+    return content
+
+
+def _settings(report: GapReport) -> Iterator[tuple[str, str]]:
+    yield "Settings", _facts({"seed": report.seed, **report.settings})
+    if report.noise:
+        yield "Noise as measured", _facts(report.noise)
+
+
+def _facts(facts: Mapping[str, Any]) -> str:
+    rows = []
+    for place, value in leaves(facts):
+        shown = number(value) if isinstance(value, float) else str(value)
+        rows.append([escape(plain(place).replace(".", ", ")), escape(shown)])
+    return table(["", ""], rows)

@@ -1,0 +1,86 @@
+"""The verdict in words, and numbers as the page shows them."""
+
+from calibration.gap.report.document import FoundEffect, FoundParameter, GapReport, Interval, Levels, Verdict
+
+
+def number(value: float | int | None) -> str:
+    """A number with four digits; an integer in full; nothing for a missing one."""
+    if value is None:
+        return ""
+    return str(value) if isinstance(value, int) else f"{value:.4g}"
+
+
+def interval(ci95: Interval) -> str:
+    """Both ends of an interval."""
+    return f"{number(ci95[0])} to {number(ci95[1])}"
+
+
+def unit(text: str) -> str:
+    """A unit to stand behind a number; none for pure numbers."""
+    return "" if text in ("", "1") else f" {text}"
+
+
+def plain(name: str) -> str:
+    """The name of an effect, channel or phase as words."""
+    return name.replace("_", " ")
+
+
+def capital(text: str) -> str:
+    """The text as it begins a sentence."""
+    return text[:1].upper() + text[1:]
+
+
+def listed(names: list[str]) -> str:
+    """a, b and c."""
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def parameter(name: str, found: FoundParameter) -> str:
+    """``scale 0.951 (95 %: 0.948 to 0.954)``."""
+    bound = ", at the limit of what is physical" if found.at_bound else ""
+    return f"{plain(name)} {number(found.value)}{unit(found.unit)} (95 %: {interval(found.ci95)}{bound})"
+
+
+def headline(report: GapReport) -> str:
+    """The verdict in one sentence."""
+    names = [plain(effect.name) for effect in report.effects]
+    missing = f"{listed(names)} {'was' if len(names) == 1 else 'were'} missing" if names else ""
+    if report.verdict is Verdict.NO_GAP:
+        return "Nothing is missing: the model predicts these flights as well as their noise allows."
+    if report.verdict is Verdict.EFFECTS_FOUND:
+        return f"Found: {missing} in the model."
+    if names:
+        return f"{capital(missing)}, and something else that is not known is still missing."
+    return "Something is missing that no known effect explains."
+
+
+def gap_in_words(metric: str, levels: Levels) -> str:
+    """How far the gap went down."""
+    text = f"{capital(metric)}, on flights that no fit saw: {number(levels.before)}{unit(levels.unit)} before"
+    if levels.after != levels.before:
+        text += f", {number(levels.after)}{unit(levels.unit)} after"
+    if levels.noise_floor is not None:
+        text += f"; gyro and accelerometer in place of a model give {number(levels.noise_floor)}"
+        text += unit(levels.unit)
+    text += "."
+    if levels.closed_share is not None and levels.after != levels.before:
+        text += f" Of what could be removed, {100.0 * min(levels.closed_share, 1.0):.0f} % is."
+    return text
+
+
+def unexplained_in_words(report: GapReport) -> str:
+    """Where the rest lives and what it looks like."""
+    rest = report.unexplained
+    text = f"{100.0 * rest.share:.0f} % of the gap is left and structured"
+    if rest.channels:
+        text += f", in {listed([plain(channel) for channel in rest.channels])}"
+    if rest.suspects:
+        text += f"; it goes with {listed([plain(suspect) for suspect in rest.suspects])}"
+    return f"{text}."
+
+
+def ambiguity_in_words(effect: FoundEffect) -> str:
+    """What the effect could be instead."""
+    others = listed([plain(name) for name in effect.ambiguous_with])
+    text = f"With these flights {plain(effect.name)} cannot be told from {others}."
+    return f"{text} To tell: {effect.separated_by}." if effect.separated_by else text
