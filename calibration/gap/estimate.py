@@ -9,7 +9,7 @@ import numpy as np
 from calibration.gap.mixed import FIRST_SPREAD, MixedFit, Products, fit_mixed
 from calibration.gap.noise import ORDER, fit_autoregression, whiten, whole_windows
 from calibration.gap.nuisances import nuisance_columns
-from calibration.gap.signals import Signals
+from calibration.gap.signals import CHANNELS, Signals
 from onboard.arrays import BoolArray, FloatArray
 
 
@@ -50,6 +50,10 @@ class Regression:
         self.signals = signals
         self.whole: BoolArray = whole_windows(signals.valid, signals.bounds, ORDER)
 
+    def misfit(self, predicted: FloatArray) -> FloatArray:
+        """Signals less prediction, shape (n, 7); 0 where not valid."""
+        return np.where(self.signals.valid, self.signals.measured - predicted, 0.0)
+
     def fit_noise(self, residual: FloatArray) -> Noise:
         """Noise model of a residual, shape (n, 7)."""
         coefficients = fit_autoregression(residual, self.whole)
@@ -58,20 +62,30 @@ class Regression:
         sigma = np.sqrt((innovations**2).sum(axis=0) / counts)
         return Noise(coefficients, np.where(sigma > 0.0, sigma, 1.0))
 
-    def products(
-        self, residual: FloatArray, columns: Sequence[FloatArray], nuisances: FloatArray, noise: Noise
-    ) -> Products:
-        """Products of whitened columns per part; `columns`: signals per unit of each effect, (n, 7)."""
-        stacked = [
-            whiten(column, self.whole, noise.coefficients) / noise.sigma
-            for column in (*nuisances, *columns, residual)
-        ]
-        q, g = len(nuisances), len(columns)
-        bounds = self.signals.part_bounds
-        sums = np.empty((bounds.size - 1, q + g + 1, q + g + 1))
-        for part, (first, end) in enumerate(itertools.pairwise(bounds)):
-            table = np.stack([column[first:end].ravel() for column in stacked])
-            sums[part] = table @ table.T
+    def whitened(self, columns: Sequence[FloatArray], noise: Noise) -> FloatArray:
+        """Columns, (n, 7) each, as innovations in units of their sigma: shape (7, columns, n)."""
+        table = np.empty((len(CHANNELS), len(columns), self.signals.valid.shape[0]))
+        for index, column in enumerate(columns):
+            table[:, index] = (whiten(column, self.whole, noise.coefficients) / noise.sigma).T
+        return table
+
+    def products(self, table: FloatArray, residual: FloatArray, nuisances: int, noise: Noise) -> Products:
+        """Products of whitened columns per part.
+
+        Args:
+            table: nuisances, then effects, from :meth:`whitened`.
+            residual: signals less prediction, shape (n, 7), not whitened.
+            nuisances: how many of the columns are nuisances.
+            noise: that the columns were whitened with.
+        """
+        bounds, q = self.signals.part_bounds, nuisances
+        columns = np.concatenate([table, self.whitened([residual], noise)], axis=1)
+        sums = np.zeros((bounds.size - 1, columns.shape[1], columns.shape[1]))
+        for channel in columns:
+            used = np.flatnonzero(channel.any(axis=1))
+            rows = channel[used]
+            for part, (first, end) in enumerate(itertools.pairwise(bounds)):
+                sums[part][np.ix_(used, used)] += rows[:, first:end] @ rows[:, first:end].T
         counts = np.add.reduceat(self.whole.astype(float), bounds[:-1], axis=0)
         return Products(
             zz=sums[:, :q, :q],
@@ -103,11 +117,12 @@ class Regression:
             rounds: of fitting noise and effects in turn.
         """
         nuisances = nuisance_columns(self.signals, predicted)
-        raw = np.where(self.signals.valid, self.signals.measured - predicted, 0.0)
+        raw = self.misfit(predicted)
         residual = self._centred(raw)
         for _ in range(rounds):
             noise = self.fit_noise(residual) if noise is None else noise
-            products = self.products(raw, columns, nuisances, noise)
+            table = self.whitened([*nuisances, *columns], noise)
+            products = self.products(table, raw, len(nuisances), noise)
             fit = fit_mixed(products, ridge, spread)
             residual = self._left(raw, columns, nuisances, fit)
             spread, used, noise = fit.spread, noise, None

@@ -62,6 +62,8 @@ def whiten(signal: FloatArray, whole: BoolArray, coefficients: FloatArray) -> Fl
     out = np.zeros(signal.shape)
     order = coefficients.shape[1]
     for c in range(signal.shape[1]):
+        if not np.any(signal[:, c]):
+            continue
         for k in range(order, signal.shape[0]):
             if whole[k, c]:
                 total = signal[k, c]

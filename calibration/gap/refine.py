@@ -13,7 +13,7 @@ from calibration.gap.signals import PARTS, stack_signals
 from calibration.gap.split import folds
 from onboard.arrays import FloatArray
 
-_ENOUGH = 0.2
+_ENOUGH = 0.1
 """Standard errors: a step this small ends the iteration."""
 
 FEW = 4.0
@@ -123,33 +123,27 @@ def refine(
     """
     spread = FIRST_SPREAD if start is None else start.fit.spread
     noise: Noise | None = None if start is None else start.noise
-    for _ in range(iterations):
+    for last in (*[False] * (iterations - 1), True):
         predicted = model.predict(training.records)
         columns = [model.derivative(training.records, v, predicted) for v in variables]
         estimate = training.regression.estimate(predicted, columns, ridge(variables), spread, noise)
         spread, noise = estimate.fit.spread, estimate.noise
         step = _bounded_step(model, variables, estimate.fit.theta)
-        model = model.with_values({v: model.start_value(v) + d for v, d in zip(variables, step, strict=True)})
         stuck = (step == 0.0) & (estimate.fit.theta != 0.0)
         if stuck.any():  # a bound is not crossed: without them, the others settle elsewhere
             variables = [v for v, out in zip(variables, stuck, strict=True) if not out]
-            continue
-        if np.all(np.abs(step) <= _ENOUGH * np.sqrt(np.diag(estimate.fit.covariance))):
+            columns = [column for column, out in zip(columns, stuck, strict=True) if not out]
+            estimate = training.regression.estimate(predicted, columns, ridge(variables), spread, noise)
+            step = _bounded_step(model, variables, estimate.fit.theta)
+        if last or np.all(np.abs(step) <= _ENOUGH * np.sqrt(np.diag(estimate.fit.covariance))):
             break
-    if stuck.any():
-        estimate = training.regression.estimate(
-            predicted, _kept(columns, ~stuck), ridge(variables), spread, noise
-        )
-        columns = _kept(columns, ~stuck)
+        values = {v: model.start_value(v) + d for v, d in zip(variables, step, strict=True)}
+        model = model.with_values(values)
     held_out, in_time = (
         held_out_likelihood(estimate.products, estimate.fit, ridge(variables), split)
         for split in (training.by_shape, training.by_time)
     )
     return Fitted(model, tuple(variables), estimate, held_out, in_time, predicted, tuple(columns))
-
-
-def _kept(columns: Sequence[FloatArray], keep: np.ndarray) -> list[FloatArray]:
-    return [column for column, kept in zip(columns, keep, strict=True) if kept]
 
 
 def _bounded_step(model: Model, variables: Sequence[Variable], theta: FloatArray) -> FloatArray:

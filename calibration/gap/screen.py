@@ -1,15 +1,13 @@
 """A first look at every candidate: linearised, under the noise model of the present fit."""
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
 from calibration.gap.candidates import Candidate
 from calibration.gap.mixed import Products, fit_mixed, held_out_likelihood
-from calibration.gap.model import WORKERS
 from calibration.gap.nuisances import nuisance_columns
-from calibration.gap.refine import Fitted, Training, refine, ridge
+from calibration.gap.refine import Fitted, Training, ridge
 from onboard.arrays import FloatArray
 
 
@@ -22,11 +20,9 @@ def screen(
     products; the others by the best of their starting models.
     """
     linear = [c for c in offered if c.starts[0] is present.model]
-    gains = _linear_gains(present, linear, training)
     others = [c for c in offered if c.starts[0] is not present.model]
-    with ThreadPoolExecutor(WORKERS) as pool:
-        far = list(pool.map(lambda c: _best_start(present, c, training), others))
-    return sorted([*gains, *far], key=lambda pair: (-pair[0], pair[1].effect))
+    found = [*_linear_gains(present, linear, training), *_best_starts(present, others, training)]
+    return sorted(found, key=lambda pair: (-pair[0], pair[1].effect))
 
 
 def _linear_gains(
@@ -36,19 +32,42 @@ def _linear_gains(
     columns = [
         present.model.derivative(training.records, variable, present.predicted) for variable in variables
     ]
-    regression, estimate = training.regression, present.estimate
-    raw = np.where(regression.signals.valid, regression.signals.measured - present.predicted, 0.0)
+    regression, noise = training.regression, present.estimate.noise
     nuisances = nuisance_columns(regression.signals, present.predicted)
-    products = regression.products(raw, [*present.columns, *columns], nuisances, estimate.noise)
+    table = regression.whitened([*nuisances, *present.columns, *columns], noise)
+    products = regression.products(table, regression.misfit(present.predicted), len(nuisances), noise)
     weak = np.concatenate([ridge(present.variables), ridge(variables)])
+    spread = present.estimate.fit.spread
     base = list(range(len(present.columns)))
     found, first = [], len(base)
-    reference = _held_out(products.of(base), weak[base], estimate.fit.spread, training)
+    reference = _held_out(products.of(base), weak[base], spread, training)
     for candidate in offered:
         chosen = [*base, *range(first, first + len(candidate.variables))]
         first += len(candidate.variables)
-        scores = _held_out(products.of(chosen), weak[chosen], estimate.fit.spread, training)
+        scores = _held_out(products.of(chosen), weak[chosen], spread, training)
         found.append((float(np.max(scores - reference)), candidate))
+    return found
+
+
+def _best_starts(
+    present: Fitted, offered: Sequence[Candidate], training: Training
+) -> list[tuple[float, Candidate]]:
+    """Each candidate with its best starting model alone, and what that promises."""
+    regression, noise = training.regression, present.estimate.noise
+    weak, spread = ridge(present.variables), present.estimate.fit.spread
+    nuisances = nuisance_columns(regression.signals, present.predicted)
+    table = regression.whitened([*nuisances, *present.columns], noise)
+
+    def likelihood(predicted: FloatArray) -> float:
+        products = regression.products(table, regression.misfit(predicted), len(nuisances), noise)
+        return float(_held_out(products, weak, spread, training)[1])
+
+    reference = likelihood(present.predicted)
+    found = []
+    for candidate in offered:
+        gains = [likelihood(start.predict(training.records)) - reference for start in candidate.starts]
+        best = int(np.argmax(gains))
+        found.append((gains[best], candidate._replace(starts=(candidate.starts[best],))))
     return found
 
 
@@ -61,14 +80,3 @@ def _held_out(products: Products, weak: FloatArray, spread: FloatArray, training
             for split in (training.by_shape, training.by_time)
         ]
     )
-
-
-def _best_start(present: Fitted, candidate: Candidate, training: Training) -> tuple[float, Candidate]:
-    """The candidate with its best starting model alone, and what that promises."""
-    fits = [
-        refine(start, present.variables, training, iterations=1, start=present.estimate)
-        for start in candidate.starts
-    ]
-    gains = [float(fit.gains(present, concentrated=True).sum()) for fit in fits]
-    best = int(np.argmax(gains))
-    return gains[best], candidate._replace(starts=(candidate.starts[best],))

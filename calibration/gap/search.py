@@ -12,12 +12,16 @@ import numpy as np
 
 from calibration.gap.acceptance import LEAST_GAIN, Judgement, judge
 from calibration.gap.candidates import Candidate, candidates
-from calibration.gap.model import Model
+from calibration.gap.model import Model, Variable
 from calibration.gap.refine import Fitted, Training, refine
 from calibration.gap.screen import screen
 
 Progress = Callable[[str], None]
 """Called with what is being looked at."""
+
+LOG_TIMING = Variable("command_delay", "delay")
+"""Always fitted: when a command was logged is never known to the millisecond, and a delay left out makes
+other names. It is an effect only where it is larger than that doubt."""
 
 _CLOSELY = 7
 """Candidates of a round that are looked at closely."""
@@ -71,7 +75,7 @@ def search(
         rng: for the bootstrap.
         progress: told what is being looked at.
     """
-    first = present = refine(model, (), training)
+    first = present = refine(model, (LOG_TIMING,), training)
     steps: list[Step] = []
     refused: dict[str, str] = {}
     for _ in range(_MOST_ROUNDS):
