@@ -48,7 +48,7 @@ def make_flights(
     out.mkdir(parents=True, exist_ok=True)
     paths = []
     for number, (name, shape) in enumerate(campaign(flights)):
-        flight = hidden_flight(hidden.vehicle, name, shape, seed, number, slow_torque=defects)
+        flight = hidden_flight(hidden.vehicle, name, shape, seed, number, defects=defects)
         log = with_defects(flight, seed, number, dead=number == flights - 1) if defects else flight.log
         paths.append(out / f"{name}.csv")
         write_log(paths[-1], log)

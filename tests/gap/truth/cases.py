@@ -10,7 +10,8 @@ from tests.gap.truth.effects import SIZES, apply, draw
 from tests.gap.truth.flight import hidden_flight
 from tests.gap.truth.kernel import settled_thrusts
 from tests.gap.truth.layout import GRAVITY
-from tests.gap.truth.shapes import AGILE
+from tests.gap.truth.log_file import SAMPLE_PERIOD
+from tests.gap.truth.shapes import AGILE, ALOFT, HOME
 
 SCHEMA = "perchhw.gap_truth/1"
 
@@ -131,7 +132,7 @@ def hide(case: str, size: str, seed: int, vehicle: np.ndarray) -> Hidden:
         hidden.add("rotor_drag", {"coefficient": float(_WIND_DRAG * rng.uniform(0.85, 1.15))})
         hidden.add("wind", draw("wind", size, rng))
     elif case == "motor_saturation":
-        share = _CLIPPED[SIZES.index(size)]
+        share = float(_CLIPPED[SIZES.index(size)] * rng.uniform(0.85, 1.15))
         hidden.add(case, {"thrust_limit": _limit_that_clips(hidden.vehicle, share, seed)})
     elif case == "unlisted_force_region":
         _region(hidden, _REGION[SIZES.index(size)], rng)
@@ -143,12 +144,26 @@ def hide(case: str, size: str, seed: int, vehicle: np.ndarray) -> Hidden:
 
 
 def _limit_that_clips(vehicle: np.ndarray, share: float, seed: int) -> float:
-    """Thrust (N) that a `share` of the motor commands of agile flights exceeds."""
+    """Thrust (N) that a `share` of the motor commands of agile flights exceeds, flown with that limit."""
+    p = vehicle.copy()
+    # With a limit the controller asks for more: the limit is above what free flights would say.
+    low = float(np.quantile(_agile_commands(p, seed), 1.0 - share))
+    high = 1.06 * low
+    for _ in range(3):
+        p["thrust_limit"] = 0.5 * (low + high)
+        clipped = np.mean(_agile_commands(p, seed) > p["thrust_limit"])
+        low, high = (low, p["thrust_limit"]) if clipped < share else (p["thrust_limit"], high)
+    return 0.5 * float(low + high)
+
+
+def _agile_commands(p: np.ndarray, seed: int) -> np.ndarray:
+    """Thrusts (N) that the motors are told during the manoeuvres of agile flights."""
     told = []
     for number, shape in enumerate(AGILE):
-        flight = hidden_flight(vehicle, shape, shape, seed, number)
-        told.append(settled_thrusts(flight.parameters, flight.log[600:2900, 13:18]).ravel())
-    return float(np.quantile(np.concatenate(told), 1.0 - share))
+        flight = hidden_flight(p, shape, shape, seed, number)
+        aloft = flight.log[round(ALOFT / SAMPLE_PERIOD) : round(HOME / SAMPLE_PERIOD), 13:18]
+        told.append(settled_thrusts(flight.parameters, aloft).ravel())
+    return np.concatenate(told)
 
 
 def _region(hidden: Hidden, strength: float, rng: np.random.Generator) -> None:

@@ -4,6 +4,8 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from tests.gap.truth.layout import CONTROL_PERIOD, SUBSTEPS
+
 Values = Mapping[str, float]
 SIZES = ("weak", "medium", "strong")
 
@@ -187,6 +189,12 @@ def _gap(k: int, rng: np.random.Generator) -> dict[str, float]:
     return {"inflow": 1.0, "opening": _about(rng, (0.5, 0.3, 0.2)[k])}
 
 
+def _late(k: int, rng: np.random.Generator) -> dict[str, float]:
+    """A delay in whole steps of the integrator, which is how it acts."""
+    step = CONTROL_PERIOD / SUBSTEPS
+    return {"delay": round(_about(rng, (0.004, 0.008, 0.015)[k]) / step) * step}
+
+
 _DEGREE = float(np.deg2rad(1.0))
 _DRAW: dict[str, Callable[[int, np.random.Generator], dict[str, float]]] = {
     "thrust_scale": _off("scale", (0.02, 0.06, 0.15), 1.0),
@@ -195,14 +203,14 @@ _DRAW: dict[str, Callable[[int, np.random.Generator], dict[str, float]]] = {
     "motor_lag": _more("scale", (0.15, 0.4, 1.0), 1.0),
     "motor_lag_asymmetry": _more("ratio", (0.2, 0.6, 1.5), 1.0),
     "motor_imbalance": _weak_motor,
-    "command_delay": _more("delay", (0.004, 0.008, 0.015)),
+    "command_delay": _late,
     "rotor_drag": _more("coefficient", (0.3e-6, 1e-6, 3e-6)),
     "body_drag": _each("area_x area_y area_z", (0.002, 0.006, 0.02)),
     "inflow_thrust_loss": _more("coefficient", (0.3e-6, 1e-6, 3e-6)),
     "ceiling_effect": _gap,
     "ground_effect": _more("strength", (2.0, 5.0, 12.0)),
     "wind": _flat((0.3, 0.8, 1.6)),
-    "velocity_moment": _each("roll pitch", (2e-5, 8e-5, 2.4e-4), signed=True),
+    "velocity_moment": _each("roll pitch", (1e-5, 6e-5, 2e-4), signed=True),
     "rate_damping": _each("x y z", (4e-6, 1.6e-5, 5e-5)),
     "rotor_gyroscopic": _more("rotor_inertia", (2e-8, 1e-7, 5e-7)),
     "rotor_acceleration_torque": _more("rotor_inertia", (6e-9, 2e-8, 6e-8)),

@@ -14,6 +14,8 @@ TORQUE_SD = (2.2, 2.2, 0.7)
 TORQUE_TIME, FORCE_SD, FORCE_TIME = 0.06, 0.06, 0.4
 """s; m/s2; s."""
 SLOW_TORQUE_SD, SLOW_TORQUE_TIME = (3.0, 3.0, 1.0), 2.0
+TILT_DEG = (0.5, 3.0)
+"""Of the markers' frame against the drone's, per flight: least and most (second tier)."""
 SCALE_SD, TRIM_SD, ACCELEROMETER_BIAS_SD = 0.005, (1.0, 1.0, 0.3), 0.03
 """Per flight: of the thrust scale; rad/s2; m/s2."""
 MOST_CHARGE_USED = 0.4
@@ -43,17 +45,20 @@ class HiddenFlight:
 
 
 def hidden_flight(
-    vehicle: np.ndarray, name: str, shape: str, seed: int, number: int, slow_torque: bool = False
+    vehicle: np.ndarray, name: str, shape: str, seed: int, number: int, defects: bool = False
 ) -> HiddenFlight:
     """Fly `shape` with the true vehicle (record of `layout.PARAMETERS`).
 
-    The random numbers depend on `seed` and `number` alone, so that two vehicles meet the same air.
+    The random numbers depend on `seed` and `number` alone, so that two vehicles meet the same air. With
+    `defects` a slow torque acts too, and the markers' frame is tilted.
     """
     rng = [np.random.default_rng([seed, number, use]) for use in range(4)]
     p = vehicle.copy()
     used = _nuisances(p, rng[0])
+    if defects:
+        p["pose_turn"] += _tilt(rng[0])
     rows = setpoints(shape, rng[1], rest_height(p))
-    gusts = _gusts(p, len(rows), rng[2], slow_torque)
+    gusts = _gusts(p, len(rows), rng[2], defects)
     samples = -(-len(rows) // TICKS_PER_SAMPLE)
     noise = rng[3].standard_normal((len(rows), 7))
     pose_noise = rng[3].standard_normal((samples, 6))
@@ -80,6 +85,12 @@ def _nuisances(p: np.ndarray, rng: np.random.Generator) -> float:
     p["trim"] += p["filed_inertia"] * TRIM_SD * rng.standard_normal(3)
     p["accelerometer_bias"] = ACCELEROMETER_BIAS_SD * rng.standard_normal(3)
     return float(MOST_CHARGE_USED * rng.uniform() * p["capacity"])
+
+
+def _tilt(rng: np.random.Generator) -> np.ndarray:
+    """Rotation vector (rad) about a horizontal axis."""
+    angle, way = np.deg2rad(rng.uniform(*TILT_DEG)), rng.uniform(0.0, 2.0 * np.pi)
+    return np.array([angle * np.cos(way), angle * np.sin(way), 0.0])
 
 
 def _gusts(p: np.ndarray, ticks: int, rng: np.random.Generator, slow_torque: bool) -> np.ndarray:

@@ -1,9 +1,9 @@
 """The compiled world of the hidden flights: vehicle, air and floor by RK4, and the drone's own controller.
 
-One file, because numba's cache does not see changes of functions imported from another. Nothing here comes from
-the simulation that the gap finder uses. SI units; world ENU, body FLU with its origin in the centre of mass,
-quaternions scalar-last. State: position 0..2, velocity 3..5, quaternion 6..9, body rate 10..12, rotor thrusts
-13..16 (N), charge drawn 17 (C).
+One file, because numba's cache does not see changes of functions imported from another. Nothing here comes
+from the simulation that the gap finder uses. SI units; world ENU, body FLU with its origin in the centre of
+mass, quaternions scalar-last. State: position 0..2, velocity 3..5, quaternion 6..9, body rate 10..12, rotor
+thrusts 13..16 (N), charge drawn 17 (C).
 """
 
 import math
@@ -25,13 +25,16 @@ from tests.gap.truth.layout import (
 AIR_DENSITY = 1.2
 FULL = 65535.0
 MOST_GROUND_GAIN = 2.0
+FASTEST = 1.2
+"""m/s, at which the drone closes a gap to its set-point."""
+NEAR = (0.5, 0.5, 0.15)
+"""m, from the set-point, within which the position's integrals run."""
 
-_X, _Y, _Z, _YAW, _VX, _VY, _VZ, _AX, _AY, _AZ = (
-    int(Setpoint[n]) for n in "X Y Z YAW VX VY VZ AX AY AZ".split()
-)
-_ROLL, _PITCH, _P, _Q, _R, _COLLECTIVE, _ARMED = (
-    int(Setpoint[n]) for n in "ROLL PITCH P Q R COLLECTIVE ARMED".split()
-)
+# Plain integers: numba compiles them in as constants.
+_X, _VX, _AX, _YAW = int(Setpoint.X), int(Setpoint.VX), int(Setpoint.AX), int(Setpoint.YAW)
+_ROLL, _PITCH = int(Setpoint.ROLL), int(Setpoint.PITCH)
+_P, _Q, _R = int(Setpoint.P), int(Setpoint.Q), int(Setpoint.R)
+_COLLECTIVE, _ARMED = int(Setpoint.COLLECTIVE), int(Setpoint.ARMED)
 
 jitted = njit(cache=True, nogil=True, error_model="numpy")
 
@@ -58,7 +61,7 @@ def thrust_of(p, volt):
 
 @jitted
 def settled_thrusts(p, logged):
-    """Thrusts (N) that logged PWM and voltage (rows of m1..m4, vbat) make the motors head for, shape (n, 4)."""
+    """Thrusts (N) that motors head for at logged PWM and voltage (rows of m1..m4, vbat), shape (n, 4)."""
     out = np.empty((logged.shape[0], 4))
     for n in range(logged.shape[0]):
         for i in range(4):
@@ -330,9 +333,12 @@ def wanted_thrusts(p, e, r, gyro, memory, s, thrusts):
     acc0 = acc1 = acc2 = 0.0
     for k in range(3):
         miss = s[_X + k] - e[k]
-        memory[k] = min(max(memory[k] + dt * miss, -1.0), 1.0)
-        a = g[0 + 3 * (k == 2)] * miss + g[1 + 3 * (k == 2)] * (s[_VX + k] - e[3 + k])
-        a += g[2 + 3 * (k == 2)] * memory[k] + s[_AX + k]
+        if abs(miss) < NEAR[k]:
+            memory[k] = min(max(memory[k] + dt * miss, -1.0), 1.0)
+        o = 3 * (k == 2)
+        most = FASTEST * g[o + 1]
+        a = min(max(g[o] * miss, -most), most) + g[o + 1] * (s[_VX + k] - e[3 + k])
+        a += g[o + 2] * memory[k] + s[_AX + k]
         if k == 0:
             acc0 = min(max(a, -6.0), 6.0)
         elif k == 1:
@@ -362,7 +368,7 @@ def wanted_thrusts(p, e, r, gyro, memory, s, thrusts):
         slope = (smooth - memory[6 + k]) / dt
         memory[6 + k] = smooth
         miss = wanted - gyro[k]
-        memory[3 + k] = min(max(memory[3 + k] + dt * miss, -1.0), 1.0)
+        memory[3 + k] = min(max(memory[3 + k] + dt * miss, -3.0), 3.0)
         o = 8 + 3 * (k == 2)
         torque = p.filed_inertia[k] * (g[o] * miss + g[o + 1] * memory[3 + k] - g[o + 2] * slope)
         if k == 0:
@@ -376,7 +382,7 @@ def wanted_thrusts(p, e, r, gyro, memory, s, thrusts):
     thrusts[1] = base - tx + ty + tz
     thrusts[2] = base + tx + ty - tz
     thrusts[3] = base + tx - ty + tz
-    over = max(max(thrusts[0], thrusts[1]), max(thrusts[2], thrusts[3])) - p.thrust_ceiling
+    over = max(thrusts[0], thrusts[1], thrusts[2], thrusts[3]) - p.thrust_ceiling
     for i in range(4):
         thrusts[i] = min(max(thrusts[i] - max(over, 0.0), p.thrust_floor), p.thrust_ceiling)
 

@@ -13,6 +13,8 @@ SUBSTEPS = 4
 TICKS_PER_SAMPLE = 5
 """Runs of the controller per row of the log and per pose: 100 Hz."""
 STATES = 18
+MOTORS = slice(13, 17)
+"""Where the rotors' thrusts are in the state."""
 MAP_QUADRATIC, MAP_CUBIC, MAP_LOG = 0, 1, 2
 CEILING = 2.1
 GRAVITY = 9.81
@@ -41,14 +43,15 @@ class Setpoint(IntEnum):
     ARMED = 16
 
 
-_SCALARS = (
-    "map_form inverse_step amps_per_newton full_volts volts_per_coulomb ohms mass drag_torque tau_up tau_down "
-    "thrust_per_speed2 hover_thrust thrust_limit curvature rotor_radius ceiling ceiling_inflow ceiling_opening "
-    "ground_strength rotor_drag inflow_loss gyroscopic_inertia accelerated_inertia "
-    "tether_length tether_stiffness tether_damping line_hertz floor_stiffness floor_damping command_delay "
-    "filed_mass thrust_floor thrust_ceiling rate_filter gyro_noise accelerometer_noise voltage_noise "
-    "position_noise attitude_noise gyro_count accelerometer_count pose_delay capacity"
-)
+_SCALARS = """
+    map_form inverse_step thrust_limit curvature hover_thrust tau_up tau_down drag_torque thrust_per_speed2
+    full_volts volts_per_coulomb ohms amps_per_newton capacity mass command_delay
+    rotor_radius ceiling ceiling_inflow ceiling_opening ground_strength rotor_drag inflow_loss
+    gyroscopic_inertia accelerated_inertia tether_length tether_stiffness tether_damping line_hertz
+    floor_stiffness floor_damping filed_mass thrust_floor thrust_ceiling rate_filter
+    gyro_noise accelerometer_noise voltage_noise position_noise attitude_noise gyro_count accelerometer_count
+    pose_delay
+"""
 _ARRAYS: dict[str, tuple[int, ...]] = {
     "map": (8,),
     "inverse": (INVERSE_POINTS,),
@@ -81,7 +84,7 @@ PARAMETERS = np.dtype(
 )
 
 # Position xy (P, D, I), z (P, D, I); attitude, yaw; rate xy (P, I, D), z (P, I, D).
-GAINS = (5.0, 3.6, 1.0, 9.0, 5.5, 4.0, 7.0, 3.0, 60.0, 60.0, 1.8, 20.0, 10.0, 0.2)
+GAINS = (5.0, 3.6, 1.0, 40.0, 12.0, 20.0, 7.0, 3.0, 60.0, 60.0, 1.8, 20.0, 10.0, 0.2)
 FORMS = {"quadratic_inverse": MAP_QUADRATIC, "firmware_cubic": MAP_CUBIC, "two_region_log": MAP_LOG}
 KEYS = {
     MAP_QUADRATIC: ("low_a", "low_b", "low_c", "high_a", "high_b", "high_c", "break_thrust"),
