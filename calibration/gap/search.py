@@ -12,6 +12,7 @@ import numpy as np
 
 from calibration.gap.acceptance import LEAST_GAIN, Judgement, judge
 from calibration.gap.candidates import Candidate, candidates
+from calibration.gap.exchange import Rival, needed, rivals, without
 from calibration.gap.model import Model, Variable
 from calibration.gap.refine import Fitted, Training, refine
 from calibration.gap.screen import screen
@@ -25,6 +26,9 @@ other names. It is an effect only where it is larger than that doubt."""
 
 _CLOSELY = 7
 """Candidates of a round that are looked at closely."""
+
+_CLOSE = 0.3
+"""Share of its gain that a rival may lack to be looked at again."""
 
 _MOST_ROUNDS = 12
 
@@ -56,12 +60,14 @@ class Search:
         steps: effects in the order found, those without a name (too small to matter) among them.
         final: the last fit.
         refused: candidates that gained much but were not believed, with the reason.
+        ambiguous: by named effect, the rivals that the flights do not rule out.
     """
 
     first: Fitted
     steps: tuple[Step, ...]
     final: Fitted
     refused: dict[str, str]
+    ambiguous: dict[str, tuple[Rival, ...]]
 
 
 def search(
@@ -84,7 +90,29 @@ def search(
             break
         steps.append(step)
         present = step.after
-    return Search(first, tuple(steps), present, refused)
+    present = _drop_idle(present, steps, training, progress)
+    steps = [step for step in steps if step.effect in present.model.effects]
+    swapped = [_second_look(present, step, training, progress) for step in steps if step.judgement.sizeable]
+    return Search(first, tuple(steps), present, refused, {k: v for k, v in swapped if v})
+
+
+def _drop_idle(present: Fitted, steps: Sequence[Step], training: Training, progress: Progress) -> Fitted:
+    """The model without effects that others have made superfluous, the weakest first."""
+    for step in sorted(steps, key=lambda s: s.judgement.gain):
+        progress(f"without {step.effect}")
+        if len(steps) > 1 and not needed(present, step.effect, training):
+            present = without(present, step.effect, training)
+    return present
+
+
+def _second_look(
+    present: Fitted, step: Step, training: Training, progress: Progress
+) -> tuple[str, tuple[Rival, ...]]:
+    """Rivals of a named effect that the flights do not rule out."""
+    progress(f"{step.effect} or another")
+    close = [name for name, lack in step.rivals.items() if lack < _CLOSE * step.judgement.gain]
+    found = rivals(present, step.effect, close, training)
+    return step.effect, tuple(rival for rival in found if not rival.told_apart)
 
 
 def _forward(
