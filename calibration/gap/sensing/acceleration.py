@@ -14,12 +14,12 @@ is more than assumed. Upright and unaccelerated, b and dr are one and the same (
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.signal import savgol_coeffs
 
 from calibration.gap.record import FlightRecord
 from calibration.gap.sensing.attitude import AttitudeFit
 from calibration.gap.sensing.knots import hats
-from calibration.gap.sensing.resample_pose import pose_at
 from calibration.gap.sensing.rotations import cross_matrices, matrices
 from onboard.arrays import BoolArray, FloatArray
 from onboard.gravity import GRAVITY
@@ -93,13 +93,18 @@ def fit_acceleration(
     if record.specific_force is None:
         return None
     smoothing = Smoothing(record.dt)
-    position, _, known = pose_at(record, record.t + hats(record.t, attitude.knots) @ attitude.path)
-    rows = smoothing.reach(record.flying & record.inertial_known & known)
+    # The pose is differentiated by its own clock, and then taken at the times of the accelerometer.
+    at = record.t + hats(record.t, attitude.knots) @ attitude.path
+    tracked = CubicSpline(record.t, smoothing.second_derivative(record.position))(
+        np.clip(at, record.t[0], record.t[-1])
+    )
+    seen = np.interp(at, record.t, smoothing.reach(record.pose_known), left=0.0, right=0.0) > 0.999
+    rows = smoothing.reach(record.flying & record.inertial_known) & seen
     if np.count_nonzero(rows) < 10 * (2 * smoothing.half + 1):
         return None
     frames = matrices(attitude.attitude)
     felt = np.einsum("nij,nj->ni", frames, record.specific_force)
-    target = smoothing.second_derivative(position) - smoothing.mean(felt)
+    target = tracked - smoothing.mean(felt)
     target[:, 2] += GRAVITY
     columns = np.concatenate(
         [

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from calibration.gap.record import FlightRecord
-from calibration.gap.sensing.correction import without_effect
+from calibration.gap.sensing.correction import align, best_values
 from calibration.gap.sensing.flight_estimates import FlightSensing, pool_flights
 from calibration.gap.sensing.mismatch import SPAN_S, acceleration_mismatch, turn_mismatch
 from onboard.arrays import FloatArray
@@ -47,36 +47,35 @@ class HeldOut:
 
 
 def held_out_errors(
-    name: str,
-    records: Sequence[FlightRecord],
-    flights: Sequence[FlightSensing],
-    before: Sequence[tuple[str, FloatArray]],
+    name: str, records: Sequence[FlightRecord], flights: Sequence[FlightSensing]
 ) -> HeldOut | None:
     """Errors of the effect `name`; None when there are not two flights to hold out.
 
-    Flights of each shape are corrected by the mean over the flights of the others.
+    What a flight does not share with the others is taken out before and after, as are the other effects.
+    After, the mean over the flights of other shapes is taken out too.
 
     Args:
         name: of the effect.
         records, flights: the flights and their estimates, in one order.
-        before: effects named already, with their values; they are taken out first.
     """
     shapes = [record.shape for record in records]
-    sums = []
-    for shape in dict.fromkeys(shapes):
-        others = [f for f, s in zip(flights, shapes, strict=True) if s != shape]
-        means = pool_flights(others).get(name)
-        if means is None:
+    pooled = pool_flights(flights)
+    common = np.array([p.mean for p in pooled[name]])
+    squares = []
+    for record, flight in zip(records, flights, strict=True):
+        others = pool_flights([f for f, s in zip(flights, shapes, strict=True) if s != record.shape])
+        if name not in others or name not in flight.values:
             continue
-        values = np.array([p.mean for p in means])
-        for record in (r for r in records if r.shape == shape):
-            for other, known in before:
-                record = without_effect(record, other, known)
-            first, count = METRICS[name].squares(record)
-            second, count_after = METRICS[name].squares(without_effect(record, name, values))
-            if min(count, count_after) > 0:
-                sums.append((first / count, second / count_after))
-    return _errors(np.array(sums)) if len(sums) > 1 else None
+        values = best_values(flight, pooled)
+        own = values[name] - common
+        mean = np.array([p.mean for p in others[name]])
+        errors = [
+            METRICS[name].squares(align(record, flight, {**values, name: value}))
+            for value in (own, own + mean)
+        ]
+        if all(count > 0 for _, count in errors):
+            squares.append([total / count for total, count in errors])
+    return _errors(np.array(squares)) if len(squares) > 1 else None
 
 
 def _errors(squares: FloatArray) -> HeldOut:

@@ -17,7 +17,7 @@ from calibration.gap.sensing.held_out import METRICS, HeldOut, held_out_errors
 from calibration.gap.sensing.pooling import Pooled
 from onboard.vehicle.effects import EFFECTS
 
-_LEAST_IMPROVEMENT = 0.005
+_LEAST_IMPROVEMENT = 0.001
 
 
 @dataclass(frozen=True)
@@ -80,8 +80,7 @@ def judge_sensing(records: Sequence[FlightRecord]) -> SensingFindings:
         if not _within_bounds(name, pooled[name]):
             notes.append(f"{name} {_words(name, pooled[name])} is beyond its physical bounds: not named")
             continue
-        before = [(e.name, np.array(list(e.values.values()))) for e in effects]
-        errors = held_out_errors(name, used, [judged[r.name] for r in used], before)
+        errors = held_out_errors(name, used, [judged[r.name] for r in used])
         if errors is not None and _helps(errors):
             effects.append(_effect(name, pooled[name], errors))
         else:
