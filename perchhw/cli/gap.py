@@ -11,6 +11,7 @@ from perchhw.cli.output import console, emit, progress_console
 if TYPE_CHECKING:
     from calibration.gap.prediction import PredictionErrors
     from calibration.gap.prepare import Prepared
+    from calibration.gap.report import GapReport
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help="Compare the model with measured flights.")
 
@@ -55,6 +56,40 @@ def evaluate(
     emit(document, lambda: _draw(errors, vehicle))
 
 
+@app.command()
+def find(
+    data: DataOption,
+    vehicle: VehicleOption,
+    out: Annotated[Path, typer.Option(help="Folder for report.json, report.html and vehicle.toml.")],
+    more: MoreData = None,
+    format: FlightFormat = "auto",
+    legs: Legs = None,
+    ceiling: Annotated[float | None, typer.Option(help="Height of the ceiling, m, if there is one.")] = None,
+    seed: Annotated[int, typer.Option(help="Of all random numbers.")] = 0,
+) -> None:
+    """Find where model and flights disagree, name what is missing, and write the improved vehicle file."""
+    from calibration.gap.find import find_gap
+    from calibration.gap.improved import write_vehicle
+    from calibration.gap.report import UnusableFile, write_report
+    from onboard.vehicle import load_vehicle
+
+    model = load_vehicle(vehicle, legs=legs)
+    flights, unusable = read_records([*data, *(more or [])], format)
+    with progress_console().status("reading") as status:
+        result = find_gap(
+            flights.records,
+            model,
+            seed,
+            ceiling,
+            [UnusableFile(file=item["file"], reason=item["reason"]) for item in unusable],
+            flights.limitations,
+            progress=status.update,
+        )
+    page = write_report(result.report, out, result.figures)
+    write_vehicle(result.vehicle, out)
+    emit(result.report.to_json(), lambda: _tell(result.report, page))
+
+
 def read_records(paths: list[Path], format: str) -> tuple["Prepared", list[dict[str, str]]]:
     """Records of all usable flights, and the files that hold none, each with the reason.
 
@@ -83,6 +118,27 @@ def with_file(unusable: dict[str, str]) -> str:
     """The reason, with the file in front where it does not name it itself."""
     file, reason = unusable["file"], unusable["reason"]
     return reason if file in reason else f"{file}: {reason}"
+
+
+def _tell(report: "GapReport", page: Path) -> None:
+    from rich.table import Table
+
+    console().print(f"verdict: {report.verdict}", markup=False)
+    table = Table("effect", "parameter", "value", "95 %", "or", box=None, pad_edge=False)
+    for effect in report.effects:
+        for number, (name, one) in enumerate(effect.parameters.items()):
+            table.add_row(
+                effect.name if number == 0 else "",
+                name,
+                f"{one.value:.4g} {one.unit}",
+                f"{one.ci95[0]:.4g} .. {one.ci95[1]:.4g}",
+                ", ".join(effect.ambiguous_with) if number == 0 else "",
+            )
+    if report.effects:
+        console().print(table)
+    if report.unexplained.formula:
+        console().print(f"unexplained: {report.unexplained.formula}", markup=False)
+    console().print(f"report: {page}", markup=False, soft_wrap=True)
 
 
 def _seconds(text: str) -> tuple[float, ...]:

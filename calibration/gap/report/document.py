@@ -50,11 +50,12 @@ class FoundEffect:
     Attributes:
         name: as in :data:`onboard.vehicle.effects.EFFECTS`.
         parameters: by name.
-        error_before, error_after: the gap's metric without and with it, on flights that no fit saw; with the
-            effects before it in the model.
+        error_before, error_after: without and with it, on flights that no fit saw, in the metric that it
+            improves most; with the effects before it in the model.
         improvement_ci95: of `error_before` minus `error_after`.
         ambiguous_with: effects that these flights cannot tell from it.
         separated_by: what a flight must do to tell them apart, in words.
+        metric: what the errors are, with the unit.
     """
 
     name: str
@@ -64,6 +65,7 @@ class FoundEffect:
     improvement_ci95: Interval
     ambiguous_with: tuple[str, ...] = ()
     separated_by: str = ""
+    metric: str = ""
 
     def to_json(self) -> dict[str, Any]:
         """As in the contract."""
@@ -75,6 +77,7 @@ class FoundEffect:
             "improvement_ci95": list(self.improvement_ci95),
             "ambiguous_with": list(self.ambiguous_with),
             "separated_by": self.separated_by,
+            "metric": self.metric,
         }
 
 
