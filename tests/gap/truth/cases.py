@@ -150,10 +150,11 @@ def _limit_that_clips(vehicle: np.ndarray, share: float, seed: int) -> float:
     low = float(np.quantile(_agile_commands(p, seed), 1.0 - share))
     high = 1.06 * low
     for _ in range(3):
-        p["thrust_limit"] = 0.5 * (low + high)
-        clipped = np.mean(_agile_commands(p, seed) > p["thrust_limit"])
-        low, high = (low, p["thrust_limit"]) if clipped < share else (p["thrust_limit"], high)
-    return 0.5 * float(low + high)
+        limit = 0.5 * (low + high)
+        p["thrust_limit"] = limit
+        clipped = np.mean(_agile_commands(p, seed) > limit)
+        low, high = (low, limit) if clipped < share else (limit, high)
+    return 0.5 * (low + high)
 
 
 def _agile_commands(p: np.ndarray, seed: int) -> np.ndarray:

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from tests.gap.truth.flight import HiddenFlight
-from tests.gap.truth.kernel import seen_pose, turn
+from tests.gap.truth.kernel import blur, seen_pose
 from tests.gap.truth.layout import CONTROL_PERIOD
 from tests.gap.truth.log_file import SAMPLE_PERIOD
 
@@ -51,8 +51,7 @@ def _poses_by_another_clock(flight: HiddenFlight, lag: np.ndarray, rng: np.rando
     ticks = (np.arange(len(lag)) * SAMPLE_PERIOD - p["pose_delay"] - lag) / CONTROL_PERIOD
     for row, tick in zip(out, np.clip(ticks, 0.0, len(flight.states) - 1.0), strict=True):
         seen_pose(p, flight.states, tick, row)
-        row[:3] += p["position_noise"] * rng.standard_normal(3)
-        turn(row[3:], *(p["attitude_noise"] * rng.standard_normal(3)))
+        blur(p, rng.standard_normal(6), row)
     return out
 
 

@@ -7,6 +7,7 @@ thrusts 13..16 (N), charge drawn 17 (C).
 """
 
 import math
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -30,6 +31,8 @@ FASTEST = 1.2
 NEAR = (0.5, 0.5, 0.15)
 """m, from the set-point, within which the position's integrals run."""
 
+Array = np.ndarray
+
 # Plain integers: numba compiles them in as constants.
 _X, _VX, _AX, _YAW = int(Setpoint.X), int(Setpoint.VX), int(Setpoint.AX), int(Setpoint.YAW)
 _ROLL, _PITCH = int(Setpoint.ROLL), int(Setpoint.PITCH)
@@ -40,7 +43,7 @@ jitted = njit(cache=True, nogil=True, error_model="numpy")
 
 
 @jitted
-def thrust_of(p, volt):
+def thrust_of(p: Any, volt: float) -> float:
     """Settled thrust (N) of a motor at a voltage (V)."""
     c = p.map
     if volt <= 0.0:
@@ -60,7 +63,7 @@ def thrust_of(p, volt):
 
 
 @jitted
-def settled_thrusts(p, logged):
+def settled_thrusts(p: Any, logged: Array) -> Array:
     """Thrusts (N) that motors head for at logged PWM and voltage (rows of m1..m4, vbat), shape (n, 4)."""
     out = np.empty((logged.shape[0], 4))
     for n in range(logged.shape[0]):
@@ -70,7 +73,7 @@ def settled_thrusts(p, logged):
 
 
 @jitted
-def voltage_for(p, thrust):
+def voltage_for(p: Any, thrust: float) -> float:
     """Motor voltage (V) that the controller takes for a thrust (N): table of the nominal map."""
     last = p.inverse.size - 1
     place = min(max(thrust / p.inverse_step, 0.0), last - 1e-9)
@@ -79,14 +82,14 @@ def voltage_for(p, thrust):
 
 
 @jitted
-def terminal_voltage(p, y):
+def terminal_voltage(p: Any, y: Array) -> float:
     """Battery voltage (V) under the load of the four rotors."""
     current = p.amps_per_newton * (y[13] + y[14] + y[15] + y[16])
     return p.full_volts - p.volts_per_coulomb * y[17] - p.ohms * current
 
 
 @jitted
-def rotation(x, y, z, w, r):
+def rotation(x: float, y: float, z: float, w: float, r: Array) -> None:
     """Matrix body to world of a unit quaternion."""
     r[0, 0], r[0, 1], r[0, 2] = w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)
     r[1, 0], r[1, 1], r[1, 2] = 2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)
@@ -94,7 +97,7 @@ def rotation(x, y, z, w, r):
 
 
 @jitted
-def surface_gain(p, height, up):
+def surface_gain(p: Any, height: float, up: float) -> float:
     """Thrust near floor and ceiling over that in the open, for a hub at `height` (m), cosine of tilt `up`."""
     if up <= 0.0:
         return 1.0
@@ -112,7 +115,9 @@ def surface_gain(p, height, up):
 
 
 @jitted
-def add_rotors(p, y, r, wind_body, rates, force, torque):
+def add_rotors(
+    p: Any, y: Array, r: Array, wind_body: Array, rates: Array, force: Array, torque: Array
+) -> None:
     """Add force and torque (body frame) of the rotors; `rates`: dF/dt of each (N/s)."""
     spin_sum, spin_change = 0.0, 0.0
     for i in range(4):
@@ -142,7 +147,7 @@ def add_rotors(p, y, r, wind_body, rates, force, torque):
 
 
 @jitted
-def add_air(p, y, u, force, torque):
+def add_air(p: Any, y: Array, u: Array, force: Array, torque: Array) -> None:
     """Add what the air does to the body that moves at `u` (m/s, body frame) through it."""
     speed = math.sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2])
     for k in range(3):
@@ -153,7 +158,7 @@ def add_air(p, y, u, force, torque):
 
 
 @jitted
-def add_room(p, t, y, push):
+def add_room(p: Any, t: float, y: Array, push: Array) -> float:
     """Add forces (N, world) of the tether and of the region; returns the line torque's sine."""
     if p.tether_stiffness > 0.0:
         dx, dy, dz = p.tether_end[0] - y[0], p.tether_end[1] - y[1], p.tether_end[2] - y[2]
@@ -171,7 +176,7 @@ def add_room(p, t, y, push):
 
 
 @jitted
-def add_contact(p, y, r, push, torque):
+def add_contact(p: Any, y: Array, r: Array, push: Array, torque: Array) -> None:
     """Add the push of floor and ceiling on the hull's corners: springs, dampers, friction."""
     for i in range(8):
         bx, by, bz = p.corner[i, 0], p.corner[i, 1], p.corner[i, 2]
@@ -200,7 +205,7 @@ def add_contact(p, y, r, push, torque):
 
 
 @jitted
-def derivative(p, t, y, duty, gust, dy, scratch):
+def derivative(p: Any, t: float, y: Array, duty: Array, gust: Array, dy: Array, scratch: Array) -> None:
     """Time derivative `dy` of the state.
 
     `duty`: share of the battery voltage at each motor; `gust`: disturbing force (world) and torque (body).
@@ -249,12 +254,14 @@ def derivative(p, t, y, duty, gust, dy, scratch):
 
 
 @jitted
-def sum3(a, b, c, x, y, z):
+def sum3(a: float, b: float, c: float, x: float, y: float, z: float) -> float:
     return a * x + b * y + c * z
 
 
 @jitted
-def runge_kutta(p, t, y, duty, gust, h, work, scratch):
+def runge_kutta(
+    p: Any, t: float, y: Array, duty: Array, gust: Array, h: float, work: Array, scratch: Array
+) -> None:
     """Advance the state `y` by `h` (s) in place; classical fourth order. `work`: (5, STATES)."""
     derivative(p, t, y, duty, gust, work[0], scratch)
     for n in range(STATES):
@@ -274,7 +281,7 @@ def runge_kutta(p, t, y, duty, gust, h, work, scratch):
 
 
 @jitted
-def turn(q, x, y, z):
+def turn(q: Array, x: float, y: float, z: float) -> None:
     """Turn the quaternion `q` in place by the rotation vector (x, y, z) in its own frame."""
     angle = math.sqrt(x * x + y * y + z * z)
     s = 0.5 if angle < 1e-9 else math.sin(0.5 * angle) / angle
@@ -288,7 +295,7 @@ def turn(q, x, y, z):
 
 
 @jitted
-def attitude_error(q, m, out):
+def attitude_error(q: Array, m: Array, out: Array) -> None:
     """Rotation vector (small angles) from the attitude `q` to `m`, in the frame of `q`."""
     s = 2.0 if q[0] * m[0] + q[1] * m[1] + q[2] * m[2] + q[3] * m[3] > 0.0 else -2.0
     out[0] = s * (q[3] * m[0] - q[0] * m[3] - q[1] * m[2] + q[2] * m[1])
@@ -297,7 +304,7 @@ def attitude_error(q, m, out):
 
 
 @jitted
-def estimate(e, r, gyro, accelerometer, fresh, pose):
+def estimate(e: Array, r: Array, gyro: Array, accelerometer: Array, fresh: bool, pose: Array) -> None:
     """The drone's estimate `e`: position 0..2, velocity 3..5, attitude 6..9; corrected by a `fresh` pose."""
     dt = CONTROL_PERIOD
     turn(e[6:10], dt * gyro[0], dt * gyro[1], dt * gyro[2])
@@ -319,65 +326,62 @@ def estimate(e, r, gyro, accelerometer, fresh, pose):
 
 
 @jitted
-def wrap(angle):
+def wrap(angle: float) -> float:
     return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
 
 
 @jitted
-def wanted_thrusts(p, e, r, gyro, memory, s, thrusts):
-    """Cascade position - velocity - attitude - rate, and the mixer: `thrusts` (N) for the set-point row `s`.
-
-    `memory`: integrals of position 0..2 and of the rate 3..5, filtered gyro 6..8, its slope 9..11.
-    """
-    g, dt = p.gains, CONTROL_PERIOD
-    acc0 = acc1 = acc2 = 0.0
+def wanted_acceleration(p: Any, e: Array, memory: Array, s: Array, out: Array) -> None:
+    """Position and velocity loop: acceleration (m/s2, world) in `out` for the set-point row `s`."""
+    g = p.gains
     for k in range(3):
         miss = s[_X + k] - e[k]
         if abs(miss) < NEAR[k]:
-            memory[k] = min(max(memory[k] + dt * miss, -1.0), 1.0)
+            memory[k] = min(max(memory[k] + CONTROL_PERIOD * miss, -1.0), 1.0)
         o = 3 * (k == 2)
         most = FASTEST * g[o + 1]
         a = min(max(g[o] * miss, -most), most) + g[o + 1] * (s[_VX + k] - e[3 + k])
         a += g[o + 2] * memory[k] + s[_AX + k]
-        if k == 0:
-            acc0 = min(max(a, -6.0), 6.0)
-        elif k == 1:
-            acc1 = min(max(a, -6.0), 6.0)
-        else:
-            acc2 = min(max(a, -6.0), 5.0)
+        out[k] = min(max(a, -6.0), 6.0 if k < 2 else 5.0)
+
+
+@jitted
+def wanted_rates(p: Any, r: Array, s: Array, acceleration: Array, out: Array) -> float:
+    """Attitude loop: rates (rad/s, body) in `out`; returns the collective thrust (N)."""
     yaw = math.atan2(r[1, 0], r[0, 0])
     pitch = math.asin(min(max(-r[2, 0], -1.0), 1.0))
     roll = math.atan2(r[2, 1], r[2, 2])
-    forward = math.cos(yaw) * acc0 + math.sin(yaw) * acc1
-    left = -math.sin(yaw) * acc0 + math.cos(yaw) * acc1
-    up = acc2 + GRAVITY
+    forward = math.cos(yaw) * acceleration[0] + math.sin(yaw) * acceleration[1]
+    left = -math.sin(yaw) * acceleration[0] + math.cos(yaw) * acceleration[1]
+    up = acceleration[2] + GRAVITY
     wanted_pitch = math.atan2(forward, up) + s[_PITCH]
     wanted_roll = -math.atan2(left, math.hypot(forward, up)) + s[_ROLL]
-    collective = p.filed_mass * up / max(r[2, 2], 0.6)
+    out[0] = p.gains[6] * (wanted_roll - roll) + s[_P]
+    out[1] = p.gains[6] * (wanted_pitch - pitch) + s[_Q]
+    out[2] = p.gains[7] * wrap(s[_YAW] - yaw) + s[_R]
     if s[_COLLECTIVE] >= 0.0:
-        collective = p.filed_mass * GRAVITY * s[_COLLECTIVE]
-    tx = ty = tz = 0.0
+        return p.filed_mass * GRAVITY * s[_COLLECTIVE]
+    return p.filed_mass * up / max(r[2, 2], 0.6)
+
+
+@jitted
+def wanted_torques(p: Any, rates: Array, gyro: Array, memory: Array, out: Array) -> None:
+    """Rate loop: torques (N m, body) in `out`."""
     for k in range(3):
-        if k == 0:
-            wanted = g[6] * (wanted_roll - roll) + s[_P]
-        elif k == 1:
-            wanted = g[6] * (wanted_pitch - pitch) + s[_Q]
-        else:
-            wanted = g[7] * wrap(s[_YAW] - yaw) + s[_R]
-        smooth = memory[6 + k] + p.rate_filter * (gyro[k] - memory[6 + k])
-        slope = (smooth - memory[6 + k]) / dt
-        memory[6 + k] = smooth
-        miss = wanted - gyro[k]
-        memory[3 + k] = min(max(memory[3 + k] + dt * miss, -3.0), 3.0)
         o = 8 + 3 * (k == 2)
-        torque = p.filed_inertia[k] * (g[o] * miss + g[o + 1] * memory[3 + k] - g[o + 2] * slope)
-        if k == 0:
-            tx = torque / (4.0 * p.filed_arm[1])
-        elif k == 1:
-            ty = torque / (4.0 * p.filed_arm[0])
-        else:
-            tz = min(max(torque / (4.0 * p.drag_torque), -0.02), 0.02)
-    base = 0.25 * collective
+        slope = p.rate_filter * (gyro[k] - memory[6 + k]) / CONTROL_PERIOD
+        memory[6 + k] += slope * CONTROL_PERIOD
+        miss = rates[k] - gyro[k]
+        memory[3 + k] = min(max(memory[3 + k] + CONTROL_PERIOD * miss, -3.0), 3.0)
+        wanted = p.gains[o] * miss + p.gains[o + 1] * memory[3 + k] - p.gains[o + 2] * slope
+        out[k] = p.filed_inertia[k] * wanted
+
+
+@jitted
+def mix(p: Any, collective: float, torque: Array, thrusts: Array) -> None:
+    """Thrusts (N) of the motors; where one would exceed its limit, all give up collective."""
+    base, tx, ty = 0.25 * collective, 0.25 * torque[0] / p.filed_arm[1], 0.25 * torque[1] / p.filed_arm[0]
+    tz = min(max(0.25 * torque[2] / p.drag_torque, -0.02), 0.02)
     thrusts[0] = base - tx - ty - tz
     thrusts[1] = base - tx + ty + tz
     thrusts[2] = base + tx + ty - tz
@@ -388,7 +392,28 @@ def wanted_thrusts(p, e, r, gyro, memory, s, thrusts):
 
 
 @jitted
-def seen_pose(p, states, now, pose):
+def control(p: Any, e: Array, gyro: Array, volts: float, memory: Array, s: Array, pwm: Array) -> None:
+    """Cascade position - attitude - rate, mixer and battery compensation: `pwm` counts for the row `s`.
+
+    `memory`: integrals of position 0..2 and of the rates 3..5, smoothed gyro 6..8; cleared while disarmed.
+    """
+    if s[_ARMED] <= 0.0:
+        memory[:] = 0.0
+        pwm[:] = 0.0
+        return
+    r, three, rates, thrusts = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(4)
+    rotation(e[6], e[7], e[8], e[9], r)
+    wanted_acceleration(p, e, memory, s, three)
+    collective = wanted_rates(p, r, s, three, rates)
+    wanted_torques(p, rates, gyro, memory, three)
+    mix(p, collective, three, thrusts)
+    for i in range(4):
+        share = min(max(voltage_for(p, thrusts[i]) / volts, 0.0), 1.0)
+        pwm[i] = math.floor(FULL * share + 0.5)
+
+
+@jitted
+def seen_pose(p: Any, states: Array, now: float, pose: Array) -> None:
     """What the motion capture reports (noiseless) at tick `now` (may be a fraction): `pose`, 7 numbers."""
     now = max(now, 0.0)
     k = min(int(now), states.shape[0] - 2) if states.shape[0] > 1 else 0
@@ -408,7 +433,18 @@ def seen_pose(p, states, now, pose):
 
 
 @jitted
-def inertial(p, y, dy, scratch, noise, gyro, accelerometer):
+def blur(p: Any, noise: Array, pose: Array) -> None:
+    """Add the motion capture's noise to a `pose`: position 0..2 and rotation vector 3..5, standard normal."""
+    for k in range(3):
+        pose[k] += p.position_noise * noise[k]
+    a = p.attitude_noise
+    turn(pose[3:7], a * noise[3], a * noise[4], a * noise[5])
+
+
+@jitted
+def inertial(
+    p: Any, y: Array, dy: Array, scratch: Array, noise: Array, gyro: Array, accelerometer: Array
+) -> None:
     """Gyro and accelerometer, which sit at `imu` from the centre of mass, with noise and bias, in counts."""
     wx, wy, wz, c = y[10], y[11], y[12], p.imu
     dot = wx * c[0] + wy * c[1] + wz * c[2]
@@ -425,7 +461,16 @@ def inertial(p, y, dy, scratch, noise, gyro, accelerometer):
 
 
 @jitted
-def fly(p, start, setpoints, gusts, noise, pose_noise, states, log):
+def fly(
+    p: Any,
+    start: Array,
+    setpoints: Array,
+    gusts: Array,
+    noise: Array,
+    pose_noise: Array,
+    states: Array,
+    log: Array,
+) -> None:
     """One flight in closed loop.
 
     Args:
@@ -442,7 +487,7 @@ def fly(p, start, setpoints, gusts, noise, pose_noise, states, log):
     y, dy, work, scratch = start.copy(), np.zeros(STATES), np.zeros((5, STATES)), np.zeros((8, 3))
     e, memory, r = np.zeros(10), np.zeros(9), np.empty((3, 3))
     gyro, accelerometer, pose = np.zeros(3), np.zeros(3), np.zeros(7)
-    thrusts, applied, counts = np.zeros(4), np.zeros(4), np.zeros((ticks, 4))
+    applied, counts = np.zeros(4), np.zeros((ticks, 4))
     volts = terminal_voltage(p, y)
     for n in range(ticks):
         states[n] = y
@@ -455,22 +500,12 @@ def fly(p, start, setpoints, gusts, noise, pose_noise, states, log):
         if fresh:
             m = n // TICKS_PER_SAMPLE
             seen_pose(p, states[: n + 1], n - p.pose_delay / CONTROL_PERIOD, pose)
-            for k in range(3):
-                pose[k] += p.position_noise * pose_noise[m, k]
-            s = p.attitude_noise
-            turn(pose[3:7], s * pose_noise[m, 3], s * pose_noise[m, 4], s * pose_noise[m, 5])
+            blur(p, pose_noise[m], pose)
         if n == 0:
             e[:3] = pose[:3]
             e[6:10] = pose[3:7]
         estimate(e, r, gyro, accelerometer, fresh, pose)
-        if setpoints[n, _ARMED] > 0.0:
-            rotation(e[6], e[7], e[8], e[9], r)
-            wanted_thrusts(p, e, r, gyro, memory, setpoints[n], thrusts)
-            for i in range(4):
-                share = min(max(voltage_for(p, thrusts[i]) / volts, 0.0), 1.0)
-                counts[n, i] = math.floor(FULL * share + 0.5)
-        else:
-            memory[:] = 0.0
+        control(p, e, gyro, volts, memory, setpoints[n], counts[n])
         if fresh:
             log[m, :7] = pose
             log[m, 7:10] = gyro

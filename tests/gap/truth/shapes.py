@@ -42,7 +42,7 @@ def inside_slice(inside: Array) -> slice:
     return slice(int(places[0]), int(places[-1]) + 1)
 
 
-_SMOOTH = ("circle", "figure8", "helix", "lissajous")
+_SMOOTH = ("circle", "figure8", "helix", "lissajous", "under", "over")
 _STEPS_UP = ("vertical_steps",)
 
 
@@ -154,6 +154,18 @@ def _near_floor(s: Array, rows: Array, rng: np.random.Generator) -> None:
     _stairs(s, rows, rng.permutation(np.array([0.04, 0.05, 0.07, 0.1, 0.2, 0.5])) - CRUISE)
 
 
+def _under_ceiling(s: Array, rows: Array, rng: np.random.Generator) -> None:
+    """Slow circles with the rotors 0.3 to 0.08 m below the ceiling."""
+    _stairs(s, rows, CEILING - CRUISE - 0.014 - np.array([0.3, 0.15, 0.08]))
+    _circle(0.5, 0.12)(s, rows, rng)
+
+
+def _over_floor(s: Array, rows: Array, rng: np.random.Generator) -> None:
+    """Slow circles 0.3 to 0.05 m above the floor."""
+    _stairs(s, rows, np.array([0.3, 0.1, 0.05]) - CRUISE)
+    _circle(0.5, 0.12)(s, rows, rng)
+
+
 def _stairs(s: Array, rows: Array, levels: Array) -> None:
     each = (s[-1] - 2.0) / levels.size
     z = np.zeros_like(s)
@@ -194,6 +206,8 @@ SHAPES: dict[str, Callable[[Array, Array, np.random.Generator], None]] = {
     "rate_chirp": _rate_chirp,
     "near_ceiling": _near_ceiling,
     "near_floor": _near_floor,
+    "under_ceiling": _under_ceiling,
+    "over_floor": _over_floor,
     "hover": _hover,
     "chops": _chops,
 }
@@ -213,14 +227,15 @@ CAMPAIGN = (
     "rate_chirp",
     "circle_slow",
     "helix",
+    "under_ceiling",
+    "over_floor",
     "doublet_yaw",
-    "circle_fast",
     "vertical_steps",
     "figure8_slow",
-    "circle_medium",
     "chops",
 )
-"""Shapes of the default campaign of 20 flights, in order; a longer one starts again."""
+"""Shapes of the default campaign of 20 flights, in order; a longer one starts again. Floor and ceiling are in
+two shapes each, so that one of them can be held out."""
 AGILE = ("circle_fast", "vertical_steps", "figure8_fast", "rate_chirp")
 """Shapes whose thrusts a saturation is measured against."""
 
