@@ -6,7 +6,7 @@ from calibration.flights.flight import Flight, UnusableFlightError
 from calibration.gap.prepare.grid import Samples
 
 _LONGEST_BREAK_S = 60.0
-_STANDING_SHARE = 0.2
+_STANDING_SHARE = 0.6
 
 
 def check_clock(flight: Flight, pose: Samples) -> None:
