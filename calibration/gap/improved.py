@@ -1,44 +1,40 @@
 """The improved vehicle: the file that was given, with the effects that were found, each with its source."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 
+from calibration.gap.report import FoundEffect
 from onboard.quantity import Quantity
 from onboard.vehicle import EFFECTS, Effect, Vehicle, vehicle_to_toml
 
 VEHICLE_FILE = "vehicle.toml"
 
-
-@dataclass(frozen=True)
-class FoundValue:
-    """A parameter as found: value and standard error, SI."""
-
-    value: float
-    error: float
+_WIDTH = 2.0 * 1.96
+"""Standard errors in a 95 % interval."""
 
 
-def improved_vehicle(vehicle: Vehicle, found: Mapping[str, Mapping[str, FoundValue]], source: str) -> Vehicle:
+def improved_vehicle(vehicle: Vehicle, effects: Sequence[FoundEffect], source: str) -> Vehicle:
     """A vehicle with effects added, or put in the place of those that it had under the same names.
 
     Args:
         vehicle: as given.
-        found: by effect and parameter; parameters that were not found stay neutral.
+        effects: found; parameters that were not found stay neutral.
         source: provenance of the numbers, for the file.
     """
-    effects = [
+    added = tuple(
         Effect(
-            name=name,
+            name=effect.name,
             parameters={
-                key: Quantity(one.value, EFFECTS[name].parameters[key].unit, one.error, source)
-                for key, one in values.items()
+                key: Quantity(one.value, one.unit, (one.ci95[1] - one.ci95[0]) / _WIDTH, source)
+                for key, one in effect.parameters.items()
             },
         )
-        for name, values in found.items()
-    ]
-    kept = tuple(effect for effect in vehicle.effects if effect.name not in found)
-    return dataclasses.replace(vehicle, effects=(*kept, *effects))
+        for effect in effects
+    )
+    names = {effect.name for effect in added}
+    kept = tuple(effect for effect in vehicle.effects if effect.name not in names)
+    return dataclasses.replace(vehicle, effects=(*kept, *added))
 
 
 def provenance(flights: int, held_out: int, seed: int) -> str:

@@ -5,6 +5,7 @@ takes the one that predicts flights best that its fit did not see. An effect tha
 small to matter stays in the model without a name: left out, another would be named for it.
 """
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -90,10 +91,30 @@ def search(
             break
         steps.append(step)
         present = step.after
+    present, steps = _exchange(present, steps, training, progress)
+    ambiguous = {
+        step.effect: _rivals(present, step, training, progress) for step in steps if step.judgement.sizeable
+    }
+    told = {
+        name: tuple(rival for rival in found if not rival.told_apart) for name, found in ambiguous.items()
+    }
+    return Search(first, tuple(steps), present, refused, {k: v for k, v in told.items() if v})
+
+
+def _exchange(
+    present: Fitted, steps: list[Step], training: Training, progress: Progress
+) -> tuple[Fitted, list[Step]]:
+    """Drop what others have made superfluous; then put a rival in the place of a name that it outdoes."""
     present = _drop_idle(present, steps, training, progress)
     steps = [step for step in steps if step.effect in present.model.effects]
-    swapped = [_second_look(present, step, training, progress) for step in steps if step.judgement.sizeable]
-    return Search(first, tuple(steps), present, refused, {k: v for k, v in swapped if v})
+    if len(steps) < 2:  # the first name was the best of all
+        return present, steps
+    for index, step in enumerate(steps):
+        best = next(iter(_rivals(present, step, training, progress)), None)
+        if best is not None and best.lead < -LEAST_GAIN and best.effect not in present.model.effects:
+            present = best.fitted
+            steps[index] = dataclasses.replace(step, effect=best.effect, after=best.fitted)
+    return present, steps
 
 
 def _drop_idle(present: Fitted, steps: Sequence[Step], training: Training, progress: Progress) -> Fitted:
@@ -105,14 +126,11 @@ def _drop_idle(present: Fitted, steps: Sequence[Step], training: Training, progr
     return present
 
 
-def _second_look(
-    present: Fitted, step: Step, training: Training, progress: Progress
-) -> tuple[str, tuple[Rival, ...]]:
-    """Rivals of a named effect that the flights do not rule out."""
+def _rivals(present: Fitted, step: Step, training: Training, progress: Progress) -> list[Rival]:
+    """Effects in the place of a named one, the closest first."""
     progress(f"{step.effect} or another")
     close = [name for name, lack in step.rivals.items() if lack < _CLOSE * step.judgement.gain]
-    found = rivals(present, step.effect, close, training)
-    return step.effect, tuple(rival for rival in found if not rival.told_apart)
+    return rivals(present, step.effect, close, training)
 
 
 def _forward(

@@ -9,6 +9,7 @@ from perchhw.cli.options import FlightFormat, Legs
 from perchhw.cli.output import console, emit, progress_console
 
 if TYPE_CHECKING:
+    from calibration.flights import Flight
     from calibration.gap.prediction import PredictionErrors
     from calibration.gap.prepare import Prepared
     from calibration.gap.report import GapReport
@@ -68,23 +69,21 @@ def find(
     seed: Annotated[int, typer.Option(help="Of all random numbers.")] = 0,
 ) -> None:
     """Find where model and flights disagree, name what is missing, and write the improved vehicle file."""
-    from calibration.gap.find import find_gap
+    from calibration.gap.find import Question, find_gap
     from calibration.gap.improved import write_vehicle
     from calibration.gap.report import UnusableFile, write_report
     from onboard.vehicle import load_vehicle
 
     model = load_vehicle(vehicle, legs=legs)
-    flights, unusable = read_records([*data, *(more or [])], format)
     with progress_console().status("reading") as status:
-        result = find_gap(
-            flights.records,
-            model,
-            seed,
-            ceiling,
-            [UnusableFile(file=item["file"], reason=item["reason"]) for item in unusable],
-            flights.limitations,
-            progress=status.update,
+        flights, refused = read_flights([*data, *(more or [])], format)
+        asked = Question(
+            vehicle=model,
+            seed=seed,
+            ceiling_z=ceiling,
+            unusable=[UnusableFile(file=item["file"], reason=item["reason"]) for item in refused],
         )
+        result = find_gap(flights, records_of(flights, refused), asked, progress=status.update)
     page = write_report(result.report, out, result.figures)
     write_vehicle(result.vehicle, out)
     emit(result.report.to_json(), lambda: _tell(result.report, page))
@@ -96,8 +95,14 @@ def read_records(paths: list[Path], format: str) -> tuple["Prepared", list[dict[
     Raises:
         InputError: a path does not exist, or not one flight is usable.
     """
+    opened, unusable = read_flights(paths, format)
+    flights = records_of(opened, unusable)
+    return flights, unusable + [{"file": str(item.file), "reason": item.reason} for item in flights.refused]
+
+
+def read_flights(paths: list[Path], format: str) -> tuple[list["Flight"], list[dict[str, str]]]:
+    """Flights that can be read, and the files that cannot, each with the reason."""
     from calibration.flights import flight_files, open_flight
-    from calibration.gap.prepare import prepare_flights
     from onboard.errors import InputError
 
     opened, unusable = [], []
@@ -106,12 +111,24 @@ def read_records(paths: list[Path], format: str) -> tuple["Prepared", list[dict[
             opened.append(open_flight(file, format))
         except InputError as error:
             unusable.append({"file": str(file), "reason": str(error)})
-    flights = prepare_flights(opened)
-    unusable += [{"file": str(item.file), "reason": item.reason} for item in flights.refused]
-    if not flights.records:
-        reasons = "; ".join(with_file(item) for item in unusable)
+    return opened, unusable
+
+
+def records_of(flights: list["Flight"], unusable: list[dict[str, str]]) -> "Prepared":
+    """Records for analysis.
+
+    Raises:
+        InputError: not one flight is usable; says why.
+    """
+    from calibration.gap.prepare import prepare_flights
+    from onboard.errors import InputError
+
+    prepared = prepare_flights(flights)
+    if not prepared.records:
+        refused = [{"file": str(item.file), "reason": item.reason} for item in prepared.refused]
+        reasons = "; ".join(with_file(item) for item in [*unusable, *refused])
         raise InputError(f"no usable flight: {reasons}")
-    return flights, unusable
+    return prepared
 
 
 def with_file(unusable: dict[str, str]) -> str:

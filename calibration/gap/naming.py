@@ -1,0 +1,102 @@
+"""From a finished search to names, values and intervals."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.gap.acceptance import clustered_errors, sizeable
+from calibration.gap.exchange import needed
+from calibration.gap.held_out import HeldOutFlights, improvement
+from calibration.gap.improved import separations
+from calibration.gap.model import Model, Variable
+from calibration.gap.refine import Training
+from calibration.gap.report import FoundEffect, FoundParameter
+from calibration.gap.search import LOG_TIMING, Search, named
+from onboard.vehicle import EFFECTS
+
+NINETY_FIVE = 1.96
+"""Standard errors to either side of a 95 % interval."""
+
+
+@dataclass(frozen=True)
+class Named:
+    """Effects that were named.
+
+    Attributes:
+        effects: names, in the order found.
+        model: the base vehicle with these effects alone.
+        errors: clustered standard error of each variable.
+        ambiguous: by effect, those that the flights do not rule out in its place.
+    """
+
+    effects: tuple[str, ...]
+    model: Model
+    errors: dict[Variable, float]
+    ambiguous: dict[str, tuple[str, ...]]
+
+    def models(self) -> dict[str, Model]:
+        """The model before, and after each effect, under "before", "with <effect>"."""
+        model = Model(self.model.base, {}, self.model.ceiling_z)
+        stages = {"before": model}
+        for name in self.effects:
+            model = model.with_values({v: x for v, x in self.model.values.items() if v.effect == name})
+            stages[f"with {name}"] = model
+        return stages
+
+
+def name_effects(found: Search, training: Training, rng: np.random.Generator) -> Named:
+    """The named effects of a search; the log's timing among them where it is beyond the doubt about it."""
+    final = found.final
+    order = [step.effect for step in named(found.steps)]
+    doubt = 0.5 * training.regression.signals.dt
+    late = LOG_TIMING in final.variables and final.model.values[LOG_TIMING] > doubt
+    if late and needed(final, LOG_TIMING.effect, training):
+        order.append(LOG_TIMING.effect)
+    values = {
+        v: x
+        for name in order
+        for v, x in final.model.values.items()
+        if v.effect == name and (v in final.variables or sizeable(v, x))
+    }
+    return Named(
+        effects=tuple(order),
+        model=Model(final.model.base, values, final.model.ceiling_z),
+        errors=clustered_errors(final, training, rng),
+        ambiguous={k: tuple(rival.effect for rival in v) for k, v in found.ambiguous.items()},
+    )
+
+
+def found_effects(names: Named, flights: HeldOutFlights, rng: np.random.Generator) -> list[FoundEffect]:
+    """Effects as the report has them, with what each does for flights that no fit saw."""
+    stages = list(names.models().values())
+    errors = [flights.errors(model) for model in stages]
+    effects = []
+    for index, name in enumerate(names.effects):
+        gain = improvement(errors[index], errors[index + 1], rng)
+        rivals = names.ambiguous.get(name, ())
+        effects.append(
+            FoundEffect(
+                name=name,
+                parameters=_parameters(name, names),
+                error_before=gain.before,
+                error_after=gain.after,
+                improvement_ci95=gain.interval,
+                ambiguous_with=rivals,
+                separated_by=separations([name, *rivals]) if rivals else "",
+                metric=f"{gain.channel} residual, means of 0.1 s, {gain.unit}",
+            )
+        )
+    return effects
+
+
+def _parameters(name: str, names: Named) -> dict[str, FoundParameter]:
+    parameters = {}
+    for v, value in names.model.values.items():
+        if v.effect == name:
+            half = NINETY_FIVE * names.errors.get(v, 0.0)
+            parameters[v.parameter] = FoundParameter(
+                value=value,
+                unit=EFFECTS[name].parameters[v.parameter].unit,
+                ci95=(value - half, value + half),
+            )
+    return parameters
