@@ -1,0 +1,406 @@
+"""From flights to records: what is mended, masked, refused and said."""
+
+import gzip
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from calibration.flights import Flight, PoseSource, Trigger, flight_files, open_flight, open_flights
+from calibration.flights.flight import finite_masks
+from calibration.gap.prepare import differentiate, prepare_flights, usable_samples, window_starts
+from calibration.gap.record import FlightRecord
+from onboard.arrays import FloatArray
+from perchhw.record import RunRecorder
+
+ON, OFF, END = 2.0, 17.0, 20.0
+"""Motors on, motors off, end of the log (s)."""
+
+
+def flight(name: str = "circle_fast_rep1", seed: int = 1, top: float = 1.0, end: float = END) -> Flight:
+    """Rest on the floor, a flight with turns and noisy commands up to `top` m, rest: 100 Hz."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(round(100 * end)) * 0.01
+    up = np.interp(t, [ON, ON + 1.0, OFF - 1.0, OFF], [0.0, 1.0, 1.0, 0.0])
+    quaternion = Rotation.from_rotvec(0.2 * up[:, None] * np.sin(t[:, None] * [2.0, 3.0, 1.0])).as_quat()
+    pwm = (
+        np.where((t >= ON) & (t < OFF), 1.0, 0.0)[:, None] * rng.normal(35000.0, 1500.0, (t.size, 4)).round()
+    )
+    columns = {
+        **dict(zip("xyz", (0.3 * up * np.sin(t), 0.0 * t, 0.05 + top * up), strict=True)),
+        **dict(zip(("qx", "qy", "qz", "qw"), quaternion.T, strict=True)),
+        **dict(zip(("gx", "gy", "gz"), rng.normal(0.0, 0.01, (3, t.size)) + up * np.sin(2 * t), strict=True)),
+        **dict(zip(("ax", "ay", "az"), rng.normal([[0], [0], [9.81]], 0.05, (3, t.size)), strict=True)),
+        **dict(zip(("m1", "m2", "m3", "m4"), pwm.T, strict=True)),
+        "vbat": 4.1 - 0.01 * t,
+    }
+    data = {key: np.asarray(value, dtype=np.float64) for key, value in columns.items()}
+    return Flight(
+        name=name,
+        source=Path(f"{name}.csv"),
+        format="table",
+        pose_source=PoseSource.MOCAP,
+        t=t,
+        data=data,
+        valid=finite_masks(data),
+    )
+
+
+def changed(given: Flight, **columns: FloatArray) -> Flight:
+    data = {**given.data, **columns}
+    return replace(given, data=data, valid=finite_masks(data))
+
+
+def without(given: Flight, *names: str) -> Flight:
+    data = {key: value for key, value in given.data.items() if key not in names}
+    return replace(given, data=data, valid=finite_masks(data))
+
+
+def record_of(given: Flight) -> FlightRecord:
+    prepared = prepare_flights([given])
+    assert not prepared.refused, prepared.refused
+    return prepared.records[0]
+
+
+def reason_of(given: Flight) -> str:
+    prepared = prepare_flights([given])
+    assert not prepared.records
+    assert prepared.refused[0].file == given.source
+    return prepared.refused[0].reason
+
+
+def straightened(given: Flight, start: int, length: int, names: tuple[str, ...]) -> Flight:
+    """`length` samples after `start` replaced by the straight line that a lost packet leaves."""
+    columns = {}
+    for name in names:
+        values = given.data[name].copy()
+        values[start : start + length + 2] = np.linspace(
+            values[start], values[start + length + 1], length + 2
+        )
+        columns[name] = values
+    return changed(given, **columns)
+
+
+ONBOARD = ("gx", "gy", "gz", "ax", "ay", "az", "m1", "m2", "m3", "m4")
+MOTORS = ("m1", "m2", "m3", "m4")
+
+
+def test_a_clean_flight_is_known_throughout() -> None:
+    record = record_of(flight())
+    assert record.motors_known.all()
+    assert record.pose_known.all()
+    assert record.inertial_known.all()
+    assert record.notes == ()
+    flying = record.t[record.flying]
+    assert (flying[0], flying[-1]) == pytest.approx((ON + 1.0, OFF - 1.01), abs=0.011)  # 1 s at each end
+    assert np.flatnonzero(np.diff(record.flying)).size == 2
+    resting = record.t[record.resting]
+    assert 1.5 < resting.size * record.dt < ON
+    assert resting[-1] < ON - 0.2
+
+
+def test_quaternions_become_unit_and_continuous() -> None:
+    given = flight()
+    rng = np.random.default_rng(3)
+    scale = rng.choice([-1.0, 1.0], given.t.size) * rng.uniform(0.97, 1.03, given.t.size)
+    parts = ("qx", "qy", "qz", "qw")
+    record = record_of(changed(given, **{part: given.data[part] * scale for part in parts}))
+    np.testing.assert_allclose(np.linalg.norm(record.attitude, axis=1), 1.0, atol=1e-12)
+    assert np.sum(record.attitude[1:] * record.attitude[:-1], axis=1).min() > 0.99
+    expected = np.column_stack([given.data[part] for part in parts])
+    np.testing.assert_allclose(np.abs(np.sum(record.attitude * expected, axis=1)), 1.0, atol=1e-12)
+
+
+def test_commands_beyond_full_scale_are_clipped() -> None:
+    given = flight()
+    motor = given.data["m2"].copy()
+    motor[800], motor[900] = 90000.0, -40.0
+    record = record_of(changed(given, m2=motor))
+    assert (record.duty[800, 1], record.duty[900, 1]) == (1.0, 0.0)
+    assert "2 motor commands beyond 0..65535 clipped" in record.notes
+
+
+def test_radio_gaps_are_masked_and_short_ones_are_not() -> None:
+    given = straightened(flight(), 800, 12, ONBOARD)
+    given = straightened(given, 1000, 3, ONBOARD)  # 4 intervals
+    record = record_of(given)
+    lost = np.flatnonzero(~record.motors_known)
+    assert (lost[0], lost[-1], lost.size) == (801, 812, 12)
+    np.testing.assert_array_equal(record.inertial_known, record.motors_known)
+    assert record.pose_known.all()
+    assert record.flying[801:813].all()
+    assert any("motor commands: 0.13 s lost" in note for note in record.notes)
+
+
+def test_one_lost_block_does_not_spoil_the_others() -> None:
+    record = record_of(straightened(flight(), 800, 12, MOTORS))
+    assert not record.motors_known[805]
+    assert record.inertial_known.all()
+
+
+def test_a_dead_log_ends_the_flight() -> None:
+    given = flight()
+    columns = {}
+    for name in ONBOARD:
+        values = given.data[name].copy()
+        values[1200:] = values[1200] + (np.arange(given.t.size - 1200) * (values[1200] - values[1199]))
+        columns[name] = values
+    record = record_of(changed(given, **columns))
+    assert record.t[-1] == pytest.approx(12.0, abs=0.011)
+    assert record.flying[-2]
+    assert np.all(record.duty <= 1.0)
+    assert any("motor commands: dead for the last 8.0 s" in note for note in record.notes)
+
+
+@pytest.mark.parametrize("top", [0.05, 2.0])
+def test_low_and_high_hovering_is_flight(top: float) -> None:
+    record = record_of(replace(flight(top=top), ceiling_z=2.1))
+    assert record.flying.sum() * record.dt > 12.0
+    assert record.ceiling_z == 2.1
+
+
+def test_nothing_counts_after_the_trigger_or_near_a_contact() -> None:
+    record = record_of(replace(flight(), trigger=Trigger(10.0)))
+    assert record.t[record.flying].max() == pytest.approx(9.99, abs=1e-6)
+    touch = np.zeros(flight().t.size)
+    touch[1000:1010] = 1.0
+    record = record_of(changed(flight(), body_contact=touch))
+    assert not record.flying[990:1020].any()
+    assert record.flying[980]
+    assert record.flying[1030]
+
+
+def test_a_throttle_chop_is_part_of_the_flight() -> None:
+    given = flight()
+    chopped = {
+        name: np.where(
+            (given.t > 8.0) & (given.t < 8.3), 3000.0 + 9.0 * (given.t * 731 % 7), given.data[name]
+        )
+        for name in MOTORS
+    }
+    assert record_of(changed(given, **chopped)).flying[810:825].all()
+
+
+def _jumps(given: Flight) -> Flight:
+    return replace(given, t=given.t + np.where(given.t > 9.0, 500.0, 0.0))
+
+
+def _stands(given: Flight) -> Flight:
+    return replace(given, t=np.floor(given.t * 5.0) / 5.0)
+
+
+def _milliseconds(given: Flight) -> Flight:
+    return replace(given, t=given.t * 1e3)
+
+
+def _late_motors(given: Flight) -> Flight:
+    valid = dict(given.valid)
+    for name in MOTORS:
+        valid[name] = given.valid[name] & (np.arange(given.t.size) % 10 == 0)
+    return replace(given, valid=valid)
+
+
+def _on_the_floor(given: Flight) -> Flight:
+    hop = 0.05 + 0.06 * np.abs(np.sin(3.0 * given.t)) * (given.t > ON)
+    full = {name: np.where(given.data[name] > 0.0, 65535.0 - (given.data[name] % 97), 0.0) for name in MOTORS}
+    return changed(given, z=hop, **full)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "reason"),
+    [
+        (lambda f: without(f, "m3"), "no motor commands"),
+        (lambda f: without(f, "gy"), "no gyro"),
+        (lambda f: changed(f, z=np.full(f.t.size, np.nan)), "no pose"),
+        (lambda f: changed(f, **dict.fromkeys(MOTORS, 0.0 * f.t)), "never flies: the motor commands are 0"),
+        (lambda f: changed(f, **{m: f.data[m] * 0.1 for m in MOTORS}), "never flies: the motors hardly run"),
+        (lambda f: changed(f, **dict.fromkeys(MOTORS, 30000.0 + 0.0 * f.t)), "log is a straight line"),
+        (_on_the_floor, "stays on the floor with the motors running (highest"),
+        (lambda f: replace(f, trigger=Trigger(ON + 1.5)), "s in free flight"),
+        (_jumps, "broken clock: time jumps by 500.0 s at 9.000 s"),
+        (_stands, "broken clock: 1900 of 2000 poses have the time of the one before"),
+        (_milliseconds, "pose sampled every 10 s"),
+        (_late_motors, "motor commands sampled every 0.1 s"),
+    ],
+)
+def test_what_cannot_be_used_is_named(spoil: Callable[[Flight], Flight], reason: str) -> None:
+    assert reason in reason_of(spoil(flight()))
+
+
+def test_copies_are_found_by_their_numbers(tmp_path: Path) -> None:
+    given = flight()
+    names = ("x", "y", "z", "qx", "qy", "qz", "qw", "gx", "gy", "gz", "m1", "m2", "m3", "m4")
+    rows = np.column_stack([given.t, *(given.data[name] for name in names)])
+    text = "t," + ",".join(names) + "\n" + "\n".join(",".join(f"{v:.6f}" for v in row) for row in rows) + "\n"
+    (tmp_path / "helix_rep1.csv").write_text(text)
+    (tmp_path / "oval_rep9.csv.gz").write_bytes(gzip.compress(text.encode()))
+    flights, _ = open_flights([tmp_path / "helix_rep1.csv", tmp_path / "oval_rep9.csv.gz"])
+    prepared = prepare_flights([*flights, flight(seed=2)])
+    assert [record.name for record in prepared.records] == ["helix_rep1", "circle_fast_rep1"]
+    assert [refusal.file.name for refusal in prepared.refused] == ["oval_rep9.csv.gz"]
+    assert "same numbers as" in prepared.refused[0].reason
+    assert "helix_rep1.csv" in prepared.refused[0].reason
+
+
+def test_shapes_come_from_names() -> None:
+    names = ("circle_fast_rep1", "circle_slow_rep2", "B5_helix_mell_rep1", "B5_helix_fast_rep3", "hover 12")
+    prepared = prepare_flights([flight(name, seed) for seed, name in enumerate(names)])
+    assert [r.shape for r in prepared.records] == ["circle", "circle", "b5_helix", "b5_helix", "hover"]
+    alike = prepare_flights([flight(f"flight_{i}", i) for i in range(3)])
+    assert len({record.shape for record in alike.records}) == 3
+    known = replace(flight("log17"), commanded_speed=2.5, commanded_angle_deg=60.0)
+    same = [replace(known, data=flight(seed=i).data) for i in (4, 5)]
+    prepared = prepare_flights([*same, flight(seed=6)])
+    assert [r.shape for r in prepared.records][:2] == ["approach 2.50 m/s 60.0 deg"] * 2
+
+
+def test_limitations_say_what_cannot_be_concluded() -> None:
+    flights = [flight("circle_rep1", 1), flight("helix_rep1", 2)]
+    assert prepare_flights(flights).limitations == ()
+    assert "one single flight" in prepare_flights(flights[:1]).limitations[0]
+    assert "no usable flight" in prepare_flights([]).limitations[0]
+    bare = [without(f, "vbat", "ax", "ay", "az") for f in flights]
+    text = " ".join(prepare_flights(bare).limitations)
+    assert "no battery voltage" in text
+    assert "no accelerometer" in text
+    assert prepare_flights(bare).records[0].voltage is None
+    some = prepare_flights([bare[0], flights[1]]).limitations
+    assert any(line.endswith("(in circle_rep1)") for line in some)
+    still = {**dict.fromkeys(("x", "y"), np.zeros(2000)), "gy": np.zeros(2000), "gz": np.zeros(2000)}
+    quiet = [changed(f, **still, gx=np.random.default_rng(1).normal(0, 0.01, 2000)) for f in flights]
+    quiet = [changed(f, x=f.data["x"] + 1e-3 * i) for i, f in enumerate(quiet)]
+    assert any("hardly any excitation" in line for line in prepare_flights(quiet).limitations)
+    estimate = [replace(f, pose_source=PoseSource.ONBOARD_ESTIMATE) for f in flights]
+    assert any("sensing effects cannot be judged" in line for line in prepare_flights(estimate).limitations)
+
+
+def test_dropped_frames_and_other_rates_end_on_one_grid() -> None:
+    given = flight()
+    keep = np.ones(given.t.size, dtype=np.bool_)
+    keep[[700, 1100, 1101, 1102, 1103, 1104]] = False
+    data = {name: values[keep] for name, values in given.data.items()}
+    record = record_of(replace(given, t=given.t[keep], data=data, valid=finite_masks(data)))
+    assert np.ptp(np.diff(record.t)) < 1e-9
+    assert record.pose_known[700]
+    assert not record.pose_known[1102]
+    known = record.pose_known
+    assert np.count_nonzero(~known) == 5
+    np.testing.assert_allclose(record.position[known, 0], given.data["x"][known], atol=2e-5)
+
+
+def test_quick_channels_are_averaged_and_slow_ones_interpolated() -> None:
+    given = flight()
+    t = np.arange(20 * 1000) * 1e-3
+    data = {name: np.full(t.size, np.nan) for name in given.data}
+    for name, values in given.data.items():
+        every = 20 if name in MOTORS else 10
+        data[name][::every] = np.interp(t[::every], given.t, values)
+    wave = 0.4 * np.sin(2 * np.pi * 100.0 * t + 0.3)  # vibration at the rate of the grid would alias
+    for name in ("gx", "gy", "gz"):
+        data[name] = np.interp(t, given.t, np.sin(given.t)) + wave
+    data["x"][9000:9100] = np.nan
+    record = record_of(replace(given, t=t, data=data, valid=finite_masks(data)))
+    assert record.dt == pytest.approx(0.01)
+    inner = slice(50, -50)
+    np.testing.assert_allclose(record.rate[inner, 0], np.sin(record.t[inner]), atol=2e-3)
+    gap = (record.t > 9.0) & (record.t < 9.09)
+    assert not record.pose_known[gap].any()
+    assert record.motors_known[gap].all()
+
+
+def test_velocity_is_the_derivative_of_the_position() -> None:
+    t = np.arange(200) * 0.01
+    position = np.column_stack([0.5 * t**2, np.sin(5.0 * t), 1.0 + 0.0 * t])
+    expected = np.column_stack([t, 5.0 * np.cos(5.0 * t), 0.0 * t])
+    np.testing.assert_allclose(differentiate(position, 0.01)[5:-5], expected[5:-5], atol=0.07)
+    noise = np.random.default_rng(2).normal(0.0, 2e-4, (5000, 3))
+    assert differentiate(noise, 0.01).std() == pytest.approx(2.6e-3, rel=0.1)
+
+
+def test_windows_keep_clear_of_gaps() -> None:
+    record = record_of(straightened(flight(), 800, 12, ONBOARD))
+    usable = usable_samples(record)
+    assert usable[800]
+    assert not usable[801:828].any()  # until 0.15 s after
+    assert usable[828]
+    starts = window_starts(record, length=0.5, stride=0.25)
+    assert np.diff(starts).min() == 25
+    for start in starts:
+        assert record.flying[start - 15 : start + 50].all()
+        assert record.motors_known[start - 15 : start + 50].all()
+    assert starts[starts > 750].min() == 828
+    assert window_starts(record, length=60.0, stride=1.0).size == 0
+
+
+def test_our_own_records_become_records(tmp_path: Path) -> None:
+    given = flight()
+    folder = tmp_path / "run"
+    with RunRecorder(folder, {"ceiling_z": 2.1}) as recorder:
+        for i, t in enumerate(given.t):
+            row = {name: float(values[i]) for name, values in given.data.items()}
+            pose = {name: row[name] for name in ("x", "y", "z", "qx", "qy", "qz", "qw")}
+            recorder.write("pose", t, {**pose, "frame": i, "verdict": "JUMPED" if 900 <= i < 910 else "OK"})
+            recorder.write("rates", t + 0.003, {name: row[name] for name in ("gx", "gy", "gz")})
+            recorder.write("acceleration", t + 0.003, {name: row[name] for name in ("ax", "ay", "az")})
+            if i % 2 == 0:
+                recorder.write("motors", t + 0.001, {name: row[name] for name in MOTORS})
+            if i % 10 == 0:
+                recorder.write("power", t + 0.002, {"vbat": row["vbat"]})
+    record = record_of(open_flight(folder))
+    assert record.ceiling_z == 2.1
+    assert not record.pose_known[(record.t > 9.0) & (record.t < 9.09)].any()
+    assert record.pose_known[(record.t > 9.11) & (record.t < 17.0)].all()
+    assert record.voltage is not None
+    np.testing.assert_allclose(record.voltage[20:-20], 4.1 - 0.01 * record.t[20:-20], atol=2e-3)
+    reference = np.interp(record.t, given.t + 0.003, given.data["gz"])
+    np.testing.assert_allclose(record.rate[:, 2], reference, atol=1e-6)
+
+
+def test_twenty_flights_take_seconds() -> None:
+    flights = [flight(f"circle_rep{i}", i, end=35.0) for i in range(20)]
+    start = time.process_time()
+    assert len(prepare_flights(flights).records) == 20
+    assert time.process_time() - start < 3.0
+
+
+def test_public_flights(shared_data: Path) -> None:
+    files = flight_files([shared_data / "nanobench"])
+    assert len(files) == 20
+    kinds = ("circle_fast", "circle_medium", "figure8_fast", "helix_rep1", "ramp", "oval")
+    flights, unusable = open_flights([f for f in files if any(kind in f.name for kind in kinds)])
+    assert not unusable
+    prepared = prepare_flights(flights)
+    assert len(prepared.records) == len(flights) - 2
+    reasons = {refusal.file.name: refusal.reason for refusal in prepared.refused}
+    assert reasons["B7_oval_slow_rep1.csv.gz"].startswith("never flies")
+    assert reasons["B6_linear_ramp_rep1.csv.gz"].startswith("stays on the floor")
+    records = {record.name: record for record in prepared.records}
+    dead = records["B2_circle_medium_rep3"]
+    assert any("dead for the last 11.0 s" in note for note in dead.notes)
+    assert dead.duty.max() <= 1.0
+    lost = sorted(float(np.mean(~r.motors_known[r.flying])) for r in prepared.records)
+    assert lost[0] == 0.0
+    assert 0.05 < lost[-1] < 0.15
+    assert {r.shape for r in prepared.records} == {"b2_circle", "b3_figure", "b5_helix", "b6_linear_ramp"}
+    for record in prepared.records:
+        assert record.resting.sum() * record.dt > 1.0
+        assert 0.05 < np.median(record.position[record.resting, 2]) < 0.08
+        assert np.all(record.position[record.flying, 2] > 0.08)
+        assert np.array_equal(window_starts(record, 1.0, 0.5), np.unique(window_starts(record, 1.0, 0.5)))
+
+
+def test_the_authors_flights_lack_accelerometer_and_independent_pose(shared_data: Path) -> None:
+    paths = flight_files([shared_data / "habas2022" / "flights"])[:6]
+    prepared = prepare_flights(open_flights(paths)[0])
+    assert prepared.records
+    assert all(record.specific_force is None for record in prepared.records)
+    assert any("no accelerometer" in line for line in prepared.limitations)
+    assert any("onboard estimate" in line for line in prepared.limitations)
+    for record in prepared.records:
+        assert record.pose_source is PoseSource.ONBOARD_ESTIMATE
+        assert record.ceiling_z is not None
+        assert record.position[record.flying, 2].max() < record.ceiling_z
