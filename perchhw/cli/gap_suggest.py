@@ -1,0 +1,105 @@
+"""``perchhw gap suggest``: flights that tell apart what the data could not."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from perchhw.cli.output import emit, progress_console
+
+if TYPE_CHECKING:
+    from calibration.gap.suggest.choose import Suggestion
+
+DEFAULT_DRONE = "udp://127.0.0.1:19850"
+DEFAULT_MOCAP = "vicon://127.0.0.1:18801?subject=cf1"
+
+
+def suggest_command(
+    report: Annotated[Path, typer.Option(help="report.json of `gap find`.")],
+    vehicle: Annotated[
+        str | None,
+        typer.Option(help="Vehicle that flies; default: vehicle.toml beside the report."),
+    ] = None,
+    legs: Annotated[str | None, typer.Option(help="Leg design instead of the vehicle's own.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Campaign file; default: suggested.toml beside the report.")
+    ] = None,
+    drone: Annotated[
+        str, typer.Option(help="URI of the drone, for the campaign file; default: the simulated lab's.")
+    ] = DEFAULT_DRONE,
+    mocap: Annotated[str, typer.Option(help="URI of the mocap stream, likewise.")] = DEFAULT_MOCAP,
+    ceiling: Annotated[float, typer.Option(help="Height of the ceiling, m.")] = 2.10,
+    seed: Annotated[int, typer.Option(min=0, help="Of the simulated disturbances.")] = 0,
+) -> None:
+    """Choose, by simulation, the flights that separate effects which a report could not tell apart.
+
+    Writes a campaign file: `perchhw campaign run FILE` flies it, on hardware or in the simulated lab.
+    Effects of legs and feet need landings, which get a file of their own.
+    """
+    from calibration.gap.suggest.ambiguous import read_questions
+    from calibration.gap.suggest.campaign_file import flights_file, landings_file
+    from calibration.gap.suggest.choose import Search
+    from onboard.room import RoomGeometry
+    from onboard.vehicle import load_vehicle
+
+    questions = read_questions(report)
+    name = vehicle or _beside(report)
+    room = RoomGeometry(ceiling_z=ceiling)
+    screen = progress_console()
+    search = Search(
+        vehicle=load_vehicle(name, legs),
+        room=room,
+        seed=seed,
+        on_pair=lambda pair: screen.print(f"{pair[0]} or {pair[1]} ...", markup=False),
+    )
+    suggestions = search.suggest(questions)
+    target = out or report.parent / "suggested.toml"
+    landings = target.with_name(f"{target.stem}-landings{target.suffix}")
+    written = []
+    for path, make in ((target, flights_file), (landings, landings_file)):
+        text = make(suggestions, path.stem, drone, mocap, name, room)
+        if text is not None:
+            _write(path, text)
+            written.append(str(path))
+    document = {
+        "schema": "perchhw.gap_suggestion/1",
+        "suggestions": [suggestion.to_json() for suggestion in suggestions],
+        "campaigns": written,
+    }
+    emit(document, _in_words(suggestions, written))
+
+
+def _beside(report: Path) -> str:
+    from onboard.errors import InputError
+
+    path = report.parent / "vehicle.toml"
+    if not path.is_file():
+        raise InputError(f"{path} is missing: name the vehicle that flew with --vehicle")
+    return str(path)
+
+
+def _write(path: Path, text: str) -> None:
+    from perchhw.record.folder import OutputFolderError
+
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise OutputFolderError(path.parent, error.strerror) from error
+
+
+def _in_words(suggestions: "list[Suggestion]", written: list[str]) -> str:
+    if not suggestions:
+        return "the report leaves nothing open"
+    lines = []
+    for suggestion in suggestions:
+        pair = " or ".join(suggestion.pair)
+        if suggestion.flight is None:
+            what = suggestion.measurement or "and no measurement that we know"
+            lines.append(f"{pair}: no flight of the library tells them apart; {what}")
+            continue
+        best = suggestion.ranking[0][1]
+        lines.append(
+            f"{pair}: {suggestion.flight}, {suggestion.times} times "
+            f"(expected log-likelihood ratio {best.log_likelihood_ratio:.3g} in {best.seconds:.0f} s)"
+        )
+    return "\n".join([*lines, *(f"fly it: perchhw campaign run {path}" for path in written)])
