@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from perchhw.cli.gap_suggest import suggest_command
 from perchhw.cli.options import FlightFormat, Legs
 from perchhw.cli.output import console, emit, progress_console
 
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from calibration.gap.report import GapReport
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help="Compare the model with measured flights.")
+app.command("suggest")(suggest_command)
 
 DataOption = Annotated[
     list[Path], typer.Option("--data", help="Flight files, or folders of them; more may follow it.")

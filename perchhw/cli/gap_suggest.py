@@ -44,6 +44,8 @@ def suggest_command(
 
     questions = read_questions(report)
     name = vehicle or _beside(report)
+    if Path(name).is_file():
+        name = str(Path(name).resolve())  # the campaign may be flown from elsewhere
     room = RoomGeometry(ceiling_z=ceiling)
     screen = progress_console()
     search = Search(

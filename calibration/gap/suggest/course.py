@@ -25,7 +25,7 @@ WALL_MARGIN = 0.15
 LOWEST = 0.1
 """m, lowest height of a course: the legs stay clear of the floor."""
 
-NEAREST_CEILING = 0.06
+NEAREST_CEILING = 0.03
 """m from the body's origin to the ceiling: the propellers stay clear of it."""
 
 

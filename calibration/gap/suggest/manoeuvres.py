@@ -249,7 +249,7 @@ MANOEUVRES: dict[str, Manoeuvre] = {
         Manoeuvre(
             "throttle_chops",
             "thrust nearly off and at once back, against the same upwards",
-            {"acceleration": Rule(8.0, 3.0, 9.5, "m/s2, of the chop"), "repeats": _count(5)},
+            {"acceleration": Rule(6.0, 3.0, 8.0, "m/s2, of the chop"), "repeats": _count(5)},
             _throttle_chops,
         ),
         Manoeuvre(
@@ -304,7 +304,7 @@ MANOEUVRES: dict[str, Manoeuvre] = {
             "near_ceiling",
             "hovers at four, two and one times a distance below the ceiling, and in the open",
             {
-                "distance": Rule(0.08, 0.06, 0.4, "m, body origin to ceiling"),
+                "distance": Rule(0.05, 0.03, 0.4, "m, body origin to ceiling"),
                 "seconds": Rule(4.0, 1.0, 60.0, "s, of each hover"),
             },
             _near_ceiling,

@@ -52,7 +52,7 @@ class Separation:
 def separation(
     vehicle: Vehicle, true: Hypothesis, other: str, course: Course, room: RoomGeometry, seed: int
 ) -> Separation:
-    """How much worse another effect explains a flight of the true one.
+    """How much worse another effect explains a flight of the true one; nothing where it cannot be flown.
 
     Args:
         vehicle: base vehicle, with effects that are certain.
@@ -65,6 +65,8 @@ def separation(
     base = only(vehicle, lambda name: name not in (true.effect, other))
     flown = true.on(base)
     record = fly_course(flown, course, room, np.random.default_rng(seed), "suggested")
+    if record is None:
+        return Separation(0.0, course.duration)
     target = predicted(record, flown)
     spectra = noise_spectra(len(target), record.dt)
     columns, sigma = _nuisances(record, base, {true.effect, other}, spectra)

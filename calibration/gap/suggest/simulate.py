@@ -40,6 +40,9 @@ TORQUE_DISTURBANCE = (2.2, 0.06)
 FORCE_DISTURBANCE = (0.06, 0.4)
 """m/s2 and s, likewise."""
 
+ASTRAY = 0.6
+"""m from the reference: more than the feed-forward of a healthy vehicle ever misses."""
+
 _STEP = 1e-3
 _CONTROL_STEPS, _POSITION_STEPS = 2, 10
 _SETPOINT = 11  # position, velocity, acceleration, yaw, yaw rate
@@ -104,8 +107,11 @@ def _log(state: Any, duty: Any, out: Any) -> None:
 
 def fly_course(
     vehicle: Vehicle, course: Course, room: RoomGeometry, rng: np.random.Generator, shape: str
-) -> FlightRecord:
+) -> FlightRecord | None:
     """The record of a flight of `vehicle` (with its effects) along a course, without errors of measurement.
+
+    None when the vehicle strays from the course further than :data:`ASTRAY`, or touches ceiling or floor:
+    nobody should fly it.
 
     Args:
         vehicle: what flies; the controller knows it without its effects.
@@ -130,6 +136,8 @@ def fly_course(
     _fly(
         state, p, controller_gains(vehicle), vehicle.motors.thrust_map_compiled(), setpoints, disturbance, out
     )
+    if not _followed(out, course, p):
+        return None
     known = np.ones(count, dtype=np.bool_)
     return FlightRecord(
         name=shape,
@@ -150,6 +158,13 @@ def fly_course(
         resting=~known,
         ceiling_z=room.ceiling_z,
     )
+
+
+def _followed(out: FloatArray, course: Course, p: Any) -> bool:
+    height = out[:, 2]
+    top = float(max(p["body_top_z"], p["propeller_height_z"]))
+    clear = height.max() + top < p["ceiling_z"] and height.min() > -float(p["body_bottom_z"])
+    return bool(clear and np.all(np.linalg.norm(out[:, :3] - course.position, axis=1) < ASTRAY))
 
 
 def _coloured(rng: np.random.Generator, count: int, deviation: float, seconds: float) -> FloatArray:
