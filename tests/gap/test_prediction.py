@@ -12,6 +12,7 @@ from calibration.gap.prediction.inputs import prediction_inputs, velocity_from_t
 from calibration.gap.prediction.windows import usable_lengths
 from calibration.gap.record import FlightRecord
 from onboard.gravity import GRAVITY
+from onboard.quantity import Quantity
 from onboard.vehicle import load_vehicle
 from tests.gap.simulated_flight import circle, fly, hover, up_and_down, with_noise
 from tests.physics.effects.conftest import with_effects
@@ -213,6 +214,26 @@ def test_the_document_has_the_form_of_the_contract(laps: FlightRecord) -> None:
     assert set(document["horizons"]["0.5"]) >= {"position_m", "velocity_m_s", "attitude_deg", "rate_rad_s"}
     assert set(document["given_attitude"]["1.0"]) == {"position_m", "velocity_m_s", "windows"}
     assert document["flights"] == 1
+
+
+def test_a_model_that_runs_away_is_doubted(laps: FlightRecord) -> None:
+    """A damping that is far beyond what the step can carry turns into a rate without bounds."""
+    unstable = with_effects(
+        {"inertia_error": {"xx": -0.6, "yy": -0.6}, "rate_damping": {"x": 1e-4, "y": 1e-4}}
+    )
+    light = dataclasses.replace(
+        unstable, body=dataclasses.replace(unstable.body, **_inertia(1e-8)), name="light"
+    )
+    errors = evaluate([laps], light)
+    found = errors.overall.open_loop[0.5]
+    assert found.diverged > 0
+    assert found.windows == evaluate([laps], VEHICLE).overall.open_loop[0.5].windows
+    assert "runs away" in errors.doubts()[-1]
+    json.dumps(errors.to_json(), allow_nan=False)
+
+
+def _inertia(value: float) -> dict[str, Quantity]:
+    return {f"inertia_{axis}": Quantity(value, "kg m2", 0.0, "test case") for axis in ("xx", "yy", "zz")}
 
 
 def test_a_flight_that_cannot_be_scored_is_named(laps: FlightRecord) -> None:

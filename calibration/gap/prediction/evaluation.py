@@ -1,6 +1,6 @@
 """How well a model predicts flights, by horizon, flight, phase and channel, and how well anything could."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
@@ -31,7 +31,7 @@ from calibration.gap.prediction.windows import (
     usable_lengths,
 )
 from calibration.gap.record import FlightRecord
-from onboard.arrays import FloatArray
+from onboard.arrays import BoolArray, FloatArray
 from onboard.errors import InputError
 from onboard.vehicle import Vehicle
 
@@ -152,7 +152,8 @@ class PredictionErrors:
     def with_torque_estimate(self) -> ByHorizon:
         """At 0.1 s with a causal estimate of the disturbance torque."""
         norms = np.concatenate([f.torque_estimate.norms() for f in self.flights])
-        return mean_by_horizon(norms, (TORQUE_HORIZON,))
+        reached = np.concatenate([f.torque_estimate.reached for f in self.flights])
+        return mean_by_horizon(norms, reached, (TORQUE_HORIZON,))
 
     def by_flight(self) -> list[ErrorPair]:
         """Errors of each flight."""
@@ -180,15 +181,21 @@ class PredictionErrors:
 
     def doubts(self) -> list[str]:
         """What should be looked at before the numbers are believed, in words."""
+        doubts = []
         low, high = ORDINARY_THRUST
         odd = [f for f in self.flights if not low < f.thrust_ratio < high]
-        if not odd:
-            return []
-        ratios = sorted(f.thrust_ratio for f in odd)
-        return [
-            f"{len(odd)} of {len(self.flights)} flights had {ratios[0]:.2f} to {ratios[-1]:.2f} times the "
-            "thrust that the model makes of their commands: is this the file of the vehicle that flew?"
-        ]
+        if odd:
+            ratios = sorted(f.thrust_ratio for f in odd)
+            doubts.append(
+                f"{len(odd)} of {len(self.flights)} flights had {ratios[0]:.2f} to {ratios[-1]:.2f} times "
+                "the thrust that the model makes of their commands: is this the file of the vehicle that flew?"
+            )
+        lost = max((errors.diverged for errors in self.overall.open_loop.values()), default=0)
+        if lost:
+            doubts.append(
+                f"from {lost} starts the model runs away to no number at all; they are not in the means"
+            )
+        return doubts
 
     def to_json(self) -> dict[str, Any]:
         """The document of ``perchhw gap evaluate``."""
@@ -229,8 +236,8 @@ class PredictionErrors:
         starts = [np.full(f.phases.size, True) if phase is None else f.phases == phase for f in flights]
         chosen = [(flight.source(floor), these) for flight, these in zip(flights, starts, strict=True)]
         return ErrorPair(
-            self._means(source.open_loop.norms()[these] for source, these in chosen),
-            self._means(source.given_attitude.norms()[these] for source, these in chosen),
+            self._means([(source.open_loop, these) for source, these in chosen]),
+            self._means([(source.given_attitude, these) for source, these in chosen]),
         )
 
     def _phases(self, flights: Sequence[FlightErrors], floor: bool = False) -> dict[str, ErrorPair]:
@@ -261,8 +268,10 @@ class PredictionErrors:
             }
         return channels
 
-    def _means(self, norms: Iterable[FloatArray]) -> ByHorizon:
-        return mean_by_horizon(np.concatenate(list(norms)), self.horizons)
+    def _means(self, chosen: Sequence[tuple[WindowErrors, BoolArray]]) -> ByHorizon:
+        norms = np.concatenate([errors.norms()[these] for errors, these in chosen])
+        reached = np.concatenate([errors.reached[these] for errors, these in chosen])
+        return mean_by_horizon(norms, reached, self.horizons)
 
 
 def evaluate(

@@ -68,4 +68,4 @@ def prediction_errors(
         inputs, rows, ends, lengths,
         given_attitude=given_attitude, parameters=parameters, trims=trims, velocity=velocity,
     )  # fmt: skip
-    return window_errors(inputs, rows, ends, states, given_attitude)
+    return window_errors(inputs, rows, ends, lengths, states, given_attitude)

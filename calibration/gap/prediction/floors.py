@@ -48,7 +48,7 @@ def accelerometer_driven(
     same = np.broadcast_to(np.eye(3), (rows.size, 3, 3))
     _translation(inputs, inputs.rotation, same, rows, ends, bias, vectors)
     vectors[~reached] = np.nan
-    return WindowErrors(rows, vectors)
+    return WindowErrors(rows, vectors, reached)
 
 
 def gyro_driven(
@@ -66,7 +66,7 @@ def gyro_driven(
     measured = rotation_between(inputs.quaternion[rows][:, None], inputs.quaternion[at])
     vectors[:, :, 2] = rotation_between(_exponential(measured), _exponential(start))
     vectors[~reached] = np.nan
-    return WindowErrors(rows, vectors)
+    return WindowErrors(rows, vectors, reached)
 
 
 def _translation(

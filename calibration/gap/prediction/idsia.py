@@ -74,7 +74,7 @@ def idsia_errors(records: Sequence[FlightRecord], vehicle: Vehicle) -> IdsiaErro
             inputs, rows, ends, lengths[rows], given_attitude=False, velocity=inputs.velocity[rows]
         )
         model.append(_lengths(errors))
-        naive.append(_lengths(_unmoved(inputs, rows, ends)))
+        naive.append(_lengths(_unmoved(inputs, rows, ends, lengths[rows])))
     if not model:
         raise PredictionError("no half second of free flight with pose, gyro and motor commands known")
     every = np.concatenate(model)
@@ -83,13 +83,13 @@ def idsia_errors(records: Sequence[FlightRecord], vehicle: Vehicle) -> IdsiaErro
     )
 
 
-def _unmoved(inputs: PredictionInputs, rows: Rows, ends: Rows) -> WindowErrors:
+def _unmoved(inputs: PredictionInputs, rows: Rows, ends: Rows, lengths: Rows) -> WindowErrors:
     """Errors of a prediction that nothing changes."""
     state = np.hstack(
         [inputs.position[rows], inputs.velocity[rows], inputs.quaternion[rows], inputs.rate[rows]]
     )
     states = np.broadcast_to(state[:, None], (rows.size, ends.size, state.shape[1]))
-    return window_errors(inputs, rows, ends, states, given_attitude=False)
+    return window_errors(inputs, rows, ends, lengths, states, given_attitude=False)
 
 
 def _lengths(errors: WindowErrors) -> FloatArray:

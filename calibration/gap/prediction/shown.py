@@ -20,6 +20,8 @@ Stages = Mapping[str, PredictionErrors]
 
 _UNITS = dict(zip(QUANTITIES, ("m", "m/s", "deg", "rad/s"), strict=True))
 _WORDS = dict(zip(QUANTITIES, ("position", "velocity", "attitude", "rate"), strict=True))
+_CHANNEL_HORIZON = 0.5
+"""s: long against the noise, short against what one channel does to another."""
 _GIVEN = "attitude given"
 _METRIC = f"position, {_GIVEN}"
 _CHANNELS = {
@@ -32,13 +34,13 @@ _CHANNELS = {
 def prediction_gap(stages: Stages, horizon: float = 1.0) -> Gap:
     """The gap of first and last stage: position after `horizon` (s) with given attitude, and all else.
 
-    Channels are velocity errors with given attitude ("force_x", m/s) and open-loop rate errors ("torque_x",
-    rad/s) along the body axes, at the horizon next to half a second.
+    Where no flight reaches that far, the longest horizon that one does reach stands for it.
 
-    Raises:
-        KeyError: no flight reaches the horizon.
+    Channels are velocity errors with given attitude ("force_x", m/s) and open-loop rate errors ("torque_x",
+    rad/s) along the body axes after half a second.
     """
     first, last = _ends(stages)
+    horizon = _within_reach(first, horizon)
     floor = first.floor
     one, other = first.overall, last.overall
     sensed = ErrorPair({}, {}) if floor is None else floor
@@ -56,7 +58,7 @@ def prediction_gap(stages: Stages, horizon: float = 1.0) -> Gap:
         metric=f"position error after {horizon:g} s, {_GIVEN}",
         overall=by_horizon[str(horizon)],
         by_horizon=by_horizon,
-        by_channel=_by_channel(first, last, min(first.horizons, key=lambda h: abs(h - 0.5))),
+        by_channel=_by_channel(first, last, _within_reach(first, _CHANNEL_HORIZON)),
         by_phase={
             name: _levels(
                 pair.given_attitude[horizon],
@@ -65,7 +67,7 @@ def prediction_gap(stages: Stages, horizon: float = 1.0) -> Gap:
                 "position_m",
             )
             for name, pair in first.by_phase().items()
-            if horizon in pair.given_attitude
+            if horizon in pair.given_attitude and name in later and horizon in later[name].given_attitude
         },
         by_quantity=by_quantity,
     )
@@ -95,21 +97,27 @@ def horizon_curves(stages: Stages) -> tuple[HorizonCurves, ...]:
 def phase_bars(stages: Stages, horizon: float = 1.0) -> StageBars:
     """Position error with given attitude after `horizon` (s), by phase of flight."""
     first, _ = _ends(stages)
+    horizon = _within_reach(first, horizon)
     labels = tuple(name for name, pair in first.by_phase().items() if horizon in pair.given_attitude)
-    rows = {}
-    for name, errors in stages.items():
-        phases = errors.by_phase()
-        rows[name] = _floats([phases[label].given_attitude[horizon].position_m for label in labels])
-    quiet = first.floor_by_phase()
-    floor = [quiet[label].given_attitude[horizon].position_m if label in quiet else None for label in labels]
+
+    def row(phases: Mapping[str, ErrorPair]) -> FloatArray:
+        found = [phases[label].given_attitude.get(horizon) if label in phases else None for label in labels]
+        return _floats([None if errors is None else errors.position_m for errors in found])
+
+    rows = {name: row(errors.by_phase()) for name, errors in stages.items()}
     return StageBars(
-        title="by phase", unit=f"m after {horizon:g} s", labels=labels, stages=rows, floor=_floats(floor)
+        title="by phase",
+        unit=f"m after {horizon:g} s",
+        labels=labels,
+        stages=rows,
+        floor=row(first.floor_by_phase()),
     )
 
 
-def channel_bars(stages: Stages, horizon: float = 0.5) -> StageBars:
+def channel_bars(stages: Stages, horizon: float = _CHANNEL_HORIZON) -> StageBars:
     """Velocity errors (attitude given) and rate errors (open loop) by body axis, as shares of the first."""
     first, _ = _ends(stages)
+    horizon = _within_reach(first, horizon)
     base = first.by_channel()[horizon]
     rows = {
         name: _floats([errors.by_channel()[horizon][key] / base[key] for key, _ in _CHANNELS.values()])
@@ -143,6 +151,12 @@ def closed_loop_trace(stages: Mapping[str, ClosedLoopFlight]) -> ClosedLoopTrace
 def _ends(stages: Stages) -> tuple[PredictionErrors, PredictionErrors]:
     every = list(stages.values())
     return every[0], every[-1]
+
+
+def _within_reach(errors: PredictionErrors, horizon: float) -> float:
+    """The longest horizon (s) up to the one asked for, or else the shortest, that a flight reaches."""
+    reached = list(errors.overall.given_attitude)
+    return max((h for h in reached if h <= horizon), default=reached[0])
 
 
 def _open_loop(pair: ErrorPair) -> ByHorizon:

@@ -1,7 +1,7 @@
 """The figures of a report, drawn: each function takes what it shows and gives a matplotlib figure."""
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,7 +18,6 @@ from calibration.report_style import BLUE, GREEN, INK, MUTED, ORANGE, new_figure
 from onboard.arrays import FloatArray
 
 if TYPE_CHECKING:
-    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -69,19 +68,22 @@ def stage_bars(data: StageBars) -> "Figure":
     colours = stage_colours(data.stages)
     height = 0.8 / count
     at = np.arange(labels)
+    handles: dict[str, Any] = {}
     for index, (name, values) in enumerate(data.stages.items()):
         offset = (index - 0.5 * (count - 1)) * height
-        axes.barh(at + offset, np.nan_to_num(values), height=0.92 * height, color=colours[name], label=name)
+        handles[name] = axes.barh(
+            at + offset, np.nan_to_num(values), height=0.92 * height, color=colours[name]
+        )
     if data.floor is not None:
         for y, value in zip(at, data.floor, strict=True):
             if np.isfinite(value):
-                axes.plot([value, value], [y - 0.42, y + 0.42], color=INK, lw=1.6, solid_capstyle="butt")
-        axes.plot([], [], color=INK, lw=1.6, label="floor")
+                ends = [y - 0.42, y + 0.42]
+                handles["floor"] = axes.plot([value, value], ends, color=INK, lw=1.6)[0]
     axes.set_yticks(at, [plain(label) for label in data.labels])
     axes.invert_yaxis()
     axes.grid(axis="y", visible=False)
     axes.set_xlabel(data.unit)
-    figure.legend(loc="outside upper left", ncols=4, frameon=False, fontsize=8.5)
+    _legend(figure, handles, columns=4)
     return figure
 
 
@@ -203,10 +205,19 @@ def _plain_decades(axes: "Axes") -> None:
 
 def _shared_legend(figure: "Figure", axes: "list[Axes]") -> None:
     """One legend above all panels, every name once."""
-    named: dict[str, Artist] = {}
+    named: dict[str, Any] = {}
     for panel in axes:
         for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
             named.setdefault(label, handle)
+    _legend(figure, named, columns=8)
+
+
+def _legend(figure: "Figure", named: dict[str, Any], columns: int) -> None:
     figure.legend(
-        list(named.values()), list(named), loc="outside upper left", ncols=8, frameon=False, fontsize=8.5
+        list(named.values()),
+        list(named),
+        loc="outside upper left",
+        ncols=columns,
+        frameon=False,
+        fontsize=8.5,
     )

@@ -33,8 +33,8 @@ def _sections(report: GapReport, figures: ReportFigures) -> Iterator[str]:
         yield section(
             "What was missing",
             _effects(report),
-            "In the order found. Errors are the metric above on flights that no fit saw, without and with "
-            "the effect, those before it in the model.",
+            "In the order found. Errors are on flights that no fit saw, without and with the effect, those "
+            "before it in the model.",
         )
     if report.ambiguous:
         rows = [
@@ -84,19 +84,23 @@ def _verdict(report: GapReport) -> str:
 
 def _effects(report: GapReport) -> str:
     rows = []
-    metric_unit = unit(report.gap.overall.unit)
     for index, effect in enumerate(report.effects, start=1):
         known = EFFECTS.get(effect.name)
         meaning = "" if known is None else f"<br><small>{escape(known.equation)}</small>"
         values = "<br>".join(escape(words.parameter(n, p)) for n, p in effect.parameters.items())
         others = ", ".join(plain(name) for name in effect.ambiguous_with) or "nothing"
         told = f"<br><small>to tell: {escape(effect.separated_by)}</small>" if effect.separated_by else ""
+        error = f"{number(effect.error_before)} to {number(effect.error_after)}"
+        if effect.metric:
+            error += f"<br><small>{escape(effect.metric)}</small>"
+        else:
+            error += unit(report.gap.overall.unit)
         rows.append(
             [
                 str(index),
                 f"<b>{escape(plain(effect.name))}</b>{meaning}",
                 values,
-                f"{number(effect.error_before)} to {number(effect.error_after)}{metric_unit}",
+                error,
                 interval(effect.improvement_ci95),
                 escape(others) + told,
             ]
@@ -139,7 +143,7 @@ def _levels(levels: Mapping[str, Levels], heading: str) -> str:
         row = [escape(plain(name)), *(f"{number(v)}{unit(level.unit)}" for v in (level.before, level.after))]
         if floors:
             row.append("" if level.noise_floor is None else f"{number(level.noise_floor)}{unit(level.unit)}")
-            row.append("" if share is None else f"{100.0 * share:.0f} %")
+            row.append("" if share is None else words.closed(share))
         rows.append(row)
     return table([heading, "before", "after", *(["floor", "closed"] if floors else [])], rows)
 

@@ -64,8 +64,13 @@ def gap_in_words(metric: str, levels: Levels) -> str:
         text += unit(levels.unit)
     text += "."
     if levels.closed_share is not None and levels.after != levels.before:
-        text += f" Of what could be removed, {100.0 * min(levels.closed_share, 1.0):.0f} % is."
+        text += f" Of what could be removed, {closed(levels.closed_share)} is."
     return text
+
+
+def closed(share: float) -> str:
+    """Share of the removable gap that was closed; noise may put a model below its floor."""
+    return "all" if share >= 1.0 else f"{100.0 * share:.0f} %"
 
 
 def unexplained_in_words(report: GapReport) -> str:

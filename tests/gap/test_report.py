@@ -1,0 +1,304 @@
+"""The gap finder's report: the document keeps the contract; the page shows all of it and loads nothing."""
+
+import dataclasses
+import json
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calibration.errors import CalibrationError
+from calibration.gap.prediction import evaluate, fly_again
+from calibration.gap.prediction.shown import (
+    channel_bars,
+    closed_loop_trace,
+    horizon_curves,
+    phase_bars,
+    prediction_gap,
+)
+from calibration.gap.report import (
+    AmbiguousSet,
+    FoundEffect,
+    FoundParameter,
+    Gap,
+    GapReport,
+    HeatMap,
+    HorizonCurves,
+    Levels,
+    Lines,
+    Rejected,
+    ReportFigures,
+    ResidualCloud,
+    Unexplained,
+    UnusableFile,
+    Verdict,
+    Where,
+    write_report,
+)
+from calibration.gap.report.document import leaves
+from calibration.gap.report.drawings import quantile_bands
+from calibration.gap.report.words import number
+from calibration.gap.report.writing import ReportFolderError
+from onboard.vehicle import load_vehicle
+from tests.gap.simulated_flight import circle, fly, up_and_down, with_noise
+from tests.physics.effects.conftest import with_effects
+from tests.report.page import Page, assert_self_contained
+
+RNG = np.random.default_rng(11)
+
+
+def report(**changes: Any) -> GapReport:
+    """A report with everything in it; `changes` replace fields."""
+    full = GapReport(
+        verdict=Verdict.UNEXPLAINED_GAP,
+        vehicle="crazyflie21-stock",
+        effects=(
+            FoundEffect(
+                name="battery_sag",
+                parameters={"resistance": FoundParameter(value=0.1012, unit="ohm", ci95=(0.0813, 0.1214))},
+                error_before=1.013,
+                error_after=0.6017,
+                improvement_ci95=(0.3018, 0.5019),
+                ambiguous_with=("thrust_scale",),
+                separated_by="a long discharge at equal thrust",
+            ),
+            FoundEffect(
+                name="motor_saturation",
+                parameters={
+                    "thrust_limit": FoundParameter(value=0.1225, unit="N", ci95=(0.12, 0.1299), at_bound=True)
+                },
+                error_before=0.6017,
+                error_after=0.4021,
+                metric="force_z residual, m/s2",
+                improvement_ci95=(0.1022, 0.2023),
+            ),
+        ),
+        gap=Gap(
+            metric="position error after 1 s, attitude given",
+            overall=Levels(before=1.013, after=0.4021, noise_floor=0.3024, unit="m"),
+            by_horizon={"0.5": Levels(before=0.2531, after=0.1232, noise_floor=0.0833, unit="m")},
+            by_channel={"force_z": Levels(before=0.7134, after=0.2135, unit="m/s")},
+            by_phase={"near_ceiling": Levels(before=1.536, after=0.5137, unit="m")},
+            by_quantity={"attitude after 0.1 s": Levels(before=1.638, after=1.239, unit="deg")},
+        ),
+        where=(Where(channel="force_z", condition="vbat < 3.4 V & fast", share=0.6241),),
+        unexplained=Unexplained(
+            share=0.0542, channels=("torque_y",), suspects=("line at 7.5 Hz",), formula="a sin(2 pi 7.5 t)"
+        ),
+        train=("laps-1", "laps-2"),
+        held_out=("climb-1",),
+        unusable=(UnusableFile(file="dead.csv", reason="<never> flies"),),
+        ambiguous=(AmbiguousSet(names=("drag", "tilt"), separated_by="laps in both directions"),),
+        rejected=(Rejected(name="inertia_error", reason="drifts with excitation"),),
+        limitations=("no flight near a ceiling: ceiling_effect cannot be judged",),
+        seed=4711,
+        settings={"draws": 443, "versions": {"numpy": "2.x"}},
+        noise={"force_z": {"std": 0.2145, "lags": [0.9746, 0.5447]}},
+    )
+    return dataclasses.replace(full, **changes)
+
+
+def figures() -> ReportFigures:
+    """One of each kind, with a name that must be escaped."""
+    horizons, x = np.array([0.1, 1.0]), RNG.uniform(3.0, 4.0, 300)
+    noise = RNG.normal(size=300)
+    return ReportFigures(
+        horizons=(
+            HorizonCurves(
+                quantity="position <given>",
+                unit="m",
+                horizons=horizons,
+                stages={"before": horizons, "+ drag & lag": 0.5 * horizons, "after": 0.3 * horizons},
+                floor=0.2 * horizons,
+            ),
+        ),
+        heat_map=HeatMap(
+            meaning="share of variance",
+            channels=("force_x", "force_z"),
+            regressors=("height", "voltage", "speed"),
+            before=np.array([[0.1, 0.8, np.nan], [0.0, 0.2, 0.3]]),
+            after=np.array([[0.1, 0.02, np.nan], [0.0, 0.2, 0.1]]),
+            chance=np.full((2, 3), 0.05),
+        ),
+        clouds=(
+            ResidualCloud(
+                channel="force_z",
+                channel_unit="m/s2",
+                regressor="voltage",
+                regressor_unit="V",
+                x=x,
+                before=x + noise,
+                after=noise,
+            ),
+        ),
+        lines=(
+            Lines(
+                title="Spectrum <line>",
+                meaning="A line at 7.5 Hz.",
+                x_label="Hz",
+                y_label="power",
+                curves={"torque_y": (np.arange(9.0), np.ones(9))},
+            ),
+        ),
+    )
+
+
+def test_the_document_is_that_of_the_contract(tmp_path: Path) -> None:
+    write_report(report(), tmp_path / "new" / "folder")
+    document = json.loads((tmp_path / "new" / "folder" / "report.json").read_text())
+    assert document["schema"] == "perchhw.gap/1"
+    assert document["verdict"] == "unexplained_gap"
+    assert document["effects"][0] == {
+        "name": "battery_sag",
+        "parameters": {"resistance": {"value": 0.1012, "unit": "ohm", "ci95": [0.0813, 0.1214]}},
+        "error_before": 1.013,
+        "error_after": 0.6017,
+        "improvement_ci95": [0.3018, 0.5019],
+        "ambiguous_with": ["thrust_scale"],
+        "separated_by": "a long discharge at equal thrust",
+        "metric": "",
+    }
+    gap = document["gap"]
+    assert {key: gap[key] for key in ("metric", "unit", "before", "after", "noise_floor")} == {
+        "metric": "position error after 1 s, attitude given",
+        "unit": "m",
+        "before": 1.013,
+        "after": 0.4021,
+        "noise_floor": 0.3024,
+    }
+    assert gap["closed_share"] == pytest.approx((1.013 - 0.4021) / (1.013 - 0.3024))
+    assert {"by_horizon", "by_channel", "by_phase"} <= set(gap)
+    assert document["where"] == [{"channel": "force_z", "condition": "vbat < 3.4 V & fast", "share": 0.6241}]
+    assert set(document["unexplained"]) == {"share", "channels", "suspects", "formula"}
+    assert document["flights"] == {
+        "train": ["laps-1", "laps-2"],
+        "held_out": ["climb-1"],
+        "unusable": [{"file": "dead.csv", "reason": "<never> flies"}],
+    }
+
+
+def test_every_number_and_word_of_the_document_stands_on_the_page(tmp_path: Path) -> None:
+    page = Page(write_report(report(), tmp_path, figures()))
+    for place, value in leaves(report().to_json()):
+        if place in ("schema", "gap.closed_share") or value is None or isinstance(value, bool):
+            continue
+        shown = number(value) if isinstance(value, int | float) else value.replace("_", " ")
+        assert shown.lower() in page.text.replace("_", " ").lower(), place
+    assert "86 %" in page.text  # of the gap that could be closed
+    assert "limit of what is physical" in page.text
+
+
+def test_the_page_loads_nothing_and_draws_everything(tmp_path: Path) -> None:
+    path = write_report(report(), tmp_path, figures())
+    page = Page(path)
+    assert_self_contained(page, tmp_path)
+    assert page.svgs == 4
+    text = path.read_text()
+    assert "url(http" not in text
+    assert "<script" not in text
+    assert "@import" not in text
+    bare = Page(write_report(report(), tmp_path / "bare"))
+    assert bare.svgs == 0
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"verdict": Verdict.NO_GAP, "effects": ()}, "Nothing is missing"),
+        ({"verdict": Verdict.EFFECTS_FOUND}, "Found: battery sag and motor saturation were missing"),
+        ({}, "Battery sag and motor saturation were missing, and something else"),
+        ({"effects": ()}, "Something is missing that no known effect explains"),
+    ],
+)
+def test_the_verdict_in_words_comes_first(tmp_path: Path, changes: dict[str, Any], sentence: str) -> None:
+    page = Page(write_report(report(**changes), tmp_path))
+    head, _, _ = page.text.partition("Flights")
+    assert sentence in head
+    if changes.get("verdict") is Verdict.NO_GAP:
+        assert "What was missing" not in page.text
+    if "effects" not in changes:
+        assert "battery sag cannot be told from thrust scale. To tell: a long discharge" in head
+
+
+def test_reports_that_contradict_themselves_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(CalibrationError, match="cannot have effects"):
+        report(verdict=Verdict.NO_GAP)
+    with pytest.raises(CalibrationError, match="needs an effect"):
+        report(verdict=Verdict.EFFECTS_FOUND, effects=())
+    with pytest.raises(CalibrationError, match=r"unexplained\.share is nan"):
+        write_report(report(unexplained=Unexplained(share=float("nan"))), tmp_path)
+    assert not (tmp_path / "report.json").exists()
+    with pytest.raises(CalibrationError, match=r"shape \(3,\), expected \(2,\)"):
+        HorizonCurves(
+            quantity="x", unit="m", horizons=np.array([0.1, 1.0]), stages={"before": np.ones(3)}, floor=None
+        )
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ReportFolderError, match="cannot be written"):
+        write_report(report(), tmp_path / "file" / "folder")
+
+
+def test_bands_are_quantiles_of_equal_parts() -> None:
+    x = np.linspace(0.0, 1.0, 2000)
+    middle, low, median, high = quantile_bands(x, 2.0 * x + RNG.uniform(-0.3, 0.3, x.size))
+    np.testing.assert_allclose(median, 2.0 * middle, atol=0.05)
+    np.testing.assert_allclose(high - low, 0.4, atol=0.1)  # the middle two thirds of 0.6
+    assert quantile_bands(x[:5], x[:5])[0].size == 0
+
+
+def test_predictions_of_one_model_after_the_other_fill_the_report(tmp_path: Path) -> None:
+    believed = load_vehicle("crazyflie21-upgraded")
+    scale, drag = {"thrust_scale": {"scale": 0.94}}, {"rotor_drag": {"coefficient": 4e-6}}
+    truth = with_effects({**scale, **drag})
+    flights = [
+        with_noise(fly(truth, path, 8.0, believed=believed, name=name), 1.0, np.random.default_rng(3))
+        for name, path in (("laps", circle()), ("climbs", up_and_down()))
+    ]
+    models = {"before": believed, "+ thrust scale": with_effects(scale), "+ rotor drag": truth}
+    stages = {name: evaluate(flights, model) for name, model in models.items()}
+    again = {name: flown for name, model in models.items() if (flown := fly_again(flights[0], model))}
+    gap = prediction_gap(stages)
+    share = gap.overall.closed_share
+    assert share is not None
+    assert share > 0.95
+    assert gap.overall == gap.by_horizon["1.0"]
+    assert gap.by_channel["force_z"].after < 0.1 * gap.by_channel["force_z"].before
+    assert gap.by_phase["vertical"].noise_floor is not None
+    drawn = ReportFigures(
+        horizons=horizon_curves(stages),
+        channels=channel_bars(stages),
+        phases=phase_bars(stages),
+        closed_loop=(closed_loop_trace(again),),
+    )
+    position = drawn.horizons[0].stages
+    assert position["before"][-1] > position["+ thrust scale"][-1] > position["+ rotor drag"][-1]
+    page = Page(write_report(report(gap=gap), tmp_path, drawn))
+    assert page.svgs == 4
+    assert "laps" in page.text
+
+
+def test_chromium_shows_the_page(tmp_path: Path) -> None:
+    chromium = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    if chromium is None:
+        pytest.skip("no chromium here to load the page with")
+    path = write_report(report(), tmp_path, figures())
+    done = subprocess.run(
+        [chromium, "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom", path.as_uri()],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=120,
+    )
+    assert done.stdout.count("<svg") == 4
+    assert "something else that is not known is still missing" in done.stdout
+
+
+def test_the_same_as_a_rerun_recording(tmp_path: Path) -> None:
+    pytest.importorskip("rerun")
+    from perchhw.view.gap import write_gap_rrd
+
+    path = write_gap_rrd(report(), figures(), tmp_path / "new" / "gap.rrd")
+    assert path.read_bytes()[:4] == b"RRF2"
+    assert path.stat().st_size > 5000
