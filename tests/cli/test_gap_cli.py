@@ -90,7 +90,7 @@ def test_evaluate_doubts_the_file_of_another_vehicle(
     heavy = tmp_path / "heavy.toml"
     heavy.write_text(vehicle_to_toml(with_effects({"mass_error": {"relative": 0.5}})))
     _, document, errors = call(capsys, "gap", "evaluate", "--vehicle", heavy, "--data", flights)
-    assert "is this the file of the vehicle that flew?" in document["doubts"][0]
+    assert "is this the vehicle that flew?" in document["doubts"][0]
     assert document["doubts"][0] in errors
 
 

@@ -188,7 +188,7 @@ class PredictionErrors:
             ratios = sorted(f.thrust_ratio for f in odd)
             doubts.append(
                 f"{len(odd)} of {len(self.flights)} flights had {ratios[0]:.2f} to {ratios[-1]:.2f} times "
-                "the thrust that the model makes of their commands: is this the file of the vehicle that flew?"
+                "the thrust that the model makes of their commands: is this the vehicle that flew?"
             )
         lost = max((errors.diverged for errors in self.overall.open_loop.values()), default=0)
         if lost:
