@@ -27,6 +27,9 @@ _PARTS = 14
 _FEWEST = 8
 """Points that a part needs."""
 _ROW = 3
+"""Panels side by side."""
+_LEGEND_COLUMN = 1.3
+"""Inches that a name in a legend takes."""
 
 
 def stage_colours(stages: Mapping[str, FloatArray]) -> dict[str, object]:
@@ -83,7 +86,7 @@ def stage_bars(data: StageBars) -> "Figure":
     axes.invert_yaxis()
     axes.grid(axis="y", visible=False)
     axes.set_xlabel(data.unit)
-    _legend(figure, handles, columns=4)
+    _legend(figure, handles)
     return figure
 
 
@@ -209,10 +212,12 @@ def _shared_legend(figure: "Figure", axes: "list[Axes]") -> None:
     for panel in axes:
         for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
             named.setdefault(label, handle)
-    _legend(figure, named, columns=8)
+    _legend(figure, named)
 
 
-def _legend(figure: "Figure", named: dict[str, Any], columns: int) -> None:
+def _legend(figure: "Figure", named: dict[str, Any]) -> None:
+    """A legend above everything, in as many columns as fit."""
+    columns = max(1, int(figure.get_figwidth() / _LEGEND_COLUMN))
     figure.legend(
         list(named.values()),
         list(named),
