@@ -9,9 +9,9 @@ from calibration.gap.exchange import needed
 from calibration.gap.held_out import HeldOutFlights, improvement
 from calibration.gap.improved import separations
 from calibration.gap.model import Model, Variable
-from calibration.gap.refine import Training
+from calibration.gap.refine import Fitted, Training
 from calibration.gap.report import FoundEffect, FoundParameter
-from calibration.gap.search import LOG_TIMING, Search, named
+from calibration.gap.search import LOG_TIMING, Search
 from onboard.vehicle import EFFECTS
 
 NINETY_FIVE = 1.96
@@ -47,7 +47,7 @@ class Named:
 def name_effects(found: Search, training: Training, rng: np.random.Generator) -> Named:
     """The named effects of a search; the log's timing among them where it is beyond the doubt about it."""
     final = found.final
-    order = [step.effect for step in named(found.steps)]
+    order = [step.effect for step in found.steps if _sizeable(step.effect, final)]
     doubt = 0.5 * training.regression.signals.dt
     late = LOG_TIMING in final.variables and final.model.values[LOG_TIMING] > doubt
     if late and needed(final, LOG_TIMING.effect, training):
@@ -64,6 +64,10 @@ def name_effects(found: Search, training: Training, rng: np.random.Generator) ->
         errors=clustered_errors(final, training, rng),
         ambiguous={k: tuple(rival.effect for rival in v) for k, v in found.ambiguous.items()},
     )
+
+
+def _sizeable(effect: str, final: Fitted) -> bool:
+    return any(sizeable(v, x) for v, x in final.model.values.items() if v.effect == effect)
 
 
 def found_effects(names: Named, flights: HeldOutFlights, rng: np.random.Generator) -> list[FoundEffect]:

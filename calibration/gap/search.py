@@ -171,8 +171,3 @@ def _reason(judgement: Judgement) -> str:
         names = ", ".join(v.parameter for v in judgement.at_bound)
         return f"{names} ran into its bound: it stands in for something else"
     return "its gain does not hold across flights"
-
-
-def named(steps: Sequence[Step]) -> list[Step]:
-    """The steps whose effect is large enough to be worth a name."""
-    return [step for step in steps if step.judgement.sizeable]

@@ -1,0 +1,63 @@
+"""Shared effects and nuisances of each flight are told apart, with honest errors."""
+
+import numpy as np
+import pytest
+
+from calibration.gap.mixed import Products, bootstrap_theta, fit_mixed, held_out_likelihood
+from calibration.gap.nuisances import NUISANCES
+
+ROWS, PARTS, SPREAD, THETA = 80, 24, 0.03, 0.4
+RIDGE = np.array([1e-9])
+
+
+def products(rng: np.random.Generator, mean: float = 0.0, theta: float = THETA) -> Products:
+    """Products of `PARTS` parts with one effect and one nuisance; the other nuisances touch nothing."""
+    q = len(NUISANCES)
+    sums = np.zeros((PARTS, q + 2, q + 2))
+    for part in range(PARTS):
+        table = np.zeros((q + 2, ROWS))
+        table[0] = 10.0
+        table[q] = rng.normal(size=ROWS)
+        nuisance = mean + SPREAD * rng.normal()
+        table[-1] = theta * table[q] + nuisance * table[0] + rng.normal(size=ROWS)
+        sums[part] = table @ table.T
+    return Products(
+        zz=sums[:, :q, :q], zx=sums[:, :q, q:-1], xx=sums[:, q:-1, q:-1], zr=sums[:, :q, -1],
+        xr=sums[:, q:-1, -1], rr=sums[:, -1, -1], constant=np.zeros(PARTS),
+    )  # fmt: skip
+
+
+def test_effect_and_spread_of_the_nuisance_are_found() -> None:
+    rng = np.random.default_rng(3)
+    fits = [fit_mixed(products(rng), RIDGE, rounds=60) for _ in range(60)]
+    thetas = np.array([fit.theta[0] for fit in fits])
+    errors = np.array([np.sqrt(fit.covariance[0, 0]) for fit in fits])
+    assert thetas.mean() == pytest.approx(THETA, abs=3 * thetas.std() / np.sqrt(60))
+    assert errors.mean() == pytest.approx(thetas.std(), rel=0.3)
+    assert np.mean([fit.spread[0] for fit in fits]) == pytest.approx(SPREAD, rel=0.15)
+
+
+def test_bootstrap_over_flights_agrees_with_the_scatter_of_repeats() -> None:
+    rng = np.random.default_rng(4)
+    thetas, widths = [], []
+    for _ in range(40):
+        fit = fit_mixed(products(rng), RIDGE)
+        drawn = bootstrap_theta(fit, RIDGE, np.arange(PARTS) // 2, rng, 200)
+        thetas.append(fit.theta[0])
+        widths.append(drawn[:, 0].std())
+    assert np.mean(widths) == pytest.approx(np.std(thetas), rel=0.35)
+
+
+def test_held_out_likelihood_rises_with_a_true_effect_and_not_with_a_placebo() -> None:
+    rng = np.random.default_rng(5)
+    folds = np.arange(PARTS) % 4
+
+    def gain(theta: float) -> float:
+        p = products(rng, theta=theta)
+        with_effect = held_out_likelihood(p, fit_mixed(p, RIDGE), RIDGE, folds).sum()
+        empty = np.zeros(0)
+        bare = p.of([])
+        return float(with_effect - held_out_likelihood(bare, fit_mixed(bare, empty), empty, folds).sum())
+
+    assert gain(THETA) > 50.0
+    assert np.mean([gain(0.0) for _ in range(30)]) < 0.5
