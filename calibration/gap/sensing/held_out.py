@@ -4,7 +4,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
 
 from calibration.gap.record import FlightRecord
 from calibration.gap.sensing.correction import align, best_values
@@ -21,6 +20,8 @@ class Metric:
     meaning: str
     unit: str
 
+
+_DRAWS, _SEED = 2000, 1
 
 _TURN = Metric(turn_mismatch, f"tracked turn less gyro turn over {SPAN_S:g} s, rms", "rad")
 METRICS = {
@@ -79,13 +80,11 @@ def held_out_errors(
 
 
 def _errors(squares: FloatArray) -> HeldOut:
-    """From mean squares before and after, shape (n, 2); the interval is a jackknife over flights."""
+    """From mean squares before and after, shape (n, 2); the interval is a bootstrap over flights."""
     flights = squares.shape[0]
-    total = squares.sum(axis=0)
-    gain = 1.0 - float(np.sqrt(total[1] / total[0]))
-    without = total - squares
-    gains = 1.0 - np.sqrt(without[:, 1] / without[:, 0])
-    error = float(np.sqrt((flights - 1) / flights * np.sum((gains - gains.mean()) ** 2)))
-    reach = float(student.ppf(0.975, flights - 1)) * error
-    rms = np.sqrt(total / flights)
-    return HeldOut(float(rms[0]), float(rms[1]), (gain - reach, gain + reach))
+    draws = np.random.default_rng(_SEED).integers(0, flights, (_DRAWS, flights))
+    sums = squares[draws].sum(axis=1)
+    gains = 1.0 - np.sqrt(sums[:, 1] / sums[:, 0])
+    low, high = np.quantile(gains, [0.025, 0.975])
+    rms = np.sqrt(squares.mean(axis=0))
+    return HeldOut(float(rms[0]), float(rms[1]), (float(low), float(high)))
