@@ -29,6 +29,10 @@ def suggest_command(
     ] = DEFAULT_DRONE,
     mocap: Annotated[str, typer.Option(help="URI of the mocap stream, likewise.")] = DEFAULT_MOCAP,
     ceiling: Annotated[float, typer.Option(help="Height of the ceiling, m.")] = 2.10,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KIND", help="Choose from these kinds of flight; may be repeated."),
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of the simulated disturbances.")] = 0,
 ) -> None:
     """Choose, by simulation, the flights that separate effects which a report could not tell apart.
@@ -39,6 +43,7 @@ def suggest_command(
     from calibration.gap.suggest.ambiguous import read_questions
     from calibration.gap.suggest.campaign_file import flights_file, landings_file
     from calibration.gap.suggest.choose import Search
+    from calibration.gap.suggest.manoeuvres import MANOEUVRES
     from onboard.room import RoomGeometry
     from onboard.vehicle import load_vehicle
 
@@ -52,6 +57,7 @@ def suggest_command(
         vehicle=load_vehicle(name, legs),
         room=room,
         seed=seed,
+        kinds=only or tuple(MANOEUVRES),
         on_pair=lambda pair: screen.print(f"{pair[0]} or {pair[1]} ...", markup=False),
     )
     suggestions = search.suggest(questions)

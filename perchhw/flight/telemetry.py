@@ -66,7 +66,7 @@ BLOCKS: tuple[Block, ...] = (
         _floats("perch", "cues", "tau thetaX dCeil trigVal aRot", "tau theta_x d_ceil trigger_value a_rot"),
     ),
     Block(
-        20,
+        10,
         {
             **_floats("motor", "motors", "m1 m2 m3 m4", "m1 m2 m3 m4"),
             "pm.vbat": Field("power", "vbat"),

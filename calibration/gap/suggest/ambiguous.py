@@ -79,5 +79,7 @@ def _questions(document: dict[str, Any]) -> OpenQuestions:
         pairs += [(names[0], other) for other in names[1:]]
     pairs += combinations([s for s in document["unexplained"]["suspects"] if s in EFFECTS], 2)
     known = [pair for pair in pairs if pair[0] in EFFECTS and pair[1] in EFFECTS and pair[0] != pair[1]]
-    distinct = {frozenset(pair): pair for pair in reversed(known)}
-    return OpenQuestions(tuple(found), tuple(reversed(distinct.values())))
+    distinct: dict[frozenset[str], tuple[str, str]] = {}
+    for pair in known:
+        distinct.setdefault(frozenset(pair), pair)
+    return OpenQuestions(tuple(found), tuple(distinct.values()))

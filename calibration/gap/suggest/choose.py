@@ -1,13 +1,13 @@
 """Choose the flight of the library that tells two effects apart best."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 from calibration.gap.suggest.ambiguous import OpenQuestions
-from calibration.gap.suggest.course import CourseError
+from calibration.gap.suggest.course import CourseDoesNotFit
 from calibration.gap.suggest.landings import LANDINGS, landing_separation
-from calibration.gap.suggest.manoeuvres import MANOEUVRES
+from calibration.gap.suggest.manoeuvres import MANOEUVRES, manoeuvre
 from calibration.gap.suggest.measurements import measurement_for
 from calibration.gap.suggest.separation import Separation, separation
 from onboard.room import RoomGeometry
@@ -71,14 +71,14 @@ class Search:
         vehicle: base vehicle.
         room: that the flights must fit.
         seed: of the disturbances.
-        parameters: of kinds whose usual values are not wanted.
+        kinds: of flights to choose from.
         on_pair: called with each pair before it is looked at, for a display.
     """
 
     vehicle: Vehicle
     room: RoomGeometry
     seed: int = 0
-    parameters: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    kinds: Sequence[str] = tuple(MANOEUVRES)
     on_pair: Callable[[tuple[str, str]], None] = lambda pair: None
 
     def suggest(self, questions: OpenQuestions) -> list[Suggestion]:
@@ -105,10 +105,10 @@ class Search:
     ) -> dict[str, Separation]:
         """Separation by every flight that fits the room: by the worse of the two directions."""
         found = {}
-        for kind, manoeuvre in MANOEUVRES.items():
+        for kind in self.kinds:
             try:
-                course = manoeuvre.course(self.parameters.get(kind, {}), self.room)
-            except CourseError:
+                course = manoeuvre(kind).course({}, self.room)
+            except CourseDoesNotFit:
                 continue
             found[kind] = _worse(
                 [

@@ -30,7 +30,11 @@ NEAREST_CEILING = 0.03
 
 
 class CourseError(CalibrationError, InputError):
-    """A course that does not fit the room, or parameters that make none."""
+    """A course that cannot be flown, and why."""
+
+
+class CourseDoesNotFit(CourseError):
+    """A course that another room could hold."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +80,7 @@ class Course:
         """See that the course stays inside a room.
 
         Raises:
-            CourseError: it does not; the message says where and by how much.
+            CourseDoesNotFit: it does not; the message says where and by how much.
         """
         limits = (
             ("x", 0, room.x_min + WALL_MARGIN, room.x_max - WALL_MARGIN),
@@ -86,7 +90,7 @@ class Course:
         for name, axis, low, high in limits:
             least, most = float(self.position[:, axis].min()), float(self.position[:, axis].max())
             if least < low - 1e-6 or most > high + 1e-6:
-                raise CourseError(
+                raise CourseDoesNotFit(
                     f"the course spans {name} = {least:.2f} to {most:.2f} m, the room allows {low:.2f} to "
                     f"{high:.2f} m: make it smaller or move its centre"
                 )

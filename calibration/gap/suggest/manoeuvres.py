@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.gap.suggest.course import Course, CourseBuilder, CourseError
+from calibration.gap.suggest.course import Course, CourseBuilder, CourseDoesNotFit, CourseError
 from onboard.arrays import FloatArray, Vector
 from onboard.room import RoomGeometry
 
@@ -80,7 +80,8 @@ class Manoeuvre:
         """The course in a room.
 
         Raises:
-            CourseError: a parameter cannot be used, or the flight does not fit the room.
+            CourseDoesNotFit: it does not fit the room.
+            CourseError: a parameter cannot be used.
         """
         values = self.values(given)
         builder = CourseBuilder((values["x"], values["y"], values["height"]))
@@ -88,8 +89,8 @@ class Manoeuvre:
         course = builder.build()
         try:
             course.check_room(room)
-        except CourseError as error:
-            raise CourseError(f"{self.kind}: {error}") from error
+        except CourseDoesNotFit as error:
+            raise CourseDoesNotFit(f"{self.kind}: {error}") from error
         return course
 
 
@@ -109,7 +110,7 @@ def _thrust_steps(b: CourseBuilder, v: Values, room: RoomGeometry) -> None:
 
 
 def _throttle_chops(b: CourseBuilder, v: Values, room: RoomGeometry) -> None:
-    # Long and gentle up, short and hard down: the thrust nearly stops, then comes back at once.
+    # Long and gentle up, short and hard down, so that the thrust falls and comes back at once.
     chop, gentle = v["acceleration"], v["acceleration"] / 3.0
     for _ in _repeats(v):
         b.push(((0.0, 0.0, gentle), 0.3), ((0.0, 0.0, -chop), 0.2), ((0.0, 0.0, gentle), 0.3)).hold(0.4)
@@ -243,13 +244,13 @@ MANOEUVRES: dict[str, Manoeuvre] = {
         Manoeuvre(
             "thrust_steps",
             "steps of thrust of two sizes, up and down",
-            {"acceleration": Rule(5.0, 1.0, 8.0, "m/s2, larger step"), "repeats": _count(4)},
+            {"acceleration": Rule(2.5, 0.5, 8.0, "m/s2, larger step"), "repeats": _count(4)},
             _thrust_steps,
         ),
         Manoeuvre(
             "throttle_chops",
-            "thrust nearly off and at once back, against the same upwards",
-            {"acceleration": Rule(6.0, 3.0, 8.0, "m/s2, of the chop"), "repeats": _count(5)},
+            "thrust cut by half and at once back, against the same upwards",
+            {"acceleration": Rule(4.5, 2.0, 8.0, "m/s2, of the chop"), "repeats": _count(5)},
             _throttle_chops,
         ),
         Manoeuvre(
@@ -265,7 +266,7 @@ MANOEUVRES: dict[str, Manoeuvre] = {
         Manoeuvre(
             "attitude_doublets",
             "quick tilts of two sizes to both sides, about both axes",
-            {"acceleration": Rule(5.0, 1.0, 9.0, "m/s2, sideways"), "repeats": _count(3)},
+            {"acceleration": Rule(3.0, 1.0, 9.0, "m/s2, sideways"), "repeats": _count(3)},
             _doublets,
         ),
         Manoeuvre(
@@ -340,8 +341,8 @@ MANOEUVRES: dict[str, Manoeuvre] = {
             "yaw_steps_with_doublets",
             "quick tilts while the heading is turned",
             {
-                "angle": Rule(0.9, 0.1, 1.5, "rad, of a step"),
-                "acceleration": Rule(5.0, 1.0, 9.0, "m/s2, sideways"),
+                "angle": Rule(0.5, 0.1, 1.5, "rad, of a step"),
+                "acceleration": Rule(2.0, 0.5, 9.0, "m/s2, sideways"),
                 "repeats": _count(4),
             },
             _yaw_with_doublets,
