@@ -13,16 +13,18 @@ from calibration.gap.mixed import bootstrap_theta
 from calibration.gap.model import Variable
 from calibration.gap.refine import Fitted, Training, ridge
 from onboard.arrays import FloatArray
-from onboard.vehicle import EFFECTS
 
 LEAST_GAIN = 15.0
 """Held-out log-likelihood that a name must gain."""
 
-_STANDARD_ERRORS = 4.0
+DETECTABLE = 4.0
 """Distance from the neutral value, in clustered standard errors, of at least one parameter."""
 
 _AT_BOUND = 0.01
 """Share of the bounds' range within which a value counts as stuck there."""
+
+_DRIFT = 0.5
+"""Share of its size by which a value may differ between quiet and hard flying."""
 
 _REPEATS = 400
 
@@ -36,6 +38,7 @@ class Judgement:
         significant: whether the gain and at least one parameter are beyond chance.
         sizeable: whether at least one parameter is as far from neutral as is worth a name.
         at_bound: parameters that ended at a bound.
+        drifting: parameters whose value depends on how hard the vehicle was flown.
         errors: clustered standard error of each new variable.
     """
 
@@ -43,12 +46,18 @@ class Judgement:
     significant: bool
     sizeable: bool
     at_bound: tuple[Variable, ...]
+    drifting: tuple[Variable, ...]
     errors: dict[Variable, float]
 
     @property
     def accepted(self) -> bool:
         """Whether the candidate is named."""
-        return self.significant and self.sizeable and not self.at_bound
+        return self.believed and self.sizeable
+
+    @property
+    def believed(self) -> bool:
+        """Whether it is real, though perhaps too small to matter."""
+        return self.significant and not self.at_bound and not self.drifting
 
 
 def clustered_errors(fitted: Fitted, training: Training, rng: np.random.Generator) -> dict[Variable, float]:
@@ -80,7 +89,7 @@ def judge(
     concentrated = offered.concentrated(fitted)
     gains = offered.gains(present, concentrated)
     far = any(
-        abs(offered.model.values[v] - _neutral(v)) >= _STANDARD_ERRORS * errors[v]
+        abs(offered.model.values[v] - _neutral(v)) >= DETECTABLE * errors[v]
         for v in fitted
         if v.neutral is not None
     ) or all(v.neutral is None for v in fitted)
@@ -90,14 +99,35 @@ def judge(
         significant=bool(fitted) and float(gains.sum()) >= LEAST_GAIN and lower > 0.0 and far,
         sizeable=any(sizeable(v, offered.model.values[v]) for v in fitted),
         at_bound=tuple(v for v in fitted if _stuck(v, offered.model.values[v])),
+        drifting=tuple(v for v in fitted if _drifts(v, offered)),
         errors=errors,
     )
 
 
 def sizeable(variable: Variable, value: float) -> bool:
     """Whether a value is far enough from the neutral one to be worth a name."""
-    least = EFFECTS[variable.effect].parameters[variable.parameter].practical_minimum
-    return variable.neutral is None or abs(value - variable.neutral) >= least
+    return variable.neutral is None or abs(value - variable.neutral) >= variable.practical_minimum
+
+
+def _drifts(variable: Variable, offered: Fitted) -> bool:
+    """Whether quiet and hard flying disagree about a value.
+
+    A command that answers a disturbance looks like a wrong lever or inertia; how wrong depends on how much of
+    the motion was commanded. A true effect has one size.
+    """
+    column = offered.variables.index(variable)
+    information = offered.estimate.fit.information[:, column, column]
+    score = offered.estimate.fit.score - np.einsum(
+        "pgh,h->pg", offered.estimate.fit.information, offered.estimate.fit.theta
+    )
+    order = np.argsort(information)
+    half = np.searchsorted(np.cumsum(information[order]), 0.5 * information.sum())
+    quiet, hard = order[:half], order[half:]
+    steps = [score[part, column].sum() / max(information[part].sum(), 1e-300) for part in (quiet, hard)]
+    error = np.sqrt(sum(1.0 / max(information[part].sum(), 1e-300) for part in (quiet, hard)))
+    difference = abs(steps[1] - steps[0])
+    size = abs(offered.model.values[variable] - _neutral(variable))
+    return bool(difference > DETECTABLE * error and difference > _DRIFT * size)
 
 
 def _neutral(variable: Variable) -> float:

@@ -31,7 +31,7 @@ from calibration.gap.search import LOG_TIMING, Progress, Search, search
 from calibration.gap.sensing import SensingFindings, apply_sensing, judge_sensing
 from calibration.gap.signals import CHANNELS, UNITS
 from calibration.gap.split import split_flights
-from onboard.vehicle import Vehicle
+from onboard.vehicle import EFFECTS, Vehicle
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ def find_gap(
         held_out=tuple(corrected[i].name for i in kept_back),
         unusable=_unusable(asked, prepared, sensing),
         rejected=tuple(Rejected(name=name, reason=reason) for name, reason in found.refused.items()),
-        limitations=(*prepared.limitations, *_limits(kept_back, sensing, landings)),
+        limitations=(*prepared.limitations, *_limits(kept_back, found, sensing, landings)),
         seed=asked.seed,
         noise=_noise(found, training),
     )
@@ -142,10 +142,15 @@ def _unusable(asked: Question, prepared: Prepared, sensing: SensingFindings) -> 
 
 def _limits(
     kept_back: Sequence[int],
+    found: Search,
     sensing: SensingFindings,
     landings: LandingFindings | None,
 ) -> tuple[str, ...]:
-    limits = list(sensing.notes)
+    limits = [
+        f"{name} cannot be judged: even an ordinary one would not show; needed: {EFFECTS[name].revealed_by}"
+        for name in found.blind
+    ]
+    limits += sensing.notes
     if landings is not None:
         limits += landings.limitations
     if not kept_back:

@@ -48,6 +48,11 @@ class Variable(NamedTuple):
         return EFFECTS[self.effect].parameters[self.parameter].neutral
 
     @property
+    def practical_minimum(self) -> float:
+        """Smallest distance from neutral that is worth a name."""
+        return EFFECTS[self.effect].parameters[self.parameter].practical_minimum
+
+    @property
     def typical(self) -> float:
         """Value that an ordinary vehicle may show."""
         return EFFECTS[self.effect].parameters[self.parameter].typical

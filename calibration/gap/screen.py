@@ -1,20 +1,34 @@
 """A first look at every candidate: linearised, under the noise model of the present fit."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from calibration.gap.candidates import Candidate
 from calibration.gap.mixed import Products, fit_mixed, held_out_likelihood
+from calibration.gap.model import Variable
 from calibration.gap.nuisances import nuisance_columns
 from calibration.gap.refine import Fitted, Training, ridge
 from onboard.arrays import FloatArray
 
 
-def screen(
-    present: Fitted, offered: Sequence[Candidate], training: Training
-) -> list[tuple[float, Candidate]]:
-    """Candidates with the gain in held-out log-likelihood that each promises, best first.
+class Promise(NamedTuple):
+    """What a candidate promises.
+
+    Attributes:
+        gain: in held-out log-likelihood.
+        candidate: which.
+        errors: standard error that each variable would have; empty where there is no derivative.
+    """
+
+    gain: float
+    candidate: Candidate
+    errors: dict[Variable, float]
+
+
+def screen(present: Fitted, offered: Sequence[Candidate], training: Training) -> list[Promise]:
+    """What each candidate promises, the best first.
 
     Those with a derivative at the present model are judged by one linear fit each, out of one table of
     products; the others by the best of their starting models.
@@ -22,12 +36,10 @@ def screen(
     linear = [c for c in offered if c.starts[0] is present.model]
     others = [c for c in offered if c.starts[0] is not present.model]
     found = [*_linear_gains(present, linear, training), *_best_starts(present, others, training)]
-    return sorted(found, key=lambda pair: (-pair[0], pair[1].effect))
+    return sorted(found, key=lambda promise: (-promise.gain, promise.candidate.effect))
 
 
-def _linear_gains(
-    present: Fitted, offered: Sequence[Candidate], training: Training
-) -> list[tuple[float, Candidate]]:
+def _linear_gains(present: Fitted, offered: Sequence[Candidate], training: Training) -> list[Promise]:
     variables = [variable for candidate in offered for variable in candidate.variables]
     columns = [
         present.model.derivative(training.records, variable, present.predicted) for variable in variables
@@ -45,13 +57,19 @@ def _linear_gains(
         chosen = [*base, *range(first, first + len(candidate.variables))]
         first += len(candidate.variables)
         scores = _held_out(products.of(chosen), weak[chosen], spread, training)
-        found.append((float(np.max(scores - reference)), candidate))
+        covariance = fit_mixed(products.of(chosen), weak[chosen], spread, rounds=0).covariance
+        errors = np.sqrt(np.diag(covariance))[len(base) :]
+        found.append(
+            Promise(
+                float(np.max(scores - reference)),
+                candidate,
+                dict(zip(candidate.variables, errors.tolist(), strict=True)),
+            )
+        )
     return found
 
 
-def _best_starts(
-    present: Fitted, offered: Sequence[Candidate], training: Training
-) -> list[tuple[float, Candidate]]:
+def _best_starts(present: Fitted, offered: Sequence[Candidate], training: Training) -> list[Promise]:
     """Each candidate with its best starting model alone, and what that promises."""
     regression, noise = training.regression, present.estimate.noise
     weak, spread = ridge(present.variables), present.estimate.fit.spread
@@ -67,7 +85,7 @@ def _best_starts(
     for candidate in offered:
         gains = [likelihood(start.predict(training.records)) - reference for start in candidate.starts]
         best = int(np.argmax(gains))
-        found.append((gains[best], candidate._replace(starts=(candidate.starts[best],))))
+        found.append(Promise(gains[best], candidate._replace(starts=(candidate.starts[best],)), {}))
     return found
 
 

@@ -11,12 +11,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from calibration.gap.acceptance import LEAST_GAIN, Judgement, judge
+from calibration.gap.acceptance import DETECTABLE, LEAST_GAIN, Judgement, judge
 from calibration.gap.candidates import Candidate, candidates
 from calibration.gap.exchange import Rival, needed, rivals, without
 from calibration.gap.model import Model, Variable
 from calibration.gap.refine import Fitted, Training, refine
-from calibration.gap.screen import screen
+from calibration.gap.screen import Promise, screen
 
 Progress = Callable[[str], None]
 """Called with what is being looked at."""
@@ -30,6 +30,9 @@ _CLOSELY = 7
 
 _CLOSE = 0.3
 """Share of its gain that a rival may lack to be looked at again."""
+
+_NO_PROMISE = 2.0
+"""Log-likelihood: who promises less by a linear fit is not looked at closely, beyond the first three."""
 
 _MOST_ROUNDS = 12
 
@@ -62,6 +65,7 @@ class Search:
         final: the last fit.
         refused: candidates that gained much but were not believed, with the reason.
         ambiguous: by named effect, the rivals that the flights do not rule out.
+        blind: effects that the flights would not show at their ordinary size.
     """
 
     first: Fitted
@@ -69,6 +73,7 @@ class Search:
     final: Fitted
     refused: dict[str, str]
     ambiguous: dict[str, tuple[Rival, ...]]
+    blind: tuple[str, ...]
 
 
 def search(
@@ -86,7 +91,9 @@ def search(
     steps: list[Step] = []
     refused: dict[str, str] = {}
     for _ in range(_MOST_ROUNDS):
-        step = _forward(present, training, rng, progress, refused)
+        progress("every effect")
+        promises = screen(present, candidates(present.model, training.records), training)
+        step = _forward(present, promises, training, rng, progress, refused)
         if step is None:
             break
         steps.append(step)
@@ -98,7 +105,27 @@ def search(
     told = {
         name: tuple(rival for rival in found if not rival.told_apart) for name, found in ambiguous.items()
     }
-    return Search(first, tuple(steps), present, refused, {k: v for k, v in told.items() if v})
+    return Search(
+        first=first,
+        steps=tuple(steps),
+        final=present,
+        refused=refused,
+        ambiguous={k: v for k, v in told.items() if v},
+        blind=tuple(blind_to(promises)),
+    )
+
+
+def blind_to(promises: Sequence[Promise]) -> list[str]:
+    """Effects of which not even the ordinary size would have been found in these flights."""
+    return [
+        promise.candidate.effect
+        for promise in promises
+        if promise.errors
+        and all(
+            DETECTABLE * error > max(abs(v.typical - (v.neutral or 0.0)), v.practical_minimum)
+            for v, error in promise.errors.items()
+        )
+    ]
 
 
 def _exchange(
@@ -135,17 +162,18 @@ def _rivals(present: Fitted, step: Step, training: Training, progress: Progress)
 
 def _forward(
     present: Fitted,
+    promises: Sequence[Promise],
     training: Training,
     rng: np.random.Generator,
     progress: Progress,
     refused: dict[str, str],
 ) -> Step | None:
     """The best candidate that is believed; None when there is none."""
-    offered = screen(present, candidates(present.model, training.records), training)
     fits: list[tuple[float, Candidate, Fitted, Judgement]] = []
-    for promise, candidate in offered[:_CLOSELY]:
-        if promise < -LEAST_GAIN and len(fits) > 2:
+    for promise in promises[:_CLOSELY]:
+        if promise.gain < _NO_PROMISE and len(fits) > 2:
             break
+        candidate = promise.candidate
         progress(candidate.effect)
         fitted = refine(
             candidate.starts[0],
@@ -159,7 +187,7 @@ def _forward(
     for gain, candidate, fitted, judgement in fits:
         if gain < LEAST_GAIN or gain < 0.7 * fits[0][0]:
             break
-        if judgement.significant and not judgement.at_bound:
+        if judgement.believed:
             rivals = {c.effect: gain - g for g, c, _, _ in fits if c is not candidate}
             return Step(candidate.effect, judgement, present, fitted, rivals)
         refused[candidate.effect] = _reason(judgement)
@@ -170,4 +198,7 @@ def _reason(judgement: Judgement) -> str:
     if judgement.at_bound:
         names = ", ".join(v.parameter for v in judgement.at_bound)
         return f"{names} ran into its bound: it stands in for something else"
+    if judgement.drifting:
+        names = ", ".join(v.parameter for v in judgement.drifting)
+        return f"{names} depends on how hard the vehicle was flown: it stands in for something else"
     return "its gain does not hold across flights"
