@@ -16,6 +16,9 @@ NOT_TOLD_APART = 10.0
 
 _STANDARD_ERRORS = 2.0
 
+_BEYOND_DOUBT = 100.0
+"""Log-likelihood of a lead that needs no scatter over flights to be believed: few flights may carry it."""
+
 
 @dataclass(frozen=True)
 class Rival:
@@ -36,7 +39,7 @@ class Rival:
     @property
     def told_apart(self) -> bool:
         """Whether the flights rule the rival out."""
-        return self.lead > max(NOT_TOLD_APART, _STANDARD_ERRORS * self.error)
+        return self.lead > min(max(NOT_TOLD_APART, _STANDARD_ERRORS * self.error), _BEYOND_DOUBT)
 
 
 def without(final: Fitted, effect: str, training: Training) -> Fitted:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from calibration.flights import Flight
 from calibration.gap.held_out import HeldOutFlights
@@ -77,6 +78,12 @@ def find_gap(
         asked: vehicle, seed, ceiling.
         progress: told what is being looked at.
     """
+    # Small matrices, and flights in parallel already: threads of the linear algebra would only spin.
+    with threadpool_limits(limits=1, user_api="blas"):
+        return _find(flights, prepared, asked, progress)
+
+
+def _find(flights: Sequence[Flight], prepared: Prepared, asked: Question, progress: Progress) -> GapResult:
     rng = np.random.default_rng(asked.seed)
     progress("sensors")
     sensing = judge_sensing(prepared.records)
