@@ -1,0 +1,109 @@
+"""What a residual may go with: place, motion, commands, battery, time; one number per row of the signals."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.gap.prepare.velocity import HALF_WIDTH_S
+from calibration.gap.record import FlightRecord
+from calibration.gap.sensing.rotations import matrices
+from onboard.arrays import FloatArray
+
+
+@dataclass(frozen=True)
+class Regressor:
+    """A quantity along all flights.
+
+    Attributes:
+        name: short name.
+        symbol: how conditions call it ("vbat" in "vbat < 3.4 V").
+        unit: of the values, empty for a pure number.
+        values: shape (n,); NaN on flights where it is not known.
+    """
+
+    name: str
+    symbol: str
+    unit: str
+    values: FloatArray
+
+    def condition(self, low: float | None, high: float | None) -> str:
+        """An interval in words; None where it is open."""
+        below = "" if low is None else f"{self._number(low)} < "
+        above = "" if high is None else f" < {self._number(high)}"
+        if not above:
+            return f"{self.symbol} > {self._number(float(low or 0.0))}"
+        return f"{below}{self.symbol}{above}"
+
+    def _number(self, value: float) -> str:
+        return f"{value:.3g} {self.unit}".strip()
+
+
+def regressors(records: Sequence[FlightRecord]) -> tuple[Regressor, ...]:
+    """Every quantity that at least one flight knows, stacked as :class:`calibration.gap.signals.Signals`."""
+    tables = [_along(record) for record in records]
+    found = []
+    for index, (name, symbol, unit) in enumerate(_QUANTITIES):
+        values = np.concatenate([table[:, index] for table in tables])
+        if np.isfinite(values).any():
+            found.append(Regressor(name, symbol, unit, values))
+    return tuple(found)
+
+
+_QUANTITIES = (
+    ("x", "x", "m"),
+    ("y", "y", "m"),
+    ("z", "z", "m"),
+    ("ceiling_distance", "distance to the ceiling", "m"),
+    ("velocity_x", "forward speed", "m/s"),
+    ("velocity_y", "leftward speed", "m/s"),
+    ("velocity_z", "speed along the thrust axis", "m/s"),
+    ("airspeed", "airspeed", "m/s"),
+    ("vertical_speed", "climb rate", "m/s"),
+    ("voltage", "vbat", "V"),
+    ("collective", "mean duty", ""),
+    ("command_spread", "spread of the duties", ""),
+    ("rate_x", "roll rate", "rad/s"),
+    ("rate_y", "pitch rate", "rad/s"),
+    ("rate_z", "yaw rate", "rad/s"),
+    ("time", "time since take-off", "s"),
+)
+"""Name, symbol and unit of each column of :func:`_along`. Airspeed is that in still air."""
+
+_VOLTAGE_MEAN = 1.0
+"""s"""
+
+
+def _along(record: FlightRecord) -> FloatArray:
+    unknown = np.full(record.t.size, np.nan)
+    ceiling = record.ceiling_z
+    # A velocity by central differences knows forces that have not acted yet: take one that is old enough.
+    velocity = _earlier(record.velocity, HALF_WIDTH_S + record.dt, record.dt)
+    attitude = _earlier(matrices(record.attitude), HALF_WIDTH_S + record.dt, record.dt)
+    off = int(np.argmax(record.flying)) if record.flying.any() else 0
+    return np.column_stack(
+        [
+            record.position,
+            unknown if ceiling is None else ceiling - record.position[:, 2],
+            np.einsum("nji,nj->ni", attitude, velocity),
+            np.linalg.norm(velocity, axis=1),
+            velocity[:, 2],
+            unknown if record.voltage is None else _recent_mean(record.voltage, record.dt),
+            record.duty.mean(axis=1),
+            np.ptp(record.duty, axis=1),
+            record.rate,
+            record.t - record.t[off],
+        ]
+    )
+
+
+def _earlier(values: FloatArray, lag: float, dt: float) -> FloatArray:
+    """Values as they were `lag` s before."""
+    return values[np.maximum(np.arange(values.shape[0]) - round(lag / dt), 0)]
+
+
+def _recent_mean(voltage: FloatArray, dt: float) -> FloatArray:
+    """Mean of the last second: the battery's state, rather than the noise of one reading."""
+    width = max(1, round(_VOLTAGE_MEAN / dt))
+    sums = np.cumsum(np.concatenate([np.full(width, voltage[0]), voltage]))
+    return np.asarray((sums[width:] - sums[:-width]) / width)
