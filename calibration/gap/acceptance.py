@@ -11,7 +11,7 @@ import numpy as np
 
 from calibration.gap.mixed import bootstrap_theta
 from calibration.gap.model import Variable
-from calibration.gap.refine import Fitted, Training, ridge
+from calibration.gap.refine import Fitted, Training
 from onboard.arrays import FloatArray
 
 LEAST_GAIN = 15.0
@@ -65,7 +65,7 @@ def clustered_errors(fitted: Fitted, training: Training, rng: np.random.Generato
 
     Where few flights tell of a variable, their parts are drawn instead of the flights.
     """
-    fit, weak = fitted.estimate.fit, ridge(fitted.variables)
+    fit, weak = fitted.estimate.fit, fitted.ridge
     if not fitted.variables:
         return {}
     parts = np.arange(training.flight_of_part.size)

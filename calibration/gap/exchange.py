@@ -45,7 +45,7 @@ class Rival:
 def without(final: Fitted, effect: str, training: Training) -> Fitted:
     """The model fitted without one of its effects."""
     rest = [v for v in final.variables if v.effect != effect]
-    return refine(final.model.without(effect), rest, training, start=final.estimate)
+    return refine(final.model.without(effect), rest, training, start=final.estimate, unnamed=final.unnamed)
 
 
 def needed(final: Fitted, effect: str, training: Training) -> bool:
@@ -73,7 +73,10 @@ def rivals(final: Fitted, effect: str, close: Sequence[str], training: Training)
 
 def _rival(final: Fitted, effect: str, reduced: Fitted, candidate: Candidate, training: Training) -> Rival:
     variables = (*reduced.variables, *candidate.variables)
-    fits = [refine(start, variables, training, start=final.estimate) for start in candidate.starts]
+    fits = [
+        refine(start, variables, training, start=final.estimate, unnamed=final.unnamed)
+        for start in candidate.starts
+    ]
     other = max(fits, key=lambda fit: float(fit.held_out_in_time.sum()))
     concentrated = final.concentrated(_variables(final, effect))
     leads = np.bincount(training.flight_of_part, weights=final.gains(other, concentrated))

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -18,6 +19,9 @@ _ENOUGH = 0.1
 
 FEW = 4.0
 """Flights: what fewer than these show cannot be checked on flights of other shapes."""
+
+_UNNAMED_RANGE = 100.0
+"""Range of the coefficient of an unnamed term, in the unit of its channel."""
 
 _LONGEST = 0.34
 """Share of a variable's bounds that one step may go."""
@@ -56,6 +60,14 @@ def training_set(records: Sequence[FlightRecord]) -> Training:
     )
 
 
+class UnnamedTerm(Protocol):
+    """Signals that go with something but have no name: a force in a region, a torque at a frequency."""
+
+    @property
+    def columns(self) -> Sequence[FloatArray]:
+        """Signals per unit of each coefficient, shape (n, 7) each."""
+
+
 @dataclass(frozen=True)
 class Fitted:
     """A model with fitted parameters.
@@ -67,7 +79,8 @@ class Fitted:
         held_out: log-likelihood of each part with the shared parameters of the other shapes' flights.
         held_out_in_time: likewise, with those of the other parts of all flights.
         predicted: signals along the flights, shape (n, 7).
-        columns: derivative of the signals by each variable.
+        columns: derivative of the signals by each variable, then the columns of the unnamed terms.
+        unnamed: terms without a name that are in the model.
     """
 
     model: Model
@@ -77,6 +90,13 @@ class Fitted:
     held_out_in_time: FloatArray
     predicted: FloatArray
     columns: tuple[FloatArray, ...]
+    unnamed: tuple[UnnamedTerm, ...] = ()
+
+    @property
+    def ridge(self) -> FloatArray:
+        """Prior precision of all coefficients, in the order of the estimate's columns."""
+        others = len(self.columns) - len(self.variables)
+        return np.concatenate([ridge(self.variables), np.full(others, _UNNAMED_RANGE**-2.0)])
 
     def gains(self, over: "Fitted", concentrated: bool) -> FloatArray:
         """Gain in held-out log-likelihood of each part over another fit.
@@ -91,7 +111,10 @@ class Fitted:
 
     def concentrated(self, new: Sequence[Variable]) -> bool:
         """Whether fewer than :data:`FEW` flights carry the information about the variables `new`."""
-        columns = [i for i, v in enumerate(self.variables) if v in new]
+        return self.few_flights([i for i, v in enumerate(self.variables) if v in new])
+
+    def few_flights(self, columns: Sequence[int]) -> bool:
+        """Whether fewer than :data:`FEW` flights carry the information about any of these columns."""
         if not columns:
             return False
         information = np.einsum("fgg->fg", self.estimate.fit.information)[:, columns]
@@ -111,6 +134,7 @@ def refine(
     training: Training,
     iterations: int = 5,
     start: Estimate | None = None,
+    unnamed: Sequence[UnnamedTerm] = (),
 ) -> Fitted:
     """The model with `variables` fitted to the flights.
 
@@ -120,35 +144,49 @@ def refine(
         training: the flights.
         iterations: of Gauss and Newton, at most.
         start: an earlier estimate, whose noise and spreads save time.
+        unnamed: terms whose coefficients are fitted as well.
     """
+    extra = [column for term in unnamed for column in term.columns]
+    others = np.full(len(extra), _UNNAMED_RANGE**-2.0)
     spread = FIRST_SPREAD if start is None else start.fit.spread
     noise: Noise | None = None if start is None else start.noise
     for last in (*[False] * (iterations - 1), True):
         predicted = model.predict(training.records)
         columns = [model.derivative(training.records, v, predicted) for v in variables]
-        estimate = training.regression.estimate(predicted, columns, ridge(variables), spread, noise)
-        spread, noise = estimate.fit.spread, estimate.noise
-        step = _bounded_step(model, variables, estimate.fit.theta)
-        stuck = (step == 0.0) & (estimate.fit.theta != 0.0)
-        if stuck.any():  # a bound is not crossed: without them, the others settle elsewhere
+        while True:
+            weak = np.concatenate([ridge(variables), others])
+            estimate = training.regression.estimate(predicted, [*columns, *extra], weak, spread, noise)
+            spread, noise = estimate.fit.spread, estimate.noise
+            step = _bounded_step(model, variables, estimate.fit.theta)
+            stuck = (step == 0.0) & (estimate.fit.theta[: len(variables)] != 0.0)
+            if not stuck.any():
+                break
+            # A bound is not crossed: without those that would, the others settle elsewhere.
             variables = [v for v, out in zip(variables, stuck, strict=True) if not out]
             columns = [column for column, out in zip(columns, stuck, strict=True) if not out]
-            estimate = training.regression.estimate(predicted, columns, ridge(variables), spread, noise)
-            step = _bounded_step(model, variables, estimate.fit.theta)
-        if last or np.all(np.abs(step) <= _ENOUGH * np.sqrt(np.diag(estimate.fit.covariance))):
+        errors = np.sqrt(np.diag(estimate.fit.covariance))[: len(variables)]
+        if last or np.all(np.abs(step) <= _ENOUGH * errors):
             break
-        values = {v: model.start_value(v) + d for v, d in zip(variables, step, strict=True)}
-        model = model.with_values(values)
+        model = model.with_values({v: model.start_value(v) + d for v, d in zip(variables, step, strict=True)})
     held_out, in_time = (
-        held_out_likelihood(estimate.products, estimate.fit, ridge(variables), split)
+        held_out_likelihood(estimate.products, estimate.fit, weak, split)
         for split in (training.by_shape, training.by_time)
     )
-    return Fitted(model, tuple(variables), estimate, held_out, in_time, predicted, tuple(columns))
+    return Fitted(
+        model=model,
+        variables=tuple(variables),
+        estimate=estimate,
+        held_out=held_out,
+        held_out_in_time=in_time,
+        predicted=predicted,
+        columns=(*columns, *extra),
+        unnamed=tuple(unnamed),
+    )
 
 
 def _bounded_step(model: Model, variables: Sequence[Variable], theta: FloatArray) -> FloatArray:
     step = np.empty(len(variables))
-    for index, (v, wanted) in enumerate(zip(variables, theta, strict=True)):
+    for index, (v, wanted) in enumerate(zip(variables, theta, strict=False)):  # unnamed ones follow
         longest = _LONGEST * (v.high - v.low)
         value = model.start_value(v)
         step[index] = np.clip(value + np.clip(wanted, -longest, longest), v.low, v.high) - value

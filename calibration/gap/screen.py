@@ -48,7 +48,7 @@ def _linear_gains(present: Fitted, offered: Sequence[Candidate], training: Train
     nuisances = nuisance_columns(regression.signals, present.predicted)
     table = regression.whitened([*nuisances, *present.columns, *columns], noise)
     products = regression.products(table, regression.misfit(present.predicted), len(nuisances), noise)
-    weak = np.concatenate([ridge(present.variables), ridge(variables)])
+    weak = np.concatenate([present.ridge, ridge(variables)])
     spread = present.estimate.fit.spread
     base = list(range(len(present.columns)))
     found, first = [], len(base)
@@ -72,7 +72,7 @@ def _linear_gains(present: Fitted, offered: Sequence[Candidate], training: Train
 def _best_starts(present: Fitted, offered: Sequence[Candidate], training: Training) -> list[Promise]:
     """Each candidate with its best starting model alone, and what that promises."""
     regression, noise = training.regression, present.estimate.noise
-    weak, spread = ridge(present.variables), present.estimate.fit.spread
+    weak, spread = present.ridge, present.estimate.fit.spread
     nuisances = nuisance_columns(regression.signals, present.predicted)
     table = regression.whitened([*nuisances, *present.columns], noise)
 
