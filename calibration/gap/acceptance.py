@@ -98,8 +98,8 @@ def judge(
         gain=float(gains.sum()),
         significant=bool(fitted) and float(gains.sum()) >= LEAST_GAIN and lower > 0.0 and far,
         sizeable=any(sizeable(v, offered.model.values[v]) for v in fitted),
-        at_bound=tuple(v for v in fitted if _stuck(v, offered.model.values[v])),
-        drifting=tuple(v for v in fitted if _drifts(v, offered)),
+        at_bound=tuple(v for v in fitted if stuck(v, offered.model.values[v])),
+        drifting=tuple(v for v in fitted if drifts(v, offered)),
         errors=errors,
     )
 
@@ -109,7 +109,7 @@ def sizeable(variable: Variable, value: float) -> bool:
     return variable.neutral is None or abs(value - variable.neutral) >= variable.practical_minimum
 
 
-def _drifts(variable: Variable, offered: Fitted) -> bool:
+def drifts(variable: Variable, offered: Fitted) -> bool:
     """Whether quiet and hard flying disagree about a value.
 
     A command that answers a disturbance looks like a wrong lever or inertia; how wrong depends on how much of
@@ -134,7 +134,8 @@ def _neutral(variable: Variable) -> float:
     return 0.0 if variable.neutral is None else variable.neutral
 
 
-def _stuck(variable: Variable, value: float) -> bool:
+def stuck(variable: Variable, value: float) -> bool:
+    """Whether a value ended at a bound, where it stands in for something else."""
     margin = _AT_BOUND * (variable.high - variable.low)
     at_neutral = variable.neutral is not None and abs(value - variable.neutral) < margin
     return not at_neutral and (value > variable.high - margin or value < variable.low + margin)

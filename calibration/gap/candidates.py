@@ -20,7 +20,10 @@ _ELSEWHERE = {"pose_delay", "motor_speed_law"}
 
 _DYNAMIC = {Domain.ACTUATION, Domain.AIR, Domain.RIGID_BODY, Domain.TIMING}
 _AIR_FORCES = {"rotor_drag", "body_drag", "inflow_thrust_loss", "velocity_moment"}
-_ABOVE = (0.03, 0.06, 0.12, 0.25)
+_OPENINGS = (0.9, 0.35)
+"""Shares of a rotor's rim through which air can enter."""
+
+_ABOVE = (0.02, 0.04, 0.07, 0.12, 0.25)
 """m, ceiling above the highest rotor flown, where nobody said how high it is."""
 
 
@@ -70,8 +73,7 @@ def _candidate(description: EffectDescription, model: Model, records: Sequence[F
         case "motor_saturation":
             return Candidate(name, variables, _limits(model, records, variables[0]))
         case "ceiling_effect":
-            inflow = Variable(name, "inflow")
-            return Candidate(name, (inflow,), _ceilings(model, records, inflow))
+            return Candidate(name, variables, _ceilings(model, records))
         case "tether":
             return Candidate(name, _tether_variables(), _tethers(model, records))
     return Candidate(name, variables, (model,))
@@ -87,16 +89,17 @@ def _limits(model: Model, records: Sequence[FlightRecord], limit: Variable) -> t
     return tuple(model.with_values({limit: level}) for level in levels)
 
 
-def _ceilings(model: Model, records: Sequence[FlightRecord], inflow: Variable) -> tuple[Model, ...]:
-    """A ceiling effect of ordinary size, under the known ceiling or under some that may be there."""
-    start = model.with_values({inflow: inflow.typical})
+def _ceilings(model: Model, records: Sequence[FlightRecord]) -> tuple[Model, ...]:
+    """Ceiling effects of a free and of a crowded rotor, under the known ceiling or some that may be there."""
+    inflow, opening = Variable("ceiling_effect", "inflow"), Variable("ceiling_effect", "opening")
+    starts = [model.with_values({inflow: inflow.typical, opening: share}) for share in _OPENINGS]
     if model.ceiling_z is not None:
-        return (start,)
+        return tuple(starts)
     heights = [float(r.position[r.flying, 2].max()) for r in records if r.flying.any()]
     if not heights:
         return ()
     top = max(heights) + model.base.body.propeller_height_z.value
-    return tuple(start.at_ceiling(top + gap) for gap in _ABOVE)
+    return tuple(start.at_ceiling(top + gap) for start in starts for gap in _ABOVE)
 
 
 def _tether_variables() -> tuple[Variable, ...]:

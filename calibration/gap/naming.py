@@ -4,14 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.gap.acceptance import clustered_errors, sizeable
+from calibration.gap.acceptance import clustered_errors, drifts, sizeable, stuck
 from calibration.gap.exchange import needed
 from calibration.gap.held_out import HeldOutFlights, improvement
 from calibration.gap.improved import separations
 from calibration.gap.model import Model, Variable
 from calibration.gap.refine import Fitted, Training
 from calibration.gap.report import FoundEffect, FoundParameter
-from calibration.gap.search import LOG_TIMING, Search
+from calibration.gap.search import ALWAYS, LOG_TIMING, Search
 from onboard.vehicle import EFFECTS
 
 NINETY_FIVE = 1.96
@@ -45,13 +45,14 @@ class Named:
 
 
 def name_effects(found: Search, training: Training, rng: np.random.Generator) -> Named:
-    """The named effects of a search; the log's timing among them where it is beyond the doubt about it."""
+    """The named effects of a search, in the order found, then those that are always fitted.
+
+    The log's timing is named where it is beyond half a sample: nobody knows better when a line was written.
+    """
     final = found.final
-    order = [step.effect for step in found.steps if _sizeable(step.effect, final)]
-    doubt = 0.5 * training.regression.signals.dt
-    late = LOG_TIMING in final.variables and final.model.values[LOG_TIMING] > doubt
-    if late and needed(final, LOG_TIMING.effect, training):
-        order.append(LOG_TIMING.effect)
+    order = [step.effect for step in found.steps]
+    order += [v.effect for v in ALWAYS if needed(final, v.effect, training)]
+    order = [name for name in order if _worth_a_name(name, final, training)]
     values = {
         v: x
         for name in order
@@ -66,8 +67,14 @@ def name_effects(found: Search, training: Training, rng: np.random.Generator) ->
     )
 
 
-def _sizeable(effect: str, final: Fitted) -> bool:
-    return any(sizeable(v, x) for v, x in final.model.values.items() if v.effect == effect)
+def _worth_a_name(effect: str, final: Fitted, training: Training) -> bool:
+    """Whether an effect of the final model is large, free of its bounds and the same in all flying."""
+    values = {v: x for v, x in final.model.values.items() if v.effect == effect}
+    if any(stuck(v, x) or (v in final.variables and drifts(v, final)) for v, x in values.items()):
+        return False
+    if effect == LOG_TIMING.effect:
+        return final.model.values[LOG_TIMING] > 0.5 * training.regression.signals.dt
+    return any(sizeable(v, x) for v, x in values.items())
 
 
 def found_effects(names: Named, flights: HeldOutFlights, rng: np.random.Generator) -> list[FoundEffect]:

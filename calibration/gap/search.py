@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from calibration.gap.acceptance import DETECTABLE, LEAST_GAIN, Judgement, judge
+from calibration.gap.acceptance import DETECTABLE, LEAST_GAIN, Judgement, judge, sizeable
 from calibration.gap.candidates import Candidate, candidates
 from calibration.gap.exchange import Rival, needed, rivals, without
 from calibration.gap.model import Model, Variable
@@ -24,6 +24,11 @@ Progress = Callable[[str], None]
 LOG_TIMING = Variable("command_delay", "delay")
 """Always fitted: when a command was logged is never known to the millisecond, and a delay left out makes
 other names. It is an effect only where it is larger than that doubt."""
+
+THRUST_SCALE = Variable("thrust_scale", "scale")
+"""Always fitted: with a scale that is off, a drag or an inertia of absurd size comes first."""
+
+ALWAYS = (LOG_TIMING, THRUST_SCALE)
 
 _CLOSELY = 7
 """Candidates of a round that are looked at closely."""
@@ -87,7 +92,7 @@ def search(
         rng: for the bootstrap.
         progress: told what is being looked at.
     """
-    first = present = refine(model, (LOG_TIMING,), training)
+    first = present = refine(model, ALWAYS, training)
     steps: list[Step] = []
     refused: dict[str, str] = {}
     for _ in range(_MOST_ROUNDS):
@@ -102,6 +107,10 @@ def search(
     ambiguous = {
         step.effect: _rivals(present, step, training, progress) for step in steps if step.judgement.sizeable
     }
+    for variable in ALWAYS:
+        if sizeable(variable, present.model.start_value(variable)):
+            progress(f"{variable.effect} or another")
+            ambiguous[variable.effect] = rivals(present, variable.effect, (), training)
     told = {
         name: tuple(rival for rival in found if not rival.told_apart) for name, found in ambiguous.items()
     }
