@@ -34,6 +34,14 @@ _TOPIC_CHANNELS: dict[str, dict[str, str]] = {
     "power": {"vbat": "vbat"},
 }
 _DRONE_TIME = "drone_time_ms"
+_TIMES = {
+    "pose": ("x", "capture_time", "capture_time", 1.0),
+    "rates": ("gx", _DRONE_TIME, "rates_drone_time", 1e-3),
+    "acceleration": ("ax", _DRONE_TIME, "acceleration_drone_time", 1e-3),
+    "motors": ("m1", _DRONE_TIME, "motors_drone_time", 1e-3),
+    "cues": ("tau", _DRONE_TIME, "cues_drone_time", 1e-3),  # the landing state has messages of its own
+}
+"""By topic: a field that marks the messages meant, their time, our channel, and its unit in s."""
 _DRONE_TIME_WRAP_MS = 1 << 24
 _GOOD_VERDICTS = ("ok", None)
 _SNAPSHOT = ("tau", "theta_x", "d_ceil", "trigger_value", "a_rot", "vx", "vy", "vz", "z", "pitch")
@@ -68,7 +76,8 @@ def flight_from_run(run: RunRecord) -> Flight:
                 continue
             data[ours] = np.full(t.shape, np.nan)
             data[ours][rows] = values
-    _add_drone_time(used.get("cues"), t, data)
+    for topic, (field, theirs, ours, unit) in _TIMES.items():
+        _add_times(used.get(topic), field, theirs, ours, unit, t, data)
     trigger = _trigger(run)
     data["triggered"] = np.zeros(t.shape) if trigger is None else (t >= trigger.t).astype(np.float64)
     valid = finite_masks(data)
@@ -103,13 +112,21 @@ def _reject_poses(pose: Series | None, t: FloatArray, valid: dict[str, Any]) -> 
             valid[name][rows] = False
 
 
-def _add_drone_time(cues: Series | None, t: FloatArray, data: dict[str, FloatArray]) -> None:
-    """The drone's time of each cue, s; the landing state, of the same topic, comes in messages of its own."""
-    if cues is None or _DRONE_TIME not in cues.fields():
+def _add_times(
+    series: Series | None,
+    field: str,
+    theirs: str,
+    ours: str,
+    unit: float,
+    t: FloatArray,
+    data: dict[str, FloatArray],
+) -> None:
+    """The source's own time of each message that brings `field`; its row is that of the receipt."""
+    if series is None or theirs not in series.fields():
         return
-    seen = ~np.isnan(cues.numbers("tau"))
-    data["cues_drone_time"] = np.full(t.shape, np.nan)
-    data["cues_drone_time"][np.searchsorted(t, cues.t[seen])] = cues.numbers(_DRONE_TIME)[seen] * 1e-3
+    seen = ~np.isnan(series.numbers(field))
+    data[ours] = np.full(t.shape, np.nan)
+    data[ours][np.searchsorted(t, series.t[seen])] = series.numbers(theirs)[seen] * unit
 
 
 def _trigger(run: RunRecord) -> Trigger | None:

@@ -360,6 +360,34 @@ def test_our_own_records_become_records(tmp_path: Path) -> None:
     np.testing.assert_allclose(record.rate[:, 2], reference, atol=1e-6)
 
 
+def test_the_drones_own_time_undoes_the_jitter_of_receipt(tmp_path: Path) -> None:
+    given = flight()
+    rng = np.random.default_rng(5)
+    late = 0.004 + rng.exponential(0.006, (3, given.t.size))
+    ahead = 1234.5  # the drone's clock
+    with RunRecorder(tmp_path / "run", {}) as recorder:
+        for i, t in enumerate(given.t):
+            row = {name: float(values[i]) for name, values in given.data.items()}
+            drone_ms = round((t + ahead) * 1e3)
+            pose = {name: row[name] for name in ("x", "y", "z", "qx", "qy", "qz", "qw")}
+            rates = {name: row[name] for name in ("gx", "gy", "gz")}
+            recorder.write("pose", t + late[0, i], {**pose, "frame": i, "capture_time": t})
+            recorder.write("rates", t + late[1, i], {**rates, "drone_time_ms": drone_ms})
+            recorder.write(
+                "motors", t + late[2, i], {**{m: row[m] for m in MOTORS}, "drone_time_ms": drone_ms}
+            )
+    record = record_of(open_flight(tmp_path / "run"))
+    # The shortest way that any packet took, 4 ms, cannot be known; it is the same for all channels.
+    onboard = slice(20, -20)
+    rate = np.interp(record.t, given.t + 0.004, given.data["gy"])
+    duty = np.interp(record.t, given.t + 0.004, given.data["m3"]) / 65535.0
+    np.testing.assert_allclose(record.rate[onboard, 1], rate[onboard], atol=5e-4)
+    np.testing.assert_allclose(record.duty[onboard, 2], duty[onboard], atol=0.01)
+    np.testing.assert_allclose(
+        record.position[:, 0], np.interp(record.t, given.t, given.data["x"]), atol=1e-5
+    )
+
+
 def test_twenty_flights_take_seconds() -> None:
     flights = [flight(f"circle_rep{i}", i, end=35.0) for i in range(20)]
     start = time.process_time()

@@ -37,18 +37,6 @@ class Samples:
         return Samples(self.t[keep], self.values[keep])
 
 
-def samples_of(flight: Flight, *names: str) -> Samples | None:
-    """The valid samples of channels that come together; None when there are fewer than two.
-
-    Of rows with one and the same time the first is taken.
-    """
-    if not flight.has(*names):
-        return None
-    t, values = flight.series(*names)
-    fresh = np.concatenate([[True], np.diff(t) > 0.0])
-    return Samples(t[fresh], values[fresh]) if np.count_nonzero(fresh) > 1 else None
-
-
 def check_rate(flight: Flight, samples: Samples, what: str) -> None:
     """Refuse a quantity that is sampled too slowly to show the motion.
 

@@ -7,8 +7,9 @@ import numpy as np
 from calibration.flights.flight import POSE_CHANNELS, Flight, UnusableFlightError
 from calibration.gap.prepare.attitude import continuous_quaternions
 from calibration.gap.prepare.clock import check_clock
-from calibration.gap.prepare.grid import Samples, check_rate, samples_of
+from calibration.gap.prepare.grid import Samples, check_rate
 from calibration.gap.prepare.radio import Received, received
+from calibration.gap.prepare.sources import samples_of
 
 FULL_SCALE = 65535.0
 """PWM of full voltage."""
@@ -46,14 +47,14 @@ def read_signals(flight: Flight) -> Signals:
     Raises:
         UnusableFlightError: pose, gyro or motor commands are missing or no use; names the reason.
     """
-    pose = _required(flight, "pose", *POSE_CHANNELS)
+    pose = _required(flight, "pose", "capture_time", *POSE_CHANNELS)
     check_clock(flight, pose)
     check_rate(flight, pose, "pose")
     pose.values[:, 3:] = continuous_quaternions(pose.values[:, 3:])
-    gyro = _required(flight, "gyro", "gx", "gy", "gz")
+    gyro = _required(flight, "gyro", "rates_drone_time", "gx", "gy", "gz")
     check_rate(flight, gyro, "gyro")
     motors, clipped = _motors(flight)
-    accelerometer = samples_of(flight, "ax", "ay", "az")
+    accelerometer = samples_of(flight, "ax", "ay", "az", clock="acceleration_drone_time")
     measured = Signals(
         pose=pose,
         gyro=_measured(flight, "gyro", received(gyro, _GYRO_RESOLUTION)),
@@ -67,8 +68,8 @@ def read_signals(flight: Flight) -> Signals:
     return replace(measured, notes=_notes(measured, clipped))
 
 
-def _required(flight: Flight, what: str, *names: str) -> Samples:
-    samples = samples_of(flight, *names)
+def _required(flight: Flight, what: str, clock: str, *names: str) -> Samples:
+    samples = samples_of(flight, *names, clock=clock)
     if samples is None:
         raise UnusableFlightError(flight.source, f"no {what}")
     return samples
@@ -82,7 +83,7 @@ def _measured(flight: Flight, what: str, signal: Received) -> Received:
 
 def _motors(flight: Flight) -> tuple[Received, int]:
     """Motor commands as received, and how many of them were clipped."""
-    pwm = _required(flight, "motor commands", "m1", "m2", "m3", "m4")
+    pwm = _required(flight, "motor commands", "motors_drone_time", "m1", "m2", "m3", "m4")
     check_rate(flight, pwm, "motor commands")
     off = np.all(pwm.values == 0.0, axis=1)
     if off.all():
