@@ -89,7 +89,7 @@ def judge(
     concentrated = offered.concentrated(fitted)
     gains = offered.gains(present, concentrated)
     far = any(
-        abs(offered.model.values[v] - _neutral(v)) >= DETECTABLE * errors[v]
+        abs(offered.model.start_value(v) - _neutral(v)) >= DETECTABLE * errors[v]
         for v in fitted
         if v.neutral is not None
     ) or all(v.neutral is None for v in fitted)
@@ -97,8 +97,8 @@ def judge(
     return Judgement(
         gain=float(gains.sum()),
         significant=bool(fitted) and float(gains.sum()) >= LEAST_GAIN and lower > 0.0 and far,
-        sizeable=any(sizeable(v, offered.model.values[v]) for v in fitted),
-        at_bound=tuple(v for v in fitted if stuck(v, offered.model.values[v])),
+        sizeable=any(sizeable(v, offered.model.start_value(v)) for v in fitted),
+        at_bound=tuple(v for v in fitted if stuck(v, offered.model.start_value(v))),
         drifting=tuple(v for v in fitted if drifts(v, offered)),
         errors=errors,
     )
@@ -126,7 +126,7 @@ def drifts(variable: Variable, offered: Fitted) -> bool:
     steps = [score[part, column].sum() / max(information[part].sum(), 1e-300) for part in (quiet, hard)]
     error = np.sqrt(sum(1.0 / max(information[part].sum(), 1e-300) for part in (quiet, hard)))
     difference = abs(steps[1] - steps[0])
-    size = abs(offered.model.values[variable] - _neutral(variable))
+    size = abs(offered.model.start_value(variable) - _neutral(variable))
     return bool(difference > DETECTABLE * error and difference > _DRIFT * size)
 
 

@@ -43,11 +43,14 @@ class Regression:
 
     Attributes:
         signals: of the flights.
+        weights: of each part in each channel, shape (parts, 7) (:mod:`calibration.gap.excitation`).
         whole: rows that have a complete past, shape (n, 7).
     """
 
-    def __init__(self, signals: Signals) -> None:
+    def __init__(self, signals: Signals, weights: FloatArray) -> None:
         self.signals = signals
+        self.weights = weights
+        self._root: FloatArray = np.sqrt(weights)[signals.part]
         self.whole: BoolArray = whole_windows(signals.valid, signals.bounds, ORDER)
 
     def misfit(self, predicted: FloatArray) -> FloatArray:
@@ -63,10 +66,11 @@ class Regression:
         return Noise(coefficients, np.where(sigma > 0.0, sigma, 1.0))
 
     def whitened(self, columns: Sequence[FloatArray], noise: Noise) -> FloatArray:
-        """Columns, (n, 7) each, as innovations in units of their sigma: shape (7, columns, n)."""
+        """Columns, (n, 7) each, as weighted innovations in units of their sigma: shape (7, columns, n)."""
         table = np.empty((len(CHANNELS), len(columns), self.signals.valid.shape[0]))
         for index, column in enumerate(columns):
-            table[:, index] = (whiten(column, self.whole, noise.coefficients) / noise.sigma).T
+            innovations = whiten(column, self.whole, noise.coefficients)
+            table[:, index] = (self._root * innovations / noise.sigma).T
         return table
 
     def products(self, table: FloatArray, residual: FloatArray, nuisances: int, noise: Noise) -> Products:
@@ -94,7 +98,7 @@ class Regression:
             zr=sums[:, :q, -1],
             xr=sums[:, q:-1, -1],
             rr=sums[:, -1, -1],
-            constant=-counts @ np.log(noise.sigma),
+            constant=-(self.weights * counts) @ np.log(noise.sigma),
         )
 
     def estimate(

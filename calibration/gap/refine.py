@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from calibration.gap.estimate import Estimate, Noise, Regression
+from calibration.gap.excitation import excitation_weights
 from calibration.gap.mixed import FIRST_SPREAD, held_out_likelihood
 from calibration.gap.model import Model, Variable
 from calibration.gap.record import FlightRecord
@@ -49,12 +50,13 @@ class Training:
         return np.arange(self.by_shape.size) // PARTS
 
 
-def training_set(records: Sequence[FlightRecord]) -> Training:
-    """Flights to fit to, with their folds."""
+def training_set(records: Sequence[FlightRecord], model: Model) -> Training:
+    """Flights to fit to, with their folds; `model` says how hard each was flown."""
+    signals = stack_signals(records)
     by_time = (np.arange(len(records) * PARTS) + np.arange(len(records) * PARTS) // PARTS) % 2
     return Training(
         records=tuple(records),
-        regression=Regression(stack_signals(records)),
+        regression=Regression(signals, excitation_weights(signals, model.predict(records))),
         by_shape=np.repeat(folds(records), PARTS),
         by_time=by_time,
     )

@@ -25,8 +25,9 @@ def find(case: str, size: str, seed: int, folder: Path) -> tuple[Named, dict[str
     answer = folder / "answer.json"
     files = make_flights(case, size, seed, FLIGHTS, out=folder / "flights", answer=answer)
     records = prepare_flights(open_flights(files)[0]).records
-    training, rng = training_set(records), np.random.default_rng(seed)
-    names = name_effects(search(Model(load_vehicle("crazyflie21-stock")), training, rng), training, rng)
+    model, rng = Model(load_vehicle("crazyflie21-stock")), np.random.default_rng(seed)
+    training = training_set(records, model)
+    names = name_effects(search(model, training, rng), training, rng)
     sealed = json.loads(answer.read_text())
     return names, {effect["name"]: effect["parameters"] for effect in sealed["effects"]}
 
