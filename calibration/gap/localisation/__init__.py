@@ -2,6 +2,31 @@
 
 from calibration.gap.localisation.channels import BY_NAME, CHANNELS, Channel
 from calibration.gap.localisation.gap_map import Cell, GapMap, gap_map
+from calibration.gap.localisation.judgement import Finding, structured
+from calibration.gap.localisation.lines import Line, find_lines
 from calibration.gap.localisation.regressors import Regressor, regressors
+from calibration.gap.localisation.term_search import unnamed_terms
+from calibration.gap.localisation.terms import IntervalTerm, LineTerm, PolynomialTerm, UnnamedTerm
+from calibration.gap.localisation.whiteness import Whiteness, whiteness
 
-__all__ = ["BY_NAME", "CHANNELS", "Cell", "Channel", "GapMap", "Regressor", "gap_map", "regressors"]
+__all__ = [
+    "BY_NAME",
+    "CHANNELS",
+    "Cell",
+    "Channel",
+    "Finding",
+    "GapMap",
+    "IntervalTerm",
+    "Line",
+    "LineTerm",
+    "PolynomialTerm",
+    "Regressor",
+    "UnnamedTerm",
+    "Whiteness",
+    "find_lines",
+    "gap_map",
+    "regressors",
+    "structured",
+    "unnamed_terms",
+    "whiteness",
+]

@@ -4,7 +4,7 @@ A vehicle under control moves where disturbances push it, so that even pure nois
 speed: histograms of a noise residual over speed "explain" a tenth of it, and circular shifts, which tear that
 link too, call it significant. Only innovations are free of it: they are new, and the motion up to now cannot
 know them. Profiles (smooth ones: the steps of a histogram do not survive whitening) are therefore fitted to
-the residual whitened by its own past, and chance is drawn by turning the signs of whole seconds of their score
+the residual whitened by its own past; chance is drawn by turning the signs of whole seconds of their score
 (sign-flipping score test; Hemerik, Goeman, Finos, Journal of the Royal Statistical Society B 82, 2020). Block
 means of the residual itself only say how much a profile explains.
 """

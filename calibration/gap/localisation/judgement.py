@@ -1,0 +1,90 @@
+"""What of a residual is structure: beyond chance, and large enough to matter."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from calibration.gap.localisation.channels import BY_NAME, Channel
+from calibration.gap.localisation.gap_map import Cell, GapMap
+from calibration.gap.localisation.lines import Line
+from calibration.gap.localisation.whiteness import Whiteness
+
+LEVEL = 0.005
+"""Chance that is believed in no longer, over the whole map."""
+
+LEAST_SHARE = 0.04
+"""Of a channel's block variance, or of its innovations' variance."""
+
+LEAST_LINE = 0.03
+"""Of a channel's variance."""
+
+_ALIKE = 0.7
+"""Share, in units of the best one's, from which another regressor may be meant."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Structure in one channel.
+
+    Attributes:
+        channel: where it lives.
+        regressor: what it goes with; "time" for a line, "its own past" where innovations are not white.
+        condition: where, in words.
+        share: of the variance: of blocks (map), of samples (line), of innovations (whiteness).
+        p: family-wise.
+        alike: other regressors that explain nearly as much.
+        cell, line: what it was found by; both None for innovations that are not white.
+    """
+
+    channel: Channel
+    regressor: str
+    condition: str
+    share: float
+    p: float
+    alike: tuple[str, ...] = ()
+    cell: Cell | None = None
+    line: Line | None = None
+
+
+def structured(gap_map: GapMap, lines: Sequence[Line], whiteness: Sequence[Whiteness]) -> list[Finding]:
+    """What remains and is no noise, largest share first; one place per axis and kind, and every line.
+
+    Innovations count only in channels that neither map nor lines explain.
+    """
+    found = [
+        *_places(gap_map),
+        *(_line(line) for line in lines if line.p < LEVEL and line.share >= LEAST_LINE),
+    ]
+    explained = {finding.channel.signal for finding in found}
+    for judged in whiteness:
+        if judged.p < LEVEL and judged.excess >= LEAST_SHARE and judged.channel not in explained:
+            condition = f"innovations follow from their own past ({100.0 * judged.excess:.0f} %)"
+            channel = BY_NAME[judged.channel]
+            found.append(Finding(channel, "its own past", condition, judged.excess, judged.p))
+    return sorted(found, key=lambda finding: -finding.share)
+
+
+def _places(gap_map: GapMap) -> list[Finding]:
+    """The best regressor of each signal, in the frame in which it explains more."""
+    best: dict[str, list[Cell]] = {}
+    for cell in gap_map.cells:  # largest share first
+        if cell.p < LEVEL and cell.share >= LEAST_SHARE:
+            cells = best.setdefault(cell.channel.signal, [cell])
+            if cell.channel is cells[0].channel and cell is not cells[0]:
+                cells.append(cell)
+    return [
+        Finding(
+            first.channel,
+            first.regressor.name,
+            first.condition,
+            first.share,
+            first.p,
+            alike=tuple(c.regressor.name for c in others if c.share >= _ALIKE * first.share),
+            cell=first,
+        )
+        for first, *others in best.values()
+    ]
+
+
+def _line(line: Line) -> Finding:
+    condition = f"{line.amplitude:.3g} {line.channel.unit} at {line.frequency:.2f} Hz"
+    return Finding(line.channel, "time", condition, line.share, line.p, line=line)
