@@ -9,13 +9,13 @@ _NOT_SHAPE = {
     *("slow", "medium", "fast", "speed"),  # how fast
     *("mell", "mellinger", "pid", "indi", "lee", "brescianini"),  # under which controller
 }
-_REPETITION = re.compile(r"^(rep|run|trial|take|no|seed)?\d*$")
+_REPETITION = re.compile(r"^(rep|run|trial|take|no|seed)?\d*$|^\d{8}t\d{6}z$")
 
 
 def shapes_of(flights: Sequence[Flight]) -> tuple[str, ...]:
     """One name a flight; flights of one shape share it.
 
-    An approach with a known condition is that condition. Otherwise the name without its repetition
+    An approach with a known condition is that condition. Otherwise the name without its time, its repetition
     (``_rep1``, trailing digits), speed and controller words. When nothing but one name is left, every flight
     is a shape of its own.
     """
