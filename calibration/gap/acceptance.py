@@ -93,7 +93,7 @@ def judge(
         for v in fitted
         if v.neutral is not None
     ) or all(v.neutral is None for v in fitted)
-    lower = _lower_bound(gains, training, concentrated, rng)
+    lower = lower_bound(gains, training, concentrated, rng)
     return Judgement(
         gain=float(gains.sum()),
         significant=bool(fitted) and float(gains.sum()) >= LEAST_GAIN and lower > 0.0 and far,
@@ -141,9 +141,7 @@ def stuck(variable: Variable, value: float) -> bool:
     return not at_neutral and (value > variable.high - margin or value < variable.low + margin)
 
 
-def _lower_bound(
-    gains: FloatArray, training: Training, concentrated: bool, rng: np.random.Generator
-) -> float:
+def lower_bound(gains: FloatArray, training: Training, concentrated: bool, rng: np.random.Generator) -> float:
     """2.5 % quantile of the summed gain with flights (or parts, where few flights tell) drawn anew."""
     flights = np.bincount(training.flight_of_part, weights=gains)
     values = gains[np.abs(gains) > 0.5] if concentrated else flights

@@ -16,7 +16,7 @@ NOT_TOLD_APART = 10.0
 
 _STANDARD_ERRORS = 2.0
 
-_BEYOND_DOUBT = 100.0
+_BEYOND_DOUBT = 50.0
 """Log-likelihood of a lead that needs no scatter over flights to be believed: few flights may carry it."""
 
 
@@ -27,6 +27,7 @@ class Rival:
     Attributes:
         effect: its name.
         lead: held-out log-likelihood by which the named effect is ahead.
+        richer: whether it has more parameters than the named effect.
         error: standard error of the lead, over flights.
         fitted: the model with the rival.
     """
@@ -34,11 +35,14 @@ class Rival:
     effect: str
     lead: float
     error: float
+    richer: bool
     fitted: Fitted
 
     @property
     def told_apart(self) -> bool:
-        """Whether the flights rule the rival out."""
+        """Whether the flights rule the rival out, or it says the same with more parameters."""
+        if self.richer and abs(self.lead) <= NOT_TOLD_APART:
+            return True
         return self.lead > min(max(NOT_TOLD_APART, _STANDARD_ERRORS * self.error), _BEYOND_DOUBT)
 
 
@@ -81,7 +85,8 @@ def _rival(final: Fitted, effect: str, reduced: Fitted, candidate: Candidate, tr
     concentrated = final.concentrated(_variables(final, effect))
     leads = np.bincount(training.flight_of_part, weights=final.gains(other, concentrated))
     error = float(np.sqrt(leads.size) * leads.std(ddof=1)) if leads.size > 1 else float("inf")
-    return Rival(candidate.effect, float(leads.sum()), error, other)
+    richer = len(candidate.variables) > len(_variables(final, effect))
+    return Rival(candidate.effect, float(leads.sum()), error, richer, other)
 
 
 def _variables(fitted: Fitted, effect: str) -> list[Variable]:

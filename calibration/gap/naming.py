@@ -11,7 +11,7 @@ from calibration.gap.improved import separations
 from calibration.gap.model import Model, Variable
 from calibration.gap.refine import Fitted, Training
 from calibration.gap.report import FoundEffect, FoundParameter
-from calibration.gap.search import ALWAYS, LOG_TIMING, Search
+from calibration.gap.search import LOG_TIMING, Search
 from onboard.vehicle import EFFECTS
 
 NINETY_FIVE = 1.96
@@ -45,13 +45,14 @@ class Named:
 
 
 def name_effects(found: Search, training: Training, rng: np.random.Generator) -> Named:
-    """The named effects of a search, in the order found, then those that are always fitted.
+    """The named effects of a search, in the order found.
 
-    The log's timing is named where it is beyond half a sample: nobody knows better when a line was written.
+    The log's timing, which is always fitted, is named where it is beyond half a sample: nobody knows better when a line was written.
     """
     final = found.final
     order = [step.effect for step in found.steps]
-    order += [v.effect for v in ALWAYS if needed(final, v.effect, training)]
+    if needed(final, LOG_TIMING.effect, training):
+        order.append(LOG_TIMING.effect)
     order = [name for name in order if _worth_a_name(name, final, training)]
     values = {
         v: x

@@ -11,12 +11,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from calibration.gap.acceptance import DETECTABLE, LEAST_GAIN, Judgement, judge, sizeable
+from calibration.gap.acceptance import DETECTABLE, LEAST_GAIN, Judgement, judge
 from calibration.gap.candidates import Candidate, candidates
 from calibration.gap.exchange import Rival, needed, rivals, without
 from calibration.gap.model import Model, Variable
 from calibration.gap.refine import Fitted, Training, refine
 from calibration.gap.screen import Promise, screen
+from calibration.gap.unlisted import Unlisted, best_unlisted, without_idle
 
 Progress = Callable[[str], None]
 """Called with what is being looked at."""
@@ -25,10 +26,11 @@ LOG_TIMING = Variable("command_delay", "delay")
 """Always fitted: when a command was logged is never known to the millisecond, and a delay left out makes
 other names. It is an effect only where it is larger than that doubt."""
 
-THRUST_SCALE = Variable("thrust_scale", "scale")
-"""Always fitted: with a scale that is off, a drag or an inertia of absurd size comes first."""
+SCALES = ("thrust_scale", "mass_error")
+"""What is looked at before all else where the flights weigh far more or less than the vehicle file."""
 
-ALWAYS = (LOG_TIMING, THRUST_SCALE)
+_FAR_OFF = 0.1
+"""Error of scale beyond which a drag or an inertia of absurd size would come first."""
 
 _CLOSELY = 7
 """Candidates of a round that are looked at closely."""
@@ -38,6 +40,9 @@ _CLOSE = 0.3
 
 _NO_PROMISE = 2.0
 """Log-likelihood: who promises less by a linear fit is not looked at closely, beyond the first three."""
+
+_HALF = 0.6
+"""Share of what an unnamed term gains that a name must gain to be preferred to it."""
 
 _MOST_ROUNDS = 12
 
@@ -71,6 +76,7 @@ class Search:
         refused: candidates that gained much but were not believed, with the reason.
         ambiguous: by named effect, the rivals that the flights do not rule out.
         blind: effects that the flights would not show at their ordinary size.
+        unlisted: terms without a name that are in the final model.
     """
 
     first: Fitted
@@ -79,6 +85,7 @@ class Search:
     refused: dict[str, str]
     ambiguous: dict[str, tuple[Rival, ...]]
     blind: tuple[str, ...]
+    unlisted: tuple[Unlisted, ...]
 
 
 def search(
@@ -92,25 +99,30 @@ def search(
         rng: for the bootstrap.
         progress: told what is being looked at.
     """
-    first = present = refine(model, ALWAYS, training)
+    first = present = refine(model, (LOG_TIMING,), training)
     steps: list[Step] = []
+    unlisted: list[Unlisted] = []
     refused: dict[str, str] = {}
     for _ in range(_MOST_ROUNDS):
         progress("every effect")
         promises = screen(present, candidates(present.model, training.records), training)
-        step = _forward(present, promises, training, rng, progress, refused)
-        if step is None:
+        scale = None if steps else _far_off(present, promises, training, rng)
+        step = scale or _forward(present, promises, training, rng, progress, refused)
+        progress("what has no name")
+        other = None if scale else best_unlisted(present, training, rng)
+        if other is not None and (step is None or step.judgement.gain < _HALF * other.gain):
+            unlisted.append(other)
+            present = other.after
+        elif step is not None:
+            steps.append(step)
+            present = step.after
+        else:
             break
-        steps.append(step)
-        present = step.after
+    present = without_idle(present, unlisted, training)
     present, steps = _exchange(present, steps, training, progress)
     ambiguous = {
         step.effect: _rivals(present, step, training, progress) for step in steps if step.judgement.sizeable
     }
-    for variable in ALWAYS:
-        if sizeable(variable, present.model.start_value(variable)):
-            progress(f"{variable.effect} or another")
-            ambiguous[variable.effect] = rivals(present, variable.effect, (), training)
     told = {
         name: tuple(rival for rival in found if not rival.told_apart) for name, found in ambiguous.items()
     }
@@ -121,7 +133,25 @@ def search(
         refused=refused,
         ambiguous={k: v for k, v in told.items() if v},
         blind=tuple(blind_to(promises)),
+        unlisted=tuple(one for one in unlisted if one.term in present.unnamed),
     )
+
+
+def _far_off(
+    present: Fitted, promises: Sequence[Promise], training: Training, rng: np.random.Generator
+) -> Step | None:
+    """The error of scale that explains most, where it is far off; None where the scale is about right."""
+    fits = []
+    for promise in promises:
+        effect, variables = promise.candidate.effect, promise.candidate.variables
+        if effect in SCALES:
+            fitted = refine(present.model, (*present.variables, *variables), training, start=present.estimate)
+            value = fitted.model.start_value(variables[0])
+            if abs(value - (variables[0].neutral or 0.0)) >= _FAR_OFF:
+                judgement = judge(present, fitted, variables, training, rng)
+                fits.append(Step(effect, judgement, present, fitted))
+    best = max(fits, key=lambda step: step.judgement.gain, default=None)
+    return best if best is not None and best.judgement.gain >= LEAST_GAIN else None
 
 
 def blind_to(promises: Sequence[Promise]) -> list[str]:
@@ -189,6 +219,7 @@ def _forward(
             (*present.variables, *candidate.variables),
             training,
             start=present.estimate,
+            unnamed=present.unnamed,
         )
         judgement = judge(present, fitted, candidate.variables, training, rng)
         fits.append((judgement.gain, candidate, fitted, judgement))

@@ -1,0 +1,109 @@
+"""What is missing and has no name: terms of a place, a speed or a frequency that compete with named effects."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.gap.acceptance import LEAST_GAIN, lower_bound
+from calibration.gap.localisation import (
+    Finding,
+    GapMap,
+    UnnamedTerm,
+    find_lines,
+    gap_map,
+    structured,
+    unnamed_terms,
+)
+from calibration.gap.refine import Fitted, Training, refine
+from onboard.vehicle import Vehicle
+
+_OFFERED = 3
+"""Places, and lines, that are made into terms in a round."""
+
+
+@dataclass(frozen=True)
+class Unlisted:
+    """A term without a name that came into the model.
+
+    Attributes:
+        finding: where it lives.
+        term: what it is.
+        gain: held-out log-likelihood gained.
+        after: the fit with it.
+    """
+
+    finding: Finding
+    term: UnnamedTerm
+    gain: float
+    after: Fitted
+
+
+def map_of(fitted: Fitted, training: Training, rng: np.random.Generator) -> GapMap:
+    """Where the residual of a fit lives."""
+    return gap_map(training.regression.signals, training.records, fitted.estimate.residual, rng)
+
+
+def best_unlisted(present: Fitted, training: Training, rng: np.random.Generator) -> Unlisted | None:
+    """The term without a name that explains most; None when what is left has no structure."""
+    signals, records = training.regression.signals, training.records
+    residual = present.estimate.residual
+    found = structured(map_of(present, training, rng), find_lines(signals, records, residual), [])
+    places = [finding for finding in found if finding.cell is not None][:_OFFERED]
+    lines = [finding for finding in found if finding.line is not None][:_OFFERED]
+    terms = unnamed_terms(
+        [finding.cell for finding in places if finding.cell is not None],
+        [finding.line for finding in lines if finding.line is not None],
+        signals,
+        records,
+        residual,
+    )
+    offered = [
+        _offer(present, finding, term, training, rng)
+        for finding, term in zip([*places, *lines], terms, strict=True)
+    ]
+    believed = [one for one in offered if one is not None]
+    return max(believed, key=lambda one: one.gain, default=None)
+
+
+def formulas(fitted: Fitted, vehicle: Vehicle) -> list[str]:
+    """The unnamed terms of a fit with their coefficients, in words."""
+    values = fitted.estimate.fit.theta[len(fitted.variables) :]
+    told = []
+    for term in fitted.unnamed:
+        count = len(term.columns)
+        told.append(term.formula(values[:count], vehicle))  # type: ignore[attr-defined]
+        values = values[count:]
+    return told
+
+
+def without_idle(present: Fitted, found: Sequence[Unlisted], training: Training) -> Fitted:
+    """The fit without unnamed terms that named effects, found later, have made superfluous."""
+    for one in found:
+        rest = tuple(term for term in present.unnamed if term is not one.term)
+        if len(rest) == len(present.unnamed):
+            continue
+        reduced = refine(present.model, present.variables, training, start=present.estimate, unnamed=rest)
+        columns = list(range(len(present.columns)))[-len(one.term.columns) :]
+        if float(present.gains(reduced, present.few_flights(columns)).sum()) < LEAST_GAIN:
+            present = reduced
+    return present
+
+
+def _offer(
+    present: Fitted, finding: Finding, term: UnnamedTerm, training: Training, rng: np.random.Generator
+) -> Unlisted | None:
+    fitted = refine(
+        present.model,
+        present.variables,
+        training,
+        start=present.estimate,
+        unnamed=(*present.unnamed, term),
+    )
+    columns = list(range(len(fitted.columns)))[-len(term.columns) :]
+    concentrated = fitted.few_flights(columns)
+    gains = fitted.gains(present, concentrated)
+    total = float(gains.sum())
+    if total < LEAST_GAIN or lower_bound(gains, training, concentrated, rng) <= 0.0:
+        return None
+    return Unlisted(finding, term, total, fitted)
