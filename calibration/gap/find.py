@@ -11,27 +11,31 @@ from calibration.flights import Flight
 from calibration.gap.held_out import HeldOutFlights
 from calibration.gap.improved import improved_vehicle, provenance
 from calibration.gap.landing import LandingFindings, judge_landings
+from calibration.gap.landing import Verdict as LandingVerdict
 from calibration.gap.model import Model
 from calibration.gap.naming import Named, found_effects, name_effects
 from calibration.gap.nuisances import NUISANCES
 from calibration.gap.other_phases import landing_effects, sensing_effects
 from calibration.gap.prediction import PredictionErrors, evaluate
-from calibration.gap.prediction.shown import channel_bars, horizon_curves, phase_bars, prediction_gap
+from calibration.gap.prediction.shown import prediction_gap
 from calibration.gap.prepare import Prepared
 from calibration.gap.record import FlightRecord
 from calibration.gap.refine import Training, training_set
 from calibration.gap.report import (
+    AmbiguousSet,
+    FoundEffect,
     GapReport,
     Rejected,
     ReportFigures,
-    Unexplained,
     UnusableFile,
     Verdict,
 )
 from calibration.gap.search import LOG_TIMING, Progress, Search, search
 from calibration.gap.sensing import SensingFindings, apply_sensing, judge_sensing
+from calibration.gap.showing import figures, unexplained, where
 from calibration.gap.signals import CHANNELS, UNITS
 from calibration.gap.split import split_flights
+from calibration.gap.unlisted import map_of
 from onboard.vehicle import EFFECTS, Vehicle
 
 
@@ -104,26 +108,45 @@ def _find(flights: Sequence[Flight], prepared: Prepared, asked: Question, progre
         *landing_effects(landings.findings if landings else (), asked.vehicle),
     ]
     stages = _stages(names, held_out)
+    progress("where it lives")
+    maps = map_of(found.first, training, rng), map_of(found.final, training, rng)
     report = GapReport(
-        verdict=Verdict.EFFECTS_FOUND if effects else Verdict.NO_GAP,
+        verdict=_verdict(effects, found, landings),
         vehicle=asked.vehicle.name,
         effects=tuple(effects),
         gap=prediction_gap(stages),
-        where=(),
-        unexplained=Unexplained(share=0.0),
+        where=where(maps[0]),
+        unexplained=unexplained(found, asked.vehicle),
         train=tuple(record.name for record in training.records),
         held_out=tuple(corrected[i].name for i in kept_back),
         unusable=_unusable(asked, prepared, sensing),
+        ambiguous=_ambiguous(effects),
         rejected=tuple(Rejected(name=name, reason=reason) for name, reason in found.refused.items()),
         limitations=(*prepared.limitations, *_limits(kept_back, found, sensing, landings)),
         seed=asked.seed,
         noise=_noise(found, training),
     )
-    figures = ReportFigures(
-        horizons=horizon_curves(stages), channels=channel_bars(stages), phases=phase_bars(stages)
-    )
     source = provenance(len(fit_to), len(kept_back), asked.seed)
-    return GapResult(report, figures, improved_vehicle(asked.vehicle, effects, source))
+    return GapResult(
+        report=report,
+        figures=figures(stages, names, held_out, found, training, maps),
+        vehicle=improved_vehicle(asked.vehicle, effects, source),
+    )
+
+
+def _verdict(effects: Sequence[FoundEffect], found: Search, landings: LandingFindings | None) -> Verdict:
+    odd_landings = landings is not None and landings.verdict is LandingVerdict.UNEXPLAINED_GAP
+    if found.unlisted or odd_landings:
+        return Verdict.UNEXPLAINED_GAP
+    return Verdict.EFFECTS_FOUND if effects else Verdict.NO_GAP
+
+
+def _ambiguous(effects: Sequence[FoundEffect]) -> tuple[AmbiguousSet, ...]:
+    return tuple(
+        AmbiguousSet(names=(effect.name, *effect.ambiguous_with), separated_by=effect.separated_by)
+        for effect in effects
+        if effect.ambiguous_with
+    )
 
 
 def _landings(flights: Sequence[Flight], names: Named, rng: np.random.Generator) -> LandingFindings | None:

@@ -47,7 +47,8 @@ class Named:
 def name_effects(found: Search, training: Training, rng: np.random.Generator) -> Named:
     """The named effects of a search, in the order found.
 
-    The log's timing, which is always fitted, is named where it is beyond half a sample: nobody knows better when a line was written.
+    The log's timing, which is always fitted, is named where it is beyond half a sample: nobody knows better
+    when a line was written.
     """
     final = found.final
     order = [step.effect for step in found.steps]

@@ -1,4 +1,4 @@
-"""What is missing and has no name: terms of a place, a speed or a frequency that compete with named effects."""
+"""What is missing and has no name: terms of a place, a speed or a frequency, in competition with names."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
