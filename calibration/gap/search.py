@@ -44,6 +44,12 @@ _NO_PROMISE = 2.0
 _HALF = 0.6
 """Share of what an unnamed term gains that a name must gain to be preferred to it."""
 
+_NEARLY = 0.7
+"""Share of the best gain from which the next candidate is believed where the best one is not."""
+
+_PARSIMONY = 4.0
+"""Log-likelihood that each further parameter must be worth."""
+
 _MOST_ROUNDS = 12
 
 
@@ -223,9 +229,9 @@ def _forward(
         )
         judgement = judge(present, fitted, candidate.variables, training, rng)
         fits.append((judgement.gain, candidate, fitted, judgement))
-    fits.sort(key=lambda item: -item[0])
+    fits.sort(key=lambda item: _PARSIMONY * len(item[1].variables) - item[0])
     for gain, candidate, fitted, judgement in fits:
-        if gain < LEAST_GAIN or gain < 0.7 * fits[0][0]:
+        if gain < LEAST_GAIN or gain < _NEARLY * fits[0][0]:
             break
         if judgement.believed:
             rivals = {c.effect: gain - g for g, c, _, _ in fits if c is not candidate}
