@@ -33,9 +33,10 @@ PRACTICAL: dict[str, float] = {"stiffness": math.log(1.2), "damping": math.log(1
 LEAST_PRELOAD = 0.1
 """N, likewise."""
 
-NUMERICAL: dict[str, float] = {"stiffness": 0.02, "damping": 0.05, "adhesion": 0.12, "preload": 0.1}
+NUMERICAL: dict[str, float] = {"stiffness": 0.02, "damping": 0.05, "adhesion": 0.05, "preload": 0.1}
 """Standard deviations (of logarithms; N for the preload) of what a simulation at 1 ms finds in landings of
-a finer one (docs/gap_landings.md). Peaks of rod forces suffer most, and with them the adhesion."""
+a finer one (docs/gap_landings.md). What peaks of rod forces do to the adhesion is looked at by itself
+(:func:`search.finer_adhesion`)."""
 
 REPLICATES = 400
 

@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from calibration.gap.landing.kernels import COLUMNS, DT, OMEGA, fly, spin
+from calibration.gap.landing.kernels import COLUMNS, DT, OMEGA, fly
 from calibration.gap.landing.segments import LandingSegment
-from calibration.gap.landing.start_state import SPIN_UP
 from calibration.gap.landing.thrust import commanded_thrusts, on_steps
 from onboard.arrays import FloatArray
 from onboard.room import RoomGeometry
@@ -20,13 +19,11 @@ from onboard.vehicle import Vehicle
 from sim_backend.physics.parameters import physics_parameters
 from sim_backend.physics.state import new_states
 
-BEFORE_FLIP = 0.03
-"""s before the trigger at which the prediction starts, with the rates of the gyro."""
-
 LONGEST = 0.24
 """s of a flip that are compared, as in the authors' check."""
 
 _LEAST_SAMPLES = 7
+_COMMAND_ROW = 0.03  # s: commands this close to the trigger may still be those of the approach
 
 
 @dataclass(frozen=True)
@@ -100,7 +97,7 @@ def flip_residual(landings: Sequence[LandingSegment], vehicle: Vehicle) -> FlipR
 
 def _compared(landing: LandingSegment, told_t: FloatArray, told: FloatArray) -> FloatArray:
     """Times of the gyro samples of the flip: until the motors are cut or something touches."""
-    cut = told_t[(told_t > landing.trigger + BEFORE_FLIP) & (told.max(axis=1) <= 0.0)]
+    cut = told_t[(told_t > landing.trigger + _COMMAND_ROW) & (told.max(axis=1) <= 0.0)]
     end = min(landing.before, landing.trigger + LONGEST, cut[0] if cut.size else np.inf)
     t = landing.gyro_t
     return t[(t > landing.trigger) & (t <= end)]
@@ -117,22 +114,25 @@ def _changed(base: Any, variant: Variant) -> Any:
 def _errors(
     landing: LandingSegment, commands: tuple[FloatArray, FloatArray], p: Any, late: float, times: FloatArray
 ) -> FloatArray:
-    """Model minus gyro (rad/s) at `times`."""
-    start = landing.trigger - BEFORE_FLIP
-    lead = round(SPIN_UP / DT)
-    steps = int(np.ceil((times[-1] - start) / DT)) + 1
-    told = on_steps(commands[0] + late, commands[1], start - lead * DT, lead + steps)
+    """Model minus gyro (rad/s) at `times`.
+
+    The thrusts start from the last command in which all four motors ran: some logs have the flip's thrusts
+    one row before its flag.
+    """
+    told_t, told = commands
+    running = np.flatnonzero((told_t <= landing.trigger) & (told.min(axis=1) > 0.0))
+    if not running.size:
+        return np.zeros(0)
+    steps = int(np.ceil((times[-1] - landing.trigger) / DT)) + 1
     state = new_states(1)
     state["position"][0, 2] = 100.0
-    state["thrust"][0] = told[0]
-    spin(state[0], p, told[:lead])
-    # The rates at the trigger, not at the start: what the controller still did is no part of the flip.
+    state["thrust"][0] = told[running[-1]]
+    state["omega"][0, 1] = np.interp(landing.trigger, landing.gyro_t, landing.gyro[:, 1])
     trace = np.empty((steps + 1, COLUMNS))
-    fly(state[0], p, told[lead:], trace)
-    at = start + DT * np.arange(steps + 1)
-    model = np.interp(times, at, trace[:, OMEGA + 1]) - np.interp(landing.trigger, at, trace[:, OMEGA + 1])
-    gyro = np.interp(np.append(times, landing.trigger), landing.gyro_t, landing.gyro[:, 1])
-    return np.asarray(model - (gyro[:-1] - gyro[-1]))
+    fly(state[0], p, on_steps(told_t + late, told, landing.trigger, steps), 1, trace)
+    at = landing.trigger + DT * np.arange(steps + 1)
+    model = np.interp(times, at, trace[:, OMEGA + 1])
+    return np.asarray(model - np.interp(times, landing.gyro_t, landing.gyro[:, 1]))
 
 
 def _judge(mean: Mapping[str, float], rms: Mapping[str, float]) -> tuple[str, ...]:

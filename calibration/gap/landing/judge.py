@@ -1,7 +1,8 @@
 """Judge a set of landings: which effect of legs and feet is missing in a vehicle file."""
 
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,7 +16,17 @@ from calibration.gap.landing.observation import EARLY
 from calibration.gap.landing.predict import rate_error
 from calibration.gap.landing.problem import Problem, Solver, pose_problems, shortened
 from calibration.gap.landing.report_rows import landing_residuals
-from calibration.gap.landing.search import MODELS, NOMINAL, Table, Theta, apply, explore, widen
+from calibration.gap.landing.search import (
+    MODELS,
+    NOMINAL,
+    PERFECT,
+    Table,
+    Theta,
+    apply,
+    explore,
+    finer_adhesion,
+    widen,
+)
 from calibration.gap.landing.segments import LandingSegment, NoLanding, landing_of
 from onboard.arrays import FloatArray
 from onboard.room import RoomGeometry
@@ -33,6 +44,12 @@ UNEXPLAINED = 2.0
 
 TELLING = 2.0
 """A stiffness that is known within this factor either way would have shown a change that matters."""
+
+
+_FINER = (
+    "the adhesion strength of {:.2g} N is that of the simulation as it is, in steps of 1 ms; in steps of "
+    "0.25 ms it is {:.2g} N, which is what a pull test would show"
+)
 
 
 @dataclass(frozen=True)
@@ -67,7 +84,7 @@ def judge_landings(
         problems, refused = pose_problems(landings, vehicle)
         unused += refused
     if len(problems) < LEAST_LANDINGS:
-        words = limitations(problems, vehicle, None, 0.0)
+        words = limitations(problems, vehicle, 0.0)
         few = f"{len(problems)} usable landing(s); naming needs {LEAST_LANDINGS} that can be held out in turn"
         reason = "the vehicle has no legs" if vehicle.legs is None else few
         return LandingFindings(
@@ -77,8 +94,13 @@ def judge_landings(
     table, choice = evidence.table, evidence.choice
     theta = choice.held_out[choice.model].theta if choice.model else None
     findings = _findings(evidence, rng)
+    words = ()
+    if theta is not None and theta.adhesion < PERFECT:
+        finer = _finer(problems, vehicle, theta, rng)
+        findings = tuple(_up_to(finding, finer) for finding in findings)
+        words = (_FINER.format(math.exp(theta.adhesion), finer),)
     left = float(np.median(table.ratios[theta or NOMINAL]))
-    words = limitations(problems, vehicle, theta, left)
+    words += limitations(problems, vehicle, left)
     words += tuple(
         f"{name} ended at the end of its range: not a value" for name in at_bound(theta or NOMINAL)
     )
@@ -165,6 +187,22 @@ def held_out_errors(table: Table, chosen: Sequence[Theta]) -> FloatArray:
             for index, (problem, theta) in enumerate(zip(table.solver.problems, chosen, strict=True))
         ]
     )
+
+
+def _finer(problems: list[Problem], vehicle: Vehicle, theta: Theta, rng: np.random.Generator) -> float:
+    """Adhesion strength (N) that a simulation in steps of 0.25 ms would find."""
+    solver = Solver(problems, rng, random_starts=4, descents=2, iterations=3, parts=4)
+    table = Table(solver, physics_parameters(vehicle, RoomGeometry()))
+    return math.exp(finer_adhesion(table, theta))
+
+
+def _up_to(finding: Finding, strength: float) -> Finding:
+    """The finding with an interval of the adhesion strength that reaches `strength` (N) too."""
+    if "adhesion_strength" not in finding.parameters:
+        return finding
+    value, (low, high) = finding.parameters["adhesion_strength"]
+    reached = (value, (min(low, strength * low / value), max(high, strength * high / value)))
+    return replace(finding, parameters={**finding.parameters, "adhesion_strength": reached})
 
 
 def _improvement(before: FloatArray, after: FloatArray, rng: np.random.Generator) -> Interval:

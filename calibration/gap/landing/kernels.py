@@ -11,7 +11,7 @@ lets a landing that goes its own way after a crash of the hull count by what cam
 by Levenberg-Marquardt steps from several starts, because which foot touches next is not smooth in x.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -63,12 +63,21 @@ def note(state: Any, row: Any) -> None:
 
 
 @outlined
-def fly(state: Any, p: Any, targets: Any, trace: Any) -> None:
-    """Fly `state` with thrust targets (N, (n, 4)); `trace` ((n + 1, COLUMNS)) receives every step."""
-    up, down = decay(p, 0.5 * DT)
+def fly(state: Any, p: Any, targets: Any, parts: int, trace: Any) -> None:
+    """Fly `state` with thrust targets (N, (n, 4)), each held for 1 ms.
+
+    Args:
+        state, p: records.
+        targets: (n, 4).
+        parts: steps of the physics in 1 ms; 1 is what all of perchhw simulates with.
+        trace: (n + 1, COLUMNS), receives the state every 1 ms.
+    """
+    dt = DT / parts
+    up, down = decay(p, 0.5 * dt)
     note(state, trace[0])
     for k in range(targets.shape[0]):
-        advance(state, p, (targets[k, 0], targets[k, 1], targets[k, 2], targets[k, 3]), DT, up, down)
+        for _ in range(parts):
+            advance(state, p, (targets[k, 0], targets[k, 1], targets[k, 2], targets[k, 3]), dt, up, down)
         note(state, trace[k + 1])
 
 
@@ -141,28 +150,45 @@ def pose_residuals(trace: Any, pose: Any, weight: Any, out: Any) -> None:
             out[k, 3 + i] = weight[k, 1] * (pose[k, 5 + i] - place)
 
 
-@outlined
-def residuals(
-    x: Any, start: Any, p: Any, work: Any, targets: Any, sigma: Any, gyro: Any, gyro_weight: Any,
-    pose: Any, pose_weight: Any, limit: float, trace: Any, out: Any,
-) -> None:  # fmt: skip
-    """Residuals of a landing with the nuisances x into `out` ((3 gyro rows + 6 pose rows,)).
+class Case(NamedTuple):
+    """A landing and a vehicle, as the kernels take them.
 
-    Args:
-        x: (NUISANCES,). start: states (1,) to start from. p: parameters (1,).
-        work: states (1,) and parameters (1,), scratch.
-        targets, gyro, gyro_weight, pose, pose_weight, limit: as above.
-        sigma: (NUISANCES,) of the prior.
-        trace, out: scratch and result.
+    Attributes:
+        start: states (1,) to start from. parameters: (1,), with the ceiling of the prior mean.
+        states, changed: (1,) each, scratch.
+        targets: (steps, 4), N. parts: steps of the physics in 1 ms.
+        sigma: (NUISANCES,), standard deviations of the prior.
+        gyro, gyro_weight: of :func:`gyro_residuals`. limit: rad/s, range of the gyro.
+        pose, pose_weight: of :func:`pose_residuals`.
+        trace: (steps + 1, COLUMNS), scratch.
     """
-    states, parameters = work
-    states[0] = start[0]
-    parameters[0] = p[0]
-    displace(states[0], parameters[0], x, sigma)
-    fly(states[0], parameters[0], targets, trace)
-    split = 3 * gyro.shape[0]
-    gyro_residuals(trace, gyro, gyro_weight, x[10] * sigma[10], limit, out[:split].reshape(-1, 3))
-    pose_residuals(trace, pose, pose_weight, out[split:].reshape(-1, 6))
+
+    start: Any
+    parameters: Any
+    states: Any
+    changed: Any
+    targets: Any
+    parts: int
+    sigma: Any
+    gyro: Any
+    gyro_weight: Any
+    limit: float
+    pose: Any
+    pose_weight: Any
+    trace: Any
+
+
+@outlined
+def residuals(x: Any, case: Any, out: Any) -> None:
+    """Residuals of a landing with the nuisances x into `out` ((3 gyro rows + 6 pose rows,))."""
+    case.states[0] = case.start[0]
+    case.changed[0] = case.parameters[0]
+    displace(case.states[0], case.changed[0], x, case.sigma)
+    fly(case.states[0], case.changed[0], case.targets, case.parts, case.trace)
+    split = 3 * case.gyro.shape[0]
+    delay = x[10] * case.sigma[10]
+    gyro_residuals(case.trace, case.gyro, case.gyro_weight, delay, case.limit, out[:split].reshape(-1, 3))
+    pose_residuals(case.trace, case.pose, case.pose_weight, out[split:].reshape(-1, 6))
 
 
 @kernel
@@ -176,25 +202,24 @@ def cost_of(x: Any, r: Any) -> float:
     return total if np.isfinite(total) else np.inf
 
 
+@kernel
+def count_of(case: Any) -> int:
+    """Number of residuals."""
+    return 3 * int(case.gyro.shape[0]) + 6 * int(case.pose.shape[0])
+
+
 @outlined
-def descend(
-    x: Any, iterations: int, start: Any, p: Any, work: Any, targets: Any, sigma: Any, gyro: Any,
-    gyro_weight: Any, pose: Any, pose_weight: Any, limit: float, trace: Any,
-) -> float:  # fmt: skip
-    """Levenberg-Marquardt from x, which it improves in place; returns the cost. Args as :func:`residuals`."""
-    m = 3 * gyro.shape[0] + 6 * pose.shape[0]
-    r, moved = np.empty(m), np.empty(m)
-    slope = np.empty((m, NUISANCES))
-    residuals(x, start, p, work, targets, sigma, gyro, gyro_weight, pose, pose_weight, limit, trace, r)
+def descend(x: Any, iterations: int, case: Any) -> float:
+    """Levenberg-Marquardt from x, which it improves in place; returns the cost."""
+    m = count_of(case)
+    r, moved, slope = np.empty(m), np.empty(m), np.empty((m, NUISANCES))
+    residuals(x, case, r)
     cost, damping = cost_of(x, r), 0.1
     for _ in range(iterations):
         for j in range(NUISANCES):
             probe = x.copy()
             probe[j] += PROBE
-            residuals(
-                probe, start, p, work, targets, sigma, gyro, gyro_weight, pose, pose_weight, limit, trace,
-                moved,
-            )  # fmt: skip
+            residuals(probe, case, moved)
             slope[:, j] = (moved - r) / PROBE
         weighted = slope.T * (1.0 / (1.0 + r * r / C2))
         normal = weighted @ slope + np.eye(NUISANCES)
@@ -205,10 +230,7 @@ def descend(
             for j in range(NUISANCES):
                 matrix[j, j] *= 1.0 + damping
             trial = x - np.linalg.solve(matrix, gradient)
-            residuals(
-                trial, start, p, work, targets, sigma, gyro, gyro_weight, pose, pose_weight, limit, trace,
-                moved,
-            )  # fmt: skip
+            residuals(trial, case, moved)
             new = cost_of(trial, moved)
             if new < cost:
                 better = cost - new > 1e-3 * cost
@@ -224,33 +246,23 @@ def descend(
 
 
 @outlined
-def best_start(
-    starts: Any, keep: int, iterations: int, start: Any, p: Any, work: Any, targets: Any, sigma: Any,
-    gyro: Any, gyro_weight: Any, pose: Any, pose_weight: Any, limit: float, trace: Any, x: Any,
-) -> float:  # fmt: skip
+def best_start(starts: Any, keep: int, iterations: int, case: Any, x: Any) -> float:
     """Least cost over x: all `starts` are tried, and the `keep` best of them descended from.
 
     Args:
         starts: (s, NUISANCES).
         keep: number of descents. iterations: of each.
+        case: the landing.
         x: receives the best nuisances.
-        start, p, work, targets, sigma, gyro, gyro_weight, pose, pose_weight, limit, trace: as in
-            :func:`residuals`.
     """
-    m = 3 * gyro.shape[0] + 6 * pose.shape[0]
-    r, costs = np.empty(m), np.empty(starts.shape[0])
+    r, costs = np.empty(count_of(case)), np.empty(starts.shape[0])
     for s in range(starts.shape[0]):
-        residuals(
-            starts[s], start, p, work, targets, sigma, gyro, gyro_weight, pose, pose_weight, limit, trace, r
-        )
+        residuals(starts[s], case, r)
         costs[s] = cost_of(starts[s], r)
     least = np.inf
     for s in np.argsort(costs)[:keep]:
         trial = starts[s].copy()
-        cost = descend(
-            trial, iterations, start, p, work, targets, sigma, gyro, gyro_weight, pose, pose_weight, limit,
-            trace,
-        )  # fmt: skip
+        cost = descend(trial, iterations, case)
         if cost < least:
             least = cost
             x[:] = trial

@@ -5,18 +5,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from calibration.gap.landing.problem import HORIZON, Problem
-from calibration.gap.landing.search import EXPLAINED, PERFECT, STRONGEST, Theta
+from calibration.gap.landing.search import EXPLAINED, STRONGEST
 from onboard.vehicle import Vehicle
 
 
-def limitations(
-    problems: Sequence[Problem], vehicle: Vehicle, theta: Theta | None, left: float
-) -> tuple[str, ...]:
+def limitations(problems: Sequence[Problem], vehicle: Vehicle, left: float) -> tuple[str, ...]:
     """Sentences about these landings.
 
     Args:
-        problems: the usable landings. vehicle: the model. theta: what was found, if anything.
-        left: median cost per residual with it.
+        problems: the usable landings. vehicle: the model.
+        left: median cost per residual with what was found.
     """
     words: list[str] = []
     if not problems:
@@ -55,9 +53,4 @@ def limitations(
         f"a foot that holds more than {np.exp(STRONGEST):.0f} N, or needs a push far below the first shock, "
         f"looks like a perfect one; feet that come off later than {HORIZON:.1f} s after the contact go unseen"
     )
-    if theta is not None and theta.adhesion < PERFECT:
-        words.append(
-            "the adhesion strength is that of a simulation at 1 ms, whose peak pulls are 10 to 20 % below "
-            "those of a finer one"
-        )
     return tuple(words)

@@ -13,6 +13,7 @@ from calibration.gap.landing.kernels import (
     OMEGA,
     POSITION,
     QUATERNION,
+    VELOCITY,
     displace,
     fly,
     gyro_residuals,
@@ -29,6 +30,7 @@ LENGTH = 1.3
 """s of a prediction after the contact."""
 
 _LOG_STEPS = 10  # 100 Hz, as our own runs are logged
+_APPROACH_ROWS = 6
 
 
 @dataclass(frozen=True)
@@ -48,14 +50,23 @@ def predict(problem: Problem, parameters: Any, rng: np.random.Generator) -> Pred
     seen, feet = [], []
     for x in rng.standard_normal((SAMPLES, NUISANCES)):
         trace = landing_trace(problem, parameters, x, LENGTH)
-        rows = trace[::_LOG_STEPS]
-        t = np.asarray(problem.start.t + DT * _LOG_STEPS * np.arange(len(rows)), dtype=np.float64)
+        rows = _with_approach(trace[::_LOG_STEPS])
+        at = DT * _LOG_STEPS * (np.arange(len(rows)) - _APPROACH_ROWS)
+        t = np.asarray(problem.start.t + at, dtype=np.float64)
         pose = rows[:, QUATERNION : POSITION + 3]
         rates = np.clip(rows[:, OMEGA : OMEGA + 3], -problem.limit, problem.limit)
         segment = problem.segment
         seen.append(observe(t, rates, t, pose, segment.before, segment.after, True))
         feet.append(trace[-1, FEET])
     return Prediction(tuple(seen), np.array(feet))
+
+
+def _with_approach(rows: FloatArray) -> FloatArray:
+    """Rows of a trace with straight flight in front, from which the velocity before the contact is read."""
+    before = np.repeat(rows[:1], _APPROACH_ROWS, axis=0)
+    back = DT * _LOG_STEPS * np.arange(-_APPROACH_ROWS, 0)[:, None]
+    before[:, POSITION : POSITION + 3] += back * rows[0, VELOCITY : VELOCITY + 3]
+    return np.vstack([before, rows])
 
 
 def landing_trace(problem: Problem, parameters: Any, x: FloatArray, length: float) -> FloatArray:
@@ -67,7 +78,7 @@ def landing_trace(problem: Problem, parameters: Any, x: FloatArray, length: floa
     batch["ceiling_z"] = problem.ceiling
     displace(state[0], batch[0], x, problem.start.sigma)
     trace = np.empty((steps + 1, COLUMNS))
-    fly(state[0], batch[0], np.ascontiguousarray(targets), trace)
+    fly(state[0], batch[0], np.ascontiguousarray(targets), 1, trace)
     return trace
 
 

@@ -6,7 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from calibration.gap.landing.kernels import COLUMNS, DT, NUISANCES, POSITION, QUATERNION, best_start, fly
+from calibration.gap.landing.kernels import (
+    COLUMNS,
+    DT,
+    NUISANCES,
+    POSITION,
+    QUATERNION,
+    Case,
+    best_start,
+    fly,
+)
 from calibration.gap.landing.segments import LandingSegment, NoLanding
 from calibration.gap.landing.start_state import StartState, start_state
 from calibration.gap.landing.thrust import commanded_thrusts, on_steps
@@ -127,7 +136,7 @@ def _ceiling(
     state = start.state.copy()
     steps = max(round((landing.after - start.t) / DT), 2)
     trace = np.empty((steps + 1, COLUMNS))
-    fly(state[0], parameters, targets[:steps], trace)
+    fly(state[0], parameters, targets[:steps], 1, trace)
     heights = np.array([highest(parameters, row) for row in trace])
     middle = heights[min(round((landing.contact - start.t) / DT), steps)]
     speed = abs(heights[-1] - heights[0]) / (steps * DT)
@@ -194,16 +203,19 @@ class Solver:
         rng: draws the starts, the same for every vehicle, so that vehicles are compared like with like.
         random_starts: number of them. descents: how many of the starts are descended from.
         iterations: Levenberg-Marquardt steps of a descent.
+        parts: steps of the physics in 1 ms.
     """
 
     def __init__(
         self, problems: Sequence[Problem], rng: np.random.Generator, random_starts: int = 12,
         descents: int = 2, iterations: int = 4,
+        parts: int = 1,
     ) -> None:  # fmt: skip
         self.problems = tuple(problems)
         self._starts = rng.standard_normal((len(problems), random_starts, NUISANCES))
         self._descents, self._iterations = descents, iterations
-        self._work = (new_states(1), np.zeros(1, dtype=PARAMETERS))
+        self._states, self._changed = new_states(1), np.zeros(1, dtype=PARAMETERS)
+        self._parts = parts
 
     @property
     def counts(self) -> FloatArray:
@@ -227,14 +239,29 @@ class Solver:
     def _solve(self, parameters: Any, starts: FloatArray, descents: int) -> tuple[FloatArray, FloatArray]:
         costs, found = np.empty(len(self.problems)), np.empty((len(self.problems), NUISANCES))
         for index, problem in enumerate(self.problems):
-            batch = parameter_batch(parameters, 1)
-            batch["ceiling_z"] = problem.ceiling
-            trace = np.empty((len(problem.targets) + 1, COLUMNS))
             x = np.zeros(NUISANCES)
+            case = self._case(problem, parameters)
             costs[index] = best_start(
-                np.ascontiguousarray(starts[index]), descents, self._iterations, problem.start.state, batch,
-                self._work, problem.targets, problem.start.sigma, problem.gyro, problem.gyro_weight,
-                problem.pose, problem.pose_weight, problem.limit, trace, x,
-            )  # fmt: skip
+                np.ascontiguousarray(starts[index]), descents, self._iterations, case, x
+            )
             found[index] = x
         return costs, found
+
+    def _case(self, problem: Problem, parameters: Any) -> Case:
+        batch = parameter_batch(parameters, 1)
+        batch["ceiling_z"] = problem.ceiling
+        return Case(
+            start=problem.start.state,
+            parameters=batch,
+            states=self._states,
+            changed=self._changed,
+            targets=problem.targets,
+            parts=self._parts,
+            sigma=problem.start.sigma,
+            gyro=problem.gyro,
+            gyro_weight=problem.gyro_weight,
+            limit=problem.limit,
+            pose=problem.pose,
+            pose_weight=problem.pose_weight,
+            trace=np.empty((len(problem.targets) + 1, COLUMNS)),
+        )

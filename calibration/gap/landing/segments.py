@@ -9,9 +9,15 @@ from calibration.flights import Flight, PoseSource
 from calibration.gap.landing.observation import Observation, observe
 from onboard.arrays import FloatArray
 
-JUMP = 3.0
+JUMP = 4.0
 """rad/s: a rate that departs this far from its own straight line within a sample has met something. A flip
 bends by 1 rad/s in 20 ms; a foot that meets the ceiling at 1 m/s changes the rate by 10."""
+
+STRAIGHT = 0.06
+"""s of samples that the straight line goes through: times of arrival over the radio jump by 10 ms."""
+
+BLIND = 0.3
+"""s of dead reckoning without a pose before the contact that a start state bears."""
 
 LONGEST_FLIP = 0.8
 """s from the trigger to the first contact; the paper's take 0.2."""
@@ -78,7 +84,7 @@ def landing_of(flight: Flight) -> LandingSegment | NoLanding:
         return NoLanding(flight.name, "the flight has no flip")
     if not flight.has(*_GYRO) or not flight.has(*_POSE):
         return NoLanding(flight.name, "a landing needs gyro and pose")
-    t, rates = _fresh(*flight.series(*_GYRO))
+    t, rates = _fresh(*gyro_on_clock(flight))
     start = _flip_start(t, rates, flight.trigger.t)
     touched = first_contact(t, rates, start)
     if touched is None:
@@ -91,6 +97,8 @@ def landing_of(flight: Flight) -> LandingSegment | NoLanding:
     used = (pose_t > start - 0.4) & (pose_t < (end if tracked else start + 1e-9))
     if np.count_nonzero(used) < 3:
         return NoLanding(flight.name, "no pose around the flip")
+    if tracked and not np.any(used & (pose_t > before - BLIND) & (pose_t <= before)):
+        return NoLanding(flight.name, f"no pose in the last {BLIND} s before the contact")
     rows = (t > start - 0.4) & (t < end)
     if np.count_nonzero(t[rows] > after) < 8:
         return NoLanding(flight.name, "the gyro ends with the contact")
@@ -101,17 +109,29 @@ def landing_of(flight: Flight) -> LandingSegment | NoLanding:
 
 def first_contact(t: FloatArray, rates: FloatArray, start: float) -> tuple[float, float] | None:
     """Times of the samples around the first sudden change of the rate after `start`; None without one."""
-    rows = np.flatnonzero((t >= start - 0.03) & (t <= start + LONGEST_FLIP))
-    for k in rows[2:]:
-        if t[k] <= start + 0.02:
+    for k in np.flatnonzero((t > start + 0.02) & (t <= start + LONGEST_FLIP)):
+        line = np.flatnonzero((t >= t[k - 1] - STRAIGHT) & (t < t[k]))
+        if line.size < 3:
             continue
-        slope = (rates[k - 1] - rates[k - 2]) / (t[k - 1] - t[k - 2])
+        at = t[line] - t[k - 1]
+        fit = np.polyfit(at, rates[line], 2 if line.size > 4 else 1)
         step = t[k] - t[k - 1]
-        expected = rates[k - 1] + slope * step
-        # A gap in the log makes the straight line worth less.
+        expected = sum(coefficient * step**power for power, coefficient in enumerate(fit[::-1]))
+        # A gap in the log makes the line worth less.
         if np.linalg.norm(rates[k] - expected) > JUMP * max(1.0, step / 0.02):
             return float(t[k - 1]), float(t[k])
     return None
+
+
+def gyro_on_clock(flight: Flight) -> tuple[FloatArray, FloatArray]:
+    """Times (s) and rates (rad/s) of the gyro; by the drone's own clock where the log has it.
+
+    The drone's clock is set to the flight's by the quickest message: all others came later.
+    """
+    if not flight.has("rates_drone_time"):
+        return flight.series(*_GYRO)
+    host, values = flight.series("rates_drone_time", *_GYRO)
+    return values[:, 0] + float(np.min(host - values[:, 0])), values[:, 1:]
 
 
 def _flip_start(t: FloatArray, rates: FloatArray, trigger: float) -> float:

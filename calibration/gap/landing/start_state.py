@@ -21,7 +21,7 @@ from sim_backend.physics.state import new_states
 SPIN_UP = 0.4
 """s of commands before the start that the thrusts are brought up with."""
 
-_TRACKED_WINDOW = 0.1  # s
+_WINDOW = 0.1  # s of poses
 _LEAD = 0.004  # s from the start to the last gyro sample that shows no contact
 
 
@@ -50,15 +50,15 @@ def start_state(
         commands: times (s) and commanded thrusts (N, (n, 4)); None: unknown, taken as none.
     """
     start = landing.before - _LEAD
-    first = start - _TRACKED_WINDOW if landing.tracked else landing.trigger - _TRACKED_WINDOW
+    usable = landing.pose_t[landing.pose_t <= (start if landing.tracked else landing.trigger)]
+    last = float(usable[-1])
+    # At least three poses, however sparse they are.
+    first = min(last - _WINDOW, float(usable[max(usable.size - 3, 0)]))
     steps = max(round((start - first) / DT), 2)
     first = start - steps * DT
     thrust, at_start = _thrusts(parameters, commands, first, steps)
     turn = _turned(landing, first, steps)
-    rows = (landing.pose_t >= first) & (landing.pose_t <= (start if landing.tracked else landing.trigger))
-    if np.count_nonzero(rows) < 3:
-        rows = np.zeros(landing.pose_t.size, dtype=np.bool_)
-        rows[np.flatnonzero(landing.pose_t <= start)[-3:]] = True
+    rows = (landing.pose_t >= first - 1e-9) & (landing.pose_t <= last)
     at = np.clip(np.round((landing.pose_t[rows] - first) / DT).astype(int), 0, steps)
     measured = Rotation.from_quat(landing.pose[rows, :4])
     initial = (measured * turn[at].inv()).mean()
@@ -74,19 +74,21 @@ def start_state(
     state["quaternion"][0] = attitude[-1].as_quat()
     state["omega"][0] = _rate_at(landing, np.array([start]))[0]
     state["thrust"][0] = at_start
-    return StartState(start, state, _prior(landing.tracked))
+    return StartState(start, state, _prior(landing, start - last if landing.tracked else 0.0))
 
 
-def _prior(tracked: bool) -> FloatArray:
+def _prior(landing: LandingSegment, blind: float) -> FloatArray:
     """Standard deviations of the nuisances.
 
     Motion capture: what a hand-drawn marker frame (0.3 deg), 0.2 mm over a window of 0.1 s and unknown forces
     of the air leave; a clock offset that wanders by some milliseconds (flights of NanoBench: 10 ms). Onboard
     estimates: authors' data section 1, blocks up to 20 ms old, attitude before the flip within some degrees.
+    `blind` (s) without a tracked pose add 0.5 m/s2 and 0.1 rad/s.
     """
     sigma = np.zeros(NUISANCES)
-    sigma[1:4] = 0.02 if tracked else 0.15
-    sigma[4:7] = 0.006 if tracked else 0.06
+    tracked = landing.tracked
+    sigma[1:4] = np.hypot(0.02, 0.5 * blind) if tracked else 0.15
+    sigma[4:7] = np.hypot(0.006, 0.1 * blind) if tracked else 0.06
     sigma[7:10] = 0.15 if tracked else 0.5
     sigma[10] = 0.003 if tracked else 0.005
     return sigma

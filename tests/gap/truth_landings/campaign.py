@@ -44,7 +44,7 @@ def write_campaign(
             moment=-rng.uniform(0.0055, 0.008),
         )
         log = fly(CASES[case], attempt, noise or Noise(), rng)
-        outcomes.append({"feet": float(log.pop("feet")), "hull": float(log.pop("hull"))})
+        outcomes.append({name: float(log.pop(name)) for name in ("feet", "hull", "touch")})
         _write(folder / f"landing-{number:02d}.csv", log, every)
     sealed = {"case": case, "drone": asdict(CASES[case]), "outcomes": outcomes}
     answer.write_text(json.dumps(sealed, indent=1), encoding="utf-8")

@@ -53,7 +53,7 @@ def volts(newton: float) -> float:
     if grams <= 0.25:
         return 0.0
     a, b, c = QUADRATICS[0] if grams <= 5.0 else QUADRATICS[1]
-    return float(np.max(np.roots([a, b, c - grams]).real))
+    return float((-b + np.sqrt(b * b + 4.0 * a * (grams - c))) / (2.0 * a))
 
 
 def newton(volt: float) -> float:

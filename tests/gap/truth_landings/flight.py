@@ -153,7 +153,7 @@ def held_velocity(drone: Drone, v: np.ndarray, goal: np.ndarray, R: np.ndarray, 
 
 
 def fly(drone: Drone, attempt: Attempt, noise: Noise, rng: np.random.Generator) -> dict[str, np.ndarray]:
-    """The log of an attempt by column, 200 rows a second, and ``feet`` and ``hull``: the truth at the end."""
+    """The log of an attempt by column, 200 rows a second; ``feet``, ``hull``, ``touch`` (s) are the truth."""
     n = numbers(drone, attempt.ceiling)
     goal = attempt.speed * np.array([np.cos(attempt.angle), 0.0, np.sin(attempt.angle)])
     x = np.array([0.0, 0.0, attempt.ceiling]) - attempt.before * goal
@@ -179,6 +179,7 @@ def fly(drone: Drone, attempt: Attempt, noise: Noise, rng: np.random.Generator) 
     inertia = np.array(drone.inertia)
     fade = np.exp(-CONTROL_STEPS * H / np.array([noise.torque_time, noise.force_time]))
     flipping = cut = hit = False
+    touch = np.nan
     rows: list[list[float]] = []
     ticks = round((attempt.before + attempt.after) / (CONTROL_STEPS * H))
     piece = CONTROL_STEPS // 2  # control every two, a row of the log every five
@@ -207,6 +208,8 @@ def fly(drone: Drone, attempt: Attempt, noise: Noise, rng: np.random.Generator) 
                 points, discs, quiet * push, quiet * twist, piece,
             )  # fmt: skip
             hit = hit or touched
+            if np.isnan(touch) and (touched or np.any(mode != contact.FREE)):
+                touch = elapsed * H
             elapsed += piece
             if elapsed % LOG_STEPS == 0:
                 rows.append([elapsed * H, *x, *quaternion(R), *((R.T @ L) / inertia), *duty, voltage])
@@ -216,6 +219,7 @@ def fly(drone: Drone, attempt: Attempt, noise: Noise, rng: np.random.Generator) 
     _blur(data, noise, rng)
     data["feet"] = np.array(float(np.sum(mode == contact.HELD)))
     data["hull"] = np.array(float(hit))
+    data["touch"] = np.array(touch)
     return data
 
 
