@@ -7,6 +7,7 @@ import numpy as np
 
 from calibration.flights import Flight, PoseSource
 from calibration.gap.landing.observation import Observation, observe
+from calibration.gap.prepare.sources import samples_of
 from onboard.arrays import FloatArray
 
 JUMP = 4.0
@@ -82,9 +83,11 @@ def landing_of(flight: Flight) -> LandingSegment | NoLanding:
     """The landing of one flight, or why there is none."""
     if flight.trigger is None:
         return NoLanding(flight.name, "the flight has no flip")
-    if not flight.has(*_GYRO) or not flight.has(*_POSE):
+    gyro = samples_of(flight, *_GYRO, clock="rates_drone_time")
+    tracker = samples_of(flight, *_POSE, clock="capture_time")
+    if gyro is None or tracker is None:
         return NoLanding(flight.name, "a landing needs gyro and pose")
-    t, rates = _fresh(*gyro_on_clock(flight))
+    t, rates = _fresh(gyro.t, gyro.values)
     start = _flip_start(t, rates, flight.trigger.t)
     touched = first_contact(t, rates, start)
     if touched is None:
@@ -92,7 +95,7 @@ def landing_of(flight: Flight) -> LandingSegment | NoLanding:
     before, after = touched
     end = after + LONGEST
     tracked = flight.pose_source is not PoseSource.ONBOARD_ESTIMATE
-    pose_t, pose = flight.series(*_POSE)
+    pose_t, pose = tracker.t, tracker.values
     # An onboard estimate is trusted up to the flip only: the filter fails during some of them.
     used = (pose_t > start - 0.4) & (pose_t < (end if tracked else start + 1e-9))
     if np.count_nonzero(used) < 3:
@@ -121,17 +124,6 @@ def first_contact(t: FloatArray, rates: FloatArray, start: float) -> tuple[float
         if np.linalg.norm(rates[k] - expected) > JUMP * max(1.0, step / 0.02):
             return float(t[k - 1]), float(t[k])
     return None
-
-
-def gyro_on_clock(flight: Flight) -> tuple[FloatArray, FloatArray]:
-    """Times (s) and rates (rad/s) of the gyro; by the drone's own clock where the log has it.
-
-    The drone's clock is set to the flight's by the quickest message: all others came later.
-    """
-    if not flight.has("rates_drone_time"):
-        return flight.series(*_GYRO)
-    host, values = flight.series("rates_drone_time", *_GYRO)
-    return values[:, 0] + float(np.min(host - values[:, 0])), values[:, 1:]
 
 
 def _flip_start(t: FloatArray, rates: FloatArray, trigger: float) -> float:

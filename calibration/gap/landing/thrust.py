@@ -4,6 +4,7 @@ import numpy as np
 
 from calibration.flights import Flight
 from calibration.gap.landing.kernels import DT
+from calibration.gap.prepare.sources import samples_of
 from onboard.arrays import FloatArray
 from onboard.battery import FULL_RATIO, thrust_from_voltage
 from onboard.vehicle import Vehicle
@@ -20,23 +21,15 @@ def commanded_thrusts(flight: Flight, vehicle: Vehicle) -> tuple[FloatArray, Flo
     """
     if flight.has(*_THRUSTS):
         return flight.series(*_THRUSTS)
-    if not flight.has(*_MOTORS) or not flight.has("vbat"):
+    pwm = samples_of(flight, *_MOTORS, clock="motors_drone_time")
+    volts = samples_of(flight, "vbat")
+    if pwm is None or volts is None:
         return None
-    t, pwm = _commands_on_clock(flight)
-    t_volts, volts = flight.series("vbat")
-    supply = np.interp(t, t_volts, volts[:, 0])
+    supply = np.interp(pwm.t, volts.t, volts.values[:, 0])
     thrust_map = vehicle.motors.thrust_map_compiled()
-    at_motor = np.clip(pwm / FULL_RATIO, 0.0, 1.0) * supply[:, None]
+    at_motor = np.clip(pwm.values / FULL_RATIO, 0.0, 1.0) * supply[:, None]
     thrust = np.array([[thrust_from_voltage(thrust_map, float(v)) for v in row] for row in at_motor])
-    return t, thrust
-
-
-def _commands_on_clock(flight: Flight) -> tuple[FloatArray, FloatArray]:
-    """PWM by the drone's own clock where the log has it, as the gyro (:func:`segments.gyro_on_clock`)."""
-    if not flight.has("motors_drone_time"):
-        return flight.series(*_MOTORS)
-    host, values = flight.series("motors_drone_time", *_MOTORS)
-    return values[:, 0] + float(np.min(host - values[:, 0])), values[:, 1:]
+    return pwm.t, thrust
 
 
 def on_steps(times: FloatArray, thrusts: FloatArray, start: float, steps: int) -> FloatArray:
