@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from perchhw.cli.gap_suggest import suggest_command
+from perchhw.cli.gap_walkthrough import walkthrough_command
 from perchhw.cli.options import FlightFormat, Legs
 from perchhw.cli.output import console, emit, progress_console
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help="Compare the model with measured flights.")
 app.command("suggest")(suggest_command)
+app.command("walkthrough")(walkthrough_command)
 
 DataOption = Annotated[
     list[Path], typer.Option("--data", help="Flight files, or folders of them; more may follow it.")

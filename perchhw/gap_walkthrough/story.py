@@ -1,0 +1,78 @@
+"""What happens in the walk-through: which change is hidden, what is flown, where landings are counted."""
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+
+from onboard.quantity import Quantity
+from onboard.vehicle import EFFECTS, Effect, Vehicle, load_vehicle, vehicle_to_toml
+from perchhw.attempt import DEFAULT_VEHICLE
+from perchhw.learning.grid import Condition, conditions
+from perchhw.learning.sweep import SweepGrid
+
+BELIEVED = DEFAULT_VEHICLE
+"""The vehicle file that everybody but the simulated drone believes."""
+
+HIDDEN: Mapping[str, Mapping[str, float]] = {
+    "thrust_scale": {"scale": 0.9},
+    "motor_lag": {"scale": 1.2},
+    "leg_stiffness": {"scale": 0.3},
+}
+"""Worn propellers and motors, and hinges that have gone soft."""
+
+LANDING_SPEEDS, LANDING_ANGLES = (2.25, 2.5, 2.75), (42.5, 47.5, 52.5)
+"""Conditions of the campaign in the lab."""
+
+TEST_FLIGHTS = (
+    "thrust_steps",
+    "attitude_doublets",
+    "circles",
+    "vertical_steps",
+    "chirp",
+    "throttle_chops",
+    "yaw_steps",
+    "straight_laps",
+    "thrust_steps",
+    "attitude_doublets",
+    "circles",
+    "vertical_steps",
+)
+"""Test flights of the campaign, in their order."""
+
+RATE_GRID: tuple[Condition, ...] = conditions((2.0, 2.25, 2.5, 2.75, 3.0), (40.0, 45.0, 50.0, 55.0, 60.0))
+"""Conditions at which landing rates are counted by rollouts."""
+
+ROLLOUTS = 36
+"""Of each condition: standard error of a mean rate over the grid below 0.02."""
+
+SENSING = ("realistic", "late")
+"""Cues of 0 to 15 ms of age, and of always 15 ms (docs/learning.md)."""
+
+SWEEP = SweepGrid(
+    tuple(round(1.8 + 0.1 * k, 1) for k in range(15)), tuple(37.5 + 2.5 * k for k in range(12)), 3
+)
+"""What is learned anew: the grid of the rates and a margin around it."""
+
+
+def hidden_vehicle() -> Vehicle:
+    """The drone as it is."""
+    believed = load_vehicle(BELIEVED)
+    effects = tuple(
+        Effect(
+            name=name,
+            parameters={
+                key: Quantity(value, EFFECTS[name].parameters[key].unit, 0.0, "hidden change")
+                for key, value in values.items()
+            },
+        )
+        for name, values in HIDDEN.items()
+    )
+    return dataclasses.replace(believed, effects=effects)
+
+
+def write_hidden(folder: Path) -> Path:
+    """Write the file of the hidden vehicle, for the simulated drone alone."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "vehicle.toml"
+    path.write_text(vehicle_to_toml(hidden_vehicle()), encoding="utf-8")
+    return path
