@@ -1,0 +1,113 @@
+"""Campaigns of test flights: what their files mean, and that nothing is flown twice."""
+
+from pathlib import Path
+
+import pytest
+
+from perchhw.campaign import CampaignFileError
+from perchhw.campaign.courses import flight_rows, fly_plan, has_flights, load_flight_plan
+from perchhw.campaign.store import CampaignError
+from perchhw.flight.course import CourseRequest, CourseResult
+from perchhw.record import RunRecorder
+
+FILE = """
+schema = "perchhw.campaign/1"
+drone = "udp://127.0.0.1:19850"
+mocap = "vicon://127.0.0.1:18801?subject=cf1"
+
+[[flight]]
+kind = "circles"
+times = 2
+radius = 0.5
+
+[[flight]]
+kind = "thrust_steps"
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "small.toml"
+    path.write_text(FILE)
+    return path
+
+
+def test_a_file_is_read(file: Path) -> None:
+    assert has_flights(file)
+    plan = load_flight_plan(file)
+    assert plan.name == "small"
+    assert [flight.kind for flight in plan.flights] == ["circles", "circles", "thrust_steps"]
+    assert plan.flights[0].parameters == {"radius": 0.5}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"circles"', '"loops"', r"key flight\[0\].kind: 'loops' is not one of thrust_steps"),
+        ("radius = 0.5", "radius = 1.5", r"key flight\[0\].kind: circles: the course spans y"),
+        ("radius = 0.5", "radius = 500", r"key flight\[0\].kind: circles: radius = 500 .* must be 0.2 to 20"),
+        ("radius = 0.5", "diameter = 0.5", r"key flight\[0\].diameter: unknown; known are"),
+        ("times = 2", "times = 0", r"key flight\[0\].times: 0 is less than 1"),
+        ("udp://127", "foo://127", "key drone: 'foo://127.0.0.1:19850' is not a drone address"),
+        ("schema", "[grid]\nspeeds = [2.0]\n[stop]\nschema", "key schema: missing"),
+        ('drone = "udp', 'seed = 1\ndrone = "udp', "key seed: unknown"),
+    ],
+)
+def test_errors_name_the_key(old: str, new: str, message: str, file: Path) -> None:
+    file.write_text(file.read_text().replace(old, new, 1))
+    with pytest.raises(CampaignFileError, match=message):
+        load_flight_plan(file)
+
+
+class StandIn:
+    """Flies nothing, but leaves the record of a flight; `fails` many of them are aborted first."""
+
+    def __init__(self, fails: int = 0) -> None:
+        self.flown: list[str] = []
+        self.fails = fails
+
+    def __call__(self, request: CourseRequest) -> CourseResult:
+        self.flown.append(request.kind)
+        aborted = None
+        if self.fails:
+            self.fails -= 1
+            aborted = "battery_in_flight: 2.6 V"
+        with RunRecorder(request.folder, {"flight": request.kind}) as recorder:
+            recorder.close(outcome="aborted" if aborted else "flown", aborted_by=aborted)
+        return CourseResult(aborted, request.folder, False)
+
+
+def test_an_aborted_flight_stops_the_campaign_and_is_flown_again_on_resume(
+    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rebooted: list[str] = []
+    monkeypatch.setattr("perchhw.campaign.courses.reboot", rebooted.append)
+    plan, folder, asked = load_flight_plan(file), tmp_path / "out", []
+    first = StandIn(fails=1)
+    rows = fly_plan(plan, folder, asked.append, fly=first)
+    assert first.flown == ["circles"]
+    assert [row.done for row in rows] == [False, False, False]
+    assert "battery" in str(rows[0].aborted_by)
+    assert (asked, rebooted) == ([], [])
+
+    with pytest.raises(CampaignError, match="--resume"):
+        fly_plan(plan, folder, asked.append, fly=first)
+
+    second = StandIn()
+    rows = fly_plan(plan, folder, asked.append, fly=second, resume=True)
+    assert second.flown == ["circles", "circles", "thrust_steps"]
+    assert all(row.done for row in rows)
+    assert len(asked) == len(rebooted) == 3
+
+    third = StandIn()
+    assert fly_plan(plan, folder, asked.append, fly=third, resume=True) == rows
+    assert third.flown == []
+
+
+def test_a_flight_whose_process_died_is_not_done(file: Path, tmp_path: Path) -> None:
+    plan, folder = load_flight_plan(file), tmp_path / "out"
+    RunRecorder(folder / "attempts" / "20260101T000000Z-000-circles", {"flight": "circles"})
+    (row, *others) = flight_rows(plan, folder)
+    assert not row.done
+    assert row.aborted_by == "its process ended"
+    assert all(other.record is None for other in others)
