@@ -7,6 +7,7 @@ small to matter stays in the model without a name: left out, another would be na
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,7 +15,7 @@ import numpy as np
 from calibration.gap.acceptance import DETECTABLE, LEAST_GAIN, Judgement, judge
 from calibration.gap.candidates import Candidate, candidates
 from calibration.gap.exchange import Rival, needed, rivals, without
-from calibration.gap.model import Model, Variable
+from calibration.gap.model import WORKERS, Model, Variable
 from calibration.gap.refine import Fitted, Training, refine
 from calibration.gap.screen import Promise, screen
 from calibration.gap.unlisted import Unlisted, best_unlisted, without_idle
@@ -39,7 +40,9 @@ _CLOSE = 0.3
 """Share of its gain that a rival may lack to be looked at again."""
 
 _NO_PROMISE = 2.0
-"""Log-likelihood: who promises less by a linear fit is not looked at closely, beyond the first three."""
+"""Log-likelihood: who promises less by a linear fit is not looked at closely, beyond the first few."""
+
+_AT_LEAST = 3
 
 _HALF = 0.6
 """Share of what an unnamed term gains that a name must gain to be preferred to it."""
@@ -125,19 +128,13 @@ def search(
         else:
             break
     present = without_idle(present, unlisted, training)
-    present, steps = _exchange(present, steps, training, progress)
-    ambiguous = {
-        step.effect: _rivals(present, step, training, progress) for step in steps if step.judgement.sizeable
-    }
-    told = {
-        name: tuple(rival for rival in found if not rival.told_apart) for name, found in ambiguous.items()
-    }
+    present, steps, ambiguous = _second_look(present, steps, training, progress)
     return Search(
         first=first,
         steps=tuple(steps),
         final=present,
         refused=refused,
-        ambiguous={k: v for k, v in told.items() if v},
+        ambiguous=ambiguous,
         blind=tuple(blind_to(promises)),
         unlisted=tuple(one for one in unlisted if one.term in present.unnamed),
     )
@@ -173,20 +170,30 @@ def blind_to(promises: Sequence[Promise]) -> list[str]:
     ]
 
 
-def _exchange(
+def _second_look(
     present: Fitted, steps: list[Step], training: Training, progress: Progress
-) -> tuple[Fitted, list[Step]]:
-    """Drop what others have made superfluous; then put a rival in the place of a name that it outdoes."""
+) -> tuple[Fitted, list[Step], dict[str, tuple[Rival, ...]]]:
+    """Drop what others have made superfluous; put a rival in the place of a name that it outdoes.
+
+    Returns:
+        The fit, its steps, and by named effect the rivals that the flights do not rule out.
+    """
     present = _drop_idle(present, steps, training, progress)
     steps = [step for step in steps if step.effect in present.model.effects]
-    if len(steps) < 2:  # the first name was the best of all
-        return present, steps
+    ambiguous: dict[str, tuple[Rival, ...]] = {}
     for index, step in enumerate(steps):
-        best = next(iter(_rivals(present, step, training, progress)), None)
-        if best is not None and best.lead < -LEAST_GAIN and best.effect not in present.model.effects:
+        if not step.judgement.sizeable:
+            continue
+        found = _rivals(present, step, training, progress)
+        best = next(iter(found), None)
+        outdone = best is not None and best.lead < -LEAST_GAIN and len(steps) > 1
+        if best is not None and outdone:  # a single name was the best of all when it was found
             present = best.fitted
-            steps[index] = dataclasses.replace(step, effect=best.effect, after=best.fitted)
-    return present, steps
+            steps[index] = step = dataclasses.replace(step, effect=best.effect, after=best.fitted)
+            found = _rivals(present, step, training, progress)
+        if doubtful := tuple(rival for rival in found if not rival.told_apart):
+            ambiguous[step.effect] = doubtful
+    return present, steps, ambiguous
 
 
 def _drop_idle(present: Fitted, steps: Sequence[Step], training: Training, progress: Progress) -> Fitted:
@@ -214,21 +221,24 @@ def _forward(
     refused: dict[str, str],
 ) -> Step | None:
     """The best candidate that is believed; None when there is none."""
-    fits: list[tuple[float, Candidate, Fitted, Judgement]] = []
-    for promise in promises[:_CLOSELY]:
-        if promise.gain < _NO_PROMISE and len(fits) > 2:
-            break
-        candidate = promise.candidate
-        progress(candidate.effect)
-        fitted = refine(
-            candidate.starts[0],
-            (*present.variables, *candidate.variables),
+    looked_at = [p for n, p in enumerate(promises[:_CLOSELY]) if p.gain >= _NO_PROMISE or n < _AT_LEAST]
+    progress(", ".join(promise.candidate.effect for promise in looked_at))
+
+    def closely(promise: Promise) -> Fitted:
+        return refine(
+            promise.candidate.starts[0],
+            (*present.variables, *promise.candidate.variables),
             training,
             start=present.estimate,
             unnamed=present.unnamed,
         )
-        judgement = judge(present, fitted, candidate.variables, training, rng)
-        fits.append((judgement.gain, candidate, fitted, judgement))
+
+    with ThreadPoolExecutor(WORKERS) as pool:
+        fitted_ones = list(pool.map(closely, looked_at))
+    fits: list[tuple[float, Candidate, Fitted, Judgement]] = []
+    for promise, fitted in zip(looked_at, fitted_ones, strict=True):
+        judgement = judge(present, fitted, promise.candidate.variables, training, rng)
+        fits.append((judgement.gain, promise.candidate, fitted, judgement))
     fits.sort(key=lambda item: _PARSIMONY * len(item[1].variables) - item[0])
     for gain, candidate, fitted, judgement in fits:
         if gain < LEAST_GAIN or gain < _NEARLY * fits[0][0]:
