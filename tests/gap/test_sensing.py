@@ -292,14 +292,12 @@ def test_the_integral_of_a_rate_is_the_product_of_its_steps() -> None:
     np.testing.assert_allclose(Rotation.from_quat(products(a, b)).as_matrix(), expected, atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    "case", ["none", "com_offset", "pose_delay", "pose_rotation", "pose_offset", "gyro_bias"]
-)
+@pytest.mark.parametrize("case", ["com_offset", "pose_delay", "pose_rotation", "pose_offset", "gyro_bias"])
 def test_hidden_effects(case: str, tmp_path: Path) -> None:
     answer = tmp_path / "answer.json"
     files = make_flights(case, "medium", 21, 7, out=tmp_path / "flights", answer=answer)
     findings = judge_sensing(prepare_flights(open_flights(files)[0]).records)
-    expected = [] if case in ("none", "com_offset") else [case]
+    expected = [] if case == "com_offset" else [case]  # that moves the sensors and the markers alike
     assert names(findings) == expected
     if expected:
         truth = json.loads(answer.read_text())["effects"][0]["parameters"]
