@@ -21,6 +21,11 @@ _QUIET = 0.1
 _BEYOND = 3.0
 """Variance of the quiet parts that is taken off each part: answers grow with the motion."""
 
+_EXCITED = 0.5
+"""Weight of a part in which most of the motion was commanded."""
+
+_SEVERAL = 3
+
 _LEAST = 0.01
 """Weight of a part without any excitation."""
 
@@ -45,8 +50,14 @@ def excitation_weights(signals: Signals, predicted: FloatArray) -> FloatArray:
             continue
         quiet = np.quantile(variance[seen, axis], _QUIET)
         share = 1.0 - np.minimum(_BEYOND * quiet / np.maximum(variance[:, axis], quiet), 1.0)
-        weights[:, channel] = np.clip(share / max(float(share.max()), _LEAST), _LEAST, 1.0)
+        weights[:, channel] = np.maximum(share, _LEAST)
     return weights
+
+
+def excited(weights: FloatArray) -> bool:
+    """Whether roll or pitch was commanded in several parts, so that delays and levers can be told at all."""
+    rolling = weights[:, TORQUE.start : TORQUE.start + 2].max(axis=1)
+    return int((rolling >= _EXCITED).sum()) >= _SEVERAL
 
 
 def _variance(values: FloatArray, valid: np.ndarray, dt: float) -> FloatArray:

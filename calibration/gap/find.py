@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from calibration.errors import CalibrationError
 from calibration.flights import Flight
 from calibration.gap.held_out import HeldOutFlights
 from calibration.gap.improved import improved_vehicle, provenance
 from calibration.gap.landing import LandingFindings, judge_landings
 from calibration.gap.landing import Verdict as LandingVerdict
 from calibration.gap.model import Model
-from calibration.gap.naming import Named, found_effects, name_effects
+from calibration.gap.naming import FEWEST, Named, found_effects, name_effects
 from calibration.gap.nuisances import NUISANCES
 from calibration.gap.other_phases import landing_effects, sensing_effects
 from calibration.gap.prediction import PredictionErrors, evaluate
@@ -36,7 +37,15 @@ from calibration.gap.showing import figures, unexplained, where
 from calibration.gap.signals import CHANNELS, UNITS
 from calibration.gap.split import split_flights
 from calibration.gap.unlisted import map_of
+from onboard.errors import InputError
 from onboard.vehicle import EFFECTS, Vehicle
+
+
+class NothingToFindError(CalibrationError, InputError):
+    """Not one flight can be held against a model; the message says why."""
+
+
+_NO_VOLTAGE = "no battery voltage, so nobody knows what thrust a command meant: log it (pm.vbat, vbat)"
 
 
 @dataclass(frozen=True)
@@ -81,6 +90,9 @@ def find_gap(
         prepared: the records that were made of them.
         asked: vehicle, seed, ceiling.
         progress: told what is being looked at.
+
+    Raises:
+        NothingToFindError: not one flight can be used.
     """
     # Small matrices, and flights in parallel already: threads of the linear algebra would only spin.
     with threadpool_limits(limits=1, user_api="blas"):
@@ -89,9 +101,15 @@ def find_gap(
 
 def _find(flights: Sequence[Flight], prepared: Prepared, asked: Question, progress: Progress) -> GapResult:
     rng = np.random.default_rng(asked.seed)
+    usable = [record for record in prepared.records if record.voltage is not None]
+    if not usable:
+        raise NothingToFindError(f"{_NO_VOLTAGE} (in {len(prepared.records)} flights)")
     progress("sensors")
-    sensing = judge_sensing(prepared.records)
-    corrected = apply_sensing(prepared.records, sensing)
+    sensing = judge_sensing(usable)
+    corrected = apply_sensing(usable, sensing)
+    if not corrected:
+        reasons = "; ".join(f"{item.name}: {item.reason}" for item in sensing.broken)
+        raise NothingToFindError(f"no flight can be used: {reasons}")
     fit_to, kept_back = split_flights(corrected)
     model = Model(asked.vehicle, {}, asked.ceiling_z)
     training = training_set([corrected[i] for i in fit_to], model)
@@ -111,18 +129,22 @@ def _find(flights: Sequence[Flight], prepared: Prepared, asked: Question, progre
     progress("where it lives")
     maps = map_of(found.first, training, rng), map_of(found.final, training, rng)
     report = GapReport(
-        verdict=_verdict(effects, found, landings),
+        verdict=_verdict(effects, found, names, landings),
         vehicle=asked.vehicle.name,
         effects=tuple(effects),
         gap=prediction_gap(stages),
         where=where(maps[0]),
-        unexplained=unexplained(found, asked.vehicle),
+        unexplained=unexplained(found, names, asked.vehicle),
         train=tuple(record.name for record in training.records),
         held_out=tuple(corrected[i].name for i in kept_back),
         unusable=_unusable(asked, prepared, sensing),
         ambiguous=_ambiguous(effects),
         rejected=tuple(Rejected(name=name, reason=reason) for name, reason in found.refused.items()),
-        limitations=(*prepared.limitations, *_limits(kept_back, found, sensing, landings)),
+        limitations=(
+            *prepared.limitations,
+            *stages["before"].doubts(),
+            *_limits(kept_back, found, names, sensing, landings),
+        ),
         seed=asked.seed,
         noise=_noise(found, training),
     )
@@ -134,9 +156,11 @@ def _find(flights: Sequence[Flight], prepared: Prepared, asked: Question, progre
     )
 
 
-def _verdict(effects: Sequence[FoundEffect], found: Search, landings: LandingFindings | None) -> Verdict:
+def _verdict(
+    effects: Sequence[FoundEffect], found: Search, names: Named, landings: LandingFindings | None
+) -> Verdict:
     odd_landings = landings is not None and landings.verdict is LandingVerdict.UNEXPLAINED_GAP
-    if found.unlisted or odd_landings:
+    if found.unlisted or names.unconfirmed or odd_landings:
         return Verdict.UNEXPLAINED_GAP
     return Verdict.EFFECTS_FOUND if effects else Verdict.NO_GAP
 
@@ -167,6 +191,11 @@ def _stages(names: Named, records: Sequence[FlightRecord]) -> dict[str, Predicti
 
 def _unusable(asked: Question, prepared: Prepared, sensing: SensingFindings) -> tuple[UnusableFile, ...]:
     refused = [UnusableFile(file=str(item.file), reason=item.reason) for item in prepared.refused]
+    refused += [
+        UnusableFile(file=str(record.source), reason=_NO_VOLTAGE)
+        for record in prepared.records
+        if record.voltage is None
+    ]
     broken = [UnusableFile(file=item.name, reason=item.reason) for item in sensing.broken]
     return (*asked.unusable, *refused, *broken)
 
@@ -174,12 +203,17 @@ def _unusable(asked: Question, prepared: Prepared, sensing: SensingFindings) -> 
 def _limits(
     kept_back: Sequence[int],
     found: Search,
+    names: Named,
     sensing: SensingFindings,
     landings: LandingFindings | None,
 ) -> tuple[str, ...]:
     limits = [
         f"{name} cannot be judged: even an ordinary one would not show; needed: {EFFECTS[name].revealed_by}"
         for name in found.blind
+    ]
+    limits += [
+        f"{name} explains these flights best, but fewer than {FEWEST} were fitted: fly more to confirm it"
+        for name in names.unconfirmed
     ]
     limits += sensing.notes
     if landings is not None:

@@ -6,6 +6,7 @@ import numpy as np
 
 from calibration.gap.acceptance import clustered_errors, drifts, sizeable, stuck
 from calibration.gap.exchange import needed
+from calibration.gap.excitation import excited
 from calibration.gap.held_out import HeldOutFlights, improvement
 from calibration.gap.improved import separations
 from calibration.gap.model import Model, Variable
@@ -13,6 +14,9 @@ from calibration.gap.refine import Fitted, Training
 from calibration.gap.report import FoundEffect, FoundParameter
 from calibration.gap.search import LOG_TIMING, Search
 from onboard.vehicle import EFFECTS
+
+FEWEST = 3
+"""Flights: what fewer show may be of one of them alone."""
 
 NINETY_FIVE = 1.96
 """Standard errors to either side of a 95 % interval."""
@@ -27,12 +31,14 @@ class Named:
         model: the base vehicle with these effects alone.
         errors: clustered standard error of each variable.
         ambiguous: by effect, those that the flights do not rule out in its place.
+        unconfirmed: effects that would have been named, had there been flights to confirm them on.
     """
 
     effects: tuple[str, ...]
     model: Model
     errors: dict[Variable, float]
     ambiguous: dict[str, tuple[str, ...]]
+    unconfirmed: tuple[str, ...]
 
     def models(self) -> dict[str, Model]:
         """The model before, and after each effect, under "before", "with <effect>"."""
@@ -54,7 +60,9 @@ def name_effects(found: Search, training: Training, rng: np.random.Generator) ->
     order = [step.effect for step in found.steps]
     if needed(final, LOG_TIMING.effect, training):
         order.append(LOG_TIMING.effect)
-    order = [name for name in order if _worth_a_name(name, final, training)]
+    worthy = [name for name in order if _worth_a_name(name, final, training)]
+    confirmed = len(training.records) >= FEWEST
+    order = worthy if confirmed else []
     values = {
         v: x
         for name in order
@@ -66,6 +74,7 @@ def name_effects(found: Search, training: Training, rng: np.random.Generator) ->
         model=Model(final.model.base, values, final.model.ceiling_z),
         errors=clustered_errors(final, training, rng),
         ambiguous={k: tuple(rival.effect for rival in v) for k, v in found.ambiguous.items()},
+        unconfirmed=() if confirmed else tuple(worthy),
     )
 
 
@@ -75,7 +84,8 @@ def _worth_a_name(effect: str, final: Fitted, training: Training) -> bool:
     if any(stuck(v, x) or (v in final.variables and drifts(v, final)) for v, x in values.items()):
         return False
     if effect == LOG_TIMING.effect:
-        return final.model.values[LOG_TIMING] > 0.5 * training.regression.signals.dt
+        late = final.model.values[LOG_TIMING] > 0.5 * training.regression.signals.dt
+        return late and excited(training.regression.weights)
     return any(sizeable(v, x) for v, x in values.items())
 
 

@@ -32,7 +32,7 @@ def where(before: GapMap) -> tuple[Where, ...]:
     )[:_PLACES]
 
 
-def unexplained(found: Search, vehicle: Vehicle) -> Unexplained:
+def unexplained(found: Search, names: Named, vehicle: Vehicle) -> Unexplained:
     """What has no name; its share is of the residual's variance in the channel where most of it lives."""
     findings = [one.finding for one in found.unlisted]
     told = formulas(found.final, vehicle)

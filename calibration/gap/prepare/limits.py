@@ -24,7 +24,7 @@ def limitations(records: Sequence[FlightRecord]) -> tuple[str, ...]:
         "no battery voltage: battery_sag cannot be judged", records, lambda r: r.voltage is None
     )
     found += _missing(
-        "no accelerometer: force effects are judged by position alone, pose_offset not at all",
+        "no accelerometer: effects on forces (thrust, drag, mass, surfaces) and pose_offset cannot be judged",
         records,
         lambda r: r.specific_force is None,
     )
