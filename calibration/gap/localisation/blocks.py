@@ -1,5 +1,6 @@
 """Spans of time: blocks whose mean residual is judged, and longer units that chance is drawn by."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,7 +59,7 @@ def _numbered(outer: np.ndarray, inner: np.ndarray) -> np.ndarray:
 
 def grouped_mean(values: FloatArray, group: np.ndarray, count: int) -> FloatArray:
     """Mean of rows by group, shape (count, ...); 0 for groups without rows."""
-    flat = values.reshape(values.shape[0], -1)
+    flat = values.reshape(values.shape[0], math.prod(values.shape[1:]))
     sums = np.stack([np.bincount(group, column, count) for column in flat.T], axis=1)
     sizes = np.maximum(np.bincount(group, minlength=count), 1)
     return np.asarray((sums / sizes[:, None]).reshape(count, *values.shape[1:]))

@@ -128,7 +128,7 @@ class _Landing:
     def _trace(self, parameters: Any, start: Any) -> FloatArray:
         state = start.copy()
         trace = np.empty((len(self._targets) + 1, COLUMNS))
-        fly(state, parameters, self._targets, trace)
+        fly(state, parameters, self._targets, 1, trace)
         return trace
 
     def _gyro(self, parameters: Any, start: Any) -> FloatArray:
