@@ -102,7 +102,7 @@ def _in_words(suggestions: "list[Suggestion]", written: list[str]) -> str:
     for suggestion in suggestions:
         pair = " or ".join(suggestion.pair)
         if suggestion.flight is None:
-            what = suggestion.measurement or "and no measurement that we know"
+            what = suggestion.advice or "and no measurement that we know"
             lines.append(f"{pair}: no flight of the library tells them apart; {what}")
             continue
         best = suggestion.ranking[0][1]

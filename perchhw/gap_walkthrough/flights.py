@@ -13,6 +13,8 @@ from perchhw.gap_walkthrough.story import BELIEVED, LANDING_ANGLES, LANDING_SPEE
 from perchhw.lab_process import SimulatedLab
 
 _ABORTED_IN_A_ROW = 3
+_TRIES = 6
+"""Runs of the test flights: one that a busy machine ended is flown again."""
 
 
 def _nobody(_request: str) -> None:
@@ -73,8 +75,12 @@ def fly_tests(folder: Path, vehicle: Path, seed: int) -> dict[str, Any]:
             room=RoomGeometry(),
             flights=tuple(PlannedFlight(kind, {}) for kind in TEST_FLIGHTS),
         )
-        rows = fly_plan(plan, folder, _nobody, resume=True)
-    stopped = next((row for row in rows if row.aborted_by), None)
-    if stopped is not None:
-        raise FlightStackError(f"test flight {stopped.kind} ended early: {stopped.aborted_by}; start again")
-    return {"flights": [row.kind for row in rows], "records": str(folder / "attempts")}
+        for _ in range(_TRIES):
+            rows = fly_plan(plan, folder, _nobody, resume=True)
+            if all(row.done for row in rows):
+                return {"flights": [row.kind for row in rows], "records": str(folder / "attempts")}
+    stopped = next(row for row in rows if not row.done)
+    raise FlightStackError(
+        f"test flight {stopped.kind} ended early {_TRIES} times, last by {stopped.aborted_by}; is the "
+        "machine too busy for a lab in real time? The same command goes on"
+    )

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calibration.gap.suggest.ambiguous import GapReportError, read_questions
+from calibration.gap.suggest.ambiguous import GapReportError, OpenQuestions, read_questions
 from calibration.gap.suggest.choose import Search
 from calibration.gap.suggest.course import CourseBuilder, CourseError
 from calibration.gap.suggest.hypothesis import Hypothesis
@@ -177,13 +177,20 @@ def test_a_question_that_no_flight_answers_gets_its_measurement(tmp_path: Path) 
     search = Search(VEHICLE, RoomGeometry(x_min=-3.5, x_max=-1.5), kinds=kinds)
     mass, legs, delay = search.suggest(read_questions(path))
     assert mass.flight is None
-    assert "weigh" in str(mass.measurement)
+    assert "weigh" in str(mass.advice)
     assert legs.flight == "landings"
     assert delay.flight is not None
-    assert delay.measurement is None
+    assert delay.advice is None
     rates = [found.per_second for _, found in delay.ranking]
     assert rates == sorted(rates, reverse=True)
     assert "tour" not in dict(delay.ranking)
+
+
+def test_of_two_effects_of_which_one_contains_the_other_the_simpler_is_kept() -> None:
+    questions = OpenQuestions((), (("motor_imbalance", "thrust_scale"),))
+    (suggestion,) = Search(VEHICLE, ROOM, kinds=("thrust_steps",)).suggest(questions)
+    assert suggestion.flight is None
+    assert "keep thrust_scale" in str(suggestion.advice)
 
 
 def test_what_is_written_is_a_campaign_that_can_be_flown(

@@ -1,8 +1,10 @@
 """Choose the flight of the library that tells two effects apart best."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from calibration.gap.suggest.ambiguous import OpenQuestions
 from calibration.gap.suggest.course import CourseDoesNotFit
@@ -26,6 +28,10 @@ LEAST_FLIGHTS = 3
 """Of one kind: with fewer nothing can be held out."""
 
 
+Directions = tuple[Separation, Separation]
+"""The first effect true and the second fitted, and the other way round."""
+
+
 @dataclass(frozen=True)
 class Suggestion:
     """What to do about one pair of effects.
@@ -35,14 +41,14 @@ class Suggestion:
         flight: kind of the flight that separates them best, or None where none does.
         times: how often to fly it.
         ranking: every kind that fits the room, best first.
-        measurement: on the ground, where no flight does.
+        advice: where no flight does: a measurement on the ground, or which effect to keep.
     """
 
     pair: tuple[str, str]
     flight: str | None
     times: int
     ranking: tuple[tuple[str, Separation], ...]
-    measurement: str | None
+    advice: str | None
 
     def to_json(self) -> dict[str, object]:
         """By name."""
@@ -50,7 +56,7 @@ class Suggestion:
             "effects": list(self.pair),
             "flight": self.flight,
             "times": self.times,
-            "measurement": self.measurement,
+            "advice": self.advice,
             "ranking": [
                 {
                     "flight": kind,
@@ -92,37 +98,51 @@ class Search:
             directed = {LANDINGS: self._landings(vehicle, questions, pair)}
         else:
             directed = self._courses(vehicle, questions, pair)
-        ranking = sorted(directed.items(), key=lambda item: -item[1].per_second)
+        ranking = sorted(
+            ((kind, _worse(both)) for kind, both in directed.items()), key=lambda item: -item[1].per_second
+        )
         telling = [item for item in ranking if item[1].log_likelihood_ratio >= LEAST_OF_A_FLIGHT]
         if not telling:
-            return Suggestion(pair, None, 0, tuple(ranking), measurement_for(*pair))
+            advice = _imitation(pair, directed.values()) or measurement_for(*pair)
+            return Suggestion(pair, None, 0, tuple(ranking), advice)
         kind, best = telling[0]
         times = math.ceil(WANTED / best.log_likelihood_ratio)
         return Suggestion(pair, kind, min(max(times, LEAST_FLIGHTS), MOST_FLIGHTS), tuple(ranking), None)
 
     def _courses(
         self, vehicle: Vehicle, questions: OpenQuestions, pair: tuple[str, str]
-    ) -> dict[str, Separation]:
-        """Separation by every flight that fits the room: by the worse of the two directions."""
-        found = {}
+    ) -> dict[str, Directions]:
+        """Separation by every flight that fits the room."""
+        found: dict[str, Directions] = {}
         for kind in self.kinds:
             try:
                 course = manoeuvre(kind).course({}, self.room)
             except CourseDoesNotFit:
                 continue
-            found[kind] = _worse(
-                [
-                    separation(vehicle, questions.values_of(a), b, course, self.room, self.seed)
-                    for a, b in (pair, pair[::-1])
-                ]
+            first, second = (questions.values_of(name) for name in pair)
+            found[kind] = (
+                separation(vehicle, first, pair[1], course, self.room, self.seed),
+                separation(vehicle, second, pair[0], course, self.room, self.seed),
             )
         return found
 
-    def _landings(self, vehicle: Vehicle, questions: OpenQuestions, pair: tuple[str, str]) -> Separation:
-        return _worse(
-            [landing_separation(vehicle, questions.values_of(a), b, self.room) for a, b in (pair, pair[::-1])]
+    def _landings(self, vehicle: Vehicle, questions: OpenQuestions, pair: tuple[str, str]) -> Directions:
+        first, second = (questions.values_of(name) for name in pair)
+        return (
+            landing_separation(vehicle, first, pair[1], self.room),
+            landing_separation(vehicle, second, pair[0], self.room),
         )
 
 
-def _worse(both: Sequence[Separation]) -> Separation:
+def _worse(both: Directions) -> Separation:
     return min(both, key=lambda one: one.log_likelihood_ratio)
+
+
+def _imitation(pair: tuple[str, str], found: Iterable[Directions]) -> str | None:
+    """What to do where one effect contains the other: flights can show that it is needed, never that not."""
+    best = np.max([[one.log_likelihood_ratio for one in both] for both in found], axis=0)
+    able = best >= LEAST_OF_A_FLIGHT
+    if able[0] == able[1]:
+        return None
+    simpler, richer = pair if able[1] else pair[::-1]
+    return f"{richer} can do all that {simpler} does: keep {simpler}, the simpler of the two"

@@ -31,7 +31,11 @@ class Hypothesis:
     @classmethod
     def typical(cls, effect: str) -> "Hypothesis":
         """The effect as an ordinary vehicle may have it."""
-        return cls(effect, {name: p.typical for name, p in EFFECTS[effect].parameters.items()})
+        values = {name: p.typical for name, p in EFFECTS[effect].parameters.items()}
+        if effect == "motor_imbalance":
+            # One weak motor: four alike are no imbalance.
+            values = {**cls.neutral(effect).values, "m1": values["m1"]}
+        return cls(effect, values)
 
     @classmethod
     def neutral(cls, effect: str) -> "Hypothesis":
