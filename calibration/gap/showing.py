@@ -36,16 +36,11 @@ def unexplained(found: Search, names: Named, vehicle: Vehicle) -> Unexplained:
     """What has no name; its share is of the residual's variance in the channel where most of it lives."""
     findings = [one.finding for one in found.unlisted]
     told = formulas(found.final, vehicle)
+    goes_with = [text for f in findings for text in (f.regressor, f.condition, *f.alike)]
     return Unexplained(
         share=max((float(finding.share) for finding in findings), default=0.0),
         channels=tuple(dict.fromkeys(finding.channel.name for finding in findings)),
-        suspects=tuple(
-            dict.fromkeys(
-                text
-                for finding in findings
-                for text in (finding.regressor, finding.condition, *finding.alike)
-            )
-        ),
+        suspects=tuple(dict.fromkeys([*goes_with, *names.unconfirmed])),
         formula="; ".join(told) or None,
     )
 

@@ -1,0 +1,74 @@
+"""``perchhw gap find`` as its user calls it: files in, report and vehicle out, nothing claimed too much."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from onboard.vehicle import load_vehicle
+from tests.gap.truth.campaign import make_flights
+
+FLIGHTS = 6
+
+
+@pytest.fixture(scope="module")
+def flights(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("hidden")
+    make_flights("rotor_drag", "strong", 11, FLIGHTS, out=folder / "flights", answer=folder / "answer.json")
+    return folder
+
+
+def find(out: Path, *data: Path) -> tuple[int, dict[str, Any]]:
+    done = subprocess.run(
+        [sys.executable, "-m", "perchhw", "--json", "gap", "find", "--vehicle", "crazyflie21-stock",
+         "--out", str(out), "--data", *map(str, data)],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    return done.returncode, json.loads(done.stdout)
+
+
+def test_report_and_improved_vehicle(flights: Path, tmp_path: Path) -> None:
+    code, report = find(tmp_path, flights / "flights")
+    assert code == 0
+    assert json.loads((tmp_path / "report.json").read_text()) == report
+    assert report["schema"] == "perchhw.gap/1"
+    assert report["verdict"] == "effects_found"
+    assert [effect["name"] for effect in report["effects"]] == ["rotor_drag"]
+    hidden = json.loads((flights / "answer.json").read_text())["effects"][0]["parameters"]["coefficient"]
+    found = report["effects"][0]
+    assert found["parameters"]["coefficient"]["value"] == pytest.approx(hidden, rel=0.05)
+    assert found["error_after"] < 0.8 * found["error_before"]
+    assert set(report["flights"]["train"]).isdisjoint(report["flights"]["held_out"])
+    assert len(report["flights"]["train"] + report["flights"]["held_out"]) == FLIGHTS
+    assert report["where"][0]["channel"].endswith(("_x", "_y"))
+    improved = load_vehicle(tmp_path / "vehicle.toml")
+    (effect,) = improved.effects
+    assert effect.values()["coefficient"] == found["parameters"]["coefficient"]["value"]
+    assert "gap finder" in effect.parameters["coefficient"].source
+    assert "<html" in (tmp_path / "report.html").read_text()
+
+
+def test_one_flight_and_its_copy_confirm_nothing(flights: Path, tmp_path: Path) -> None:
+    one = flights / "flights" / "circle_fast_rep1.csv"
+    copy = shutil.copy(one, tmp_path / "copy.csv")
+    code, report = find(tmp_path / "out", one, Path(copy))
+    assert code == 0
+    assert report["effects"] == []
+    assert report["verdict"] == "unexplained_gap"
+    assert "rotor_drag" in report["unexplained"]["suspects"]
+    (unusable,) = report["flights"]["unusable"]
+    assert unusable["reason"].startswith("holds the same numbers")
+
+
+def test_flights_without_a_voltage_are_refused_by_name(flights: Path, tmp_path: Path) -> None:
+    for path in sorted((flights / "flights").glob("*.csv"))[:2]:
+        rows = [line.rsplit(",", 1)[0] for line in path.read_text().splitlines()]
+        assert path.read_text().splitlines()[0].endswith(",vbat")
+        (tmp_path / path.name).write_text("\n".join(rows) + "\n")
+    code, answer = find(tmp_path / "out", *sorted(tmp_path.glob("*.csv")))
+    assert code == 2
+    assert "no battery voltage" in answer["error"]
