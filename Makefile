@@ -5,10 +5,14 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test lint lock clean
+.PHONY: demo walkthrough test lint lock clean
 
 demo: $(VENV)/.demo
 	$(BIN)/perchhw demo --out demo-run
+
+# A hidden change of the simulated drone is found from its own flights, and its landings return.
+walkthrough: $(VENV)/.dev
+	$(BIN)/perchhw gap walkthrough --out walkthrough-run
 
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest
@@ -38,4 +42,4 @@ lock:
 	PYTHON=$(PYTHON) scripts/lock.sh
 
 clean:
-	rm -rf $(VENV) demo-run
+	rm -rf $(VENV) demo-run walkthrough-run
