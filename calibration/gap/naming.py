@@ -1,5 +1,6 @@
 """From a finished search to names, values and intervals."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,11 @@ from onboard.vehicle import EFFECTS
 FEWEST = 3
 """Flights: what fewer show may be of one of them alone."""
 
+SYSTEMATIC = 0.02
+"""Share of an effect that its value may be off by for other reasons than noise: regressors are measured, with
+noise and filters of their own, and commands are known at the samples only. On flights with known effects of
+medium size the values were off by up to this much more than their scatter over flights says."""
+
 NINETY_FIVE = 1.96
 """Standard errors to either side of a 95 % interval."""
 
@@ -29,7 +35,7 @@ class Named:
     Attributes:
         effects: names, in the order found.
         model: the base vehicle with these effects alone.
-        errors: clustered standard error of each variable.
+        errors: standard error of each variable: clustered, and :data:`SYSTEMATIC`.
         ambiguous: by effect, those that the flights do not rule out in its place.
         unconfirmed: effects that would have been named, had there been flights to confirm them on.
     """
@@ -72,7 +78,10 @@ def name_effects(found: Search, training: Training, rng: np.random.Generator) ->
     return Named(
         effects=tuple(order),
         model=Model(final.model.base, values, final.model.ceiling_z),
-        errors=clustered_errors(final, training, rng),
+        errors={
+            v: math.hypot(error, SYSTEMATIC * abs(final.model.start_value(v) - (v.neutral or 0.0)))
+            for v, error in clustered_errors(final, training, rng).items()
+        },
         ambiguous={k: tuple(rival.effect for rival in v) for k, v in found.ambiguous.items()},
         unconfirmed=() if confirmed else tuple(worthy),
     )
