@@ -209,6 +209,27 @@ def test_poses_go_out_as_they_are_and_only_if_finite(tiny: TinyDrone, link: Dron
     assert [r[1:] for r in tiny.requests if r[0] & 0xF3 == 0x91] == [b"\x04"]
 
 
+def test_setpoints_go_out_in_thousandths_and_only_if_they_fit(tiny: TinyDrone, link: DroneLink) -> None:
+    link.send_full_state((1.0, -2.0, 0.5), (0.1, 0.0, -0.2), (0.0, 3.0, -9.0), 0.0, -0.5)
+    link.end_setpoints()
+    nothing = (0.0, 0.0, 0.0)
+    for position, yaw, rate in (
+        ((1.0, float("nan"), 0.5), 0.0, 0.0),
+        ((1.0, 0.0, 33.0), 0.0, 0.0),
+        (nothing, float("nan"), 0.0),
+        (nothing, 0.0, float("inf")),
+    ):
+        with pytest.raises(LinkInputError):
+            link.send_full_state(position, nothing, nothing, yaw, rate)
+    assert link.param("ring.solid") == 0.25  # what was sent before has arrived
+    setpoints = [request[1:] for request in tiny.requests if request[0] & 0xF3 == 0x70]
+    level = 3 << 30  # the largest part is w, the others are zero
+    assert setpoints == [
+        struct.pack("<B9hI3h", 6, 1000, -2000, 500, 100, 0, -200, 0, 3000, -9000, level, 0, 0, -500)
+    ]
+    assert tiny.count(0x71) == 2
+
+
 # Memory and policy
 
 
