@@ -145,8 +145,8 @@ class Commands:
         numbers = (*position, *velocity, *acceleration)
         if not all(abs(number) < _LARGEST_SETPOINT for number in (*numbers, yaw, yaw_rate)):
             raise LinkInputError(
-                f"the setpoint {numbers}, {yaw} rad, {yaw_rate} rad/s does not fit into a packet: every number "
-                f"must be finite and below {_LARGEST_SETPOINT:g}"
+                f"the setpoint {numbers}, {yaw} rad, {yaw_rate} rad/s does not fit into a packet: every "
+                f"number must be finite and below {_LARGEST_SETPOINT:g}"
             )
         attitude = compress_quaternion((0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)))
         milli = (round(1000.0 * number) for number in numbers)
