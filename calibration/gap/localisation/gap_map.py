@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calibration.gap.localisation.blocks import make_spans
+from calibration.gap.localisation.blocks import make_blocks
 from calibration.gap.localisation.channels import (
     CHANNELS,
     Channel,
@@ -24,18 +24,19 @@ from calibration.gap.localisation.profile import (
     KNOTS,
     Explained,
     explained,
+    fast_part,
     fit_profile,
     places,
     profile_knots,
     random_signs,
 )
 from calibration.gap.localisation.regressors import Regressor, regressors
-from calibration.gap.localisation.sums import Sums, block_sums, whitened_sums
+from calibration.gap.localisation.sums import Grid, Sums, block_sums, whitened_sums
 from calibration.gap.record import FlightRecord
 from calibration.gap.signals import Signals
 from onboard.arrays import FloatArray
 
-DRAWS = 300
+DRAWS = 200
 """Draws of chance."""
 
 _LEVEL = 0.05
@@ -105,16 +106,20 @@ def gap_map(
     """
     along = regressors(records)
     values, valid = channel_values(residual, attitudes(records)), channel_valid(signals.valid)
-    spans, knots = make_spans(signals), [profile_knots(r.values) for r in along]
-    place = np.column_stack([places(r.values, k) for r, k in zip(along, knots, strict=True)])
-    signs = random_signs(spans.part_of_unit.size, draws, rng)
+    blocks, knots = make_blocks(signals), [profile_knots(r.values) for r in along]
+    grid = Grid(
+        np.column_stack([places(r.values, k) for r, k in zip(along, knots, strict=True)]),
+        np.stack([fast_part(r.values, signals) for r in along], axis=1)[:, :, None],
+        KNOTS,
+    )
+    signs = random_signs(blocks.part.size, draws, rng)
     found: list[Explained] = []
     cells = []
     for members in kinds().values():
         used = slice(members[0], members[-1] + 1)
-        whitened = whitened_sums(signals, spans, values[:, used], valid[:, used], place, KNOTS)
-        blocks = block_sums(spans, values[:, used], valid[:, used.start], place, KNOTS)
-        found.append(explained(whitened, blocks, signs))
+        whitened = whitened_sums(signals, blocks, values[:, used], valid[:, used], grid)
+        averaged = block_sums(blocks, values[:, used], valid[:, used.start], grid)
+        found.append(explained(whitened, averaged, signs))
         cells += [
             _cell(whitened, (local, column), (CHANNELS[channel], regressor), knots[column])
             for local, channel in enumerate(members)
@@ -166,6 +171,6 @@ def _standardised(gain: FloatArray) -> tuple[FloatArray, FloatArray]:
 def _cell(sums: Sums, at: tuple[int, int], pair: tuple[Channel, Regressor], knots: FloatArray) -> Cell:
     channel, regressor = pair
     profile, errors = fit_profile(sums, *at)
-    time = np.einsum("pkk->k", sums.matrix[:, at[0], at[1]])
+    time = np.einsum("pkk->k", sums.matrix[:, *at, :KNOTS, :KNOTS])
     profile, condition = where_it_lives(regressor, knots, profile, errors, time)
     return Cell(channel, regressor, 0.0, 1.0, condition, knots, profile, errors)

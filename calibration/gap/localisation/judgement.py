@@ -71,7 +71,7 @@ def _places(gap_map: GapMap) -> list[Finding]:
             cells = best.setdefault(cell.channel.signal, [cell])
             if cell.channel is cells[0].channel and cell is not cells[0]:
                 cells.append(cell)
-    return [
+    found = [
         Finding(
             first.channel,
             first.regressor.name,
@@ -83,6 +83,17 @@ def _places(gap_map: GapMap) -> list[Finding]:
         )
         for first, *others in best.values()
     ]
+    return [finding for finding in found if not any(_casts(other, finding) for other in found)]
+
+
+def _casts(strong: Finding, weak: Finding) -> bool:
+    """Whether a force is the other's shadow: along an axis of one frame it shows along all of the other."""
+    return (
+        strong.share > weak.share
+        and strong.channel.kind == weak.channel.kind == "force"
+        and strong.channel.frame != weak.channel.frame
+        and strong.regressor == weak.regressor
+    )
 
 
 def _line(line: Line) -> Finding:

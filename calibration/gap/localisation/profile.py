@@ -3,16 +3,19 @@
 from typing import NamedTuple
 
 import numpy as np
+from scipy.signal import lfilter
 
 from calibration.gap.localisation.sums import Sums
 from calibration.gap.refine import FEW
-from calibration.gap.signals import PARTS
+from calibration.gap.signals import PARTS, Signals
 from onboard.arrays import FloatArray
 
 KNOTS = 12
 """Of each profile."""
 
 _FOLDS = 5
+_MEMORY = 0.3
+"""s: how long a push is felt before the vehicle has moved; long against it is what flights command."""
 _RIDGE = 1e-3
 """Share of the mean information of a knot: one that has much less is drawn towards zero."""
 
@@ -47,21 +50,33 @@ def places(values: FloatArray, knots: FloatArray) -> FloatArray:
     return np.where(np.isfinite(values), at, -1.0)
 
 
+def fast_part(values: FloatArray, signals: Signals) -> FloatArray:
+    """What a regressor did lately: its distance from its mean over the last moments, scaled, shape (n,)."""
+    known, part = np.where(np.isfinite(values), values, 0.0), np.zeros(values.size)
+    keep = np.exp(-signals.dt / _MEMORY)
+    for rows in map(signals.rows, range(signals.flights)):
+        mean, _ = lfilter([1.0 - keep], [1.0, -keep], known[rows], zi=[keep * known[rows.start]])
+        part[rows] = known[rows] - mean
+    size = part.std()
+    return part / size if size > 0.0 else part
+
+
 def few_visit(matrix: FloatArray) -> np.ndarray:
     """Whether some knot of a regressor is known from fewer than four flights, shape (r,).
 
     Args:
         matrix: of :class:`Sums`, by part.
     """
-    diagonal = np.einsum("pcrkk->prk", matrix).reshape(-1, PARTS, *matrix.shape[2:4]).sum(axis=1)
+    by_part = np.einsum("pcrkk->prk", matrix[..., :KNOTS, :KNOTS])
+    diagonal = by_part.reshape(-1, PARTS, *by_part.shape[1:]).sum(axis=1)
     total = diagonal.sum(axis=0)
     share = diagonal / np.where(total > 0.0, total, 1.0)
     return np.asarray(((share**2).sum(axis=0) > 1.0 / FEW).any(axis=1))
 
 
-def random_signs(units: int, draws: int, rng: np.random.Generator) -> FloatArray:
-    """Signs of the units, shape (units, 1 + draws): as they are, then turned at random."""
-    signs = rng.choice((-1.0, 1.0), size=(units, 1 + draws))
+def random_signs(blocks: int, draws: int, rng: np.random.Generator) -> FloatArray:
+    """Signs of the blocks, shape (blocks, 1 + draws): as they are, then turned at random."""
+    signs = rng.choice((-1.0, 1.0), size=(blocks, 1 + draws))
     signs[:, 0] = 1.0
     return signs
 
@@ -72,7 +87,7 @@ def explained(whitened: Sums, blocks: Sums, signs: FloatArray) -> Explained:
     Args:
         whitened: that profiles are fitted to.
         blocks: of the same channels and regressors.
-        signs: of the units, shape (units, draws).
+        signs: of the blocks, shape (blocks, draws).
     """
     parts = np.arange(whitened.matrix.shape[0])
     flight = parts // PARTS
@@ -90,12 +105,23 @@ def explained(whitened: Sums, blocks: Sums, signs: FloatArray) -> Explained:
 def _cross_validated(whitened: Sums, blocks: Sums, signs: FloatArray, folds: np.ndarray) -> Explained:
     names = np.unique(folds)
     matrix, score = _by_fold(whitened, signs, folds, names)
-    rest = matrix.sum(axis=0) - matrix
-    fitted = np.linalg.solve(rest + _ridge(rest), score.sum(axis=0) - score)
-    gain = (2.0 * fitted * score - fitted * (matrix @ fitted)).sum(axis=(0, 3))
-    block_matrix, block_score = _by_fold(blocks, signs, folds, names)
-    share = (2.0 * fitted * block_score - fitted * (block_matrix @ fitted)).sum(axis=(0, 3))
+    fast = slice(KNOTS, None)
+    fitted = _fit_elsewhere(matrix, score)
+    alone = matrix[..., fast, fast], score[..., fast, :]
+    gain = _reduction(fitted, matrix, score) - _reduction(_fit_elsewhere(*alone), *alone)
+    share = _reduction(fitted[..., :KNOTS, :], *_by_fold(blocks, signs, folds, names))
     return Explained(_over(gain, whitened.total), _over(share, blocks.total))
+
+
+def _fit_elsewhere(matrix: FloatArray, score: FloatArray) -> FloatArray:
+    """Coefficients fitted on the other folds, shape of `score`."""
+    rest = matrix.sum(axis=0) - matrix
+    return np.asarray(np.linalg.solve(rest + _ridge(rest), score.sum(axis=0) - score))
+
+
+def _reduction(fitted: FloatArray, matrix: FloatArray, score: FloatArray) -> FloatArray:
+    """Squares that coefficients take away from each fold, summed, shape (c, r, draws)."""
+    return np.asarray((2.0 * fitted * score - fitted * (matrix @ fitted)).sum(axis=(0, 3)))
 
 
 def _by_fold(
@@ -105,7 +131,7 @@ def _by_fold(
     matrix = np.stack([sums.matrix[folds == name].sum(axis=0) for name in names])
     score = []
     for name in names:
-        rows = np.flatnonzero(folds[sums.part_of_unit] == name)
+        rows = np.flatnonzero(folds[sums.part] == name)
         flat = sums.score[rows].reshape(rows.size, -1).T @ signs[rows]
         score.append(flat.reshape(*sums.score.shape[1:], signs.shape[1]))
     return matrix, np.stack(score)
@@ -118,12 +144,13 @@ def fit_profile(sums: Sums, channel: int, regressor: int) -> tuple[FloatArray, F
     """
     matrix = sums.matrix[:, channel, regressor]
     parts = matrix.shape[0]
-    score = np.stack([np.bincount(sums.part_of_unit, s, parts) for s in sums.score[:, channel, regressor].T])
+    score = np.stack([np.bincount(sums.part, s, parts) for s in sums.score[:, channel, regressor].T])
     whole = matrix.sum(axis=0)
     inverse = np.linalg.inv(whole + _ridge(whole))
     theta = inverse @ score.sum(axis=1)
     left = score - (matrix @ theta).T
-    return theta, np.sqrt(np.diag(inverse @ (left @ left.T) @ inverse))
+    errors = np.sqrt(np.diag(inverse @ (left @ left.T) @ inverse))
+    return theta[:KNOTS], errors[:KNOTS]
 
 
 def _ridge(matrix: FloatArray) -> FloatArray:
@@ -137,4 +164,4 @@ def _over(explained_squares: FloatArray, total: FloatArray) -> FloatArray:
 
 
 def _of(sums: Sums, chosen: np.ndarray) -> Sums:
-    return Sums(sums.score[:, :, chosen], sums.matrix[:, :, chosen], sums.total, sums.part_of_unit)
+    return Sums(sums.score[:, :, chosen], sums.matrix[:, :, chosen], sums.total, sums.part)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calibration.gap.localisation.blocks import Spans, grouped_mean, make_spans
+from calibration.gap.localisation.blocks import Blocks, grouped_mean, make_blocks
 from calibration.gap.localisation.channels import (
     CHANNELS,
     Channel,
@@ -16,7 +16,7 @@ from calibration.gap.localisation.gap_map import Cell
 from calibration.gap.localisation.lines import Line
 from calibration.gap.localisation.profile import places
 from calibration.gap.localisation.regressors import Regressor
-from calibration.gap.localisation.sums import whitened_sums
+from calibration.gap.localisation.sums import Grid, whitened_sums
 from calibration.gap.localisation.terms import (
     UnnamedTerm,
     inside,
@@ -59,12 +59,12 @@ def unnamed_terms(
         records: the flights, in the same order.
         residual: that the cells were found in, shape (n, 7), 0 where not valid.
     """
-    turns, spans = attitudes(records), make_spans(signals)
+    turns, blocks = attitudes(records), make_blocks(signals)
     values, valid = channel_values(residual, turns), channel_valid(signals.valid)
     terms: list[UnnamedTerm] = []
     for cell in cells:
         index = CHANNELS.index(cell.channel)
-        place = _Whitened(signals, spans, values[:, index], valid[:, index])
+        place = _Whitened(signals, blocks, values[:, index], valid[:, index])
         terms.append(_best_term(place, cell.channel, cell.regressor, turns))
     return [*terms, *(line_term(line.channel, line.frequency, signals) for line in lines)]
 
@@ -72,8 +72,8 @@ def unnamed_terms(
 class _Whitened:
     """One channel's innovations, and how much of them columns explain."""
 
-    def __init__(self, signals: Signals, spans: Spans, values: FloatArray, valid: BoolArray) -> None:
-        self.signals, self.spans = signals, spans
+    def __init__(self, signals: Signals, blocks: Blocks, values: FloatArray, valid: BoolArray) -> None:
+        self.signals, self.blocks = signals, blocks
         self.values, self.valid = values[:, None], valid[:, None]
         self.whole = whole_windows(self.valid, signals.bounds, ORDER)
         self.coefficients = fit_autoregression(self.values, self.whole)
@@ -106,8 +106,8 @@ class _Whitened:
 
     def _best_between(self, values: FloatArray, knots: FloatArray) -> Ends:
         """Range of neighbouring hat functions whose sum explains most."""
-        place = places(values, knots)[:, None]
-        sums = whitened_sums(self.signals, self.spans, self.values, self.valid, place, knots.size)
+        grid = Grid(places(values, knots)[:, None], np.zeros((values.size, 1, 0)), knots.size)
+        sums = whitened_sums(self.signals, self.blocks, self.values, self.valid, grid)
         matrix, score = sums.matrix.sum(axis=0)[0, 0], sums.score.sum(axis=0)[0, 0]
         below = np.pad(matrix.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
         reached = np.concatenate([[0.0], score.cumsum()])
