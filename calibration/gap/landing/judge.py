@@ -11,10 +11,11 @@ from calibration.gap.landing.approach import approach_residual
 from calibration.gap.landing.choose import REPLICATES, Choice, at_bound, choose, intervals
 from calibration.gap.landing.findings import Finding, Interval, LandingFindings, Verdict
 from calibration.gap.landing.flip import flip_residual
+from calibration.gap.landing.kernels import BODY
 from calibration.gap.landing.limits import limitations
 from calibration.gap.landing.observation import EARLY
-from calibration.gap.landing.predict import rate_error
-from calibration.gap.landing.problem import Problem, Solver, pose_problems, shortened
+from calibration.gap.landing.predict import landing_trace, rate_error
+from calibration.gap.landing.problem import HORIZON, Problem, Solver, pose_problems, shortened
 from calibration.gap.landing.report_rows import landing_residuals
 from calibration.gap.landing.search import (
     MODELS,
@@ -41,6 +42,9 @@ COARSE_HORIZON = 0.12
 
 UNEXPLAINED = 2.0
 """Median cost per residual above which landings are not explained."""
+
+LEAST_CLEAN = 3
+"""Landings without contact of the hull that suffice to see whether legs are explained."""
 
 TELLING = 2.0
 """A stiffness that is known within this factor either way would have shown a change that matters."""
@@ -99,7 +103,7 @@ def judge_landings(
         finer = _finer(problems, vehicle, theta, rng)
         findings = tuple(_up_to(finding, finer) for finding in findings)
         words = (_FINER.format(math.exp(theta.adhesion), finer),)
-    left = float(np.median(table.ratios[theta or NOMINAL]))
+    left = misfit_left(table, theta or NOMINAL)
     words += limitations(problems, vehicle, left)
     words += tuple(
         f"{name} ended at the end of its range: not a value" for name in at_bound(theta or NOMINAL)
@@ -177,6 +181,21 @@ def _findings(evidence: _Evidence, rng: np.random.Generator) -> tuple[Finding, .
         )
         for effect, before, after in zip(choice.effects, errors[:-1], errors[1:], strict=True)
     )
+
+
+def misfit_left(table: Table, theta: Theta) -> float:
+    """Median cost per residual of landings on feet alone if there are LEAST_CLEAN of them, else of all.
+
+    How a hull bounces and slides is an engineering estimate of the simulation: that it is wrong there says
+    nothing about legs.
+    """
+    parameters = apply(table.parameters, theta)
+    clean = [
+        landing_trace(problem, parameters, table.starts[theta][index], HORIZON)[-1, BODY] == 0.0
+        for index, problem in enumerate(table.solver.problems)
+    ]
+    ratios = table.ratios[theta]
+    return float(np.median(ratios[clean] if sum(clean) >= LEAST_CLEAN else ratios))
 
 
 def held_out_errors(table: Table, chosen: Sequence[Theta]) -> FloatArray:
