@@ -198,3 +198,15 @@ def test_the_map_is_the_same_for_the_same_seed() -> None:
     )
     assert np.array_equal(first.p, again.p)
     assert np.array_equal(first.share, again.share)
+
+
+def test_voltage_read_ten_times_a_second_is_no_structure() -> None:
+    flights = disturbed_flights(13)
+    every = np.arange(0, flights.residual.shape[0], 10)
+    column = np.zeros_like(flights.residual)
+    noise = 0.02 * np.random.default_rng(3).standard_normal(every.size)
+    drawn = np.interp(np.arange(flights.residual.shape[0]), every, noise)
+    column[:, 6] = drawn - flights.residual[:, 6]
+    residual = flights.add(column)
+    assert {w.channel: w for w in whiteness(flights.signals, residual)}["voltage"].excess > 0.04
+    assert judged(flights, residual) == []

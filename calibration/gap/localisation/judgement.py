@@ -48,13 +48,14 @@ class Finding:
 def structured(gap_map: GapMap, lines: Sequence[Line], whiteness: Sequence[Whiteness]) -> list[Finding]:
     """What remains and is no noise, largest share first; one place per axis and kind, and every line.
 
-    Innovations count only in channels that neither map nor lines explain.
+    Innovations count only in channels that neither map nor lines explain, and not for the voltage, which logs
+    draw as straight lines between few readings.
     """
     found = [
         *_places(gap_map),
         *(_line(line) for line in lines if line.p < LEVEL and line.share >= LEAST_LINE),
     ]
-    explained = {finding.channel.signal for finding in found}
+    explained = {"voltage", *(finding.channel.signal for finding in found)}
     for judged in whiteness:
         if judged.p < LEVEL and judged.excess >= LEAST_SHARE and judged.channel not in explained:
             condition = f"innovations follow from their own past ({100.0 * judged.excess:.0f} %)"
