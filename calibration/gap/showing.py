@@ -20,6 +20,7 @@ from onboard.vehicle import Vehicle
 
 _PLACES = 8
 _CHANCE = 0.005
+_LEAST_SHARE = 0.04
 _CLOUDS = 4
 
 
@@ -28,7 +29,7 @@ def where(before: GapMap) -> tuple[Where, ...]:
     return tuple(
         Where(channel=cell.channel.name, condition=cell.condition, share=float(cell.share))
         for cell in before.cells
-        if cell.p < _CHANCE and cell.share > 0.0
+        if cell.p < _CHANCE and cell.share >= _LEAST_SHARE
     )[:_PLACES]
 
 
