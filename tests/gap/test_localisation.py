@@ -55,10 +55,10 @@ def test_the_noise_of_the_tests_moves_with_the_vehicle() -> None:
 
 def test_noise_is_hardly_ever_called_structure() -> None:
     alarms = []
-    for seed in range(40):
+    for seed in range(20):
         flights = disturbed_flights(100 + seed, SHAPES[:6], slow_torque=3.0 * (seed % 2), seconds=16.0)
         alarms.append(bool(judged(flights, flights.residual, draws=100)))
-    assert sum(alarms) <= 2
+    assert sum(alarms) <= 1
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
