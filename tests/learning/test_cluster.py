@@ -138,15 +138,10 @@ def test_a_validation_gives_the_same_rows(cluster: Cluster) -> None:
 
 def test_interrupted_on_the_cluster_and_resumed_here(cluster: Cluster, local: Path, tmp_path: Path) -> None:
     cluster.start_worker()
-    out = tmp_path / "out"
-    command = [sys.executable, "-c", "from perchhw.cli.main import main; main()", "learn", "sweep"]
-    options = [*GRID_OPTIONS, *SETUP_OPTIONS, "--out", str(out)]
-    sweep = subprocess.Popen(
-        [*command, *options, "--scheduler", cluster.address], cwd=ROOT, stderr=subprocess.DEVNULL, text=True
-    )
-    wait_until(lambda: (out / "pairs.csv").exists() and _pairs(out).count(b"\n") > 2, sweep)
-    sweep.send_signal(signal.SIGINT)
-    assert sweep.wait(timeout=30) == 130
+    for attempt in range(4):  # a sweep this small may end on its own before the signal arrives
+        out = tmp_path / f"out_{attempt}"
+        if _interrupted_sweep(cluster, out) != 0:
+            break
     rows = _pairs(out).splitlines()[1:]
     assert 2 <= len(rows) < 24
     with open_executor(scheduler=cluster.address) as executor:
@@ -154,6 +149,20 @@ def test_interrupted_on_the_cluster_and_resumed_here(cluster: Cluster, local: Pa
     resumed = run_sweep(SETUP, GRID, out, executor=LocalThreads(2), resume=True)
     assert resumed.new_trials == 24 - len(rows)
     assert _pairs(out) == _pairs(local)
+
+
+def _interrupted_sweep(cluster: Cluster, out: Path) -> int:
+    """Exit code of a sweep that is interrupted once it has rows: 130, or 0 when it was faster."""
+    command = [sys.executable, "-c", "from perchhw.cli.main import main; main()", "learn", "sweep"]
+    options = [*GRID_OPTIONS, *SETUP_OPTIONS, "--out", str(out)]
+    sweep = subprocess.Popen(
+        [*command, *options, "--scheduler", cluster.address], cwd=ROOT, stderr=subprocess.DEVNULL, text=True
+    )
+    wait_until(lambda: (out / "pairs.csv").exists() and _pairs(out).count(b"\n") > 2, sweep)
+    sweep.send_signal(signal.SIGINT)
+    code = sweep.wait(timeout=30)
+    assert code in (0, 130)
+    return code
 
 
 def _outstanding(executor: Any) -> int:
