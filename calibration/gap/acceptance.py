@@ -50,11 +50,6 @@ class Judgement:
     errors: dict[Variable, float]
 
     @property
-    def accepted(self) -> bool:
-        """Whether the candidate is named."""
-        return self.believed and self.sizeable
-
-    @property
     def believed(self) -> bool:
         """Whether it is real, though perhaps too small to matter."""
         return self.significant and not self.at_bound and not self.drifting

@@ -139,7 +139,11 @@ def _find(flights: Sequence[Flight], prepared: Prepared, asked: Question, progre
         held_out=tuple(corrected[i].name for i in kept_back),
         unusable=_unusable(asked, prepared, sensing),
         ambiguous=_ambiguous(effects),
-        rejected=tuple(Rejected(name=name, reason=reason) for name, reason in found.refused.items()),
+        rejected=tuple(
+            Rejected(name=name, reason=reason)
+            for name, reason in found.refused.items()
+            if name not in names.effects  # refused in one round, named in a later one
+        ),
         limitations=(
             *prepared.limitations,
             *stages["before"].doubts(),

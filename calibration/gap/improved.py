@@ -10,8 +10,8 @@ from onboard.vehicle import EFFECTS, Effect, Vehicle, vehicle_to_toml
 
 VEHICLE_FILE = "vehicle.toml"
 
-_WIDTH = 2.0 * 1.96
-"""Standard errors in a 95 % interval."""
+NINETY_FIVE = 1.96
+"""Standard errors to either side of a 95 % interval."""
 
 
 def improved_vehicle(vehicle: Vehicle, effects: Sequence[FoundEffect], source: str) -> Vehicle:
@@ -26,7 +26,7 @@ def improved_vehicle(vehicle: Vehicle, effects: Sequence[FoundEffect], source: s
         Effect(
             name=effect.name,
             parameters={
-                key: Quantity(one.value, one.unit, (one.ci95[1] - one.ci95[0]) / _WIDTH, source)
+                key: Quantity(one.value, one.unit, (one.ci95[1] - one.ci95[0]) / (2.0 * NINETY_FIVE), source)
                 for key, one in effect.parameters.items()
             },
         )

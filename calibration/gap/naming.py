@@ -9,7 +9,7 @@ from calibration.gap.acceptance import clustered_errors, drifts, sizeable, stuck
 from calibration.gap.exchange import needed
 from calibration.gap.excitation import excited
 from calibration.gap.held_out import HeldOutFlights, improvement
-from calibration.gap.improved import separations
+from calibration.gap.improved import NINETY_FIVE, separations
 from calibration.gap.model import Model, Variable
 from calibration.gap.refine import Fitted, Training
 from calibration.gap.report import FoundEffect, FoundParameter
@@ -23,9 +23,6 @@ SYSTEMATIC = 0.02
 """Share of an effect that its value may be off by for other reasons than noise: regressors are measured, with
 noise and filters of their own, and commands are known at the samples only. On flights with known effects of
 medium size the values were off by up to this much more than their scatter over flights says."""
-
-NINETY_FIVE = 1.96
-"""Standard errors to either side of a 95 % interval."""
 
 
 @dataclass(frozen=True)

@@ -2,24 +2,21 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from calibration.gap.estimate import Estimate, Noise, Regression
 from calibration.gap.excitation import excitation_weights
+from calibration.gap.localisation import UnnamedTerm
 from calibration.gap.mixed import FIRST_SPREAD, held_out_likelihood
 from calibration.gap.model import Model, Variable
 from calibration.gap.record import FlightRecord
 from calibration.gap.signals import PARTS, stack_signals
-from calibration.gap.split import folds
+from calibration.gap.split import FEW, folds
 from onboard.arrays import FloatArray
 
 _ENOUGH = 0.1
 """Standard errors: a step this small ends the iteration."""
-
-FEW = 4.0
-"""Flights: what fewer than these show cannot be checked on flights of other shapes."""
 
 _UNNAMED_RANGE = 100.0
 """Range of the coefficient of an unnamed term, in the unit of its channel."""
@@ -60,14 +57,6 @@ def training_set(records: Sequence[FlightRecord], model: Model) -> Training:
         by_shape=np.repeat(folds(records), PARTS),
         by_time=by_time,
     )
-
-
-class UnnamedTerm(Protocol):
-    """Signals that go with something but have no name: a force in a region, a torque at a frequency."""
-
-    @property
-    def columns(self) -> Sequence[FloatArray]:
-        """Signals per unit of each coefficient, shape (n, 7) each."""
 
 
 @dataclass(frozen=True)

@@ -63,13 +63,12 @@ class Step:
     Attributes:
         effect: its name.
         judgement: why.
-        before, after: the fits without and with it.
+        after: the fit with it.
         rivals: effects that explained nearly as much, with the gain that each lacked.
     """
 
     effect: str
     judgement: Judgement
-    before: Fitted
     after: Fitted
     rivals: dict[str, float] = field(default_factory=dict)
 
@@ -115,7 +114,7 @@ def search(
     for _ in range(_MOST_ROUNDS):
         progress("every effect")
         promises = screen(present, candidates(present.model, training.records), training)
-        scale = None if steps else _far_off(present, promises, training, rng)
+        scale = None if steps or unlisted else _far_off(present, promises, training, rng)
         step = scale or _forward(present, promises, training, rng, progress, refused)
         progress("what has no name")
         other = None if scale else best_unlisted(present, training, rng)
@@ -152,7 +151,7 @@ def _far_off(
             value = fitted.model.start_value(variables[0])
             if abs(value - (variables[0].neutral or 0.0)) >= _FAR_OFF:
                 judgement = judge(present, fitted, variables, training, rng)
-                fits.append(Step(effect, judgement, present, fitted))
+                fits.append(Step(effect, judgement, fitted))
     best = max(fits, key=lambda step: step.judgement.gain, default=None)
     return best if best is not None and best.judgement.gain >= LEAST_GAIN else None
 
@@ -245,7 +244,7 @@ def _forward(
             break
         if judgement.believed:
             rivals = {c.effect: gain - g for g, c, _, _ in fits if c is not candidate}
-            return Step(candidate.effect, judgement, present, fitted, rivals)
+            return Step(candidate.effect, judgement, fitted, rivals)
         refused[candidate.effect] = _reason(judgement)
     return None
 

@@ -7,6 +7,9 @@ import numpy as np
 from calibration.gap.record import FlightRecord
 from onboard.arrays import FloatArray
 
+FEW = 4.0
+"""Flights: what fewer than these show cannot be checked on flights of other shapes."""
+
 _KEPT_BACK = 0.3
 """Share of the flights that no fit sees."""
 

@@ -11,19 +11,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from calibration.errors import CalibrationError
 from calibration.gap.record import FlightRecord
 from onboard.arrays import FloatArray
 from onboard.battery import battery_current
 from sim_backend.physics.battery import motor_targets
+from sim_backend.physics.effects.command_delay import STEP
 from sim_backend.physics.forces import free_flight_wrench
 from sim_backend.physics.frames import to_body
 from sim_backend.physics.jit import outlined
 from sim_backend.physics.motors import commanded, decay, lag_to_end, lag_to_middle
 from sim_backend.physics.rigid_body import rotation_matrix, unit
 from sim_backend.physics.state import new_state
-
-STEP = 1e-3
-"""s, step of the physics everywhere in perchhw."""
 
 
 class Prediction(NamedTuple):
@@ -119,13 +118,15 @@ def teacher_forced(record: FlightRecord, parameters: Any) -> Prediction:
     Commands and voltage are taken as straight lines between samples, as are pose, velocity and rate.
 
     Args:
-        record: the flight; without a logged voltage the battery is taken as full and at rest.
+        record: the flight.
         parameters: record of physics parameters of the model (``physics_parameters(vehicle, room)``).
+
+    Raises:
+        CalibrationError: the flight has no battery voltage, so that a command means no thrust.
     """
+    if record.voltage is None:
+        raise CalibrationError(f"{record.source}: no battery voltage; teacher forcing needs it")
     count = record.t.size
-    voltage = record.voltage
-    if voltage is None:
-        voltage = np.full(count, float(parameters["open_circuit_full"]))
     along = tuple(
         np.ascontiguousarray(np.nan_to_num(values))
         for values in (
@@ -134,7 +135,7 @@ def teacher_forced(record: FlightRecord, parameters: Any) -> Prediction:
             record.attitude,
             record.rate,
             record.duty,
-            voltage,
+            record.voltage,
         )
     )
     out = Prediction(

@@ -72,7 +72,7 @@ def formulas(fitted: Fitted, vehicle: Vehicle) -> list[str]:
     told = []
     for term in fitted.unnamed:
         count = len(term.columns)
-        told.append(term.formula(values[:count], vehicle))  # type: ignore[attr-defined]
+        told.append(term.formula(values[:count], vehicle))
         values = values[count:]
     return told
 

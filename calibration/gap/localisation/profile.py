@@ -6,8 +6,8 @@ import numpy as np
 from scipy.signal import lfilter
 
 from calibration.gap.localisation.sums import Sums
-from calibration.gap.refine import FEW
 from calibration.gap.signals import PARTS, Signals
+from calibration.gap.split import FEW
 from onboard.arrays import FloatArray
 
 KNOTS = 12
