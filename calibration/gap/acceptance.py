@@ -21,7 +21,8 @@ DETECTABLE = 4.0
 """Distance from the neutral value, in clustered standard errors, of at least one parameter."""
 
 _AT_BOUND = 0.01
-"""Share of the bounds' range within which a value counts as stuck there."""
+"""Share of the bounds' range within which a value counts as stuck there; where bounds are wide (a string may
+be soft or stiff), half of what is worth a name."""
 
 _DRIFT = 0.5
 """Share of its size by which a value may differ between quiet and hard flying."""
@@ -60,12 +61,12 @@ def clustered_errors(fitted: Fitted, training: Training, rng: np.random.Generato
 
     Where few flights tell of a variable, their parts are drawn instead of the flights.
     """
-    fit, weak = fitted.estimate.fit, fitted.ridge
+    fit, prior = fitted.estimate.fit, fitted.prior
     if not fitted.variables:
         return {}
     parts = np.arange(training.flight_of_part.size)
-    by_flight = bootstrap_theta(fit, weak, training.flight_of_part, rng, _REPEATS)
-    by_part = bootstrap_theta(fit, weak, parts, rng, _REPEATS)
+    by_flight = bootstrap_theta(fit, prior, training.flight_of_part, rng, _REPEATS)
+    by_part = bootstrap_theta(fit, prior, parts, rng, _REPEATS)
     by_model = np.sqrt(np.diag(fit.covariance))
     errors = {}
     for index, variable in enumerate(fitted.variables):
@@ -131,7 +132,7 @@ def _neutral(variable: Variable) -> float:
 
 def stuck(variable: Variable, value: float) -> bool:
     """Whether a value ended at a bound, where it stands in for something else."""
-    margin = _AT_BOUND * (variable.high - variable.low)
+    margin = min(_AT_BOUND * (variable.high - variable.low), 0.5 * variable.practical_minimum)
     at_neutral = variable.neutral is not None and abs(value - variable.neutral) < margin
     return not at_neutral and (value > variable.high - margin or value < variable.low + margin)
 

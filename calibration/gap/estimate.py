@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.gap.mixed import FIRST_SPREAD, MixedFit, Products, fit_mixed
+from calibration.gap.mixed import FIRST_SPREAD, MixedFit, Prior, Products, fit_mixed
 from calibration.gap.noise import ORDER, fit_autoregression, whiten, whole_windows
 from calibration.gap.nuisances import nuisance_columns
 from calibration.gap.signals import CHANNELS, Signals
@@ -105,7 +105,7 @@ class Regression:
         self,
         predicted: FloatArray,
         columns: Sequence[FloatArray],
-        ridge: FloatArray,
+        prior: Prior,
         spread: FloatArray = FIRST_SPREAD,
         noise: Noise | None = None,
         rounds: int = 2,
@@ -115,7 +115,7 @@ class Regression:
         Args:
             predicted: shape (n, 7), of the model about which is linearised.
             columns: derivatives by each variable, shape (n, 7) each.
-            ridge: prior precision of each variable about its present value.
+            prior: of the step of each variable from its present value.
             spread: of the nuisances, to begin with.
             noise: to begin with; without one it is fitted to the residual less its mean per part.
             rounds: of fitting noise and effects in turn.
@@ -127,7 +127,7 @@ class Regression:
             noise = self.fit_noise(residual) if noise is None else noise
             table = self.whitened([*nuisances, *columns], noise)
             products = self.products(table, raw, len(nuisances), noise)
-            fit = fit_mixed(products, ridge, spread)
+            fit = fit_mixed(products, prior, spread)
             residual = self._left(raw, columns, nuisances, fit)
             spread, used, noise = fit.spread, noise, None
         return Estimate(fit, products, used, residual)

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.gap.acceptance import LEAST_GAIN
-from calibration.gap.candidates import Candidate, candidates
+from calibration.gap.candidates import Candidate
 from calibration.gap.model import WORKERS, Variable
+from calibration.gap.offers import offers
 from calibration.gap.refine import Fitted, Training, refine
 from onboard.vehicle import EFFECTS
 
@@ -71,7 +72,7 @@ def rivals(final: Fitted, effect: str, close: Sequence[str], training: Training)
     """
     reduced = without(final, effect, training)
     names = {*close, *EFFECTS[effect].confused_with} - {effect}
-    offered = [c for c in candidates(reduced.model, training.records) if c.effect in names]
+    offered = [c for c in offers(reduced, training) if c.effect in names]
     with ThreadPoolExecutor(WORKERS) as pool:
         found = list(pool.map(lambda c: _rival(final, effect, reduced, c, training), offered))
     return sorted(found, key=lambda rival: rival.lead)

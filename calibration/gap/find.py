@@ -56,11 +56,13 @@ class GapResult:
         report: the document.
         figures: what its page draws.
         vehicle: the improved model.
+        ceiling_z: m, height of the ceiling: given, or found; None: it plays no part.
     """
 
     report: GapReport
     figures: ReportFigures
     vehicle: Vehicle
+    ceiling_z: float | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,7 +113,7 @@ def _find(flights: Sequence[Flight], prepared: Prepared, asked: Question, progre
         reasons = "; ".join(f"{item.name}: {item.reason}" for item in sensing.broken)
         raise NothingToFindError(f"no flight can be used: {reasons}")
     fit_to, kept_back = split_flights(corrected)
-    model = Model(asked.vehicle, {}, asked.ceiling_z)
+    model = Model(asked.vehicle, {}, _ceiling(asked, corrected))
     training = training_set([corrected[i] for i in fit_to], model)
     found = search(model, training, rng, progress)
     names = name_effects(found, training, rng)
@@ -157,7 +159,14 @@ def _find(flights: Sequence[Flight], prepared: Prepared, asked: Question, progre
         report=report,
         figures=figures(stages, names, held_out, found, training, maps),
         vehicle=improved_vehicle(asked.vehicle, effects, source),
+        ceiling_z=names.model.ceiling_z,
     )
+
+
+def _ceiling(asked: Question, records: Sequence[FlightRecord]) -> float | None:
+    """Height (m) of the ceiling: as asked, else as all records that know it agree on."""
+    told = {record.ceiling_z for record in records if record.ceiling_z is not None}
+    return asked.ceiling_z if asked.ceiling_z is not None or len(told) != 1 else told.pop()
 
 
 def _verdict(
@@ -219,6 +228,11 @@ def _limits(
         f"{name} explains these flights best, but fewer than {FEWEST} were fitted: fly more to confirm it"
         for name in names.unconfirmed
     ]
+    if found.first.model.ceiling_z is None and "ceiling_effect" in names.effects:
+        limits.append(
+            "ceiling_effect: nobody said how high the ceiling is; it was fitted at "
+            f"{names.model.ceiling_z:.2f} m, and the parameters shift with it: give its height (--ceiling)"
+        )
     limits += sensing.notes
     if landings is not None:
         limits += landings.limitations

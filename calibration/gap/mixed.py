@@ -9,7 +9,7 @@ expectation-maximisation (Laird, Ware, Biometrics 38, 1982).
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -92,25 +92,46 @@ def _without_nuisances(p: Products, spread: FloatArray) -> tuple[Any, ...]:
     return inverse, information, score, left, volume
 
 
-def solve(information: FloatArray, score: FloatArray, ridge: FloatArray) -> FloatArray:
-    """theta from summed normal equations; `ridge` (g,) is a weak prior precision about zero."""
-    return np.asarray(np.linalg.solve(information + np.diag(ridge), score))
+class Prior(NamedTuple):
+    """What is believed of the shared effects before any flight: normal, each by itself.
+
+    Attributes:
+        mean: shape (g,).
+        precision: shape (g,).
+    """
+
+    mean: FloatArray
+    precision: FloatArray
+
+    def of(self, columns: Sequence[int]) -> "Prior":
+        """The same of some of the effects only."""
+        return Prior(self.mean[list(columns)], self.precision[list(columns)])
+
+    def and_of(self, others: "Prior") -> "Prior":
+        """The same with others behind."""
+        return Prior(*(np.concatenate(pair) for pair in zip(self, others, strict=True)))
+
+
+def solve(information: FloatArray, score: FloatArray, prior: Prior) -> FloatArray:
+    """theta, shape (g,), from summed normal equations."""
+    matrix = information + np.diag(prior.precision)
+    return np.asarray(np.linalg.solve(matrix, score + prior.precision * prior.mean))
 
 
 def fit_mixed(
-    p: Products, ridge: FloatArray, spread: FloatArray = FIRST_SPREAD, rounds: int = _ROUNDS
+    p: Products, prior: Prior, spread: FloatArray = FIRST_SPREAD, rounds: int = _ROUNDS
 ) -> MixedFit:
     """Fit shared effects, nuisances and their spreads.
 
     Args:
         p: products of the columns.
-        ridge: prior precision of each shared effect about zero, shape (g,).
+        prior: of the shared effects.
         spread: standard deviations of the nuisances to begin with, shape (q,).
         rounds: of expectation-maximisation; 0 keeps the spreads.
     """
     for last in (*[False] * rounds, True):
         inverse, information, score, left, volume = _without_nuisances(p, spread)
-        theta = solve(information.sum(axis=0), score.sum(axis=0), ridge)
+        theta = solve(information.sum(axis=0), score.sum(axis=0), prior)
         per_part = np.einsum("fqp,fp->fq", inverse, p.zr - p.zx @ theta)
         if not last:
             square = per_part**2 + np.diagonal(inverse, axis1=1, axis2=2)
@@ -118,7 +139,7 @@ def fit_mixed(
     quadratic = left - 2.0 * score @ theta + np.einsum("g,fgh,h->f", theta, information, theta)
     return MixedFit(
         theta=theta,
-        covariance=np.linalg.inv(information.sum(axis=0) + np.diag(ridge)),
+        covariance=np.linalg.inv(information.sum(axis=0) + np.diag(prior.precision)),
         spread=spread,
         per_part=per_part,
         information=information,
@@ -127,33 +148,33 @@ def fit_mixed(
     )
 
 
-def held_out_likelihood(p: Products, fit: MixedFit, ridge: FloatArray, folds: np.ndarray) -> FloatArray:
+def held_out_likelihood(p: Products, fit: MixedFit, prior: Prior, folds: np.ndarray) -> FloatArray:
     """Marginal log-likelihood of each part with the shared effects fitted on the other folds.
 
     Args:
         p: products.
         fit: of all parts (its spreads are kept).
-        ridge: as for :func:`fit_mixed`.
+        prior: as for :func:`fit_mixed`.
         folds: fold of each part, shape (parts,).
     """
     result = np.empty(folds.size)
     _, information, score, left, volume = _without_nuisances(p, fit.spread)
     for fold in np.unique(folds):
         out = folds == fold
-        theta = solve(information[~out].sum(axis=0), score[~out].sum(axis=0), ridge)
+        theta = solve(information[~out].sum(axis=0), score[~out].sum(axis=0), prior)
         quadratic = left - 2.0 * score @ theta + np.einsum("g,fgh,h->f", theta, information, theta)
         result[out] = (p.constant + volume - 0.5 * quadratic)[out]
     return result
 
 
 def bootstrap_theta(
-    fit: MixedFit, ridge: FloatArray, clusters: np.ndarray, rng: np.random.Generator, repeats: int = 400
+    fit: MixedFit, prior: Prior, clusters: np.ndarray, rng: np.random.Generator, repeats: int = 400
 ) -> FloatArray:
     """theta with clusters of parts drawn anew, shape (repeats, g): what an honest interval rests on.
 
     Args:
         fit: of all parts.
-        ridge: as for :func:`fit_mixed`.
+        prior: as for :func:`fit_mixed`.
         clusters: cluster of each part, 0 .. n-1, shape (parts,).
         rng: source of the draws.
         repeats: number of draws.
@@ -161,6 +182,6 @@ def bootstrap_theta(
     count = int(clusters.max()) + 1
     drawn = rng.multinomial(count, np.full(count, 1.0 / count), size=repeats).astype(float)
     weights = drawn[:, clusters]
-    information = np.einsum("rf,fgh->rgh", weights, fit.information) + np.diag(ridge)
-    score = weights @ fit.score
+    information = np.einsum("rf,fgh->rgh", weights, fit.information) + np.diag(prior.precision)
+    score = weights @ fit.score + prior.precision * prior.mean
     return np.asarray(np.linalg.solve(information, score[:, :, None])[:, :, 0])

@@ -53,6 +53,11 @@ class Variable(NamedTuple):
         return EFFECTS[self.effect].parameters[self.parameter].practical_minimum
 
     @property
+    def spread(self) -> float | None:
+        """Standard deviation about the typical value that is believed before any flight; None: not known."""
+        return EFFECTS[self.effect].parameters[self.parameter].spread
+
+    @property
     def typical(self) -> float:
         """Value that an ordinary vehicle may show."""
         return EFFECTS[self.effect].parameters[self.parameter].typical

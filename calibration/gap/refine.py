@@ -8,7 +8,7 @@ import numpy as np
 from calibration.gap.estimate import Estimate, Noise, Regression
 from calibration.gap.excitation import excitation_weights
 from calibration.gap.localisation import UnnamedTerm
-from calibration.gap.mixed import FIRST_SPREAD, held_out_likelihood
+from calibration.gap.mixed import FIRST_SPREAD, Prior, held_out_likelihood
 from calibration.gap.model import Model, Variable
 from calibration.gap.record import FlightRecord
 from calibration.gap.signals import PARTS, stack_signals
@@ -84,10 +84,10 @@ class Fitted:
     unnamed: tuple[UnnamedTerm, ...] = ()
 
     @property
-    def ridge(self) -> FloatArray:
-        """Prior precision of all coefficients, in the order of the estimate's columns."""
+    def prior(self) -> Prior:
+        """Of all coefficients, in the order of the estimate's columns."""
         others = len(self.columns) - len(self.variables)
-        return np.concatenate([ridge(self.variables), np.full(others, _UNNAMED_RANGE**-2.0)])
+        return prior_step(self.model, self.variables).and_of(_unnamed_prior(others))
 
     def gains(self, over: "Fitted", concentrated: bool) -> FloatArray:
         """Gain in held-out log-likelihood of each part over another fit.
@@ -114,9 +114,21 @@ class Fitted:
         return bool(np.any((share**2).sum(axis=0) > 1.0 / FEW))
 
 
-def ridge(variables: Sequence[Variable]) -> FloatArray:
-    """A weak prior about the present values: one standard deviation is the whole range."""
-    return np.array([(v.high - v.low) ** -2.0 for v in variables])
+def prior_step(model: Model, variables: Sequence[Variable]) -> Prior:
+    """What is believed of the step that each variable is from its value in `model`.
+
+    Of most nothing is known but their bounds: no step, give or take the whole range. Where something is, a
+    step to the usual value.
+    """
+    mean, precision = np.zeros(len(variables)), np.empty(len(variables))
+    for index, v in enumerate(variables):
+        precision[index] = (v.high - v.low) ** -2.0 if v.spread is None else v.spread**-2.0
+        mean[index] = 0.0 if v.spread is None else v.typical - model.start_value(v)
+    return Prior(mean, precision)
+
+
+def _unnamed_prior(count: int) -> Prior:
+    return Prior(np.zeros(count), np.full(count, _UNNAMED_RANGE**-2.0))
 
 
 def refine(
@@ -138,15 +150,14 @@ def refine(
         unnamed: terms whose coefficients are fitted as well.
     """
     extra = [column for term in unnamed for column in term.columns]
-    others = np.full(len(extra), _UNNAMED_RANGE**-2.0)
     spread = FIRST_SPREAD if start is None else start.fit.spread
     noise: Noise | None = None if start is None else start.noise
     for last in (*[False] * (iterations - 1), True):
         predicted = model.predict(training.records)
         columns = [model.derivative(training.records, v, predicted) for v in variables]
         while True:
-            weak = np.concatenate([ridge(variables), others])
-            estimate = training.regression.estimate(predicted, [*columns, *extra], weak, spread, noise)
+            prior = prior_step(model, variables).and_of(_unnamed_prior(len(extra)))
+            estimate = training.regression.estimate(predicted, [*columns, *extra], prior, spread, noise)
             spread, noise = estimate.fit.spread, estimate.noise
             step = _bounded_step(model, variables, estimate.fit.theta)
             stuck = (step == 0.0) & (estimate.fit.theta[: len(variables)] != 0.0)
@@ -160,7 +171,7 @@ def refine(
             break
         model = model.with_values({v: model.start_value(v) + d for v, d in zip(variables, step, strict=True)})
     held_out, in_time = (
-        held_out_likelihood(estimate.products, estimate.fit, weak, split)
+        held_out_likelihood(estimate.products, estimate.fit, prior, split)
         for split in (training.by_shape, training.by_time)
     )
     return Fitted(

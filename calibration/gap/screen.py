@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.gap.candidates import Candidate
-from calibration.gap.mixed import Products, fit_mixed, held_out_likelihood
+from calibration.gap.mixed import Prior, Products, fit_mixed, held_out_likelihood
 from calibration.gap.model import Variable
 from calibration.gap.nuisances import nuisance_columns
-from calibration.gap.refine import Fitted, Training, ridge
+from calibration.gap.refine import Fitted, Training, prior_step
 from onboard.arrays import FloatArray
 
 
@@ -48,16 +48,16 @@ def _linear_gains(present: Fitted, offered: Sequence[Candidate], training: Train
     nuisances = nuisance_columns(regression.signals, present.predicted)
     table = regression.whitened([*nuisances, *present.columns, *columns], noise)
     products = regression.products(table, regression.misfit(present.predicted), len(nuisances), noise)
-    weak = np.concatenate([present.ridge, ridge(variables)])
+    prior = present.prior.and_of(prior_step(present.model, variables))
     spread = present.estimate.fit.spread
     base = list(range(len(present.columns)))
     found, first = [], len(base)
-    reference = _held_out(products.of(base), weak[base], spread, training)
+    reference = _held_out(products.of(base), prior.of(base), spread, training)
     for candidate in offered:
         chosen = [*base, *range(first, first + len(candidate.variables))]
         first += len(candidate.variables)
-        scores = _held_out(products.of(chosen), weak[chosen], spread, training)
-        covariance = fit_mixed(products.of(chosen), weak[chosen], spread, rounds=0).covariance
+        scores = _held_out(products.of(chosen), prior.of(chosen), spread, training)
+        covariance = fit_mixed(products.of(chosen), prior.of(chosen), spread, rounds=0).covariance
         errors = np.sqrt(np.diag(covariance))[len(base) :]
         found.append(
             Promise(
@@ -72,13 +72,13 @@ def _linear_gains(present: Fitted, offered: Sequence[Candidate], training: Train
 def _best_starts(present: Fitted, offered: Sequence[Candidate], training: Training) -> list[Promise]:
     """Each candidate with its best starting model alone, and what that promises."""
     regression, noise = training.regression, present.estimate.noise
-    weak, spread = present.ridge, present.estimate.fit.spread
+    prior, spread = present.prior, present.estimate.fit.spread
     nuisances = nuisance_columns(regression.signals, present.predicted)
     table = regression.whitened([*nuisances, *present.columns], noise)
 
     def likelihood(predicted: FloatArray) -> float:
         products = regression.products(table, regression.misfit(predicted), len(nuisances), noise)
-        return float(_held_out(products, weak, spread, training)[1])
+        return float(_held_out(products, prior, spread, training)[1])
 
     reference = likelihood(present.predicted)
     found = []
@@ -89,12 +89,12 @@ def _best_starts(present: Fitted, offered: Sequence[Candidate], training: Traini
     return found
 
 
-def _held_out(products: Products, weak: FloatArray, spread: FloatArray, training: Training) -> FloatArray:
+def _held_out(products: Products, prior: Prior, spread: FloatArray, training: Training) -> FloatArray:
     """Held-out log-likelihood by shapes and by parts, shape (2,)."""
-    fit = fit_mixed(products, weak, spread)
+    fit = fit_mixed(products, prior, spread)
     return np.array(
         [
-            held_out_likelihood(products, fit, weak, split).sum()
+            held_out_likelihood(products, fit, prior, split).sum()
             for split in (training.by_shape, training.by_time)
         ]
     )

@@ -13,9 +13,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from calibration.gap.acceptance import DETECTABLE, LEAST_GAIN, Judgement, judge
-from calibration.gap.candidates import Candidate, candidates
+from calibration.gap.candidates import Candidate
 from calibration.gap.exchange import Rival, needed, rivals, without
 from calibration.gap.model import WORKERS, Model, Variable
+from calibration.gap.offers import offers
 from calibration.gap.refine import Fitted, Training, refine
 from calibration.gap.screen import Promise, screen
 from calibration.gap.unlisted import Unlisted, best_unlisted, without_idle
@@ -113,7 +114,7 @@ def search(
     refused: dict[str, str] = {}
     for _ in range(_MOST_ROUNDS):
         progress("every effect")
-        promises = screen(present, candidates(present.model, training.records), training)
+        promises = screen(present, offers(present, training), training)
         scale = None if steps or unlisted else _far_off(present, promises, training, rng)
         step = scale or _forward(present, promises, training, rng, progress, refused)
         progress("what has no name")

@@ -19,10 +19,14 @@ from sim_backend.physics.battery import motor_targets
 from sim_backend.physics.effects.command_delay import STEP
 from sim_backend.physics.forces import free_flight_wrench
 from sim_backend.physics.frames import to_body
-from sim_backend.physics.jit import outlined
+from sim_backend.physics.jit import kernel, outlined
 from sim_backend.physics.motors import commanded, decay, lag_to_end, lag_to_middle
 from sim_backend.physics.rigid_body import rotation_matrix, unit
 from sim_backend.physics.state import new_state
+
+HELD = 1e-3
+"""s: commands are steps of 2 ms (the controller runs at 500 Hz), logged when they are fresh; a line through
+the logged ones is therefore half a step ahead of what the motors were told."""
 
 
 class Prediction(NamedTuple):
@@ -59,6 +63,19 @@ def _place(state: Any, record: Any, k: int, part: float) -> None:
     state.battery_voltage = rest * voltage[k] + part * voltage[k + 1]
 
 
+@kernel
+def _turn_on(state: Any, rate: FloatArray, k: int, part: float) -> None:
+    """Body rate `part` of the way from sample `k` to the next, from `k` and earlier samples alone.
+
+    The next sample has the noise of the gyro that is also in the measured angular acceleration: a regressor
+    that knows it takes a third off a rate damping (a predictor must not look ahead: Ljung, System
+    Identification, 2nd ed. 1999, section 3.2).
+    """
+    if k >= 2:
+        for i in range(3):
+            state.omega[i] = rate[k, i] + 0.5 * part * (rate[k, i] - rate[k - 2, i])
+
+
 @outlined
 def _wrench(state: Any, p: Any) -> tuple[float, float, float, float, float, float]:
     """Force (N) and torque (N m) in the body frame, at the placed state."""
@@ -69,12 +86,24 @@ def _wrench(state: Any, p: Any) -> tuple[float, float, float, float, float, floa
 
 
 @outlined
+def force_of_moment(state: Any, record: Any, k: int, p: Any) -> tuple[float, float, float]:
+    """Force (N, body) at sample `k` of a record, with the motors' thrusts that `state` has."""
+    if k == 0:
+        _place(state, record, 0, 0.0)
+    else:
+        _place(state, record, k - 1, 1.0)
+    fx, fy, fz, _, _, _ = _wrench(state, p)
+    return fx, fy, fz
+
+
+@outlined
 def _follow(state: Any, p: Any, record: Any, dt: float, steps: int, out: Any) -> None:
     """Fill `out`, the arrays of a :class:`Prediction`, along a record."""
     force, acceleration, thrust, current, charge = out
-    duty = record[4]
+    rate, duty = record[3], record[4]
     count = duty.shape[0]
     step = dt / steps
+    held = HELD / dt
     up, down = decay(p, 0.5 * step)
     told = np.empty(4)
     ix, iy, iz = p.inertia[0], p.inertia[1], p.inertia[2]
@@ -99,8 +128,10 @@ def _follow(state: Any, p: Any, record: Any, dt: float, steps: int, out: Any) ->
         for j in range(steps):
             part = (j + 0.5) / steps
             _place(state, record, k, part)
+            _turn_on(state, rate, k, part)
+            before, along = (k, part - held) if part >= held or k == 0 else (k - 1, part - held + 1.0)
             for motor in range(4):
-                told[motor] = duty[k, motor] + part * (duty[k + 1, motor] - duty[k, motor])
+                told[motor] = duty[before, motor] + along * (duty[before + 1, motor] - duty[before, motor])
             targets = commanded(state, p, motor_targets(state, p, told))
             lag_to_middle(state, p, targets, up, down, 0.5 * step)
             _, _, _, tx, ty, tz = _wrench(state, p)
@@ -115,7 +146,8 @@ def _follow(state: Any, p: Any, record: Any, dt: float, steps: int, out: Any) ->
 def teacher_forced(record: FlightRecord, parameters: Any) -> Prediction:
     """Specific force and angular acceleration that a model gives along a measured flight.
 
-    Commands and voltage are taken as straight lines between samples, as are pose, velocity and rate.
+    Commands and voltage are taken as straight lines between samples, as are pose and velocity; commands are
+    :data:`HELD` older, and rates are those of the past carried on.
 
     Args:
         record: the flight.

@@ -1,7 +1,7 @@
 """Flights of the simulation as records: a controller follows a path, everything is logged at 100 Hz.
 
-Commands and voltage go in straight lines from sample to sample, as the prediction takes them, so that a model
-predicts its own flights without error where nothing is noisy.
+Commands and voltage go in straight lines from sample to sample, as the prediction takes them (commands a
+little later), so that a model predicts its own flights without error where nothing is noisy.
 """
 
 import dataclasses
@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from calibration.gap.record import FlightRecord
+from calibration.gap.teacher import HELD
 from onboard.arrays import FloatArray
 from onboard.battery import duty_for_thrust
 from onboard.controller import ControllerGains, controller_gains, geometric_control
@@ -39,10 +40,10 @@ def _fly(
     step_s: float, fine: int,
 ) -> None:  # fmt: skip
     """Follow `path` (n, 9); log position, velocity, quaternion, rate, specific force, duty (20 numbers)."""
-    now, following, between = np.zeros(4), np.zeros(4), np.zeros(4)
+    before, now, following, between = np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(4)
     hover = 0.25 * p.mass * 9.81
     for motor in range(4):
-        now[motor] = following[motor] = duty_for_thrust(hover, voltage[0], thrust_map, 0.0)
+        before[motor] = now[motor] = following[motor] = duty_for_thrust(hover, voltage[0], thrust_map, 0.0)
     integral = (0.0, 0.0, 0.0)
     for row in range(path.shape[0] - 1):
         collective, tx, ty, tz = geometric_control(
@@ -51,6 +52,7 @@ def _fly(
         )  # fmt: skip
         wanted = mix(collective, tx, ty, tz, p.arm_x, p.arm_y, p.thrust_to_torque, p.thrust_max)
         for motor in range(4):
+            before[motor] = now[motor]
             now[motor] = following[motor]
             following[motor] = duty_for_thrust(wanted[motor], voltage[row + 1], thrust_map, 0.0)
         at, turn, rate = tracked_position(state, p), tracked_attitude(state, p), measured_rate(state, p)
@@ -62,7 +64,9 @@ def _fly(
         for j in range(fine):
             share = (j + 0.5) / fine
             for motor in range(4):
-                between[motor] = now[motor] + share * (following[motor] - now[motor])
+                late = share - HELD / DT
+                old, new = (now[motor], following[motor]) if late >= 0.0 else (before[motor], now[motor])
+                between[motor] = old + (late if late >= 0.0 else late + 1.0) * (new - old)
             state.battery_voltage = voltage[row] + share * (voltage[row + 1] - voltage[row])
             step(state, p, between, step_s)
 

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from calibration.gap.mixed import Products, bootstrap_theta, fit_mixed, held_out_likelihood
+from calibration.gap.mixed import Prior, Products, bootstrap_theta, fit_mixed, held_out_likelihood
 from calibration.gap.nuisances import NUISANCES
 
 ROWS, PARTS, SPREAD, THETA = 80, 24, 0.03, 0.4
-RIDGE = np.array([1e-9])
+FLAT = Prior(np.zeros(1), np.array([1e-9]))
+NONE = Prior(np.zeros(0), np.zeros(0))
 
 
 def products(rng: np.random.Generator, mean: float = 0.0, theta: float = THETA) -> Products:
@@ -29,7 +30,7 @@ def products(rng: np.random.Generator, mean: float = 0.0, theta: float = THETA) 
 
 def test_effect_and_spread_of_the_nuisance_are_found() -> None:
     rng = np.random.default_rng(3)
-    fits = [fit_mixed(products(rng), RIDGE, rounds=60) for _ in range(60)]
+    fits = [fit_mixed(products(rng), FLAT, rounds=60) for _ in range(60)]
     thetas = np.array([fit.theta[0] for fit in fits])
     errors = np.array([np.sqrt(fit.covariance[0, 0]) for fit in fits])
     assert thetas.mean() == pytest.approx(THETA, abs=3 * thetas.std() / np.sqrt(60))
@@ -41,8 +42,8 @@ def test_bootstrap_over_flights_agrees_with_the_scatter_of_repeats() -> None:
     rng = np.random.default_rng(4)
     thetas, widths = [], []
     for _ in range(40):
-        fit = fit_mixed(products(rng), RIDGE)
-        drawn = bootstrap_theta(fit, RIDGE, np.arange(PARTS) // 2, rng, 200)
+        fit = fit_mixed(products(rng), FLAT)
+        drawn = bootstrap_theta(fit, FLAT, np.arange(PARTS) // 2, rng, 200)
         thetas.append(fit.theta[0])
         widths.append(drawn[:, 0].std())
     assert np.mean(widths) == pytest.approx(np.std(thetas), rel=0.35)
@@ -54,10 +55,20 @@ def test_held_out_likelihood_rises_with_a_true_effect_and_not_with_a_placebo() -
 
     def gain(theta: float) -> float:
         p = products(rng, theta=theta)
-        with_effect = held_out_likelihood(p, fit_mixed(p, RIDGE), RIDGE, folds).sum()
-        empty = np.zeros(0)
+        with_effect = held_out_likelihood(p, fit_mixed(p, FLAT), FLAT, folds).sum()
         bare = p.of([])
-        return float(with_effect - held_out_likelihood(bare, fit_mixed(bare, empty), empty, folds).sum())
+        return float(with_effect - held_out_likelihood(bare, fit_mixed(bare, NONE), NONE, folds).sum())
 
     assert gain(THETA) > 50.0
     assert np.mean([gain(0.0) for _ in range(30)]) < 0.5
+
+
+def test_what_is_believed_beforehand_counts_where_flights_say_little_and_not_where_they_say_much() -> None:
+    p = products(np.random.default_rng(6))
+    flights = fit_mixed(p, FLAT)
+    error = float(np.sqrt(flights.covariance[0, 0]))
+    believed = [fit_mixed(p, Prior(np.array([2.0]), np.array([(error * s) ** -2.0]))) for s in (0.01, 1, 100)]
+    assert believed[0].theta[0] == pytest.approx(2.0, abs=1e-3)
+    assert believed[1].theta[0] == pytest.approx(0.5 * (flights.theta[0] + 2.0), abs=0.05)
+    assert believed[2].theta[0] == pytest.approx(flights.theta[0], abs=0.1 * error)
+    assert believed[1].covariance[0, 0] == pytest.approx(0.5 * error**2, rel=0.1)

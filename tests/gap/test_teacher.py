@@ -80,3 +80,14 @@ def test_rows_after_a_loss_of_commands_are_not_judged_until_the_motors_are_known
     assert not signals.valid[200:240, FORCE].any()
     assert signals.valid[245:300, FORCE].all()
     assert signals.valid[100:200, FORCE].all()
+
+
+def test_a_torque_is_not_predicted_from_a_rate_that_is_measured_after_it() -> None:
+    record = fly(with_effect("rate_damping", {"x": 5e-5, "y": 5e-5, "z": 5e-5}), circle(), 4.0)
+    model = Model(with_effect("rate_damping", {"x": 5e-5, "y": 5e-5, "z": 5e-5}))
+    noisy = record.rate.copy()
+    noisy[200] += 0.5
+    plain = model.predict([record])[:, TORQUE]
+    change = np.abs(model.predict([dataclasses.replace(record, rate=noisy)])[:, TORQUE] - plain).max(axis=1)
+    assert change[:200].max() == 0.0
+    assert change[200] > 1.0

@@ -114,6 +114,7 @@ DESCRIPTIONS = (
                 practical_minimum=0.1,
                 meaning="share of the open-air thrust that its own inflow costs; gain at contact less one",
                 source="engineering estimate: blade at 17 deg, induced 5 m/s at 2060 rad/s and 22.5 mm",
+                spread=0.5,
             ),
             "opening": EffectParameter(
                 unit="1",

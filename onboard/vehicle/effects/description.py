@@ -48,6 +48,8 @@ class EffectParameter:
             neutral) that is worth a name; below it a finding has no consequence for a flight.
         meaning: what it is.
         source: where the typical value comes from.
+        spread: standard deviation about the typical value that is believed before any flight; None: nothing
+            is known but the bounds.
     """
 
     unit: str
@@ -58,6 +60,7 @@ class EffectParameter:
     practical_minimum: float
     meaning: str
     source: str
+    spread: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
