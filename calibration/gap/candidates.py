@@ -13,13 +13,12 @@ from calibration.gap.model import Model, Variable
 from calibration.gap.record import FlightRecord
 from calibration.gap.teacher import teacher_forced
 from onboard.vehicle import EFFECTS, Vehicle
-from onboard.vehicle.effects import Domain, EffectDescription, Needs
+from onboard.vehicle.effects import AIR_FORCES, Domain, EffectDescription, Needs
 
 _ELSEWHERE = {"pose_delay", "motor_speed_law"}
 """Timing of poses is judged without a vehicle model; the speed law is another form of the motor lag."""
 
 _DYNAMIC = {Domain.ACTUATION, Domain.AIR, Domain.RIGID_BODY, Domain.TIMING}
-_AIR_FORCES = {"rotor_drag", "body_drag", "inflow_thrust_loss", "velocity_moment"}
 _OPENINGS = (0.9, 0.35)
 """Shares of a rotor's rim through which air can enter."""
 
@@ -63,7 +62,7 @@ def _met(need: Needs, model: Model) -> bool:
         case Needs.AIR_FORCE:
             drags = (vehicle.air.drag_x.value, vehicle.air.drag_y.value, vehicle.air.drag_z.value)
             names = {*model.effects, *(effect.name for effect in vehicle.effects)}
-            return any(drags) or bool(names & _AIR_FORCES)
+            return any(drags) or not names.isdisjoint(AIR_FORCES)
 
 
 def _candidate(description: EffectDescription, model: Model, records: Sequence[FlightRecord]) -> Candidate:

@@ -42,8 +42,8 @@ class Rival:
 
     @property
     def told_apart(self) -> bool:
-        """Whether the flights rule the rival out, or it says the same with more parameters."""
-        if self.richer and abs(self.lead) <= NOT_TOLD_APART:
+        """Whether the flights rule the rival out, or it says no more with more parameters."""
+        if self.richer and self.lead >= -NOT_TOLD_APART:
             return True
         return self.lead > min(max(NOT_TOLD_APART, _STANDARD_ERRORS * self.error), _BEYOND_DOUBT)
 

@@ -4,11 +4,9 @@ from collections.abc import Sequence
 
 from onboard.gravity import GRAVITY
 from onboard.quantity import Quantity
-from onboard.vehicle.effects import EFFECTS, EffectDescription, Needs
+from onboard.vehicle.effects import AIR_FORCES, EFFECTS, EffectDescription, Needs
 from onboard.vehicle.model import Air, Body, Effect, Motors
 from onboard.vehicle.schema import Measured, Problems, Range, as_table, check_keys, parse_quantities
-
-_AIR_FORCES = ("rotor_drag", "body_drag", "inflow_thrust_loss", "velocity_moment")
 
 
 def parse_effects(raw: object, problems: Problems) -> tuple[Effect, ...]:
@@ -99,9 +97,9 @@ def _missing(
             return 'add motors.thrust_coefficient = { value, unit = "N s2/rad2", sigma, source }'
         case Needs.AIR_FORCE:
             drags = (0.0,) if air is None else (air.drag_x.value, air.drag_y.value, air.drag_z.value)
-            if air is None or any(drags) or any(name in _AIR_FORCES for name in names):
+            if air is None or any(drags) or any(name in AIR_FORCES for name in names):
                 return None
-            return f"give [air] a drag, or add one of the effects {', '.join(_AIR_FORCES)}"
+            return f"give [air] a drag, or add one of the effects {', '.join(AIR_FORCES)}"
 
 
 def _check_body(effects: Sequence[Effect], body: Body, motors: Motors, problems: Problems) -> None:

@@ -2,9 +2,10 @@
 and one module of its name in ``sim_backend/physics/effects`` (docs/physics.md, Effects)."""
 
 from onboard.vehicle.effects import actuation, air, contact, rigid_body, sensing
+from onboard.vehicle.effects.air import AIR_FORCES
 from onboard.vehicle.effects.description import Domain, EffectDescription, EffectParameter, Needs
 
-__all__ = ["EFFECTS", "Domain", "EffectDescription", "EffectParameter", "Needs"]
+__all__ = ["AIR_FORCES", "EFFECTS", "Domain", "EffectDescription", "EffectParameter", "Needs"]
 
 EFFECTS: dict[str, EffectDescription] = {
     description.name: description

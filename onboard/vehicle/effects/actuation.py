@@ -61,6 +61,7 @@ DESCRIPTIONS = (
             "battery_sag",
             "motor_saturation",
             "inflow_thrust_loss",
+            "translational_lift",
             "mass_error",
         ),
         reference="first term of the deviation of a thrust map, made independent of a scale at hover",

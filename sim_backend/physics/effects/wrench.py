@@ -16,6 +16,7 @@ from sim_backend.physics.effects.rotor_acceleration_torque import acceleration_t
 from sim_backend.physics.effects.rotor_drag import rotor_drag
 from sim_backend.physics.effects.rotor_gyroscopic import gyroscopic_torque
 from sim_backend.physics.effects.tether import tether_force
+from sim_backend.physics.effects.translational_lift import lift_gain
 from sim_backend.physics.effects.velocity_moment import velocity_moment
 from sim_backend.physics.effects.wind import through_the_air
 from sim_backend.physics.frames import Rotation, to_body
@@ -36,9 +37,10 @@ def rotor(
     still = state.thrust[motor]
     speed = rotor_speed(state, p, motor)
     hub_z = state.position[2] + rot[6] * x + rot[7] * y + rot[8] * z
+    ax, ay, az = ux + wy * z - wz * y, uy + wz * x - wx * z, uz + wx * y - wy * x
     thrust = still * ceiling_gain(p, p.ceiling_z - hub_z, rot[8]) * ground_gain(p, hub_z, rot[8])
-    thrust -= inflow_loss(p, speed, uz + wx * y - wy * x)
-    dx, dy = rotor_drag(p, speed, ux + wy * z - wz * y, uy + wz * x - wx * z)
+    thrust = thrust * lift_gain(p, still, ax * ax + ay * ay) - inflow_loss(p, speed, az)
+    dx, dy = rotor_drag(p, speed, ax, ay)
     fx, fy, fz = thrust * lean[0] + dx, thrust * lean[1] + dy, thrust + thrust * lean[2]
     # The drag torque of a propeller goes with its speed, not with what a surface adds to its thrust.
     tz = x * fy - y * fx - sign * p.thrust_to_torque * still

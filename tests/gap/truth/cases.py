@@ -1,6 +1,7 @@
 """Cases: which effects are hidden, and what a finder that is right says of them (the sealed answer)."""
 
 import math
+import zlib
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -25,6 +26,7 @@ SINGLE = (
     "rotor_drag",
     "body_drag",
     "inflow_thrust_loss",
+    "translational_lift",
     "velocity_moment",
     "rate_damping",
     "rotor_gyroscopic",
@@ -123,7 +125,7 @@ def hide(case: str, size: str, seed: int, vehicle: np.ndarray) -> Hidden:
     """
     if case not in CASES or size not in SIZES:
         raise ValueError(f"unknown case {case!r} or size {size!r}; cases: {', '.join(CASES)}; sizes: {SIZES}")
-    rng = np.random.default_rng([seed, CASES.index(case), SIZES.index(size)])
+    rng = np.random.default_rng([seed, zlib.crc32(case.encode()), SIZES.index(size)])
     hidden = Hidden(vehicle.copy())
     if case in SEVERAL:
         for name in rng.choice(MIXED, SEVERAL[case], replace=False).tolist():

@@ -48,7 +48,7 @@ _SCALARS = """
     full_volts volts_per_coulomb ohms amps_per_newton capacity mass command_delay
     rotor_radius ceiling ceiling_inflow ceiling_opening ground_strength rotor_drag inflow_loss
     gyroscopic_inertia accelerated_inertia tether_length tether_stiffness tether_damping line_hertz
-    floor_stiffness floor_damping filed_mass thrust_floor thrust_ceiling rate_filter
+    lift_inflow floor_stiffness floor_damping filed_mass thrust_floor thrust_ceiling rate_filter
     gyro_noise accelerometer_noise voltage_noise position_noise attitude_noise gyro_count accelerometer_count
     pose_delay
 """

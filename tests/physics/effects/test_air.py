@@ -72,6 +72,27 @@ def test_a_climb_costs_thrust_and_a_descent_gives_some(make: MakeParameters) -> 
         assert wrench(state, p)[2] == pytest.approx(level - math.copysign(loss, climb), rel=1e-12)
 
 
+def test_a_rotor_in_forward_flight_meets_less_of_its_own_inflow(make: MakeParameters) -> None:
+    """Glauert's v_i^2 (v_i^2 + u^2) = v_h^4, and what less inflow gives: both hold exactly."""
+    inflow, speed = 1.3, 4.0
+    p = make({"translational_lift": {"inflow": inflow}})
+    state = approaching(p, HIGH, np.array([speed, 0.0, 0.0]))
+    thrust = float(state["thrust"][0])
+    hover2 = thrust / (2.0 * AIR_DENSITY * math.pi * RADIUS**2)
+    y = math.sqrt(wrench(state, p)[2] / (4.0 * thrust))
+    induced2 = ((1.0 + inflow - y * y) / (inflow * y)) ** 2 * hover2
+    assert induced2 * (induced2 + speed**2) == pytest.approx(hover2**2, rel=1e-9)
+    assert 1.05 < y * y < 1.2
+
+
+def test_translational_lift_is_bounded_and_needs_a_turning_rotor(make: MakeParameters) -> None:
+    p = make({"translational_lift": {"inflow": 1.3}})
+    state = approaching(p, HIGH, np.array([1e4, 0.0, 0.0]))
+    assert wrench(state, p)[2] == pytest.approx(2.3 * 4.0 * float(state["thrust"][0]), rel=1e-2)
+    state["thrust"] = 0.0
+    assert wrench(state, p)[2] == 0.0
+
+
 def test_a_falling_body_ends_at_its_terminal_velocity(make: MakeParameters) -> None:
     area = 0.004
     p = make({"body_drag": {"area_x": 0.0, "area_y": 0.0, "area_z": area}})

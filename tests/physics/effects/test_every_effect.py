@@ -110,6 +110,7 @@ SYMMETRIC = {
     "rotor_drag": {"coefficient": 1e-6},
     "body_drag": {"area_x": 0.003, "area_y": 0.003, "area_z": 0.005},
     "inflow_thrust_loss": {"coefficient": 7.5e-7},
+    "translational_lift": {"inflow": 1.0},
     "ceiling_effect": {"inflow": 1.0},
     "ground_effect": {"strength": 5.0},
     "wind": {"x": 0.5, "z": 0.1},
