@@ -29,9 +29,9 @@ VEHICLE = "crazyflie21-stock"
 SINGLE = (
     "thrust_scale", "mass_error", "battery_sag", "motor_lag", "motor_lag_asymmetry", "command_delay",
     "rotor_drag", "body_drag", "inflow_thrust_loss", "translational_lift", "velocity_moment", "rate_damping",
-    "rotor_gyroscopic", "rotor_acceleration_torque", "inertia_error", "com_offset", "motor_imbalance", "motor_saturation",
-    "thrust_curve", "ceiling_effect", "ground_effect", "thrust_tilt", "pose_delay", "pose_rotation",
-    "pose_offset", "gyro_bias", "tether",
+    "rotor_gyroscopic", "rotor_acceleration_torque", "inertia_error", "com_offset", "motor_imbalance",
+    "motor_saturation", "thrust_curve", "ceiling_effect", "ground_effect", "thrust_tilt", "pose_delay",
+    "pose_rotation", "pose_offset", "gyro_bias", "tether",
 )  # fmt: skip
 OTHERS = ("none", "two", "three", "unlisted_force_region", "unlisted_torque_line")
 CEILING = 2.1

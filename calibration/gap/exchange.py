@@ -81,7 +81,7 @@ def rivals(final: Fitted, effect: str, close: Sequence[str], training: Training)
 def _rival(final: Fitted, effect: str, reduced: Fitted, candidate: Candidate, training: Training) -> Rival:
     variables = (*reduced.variables, *candidate.variables)
     fits = [
-        refine(start, variables, training, start=final.estimate, unnamed=final.unnamed)
+        refine(start, variables, training, start=final.estimate, unnamed=final.unnamed, near=reduced)
         for start in candidate.starts
     ]
     other = max(fits, key=lambda fit: float(fit.held_out_in_time.sum()))

@@ -138,6 +138,7 @@ def refine(
     iterations: int = 5,
     start: Estimate | None = None,
     unnamed: Sequence[UnnamedTerm] = (),
+    near: "Fitted | None" = None,
 ) -> Fitted:
     """The model with `variables` fitted to the flights.
 
@@ -148,13 +149,18 @@ def refine(
         iterations: of Gauss and Newton, at most.
         start: an earlier estimate, whose noise and spreads save time.
         unnamed: terms whose coefficients are fitted as well.
+        near: a fit whose derivatives are near enough for a first look: those of its variables are not
+            computed anew, which with many variables is most of the work.
     """
+    known = {} if near is None else dict(zip(near.variables, near.columns, strict=False))
     extra = [column for term in unnamed for column in term.columns]
     spread = FIRST_SPREAD if start is None else start.fit.spread
     noise: Noise | None = None if start is None else start.noise
     for last in (*[False] * (iterations - 1), True):
         predicted = model.predict(training.records)
-        columns = [model.derivative(training.records, v, predicted) for v in variables]
+        columns = [
+            known[v] if v in known else model.derivative(training.records, v, predicted) for v in variables
+        ]
         while True:
             prior = prior_step(model, variables).and_of(_unnamed_prior(len(extra)))
             estimate = training.regression.estimate(predicted, [*columns, *extra], prior, spread, noise)
@@ -184,6 +190,11 @@ def refine(
         columns=(*columns, *extra),
         unnamed=tuple(unnamed),
     )
+
+
+def settled(fitted: Fitted, training: Training) -> Fitted:
+    """A fit to the end, from one with derivatives of a model near by."""
+    return refine(fitted.model, fitted.variables, training, start=fitted.estimate, unnamed=fitted.unnamed)
 
 
 def _bounded_step(model: Model, variables: Sequence[Variable], theta: FloatArray) -> FloatArray:

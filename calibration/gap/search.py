@@ -17,7 +17,7 @@ from calibration.gap.candidates import Candidate
 from calibration.gap.exchange import Rival, needed, rivals, without
 from calibration.gap.model import WORKERS, Model, Variable
 from calibration.gap.offers import offers
-from calibration.gap.refine import Fitted, Training, refine
+from calibration.gap.refine import Fitted, Training, refine, settled
 from calibration.gap.screen import Promise, screen
 from calibration.gap.unlisted import Unlisted, best_unlisted, without_idle
 
@@ -49,7 +49,7 @@ _HALF = 0.6
 """Share of what an unnamed term gains that a name must gain to be preferred to it."""
 
 _NEARLY = 0.7
-"""Share of the best gain from which the next candidate is believed where the best one is not."""
+"""Share of the best gain beyond chance from which the next candidate is believed where the best is not."""
 
 _PARSIMONY = 4.0
 """Log-likelihood that each further parameter must be worth."""
@@ -188,8 +188,8 @@ def _second_look(
         best = next(iter(found), None)
         outdone = best is not None and best.lead < -LEAST_GAIN and len(steps) > 1
         if best is not None and outdone:  # a single name was the best of all when it was found
-            present = best.fitted
-            steps[index] = step = dataclasses.replace(step, effect=best.effect, after=best.fitted)
+            present = settled(best.fitted, training)
+            steps[index] = step = dataclasses.replace(step, effect=best.effect, after=present)
             found = _rivals(present, step, training, progress)
         if doubtful := tuple(rival for rival in found if not rival.told_apart):
             ambiguous[step.effect] = doubtful
@@ -231,6 +231,7 @@ def _forward(
             training,
             start=present.estimate,
             unnamed=present.unnamed,
+            near=present,
         )
 
     with ThreadPoolExecutor(WORKERS) as pool:
@@ -240,12 +241,13 @@ def _forward(
         judgement = judge(present, fitted, promise.candidate.variables, training, rng)
         fits.append((judgement.gain, promise.candidate, fitted, judgement))
     fits.sort(key=lambda item: _PARSIMONY * len(item[1].variables) - item[0])
+    best = max((gain for gain, _, _, judgement in fits if judgement.significant), default=0.0)
     for gain, candidate, fitted, judgement in fits:
-        if gain < LEAST_GAIN or gain < _NEARLY * fits[0][0]:
+        if gain < max(LEAST_GAIN, _NEARLY * best):
             break
         if judgement.believed:
             rivals = {c.effect: gain - g for g, c, _, _ in fits if c is not candidate}
-            return Step(candidate.effect, judgement, fitted, rivals)
+            return Step(candidate.effect, judgement, settled(fitted, training), rivals)
         refused[candidate.effect] = _reason(judgement)
     return None
 

@@ -328,8 +328,9 @@ def test_unlisted_effects_act_where_the_answer_says(vehicle: np.ndarray) -> None
 
 ACTS = (
     "thrust_scale thrust_curve battery_sag motor_lag motor_lag_asymmetry motor_imbalance rotor_drag "
-    "body_drag inflow_thrust_loss translational_lift ceiling_effect ground_effect velocity_moment rate_damping "
-    "rotor_gyroscopic rotor_acceleration_torque mass_error inertia_error com_offset thrust_tilt tether"
+    "body_drag inflow_thrust_loss translational_lift ceiling_effect ground_effect velocity_moment "
+    "rate_damping rotor_gyroscopic rotor_acceleration_torque mass_error inertia_error com_offset "
+    "thrust_tilt tether"
 )
 SPAN, DUTY = 0.15, np.array([0.70, 0.66, 0.62, 0.71])
 

@@ -116,7 +116,7 @@ def surface_gain(p: Any, height: float, up: float) -> float:
 
 @jitted
 def fresh_air_gain(p: Any, still: float, edgewise: float) -> float:
-    """Thrust of a rotor that moves edgewise (m/s) over that in still air: Glauert's inflow, then the blade."""
+    """Thrust of a rotor that moves edgewise (m/s) over that in still air: Glauert's inflow, blade lift."""
     if p.lift_inflow == 0.0 or still <= 0.0:
         return 1.0
     hover = math.sqrt(still / (2.0 * AIR_DENSITY * math.pi)) / p.rotor_radius

@@ -1,0 +1,130 @@
+"""Judge the gap finder on real flights: shapes that no fit saw, and whether two halves say the same.
+
+    python benchmarks/real_flights.py --data FOLDER [--vehicle crazyflie21-stock] [--jobs 2]
+
+For every shape of trajectory all flights of other shapes are given to ``find_gap``; the improved vehicle then
+predicts the flights of that shape with measured attitude, thrust scale and trim of each flight fitted to its
+first 8 s (groups of airframes differ). Then every second flight, and the others. One JSON document goes to
+stdout: effects with values, errors after 1 s before and after, and the floor of the accelerometer.
+"""
+
+import argparse
+import json
+import os
+import sys
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+HORIZON, CALIBRATED = 1.0, 8.0
+"""s."""
+
+
+def run(folder: Path, vehicle: str, split: str, fitted: Sequence[str]) -> dict[str, Any]:
+    """Find on the flights named in `fitted`, predict the others."""
+    from calibration.flights import open_flights
+    from calibration.gap.find import Question, find_gap
+    from calibration.gap.prediction import evaluate
+    from calibration.gap.prepare import prepare_flights
+    from calibration.gap.sensing import apply_sensing, judge_sensing
+    from onboard.vehicle import load_vehicle
+
+    flights = open_flights(_files(folder))[0]
+    everything = prepare_flights(flights).records
+    some = [flight for flight in flights if flight.source.name.split(".")[0] in fitted]
+    found = find_gap(some, prepare_flights(some), Question(vehicle=load_vehicle(vehicle)))
+    unseen = [r for r in apply_sensing(everything, judge_sensing(everything)) if r.name not in fitted]
+    return {
+        "split": split,
+        "fitted": len(some),
+        "unseen": [record.name for record in unseen],
+        "effects": {
+            effect.name: {
+                key: {"value": one.value, "ci95": list(one.ci95), "unit": one.unit}
+                for key, one in effect.parameters.items()
+            }
+            for effect in found.report.effects
+        },
+        "ambiguous": [list(one.names) for one in found.report.ambiguous],
+        "rejected": [f"{one.name}: {one.reason}" for one in found.report.rejected],
+        "unexplained": found.report.unexplained.formula,
+        "errors": {
+            name: _after(evaluate(unseen, model, (HORIZON,), CALIBRATED))
+            for name, model in (("before", load_vehicle(vehicle)), ("after", _in_flight(found.vehicle)))
+        },
+    }
+
+
+def _in_flight(vehicle: Any) -> Any:
+    """The vehicle without what was taken out of the measurements already."""
+    import dataclasses
+
+    from onboard.vehicle import EFFECTS
+    from onboard.vehicle.effects import Domain
+
+    kept = tuple(e for e in vehicle.effects if EFFECTS[e.name].domain is not Domain.SENSING)
+    return dataclasses.replace(vehicle, effects=tuple(e for e in kept if e.name != "pose_delay"))
+
+
+def _after(errors: Any) -> dict[str, float]:
+    model, floor = (one.given_attitude[HORIZON] for one in (errors.overall, errors.floor))
+    return {
+        "position_m": round(model.position_m, 4),
+        "velocity_m_s": round(model.velocity_m_s, 4),
+        "floor_position_m": round(floor.position_m, 4),
+        "floor_velocity_m_s": round(floor.velocity_m_s, 4),
+    }
+
+
+def _files(folder: Path) -> list[Path]:
+    return sorted(path for path in folder.iterdir() if path.name.endswith((".csv", ".csv.gz")))
+
+
+def splits(folder: Path) -> dict[str, list[str]]:
+    """Names of the flights to fit to, by split."""
+    from calibration.flights import open_flights
+    from calibration.gap.prepare import prepare_flights
+
+    records = prepare_flights(open_flights(_files(folder))[0]).records
+    named = {
+        f"without {shape}": [record.name for record in records if record.shape != shape]
+        for shape in sorted({record.shape for record in records})
+    }
+    named["even"], named["odd"] = ([record.name for record in records[first::2]] for first in (0, 1))
+    return named
+
+
+def main() -> None:
+    """Parse, run in processes of their own, print."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--data", type=Path, required=True)
+    parser.add_argument("--vehicle", default="crazyflie21-stock")
+    parser.add_argument("--splits", nargs="*", help="only these")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    asked = parser.parse_args()
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    wanted = {k: v for k, v in splits(asked.data).items() if not asked.splits or k in asked.splits}
+    runs = []
+    with ProcessPoolExecutor(asked.jobs) as pool:
+        futures = [pool.submit(run, asked.data, asked.vehicle, *one) for one in wanted.items()]
+        for number, future in enumerate(futures, 1):
+            runs.append(future.result())
+            print(f"{number}/{len(wanted)} {json.dumps(runs[-1])}", file=sys.stderr, flush=True)
+    shapes = [r for r in runs if r["split"].startswith("without")]
+    weights = [len(r["unseen"]) for r in shapes]
+    overall = {
+        key: round(float(np.average([r["errors"]["after"][key] for r in shapes], weights=weights)), 4)
+        for key in (shapes[0]["errors"]["after"] if shapes else ())
+    }
+    print(json.dumps({"benchmark": "real_flights", "unseen_shapes": overall, "runs": runs}, indent=1))
+
+
+if __name__ == "__main__":
+    main()
