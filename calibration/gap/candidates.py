@@ -75,6 +75,9 @@ def _candidate(description: EffectDescription, model: Model, records: Sequence[F
             return Candidate(name, variables, _ceilings(model, records))
         case "tether":
             return Candidate(name, _tether_variables(), _tethers(model, records))
+        case "wind":
+            # Upwards it does what a scale of thrust does, and would stand in for any error of a thrust map.
+            return Candidate(name, tuple(v for v in variables if v.parameter != "z"), (model,))
     return Candidate(name, variables, (model,))
 
 

@@ -28,7 +28,7 @@ class Estimate:
     Attributes:
         fit: shared effects (steps from the model's values) and nuisances.
         products: of all columns that were offered.
-        noise: fitted to what the fit leaves.
+        noise: that it was fitted under.
         residual: signals less prediction, nuisances and fitted effects, shape (n, 7), not whitened.
     """
 
@@ -108,29 +108,23 @@ class Regression:
         prior: Prior,
         spread: FloatArray = FIRST_SPREAD,
         noise: Noise | None = None,
-        rounds: int = 2,
     ) -> Estimate:
-        """Fit effects, nuisances and noise in turn.
+        """Fit effects and nuisances under a noise model.
 
         Args:
             predicted: shape (n, 7), of the model about which is linearised.
             columns: derivatives by each variable, shape (n, 7) each.
             prior: of the step of each variable from its present value.
             spread: of the nuisances, to begin with.
-            noise: to begin with; without one it is fitted to the residual less its mean per part.
-            rounds: of fitting noise and effects in turn.
+            noise: without one it is fitted to the residual less its mean per part.
         """
         nuisances = nuisance_columns(self.signals, predicted)
         raw = self.misfit(predicted)
-        residual = self._centred(raw)
-        for _ in range(rounds):
-            noise = self.fit_noise(residual) if noise is None else noise
-            table = self.whitened([*nuisances, *columns], noise)
-            products = self.products(table, raw, len(nuisances), noise)
-            fit = fit_mixed(products, prior, spread)
-            residual = self._left(raw, columns, nuisances, fit)
-            spread, used, noise = fit.spread, noise, None
-        return Estimate(fit, products, used, residual)
+        noise = self.fit_noise(self._centred(raw)) if noise is None else noise
+        table = self.whitened([*nuisances, *columns], noise)
+        products = self.products(table, raw, len(nuisances), noise)
+        fit = fit_mixed(products, prior, spread)
+        return Estimate(fit, products, noise, self._left(raw, columns, nuisances, fit))
 
     def _left(
         self, raw: FloatArray, columns: Sequence[FloatArray], nuisances: FloatArray, fit: MixedFit

@@ -79,9 +79,15 @@ def name_effects(found: Search, training: Training, rng: np.random.Generator) ->
             v: math.hypot(error, SYSTEMATIC * abs(final.model.start_value(v) - (v.neutral or 0.0)))
             for v, error in clustered_errors(final, training, rng).items()
         },
-        ambiguous={k: tuple(rival.effect for rival in v) for k, v in found.ambiguous.items()},
+        ambiguous={name: _not_ruled_out(name, found, order) for name in order},
         unconfirmed=() if confirmed else tuple(worthy),
     )
+
+
+def _not_ruled_out(effect: str, found: Search, named: list[str]) -> tuple[str, ...]:
+    """Effects in the place of a named one: not told apart by these flights, or by any."""
+    rivals = [rival.effect for rival in found.ambiguous.get(effect, ())]
+    return tuple(dict.fromkeys([*rivals, *(name for name in EFFECTS[effect].alike if name not in named)]))
 
 
 def _worth_a_name(effect: str, final: Fitted, training: Training) -> bool:

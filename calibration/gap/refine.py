@@ -156,7 +156,7 @@ def refine(
     extra = [column for term in unnamed for column in term.columns]
     spread = FIRST_SPREAD if start is None else start.fit.spread
     noise: Noise | None = None if start is None else start.noise
-    for last in (*[False] * (iterations - 1), True):
+    for iteration in range(1, iterations + 1):
         predicted = model.predict(training.records)
         columns = [
             known[v] if v in known else model.derivative(training.records, v, predicted) for v in variables
@@ -164,7 +164,6 @@ def refine(
         while True:
             prior = prior_step(model, variables).and_of(_unnamed_prior(len(extra)))
             estimate = training.regression.estimate(predicted, [*columns, *extra], prior, spread, noise)
-            spread, noise = estimate.fit.spread, estimate.noise
             step = _bounded_step(model, variables, estimate.fit.theta)
             stuck = (step == 0.0) & (estimate.fit.theta[: len(variables)] != 0.0)
             if not stuck.any():
@@ -173,9 +172,11 @@ def refine(
             variables = [v for v, out in zip(variables, stuck, strict=True) if not out]
             columns = [column for column, out in zip(columns, stuck, strict=True) if not out]
         errors = np.sqrt(np.diag(estimate.fit.covariance))[: len(variables)]
-        if last or np.all(np.abs(step) <= _ENOUGH * errors):
+        arrived = bool(np.all(np.abs(step) <= _ENOUGH * errors))
+        if iteration == iterations or (arrived and iteration > 1):  # by then the noise is of this model
             break
         model = model.with_values({v: model.start_value(v) + d for v, d in zip(variables, step, strict=True)})
+        spread, noise = estimate.fit.spread, training.regression.fit_noise(estimate.residual)
     held_out, in_time = (
         held_out_likelihood(estimate.products, estimate.fit, prior, split)
         for split in (training.by_shape, training.by_time)

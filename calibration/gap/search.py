@@ -115,10 +115,12 @@ def search(
     for _ in range(_MOST_ROUNDS):
         progress("every effect")
         promises = screen(present, offers(present, training), training)
+        step = _forward(present, promises, training, rng, progress, refused)
         scale = None if steps or unlisted else _far_off(present, promises, training, rng)
-        step = scale or _forward(present, promises, training, rng, progress, refused)
+        calibrates = scale is not None and not _outdone(scale, step, training, rng, progress)
+        step = scale if calibrates else step
         progress("what has no name")
-        other = None if scale else best_unlisted(present, training, rng)
+        other = None if calibrates else best_unlisted(present, training, rng)
         if other is not None and (step is None or step.judgement.gain < _HALF * other.gain):
             unlisted.append(other)
             present = other.after
@@ -155,6 +157,18 @@ def _far_off(
                 fits.append(Step(effect, judgement, fitted))
     best = max(fits, key=lambda step: step.judgement.gain, default=None)
     return best if best is not None and best.judgement.gain >= LEAST_GAIN else None
+
+
+def _outdone(
+    scale: Step, other: Step | None, training: Training, rng: np.random.Generator, progress: Progress
+) -> bool:
+    """Whether another effect alone explains more than a scale and the effect that is best after it."""
+    if other is None or other.judgement.gain < scale.judgement.gain:
+        return False
+    promises = screen(scale.after, offers(scale.after, training), training)
+    after = _forward(scale.after, promises, training, rng, progress, {})
+    both = scale.judgement.gain + (after.judgement.gain if after else 0.0)
+    return other.judgement.gain > both
 
 
 def blind_to(promises: Sequence[Promise]) -> list[str]:

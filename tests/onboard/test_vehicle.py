@@ -242,8 +242,8 @@ def test_every_effect_survives_writing(name: str) -> None:
 
 
 def test_descriptions_of_effects_hold_together() -> None:
-    """CONTRACTS' thirty names and the motors' speed law; typical and neutral values within the bounds."""
-    assert len(EFFECTS) == 31
+    """CONTRACTS' thirty names, and two of ours; typical and neutral values within the bounds."""
+    assert len(EFFECTS) == 32
     for name, effect in EFFECTS.items():
         assert name == effect.name
         assert effect.equation

@@ -27,7 +27,7 @@ DESCRIPTIONS = (
                 source="air density alone: 10 % per 1000 m; propeller wear (bench notes 1.3)",
             )
         },
-        revealed_by="any hover of known mass",
+        revealed_by="any hover, once the vehicle was weighed",
         confused_with=(
             "thrust_curve",
             "battery_sag",
@@ -38,6 +38,7 @@ DESCRIPTIONS = (
             "inertia_error",
         ),
         reference="thrust proportional to air density and to the square of the speed",
+        alike=("mass_error",),
     ),
     EffectDescription(
         name="thrust_curve",

@@ -77,6 +77,8 @@ class EffectDescription:
         reference: paper or record that the equation is from.
         needs: what else the vehicle file must hold.
         excludes: effects that describe the same thing in another way.
+        alike: effects that no flight tells from this one unless inertias are known better than they ever
+            are; only `revealed_by` does.
     """
 
     name: str
@@ -88,6 +90,7 @@ class EffectDescription:
     reference: str
     needs: tuple[Needs, ...] = ()
     excludes: tuple[str, ...] = ()
+    alike: tuple[str, ...] = ()
 
     def values(self, given: Mapping[str, Quantity]) -> dict[str, float]:
         """Every parameter's value (SI), those that are not given at their neutral value.

@@ -62,7 +62,7 @@ DESCRIPTIONS = (
                 source="a deck or another battery weighs about 1 g",
             )
         },
-        revealed_by="any hover with known thrust",
+        revealed_by="a scale; any hover, once the thrust was measured",
         confused_with=(
             "thrust_scale",
             "thrust_curve",
@@ -70,6 +70,7 @@ DESCRIPTIONS = (
             "inertia_error",
         ),
         reference="equation of motion",
+        alike=("thrust_scale",),
     ),
     EffectDescription(
         name="inertia_error",
