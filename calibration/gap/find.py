@@ -143,7 +143,7 @@ def _find(flights: Sequence[Flight], prepared: Prepared, asked: Question, progre
         ambiguous=_ambiguous(effects),
         rejected=tuple(
             Rejected(name=name, reason=reason)
-            for name, reason in found.refused.items()
+            for name, reason in (found.refused | names.nameless).items()
             if name not in names.effects  # refused in one round, named in a later one
         ),
         limitations=(

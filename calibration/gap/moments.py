@@ -93,8 +93,11 @@ class Moments:
     def settled(self, start: Model, variables: Sequence[Variable]) -> tuple[float, Model]:
         """A model near `start` that fits the moments well, and what it leaves (sum of robust squares).
 
-        A ceiling that `start` has and the base model has not is moved as well.
+        A ceiling that `start` has and the base model has not is moved as well. Without a moment (no force was
+        measured) the start stays as it is.
         """
+        if self.misfit.shape[0] == 0:
+            return 0.0, start
         free_ceiling = start.ceiling_z is not None and self._base.ceiling_z is None
         first = np.array([start.start_value(v) for v in variables])
         low, high = np.array([v.low for v in variables]), np.array([v.high for v in variables])

@@ -1,6 +1,7 @@
 """From a finished search to names, values and intervals."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,7 @@ from calibration.gap.improved import NINETY_FIVE, separations
 from calibration.gap.model import Model, Variable
 from calibration.gap.refine import Fitted, Training
 from calibration.gap.report import FoundEffect, FoundParameter
-from calibration.gap.search import LOG_TIMING, Search
+from calibration.gap.search import AT_BOUND, DRIFTS, LOG_TIMING, Search
 from onboard.vehicle import EFFECTS
 
 FEWEST = 3
@@ -35,6 +36,7 @@ class Named:
         errors: standard error of each variable: clustered, and :data:`SYSTEMATIC`.
         ambiguous: by effect, those that the flights do not rule out in its place.
         unconfirmed: effects that would have been named, had there been flights to confirm them on.
+        nameless: effects that are in the final fit and got no name, with the reason.
     """
 
     effects: tuple[str, ...]
@@ -42,6 +44,7 @@ class Named:
     errors: dict[Variable, float]
     ambiguous: dict[str, tuple[str, ...]]
     unconfirmed: tuple[str, ...]
+    nameless: dict[str, str]
 
     def models(self) -> dict[str, Model]:
         """The model before, and after each effect, under "before", "with <effect>"."""
@@ -63,7 +66,8 @@ def name_effects(found: Search, training: Training, rng: np.random.Generator) ->
     order = [step.effect for step in found.steps]
     if needed(final, LOG_TIMING.effect, training):
         order.append(LOG_TIMING.effect)
-    worthy = [name for name in order if _worth_a_name(name, final, training)]
+    doubts = {name: _doubt(name, final, training) for name in order}
+    worthy = [name for name in order if doubts[name] is None]
     confirmed = len(training.records) >= FEWEST
     order = worthy if confirmed else []
     values = {
@@ -81,6 +85,7 @@ def name_effects(found: Search, training: Training, rng: np.random.Generator) ->
         },
         ambiguous={name: _not_ruled_out(name, found, order) for name in order},
         unconfirmed=() if confirmed else tuple(worthy),
+        nameless={name: doubt for name, doubt in doubts.items() if doubt is not None},
     )
 
 
@@ -90,15 +95,26 @@ def _not_ruled_out(effect: str, found: Search, named: list[str]) -> tuple[str, .
     return tuple(dict.fromkeys([*rivals, *(name for name in EFFECTS[effect].alike if name not in named)]))
 
 
-def _worth_a_name(effect: str, final: Fitted, training: Training) -> bool:
-    """Whether an effect of the final model is large, free of its bounds and the same in all flying."""
+def _doubt(effect: str, final: Fitted, training: Training) -> str | None:
+    """Why an effect of the final model gets no name; None where it is large, free and steady."""
     values = {v: x for v, x in final.model.values.items() if v.effect == effect}
-    if any(stuck(v, x) or (v in final.variables and drifts(v, final)) for v, x in values.items()):
-        return False
+    if effect == LOG_TIMING.effect and not excited(training.regression.weights):
+        return "too little was commanded to tell it"
+    if at_bound := [v.parameter for v, x in values.items() if stuck(v, x)]:
+        return AT_BOUND.format(", ".join(at_bound))
+    if drifting := [v.parameter for v in values if v in final.variables and drifts(v, final)]:
+        return DRIFTS.format(", ".join(drifting))
     if effect == LOG_TIMING.effect:
-        late = final.model.values[LOG_TIMING] > 0.5 * training.regression.signals.dt
-        return late and excited(training.regression.weights)
-    return any(sizeable(v, x) for v, x in values.items())
+        half = 0.5 * training.regression.signals.dt
+        return None if final.model.values[LOG_TIMING] > half else _small(values)
+    return None if any(sizeable(v, x) for v, x in values.items()) else _small(values)
+
+
+def _small(values: Mapping[Variable, float]) -> str:
+    told = ", ".join(
+        f"{v.parameter} = {x:.3g} {EFFECTS[v.effect].parameters[v.parameter].unit}" for v, x in values.items()
+    )
+    return f"real, but too small to matter ({told})"
 
 
 def found_effects(names: Named, flights: HeldOutFlights, rng: np.random.Generator) -> list[FoundEffect]:

@@ -28,6 +28,10 @@ LOG_TIMING = Variable("command_delay", "delay")
 """Always fitted: when a command was logged is never known to the millisecond, and a delay left out makes
 other names. It is an effect only where it is larger than that doubt."""
 
+AT_BOUND = "{} ran into its bound: it stands in for something else"
+DRIFTS = "{} depends on how hard the vehicle was flown: it stands in for something else"
+"""Why a parameter is not believed."""
+
 SCALES = ("thrust_scale", "mass_error")
 """What is looked at before all else where the flights weigh far more or less than the vehicle file."""
 
@@ -268,9 +272,7 @@ def _forward(
 
 def _reason(judgement: Judgement) -> str:
     if judgement.at_bound:
-        names = ", ".join(v.parameter for v in judgement.at_bound)
-        return f"{names} ran into its bound: it stands in for something else"
+        return AT_BOUND.format(", ".join(v.parameter for v in judgement.at_bound))
     if judgement.drifting:
-        names = ", ".join(v.parameter for v in judgement.drifting)
-        return f"{names} depends on how hard the vehicle was flown: it stands in for something else"
+        return DRIFTS.format(", ".join(v.parameter for v in judgement.drifting))
     return "its gain does not hold across flights"

@@ -54,6 +54,16 @@ def test_a_ceiling_is_found_at_its_height_though_nobody_said_it() -> None:
     assert np.abs(near[1] - near[0]).max() < 0.1 * np.abs(near[0]).max()
 
 
+def test_flights_without_forces_leave_every_start_as_it_is() -> None:
+    base = Model(STOCK)
+    blind = [dataclasses.replace(record, specific_force=None) for record in RECORDS]
+    signals = stack_signals(blind)
+    moments = Moments(base, blind, signals, np.zeros(signals.measured.shape))
+    candidate = next(c for c in candidates(base, blind) if c.effect == "ceiling_effect")
+    for start in candidate.starts:
+        assert moments.settled(start, candidate.variables) == (0.0, start)
+
+
 def test_nothing_is_made_of_noise() -> None:
     base = Model(STOCK)
     found = best(moments_of(base, base), base, "tether")
