@@ -148,6 +148,7 @@ def closed_share(
     from calibration.gap.held_out import HeldOutFlights
     from calibration.gap.model import Model, Variable
     from calibration.gap.sensing import apply_sensing, judge_sensing
+    from calibration.gap.signals import VOLTAGE
     from onboard.vehicle import EFFECTS
     from onboard.vehicle.effects import Domain
 
@@ -160,6 +161,7 @@ def closed_share(
     models = (Model(vehicle), Model(found.vehicle, {}, found.ceiling_z), Model(vehicle, values, CEILING))
     before, after, least = (flights.errors(model).rms() ** 2 for model in models)
     known = least > 0.0
+    known[VOLTAGE] &= any(effect["name"] == "battery_sag" for effect in hidden)  # else the load's own error
     removable = float(np.sum((before[known] - least[known]) / least[known]))
     if removable < REMOVABLE:
         return None
