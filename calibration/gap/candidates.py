@@ -48,6 +48,8 @@ def candidates(model: Model, records: Sequence[FlightRecord]) -> list[Candidate]
             continue
         if any(not _met(need, model) for need in description.needs):
             continue
+        if not set(description.alike).isdisjoint(model.effects):
+            continue  # scale and mass together would be a claim about inertia
         found.append(_candidate(description, model, records))
     return [candidate for candidate in found if candidate.starts]
 
