@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calibration.gap.model import Model, Variable
-from calibration.gap.signals import FORCE, TORQUE, Signals, stack_signals
+from calibration.gap.signals import FORCE, TORQUE, VOLTAGE, Signals, stack_signals
 from onboard.quantity import Quantity
 from onboard.vehicle import EFFECTS, Effect, Vehicle, load_vehicle
 from tests.gap.simulated_flight import circle, fly, up_and_down
@@ -91,3 +91,14 @@ def test_a_torque_is_not_predicted_from_a_rate_that_is_measured_after_it() -> No
     change = np.abs(model.predict([dataclasses.replace(record, rate=noisy)])[:, TORQUE] - plain).max(axis=1)
     assert change[:200].max() == 0.0
     assert change[200] > 1.0
+
+
+def test_only_the_battery_changes_the_voltage_and_nothing_else() -> None:
+    records = [fly(STOCK, up_and_down(), 4.0)]
+    plain = Model(STOCK).predict(records)
+    sagging = Model(with_effect("battery_sag", {"resistance": 0.05})).predict(records)
+    weak = Model(STOCK).with_values({Variable("thrust_scale", "scale"): 0.9}).predict(records)
+    assert np.abs(weak[:, FORCE] - plain[:, FORCE]).max() > 0.5
+    np.testing.assert_array_equal(weak[:, VOLTAGE], plain[:, VOLTAGE])
+    np.testing.assert_array_equal(sagging[:, :VOLTAGE], plain[:, :VOLTAGE])
+    assert 0.05 < np.mean(plain[:, VOLTAGE] - sagging[:, VOLTAGE]) < 0.6
