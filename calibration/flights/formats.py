@@ -92,6 +92,8 @@ def open_flights(
 def flight_files(paths: Iterable[str | Path]) -> list[Path]:
     """Files and run folders to open: `paths`, with each other folder replaced by the flights in it, sorted.
 
+    Folders within a folder are looked into, so that a campaign's folder stands for its attempts.
+
     Raises:
         FlightFileError: a path does not exist, or a folder holds no flight of a known format.
     """
@@ -102,10 +104,20 @@ def flight_files(paths: Iterable[str | Path]) -> list[Path]:
         if path.is_file() or _detected(path) is not None:
             found.append(path)
             continue
-        inside = [entry for entry in sorted(path.iterdir()) if _detected(entry) is not None]
+        inside = _flights_in(path)
         if not inside:
             raise FlightFileError(f"{path}: no flight of a known format in this folder")
         found += inside
+    return found
+
+
+def _flights_in(folder: Path) -> list[Path]:
+    found: list[Path] = []
+    for entry in sorted(folder.iterdir()):
+        if _detected(entry) is not None:
+            found.append(entry)
+        elif entry.is_dir():
+            found += _flights_in(entry)
     return found
 
 

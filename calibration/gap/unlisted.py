@@ -103,9 +103,10 @@ def _offer(
         unnamed=(*present.unnamed, term),
     )
     columns = list(range(len(fitted.columns)))[-len(term.columns) :]
-    concentrated = fitted.few_flights(columns)
-    gains = fitted.gains(present, concentrated)
+    if fitted.few_flights(columns):
+        return None  # it may be of those flights alone, and nobody knows a physics that says otherwise
+    gains = fitted.gains(present, concentrated=False)
     total = float(gains.sum())
-    if total < LEAST_GAIN or lower_bound(gains, training, concentrated, rng) <= 0.0:
+    if total < LEAST_GAIN or lower_bound(gains, training, False, rng) <= 0.0:
         return None
     return Unlisted(finding, term, total, fitted)

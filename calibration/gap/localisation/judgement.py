@@ -17,6 +17,9 @@ LEAST_SHARE = 0.04
 LEAST_LINE = 0.03
 """Of a channel's variance."""
 
+LEAST_AMPLITUDE = {"force": 0.05, "torque": 0.5, "voltage": 0.0}
+"""m/s2, rad/s2: what shakes a vehicle less has no consequence for a flight, however clear the line is."""
+
 _ALIKE = 0.7
 """Share, in units of the best one's, from which another regressor may be meant."""
 
@@ -53,7 +56,7 @@ def structured(gap_map: GapMap, lines: Sequence[Line], whiteness: Sequence[White
     """
     found = [
         *_places(gap_map),
-        *(_line(line) for line in lines if line.p < LEVEL and line.share >= LEAST_LINE),
+        *(_line(line) for line in lines if _worth_telling(line)),
     ]
     explained = {"voltage", *(finding.channel.signal for finding in found)}
     for judged in whiteness:
@@ -95,6 +98,12 @@ def _casts(strong: Finding, weak: Finding) -> bool:
         and strong.channel.frame != weak.channel.frame
         and strong.regressor == weak.regressor
     )
+
+
+def _worth_telling(line: Line) -> bool:
+    if line.p >= LEVEL or line.share < LEAST_LINE:
+        return False
+    return line.amplitude >= LEAST_AMPLITUDE[line.channel.kind]
 
 
 def _line(line: Line) -> Finding:
