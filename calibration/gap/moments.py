@@ -90,15 +90,20 @@ class Moments:
         """Height (m) of the rotors at the highest moment."""
         return float(self._place[0][:, 2].max()) + self._base.base.body.propeller_height_z.value
 
-    def settled(self, start: Model, variables: Sequence[Variable]) -> tuple[float, Model]:
+    def settled(
+        self, start: Model, variables: Sequence[Variable], move_ceiling: bool = False
+    ) -> tuple[float, Model]:
         """A model near `start` that fits the moments well, and what it leaves (sum of robust squares).
 
-        A ceiling that `start` has and the base model has not is moved as well. Without a moment (no force was
-        measured) the start stays as it is.
+        Without a moment (no force was measured) the start stays as it is.
+
+        Args:
+            start: to begin with.
+            variables: to fit.
+            move_ceiling: whether the height of the ceiling is one more unknown.
         """
         if self.misfit.shape[0] == 0:
             return 0.0, start
-        free_ceiling = start.ceiling_z is not None and self._base.ceiling_z is None
         first = np.array([start.start_value(v) for v in variables])
         low, high = np.array([v.low for v in variables]), np.array([v.high for v in variables])
         believed = [(i, v.typical, v.spread) for i, v in enumerate(variables) if v.spread is not None]
@@ -107,16 +112,16 @@ class Moments:
 
         def model_of(values: FloatArray) -> Model:
             model = start.with_values(dict(zip(variables, values, strict=False)))
-            return model.at_ceiling(top + values[-1]) if free_ceiling else model
+            return model.at_ceiling(top + values[-1]) if move_ceiling else model
 
         def left(values: FloatArray) -> FloatArray:
             added = self._force(model_of(values)) - self._without
             doubts = [(values[i] - typical) / spread for i, typical, spread in believed]
-            if free_ceiling:
+            if move_ceiling:
                 doubts.append(np.log(values[-1] / _USUAL_GAP) / np.log(_GAP_FACTOR))
             return np.concatenate([((self.misfit - added) / _DOUBT).ravel(), doubts])
 
-        if free_ceiling and start.ceiling_z is not None:
+        if move_ceiling and start.ceiling_z is not None:
             first = np.append(first, max(start.ceiling_z - top, 2.0 * _LEAST_GAP))
             low, high = np.append(low, _LEAST_GAP), np.append(high, np.inf)
             scale = np.append(scale, first[-1])

@@ -24,6 +24,9 @@ _UNNAMED_RANGE = 100.0
 _LONGEST = 0.34
 """Share of a variable's bounds that one step may go."""
 
+_TOWARDS, _NEAR = 0.7, 0.01
+"""Share of the way to a bound that one step may go; share of the bounds' range from which it may go all."""
+
 
 @dataclass(frozen=True)
 class Training:
@@ -201,7 +204,10 @@ def settled(fitted: Fitted, training: Training) -> Fitted:
 def _bounded_step(model: Model, variables: Sequence[Variable], theta: FloatArray) -> FloatArray:
     step = np.empty(len(variables))
     for index, (v, wanted) in enumerate(zip(variables, theta, strict=False)):  # unnamed ones follow
-        longest = _LONGEST * (v.high - v.low)
+        extent = v.high - v.low
         value = model.start_value(v)
-        step[index] = np.clip(value + np.clip(wanted, -longest, longest), v.low, v.high) - value
+        room = (v.high if wanted > 0.0 else v.low) - value
+        # A curved likelihood overshoots: nobody jumps onto a bound, where a variable would be given up.
+        most = min(_LONGEST * extent, abs(room) if abs(room) < _NEAR * extent else _TOWARDS * abs(room))
+        step[index] = np.clip(wanted, -most, most)
     return step

@@ -17,13 +17,17 @@ _FOLDS = 5
 _LOST = 0.85
 """A flight is not kept back when the others would reach less than this share of a range of excitation."""
 
+_REACHING = 2
+"""Flights that reach as far: what one flight alone shows is not believed."""
+
 
 def split_flights(records: Sequence[FlightRecord]) -> tuple[list[int], list[int]]:
     """Indices of the flights to fit to, and of those to keep back.
 
     Whole shapes of trajectories are kept back first, so that what is found must hold on flights of another
-    kind, then single flights of shapes flown several times; but nothing that alone shows an excitation (the
-    fastest, the highest, the lowest flight ...), because an effect that it reveals could not be found.
+    kind, then single flights of shapes flown several times; but nothing that alone, or as one of two, shows
+    an excitation (the fastest, the highest, the lowest flight ...), because an effect that it reveals could
+    not be found.
     A single flight is fitted to and nothing is kept back.
     """
     reach = np.array([_excitation(record) for record in records])
@@ -80,8 +84,19 @@ def _excitation(record: FlightRecord) -> FloatArray:
 
 
 def _covers(part: FloatArray, whole: FloatArray) -> bool:
-    """Whether some flights reach nearly as far as all of them, in every quantity."""
+    """Whether some flights reach nearly as far as all of them, in every quantity, and two of them if more do.
+
+    Quantities are low quantiles, then high ones, of shape (flights, 14).
+    """
     low, high = whole.min(axis=0), whole.max(axis=0)
     extent = np.maximum(high - low, 1e-9)
-    reached = (part.max(axis=0) - low) / extent, (high - part.min(axis=0)) / extent
-    return bool(min(reached[0][7:].min(), reached[1][:7].min()) >= _LOST)
+    half = whole.shape[1] // 2
+
+    def reaching(flights: FloatArray) -> np.ndarray:
+        lowest, highest = (
+            (high - flights)[:, :half] / extent[:half],
+            (flights - low)[:, half:] / extent[half:],
+        )
+        return np.asarray((np.hstack([lowest, highest]) >= _LOST).sum(axis=0))
+
+    return bool(np.all(reaching(part) >= np.minimum(reaching(whole), _REACHING)))

@@ -27,7 +27,11 @@ def moments_of(truth: Model, base: Model) -> Moments:
 def best(moments: Moments, base: Model, effect: str) -> Model:
     candidate = next(c for c in candidates(base, RECORDS) if c.effect == effect)
     return min(
-        (moments.settled(start, candidate.variables) for start in candidate.starts), key=lambda f: f[0]
+        (
+            moments.settled(start, candidate.variables, effect == "ceiling_effect")
+            for start in candidate.starts
+        ),
+        key=lambda f: f[0],
     )[1]
 
 

@@ -187,7 +187,7 @@ def _string(k: int, rng: np.random.Generator) -> dict[str, float]:
 
 
 def _gap(k: int, rng: np.random.Generator) -> dict[str, float]:
-    return {"inflow": 1.0, "opening": _about(rng, (0.5, 0.32, 0.25)[k])}
+    return {"inflow": 1.0, "opening": _about(rng, (0.5, 0.28, 0.24)[k])}
 
 
 def _late(k: int, rng: np.random.Generator) -> dict[str, float]:
