@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from calibration.gap.record import FlightRecord
-from calibration.gap.signals import stack_predictions
-from calibration.gap.teacher import teacher_forced
+from calibration.gap.signals import VOLTAGE, stack_predictions
+from calibration.gap.teacher import Prediction, teacher_forced
 from onboard.arrays import FloatArray
 from onboard.quantity import Quantity
 from onboard.room import RoomGeometry
@@ -63,26 +63,6 @@ class Variable(NamedTuple):
         return EFFECTS[self.effect].parameters[self.parameter].typical
 
 
-class BatteryDraws:
-    """Current and charge that the motors draw along flights, by the vehicle file as it was given.
-
-    The commands settle it, not the effects that are searched for: what a propeller lifts at a given command
-    says little about what its motor draws.
-    """
-
-    def __init__(self) -> None:
-        self._known: dict[int, tuple[FlightRecord, FloatArray, FloatArray]] = {}
-
-    def along(self, record: FlightRecord, vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
-        """Current (A) and charge (C) since the first sample, shapes (n,)."""
-        key = id(record)  # the record is kept with its result, so that the key stays its own
-        if key not in self._known:
-            p = physics_parameters(vehicle, RoomGeometry(ceiling_z=NO_CEILING))
-            prediction = teacher_forced(record, p)
-            self._known[key] = record, prediction.current, prediction.charge
-        return self._known[key][1:]
-
-
 @dataclass(frozen=True)
 class Model:
     """A vehicle file, and effects on top of it with the values they have at present.
@@ -91,13 +71,11 @@ class Model:
         base: the vehicle as it was given.
         values: by variable; those of one effect together make the effect.
         ceiling_z: m, height of the ceiling; None: not known, and no rotor feels one.
-        draws: what the motors draw from the battery; models made of one another share it.
     """
 
     base: Vehicle
     values: Mapping[Variable, float] = field(default_factory=dict)
     ceiling_z: float | None = None
-    draws: BatteryDraws = field(default_factory=BatteryDraws, repr=False, compare=False)
 
     def with_values(self, values: Mapping[Variable, float]) -> "Model":
         """The model with some values changed or added; each kept within its bounds."""
@@ -150,15 +128,23 @@ class Model:
     def predict(self, records: Sequence[FlightRecord]) -> FloatArray:
         """Predicted signals along the flights, shape (n, 7) (:data:`calibration.gap.signals.CHANNELS`)."""
         p = self.parameters()
+        predictions = self._along(records, p)
+        # An error of the thrust map says nothing of what the motors draw.
+        plain = self.without("thrust_curve")
+        drawing = predictions if plain.effects == self.effects else plain._along(records, plain.parameters())
+        return stack_predictions(predictions, [terminal_voltage(p, one) for one in drawing])
+
+    def _along(self, records: Sequence[FlightRecord], p: Any) -> list[Prediction]:
         with ThreadPoolExecutor(WORKERS) as pool:
-            predictions = list(pool.map(lambda record: teacher_forced(record, p), records))
-            drawn = list(pool.map(lambda record: self.draws.along(record, self.base), records))
-        return stack_predictions(predictions, [terminal_voltage(p, *one) for one in drawn])
+            return list(pool.map(lambda record: teacher_forced(record, p), records))
 
     def derivative(
         self, records: Sequence[FlightRecord], variable: Variable, predicted: FloatArray
     ) -> FloatArray:
         """Derivative of the predicted signals by one variable, shape (n, 7).
+
+        Voltage is left to the battery alone: it is known to millivolts, what a motor draws for a thrust is
+        not, and so a voltage must not decide about a thrust.
 
         Args:
             records: flights.
@@ -169,16 +155,15 @@ class Model:
         step = max(_SHARE_OF_RANGE * (variable.high - variable.low), 1e-3 * abs(value))
         if value + step > variable.high:
             step = -step
-        return (self.with_values({variable: value + step}).predict(records) - predicted) / step
+        change = (self.with_values({variable: value + step}).predict(records) - predicted) / step
+        if variable.effect == "battery_sag":
+            change[:, :VOLTAGE] = 0.0
+        else:
+            change[:, VOLTAGE] = 0.0
+        return change
 
 
-def terminal_voltage(p: Any, current: FloatArray, charge: FloatArray) -> FloatArray:
-    """Battery voltage (V) by the vehicle's battery model, shape (n,), from full at the first sample.
-
-    Args:
-        p: record of physics parameters.
-        current: A, shape (n,).
-        charge: C, drawn since the first sample, shape (n,).
-    """
-    fallen = p["open_circuit_slope"] * charge / p["battery_capacity"]
-    return np.asarray(p["open_circuit_full"] - fallen - p["battery_resistance"] * current)
+def terminal_voltage(p: Any, prediction: Prediction) -> FloatArray:
+    """Battery voltage (V) by the vehicle's battery model, shape (n,), from full at the first sample."""
+    fallen = p["open_circuit_slope"] * prediction.charge / p["battery_capacity"]
+    return np.asarray(p["open_circuit_full"] - fallen - p["battery_resistance"] * prediction.current)

@@ -93,12 +93,15 @@ def test_a_torque_is_not_predicted_from_a_rate_that_is_measured_after_it() -> No
     assert change[200] > 1.0
 
 
-def test_only_the_battery_changes_the_voltage_and_nothing_else() -> None:
+def test_a_voltage_decides_about_the_battery_alone() -> None:
     records = [fly(STOCK, up_and_down(), 4.0)]
-    plain = Model(STOCK).predict(records)
-    sagging = Model(with_effect("battery_sag", {"resistance": 0.05})).predict(records)
-    weak = Model(STOCK).with_values({Variable("thrust_scale", "scale"): 0.9}).predict(records)
-    assert np.abs(weak[:, FORCE] - plain[:, FORCE]).max() > 0.5
-    np.testing.assert_array_equal(weak[:, VOLTAGE], plain[:, VOLTAGE])
-    np.testing.assert_array_equal(sagging[:, :VOLTAGE], plain[:, :VOLTAGE])
-    assert 0.05 < np.mean(plain[:, VOLTAGE] - sagging[:, VOLTAGE]) < 0.6
+    model = Model(STOCK)
+    plain = model.predict(records)
+    curved = model.with_values({Variable("thrust_curve", "curvature"): 0.1}).predict(records)
+    np.testing.assert_array_equal(curved[:, VOLTAGE], plain[:, VOLTAGE])
+    assert np.abs(curved[:, FORCE] - plain[:, FORCE]).max() > 0.1
+    scale = model.derivative(records, Variable("thrust_scale", "scale"), plain)
+    assert np.all(scale[:, VOLTAGE] == 0.0)
+    sag = model.derivative(records, Variable("battery_sag", "resistance"), plain)
+    assert np.all(sag[:, :VOLTAGE] == 0.0)
+    assert -12.0 < np.mean(sag[:, VOLTAGE]) < -1.0  # V per ohm: the current
