@@ -115,8 +115,9 @@ def _cross_validated(whitened: Sums, blocks: Sums, signs: FloatArray, folds: np.
 
 def _fit_elsewhere(matrix: FloatArray, score: FloatArray) -> FloatArray:
     """Coefficients fitted on the other folds, shape of `score`."""
-    rest = matrix.sum(axis=0) - matrix
-    return np.asarray(np.linalg.solve(rest + _ridge(rest), score.sum(axis=0) - score))
+    whole = matrix.sum(axis=0)
+    # In proportion to the whole: where one fold has it all, the rest is rounding and must stay small.
+    return np.asarray(np.linalg.solve(whole - matrix + _ridge(whole), score.sum(axis=0) - score))
 
 
 def _reduction(fitted: FloatArray, matrix: FloatArray, score: FloatArray) -> FloatArray:
