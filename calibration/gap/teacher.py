@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from calibration.errors import CalibrationError
+from calibration.gap.commands import told
 from calibration.gap.record import FlightRecord
 from onboard.arrays import FloatArray
 from onboard.battery import battery_current
@@ -23,10 +24,6 @@ from sim_backend.physics.jit import kernel, outlined
 from sim_backend.physics.motors import commanded, decay, lag_to_end, lag_to_middle
 from sim_backend.physics.rigid_body import rotation_matrix, unit
 from sim_backend.physics.state import new_state
-
-HELD = 1e-3
-"""s: commands are steps of 2 ms (the controller runs at 500 Hz), logged when they are fresh; a line through
-the logged ones is therefore half a step ahead of what the motors were told."""
 
 
 class Prediction(NamedTuple):
@@ -103,9 +100,7 @@ def _follow(state: Any, p: Any, record: Any, dt: float, steps: int, out: Any) ->
     rate, duty = record[3], record[4]
     count = duty.shape[0]
     step = dt / steps
-    held = HELD / dt
     up, down = decay(p, 0.5 * step)
-    told = np.empty(4)
     ix, iy, iz = p.inertia[0], p.inertia[1], p.inertia[2]
     _place(state, record, 0, 0.0)
     settled = motor_targets(state, p, duty[0])
@@ -129,10 +124,7 @@ def _follow(state: Any, p: Any, record: Any, dt: float, steps: int, out: Any) ->
             part = (j + 0.5) / steps
             _place(state, record, k, part)
             _turn_on(state, rate, k, part)
-            before, along = (k, part - held) if part >= held or k == 0 else (k - 1, part - held + 1.0)
-            for motor in range(4):
-                told[motor] = duty[before, motor] + along * (duty[before + 1, motor] - duty[before, motor])
-            targets = commanded(state, p, motor_targets(state, p, told))
+            targets = commanded(state, p, motor_targets(state, p, told(duty, k, part, dt)))
             lag_to_middle(state, p, targets, up, down, 0.5 * step)
             _, _, _, tx, ty, tz = _wrench(state, p)
             wx, wy, wz = state.omega[0], state.omega[1], state.omega[2]
@@ -147,7 +139,7 @@ def teacher_forced(record: FlightRecord, parameters: Any) -> Prediction:
     """Specific force and angular acceleration that a model gives along a measured flight.
 
     Commands and voltage are taken as straight lines between samples, as are pose and velocity; commands are
-    :data:`HELD` older, and rates are those of the past carried on.
+    a little older (:mod:`calibration.gap.commands`), and rates are those of the past carried on.
 
     Args:
         record: the flight.

@@ -1,11 +1,12 @@
 """The physics of the simulation along measured inputs, from every start: compiled.
 
-Inputs between two samples are interpolated linearly and taken in the middle of a step. Nothing touches a
-surface here: records are cut to free flight before.
+Inputs between two samples are interpolated linearly (commands as :mod:`calibration.gap.commands` says) and
+taken in the middle of a step. Nothing touches a surface here: records are cut to free flight before.
 """
 
 from typing import Any
 
+from calibration.gap.commands import told
 from onboard.mixer import Thrusts
 from sim_backend.physics.battery import draw, motor_targets
 from sim_backend.physics.forces import free_flight_wrench
@@ -37,19 +38,15 @@ def interpolated(values: Any, row: int, share: float, column: int) -> float:
 
 
 @kernel
-def targets_between(state: Any, p: Any, duty: Any, voltage: Any, row: int, share: float) -> Thrusts:
+def targets_between(
+    state: Any, p: Any, duty: Any, voltage: Any, row: int, share: float, dt: float
+) -> Thrusts:
     """Thrusts (N) that the motors head for at `share` (0..1) of the way from sample `row` to the next.
 
-    Leaves the battery voltage of that moment in the state.
+    Leaves the battery voltage of that moment in the state. `dt`: s, sample interval.
     """
-    now = (
-        interpolated(duty, row, share, 0),
-        interpolated(duty, row, share, 1),
-        interpolated(duty, row, share, 2),
-        interpolated(duty, row, share, 3),
-    )
     state.battery_voltage = voltage[row] + share * (voltage[row + 1] - voltage[row])
-    return commanded(state, p, motor_targets(state, p, now))
+    return commanded(state, p, motor_targets(state, p, told(duty, row, share, dt)))
 
 
 @kernel
@@ -92,7 +89,7 @@ def follow_duty(
         if row == count - 1:
             break
         for j in range(substeps):
-            targets = targets_between(state, p, duty, voltage, row, (j + 0.5) / substeps)
+            targets = targets_between(state, p, duty, voltage, row, (j + 0.5) / substeps, substeps * h)
             lag_to_middle(state, p, targets, up, down, 0.5 * h)
             lag_to_end(state, p, targets, up, down)
 
@@ -114,12 +111,7 @@ def voltage_of_model(state: Any, p: Any, duty: Any, substeps: int, h: float, vol
         voltage[row] = state.battery_voltage
         for j in range(substeps):
             share = (j + 0.5) / substeps
-            now = (
-                interpolated(duty, row, share, 0),
-                interpolated(duty, row, share, 1),
-                interpolated(duty, row, share, 2),
-                interpolated(duty, row, share, 3),
-            )
+            now = told(duty, row, share, substeps * h)
             targets = commanded(state, p, motor_targets(state, p, now))
             lag_to_middle(state, p, targets, up, down, 0.5 * h)
             lag_to_end(state, p, targets, up, down)
@@ -225,7 +217,7 @@ def predict(
             row = rows[i] + ahead
             for j in range(substeps):
                 share = (j + 0.5) / substeps
-                targets = targets_between(state, p, duty, voltage, row, share)
+                targets = targets_between(state, p, duty, voltage, row, share, substeps * h)
                 if given_attitude:
                     set_attitude(state, quaternion, rate, row, share)
                     translate(state, p, targets, trim, h, up, down)
