@@ -15,7 +15,7 @@ walkthrough: $(VENV)/.dev
 	$(BIN)/perchhw gap walkthrough --out walkthrough-run
 
 # What only computes runs on all cores; what flies in real time has the machine to itself.
-COMPUTE := tests/gap tests/physics
+COMPUTE := tests/flights tests/gap tests/label tests/onboard tests/physics tests/report
 
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest --numprocesses auto --dist worksteal $(COMPUTE)
