@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from calibration.gap.prediction.kernels import keep
 from calibration.gap.record import FlightRecord
 from calibration.gap.suggest.course import RATE, Course
 from onboard.arrays import FloatArray
@@ -95,12 +96,8 @@ def _fly(
 
 @outlined
 def _log(state: Any, duty: Any, out: Any) -> None:
-    for i in range(3):
-        out[i] = state.position[i]
-        out[3 + i] = state.velocity[i]
-        out[10 + i] = state.omega[i]
+    keep(state, out)
     for i in range(4):
-        out[6 + i] = state.quaternion[i]
         out[13 + i] = duty[i]
     out[20] = state.battery_voltage
 
