@@ -14,12 +14,13 @@ demo: $(VENV)/.demo
 walkthrough: $(VENV)/.dev
 	$(BIN)/perchhw gap walkthrough --out walkthrough-run
 
-# What only computes runs on all cores; what flies in real time has the machine to itself.
-COMPUTE := tests/flights tests/gap tests/label tests/onboard tests/physics tests/report
+# What talks to a drone, a room or a bench in real time has the machine to itself; the rest runs on all cores.
+REAL_TIME := tests/flight tests/docs tests/link tests/mocap tests/sim_crazyflie tests/sim_room tests/sim_bench \
+	tests/wizards tests/test_lab_process.py tests/test_pytest_plugin.py
 
 test: $(VENV)/.dev
-	$(BIN)/python -m pytest --numprocesses auto --dist worksteal $(COMPUTE)
-	$(BIN)/python -m pytest $(COMPUTE:%=--ignore %)
+	$(BIN)/python -m pytest --numprocesses auto --dist worksteal $(REAL_TIME:%=--ignore %)
+	$(BIN)/python -m pytest $(REAL_TIME)
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .

@@ -39,6 +39,7 @@ class LabSettings:
 
     Attributes:
         vehicle, legs: vehicle file or known name, and leg design (None: the vehicle's own).
+        flashed: vehicle file that the drones' firmware was built with (None: the same).
         drones: number of drones, named cf1, cf2 ...
         drone_port: UDP port of the first drone, the others follow; 0 takes free ones.
         with_drones: serve the drones; without, they rest on their start marks.
@@ -52,6 +53,7 @@ class LabSettings:
 
     vehicle: str = "crazyflie21-upgraded"
     legs: str | None = None
+    flashed: str | None = None
     drones: int = 1
     drone_port: int = 19850
     with_drones: bool = True
@@ -91,7 +93,9 @@ class Lab:
             InputError: the vehicle or a fault is not known.
             SimulationError: the vehicle cannot be simulated.
         """
-        self._vehicle = load_vehicle(self.settings.vehicle, self.settings.legs)
+        settings = self.settings
+        self._vehicle = load_vehicle(settings.vehicle, settings.legs)
+        self._flashed = None if settings.flashed is None else load_vehicle(settings.flashed, settings.legs)
         RoomFaults.parse(self.settings.faults.room)  # refuses bad faults here, before a process is started
         _say("preparing the simulation (the first time this takes a minute)")
         warm_up(self._vehicle)
@@ -119,6 +123,7 @@ class Lab:
             self._truth = TruthRecorder(settings.truth)
         self.world = World(
             self._vehicle,
+            flashed=self._flashed,
             drones=settings.drones,
             seed=settings.seed,
             faults=settings.faults.drone,

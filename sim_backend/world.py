@@ -160,11 +160,21 @@ class World:
         vehicle: Vehicle,
         room: RoomGeometry | None = None,
         *,
+        flashed: Vehicle | None = None,
         drones: int = 1,
         seed: int = 0,
         faults: DroneFaults | None = None,
         truth: TruthRecorder | None = None,
     ) -> None:
+        """Build the world.
+
+        Args:
+            vehicle: what the drones are.
+            room: floor and ceiling.
+            flashed: what their firmware was built to believe they are; None: the truth.
+            drones, seed, faults: how many, their noise, and what goes wrong.
+            truth: records the true states.
+        """
         room = room or RoomGeometry()
         self.ticks = 0
         self.dropped = 0.0
@@ -178,7 +188,7 @@ class World:
         self.drones = [
             Drone(
                 f"cf{i + 1}",
-                Firmware(vehicle, generators[i], gyro_bias=gyro_bias),
+                Firmware(flashed or vehicle, generators[i], gyro_bias=gyro_bias),
                 parameters,
                 mark,
                 used,

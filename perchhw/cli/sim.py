@@ -43,6 +43,10 @@ Fault = Annotated[
         help="Show a fault; may be repeated. " + " ".join(f"{n}={t}." for n, t in fault_table().items()),
     ),
 ]
+Flashed = Annotated[
+    str | None,
+    typer.Option(help="Vehicle file that the drones' firmware was built with, if it is not what they are."),
+]
 Seed = Annotated[int, typer.Option(help="Seed of all random numbers.")]
 WithParent = Annotated[
     bool, typer.Option("--with-parent", help="End when standard input ends, as it does when the parent dies.")
@@ -57,6 +61,7 @@ def lab(
     vicon_udp_port: ViconUdpPort = 51001,
     vehicle: Vehicle = DEFAULT_VEHICLE,
     legs: Legs = None,
+    flashed: Flashed = None,
     truth: Truth = None,
     fault: Fault = None,
     seed: Seed = 0,
@@ -68,6 +73,7 @@ def lab(
     settings = LabSettings(
         vehicle=vehicle,
         legs=legs,
+        flashed=flashed,
         drones=drones,
         drone_port=drone_port,
         vicon_port=vicon_port,
@@ -85,6 +91,7 @@ def drone(
     drones: Drones = 1,
     vehicle: Vehicle = DEFAULT_VEHICLE,
     legs: Legs = None,
+    flashed: Flashed = None,
     truth: Truth = None,
     fault: Fault = None,
     seed: Seed = 0,
@@ -96,6 +103,7 @@ def drone(
     settings = LabSettings(
         vehicle=vehicle,
         legs=legs,
+        flashed=flashed,
         drones=drones,
         drone_port=drone_port,
         with_room=False,

@@ -5,7 +5,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from perchhw.record.folder import make_folder, write_json_atomically
+from onboard.json_file import write_json_atomically
+from perchhw.record.folder import make_folder
 
 RESULT_FILE = "result.json"
 

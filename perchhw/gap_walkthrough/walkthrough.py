@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from onboard.json_file import write_json_atomically
 from onboard.policy.files import find_policy, load_policy
 from perchhw.attempt import DEFAULT_POLICY
 from perchhw.gap_walkthrough.finding import find_in_records
@@ -12,7 +13,6 @@ from perchhw.gap_walkthrough.flights import fly_landings, fly_tests
 from perchhw.gap_walkthrough.rates import landing_rates, learn_again
 from perchhw.gap_walkthrough.steps import step
 from perchhw.gap_walkthrough.story import BELIEVED, HIDDEN, write_hidden
-from perchhw.record.folder import write_json_atomically
 
 SUMMARY_FILE = "walkthrough.json"
 

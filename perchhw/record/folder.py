@@ -1,12 +1,10 @@
-"""Names of run folders and files that are replaced as a whole."""
+"""Run folders: their names, and making them."""
 
 import itertools
-import json
 import os
 import re
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 from onboard.errors import InputError
 from perchhw.errors import FlightStackError
@@ -75,14 +73,3 @@ def discard_if_empty(folder: Path) -> None:
     """Remove a reserved folder into which nothing was written; one that holds something stays."""
     if folder.is_dir() and not any(folder.iterdir()):
         folder.rmdir()
-
-
-def write_json_atomically(path: Path, document: dict[str, Any]) -> None:
-    """Replace `path` in one step: a reader sees the old document or the new one, never half of either."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    with temporary.open("w", encoding="utf-8") as stream:
-        json.dump(document, stream, indent=2, allow_nan=False)
-        stream.write("\n")
-        stream.flush()
-        os.fsync(stream.fileno())
-    temporary.replace(path)

@@ -21,6 +21,7 @@ from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import IndexType, Writer
 
 from onboard.clock import Clock, monotonic
+from onboard.json_file import write_json_atomically
 from perchhw.errors import FlightStackError
 from perchhw.record.folder import (
     EVENTS_FILE,
@@ -28,7 +29,6 @@ from perchhw.record.folder import (
     SERIES_FILE,
     make_folder,
     utc_now,
-    write_json_atomically,
 )
 from perchhw.record.topics import TOPICS
 

@@ -8,7 +8,7 @@ from onboard.app_interface import Parameter
 from onboard.policy.bundle import bundle_crc32
 from onboard.supervisor_info import SupervisorInfo
 from onboard.trajectory import ApproachPlan
-from onboard.vehicle import load_vehicle
+from onboard.vehicle import Vehicle, load_vehicle
 from sim_backend.crazyflie.high_level import Command
 from sim_backend.faults import DroneFaults
 from sim_backend.world import World
@@ -19,8 +19,10 @@ VEHICLE, LEGS = "crazyflie21-upgraded", "semi-narrow-long"
 class Flight:
     """One drone in a world of its own, with poses at 100 Hz that arrive 10 ms late."""
 
-    def __init__(self, seed: int = 0, faults: DroneFaults | None = None) -> None:
-        self.world = World(load_vehicle(VEHICLE, LEGS), seed=seed, faults=faults)
+    def __init__(
+        self, seed: int = 0, faults: DroneFaults | None = None, flashed: Vehicle | None = None
+    ) -> None:
+        self.world = World(load_vehicle(VEHICLE, LEGS), flashed=flashed, seed=seed, faults=faults)
         self.drone = self.world.drones[0]
         self.firmware = self.drone.firmware
         self.poses = True

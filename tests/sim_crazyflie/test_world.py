@@ -2,11 +2,13 @@
 
 import csv
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from onboard.gravity import GRAVITY
 from onboard.vehicle import load_vehicle
 from sim_backend.faults import DroneFaults, FaultError, fault_table, parse_faults
 from sim_backend.truth import COLUMNS, TruthError, TruthRecorder
@@ -75,6 +77,22 @@ def test_fresh_packs_have_the_faults_voltage() -> None:
     drone.firmware.reboot()
     world.run(0.1)
     assert drone.firmware.battery_voltage() == pytest.approx(3.5, abs=0.01)
+
+
+def test_a_drone_flashed_with_the_map_of_other_motors_misses_its_height() -> None:
+    """What the firmware believes drives it; what the drone is moves it."""
+    true = load_vehicle(VEHICLE, LEGS)
+    stock = load_vehicle("crazyflie21-stock").motors.thrust_map
+    heights = []
+    for thrust_map in (true.motors.thrust_map, stock):
+        flight = Flight(flashed=replace(true, motors=replace(true.motors, thrust_map=thrust_map)))
+        flight.hover(0.8)
+        heights.append(flight.position[2])
+        map_thrust = sum(flight.firmware.stabilizer.thrusts)
+        weight = true.body.mass.value * GRAVITY
+        assert (map_thrust == pytest.approx(weight, rel=0.05)) == (thrust_map is true.motors.thrust_map)
+    assert heights[0] == pytest.approx(0.8, abs=0.02)
+    assert abs(heights[1] - 0.8) > 3.0 * abs(heights[0] - 0.8)
 
 
 def test_drones_stand_apart_and_differ() -> None:

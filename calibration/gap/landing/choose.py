@@ -21,6 +21,7 @@ from calibration.gap.landing.search import (
     leave_one_out,
 )
 from onboard.arrays import FloatArray
+from onboard.vehicle import EFFECTS
 
 Model = tuple[str, ...]
 
@@ -147,7 +148,7 @@ def _in_units(name: str, value: float, low: float, high: float) -> tuple[float, 
     if name == "preload":
         return value, (max(low, 0.0), high)
     if name == "adhesion" and high >= STRONGEST:
-        high = math.inf
+        high = math.log(EFFECTS["foot_slip"].parameters["adhesion_strength"].high)  # no strength is too much
     return math.exp(value), (math.exp(low), math.exp(high))
 
 

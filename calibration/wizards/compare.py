@@ -1,0 +1,71 @@
+"""A calibration beside an earlier one, or beside a vehicle file: do they contradict each other?"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from calibration.measurement import Estimate, normalised_difference
+from calibration.wizards.result import estimate_from_json
+from onboard.quantity import Quantity
+from onboard.vehicle import Vehicle
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Two estimates of one quantity.
+
+    Attributes:
+        key: of the quantity.
+        before, now: estimates.
+        normalised: E_n (ISO 13528); above 1 they contradict each other.
+    """
+
+    key: str
+    before: Estimate
+    now: Estimate
+    normalised: float
+
+    @property
+    def contradicts(self) -> bool:
+        """Whether the difference is larger than both uncertainties allow."""
+        return self.normalised > 1.0
+
+    def to_json(self) -> dict[str, Any]:
+        """By name; an infinite E_n (both exact) is None."""
+        return {
+            "key": self.key,
+            "before": self.before.to_json(),
+            "now": self.now.to_json(),
+            "en": self.normalised if math.isfinite(self.normalised) else None,
+            "contradicts": self.contradicts,
+        }
+
+
+def compare_results(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[Comparison]:
+    """The quantities that both calibrations have."""
+    old = _estimates(before)
+    return [_compare(key, old[key], one) for key, one in _estimates(now).items() if key in old]
+
+
+def compare_with_vehicle(vehicle: Vehicle, now: Mapping[str, Any]) -> list[Comparison]:
+    """The quantities of a calibration beside those of a vehicle file."""
+    rows = []
+    for key, one in _estimates(now).items():
+        section, _, name = key.partition(".")
+        quantity = getattr(getattr(vehicle, section, None), name, None)
+        if isinstance(quantity, Quantity):
+            rows.append(_compare(key, Estimate(quantity.value, quantity.unit, quantity.sigma), one))
+    return rows
+
+
+def _estimates(document: Mapping[str, Any]) -> dict[str, Estimate]:
+    quantities = document["vehicle"]["quantities"]
+    found = {key: estimate_from_json(raw) for key, raw in quantities.items()}
+    for name, parameters in document["vehicle"]["effects"].items():
+        found |= {f"effects.{name}.{key}": estimate_from_json(raw) for key, raw in parameters.items()}
+    return found
+
+
+def _compare(key: str, before: Estimate, now: Estimate) -> Comparison:
+    return Comparison(key, before, now, normalised_difference(before, now))

@@ -1,0 +1,150 @@
+"""The person at the terminal, as the wizards see them: prompts, keys, live numbers; all on stderr."""
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from calibration.wizards.operator import (
+    AnswerNotUsable,
+    Gauge,
+    NotConfirmed,
+    Paused,
+    Question,
+    StepAgain,
+    StepBack,
+    StepSkipped,
+    Task,
+)
+from calibration.wizards.readings import parse_reading
+from onboard.quantity import UnitError
+from perchhw.cli.output import progress_console
+from perchhw.cli.prompts import NobodyToAsk
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+KEYS = "[Enter] done  [r] step again  [s] skip  [b] step back  [q] pause"
+_KEYS = {"r": StepAgain, "s": StepSkipped, "b": StepBack, "q": Paused}
+
+
+class TerminalOperator:
+    """A person who reads, does and types.
+
+    Args:
+        yes: go on without being told that a task is done (``--yes``).
+        confirmed: phrases of safety questions given as flags.
+    """
+
+    def __init__(self, yes: bool = False, confirmed: Sequence[str] = ()) -> None:
+        self._screen = progress_console()
+        self._yes = yes
+        self._confirmed = tuple(confirmed)
+
+    def begin(self, title: str, number: int) -> None:
+        """Head of a step."""
+        self._screen.print(f"\n{number:2d}  {title}", style="bold", markup=False)
+
+    def tell(self, text: str) -> None:
+        """Plain text."""
+        self._screen.print(f"    {text}", markup=False)
+
+    def warn(self, text: str) -> None:
+        """Text that stands out."""
+        self._screen.print(f"  ! {text}", style="yellow", markup=False)
+
+    def do(self, task: Task) -> dict[str, Any]:
+        """Say what to do; wait for Enter or a key unless the wizard notices by itself.
+
+        Raises:
+            Paused, StepAgain, StepBack, StepSkipped: the key of the person.
+            NobodyToAsk: there is no terminal and no ``--yes``.
+        """
+        self.tell(task.text)
+        if not task.noticed and not self._yes:
+            self._key(self._ask(KEYS))
+        return {}
+
+    def measure(self, question: Question) -> list[float]:
+        """Ask until the readings can be used.
+
+        Raises:
+            Paused, StepAgain, StepBack, StepSkipped: the key of the person.
+            NobodyToAsk: there is no terminal.
+        """
+        many = f", {question.readings} readings separated by commas" if question.readings > 1 else ""
+        prompt = f"{question.text} ({question.shown_unit}{many})"
+        while True:
+            typed = self._ask(prompt)
+            self._key(typed)
+            try:
+                return [self._reading(part, question) for part in typed.split(",")]
+            except (AnswerNotUsable, UnitError) as error:
+                self.warn(str(error))
+
+    def _reading(self, text: str, question: Question) -> float:
+        """A bare number has the unit that the prompt names."""
+        bare = text.strip()
+        unit = f" {question.shown_unit}" if bare.replace(".", "", 1).isdigit() else ""
+        return parse_reading(bare + unit, question)
+
+    def confirm(self, sentence: str, phrase: str) -> None:
+        """Have a phrase typed in full.
+
+        Raises:
+            NotConfirmed: something else was typed, or nobody can type and no flag said it.
+        """
+        if phrase in self._confirmed:
+            self.tell(f"{sentence} Confirmed by flag.")
+            return
+        if not sys.stdin.isatty():
+            raise NotConfirmed(f"{sentence} Say so with --confirm {phrase!r}")
+        if self._ask(f"{sentence} Type {phrase!r}") != phrase:
+            raise NotConfirmed(f"{sentence} That was not confirmed, so nothing was started")
+
+    def agree(self, question: str) -> bool:
+        """Yes or no; ``--yes`` agrees."""
+        if self._yes:
+            self.tell(f"{question} yes")
+            return True
+        return self._ask(f"{question} [y/N]").lower() in ("y", "yes")
+
+    @contextmanager
+    def live(self, title: str) -> Iterator[Callable[[Sequence[Gauge]], None]]:
+        """A table that is redrawn; on anything but a terminal only its last state is printed."""
+        from rich.live import Live
+
+        with Live(console=self._screen, refresh_per_second=8, transient=True) as view:
+            last: list[Gauge] = []
+
+            def show(gauges: Sequence[Gauge]) -> None:
+                last[:] = gauges
+                if self._screen.is_terminal:
+                    view.update(_gauge_table(title, gauges))
+
+            yield show
+        if last:
+            self.tell(f"{title}: " + ", ".join(f"{gauge.name} {gauge.text}" for gauge in last))
+
+    def _key(self, typed: str) -> None:
+        kind = _KEYS.get(typed.strip().lower())
+        if kind is not None:
+            raise kind("as the operator wished; the same command goes on")
+
+    def _ask(self, prompt: str) -> str:
+        if not sys.stdin.isatty():
+            raise NobodyToAsk(
+                f"this would ask: {prompt}; but there is no terminal: answer with --input FILE.toml, --yes, "
+                "or an assistant (--hands)"
+            )
+        return self._screen.input(f"    {prompt}: ", markup=False).strip()
+
+
+def _gauge_table(title: str, gauges: Sequence[Gauge]) -> "Table":
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(title=title, title_justify="left", show_header=False, box=None, padding=(0, 2))
+    for gauge in gauges:
+        table.add_row(Text(gauge.name), Text(gauge.text, style=gauge.light.value))
+    return table
