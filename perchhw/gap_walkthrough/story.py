@@ -1,4 +1,4 @@
-"""What happens in the walk-through: which change is hidden, what is flown, where landings are counted."""
+"""What happens in the walk-through: which change is hidden, and what is flown."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -7,8 +7,6 @@ from pathlib import Path
 from onboard.quantity import Quantity
 from onboard.vehicle import EFFECTS, Effect, Vehicle, load_vehicle, vehicle_to_toml
 from perchhw.attempt import DEFAULT_VEHICLE
-from perchhw.learning.grid import Condition, conditions
-from perchhw.learning.sweep import SweepGrid
 
 BELIEVED = DEFAULT_VEHICLE
 """The vehicle file that everybody but the simulated drone believes."""
@@ -38,20 +36,6 @@ TEST_FLIGHTS = (
     "vertical_steps",
 )
 """Test flights of the campaign, in their order."""
-
-RATE_GRID: tuple[Condition, ...] = conditions((2.0, 2.25, 2.5, 2.75, 3.0), (40.0, 45.0, 50.0, 55.0, 60.0))
-"""Conditions at which landing rates are counted by rollouts."""
-
-ROLLOUTS = 36
-"""Of each condition: standard error of a mean rate over the grid below 0.02."""
-
-SENSING = ("realistic", "late")
-"""Cues of 0 to 15 ms of age, and of always 15 ms (docs/learning.md)."""
-
-SWEEP = SweepGrid(
-    tuple(round(1.8 + 0.1 * k, 1) for k in range(15)), tuple(37.5 + 2.5 * k for k in range(12)), 3
-)
-"""What is learned anew: the grid of the rates and a margin around it."""
 
 
 def hidden_vehicle() -> Vehicle:

@@ -9,10 +9,17 @@ from onboard.json_file import write_json_atomically
 from onboard.policy.files import find_policy, load_policy
 from perchhw.attempt import DEFAULT_POLICY
 from perchhw.gap_walkthrough.finding import find_in_records
-from perchhw.gap_walkthrough.flights import fly_landings, fly_tests
-from perchhw.gap_walkthrough.rates import landing_rates, learn_again
-from perchhw.gap_walkthrough.steps import step
-from perchhw.gap_walkthrough.story import BELIEVED, HIDDEN, write_hidden
+from perchhw.gap_walkthrough.story import (
+    BELIEVED,
+    HIDDEN,
+    LANDING_ANGLES,
+    LANDING_SPEEDS,
+    TEST_FLIGHTS,
+    write_hidden,
+)
+from perchhw.walkthrough.flights import LabDrone, fly_landings, fly_tests
+from perchhw.walkthrough.rates import landing_rates, learn_again
+from perchhw.walkthrough.steps import step
 
 SUMMARY_FILE = "walkthrough.json"
 
@@ -57,6 +64,11 @@ def run_walkthrough(out: Path, seed: int, say: Callable[[str], None] = lambda te
         PerchhwError: a step could not be done; the message says which and why.
     """
     hidden = write_hidden(out / "0-hidden")
+    drone = LabDrone(hidden, BELIEVED, seed)
+
+    def landings_with(policy: str) -> Callable[[Path], dict[str, Any]]:
+        return lambda folder: fly_landings(folder / "campaign", drone, policy, LANDING_SPEEDS, LANDING_ANGLES)
+
     shipped = load_policy(find_policy(DEFAULT_POLICY))
 
     say("1  the shipped policy, on the vehicle as filed and on the one that has changed")
@@ -68,11 +80,9 @@ def run_walkthrough(out: Path, seed: int, say: Callable[[str], None] = lambda te
         },
     )
     say("2  landings of the changed drone in the simulated lab")
-    landings = step(
-        out / "2-landings", lambda folder: fly_landings(folder / "campaign", hidden, DEFAULT_POLICY, seed)
-    )
+    landings = step(out / "2-landings", landings_with(DEFAULT_POLICY))
     say("3  test flights in the simulated lab")
-    flights = step(out / "3-flights", lambda folder: fly_tests(folder / "campaign", hidden, seed))
+    flights = step(out / "3-flights", lambda folder: fly_tests(folder / "campaign", drone, TEST_FLIGHTS))
     say("4  what is missing in the vehicle file?")
     records = [Path(landings["records"]), Path(flights["records"])]
     found = step(out / "4-gap", lambda folder: find_in_records(folder, records, seed))
@@ -81,9 +91,7 @@ def run_walkthrough(out: Path, seed: int, say: Callable[[str], None] = lambda te
     say("6  the new policy on the changed drone")
     relearned = load_policy(Path(learned["policy"]))
     after = step(out / "6-after", lambda folder: {"hidden": landing_rates(relearned, str(hidden), seed)})
-    again = step(
-        out / "7-landings", lambda folder: fly_landings(folder / "campaign", hidden, learned["policy"], seed)
-    )
+    again = step(out / "7-landings", landings_with(learned["policy"]))
     result = Walkthrough(
         rates={**before, "relearned": after["hidden"]},
         landings={"before": landings, "after": again},

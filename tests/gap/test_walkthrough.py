@@ -7,9 +7,9 @@ import pytest
 
 from onboard.policy.files import load_policy, shipped_policy_path
 from onboard.vehicle import load_vehicle
-from perchhw.gap_walkthrough.rates import landing_rates
-from perchhw.gap_walkthrough.steps import step
-from perchhw.gap_walkthrough.story import BELIEVED, HIDDEN, RATE_GRID, SWEEP, write_hidden
+from perchhw.gap_walkthrough.story import BELIEVED, HIDDEN, write_hidden
+from perchhw.walkthrough.rates import RATE_GRID, SWEEP, landing_rates
+from perchhw.walkthrough.steps import step
 
 
 def test_the_hidden_change_costs_landings(tmp_path: Path) -> None:

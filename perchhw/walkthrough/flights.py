@@ -1,6 +1,8 @@
 """Fly in the simulated lab, over the real protocols: landings with a policy, and test flights."""
 
 from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +11,6 @@ from perchhw.campaign import CampaignPlan, run_campaign
 from perchhw.campaign.courses import FlightPlan, PlannedFlight, fly_plan
 from perchhw.errors import FlightStackError
 from perchhw.flight.turnaround import attempt_after_attempt
-from perchhw.gap_walkthrough.story import BELIEVED, LANDING_ANGLES, LANDING_SPEEDS, TEST_FLIGHTS
 from perchhw.lab_process import SimulatedLab
 
 _ABORTED_IN_A_ROW = 3
@@ -17,34 +18,61 @@ _TRIES = 6
 """Runs of the test flights: one that a busy machine ended is flown again."""
 
 
+@dataclass(frozen=True)
+class LabDrone:
+    """A simulated drone that may differ from what others believe of it.
+
+    Attributes:
+        vehicle: file of what it is.
+        believed: name or file of what the host believes.
+        seed: of the lab's noise.
+        flashed: file that its firmware was built with; None: what it is.
+    """
+
+    vehicle: Path
+    believed: str
+    seed: int
+    flashed: str | None = None
+
+    def lab(self) -> SimulatedLab:
+        """A lab with this drone, on free ports."""
+        ports = ["--drone-port", "0", "--vicon-port", "0", "--vicon-udp-port", "0"]
+        firmware = [] if self.flashed is None else ["--flashed", self.flashed]
+        return SimulatedLab(
+            "lab", [*ports, "--vehicle", str(self.vehicle), *firmware, "--seed", str(self.seed)]
+        )
+
+
 def _nobody(_request: str) -> None:
     """The simulated operator puts the drone back when it is rebooted."""
 
 
-def _lab(vehicle: Path, seed: int) -> SimulatedLab:
-    ports = ["--drone-port", "0", "--vicon-port", "0", "--vicon-udp-port", "0"]
-    return SimulatedLab("lab", [*ports, "--vehicle", str(vehicle), "--seed", str(seed)])
-
-
-def fly_landings(folder: Path, vehicle: Path, policy: str, seed: int) -> dict[str, Any]:
-    """A campaign of landing attempts of the drone `vehicle`; goes on where an earlier one stopped.
+def fly_landings(
+    folder: Path,
+    drone: LabDrone,
+    policy: str,
+    speeds: Sequence[float],
+    angles_deg: Sequence[float],
+    repeats: int = 1,
+) -> dict[str, Any]:
+    """A campaign of landing attempts; goes on where an earlier one stopped.
 
     Returns:
         ``outcomes`` by name, ``attempts``, ``clean`` (on four legs, nothing else touched), and ``records``.
     """
-    with _lab(vehicle, seed) as lab:
+    with drone.lab() as lab:
         plan = CampaignPlan(
             name=folder.name,
             drone=lab.drones[0],
             mocap=lab.mocap[0],
             policy=policy,
-            vehicle=BELIEVED,
+            vehicle=drone.believed,
             legs=None,
-            seed=seed,
+            seed=drone.seed,
             order="grid",
-            speeds=LANDING_SPEEDS,
-            angles_deg=LANDING_ANGLES,
-            repeats=1,
+            speeds=tuple(speeds),
+            angles_deg=tuple(angles_deg),
+            repeats=repeats,
             room=RoomGeometry(),
             approach={},
             aborted_in_a_row=_ABORTED_IN_A_ROW,
@@ -59,21 +87,21 @@ def fly_landings(folder: Path, vehicle: Path, policy: str, seed: int) -> dict[st
     }
 
 
-def fly_tests(folder: Path, vehicle: Path, seed: int) -> dict[str, Any]:
-    """The test flights of the drone `vehicle`; goes on where an earlier campaign stopped.
+def fly_tests(folder: Path, drone: LabDrone, kinds: Sequence[str]) -> dict[str, Any]:
+    """Test flights; goes on where an earlier campaign stopped.
 
     Raises:
         FlightStackError: a safety rule ended one of them.
     """
-    with _lab(vehicle, seed) as lab:
+    with drone.lab() as lab:
         plan = FlightPlan(
             name=folder.name,
             drone=lab.drones[0],
             mocap=lab.mocap[0],
-            vehicle=BELIEVED,
+            vehicle=drone.believed,
             legs=None,
             room=RoomGeometry(),
-            flights=tuple(PlannedFlight(kind, {}) for kind in TEST_FLIGHTS),
+            flights=tuple(PlannedFlight(kind, {}) for kind in kinds),
         )
         for _ in range(_TRIES):
             rows = fly_plan(plan, folder, _nobody, resume=True)
