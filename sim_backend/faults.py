@@ -1,7 +1,8 @@
 """Faults that the simulated lab shows on request: ``--fault NAME=VALUE``, one registry for all of them.
 
-Names that start with ``mocap_`` belong to the room (:class:`sim_backend.room.settings.RoomFaults`) and are
-passed on; all others are the drone's. Times count from the start of the lab (world time, s).
+Names that start with ``mocap_`` belong to the room (:class:`sim_backend.room.settings.RoomFaults`), those
+with ``bench_`` to the bench (:class:`sim_backend.bench.faults.BenchFaults`); both are passed on. All others
+are the drone's. Times count from the start of the lab (world time, s).
 """
 
 import math
@@ -9,6 +10,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 from onboard.errors import InputError
+from sim_backend.bench.faults import BENCH_HELP
+from sim_backend.bench.faults import PREFIX as BENCH_PREFIX
 from sim_backend.errors import SimulationError
 
 ROOM_PREFIX = "mocap_"
@@ -39,10 +42,11 @@ class DroneFaults:
 
 @dataclass(frozen=True, slots=True)
 class Faults:
-    """The faults of a lab: of its drones, and those to hand to the room as text."""
+    """The faults of a lab: of its drones, and those to hand to the room and to the bench as text."""
 
     drone: DroneFaults = field(default_factory=DroneFaults)
     room: Mapping[str, str] = field(default_factory=dict)
+    bench: Mapping[str, str] = field(default_factory=dict)
 
 
 def _number(low: float, high: float) -> Callable[[str], float]:
@@ -82,7 +86,7 @@ _ROOM_HELP = {
 
 def fault_table() -> dict[str, str]:
     """What each fault takes and does, by name."""
-    return {name: text for name, (_, text) in _PARSERS.items()} | _ROOM_HELP
+    return {name: text for name, (_, text) in _PARSERS.items()} | _ROOM_HELP | BENCH_HELP
 
 
 def parse_faults(arguments: Iterable[str]) -> Faults:
@@ -93,12 +97,16 @@ def parse_faults(arguments: Iterable[str]) -> Faults:
     """
     drone: dict[str, object] = {}
     room: dict[str, str] = {}
+    bench: dict[str, str] = {}
     for argument in arguments:
         name, equals, value = argument.partition("=")
         if not equals:
             raise FaultError(f"--fault {argument}: write NAME=VALUE")
         if name.startswith(ROOM_PREFIX):
             room[name] = value
+            continue
+        if name.startswith(BENCH_PREFIX):
+            bench[name] = value
             continue
         if name not in _PARSERS:
             known = ", ".join(fault_table())
@@ -107,4 +115,4 @@ def parse_faults(arguments: Iterable[str]) -> Faults:
             drone[name] = _PARSERS[name][0](value)
         except ValueError as error:
             raise FaultError(f"--fault {argument}: {error} ({name}={_PARSERS[name][1]})") from error
-    return Faults(DroneFaults(**drone), room)  # type: ignore[arg-type] # each parser gives its field's type
+    return Faults(DroneFaults(**drone), room, bench)  # type: ignore[arg-type] # as its parser gives it

@@ -1,4 +1,4 @@
-"""``perchhw sim``: serves the simulated lab, drones alone, or the mocap room alone, until interrupted."""
+"""``perchhw sim``: serves the simulated lab, drones alone, the mocap room or the bench until interrupted."""
 
 import asyncio
 import json
@@ -7,7 +7,7 @@ import signal
 import sys
 import threading
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Protocol
 
 import typer
 
@@ -18,7 +18,31 @@ from perchhw.cli.output import emit
 from sim_backend.faults import fault_table, parse_faults
 
 if TYPE_CHECKING:
-    from sim_backend.lab import Lab, LabSettings
+    from sim_backend.lab import LabSettings
+
+
+class Served(Protocol):
+    """What this module serves: a lab or a bench."""
+
+    def prepare(self) -> None:
+        """Read and compile; needs no event loop."""
+        ...
+
+    async def start(self) -> None:
+        """Make everything accept connections."""
+        ...
+
+    def ready(self) -> dict[str, Any]:
+        """The ready line."""
+        ...
+
+    async def run(self, stop: asyncio.Event) -> None:
+        """Live until `stop` is set."""
+        ...
+
+    async def close(self) -> None:
+        """Close everything."""
+        ...
 
 
 app = typer.Typer(
@@ -48,6 +72,7 @@ Flashed = Annotated[
     typer.Option(help="Vehicle file that the drones' firmware was built with, if it is not what they are."),
 ]
 Seed = Annotated[int, typer.Option(help="Seed of all random numbers.")]
+Pace = Annotated[float, typer.Option(help="How many times as fast as real time the bench lives, up to 50.")]
 WithParent = Annotated[
     bool, typer.Option("--with-parent", help="End when standard input ends, as it does when the parent dies.")
 ]
@@ -82,7 +107,7 @@ def lab(
         faults=parse_faults(fault or ()),
         seed=seed,
     )
-    return _serve(settings, with_parent)
+    return _serve_lab(settings, with_parent)
 
 
 @app.command()
@@ -111,7 +136,7 @@ def drone(
         faults=parse_faults(fault or ()),
         seed=seed,
     )
-    return _serve(settings, with_parent)
+    return _serve_lab(settings, with_parent)
 
 
 @app.command()
@@ -138,7 +163,31 @@ def room(
         faults=parse_faults(fault or ()),
         seed=seed,
     )
-    return _serve(settings, with_parent)
+    return _serve_lab(settings, with_parent)
+
+
+@app.command()
+def bench(
+    drone_port: DronePort = 19850,
+    vehicle: Vehicle = DEFAULT_VEHICLE,
+    legs: Legs = None,
+    pace: Pace = 1.0,
+    fault: Fault = None,
+    seed: Seed = 0,
+    with_parent: WithParent = False,
+) -> int:
+    """Strings, tachometer, scale and supply for one drone, and somebody who works them when asked."""
+    from sim_backend.bench.serve import BenchSettings, ServedBench
+
+    settings = BenchSettings(
+        vehicle=vehicle,
+        legs=legs,
+        drone_port=drone_port,
+        seed=seed,
+        pace=pace,
+        faults=parse_faults(fault or ()),
+    )
+    return _serve(ServedBench(settings), with_parent)
 
 
 @app.command()
@@ -148,11 +197,14 @@ def faults() -> None:
     emit({"faults": table}, "\n".join(f"{name}={text}" for name, text in table.items()))
 
 
-def _serve(settings: "LabSettings", with_parent: bool) -> int:
-    """Serve until SIGINT (exit code 130), SIGTERM or, `with_parent`, the end of standard input (0)."""
+def _serve_lab(settings: "LabSettings", with_parent: bool) -> int:
     from sim_backend.lab import Lab
 
-    lab = Lab(settings)
+    return _serve(Lab(settings), with_parent)
+
+
+def _serve(lab: Served, with_parent: bool) -> int:
+    """Serve until SIGINT (exit code 130), SIGTERM or, `with_parent`, the end of standard input (0)."""
     # Compiled callbacks swallow a KeyboardInterrupt; nothing is open yet that would have to be closed.
     previous = signal.signal(signal.SIGINT, lambda _number, _frame: os._exit(exit_codes.INTERRUPTED))
     try:
@@ -162,7 +214,7 @@ def _serve(settings: "LabSettings", with_parent: bool) -> int:
     return asyncio.run(_serve_until_told(lab, with_parent))
 
 
-async def _serve_until_told(lab: "Lab", with_parent: bool) -> int:
+async def _serve_until_told(lab: Served, with_parent: bool) -> int:
     stop = asyncio.Event()
     caught: list[int] = []
 

@@ -1,0 +1,1 @@
+"""The simulated bench: pendulum, motor stand, scale and supply, with the person who uses them."""
