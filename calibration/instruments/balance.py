@@ -1,0 +1,120 @@
+"""A laboratory balance that speaks MT-SICS (Mettler-Toledo's interface command set, which many others copy).
+
+``SI`` asks for the mass now: ``S S <mass> <unit>`` stable, ``S D ...`` moving, ``S +`` overload, ``S -``
+underload, ``S I`` busy; ``ZI`` sets zero; ``ES``, ``ET``, ``EL`` are errors.
+"""
+
+import math
+from typing import Self
+
+import numpy as np
+
+from calibration.instruments.conversation import Conversation
+from calibration.instruments.errors import InstrumentRefused, WrongDevice
+from calibration.instruments.scale import MassReading
+from calibration.measurement import Finding, Severity
+from onboard.clock import Clock, monotonic
+
+BAUD = 9_600
+#: Mass of one unit [kg].
+_UNITS = {"g": 1e-3, "kg": 1.0, "mg": 1e-6}
+_REFUSALS = {
+    "S +": "overload: take weight off",
+    "S -": "underload: is the pan on it?",
+    "S I": "it is busy or not yet warm",
+    "ES": "it does not know the command",
+    "ET": "the command was damaged on its way",
+    "EL": "it refuses the command now",
+}
+
+
+class Balance:
+    """An open balance; a context manager and a :class:`~calibration.instruments.scale.Scale`."""
+
+    def __init__(self, address: str, *, clock: Clock = monotonic) -> None:
+        """Open it and ask for one reading.
+
+        Raises:
+            InstrumentInputError, InstrumentNotFound, InstrumentTimeout, WrongBaudRate, WrongDevice.
+        """
+        self._clock = clock
+        self._conversation = Conversation(address, BAUD, clock=clock)
+        try:
+            answer = self._conversation.ask_line(b"SI\r\n")
+            if not answer.startswith(("S ", "E")):
+                raise WrongDevice(f"{self.device} is no balance: it answers {answer[:40]!r} to 'SI'")
+        except BaseException:
+            self._conversation.close()
+            raise
+
+    @property
+    def device(self) -> str:
+        """Name of its port."""
+        return self._conversation.device
+
+    def read(self) -> tuple[float, bool]:
+        """The mass now [kg], and whether it is stable.
+
+        Raises:
+            InstrumentRefused: overload, underload, busy, or an answer that is none.
+            InstrumentTimeout, InstrumentLost.
+        """
+        return self._mass(self._conversation.ask_line(b"SI\r\n"))
+
+    def tare(self, seconds: float = 0.0) -> None:
+        """Set zero now; the balance needs no averaging (`seconds` is not used).
+
+        Raises:
+            InstrumentRefused: it does not.
+        """
+        answer = self._conversation.ask_line(b"ZI\r\n")
+        if not answer.startswith(("ZI S", "ZI D")):
+            raise InstrumentRefused(f"{self.device} does not set zero: it answers {answer!r}")
+
+    def average(self, seconds: float) -> MassReading:
+        """Mean over `seconds` [s], at least one reading.
+
+        Raises:
+            InstrumentRefused, InstrumentTimeout, InstrumentLost.
+        """
+        start = self._clock()
+        masses: list[float] = []
+        moving = 0
+        while not masses or self._clock() - start < seconds:
+            mass, stable = self.read()
+            masses.append(mass)
+            moving += not stable
+        findings: tuple[Finding, ...] = ()
+        if moving == len(masses):
+            text = f"the balance was never stable in {len(masses)} readings: draught, or the load still moves"
+            findings = (Finding("unstable", Severity.WARNING, text),)
+        deviation = float(np.std(masses, ddof=1)) if len(masses) > 1 else 0.0
+        return MassReading(float(np.mean(masses)), deviation, len(masses), start, self._clock(), findings)
+
+    def close(self) -> None:
+        """Close it; idempotent."""
+        self._conversation.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _mass(self, answer: str) -> tuple[float, bool]:
+        fields = answer.split()
+        if len(fields) == 4 and fields[0] == "S" and fields[1] in ("S", "D"):
+            mass = _number(fields[2])
+            if mass is not None and fields[3] in _UNITS:
+                return mass * _UNITS[fields[3]], fields[1] == "S"
+        reason = _REFUSALS.get(" ".join(fields[:2]), f"it answers {answer!r}")
+        raise InstrumentRefused(f"{self.device} gives no mass: {reason}")
+
+
+def _number(text: str) -> float | None:
+    """A plain decimal number, or None."""
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) and "_" not in text else None

@@ -1,0 +1,291 @@
+"""Gyroscope and motors through the link to a simulated drone; the motors are off after every way out."""
+
+import threading
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+
+from calibration.instruments.drone_log import DroneLog
+from calibration.instruments.errors import (
+    InstrumentInputError,
+    InstrumentLost,
+    MotorsNotStopped,
+    MotorsRefused,
+)
+from calibration.instruments.gyro_recorder import GyroRecorder, join
+from calibration.instruments.motor_stand import RENEW_WITHIN_S, UNLOCK_PHRASE, MotorStand, pwm
+from onboard.clock import monotonic
+from onboard.link import DroneLink, LinkLost, reboot
+from tests.link.faulty_network import Faults, FaultyNetwork
+
+
+@pytest.fixture(scope="module")
+def drone_uri(crazyflie_uri: str) -> str:
+    """The session's drone, as after its boot."""
+    reboot(crazyflie_uri)
+    return crazyflie_uri
+
+
+@pytest.fixture
+def drone(drone_uri: str) -> Iterator[DroneLink]:
+    with DroneLink.open(drone_uri) as link:
+        yield link
+
+
+class Witness:
+    """A second look at the motors, by a log block of its own: what the drone drives."""
+
+    def __init__(self, link: DroneLink) -> None:
+        self._changed = threading.Condition()
+        self.ratios = (0, 0, 0, 0)
+        self.seen: set[tuple[int, ...]] = set()
+        self._stream = link.stream([f"motor.m{i}" for i in (1, 2, 3, 4)], 10, self._take)
+
+    def _take(self, sample: object) -> None:
+        with self._changed:
+            self.ratios = tuple(int(value) for value in sample.values.values())  # type: ignore[attr-defined]
+            self.seen.add(self.ratios)
+            self._changed.notify_all()
+
+    def await_ratios(self, ratios: tuple[int, int, int, int], within_s: float) -> float:
+        """Wait for these ratios; how long it took [s]."""
+        start = monotonic()
+        with self._changed:
+            assert self._changed.wait_for(lambda: self.ratios == ratios, within_s), self.ratios
+        return monotonic() - start
+
+    def close(self) -> None:
+        self._stream.close()
+
+
+STILL = (0, 0, 0, 0)
+
+
+def unlocked(drone: DroneLink, **settings: object) -> MotorStand:
+    stand = MotorStand(drone, **settings)  # type: ignore[arg-type]
+    stand.unlock(UNLOCK_PHRASE)
+    return stand
+
+
+def motors(stand: MotorStand, ratios: tuple[int, ...]) -> None:
+    """Renew until the stand's own log shows these ratios."""
+    deadline = monotonic() + 3.0
+    while monotonic() < deadline:
+        batch = stand.take(0.05)
+        if batch.times.size and tuple(batch.values[f"motor.m{i}"][-1] for i in (1, 2, 3, 4)) == ratios:
+            return
+    raise AssertionError(f"the motors do not show {ratios}")
+
+
+def missing(times: np.ndarray) -> int:
+    """Samples of a 10 ms block that did not come, from whole milliseconds."""
+    steps = np.diff(np.round(1e3 * times).astype(int))
+    return sum(max(0, round(int(step) / 10) - 1) for step in steps)
+
+
+def renew_for_ever(stand: MotorStand) -> None:
+    while True:
+        stand.renew()
+
+
+def test_gyro_and_accelerometer_come_in_si_units_on_the_drones_clock(drone: DroneLink) -> None:
+    with GyroRecorder(drone) as recorder:
+        batches = []
+        while sum(batch.times.size for batch in batches) < 60:
+            batches.append(recorder.take())
+        batch = join(batches)
+    assert np.linalg.norm(batch.accelerations, axis=1).mean() == pytest.approx(9.81, abs=0.3)
+    assert np.abs(batch.rates).max() < 0.2
+    assert 3.0 < batch.voltages.mean() < 4.3
+    steps = np.diff(batch.times)
+    assert np.median(steps) == pytest.approx(0.010, abs=5e-4)
+    assert batch.lost == missing(batch.times)
+
+
+def test_lost_samples_are_counted(drone_uri: str) -> None:
+    port = int(drone_uri.rpartition(":")[2])
+    stamps: list[float] = []
+    lost = 0
+    with (
+        FaultyNetwork(port, np.random.default_rng(4), Faults()) as network,
+        DroneLink.open(network.uri) as link,
+        DroneLog(link, ["pm.vbat"]) as log,
+    ):
+        network.faults = Faults(loss=0.2)
+        while len(stamps) < 120:
+            batch = log.take()
+            stamps += batch.times.tolist()
+            lost += batch.lost
+        network.faults = Faults()
+    assert lost > 5
+    assert lost == missing(np.array(stamps))
+
+
+def test_an_override_that_somebody_left_on_is_switched_off(drone: DroneLink) -> None:
+    drone.set_params({"motorPowerSet.m1": 5120, "motorPowerSet.enable": 1})
+    with MotorStand(drone) as stand:
+        assert stand.stopped is not None
+        assert stand.stopped.confirmed
+        assert drone.param("motorPowerSet.enable") == 0
+
+
+def test_armed_motors_refuse_a_recording_and_the_stand(drone: DroneLink) -> None:
+    drone.arm()
+    try:
+        with pytest.raises(MotorsRefused, match="is armed: disarm"):
+            GyroRecorder(drone)
+        with MotorStand(drone) as stand:
+            with pytest.raises(MotorsRefused, match="is armed"):
+                stand.unlock(UNLOCK_PHRASE)
+            with pytest.raises(MotorsRefused, match="locked"):
+                stand.spin({1: pwm(40)})
+    finally:
+        drone.disarm()
+
+
+@pytest.mark.parametrize("phrase", ["", "yes", "props guarded", "props guarded drone clamped"])
+def test_motors_never_turn_without_the_whole_phrase(drone: DroneLink, phrase: str) -> None:
+    with MotorStand(drone) as stand:
+        with pytest.raises(MotorsRefused, match="type 'props guarded, drone clamped'"):
+            stand.unlock(phrase)
+        for turn in (lambda: stand.spin({1: pwm(40)}), lambda: stand.spin_all(pwm(40))):
+            with pytest.raises(MotorsRefused, match="locked"):
+                turn()
+        assert drone.param("motorPowerSet.enable") == 0
+
+
+def test_motors_turn_as_told_one_alone_and_all(drone: DroneLink) -> None:
+    with unlocked(drone) as stand:
+        stand.spin({2: pwm(60)})
+        motors(stand, (0, pwm(60), 0, 0))
+        stand.spin({1: pwm(30), 4: pwm(255)})
+        motors(stand, (pwm(30), 0, 0, pwm(255)))
+        stand.spin_all(pwm(50))
+        motors(stand, (pwm(50),) * 4)
+        batch = stand.take()
+        assert 2.5 < batch.values["pm.vbat"].mean() < 4.3
+        report = stand.stop()
+        assert report.confirmed
+        assert report.seconds < 0.5
+    assert stand.stopped is not None
+    assert drone.param("motorPowerSet.enable") == 0
+
+
+@pytest.mark.parametrize("bad", [{5: 256}, {0: 256}, {1: 100}, {1: 65536}, {1: -256}])
+def test_set_points_that_the_pwm_cannot_keep_are_refused(drone: DroneLink, bad: dict[int, int]) -> None:
+    with unlocked(drone) as stand, pytest.raises(InstrumentInputError):
+        stand.spin(bad)
+    with pytest.raises(InstrumentInputError):
+        pwm(256)
+    assert drone.param("motorPowerSet.m1") == 0
+
+
+@pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt, SystemExit])
+def test_motors_are_off_after_any_exception(drone: DroneLink, error: type[BaseException]) -> None:
+    witness = Witness(drone)
+    try:
+        with pytest.raises(error), unlocked(drone) as stand:  # noqa: PT012
+            stand.spin({1: pwm(60)})
+            motors(stand, (pwm(60), 0, 0, 0))
+            raise error
+        witness.await_ratios(STILL, 0.5)
+        assert (pwm(60), 0, 0, 0) in witness.seen
+    finally:
+        witness.close()
+
+
+def test_motors_stop_when_nobody_renews(drone: DroneLink) -> None:
+    with unlocked(drone) as stand:
+        stand.spin({1: pwm(60)})
+        start = monotonic()
+        while stand.stopped is None and monotonic() - start < 2.0:
+            threading.Event().wait(0.005)
+        assert stand.stopped is not None
+        assert stand.stopped.confirmed
+        assert monotonic() - start - stand.stopped.seconds >= RENEW_WITHIN_S - 0.05
+        assert drone.param("motorPowerSet.enable") == 0
+        with pytest.raises(MotorsRefused, match="nobody renewed"):
+            stand.renew()
+        with pytest.raises(MotorsRefused, match="nobody renewed"):
+            stand.spin({1: pwm(60)})
+        stand.unlock(UNLOCK_PHRASE)
+        stand.spin({1: pwm(30)})
+        motors(stand, (pwm(30), 0, 0, 0))
+
+
+def test_motors_stop_when_an_instrument_is_lost(drone: DroneLink) -> None:
+    gone = threading.Event()
+
+    def check() -> None:
+        if gone.is_set():
+            raise InstrumentLost("the tachometer is gone: unplugged?")
+
+    witness = Witness(drone)
+    try:
+        with unlocked(drone, instruments=[check]) as stand:
+            stand.spin({3: pwm(60)})
+            motors(stand, (0, 0, pwm(60), 0))
+            gone.set()
+            assert witness.await_ratios(STILL, 1.0) < 0.5
+            with pytest.raises(InstrumentLost, match="tachometer is gone"):
+                renew_for_ever(stand)
+    finally:
+        witness.close()
+
+
+@pytest.mark.parametrize("with_supply", [True, False])
+def test_a_lost_link_cuts_the_power_and_is_not_called_a_stop(drone_uri: str, with_supply: bool) -> None:
+    port = int(drone_uri.rpartition(":")[2])
+    cut: list[float] = []
+    settings: dict[str, Callable[[], None]] = {"cut_power": lambda: cut.append(monotonic())}
+    with FaultyNetwork(port, np.random.default_rng(4), Faults()) as network:
+        link = DroneLink.open(network.uri)
+        stand = unlocked(link, **(settings if with_supply else {}))
+        stand.spin({1: pwm(60)})
+        motors(stand, (pwm(60), 0, 0, 0))
+        network.frozen.set()
+        frozen = monotonic()
+        with pytest.raises((LinkLost, InstrumentLost)):
+            renew_for_ever(stand)
+        with pytest.raises(MotorsNotStopped, match=r"MAY STILL TURN.*link is lost"):
+            stand.close()
+        link.close()
+    assert bool(cut) is with_supply
+    assert not cut or min(cut) - frozen < 0.5
+    reboot(drone_uri)  # nothing else stops them now
+
+
+def test_a_stop_is_confirmed_over_a_bad_network(drone_uri: str) -> None:
+    port = int(drone_uri.rpartition(":")[2])
+    with (
+        FaultyNetwork(port, np.random.default_rng(4), Faults()) as network,
+        DroneLink.open(network.uri) as link,
+        unlocked(link) as stand,
+    ):
+        network.faults = Faults(loss=0.1, duplicate=0.05)
+        for step in (30, 60, 90):
+            stand.spin({1: pwm(step)})
+            stand.renew()
+        assert stand.stop().confirmed
+        network.faults = Faults()
+
+
+def test_a_drone_that_comes_back_into_reach_is_stopped_through_its_radio_chip(drone_uri: str) -> None:
+    port = int(drone_uri.rpartition(":")[2])
+    with FaultyNetwork(port, np.random.default_rng(4), Faults()) as network:
+        link = DroneLink.open(network.uri)
+        stand = unlocked(link)
+        stand.spin({1: pwm(60)})
+        network.frozen.set()
+        with pytest.raises((LinkLost, InstrumentLost)):
+            renew_for_ever(stand)
+        while link.lost is None:
+            threading.Event().wait(0.01)
+        network.frozen.clear()
+        stand.close()
+        link.close()
+        assert stand.stopped is not None
+        assert stand.stopped.confirmed
+    with DroneLink.open(drone_uri) as second:
+        assert second.param("motorPowerSet.enable") == 0
