@@ -22,7 +22,7 @@ class SimulatedLab:
     """``perchhw sim lab`` (or another part) on free ports, stopped on exit.
 
     Args:
-        part: ``lab``, ``drone`` or ``room``.
+        part: ``lab``, ``drone``, ``room`` or ``bench``.
         arguments: further arguments of ``perchhw sim PART``.
         timeout_s: how long the start may take (the first one compiles the physics), s.
 

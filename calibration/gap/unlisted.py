@@ -87,7 +87,8 @@ def without_idle(present: Fitted, found: Sequence[Unlisted], training: Training)
             continue
         reduced = refine(present.model, present.variables, training, start=present.estimate, unnamed=rest)
         columns = list(range(len(present.columns)))[-len(one.term.columns) :]
-        if float(present.gains(reduced, present.few_flights(columns)).sum()) < LEAST_GAIN:
+        concentrated = _own_phase(one.finding) or present.few_flights(columns)
+        if float(present.gains(reduced, concentrated).sum()) < _least_gain(one.finding):
             present = reduced
     return present
 
@@ -103,10 +104,26 @@ def _offer(
         unnamed=(*present.unnamed, term),
     )
     columns = list(range(len(fitted.columns)))[-len(term.columns) :]
-    if fitted.few_flights(columns):
+    if finding.line is None and fitted.few_flights(columns):
         return None  # it may be of those flights alone, and nobody knows a physics that says otherwise
-    gains = fitted.gains(present, concentrated=False)
+    gains = fitted.gains(present, _own_phase(finding))
     total = float(gains.sum())
-    if total < LEAST_GAIN or lower_bound(gains, training, False, rng) <= 0.0:
+    if total < _least_gain(finding):
+        return None
+    if finding.line is None and lower_bound(gains, training, False, rng) <= 0.0:
         return None
     return Unlisted(finding, term, total, fitted)
+
+
+def _own_phase(finding: Finding) -> bool:
+    """Whether a term has coefficients of its own on each flight: only that flight's other parts tell them."""
+    return finding.line is not None
+
+
+def _least_gain(finding: Finding) -> float:
+    """Log-likelihood that a term must gain.
+
+    A line was held against chance when it was found, over all flights; a noise with a memory explains most of
+    it as a resonance, so that its gain says little more than that it is not in the way.
+    """
+    return 0.0 if finding.line is not None else LEAST_GAIN

@@ -7,6 +7,7 @@ from typing import Any
 
 from calibration.measurement import Estimate, normalised_difference
 from calibration.wizards.result import estimate_from_json
+from onboard.battery import thrust_from_voltage
 from onboard.quantity import Quantity
 from onboard.vehicle import Vehicle
 
@@ -56,7 +57,26 @@ def compare_with_vehicle(vehicle: Vehicle, now: Mapping[str, Any]) -> list[Compa
         quantity = getattr(getattr(vehicle, section, None), name, None)
         if isinstance(quantity, Quantity):
             rows.append(_compare(key, Estimate(quantity.value, quantity.unit, quantity.sigma), one))
-    return rows
+    effects = {effect.name: effect.parameters for effect in vehicle.effects}
+    for key, one in _estimates(now).items():
+        _, name, parameter = [*key.split("."), ""][:3]
+        if key.startswith("effects.") and parameter in effects.get(name, {}):
+            quantity = effects[name][parameter]
+            rows.append(_compare(key, Estimate(quantity.value, quantity.unit, quantity.sigma), one))
+    return rows + _curves(vehicle, now)
+
+
+def _curves(vehicle: Vehicle, now: Mapping[str, Any]) -> list[Comparison]:
+    """A measured thrust curve beside that of the file's map, which says nothing of its own uncertainty."""
+    thrust_map = vehicle.motors.thrust_map_compiled()
+    return [
+        _compare(
+            f"thrust at {row['voltage_v']:g} V",
+            Estimate(thrust_from_voltage(thrust_map, row["voltage_v"]), "N", 0.0),
+            estimate_from_json(row["thrust"]),
+        )
+        for row in now["details"].get("curve", [])
+    ]
 
 
 def _estimates(document: Mapping[str, Any]) -> dict[str, Estimate]:

@@ -1,10 +1,9 @@
 """Readings of the same thing: what a person types, and the estimate that comes of them."""
 
-import math
 import re
 from collections.abc import Sequence
 
-from calibration.measurement import Estimate
+from calibration.bifilar.rig import Measured, measured
 from calibration.wizards.operator import AnswerNotUsable, Question
 from onboard.quantity import convert, si_unit
 
@@ -48,15 +47,6 @@ def _asked_again(text: str, number: float, question: Question) -> str:
     return f"{message}; measure again, and say the unit"
 
 
-def estimate_of(readings: Sequence[float], question: Question) -> Estimate:
-    """Mean of readings with the instrument's error (rectangular) and their own scatter (GUM 4.2, 4.3)."""
-    count = len(readings)
-    mean = math.fsum(readings) / count
-    instrument = question.half_width / math.sqrt(3.0)
-    if count < 2:
-        return Estimate(mean, question.unit, instrument)
-    variance = math.fsum((reading - mean) ** 2 for reading in readings) / (count - 1)
-    scatter = math.sqrt(variance / count)
-    sigma = math.hypot(instrument, scatter)
-    dof = math.inf if scatter == 0.0 else (count - 1) * (sigma / scatter) ** 4
-    return Estimate(mean, question.unit, sigma, dof)
+def estimate_of(readings: Sequence[float], question: Question) -> Measured:
+    """The mean of the readings of a question."""
+    return measured(readings, question.half_width, question.unit)

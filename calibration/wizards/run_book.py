@@ -4,7 +4,6 @@
 step that made them counts; a crash or an interruption loses the running step and nothing else.
 """
 
-import gzip
 import hashlib
 import json
 import os
@@ -127,16 +126,25 @@ class RunBook:
         self._state["steps"].pop(key, None)
         self._save()
 
-    def keep_raw(self, stem: str, text: str) -> Json:
-        """Write a recording as ``raw/STEM-N.csv.gz`` with a number that is free; gives ``{file, sha256}``."""
-        number = 1 + len(list((self.folder / RAW_FOLDER).glob(f"{stem}-*.csv.gz")))
-        name = f"{RAW_FOLDER}/{stem}-{number}.csv.gz"
-        data = gzip.compress(text.encode("utf-8"), mtime=0)
-        with (self.folder / name).open("xb") as stream:
-            stream.write(data)
-            stream.flush()
+    def keep_raw(self, stem: str, write: Callable[[Path], None], suffix: str = ".csv.gz") -> Json:
+        """Keep a recording as ``raw/STEM-N.csv.gz`` with a number that is free.
+
+        Args:
+            stem: what it is.
+            write: writes the file it is given.
+            suffix: of its name.
+
+        Returns:
+            ``{file, sha256}``, once the file is on the disk.
+        """
+        number = 1 + len(list((self.folder / RAW_FOLDER).glob(f"{stem}-*{suffix}")))
+        name = f"{RAW_FOLDER}/{stem}-{number}{suffix}"
+        path = self.folder / name
+        write(path)
+        with path.open("rb+") as stream:
+            digest = hashlib.file_digest(stream, "sha256").hexdigest()
             os.fsync(stream.fileno())
-        return {"file": name, "sha256": hashlib.sha256(data).hexdigest()}
+        return {"file": name, "sha256": digest}
 
     def _save(self) -> None:
         write_json_atomically(self._path, self._state)

@@ -27,11 +27,12 @@ VERBS: dict[str, Verb] = {
     "demo": Verb(
         "perchhw.cli.demo", "Fly approaches in a simulated lab, from policy to report.", group=False
     ),
-    "sim": Verb("perchhw.cli.sim", "Serve the simulated lab, drone or mocap room until interrupted."),
+    "sim": Verb("perchhw.cli.sim", "Serve the simulated lab, drone, mocap room or bench until interrupted."),
     "fly": Verb("perchhw.cli.fly", "Fly one supervised landing attempt.", group=False),
     "campaign": Verb("perchhw.cli.campaign", "Fly a grid of attempts; resume, status, report."),
     "policy": Verb("perchhw.cli.policy", "Show, import, export, evaluate, upload and verify policies."),
     "learn": Verb("perchhw.cli.learn", "Learn a landing policy in simulation."),
+    "calibrate": Verb("perchhw.cli.calibrate", "Measure inertia, motors and thrust on the bench."),
     "gap": Verb("perchhw.cli.gap", "Find where the model and measured flights disagree."),
     "vehicle": Verb("perchhw.cli.vehicle", "List, show, check and compare vehicle files."),
     "mocap": Verb("perchhw.cli.mocap", "Watch what a mocap source delivers."),
@@ -113,6 +114,8 @@ def run(arguments: Sequence[str]) -> int:
         code = ended.code if isinstance(ended.code, int) else exit_codes.DONE
         if code == exit_codes.USAGE:
             emit_error("wrong usage: the message is on stderr", code)
+        if code == exit_codes.INTERRUPTED:
+            emit_error("interrupted", code)
         return code
     except KeyboardInterrupt:
         return _ended_by("interrupted", exit_codes.INTERRUPTED)

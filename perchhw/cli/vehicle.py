@@ -11,6 +11,8 @@ from perchhw.cli.options import Legs
 from perchhw.cli.output import console, emit
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from onboard.vehicle import Vehicle
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help="Vehicle files: what the drone is.")
@@ -73,13 +75,18 @@ def diff(first: VehicleArgument, second: VehicleArgument) -> None:
     """Say what differs between two vehicles: values, uncertainties, and keys that only one has."""
     from onboard.vehicle import load_vehicle
 
-    a, b = _quantities(load_vehicle(first)), _quantities(load_vehicle(second))
-    rows: list[dict[str, Any]] = []
-    for key in [*a, *(key for key in b if key not in a)]:
-        before, after = a.get(key), b.get(key)
-        if before != after:
-            rows.append({"key": key, "first": before, "second": after})
-    emit({"first": first, "second": second, "differences": rows}, _diff_table(first, second, rows))
+    rows = differences(load_vehicle(first), load_vehicle(second))
+    document = {"first": first, "second": second, "differences": rows}
+    emit(document, lambda: draw_differences(console(), first, second, rows))
+
+
+def differences(first: "Vehicle", second: "Vehicle") -> list[dict[str, Any]]:
+    """What differs between two vehicles: ``{key, first, second}`` a quantity, None where one has it not."""
+    a, b = _quantities(first), _quantities(second)
+    keys = [*a, *(key for key in b if key not in a)]
+    return [
+        {"key": key, "first": a.get(key), "second": b.get(key)} for key in keys if a.get(key) != b.get(key)
+    ]
 
 
 def _quantities(vehicle: "Vehicle") -> dict[str, dict[str, Any]]:
@@ -140,20 +147,18 @@ def _table(vehicle: "Vehicle") -> Callable[[], None]:
     return draw
 
 
-def _diff_table(first: str, second: str, rows: list[dict[str, Any]]) -> Callable[[], None]:
-    def draw() -> None:
-        from rich.table import Table
+def draw_differences(screen: "Console", first: str, second: str, rows: list[dict[str, Any]]) -> None:
+    """A table of :func:`differences`."""
+    from rich.table import Table
 
-        if not rows:
-            console().print("no difference", markup=False)
-            return
-        table = Table()
-        for column in ("quantity", Path(first).name, Path(second).name):
-            table.add_column(column)
-        for row in rows:
-            same_value = _text(row["first"]) == _text(row["second"])
-            note = " (source differs)" if same_value else ""
-            table.add_row(row["key"], _text(row["first"]), _text(row["second"]) + note)
-        console().print(table, markup=False)
-
-    return draw
+    if not rows:
+        screen.print("no difference", markup=False)
+        return
+    table = Table()
+    for column in ("quantity", Path(first).name, Path(second).name):
+        table.add_column(column)
+    for row in rows:
+        same_value = _text(row["first"]) == _text(row["second"])
+        note = " (source differs)" if same_value else ""
+        table.add_row(row["key"], _text(row["first"]), _text(row["second"]) + note)
+    screen.print(table, markup=False)

@@ -15,6 +15,7 @@ from tests.conftest import REPOSITORY
 PAGES = [REPOSITORY / "README.md", *sorted((REPOSITORY / "docs").glob("*.md"))]
 RUN_BY_CI = {"make demo", "make test"}
 LAB = "perchhw sim lab"
+BENCH, HANDS = "perchhw sim bench --pace 10", "tcp://127.0.0.1:40123"
 DRONE, MOCAP = "udp://127.0.0.1:19850", "vicon://127.0.0.1:18801?subject=cf1"
 
 
@@ -45,15 +46,32 @@ def lab() -> Iterator[SimulatedLab]:
 
 
 @pytest.mark.timeout(240)
-@pytest.mark.parametrize("page", [p for p in PAGES if console_lines(p)], ids=lambda page: page.name)
+@pytest.mark.parametrize(
+    "page",
+    [p for p in PAGES if console_lines(p) and BENCH not in console_lines(p)],
+    ids=lambda page: page.name,
+)
 def test_console_lines_run(page: Path, lab: SimulatedLab, tmp_path: Path) -> None:
+    run_console_lines(page, {DRONE: lab.drones[0], MOCAP: lab.mocap[0]}, tmp_path)
+
+
+@pytest.mark.timeout(240)
+@pytest.mark.parametrize("page", [p for p in PAGES if BENCH in console_lines(p)], ids=lambda page: page.name)
+def test_console_lines_run_on_the_bench(page: Path, tmp_path: Path) -> None:
+    with SimulatedLab("bench", ["--drone-port", "0", "--pace", "10"]) as bench:
+        run_console_lines(page, {DRONE: bench.drones[0], HANDS: bench.ready["bench"]["hands"]}, tmp_path)
+
+
+def run_console_lines(page: Path, addresses: dict[str, str], folder: Path) -> None:
     for line in console_lines(page):
-        if line in RUN_BY_CI or line == LAB:
+        if line in RUN_BY_CI or line in (LAB, BENCH):
             continue
-        on_lab = line.replace(DRONE, lab.drones[0]).replace(MOCAP, lab.mocap[0])
-        program, *arguments = shlex.split(on_lab)
+        here = line
+        for shown, real in addresses.items():
+            here = here.replace(shown, real)
+        program, *arguments = shlex.split(here)
         assert program == "perchhw", f"{page.name}: teach this test how to run {line!r}"
-        done = perchhw(*arguments, folder=tmp_path)
+        done = perchhw(*arguments, folder=folder)
         assert done.returncode == 0, f"{page.name}: {line}\n{done.stdout}{done.stderr}"
 
 

@@ -5,6 +5,7 @@ Each case here is one seed of the matrix in ``benchmarks/gap.py``, with eight fl
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,21 +15,26 @@ from calibration.gap.model import Model
 from calibration.gap.naming import Named, name_effects
 from calibration.gap.prepare import prepare_flights
 from calibration.gap.refine import training_set
-from calibration.gap.search import search
+from calibration.gap.search import Search, search
 from onboard.vehicle import load_vehicle
 from tests.gap.truth.campaign import make_flights
 
 FLIGHTS = 8
 
 
-def find(case: str, size: str, seed: int, folder: Path) -> tuple[Named, dict[str, dict[str, float]]]:
+def searched(case: str, size: str, seed: int, folder: Path) -> tuple[Search, Named, dict[str, Any]]:
+    """What the search finds, what of it has a name, and the sealed answer."""
     answer = folder / "answer.json"
     files = make_flights(case, size, seed, FLIGHTS, out=folder / "flights", answer=answer)
     records = prepare_flights(open_flights(files)[0]).records
     model, rng = Model(load_vehicle("crazyflie21-stock")), np.random.default_rng(seed)
     training = training_set(records, model)
-    names = name_effects(search(model, training, rng), training, rng)
-    sealed = json.loads(answer.read_text())
+    found = search(model, training, rng)
+    return found, name_effects(found, training, rng), json.loads(answer.read_text())
+
+
+def find(case: str, size: str, seed: int, folder: Path) -> tuple[Named, dict[str, dict[str, float]]]:
+    _, names, sealed = searched(case, size, seed, folder)
     return names, {effect["name"]: effect["parameters"] for effect in sealed["effects"]}
 
 
@@ -44,4 +50,13 @@ def test_a_hidden_effect_is_named_first_and_measured(case: str, tmp_path: Path) 
 def test_nothing_is_named_where_nothing_is_hidden(tmp_path: Path) -> None:
     names, truth = find("none", "medium", 8, tmp_path)
     assert truth == {}
+    assert names.effects == ()
+
+
+def test_a_line_has_a_phase_of_its_own_on_each_flight_and_is_found(tmp_path: Path) -> None:
+    found, names, sealed = searched("unlisted_torque_line", "strong", 7, tmp_path)
+    line = found.unlisted[0].finding.line
+    assert line is not None
+    assert line.channel.name == sealed["unlisted"]["channel"]
+    assert line.frequency == pytest.approx(sealed["unlisted"]["frequency_hz"], abs=0.02)
     assert names.effects == ()

@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,10 @@ import pytest
 from calibration.wizards.operator import Paused, StepAgain, StepBack, StepSkipped, Task
 from calibration.wizards.run_book import RunBook, RunBookError
 from tests.wizards.quiet_operator import QuietOperator
+
+
+def write(path: Path, text: str) -> None:
+    path.write_bytes(gzip.compress(text.encode()))
 
 
 def book(folder: Path, operator: QuietOperator | None = None, **settings: object) -> RunBook:
@@ -51,7 +56,7 @@ def test_a_step_is_repeated_skipped_or_gone_back_from(tmp_path: Path) -> None:
 
 def test_recordings_are_hashed_and_never_overwritten(tmp_path: Path) -> None:
     run = book(tmp_path)
-    kept = [run.keep_raw("x-1", f"t_ms,gyro\n0,{n}\n") for n in range(2)]
+    kept = [run.keep_raw("x-1", partial(write, text=f"t_ms,gyro\n0,{n}\n")) for n in range(2)]
     assert kept[0]["file"] != kept[1]["file"]
     for n, one in enumerate(kept):
         data = (tmp_path / one["file"]).read_bytes()
@@ -82,7 +87,8 @@ def test_a_killed_run_loses_the_running_step_only(tmp_path: Path) -> None:
         "from tests.wizards.quiet_operator import QuietOperator\n"
         "run = RunBook(Path(sys.argv[1]), 'bifilar', {'trials': 5}, QuietOperator())\n"
         "for n in range(10**6):\n"
-        "    run.step(f'trial-{n}', 'Swing', lambda: run.keep_raw(f'z-{n}', 'a' * 2000))\n"
+        "    work = lambda: run.keep_raw(f'z-{n}', lambda path: path.write_text('a' * 2000))\n"
+        "    run.step(f'trial-{n}', 'Swing', work)\n"
         "    print(n, flush=True)\n"
     )
     with subprocess.Popen(

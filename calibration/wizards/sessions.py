@@ -1,0 +1,172 @@
+"""A wizard from its instruments to its report: opens everything, runs, fits, writes, and lets all go."""
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from calibration.instruments.gyro_recorder import GyroRecorder
+from calibration.instruments.load_cell import LoadCell
+from calibration.instruments.motor_stand import MotorStand
+from calibration.instruments.supply import ScpiSupply, Supply
+from calibration.instruments.tachometer import Tachometer
+from calibration.wizards import inertia, motors, thrust
+from calibration.wizards.compare import Comparison, compare_results, compare_with_vehicle
+from calibration.wizards.operator import Operator, StepBack
+from calibration.wizards.outcomes import (
+    inertia_calibration,
+    inertia_figures,
+    motor_calibration,
+    motor_figures,
+    thrust_calibration,
+    thrust_figures,
+)
+from calibration.wizards.report import write_report
+from calibration.wizards.result import Calibration, load_result, write_result
+from calibration.wizards.run_book import RunBook
+from onboard.link import DroneLink
+from onboard.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Stand:
+    """What is connected: URI of the drone, ports of an instrument and of a supply.
+
+    Attributes:
+        drone: URI.
+        instrument: port of the tachometer or load cell.
+        supply: port of the supply that feeds the drone, or None for its battery.
+        voltage: V, of the supply at the start.
+    """
+
+    drone: str
+    instrument: str
+    supply: str | None
+    voltage: float
+
+
+@dataclass(frozen=True)
+class Concluded:
+    """A finished run.
+
+    Attributes:
+        result: the document of ``result.json``.
+        report: the page.
+        comparisons: with the vehicle file and with an earlier fit, by their name.
+    """
+
+    result: dict[str, Any]
+    report: Path
+    comparisons: dict[str, list[Comparison]]
+
+
+def measure_inertia(
+    plan: inertia.InertiaPlan, drone: str, folder: Path, operator: Operator, provenance: Mapping[str, Any]
+) -> Concluded:
+    """The bifilar wizard on a drone's URI; goes on where a run in `folder` stopped.
+
+    Raises:
+        PerchhwError: of wizard, link or fit; what was recorded is kept.
+    """
+    book = RunBook(folder, inertia.KIND, plan.settings(), operator)
+    with DroneLink.open(drone) as link, GyroRecorder(link) as recorder:
+        _until_done(book, inertia.InertiaWizard(plan, recorder).run)
+    fits = inertia.fit_inertia(folder, book.steps, plan)
+    told = {**provenance, "drone": drone, "tools": plan.tools, "skipped": book.skipped}
+    return _conclude(folder, inertia_calibration(fits, _now(), told), plan.vehicle, inertia_figures(fits))
+
+
+def measure_motors(
+    plan: motors.MotorPlan, stand: Stand, folder: Path, operator: Operator, provenance: Mapping[str, Any]
+) -> Concluded:
+    """The tachometer wizard; as :func:`measure_inertia`. Motors off and supply off on every way out."""
+    book = RunBook(folder, motors.KIND, plan.settings(), operator)
+    with ExitStack() as stack:
+        supply = None if stand.supply is None else stack.enter_context(_powered(stand.supply, stand.voltage))
+        link = stack.enter_context(DroneLink.open(stand.drone))
+        tachometer = stack.enter_context(Tachometer(stand.instrument))
+        driven = stack.enter_context(MotorStand(link, instruments=[tachometer.check], cut_power=_cut(supply)))
+        _until_done(book, motors.MotorWizard(plan, driven, tachometer).run)
+    fits = motors.fit_motors(folder, book.steps, plan)
+    told = {**provenance, "drone": stand.drone, "propeller": plan.propeller.name, "skipped": book.skipped}
+    return _conclude(folder, motor_calibration(fits, _now(), told), plan.vehicle, motor_figures(fits))
+
+
+def measure_thrust(
+    plan: thrust.ThrustPlan,
+    stand: Stand,
+    folder: Path,
+    operator: Operator,
+    provenance: Mapping[str, Any],
+) -> Concluded:
+    """The thrust wizard; as :func:`measure_motors`. It needs a supply.
+
+    Raises:
+        NoSupply: none was given. ScaleUnusable: a scale that cannot be used.
+    """
+    if stand.supply is None:
+        raise thrust.NoSupply("the thrust run needs a supply whose voltage can be set")
+    book = RunBook(folder, thrust.KIND, plan.settings(), operator)
+    with ExitStack() as stack:
+        supply = stack.enter_context(_powered(stand.supply, stand.voltage))
+        link = stack.enter_context(DroneLink.open(stand.drone))
+        cell = stack.enter_context(LoadCell(stand.instrument))
+        driven = stack.enter_context(MotorStand(link, instruments=[cell.check], cut_power=_cut(supply)))
+        _until_done(book, thrust.ThrustWizard(plan, driven, cell, supply).run)
+    found = thrust.fit_thrust(folder, book.steps, plan)
+    told = {**provenance, "drone": stand.drone, "skipped": book.skipped}
+    return _conclude(
+        folder, thrust_calibration(found, book.steps, _now(), told), plan.vehicle, thrust_figures(found)
+    )
+
+
+def _powered(port: str, voltage: float) -> Supply:
+    supply = ScpiSupply(port)
+    try:
+        supply.set(voltage, thrust.CURRENT_LIMIT_A)
+        supply.switch(on=True)
+    except BaseException:
+        supply.close()
+        raise
+    return supply
+
+
+def _cut(supply: Supply | None) -> Callable[[], None] | None:
+    return None if supply is None else partial(supply.switch, on=False)
+
+
+def _until_done(book: RunBook, wizard: Callable[[RunBook], None]) -> None:
+    """One step back means from the start, where finished steps are not done again."""
+    while True:
+        book.restart()
+        try:
+            wizard(book)
+        except StepBack:
+            continue
+        return
+
+
+def _now() -> str:
+    """Wall time, for provenance only."""
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def _conclude(
+    folder: Path, calibration: Calibration, vehicle: Vehicle, figures: Mapping[str, "Figure"]
+) -> Concluded:
+    """Result and report of a run."""
+    result = write_result(calibration, folder)
+    comparisons: dict[str, Sequence[Comparison]] = {
+        f"the file of {vehicle.name}": compare_with_vehicle(vehicle, result)
+    }
+    if result["parent"] is not None:
+        earlier = load_result(folder / f"result-{result['parent']}.json")
+        comparisons["the fit before"] = compare_results(earlier, result)
+    page = write_report(folder, result, figures, comparisons)
+    return Concluded(result, page, {name: list(rows) for name, rows in comparisons.items()})

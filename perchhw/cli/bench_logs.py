@@ -1,0 +1,203 @@
+"""``--from-log``: the fits of the bench alone, on data that were recorded before."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from perchhw.cli.output import emit
+
+if TYPE_CHECKING:
+    from calibration.bifilar.fit import SwingFit
+    from calibration.bifilar.inertia import InertiaResult
+    from calibration.tachometer.propellers import PropellerMap
+    from calibration.tachometer.result import TachometerResult
+    from onboard.vehicle import Vehicle
+
+
+def fit_swings(files: Sequence[Path], given: Mapping[str, str | None], tools: str, estimator: str) -> None:
+    """Inertia about one axis from recorded swings.
+
+    Args:
+        files: recordings.
+        given: axis, mass, string-length and string-distance as typed; the last three may be missing together.
+        tools: what measured them.
+        estimator: ``paper`` puts the authors' peak estimate beside each period.
+
+    Raises:
+        AnswerNotUsable: an option is missing or cannot be used. SwingFileError, RigError.
+    """
+    from calibration.bifilar.fit import fit_swing
+    from calibration.bifilar.inertia import inertia_about_axis, mean_period
+    from calibration.bifilar.paper import peak_period
+    from calibration.bifilar.recordings import read_swing
+    from calibration.wizards.inertia import AXES
+    from calibration.wizards.operator import AnswerNotUsable
+
+    axis = given["axis"]
+    if axis is None or axis not in AXES:
+        raise AnswerNotUsable(f"--axis {axis}: say which body axis hung vertical: x, y or z")
+    if estimator not in ("pendulum", "paper"):
+        raise AnswerNotUsable(f"--estimator {estimator}: choose pendulum or paper")
+    swings = [read_swing(file, AXES[axis]) for file in files]
+    fits = [_as_recorded(fit_swing(swing)) for swing in swings]
+    rig = _rig(given, tools)
+    result = None if rig is None else inertia_about_axis(fits, rig)
+    counted = [fit.period.value for fit in fits if not fit.rejected]
+    period = (
+        mean_period(counted or [fit.period.value for fit in fits])[0] if result is None else result.period
+    )
+    findings = [one for fit in fits for one in fit.findings] + (
+        [] if result is None else list(result.findings)
+    )
+    document: dict[str, Any] = {
+        "inertia": None if result is None else result.inertia.to_json(),
+        "period_s": period.to_json(),
+        "trials": [_trial(fit) for fit in fits],
+        "warnings": [finding.text for finding in findings],
+        "budget": [] if result is None else [{"name": one.name, "share": one.share} for one in result.budget],
+    }
+    if estimator == "paper":
+        for row, swing in zip(document["trials"], swings, strict=True):
+            row["paper_period_s"] = peak_period(swing)
+    emit(document, _swing_words(document, fits, result))
+
+
+def _as_recorded(fit: "SwingFit") -> "SwingFit":
+    """A recording of long ago cannot be made longer: few cycles are a warning there, no more."""
+    from calibration.measurement import Severity
+
+    milder = [
+        replace(one, severity=Severity.WARNING) if one.code == "few_cycles" else one for one in fit.findings
+    ]
+    return replace(fit, findings=tuple(milder))
+
+
+def _rig(given: Mapping[str, str | None], tools: str) -> Any:
+    from calibration.bifilar.rig import Rig
+    from calibration.wizards.inertia import TOOLS, questions
+    from calibration.wizards.operator import AnswerNotUsable
+    from calibration.wizards.readings import estimate_of, parse_reading
+
+    names = {"mass": "mass", "string-length": "string_length", "string-distance": "string_distance_top"}
+    missing = [name for name in names if given[name] is None]
+    if len(missing) == len(names):
+        return None
+    if missing:
+        raise AnswerNotUsable(f"--{missing[0]} is missing: mass, string length and string distance together")
+    if tools not in TOOLS:
+        raise AnswerNotUsable(f"--tools {tools}: choose {' or '.join(TOOLS)}")
+    asked = questions(tools)
+    values = {
+        name: estimate_of([parse_reading(str(given[name]), asked[key])], asked[key])
+        for name, key in names.items()
+    }
+    distance = values["string-distance"]
+    return Rig(mass=values["mass"], top=distance, bottom=distance, length=values["string-length"])
+
+
+def _trial(fit: "SwingFit") -> dict[str, Any]:
+    return {
+        "file": fit.source,
+        "period_s": fit.period.value,
+        "crossing_period_s": fit.crossing_period,
+        "cycles": fit.cycles,
+        "start_amplitude_rad": fit.start_amplitude,
+        "end_amplitude_rad": fit.end_amplitude,
+        "damping_ratio": fit.damping_ratio,
+        "swing_share": fit.swing_share,
+        "rejected": fit.rejected,
+        "findings": [finding.to_json() for finding in fit.findings],
+    }
+
+
+def _swing_words(
+    document: Mapping[str, Any], fits: Sequence["SwingFit"], result: "InertiaResult | None"
+) -> str:
+    from calibration.wizards.report import said
+
+    lines = [
+        f"{fit.source}: T0 {fit.period.value:.4f} s over {fit.cycles:.0f} cycles"
+        + (" (rejected)" if fit.rejected else "")
+        for fit in fits
+    ]
+    lines.append(f"period: {said(document['period_s'])}")
+    if result is None:
+        lines.append("inertia: say --mass, --string-length and --string-distance")
+    else:
+        lines.append(f"inertia: {said(document['inertia'])}")
+    return "\n".join([*lines, *(f"! {text}" for text in document["warnings"])])
+
+
+def propeller_of(name: str, vehicle: "Vehicle") -> "PropellerMap":
+    """The map of a named propeller, or the vehicle's own thrust coefficient.
+
+    Raises:
+        AnswerNotUsable: the vehicle has none. TachometerError: no such propeller.
+    """
+    from calibration.tachometer.propellers import PropellerMap, propeller
+    from calibration.wizards.operator import AnswerNotUsable
+
+    if name != "vehicle":
+        return propeller(name)
+    coefficient = vehicle.motors.thrust_coefficient
+    if coefficient is None:
+        raise AnswerNotUsable(f"{vehicle.name} has no motors.thrust_coefficient: name its --propeller")
+    relative = coefficient.sigma / coefficient.value
+    return PropellerMap("vehicle", 0.0, 0.0, coefficient.value, relative, coefficient.source)
+
+
+def fit_steps(files: Sequence[Path], vehicle: "Vehicle", propeller: "PropellerMap", blades: int) -> None:
+    """Speed law and time constants from recorded steps of one motor.
+
+    Raises:
+        TachometerError: a file that cannot be read, or without steps.
+    """
+    from calibration.tachometer.analysis import analyse
+    from calibration.tachometer.files import read_tachometer
+    from onboard.gravity import GRAVITY
+
+    hover = vehicle.body.mass.value * GRAVITY / 4.0
+    result = analyse([read_tachometer(file) for file in files], propeller, hover, blades)
+    emit(result.to_json(), _step_words(result))
+
+
+def _step_words(result: "TachometerResult") -> str:
+    from calibration.wizards.report import said
+
+    document = result.to_json()
+    lines = [
+        f"{name}: {said(document[name])} (first order in thrust)"
+        for name in ("tau_up", "tau_down")
+        if document[name] is not None
+    ]
+    for way, law in document["speed_law"].items():
+        if law is not None:
+            lines.append(f"{way}: a {said(law['a'])}, b {said(law['b'])}, rms {law['rms_rad_s']:.1f} rad/s")
+    return "\n".join([*lines, *(f"! {text}" for text in document["warnings"])])
+
+
+def fit_table(file: Path, force_unit: str, motors: int | None) -> None:
+    """Thrust maps from a table, or the published maps that it holds.
+
+    Raises:
+        ThrustTableError: the table cannot be read or fitted.
+    """
+    from calibration.thrust_voltage.analysis import analyse, read_table
+    from calibration.thrust_voltage.result import imported_json
+    from calibration.thrust_voltage.units import Units
+
+    table = read_table(file, Units(force=force_unit, motors=motors))
+    if isinstance(table, dict):
+        emit(
+            imported_json(table), "\n".join(f"{name}: {one.form.name.lower()}" for name, one in table.items())
+        )
+        return
+    result = analyse(table)
+    document = result.to_json()
+    lines = [
+        f"{name}: rms {form['rms_gf']:.3f} gf, left out {form['cross_validation_gf']:.3f} gf"
+        + (" <- chosen" if name == document["chosen"] else "")
+        for name, form in document["forms"].items()
+    ]
+    emit(document, "\n".join([*lines, *(f"! {finding.text}" for finding in result.findings)]))

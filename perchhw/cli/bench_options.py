@@ -1,0 +1,114 @@
+"""Options that the bench wizards share, and what they do with them."""
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from perchhw.cli.output import emit, progress_console
+
+if TYPE_CHECKING:
+    from calibration.wizards.operator import Operator
+    from calibration.wizards.sessions import Concluded
+
+Out = Annotated[Path | None, typer.Option(help="Folder of the run; a run that was paused goes on in it.")]
+Drone = Annotated[str | None, typer.Option("--drone", help="URI of the drone: udp://HOST:PORT, radio://...")]
+HandsAddress = Annotated[
+    str | None,
+    typer.Option("--hands", help="tcp://HOST:PORT of an assistant that does what the wizard asks."),
+]
+Answers = Annotated[
+    Path | None, typer.Option("--input", help='TOML file of answers: mass = "38.1 g", string_length = [...]')
+]
+Yes = Annotated[bool, typer.Option("--yes", help="Do not wait for a key after each task.")]
+Confirm = Annotated[
+    list[str] | None, typer.Option("--confirm", help="Phrase of a safety question, confirmed in advance.")
+]
+Person = Annotated[str, typer.Option("--operator", help="Who measures, for the report.")]
+
+
+@dataclass(frozen=True)
+class Helper:
+    """Who carries out a wizard, by the options: hands, answers, yes, confirmed phrases."""
+
+    hands: str | None = None
+    answers: Path | None = None
+    yes: bool = False
+    confirmed: tuple[str, ...] = ()
+
+
+@contextmanager
+def operator_of(helper: Helper) -> "Iterator[Operator]":
+    """Whoever carries out the wizard: a person, or an assistant; with the answers given in advance before."""
+    from calibration.wizards.given import GivenAnswers, read_answers
+    from calibration.wizards.hands import Hands
+    from perchhw.cli.bench_operator import TerminalOperator
+
+    # A program that is told to end unwinds as with Ctrl-C, so that motors and supply are switched off.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    given = {} if helper.answers is None else read_answers(helper.answers)
+    if helper.hands is None:
+        yield GivenAnswers(given, TerminalOperator(helper.yes, helper.confirmed))
+        return
+    screen = progress_console()
+    with Hands(helper.hands, lambda text: screen.print(text, markup=False), helper.confirmed) as assistant:
+        yield GivenAnswers(given, assistant)
+
+
+def tell(concluded: "Concluded", folder: Path) -> None:
+    """Tell what came of a run."""
+    from calibration.wizards.report import said
+    from calibration.wizards.result import was_rejected
+
+    result = concluded.result
+    document: dict[str, Any] = {
+        "run": str(folder),
+        "report": str(concluded.report),
+        "id": result["id"],
+        "kind": result["kind"],
+        "vehicle": result["vehicle"],
+        "findings": result["findings"],
+        "rejected": was_rejected(result),
+        "compared": {name: [row.to_json() for row in rows] for name, rows in concluded.comparisons.items()},
+    }
+    lines = [f"{key}: {said(raw)}" for key, raw in result["vehicle"]["quantities"].items()]
+    for name, parameters in result["vehicle"]["effects"].items():
+        lines += [f"{name}.{key}: {said(raw)}" for key, raw in parameters.items()]
+    thrust_map = result["vehicle"]["thrust_map"]
+    if thrust_map is not None:
+        lines.append(f"thrust map: {thrust_map['form']}")
+    lines += [f"! {text}" for text in was_rejected(result)]
+    lines += [
+        f"report: {concluded.report}",
+        f"next: perchhw calibrate apply {folder} --vehicle FILE --out NEW.toml",
+    ]
+    emit(document, "\n".join(lines))
+
+
+def needed(value: str | None, flag: str, what: str) -> str:
+    """A flag that the wizard cannot do without.
+
+    Raises:
+        AnswerNotUsable: it was not given.
+    """
+    from calibration.wizards.operator import AnswerNotUsable
+
+    if value is None:
+        raise AnswerNotUsable(f"{flag} is missing: {what} (in simulation `perchhw sim bench` prints it)")
+    return value
+
+
+def new_or_given(out: Path | None, kind: str) -> Path:
+    """The folder of the run: as given, or a new one under ``runs``."""
+    from perchhw.record.folder import make_folder, new_run_folder
+
+    folder = new_run_folder(Path("runs"), f"calibrate-{kind}") if out is None else out
+    make_folder(folder)
+    progress_console().print(
+        f"run: {folder} (Ctrl-C pauses; --out {folder} goes on)", markup=False, soft_wrap=True
+    )
+    return folder

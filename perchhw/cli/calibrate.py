@@ -1,0 +1,111 @@
+"""``perchhw calibrate``: measure the real vehicle on the bench, and put what was measured into its file."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from perchhw.cli.bench_walkthrough import walkthrough_command
+from perchhw.cli.calibrate_bifilar import bifilar_command
+from perchhw.cli.calibrate_tachometer import tachometer_command
+from perchhw.cli.calibrate_thrust import thrust_command
+from perchhw.cli.options import Vehicle
+from perchhw.cli.output import emit, progress_console
+
+if TYPE_CHECKING:
+    from calibration.wizards.compare import Comparison
+
+app = typer.Typer(
+    add_completion=False, no_args_is_help=True, help="Measure inertia, motors and thrust on the bench."
+)
+app.command("bifilar")(bifilar_command)
+app.command("tachometer")(tachometer_command)
+app.command("thrust")(thrust_command)
+app.command("walkthrough")(walkthrough_command)
+
+Runs = Annotated[list[Path], typer.Argument(metavar="RUN...", help="Folders of calibration runs.")]
+
+
+@app.command()
+def apply(
+    runs: Runs,
+    vehicle: Vehicle,
+    out: Annotated[Path, typer.Option(help="Vehicle file to write; what it held before is kept.")],
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask after showing the changes.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Apply a run that its checks rejected.")] = False,
+) -> int:
+    """Put calibrations into a vehicle file: shows every change, asks, writes, keeps what was there before."""
+    from calibration.wizards.apply import changed_vehicle, write_applied
+    from calibration.wizards.result import ResultFileError, load_result, was_rejected
+    from onboard.vehicle import load_vehicle
+    from perchhw.cli.bench_operator import TerminalOperator
+    from perchhw.cli.vehicle import differences, draw_differences
+
+    results = [load_result(run) for run in runs]
+    for run, result in zip(runs, results, strict=True):
+        if (reasons := was_rejected(result)) and not force:
+            raise ResultFileError(f"{run}: was rejected by its checks: {'; '.join(reasons)}. Measure again")
+    before = load_vehicle(vehicle)
+    after = changed_vehicle(before, results)
+    rows = differences(before, after)
+    draw_differences(progress_console(), vehicle, str(out), rows)
+    agreed = TerminalOperator(yes=yes).agree(f"Write these {len(rows)} changes to {out}?")
+    kept = write_applied(after, out) if agreed else None
+    document = {
+        "applied": agreed,
+        "vehicle": str(out),
+        "calibrations": [result["id"] for result in results],
+        "changes": rows,
+        "kept": None if kept is None else str(kept),
+    }
+    words = f"{out} written; `perchhw calibrate undo {out}` takes it back" if agreed else "nothing written"
+    emit(document, words)
+    return 0 if agreed else 1
+
+
+@app.command()
+def undo(
+    file: Annotated[Path, typer.Argument(help="Vehicle file that calibrations were applied to.")],
+) -> None:
+    """Take the last applied calibration back."""
+    from calibration.wizards.apply import undo as take_back
+
+    kept = take_back(file)
+    emit(
+        {"vehicle": str(file), "restored_from": str(kept)}, f"{file} is what it was before (from {kept.name})"
+    )
+
+
+@app.command()
+def compare(
+    run: Annotated[Path, typer.Argument(help="Folder of a calibration run.")],
+    other: Annotated[Path | None, typer.Argument(help="An earlier run.")] = None,
+    vehicle: Annotated[str | None, typer.Option(help="Or a vehicle file.")] = None,
+) -> int:
+    """Hold a calibration against an earlier one or a vehicle file: E_n above 1 is a contradiction.
+
+    Exit code 1 when something contradicts.
+    """
+    from calibration.wizards.compare import compare_results, compare_with_vehicle
+    from calibration.wizards.result import ResultFileError, load_result
+    from onboard.vehicle import load_vehicle
+
+    now = load_result(run)
+    if (other is None) == (vehicle is None):
+        raise ResultFileError("compare: say what to compare with: another run, or --vehicle FILE")
+    if other is not None:
+        rows = compare_results(load_result(other), now)
+    else:
+        rows = compare_with_vehicle(load_vehicle(str(vehicle)), now)
+    emit({"rows": [row.to_json() for row in rows]}, _comparison_text(rows))
+    return 1 if any(row.contradicts for row in rows) else 0
+
+
+def _comparison_text(rows: "list[Comparison]") -> str:
+    from calibration.wizards.report import said
+
+    return "\n".join(
+        f"{row.key}: {said(row.before.to_json())} before, {said(row.now.to_json())} now, "
+        f"E_n {row.normalised:.2f}" + (": they contradict each other" if row.contradicts else "")
+        for row in rows
+    )

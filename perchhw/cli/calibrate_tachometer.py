@@ -1,0 +1,79 @@
+"""``perchhw calibrate tachometer``: how fast the motors follow their commands."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from perchhw.attempt import DEFAULT_VEHICLE
+from perchhw.cli.bench_options import (
+    Answers,
+    Confirm,
+    Drone,
+    HandsAddress,
+    Helper,
+    Out,
+    Person,
+    Yes,
+    needed,
+    new_or_given,
+    operator_of,
+    tell,
+)
+from perchhw.cli.options import Vehicle
+
+FromLog = Annotated[
+    list[Path] | None,
+    typer.Option("--from-log", help="Only fit recordings of one motor; more files may follow."),
+]
+More = Annotated[list[Path] | None, typer.Argument(metavar="[FILE]...", help="More of --from-log.")]
+Propeller = Annotated[
+    str,
+    typer.Option(
+        help="Speed to thrust: vehicle (the file's coefficient), P250, L250, T350, bitcraze-2015, foerster."
+    ),
+]
+
+
+def tachometer_command(
+    more: More = None,
+    drone: Drone = None,
+    tachometer: Annotated[str | None, typer.Option(help="Port of the tachometer: /dev/ttyACM0.")] = None,
+    supply: Annotated[str | None, typer.Option(help="Port of a SCPI supply that feeds the drone.")] = None,
+    voltage: Annotated[float, typer.Option(min=3.0, max=4.2, help="Of the supply, V.")] = 3.9,
+    vehicle: Vehicle = DEFAULT_VEHICLE,
+    propeller: Propeller = "vehicle",
+    out: Out = None,
+    motors: Annotated[str, typer.Option(help="Motors in their order.")] = "1234",
+    repeats: Annotated[int, typer.Option(min=1, help="Of the staircase of each motor.")] = 2,
+    seed: Annotated[int, typer.Option(min=0, help="Of the order of the steps.")] = 0,
+    hands: HandsAddress = None,
+    input: Answers = None,
+    yes: Yes = False,
+    confirm: Confirm = None,
+    operator: Person = "",
+    from_log: FromLog = None,
+    blades: Annotated[int, typer.Option(min=1, help="With --from-log: marks per revolution.")] = 2,
+) -> None:
+    """Step the motors of a clamped drone and get their speed law and time constants.
+
+    Motors turn only after 'props guarded, drone clamped' was typed (or given with --confirm), and stop on
+    Ctrl-C, on a lost link and on a lost instrument.
+    """
+    from calibration.wizards.motors import KIND, MotorPlan
+    from calibration.wizards.sessions import Stand, measure_motors
+    from onboard.vehicle import load_vehicle
+    from perchhw.cli.bench_logs import fit_steps, propeller_of
+
+    model = load_vehicle(vehicle)
+    fitted = propeller_of(propeller, model)
+    if from_log:
+        fit_steps([*from_log, *(more or [])], model, fitted, blades)
+        return
+    plan = MotorPlan(model, fitted, motors, repeats, seed)
+    uri = needed(drone, "--drone", "the URI of the clamped drone")
+    port = needed(tachometer, "--tachometer", "the port of the tachometer")
+    folder = new_or_given(out, KIND)
+    with operator_of(Helper(hands, input, yes, tuple(confirm or ()))) as helper:
+        stand = Stand(uri, port, supply, voltage)
+        tell(measure_motors(plan, stand, folder, helper, {"operator": operator}), folder)

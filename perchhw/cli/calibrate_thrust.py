@@ -1,0 +1,83 @@
+"""``perchhw calibrate thrust``: thrust against motor voltage."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from perchhw.attempt import DEFAULT_VEHICLE
+from perchhw.cli.bench_options import (
+    Answers,
+    Confirm,
+    Drone,
+    HandsAddress,
+    Helper,
+    Out,
+    Person,
+    Yes,
+    needed,
+    new_or_given,
+    operator_of,
+    tell,
+)
+from perchhw.cli.options import Vehicle
+
+FromTable = Annotated[
+    Path | None,
+    typer.Option("--from-table", "--from-log", help="Only fit a table of thrust against voltage."),
+]
+
+
+def thrust_command(
+    drone: Drone = None,
+    scale: Annotated[str | None, typer.Option(help="Port of the load cell: /dev/ttyACM0.")] = None,
+    supply: Annotated[str | None, typer.Option(help="Port of the SCPI supply that feeds the drone.")] = None,
+    voltages: Annotated[
+        str, typer.Option(help="Of the supply, V; two of them must fall on one curve.")
+    ] = "3.4,3.9",
+    levels: Annotated[int, typer.Option(min=8, help="Commands at each voltage.")] = 20,
+    vehicle: Vehicle = DEFAULT_VEHICLE,
+    out: Out = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of the order of the commands.")] = 0,
+    hands: HandsAddress = None,
+    input: Answers = None,
+    yes: Yes = False,
+    confirm: Confirm = None,
+    operator: Person = "",
+    from_table: FromTable = None,
+    force_unit: Annotated[str, typer.Option(help="With --from-table: of the thrust: g, N, oz or kg.")] = "g",
+    motors: Annotated[
+        int | None, typer.Option(min=1, help="With --from-table: how many motors the thrust is of.")
+    ] = None,
+) -> None:
+    """Let the drone push a scale and get its thrust map, chosen by cross-validation.
+
+    Motors turn only after 'props guarded, drone clamped' was typed (or given with --confirm), and stop on
+    Ctrl-C, on a lost link and on a lost instrument; the supply is switched off on every way out.
+    """
+    from calibration.wizards.operator import AnswerNotUsable
+    from calibration.wizards.sessions import Stand, measure_thrust
+    from calibration.wizards.thrust import KIND, ThrustPlan
+    from onboard.vehicle import load_vehicle
+
+    if from_table is not None:
+        from perchhw.cli.bench_logs import fit_table
+
+        fit_table(from_table, force_unit, motors)
+        return
+    try:
+        volts = tuple(float(part) for part in voltages.split(","))
+    except ValueError as error:
+        raise AnswerNotUsable(
+            f"--voltages {voltages}: write volts with commas between, as 3.4,3.9"
+        ) from error
+    if not all(3.0 <= one <= 4.3 for one in volts):
+        raise AnswerNotUsable(f"--voltages {voltages}: a one-cell drone takes 3.0 to 4.3 V")
+    plan = ThrustPlan(load_vehicle(vehicle), volts, levels, seed)
+    uri = needed(drone, "--drone", "the URI of the drone on the stand")
+    port = needed(scale, "--scale", "the port of the load cell")
+    feed = needed(supply, "--supply", "the port of the supply that feeds the drone")
+    folder = new_or_given(out, KIND)
+    with operator_of(Helper(hands, input, yes, tuple(confirm or ()))) as helper:
+        stand = Stand(uri, port, feed, volts[0])
+        tell(measure_thrust(plan, stand, folder, helper, {"operator": operator}), folder)
