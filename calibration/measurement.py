@@ -46,6 +46,22 @@ class Estimate:
         return {"value": self.value, "unit": self.unit, "u95": self.u95 if math.isfinite(self.u95) else None}
 
 
+@dataclass(frozen=True, slots=True)
+class DrawnEstimate(Estimate):
+    """An estimate whose interval was drawn instead of taken from `sigma`.
+
+    Attributes:
+        half_interval: half the width of the 95 % interval; infinite where none is claimed.
+    """
+
+    half_interval: float = math.inf
+
+    @property
+    def u95(self) -> float:
+        """Half the width of the drawn 95 % interval."""
+        return self.half_interval
+
+
 def coverage_factor(dof: float) -> float:
     """The factor that makes a standard uncertainty cover 95 %: Student's t, 1.96 for infinite dof."""
     if dof < 1.0:

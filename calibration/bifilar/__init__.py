@@ -2,7 +2,7 @@
 
 from calibration.bifilar.errors import RigError, SwingFileError, UnusableSwingError
 from calibration.bifilar.fit import SwingFit, fit_swing
-from calibration.bifilar.inertia import DrawnEstimate, InertiaResult, formula_inertia, inertia_about_axis
+from calibration.bifilar.inertia import InertiaResult, formula_inertia, inertia_about_axis
 from calibration.bifilar.live import LiveState, LiveSwing, LiveView
 from calibration.bifilar.paper import peak_period
 from calibration.bifilar.plan import HangPlan, Instruments, plan_hang
@@ -13,7 +13,6 @@ from calibration.bifilar.swing import Swing
 from calibration.bifilar.tensor import InertiaTensor, inertia_tensor
 
 __all__ = [
-    "DrawnEstimate",
     "HangPlan",
     "InertiaResult",
     "InertiaTensor",

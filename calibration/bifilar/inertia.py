@@ -17,7 +17,15 @@ from calibration.bifilar.fit import SwingFit
 from calibration.bifilar.geometry import small_period
 from calibration.bifilar.plausibility import check_inertia, check_trials
 from calibration.bifilar.rig import Measured, Rig, check_rig, student
-from calibration.measurement import COVERAGE, Contribution, Estimate, Finding, combine, rejected
+from calibration.measurement import (
+    COVERAGE,
+    Contribution,
+    DrawnEstimate,
+    Estimate,
+    Finding,
+    combine,
+    rejected,
+)
 from onboard.arrays import FloatArray, Vector
 
 FEWEST_TRIALS = 4
@@ -31,22 +39,6 @@ _DRAWS = 40_000
 _SEED = 20260101  # fixed: the same data give the same interval
 _UNLIKE_INERTIA = 1.0  # relative difference of the axes that a tilt may mix in
 _PER_HANG = ("period", "centre of mass", "tilt")
-
-
-@dataclass(frozen=True, slots=True)
-class DrawnEstimate(Estimate):
-    """An estimate whose interval was drawn instead of taken from `sigma`.
-
-    Attributes:
-        half_interval: half the width of the 95 % interval; infinite where none is claimed.
-    """
-
-    half_interval: float = math.inf
-
-    @property
-    def u95(self) -> float:
-        """Half the width of the drawn 95 % interval."""
-        return self.half_interval
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,7 @@ of everything else. A run that is fitted anew writes a new result and names the 
 
 import hashlib
 import json
+import math
 import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -14,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from calibration.errors import CalibrationError
-from calibration.measurement import Contribution, Estimate, Finding, Severity
+from calibration.measurement import Contribution, DrawnEstimate, Estimate, Finding, Severity
 from onboard.errors import InputError
 from onboard.json_file import write_json_atomically
 
@@ -76,9 +77,10 @@ def estimate_to_json(estimate: Estimate) -> dict[str, Any]:
 
 
 def estimate_from_json(raw: Mapping[str, Any]) -> Estimate:
-    """The estimate that :func:`estimate_to_json` wrote."""
-    dof = float("inf") if raw["dof"] is None else float(raw["dof"])
-    return Estimate(float(raw["value"]), str(raw["unit"]), float(raw["sigma"]), dof)
+    """The estimate that :func:`estimate_to_json` wrote, with the interval that it had."""
+    dof = math.inf if raw["dof"] is None else float(raw["dof"])
+    half = math.inf if raw["u95"] is None else float(raw["u95"])
+    return DrawnEstimate(float(raw["value"]), str(raw["unit"]), float(raw["sigma"]), dof, half)
 
 
 def _all_to_json(estimates: Mapping[str, Estimate]) -> dict[str, Any]:

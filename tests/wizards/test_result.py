@@ -62,7 +62,9 @@ def test_a_result_is_read_back_and_names_its_parent(tmp_path: Path) -> None:
     assert second["parent"] == first["id"] != second["id"]
     assert load_result(tmp_path) == second
     assert load_result(tmp_path / f"result-{first['id']}.json") == first
-    assert estimate_from_json(first["vehicle"]["quantities"]["body.inertia_xx"]) == INERTIA
+    kept = estimate_from_json(first["vehicle"]["quantities"]["body.inertia_xx"])
+    assert (kept.value, kept.sigma, kept.dof) == (INERTIA.value, INERTIA.sigma, INERTIA.dof)
+    assert kept.interval == INERTIA.interval
 
 
 def test_a_result_that_was_edited_is_noticed(tmp_path: Path) -> None:
