@@ -248,10 +248,12 @@ class MotorFits:
 
     Attributes:
         results: by motor.
+        sag: largest relative fall of the board's voltage between the steps of a motor.
         raw: recordings that were used.
     """
 
     results: dict[int, TachometerResult]
+    sag: float
     raw: list[dict[str, str]]
 
     @property
@@ -264,11 +266,17 @@ class MotorFits:
         """Whether a motor's recording cannot be used."""
         return rejected(self.findings)
 
-    def mean(self, estimates: Sequence[Estimate]) -> Estimate:
+    def mean(self, estimates: Sequence[Estimate], follows_voltage: bool = True) -> Estimate:
         """Of the motors that were measured, as what a vehicle file says of all four.
 
-        The uncertainty is that of the mean of four: what each measurement leaves open, and how much motors
-        differ (their own scatter; for one or two, the usual one).
+        The uncertainty is that of the mean of four: what each measurement leaves open, how much motors differ
+        (their own scatter; for one or two, the usual one), and what the supply does. A voltage that sags
+        while a motor speeds up moves the speed it heads for, and the square of that drives it: up to twice
+        the sag, the same for all motors.
+
+        Args:
+            estimates: one a motor.
+            follows_voltage: whether the sag of the supply acts on this quantity.
         """
         count = len(estimates)
         values = np.array([one.value for one in estimates])
@@ -276,7 +284,9 @@ class MotorFits:
         own = math.sqrt(sum(one.sigma**2 for one in estimates)) / count
         scatter = float(values.std(ddof=1)) if count > 2 else _SPREAD * abs(mean)
         unseen = math.sqrt(max(1.0 / count - 0.25, 0.0)) * scatter
-        return Estimate(mean, estimates[0].unit, math.hypot(own, unseen), min(one.dof for one in estimates))
+        supply = 2.0 * self.sag / math.sqrt(3.0) * abs(mean) if follows_voltage else 0.0
+        sigma = math.sqrt(own**2 + unseen**2 + supply**2)
+        return Estimate(mean, estimates[0].unit, sigma, min(one.dof for one in estimates))
 
 
 def fit_motors(folder: Path, steps: Mapping[str, Any], plan: MotorPlan) -> MotorFits:
@@ -286,7 +296,7 @@ def fit_motors(folder: Path, steps: Mapping[str, Any], plan: MotorPlan) -> Motor
         TachometerError: no steps in a recording, or it cannot be read.
     """
     blades = round(steps["blades"]["blades"][0])
-    results, raw = {}, []
+    results, raw, sag = {}, [], 0.0
     for motor in map(int, plan.motors):
         kept = steps.get(f"steps-{motor}") or {}
         if not kept:
@@ -302,4 +312,6 @@ def fit_motors(folder: Path, steps: Mapping[str, Any], plan: MotorPlan) -> Motor
             overflow=kept["overflow"],
         )
         raw += [kept["edges"], kept["commands"]]
-    return MotorFits(results, raw)
+        volts = [voltage for _, voltage in kept["voltage"]]
+        sag = max(sag, 1.0 - min(volts) / max(volts))
+    return MotorFits(results, sag, raw)

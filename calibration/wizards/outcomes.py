@@ -83,14 +83,20 @@ def motor_calibration(fits: MotorFits, made: str, provenance: Mapping[str, Any])
         TachometerError: a direction is missing.
     """
     rows = [_row(motor, one) for motor, one in fits.results.items()]
-    means = {name: fits.mean([row[name] for row in rows]) for name in rows[0]}
+    means = {
+        name: fits.mean([row[name] for row in rows], follows_voltage=not name.startswith("a_"))
+        for name in rows[0]
+    }
     constants = {f"motors.time_constant_{way}": means.pop(f"tau_{way}") for way in ("up", "down")}
     return Calibration(
         kind=TACHOMETER,
         change=VehicleChange(quantities=constants, effects={"motor_speed_law": means}),
         budgets={},
         findings=tuple(dict.fromkeys(fits.findings)),
-        details={f"motor {motor}": one.to_json() for motor, one in fits.results.items()},
+        details={
+            "supply_sag": fits.sag,
+            **{f"motor {motor}": one.to_json() for motor, one in fits.results.items()},
+        },
         inputs={},
         provenance=provenance,
         raw=fits.raw,

@@ -19,7 +19,15 @@ from calibration.thrust_voltage.raw_table import RawTable, write_raw
 from calibration.wizards.motors import SAFETY
 from calibration.wizards.operator import Gauge, Light, Question, Task
 from calibration.wizards.run_book import Json, RunBook
-from calibration.wizards.thrust_recording import ThrustStand, ThrustTable, calibrate_scale, counts_now
+from calibration.wizards.thrust_recording import (
+    COAST_S,
+    FALL_S,
+    SETTLE_S,
+    ThrustStand,
+    ThrustTable,
+    calibrate_scale,
+    counts_now,
+)
 from onboard.arrays import FloatArray
 from onboard.battery import thrust_from_voltage
 from onboard.errors import InputError
@@ -162,11 +170,12 @@ class ThrustWizard:
         idle = stand.read()
         table.add(block, "tare", 0, idle)
         multimeter = operator.measure(MULTIMETER)
-        rows = self._plan.order(block)
+        rows, before = self._plan.order(block), 0
         with operator.live(f"Thrust at {voltage:g} V") as show:
             for number, (kind, command) in enumerate(rows):
                 self._motors.spin_all(command)
-                reading = stand.read()
+                reading = stand.read(SETTLE_S if command > before else FALL_S)
+                before = command
                 if reading.limited:
                     limited += 1
                 else:
@@ -175,9 +184,10 @@ class ThrustWizard:
                 if command >= _HOT_SHARE * 65536 or number == len(rows) // 2:
                     self._motors.stop("cool down")
                     self._motors.unlock(UNLOCK_PHRASE)
-                    table.add(block, "tare", 0, stand.read())
+                    table.add(block, "tare", 0, stand.read(COAST_S))
+                    before = 0
         self._motors.stop("the sweep has ended")
-        table.add(block, "tare", 0, stand.read())
+        table.add(block, "tare", 0, stand.read(COAST_S))
         raw = table.finished(f"sweep-{voltage:g}")
         for finding in sweep_findings(raw, limited):
             operator.warn(finding.text)

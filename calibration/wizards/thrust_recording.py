@@ -18,6 +18,9 @@ from onboard.gravity import GRAVITY
 SETTLE_S = 1.0
 AVERAGE_S = 1.5
 """Of the load cell's time (bench notes 1.3)."""
+FALL_S, COAST_S = 2.5, 5.0
+"""After a lower command, and before a tare: propellers that coast still push. By the laws of the bench notes
+(1.2) 0.003 gf are left."""
 MOTORS = 4
 _LINEAR_KG = 1e-4
 _LOOK_S = 0.1
