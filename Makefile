@@ -14,9 +14,8 @@ demo: $(VENV)/.demo
 walkthrough: $(VENV)/.dev
 	$(BIN)/perchhw gap walkthrough --out walkthrough-run
 
-# What talks to a drone, a room or a bench in real time has the machine to itself; the rest runs on all cores.
-REAL_TIME := tests/flight tests/docs tests/link tests/mocap tests/sim_crazyflie tests/sim_room tests/sim_bench \
-	tests/bench_lab tests/test_lab_process.py tests/test_pytest_plugin.py
+# What flies or works the bench in real time has the machine to itself; the rest runs on all cores.
+REAL_TIME := tests/flight tests/docs tests/bench_lab tests/test_lab_process.py tests/test_pytest_plugin.py
 
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest --numprocesses auto --dist worksteal $(REAL_TIME:%=--ignore %)
