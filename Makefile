@@ -14,12 +14,10 @@ demo: $(VENV)/.demo
 walkthrough: $(VENV)/.dev
 	$(BIN)/perchhw gap walkthrough --out walkthrough-run
 
-# What flies or works the bench in real time has the machine to itself; the rest runs on all cores.
-REAL_TIME := tests/flight tests/docs tests/bench_lab tests/test_lab_process.py tests/test_pytest_plugin.py
-
+# Flights in real time have the machine to themselves; the rest runs on all cores.
 test: $(VENV)/.dev
-	$(BIN)/python -m pytest --numprocesses auto --dist worksteal $(REAL_TIME:%=--ignore %)
-	$(BIN)/python -m pytest $(REAL_TIME)
+	$(BIN)/python -m pytest --numprocesses auto --dist worksteal --ignore tests/flight
+	$(BIN)/python -m pytest tests/flight
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .
