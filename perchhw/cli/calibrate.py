@@ -101,6 +101,30 @@ def compare(
     return 1 if any(row.contradicts for row in rows) else 0
 
 
+@app.command()
+def verify(
+    file: Annotated[Path, typer.Argument(help="t_s,battery_v,asked_gf,command,scale_g,motors")],
+) -> int:
+    """Judge a recorded discharge with the battery compensation on: 3 % or 0.15 gf until the motors saturate.
+
+    Exit code 1 when the thrust was not what was asked for.
+    """
+    from calibration.thrust_voltage.compensation import read_discharge
+    from calibration.thrust_voltage.compensation import verify as judge
+
+    verdict = judge(read_discharge(file))
+    document = verdict.to_json()
+    below = verdict.saturated_below
+    words = [
+        f"{document['readings']} readings, largest error {verdict.worst_gf:.2f} gf "
+        f"({100.0 * verdict.worst_relative:.1f} %): {'passed' if verdict.passed else 'not passed'}",
+        "never saturated" if below is None else f"saturated at {below:.2f} V and below",
+        *(f"! {finding.text}" for finding in verdict.findings),
+    ]
+    emit(document, "\n".join(words))
+    return 0 if verdict.passed else 1
+
+
 def _comparison_text(rows: "list[Comparison]") -> str:
     from calibration.wizards.report import said
 
