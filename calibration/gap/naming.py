@@ -64,7 +64,7 @@ def name_effects(found: Search, training: Training, rng: np.random.Generator) ->
     """
     final = found.final
     order = [step.effect for step in found.steps]
-    if needed(final, LOG_TIMING.effect, training):
+    if LOG_TIMING in final.model.values and needed(final, LOG_TIMING.effect, training):
         order.append(LOG_TIMING.effect)
     doubts = {name: _doubt(name, final, training) for name in order}
     worthy = [name for name in order if doubts[name] is None]
