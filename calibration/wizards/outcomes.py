@@ -14,6 +14,7 @@ from calibration.wizards.motors import MotorFits
 from calibration.wizards.result import Calibration, VehicleChange, estimate_to_json
 from calibration.wizards.thrust import KIND as THRUST
 from calibration.wizards.thrust import thrust_inputs
+from onboard.vehicle import EFFECTS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -88,9 +89,10 @@ def motor_calibration(fits: MotorFits, made: str, provenance: Mapping[str, Any])
         for name in rows[0]
     }
     constants = {f"motors.time_constant_{way}": means.pop(f"tau_{way}") for way in ("up", "down")}
+    law = {key: _within_bounds(key, one) for key, one in means.items()}
     return Calibration(
         kind=TACHOMETER,
-        change=VehicleChange(quantities=constants, effects={"motor_speed_law": means}),
+        change=VehicleChange(quantities=constants, effects={"motor_speed_law": law}),
         budgets={},
         findings=tuple(dict.fromkeys(fits.findings)),
         details={
@@ -145,6 +147,14 @@ def thrust_calibration(
         provenance=provenance,
         raw=[step["table"] for step in steps.values() if "table" in step],
         made=made,
+    )
+
+
+def _within_bounds(key: str, estimate: Estimate) -> Estimate:
+    """A number of the speed law as vehicle files take it: a motor may show nothing of one of its terms."""
+    rule = EFFECTS["motor_speed_law"].parameters[key]
+    return Estimate(
+        min(max(estimate.value, rule.low), rule.high), estimate.unit, estimate.sigma, estimate.dof
     )
 
 

@@ -15,7 +15,7 @@ from calibration.instruments.supply import ScpiSupply, Supply
 from calibration.instruments.tachometer import Tachometer
 from calibration.wizards import inertia, motors, thrust
 from calibration.wizards.compare import Comparison, compare_results, compare_with_vehicle
-from calibration.wizards.operator import Operator, StepBack
+from calibration.wizards.operator import Operator, StepBack, Task
 from calibration.wizards.outcomes import (
     inertia_calibration,
     inertia_figures,
@@ -75,6 +75,12 @@ def measure_inertia(
         PerchhwError: of wizard, link or fit; what was recorded is kept.
     """
     book = RunBook(folder, inertia.KIND, plan.settings(), operator)
+    if not book.steps:
+        operator.do(
+            Task(
+                "place_on_floor", "Put the battery in, tape the propellers, switch the drone on, set it down."
+            )
+        )
     with DroneLink.open(drone) as link, GyroRecorder(link) as recorder:
         _until_done(book, inertia.InertiaWizard(plan, recorder).run)
     fits = inertia.fit_inertia(folder, book.steps, plan)
