@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.tachometer.mark_pattern import mark_pattern
 from calibration.tachometer.records import EdgeRecord, IntArray
 from calibration.tachometer.revolutions import STANDSTILL, mark_passages, speed_trace
 from onboard.arrays import FloatArray
@@ -110,13 +109,6 @@ class EdgeMonitor:
             regularity=_regularity(part),
             lost=passages.lost,
         )
-
-    @property
-    def pattern_period(self) -> int | None:
-        """Marks after which the intervals repeat, if the latest edges tell."""
-        if self._times.size < _FEWEST:
-            return None
-        return mark_pattern(mark_passages(EdgeRecord(self._times, self._counts).parts()[-1])).period
 
 
 def _regularity(part: EdgeRecord) -> float:

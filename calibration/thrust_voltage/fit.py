@@ -59,10 +59,6 @@ class FormFit:
         """gf at `voltage` (V)."""
         return self.form.thrust(self.parameters, np.asarray(voltage, dtype=np.float64))
 
-    def voltage_at(self, thrust: FloatArray) -> FloatArray:
-        """V for `thrust` (gf)."""
-        return self.form.voltage(self.parameters, np.asarray(thrust, dtype=np.float64))
-
     def curve_sigma(self, voltage: FloatArray) -> FloatArray:
         """gf: standard uncertainty of the curve at `voltage` (V), from the parameters' covariance."""
         matrix = jacobian(self.form, self.parameters, np.asarray(voltage, dtype=np.float64))

@@ -89,13 +89,13 @@ class Hands:
 
     def do(self, task: Task) -> dict[str, Any]:
         """Have it done."""
-        return self._request({"do": task.action, **task.parameters})
+        return self.request({"do": task.action, **task.parameters})
 
     def measure(self, question: Question) -> list[float]:
         """Have it measured, as often as wanted."""
         readings = []
         for _ in range(question.readings):
-            reply = self._request({"ask": question.name})
+            reply = self.request({"ask": question.name})
             readings.append(convert(float(reply["value"]), str(reply["unit"]), question.unit))
         return readings
 
@@ -114,7 +114,12 @@ class Hands:
         """Nobody looks."""
         yield lambda gauges: None
 
-    def _request(self, request: Mapping[str, Any]) -> dict[str, Any]:
+    def request(self, request: Mapping[str, Any]) -> dict[str, Any]:
+        """One request of the protocol and its reply.
+
+        Raises:
+            HandsFailed: it cannot be done, or nobody answers any more.
+        """
         try:
             self._stream.write(json.dumps(request).encode() + b"\n")
             self._stream.flush()

@@ -121,11 +121,6 @@ class RunBook:
         """Count the steps from one again, before a wizard runs from its start."""
         self._begun = 0
 
-    def forget(self, key: str) -> None:
-        """Forget a step, so that it is done anew; its recordings stay."""
-        self._state["steps"].pop(key, None)
-        self._save()
-
     def keep_raw(self, stem: str, write: Callable[[Path], None], suffix: str = ".csv.gz") -> Json:
         """Keep a recording as ``raw/STEM-N.csv.gz`` with a number that is free.
 

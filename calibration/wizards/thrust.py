@@ -171,11 +171,13 @@ class ThrustWizard:
         table.add(block, "tare", 0, idle)
         multimeter = operator.measure(MULTIMETER)
         rows, before = self._plan.order(block), 0
+        seen: dict[Finding, None] = {}
         with operator.live(f"Thrust at {voltage:g} V") as show:
             for number, (kind, command) in enumerate(rows):
                 self._motors.spin_all(command)
                 reading = stand.read(SETTLE_S if command > before else FALL_S)
                 before = command
+                seen |= dict.fromkeys(reading.findings)
                 if reading.limited:
                     limited += 1
                 else:
@@ -189,7 +191,7 @@ class ThrustWizard:
         self._motors.stop("the sweep has ended")
         table.add(block, "tare", 0, stand.read(COAST_S))
         raw = table.finished(f"sweep-{voltage:g}")
-        for finding in sweep_findings(raw, limited):
+        for finding in (*seen, *sweep_findings(raw, limited)):
             operator.warn(finding.text)
         return {
             "table": book.keep_raw(f"sweep-{voltage:g}", partial(write_raw, table=raw), ".csv"),

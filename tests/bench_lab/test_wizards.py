@@ -21,7 +21,7 @@ from tests.bench_lab.until import until
 
 def spin_record(address: str) -> dict[str, Any]:
     with Hands(address, lambda text: None) as hands:
-        record: dict[str, Any] = hands._request({"ask": "spin_record"})["value"]
+        record: dict[str, Any] = hands.request({"ask": "spin_record"})["value"]
     return record
 
 
