@@ -1,9 +1,13 @@
-"""Mocap URIs: ``vicon://HOST[:PORT]?subject=NAME`` and ``vicon-udp://[ADDRESS]:PORT?subject=NAME``."""
+"""Mocap URIs: ``vicon://HOST[:PORT]?subject=NAME`` and ``vicon-udp://[ADDRESS]:PORT?subject=NAME``.
+
+A simulated lab that keeps its own time adds ``&time=HOST:PORT`` (:mod:`onboard.lab_time`).
+"""
 
 from dataclasses import dataclass
 from urllib.parse import parse_qsl, quote, urlsplit
 
 from mocap_bridge.errors import MocapUriError
+from onboard.lab_time.address import OPTION as TIME_OPTION
 
 # Vicon DataStream listens on 801 and Tracker's UDP object stream goes to 51001 (notes of the vendor's
 # manuals).
@@ -63,10 +67,10 @@ def parse_mocap_uri(text: str) -> MocapUri:
 
 
 def _subject(text: str, options: list[tuple[str, str]], example: str) -> str:
-    unknown = [key for key, _ in options if key != "subject"]
+    unknown = [key for key, _ in options if key not in ("subject", TIME_OPTION)]
     if unknown:
         raise MocapUriError(f"mocap URI {text!r}: unknown option {unknown[0]!r}; only subject is known")
-    names = [value for _, value in options]
+    names = [value for key, value in options if key == "subject"]
     if len(names) != 1 or not names[0]:
         raise MocapUriError(f"mocap URI {text!r}: name exactly one subject; write e.g. {example}")
     if len(names[0]) > SUBJECT_NAME_LIMIT or not names[0].isprintable():

@@ -94,6 +94,7 @@ class _WallTransport:
     """Real time waits for no packet."""
 
     def blocking(self) -> AbstractContextManager[None]:
+        """Nothing."""
         return nullcontext()
 
     def received(self, packets: int) -> None:
@@ -117,6 +118,7 @@ class WallTime:
         self._clock = clock
 
     def __call__(self) -> float:
+        """The clock's time, s."""
         return self._clock()
 
     def event(self) -> Event:

@@ -15,13 +15,13 @@ from mocap_bridge.rotation import continuous, quaternion_from_euler_xyz
 from mocap_bridge.tracker_udp import NAME_BYTES, TrackerItem, decode_block
 from mocap_bridge.uri import MocapUri
 from onboard.arrays import Quaternion
-from onboard.clock import Clock
+from onboard.timebase import Timebase
 
 OPEN_TIMEOUT_S = 0.5
 _RECEIVE_BYTES = 2048
 
 
-def open_vicon_udp(uri: MocapUri, clock: Clock) -> "ViconUdpStream":
+def open_vicon_udp(uri: MocapUri, clock: Timebase) -> "ViconUdpStream":
     """Listen, and wait up to 0.5 s for a frame that has our object.
 
     Raises:
@@ -49,12 +49,13 @@ def open_vicon_udp(uri: MocapUri, clock: Clock) -> "ViconUdpStream":
 class ViconUdpStream:
     """An open Tracker UDP listener (a ``PoseStream``)."""
 
-    def __init__(self, listener: socket.socket, uri: MocapUri, clock: Clock) -> None:
+    def __init__(self, listener: socket.socket, uri: MocapUri, clock: Timebase) -> None:
         self._socket = listener
         self._uri = uri
         # Tracker cuts names; a longer one in the URI means the cut one on the wire.
         self._key = uri.subject.encode()[:NAME_BYTES].decode("utf-8", "replace")
         self._clock = clock
+        self._transport = clock.transport(f"tracker:{uri.port}")
         self._seen: dict[str, None] = {}
         self._samples: deque[PoseSample] = deque()
         self._open_frame: int | None = None
@@ -101,7 +102,9 @@ class ViconUdpStream:
             return False
         self._socket.settimeout(remaining)
         try:
-            data = self._socket.recv(_RECEIVE_BYTES)
+            with self._transport.blocking():
+                data = self._socket.recv(_RECEIVE_BYTES)
+            self._transport.received(1)
         except TimeoutError:
             return False
         except OSError as error:
@@ -164,6 +167,7 @@ class ViconUdpStream:
     def close(self) -> None:
         """Close the socket."""
         self._socket.close()
+        self._transport.close()
 
     def __enter__(self) -> Self:
         return self

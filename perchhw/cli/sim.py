@@ -72,7 +72,18 @@ Flashed = Annotated[
     typer.Option(help="Vehicle file that the drones' firmware was built with, if it is not what they are."),
 ]
 Seed = Annotated[int, typer.Option(help="Seed of all random numbers.")]
-Pace = Annotated[float, typer.Option(help="How many times as fast as real time the bench lives, up to 50.")]
+BenchPace = Annotated[
+    float, typer.Option(help="How many times as fast as real time the bench lives, up to 50.")
+]
+LabPace = Annotated[
+    str,
+    typer.Option(
+        "--pace",
+        metavar="real|lockstep|FACTOR",
+        help="How the lab's time goes. real: as the clock, for clients of any kind. lockstep: as fast as "
+        "those who fly in it, never faster; a busy machine changes nothing. FACTOR: so, at most so fast.",
+    ),
+]
 WithParent = Annotated[
     bool, typer.Option("--with-parent", help="End when standard input ends, as it does when the parent dies.")
 ]
@@ -89,11 +100,13 @@ def lab(
     flashed: Flashed = None,
     truth: Truth = None,
     fault: Fault = None,
+    pace: LabPace = "real",
     seed: Seed = 0,
     with_parent: WithParent = False,
 ) -> int:
     """Drones and mocap room."""
     from sim_backend.lab import LabSettings
+    from sim_backend.pace import Pace
 
     settings = LabSettings(
         vehicle=vehicle,
@@ -105,6 +118,7 @@ def lab(
         vicon_udp_port=vicon_udp_port,
         truth=truth,
         faults=parse_faults(fault or ()),
+        pace=Pace.parse(pace),
         seed=seed,
     )
     return _serve_lab(settings, with_parent)
@@ -119,11 +133,13 @@ def drone(
     flashed: Flashed = None,
     truth: Truth = None,
     fault: Fault = None,
+    pace: LabPace = "real",
     seed: Seed = 0,
     with_parent: WithParent = False,
 ) -> int:
     """Drones without a mocap room: nobody tells them where they are."""
     from sim_backend.lab import LabSettings
+    from sim_backend.pace import Pace
 
     settings = LabSettings(
         vehicle=vehicle,
@@ -134,6 +150,7 @@ def drone(
         with_room=False,
         truth=truth,
         faults=parse_faults(fault or ()),
+        pace=Pace.parse(pace),
         seed=seed,
     )
     return _serve_lab(settings, with_parent)
@@ -171,7 +188,7 @@ def bench(
     drone_port: DronePort = 19850,
     vehicle: Vehicle = DEFAULT_VEHICLE,
     legs: Legs = None,
-    pace: Pace = 1.0,
+    pace: BenchPace = 1.0,
     fault: Fault = None,
     seed: Seed = 0,
     with_parent: WithParent = False,

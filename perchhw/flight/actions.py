@@ -7,8 +7,8 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from onboard.app_interface import Parameter, TrajectoryStatus
-from onboard.clock import Clock
 from onboard.errors import PerchhwError
+from onboard.timebase import Timebase
 from perchhw.errors import FlightStackError
 from perchhw.flight.mission import AttemptPlan
 from perchhw.supervisor import CommandDone, CommandFailed, Event
@@ -177,7 +177,7 @@ class CourseCommands(CommandRunner):
     """
 
     def __init__(
-        self, link: "DroneLink", events: "queue.Queue[Event]", course: "Course", clock: Clock
+        self, link: "DroneLink", events: "queue.Queue[Event]", course: "Course", clock: Timebase
     ) -> None:
         super().__init__(link, events)
         self._course = course

@@ -4,11 +4,11 @@ from typing import Any
 
 from calibration.flights import open_flight
 from mocap_bridge.uri import parse_mocap_uri
-from onboard.clock import Clock, monotonic
 from onboard.errors import PerchhwError
 from onboard.link.uri import check_drone_uri
 from onboard.policy.bundle import bundle_crc32, encode_bundle
 from onboard.policy.files import find_policy, load_policy
+from onboard.timebase import WALL, Timebase
 from onboard.vehicle import Vehicle, load_vehicle
 from perchhw.attempt import AttemptInterrupted, AttemptRequest, AttemptResult, Outcome
 from perchhw.flight.actions import LandingCommands
@@ -24,7 +24,7 @@ def fly_attempt(
     request: AttemptRequest,
     *,
     dry_run: bool = False,
-    clock: Clock = monotonic,
+    clock: Timebase = WALL,
     limits: SafetyLimits | None = None,
     on_phase: OnPhase | None = None,
 ) -> AttemptResult:
@@ -101,7 +101,7 @@ def _conclude(
     state: FlightState,
     trigger: dict[str, float] | None,
     recorder: RunRecorder,
-    clock: Clock,
+    clock: Timebase,
 ) -> AttemptResult:
     """Label what was flown and close the record."""
     outcome, evidence, aborted_by = Outcome.ABORTED, {}, state.aborted_by

@@ -12,11 +12,11 @@ from typing import Any
 from calibration.gap.suggest.course import Course
 from calibration.gap.suggest.manoeuvres import manoeuvre
 from mocap_bridge.uri import parse_mocap_uri
-from onboard.clock import Clock, monotonic
 from onboard.errors import PerchhwError
 from onboard.link.uri import check_drone_uri
 from onboard.outcome import Outcome
 from onboard.room import RoomGeometry
+from onboard.timebase import WALL, Timebase
 from onboard.vehicle import load_vehicle
 from perchhw.flight.actions import CourseCommands
 from perchhw.flight.mission import LOWEST_HOVER
@@ -79,7 +79,7 @@ class CourseResult:
 def fly_course(
     request: CourseRequest,
     *,
-    clock: Clock = monotonic,
+    clock: Timebase = WALL,
     limits: SafetyLimits | None = None,
     on_phase: OnPhase | None = None,
 ) -> CourseResult:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from mocap_bridge.bridge import PoseBridge
 from mocap_bridge.sinks.crazyflie import CrazyfliePoseSink
-from onboard.clock import Clock
 from onboard.link import DroneLink
+from onboard.timebase import Timebase
 from perchhw.flight.actions import CommandRunner
 from perchhw.flight.interrupts import OperatorInterrupts
 from perchhw.flight.telemetry import Block, Telemetry, pose_recorder
@@ -74,7 +74,7 @@ class SupervisedFlight:
     blocks: tuple[Block, ...]
     commands: Callable[[DroneLink, "queue.Queue[Event]"], CommandRunner]
     recorder: RunRecorder
-    clock: Clock
+    clock: Timebase
     on_phase: OnPhase | None
 
     def run(self) -> Flown:

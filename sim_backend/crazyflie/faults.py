@@ -25,6 +25,11 @@ class DatagramFaults:
     lost: int = field(default=0, init=False)
     duplicated: int = field(default=0, init=False)
 
+    @property
+    def at_work(self) -> bool:
+        """Whether datagrams may be lost, doubled or delayed."""
+        return self.loss > 0.0 or self.duplicate > 0.0 or self.delay_s[1] > 0.0
+
     def copies(self) -> list[float]:
         """Delays [s] of the copies of one datagram that arrive; empty when it is lost."""
         if self.rng.random() < self.loss:

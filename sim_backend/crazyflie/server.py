@@ -13,7 +13,7 @@ import asyncio
 import heapq
 import itertools
 import socket
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable
 from functools import partial
 from typing import Protocol
@@ -67,6 +67,8 @@ class CrazyflieServer:
     Attributes:
         radio: the radio chip with the drone's power switch.
         dropped: datagrams that the kernel did not take.
+        received, sent: datagrams from and to each client, by its port.
+        heard: set when a datagram has come.
         assertions: assertions of the firmware that packets have tripped, oldest first.
     """
 
@@ -82,6 +84,9 @@ class CrazyflieServer:
         """Port 0 takes a free one; ``radio_id`` is the last byte of the drone's radio address."""
         self.radio = Radio(firmware)
         self.dropped = 0
+        self.received: Counter[int] = Counter()
+        self.sent: Counter[int] = Counter()
+        self.heard = asyncio.Event()
         self.assertions: list[str] = []
         self._firmware = firmware
         self._requested: Address = (host, port)
@@ -211,6 +216,8 @@ class CrazyflieServer:
                 datagram, source = self._socket.recvfrom(DATAGRAM_MAX)
             except BlockingIOError:
                 return
+            self.received[source[1]] += 1
+            self.heard.set()
             self._pass(partial(self._receive, datagram, source))
 
     def _pass(self, deliver: Callable[[], None]) -> None:
@@ -274,5 +281,6 @@ class CrazyflieServer:
             return
         try:
             self._socket.sendto(datagram, address)
+            self.sent[address[1]] += 1
         except OSError:  # full buffer, or the client is gone: a radio packet would be lost as well
             self.dropped += 1
