@@ -86,6 +86,10 @@ class Timebase(Protocol):
     def connecting(self) -> AbstractContextManager[None]:
         """While a library connects, whose threads nobody counts: a lab does not wait for turns."""
 
+    def patience(self, limit: float) -> float:
+        """How long to wait by the machine's clock, s, for what should take `limit` at most: a lab that waits
+        for a busy machine is not given up sooner than it gives up itself."""
+
     def slot(self) -> float:
         """The earliest time to arm: now, or in a lab a time that hangs on no machine's speed."""
 
@@ -145,6 +149,10 @@ class WallTime:
     def connecting(self) -> AbstractContextManager[None]:
         """Nothing changes."""
         return nullcontext()
+
+    def patience(self, limit: float) -> float:
+        """So long."""
+        return limit
 
     def slot(self) -> float:
         """Now."""

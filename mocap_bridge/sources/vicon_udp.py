@@ -106,7 +106,8 @@ class ViconUdpStream:
                 data = self._socket.recv(_RECEIVE_BYTES)
             self._transport.received(1)
         except TimeoutError:
-            return False
+            # Opening: a lab's deadline is not here because the machine was slow.
+            return self._frames == 0 and self._clock() < deadline
         except OSError as error:
             raise SourceLost(f"UDP port {self._uri.port}: {error}") from error
         receipt_time = self._clock()

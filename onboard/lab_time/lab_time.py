@@ -113,6 +113,10 @@ class LabTime:
                 self._workers.now = float(self._ask("connected", t=self._workers.now)["t"])
             self._workers.let_turns_hold(True)
 
+    def patience(self, limit: float) -> float:
+        """As long as the lab itself waits."""
+        return max(limit, ANSWER_S)
+
     def slot(self) -> float:
         """A multiple of 5 s of the lab's time, at least 2 s from now."""
         return SLOT_PERIOD * -(-(self._workers.now + SLOT_MARGIN) // SLOT_PERIOD)
@@ -147,9 +151,9 @@ class LabTime:
         """Take no further part; the lab first lets everything come to rest that was left in the air."""
         if self._socket is None:
             return
-        self.foreign()
         if not self._alone:
-            self._ask("leave")
+            self._ask("leave")  # first: the lab's time must not go on between the last turn and the word
+        self.foreign()
         connection, self._socket = self._socket, None
         with contextlib.suppress(OSError):  # the lab has closed it already
             connection.shutdown(socket.SHUT_RDWR)

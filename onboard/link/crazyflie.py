@@ -17,14 +17,22 @@ _CLOSE_DEADLINE = 2.0
 _log = logging.getLogger(__name__)
 
 
-class _NoCache:
-    """Keeps no tables of contents; cflib's own, without a folder, complains about it each time."""
+class _TablesSeen:
+    """Keeps the tables of contents that this process has seen, by their checksum: campaigns connect often."""
 
-    def fetch(self, crc: int) -> None:
-        """Nothing is known."""
+    def __init__(self) -> None:
+        self._tables: dict[int, object] = {}
+
+    def fetch(self, crc: int) -> object | None:
+        """The table with this checksum, or None."""
+        return self._tables.get(crc)
 
     def insert(self, crc: int, toc: object) -> None:
-        """Nothing is kept."""
+        """Keep a table that was downloaded."""
+        self._tables[crc] = toc
+
+
+_tables_seen = _TablesSeen()
 
 
 class GuardedCrazyflie(Crazyflie):
@@ -44,7 +52,7 @@ class GuardedCrazyflie(Crazyflie):
         self._closing = False
         super().__init__(rw_cache=None if toc_cache is None else str(toc_cache))
         if toc_cache is None:
-            self._toc_cache = _NoCache()
+            self._toc_cache = _tables_seen
         self.packet_received.add_callback(lambda _packet: self.heard.set())
 
     def send_packet(
@@ -127,7 +135,7 @@ def open_crazyflie(
     with clock.connecting(), links_live_in(uri, clock):
         # On a thread, because looking for a radio can take its time and must not outlast the deadline.
         threading.Thread(target=crazyflie.open_link, args=(uri,), name="LinkOpen", daemon=True).start()
-        connected = finished.wait(timeout_s)
+        connected = finished.wait(clock.patience(timeout_s))
     if connected and not refusals:
         return crazyflie
     if not crazyflie.close_within(_CLOSE_DEADLINE):

@@ -40,6 +40,7 @@ BUFFER_BYTES = 4 << 20
 #: Datagrams handled in one go before other tasks of the loop get their turn.
 BURST = 1024
 DATAGRAM_MAX = 2048
+ECHO_HEADERS = tuple(bytes((Port.LINK << 4 | link_bits << 2,)) for link_bits in range(4))
 #: Silence after which the firmware stops all logging (CONFIG_RADIO_ACTIVITY_TIMEOUT_MS).
 ACTIVITY_TIMEOUT_MS = 1000
 #: Length of the firmware's queue towards the radio.
@@ -218,14 +219,14 @@ class CrazyflieServer:
                 return
             self.received[source[1]] += 1
             self.heard.set()
-            self._pass(partial(self._receive, datagram, source))
+            self._pass(partial(self._receive, datagram, source), datagram)
 
-    def _pass(self, deliver: Callable[[], None]) -> None:
+    def _pass(self, deliver: Callable[[], None], datagram: bytes) -> None:
         """Deliver one datagram through the faults of the link."""
         if self._faults is None:
             deliver()
             return
-        for delay in self._faults.copies():
+        for delay in self._faults.copies(echo=datagram[:1] in ECHO_HEADERS):
             if delay <= 0.0:
                 deliver()
             else:
@@ -274,7 +275,7 @@ class CrazyflieServer:
             self._transmit(packet.encode(), self._peer)
 
     def _transmit(self, datagram: bytes, address: Address) -> None:
-        self._pass(partial(self._put, datagram, address))
+        self._pass(partial(self._put, datagram, address), datagram)
 
     def _put(self, datagram: bytes, address: Address) -> None:
         if self._socket is None:
