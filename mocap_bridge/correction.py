@@ -7,7 +7,7 @@ from mocap_bridge.pose import PoseSample
 from mocap_bridge.rotation import multiply, normalised, rotate
 from onboard.arrays import Quaternion, Vector
 
-# Only what cannot be turned is left alone: a length that the health refuses must still be there to be refused.
+# Only what cannot be turned is left alone: a wrong length must still be there for the health to refuse.
 _NORM_TOLERANCE = 0.5
 
 

@@ -21,6 +21,7 @@ from onboard.vehicle import load_vehicle
 from sim_backend.crazyflie.faults import DatagramFaults
 from sim_backend.crazyflie.server import CrazyflieServer
 from sim_backend.faults import Faults
+from sim_backend.lab_description import LabDescription, describe
 from sim_backend.room.feed import FeedSender
 from sim_backend.room.settings import RoomFaults
 from sim_backend.room_process import RoomProcess, RoomRequest
@@ -46,6 +47,7 @@ class LabSettings:
         with_room: serve the mocap room.
         vicon_port, vicon_udp_port: of the room; 0 takes free ones.
         truth: CSV file for the true state, or None.
+        lab_file: where the lab file of this room is to be; None: in a temporary folder.
         faults: what goes wrong.
         seed: of all random numbers.
         host: local address of everything.
@@ -61,6 +63,7 @@ class LabSettings:
     vicon_port: int = 18801
     vicon_udp_port: int = 51001
     truth: Path | None = None
+    lab_file: Path | None = None
     faults: Faults = field(default_factory=Faults)
     seed: int = 0
     host: str = "127.0.0.1"
@@ -84,6 +87,7 @@ class Lab:
         self._links: list[DatagramFaults] = []
         self._truth: TruthRecorder | None = None
         self._feed: FeedSender | None = None
+        self._description = LabDescription(settings.lab_file)
         self._started = 0.0
 
     def prepare(self) -> None:
@@ -148,7 +152,7 @@ class Lab:
         self._links.append(link)
 
     def ready(self) -> dict[str, Any]:
-        """The ready line: addresses and process ids."""
+        """The ready line: addresses, process ids, and the lab file, which is written now."""
         line: dict[str, Any] = {"ready": True, "drones": [server.uri for server in self.servers]}
         processes: dict[str, int] = {"lab": os.getpid()}
         line["mocap"] = []
@@ -158,6 +162,9 @@ class Lab:
             line["mocap"] = [f"vicon://{host}:{ports.vicon}?subject={name}" for name in names]
             line["mocap"] += [f"vicon-udp://:{ports.vicon_udp}?subject={name}" for name in names]
             processes["room"] = ports.pid
+            if self.servers:
+                lab = describe(line["drones"], line["mocap"][0], self.settings.vehicle, self.settings.legs)
+                line["lab"] = str(self._description.write(lab))
         return line | {"processes": processes}
 
     async def run(self, stop: asyncio.Event) -> None:
@@ -194,6 +201,7 @@ class Lab:
 
     async def close(self) -> None:
         """Close sockets and files, end the room. May be called after a start that failed."""
+        self._description.remove()
         for server in self.servers:
             server.close()
         if self._feed is not None:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Annotated
 from urllib.parse import quote, unquote
 
@@ -165,6 +166,11 @@ class LabFile:
         """Address of the poses of `drone`; None: of the subject of ``[mocap]``."""
         own = None if drone is None else drone.subject
         return with_subject(self.mocap.uri, own or self.mocap.subject)
+
+    def beside(self, name: str) -> str:
+        """`name` as a path when it is a file relative to the lab file's folder, else as it is."""
+        path = Path(self.file).parent / name
+        return str(path) if path.is_file() else name
 
     def start(self, drone: LabDrone | None) -> StartMark:
         """Start mark of `drone`; None: that of the room."""

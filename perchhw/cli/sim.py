@@ -60,6 +60,10 @@ ViconUdpPort = Annotated[
     int, typer.Option(min=0, max=65535, help="UDP port that the Vicon object stream is sent to; 0: free.")
 ]
 Truth = Annotated[Path | None, typer.Option(help="Write the true state to this CSV file at 100 Hz.")]
+LabFile = Annotated[
+    Path | None,
+    typer.Option("--lab", help="Write the lab file of this room here while it is served; default: in a temporary folder."),
+]
 Fault = Annotated[
     list[str] | None,
     typer.Option(
@@ -88,6 +92,7 @@ def lab(
     legs: Legs = None,
     flashed: Flashed = None,
     truth: Truth = None,
+    lab_file: LabFile = None,
     fault: Fault = None,
     seed: Seed = 0,
     with_parent: WithParent = False,
@@ -104,6 +109,7 @@ def lab(
         vicon_port=vicon_port,
         vicon_udp_port=vicon_udp_port,
         truth=truth,
+        lab_file=lab_file,
         faults=parse_faults(fault or ()),
         seed=seed,
     )
