@@ -62,7 +62,10 @@ ViconUdpPort = Annotated[
 Truth = Annotated[Path | None, typer.Option(help="Write the true state to this CSV file at 100 Hz.")]
 LabFile = Annotated[
     Path | None,
-    typer.Option("--lab", help="Write the lab file of this room here while it is served; default: in a temporary folder."),
+    typer.Option(
+        "--lab",
+        help="Write the lab file of this room here while it is served; default: in a temporary folder.",
+    ),
 ]
 Fault = Annotated[
     list[str] | None,
