@@ -35,6 +35,7 @@ from onboard.vehicle.schema import (
 _TABLES = ("schema", "room", "drones", "mocap", "limits")
 _DRONE_KEYS = ("uri", "vehicle", "legs", "policy", "subject", "start")
 _NORM_TOLERANCE = 1e-3
+_FLOOR_MAX = 0.1
 
 
 def read_lab_file(path: Path, limits: Mapping[str, Measured]) -> LabFile:
@@ -146,6 +147,12 @@ def _check_room(room: LabRoom, drones: tuple[LabDrone, ...], problems: Problems)
     for axis, low, high in (("x", geometry.x_min, geometry.x_max), ("y", geometry.y_min, geometry.y_max)):
         if not low < high:
             problems.add(f"room.{axis}_min", f"is {low:g} m; it must be less than {axis}_max, {high:g} m")
+    if abs(geometry.floor_z) > _FLOOR_MAX:
+        problems.add(
+            "room.floor",
+            f"is {geometry.floor_z:g} m; hovers and landings reckon from z = 0, so it must lie within "
+            f"{_FLOOR_MAX:g} m of it: put the origin of the motion capture on the floor",
+        )
     if not geometry.lowest_ceiling > geometry.floor_z:
         problems.add(
             "room.ceiling",
