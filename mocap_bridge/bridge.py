@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Protocol, Self
 
+from mocap_bridge.correction import AS_TRACKED, PoseCorrection
 from mocap_bridge.errors import MocapError, PoseTimeout
 from mocap_bridge.health import HealthLimits, HealthStatistics, PoseHealth, Verdict
 from mocap_bridge.pose import PoseSample, PoseStream, SourceStatistics, open_pose_stream
@@ -87,6 +88,7 @@ class PoseBridge:
         limits: limits of the judging.
         clock: the time that poses are judged by and waited for.
         on_sample: called from the reading thread with every sample and its verdict; must return at once.
+        correction: applied to every sample before anything else sees it.
     """
 
     def __init__(
@@ -96,12 +98,14 @@ class PoseBridge:
         limits: HealthLimits | None = None,
         clock: Timebase = WALL,
         on_sample: Callable[[PoseSample, Verdict], None] | None = None,
+        correction: PoseCorrection = AS_TRACKED,
     ) -> None:
         self._uri = uri if isinstance(uri, MocapUri) else parse_mocap_uri(uri)
         self._sink = sink
         self._limits = limits or HealthLimits()
         self._clock = clock
         self._on_sample = on_sample
+        self._correction = correction
         self._health = PoseHealth(self._limits, clock)
         self._lock = threading.RLock()
         self._looked_at, self._mailed, self._stopping = clock.event(), clock.event(), clock.event()
@@ -208,7 +212,7 @@ class PoseBridge:
         try:
             while not self._stopping.is_set():
                 try:
-                    sample = stream.read(_READ_SLICE_S)
+                    sample = self._correction.apply(stream.read(_READ_SLICE_S))
                 except PoseTimeout:
                     if self._clock() - last_time > SILENCE_LIMIT_S:
                         raise

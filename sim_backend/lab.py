@@ -13,7 +13,7 @@ import gc
 import os
 import sys
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from onboard.vehicle import load_vehicle
 from sim_backend.crazyflie.faults import DatagramFaults
 from sim_backend.crazyflie.server import CrazyflieServer
 from sim_backend.faults import Faults
+from sim_backend.lab_description import LabDescription, describe
 from sim_backend.lockstep import LabTraffic, LockStep
 from sim_backend.pace import REAL, Pace
 from sim_backend.real_time import RealTimeFactor
@@ -54,6 +55,7 @@ class LabSettings:
         with_room: serve the mocap room.
         vicon_port, vicon_udp_port: of the room; 0 takes free ones.
         truth: CSV file for the true state, or None.
+        lab_file: where the lab file of this room is to be; None: in a temporary folder.
         faults: what goes wrong.
         seed: of all random numbers.
         pace: how its time goes.
@@ -70,6 +72,7 @@ class LabSettings:
     vicon_port: int = 18801
     vicon_udp_port: int = 51001
     truth: Path | None = None
+    lab_file: Path | None = None
     faults: Faults = field(default_factory=Faults)
     seed: int = 0
     pace: Pace = REAL
@@ -97,6 +100,7 @@ class Lab:
         self._traffic = LabTraffic(self.servers, self._links)
         self._turns = TurnsServer(self._traffic, lambda: self.world.time, self.figures)
         self._factor = RealTimeFactor(clock)
+        self._description = LabDescription(settings.lab_file)
         self._started = 0.0
 
     def prepare(self) -> None:
@@ -171,7 +175,7 @@ class Lab:
         self._links.append(link)
 
     def ready(self) -> dict[str, Any]:
-        """The ready line: addresses and process ids."""
+        """The ready line: addresses, process ids, and the lab file, which is written now."""
         clock = f"{self.settings.host}:{self._turns.port}"
         in_lab_time = f"time={clock}" if self.settings.pace.waits else ""
         drones = [server.uri + (in_lab_time and f"?{in_lab_time}") for server in self.servers]
@@ -185,6 +189,9 @@ class Lab:
             line["mocap"] += [f"vicon-udp://:{ports.vicon_udp}?subject={name}" for name in names]
             line["mocap"] = [uri + (in_lab_time and f"&{in_lab_time}") for uri in line["mocap"]]
             processes["room"] = ports.pid
+            if self.servers:
+                lab = describe(line["drones"], line["mocap"][0], self.settings.vehicle, self.settings.legs)
+                line["lab"] = str(self._description.write(replace(lab, clock=clock)))
         return line | {"clock": clock, "processes": processes}
 
     async def run(self, stop: asyncio.Event) -> None:
@@ -244,6 +251,7 @@ class Lab:
 
     async def close(self) -> None:
         """Close sockets and files, end the room. May be called after a start that failed."""
+        self._description.remove()
         for server in self.servers:
             server.close()
         if self._feed is not None:

@@ -15,6 +15,7 @@ from perchhw.flight.actions import LandingCommands
 from perchhw.flight.mission import AttemptPlan, plan_attempt
 from perchhw.flight.session import OnPhase, SupervisedFlight
 from perchhw.flight.telemetry import BLOCKS
+from perchhw.lab import correction_of, in_record, limits_of, require_lab
 from perchhw.label import LabelError, label_flight
 from perchhw.record import RunRecorder
 from perchhw.supervisor import FlightState, SafetyLimits
@@ -34,7 +35,7 @@ def fly_attempt(
         request: what to fly, where, with which policy; `request.folder` is created for the record.
         dry_run: stop after the verified policy upload; the motors never arm.
         clock: monotonic clock, s.
-        limits: safety limits; by default the documented ones in the request's room.
+        limits: safety limits; by default the documented ones and those of the lab file.
         on_phase: called on each change of phase, for a display.
 
     Returns:
@@ -47,10 +48,11 @@ def fly_attempt(
     """
     check_drone_uri(request.drone)
     parse_mocap_uri(request.mocap)
+    require_lab(request.drone, request.mocap, request.lab)
     vehicle = load_vehicle(request.vehicle, request.legs)
     bundle = encode_bundle(load_policy(find_policy(request.policy)))
     plan = plan_attempt(request, bundle_crc32(bundle), dry_run)
-    limits = limits or SafetyLimits(room=request.room)
+    limits = limits or limits_of(request.lab, request.room, request.drone)
     with RunRecorder(request.folder, _configuration(request, vehicle, plan), clock) as recorder:
         flight = SupervisedFlight(
             drone=request.drone,
@@ -58,10 +60,13 @@ def fly_attempt(
             mission=plan.mission,
             limits=limits,
             blocks=BLOCKS,
-            commands=lambda link, events: LandingCommands(link, events, plan, bundle, request.room.ceiling_z),
+            commands=lambda link, events: LandingCommands(
+                link, events, plan, bundle, plan.approach.ceiling_z
+            ),
             recorder=recorder,
             clock=clock,
             on_phase=on_phase,
+            correction=correction_of(request.lab),
         )
         try:
             flown = flight.run()
@@ -88,7 +93,8 @@ def _configuration(request: AttemptRequest, vehicle: Vehicle, plan: AttemptPlan)
         "policy_crc32": f"{plan.mission.policy_crc:08x}",
         "vehicle": vehicle.name,
         "legs": None if vehicle.legs is None else vehicle.legs.design,
-        "ceiling_z": request.room.ceiling_z,
+        "ceiling_z": float(plan.approach.ceiling_z),
+        **in_record(request.lab, request.room),
         "seed": request.seed,
         "approach": {name: float(value) for name, value in plan.approach._asdict().items()},
         "dry_run": plan.mission.dry_run,
@@ -107,7 +113,7 @@ def _conclude(
     outcome, evidence, aborted_by = Outcome.ABORTED, {}, state.aborted_by
     if aborted_by is None and state.armed:
         try:
-            label = label_flight(open_flight(request.folder, "perchhw"), vehicle, request.room.ceiling_z)
+            label = label_flight(open_flight(request.folder, "perchhw"), vehicle)
         except LabelError as error:
             aborted_by = state.link_lost or f"label: {error}"
         else:

@@ -13,6 +13,7 @@ from calibration.gap.suggest.course import Course
 from calibration.gap.suggest.manoeuvres import manoeuvre
 from mocap_bridge.uri import parse_mocap_uri
 from onboard.errors import PerchhwError
+from onboard.lab_file import LabFile
 from onboard.link.uri import check_drone_uri
 from onboard.outcome import Outcome
 from onboard.room import RoomGeometry
@@ -22,6 +23,7 @@ from perchhw.flight.actions import CourseCommands
 from perchhw.flight.mission import LOWEST_HOVER
 from perchhw.flight.session import OnPhase, SupervisedFlight
 from perchhw.flight.telemetry import TEST_FLIGHT_BLOCKS
+from perchhw.lab import correction_of, in_record, limits_of, require_lab
 from perchhw.record import RunRecorder
 from perchhw.supervisor import Mission, SafetyLimits
 
@@ -41,6 +43,7 @@ class CourseRequest:
         vehicle: name or path of the vehicle file.
         legs: leg design, or None for that of the vehicle.
         room: ceiling and flight volume.
+        lab: the lab file: limits, start mark, correction of the poses; None: a simulated room.
     """
 
     kind: str
@@ -51,6 +54,7 @@ class CourseRequest:
     legs: str | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
     room: RoomGeometry = field(default_factory=RoomGeometry)
+    lab: LabFile | None = None
 
     def course(self) -> Course:
         """What is flown.
@@ -91,6 +95,7 @@ def fly_course(
     """
     check_drone_uri(request.drone)
     parse_mocap_uri(request.mocap)
+    require_lab(request.drone, request.mocap, request.lab)
     vehicle = load_vehicle(request.vehicle, request.legs)
     course = request.course()
     mission = Mission(
@@ -106,12 +111,13 @@ def fly_course(
             drone=request.drone,
             mocap=request.mocap,
             mission=mission,
-            limits=limits or SafetyLimits(room=request.room),
+            limits=limits or limits_of(request.lab, request.room, request.drone),
             blocks=TEST_FLIGHT_BLOCKS,
             commands=lambda link, events: CourseCommands(link, events, course, clock),
             recorder=recorder,
             clock=clock,
             on_phase=on_phase,
+            correction=correction_of(request.lab),
         )
         try:
             flown = flight.run()
@@ -134,4 +140,5 @@ def _configuration(request: CourseRequest, vehicle: str, legs: str | None) -> di
         "vehicle": vehicle,
         "legs": legs,
         "ceiling_z": request.room.ceiling_z,
+        **in_record(request.lab, request.room),
     }

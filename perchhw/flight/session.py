@@ -6,6 +6,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 
 from mocap_bridge.bridge import PoseBridge
+from mocap_bridge.correction import AS_TRACKED, PoseCorrection
 from mocap_bridge.sinks.crazyflie import CrazyfliePoseSink
 from onboard.link import DroneLink
 from onboard.timebase import Timebase
@@ -65,6 +66,7 @@ class SupervisedFlight:
         recorder: where everything goes.
         clock: monotonic clock, s.
         on_phase: called on each change of phase, for a display.
+        correction: of the poses, before anything else sees them.
     """
 
     drone: str
@@ -76,6 +78,7 @@ class SupervisedFlight:
     recorder: RunRecorder
     clock: Timebase
     on_phase: OnPhase | None
+    correction: PoseCorrection = AS_TRACKED
 
     def run(self) -> Flown:
         """Fly until the supervisor is done."""
@@ -89,6 +92,7 @@ class SupervisedFlight:
                 CrazyfliePoseSink(link),
                 clock=self.clock,
                 on_sample=pose_recorder(self.recorder),
+                correction=self.correction,
             )
             stack.enter_context(bridge)
             telemetry = Telemetry(link, bridge, self.recorder, self.clock, self.blocks)

@@ -48,6 +48,10 @@ class SafetyLimits:
         height_on_ground: greatest height of the body's origin before arming, m.
         room: the flight volume.
         wall_margin: distance to the sides of the volume that must remain, m.
+        start_mark: where the drone must stand before arming: x and y in m, heading in rad; None: anywhere.
+        start_mark_distance: how far from it, m. A person puts a drone down within a few cm; a room that was
+            calibrated anew, or another drone's mark, is farther off (engineering estimate).
+        start_mark_heading: how far from its heading, rad (likewise).
     """
 
     link_silence: float = 0.5
@@ -67,6 +71,9 @@ class SafetyLimits:
     height_on_ground: float = 0.25
     room: RoomGeometry = field(default_factory=RoomGeometry)
     wall_margin: float = 0.0
+    start_mark: tuple[float, float, float] | None = None
+    start_mark_distance: float = 0.25
+    start_mark_heading: float = radians(15.0)
 
 
 Rule = Callable[[Observation, SafetyLimits], Violation | None]
@@ -133,8 +140,13 @@ def estimate_agrees_on_ground(o: Observation, limits: SafetyLimits) -> Violation
         return apart
     if o.pose_attitude is None or o.estimate_attitude is None:
         return Violation("heading_to_mocap", "unknown", "known")
-    difference = abs((o.estimate_attitude.yaw - o.pose_attitude.yaw + pi) % (2 * pi) - pi)
+    difference = _turn(o.estimate_attitude.yaw, o.pose_attitude.yaw)
     return _at_most("heading_to_mocap", degrees(difference), degrees(limits.yaw_disagreement), "deg")
+
+
+def _turn(a: float, b: float) -> float:
+    """Angle between two headings, 0 to pi rad."""
+    return abs((a - b + pi) % (2 * pi) - pi)
 
 
 def estimate_agrees_in_flight(o: Observation, limits: SafetyLimits) -> Violation | None:
@@ -218,6 +230,18 @@ def inside_room(o: Observation, limits: SafetyLimits) -> Violation | None:
     return None
 
 
+def on_start_mark(o: Observation, limits: SafetyLimits) -> Violation | None:
+    """The drone stands on the start mark, as it must in a room that has one."""
+    if limits.start_mark is None:
+        return None
+    x, y, yaw = limits.start_mark
+    distance = None if o.pose_position is None else hypot(o.pose_position[0] - x, o.pose_position[1] - y)
+    turn = None if o.pose_attitude is None else degrees(_turn(o.pose_attitude.yaw, yaw))
+    return _at_most("start_mark_distance", distance, limits.start_mark_distance, "m") or _at_most(
+        "start_mark_heading", turn, degrees(limits.start_mark_heading), "deg"
+    )
+
+
 def calm_on_ground(o: Observation, limits: SafetyLimits) -> Violation | None:
     """The estimate stands still before arming: a drifting estimator has not converged."""
     speed = None if o.estimate_velocity is None else hypot(*o.estimate_velocity)
@@ -237,7 +261,7 @@ GROUND_RULES: tuple[Rule, ...] = (
 )
 """While the drone stands on its start mark."""
 
-PREFLIGHT_RULES: tuple[Rule, ...] = (*GROUND_RULES, pose_good, drone_can_arm)
+PREFLIGHT_RULES: tuple[Rule, ...] = (*GROUND_RULES, pose_good, on_start_mark, drone_can_arm)
 """Before the motors may be armed."""
 
 HOVER_RULES: tuple[Rule, ...] = (

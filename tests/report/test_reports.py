@@ -55,7 +55,7 @@ def test_a_folder_of_runs(runs: Path) -> None:
 def test_a_campaign(tmp_path: Path) -> None:
     file = tmp_path / "c.toml"
     file.write_text(
-        'schema = "perchhw.campaign/1"\ndrone = "udp://a:1"\nmocap = "vicon://b?subject=c"\n'
+        'schema = "perchhw.campaign/1"\ndrone = "udp://127.0.0.1:1"\nmocap = "vicon://127.0.0.1?subject=c"\n'
         "[grid]\nspeeds = [2.0, 3.0]\nangles_deg = [40, 50]\n"
     )
     flown = 0

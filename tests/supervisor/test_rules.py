@@ -1,7 +1,7 @@
 """Safety rules: default-deny, swept over their boundaries."""
 
 from dataclasses import fields, replace
-from math import inf, nan, nextafter, radians
+from math import inf, nan, nextafter, pi, radians
 
 import pytest
 
@@ -9,11 +9,17 @@ from mocap_bridge.health import Verdict
 from onboard.supervisor_info import SupervisorBits, SupervisorInfo
 from perchhw.supervisor import Observation, SafetyLimits
 from perchhw.supervisor.observation import Attitude
-from perchhw.supervisor.rules import APPROACH_RULES, HOVER_RULES, PREFLIGHT_RULES, first_violation
+from perchhw.supervisor.rules import (
+    APPROACH_RULES,
+    HOVER_RULES,
+    PREFLIGHT_RULES,
+    first_violation,
+    on_start_mark,
+)
 
 from .simulated_attempt import FLYING, good_on_ground
 
-LIMITS = SafetyLimits()
+LIMITS = SafetyLimits(start_mark=(-3.0, 0.0, 0.0))
 NOT_GUARDED_ON_GROUND = {
     "pose_problem",
     "landing_state",
@@ -50,6 +56,24 @@ def test_knowing_nothing_never_flies() -> None:
     for rules in (PREFLIGHT_RULES, HOVER_RULES, APPROACH_RULES):
         for rule in rules:
             assert rule(Observation(), LIMITS) is not None, rule.__name__
+
+
+def test_the_drone_stands_on_its_mark_and_faces_as_it_does() -> None:
+    far, turned = LIMITS.start_mark_distance, LIMITS.start_mark_heading
+    for place, yaw, fine in (
+        ((-3.0 + far, 0.0, 0.07), 0.0, True),
+        ((-3.0, -nextafter(far, inf), 0.07), 0.0, False),
+        ((-3.0 - 0.8 * far, 0.8 * far, 0.07), 0.0, False),
+        ((-3.0, 0.0, 0.07), turned - 1e-9, True),
+        ((-3.0, 0.0, 0.07), -turned - 1e-9, False),
+        ((-3.0, 0.0, 0.07), pi, False),
+    ):
+        seen = replace(good_on_ground(), pose_position=place, pose_attitude=Attitude(tilt=0.0, yaw=yaw))
+        assert (on_start_mark(seen, LIMITS) is None) == fine, (place, yaw)
+    backwards = replace(LIMITS, start_mark=(-3.0, 0.0, pi))
+    facing = replace(good_on_ground(), pose_attitude=Attitude(tilt=0.0, yaw=-pi + 0.01))
+    assert on_start_mark(facing, backwards) is None
+    assert on_start_mark(seen, SafetyLimits()) is None
 
 
 @pytest.mark.parametrize("verdict", [v for v in Verdict if v is not Verdict.OK])
@@ -120,9 +144,10 @@ def test_heading_difference_is_taken_around_the_circle() -> None:
             estimate_attitude=Attitude(tilt=0.0, yaw=radians(onboard)),
         )
 
-    assert first_violation(PREFLIGHT_RULES, with_yaw(179.0, -178.0), LIMITS) is None
-    assert first_violation(PREFLIGHT_RULES, with_yaw(0.0, 5.5), LIMITS) is not None
-    assert first_violation(PREFLIGHT_RULES, with_yaw(90.0, -90.0), LIMITS) is not None
+    anywhere = SafetyLimits()
+    assert first_violation(PREFLIGHT_RULES, with_yaw(179.0, -178.0), anywhere) is None
+    assert first_violation(PREFLIGHT_RULES, with_yaw(0.0, 5.5), anywhere) is not None
+    assert first_violation(PREFLIGHT_RULES, with_yaw(90.0, -90.0), anywhere) is not None
 
 
 def test_attitude_of_known_quaternions() -> None:
