@@ -1,0 +1,39 @@
+"""What is mutated, and the tests that have to notice."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from tests.conftest import REPOSITORY
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A source file (path below the repository, with slashes) and the files or folders of its tests."""
+
+    file: str
+    tests: tuple[str, ...]
+
+    @property
+    def module(self) -> str:
+        """The dotted name under which it is imported."""
+        return self.file.removesuffix(".py").replace("/", ".")
+
+
+TESTS = {
+    "onboard/landing/*.py": ("tests/onboard/landing",),
+    "onboard/supervisor_info.py": ("tests/onboard/test_supervisor_info.py",),
+    "mocap_bridge/health.py": ("tests/mocap/test_health.py",),
+    "perchhw/supervisor/*.py": ("tests/supervisor",),
+}
+"""Files of the safety code, and where their tests are."""
+
+
+def targets(names: Sequence[str] = ()) -> list[Target]:
+    """All targets, or those whose path begins with one of `names`. A package's ``__init__`` only names."""
+    found = [
+        Target(path.relative_to(REPOSITORY).as_posix(), tests)
+        for pattern, tests in TESTS.items()
+        for path in sorted(REPOSITORY.glob(pattern))
+        if path.name != "__init__.py"
+    ]
+    return [target for target in found if not names or target.file.startswith(tuple(names))]
