@@ -225,7 +225,7 @@ class _Walk:
         for part in ast.iter_child_nodes(node):
             if isinstance(part, ast.comprehension):
                 yield from self._comprehension(part)
-            elif isinstance(part, ast.keyword):
+            elif isinstance(part, ast.keyword) and part.arg != "strict":
                 yield from self._expression(part.value, part)
             elif isinstance(part, ast.expr):
                 yield from self._expression(part, node)

@@ -9,11 +9,12 @@ import time
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from tests.mutation.mutant import Mutant
 from tests.mutation.targets import Target
-from tests.mutation.trial import Trial, end, find_mutants, run_tests, start
+from tests.mutation.trial import Send, Trial, end, find_mutants, run_tests, start
 
 FIND_LIMIT = 120.0
 """s of processor time to find mutants, and to run the tests on the code as it is."""
@@ -50,8 +51,8 @@ class Suite:
     """Tests that noticed mutants of a function; they are tried first on its next one."""
 
 
-def _alone(work: Callable[[], Any], what: str) -> tuple[Any, float]:
-    """`work` in a process of its own: what it returned, and the processor time (s) that it took."""
+def _alone(work: Callable[[Send], None], what: str) -> tuple[Any, float]:
+    """`work` in a process of its own: what it sent, and the processor time (s) that it took."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     with tempfile.TemporaryFile() as log:
         trial = start(work, log.fileno(), FIND_LIMIT)
@@ -70,15 +71,15 @@ def _alone(work: Callable[[], Any], what: str) -> tuple[Any, float]:
 
 def prepare(target: Target) -> tuple[Suite, list[Mutant]]:
     """The target's tests, green on the code as it is, and its mutants."""
-    found, _ = _alone(lambda: find_mutants(target), f"finding mutants of {target.file}")
-    green, cpu = _alone(lambda: run_tests(target, None), f"the tests of {target.file}")
+    found, _ = _alone(lambda send: find_mutants(target, send), f"finding mutants of {target.file}")
+    green, cpu = _alone(lambda send: run_tests(target, None, send), f"the tests of {target.file}")
     return Suite(target, green["durations"], LEAST_LIMIT + 4.0 * cpu), [Mutant(**one) for one in found]
 
 
 def try_all(work: Iterable[tuple[Suite, Mutant]], jobs: int) -> Iterator[tuple[Mutant, Verdict]]:
     """Try mutants, `jobs` at a time, and yield each with its verdict as it comes."""
     queue = iter(work)
-    with selectors.DefaultSelector() as running, open(os.devnull, "wb") as silence:
+    with selectors.DefaultSelector() as running, Path(os.devnull).open("wb") as silence:
         while True:
             while len(running.get_map()) < jobs and (following := next(queue, None)) is not None:
                 trial = _begin(*following, silence.fileno())
@@ -101,7 +102,9 @@ def _begin(suite: Suite, mutant: Mutant, silence: int) -> Trial:
     sys.stdout.flush()
     sys.stderr.flush()
     first = tuple(suite.killers[mutant.function])
-    return start(lambda: run_tests(suite.target, mutant, first, suite.durations), silence, suite.cpu_limit)
+    return start(
+        lambda send: run_tests(suite.target, mutant, send, first, suite.durations), silence, suite.cpu_limit
+    )
 
 
 def _ended(running: selectors.BaseSelector) -> list[selectors.SelectorKey]:

@@ -3,6 +3,7 @@
 The mutant is compiled from memory by an import hook; no file is changed, and none is left behind.
 """
 
+import gc
 import importlib
 import importlib.abc
 import importlib.machinery
@@ -16,7 +17,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from types import CodeType, ModuleType
-from typing import Any
+from typing import Any, NoReturn, TypeAlias
 
 import pytest
 from hypothesis import Phase, settings
@@ -25,8 +26,12 @@ from tests.conftest import REPOSITORY
 from tests.mutation.mutant import Mutant, mutants_of
 from tests.mutation.targets import Target
 
-PLUGINS = ("pytest_timeout", "_hypothesis_pytestplugin")
-"""All that the tests need; others are not loaded, to start sooner."""
+PLUGINS = ("pytest_timeout", "no:unraisableexception", "no:threadexception", "no:cacheprovider")
+"""All that the tests need; others are not loaded, to start and to end sooner."""
+
+
+Send: TypeAlias = Callable[[Any], NoReturn]
+"""Sends a result, and ends the process."""
 
 
 class _Finder(importlib.abc.MetaPathFinder):
@@ -57,9 +62,10 @@ class _Loader(importlib.machinery.SourceFileLoader):
 class _Watcher:
     """pytest plugin: the likeliest tests first, the same examples each time, and who failed."""
 
-    def __init__(self, first: Sequence[str], durations: dict[str, float]) -> None:
+    def __init__(self, notice: Send | None, first: Sequence[str], durations: dict[str, float]) -> None:
         self.failed = ""
         self.durations: dict[str, float] = {}
+        self._notice = notice
         self._first = set(first)
         self._known = durations
 
@@ -82,6 +88,8 @@ class _Watcher:
         self.durations[report.nodeid] = self.durations.get(report.nodeid, 0.0) + report.duration
         if report.failed and not self.failed:
             self.failed = report.nodeid
+            if self._notice is not None:
+                self._notice({"code": 1, "failed": report.nodeid})
 
 
 @dataclass(slots=True)
@@ -94,11 +102,19 @@ class Trial:
     received: bytes = field(default=b"")
 
 
-def start(work: Callable[[], Any], log: int, cpu_limit: float) -> Trial:
-    """Fork, do `work` there, and send what it returns.
+def _send(writer: int, result: Any) -> NoReturn:
+    """Write what JSON can say, and end this process without the ceremony of one that was not forked."""
+    sys.stdout.flush()
+    with os.fdopen(writer, "wb") as pipe:
+        pipe.write(json.dumps(result).encode())
+    os._exit(0)
+
+
+def start(work: Callable[[Send], None], log: int, cpu_limit: float) -> Trial:
+    """Fork, and do `work` there.
 
     Args:
-        work: returns what JSON can say.
+        work: is given what sends its result and ends its process.
         log: file descriptor of what the process prints.
         cpu_limit: s of processor time after which the process is killed; waiting without end is cut off
             after twenty times as long.
@@ -106,17 +122,16 @@ def start(work: Callable[[], Any], log: int, cpu_limit: float) -> Trial:
     reader, writer = os.pipe()
     pid = os.fork()
     if pid == 0:
-        status = 1
         try:
             os.close(reader)
             os.dup2(log, 1)
             os.dup2(log, 2)
             seconds = int(cpu_limit) + 1
             resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 1))
-            os.write(writer, json.dumps(work()).encode())
-            status = 0
+            gc.disable()
+            work(lambda result: _send(writer, result))
         finally:
-            os._exit(status)
+            os._exit(1)
     os.close(writer)
     return Trial(pid, reader, time.monotonic() + 20.0 * cpu_limit)
 
@@ -130,40 +145,38 @@ def end(trial: Trial) -> Any:
     return json.loads(trial.received) if trial.received else None
 
 
-def find_mutants(target: Target) -> list[dict[str, Any]]:
-    """The mutants of a target as dictionaries. To be run in a process of its own: it imports the target."""
+def find_mutants(target: Target, send: Send) -> None:
+    """Send the mutants of a target as dictionaries. For a process of its own: it imports the target."""
     path = REPOSITORY / target.file
     module = importlib.import_module(target.module)
     found = mutants_of(target.file, path.read_text(encoding="utf-8"), vars(module))
-    return [{name: getattr(mutant, name) for name in Mutant.__slots__} for mutant in found]
+    send([{name: getattr(mutant, name) for name in Mutant.__slots__} for mutant in found])
 
 
 def run_tests(
     target: Target,
     mutant: Mutant | None,
+    send: Send,
     first: Sequence[str] = (),
     durations: dict[str, float] | None = None,
-) -> dict[str, Any]:
-    """Run the target's tests, up to the first failure.
+) -> None:
+    """Run the target's tests, and send ``code`` (of pytest), ``failed`` (a test), ``durations`` (s by test).
 
     Args:
         target: the module and its tests.
-        mutant: the change to put in place; None for the module as it is.
+        mutant: the change to put in place, noticed by the first test that fails; None for the module as
+            it is.
+        send: what sends a result and ends the process.
         first: tests to begin with. durations: of the others, s; quick ones come first.
-
-    Returns:
-        ``code`` of pytest, ``failed`` (the test), ``durations`` (s by test).
     """
+    watcher = _Watcher(None if mutant is None else send, first, durations or {})
     if mutant is not None:
         source = mutant.source((REPOSITORY / target.file).read_text(encoding="utf-8"))
         sys.meta_path.insert(0, _Finder(target, source))
-    watcher = _Watcher(first, durations or {})
-    options = ["-x", "-q", "-s", "--assert=plain", "--timeout=0", "-p", "no:cacheprovider"]
-    if mutant is not None:
-        options.append("--tb=no")
+    options = ["-x", "-q", "-s", "--assert=plain", "--timeout=0", f"--rootdir={REPOSITORY}"]
     for plugin in PLUGINS:
         options += ["-p", plugin]
+    for test in target.left_out:
+        options += ["--deselect", test]
     code = pytest.main([*options, *(str(REPOSITORY / path) for path in target.tests)], plugins=[watcher])
-    sys.stdout.flush()
-    kept = watcher.durations if mutant is None else {}
-    return {"code": int(code), "failed": watcher.failed, "durations": kept}
+    send({"code": int(code), "failed": watcher.failed, "durations": watcher.durations})
