@@ -12,40 +12,47 @@ FILE = Path(__file__).with_name("allowed.toml")
 
 @dataclass(frozen=True, slots=True)
 class Allowed:
-    """Mutants with this change of this line in this function are equivalent, for `reason`."""
+    """Mutants of one line of a function that are equivalent, for one reason.
+
+    Attributes:
+        file: path below the repository. function: qualified name.
+        before: the source of the changed lines, on one line.
+        after: what they become, one entry for each mutant.
+        reason: why no test can see it.
+    """
 
     file: str
     function: str
     before: str
-    after: str
+    after: tuple[str, ...]
     reason: str
 
     def covers(self, mutant: Mutant) -> bool:
-        """Whether this is the mutant."""
-        return (self.file, self.function, self.before, self.after) == (
-            mutant.file,
-            mutant.function,
-            mutant.before,
-            mutant.after,
-        )
+        """Whether `mutant` is one of them."""
+        place = (mutant.file, mutant.function, mutant.before)
+        return place == (self.file, self.function, self.before) and mutant.after in self.after
 
 
 def load_allowed(path: Path = FILE) -> list[Allowed]:
-    """The list as written; a missing or empty reason is an error."""
-    entries = [
-        Allowed(**entry) for entry in tomllib.loads(path.read_text(encoding="utf-8")).get("mutant", [])
-    ]
-    for entry in entries:
-        if not entry.reason.strip():
-            raise ValueError(f"{path.name}: {entry.file}: {entry.before!r}: give the reason")
+    """The list as written.
+
+    Raises:
+        ValueError: an entry has no reason.
+    """
+    entries = []
+    for entry in tomllib.loads(path.read_text(encoding="utf-8"))["mutant"]:
+        if not entry["reason"].strip():
+            raise ValueError(f"{path.name}: {entry['file']}: {entry['before']!r}: give the reason")
+        entries.append(Allowed(**{**entry, "after": tuple(entry["after"])}))
     return entries
 
 
-def not_applicable(allowed: Iterable[Allowed], mutants: Iterable[Mutant], files: set[str]) -> list[Allowed]:
-    """Entries for these files that fit no mutant: their code has changed."""
-    present = {(m.file, m.function, m.before, m.after) for m in mutants}
+def not_applicable(allowed: Iterable[Allowed], mutants: Iterable[Mutant], files: set[str]) -> list[str]:
+    """The changes in these files that no mutant makes any more: their code is another."""
+    present = {(mutant.file, mutant.function, mutant.before, mutant.after) for mutant in mutants}
     return [
-        entry
+        f"{entry.file}: {entry.function}: {entry.before} -> {after}"
         for entry in allowed
-        if entry.file in files and (entry.file, entry.function, entry.before, entry.after) not in present
+        for after in entry.after
+        if entry.file in files and (entry.file, entry.function, entry.before, after) not in present
     ]

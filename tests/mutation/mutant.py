@@ -3,9 +3,12 @@
 import ast
 from collections import Counter
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeAlias
 
 from tests.mutation.operators import changes
+
+Key: TypeAlias = tuple[str, str, str, str, int]
+"""File, function, source before and after, and ordinal of a mutant."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +37,7 @@ class Mutant:
     text: str
 
     @property
-    def key(self) -> tuple[str, str, str, str, int]:
+    def key(self) -> Key:
         """What stays when lines move."""
         return (self.file, self.function, self.before, self.after, self.ordinal)
 

@@ -208,7 +208,7 @@ class _Walk:
             case ast.Attribute(value=owner, attr=member):
                 enum = _resolve(owner, self._namespace)
                 if isinstance(enum, EnumMeta):
-                    for other in _neighbours([m.name for m in enum], member):
+                    for other in _neighbours(list(enum.__members__), member):
                         yield self._change(node, f"{self._text(owner)}.{other}", "member")
             case ast.Name(name) if self._function and name in self._named_members:
                 for other in _neighbours(self._named_members[name], name):
@@ -239,7 +239,7 @@ class _Walk:
 
     def _operator(self, left: ast.expr, right: ast.expr, old: str, new: tuple[str, ...]) -> Iterator[Change]:
         """Other operators in the gap between two operands."""
-        gap = ast.Pass(lineno=left.end_lineno, col_offset=left.end_col_offset)
+        gap = ast.Pass(lineno=left.end_lineno or 0, col_offset=left.end_col_offset or 0)
         gap.end_lineno, gap.end_col_offset = right.lineno, right.col_offset
         text = ast.get_source_segment(self._source, gap) or ""
         for other in new:

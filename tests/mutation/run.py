@@ -16,7 +16,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from tests.conftest import REPOSITORY
 from tests.mutation.allowed import load_allowed, not_applicable
-from tests.mutation.mutant import Mutant
+from tests.mutation.mutant import Key, Mutant
 from tests.mutation.session import Suite, Verdict, prepare, try_all
 from tests.mutation.targets import Target, targets
 
@@ -75,19 +75,27 @@ class _Store:
     """Verdicts of this state of code and tests, one JSON line each, kept as they come."""
 
     def __init__(self, out: Path, chosen: Iterable[Target], *, again: bool) -> None:
-        self.verdicts: dict[tuple[str, str, str, str, int], Verdict] = {}
+        self.verdicts: dict[Key, Verdict] = {}
         self._states = {target.file: state_of(target) for target in chosen}
         self._path = out / "results.jsonl"
         out.mkdir(parents=True, exist_ok=True)
-        if self._path.exists():
-            for line in self._path.read_text(encoding="utf-8").splitlines():
-                self._read(json.loads(line), again)
+        for key, row in self._last_rows().items():
+            fits = row["state"] == self._states.get(row["file"])
+            if fits or (again and row["outcome"] != "survived"):
+                self.verdicts[key] = Verdict(row["outcome"], row["by"])
 
-    def _read(self, row: dict[str, Any], again: bool) -> None:
-        fits = row["state"] == self._states.get(row["file"])
-        if fits or (again and row["outcome"] != "survived"):
-            key = (row["file"], row["function"], row["before"], row["after"], row["ordinal"])
-            self.verdicts[key] = Verdict(row["outcome"], row["by"])
+    def _last_rows(self) -> dict[Key, dict[str, Any]]:
+        """What was written last of each mutant; a line that was being written at a stop is not there."""
+        if not self._path.exists():
+            return {}
+        text = self._path.read_text(encoding="utf-8")
+        whole = text[: text.rfind("\n") + 1]
+        if whole != text:
+            self._path.write_text(whole, encoding="utf-8")
+        rows = [json.loads(line) for line in whole.splitlines()]
+        return {
+            (row["file"], row["function"], row["before"], row["after"], row["ordinal"]): row for row in rows
+        }
 
     def keep(self, mutant: Mutant, verdict: Verdict) -> None:
         """Remember a verdict."""
@@ -116,9 +124,7 @@ def state_of(target: Target) -> str:
     return digest.hexdigest()[:16]
 
 
-def _document(
-    every: list[Mutant], asked: list[Mutant], verdicts: dict[tuple[str, str, str, str, int], Verdict]
-) -> dict[str, Any]:
+def _document(every: list[Mutant], asked: list[Mutant], verdicts: dict[Key, Verdict]) -> dict[str, Any]:
     allowed = load_allowed()
     files = {mutant.file for mutant in every}
     stale = not_applicable(allowed, every, files)
@@ -143,7 +149,7 @@ def _document(
         "files": rows,
         "survivors": survivors,
         "allowed_but_noticed": not_equivalent,
-        "allowed_but_gone": [f"{entry.file}: {entry.before} -> {entry.after}" for entry in stale],
+        "allowed_but_gone": stale,
     }
 
 
