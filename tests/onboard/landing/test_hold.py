@@ -62,6 +62,12 @@ def test_below_its_height_it_stops_where_it_can(vz: float, t: float) -> None:
     assert output.acceleration == pytest.approx((0.0, 0.0, pull), abs=1e-6)
 
 
+def test_at_its_height_it_stops_as_below() -> None:
+    output = at(hold_from((0.0, 0.0, HEIGHT), (0.0, 0.0, -0.6)), 0.05)
+    assert output.position[2] == pytest.approx(HEIGHT - 0.6 * 0.05 + 2.0 * 0.05**2)
+    assert output.velocity[2] == pytest.approx(-0.6 + 4.0 * 0.05)
+
+
 @pytest.mark.parametrize("above", [0.01, 0.1, 0.4])
 @pytest.mark.parametrize("t", [0.0, 0.015, 0.025, 0.19, 0.21, 0.79, 0.81, 3.0])
 def test_above_its_height_it_sinks_with_half_a_metre_per_second(above: float, t: float) -> None:

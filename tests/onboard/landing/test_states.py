@@ -36,6 +36,17 @@ def fault(rig: Rig) -> LandingOutput:
     return output
 
 
+def test_the_modes_by_their_numbers() -> None:
+    """They are shared with code that knows no names."""
+    assert {mode.name: int(mode) for mode in OutputMode} == {
+        "PASS": 0,
+        "SETPOINT": 1,
+        "LEVEL": 2,
+        "THRUSTS": 3,
+        "OFF": 4,
+    }
+
+
 @pytest.mark.parametrize(
     ("reach", "mode"),
     [
