@@ -134,6 +134,8 @@ class _Walk:
             case ast.ClassDef(name=name, body=body):
                 yield from self.body(body, f"{function}.{name}".lstrip("."), False)
                 return
+            case ast.Assign(targets=[ast.Name("__all__")]):
+                return
             case ast.Import() | ast.ImportFrom() | ast.Pass() | ast.Expr(value=ast.Constant()):
                 return
             case ast.Return(value=value) if value is not None:

@@ -95,6 +95,10 @@ def test_rules_are_taken_from_a_tuple() -> None:
     }
 
 
+def test_what_is_only_listed_for_import_stays() -> None:
+    assert mutants_of("x.py", '__all__ = ["one", "two"]\n', {}) == []
+
+
 def test_numbers_of_an_enumeration_are_swapped_where_they_are_used() -> None:
     source = """
         RED = int(Colour.RED)
