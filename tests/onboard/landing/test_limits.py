@@ -8,7 +8,7 @@ import pytest
 from onboard.app_interface import TrajectoryStatus
 from onboard.landing.braking import stopping_distance
 from onboard.landing.state_machine import EndReason, LandingLimits, LandingState, landing_limits
-from onboard.rotation import from_rotation_vector
+from onboard.rotation import body_z, from_rotation_vector
 from onboard.trajectory import ApproachPlan, sample_approach
 from onboard.vehicle import load_vehicle
 from tests.onboard.landing.rig import LIMITS, NAN, PLAN, Rig
@@ -238,21 +238,62 @@ def test_an_approach_lasts_half_a_second_longer_than_planned_and_no_longer() -> 
         assert (rig.state, rig.reason) == end
 
 
-@pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.6, 0.8, 0.0)])
-@pytest.mark.parametrize("braking", [False, True])
-def test_how_far_a_vehicle_may_tilt(axis: tuple[float, float, float], braking: bool) -> None:
+AXES = [(1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.6, 0.8, 0.0)]
+UNKNOWN = (NAN, NAN, NAN, NAN)
+
+
+@pytest.mark.parametrize("axis", AXES)
+def test_how_far_a_vehicle_may_tilt_in_the_approach(axis: tuple[float, float, float]) -> None:
     for tilt, upright in ((69.0, True), (71.0, False)):
-        turned = from_rotation_vector(tuple(math.radians(tilt) * part for part in axis))
         rig = Rig()
-        rig.step(quaternion=turned)
-        if braking:
-            rig.approach(PLAN.impact_time - 0.4)
-            rig.step(abort=True)
-            rig.step(abort=False)
-            assert rig.state is (LandingState.BRAKE if upright else LandingState.CUT)
-        else:
-            rig.approach(1.0)
-            assert rig.state is (LandingState.APPROACH if upright else LandingState.CUT)
+        rig.step(quaternion=from_rotation_vector(tuple(math.radians(tilt) * part for part in axis)))
+        rig.approach(1.0)
+        assert rig.state is (LandingState.APPROACH if upright else LandingState.CUT)
+
+
+def tip_over(tilt: float, axis: tuple[float, float, float] = AXES[0]) -> dict[str, Any]:
+    """A step in which the gyro turns a level vehicle by `tilt` deg and the estimate says nothing."""
+    return {
+        "dt": 0.05,
+        "gyro": tuple(math.radians(tilt) / 0.05 * part for part in axis),
+        "quaternion": UNKNOWN,
+    }
+
+
+@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("where", [Rig.brake, Rig.hold])
+def test_how_far_a_vehicle_may_tilt_in_a_brake(where: Any, axis: tuple[float, float, float]) -> None:
+    for tilt, upright in ((69.0, True), (71.0, False)):
+        rig = Rig()
+        where(rig)
+        before = rig.state
+        rig.step(**tip_over(tilt, axis))
+        assert rig.state is (before if upright else LandingState.CUT)
+
+
+def test_at_the_limit_of_tilt_a_vehicle_is_tilted() -> None:
+    rig = Rig(limits=LIMITS._replace(tilt_limit=0.0))
+    rig.approach(1.0)
+    assert (rig.state, rig.reason) == (LandingState.CUT, EndReason.TILT)
+
+
+def test_at_the_horizon_a_flip_is_over() -> None:
+    """An attitude with b3.z of exactly 0."""
+    rig = Rig()
+    rig.flip()
+    rig.memory["attitude"][:] = 0.5
+    rig.step()
+    assert rig.state is LandingState.CUT
+
+
+def test_at_60_deg_nothing_triggers() -> None:
+    """An attitude with b3.z of exactly 0.5."""
+    rig = Rig()
+    rig.step(quaternion=(0.5, 0.0, 0.5, math.sqrt(0.5)))
+    rig.approach(PLAN.impact_time - 0.251, policy_armed=True)
+    rig.step(**rig.trigger_sample())
+    assert body_z(rig.memory["attitude"])[2] == 0.5
+    assert rig.memory["snapshot_count"] == 0
 
 
 @pytest.mark.parametrize(("tilt", "fires"), [(59.0, True), (61.0, False)])
@@ -316,6 +357,20 @@ def test_where_an_approach_without_policy_brakes(speed: float, climbing: bool) -
         rig.approach(0.5)
         start = rig.inputs.time - 0.5
         rig.step(time=start + elapsed, position=place, velocity=(0.0, 0.0, speed))
+        assert (rig.state, rig.reason) == end
+
+
+def test_at_the_end_of_the_climb_only_the_reserve_is_left_to_stop() -> None:
+    limits = EXACT_LIMITS._replace(smoothing=0.0625, policy_tau_min=NAN)
+    end_of_climb = EXACT_PLAN.t_x + EXACT_PLAN.t_z + 0.125
+    demands = [rise(1.0, acceleration) for acceleration in (0.5, 0.5 + EXACT_PLAN.az)]
+    left = sum(demands) / 2.0 + 0.02 + limits.brake_margin
+    for elapsed, end in ((end_of_climb - STEP, MISSED), (end_of_climb, GOES_ON)):
+        rig = exact_rig(limits)
+        rig.approach(0.5)
+        start = rig.inputs.time - 0.5
+        place = (0.0, 0.5, EXACT_PLAN.ceiling_z - left)
+        rig.step(time=start + elapsed, position=place, velocity=(0.0, 0.0, 1.0))
         assert (rig.state, rig.reason) == end
 
 
@@ -400,6 +455,37 @@ def test_contact_in_a_brake_cuts(where: Any) -> None:
     assert rig.state is LandingState.CUT
 
 
+def test_a_pose_as_old_as_the_limit_is_seen() -> None:
+    for age, state in ((0.125, LandingState.BRAKE), (0.125 + A_BIT, LandingState.FAULT)):
+        rig = exact_rig()
+        rig.brake()
+        low = {"position": (0.0, 0.5, 0.75), "velocity": (0.0, 0.0, -0.1)}
+        rig.step(time=rig.inputs.time + 1.0, pose_age=age, **low)
+        assert rig.state is state
+
+
+def test_what_is_not_known_does_not_end_a_brake() -> None:
+    rig = Rig()
+    rig.brake()
+    rig.step(velocity=(0.0, 0.0, -0.6), gyro=(NAN, 0.0, 0.0), abort=False)
+    assert rig.state is LandingState.BRAKE
+
+
+@pytest.mark.parametrize(
+    ("end", "state"),
+    [
+        (tip_over(71.0), LandingState.CUT),
+        ({"position": (0.0, 0.0, PLAN.ceiling_z)}, LandingState.CUT),
+        ({"time": 1e3, "pose_age": 1.0}, LandingState.FAULT),
+    ],
+)
+def test_a_disarmed_hold_that_ends_badly_is_not_handed_back(end: dict[str, Any], state: LandingState) -> None:
+    rig = Rig()
+    rig.hold()
+    rig.step(trajectory_armed=False, **end)
+    assert rig.state is state
+
+
 def test_an_old_pose_still_shows_a_contact() -> None:
     rig = Rig()
     rig.brake()
@@ -426,3 +512,15 @@ def test_a_brake_low_enough_holds_at_once(climb: float) -> None:
         rig.brake()
         rig.step(position=(0.0, 0.0, highest + off), velocity=(0.0, 0.0, climb), abort=False)
         assert (rig.state is LandingState.HOLD) == holds
+
+
+def test_a_brake_that_would_end_at_the_height_of_the_hold_holds() -> None:
+    limits = EXACT_LIMITS._replace(hold_clearance=0.5, hold_acceleration=4.0)
+    rise_left = 0.5 * (0.15 + 0.5 * 0.5 / 4.0)
+    height = EXACT_PLAN.ceiling_z - 0.5 - rise_left
+    assert height + rise_left == EXACT_PLAN.ceiling_z - 0.5
+    for off, state in ((0.0, LandingState.HOLD), (A_BIT, LandingState.BRAKE)):
+        rig = exact_rig(limits)
+        rig.brake()
+        rig.step(position=(0.0, 0.5, height + off), velocity=(0.0, 0.0, 0.5), abort=False)
+        assert rig.state is state
