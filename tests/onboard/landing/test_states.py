@@ -8,7 +8,7 @@ import pytest
 from onboard.app_interface import TrajectoryStatus
 from onboard.landing.state_machine import EndReason, LandingOutput, LandingState, OutputMode
 from onboard.rotation import from_rotation_vector
-from onboard.trajectory import smooth_approach
+from onboard.trajectory import ApproachPlan, smooth_approach
 from tests.onboard.landing.rig import LEVEL, LIMITS, PLAN, Rig, steps_until_cut
 
 ZERO = (0.0, 0.0, 0.0)
@@ -97,19 +97,20 @@ def test_no_motor_is_asked_for_more_than_it_can(a_rot: float) -> None:
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
-def test_thrust_leads_the_plan_by_the_motors_lag(share: float) -> None:
+@pytest.mark.parametrize("plan", [PLAN, PLAN._replace(az=0.1, vz=0.05, t_z=0.5)], ids=["steep", "gentle"])
+def test_thrust_leads_the_plan_by_the_motors_lag(plan: ApproachPlan, share: float) -> None:
     """Rising thrust by the lag of rising motors, falling thrust by that of falling ones."""
     width = 2.0 * LIMITS.smoothing
     for begin, lag in (
-        (PLAN.t_x, LIMITS.motor_lag_up),
-        (PLAN.t_x + PLAN.t_z, LIMITS.motor_lag),
+        (plan.t_x, LIMITS.motor_lag_up),
+        (plan.t_x + plan.t_z, LIMITS.motor_lag),
     ):
-        rig = Rig()
+        rig = Rig(plan)
         output = rig.approach(begin + share * width)
         position, velocity, acceleration, jerk = smooth_approach(
-            PLAN, begin + share * width - LIMITS.smoothing, LIMITS.smoothing
+            plan, begin + share * width - LIMITS.smoothing, LIMITS.smoothing
         )
-        assert abs(jerk[2]) == pytest.approx(PLAN.az / width)
+        assert abs(jerk[2]) == pytest.approx(plan.az / width)
         assert output.position == pytest.approx(position)
         assert output.velocity == pytest.approx(velocity)
         wanted = (acceleration[0], acceleration[1], acceleration[2] + lag * jerk[2])
@@ -136,6 +137,16 @@ def test_what_ends_an_armed_trajectory(changes: dict[str, Any], reason: EndReaso
     assert rig.reason is reason, "it stays readable"
     armed(rig)
     assert (rig.state, rig.reason) == (LandingState.TRAJECTORY_ARMED, EndReason.NONE)
+
+
+def test_without_go_an_armed_trajectory_waits() -> None:
+    rig = Rig()
+    armed(rig)
+    for _ in range(5):
+        assert rig.step().mode == OutputMode.PASS
+        assert rig.state is LandingState.TRAJECTORY_ARMED
+    rig.step(go=True)
+    assert rig.state is LandingState.APPROACH
 
 
 def test_the_approach_says_that_it_flies() -> None:
