@@ -156,7 +156,7 @@ class Lab:
             ports, host = self.room.ports, self.settings.host
             names = [drone.name for drone in self.world.drones]
             line["mocap"] = [f"vicon://{host}:{ports.vicon}?subject={name}" for name in names]
-            line["mocap"] += [f"vicon-udp://:{ports.vicon_udp}?subject={name}" for name in names]
+            line["mocap"] += [f"vicon-udp://{host}:{ports.vicon_udp}?subject={name}" for name in names]
             processes["room"] = ports.pid
         return line | {"processes": processes}
 
