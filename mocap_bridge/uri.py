@@ -13,6 +13,8 @@ from onboard.lab_time.address import OPTION as TIME_OPTION
 # manuals).
 DEFAULT_PORTS = {"vicon": 801, "vicon-udp": 51001}
 EXAMPLES = {"vicon": "vicon://192.168.1.10?subject=cf1", "vicon-udp": "vicon-udp://:51001?subject=cf1"}
+# Anybody could send an object stream, so only this computer is heard unless the URI says more.
+LOOPBACK = "127.0.0.1"
 SUBJECT_NAME_LIMIT = 100
 
 
@@ -22,7 +24,8 @@ class MocapUri:
 
     Attributes:
         scheme: ``vicon`` or ``vicon-udp``.
-        host: the server for ``vicon``; the local address to listen on for ``vicon-udp`` ("" is all).
+        host: the server for ``vicon``; the local address to listen on for ``vicon-udp``, the loopback unless
+            given ("0.0.0.0" is all of this computer's).
         port: TCP or UDP port.
         subject: name of the body.
     """
@@ -63,7 +66,7 @@ def parse_mocap_uri(text: str) -> MocapUri:
     if port == 0:
         raise MocapUriError(f"mocap URI {text!r}: port 0 is not an address; write e.g. {example}")
     subject = _subject(text, options, example)
-    return MocapUri(parts.scheme, host, port or DEFAULT_PORTS[parts.scheme], subject)
+    return MocapUri(parts.scheme, host or LOOPBACK, port or DEFAULT_PORTS[parts.scheme], subject)
 
 
 def _subject(text: str, options: list[tuple[str, str]], example: str) -> str:

@@ -186,7 +186,7 @@ class Lab:
             ports, host = self.room.ports, self.settings.host
             names = [drone.name for drone in self.world.drones]
             line["mocap"] = [f"vicon://{host}:{ports.vicon}?subject={name}" for name in names]
-            line["mocap"] += [f"vicon-udp://:{ports.vicon_udp}?subject={name}" for name in names]
+            line["mocap"] += [f"vicon-udp://{host}:{ports.vicon_udp}?subject={name}" for name in names]
             line["mocap"] = [uri + (in_lab_time and f"&{in_lab_time}") for uri in line["mocap"]]
             processes["room"] = ports.pid
             if self.servers:

@@ -4,6 +4,7 @@ There is no handshake and no time in the stream: capture time is the receipt tim
 datagrams, so that an object is missing from a frame is known only when the next frame begins.
 """
 
+import dataclasses
 import socket
 from collections import deque
 from types import TracebackType
@@ -18,6 +19,7 @@ from onboard.arrays import Quaternion
 from onboard.timebase import Timebase
 
 OPEN_TIMEOUT_S = 0.5
+ANY_ADDRESS = "0.0.0.0"
 _RECEIVE_BYTES = 2048
 
 
@@ -35,7 +37,8 @@ def open_vicon_udp(uri: MocapUri, clock: Timebase) -> "ViconUdpStream":
     except OSError as error:
         listener.close()
         raise SourceLost(
-            f"cannot listen on UDP {uri.host or '*'}:{uri.port} ({error}); is it in use?"
+            f"cannot listen on UDP {uri.host}:{uri.port} ({error}); is the port in use, is the address "
+            "one of this computer's?"
         ) from error
     stream = ViconUdpStream(listener, uri, clock)
     try:
@@ -76,8 +79,8 @@ class ViconUdpStream:
         if self._frames == 0:
             refused = f" ({self._refused} foreign datagrams)" if self._refused else ""
             raise PoseTimeout(
-                f"no Tracker object stream on UDP port {self._uri.port}{refused}; "
-                "is it enabled and sent to this computer?"
+                f"no Tracker object stream on UDP port {self._uri.port} of {self._uri.host}{refused}; is it "
+                f"enabled and sent to this computer?{self._elsewhere()}"
             )
         names = tuple(self._seen)
         listed = ", ".join(repr(name) for name in names) or "none"
@@ -85,6 +88,15 @@ class ViconUdpStream:
             f"the stream on UDP port {self._uri.port} has no object {self._uri.subject!r}, "
             f"or it is out of view; seen: {listed}",
             names,
+        )
+
+    def _elsewhere(self) -> str:
+        """What to write when the stream comes from another computer."""
+        if not self._socket.getsockname()[0].startswith(("127.", "::1")):
+            return ""
+        return (
+            " Only this computer is heard; from another one, name the address to listen on: "
+            f"{dataclasses.replace(self._uri, host=ANY_ADDRESS)}"
         )
 
     def read(self, timeout_s: float) -> PoseSample:
