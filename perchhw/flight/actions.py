@@ -11,7 +11,7 @@ from onboard.clock import Clock
 from onboard.errors import PerchhwError
 from perchhw.errors import FlightStackError
 from perchhw.flight.mission import AttemptPlan
-from perchhw.supervisor import CommandDone, CommandFailed, Event
+from perchhw.supervisor import CommandDone, CommandFailed, Event, Order, StopConfirmed, StopUnconfirmed
 from perchhw.supervisor.events import (
     URGENT_COMMANDS,
     Arm,
@@ -53,22 +53,25 @@ class CommandRunner:
         self._normal = ThreadPoolExecutor(1, "commands")
         self._urgent = ThreadPoolExecutor(1, "urgent-commands")
 
-    def submit(self, command: Command) -> None:
-        """Start to carry out `command`."""
-        lane = self._urgent if isinstance(command, URGENT_COMMANDS) else self._normal
-        lane.submit(self._carry_out, command).add_done_callback(partial(self._report, command))
+    def submit(self, order: Order) -> None:
+        """Start to carry out `order`."""
+        urgent = isinstance(order.command, (*URGENT_COMMANDS, EmergencyStop))
+        lane = self._urgent if urgent else self._normal
+        lane.submit(self._carry_out, order.command).add_done_callback(partial(self._report, order))
 
-    def _report(self, command: Command, result: "Future[int | None]") -> None:
-        """Say what came of `command`. An error of any kind is a failed command: the supervisor aborts."""
+    def _report(self, order: Order, result: "Future[int | None]") -> None:
+        """Say what came of `order`. An error of any kind is a failed command: the supervisor aborts."""
         if result.cancelled():
             return
         error = result.exception()
-        if error is None:
-            self._events.put(CommandDone(command, result.result()))
+        if isinstance(order.command, EmergencyStop):
+            self._events.put(StopConfirmed() if error is None else StopUnconfirmed(repr(error)))
+        elif error is None:
+            self._events.put(CommandDone(order, result.result()))
         elif isinstance(error, PerchhwError):
-            self._events.put(CommandFailed(command, str(error)))
+            self._events.put(CommandFailed(order, str(error)))
         else:
-            self._events.put(CommandFailed(command, f"error in perchhw: {error!r}"))
+            self._events.put(CommandFailed(order, f"error in perchhw: {error!r}"))
 
     def _carry_out(self, command: Command) -> int | None:
         link = self._link

@@ -125,9 +125,9 @@ class SupervisedFlight:
                 self.recorder.event(type(event).__name__, now, what=str(event))
             before = state
             state, orders = step(state, event, self.clock(), self.mission, self.limits)
-            for command in orders:
-                self.recorder.event("command", self.clock(), command=str(command))
-                commands.submit(command)
+            for order in orders:
+                self.recorder.event("command", self.clock(), command=str(order.command), number=order.number)
+                commands.submit(order)
             if state.phase is not before.phase:
                 bridge.set_in_flight(state.phase in _WATCHED_PHASES)
                 self._announce(state)

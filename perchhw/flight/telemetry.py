@@ -2,21 +2,23 @@
 
 import threading
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from mocap_bridge.bridge import BridgeStatus, PoseBridge
 from mocap_bridge.health import Verdict
 from mocap_bridge.pose import PoseSample
 from onboard.app_interface import EndReason, LandingState
+from onboard.arrays import Quaternion
 from onboard.clock import Clock
 from onboard.gravity import GRAVITY
 from onboard.supervisor_info import SupervisorInfo
 from perchhw.record import RunRecorder
 from perchhw.supervisor import Observation
-from perchhw.supervisor.observation import Attitude
 
 if TYPE_CHECKING:
     from onboard.link import DroneLink, LogSample
+
+_E = TypeVar("_E", LandingState, EndReason)
 
 _RAD = 0.017453292519943295
 
@@ -204,11 +206,9 @@ class Telemetry:
         x, y, z = (self.value(topic, name) for name in names.split())
         return None if x is None or y is None or z is None else (x, y, z)
 
-    def _estimated_attitude(self) -> Attitude | None:
+    def _quaternion(self) -> Quaternion | None:
         x, y, z, w = (self.value("estimate", name) for name in ("qx", "qy", "qz", "qw"))
-        if x is None or y is None or z is None or w is None:
-            return None
-        return Attitude.from_quaternion((x, y, z, w))
+        return None if x is None or y is None or z is None or w is None else (x, y, z, w)
 
     def observe(self) -> Observation:
         """Everything that is known now, with ages; what never came is ``None``."""
@@ -218,30 +218,37 @@ class Telemetry:
         vbat, vbat_age = self._with_age("power", "vbat")
         landing, landing_age = self._with_age("cues", "state")
         reason = self.value("cues", "reason")
-        crc, count = self.value("", "policy_crc"), self.value("trigger", "count")
+        count = self.value("trigger", "count")
+        crc, crc_age = self._with_age("", "policy_crc")
         return Observation(
             link_silence=self._link.silence(),
             pose_verdict=pose.verdict,
             pose_problem=_pose_problem(pose),
             pose_age=pose.age,
             pose_position=None if good is None else good.position,
-            pose_attitude=None
-            if good is None or good.quaternion is None
-            else Attitude.from_quaternion(good.quaternion),
+            pose_quaternion=None if good is None else good.quaternion,
             estimate_age=self._with_age("estimate", "x")[1],
             estimate_position=self._triple("estimate", "x y z"),
             estimate_velocity=self._triple("estimate", "vx vy vz"),
-            estimate_attitude=self._estimated_attitude(),
+            rates_age=self._with_age("rates", "gx")[1],
+            body_rates=self._triple("rates", "gx gy gz"),
+            estimate_quaternion=self._quaternion(),
             drone=None if bits is None else SupervisorInfo(int(bits)),
             drone_age=bits_age,
             battery_voltage=vbat,
             battery_age=vbat_age,
-            landing_state=None if landing is None else LandingState(int(landing)),
+            landing_state=None if landing is None else _known(LandingState, landing),
             landing_age=landing_age,
-            end_reason=None if reason is None else EndReason(int(reason)),
+            end_reason=None if reason is None else _known(EndReason, reason),
             active_policy_crc=None if crc is None else int(crc),
+            policy_crc_age=crc_age,
             trigger_count=None if count is None else int(count),
         )
+
+
+def _known(kind: type[_E], value: float) -> _E | None:
+    """The member of an enumeration, or ``None`` for a value that this version does not know."""
+    return next((member for member in kind if member == value), None)
 
 
 def _pose_problem(pose: BridgeStatus) -> str | None:

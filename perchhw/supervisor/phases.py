@@ -9,18 +9,17 @@ from math import dist, hypot
 
 from onboard.app_interface import EndReason, LandingState
 from onboard.arrays import Vector
-from perchhw.supervisor.aborts import abort, disarm, elapsed, enter, guard, land
+from perchhw.supervisor.aborts import abort, disarm, elapsed, enter, guard, land, order, stop
 from perchhw.supervisor.events import (
     Arm,
     ArmApproach,
-    EmergencyStop,
     FlyCourse,
     GoTo,
     StartApproach,
     TakeOff,
     UploadPolicy,
 )
-from perchhw.supervisor.observation import Observation
+from perchhw.supervisor.observation import Admitted
 from perchhw.supervisor.rules import (
     APPROACH_RULES,
     GROUND_RULES,
@@ -49,7 +48,7 @@ def _held(state: FlightState, good: bool, hold: float, context: Context) -> tupl
 # --- on the ground ----------------------------------------------------------------------------------------
 
 
-def _checking(state: FlightState, o: Observation, context: Context) -> Step:
+def _checking(state: FlightState, o: Admitted, context: Context) -> Step:
     violation = first_violation(PREFLIGHT_RULES, o, context.limits)
     if violation is not None and elapsed(state, context) > context.timing.checks_deadline:
         return abort(state, str(violation), context)
@@ -61,17 +60,17 @@ def _checking(state: FlightState, o: Observation, context: Context) -> Step:
         return Step(state)
     if context.mission.test_flight:
         return _ready(state, context)
-    return Step(enter(state, Phase.UPLOADING, context, "the policy upload"), (UploadPolicy(),))
+    return order(enter(state, Phase.UPLOADING, context, "the policy upload"), UploadPolicy())
 
 
 def _ready(state: FlightState, context: Context) -> Step:
     """All checks passed: arm, unless this is a rehearsal."""
     if context.mission.dry_run:
         return Step(enter(state, Phase.DONE, context))
-    return Step(enter(state, Phase.ARMING, context, "the drone to arm"), (Arm(),))
+    return order(enter(state, Phase.ARMING, context, "the drone to arm"), Arm())
 
 
-def _uploading(state: FlightState, o: Observation, context: Context) -> Step:
+def _uploading(state: FlightState, o: Admitted, context: Context) -> Step:
     if elapsed(state, context) > context.timing.upload_deadline:
         return abort(state, f"policy upload took longer than {context.timing.upload_deadline:g} s", context)
     return guard(state, GROUND_RULES, o, context) or Step(state)
@@ -89,7 +88,7 @@ def after_upload(state: FlightState, crc: int | None, context: Context) -> Step:
     return _ready(state, context)
 
 
-def _arming(state: FlightState, o: Observation, context: Context) -> Step:
+def _arming(state: FlightState, o: Admitted, context: Context) -> Step:
     stop = guard(state, GROUND_RULES, o, context)
     if stop is not None:
         return stop
@@ -101,7 +100,7 @@ def _arming(state: FlightState, o: Observation, context: Context) -> Step:
         if stop is not None:
             return stop
         flying = replace(enter(state, Phase.TAKING_OFF, context, "the first hover"), armed=True)
-        return Step(flying, (TakeOff(context.mission.hover_height, context.timing.take_off),))
+        return order(flying, TakeOff(context.mission.hover_height, context.timing.take_off))
     if elapsed(state, context) > context.timing.arm_deadline:
         return abort(
             state, f"the drone did not arm within {context.timing.arm_deadline:g} s ({o.drone})", context
@@ -109,7 +108,7 @@ def _arming(state: FlightState, o: Observation, context: Context) -> Step:
     return Step(state)
 
 
-def _policy_guard(state: FlightState, o: Observation, context: Context) -> Step | None:
+def _policy_guard(state: FlightState, o: Admitted, context: Context) -> Step | None:
     """The live policy is the one that was uploaded, or the attempt ends. A test flight needs none."""
     if context.mission.test_flight or o.active_policy_crc == context.mission.policy_crc:
         return None
@@ -120,14 +119,14 @@ def _policy_guard(state: FlightState, o: Observation, context: Context) -> Step 
 # --- hovering ---------------------------------------------------------------------------------------------
 
 
-def _settled_at(o: Observation, place: Vector) -> bool:
+def _settled_at(o: Admitted, place: Vector) -> bool:
     """The drone hovers at `place` (m)."""
     if o.estimate_position is None or o.estimate_velocity is None:
         return False
     return dist(o.estimate_position, place) < _HOVER_ERROR and hypot(*o.estimate_velocity) < _HOVER_SPEED
 
 
-def _taking_off(state: FlightState, o: Observation, context: Context) -> Step:
+def _taking_off(state: FlightState, o: Admitted, context: Context) -> Step:
     stop = guard(state, HOVER_RULES, o, context)
     if stop is not None:
         return stop
@@ -141,23 +140,23 @@ def _taking_off(state: FlightState, o: Observation, context: Context) -> Step:
     if steady and o.estimate_position is not None:
         duration = max(2.0, dist(o.estimate_position, mission.start) / mission.transit_speed)
         moving = enter(state, Phase.MOVING_TO_START, context, "the start of the approach")
-        return Step(moving, (GoTo(mission.start, duration),))
+        return order(moving, GoTo(mission.start, duration))
     if elapsed(state, context) > timing.take_off + timing.move_margin:
         return abort(state, f"no steady hover at {mission.hover_height:g} m after take-off", context)
     return Step(state)
 
 
-def _moving_to_start(state: FlightState, o: Observation, context: Context) -> Step:
+def _moving_to_start(state: FlightState, o: Admitted, context: Context) -> Step:
     stop = guard(state, HOVER_RULES, o, context)
     if stop is not None:
         return stop
     timing, mission = context.timing, context.mission
     state, steady = _held(state, _settled_at(o, mission.start), timing.hover_hold, context)
     if steady and mission.test_flight:
-        return Step(enter(state, Phase.TEST_FLIGHT, context, "the end of the course"), (FlyCourse(),))
+        return order(enter(state, Phase.TEST_FLIGHT, context, "the end of the course"), FlyCourse())
     if steady:
         arming = enter(state, Phase.ARMING_APPROACH, context, "the drone to accept the approach")
-        return Step(arming, (ArmApproach(),))
+        return order(arming, ArmApproach())
     room = context.limits.room
     longest = (room.x_max - room.x_min) / mission.transit_speed + timing.move_margin
     if elapsed(state, context) > longest:
@@ -165,20 +164,20 @@ def _moving_to_start(state: FlightState, o: Observation, context: Context) -> St
     return Step(state)
 
 
-def _arming_approach(state: FlightState, o: Observation, context: Context) -> Step:
+def _arming_approach(state: FlightState, o: Admitted, context: Context) -> Step:
     stop = guard(state, HOVER_RULES, o, context) or _policy_guard(state, o, context)
     if stop is not None:
         return stop
     if _landing_state(o, context) is LandingState.TRAJECTORY_ARMED and o.trigger_count is not None:
         approaching = enter(state, Phase.APPROACHING, context, "the trigger")
-        return Step(replace(approaching, triggers_before=o.trigger_count), (StartApproach(),))
+        return order(replace(approaching, triggers_before=o.trigger_count), StartApproach())
     if elapsed(state, context) > context.timing.approach_arm_deadline:
         reported = "unknown" if o.landing_state is None else o.landing_state.name
         return abort(state, f"the drone did not arm the approach: its landing state is {reported}", context)
     return Step(state)
 
 
-def _test_flight(state: FlightState, o: Observation, context: Context) -> Step:
+def _test_flight(state: FlightState, o: Admitted, context: Context) -> Step:
     stop = guard(state, TEST_FLIGHT_RULES, o, context)
     if stop is not None:
         return stop
@@ -195,13 +194,13 @@ def after_course(state: FlightState, context: Context) -> Step:
 # --- the approach and after -------------------------------------------------------------------------------
 
 
-def _landing_state(o: Observation, context: Context) -> LandingState | None:
+def _landing_state(o: Admitted, context: Context) -> LandingState | None:
     """The landing state of the drone as it is now, or ``None`` when that is not known."""
     fresh = o.landing_age is not None and o.landing_age <= context.limits.telemetry_age
     return o.landing_state if fresh else None
 
 
-def _broken_off_by(o: Observation, context: Context) -> str | None:
+def _broken_off_by(o: Admitted, context: Context) -> str | None:
     """Why the drone broke off its approach; ``None`` for a trigger that did not come, which is no abort."""
     if o.end_reason is EndReason.MISSED_TRIGGER:
         return None
@@ -210,7 +209,7 @@ def _broken_off_by(o: Observation, context: Context) -> str | None:
     return f"drone_broke_off: {reason}" + ("" if pose is None else f" ({pose})")
 
 
-def _approaching(state: FlightState, o: Observation, context: Context) -> Step:
+def _approaching(state: FlightState, o: Admitted, context: Context) -> Step:
     match _landing_state(o, context):
         case LandingState.FLIP:
             return Step(replace(enter(state, Phase.FLIPPING, context, "the end of the flip"), triggered=True))
@@ -231,22 +230,21 @@ def _approaching(state: FlightState, o: Observation, context: Context) -> Step:
     return Step(state)
 
 
-def _flipping(state: FlightState, o: Observation, context: Context) -> Step:
+def _flipping(state: FlightState, o: Admitted, context: Context) -> Step:
     if _landing_state(o, context) is LandingState.CUT:
         return Step(enter(state, Phase.SETTLING, context, "the body to rest"))
     if elapsed(state, context) > context.timing.flip_deadline:
-        settling = enter(state, Phase.SETTLING, context, "the body to rest")
-        return Step(settling, (EmergencyStop(),))
+        return stop(state, context)
     return Step(state)
 
 
-def _settling(state: FlightState, o: Observation, context: Context) -> Step:
+def _settling(state: FlightState, o: Admitted, context: Context) -> Step:
     if elapsed(state, context) >= context.timing.settle:
         return disarm(state, context)
     return Step(state)
 
 
-def _braking(state: FlightState, o: Observation, context: Context) -> Step:
+def _braking(state: FlightState, o: Admitted, context: Context) -> Step:
     landing_state = _landing_state(o, context)
     motors_stopped = landing_state in (LandingState.CUT, LandingState.FAULT)
     if motors_stopped or (o.drone is not None and not o.drone.can_fly):
@@ -257,7 +255,7 @@ def _braking(state: FlightState, o: Observation, context: Context) -> Step:
     return Step(state)
 
 
-def _landing(state: FlightState, o: Observation, context: Context) -> Step:
+def _landing(state: FlightState, o: Admitted, context: Context) -> Step:
     since = elapsed(state, context)
     down = o.estimate_position is not None and o.estimate_position[2] < context.limits.height_on_ground
     stopped = o.drone is not None and not o.drone.can_fly
@@ -268,17 +266,30 @@ def _landing(state: FlightState, o: Observation, context: Context) -> Step:
     return Step(state)
 
 
-def _disarming(state: FlightState, o: Observation, context: Context) -> Step:
-    if o.drone is not None and o.drone_age is not None and o.drone_age <= context.limits.telemetry_age:
-        still = o.drone.is_armed and o.drone.can_fly
-        if not still:
-            return Step(enter(state, Phase.DONE, context))
+def _disarming(state: FlightState, o: Admitted, context: Context) -> Step:
+    if o.drone is not None and not (o.drone.is_armed and o.drone.can_fly):
+        return Step(enter(state, Phase.DONE, context))
     if elapsed(state, context) > context.timing.disarm_deadline:
-        return Step(enter(state, Phase.DONE, context), (EmergencyStop(),))
+        return stop(state, context)
     return Step(state)
 
 
-PHASES: dict[Phase, Callable[[FlightState, Observation, Context], Step]] = {
+def after_stop(state: FlightState, unconfirmed: str | None, context: Context) -> Step:
+    """The stop path has ended: with locked motors, or `unconfirmed` for a reason."""
+    if state.phase is not Phase.STOPPING:
+        return Step(state)
+    if unconfirmed is not None:
+        told = f"STOP NOT CONFIRMED ({unconfirmed}): the motors may turn; keep away from the drone"
+        state = replace(state, alert=told, aborted_by=state.aborted_by or f"stop_unconfirmed: {unconfirmed}")
+    return Step(enter(state, Phase.DONE, context))
+
+
+def _stopping(state: FlightState, o: Admitted, context: Context) -> Step:
+    """Only the stop path says when this is over."""
+    return Step(state)
+
+
+PHASES: dict[Phase, Callable[[FlightState, Admitted, Context], Step]] = {
     Phase.CHECKING: _checking,
     Phase.UPLOADING: _uploading,
     Phase.ARMING: _arming,
@@ -292,4 +303,5 @@ PHASES: dict[Phase, Callable[[FlightState, Observation, Context], Step]] = {
     Phase.BRAKING: _braking,
     Phase.LANDING: _landing,
     Phase.DISARMING: _disarming,
+    Phase.STOPPING: _stopping,
 }

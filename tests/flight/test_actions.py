@@ -4,7 +4,7 @@ import queue
 from typing import Any
 
 from perchhw.flight.actions import CommandRunner
-from perchhw.supervisor import CommandFailed, Event
+from perchhw.supervisor import CommandFailed, Event, Order
 from perchhw.supervisor.events import Arm
 
 
@@ -13,10 +13,10 @@ def test_a_programming_error_is_a_failed_command() -> None:
     no_link: Any = None
     runner = CommandRunner(no_link, events)
     try:
-        runner.submit(Arm())
+        runner.submit(Order(1, Arm()))
         event = events.get(timeout=5.0)
     finally:
         runner.close()
     assert isinstance(event, CommandFailed)
-    assert event.command == Arm()
+    assert event.order == Order(1, Arm())
     assert "AttributeError" in event.reason

@@ -2,9 +2,11 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from math import cos, sin
 
 from mocap_bridge.health import Verdict
 from onboard.app_interface import EndReason, LandingState
+from onboard.arrays import Quaternion
 from onboard.supervisor_info import SupervisorBits, SupervisorInfo
 from perchhw.supervisor import (
     CommandDone,
@@ -12,7 +14,9 @@ from perchhw.supervisor import (
     FlightState,
     Mission,
     Observation,
+    Order,
     Phase,
+    StopConfirmed,
     Tick,
     initial_state,
     step,
@@ -31,31 +35,38 @@ from perchhw.supervisor.events import (
     TakeOff,
     UploadPolicy,
 )
-from perchhw.supervisor.observation import Attitude
 
 CRC = 0x1234ABCD
 MISSION = Mission(policy_crc=CRC, start=(-3.0, 0.0, 0.6), hover_height=0.6, approach_duration=2.0)
 TEST_FLIGHT = replace(MISSION, policy_crc=0, test_flight=True)
 PERIOD = 0.02
+ANSWER_TIME = 0.5
+"""s until the drone has accepted an approach."""
+LEVEL = (0.0, 0.0, 0.0, 1.0)
 READY = SupervisorBits.CAN_ARM
 FLYING = SupervisorBits.ARMED | SupervisorBits.CAN_FLY | SupervisorBits.FLYING
 
 Fault = Callable[[Observation, float, FlightState], Observation]
 
 
+def turned(*, tilt: float = 0.0, yaw: float = 0.0) -> Quaternion:
+    """The attitude that is tilted by `tilt` about the body's y axis and turned to the heading `yaw` (rad)."""
+    (a, b), (c, d) = ((sin(0.5 * angle), cos(0.5 * angle)) for angle in (tilt, yaw))
+    return (-c * a, d * a, c * b, d * b)
+
+
 def good_on_ground() -> Observation:
     """All is known and well, on the start mark."""
-    attitude = Attitude(tilt=0.0, yaw=0.0)
     return Observation(
         link_silence=0.01,
         pose_verdict=Verdict.OK,
         pose_age=0.01,
         pose_position=(-3.0, 0.0, 0.07),
-        pose_attitude=attitude,
+        pose_quaternion=LEVEL,
         estimate_age=0.01,
         estimate_position=(-3.0, 0.0, 0.07),
         estimate_velocity=(0.0, 0.0, 0.0),
-        estimate_attitude=attitude,
+        estimate_quaternion=LEVEL,
         drone=SupervisorInfo(READY),
         drone_age=0.01,
         battery_voltage=4.1,
@@ -63,6 +74,12 @@ def good_on_ground() -> Observation:
         landing_state=LandingState.IDLE,
         landing_age=0.01,
         active_policy_crc=0,
+        policy_crc_age=0.01,
+        rates_age=0.01,
+        body_rates=(0.0, 0.0, 0.0),
+        policy_armed=False,
+        trajectory_armed=False,
+        parameters_ok=True,
         trigger_count=0,
     )
 
@@ -89,8 +106,10 @@ class SimulatedAttempt:
     phases: list[Phase] = field(default_factory=list)
     now: float = 0.0
     world: Observation = field(default_factory=good_on_ground)
+    approach_armed: float | None = None
     approach_started: float | None = None
     course_ends: float | None = None
+    course: Order | None = None
 
     def run(self, longest: float = 60.0) -> FlightState:
         """Until the supervisor is done; fails when it does not end within `longest` s."""
@@ -103,22 +122,31 @@ class SimulatedAttempt:
                     pending.append(self.events_at.pop(state.phase))
             if self.course_ends is not None and self.now > self.course_ends:
                 self.course_ends = None
-                pending.append(CommandDone(FlyCourse()))
+                assert self.course is not None
+                pending.append(CommandDone(self.course))
             event = pending.pop(0) if pending else self._tick(state)
             state, orders = step(state, event, self.now, self.mission)
-            for command in orders:
-                self.commands.append(command)
-                self._obey(command)
-                if isinstance(command, FlyCourse):
-                    continue
-                value = CRC if isinstance(command, UploadPolicy) else None
-                pending.append(CommandDone(command, value))
+            for order in orders:
+                self.commands.append(order.command)
+                self._obey(order.command)
+                match order.command:
+                    case FlyCourse():
+                        self.course = order
+                    case EmergencyStop():
+                        pending.append(StopConfirmed())
+                    case UploadPolicy():
+                        pending.append(CommandDone(order, CRC))
+                    case _:
+                        pending.append(CommandDone(order))
             assert self.now < longest, f"stuck in {state.phase}, waiting for {state.waiting_for}"
         self.phases.append(state.phase)
         return state
 
     def _tick(self, state: FlightState) -> Tick:
         self.now += PERIOD
+        if self.approach_armed is not None and self.now > self.approach_armed:
+            self.approach_armed = None
+            self._landing(LandingState.TRAJECTORY_ARMED)
         if self.approach_started is not None:
             self._fly_approach()
         return Tick(self.fault(self.world, self.now, state))
@@ -152,7 +180,7 @@ class SimulatedAttempt:
             case GoTo(position, _):
                 self._move(position)
             case ArmApproach():
-                self._landing(LandingState.TRAJECTORY_ARMED)
+                self.approach_armed = self.now + ANSWER_TIME
             case StartApproach():
                 self._landing(LandingState.APPROACH)
                 self.approach_started = self.now
