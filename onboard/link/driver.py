@@ -29,10 +29,13 @@ import cflib.crtp
 from cflib.crtp.crtpdriver import CRTPDriver
 from cflib.crtp.crtpstack import CRTPPacket
 from cflib.crtp.exceptions import WrongUriType
+from cflib.crtp.radiodriver import RadioDriver
 from cflib.crtp.udpdriver import UdpDriver
 
 from onboard.link.errors import LinkError
+from onboard.link.radio import GuardedRadioDriver
 from onboard.link.replies import ECHO_HEADER, PORT_AND_CHANNEL, OutstandingRequests, Packet
+from onboard.link.stop_ports import UdpStopPort
 from onboard.link.uri import UdpAddress, parse_udp_uri
 
 #: Packets kept for a client that does not take them: 2 s of 16 log blocks at 100 Hz.
@@ -57,13 +60,16 @@ class DriverStatistics:
 
 
 def install_driver() -> None:
-    """Make cflib use :class:`ResendingUdpDriver` for ``udp://``; other schemes keep cflib's. Idempotent."""
+    """Make cflib use :class:`ResendingUdpDriver` for ``udp://`` and :class:`GuardedRadioDriver` for
+    ``radio://``; other schemes keep cflib's. Idempotent."""
     with _install_lock:
         classes = cflib.crtp.CLASSES
         if UdpDriver not in classes:
             cflib.crtp.init_drivers()
         if ResendingUdpDriver not in classes:
             classes.insert(classes.index(UdpDriver), ResendingUdpDriver)
+            if RadioDriver in classes:  # not when cflib was told to use its C++ link
+                classes[classes.index(RadioDriver)] = GuardedRadioDriver
 
 
 class ResendingUdpDriver(CRTPDriver):
@@ -85,6 +91,7 @@ class ResendingUdpDriver(CRTPDriver):
         self._failed = False
         self._closed = threading.Event()
         self._thread: threading.Thread | None = None
+        self._stop_port: UdpStopPort | None = None
 
     def connect(
         self,
@@ -151,6 +158,18 @@ class ResendingUdpDriver(CRTPDriver):
             udp.close()
         self._incoming.put(None)  # ends a receive_packet that is waiting
 
+    def stop_port(self) -> UdpStopPort:
+        """A way out for an emergency stop, which outlives this driver.
+
+        Raises:
+            LinkError: the link is closed.
+        """
+        udp = self._socket
+        if udp is None:
+            raise LinkError(f"the link to {self.uri} is closed: it carries no stop")
+        self._stop_port = UdpStopPort(udp, lambda: not (self._failed or self._closed.is_set()))
+        return self._stop_port
+
     def statistics(self) -> DriverStatistics:
         """A copy of the packet counts."""
         with self._lock:
@@ -196,6 +215,8 @@ class ResendingUdpDriver(CRTPDriver):
             self._resend(udp)
 
     def _take(self, datagram: bytes) -> None:
+        if self._stop_port is not None:
+            self._stop_port.take(datagram)
         if not 1 <= len(datagram) <= DATAGRAM_MAX:
             return
         with self._lock:
