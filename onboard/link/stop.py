@@ -28,7 +28,7 @@ of the emergency-stop watchdog, 2 s of the commander."""
 LONGEST_S = 5.0
 """A drone that talks, but is not locked after this long, does not obey: cut its power."""
 
-_log = logging.getLogger(__name__)
+logger = logging.getLogger(__name__)
 _LOOK_S = 0.004
 _PORT_AND_CHANNEL = 0xF3
 _INFO_HEADER, _COMMAND_HEADER = 0x90, 0x91
@@ -100,7 +100,7 @@ class StopPath:
     def trigger(self) -> None:
         """Start to stop; returns at once. From any thread, any number of times; also while it closes."""
         self._report = None
-        with contextlib.suppress(BlockingIOError):  # thousands of triggers wait already
+        with contextlib.suppress(OSError):  # thousands of triggers wait already; or the link is closed
             self._trigger.send(b"!")
 
     def wait(self, seconds: float) -> StopReport | None:
@@ -129,9 +129,8 @@ class StopPath:
         self._locked = False
         copies = 0
         while True:
-            self._send()
+            self._send_and_listen()
             copies += 1
-            self._look_until(time.monotonic() + REPEAT_S)
             now = time.monotonic()
             if self._locked:
                 return StopReport(True, "", now - begin, copies)
@@ -139,17 +138,18 @@ class StopPath:
             if problem is not None:
                 return StopReport(False, problem, now - begin, copies)
 
-    def _send(self) -> None:
+    def _send_and_listen(self) -> None:
+        """One copy, and the question whether it is needed any more."""
+        deadline = time.monotonic() + REPEAT_S
         try:
             self._port.stop(_STOP)
             self._port.ask(_ASK)
+            while not self._locked and time.monotonic() < deadline:
+                time.sleep(_LOOK_S)
+                self._port.poll()
         except Exception:  # of a transport that is breaking: the next copy may get through
-            _log.exception("a copy of the emergency stop was not sent")
-
-    def _look_until(self, deadline: float) -> None:
-        while not self._locked and time.monotonic() < deadline:
+            logger.exception("a copy of the emergency stop was not sent")
             time.sleep(_LOOK_S)
-            self._port.poll()
 
     def _given_up(self, now: float, begin: float) -> str | None:
         if now - self._heard_at > SILENT_S:

@@ -16,7 +16,7 @@ _SERIAL_LENGTH = 10
 
 
 def stop_drone(uri: str) -> StopReport:
-    """Cut the motors of the drone at `uri`, whoever flies it; returns when it is locked, or cannot be reached.
+    """Cut the motors of the drone at `uri`, whoever flies it; returns when it is locked, or does not answer.
 
     Over ``radio://`` another radio than the one in the address does as well: the flight may hold that one.
 

@@ -1,4 +1,4 @@
-"""Where a stop leaves for a ``udp://`` drone: through a duplicate of a socket, which nobody else can close."""
+"""Where a stop leaves for a ``udp://`` drone: a duplicate of a socket, which nobody else can close."""
 
 import contextlib
 import socket

@@ -44,7 +44,7 @@ def run(
     plan = load_plan(file)
     _check_approaches(plan)
     folder = out or Path("runs") / f"campaign-{slug(plan.name)}"
-    runner = attempt_after_attempt(confirmation(yes))
+    runner = attempt_after_attempt(confirmation(yes), show_alert)
     stopped: str | None = None
     try:
         with live_table() as show:

@@ -14,7 +14,7 @@ from perchhw.attempt import (
 )
 from perchhw.cli import exit_codes
 from perchhw.cli.options import DroneUri, Legs, Policy, Vehicle
-from perchhw.cli.output import emit, progress_console
+from perchhw.cli.output import emit, show_flight
 
 app = typer.Typer(add_completion=False)
 
@@ -47,7 +47,6 @@ def fly(
     from perchhw.flight import fly_attempt, turnaround
     from perchhw.record import discard_if_empty, new_run_folder
 
-    console = progress_console()
     request = AttemptRequest(
         speed=speed,
         angle_deg=angle,
@@ -63,9 +62,7 @@ def fly(
     try:
         if put_back:
             turnaround.put_back(drone, confirmation(yes))
-        result = fly_attempt(
-            request, dry_run=dry_run, on_phase=lambda state: console.print(f"  {state.phase.value}")
-        )
+        result = fly_attempt(request, dry_run=dry_run, on_phase=show_flight)
     except AttemptInterrupted as interrupted:
         _emit(interrupted.result, dry_run)
         raise

@@ -14,13 +14,17 @@ from onboard.link.stop_drone import stop_drone
 from perchhw.cli import exit_codes
 from perchhw.cli.output import emit
 
+LAB_FILE = Path("lab.toml")
+"""The lab file of a folder."""
+
 app = typer.Typer(add_completion=False)
 
 
 @app.command()
 def stop(
     drone: Annotated[
-        list[str] | None, typer.Option(help="URI of the drone; may be repeated. Default: all of the lab file.")
+        list[str] | None,
+        typer.Option(help="URI of the drone; may be repeated. Default: all of the lab file."),
     ] = None,
     lab: Annotated[Path | None, typer.Option(help="Lab file whose drones are all stopped.")] = None,
 ) -> int:
@@ -38,14 +42,19 @@ def stop(
 
 
 def drones_to_stop(drone: list[str] | None, lab: Path | None) -> list[str]:
-    """The URIs that were given.
+    """The URIs that were given, or else those of the lab file: the one given, or that of this folder.
 
     Raises:
-        LinkInputError: there are none.
+        LinkInputError: neither is there.
+        LabFileError: the lab file names no drones.
     """
-    if not drone:
-        raise LinkInputError("no drone to stop: give --drone URI")
-    return list(dict.fromkeys(drone))
+    if drone:
+        return list(dict.fromkeys(drone))
+    from onboard.lab_file import drone_uris
+
+    if lab is None and not LAB_FILE.exists():
+        raise LinkInputError(f"no drone to stop: give --drone URI, or --lab FILE (here is no {LAB_FILE})")
+    return list(dict.fromkeys(drone_uris(lab or LAB_FILE)))
 
 
 def _stopped(uri: str) -> dict[str, Any]:

@@ -12,15 +12,18 @@ from typing import Any
 from calibration.gap.suggest.course import Course
 from calibration.gap.suggest.manoeuvres import manoeuvre
 from mocap_bridge.uri import parse_mocap_uri
-from onboard.clock import Clock, monotonic
 from onboard.errors import PerchhwError
 from onboard.link.uri import check_drone_uri
 from onboard.outcome import Outcome
 from onboard.room import RoomGeometry
+from onboard.timebase import WALL, Timebase
 from onboard.vehicle import load_vehicle
-from perchhw.flight.actions import CourseCommands
+from perchhw.flight.course_commands import CourseCommands
+from perchhw.flight.loop import OnPhase
 from perchhw.flight.mission import LOWEST_HOVER
-from perchhw.flight.session import OnPhase, SupervisedFlight
+from perchhw.flight.readback import TEST_FLIGHT_SETTINGS
+from perchhw.flight.recording import FlightRecord
+from perchhw.flight.session import SupervisedFlight
 from perchhw.flight.telemetry import TEST_FLIGHT_BLOCKS
 from perchhw.record import RunRecorder
 from perchhw.supervisor import Mission, SafetyLimits
@@ -79,7 +82,7 @@ class CourseResult:
 def fly_course(
     request: CourseRequest,
     *,
-    clock: Clock = monotonic,
+    clock: Timebase = WALL,
     limits: SafetyLimits | None = None,
     on_phase: OnPhase | None = None,
 ) -> CourseResult:
@@ -102,25 +105,27 @@ def fly_course(
     )
     design = None if vehicle.legs is None else vehicle.legs.design
     with RunRecorder(request.folder, _configuration(request, vehicle.name, design), clock) as recorder:
+        record = FlightRecord(recorder)
         flight = SupervisedFlight(
             drone=request.drone,
             mocap=request.mocap,
             mission=mission,
             limits=limits or SafetyLimits(room=request.room),
             blocks=TEST_FLIGHT_BLOCKS,
-            commands=lambda link, events: CourseCommands(link, events, course, clock),
-            recorder=recorder,
+            settings=TEST_FLIGHT_SETTINGS,
+            commands=lambda link, events, _readback: CourseCommands(link, events, clock, course),
+            record=record,
             clock=clock,
             on_phase=on_phase,
         )
         try:
             flown = flight.run()
         except PerchhwError as error:
-            recorder.event("refused", clock(), reason=str(error))
-            recorder.close(outcome=Outcome.ABORTED, aborted_by=str(error))
+            record.event("refused", clock(), reason=str(error))
+            record.close(outcome=Outcome.ABORTED, aborted_by=str(error))
             raise
         aborted_by = flown.state.aborted_by
-        recorder.close(outcome=FLOWN if aborted_by is None else Outcome.ABORTED, aborted_by=aborted_by)
+        record.close(outcome=FLOWN if aborted_by is None else Outcome.ABORTED, aborted_by=aborted_by)
     return CourseResult(aborted_by, request.folder, flown.interrupted)
 
 
