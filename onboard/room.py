@@ -1,16 +1,24 @@
-"""The room that the vehicle flies in: ceiling height and the volume that it must not leave."""
+"""The room that the vehicle flies in: floor, ceiling and the walls that it must not reach."""
 
+import math
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class RoomGeometry:
-    """Flight room in the world frame (ENU, z up, floor at z = 0), all lengths in m.
+    """Flight room in the world frame (ENU, z up), lengths in m, angles in rad.
 
-    The landing area is the paper's test cage (section IV.E: 1.5 m wide, 2.5 m long, 2.1 m high) around the
+    The defaults are the simulated room; a real one is described by its lab file (docs/lab_file.md). Its
+    landing area is the paper's test cage (section IV.E: 1.5 m wide, 2.5 m long, 2.1 m high) around the
     impact point at x = y = 0; the run-up starts outside it, because reaching the speed at the authors'
     1 m/s2 (errata 9) takes longer than the cage. The volume leaves room beside it for the mocap to see
     a drone that misses.
+
+    Attributes:
+        ceiling_z: height of the ceiling above x = y = 0; everywhere, where the ceiling is taken as level.
+        x_min, x_max, y_min, y_max: the walls.
+        floor_z: height of the floor.
+        ceiling_tilt_x, ceiling_tilt_y: angles at which the ceiling rises along +x and along +y.
     """
 
     ceiling_z: float = 2.10
@@ -18,11 +26,23 @@ class RoomGeometry:
     x_max: float = 2.0
     y_min: float = -1.0
     y_max: float = 1.0
+    floor_z: float = 0.0
+    ceiling_tilt_x: float = 0.0
+    ceiling_tilt_y: float = 0.0
+
+    def ceiling_at(self, x: float, y: float) -> float:
+        """Height of the ceiling above (x, y), m."""
+        return self.ceiling_z + x * math.tan(self.ceiling_tilt_x) + y * math.tan(self.ceiling_tilt_y)
 
     def contains(self, x: float, y: float, z: float, margin: float = 0.0) -> bool:
         """Whether the point (m) lies inside the flight volume, `margin` (m) away from its side walls."""
         return (
             self.x_min + margin <= x <= self.x_max - margin
             and self.y_min + margin <= y <= self.y_max - margin
-            and -margin <= z <= self.ceiling_z + margin
+            and self.floor_z - margin <= z <= self.ceiling_at(x, y) + margin
         )
+
+    @property
+    def lowest_ceiling(self) -> float:
+        """Height of the ceiling where it is lowest between the walls, m."""
+        return min(self.ceiling_at(x, y) for x in (self.x_min, self.x_max) for y in (self.y_min, self.y_max))

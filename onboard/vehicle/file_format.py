@@ -11,7 +11,7 @@ from pathlib import Path
 from onboard.gravity import GRAVITY
 from onboard.quantity import Quantity
 from onboard.thrust_map import COEFFICIENT_UNITS, ThrustMapForm
-from onboard.toml_file import read_toml
+from onboard.toml_file import quantity_line, read_toml, toml_key, toml_text
 from onboard.vehicle.effect_tables import check_effects, parse_effects
 from onboard.vehicle.model import (
     SCHEMA,
@@ -270,8 +270,8 @@ def vehicle_to_toml(vehicle: Vehicle) -> str:
     """The text of a vehicle file that reads back as the same vehicle, with every table in full."""
     lines = [
         f"schema = {json.dumps(SCHEMA)}",
-        f"name = {_toml_text(vehicle.name)}",
-        f"description = {_toml_text(vehicle.description)}",
+        f"name = {toml_text(vehicle.name)}",
+        f"description = {toml_text(vehicle.description)}",
         "",
         "[body]",
         *_quantity_lines(vehicle.body),
@@ -283,36 +283,19 @@ def vehicle_to_toml(vehicle: Vehicle) -> str:
     ]
     thrust_map = vehicle.motors.thrust_map
     if thrust_map.name is not None:
-        lines.append(f"name = {_toml_text(thrust_map.name)}")
+        lines.append(f"name = {toml_text(thrust_map.name)}")
     lines.append(f"form = {json.dumps(thrust_map.form.name.lower())}")
-    lines += [_quantity_line(key, quantity) for key, quantity in thrust_map.coefficients.items()]
+    lines += [quantity_line(key, quantity) for key, quantity in thrust_map.coefficients.items()]
     lines += ["", "[battery]", *_quantity_lines(vehicle.battery)]
     if vehicle.legs is not None:
-        lines += ["", "[legs]", f"design = {_toml_text(vehicle.legs.design)}", *_quantity_lines(vehicle.legs)]
+        lines += ["", "[legs]", f"design = {toml_text(vehicle.legs.design)}", *_quantity_lines(vehicle.legs)]
     lines += ["", "[air]", *_quantity_lines(vehicle.air), "", "[sensing]", *_quantity_lines(vehicle.sensing)]
     for effect in vehicle.effects:
-        lines += ["", "[[effects]]", f"name = {_toml_text(effect.name)}"]
-        lines += [_quantity_line(_toml_key(key), quantity) for key, quantity in effect.parameters.items()]
+        lines += ["", "[[effects]]", f"name = {toml_text(effect.name)}"]
+        lines += [quantity_line(toml_key(key), quantity) for key, quantity in effect.parameters.items()]
     return "\n".join(lines) + "\n"
 
 
 def _quantity_lines(section: Body | Motors | Battery | Legs | Air | Sensing) -> list[str]:
     values = {item.name: getattr(section, item.name) for item in dataclasses.fields(section)}
-    return [_quantity_line(key, value) for key, value in values.items() if isinstance(value, Quantity)]
-
-
-def _quantity_line(key: str, quantity: Quantity) -> str:
-    return (
-        f"{key} = {{ value = {quantity.value!r}, unit = {_toml_text(quantity.unit)}, "
-        f"sigma = {quantity.sigma!r}, source = {_toml_text(quantity.source)} }}"
-    )
-
-
-def _toml_key(key: str) -> str:
-    bare = bool(key) and all(c.isascii() and (c.isalnum() or c in "_-") for c in key)
-    return key if bare else _toml_text(key)
-
-
-def _toml_text(text: str) -> str:
-    """`text` as a TOML basic string: JSON escapes are TOML escapes, except for the delete character."""
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return [quantity_line(key, value) for key, value in values.items() if isinstance(value, Quantity)]

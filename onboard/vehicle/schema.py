@@ -58,8 +58,9 @@ class Measured:
 class Problems:
     """What is wrong with one file, as sentences that name file and key."""
 
-    def __init__(self, file: str) -> None:
+    def __init__(self, file: str, error: type[InputError] = VehicleFileError) -> None:
         self.file = file
+        self._error = error
         self.messages: list[str] = []
 
     def add(self, key: str, message: str) -> None:
@@ -68,9 +69,9 @@ class Problems:
         self.messages.append(f"{place}: {message}")
 
     def raise_any(self) -> None:
-        """Raise `VehicleFileError` with everything noted, if anything was."""
+        """Raise the kind of error that this file has, with everything noted, if anything was."""
         if self.messages:
-            raise VehicleFileError("\n".join(self.messages))
+            raise self._error("\n".join(self.messages))
 
 
 class _Section(Protocol):

@@ -1,0 +1,41 @@
+"""The lab file (TOML, ``schema = "perchhw.lab/1"``): the room, its drones, its motion capture, its limits.
+
+Described in docs/lab_file.md. Which limits there are is not known on this floor: the reader is told.
+"""
+
+from onboard.lab_file.model import (
+    SCHEMA,
+    Ceiling,
+    LabDrone,
+    LabFile,
+    LabFileError,
+    LabMocap,
+    LabRoom,
+    StartMark,
+    SubjectToBody,
+    plain,
+    split_subject,
+    with_subject,
+)
+from onboard.lab_file.reader import drone_uris, parse_lab, read_lab_file
+from onboard.lab_file.writer import lab_to_toml, write_lab_file
+
+__all__ = [
+    "SCHEMA",
+    "Ceiling",
+    "LabDrone",
+    "LabFile",
+    "LabFileError",
+    "LabMocap",
+    "LabRoom",
+    "StartMark",
+    "SubjectToBody",
+    "drone_uris",
+    "lab_to_toml",
+    "parse_lab",
+    "plain",
+    "read_lab_file",
+    "split_subject",
+    "with_subject",
+    "write_lab_file",
+]
