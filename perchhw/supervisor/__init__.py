@@ -20,8 +20,8 @@ from perchhw.supervisor.events import (
 from perchhw.supervisor.limits import SafetyLimits
 from perchhw.supervisor.machine import initial_state, step
 from perchhw.supervisor.observation import Observation
-from perchhw.supervisor.rules import Violation
 from perchhw.supervisor.state import FlightState, Mission, Phase, Step, Timing
+from perchhw.supervisor.violation import Violation
 
 __all__ = [
     "CommandDone",

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 from perchhw.supervisor.events import Arm, Brake, Command, Disarm, EmergencyStop, Land, Order
 from perchhw.supervisor.observation import Admitted
-from perchhw.supervisor.rules import Rule, first_violation
 from perchhw.supervisor.state import Context, FlightState, Phase, Step
+from perchhw.supervisor.violation import Rule, Violation, at_most, first_violation
 
 
 def enter(state: FlightState, phase: Phase, context: Context, waiting_for: str = "") -> FlightState:
@@ -18,6 +18,7 @@ def enter(state: FlightState, phase: Phase, context: Context, waiting_for: str =
         phase=phase,
         entered_at=context.now,
         good_since=None,
+        bad_since=None,
         answered_at=None,
         oldest_in_force=state.orders_given + 1,
         waiting_for=waiting_for,
@@ -116,7 +117,31 @@ def elapsed(state: FlightState, context: Context) -> float:
     return context.now - state.entered_at
 
 
+def held(state: FlightState, good: bool, hold: float, context: Context) -> tuple[FlightState, bool]:
+    """Whether a condition has held for `hold` s without a break, and the state that remembers since when."""
+    if not good:
+        return replace(state, good_since=None), False
+    since = context.now if state.good_since is None else state.good_since
+    return replace(state, good_since=since), context.now - since >= hold
+
+
+def lasting(state: FlightState, bad: bool, hold: float, context: Context) -> tuple[FlightState, bool]:
+    """Whether something bad has gone on for `hold` s without a break, and the state that remembers it."""
+    if not bad:
+        return replace(state, bad_since=None), False
+    since = context.now if state.bad_since is None else state.bad_since
+    return replace(state, bad_since=since), context.now - since >= hold
+
+
 def guard(state: FlightState, rules: tuple[Rule, ...], o: Admitted, context: Context) -> Step | None:
     """The abort that a broken safety rule demands, or ``None``."""
-    violation = first_violation(rules, o, context.limits)
+    violation = first_violation(rules, o, context.limits) or _overtime(state, context)
     return None if violation is None else abort(state, str(violation), context)
+
+
+def _overtime(state: FlightState, context: Context) -> Violation | None:
+    """The flight as a whole takes no longer than it may."""
+    if state.airborne_since is None:
+        return None
+    longest = context.limits.flight_time + context.mission.approach_duration
+    return at_most("flight_time", context.now - state.airborne_since, longest, "s")

@@ -8,6 +8,7 @@ from dataclasses import replace
 from math import isfinite
 
 from perchhw.supervisor.aborts import abort, carry_on_or_abort, link_down, operator_abort
+from perchhw.supervisor.ending import after_stop
 from perchhw.supervisor.events import (
     CommandDone,
     CommandFailed,
@@ -24,9 +25,11 @@ from perchhw.supervisor.events import (
     UploadPolicy,
 )
 from perchhw.supervisor.gate import admit
+from perchhw.supervisor.hovering import after_course
 from perchhw.supervisor.limits import SafetyLimits
 from perchhw.supervisor.observation import Observation
-from perchhw.supervisor.phases import PHASES, after_course, after_stop, after_upload
+from perchhw.supervisor.on_ground import after_upload
+from perchhw.supervisor.phases import PHASES
 from perchhw.supervisor.state import Context, FlightState, Mission, Phase, Step, Timing
 
 _TICK = 0.02

@@ -7,7 +7,9 @@ from math import cos, sin
 from mocap_bridge.health import Verdict
 from onboard.app_interface import EndReason, LandingState
 from onboard.arrays import Quaternion
+from onboard.room import RoomGeometry
 from onboard.supervisor_info import SupervisorBits, SupervisorInfo
+from onboard.trajectory import fit_approach, sample_approach
 from perchhw.supervisor import (
     CommandDone,
     Event,
@@ -37,12 +39,21 @@ from perchhw.supervisor.events import (
 )
 
 CRC = 0x1234ABCD
-MISSION = Mission(policy_crc=CRC, start=(-3.0, 0.0, 0.6), hover_height=0.6, approach_duration=2.0)
-TEST_FLIGHT = replace(MISSION, policy_crc=0, test_flight=True)
+PLAN = fit_approach(2.5, 50.0, RoomGeometry())
+MISSION = Mission(
+    policy_crc=CRC,
+    start=(PLAN.x0, PLAN.y0, PLAN.z0),
+    hover_height=0.6,
+    approach_duration=PLAN.impact_time,
+    corridor=PLAN,
+)
+TEST_FLIGHT = replace(MISSION, policy_crc=0, test_flight=True, corridor=None)
 PERIOD = 0.02
 ANSWER_TIME = 0.5
 """s until the drone has accepted an approach."""
-LEVEL = (0.0, 0.0, 0.0, 1.0)
+LEVEL, INVERTED = (0.0, 0.0, 0.0, 1.0), (0.0, 1.0, 0.0, 0.0)
+TAU = 0.2
+"""s before the ceiling at which the trigger fires, or the drone begins to brake."""
 READY = SupervisorBits.CAN_ARM
 FLYING = SupervisorBits.ARMED | SupervisorBits.CAN_FLY | SupervisorBits.FLYING
 
@@ -93,7 +104,7 @@ class SimulatedAttempt:
         fault: changes each observation before the supervisor sees it.
         triggers: whether the trigger fires half-way through the approach (otherwise the drone brakes).
         ends_by: why the drone says that it brakes.
-        commands: all commands so far.
+        commands, orders: all so far.
         phases: all phases so far.
     """
 
@@ -103,6 +114,7 @@ class SimulatedAttempt:
     ends_by: EndReason | None = EndReason.MISSED_TRIGGER
     events_at: dict[Phase, Event] = field(default_factory=dict)
     commands: list[Command] = field(default_factory=list)
+    orders: list[Order] = field(default_factory=list)
     phases: list[Phase] = field(default_factory=list)
     now: float = 0.0
     world: Observation = field(default_factory=good_on_ground)
@@ -138,6 +150,7 @@ class SimulatedAttempt:
                         pending.append(CommandDone(order, CRC))
                     case _:
                         pending.append(CommandDone(order))
+                self.orders.append(order)
             assert self.now < longest, f"stuck in {state.phase}, waiting for {state.waiting_for}"
         self.phases.append(state.phase)
         return state
@@ -153,13 +166,20 @@ class SimulatedAttempt:
 
     def _fly_approach(self) -> None:
         since = self.now - (self.approach_started or 0.0)
-        if self.world.landing_state is LandingState.APPROACH and since > 1.0:
+        trigger = PLAN.impact_time - TAU
+        if self.world.landing_state is LandingState.APPROACH:
+            place, velocity, _ = sample_approach.py_func(PLAN, since)
+            self._move(place)
+            self.world = replace(self.world, estimate_velocity=velocity)
+        if self.world.landing_state is LandingState.APPROACH and since > trigger:
             self._landing(LandingState.FLIP if self.triggers else LandingState.BRAKE)
             reason = EndReason.TRIGGERED if self.triggers else self.ends_by
             self.world = replace(self.world, end_reason=reason)
-        elif self.world.landing_state is LandingState.FLIP and since > 1.2:
+        elif self.world.landing_state is LandingState.FLIP and since > trigger + 0.2:
             self._landing(LandingState.CUT)
-        elif self.world.landing_state is LandingState.BRAKE and since > 1.5:
+            self._move((PLAN.impact_x, PLAN.y0, PLAN.ceiling_z - 0.075))
+            self.world = replace(self.world, pose_quaternion=INVERTED)
+        elif self.world.landing_state is LandingState.BRAKE and since > trigger + 0.5:
             self._landing(LandingState.HOLD)
 
     def _landing(self, state: LandingState) -> None:
@@ -180,6 +200,7 @@ class SimulatedAttempt:
             case GoTo(position, _):
                 self._move(position)
             case ArmApproach():
+                self.world = replace(self.world, policy_armed=True, trajectory_armed=True)
                 self.approach_armed = self.now + ANSWER_TIME
             case StartApproach():
                 self._landing(LandingState.APPROACH)
@@ -189,6 +210,10 @@ class SimulatedAttempt:
             case Brake():
                 self._landing(LandingState.HOLD)
             case Land(_):
+                self._landing(LandingState.IDLE)
+                self.world = replace(self.world, policy_armed=False, trajectory_armed=False)
+                self.world = replace(self.world, estimate_velocity=(0.0, 0.0, 0.0))
+                self.approach_started = None
                 self._move((x, y, 0.07))
             case Disarm():
                 self.world = replace(self.world, drone=SupervisorInfo(READY))

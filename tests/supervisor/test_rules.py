@@ -10,7 +10,14 @@ from onboard.supervisor_info import SupervisorBits, SupervisorInfo
 from perchhw.supervisor import Observation, SafetyLimits, Violation
 from perchhw.supervisor.gate import GateMemory, admit
 from perchhw.supervisor.observation import Admitted, Attitude
-from perchhw.supervisor.rules import APPROACH_RULES, HOVER_RULES, PREFLIGHT_RULES, Rule, first_violation
+from perchhw.supervisor.rules import (
+    APPROACH_RULES,
+    HOVER_RULES,
+    PREFLIGHT_RULES,
+    TAKE_OFF_RULES,
+    TEST_FLIGHT_RULES,
+)
+from perchhw.supervisor.violation import Rule, first_violation
 
 from .simulated_attempt import FLYING, good_on_ground, turned
 
@@ -25,7 +32,6 @@ NOT_GUARDED_ON_GROUND = {
     "policy_crc_age",
     "policy_armed",
     "trajectory_armed",
-    "parameters_ok",
     "parameters_problem",
     "rates_age",
     "body_rates",
@@ -60,9 +66,10 @@ def test_an_unknown_value_never_arms(name: str) -> None:
 
 
 def test_knowing_nothing_never_flies() -> None:
-    for rules in (PREFLIGHT_RULES, HOVER_RULES, APPROACH_RULES):
+    marked = replace(LIMITS, start_mark=(-3.0, 0.0, 0.0))
+    for rules in (PREFLIGHT_RULES, TAKE_OFF_RULES, HOVER_RULES, TEST_FLIGHT_RULES, APPROACH_RULES):
         for rule in rules:
-            assert rule(Admitted(Observation()), LIMITS) is not None, rule.__name__
+            assert rule(Admitted(Observation()), marked) is not None, rule.__name__
 
 
 @pytest.mark.parametrize("verdict", [v for v in Verdict if v is not Verdict.OK])
