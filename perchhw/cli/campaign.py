@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from perchhw.cli.output import console, emit, progress_console
+from perchhw.cli.output import console, emit, progress_console, show_alert
 
 if TYPE_CHECKING:
     from perchhw.campaign import AttemptRow, CampaignPlan

@@ -7,7 +7,7 @@ import typer
 
 from perchhw.attempt import DEFAULT_POLICY, DEFAULT_VEHICLE
 from perchhw.cli import exit_codes
-from perchhw.cli.output import console, emit, progress_console
+from perchhw.cli.output import console, emit, progress_console, show_alert
 
 if TYPE_CHECKING:
     from perchhw.campaign import AttemptRow, CampaignPlan
