@@ -176,7 +176,6 @@ def _triggers(memory: Any, inputs: LandingInputs) -> bool:
 def _begin_flip(memory: Any, inputs: LandingInputs) -> None:
     _end_approach(memory, FLIP, _TRIGGERED)
     memory.flip_time = inputs.time
-    memory.snapshot_count += 1
     memory.snapshot_time = inputs.time
     memory.snapshot_tau = inputs.tau
     memory.snapshot_theta_x = inputs.theta_x
@@ -187,6 +186,7 @@ def _begin_flip(memory: Any, inputs: LandingInputs) -> None:
     memory.snapshot_pitch = euler_angles(own_attitude(memory))[1]
     for i in range(3):
         memory.snapshot_velocity[i] = inputs.velocity[i]
+    memory.snapshot_count += 1  # last: who sees the new count finds the new fields
 
 
 @kernel

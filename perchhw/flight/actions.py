@@ -6,9 +6,12 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 from typing import TYPE_CHECKING
 
-from onboard.app_interface import Parameter, TrajectoryStatus
+from onboard.app_interface import Parameter
 from onboard.clock import Clock
 from onboard.errors import PerchhwError
+from onboard.link.landing_app import arm_approach, check_vehicle, release
+from onboard.vehicle import Vehicle
+from onboard.vehicle.onboard_constants import vehicle_crc32
 from perchhw.errors import FlightStackError
 from perchhw.flight.mission import AttemptPlan
 from perchhw.supervisor import CommandDone, CommandFailed, Event
@@ -103,7 +106,7 @@ class LandingCommands(CommandRunner):
         link, events: as :class:`CommandRunner`.
         plan: what is flown.
         bundle: the policy bundle to upload.
-        ceiling_z: height of the ceiling, m.
+        vehicle: what the host believes the drone to be; its firmware must have been built for it.
     """
 
     def __init__(
@@ -112,55 +115,33 @@ class LandingCommands(CommandRunner):
         events: "queue.Queue[Event]",
         plan: AttemptPlan,
         bundle: bytes,
-        ceiling_z: float,
+        vehicle: Vehicle,
     ) -> None:
         super().__init__(link, events)
         self._plan = plan
         self._bundle = bundle
-        self._ceiling_z = ceiling_z
+        self._vehicle = vehicle
 
     def _carry_out(self, command: Command) -> int | None:
         link = self._link
         match command:
             case UploadPolicy():
+                check_vehicle(link, vehicle_crc32(self._vehicle), self._vehicle.name)
                 return link.upload_policy(self._bundle)
             case ArmApproach():
-                self._arm_approach()
+                arm_approach(link, self._plan.approach)
             case StartApproach():
                 link.set_param(Parameter.GO, 1)
             case Brake():
                 link.set_param(Parameter.ABORT, 1)
             case Land():
-                # A landing app that holds the drone hands it over when its switches are cleared, and tells
-                # the commander to stay where it is: so the descent comes second.
-                link.set_params({Parameter.POLICY_ARM: 0, Parameter.TRAJECTORY_ARM: 0})
+                # The app that has the drone hands it over and tells the planner where it is: the descent
+                # comes second.
+                release(link)
                 return super()._carry_out(command)
             case _:
                 return super()._carry_out(command)
         return None
-
-    def _arm_approach(self) -> None:
-        """Hand the approach to the drone, arm it, and arm the policy: two separate switches."""
-        approach = self._plan.approach
-        self._link.set_params(
-            {
-                Parameter.CEILING_Z: self._ceiling_z,
-                Parameter.IMPACT_X: float(approach.impact_x),
-                Parameter.IMPACT_Y: float(approach.y0),
-                Parameter.SPEED_X: float(approach.vx),
-                Parameter.SPEED_Z: float(approach.vz),
-                Parameter.ACCELERATION_X: float(approach.ax),
-                Parameter.ACCELERATION_Z: float(approach.az),
-                Parameter.TAU_START: float(approach.tau0),
-            }
-        )
-        self._link.set_param(Parameter.TRAJECTORY_ARM, 1)
-        status = TrajectoryStatus(int(self._link.param(Parameter.TRAJECTORY_STATUS)))
-        if status is not TrajectoryStatus.ARMED:
-            raise CommandRefusedOnboard(
-                f"the drone refused the approach: {status.name.lower().replace('_', ' ')}"
-            )
-        self._link.set_param(Parameter.POLICY_ARM, 1)
 
 
 SETPOINT_PERIOD = 0.02

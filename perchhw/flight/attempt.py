@@ -58,7 +58,7 @@ def fly_attempt(
             mission=plan.mission,
             limits=limits,
             blocks=BLOCKS,
-            commands=lambda link, events: LandingCommands(link, events, plan, bundle, request.room.ceiling_z),
+            commands=lambda link, events: LandingCommands(link, events, plan, bundle, vehicle),
             recorder=recorder,
             clock=clock,
             on_phase=on_phase,
