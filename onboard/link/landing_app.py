@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 ARM_TIMEOUT_S = 0.5
 """The control loop consumes a request within 20 ms; the rest is for the radio."""
 
-RELEASE_TIMEOUT_S = 2.0
-"""A brake from 3.5 m/s holds after 0.9 s at most; only then does the app hand over."""
+RELEASE_TIMEOUT_S = 3.0
+"""A brake from 3.5 m/s holds after 0.9 s at most, and the hold is handed over after 1.5 s at most."""
 
 _POLL_S = 0.01
 
