@@ -8,10 +8,13 @@ import logging
 import threading
 from typing import TYPE_CHECKING
 
-from onboard.app_interface import Parameter, TrajectoryStatus
+from onboard.app_interface import Parameter
 from onboard.errors import PerchhwError
+from onboard.link.landing_app import arm_approach, check_vehicle, release
 from onboard.timebase import Event as Signal
 from onboard.timebase import Queue, Timebase
+from onboard.vehicle import Vehicle
+from onboard.vehicle.onboard_constants import vehicle_crc32
 from perchhw.errors import FlightStackError
 from perchhw.flight.caught import Caught
 from perchhw.flight.mission import AttemptPlan
@@ -172,7 +175,7 @@ class LandingCommands(CommandRunner):
         readback: where the switches go, as they were read back.
         plan: what is flown.
         bundle: the policy bundle to upload.
-        ceiling_z: height of the ceiling, m.
+        vehicle: what the host believes the drone to be; its firmware must have been built for it.
     """
 
     def __init__(
@@ -183,18 +186,19 @@ class LandingCommands(CommandRunner):
         readback: ReadBack,
         plan: AttemptPlan,
         bundle: bytes,
-        ceiling_z: float,
+        vehicle: Vehicle,
     ) -> None:
         super().__init__(link, events, clock)
         self._readback = readback
         self._plan = plan
         self._bundle = bundle
-        self._ceiling_z = ceiling_z
+        self._vehicle = vehicle
 
     def _carry_out(self, order: Order) -> int | None:
         link = self._link
         match order.command:
             case UploadPolicy():
+                check_vehicle(link, vehicle_crc32(self._vehicle), self._vehicle.name)
                 return link.upload_policy(self._bundle)
             case ArmApproach():
                 self._arm_approach(order)
@@ -203,8 +207,8 @@ class LandingCommands(CommandRunner):
             case Brake():
                 link.set_param(Parameter.ABORT, 1)
             case Land():
-                # A landing app that holds the drone hands it over when its switches are cleared, and tells
-                # the commander to stay where it is: so the descent comes second.
+                # The app that has the drone hands it over and tells the planner where it is: the descent
+                # comes second.
                 self._release()
                 return super()._carry_out(order)
             case _:
@@ -217,34 +221,13 @@ class LandingCommands(CommandRunner):
         super()._carry_out_again(order)
 
     def _release(self) -> None:
-        """Clear both switches of the landing app and read them back as off."""
-        self._link.set_params({Parameter.POLICY_ARM: 0, Parameter.TRAJECTORY_ARM: 0})
-        self._readback.read_switches(self._link)
-        if self._readback.policy_armed or self._readback.trajectory_armed:
-            raise CommandRefusedOnboard("the drone keeps the approach: a switch reads back as on")
+        """Take the drone back: both switches read as off, and the app has let go."""
+        self._readback.switches_are(None)
+        release(self._link, self._clock)
+        self._readback.switches_are(False)
 
     def _arm_approach(self, order: Order) -> None:
-        """Hand the approach to the drone, arm it, and arm the policy: two separate switches."""
-        approach = self._plan.approach
-        self._link.set_params(
-            {
-                Parameter.CEILING_Z: self._ceiling_z,
-                Parameter.IMPACT_X: float(approach.impact_x),
-                Parameter.IMPACT_Y: float(approach.y0),
-                Parameter.SPEED_X: float(approach.vx),
-                Parameter.SPEED_Z: float(approach.vz),
-                Parameter.ACCELERATION_X: float(approach.ax),
-                Parameter.ACCELERATION_Z: float(approach.az),
-                Parameter.TAU_START: float(approach.tau0),
-            }
-        )
-        self._require(order)
-        self._link.set_param(Parameter.TRAJECTORY_ARM, 1)
-        status = TrajectoryStatus(int(self._link.param(Parameter.TRAJECTORY_STATUS)))
-        if status is not TrajectoryStatus.ARMED:
-            raise CommandRefusedOnboard(
-                f"the drone refused the approach: {status.name.lower().replace('_', ' ')}"
-            )
-        self._require(order)
-        self._link.set_param(Parameter.POLICY_ARM, 1)
-        self._readback.read_switches(self._link)
+        """Hand the approach to the drone, arm it, and arm the policy."""
+        self._readback.switches_are(None)
+        arm_approach(self._link, self._plan.approach, self._clock, before_switch=lambda: self._require(order))
+        self._readback.switches_are(True)

@@ -64,7 +64,7 @@ def fly_attempt(
             blocks=BLOCKS,
             settings=LANDING_SETTINGS,
             commands=lambda link, events, readback: LandingCommands(
-                link, events, clock, readback, plan, bundle, request.room.ceiling_z
+                link, events, clock, readback, plan, bundle, vehicle
             ),
             record=record,
             clock=clock,

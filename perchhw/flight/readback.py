@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from onboard.app_interface import Parameter
 from onboard.link.errors import LinkError
 
 if TYPE_CHECKING:
@@ -42,15 +41,9 @@ class ReadBack:
         self.parameters_ok = not problems
         self.parameters_problem = "; ".join(problems) or None
 
-    def read_switches(self, link: "DroneLink") -> None:
-        """Read the landing app's switches.
-
-        Raises:
-            LinkError: no answer; they are unknown then.
-        """
-        self.policy_armed = self.trajectory_armed = None
-        self.policy_armed = bool(link.param(Parameter.POLICY_ARM))
-        self.trajectory_armed = bool(link.param(Parameter.TRAJECTORY_ARM))
+    def switches_are(self, on: bool | None) -> None:
+        """Both switches read back as `on`; None while that is not known."""
+        self.policy_armed = self.trajectory_armed = on
 
 
 def _problem(link: "DroneLink", name: str, needed: int) -> str | None:

@@ -79,14 +79,23 @@ BLOCKS: tuple[Block, ...] = (
     ),
     Block(
         50,
-        _floats(
-            "perchT",
-            "trigger",
-            "tick tau thetaX dCeil trigVal aRot",
-            "tick_ms tau theta_x d_ceil trigger_value a_rot",
-        ),
+        {
+            **_floats(
+                "perchT",
+                "trigger",
+                "tick tau thetaX dCeil trigVal aRot",
+                "tick_ms tau theta_x d_ceil trigger_value a_rot",
+            ),
+            "perchT.count": Field("", "count_of_cues"),
+        },
     ),
-    Block(50, _floats("perchT", "trigger", "vx vy vz z pitch", "vx vy vz z pitch")),
+    Block(
+        50,
+        {
+            **_floats("perchT", "trigger", "vx vy vz z pitch", "vx vy vz z pitch"),
+            "perchT.count": Field("", "count_of_motion"),
+        },
+    ),
 )
 """The log blocks of a landing attempt. Variables with an empty topic are watched but not recorded."""
 
@@ -195,8 +204,16 @@ class Telemetry:
         return None, None
 
     def trigger_snapshot(self) -> dict[str, float] | None:
-        """The drone's snapshot of its trigger, or ``None`` when it never fired."""
-        if not self.value("trigger", "count"):
+        """The drone's snapshot of its trigger, or ``None`` when it never fired, or is torn.
+
+        It comes in two blocks; each brings the count that it belongs to, which the drone writes last.
+        """
+        count = self.value("trigger", "count")
+        if (
+            not count
+            or self.value("", "count_of_cues") != count
+            or self.value("", "count_of_motion") != count
+        ):
             return None
         with self._lock:
             return {
