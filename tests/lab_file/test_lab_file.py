@@ -26,7 +26,6 @@ from onboard.lab_file import (
 from onboard.quantity import Quantity
 from tests.lab_file.labs import LAB, RULES
 
-
 TWIN = '[[drones]]\nuri = "udp://127.0.0.1:19850?time=shm"\nvehicle = "v"\n'
 
 
