@@ -50,14 +50,15 @@ def step(
     timing: Timing | None = None,
 ) -> Step:
     """The next state and the orders that follow from `event` at time `now` (s of any monotonic clock)."""
-    if state.phase is Phase.DONE:
-        return Step(state)
     limits, timing = limits or SafetyLimits(), timing or Timing()
     state, problem = _at(state, now)
     context = Context(state.time, mission, limits, timing)
     if problem is None:
         return _react(state, event, context)
     state, first = _react(state, InternalError(problem), context)
+    if first and state.phase is Phase.STOPPING:
+        # The event is older than this stop, and cannot confirm it.
+        return Step(state, first)
     state, second = _react(state, event, context)
     return Step(state, (*first, *second))
 
@@ -75,6 +76,8 @@ def _at(state: FlightState, now: float) -> tuple[FlightState, str | None]:
 
 
 def _react(state: FlightState, event: Event, context: Context) -> Step:
+    if state.phase is Phase.DONE:
+        return Step(state)
     match event:
         case Tick(observation):
             return _look(state, observation, context)
