@@ -33,10 +33,13 @@ import cflib.crtp
 from cflib.crtp.crtpdriver import CRTPDriver
 from cflib.crtp.crtpstack import CRTPPacket
 from cflib.crtp.exceptions import WrongUriType
+from cflib.crtp.radiodriver import RadioDriver
 from cflib.crtp.udpdriver import UdpDriver
 
 from onboard.link.errors import LinkError
+from onboard.link.radio import GuardedRadioDriver
 from onboard.link.replies import ECHO_HEADER, PORT_AND_CHANNEL, OutstandingRequests, Packet
+from onboard.link.stop_ports import UdpStopPort
 from onboard.link.uri import UdpAddress, parse_udp_uri
 from onboard.timebase import WALL, Queue, Timebase, Transport
 
@@ -63,13 +66,16 @@ class DriverStatistics:
 
 
 def install_driver() -> None:
-    """Make cflib use :class:`ResendingUdpDriver` for ``udp://``; other schemes keep cflib's. Idempotent."""
+    """Make cflib use :class:`ResendingUdpDriver` for ``udp://`` and :class:`GuardedRadioDriver` for
+    ``radio://``; other schemes keep cflib's. Idempotent."""
     with _install_lock:
         classes = cflib.crtp.CLASSES
         if UdpDriver not in classes:
             cflib.crtp.init_drivers()
         if ResendingUdpDriver not in classes:
             classes.insert(classes.index(UdpDriver), ResendingUdpDriver)
+            if RadioDriver in classes:  # not when cflib was told to use its C++ link
+                classes[classes.index(RadioDriver)] = GuardedRadioDriver
 
 
 @contextmanager
@@ -104,6 +110,7 @@ class ResendingUdpDriver(CRTPDriver):
         self._failed = False
         self._closed = threading.Event()
         self._threads: tuple[threading.Thread, ...] = ()
+        self._stop_port: UdpStopPort | None = None
 
     def connect(
         self,
@@ -185,6 +192,22 @@ class ResendingUdpDriver(CRTPDriver):
         with contextlib.suppress(queue.Full):
             self._incoming.put_nowait(None)  # ends a receive_packet that is waiting
 
+    def stop_port(self) -> UdpStopPort:
+        """A way out for an emergency stop, which outlives this driver.
+
+        Raises:
+            LinkError: the link is closed.
+        """
+        udp = self._socket
+        if udp is None:
+            raise LinkError(f"the link to {self.uri} is closed: it carries no stop")
+
+        def read_here() -> bool:
+            return not (self._failed or self._closed.is_set())
+
+        self._stop_port = UdpStopPort(udp, read_here, self._transport.sent)
+        return self._stop_port
+
     def statistics(self) -> DriverStatistics:
         """A copy of the packet counts."""
         with self._lock:
@@ -232,6 +255,8 @@ class ResendingUdpDriver(CRTPDriver):
                 self._transport.received(1)
 
     def _take(self, datagram: bytes) -> None:
+        if self._stop_port is not None:
+            self._stop_port.take(datagram)
         if not 1 <= len(datagram) <= DATAGRAM_MAX:
             return
         with self._lock:

@@ -7,8 +7,9 @@ The drone validates the staged bundle by itself and keeps its previous policy wh
 
 import zlib
 
-from onboard.app_interface import BUNDLE_ADDRESS, INTERFACE_VERSION, MEMORY_TYPE_APP, Parameter, PolicyStatus
-from onboard.link.errors import CommandRefused, LinkTimeout, NoSuchVariable, PolicyRefused
+from onboard.app_interface import BUNDLE_ADDRESS, MEMORY_TYPE_APP, Parameter, PolicyStatus
+from onboard.link.errors import CommandRefused, LinkTimeout, PolicyRefused
+from onboard.link.landing_app import check_interface
 from onboard.link.memory import Memories
 from onboard.link.parameters import Parameters
 from onboard.timebase import Timebase
@@ -25,6 +26,7 @@ REASONS: dict[PolicyStatus, str] = {
     PolicyStatus.REFUSED_FORMAT: "its format, version or dimensions are not known to this firmware",
     PolicyStatus.REFUSED_RANGE: "it contains numbers that are not finite or out of range",
     PolicyStatus.REFUSED_FLYING: "the drone is flying; land first",
+    PolicyStatus.REFUSED_VECTORS: "it has more support vectors than the drone's control loop has time for",
 }
 
 
@@ -55,12 +57,7 @@ class PolicyUpload:
             PolicyRefused: the drone refuses it, for the reason in the message, and keeps its previous policy.
             LinkTimeout, LinkLost: the link failed; which policy is live must be asked again.
         """
-        version = int(self._parameters.read(Parameter.VERSION))
-        if version != INTERFACE_VERSION:
-            raise NoSuchVariable(
-                f"the drone's perching app has interface version {version}, needed is {INTERFACE_VERSION}; "
-                "flash the matching firmware"
-            )
+        check_interface(self._parameters.read)
         self._stage(bundle)
         crc = zlib.crc32(bundle)
         before = self._status()

@@ -14,7 +14,7 @@ from perchhw.attempt import (
 )
 from perchhw.cli import exit_codes
 from perchhw.cli.options import Lab
-from perchhw.cli.output import emit, progress_console
+from perchhw.cli.output import emit, show_flight
 
 app = typer.Typer(add_completion=False)
 
@@ -65,7 +65,6 @@ def fly(
     from perchhw.lab import find_lab, flight_setup
     from perchhw.record import discard_if_empty, new_run_folder
 
-    console = progress_console()
     setup = flight_setup(
         find_lab(lab), drone=drone, mocap=mocap, vehicle=vehicle, legs=legs, policy=policy, ceiling=ceiling
     )
@@ -86,9 +85,7 @@ def fly(
     try:
         if put_back:
             turnaround.put_back(setup.drone, confirmation(yes))
-        result = fly_attempt(
-            request, dry_run=dry_run, on_phase=lambda state: console.print(f"  {state.phase.value}")
-        )
+        result = fly_attempt(request, dry_run=dry_run, on_phase=show_flight)
     except AttemptInterrupted as interrupted:
         _emit(interrupted.result, dry_run)
         raise

@@ -5,18 +5,22 @@ from typing import Any
 from calibration.flights import open_flight
 from mocap_bridge.uri import parse_mocap_uri
 from onboard.errors import PerchhwError
+from onboard.lab_time import open_timebase
 from onboard.link.uri import check_drone_uri
 from onboard.policy.bundle import bundle_crc32, encode_bundle
 from onboard.policy.files import find_policy, load_policy
-from onboard.timebase import WALL, Timebase
+from onboard.timebase import Timebase
 from onboard.vehicle import Vehicle, load_vehicle
 from perchhw.attempt import AttemptInterrupted, AttemptRequest, AttemptResult, Outcome
 from perchhw.flight.actions import LandingCommands
+from perchhw.flight.loop import OnPhase
 from perchhw.flight.mission import AttemptPlan, plan_attempt
-from perchhw.flight.session import OnPhase, SupervisedFlight
+from perchhw.flight.readback import LANDING_SETTINGS
+from perchhw.flight.recording import FlightRecord
+from perchhw.flight.session import SupervisedFlight
 from perchhw.flight.telemetry import BLOCKS
 from perchhw.lab import correction_of, in_record, limits_of, require_lab
-from perchhw.label import LabelError, label_flight
+from perchhw.label import label_flight
 from perchhw.record import RunRecorder
 from perchhw.supervisor import FlightState, SafetyLimits
 
@@ -25,7 +29,6 @@ def fly_attempt(
     request: AttemptRequest,
     *,
     dry_run: bool = False,
-    clock: Timebase = WALL,
     limits: SafetyLimits | None = None,
     on_phase: OnPhase | None = None,
 ) -> AttemptResult:
@@ -34,9 +37,8 @@ def fly_attempt(
     Args:
         request: what to fly, where, with which policy; `request.folder` is created for the record.
         dry_run: stop after the verified policy upload; the motors never arm.
-        clock: monotonic clock, s.
         limits: safety limits; by default the documented ones and those of the lab file.
-        on_phase: called on each change of phase, for a display.
+        on_phase: called when the phase or the alert changes, for a display.
 
     Returns:
         The result. An attempt that a safety rule or the operator ended has the outcome ``aborted``.
@@ -53,17 +55,22 @@ def fly_attempt(
     bundle = encode_bundle(load_policy(find_policy(request.policy)))
     plan = plan_attempt(request, bundle_crc32(bundle), dry_run)
     limits = limits or limits_of(request.lab, request.room, request.drone)
-    with RunRecorder(request.folder, _configuration(request, vehicle, plan), clock) as recorder:
+    with (
+        open_timebase("fly", request.drone, request.mocap) as clock,
+        RunRecorder(request.folder, _configuration(request, vehicle, plan), clock) as recorder,
+    ):
+        record = FlightRecord(recorder)
         flight = SupervisedFlight(
             drone=request.drone,
             mocap=request.mocap,
             mission=plan.mission,
             limits=limits,
             blocks=BLOCKS,
-            commands=lambda link, events: LandingCommands(
-                link, events, plan, bundle, plan.approach.ceiling_z
+            settings=LANDING_SETTINGS,
+            commands=lambda link, events, readback: LandingCommands(
+                link, events, clock, readback, plan, bundle, vehicle
             ),
-            recorder=recorder,
+            record=record,
             clock=clock,
             on_phase=on_phase,
             correction=correction_of(request.lab),
@@ -71,10 +78,10 @@ def fly_attempt(
         try:
             flown = flight.run()
         except PerchhwError as error:
-            recorder.event("refused", clock(), reason=str(error))
-            recorder.close(outcome=Outcome.ABORTED, aborted_by=str(error))
+            record.event("refused", clock(), reason=str(error))
+            record.close(outcome=Outcome.ABORTED, aborted_by=str(error))
             raise
-        result = _conclude(request, vehicle, flown.state, flown.trigger, recorder, clock)
+        result = _conclude(request, vehicle, flown.state, flown.trigger, record, clock)
     if flown.interrupted:
         raise AttemptInterrupted(result)
     return result
@@ -106,7 +113,7 @@ def _conclude(
     vehicle: Vehicle,
     state: FlightState,
     trigger: dict[str, float] | None,
-    recorder: RunRecorder,
+    record: FlightRecord,
     clock: Timebase,
 ) -> AttemptResult:
     """Label what was flown and close the record."""
@@ -114,13 +121,18 @@ def _conclude(
     if aborted_by is None and state.armed:
         try:
             label = label_flight(open_flight(request.folder, "perchhw"), vehicle)
-        except LabelError as error:
-            aborted_by = state.link_lost or f"label: {error}"
+        except PerchhwError as error:
+            aborted_by = _why_no_label(state, error)
         else:
             outcome, evidence = label.outcome, label.evidence
-    recorder.event("labelled", clock(), outcome=outcome, evidence=evidence)
+    record.event("labelled", clock(), outcome=outcome, evidence=evidence)
     result = AttemptResult(outcome, state.triggered, trigger, aborted_by, request.folder)
-    recorder.close(
+    record.close(
         outcome=outcome, triggered=state.triggered, trigger=trigger, aborted_by=aborted_by, evidence=evidence
     )
     return result
+
+
+def _why_no_label(state: FlightState, error: PerchhwError) -> str:
+    """What kept the record from telling how it ended."""
+    return state.record_lost or state.link_lost or f"label: {error}"

@@ -14,14 +14,17 @@ from calibration.gap.suggest.manoeuvres import manoeuvre
 from mocap_bridge.uri import parse_mocap_uri
 from onboard.errors import PerchhwError
 from onboard.lab_file import LabFile
+from onboard.lab_time import open_timebase
 from onboard.link.uri import check_drone_uri
 from onboard.outcome import Outcome
 from onboard.room import RoomGeometry
-from onboard.timebase import WALL, Timebase
 from onboard.vehicle import load_vehicle
-from perchhw.flight.actions import CourseCommands
+from perchhw.flight.course_commands import CourseCommands
+from perchhw.flight.loop import OnPhase
 from perchhw.flight.mission import LOWEST_HOVER
-from perchhw.flight.session import OnPhase, SupervisedFlight
+from perchhw.flight.readback import TEST_FLIGHT_SETTINGS
+from perchhw.flight.recording import FlightRecord
+from perchhw.flight.session import SupervisedFlight
 from perchhw.flight.telemetry import TEST_FLIGHT_BLOCKS
 from perchhw.lab import correction_of, in_record, limits_of, require_lab
 from perchhw.record import RunRecorder
@@ -83,7 +86,6 @@ class CourseResult:
 def fly_course(
     request: CourseRequest,
     *,
-    clock: Timebase = WALL,
     limits: SafetyLimits | None = None,
     on_phase: OnPhase | None = None,
 ) -> CourseResult:
@@ -106,15 +108,20 @@ def fly_course(
         test_flight=True,
     )
     design = None if vehicle.legs is None else vehicle.legs.design
-    with RunRecorder(request.folder, _configuration(request, vehicle.name, design), clock) as recorder:
+    with (
+        open_timebase("test flight", request.drone, request.mocap) as clock,
+        RunRecorder(request.folder, _configuration(request, vehicle.name, design), clock) as recorder,
+    ):
+        record = FlightRecord(recorder)
         flight = SupervisedFlight(
             drone=request.drone,
             mocap=request.mocap,
             mission=mission,
             limits=limits or limits_of(request.lab, request.room, request.drone),
             blocks=TEST_FLIGHT_BLOCKS,
-            commands=lambda link, events: CourseCommands(link, events, course, clock),
-            recorder=recorder,
+            settings=TEST_FLIGHT_SETTINGS,
+            commands=lambda link, events, _readback: CourseCommands(link, events, clock, course),
+            record=record,
             clock=clock,
             on_phase=on_phase,
             correction=correction_of(request.lab),
@@ -122,11 +129,11 @@ def fly_course(
         try:
             flown = flight.run()
         except PerchhwError as error:
-            recorder.event("refused", clock(), reason=str(error))
-            recorder.close(outcome=Outcome.ABORTED, aborted_by=str(error))
+            record.event("refused", clock(), reason=str(error))
+            record.close(outcome=Outcome.ABORTED, aborted_by=str(error))
             raise
         aborted_by = flown.state.aborted_by
-        recorder.close(outcome=FLOWN if aborted_by is None else Outcome.ABORTED, aborted_by=aborted_by)
+        record.close(outcome=FLOWN if aborted_by is None else Outcome.ABORTED, aborted_by=aborted_by)
     return CourseResult(aborted_by, request.folder, flown.interrupted)
 
 

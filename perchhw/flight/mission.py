@@ -56,6 +56,7 @@ def plan_attempt(request: AttemptRequest, policy_crc: int, dry_run: bool = False
         hover_height=max(LOWEST_HOVER, start[2]),
         approach_duration=float(approach.impact_time),
         dry_run=dry_run,
+        corridor=approach,
     )
     return AttemptPlan(approach=approach, mission=mission)
 

@@ -2,21 +2,24 @@
 
 import threading
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from mocap_bridge.bridge import BridgeStatus, PoseBridge
 from mocap_bridge.health import Verdict
 from mocap_bridge.pose import PoseSample
 from onboard.app_interface import EndReason, LandingState
-from onboard.clock import Clock
+from onboard.arrays import Quaternion
 from onboard.gravity import GRAVITY
 from onboard.supervisor_info import SupervisorInfo
-from perchhw.record import RunRecorder
+from onboard.timebase import Timebase
+from perchhw.flight.readback import ReadBack
+from perchhw.flight.recording import FlightRecord
 from perchhw.supervisor import Observation
-from perchhw.supervisor.observation import Attitude
 
 if TYPE_CHECKING:
     from onboard.link import DroneLink, LogSample
+
+_E = TypeVar("_E", LandingState, EndReason)
 
 _RAD = 0.017453292519943295
 
@@ -76,14 +79,23 @@ BLOCKS: tuple[Block, ...] = (
     ),
     Block(
         50,
-        _floats(
-            "perchT",
-            "trigger",
-            "tick tau thetaX dCeil trigVal aRot",
-            "tick_ms tau theta_x d_ceil trigger_value a_rot",
-        ),
+        {
+            **_floats(
+                "perchT",
+                "trigger",
+                "tick tau thetaX dCeil trigVal aRot",
+                "tick_ms tau theta_x d_ceil trigger_value a_rot",
+            ),
+            "perchT.count": Field("", "count_of_cues"),
+        },
     ),
-    Block(50, _floats("perchT", "trigger", "vx vy vz z pitch", "vx vy vz z pitch")),
+    Block(
+        50,
+        {
+            **_floats("perchT", "trigger", "vx vy vz z pitch", "vx vy vz z pitch"),
+            "perchT.count": Field("", "count_of_motion"),
+        },
+    ),
 )
 """The log blocks of a landing attempt. Variables with an empty topic are watched but not recorded."""
 
@@ -125,8 +137,9 @@ class Telemetry:
     Args:
         link: an open link; `start` opens the log blocks.
         bridge: the running pose bridge.
-        recorder: where everything goes.
-        clock: the flight's monotonic clock, s.
+        record: where everything goes.
+        readback: what the drone was asked, and not logs.
+        clock: time of the flight.
         blocks: what to subscribe to.
     """
 
@@ -134,14 +147,16 @@ class Telemetry:
         self,
         link: "DroneLink",
         bridge: PoseBridge,
-        recorder: RunRecorder,
-        clock: Clock,
+        record: FlightRecord,
+        readback: ReadBack,
+        clock: Timebase,
         blocks: tuple[Block, ...] = BLOCKS,
     ) -> None:
         self._blocks = blocks
         self._link = link
         self._bridge = bridge
-        self._recorder = recorder
+        self._flight_record = record
+        self._readback = readback
         self._clock = clock
         self._latest: dict[int, _Latest] = {}
         self._lock = threading.Lock()
@@ -174,7 +189,7 @@ class Telemetry:
         for topic, fields in by_topic.items():
             if topic in ("", "trigger"):
                 continue
-            self._recorder.write(topic, receipt_time, {**fields, "drone_time_ms": drone_time_ms})
+            self._flight_record.write(topic, receipt_time, {**fields, "drone_time_ms": drone_time_ms})
 
     def value(self, topic: str, name: str) -> float | None:
         """The newest value of a field, or ``None`` when it never came."""
@@ -189,8 +204,16 @@ class Telemetry:
         return None, None
 
     def trigger_snapshot(self) -> dict[str, float] | None:
-        """The drone's snapshot of its trigger, or ``None`` when it never fired."""
-        if not self.value("trigger", "count"):
+        """The drone's snapshot of its trigger, or ``None`` when it never fired, or is torn.
+
+        It comes in two blocks; each brings the count that it belongs to, which the drone writes last.
+        """
+        count = self.value("trigger", "count")
+        if (
+            not count
+            or self.value("", "count_of_cues") != count
+            or self.value("", "count_of_motion") != count
+        ):
             return None
         with self._lock:
             return {
@@ -204,11 +227,9 @@ class Telemetry:
         x, y, z = (self.value(topic, name) for name in names.split())
         return None if x is None or y is None or z is None else (x, y, z)
 
-    def _estimated_attitude(self) -> Attitude | None:
+    def _quaternion(self) -> Quaternion | None:
         x, y, z, w = (self.value("estimate", name) for name in ("qx", "qy", "qz", "qw"))
-        if x is None or y is None or z is None or w is None:
-            return None
-        return Attitude.from_quaternion((x, y, z, w))
+        return None if x is None or y is None or z is None or w is None else (x, y, z, w)
 
     def observe(self) -> Observation:
         """Everything that is known now, with ages; what never came is ``None``."""
@@ -218,30 +239,41 @@ class Telemetry:
         vbat, vbat_age = self._with_age("power", "vbat")
         landing, landing_age = self._with_age("cues", "state")
         reason = self.value("cues", "reason")
-        crc, count = self.value("", "policy_crc"), self.value("trigger", "count")
+        count = self.value("trigger", "count")
+        crc, crc_age = self._with_age("", "policy_crc")
         return Observation(
             link_silence=self._link.silence(),
             pose_verdict=pose.verdict,
             pose_problem=_pose_problem(pose),
             pose_age=pose.age,
             pose_position=None if good is None else good.position,
-            pose_attitude=None
-            if good is None or good.quaternion is None
-            else Attitude.from_quaternion(good.quaternion),
+            pose_quaternion=None if good is None else good.quaternion,
             estimate_age=self._with_age("estimate", "x")[1],
             estimate_position=self._triple("estimate", "x y z"),
             estimate_velocity=self._triple("estimate", "vx vy vz"),
-            estimate_attitude=self._estimated_attitude(),
+            rates_age=self._with_age("rates", "gx")[1],
+            body_rates=self._triple("rates", "gx gy gz"),
+            estimate_quaternion=self._quaternion(),
             drone=None if bits is None else SupervisorInfo(int(bits)),
             drone_age=bits_age,
             battery_voltage=vbat,
             battery_age=vbat_age,
-            landing_state=None if landing is None else LandingState(int(landing)),
+            landing_state=None if landing is None else _known(LandingState, landing),
             landing_age=landing_age,
-            end_reason=None if reason is None else EndReason(int(reason)),
+            end_reason=None if reason is None else _known(EndReason, reason),
             active_policy_crc=None if crc is None else int(crc),
+            policy_crc_age=crc_age,
             trigger_count=None if count is None else int(count),
+            policy_armed=self._readback.policy_armed,
+            trajectory_armed=self._readback.trajectory_armed,
+            parameters_ok=self._readback.parameters_ok,
+            parameters_problem=self._readback.parameters_problem,
         )
+
+
+def _known(kind: type[_E], value: float) -> _E | None:
+    """The member of an enumeration, or ``None`` for a value that this version does not know."""
+    return next((member for member in kind if member == value), None)
 
 
 def _pose_problem(pose: BridgeStatus) -> str | None:
@@ -254,13 +286,13 @@ def _pose_problem(pose: BridgeStatus) -> str | None:
     return f"refused so far: {refused}" if refused else None
 
 
-def pose_recorder(recorder: RunRecorder) -> Callable[[PoseSample, Verdict], None]:
+def pose_recorder(flight_record: FlightRecord) -> Callable[[PoseSample, Verdict], None]:
     """A callback for the pose bridge that records every sample with the verdict given to it."""
 
     def record(sample: PoseSample, verdict: Verdict) -> None:
         x, y, z = sample.position or (None, None, None)
         qx, qy, qz, qw = sample.quaternion or (None, None, None, None)
-        recorder.write(
+        flight_record.write(
             "pose",
             sample.receipt_time,
             {

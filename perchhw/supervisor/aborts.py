@@ -2,15 +2,34 @@
 
 from dataclasses import replace
 
-from perchhw.supervisor.events import Brake, Disarm, EmergencyStop, Land
-from perchhw.supervisor.observation import Observation
-from perchhw.supervisor.rules import Rule, first_violation
+from perchhw.supervisor.events import Arm, Brake, Command, Disarm, EmergencyStop, Land, Order
+from perchhw.supervisor.observation import Admitted
 from perchhw.supervisor.state import Context, FlightState, Phase, Step
+from perchhw.supervisor.violation import Rule, Violation, at_most, first_violation
 
 
 def enter(state: FlightState, phase: Phase, context: Context, waiting_for: str = "") -> FlightState:
-    """The state at the moment it enters `phase`, waiting for what `waiting_for` says."""
-    return replace(state, phase=phase, entered_at=context.now, good_since=None, waiting_for=waiting_for)
+    """The state at the moment it enters `phase`, waiting for what `waiting_for` says.
+
+    Whatever was ordered in an earlier phase is no longer in force.
+    """
+    return replace(
+        state,
+        phase=phase,
+        entered_at=context.now,
+        good_since=None,
+        bad_since=None,
+        answered_at=None,
+        oldest_in_force=state.orders_given + 1,
+        waiting_for=waiting_for,
+    )
+
+
+def order(state: FlightState, command: Command) -> Step:
+    """Give `command` as the next order."""
+    number = state.orders_given + 1
+    arm_ordered = state.arm_ordered or isinstance(command, Arm)
+    return Step(replace(state, orders_given=number, arm_ordered=arm_ordered), (Order(number, command),))
 
 
 def abort(state: FlightState, why: str, context: Context) -> Step:
@@ -24,49 +43,73 @@ def abort(state: FlightState, why: str, context: Context) -> Step:
         case Phase.TAKING_OFF | Phase.MOVING_TO_START | Phase.ARMING_APPROACH | Phase.TEST_FLIGHT:
             return land(state, context)
         case Phase.APPROACHING:
-            return Step(enter(state, Phase.BRAKING, context, "the drone to brake"), (Brake(),))
-        case Phase.BRAKING | Phase.LANDING:
+            return order(enter(state, Phase.BRAKING, context, "the drone to brake"), Brake())
+        case Phase.BRAKING | Phase.LANDING | Phase.DISARMING:
             # The gentle way failed; an unknown drone in the air is stopped.
-            return Step(enter(state, Phase.DISARMING, context, "the motors to stop"), (EmergencyStop(),))
-        case Phase.DISARMING:
-            return Step(enter(state, Phase.DONE, context), (EmergencyStop(),))
+            return stop(state, context)
         case _:
             return Step(state)
 
 
+def carry_on_or_abort(state: FlightState, why: str, context: Context) -> Step:
+    """After a failure of the program: end the attempt, unless what runs already ends it by itself."""
+    match state.phase:
+        case (
+            Phase.FLIPPING | Phase.SETTLING | Phase.BRAKING | Phase.LANDING | Phase.DISARMING | Phase.STOPPING
+        ):
+            return Step(state)
+        case _:
+            return abort(state, why, context)
+
+
+def stop(state: FlightState, context: Context) -> Step:
+    """Cut the motors, and wait until the stop path has said what came of it."""
+    return order(enter(state, Phase.STOPPING, context, "the drone to report locked motors"), EmergencyStop())
+
+
 def link_down(state: FlightState, reason: str, context: Context) -> Step:
-    """Nothing reaches the drone any more; its own watchdogs stop it."""
-    done = replace(enter(state, Phase.DONE, context), link_lost=reason)
-    if state.phase in (Phase.FLIPPING, Phase.SETTLING):
-        return Step(done)
-    return Step(replace(done, aborted_by=state.aborted_by or reason))
+    """The link is gone. A landing is over by itself; motors that may turn elsewhere are stopped.
+
+    The drone's own watchdog stops them as well, but a stop takes another path than the link that broke.
+    """
+    state = replace(state, link_lost=state.link_lost or reason)
+    match state.phase:
+        case Phase.STOPPING:
+            return Step(state)
+        case Phase.FLIPPING | Phase.SETTLING:
+            return Step(enter(state, Phase.DONE, context))
+    state = replace(state, aborted_by=state.aborted_by or reason)
+    return stop(state, context) if state.arm_ordered else Step(enter(state, Phase.DONE, context))
 
 
 def operator_abort(state: FlightState, urgent: bool, context: Context) -> Step:
     """Land when asked once, cut the motors when asked twice. A flip is over before a hand could matter."""
+    if state.phase is Phase.STOPPING:
+        return Step(state)
     stopped = replace(state, aborted_by=state.aborted_by or "operator")
     if urgent:
-        commands = (EmergencyStop(),) if state.armed or state.phase is Phase.ARMING else ()
-        return Step(enter(stopped, Phase.DONE, context), commands)
+        return stop(stopped, context) if state.arm_ordered else Step(enter(stopped, Phase.DONE, context))
     match state.phase:
         case Phase.SETTLING:
             return disarm(state, context)
-        case Phase.FLIPPING | Phase.BRAKING | Phase.LANDING | Phase.DISARMING:
-            return Step(stopped if state.phase is not Phase.FLIPPING else state)
+        case Phase.FLIPPING:
+            return Step(state)
+        case Phase.BRAKING | Phase.LANDING | Phase.DISARMING:
+            return Step(stopped)
         case _:
             return abort(state, "operator", context)
 
 
 def land(state: FlightState, context: Context) -> Step:
     """Descend to the floor on the spot."""
-    return Step(
-        enter(state, Phase.LANDING, context, "the drone to reach the floor"), (Land(context.timing.land),)
+    return order(
+        enter(state, Phase.LANDING, context, "the drone to reach the floor"), Land(context.timing.land)
     )
 
 
 def disarm(state: FlightState, context: Context) -> Step:
     """Stop the motors and wait until the drone confirms it."""
-    return Step(enter(state, Phase.DISARMING, context, "the motors to be disarmed"), (Disarm(),))
+    return order(enter(state, Phase.DISARMING, context, "the motors to be disarmed"), Disarm())
 
 
 def elapsed(state: FlightState, context: Context) -> float:
@@ -74,7 +117,31 @@ def elapsed(state: FlightState, context: Context) -> float:
     return context.now - state.entered_at
 
 
-def guard(state: FlightState, rules: tuple[Rule, ...], o: Observation, context: Context) -> Step | None:
+def held(state: FlightState, good: bool, hold: float, context: Context) -> tuple[FlightState, bool]:
+    """Whether a condition has held for `hold` s without a break, and the state that remembers since when."""
+    if not good:
+        return replace(state, good_since=None), False
+    since = context.now if state.good_since is None else state.good_since
+    return replace(state, good_since=since), context.now - since >= hold
+
+
+def lasting(state: FlightState, bad: bool, hold: float, context: Context) -> tuple[FlightState, bool]:
+    """Whether something bad has gone on for `hold` s without a break, and the state that remembers it."""
+    if not bad:
+        return replace(state, bad_since=None), False
+    since = context.now if state.bad_since is None else state.bad_since
+    return replace(state, bad_since=since), context.now - since >= hold
+
+
+def guard(state: FlightState, rules: tuple[Rule, ...], o: Admitted, context: Context) -> Step | None:
     """The abort that a broken safety rule demands, or ``None``."""
-    violation = first_violation(rules, o, context.limits)
+    violation = first_violation(rules, o, context.limits) or _overtime(state, context)
     return None if violation is None else abort(state, str(violation), context)
+
+
+def _overtime(state: FlightState, context: Context) -> Violation | None:
+    """The flight as a whole takes no longer than it may."""
+    if state.airborne_since is None:
+        return None
+    longest = context.limits.flight_time + context.mission.approach_duration
+    return at_most("flight_time", context.now - state.airborne_since, longest, "s")

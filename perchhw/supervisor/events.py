@@ -1,4 +1,4 @@
-"""What the supervisor is told (events) and what it asks for (commands)."""
+"""What the supervisor is told (events) and what it asks for (commands, given as numbered orders)."""
 
 from dataclasses import dataclass
 
@@ -84,8 +84,20 @@ Command = (
     | Disarm
     | EmergencyStop
 )
-URGENT_COMMANDS = (Brake, Land, EmergencyStop)
-"""Commands that do not wait behind others."""
+URGENT_COMMANDS = (Brake, Land, Disarm)
+"""Commands that do not wait behind others. An emergency stop has a path of its own, beside all of them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """A command that was given. Numbers grow from 1 by one within an attempt: answers name them.
+
+    An order is in force until the phase that gave it is left (``FlightState.oldest_in_force``).
+    """
+
+    number: int
+    command: Command
+
 
 # --- events -----------------------------------------------------------------------------------------------
 
@@ -99,17 +111,29 @@ class Tick:
 
 @dataclass(frozen=True, slots=True)
 class CommandDone:
-    """`command` was carried out; `value` is what came back (the CRC of an uploaded policy)."""
+    """`order` was carried out; `value` is what came back (the CRC of an uploaded policy)."""
 
-    command: Command
+    order: Order
     value: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class CommandFailed:
-    """`command` could not be carried out, and why."""
+    """`order` could not be carried out, and why."""
 
-    command: Command
+    order: Order
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class StopConfirmed:
+    """The drone reports that it is locked: its motors do not turn until it is rebooted."""
+
+
+@dataclass(frozen=True, slots=True)
+class StopUnconfirmed:
+    """The emergency stop was repeated until the drone had said nothing for long, and why that is all."""
+
     reason: str
 
 
@@ -121,10 +145,34 @@ class LinkDown:
 
 
 @dataclass(frozen=True, slots=True)
+class RecordLost:
+    """The recorder failed; what happens from here on may not be on record."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class InternalError:
+    """The flight program itself failed in its loop, and how; nothing is known of the world this time."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
 class OperatorAbort:
     """The operator wants the flight to end now (Ctrl-C); `urgent` when asked a second time."""
 
     urgent: bool = False
 
 
-Event = Tick | CommandDone | CommandFailed | LinkDown | OperatorAbort
+Event = (
+    Tick
+    | CommandDone
+    | CommandFailed
+    | StopConfirmed
+    | StopUnconfirmed
+    | LinkDown
+    | RecordLost
+    | InternalError
+    | OperatorAbort
+)

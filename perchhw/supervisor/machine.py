@@ -1,23 +1,39 @@
-"""The flight as a state machine: (state, event, clock) -> (state, commands), pure.
+"""The flight as a state machine: (state, event, clock) -> (state, orders), pure.
 
 Check, upload, arm, take off, move to the start, approach, flip, settle, disarm; abort from anywhere. A test
 flight has no policy to upload, follows its course instead of an approach, and lands on the floor.
 """
 
-from perchhw.supervisor.aborts import abort, link_down, operator_abort
+from dataclasses import replace
+from math import isfinite
+
+from perchhw.supervisor.aborts import abort, carry_on_or_abort, link_down, operator_abort
+from perchhw.supervisor.ending import after_stop
 from perchhw.supervisor.events import (
     CommandDone,
     CommandFailed,
     Event,
     FlyCourse,
+    InternalError,
     LinkDown,
     OperatorAbort,
+    Order,
+    RecordLost,
+    StopConfirmed,
+    StopUnconfirmed,
     Tick,
     UploadPolicy,
 )
-from perchhw.supervisor.phases import PHASES, after_course, after_upload
-from perchhw.supervisor.rules import SafetyLimits
+from perchhw.supervisor.gate import admit
+from perchhw.supervisor.hovering import after_course
+from perchhw.supervisor.limits import SafetyLimits
+from perchhw.supervisor.observation import Observation
+from perchhw.supervisor.on_ground import after_upload
+from perchhw.supervisor.phases import PHASES
 from perchhw.supervisor.state import Context, FlightState, Mission, Phase, Step, Timing
+
+_TICK = 0.02
+"""s that are counted for an event when the clock cannot say."""
 
 
 def initial_state(now: float) -> FlightState:
@@ -33,22 +49,82 @@ def step(
     limits: SafetyLimits | None = None,
     timing: Timing | None = None,
 ) -> Step:
-    """The next state and the commands that follow from `event` at time `now` (s of any monotonic clock)."""
-    context = Context(now, mission, limits or SafetyLimits(), timing or Timing())
+    """The next state and the orders that follow from `event` at time `now` (s of any monotonic clock)."""
+    limits, timing = limits or SafetyLimits(), timing or Timing()
+    state, problem = _at(state, now)
+    context = Context(state.time, mission, limits, timing)
+    if problem is None:
+        return _react(state, event, context)
+    state, first = _react(state, InternalError(problem), context)
+    if first and state.phase is Phase.STOPPING:
+        # The event is older than this stop, and cannot confirm it.
+        return Step(state, first)
+    state, second = _react(state, event, context)
+    return Step(state, (*first, *second))
+
+
+def _at(state: FlightState, now: float) -> tuple[FlightState, str | None]:
+    """The state at `now`, and what is wrong with the clock. Time goes on even where the clock does not."""
+    time = now + state.clock_shift
+    if time >= state.time and isfinite(time):
+        return replace(state, time=time), None
+    resumed = (state.time if isfinite(state.time) else state.entered_at) + _TICK
+    if not isfinite(now):
+        return replace(state, time=resumed), f"the clock reads {now}"
+    shifted = replace(state, time=resumed, clock_shift=resumed - now)
+    return shifted, f"the clock ran back by {state.time - time:.3g} s"
+
+
+def _react(state: FlightState, event: Event, context: Context) -> Step:
     if state.phase is Phase.DONE:
         return Step(state)
     match event:
         case Tick(observation):
-            return PHASES[state.phase](state, observation, context)
-        case CommandDone(UploadPolicy(), value):
-            return after_upload(state, value, context)
-        case CommandDone(FlyCourse()):
-            return after_course(state, context)
-        case CommandDone():
-            return Step(state)
-        case CommandFailed(command, reason):
-            return abort(state, f"{type(command).__name__} failed: {reason}", context)
+            return _look(state, observation, context)
+        case CommandDone(order, value):
+            return _done(state, order, value, context) if _in_force(state, order) else Step(state)
+        case CommandFailed(order, reason):
+            if not _in_force(state, order) or state.phase is Phase.STOPPING:
+                return Step(state)
+            return abort(state, f"{type(order.command).__name__} failed: {reason}", context)
+        case StopConfirmed():
+            return after_stop(state, None, context)
+        case StopUnconfirmed(reason):
+            return after_stop(state, reason, context)
         case LinkDown(reason):
             return link_down(state, reason, context)
+        case RecordLost(reason):
+            latched = replace(state, record_lost=state.record_lost or reason)
+            return carry_on_or_abort(latched, f"record_lost: {reason}", context)
+        case InternalError(reason):
+            return _internal_error(state, f"internal_error: {reason}", context)
         case OperatorAbort(urgent):
             return operator_abort(state, urgent, context)
+
+
+def _look(state: FlightState, observation: Observation, context: Context) -> Step:
+    """Pass the observation through the gate and show the phase what is left of it."""
+    admitted, memory = admit(observation, state.gate, context.limits, context.now)
+    return PHASES[state.phase](replace(state, gate=memory), admitted, context)
+
+
+def _in_force(state: FlightState, order: Order) -> bool:
+    return state.oldest_in_force <= order.number <= state.orders_given
+
+
+def _done(state: FlightState, order: Order, value: int | None, context: Context) -> Step:
+    state = replace(state, answered_at=context.now)
+    match order.command:
+        case UploadPolicy():
+            return after_upload(state, value, context)
+        case FlyCourse():
+            return after_course(state, context)
+        case _:
+            return Step(state)
+
+
+def _internal_error(state: FlightState, why: str, context: Context) -> Step:
+    """End the attempt in the safest way. What carries on saw nothing this time: its deadlines still count."""
+    phase = state.phase
+    step = carry_on_or_abort(replace(state, aborted_by=state.aborted_by or why), why, context)
+    return step if step.state.phase is not phase else _look(step.state, Observation(), context)

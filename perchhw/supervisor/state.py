@@ -1,12 +1,15 @@
 """The supervisor's types: where an attempt stands, what is to be flown, and by when."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
+from math import inf
 from typing import NamedTuple
 
 from onboard.arrays import Vector
-from perchhw.supervisor.events import Command
-from perchhw.supervisor.rules import SafetyLimits
+from onboard.trajectory import ApproachPlan
+from perchhw.supervisor.events import Order
+from perchhw.supervisor.gate import GateMemory
+from perchhw.supervisor.limits import SafetyLimits
 
 
 class Phase(StrEnum):
@@ -25,6 +28,7 @@ class Phase(StrEnum):
     BRAKING = "braking"
     LANDING = "landing"
     DISARMING = "disarming"
+    STOPPING = "stopping"
     DONE = "done"
 
 
@@ -41,6 +45,8 @@ class Mission:
         dry_run: stop after the verified upload (the checks, without a policy); the motors never arm.
         test_flight: fly a course and land upright, without any policy.
         transit_speed: mean speed of moves between hovers, m/s.
+        corridor: the planned approach, about which position, speed and attitude must stay up to the trigger;
+            ``None`` for a test flight.
     """
 
     policy_crc: int
@@ -50,6 +56,7 @@ class Mission:
     dry_run: bool = False
     test_flight: bool = False
     transit_speed: float = 0.8
+    corridor: ApproachPlan | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +67,14 @@ class Timing:
         land: for a descent from wherever the drone is; from under the ceiling that is 0.6 m/s.
         arm_hold: between "may fly" and the take-off. The firmware's planner learns where the drone is up to
             10 ms after it may fly; an earlier take-off would start from the origin.
+        stop_hold: how long a rule of the descent must be broken until the motors are cut: longer than a
+            lost packet, a swing or a tick about which nothing is known.
+        hang_hold: how long a landed drone must look as if it did not hold until the operator is told; a body
+            that is caught swings into place in 0.2 s, one that falls is 0.4 m lower after 0.3.
+        switches_deadline: for approach and policy to be read back as off once the landing was ordered.
+        bits_delay: oldest age that the drone's bits have when they are sent (it renews them at 25 Hz).
+        disarm_hold: for the bits to say "not armed" without a break, so that an arming that was still under
+            way is seen.
     """
 
     checks_hold: float = 0.5
@@ -78,6 +93,11 @@ class Timing:
     brake_deadline: float = 3.0
     land: float = 3.5
     land_margin: float = 3.0
+    stop_hold: float = 0.3
+    hang_hold: float = 0.3
+    switches_deadline: float = 1.0
+    bits_delay: float = 0.05
+    disarm_hold: float = 0.2
     disarm_deadline: float = 2.0
 
 
@@ -88,31 +108,60 @@ class FlightState:
     Attributes:
         phase: where the attempt stands.
         entered_at: when it came there, s of the injected clock.
+        time: of the last event, s; never runs back.
+        clock_shift: s to add to the clock, which was set back by as much.
+        gate: what the gate carries from tick to tick.
         good_since: since when the phase's condition holds without a break, s, or ``None``.
+        bad_since: since when what the phase forbids goes on without a break, s, or ``None``.
+        orders_given: number of the last order, 0 before the first.
+        oldest_in_force: number of the oldest order still in force: older ones are dropped where they wait,
+            and answers to them are ignored.
+        answered_at: when the order of the present phase was reported as carried out, s, or ``None``.
+        arm_ordered: the drone was asked to arm, so its motors may turn.
         armed: the motors were armed in this attempt.
+        airborne_since: when the take-off was ordered, s, or ``None``.
+        approach_ordered: the drone was asked to arm approach and policy.
+        approach_began: when the drone was first seen on its approach, s, or ``None``.
+        flip_height: height at which the drone was last seen before its trigger, m, or ``None``.
         triggered: the drone's own trigger fired.
         triggers_before: triggers that the drone had counted when the approach began.
         aborted_by: the rule, command or person that ended the attempt early, or ``None``.
         link_lost: why the link broke, or ``None``; after the flip that is no abort, but less is recorded.
+        record_lost: why the record may be incomplete, or ``None``.
+        alert: what the operator must be told at once and loudly, or ``None``.
         waiting_for: what the current phase waits for, in words.
     """
 
     phase: Phase
     entered_at: float
+    time: float = -inf
+    clock_shift: float = 0.0
+    gate: GateMemory = field(default_factory=GateMemory)
     good_since: float | None = None
+    bad_since: float | None = None
+    orders_given: int = 0
+    oldest_in_force: int = 1
+    answered_at: float | None = None
+    arm_ordered: bool = False
     armed: bool = False
+    airborne_since: float | None = None
+    approach_ordered: bool = False
+    approach_began: float | None = None
+    flip_height: float | None = None
     triggered: bool = False
     triggers_before: int = 0
     aborted_by: str | None = None
     link_lost: str | None = None
+    record_lost: str | None = None
+    alert: str | None = None
     waiting_for: str = ""
 
 
 class Step(NamedTuple):
-    """Result of one step: the next state and the commands to carry out, in order."""
+    """Result of one step: the next state and the orders to carry out, in order."""
 
     state: FlightState
-    commands: tuple[Command, ...] = ()
+    orders: tuple[Order, ...] = ()
 
 
 @dataclass(frozen=True)

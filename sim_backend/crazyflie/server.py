@@ -172,7 +172,7 @@ class CrazyflieServer:
         if not self.connected:
             self._firmware.params.take_updates()
             return
-        self._param.push_updates()
+        self._param.poll()
         while self._console:
             self._send(self._console.popleft())
 

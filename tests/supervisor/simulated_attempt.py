@@ -2,17 +2,23 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from math import cos, sin
 
 from mocap_bridge.health import Verdict
 from onboard.app_interface import EndReason, LandingState
+from onboard.arrays import Quaternion
+from onboard.room import RoomGeometry
 from onboard.supervisor_info import SupervisorBits, SupervisorInfo
+from onboard.trajectory import fit_approach, sample_approach
 from perchhw.supervisor import (
     CommandDone,
     Event,
     FlightState,
     Mission,
     Observation,
+    Order,
     Phase,
+    StopConfirmed,
     Tick,
     initial_state,
     step,
@@ -31,31 +37,47 @@ from perchhw.supervisor.events import (
     TakeOff,
     UploadPolicy,
 )
-from perchhw.supervisor.observation import Attitude
 
 CRC = 0x1234ABCD
-MISSION = Mission(policy_crc=CRC, start=(-3.0, 0.0, 0.6), hover_height=0.6, approach_duration=2.0)
-TEST_FLIGHT = replace(MISSION, policy_crc=0, test_flight=True)
+PLAN = fit_approach(2.5, 50.0, RoomGeometry())
+MISSION = Mission(
+    policy_crc=CRC,
+    start=(PLAN.x0, PLAN.y0, PLAN.z0),
+    hover_height=0.6,
+    approach_duration=PLAN.impact_time,
+    corridor=PLAN,
+)
+TEST_FLIGHT = replace(MISSION, policy_crc=0, test_flight=True, corridor=None)
 PERIOD = 0.02
+ANSWER_TIME = 0.5
+"""s until the drone has accepted an approach."""
+LEVEL, INVERTED = (0.0, 0.0, 0.0, 1.0), (0.0, 1.0, 0.0, 0.0)
+TAU = 0.2
+"""s before the ceiling at which the trigger fires, or the drone begins to brake."""
 READY = SupervisorBits.CAN_ARM
 FLYING = SupervisorBits.ARMED | SupervisorBits.CAN_FLY | SupervisorBits.FLYING
 
 Fault = Callable[[Observation, float, FlightState], Observation]
 
 
+def turned(*, tilt: float = 0.0, yaw: float = 0.0) -> Quaternion:
+    """The attitude that is tilted by `tilt` about the body's y axis and turned to the heading `yaw` (rad)."""
+    (a, b), (c, d) = ((sin(0.5 * angle), cos(0.5 * angle)) for angle in (tilt, yaw))
+    return (-c * a, d * a, c * b, d * b)
+
+
 def good_on_ground() -> Observation:
     """All is known and well, on the start mark."""
-    attitude = Attitude(tilt=0.0, yaw=0.0)
     return Observation(
         link_silence=0.01,
         pose_verdict=Verdict.OK,
         pose_age=0.01,
         pose_position=(-3.0, 0.0, 0.07),
-        pose_attitude=attitude,
+        pose_quaternion=LEVEL,
         estimate_age=0.01,
         estimate_position=(-3.0, 0.0, 0.07),
         estimate_velocity=(0.0, 0.0, 0.0),
-        estimate_attitude=attitude,
+        estimate_quaternion=LEVEL,
         drone=SupervisorInfo(READY),
         drone_age=0.01,
         battery_voltage=4.1,
@@ -63,6 +85,12 @@ def good_on_ground() -> Observation:
         landing_state=LandingState.IDLE,
         landing_age=0.01,
         active_policy_crc=0,
+        policy_crc_age=0.01,
+        rates_age=0.01,
+        body_rates=(0.0, 0.0, 0.0),
+        policy_armed=False,
+        trajectory_armed=False,
+        parameters_ok=True,
         trigger_count=0,
     )
 
@@ -76,7 +104,7 @@ class SimulatedAttempt:
         fault: changes each observation before the supervisor sees it.
         triggers: whether the trigger fires half-way through the approach (otherwise the drone brakes).
         ends_by: why the drone says that it brakes.
-        commands: all commands so far.
+        commands, orders: all so far.
         phases: all phases so far.
     """
 
@@ -86,11 +114,14 @@ class SimulatedAttempt:
     ends_by: EndReason | None = EndReason.MISSED_TRIGGER
     events_at: dict[Phase, Event] = field(default_factory=dict)
     commands: list[Command] = field(default_factory=list)
+    orders: list[Order] = field(default_factory=list)
     phases: list[Phase] = field(default_factory=list)
     now: float = 0.0
     world: Observation = field(default_factory=good_on_ground)
+    approach_armed: float | None = None
     approach_started: float | None = None
     course_ends: float | None = None
+    course: Order | None = None
 
     def run(self, longest: float = 60.0) -> FlightState:
         """Until the supervisor is done; fails when it does not end within `longest` s."""
@@ -103,35 +134,52 @@ class SimulatedAttempt:
                     pending.append(self.events_at.pop(state.phase))
             if self.course_ends is not None and self.now > self.course_ends:
                 self.course_ends = None
-                pending.append(CommandDone(FlyCourse()))
+                assert self.course is not None
+                pending.append(CommandDone(self.course))
             event = pending.pop(0) if pending else self._tick(state)
             state, orders = step(state, event, self.now, self.mission)
-            for command in orders:
-                self.commands.append(command)
-                self._obey(command)
-                if isinstance(command, FlyCourse):
-                    continue
-                value = CRC if isinstance(command, UploadPolicy) else None
-                pending.append(CommandDone(command, value))
+            for order in orders:
+                self.commands.append(order.command)
+                self._obey(order.command)
+                match order.command:
+                    case FlyCourse():
+                        self.course = order
+                    case EmergencyStop():
+                        pending.append(StopConfirmed())
+                    case UploadPolicy():
+                        pending.append(CommandDone(order, CRC))
+                    case _:
+                        pending.append(CommandDone(order))
+                self.orders.append(order)
             assert self.now < longest, f"stuck in {state.phase}, waiting for {state.waiting_for}"
         self.phases.append(state.phase)
         return state
 
     def _tick(self, state: FlightState) -> Tick:
         self.now += PERIOD
+        if self.approach_armed is not None and self.now > self.approach_armed:
+            self.approach_armed = None
+            self._landing(LandingState.TRAJECTORY_ARMED)
         if self.approach_started is not None:
             self._fly_approach()
         return Tick(self.fault(self.world, self.now, state))
 
     def _fly_approach(self) -> None:
         since = self.now - (self.approach_started or 0.0)
-        if self.world.landing_state is LandingState.APPROACH and since > 1.0:
+        trigger = PLAN.impact_time - TAU
+        if self.world.landing_state is LandingState.APPROACH:
+            place, velocity, _ = sample_approach.py_func(PLAN, since)
+            self._move(place)
+            self.world = replace(self.world, estimate_velocity=velocity)
+        if self.world.landing_state is LandingState.APPROACH and since > trigger:
             self._landing(LandingState.FLIP if self.triggers else LandingState.BRAKE)
             reason = EndReason.TRIGGERED if self.triggers else self.ends_by
             self.world = replace(self.world, end_reason=reason)
-        elif self.world.landing_state is LandingState.FLIP and since > 1.2:
+        elif self.world.landing_state is LandingState.FLIP and since > trigger + 0.2:
             self._landing(LandingState.CUT)
-        elif self.world.landing_state is LandingState.BRAKE and since > 1.5:
+            self._move((PLAN.impact_x, PLAN.y0, PLAN.ceiling_z - 0.075))
+            self.world = replace(self.world, pose_quaternion=INVERTED)
+        elif self.world.landing_state is LandingState.BRAKE and since > trigger + 0.5:
             self._landing(LandingState.HOLD)
 
     def _landing(self, state: LandingState) -> None:
@@ -152,7 +200,8 @@ class SimulatedAttempt:
             case GoTo(position, _):
                 self._move(position)
             case ArmApproach():
-                self._landing(LandingState.TRAJECTORY_ARMED)
+                self.world = replace(self.world, policy_armed=True, trajectory_armed=True)
+                self.approach_armed = self.now + ANSWER_TIME
             case StartApproach():
                 self._landing(LandingState.APPROACH)
                 self.approach_started = self.now
@@ -161,6 +210,10 @@ class SimulatedAttempt:
             case Brake():
                 self._landing(LandingState.HOLD)
             case Land(_):
+                self._landing(LandingState.IDLE)
+                self.world = replace(self.world, policy_armed=False, trajectory_armed=False)
+                self.world = replace(self.world, estimate_velocity=(0.0, 0.0, 0.0))
+                self.approach_started = None
                 self._move((x, y, 0.07))
             case Disarm():
                 self.world = replace(self.world, drone=SupervisorInfo(READY))

@@ -16,7 +16,9 @@ from perchhw.supervisor import (
     LinkDown,
     Observation,
     OperatorAbort,
+    Order,
     Phase,
+    StopUnconfirmed,
     Tick,
     initial_state,
     step,
@@ -36,11 +38,22 @@ from perchhw.supervisor.events import (
     TakeOff,
     UploadPolicy,
 )
-from perchhw.supervisor.observation import Attitude
 
-from .simulated_attempt import CRC, FLYING, MISSION, TEST_FLIGHT, SimulatedAttempt, good_on_ground
+from .simulated_attempt import CRC, FLYING, MISSION, TEST_FLIGHT, SimulatedAttempt, good_on_ground, turned
 
 MOTION = (Arm, TakeOff, GoTo, ArmApproach, StartApproach, FlyCourse)
+
+
+ON_GROUND = (Phase.CHECKING, Phase.UPLOADING)
+AFTER_TRIGGER = (Phase.FLIPPING, Phase.SETTLING)
+MOTORS_MAY_TURN = tuple(p for p in Phase if p not in (*ON_GROUND, *AFTER_TRIGGER, Phase.STOPPING, Phase.DONE))
+
+
+def in_the_air(phase: Phase) -> FlightState:
+    """A state in `phase` since 0 s whose order is number 7."""
+    return FlightState(
+        phase=phase, entered_at=0.0, armed=True, arm_ordered=True, orders_given=7, oldest_in_force=7
+    )
 
 
 def kinds(attempt: SimulatedAttempt) -> list[type]:
@@ -117,7 +130,8 @@ def test_a_landing_state_that_is_old_moves_nothing() -> None:
     attempt = SimulatedAttempt(fault=frozen)
     state = attempt.run()
     assert not state.triggered
-    assert "neither in a trigger nor in a brake" in (state.aborted_by or "")
+    assert "corridor" in (state.aborted_by or ""), "it is not where a drone that has not set out must be"
+    assert kinds(attempt)[-3:] == [Brake, Land, Disarm]
 
 
 def test_a_fault_while_braking_is_not_landed_but_disarmed() -> None:
@@ -131,11 +145,11 @@ def test_a_fault_while_braking_is_not_landed_but_disarmed() -> None:
 
 
 def test_a_wrong_policy_on_the_drone_never_arms() -> None:
-    state = FlightState(phase=Phase.UPLOADING, entered_at=0.0)
+    state = FlightState(phase=Phase.UPLOADING, entered_at=0.0, orders_given=1)
     for crc in (None, 0, CRC ^ 1):
-        done, commands = step(state, CommandDone(UploadPolicy(), crc), 1.0, MISSION)
+        done, orders = step(state, CommandDone(Order(1, UploadPolicy()), crc), 1.0, MISSION)
         assert done.phase is Phase.DONE
-        assert commands == ()
+        assert orders == ()
         assert "policy_crc" in (done.aborted_by or "")
 
 
@@ -191,7 +205,7 @@ def test_a_test_flight_needs_no_policy_and_lands_when_its_course_is_flown() -> N
         {"pose_verdict": Verdict.LOST},
         {"pose_position": (0.0, 3.0, 1.0), "estimate_position": (0.0, 3.0, 1.0)},
         {"battery_voltage": 2.5},
-        {"estimate_attitude": Attitude(tilt=1.3, yaw=0.0)},
+        {"estimate_quaternion": turned(tilt=1.3)},
         {"link_silence": 2.0},
     ],
     ids=lambda fault: next(iter(fault)),
@@ -214,8 +228,8 @@ def test_a_course_that_does_not_end_is_landed() -> None:
         estimate_position=(-3.0, 0.0, 1.0),
     )  # fmt: skip
     later = attempt.mission.approach_duration + 3.0
-    after, commands = step(state, Tick(flying), later, attempt.mission)
-    assert [type(c) for c in commands] == [Land]
+    after, orders = step(state, Tick(flying), later, attempt.mission)
+    assert [type(o.command) for o in orders] == [Land]
     assert "did not come to its end" in (after.aborted_by or "")
 
 
@@ -248,7 +262,7 @@ def test_a_flip_that_never_ends_is_cut() -> None:
     assert EmergencyStop in kinds(attempt)
 
 
-@pytest.mark.parametrize("phase", [p for p in Phase if p is not Phase.DONE])
+@pytest.mark.parametrize("phase", [p for p in Phase if p not in (Phase.DONE, Phase.STOPPING)])
 def test_the_operator_ends_any_phase(phase: Phase) -> None:
     attempt = SimulatedAttempt(events_at={phase: OperatorAbort()}, triggers=phase is not Phase.BRAKING)
     if phase is Phase.TEST_FLIGHT:
@@ -265,20 +279,35 @@ def test_the_operator_ends_any_phase(phase: Phase) -> None:
 
 @pytest.mark.parametrize("phase", [Phase.TAKING_OFF, Phase.APPROACHING, Phase.FLIPPING, Phase.LANDING])
 def test_the_operator_cuts_the_motors_when_asked_twice(phase: Phase) -> None:
-    state = FlightState(phase=phase, entered_at=0.0, armed=True)
-    done, commands = step(state, OperatorAbort(urgent=True), 0.1, MISSION)
-    assert commands == (EmergencyStop(),)
-    assert done.phase is Phase.DONE
+    stopping, orders = step(in_the_air(phase), OperatorAbort(urgent=True), 0.1, MISSION)
+    assert [o.command for o in orders] == [EmergencyStop()]
+    assert stopping.phase is Phase.STOPPING
 
 
-@pytest.mark.parametrize("phase", [p for p in Phase if p not in (Phase.DONE, Phase.SETTLING, Phase.FLIPPING)])
-def test_a_lost_link_ends_the_attempt_at_once(phase: Phase) -> None:
-    done, commands = step(
-        FlightState(phase=phase, entered_at=0.0, armed=True), LinkDown("link_lost: silent"), 0.1, MISSION
-    )
+@pytest.mark.parametrize("phase", ON_GROUND)
+def test_a_lost_link_on_the_ground_ends_the_attempt_at_once(phase: Phase) -> None:
+    done, orders = step(FlightState(phase=phase, entered_at=0.0), LinkDown("link_lost: silent"), 0.1, MISSION)
     assert done.phase is Phase.DONE
     assert done.aborted_by == "link_lost: silent"
-    assert commands == ()
+    assert orders == ()
+
+
+@pytest.mark.parametrize("phase", MOTORS_MAY_TURN)
+def test_a_lost_link_with_motors_that_may_turn_is_a_stop_that_takes_its_own_path(phase: Phase) -> None:
+    stopping, orders = step(in_the_air(phase), LinkDown("link_lost: silent"), 0.1, MISSION)
+    assert [o.command for o in orders] == [EmergencyStop()]
+    assert stopping.aborted_by == "link_lost: silent"
+    done, orders = step(stopping, StopUnconfirmed("no answer"), 0.6, MISSION)
+    assert (done.phase, orders) == (Phase.DONE, ())
+    assert done.aborted_by == "link_lost: silent"
+    assert "no answer" in (done.alert or "")
+
+
+@pytest.mark.parametrize("phase", [Phase.FLIPPING, Phase.SETTLING])
+def test_a_link_lost_after_the_trigger_is_no_abort(phase: Phase) -> None:
+    done, orders = step(in_the_air(phase), LinkDown("link_lost: silent"), 0.1, MISSION)
+    assert (done.phase, orders, done.aborted_by) == (Phase.DONE, (), None)
+    assert done.link_lost == "link_lost: silent"
 
 
 @pytest.mark.parametrize(
@@ -296,9 +325,9 @@ def test_a_lost_link_ends_the_attempt_at_once(phase: Phase) -> None:
     ids=lambda value: str(value) if isinstance(value, Phase) else "",
 )
 def test_a_failed_command_is_an_abort(phase: Phase, command: Command, answer: list[type]) -> None:
-    state = FlightState(phase=phase, entered_at=0.0, armed=True)
-    after, commands = step(state, CommandFailed(command, "no answer"), 0.1, MISSION)
-    assert [type(c) for c in commands] == answer
+    state = replace(in_the_air(phase), arm_ordered=phase is not Phase.UPLOADING)
+    after, orders = step(state, CommandFailed(Order(state.orders_given, command), "no answer"), 0.1, MISSION)
+    assert [type(o.command) for o in orders] == answer
     assert "no answer" in (after.aborted_by or "")
 
 
@@ -340,7 +369,12 @@ OBSERVATIONS = st.builds(
 EVENTS = st.one_of(
     OBSERVATIONS.map(Tick),
     st.sampled_from(
-        [CommandDone(UploadPolicy(), CRC), CommandDone(Arm()), OperatorAbort(), OperatorAbort(urgent=True)]
+        [
+            CommandDone(Order(1, UploadPolicy()), CRC),
+            CommandDone(Order(2, Arm())),
+            OperatorAbort(),
+            OperatorAbort(urgent=True),
+        ]
     ),
 )
 
@@ -352,9 +386,9 @@ def test_whatever_happens_motion_is_commanded_only_in_order(sequence: list[tuple
     for event, wait in sequence:
         now += wait
         aborted = state.aborted_by is not None
-        state, commands = step(state, event, now, MISSION)
-        for command in commands:
-            if isinstance(command, MOTION):
+        state, orders = step(state, event, now, MISSION)
+        for order in orders:
+            if isinstance(order.command, MOTION):
                 assert not aborted
-                given_commands.append(type(command))
+                given_commands.append(type(order.command))
     assert given_commands == list(MOTION[: len(given_commands)])

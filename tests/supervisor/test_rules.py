@@ -1,25 +1,27 @@
 """Safety rules: default-deny, swept over their boundaries."""
 
 from dataclasses import fields, replace
-from math import inf, nan, nextafter, pi, radians
+from math import degrees, inf, nan, nextafter, radians
 
 import pytest
 
 from mocap_bridge.health import Verdict
 from onboard.supervisor_info import SupervisorBits, SupervisorInfo
-from perchhw.supervisor import Observation, SafetyLimits
-from perchhw.supervisor.observation import Attitude
+from perchhw.supervisor import Observation, SafetyLimits, Violation
+from perchhw.supervisor.gate import GateMemory, admit
+from perchhw.supervisor.observation import Admitted, Attitude
 from perchhw.supervisor.rules import (
     APPROACH_RULES,
     HOVER_RULES,
     PREFLIGHT_RULES,
-    first_violation,
-    on_start_mark,
+    TAKE_OFF_RULES,
+    TEST_FLIGHT_RULES,
 )
+from perchhw.supervisor.violation import Rule, first_violation
 
-from .simulated_attempt import FLYING, good_on_ground
+from .simulated_attempt import FLYING, good_on_ground, turned
 
-LIMITS = SafetyLimits(start_mark=(-3.0, 0.0, 0.0))
+LIMITS = SafetyLimits()
 NOT_GUARDED_ON_GROUND = {
     "pose_problem",
     "landing_state",
@@ -27,7 +29,18 @@ NOT_GUARDED_ON_GROUND = {
     "end_reason",
     "active_policy_crc",
     "trigger_count",
+    "policy_crc_age",
+    "policy_armed",
+    "trajectory_armed",
+    "parameters_problem",
+    "rates_age",
+    "body_rates",
 }
+
+
+def broken(rules: tuple[Rule, ...], o: Observation) -> Violation | None:
+    """What the rules say of an observation that has passed the gate."""
+    return first_violation(rules, admit(o, GateMemory(), LIMITS, 0.0)[0], LIMITS)
 
 
 def good_in_flight() -> Observation:
@@ -42,60 +55,41 @@ def good_in_flight() -> Observation:
 
 
 def test_all_rules_hold_when_all_is_well() -> None:
-    assert first_violation(PREFLIGHT_RULES, good_on_ground(), LIMITS) is None
-    assert first_violation(HOVER_RULES, good_in_flight(), LIMITS) is None
-    assert first_violation(APPROACH_RULES, good_in_flight(), LIMITS) is None
+    assert broken(PREFLIGHT_RULES, good_on_ground()) is None
+    assert broken(HOVER_RULES, good_in_flight()) is None
+    assert broken(APPROACH_RULES, good_in_flight()) is None
 
 
 @pytest.mark.parametrize("name", [f.name for f in fields(Observation) if f.name not in NOT_GUARDED_ON_GROUND])
 def test_an_unknown_value_never_arms(name: str) -> None:
-    assert first_violation(PREFLIGHT_RULES, replace(good_on_ground(), **{name: None}), LIMITS) is not None
+    assert broken(PREFLIGHT_RULES, replace(good_on_ground(), **{name: None})) is not None
 
 
 def test_knowing_nothing_never_flies() -> None:
-    for rules in (PREFLIGHT_RULES, HOVER_RULES, APPROACH_RULES):
+    marked = replace(LIMITS, start_mark=(-3.0, 0.0, 0.0))
+    for rules in (PREFLIGHT_RULES, TAKE_OFF_RULES, HOVER_RULES, TEST_FLIGHT_RULES, APPROACH_RULES):
         for rule in rules:
-            assert rule(Observation(), LIMITS) is not None, rule.__name__
-
-
-def test_the_drone_stands_on_its_mark_and_faces_as_it_does() -> None:
-    far, turned = LIMITS.start_mark_distance, LIMITS.start_mark_heading
-    for place, yaw, fine in (
-        ((-3.0 + far, 0.0, 0.07), 0.0, True),
-        ((-3.0, -nextafter(far, inf), 0.07), 0.0, False),
-        ((-3.0 - 0.8 * far, 0.8 * far, 0.07), 0.0, False),
-        ((-3.0, 0.0, 0.07), turned - 1e-9, True),
-        ((-3.0, 0.0, 0.07), -turned - 1e-9, False),
-        ((-3.0, 0.0, 0.07), pi, False),
-    ):
-        seen = replace(good_on_ground(), pose_position=place, pose_attitude=Attitude(tilt=0.0, yaw=yaw))
-        assert (on_start_mark(seen, LIMITS) is None) == fine, (place, yaw)
-    backwards = replace(LIMITS, start_mark=(-3.0, 0.0, pi))
-    facing = replace(good_on_ground(), pose_attitude=Attitude(tilt=0.0, yaw=-pi + 0.01))
-    assert on_start_mark(facing, backwards) is None
-    assert on_start_mark(seen, SafetyLimits()) is None
+            assert rule(Admitted(Observation()), marked) is not None, rule.__name__
 
 
 @pytest.mark.parametrize("verdict", [v for v in Verdict if v is not Verdict.OK])
 def test_only_a_good_pose_arms(verdict: Verdict) -> None:
-    assert (
-        first_violation(PREFLIGHT_RULES, replace(good_on_ground(), pose_verdict=verdict), LIMITS) is not None
-    )
+    assert broken(PREFLIGHT_RULES, replace(good_on_ground(), pose_verdict=verdict)) is not None
 
 
 @pytest.mark.parametrize("verdict", [None, Verdict.UNKNOWN, Verdict.LOST])
 def test_lost_poses_end_a_flight(verdict: Verdict | None) -> None:
     for rules in (HOVER_RULES, APPROACH_RULES):
-        assert first_violation(rules, replace(good_in_flight(), pose_verdict=verdict), LIMITS) is not None
+        assert broken(rules, replace(good_in_flight(), pose_verdict=verdict)) is not None
 
 
 @pytest.mark.parametrize("verdict", [Verdict.FROZEN, Verdict.FLIPPED, Verdict.STALE, Verdict.OCCLUDED])
 def test_rejected_poses_are_bridged_for_a_moment_and_no_longer(verdict: Verdict) -> None:
     for rules in (HOVER_RULES, APPROACH_RULES):
         short = replace(good_in_flight(), pose_verdict=verdict, pose_age=LIMITS.pose_age_bridged)
-        assert first_violation(rules, short, LIMITS) is None
+        assert broken(rules, short) is None
         long = replace(short, pose_age=nextafter(LIMITS.pose_age_bridged, inf))
-        assert first_violation(rules, long, LIMITS) is not None
+        assert broken(rules, long) is not None
 
 
 @pytest.mark.parametrize(
@@ -104,9 +98,9 @@ def test_rejected_poses_are_bridged_for_a_moment_and_no_longer(verdict: Verdict)
 def test_a_drone_that_reports_trouble_neither_arms_nor_flies(bit: SupervisorBits) -> None:
     on_ground = replace(good_on_ground(), drone=SupervisorInfo(SupervisorBits.CAN_ARM | bit))
     in_flight = replace(good_in_flight(), drone=SupervisorInfo(FLYING | bit))
-    assert first_violation(PREFLIGHT_RULES, on_ground, LIMITS) is not None
-    assert first_violation(HOVER_RULES, in_flight, LIMITS) is not None
-    assert first_violation(APPROACH_RULES, in_flight, LIMITS) is not None
+    assert broken(PREFLIGHT_RULES, on_ground) is not None
+    assert broken(HOVER_RULES, in_flight) is not None
+    assert broken(APPROACH_RULES, in_flight) is not None
 
 
 UPPER_LIMITS = {
@@ -121,17 +115,17 @@ UPPER_LIMITS = {
 @pytest.mark.parametrize(("name", "limit"), UPPER_LIMITS.items())
 def test_ages_hold_up_to_their_limit_and_not_beyond(name: str, limit: float) -> None:
     at_limit = replace(good_on_ground(), **{name: limit})
-    assert first_violation(PREFLIGHT_RULES, at_limit, LIMITS) is None
+    assert broken(PREFLIGHT_RULES, at_limit) is None
     for beyond in (nextafter(limit, inf), 1e9, inf, nan):
-        violation = first_violation(PREFLIGHT_RULES, replace(good_on_ground(), **{name: beyond}), LIMITS)
+        violation = broken(PREFLIGHT_RULES, replace(good_on_ground(), **{name: beyond}))
         assert violation is not None, (name, beyond)
 
 
 def test_the_battery_must_reach_its_limit() -> None:
     limit = LIMITS.battery_at_rest
-    assert first_violation(PREFLIGHT_RULES, replace(good_on_ground(), battery_voltage=limit), LIMITS) is None
+    assert broken(PREFLIGHT_RULES, replace(good_on_ground(), battery_voltage=limit)) is None
     for below in (nextafter(limit, 0.0), 3.0, 0.0, -inf, nan):
-        violation = first_violation(PREFLIGHT_RULES, replace(good_on_ground(), battery_voltage=below), LIMITS)
+        violation = broken(PREFLIGHT_RULES, replace(good_on_ground(), battery_voltage=below))
         assert violation is not None
         assert violation.rule == "battery_at_rest"
 
@@ -140,33 +134,39 @@ def test_heading_difference_is_taken_around_the_circle() -> None:
     def with_yaw(mocap: float, onboard: float) -> Observation:
         return replace(
             good_on_ground(),
-            pose_attitude=Attitude(tilt=0.0, yaw=radians(mocap)),
-            estimate_attitude=Attitude(tilt=0.0, yaw=radians(onboard)),
+            pose_quaternion=turned(yaw=radians(mocap)),
+            estimate_quaternion=turned(yaw=radians(onboard)),
         )
 
-    anywhere = SafetyLimits()
-    assert first_violation(PREFLIGHT_RULES, with_yaw(179.0, -178.0), anywhere) is None
-    assert first_violation(PREFLIGHT_RULES, with_yaw(0.0, 5.5), anywhere) is not None
-    assert first_violation(PREFLIGHT_RULES, with_yaw(90.0, -90.0), anywhere) is not None
+    assert broken(PREFLIGHT_RULES, with_yaw(179.0, -178.0)) is None
+    assert broken(PREFLIGHT_RULES, with_yaw(0.0, 5.5)) is not None
+    assert broken(PREFLIGHT_RULES, with_yaw(90.0, -90.0)) is not None
 
 
-def test_attitude_of_known_quaternions() -> None:
-    half = 0.5**0.5
-    assert Attitude.from_quaternion((0.0, 0.0, half, half)).yaw == pytest.approx(radians(90.0))
-    assert Attitude.from_quaternion((0.0, 1.0, 0.0, 0.0)).tilt == pytest.approx(radians(180.0))
-    assert Attitude.from_quaternion((0.0, half, 0.0, half)).tilt == pytest.approx(radians(90.0))
+@pytest.mark.parametrize(("tilt", "yaw"), [(0.0, 90.0), (180.0, 0.0), (90.0, 0.0), (40.0, -120.0)])
+def test_attitude_of_known_quaternions(tilt: float, yaw: float) -> None:
+    attitude = Attitude.from_quaternion(turned(tilt=radians(tilt), yaw=radians(yaw)))
+    assert attitude is not None
+    assert degrees(attitude.tilt) == pytest.approx(tilt, abs=1e-5)
+    if tilt < 90.0:
+        assert degrees(attitude.yaw) == pytest.approx(yaw)
+
+
+@pytest.mark.parametrize(
+    "quaternion", [(0.0, 0.0, 0.0, 0.0), (nan, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.02), (inf, 0.0, 0.0, 1.0)]
+)
+def test_what_is_no_rotation_has_no_attitude(quaternion: tuple[float, float, float, float]) -> None:
+    assert Attitude.from_quaternion(quaternion) is None
 
 
 def test_a_pose_outside_the_room_ends_the_flight() -> None:
     for place in ((-9.0, 0.0, 1.0), (0.0, 3.0, 1.0), (0.0, 0.0, 2.5), (0.0, 0.0, -0.5)):
         outside = replace(good_in_flight(), pose_position=place, estimate_position=place)
-        violation = first_violation(HOVER_RULES, outside, LIMITS)
+        violation = broken(HOVER_RULES, outside)
         assert violation is not None
         assert violation.rule == "inside_room"
 
 
 def test_a_violation_says_what_was_measured_and_demanded() -> None:
     low = replace(good_on_ground(), battery_voltage=3.412)
-    assert (
-        str(first_violation(PREFLIGHT_RULES, low, LIMITS)) == "battery_at_rest: 3.41 V, need at least 3.8 V"
-    )
+    assert str(broken(PREFLIGHT_RULES, low)) == "battery_at_rest: 3.41 V, need at least 3.8 V"

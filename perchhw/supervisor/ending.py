@@ -1,0 +1,92 @@
+"""The phases in which an attempt ends: braking, landing, disarming, stopping."""
+
+from dataclasses import replace
+
+from onboard.app_interface import LandingState
+from perchhw.supervisor.aborts import abort, disarm, elapsed, enter, held, land, lasting, stop
+from perchhw.supervisor.descent import DESCENT_RULES
+from perchhw.supervisor.observation import Admitted
+from perchhw.supervisor.state import Context, FlightState, Phase, Step
+from perchhw.supervisor.violation import first_violation
+
+_MOTORS_CUT = (LandingState.CUT, LandingState.FAULT)
+
+
+def _descent_guard(state: FlightState, o: Admitted, context: Context) -> tuple[FlightState, Step | None]:
+    """The stop that a rule of the descent demands once it has been broken for long, or ``None``."""
+    violation = first_violation(DESCENT_RULES, o, context.limits)
+    state, lost = lasting(state, violation is not None, context.timing.stop_hold, context)
+    if not lost or violation is None:
+        return state, None
+    return state, stop(replace(state, aborted_by=state.aborted_by or str(violation)), context)
+
+
+def braking(state: FlightState, o: Admitted, context: Context) -> Step:
+    """Until the drone holds, has cut its motors, or has had its time."""
+    if o.landing_state in _MOTORS_CUT or (o.drone is not None and not o.drone.can_fly):
+        return Step(enter(state, Phase.SETTLING, context, "the body to rest"))
+    state, stopped = _descent_guard(state, o, context)
+    if stopped is not None:
+        return stopped
+    braked = o.landing_state in (LandingState.HOLD, LandingState.IDLE)
+    if braked or elapsed(state, context) > context.timing.brake_deadline:
+        return land(state, context)
+    return Step(state)
+
+
+def landing(state: FlightState, o: Admitted, context: Context) -> Step:
+    """Until the drone is on the floor."""
+    since, floor = elapsed(state, context), context.limits.room.floor_z
+    height = None if o.estimate_position is None else o.estimate_position[2] - floor
+    down = height is not None and height < context.limits.height_on_ground
+    off = o.landing_state in _MOTORS_CUT or (o.drone is not None and not o.drone.can_fly)
+    if off or (down and since >= context.timing.land):
+        return disarm(state, context)
+    state, stopped = _descent_guard(state, o, context)
+    if stopped is not None:
+        return stopped
+    if since > context.timing.land + context.timing.land_margin:
+        return abort(state, "the drone did not reach the floor", context)
+    return Step(replace(state, alert=_still_armed(state, o, context)))
+
+
+def _still_armed(state: FlightState, o: Admitted, context: Context) -> str | None:
+    """What to tell when the landing app does not read back as disarmed while the drone lands, or ``None``."""
+    if not state.approach_ordered or elapsed(state, context) <= context.timing.switches_deadline:
+        return None
+    if o.policy_armed is False and o.trajectory_armed is False:
+        return None
+    return "STILL ARMED: approach and policy were not read back as off; keep away from the drone"
+
+
+def disarming(state: FlightState, o: Admitted, context: Context) -> Step:
+    """Until the drone says that it is not armed, in bits that are newer than the answer to the order."""
+    answered = state.answered_at
+    renewed = (
+        answered is not None
+        and o.drone_age is not None
+        and context.now - o.drone_age >= answered + context.timing.bits_delay
+    )
+    off = o.drone is not None and not (o.drone.is_armed and o.drone.can_fly)
+    state, disarmed = held(state, renewed and off, context.timing.disarm_hold, context)
+    if disarmed:
+        return Step(enter(state, Phase.DONE, context))
+    if elapsed(state, context) > context.timing.disarm_deadline:
+        late = "disarming: the drone did not confirm it"
+        return stop(replace(state, aborted_by=state.aborted_by or late), context)
+    return Step(state)
+
+
+def stopping(state: FlightState, o: Admitted, context: Context) -> Step:
+    """Only the stop path says when this is over."""
+    return Step(state)
+
+
+def after_stop(state: FlightState, unconfirmed: str | None, context: Context) -> Step:
+    """The stop path has ended: with locked motors, or `unconfirmed` for a reason."""
+    if state.phase is not Phase.STOPPING:
+        return Step(state)
+    if unconfirmed is not None:
+        told = f"STOP NOT CONFIRMED ({unconfirmed}): the motors may turn; keep away from the drone"
+        state = replace(state, alert=told, aborted_by=state.aborted_by or f"stop_unconfirmed: {unconfirmed}")
+    return Step(enter(state, Phase.DONE, context))

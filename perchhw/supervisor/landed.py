@@ -1,0 +1,35 @@
+"""From the trigger to the end: the limits of a flip, and whether what has landed holds."""
+
+from math import degrees, pi
+
+from perchhw.supervisor.limits import SafetyLimits
+from perchhw.supervisor.observation import Admitted
+from perchhw.supervisor.violation import Violation, at_least
+
+
+def inside_flip(o: Admitted, height: float | None, limits: SafetyLimits) -> Violation | None:
+    """What mocap sees of a flip that began at `height` (m) is a flip under the ceiling, not a fall.
+
+    Mocap may lose a body that turns at 30 rad/s: not to see it is no violation; the flip has a deadline.
+    """
+    if o.pose_position is None or height is None:
+        return None
+    x, y, z = o.pose_position
+    room = limits.room
+    if not (room.x_min <= x <= room.x_max and room.y_min <= y <= room.y_max):
+        return Violation("flip_in_room", f"({x:.2f}, {y:.2f}) m", f"inside {room}")
+    return at_least("flip_height", z - height, -limits.flip_drop, "m from that of the trigger")
+
+
+def does_not_hold(o: Admitted, limits: SafetyLimits) -> str | None:
+    """Why the drone is not known to hang from the ceiling by four feet, for the operator, or ``None``."""
+    if o.pose_position is None or o.pose_attitude is None:
+        return "NOT SEEN: mocap has no pose of the drone under the ceiling; it may fall"
+    x, y, z = o.pose_position
+    distance = limits.room.ceiling_at(x, y) - z
+    if distance > limits.hang_distance:
+        return f"FALLING OR FALLEN: the drone is {distance:.2f} m below the ceiling"
+    tilt = pi - o.pose_attitude.tilt
+    if tilt > limits.hang_tilt:
+        return f"HALF ATTACHED: the drone hangs tilted by {degrees(tilt):.0f} deg; it may fall"
+    return None
