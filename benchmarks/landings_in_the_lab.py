@@ -66,7 +66,7 @@ def main() -> None:
     fly = attempt_after_attempt(lambda what: None)
     rows = []
     ports = ["--drone-port", "0", "--vicon-port", "0", "--vicon-udp-port", "0"]
-    with SimulatedLab("lab", [*ports, "--seed", str(arguments.seed)]) as lab:
+    with SimulatedLab("lab", [*ports, "--seed", str(arguments.seed), "--pace", "lockstep"]) as lab:
         for index in range(arguments.attempts):
             request = AttemptRequest(
                 speed=0.0,

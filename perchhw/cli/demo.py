@@ -40,7 +40,18 @@ def demo(
     from perchhw.report import write_campaign_report
 
     screen = progress_console()
-    arguments = ["--drone-port", "0", "--vicon-port", "0", "--vicon-udp-port", "0", "--seed", str(seed)]
+    arguments = [
+        "--drone-port",
+        "0",
+        "--vicon-port",
+        "0",
+        "--vicon-udp-port",
+        "0",
+        "--seed",
+        str(seed),
+        "--pace",
+        "lockstep",
+    ]
     screen.print("Starting the simulated lab (the first start compiles the physics, about a minute) ...")
     with SimulatedLab("lab", arguments) as lab:
         folder = new_run_folder(out, "demo")

@@ -24,6 +24,7 @@ def watch(
     """Report rate, gaps, age, health and the last pose of a source; exit code 1 when it is not good."""
     from mocap_bridge.bridge import PoseBridge
     from mocap_bridge.health import Verdict
+    from onboard.lab_time import open_timebase
 
     ages: list[float] = []
 
@@ -31,7 +32,10 @@ def watch(
         if sample.latency is not None or sample.source_time is not None:
             ages.append(sample.receipt_time - sample.capture_time)
 
-    with PoseBridge(uri, sink=None, on_sample=note_age) as bridge:
+    with (
+        open_timebase("mocap watch", uri) as time,
+        PoseBridge(uri, sink=None, clock=time, on_sample=note_age) as bridge,
+    ):
         bridge.wait_for(lambda _: False, seconds)
         status = bridge.status()
     result = summary(uri, seconds, status, ages)

@@ -181,11 +181,12 @@ def evaluate(
 @app.command()
 def upload(policy: PolicyArgument, drone: DroneUri) -> None:
     """Give a policy to a drone; it reports the CRC that it reads back."""
+    from onboard.lab_time import open_timebase
     from onboard.link import DroneLink
     from onboard.policy.bundle import encode_bundle
 
     bundle = encode_bundle(_load(policy))
-    with DroneLink.open(drone) as link:
+    with open_timebase("policy", drone) as time, DroneLink.open(drone, clock=time) as link:
         crc = link.upload_policy(bundle)
     emit(
         {"drone": drone, "crc32": crc, "bytes": len(bundle)},
@@ -196,11 +197,12 @@ def upload(policy: PolicyArgument, drone: DroneUri) -> None:
 @app.command()
 def verify(policy: PolicyArgument, drone: DroneUri) -> None:
     """Check that a drone runs a policy; exit code 1 if it runs another or none."""
+    from onboard.lab_time import open_timebase
     from onboard.link import DroneLink
     from onboard.policy.files import policy_crc32
 
     expected = policy_crc32(_load(policy))
-    with DroneLink.open(drone) as link:
+    with open_timebase("policy", drone) as time, DroneLink.open(drone, clock=time) as link:
         actual = link.active_policy_crc()
     result = {"drone": drone, "matches": actual == expected, "crc32": actual, "expected_crc32": expected}
     if actual == expected:

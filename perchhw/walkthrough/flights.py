@@ -39,7 +39,17 @@ class LabDrone:
         ports = ["--drone-port", "0", "--vicon-port", "0", "--vicon-udp-port", "0"]
         firmware = [] if self.flashed is None else ["--flashed", self.flashed]
         return SimulatedLab(
-            "lab", [*ports, "--vehicle", str(self.vehicle), *firmware, "--seed", str(self.seed)]
+            "lab",
+            [
+                *ports,
+                "--vehicle",
+                str(self.vehicle),
+                *firmware,
+                "--seed",
+                str(self.seed),
+                "--pace",
+                "lockstep",
+            ],
         )
 
 

@@ -40,7 +40,9 @@ def perchhw(*arguments: str, folder: Path | None = None) -> "subprocess.Complete
 @pytest.fixture
 def lab() -> Iterator[SimulatedLab]:
     with SimulatedLab(
-        "lab", ["--drone-port", "0", "--vicon-port", "0", "--vicon-udp-port", "0", "--seed", "3"]
+        "lab",
+        ["--drone-port", "0", "--vicon-port", "0", "--vicon-udp-port", "0", "--seed", "3"]
+        + ["--pace", "lockstep"],
     ) as lab:
         yield lab
 

@@ -24,10 +24,11 @@ from perchhw.record import read_run
 from perchhw.supervisor import FlightState, Phase
 
 FREE_PORTS = ("--drone-port", "0", "--vicon-port", "0", "--vicon-udp-port", "0", "--seed", "7")
+LOCKSTEP = ("--pace", "lockstep")
 
 
 def open_lab(*arguments: str) -> SimulatedLab:
-    return SimulatedLab("lab", (*FREE_PORTS, *arguments))
+    return SimulatedLab("lab", (*FREE_PORTS, *LOCKSTEP, *arguments))
 
 
 @pytest.fixture(scope="module")
@@ -169,10 +170,6 @@ def only_run(folder: Path) -> Path:
     return run
 
 
-def last_pose_time(run: Path) -> float:
-    return float(read_run(run).series["pose"].t[-1])
-
-
 @pytest.mark.parametrize("victim", ["lab", "room"])
 def test_a_drone_or_room_that_dies_on_the_approach_ends_the_attempt(victim: str, tmp_path: Path) -> None:
     with open_lab() as lab:
@@ -195,16 +192,15 @@ def test_a_drone_or_room_that_dies_on_the_approach_ends_the_attempt(victim: str,
     assert abs(float(run.series[topic].t[-1]) - killed_at) < 0.2
 
 
-def test_a_flight_killed_on_the_approach_loses_nothing_older_than_200_ms(tmp_path: Path) -> None:
+def test_a_flight_killed_on_the_approach_loses_nothing_but_its_last_instant(tmp_path: Path) -> None:
     with open_lab() as lab:
         process = fly_in_child(lab, tmp_path)
         wait_for_phase(process, "approaching")
-        from onboard.clock import monotonic
-
-        killed_at = monotonic()
         process.kill()
         process.communicate()
-        assert killed_at - last_pose_time(only_run(tmp_path)) < 0.2
+    run = read_run(only_run(tmp_path))
+    approaching = next(e["t"] for e in run.events if e.get("phase") == "approaching")
+    assert approaching - float(run.series["pose"].t[-1]) < 0.05
 
 
 def truth_columns(path: Path, *names: str) -> list[FloatArray]:
@@ -229,7 +225,7 @@ def test_ctrl_c_in_the_air_lands_stops_the_motors_and_exits_130(phase: str, tmp_
         process = fly_in_child(lab, tmp_path / "runs")
         wait_for_phase(process, phase)
         process.send_signal(signal.SIGINT)
-        output, errors = process.communicate(timeout=20)
+        output, errors = process.communicate(timeout=200)
     assert process.returncode == 130, errors
     assert json.loads(output)["aborted_by"] == "operator"
     run = read_run(only_run(tmp_path / "runs"))

@@ -51,7 +51,18 @@ def in_the_air(folder: Path) -> bool:
 
 @pytest.mark.timeout(240)
 def test_a_campaign_killed_in_flight_resumes_without_losing_or_repeating(tmp_path: Path) -> None:
-    ports = ["--drone-port", "0", "--vicon-port", "0", "--vicon-udp-port", "0", "--seed", "5"]
+    ports = [
+        "--drone-port",
+        "0",
+        "--vicon-port",
+        "0",
+        "--vicon-udp-port",
+        "0",
+        "--seed",
+        "5",
+        "--pace",
+        "lockstep",
+    ]
     with SimulatedLab("lab", ports) as lab:
         file = tmp_path / "two.toml"
         file.write_text(CAMPAIGN.format(drone=lab.drones[0], mocap=lab.mocap[0]))

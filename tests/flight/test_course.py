@@ -32,7 +32,18 @@ def request(folder: Path, drone: str, mocap: str, kind: str = KIND) -> CourseReq
 @pytest.mark.timeout(300)
 def test_a_test_flight_follows_its_course_and_can_be_analysed(tmp_path: Path) -> None:
     phases: list[Phase] = []
-    ports = ("--drone-port", "0", "--vicon-port", "0", "--vicon-udp-port", "0", "--seed", "3")
+    ports = (
+        "--drone-port",
+        "0",
+        "--vicon-port",
+        "0",
+        "--vicon-udp-port",
+        "0",
+        "--seed",
+        "3",
+        "--pace",
+        "lockstep",
+    )
     with SimulatedLab("lab", ports) as lab:
         result = fly_course(
             request(tmp_path / "run", lab.drones[0], lab.mocap[0]),
