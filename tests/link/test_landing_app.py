@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from threading import Event
 
 import pytest
 
@@ -28,8 +29,13 @@ BUNDLE = encode_bundle(small_policy())
 
 @contextmanager
 def flown(flight: Flight) -> Iterator[tuple[ServedFlight, DroneLink]]:
-    with serve_flight(flight) as served, DroneLink.open(served.uri) as link:
+    with serve_flight(flight) as served, DroneLink.open(served.uri, timeout_s=60.0) as link:
         yield served, link
+
+
+def lab_time(served: ServedFlight) -> WallTime:
+    """Deadlines count in the drone's time: a machine that is busy makes nothing late."""
+    return WallTime(lambda: served.flight.world.time)
 
 
 def at_the_start(policy: bytes | None = BUNDLE) -> Flight:
@@ -40,10 +46,12 @@ def at_the_start(policy: bytes | None = BUNDLE) -> Flight:
     return flight
 
 
-def until(holds: Callable[[], bool], within: float = 20.0) -> None:
-    deadline = monotonic() + within
+def until(served: ServedFlight, holds: Callable[[], bool], within: float = 10.0) -> None:
+    """Wait at most `within` s of the drone's time."""
+    deadline, pause = served.flight.world.time + within, Event()
     while not holds():
-        assert monotonic() < deadline
+        assert served.flight.world.time < deadline
+        pause.wait(0.01)
 
 
 def in_state(served: ServedFlight, state: LandingState) -> Callable[[], bool]:
@@ -52,11 +60,11 @@ def in_state(served: ServedFlight, state: LandingState) -> Callable[[], bool]:
 
 def test_an_approach_is_armed_and_flown() -> None:
     with flown(at_the_start()) as (served, link):
-        arm_approach(link, PLAN)
+        arm_approach(link, PLAN, lab_time(served))
         assert link.param(Parameter.TRAJECTORY_STATUS) == TrajectoryStatus.ARMED
         assert (link.param(Parameter.TRAJECTORY_ARM), link.param(Parameter.POLICY_ARM)) == (1, 1)
         link.set_param(Parameter.GO, 1)
-        until(in_state(served, LandingState.CUT))
+        until(served, in_state(served, LandingState.CUT))
         assert served.call(lambda: served.flight.log("perchT.count")) == 1
 
 
@@ -70,50 +78,50 @@ def test_an_approach_is_armed_and_flown() -> None:
 def test_a_refused_approach_says_why_and_nothing_is_armed(plan: ApproachPlan, reason: str) -> None:
     with flown(at_the_start()) as (served, link):
         with pytest.raises(CommandRefused, match=reason):
-            arm_approach(link, plan)
+            arm_approach(link, plan, lab_time(served))
         assert link.param(Parameter.POLICY_ARM) == 0
         assert in_state(served, LandingState.IDLE)()
 
 
 def test_a_policy_that_is_not_there_is_noticed_by_reading_back() -> None:
-    with flown(at_the_start(policy=None)) as (_, link):
+    with flown(at_the_start(policy=None)) as (served, link):
         with pytest.raises(CommandRefused, match=r"switch the policy on: perch\.polArm reads off"):
-            arm_approach(link, PLAN)
-        assert release(link) is LandingState.IDLE
+            arm_approach(link, PLAN, lab_time(served))
+        assert release(link, lab_time(served)) is LandingState.IDLE
 
 
 def test_a_drone_on_the_ground_is_not_armed_for_an_approach() -> None:
     with (
-        flown(Flight()) as (_, link),
+        flown(Flight()) as (served, link),
         pytest.raises(CommandRefused, match="the drone does not fly"),
     ):
-        arm_approach(link, PLAN)
+        arm_approach(link, PLAN, lab_time(served))
 
 
 def test_release_in_the_approach_returns_when_the_drone_is_handed_over_and_land_lands() -> None:
     with flown(at_the_start()) as (served, link):
-        arm_approach(link, PLAN)
+        arm_approach(link, PLAN, lab_time(served))
         link.set_param(Parameter.GO, 1)
-        until(in_state(served, LandingState.APPROACH))
-        until(lambda: served.call(lambda: served.flight.drone.state["velocity"][0]) > 0.8)
-        assert release(link) is LandingState.IDLE
+        until(served, in_state(served, LandingState.APPROACH))
+        until(served, lambda: served.call(lambda: served.flight.drone.state["velocity"][0]) > 0.8)
+        assert release(link, lab_time(served)) is LandingState.IDLE
         assert in_state(served, LandingState.IDLE)()
         assert (link.param(Parameter.TRAJECTORY_ARM), link.param(Parameter.POLICY_ARM)) == (0, 0)
         here = served.call(lambda: served.flight.position)
         link.land(0.0, 2.0)
-        until(lambda: served.call(lambda: served.flight.position[2]) < 0.1)
+        until(served, lambda: served.call(lambda: served.flight.position[2]) < 0.1)
         there = served.call(lambda: served.flight.position)
         assert there[0] == pytest.approx(here[0], abs=0.4), "down from where it was, not from the old goal"
 
 
 def test_release_of_a_drone_whose_motors_are_off_does_not_wait() -> None:
     with flown(at_the_start()) as (served, link):
-        arm_approach(link, PLAN)
+        arm_approach(link, PLAN, lab_time(served))
         link.set_param(Parameter.GO, 1)
-        until(in_state(served, LandingState.CUT))
-        begin = monotonic()
-        assert release(link) is LandingState.CUT
-        assert monotonic() - begin < 1.0
+        until(served, in_state(served, LandingState.CUT))
+        begin = served.flight.world.time
+        assert release(link, lab_time(served)) is LandingState.CUT
+        assert served.flight.world.time - begin < 1.0
 
 
 def test_the_vehicle_must_be_the_one_that_is_flashed() -> None:
