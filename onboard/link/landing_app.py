@@ -77,8 +77,8 @@ def check_vehicle(link: "DroneLink", expected_crc: int, vehicle: str) -> None:
     if flashed != expected_crc:
         raise CommandRefused(
             f"the drone's firmware was built for another vehicle: its constants have CRC {flashed:08x}, "
-            f"those of {vehicle} have {expected_crc:08x}; flash the firmware built for {vehicle}, or name the "
-            "vehicle that is flashed (--vehicle)"
+            f"those of {vehicle} have {expected_crc:08x}; flash the firmware built for {vehicle}, or name "
+            "the vehicle that is flashed (--vehicle)"
         )
 
 
