@@ -14,6 +14,12 @@ from typing import IO, Any, Self
 from perchhw.errors import FlightStackError
 
 
+FREE_PORTS = ("--drone-port", "0", "--vicon-port", "0", "--vicon-udp-port", "0")
+"""Arguments for a lab that takes the ports that are free."""
+LOCKSTEP = ("--pace", "lockstep")
+"""Arguments for a lab that waits for those who fly in it."""
+
+
 class LabNotReady(FlightStackError):
     """The simulated lab did not start."""
 

@@ -153,9 +153,9 @@ def release(
     """
     link.set_params({Parameter.POLICY_ARM: 0, Parameter.TRAJECTORY_ARM: 0})
     state = _poll(lambda: _state(link), lambda value: value not in _IN_COMMAND, time, within)
-    if state in _IN_COMMAND:
+    if state is not None and state in _IN_COMMAND:
         raise CommandRefused(
-            f"the landing app did not hand the drone over within {within:g} s, its state is {state}"
+            f"the landing app did not hand the drone over within {within:g} s, its state is {state.name}"
         )
     _expect_switches(link, on=False)
     return state

@@ -35,23 +35,12 @@ def demo(
     from perchhw.cli.campaign import live_table
     from perchhw.cli.prompts import confirmation
     from perchhw.flight.turnaround import attempt_after_attempt
-    from perchhw.lab_process import SimulatedLab
+    from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
     from perchhw.record import new_run_folder
     from perchhw.report import write_campaign_report
 
     screen = progress_console()
-    arguments = [
-        "--drone-port",
-        "0",
-        "--vicon-port",
-        "0",
-        "--vicon-udp-port",
-        "0",
-        "--seed",
-        str(seed),
-        "--pace",
-        "lockstep",
-    ]
+    arguments = [*FREE_PORTS, *LOCKSTEP, "--seed", str(seed)]
     screen.print("Starting the simulated lab (the first start compiles the physics, about a minute) ...")
     with SimulatedLab("lab", arguments) as lab:
         folder = new_run_folder(out, "demo")

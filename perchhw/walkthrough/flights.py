@@ -11,7 +11,7 @@ from perchhw.campaign import CampaignPlan, run_campaign
 from perchhw.campaign.courses import FlightPlan, PlannedFlight, fly_plan
 from perchhw.errors import FlightStackError
 from perchhw.flight.turnaround import attempt_after_attempt
-from perchhw.lab_process import SimulatedLab
+from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
 
 _ABORTED_IN_A_ROW = 3
 _TRIES = 6
@@ -36,21 +36,9 @@ class LabDrone:
 
     def lab(self) -> SimulatedLab:
         """A lab with this drone, on free ports."""
-        ports = ["--drone-port", "0", "--vicon-port", "0", "--vicon-udp-port", "0"]
         firmware = [] if self.flashed is None else ["--flashed", self.flashed]
-        return SimulatedLab(
-            "lab",
-            [
-                *ports,
-                "--vehicle",
-                str(self.vehicle),
-                *firmware,
-                "--seed",
-                str(self.seed),
-                "--pace",
-                "lockstep",
-            ],
-        )
+        drone = ("--vehicle", str(self.vehicle), *firmware, "--seed", str(self.seed))
+        return SimulatedLab("lab", (*FREE_PORTS, *LOCKSTEP, *drone))
 
 
 def _nobody(_request: str) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from perchhw.lab_process import SimulatedLab
+from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
 from tests.conftest import REPOSITORY
 
 PAGES = [REPOSITORY / "README.md", *sorted((REPOSITORY / "docs").glob("*.md"))]
@@ -39,11 +39,7 @@ def perchhw(*arguments: str, folder: Path | None = None) -> "subprocess.Complete
 
 @pytest.fixture
 def lab() -> Iterator[SimulatedLab]:
-    with SimulatedLab(
-        "lab",
-        ["--drone-port", "0", "--vicon-port", "0", "--vicon-udp-port", "0", "--seed", "3"]
-        + ["--pace", "lockstep"],
-    ) as lab:
+    with SimulatedLab("lab", (*FREE_PORTS, *LOCKSTEP, "--seed", "3")) as lab:
         yield lab
 
 

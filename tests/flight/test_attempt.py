@@ -19,16 +19,13 @@ from onboard.errors import InputError, PerchhwError
 from perchhw.attempt import AttemptRequest, AttemptResult, Outcome
 from perchhw.flight import fly_attempt
 from perchhw.flight.turnaround import put_back
-from perchhw.lab_process import SimulatedLab
+from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
 from perchhw.record import read_run
 from perchhw.supervisor import FlightState, Phase
 
-FREE_PORTS = ("--drone-port", "0", "--vicon-port", "0", "--vicon-udp-port", "0", "--seed", "7")
-LOCKSTEP = ("--pace", "lockstep")
-
 
 def open_lab(*arguments: str) -> SimulatedLab:
-    return SimulatedLab("lab", (*FREE_PORTS, *LOCKSTEP, *arguments))
+    return SimulatedLab("lab", (*FREE_PORTS, *LOCKSTEP, "--seed", "7", *arguments))
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from perchhw.lab_process import SimulatedLab
+from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
 
 CAMPAIGN = """
 schema = "perchhw.campaign/1"
@@ -51,19 +51,7 @@ def in_the_air(folder: Path) -> bool:
 
 @pytest.mark.timeout(240)
 def test_a_campaign_killed_in_flight_resumes_without_losing_or_repeating(tmp_path: Path) -> None:
-    ports = [
-        "--drone-port",
-        "0",
-        "--vicon-port",
-        "0",
-        "--vicon-udp-port",
-        "0",
-        "--seed",
-        "5",
-        "--pace",
-        "lockstep",
-    ]
-    with SimulatedLab("lab", ports) as lab:
+    with SimulatedLab("lab", (*FREE_PORTS, *LOCKSTEP, "--seed", "5")) as lab:
         file = tmp_path / "two.toml"
         file.write_text(CAMPAIGN.format(drone=lab.drones[0], mocap=lab.mocap[0]))
         folder = tmp_path / "campaign"

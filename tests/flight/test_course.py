@@ -11,7 +11,7 @@ from calibration.gap.suggest.manoeuvres import manoeuvre
 from onboard.errors import InputError
 from onboard.room import RoomGeometry
 from perchhw.flight.course import CourseRequest, fly_course
-from perchhw.lab_process import SimulatedLab
+from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
 from perchhw.record import read_run
 from perchhw.supervisor import Phase
 
@@ -32,19 +32,7 @@ def request(folder: Path, drone: str, mocap: str, kind: str = KIND) -> CourseReq
 @pytest.mark.timeout(300)
 def test_a_test_flight_follows_its_course_and_can_be_analysed(tmp_path: Path) -> None:
     phases: list[Phase] = []
-    ports = (
-        "--drone-port",
-        "0",
-        "--vicon-port",
-        "0",
-        "--vicon-udp-port",
-        "0",
-        "--seed",
-        "3",
-        "--pace",
-        "lockstep",
-    )
-    with SimulatedLab("lab", ports) as lab:
+    with SimulatedLab("lab", (*FREE_PORTS, *LOCKSTEP, "--seed", "3")) as lab:
         result = fly_course(
             request(tmp_path / "run", lab.drones[0], lab.mocap[0]),
             on_phase=lambda state: phases.append(state.phase),

@@ -156,6 +156,9 @@ def test_an_override_that_somebody_left_on_is_switched_off(drone: DroneLink) -> 
 def test_armed_motors_refuse_a_recording_and_the_stand(drone: DroneLink) -> None:
     drone.arm()
     try:
+        deadline = monotonic() + 20.0
+        while not drone.supervisor_info().is_armed:  # the bits are up to 40 ms old
+            assert monotonic() < deadline
         with pytest.raises(MotorsRefused, match="is armed: disarm"):
             GyroRecorder(drone)
         with MotorStand(drone, no_remote_cut=True) as stand:

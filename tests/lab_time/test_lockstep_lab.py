@@ -13,14 +13,12 @@ import pytest
 from onboard.lab_time import time_address
 from onboard.lab_time.figures import lab_figures
 from onboard.link import DroneLink
-from perchhw.lab_process import SimulatedLab
+from perchhw.lab_process import FREE_PORTS, SimulatedLab
 from tests.lab_time.hover import hover
-
-PORTS = ("--drone-port", "0", "--vicon-port", "0", "--vicon-udp-port", "0", "--seed", "5")
 
 
 def lab_at(pace: str, *arguments: str) -> SimulatedLab:
-    return SimulatedLab("lab", [*PORTS, "--pace", pace, *arguments])
+    return SimulatedLab("lab", (*FREE_PORTS, "--seed", "5", "--pace", pace, *arguments))
 
 
 def figures(lab: SimulatedLab) -> dict[str, Any]:

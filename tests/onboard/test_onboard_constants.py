@@ -6,6 +6,7 @@ import struct
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -34,7 +35,8 @@ def vehicles_with_one_change() -> Iterator[tuple[str, Vehicle]]:
         quantity = dataclasses.replace(getattr(body, name), value=getattr(body, name).value + 0.02)
         yield name, dataclasses.replace(VEHICLE, body=dataclasses.replace(body, **{name: quantity}))
     for name in ONBOARD_MOTORS:
-        part = dataclasses.replace(motors, **{name: changed(getattr(motors, name))})
+        change: dict[str, Any] = {name: changed(getattr(motors, name))}
+        part = dataclasses.replace(motors, **change)
         yield name, dataclasses.replace(VEHICLE, motors=part)
     for name, quantity in motors.thrust_map.coefficients.items():
         table = {**motors.thrust_map.coefficients, name: changed(quantity)}
