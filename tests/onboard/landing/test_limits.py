@@ -11,7 +11,7 @@ from onboard.landing.state_machine import EndReason, LandingLimits, LandingState
 from onboard.rotation import body_z, from_rotation_vector
 from onboard.trajectory import ApproachPlan, sample_approach
 from onboard.vehicle import load_vehicle
-from tests.onboard.landing.rig import LIMITS, NAN, PLAN, Rig
+from tests.onboard.landing.rig import LEVEL, LIMITS, NAN, PLAN, Rig
 
 # Sums of these are exact, so that a limit itself can be shown.
 EXACT_PLAN = ApproachPlan(
@@ -475,6 +475,7 @@ def test_what_is_not_known_does_not_end_a_brake() -> None:
     ("end", "state"),
     [
         (tip_over(71.0), LandingState.CUT),
+        ({**tip_over(80.0), "quaternion": LEVEL}, LandingState.CUT),
         ({"position": (0.0, 0.0, PLAN.ceiling_z)}, LandingState.CUT),
         ({"time": 1e3, "pose_age": 1.0}, LandingState.FAULT),
     ],
