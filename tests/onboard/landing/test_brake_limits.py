@@ -1,0 +1,141 @@
+"""Limits of flip, brake and hold, just inside, just outside, and at them."""
+
+from typing import Any
+
+import pytest
+
+from onboard.landing.state_machine import LandingState
+from tests.onboard.landing.exact import (
+    A_BIT,
+    BAD_ESTIMATE,
+    EXACT_LIMITS,
+    EXACT_PLAN,
+    STEP,
+    after,
+    exact_rig,
+    tip_over,
+)
+from tests.onboard.landing.rig import LEVEL, LIMITS, NAN, PLAN, Rig
+
+
+def test_a_flip_may_take_its_time_and_no_more() -> None:
+    for late, state in ((0.0, LandingState.FLIP), (STEP, LandingState.CUT)):
+        rig = exact_rig()
+        rig.approach(EXACT_PLAN.impact_time - 0.375, policy_armed=True)
+        rig.step(**rig.trigger_sample())
+        assert rig.state is LandingState.FLIP
+        rig.step(time=rig.inputs.time + 0.5 + late)
+        assert rig.state is state
+
+
+@pytest.mark.parametrize("where", [Rig.brake, Rig.hold])
+@pytest.mark.parametrize(
+    "blind", [{"pose_age": 0.2}, {"pose_age": NAN}, {"gyro": (0.0, NAN, 0.0)}, {"velocity": (0.0, 0.0, NAN)}]
+)
+def test_how_long_a_brake_may_be_blind(where: Any, blind: dict[str, Any]) -> None:
+    rig = Rig()
+    where(rig)
+    state = rig.state
+    low = {"position": (0.0, 0.0, 1.0), "velocity": (0.0, 0.0, -0.1)}
+    rig.step(time=rig.inputs.time + 5.0, **low)
+    assert rig.state is state, "seeing, it may take as long as it takes"
+    seen = rig.inputs.time
+    rig.step(time=seen + 0.49, **blind)
+    assert rig.state is state
+    rig.step(time=seen + 0.51)
+    assert rig.state is LandingState.FAULT
+
+
+def test_a_brake_for_a_bad_estimate_counts_its_blindness_from_there() -> None:
+    for blind, state in ((0.5, LandingState.BRAKE), (0.5 + STEP, LandingState.FAULT)):
+        rig = exact_rig()
+        assert after(rig, 1.0, pose_age=0.25) == BAD_ESTIMATE
+        rig.step(time=rig.inputs.time + blind)
+        assert rig.state is state
+
+
+@pytest.mark.parametrize("where", [Rig.brake, Rig.hold])
+def test_contact_in_a_brake_cuts(where: Any) -> None:
+    for share, cuts in ((1.02, False), (0.98, True)):
+        rig = Rig()
+        where(rig)
+        state = rig.state
+        place = (0.0, 0.0, PLAN.ceiling_z - share * LIMITS.contact_distance)
+        rig.step(position=place, velocity=(0.0, 0.0, 0.5))
+        assert rig.state is (LandingState.CUT if cuts else state)
+    rig = exact_rig()
+    rig.brake()
+    rig.step(position=(0.0, 0.5, EXACT_PLAN.ceiling_z - 0.0625), velocity=(0.0, 0.0, 0.5))
+    assert rig.state is LandingState.CUT
+
+
+def test_a_pose_as_old_as_the_limit_is_seen() -> None:
+    for age, state in ((0.125, LandingState.BRAKE), (0.125 + A_BIT, LandingState.FAULT)):
+        rig = exact_rig()
+        rig.brake()
+        low = {"position": (0.0, 0.5, 0.75), "velocity": (0.0, 0.0, -0.1)}
+        rig.step(time=rig.inputs.time + 1.0, pose_age=age, **low)
+        assert rig.state is state
+
+
+def test_what_is_not_known_does_not_end_a_brake() -> None:
+    rig = Rig()
+    rig.brake()
+    rig.step(velocity=(0.0, 0.0, -0.6), gyro=(NAN, 0.0, 0.0), abort=False)
+    assert rig.state is LandingState.BRAKE
+
+
+@pytest.mark.parametrize(
+    ("end", "state"),
+    [
+        (tip_over(71.0), LandingState.CUT),
+        ({**tip_over(80.0), "quaternion": LEVEL}, LandingState.CUT),
+        ({"position": (0.0, 0.0, PLAN.ceiling_z)}, LandingState.CUT),
+        ({"time": 1e3, "pose_age": 1.0}, LandingState.FAULT),
+    ],
+)
+def test_a_disarmed_hold_that_ends_badly_is_not_handed_back(end: dict[str, Any], state: LandingState) -> None:
+    rig = Rig()
+    rig.hold()
+    rig.step(trajectory_armed=False, **end)
+    assert rig.state is state
+
+
+def test_an_old_pose_still_shows_a_contact() -> None:
+    rig = Rig()
+    rig.brake()
+    rig.step(position=(0.0, 0.0, PLAN.ceiling_z - 0.01), pose_age=0.3)
+    assert rig.state is LandingState.CUT
+
+
+@pytest.mark.parametrize(
+    ("climb", "holds"), [(-0.49, False), (-0.5, True), (-0.51, True), (-0.2, False), (0.0, False)]
+)
+def test_a_brake_has_done_its_work_when_the_vehicle_falls(climb: float, holds: bool) -> None:
+    rig = Rig()
+    rig.brake()
+    rig.step(position=(0.0, 0.0, 1.0), velocity=(0.0, 0.0, climb), abort=False)
+    assert (rig.state is LandingState.HOLD) == holds
+
+
+@pytest.mark.parametrize("climb", [0.1, 0.5, 1.0, 2.0])
+def test_a_brake_low_enough_holds_at_once(climb: float) -> None:
+    """Low enough: 0.15 s and a stop with the hold's acceleration end below the height of the hold."""
+    highest = PLAN.ceiling_z - 0.7 - 0.15 * climb - climb**2 / (2 * 4.0)
+    for off, holds in ((-1e-3, True), (1e-3, False)):
+        rig = Rig()
+        rig.brake()
+        rig.step(position=(0.0, 0.0, highest + off), velocity=(0.0, 0.0, climb), abort=False)
+        assert (rig.state is LandingState.HOLD) == holds
+
+
+def test_a_brake_that_would_end_at_the_height_of_the_hold_holds() -> None:
+    limits = EXACT_LIMITS._replace(hold_clearance=0.5, hold_acceleration=4.0)
+    rise_left = 0.5 * (0.15 + 0.5 * 0.5 / 4.0)
+    height = EXACT_PLAN.ceiling_z - 0.5 - rise_left
+    assert height + rise_left == EXACT_PLAN.ceiling_z - 0.5
+    for off, state in ((0.0, LandingState.HOLD), (A_BIT, LandingState.BRAKE)):
+        rig = exact_rig(limits)
+        rig.brake()
+        rig.step(position=(0.0, 0.5, height + off), velocity=(0.0, 0.0, 0.5), abort=False)
+        assert rig.state is state
