@@ -1,13 +1,22 @@
 """How compiled functions are compiled, onboard and in the physics.
 
-Numba compiles a function once for each signature, and takes about as long for a line in it as for any other:
-the first start pays for every function, every signature, and every copy on disk. A number that stands
-in a call makes a signature of its own (``Literal[int](2)``); one out of a tuple does not.
+Numba compiles a function once for each signature: the first start pays for every function, every signature,
+and every copy on disk. A plain integer in a call, written there or a constant of the module, makes a
+signature of its own (``Literal[int](2)``); a numpy integer does not.
+
+All of ours get numba's decorator from here, so that their kernels are kept where :mod:`onboard.kernel_cache`
+says.
 """
 
 from typing import Any
 
 from numba import njit
+
+from onboard.kernel_cache import use_cache_of_this_source
+
+__all__ = ["APART", "INLINED", "inner", "kernel", "njit"]
+
+use_cache_of_this_source()
 
 APART: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 """Free of the interpreter lock, IEEE division as in C, and without an entry for C, which nobody calls.

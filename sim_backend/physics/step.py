@@ -3,6 +3,8 @@
 import math
 from typing import Any
 
+import numpy as np
+
 from onboard.arrays import Vector
 from onboard.mixer import Thrusts
 from sim_backend.physics.battery import draw, motor_targets
@@ -30,8 +32,8 @@ HeldLeg = tuple[Rod, Vector, Vector]
 MOST_PARTS = 9
 """Parts of a step: each of the four feet may cut it twice, where its path bends away at the first cut."""
 
-LEGS = (0, 1, 2, 3)
-"""Indices of the legs, in a tuple so that one compiled function serves all four (:mod:`onboard.jit`)."""
+LEGS: Any = tuple(np.int64(leg) for leg in range(4))
+"""Indices of the legs; not plain integers, so that one compiled function serves all (:mod:`onboard.jit`)."""
 
 NOTHING: Vector = (0.0, 0.0, 0.0)
 
@@ -329,7 +331,8 @@ def step(state: Any, parameters: Any, duty: Any, dt: float) -> None:
         dt: s, 0.001 in all of perchhw.
     """
     targets = motor_targets(state, parameters, duty)
-    step_thrust(state, parameters, targets, dt)
+    up, down = decay(parameters, 0.5 * dt)
+    advance(state, parameters, targets, dt, up, down)
     draw(state, parameters, dt)
 
 

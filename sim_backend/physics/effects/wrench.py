@@ -6,6 +6,8 @@ once. An effect that a vehicle does not have is here with parameters that do not
 
 from typing import Any
 
+import numpy as np
+
 from sim_backend.physics.air import linear_drag
 from sim_backend.physics.effects.body_drag import body_drag
 from sim_backend.physics.effects.ceiling_effect import ceiling_gain
@@ -25,8 +27,8 @@ from sim_backend.physics.motors import Wrench, rotor_speed
 
 RotorWrench = tuple[float, float, float, float, float, float, float]
 
-MOTORS = (0, 1, 2, 3)
-"""Indices of the motors, in a tuple so that one compiled function serves all four (:mod:`onboard.jit`)."""
+MOTORS: Any = tuple(np.int64(motor) for motor in range(4))
+"""Indices of the motors; not plain integers: one compiled function serves all (:mod:`onboard.jit`)."""
 
 
 @inner
@@ -63,8 +65,14 @@ def rotors(state: Any, p: Any, rot: Rotation, ux: float, uy: float, uz: float) -
     `ux`, `uy`, `uz`: velocity of the body through the air, body frame, m/s.
     """
     return sum_of(
-        sum_of(rotor(state, p, rot, MOTORS[0], 1.0, ux, uy, uz), rotor(state, p, rot, MOTORS[1], -1.0, ux, uy, uz)),
-        sum_of(rotor(state, p, rot, MOTORS[2], 1.0, ux, uy, uz), rotor(state, p, rot, MOTORS[3], -1.0, ux, uy, uz)),
+        sum_of(
+            rotor(state, p, rot, MOTORS[0], 1.0, ux, uy, uz),
+            rotor(state, p, rot, MOTORS[1], -1.0, ux, uy, uz),
+        ),
+        sum_of(
+            rotor(state, p, rot, MOTORS[2], 1.0, ux, uy, uz),
+            rotor(state, p, rot, MOTORS[3], -1.0, ux, uy, uz),
+        ),
     )
 
 
