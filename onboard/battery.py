@@ -6,7 +6,7 @@ total: a request that is not a number, or a battery that is not there, gives a m
 
 import math
 
-from onboard.jit import kernel
+from onboard.jit import inner, kernel
 from onboard.thrust_map import ThrustMap, ThrustMapForm
 
 __all__ = [
@@ -33,12 +33,12 @@ LOWEST_BATTERY_VOLTAGE = 2.0
 _NEWTON_STEPS = 60
 
 
-@kernel
+@inner
 def _quadratic_root(a: float, b: float, c: float, thrust: float) -> float:
     return (-b + math.sqrt(max(0.0, b * b + 4.0 * a * (thrust - c)))) / (2.0 * a)
 
 
-@kernel
+@inner
 def _cubic_root(c0: float, c1: float, c2: float, c3: float, thrust: float) -> float:
     """Voltage at which an increasing cubic gives `thrust`: Newton's method kept inside a bracket."""
     if thrust <= c0:

@@ -13,7 +13,7 @@ from typing import NamedTuple, TypeAlias
 
 from onboard.arrays import Vector
 from onboard.gravity import GRAVITY
-from onboard.jit import kernel
+from onboard.jit import inner, kernel
 from onboard.rotation import Indexable, body_x, body_y, body_z
 from onboard.vehicle.model import Vehicle
 
@@ -113,7 +113,7 @@ def controller_gains(vehicle: Vehicle) -> ControllerGains:
     )
 
 
-@kernel
+@inner
 def _desired_force(
     position: Indexable,
     velocity: Indexable,
@@ -154,7 +154,7 @@ def _desired_force(
     return (fx, fy, fz)
 
 
-@kernel
+@inner
 def _attitude_error(quaternion: Indexable, force: Vector, yaw: float, least_z: float) -> Vector:
     """e_R = 1/2 vee(R_d^T R - R^T R_d), with R_d from the force and the heading; body frame."""
     fx, fy, fz = force[0], force[1], max(force[2], least_z)
@@ -178,7 +178,7 @@ def _attitude_error(quaternion: Indexable, force: Vector, yaw: float, least_z: f
     )
 
 
-@kernel
+@inner
 def _moments(error: Vector, omega: Indexable, gains: ControllerGains) -> Vector:
     """-kr e_R - kw Omega + Omega x J Omega, N m in the body frame."""
     wx, wy, wz = omega[0], omega[1], omega[2]

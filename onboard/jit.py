@@ -1,10 +1,35 @@
-"""How compiled functions are compiled, onboard and in the physics."""
+"""How compiled functions are compiled, onboard and in the physics.
+
+Numba compiles a function once for each signature: the first start pays for every function, every signature,
+and every copy on disk. A plain integer in a call, written there or a constant of the module, makes a
+signature of its own (``Literal[int](2)``); a numpy integer does not.
+
+All of ours get numba's decorator from here, so that their kernels are kept where :mod:`onboard.kernel_cache`
+says.
+"""
+
+from typing import Any
 
 from numba import njit
 
-kernel = njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-"""Decorator of all kernels: cached on disk, free of the interpreter lock, IEEE division as in C, inlined.
+from onboard.kernel_cache import use_cache_of_this_source
+
+__all__ = ["APART", "INLINED", "inner", "kernel", "njit"]
+
+use_cache_of_this_source()
+
+APART: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+"""Free of the interpreter lock, IEEE division as in C, and without an entry for C, which nobody calls.
 
 A division by zero gives inf or NaN as in numpy; nothing tests for it each time, callers catch it where it
-matters. Inlining takes a fifth off a step of physics and a quarter off one with the controller.
+matters.
 """
+
+INLINED: dict[str, Any] = APART | {"forceinline": True}
+"""Inlined besides: takes a fifth off a step of physics and a quarter off one with the controller."""
+
+kernel = njit(cache=True, **INLINED)
+"""Decorator of kernels that Python calls, or that several others share: kept on disk."""
+
+inner = njit(**INLINED)
+"""Decorator of kernels that only kernels call: on disk as a part of these, but not by themselves."""

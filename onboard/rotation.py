@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 
 from onboard.arrays import FloatArray, Quaternion, Vector
-from onboard.jit import kernel
+from onboard.jit import inner, kernel
 
 Indexable: TypeAlias = Sequence[float] | FloatArray
 
@@ -29,7 +29,7 @@ def multiply(a: Indexable, b: Indexable) -> Quaternion:
     )
 
 
-@kernel
+@inner
 def conjugate(q: Indexable) -> Quaternion:
     """The inverse rotation of a unit quaternion."""
     return (-q[0], -q[1], -q[2], q[3])
@@ -105,7 +105,13 @@ def to_matrices(quaternions: FloatArray) -> FloatArray:
     """Rotation matrices, shape (n, 3, 3), of quaternions of any length, shape (n, 4)."""
     matrices = np.empty((quaternions.shape[0], 3, 3))
     for k in range(quaternions.shape[0]):
-        matrices[k] = to_matrix(normalise(quaternions[k]))
+        q = normalise(quaternions[k])
+        first, second, third = body_x(q), body_y(q), body_z(q)
+        # Number by number: numba takes seconds to compile the assignment of a whole matrix.
+        for i in range(3):
+            matrices[k, i, 0] = first[i]
+            matrices[k, i, 1] = second[i]
+            matrices[k, i, 2] = third[i]
     return matrices
 
 

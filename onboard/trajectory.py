@@ -10,7 +10,7 @@ import math
 from typing import NamedTuple, TypeAlias
 
 from onboard.errors import InputError, OnboardError
-from onboard.jit import kernel
+from onboard.jit import inner, kernel
 from onboard.room import RoomGeometry
 from onboard.rotation import Vector
 
@@ -209,7 +209,7 @@ def sample_approach(plan: ApproachPlan, t: float) -> Setpoint:
     )
 
 
-@kernel
+@inner
 def _speed_up(
     t: float, start: float, duration: float, acceleration: float
 ) -> tuple[float, float, float, float]:

@@ -13,7 +13,6 @@ from typing import IO, Any, Self
 
 from perchhw.errors import FlightStackError
 
-
 FREE_PORTS = ("--drone-port", "0", "--vicon-port", "0", "--vicon-udp-port", "0")
 """Arguments for a lab that takes the ports that are free."""
 LOCKSTEP = ("--pace", "lockstep")

@@ -34,7 +34,7 @@ from sim_backend.room.settings import RoomFaults
 from sim_backend.room_process import RoomProcess, RoomRequest
 from sim_backend.truth import TruthRecorder
 from sim_backend.turns import TurnsServer
-from sim_backend.warm_up import warm_up
+from sim_backend.warm_up import is_first_start, warm_up
 from sim_backend.world import Drone, World
 
 PERIOD_S = 0.002
@@ -114,7 +114,8 @@ class Lab:
         self._vehicle = load_vehicle(settings.vehicle, settings.legs)
         self._flashed = None if settings.flashed is None else load_vehicle(settings.flashed, settings.legs)
         RoomFaults.parse(self.settings.faults.room)  # refuses bad faults here, before a process is started
-        _say("preparing the simulation (the first time this takes a minute)")
+        if is_first_start():
+            _say("preparing the simulation (once, takes up to half a minute)")
         warm_up(self._vehicle)
 
     async def start(self) -> None:

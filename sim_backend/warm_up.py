@@ -2,17 +2,35 @@
 
 A kernel that is compiled (or loaded from the cache) in flight stops the world for a second. So a drone of its
 own flies through everything first: take-off, tilt, an approach that is aborted, one that flips.
+
+The first time this takes long, so a second process (``python -m sim_backend.warm_up``) compiles what the
+firmware calls while this one compiles the physics; they meet in numba's cache on disk. Physics and firmware
+share no kernel that is kept there and has more than one signature: numba's index of a kernel has no lock.
 """
 
+import contextlib
+import os
 import struct
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
 from onboard.app_interface import Parameter
+from onboard.gravity import GRAVITY
+from onboard.kernel_cache import is_complete, note_complete
 from onboard.policy.model import ActionLayer, Policy
-from onboard.vehicle import Vehicle
+from onboard.vehicle import Vehicle, load_vehicle
+from sim_backend.crazyflie.firmware import Firmware
 from sim_backend.crazyflie.high_level import Command
 from sim_backend.world import World
+
+KERNELS = "flight"
+"""Name of all that is compiled here, in the cache."""
+
+ANY_VEHICLE = "crazyflie21-upgraded"
+"""Signatures do not depend on the vehicle."""
 
 HEIGHT = 0.4
 START = {
@@ -43,13 +61,8 @@ class _Pilot:
             self._world.run(0.01)
 
     def write(self, name: str, value: float) -> None:
-        """A client's write of a parameter, until the firmware's callback is done."""
-        params = self.firmware.params
-        entry = params.entry(name)
-        params.write_raw(entry.ident, entry.encode(value))
-        params.notify(entry.ident)
-        while params.busy:
-            self._world.step()
+        """A client's write of a parameter."""
+        _write(self.firmware, name, value, self._world.step)
 
     def go_to(self, x: float, y: float, z: float) -> None:
         """Go there in a second."""
@@ -57,9 +70,67 @@ class _Pilot:
         self.firmware.commander.high_level(Command.GO_TO_2, payload)
 
 
+def is_first_start() -> bool:
+    """Whether :func:`warm_up` has yet to compile, because no earlier process has."""
+    return not is_complete(KERNELS)
+
+
 def warm_up(vehicle: Vehicle) -> None:
     """Make a flight of `vehicle` free of compilations in this process."""
-    pilot = _Pilot(vehicle)
+    with _firmware_compiled_beside():
+        pilot = _Pilot(vehicle)  # stands on its legs, by the physics
+    _fly_everything(pilot)
+    note_complete(KERNELS)
+
+
+@contextlib.contextmanager
+def _firmware_compiled_beside() -> Iterator[None]:
+    """Compile what the firmware calls in a process of its own, the first time and where it has a core.
+
+    Whatever a process that failed has left out, the flight compiles.
+    """
+    if not is_first_start() or len(os.sched_getaffinity(0)) < 2:
+        yield
+        return
+    with subprocess.Popen([sys.executable, "-m", "sim_backend.warm_up"]) as process:
+        yield
+        process.wait()
+
+
+def compile_firmware() -> None:
+    """A drone that somebody holds in the air is armed and told to fly, with a policy and an approach."""
+    firmware = Firmware(load_vehicle(ANY_VEHICLE), np.random.default_rng(0))
+    _hold(firmware, 300)
+    firmware.supervisor.arm(True)
+    _hold(firmware, 100)
+    firmware.commander.high_level(Command.TAKEOFF_2, struct.pack("<BffBf", 0, HEIGHT, 0.0, 1, 1.0))
+    if firmware.app is not None:
+        firmware.app.slot.load(_policy().compiled(), 1, 0.05)
+    for name, value in START.items():
+        _write(firmware, name, value, lambda: _hold(firmware, 10))
+    _write(firmware, Parameter.TRAJECTORY_ARM, 1, lambda: _hold(firmware, 10))
+    _hold(firmware, 300)
+
+
+def _hold(firmware: Firmware, milliseconds: int) -> None:
+    """Let time pass for a drone that does not move; poses come at 100 Hz."""
+    upright, still = np.array([0.0, 0.0, GRAVITY]), np.zeros(3)
+    for _ in range(0, milliseconds, 10):
+        firmware.localization.external_pose(0.0, 0.0, HEIGHT, 0.0, 0.0, 0.0, 1.0)
+        for _ in range(10):
+            firmware.step(upright, still, 4.0)
+
+
+def _write(firmware: Firmware, name: str, value: float, go_on: Callable[[], None]) -> None:
+    """A client's write of a parameter, until the firmware's callback is done."""
+    entry = firmware.params.entry(name)
+    firmware.params.write_raw(entry.ident, entry.encode(value))
+    firmware.params.notify(entry.ident)
+    while firmware.params.busy:
+        go_on()
+
+
+def _fly_everything(pilot: _Pilot) -> None:
     firmware, commander = pilot.firmware, pilot.firmware.commander
     pilot.fly(0.3)
     firmware.supervisor.arm(True)
@@ -107,3 +178,7 @@ def _policy() -> Policy:
         a_rot_max=np.float32(0.0),
         provenance={"made_by": "the simulation's warm-up"},
     )
+
+
+if __name__ == "__main__":
+    compile_firmware()

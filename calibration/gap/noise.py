@@ -6,9 +6,9 @@ Only one-step, causal innovations whose noise model is fitted together with the 
 """
 
 import numpy as np
-from numba import njit
 
 from onboard.arrays import BoolArray, FloatArray
+from onboard.jit import njit
 
 ORDER = 16
 """Samples of the past: 0.16 s at 100 Hz, enough for a gyro whose noise is differenced."""

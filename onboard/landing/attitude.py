@@ -8,7 +8,7 @@ import math
 from typing import Any
 
 from onboard.app_interface import LandingState
-from onboard.jit import kernel
+from onboard.jit import inner, kernel
 from onboard.landing.model import LandingInputs
 from onboard.rotation import (
     Quaternion,
@@ -41,14 +41,14 @@ def is_finite(v: Vector) -> bool:
     return math.isfinite(v[0]) and math.isfinite(v[1]) and math.isfinite(v[2])
 
 
-@kernel
+@inner
 def own_attitude(memory: Any) -> Quaternion:
     """The attitude that the machine keeps, body to world."""
     a = memory.attitude
     return (a[0], a[1], a[2], a[3])
 
 
-@kernel
+@inner
 def propagate_attitude(memory: Any, inputs: LandingInputs) -> None:
     """Turn the own attitude by the gyro, and outside the flip a little towards the estimate."""
     estimate = normalise(inputs.quaternion)

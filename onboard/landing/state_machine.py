@@ -28,8 +28,10 @@ Rules (default deny: what is not known is not allowed, and a NaN never starts an
 import math
 from typing import Any
 
+import numpy as np
+
 from onboard.app_interface import EndReason, LandingState, TrajectoryStatus
-from onboard.jit import kernel
+from onboard.jit import inner, kernel
 from onboard.landing.attitude import is_finite, own_attitude, propagate_attitude
 from onboard.landing.braking import hold_setpoint, stopping_distance
 from onboard.landing.model import (
@@ -80,15 +82,16 @@ _REFUSED_TOO_FAR = int(TrajectoryStatus.REFUSED_TOO_FAR)
 _REFUSED_NUMBERS = int(TrajectoryStatus.REFUSED_NUMBERS)
 _REFUSED_NOT_FLYING = int(TrajectoryStatus.REFUSED_NOT_FLYING)
 
-_TRIGGERED = int(EndReason.TRIGGERED)
-_MISSED_TRIGGER = int(EndReason.MISSED_TRIGGER)
-_ABORT = int(EndReason.ABORT)
-_DISARMED = int(EndReason.DISARMED)
-_BAD_ESTIMATE = int(EndReason.BAD_ESTIMATE)
-_OFF_TRACK = int(EndReason.OFF_TRACK)
-_TILT = int(EndReason.TILT)
-_CONTACT = int(EndReason.CONTACT)
-_NOT_FLYING = int(EndReason.NOT_FLYING)
+# Not plain integers: as constants in calls each of these would make a compiled function of its own.
+_TRIGGERED = np.int64(EndReason.TRIGGERED)
+_MISSED_TRIGGER = np.int64(EndReason.MISSED_TRIGGER)
+_ABORT = np.int64(EndReason.ABORT)
+_DISARMED = np.int64(EndReason.DISARMED)
+_BAD_ESTIMATE = np.int64(EndReason.BAD_ESTIMATE)
+_OFF_TRACK = np.int64(EndReason.OFF_TRACK)
+_TILT = np.int64(EndReason.TILT)
+_CONTACT = np.int64(EndReason.CONTACT)
+_NOT_FLYING = np.int64(EndReason.NOT_FLYING)
 
 POLICY_PERIOD = 0.01
 """s. The policy is evaluated at 100 Hz (errata 9)."""
@@ -109,27 +112,27 @@ _ZERO = (0.0, 0.0, 0.0)
 _NO_THRUSTS = (0.0, 0.0, 0.0, 0.0)
 
 
-@kernel
+@inner
 def _estimate_is_finite(inputs: LandingInputs) -> bool:
     q = inputs.quaternion
     attitude = math.isfinite(q[0] + q[1] + q[2] + q[3])
     return attitude and is_finite(inputs.position) and is_finite(inputs.velocity)
 
 
-@kernel
-def _end_approach(memory: Any, state: int, reason: int) -> None:
+@inner
+def _end_approach(memory: Any, state: int, reason: np.int64) -> None:
     memory.state = state
     memory.reason = reason
     memory.trajectory_status = _STATUS_NONE
 
 
-@kernel
-def _begin_brake(memory: Any, inputs: LandingInputs, reason: int) -> None:
+@inner
+def _begin_brake(memory: Any, inputs: LandingInputs, reason: np.int64) -> None:
     _end_approach(memory, BRAKE, reason)
     memory.blind_time = inputs.time
 
 
-@kernel
+@inner
 def _start_distance(inputs: LandingInputs, plan: ApproachPlan) -> float:
     """Distance (m) from the plan's start; NaN for a position that is not known."""
     p = inputs.position
@@ -137,7 +140,7 @@ def _start_distance(inputs: LandingInputs, plan: ApproachPlan) -> float:
     return math.sqrt(dx * dx + dy * dy + dz * dz)
 
 
-@kernel
+@inner
 def _arm(memory: Any, inputs: LandingInputs, plan: ApproachPlan, limits: LandingLimits) -> None:
     if not inputs.flying:
         memory.trajectory_status = _REFUSED_NOT_FLYING
@@ -151,7 +154,7 @@ def _arm(memory: Any, inputs: LandingInputs, plan: ApproachPlan, limits: Landing
         memory.reason = 0
 
 
-@kernel
+@inner
 def _may_go(inputs: LandingInputs, plan: ApproachPlan, limits: LandingLimits) -> bool:
     v = inputs.velocity
     speed = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
@@ -164,7 +167,7 @@ def _may_go(inputs: LandingInputs, plan: ApproachPlan, limits: LandingLimits) ->
     )
 
 
-@kernel
+@inner
 def _triggers(memory: Any, inputs: LandingInputs) -> bool:
     """Whether the policy fires now. Written so that a NaN anywhere makes it False."""
     return (
@@ -183,7 +186,7 @@ def _triggers(memory: Any, inputs: LandingInputs) -> bool:
     )
 
 
-@kernel
+@inner
 def _begin_flip(memory: Any, inputs: LandingInputs) -> None:
     _end_approach(memory, FLIP, _TRIGGERED)
     memory.flip_time = inputs.time
@@ -200,7 +203,7 @@ def _begin_flip(memory: Any, inputs: LandingInputs) -> None:
     memory.snapshot_count += 1  # last: who sees the new count finds the new fields
 
 
-@kernel
+@inner
 def _trigger_is_missed(memory: Any, inputs: LandingInputs, plan: ApproachPlan, limits: LandingLimits) -> bool:
     """Whether to brake now because no trigger can come any more, or because later is too late."""
     climb = inputs.velocity[2]
@@ -217,12 +220,12 @@ def _trigger_is_missed(memory: Any, inputs: LandingInputs, plan: ApproachPlan, l
     return left - limits.brake_margin < rise
 
 
-@kernel
+@inner
 def _is_tilted(memory: Any, limits: LandingLimits) -> bool:
     return not body_z(memory.attitude)[2] > math.cos(limits.tilt_limit)
 
 
-@kernel
+@inner
 def _step_approach(memory: Any, inputs: LandingInputs, plan: ApproachPlan, limits: LandingLimits) -> None:
     t = inputs.time - memory.start_time
     if not inputs.flying:
@@ -252,7 +255,7 @@ def _step_approach(memory: Any, inputs: LandingInputs, plan: ApproachPlan, limit
         _begin_brake(memory, inputs, _OFF_TRACK)
 
 
-@kernel
+@inner
 def _step_flip(memory: Any, inputs: LandingInputs, limits: LandingLimits) -> None:
     upright = body_z(memory.attitude)[2] > 0.0
     in_time = inputs.time - memory.flip_time <= limits.flip_timeout
@@ -260,14 +263,14 @@ def _step_flip(memory: Any, inputs: LandingInputs, limits: LandingLimits) -> Non
         memory.state = CUT
 
 
-@kernel
+@inner
 def _may_hand_over(memory: Any, inputs: LandingInputs) -> bool:
     v = inputs.velocity
     slow = v[0] * v[0] + v[1] * v[1] + v[2] * v[2] <= HAND_OVER_SPEED * HAND_OVER_SPEED
     return (slow and v[2] <= HAND_OVER_CLIMB) or inputs.time - memory.hold_time > HAND_OVER_TIMEOUT
 
 
-@kernel
+@inner
 def _step_brake(memory: Any, inputs: LandingInputs, plan: ApproachPlan, limits: LandingLimits) -> None:
     """BRAKE and HOLD: cut on tilt and contact, fault when blind, hold once the climb has ended."""
     if _is_tilted(memory, limits):
@@ -299,7 +302,7 @@ def _step_brake(memory: Any, inputs: LandingInputs, plan: ApproachPlan, limits: 
         memory.state = IDLE
 
 
-@kernel
+@inner
 def _advance(memory: Any, inputs: LandingInputs, plan: ApproachPlan, limits: LandingLimits) -> None:
     state = memory.state
     if state == IDLE:
@@ -326,7 +329,7 @@ def _advance(memory: Any, inputs: LandingInputs, plan: ApproachPlan, limits: Lan
     memory.go_seen = 1 if inputs.go else 0
 
 
-@kernel
+@inner
 def _approach_setpoint(elapsed: float, plan: ApproachPlan, limits: LandingLimits) -> Setpoint:
     """The approach as motors with a lag can fly it: rounded off, its thrust commanded ahead by the lag."""
     p, v, a, jerk = smooth_approach(plan, elapsed - limits.smoothing, limits.smoothing)
@@ -334,7 +337,7 @@ def _approach_setpoint(elapsed: float, plan: ApproachPlan, limits: LandingLimits
     return p, v, (a[0], a[1], a[2] + lag * jerk[2])
 
 
-@kernel
+@inner
 def _output(memory: Any, inputs: LandingInputs, plan: ApproachPlan, limits: LandingLimits) -> LandingOutput:
     state = memory.state
     attitude = own_attitude(memory)

@@ -30,7 +30,9 @@ def action_moment(policy: CompiledPolicy, tau: float, theta_x: float, d_ceil: fl
         float32 moment about b_y, N m, negative = nose up, within [a_rot_min, a_rot_max].
     """
     sizes = policy.layer_sizes
-    widest = np.max(sizes)
+    widest = sizes[0]
+    for size in sizes:
+        widest = max(widest, size)
     values = np.empty(widest, np.float32)
     sums = np.empty(widest, np.float32)
     values[0] = (np.float32(tau) - policy.scaler_mean[0]) / policy.scaler_std[0]

@@ -41,7 +41,7 @@ def demo(
 
     screen = progress_console()
     arguments = [*FREE_PORTS, *LOCKSTEP, "--seed", str(seed)]
-    screen.print("Starting the simulated lab (the first start compiles the physics, about a minute) ...")
+    screen.print("Starting the simulated lab (the first start compiles it, up to half a minute) ...")
     with SimulatedLab("lab", arguments) as lab:
         folder = new_run_folder(out, "demo")
         plan = demo_plan(lab.drones[0], lab.mocap[0], attempts, seed)

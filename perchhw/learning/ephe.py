@@ -8,9 +8,9 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from onboard.arrays import FloatArray
+from onboard.jit import njit
 
 TAU_SCALE = 10.0
 """First parameter per second of tau."""

@@ -7,8 +7,7 @@ numbers (paper errata 10), so a preset is data.
 import math
 from typing import Any, NamedTuple
 
-from numba import njit
-
+from onboard.jit import njit
 from perchhw.learning.errors import LearningInputError
 
 

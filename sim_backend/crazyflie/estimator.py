@@ -20,10 +20,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from onboard.arrays import FloatArray
 from onboard.gravity import GRAVITY
+from onboard.jit import njit
 from onboard.rotation import euler_angles, from_yaw, integrate, rotate
 
 QUEUE_LENGTH = 20

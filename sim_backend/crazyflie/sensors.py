@@ -9,9 +9,9 @@ develops afterwards can be injected.
 import math
 
 import numpy as np
-from numba import njit
 
 from onboard.arrays import FloatArray
+from onboard.jit import njit
 from onboard.vehicle import Sensing
 
 GYRO_CUTOFF_HZ = 80.0

@@ -9,13 +9,13 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from onboard.arrays import FloatArray, Quaternion, Vector
 from onboard.battery import FULL_RATIO, duty_for_thrust, quantise_pwm
 from onboard.controller import ControllerGains, Wrench, controller_gains, geometric_control
 from onboard.gravity import GRAVITY
+from onboard.jit import njit
 from onboard.mixer import Thrusts, mix
 from onboard.rotation import body_z, euler_angles
 from onboard.thrust_map import ThrustMap

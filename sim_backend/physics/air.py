@@ -2,11 +2,11 @@
 
 from typing import Any
 
-from sim_backend.physics.jit import kernel
+from sim_backend.physics.jit import inner
 from sim_backend.physics.motors import Wrench
 
 
-@kernel
+@inner
 def linear_drag(state: Any, p: Any, vx: float, vy: float, vz: float) -> Wrench:
     """Force -d v along each body axis (N) for the velocity in the body frame (m/s); no torque."""
     return -p.drag[0] * vx, -p.drag[1] * vy, -p.drag[2] * vz, 0.0, 0.0, 0.0

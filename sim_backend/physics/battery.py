@@ -5,10 +5,10 @@ from typing import Any
 from onboard.battery import battery_current, open_circuit_voltage, terminal_voltage, thrust_from_voltage
 from onboard.mixer import Thrusts
 from onboard.thrust_map import ThrustMap
-from sim_backend.physics.jit import kernel
+from sim_backend.physics.jit import inner, kernel
 
 
-@kernel
+@inner
 def motor_targets(state: Any, p: Any, duty: Any) -> Thrusts:
     """Thrusts (N) that the motors head for at these duties (0..1) of the present battery voltage."""
     voltage = state.battery_voltage

@@ -13,7 +13,7 @@ import numpy as np
 
 from onboard.arrays import Vector
 from sim_backend.physics.frames import Rotation
-from sim_backend.physics.jit import kernel
+from sim_backend.physics.jit import inner, kernel
 
 POINTS = 12
 """Eight corners and four propellers."""
@@ -49,7 +49,7 @@ def beyond(state: Any, p: Any, rot: Rotation, point: Vector, normal: float) -> b
     return z >= p.ceiling_z if normal < 0.0 else z <= 0.0
 
 
-@kernel
+@inner
 def point_velocity(state: Any, rot: Rotation, b: Vector) -> Vector:
     """Velocity of a body point in the world frame (m/s)."""
     v, w = state.velocity, state.omega
@@ -61,7 +61,7 @@ def point_velocity(state: Any, rot: Rotation, b: Vector) -> Vector:
     )
 
 
-@kernel
+@inner
 def lever(rot: Rotation, b: Vector, nx: float, ny: float, nz: float) -> Vector:
     """b x n in the body frame, for a point b (body frame) and a direction n (world frame)."""
     ax = rot[0] * nx + rot[3] * ny + rot[6] * nz
@@ -70,14 +70,14 @@ def lever(rot: Rotation, b: Vector, nx: float, ny: float, nz: float) -> Vector:
     return b[1] * az - b[2] * ay, b[2] * ax - b[0] * az, b[0] * ay - b[1] * ax
 
 
-@kernel
+@inner
 def mobility(p: Any, arm: Vector) -> float:
     """Change of a point's velocity per impulse along the direction of its lever (1/kg)."""
     i = p.inertia
     return 1.0 / p.mass + arm[0] * arm[0] / i[0] + arm[1] * arm[1] / i[1] + arm[2] * arm[2] / i[2]
 
 
-@kernel
+@inner
 def apply_impulse(state: Any, p: Any, total: Any, scale: float) -> None:
     """Change the velocities by `scale` times an impulse (N s, world) and an angular impulse (N m s, body)."""
     for axis in range(3):
@@ -85,7 +85,7 @@ def apply_impulse(state: Any, p: Any, total: Any, scale: float) -> None:
         state.omega[axis] += scale * total[3 + axis] / p.inertia[axis]
 
 
-@kernel
+@inner
 def best_scale(p: Any, total: Any, gain: float) -> float:
     """The scale of an impulse that leaves the least kinetic energy; `gain` (J) is what it takes at first."""
     cost = 0.0
@@ -94,7 +94,7 @@ def best_scale(p: Any, total: Any, gain: float) -> float:
     return gain / cost if cost > 0.0 else 0.0
 
 
-@kernel
+@inner
 def push_out(state: Any, p: Any, rot: Rotation, normal: float, pushes: Any, bounce: float) -> None:
     """Normal impulses on all touching points that move inwards; `pushes` receives each of them (N s)."""
     total = np.zeros(6)
@@ -122,7 +122,7 @@ def push_out(state: Any, p: Any, rot: Rotation, normal: float, pushes: Any, boun
         pushes[index] *= scale
 
 
-@kernel
+@inner
 def rub(state: Any, p: Any, rot: Rotation, normal: float, pushes: Any) -> None:
     """Friction impulses of the points that pushed, within the Coulomb cone, against their slip."""
     total = np.zeros(6)
@@ -159,7 +159,7 @@ def touches(state: Any, p: Any, rot: Rotation, normal: float) -> bool:
     return max(box, discs) + gx * p.geometric_centre[0] + gy * p.geometric_centre[1] >= gap
 
 
-@kernel
+@inner
 def collide(state: Any, p: Any, rot: Rotation, normal: float) -> None:
     """Impulses of one plane (ceiling: normal -1, floor: +1) on all touching points of hull and propellers."""
     pushes = np.zeros(POINTS)

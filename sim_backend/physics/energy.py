@@ -4,12 +4,12 @@ from typing import Any
 
 from sim_backend.physics.feet import can_touch
 from sim_backend.physics.frames import to_body
-from sim_backend.physics.jit import kernel
+from sim_backend.physics.jit import inner, kernel
 from sim_backend.physics.legs import bending, hinge_energy
 from sim_backend.physics.step import attitude
 
 
-@kernel
+@inner
 def spring_energy(state: Any, p: Any) -> float:
     """Energy (J) in hinges and legs of the feet that touch."""
     rot = attitude(state)

@@ -4,7 +4,7 @@ from typing import Any
 
 from onboard.arrays import Vector
 from sim_backend.physics.frames import Rotation, cross, to_world
-from sim_backend.physics.jit import kernel
+from sim_backend.physics.jit import inner
 from sim_backend.physics.sliding import slide
 from sim_backend.physics.state import FootMode
 
@@ -21,7 +21,7 @@ TOGETHER = 1e-7
 """m: a foot this close to the ceiling touches with the one that is there: left and right stay alike."""
 
 
-@kernel
+@inner
 def rest_foot(p: Any, leg: int) -> Vector:
     """Where the foot of an unbent leg is, body frame (m)."""
     return (
@@ -31,26 +31,26 @@ def rest_foot(p: Any, leg: int) -> Vector:
     )
 
 
-@kernel
+@inner
 def can_touch(mode: int) -> bool:
     """Whether a foot in this mode may still come to touch."""
     return mode in (FREE, RELEASED)
 
 
-@kernel
+@inner
 def any_can_touch(state: Any) -> bool:
     """Whether any foot is off the surfaces."""
     mode = state.foot_mode
     return can_touch(mode[0]) or can_touch(mode[1]) or can_touch(mode[2]) or can_touch(mode[3])
 
 
-@kernel
+@inner
 def ceiling_gap(state: Any, p: Any, rot: Rotation, foot: Vector) -> float:
     """Distance (m) of a foot's surface to the ceiling, negative beyond it."""
     return p.ceiling_z - p.foot_radius - state.position[2] - to_world(rot, foot[0], foot[1], foot[2])[2]
 
 
-@kernel
+@inner
 def time_to_touch(state: Any, p: Any, rot: Rotation, horizon: float) -> float:
     """Time (s) until the next free foot meets the ceiling at its present velocity; `horizon` if none does."""
     soonest = horizon
@@ -67,7 +67,7 @@ def time_to_touch(state: Any, p: Any, rot: Rotation, horizon: float) -> float:
     return soonest
 
 
-@kernel
+@inner
 def touch_feet(state: Any, p: Any, rot: Rotation) -> bool:
     """Let free feet at the ceiling or the floor take hold where they are; whether one met the ceiling."""
     position = state.position
@@ -98,7 +98,7 @@ def touch_feet(state: Any, p: Any, rot: Rotation) -> bool:
     return met
 
 
-@kernel
+@inner
 def hold_foot(p: Any, state: Any, leg: int, force: Vector, u: Vector, across: float, along: float) -> Vector:
     """What a touching foot holds of the force (N, world) that would keep it at its anchor.
 

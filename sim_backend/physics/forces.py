@@ -10,11 +10,11 @@ from typing import Any
 from sim_backend.physics.air import linear_drag
 from sim_backend.physics.effects.wrench import wrench_with_effects
 from sim_backend.physics.frames import Rotation
-from sim_backend.physics.jit import kernel
+from sim_backend.physics.jit import inner, kernel
 from sim_backend.physics.motors import Wrench, rotor_wrench
 
 
-@kernel
+@inner
 def add(a: Wrench, b: Wrench) -> Wrench:
     """Sum of two wrenches."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5]

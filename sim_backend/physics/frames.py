@@ -1,7 +1,7 @@
 """Components of a vector in the world and in the body frame, and cross products, on scalars."""
 
 from onboard.arrays import Vector
-from sim_backend.physics.jit import kernel
+from sim_backend.physics.jit import inner, kernel
 
 Rotation = tuple[float, float, float, float, float, float, float, float, float]
 """Rotation matrix, row by row, that turns body into world components."""
@@ -27,7 +27,7 @@ def to_world(rot: Rotation, x: float, y: float, z: float) -> Vector:
     )
 
 
-@kernel
+@inner
 def cross(a: Vector, b: Vector) -> Vector:
     """a x b."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

@@ -1,12 +1,19 @@
 """How the kernels of the physics are compiled."""
 
+from typing import Any
+
 from numba import njit
 
-_ROUNDING = {"contract", "reassoc", "arcp"}
+from onboard.jit import APART, INLINED
+
+_ROUNDING: dict[str, Any] = {"fastmath": {"contract", "reassoc", "arcp"}}
 """The compiler may fuse, reorder and take reciprocals: the last bits change, infinities and NaN do not."""
 
-kernel = njit(cache=True, nogil=True, error_model="numpy", forceinline=True, fastmath=_ROUNDING)
+kernel = njit(cache=True, **INLINED, **_ROUNDING)
 """As :data:`onboard.jit.kernel`, free in its rounding, which takes a quarter off a step in contact."""
 
-outlined = njit(cache=True, nogil=True, error_model="numpy", fastmath=_ROUNDING)
+inner = njit(**INLINED, **_ROUNDING)
+"""As :data:`onboard.jit.inner`, likewise."""
+
+outlined = njit(cache=True, **APART, **_ROUNDING)
 """Decorator of large functions that few vehicles need: kept apart, so that their callers stay small."""

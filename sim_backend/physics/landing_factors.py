@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from sim_backend.physics.jit import kernel
+from sim_backend.physics.jit import inner, kernel
 
 FACTORS = np.dtype(
     [
@@ -52,7 +52,7 @@ def fore_foot(p: Any) -> tuple[float, float]:
     )
 
 
-@kernel
+@inner
 def blocked_below(dx: float, dz: float, radius: float) -> float:
     """Tilt (rad) from which a foot touches before a body point that lies (dx, dz) (m) from its centre.
 
@@ -75,7 +75,7 @@ def window_low(p: Any) -> float:
     return min(max(low, 0.0), math.pi)
 
 
-@kernel
+@inner
 def pitch_plane(q: Any, x: float, y: float, z: float) -> tuple[float, float]:
     """Components along b_x and b_z of a world vector, for the attitude quaternion q (x, y, z, w)."""
     bx = (1.0 - 2.0 * (q[1] * q[1] + q[2] * q[2])) * x
@@ -85,7 +85,7 @@ def pitch_plane(q: Any, x: float, y: float, z: float) -> tuple[float, float]:
     return bx, bz
 
 
-@kernel
+@inner
 def swing_and_gravity(p: Any, tilt: float, out: Any) -> None:
     """Swing distance, gravity's contribution and impact window of a tilt (rad) into `out`."""
     foot_x, foot_z = fore_foot(p)
@@ -101,7 +101,7 @@ def swing_and_gravity(p: Any, tilt: float, out: Any) -> None:
     out.foot_first = 1 if out.window_margin >= 0.0 else 0
 
 
-@kernel
+@inner
 def momentum_transfer(p: Any, vx: float, vz: float, nose_up: float, out: Any) -> None:
     """Plastic capture of the leading feet into `out`, which holds gravity's part already.
 

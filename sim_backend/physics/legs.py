@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from onboard.arrays import Vector
-from sim_backend.physics.jit import kernel
+from sim_backend.physics.jit import inner
 
 _POLYNOMIAL_END = 0.5
 
@@ -29,7 +29,7 @@ def _ratio_polynomial() -> tuple[float, ...]:
 _RATIO = _ratio_polynomial()
 
 
-@kernel
+@inner
 def bending(p: Any, leg: int, ux: float, uy: float, uz: float) -> tuple[float, float, float, float]:
     """Bending angle (rad) of a leg along the unit vector u (body frame), and its axis (unit, body frame)."""
     rx, ry, rz = p.leg_direction[leg, 0], p.leg_direction[leg, 1], p.leg_direction[leg, 2]
@@ -41,7 +41,7 @@ def bending(p: Any, leg: int, ux: float, uy: float, uz: float) -> tuple[float, f
     return angle, nx / sine, ny / sine, nz / sine
 
 
-@kernel
+@inner
 def hinge_energy(p: Any, angle: float) -> float:
     """Energy (J) in the hinge spring and its stop."""
     energy = 0.5 * p.hinge_stiffness * angle * angle
@@ -50,7 +50,7 @@ def hinge_energy(p: Any, angle: float) -> float:
     return energy
 
 
-@kernel
+@inner
 def bending_ratio(cosine: float) -> float:
     """Bending angle over its sine, from its cosine; a polynomial up to 60 deg, where legs mostly are."""
     x = 1.0 - cosine
@@ -63,7 +63,7 @@ def bending_ratio(cosine: float) -> float:
     return ratio
 
 
-@kernel
+@inner
 def hinge_force(p: Any, leg: int, u: Vector, inverse: float, d: Vector) -> Vector:
     """Force (N, body frame) on a held foot across its rod, by the hinge's spring and damper.
 

@@ -9,7 +9,7 @@ from typing import Any
 from onboard.mixer import Thrusts
 from sim_backend.physics.effects.command import command_with_effects
 from sim_backend.physics.effects.motor_speed_law import speed_after
-from sim_backend.physics.jit import kernel, outlined
+from sim_backend.physics.jit import inner, outlined
 
 Wrench = tuple[float, float, float, float, float, float]
 
@@ -20,13 +20,13 @@ STOPPED = 1e-6
 """rad/s: likewise, a rotor this slow stands."""
 
 
-@kernel
+@inner
 def decay(p: Any, dt: float) -> tuple[float, float]:
     """What is left of a thrust error after `dt` (s), for a rising and a falling thrust: exp(-dt / tau)."""
     return math.exp(-dt / p.time_constant_up), math.exp(-dt / p.time_constant_down)
 
 
-@kernel
+@inner
 def lag(thrust: float, target: float, decay_up: float, decay_down: float) -> float:
     """Thrust (N) of one motor after the time that belongs to the decays; exact for a constant target."""
     error = thrust - target
@@ -35,7 +35,7 @@ def lag(thrust: float, target: float, decay_up: float, decay_down: float) -> flo
     return target + error * (decay_up if error < 0.0 else decay_down)
 
 
-@kernel
+@inner
 def commanded(state: Any, p: Any, targets: Thrusts) -> Thrusts:
     """What the motors head for (N) in this step when they are told `targets`: to be called once a step."""
     if p.command_on:
@@ -43,7 +43,7 @@ def commanded(state: Any, p: Any, targets: Thrusts) -> Thrusts:
     return targets
 
 
-@kernel
+@inner
 def lag_all(state: Any, targets: Thrusts, decay_up: float, decay_down: float) -> None:
     """Advance the four thrusts of the state towards their targets (N), each as :func:`lag`."""
     thrust = state.thrust
@@ -53,7 +53,7 @@ def lag_all(state: Any, targets: Thrusts, decay_up: float, decay_down: float) ->
     thrust[3] = lag(thrust[3], targets[3], decay_up, decay_down)
 
 
-@kernel
+@inner
 def rotor_speed(state: Any, p: Any, motor: int) -> float:
     """Speed (rad/s) of a rotor: from its thrust, unless a speed law left it in the state."""
     thrust, kept = state.thrust[motor], state.rotor_speed[motor]
@@ -93,7 +93,7 @@ def mean_acceleration(
         state.rotor_acceleration[motor] = change * per_time
 
 
-@kernel
+@inner
 def lag_to_middle(
     state: Any, p: Any, targets: Thrusts, decay_up: float, decay_down: float, half: float
 ) -> None:
@@ -114,7 +114,7 @@ def lag_to_middle(
     lag_all(state, targets, decay_up, decay_down)
 
 
-@kernel
+@inner
 def lag_to_end(state: Any, p: Any, targets: Thrusts, decay_up: float, decay_down: float) -> None:
     """Advance the thrusts over the second half of the step that :func:`lag_to_middle` began."""
     if p.speed_law_b[0] > 0.0:
@@ -126,7 +126,7 @@ def lag_to_end(state: Any, p: Any, targets: Thrusts, decay_up: float, decay_down
     lag_all(state, targets, decay_up, decay_down)
 
 
-@kernel
+@inner
 def rotor_wrench(state: Any, p: Any) -> Wrench:
     """Force (N) and torque (N m) of the four rotors in the body frame.
 

@@ -3,7 +3,7 @@
 import math
 
 from onboard.arrays import Quaternion, Vector
-from sim_backend.physics.jit import kernel
+from sim_backend.physics.jit import inner, kernel
 
 
 @kernel
@@ -62,7 +62,7 @@ def gyroscopic_torque(wx: float, wy: float, wz: float, ix: float, iy: float, iz:
     return (iy - iz) * wy * wz, (iz - ix) * wz * wx, (ix - iy) * wx * wy
 
 
-@kernel
+@inner
 def turn_rate(
     wx: float, wy: float, wz: float, tx: float, ty: float, tz: float,
     ix: float, iy: float, iz: float, inv_x: float, inv_y: float, inv_z: float, dt: float,

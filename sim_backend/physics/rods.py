@@ -13,7 +13,7 @@ symmetric positive definite system of four unknowns, for any stiffness; a rod th
 from typing import Any
 
 from onboard.arrays import Vector
-from sim_backend.physics.jit import kernel
+from sim_backend.physics.jit import inner
 
 Rod = tuple[float, float, float, float, float, float, float]
 """(u, p x u, stretch): direction of a rod, moment arm of a force along it, stretch (m); body frame."""
@@ -27,7 +27,7 @@ LOOSE: Rod = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """A rod whose foot is free."""
 
 
-@kernel
+@inner
 def coupling(a: Rod, b: Rod, inverse: Inverse) -> float:
     """J_a M^-1 J_b^T (1/kg)."""
     return (
@@ -38,13 +38,13 @@ def coupling(a: Rod, b: Rod, inverse: Inverse) -> float:
     )
 
 
-@kernel
+@inner
 def stretch_rate(rod: Rod, v: Vector, w: Vector) -> float:
     """Rate (m/s) at which a rod gets longer: its foot rests, its hip moves with the body (body frame)."""
     return -(rod[0] * v[0] + rod[1] * v[1] + rod[2] * v[2] + rod[3] * w[0] + rod[4] * w[1] + rod[5] * w[2])
 
 
-@kernel
+@inner
 def rod_forces(
     p: Any, inverse: Inverse, a: Rod, b: Rod, c: Rod, d: Rod, v: Vector, w: Vector, dt: float
 ) -> Four:

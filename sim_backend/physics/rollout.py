@@ -19,7 +19,7 @@ from onboard.mixer import Thrusts, flip_thrusts, mix
 from onboard.rotation import body_z
 from sim_backend.physics.decision import decide
 from sim_backend.physics.effects.sensors import measured_rate, tracked_attitude, tracked_position
-from sim_backend.physics.jit import kernel
+from sim_backend.physics.jit import inner, kernel
 from sim_backend.physics.motors import decay
 from sim_backend.physics.step import advance, is_finite
 
@@ -128,7 +128,7 @@ def limited(targets: Thrusts, most: float) -> Thrusts:
     return min(targets[0], most), min(targets[1], most), min(targets[2], most), min(targets[3], most)
 
 
-@kernel
+@inner
 def end_of(state: Any, out: Any, s: RolloutSettings) -> int:
     """The :class:`End` that holds now, -1 while the rollout goes on."""
     t = state.time
@@ -145,7 +145,7 @@ def end_of(state: Any, out: Any, s: RolloutSettings) -> int:
     return -1
 
 
-@kernel
+@inner
 def record_trigger(out: Any, state: Any, tau: float, theta_x: float, d_ceil: float, a_rot: float) -> None:
     """Keep what the policy saw and the true velocity."""
     out.triggered = 1
@@ -154,7 +154,7 @@ def record_trigger(out: Any, state: Any, tau: float, theta_x: float, d_ceil: flo
     out.velocity_x, out.velocity_z = state.velocity[0], state.velocity[2]
 
 
-@kernel
+@inner
 def record_end(out: Any, state: Any, end: int) -> None:
     """Keep how the rollout ended."""
     feet = 0

@@ -9,7 +9,7 @@ cone would let it).
 import math
 
 from onboard.arrays import Vector
-from sim_backend.physics.jit import kernel
+from sim_backend.physics.jit import inner, kernel
 
 BISECTIONS = 40
 """Halvings of the longest slide, some centimetres: down to the last bit that matters."""
@@ -18,7 +18,7 @@ Slide = tuple[Vector, float, float]
 """Force on the foot (N, world) and how far it slides in x and y (m); a force of zero: it came off."""
 
 
-@kernel
+@inner
 def slip(friction: float, a: float, b: float, push: float, stiff: Vector) -> Vector:
     """Slide s (m) and the two parts of the friction (N), both zero when the push is gone before it stops.
 

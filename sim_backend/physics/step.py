@@ -3,6 +3,8 @@
 import math
 from typing import Any
 
+import numpy as np
+
 from onboard.arrays import Vector
 from onboard.mixer import Thrusts
 from sim_backend.physics.battery import draw, motor_targets
@@ -18,7 +20,7 @@ from sim_backend.physics.feet import (
 )
 from sim_backend.physics.forces import add, free_flight_wrench
 from sim_backend.physics.frames import Rotation, cross, to_body, to_world
-from sim_backend.physics.jit import kernel
+from sim_backend.physics.jit import inner, kernel
 from sim_backend.physics.legs import hinge_force
 from sim_backend.physics.motors import Wrench, commanded, decay, lag_to_end, lag_to_middle
 from sim_backend.physics.rigid_body import rotation_matrix, turn, turn_rate, unit
@@ -30,10 +32,13 @@ HeldLeg = tuple[Rod, Vector, Vector]
 MOST_PARTS = 9
 """Parts of a step: each of the four feet may cut it twice, where its path bends away at the first cut."""
 
+LEGS: Any = tuple(np.int64(leg) for leg in range(4))
+"""Indices of the legs; not plain integers, so that one compiled function serves all (:mod:`onboard.jit`)."""
+
 NOTHING: Vector = (0.0, 0.0, 0.0)
 
 
-@kernel
+@inner
 def drift_to_middle(state: Any, dt: float) -> None:
     """Move position and attitude with the present velocities for `dt` (s), half a step."""
     position, velocity, q, w = state.position, state.velocity, state.quaternion, state.omega
@@ -43,7 +48,7 @@ def drift_to_middle(state: Any, dt: float) -> None:
     q[0], q[1], q[2], q[3] = turn((q[0], q[1], q[2], q[3]), w[0], w[1], w[2], dt)
 
 
-@kernel
+@inner
 def drift_to_end(state: Any, dt: float) -> None:
     """The other half, and the quaternion back to unit length."""
     drift_to_middle(state, dt)
@@ -51,13 +56,13 @@ def drift_to_end(state: Any, dt: float) -> None:
     q[0], q[1], q[2], q[3] = unit((q[0], q[1], q[2], q[3]))
 
 
-@kernel
+@inner
 def inverse_inertia(p: Any) -> Inverse:
     """1/mass (1/kg) and one over the three moments of inertia (1/(kg m2))."""
     return 1.0 / p.mass, 1.0 / p.inertia[0], 1.0 / p.inertia[1], 1.0 / p.inertia[2]
 
 
-@kernel
+@inner
 def kick(state: Any, p: Any, rot: Rotation, inverse: Inverse, wrench: Wrench, dt: float) -> None:
     """Change the velocities by a constant body-frame wrench and gravity for `dt` (s)."""
     fx, fy, fz = to_world(rot, wrench[0], wrench[1], wrench[2])
@@ -79,7 +84,7 @@ def attitude(state: Any) -> Rotation:
     return rotation_matrix(q[0], q[1], q[2], q[3])
 
 
-@kernel
+@inner
 def free_substep(state: Any, p: Any, targets: Thrusts, dt: float, up: float, down: float) -> None:
     """`dt` (s) of free flight; `up` and `down` are the motor decays of half the time."""
     drift_to_middle(state, 0.5 * dt)
@@ -98,7 +103,7 @@ def free_substep(state: Any, p: Any, targets: Thrusts, dt: float, up: float, dow
     state.time += dt
 
 
-@kernel
+@inner
 def held_leg(state: Any, p: Any, rot: Rotation, leg: int, v: Vector, w: Vector) -> HeldLeg:
     """Rod, hinge force and foot of one leg in the middle of a step; all zero while its foot is free.
 
@@ -124,14 +129,14 @@ def held_leg(state: Any, p: Any, rot: Rotation, leg: int, v: Vector, w: Vector) 
     return rod, hinge_force(p, leg, u, inverse, d), foot
 
 
-@kernel
+@inner
 def wrench_at(foot: Vector, force: Vector) -> Wrench:
     """Wrench of a force (N) at a point (m), body frame."""
     moment = cross(foot, force)
     return force[0], force[1], force[2], moment[0], moment[1], moment[2]
 
 
-@kernel
+@inner
 def foot_reaction(
     state: Any, p: Any, rot: Rotation, leg: int, held: HeldLeg, pull: float, inverse: Inverse, dt: float
 ) -> Wrench:
@@ -151,7 +156,7 @@ def foot_reaction(
     return wrench_at(foot, (x - hinge[0], y - hinge[1], z - hinge[2]))
 
 
-@kernel
+@inner
 def push(state: Any, rot: Rotation, inverse: Inverse, wrench: Wrench, dt: float) -> None:
     """Change the velocities by the impulse of a body-frame wrench over `dt` (s), without gravity."""
     fx, fy, fz = to_world(rot, wrench[0], wrench[1], wrench[2])
@@ -170,8 +175,8 @@ def kick_with_legs(
 ) -> None:
     """As :func:`kick`, with the forces of all held feet; they take hold, slide and come off on the way."""
     w = (state.omega[0], state.omega[1], state.omega[2])
-    leg0, leg1 = held_leg(state, p, rot, 0, v, w), held_leg(state, p, rot, 1, v, w)
-    leg2, leg3 = held_leg(state, p, rot, 2, v, w), held_leg(state, p, rot, 3, v, w)
+    leg0, leg1 = held_leg(state, p, rot, LEGS[0], v, w), held_leg(state, p, rot, LEGS[1], v, w)
+    leg2, leg3 = held_leg(state, p, rot, LEGS[2], v, w), held_leg(state, p, rot, LEGS[3], v, w)
     hinges = add(
         add(wrench_at(leg0[2], leg0[1]), wrench_at(leg1[2], leg1[1])),
         add(wrench_at(leg2[2], leg2[1]), wrench_at(leg3[2], leg3[1])),
@@ -183,18 +188,18 @@ def kick_with_legs(
     pulls = rod_forces(p, inverse, leg0[0], leg1[0], leg2[0], leg3[0], v, w, dt)
     reactions = add(
         add(
-            foot_reaction(state, p, rot, 0, leg0, pulls[0], inverse, dt),
-            foot_reaction(state, p, rot, 1, leg1, pulls[1], inverse, dt),
+            foot_reaction(state, p, rot, LEGS[0], leg0, pulls[0], inverse, dt),
+            foot_reaction(state, p, rot, LEGS[1], leg1, pulls[1], inverse, dt),
         ),
         add(
-            foot_reaction(state, p, rot, 2, leg2, pulls[2], inverse, dt),
-            foot_reaction(state, p, rot, 3, leg3, pulls[3], inverse, dt),
+            foot_reaction(state, p, rot, LEGS[2], leg2, pulls[2], inverse, dt),
+            foot_reaction(state, p, rot, LEGS[3], leg3, pulls[3], inverse, dt),
         ),
     )
     push(state, rot, inverse, reactions, dt)
 
 
-@kernel
+@inner
 def record_impact(state: Any) -> None:
     """Keep time, attitude and velocities of the first contact of anything with the ceiling."""
     if state.ceiling_contact:
@@ -208,7 +213,7 @@ def record_impact(state: Any) -> None:
         state.impact_quaternion[i] = state.quaternion[i]
 
 
-@kernel
+@inner
 def collide_all(state: Any, p: Any, rot: Rotation) -> None:
     """Impulses of ceiling and floor on hull and propellers."""
     z = state.position[2]
@@ -222,7 +227,7 @@ def collide_all(state: Any, p: Any, rot: Rotation) -> None:
         collide(state, p, rot, 1.0)
 
 
-@kernel
+@inner
 def contact_substep(state: Any, p: Any, targets: Thrusts, dt: float, up: float, down: float) -> None:
     """`dt` (s) with everything that may touch; leaves the mean specific force of the substep in the state."""
     drift_to_middle(state, 0.5 * dt)
@@ -248,7 +253,7 @@ def contact_substep(state: Any, p: Any, targets: Thrusts, dt: float, up: float, 
     state.time += dt
 
 
-@kernel
+@inner
 def contact_step(state: Any, p: Any, targets: Thrusts, dt: float, up: float, down: float) -> None:
     """`dt` (s) near a surface, cut where a foot meets the ceiling, so that it takes hold just there.
 
@@ -277,14 +282,14 @@ def contact_step(state: Any, p: Any, targets: Thrusts, dt: float, up: float, dow
     state.specific_force[0], state.specific_force[1], state.specific_force[2] = sx, sy, sz
 
 
-@kernel
+@inner
 def any_foot_holds(state: Any) -> bool:
     """Whether any foot touches ceiling or floor."""
     mode = state.foot_mode
     return not (can_touch(mode[0]) and can_touch(mode[1]) and can_touch(mode[2]) and can_touch(mode[3]))
 
 
-@kernel
+@inner
 def near_surface(state: Any, p: Any, dt: float) -> bool:
     """Whether anything of the vehicle touches, or may touch, ceiling or floor within `dt` (s)."""
     mode = state.foot_mode
@@ -326,7 +331,8 @@ def step(state: Any, parameters: Any, duty: Any, dt: float) -> None:
         dt: s, 0.001 in all of perchhw.
     """
     targets = motor_targets(state, parameters, duty)
-    step_thrust(state, parameters, targets, dt)
+    up, down = decay(parameters, 0.5 * dt)
+    advance(state, parameters, targets, dt, up, down)
     draw(state, parameters, dt)
 
 

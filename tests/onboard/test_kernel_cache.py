@@ -1,40 +1,74 @@
 """Compiled kernels belong to the source that they were compiled from."""
 
 import os
+import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
 
-from onboard.kernel_cache import KEPT, source_key
+from onboard.kernel_cache import KEPT, PACKAGES, kernel_sources, source_key
 from tests.conftest import REPOSITORY
 
-CALLER = (
-    "from numba import njit\nfrom onboard.callee import f\n\n@njit(cache=True)\ndef g():\n    return f()\n"
+KERNEL = """\
+from onboard.jit import njit
+from {package}.between import value
+
+@njit(cache=True)
+def g():
+    return value()
+"""
+BETWEEN = """\
+from onboard.jit import njit
+from {package} import (  # in the way that long imports are written
+    constants as numbers,
 )
-CALLEE = "from numba import njit\n\n@njit(cache=True)\ndef f():\n    return {value}\n"
+
+@njit
+def value():
+    return numbers.VALUE
+"""
+DISPATCHERS = """\
+import importlib, inspect, pkgutil
+from numba.core.dispatcher import Dispatcher
+from onboard.kernel_cache import PACKAGES
+
+for package in PACKAGES:
+    for found in pkgutil.walk_packages(importlib.import_module(package).__path__, package + "."):
+        if not found.name.endswith("__main__"):
+            for value in vars(importlib.import_module(found.name)).values():
+                if isinstance(value, Dispatcher):
+                    print(inspect.getfile(value.py_func))
+"""
 
 
 @pytest.fixture
 def project(tmp_path: Path) -> Path:
-    """A tiny project with the real cache rule and a kernel that calls one of another file."""
-    package = tmp_path / "project" / "onboard"
-    package.mkdir(parents=True)
-    for name in ("__init__.py", "kernel_cache.py"):
-        (package / name).write_bytes((REPOSITORY / "onboard" / name).read_bytes())
-    (package / "caller.py").write_text(CALLER)
-    return tmp_path / "project"
+    """A tiny project with the real cache rule and our decorators."""
+    folder = tmp_path / "project"
+    (folder / "onboard").mkdir(parents=True)
+    for name in ("__init__.py", "kernel_cache.py", "jit.py"):
+        (folder / "onboard" / name).write_bytes((REPOSITORY / "onboard" / name).read_bytes())
+    put_kernel(folder, "onboard")
+    return folder
 
 
-def run_with(project: Path, value: int) -> str:
-    """Write the callee and let a new process call the caller."""
-    callee = project / "onboard" / "callee.py"
-    callee.write_text(CALLEE.format(value=value))
+def put_kernel(project: Path, package: str) -> None:
+    """A kernel in a package, whose value comes from a file without kernels through one that it calls."""
+    folder = project / package.replace(".", "/")
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "kernel.py").write_text(KERNEL.format(package=package))
+    (folder / "between.py").write_text(BETWEEN.format(package=package))
+
+
+def python(project: Path, code: str, **variables: str) -> str:
+    """What a new process prints that runs `code` in the project."""
     environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
-    environment |= {"XDG_CACHE_HOME": str(project.parent / "cache")}
+    environment |= {"XDG_CACHE_HOME": str(project.parent / "cache"), **variables}
     done = subprocess.run(
-        [sys.executable, "-c", "import onboard.caller; print(onboard.caller.g())"],
+        [sys.executable, "-c", code],
         capture_output=True,
         text=True,
         check=True,
@@ -44,8 +78,63 @@ def run_with(project: Path, value: int) -> str:
     return done.stdout.strip()
 
 
-def test_a_change_in_another_file_is_compiled_in(project: Path) -> None:
-    assert [run_with(project, value) for value in (1, 2, 1)] == ["1", "2", "1"]
+def run_with(project: Path, value: int, package: str = "onboard") -> str:
+    """Change the constant and let a new process call the kernel."""
+    (project / package.replace(".", "/") / "constants.py").write_text(f"VALUE = {value}\n")
+    return python(project, f"import {package}.kernel; print({package}.kernel.g())", PYTHONPATH=str(project))
+
+
+@pytest.mark.parametrize("package", ["calibration.gap", "sim_backend.bench"])
+def test_a_change_in_another_file_is_compiled_in(project: Path, package: str) -> None:
+    put_kernel(project, package)
+    assert [run_with(project, value, package) for value in (1, 2)] == ["1", "2"]
+
+
+def test_the_packages_are_those_that_are_installed() -> None:
+    project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())
+    installed = project["tool"]["setuptools"]["packages"]["find"]["include"]
+    assert sorted(PACKAGES) == sorted(pattern.removesuffix("*") for pattern in installed)
+
+
+def test_every_kernel_of_ours_belongs_to_the_key() -> None:
+    files = python(REPOSITORY, DISPATCHERS, PYTHONPATH=str(REPOSITORY)).splitlines()
+    ours = {Path(file) for file in files if Path(file).is_relative_to(REPOSITORY)}
+    assert len(ours) > 50
+    assert ours <= set(kernel_sources(REPOSITORY))
+
+
+def test_decorators_come_through_the_file_that_chooses_the_folder() -> None:
+    users = {
+        path.relative_to(REPOSITORY).as_posix()
+        for package in PACKAGES
+        for path in (REPOSITORY / package).rglob("*.py")
+        if re.search(r"^\s*(from numba import|import numba)\b", path.read_text(), re.MULTILINE)
+    }
+    assert users == {"onboard/jit.py", "sim_backend/physics/jit.py"}
+
+
+def test_what_no_kernel_imports_does_not_change_the_key(project: Path) -> None:
+    run_with(project, 1)
+    before = source_key(project)
+    (project / "onboard" / "page.py").write_text("from onboard.constants import VALUE\n")
+    assert source_key(project) == before
+    (project / "onboard" / "constants.py").write_text("VALUE = 2\n")
+    assert source_key(project) != before
+
+
+def test_commands_without_kernels_do_not_look_for_their_source(project: Path) -> None:
+    assert python(project, "import onboard, os; print(os.environ.get('NUMBA_CACHE_DIR'))") == "None"
+
+
+def test_a_note_of_complete_kernels_goes_with_the_source(project: Path) -> None:
+    ask = "import onboard.jit; from onboard.kernel_cache import *; print(is_complete('flight'))"
+    path = {"PYTHONPATH": str(project)}
+    run_with(project, 1)
+    assert python(project, ask, **path) == "False"
+    python(project, ask.replace("print(is_complete('flight'))", "note_complete('flight')"), **path)
+    assert python(project, ask, **path) == "True"
+    run_with(project, 2)
+    assert python(project, ask, **path) == "False"
 
 
 def test_the_same_source_compiles_once_and_old_kernels_go(project: Path) -> None:
@@ -59,6 +148,6 @@ def test_the_same_source_compiles_once_and_old_kernels_go(project: Path) -> None
 def test_the_key_follows_content_and_names(project: Path) -> None:
     before = source_key(project)
     assert source_key(project) == before
-    caller = project / "onboard" / "caller.py"
-    caller.rename(caller.with_name("other.py"))
+    kernel = project / "onboard" / "kernel.py"
+    kernel.rename(kernel.with_name("other.py"))
     assert source_key(project) != before

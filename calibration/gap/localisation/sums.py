@@ -14,12 +14,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from calibration.gap.localisation.blocks import Blocks, grouped_mean
 from calibration.gap.noise import ORDER, fit_autoregression, whiten, whole_windows
 from calibration.gap.signals import Signals
 from onboard.arrays import BoolArray, FloatArray
+from onboard.jit import njit
 
 _WEIGHTS = (0.5, 2.0)
 """Range of a flight's noise, in units of the median flight's, within which it weighs by its noise."""

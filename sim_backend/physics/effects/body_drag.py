@@ -10,13 +10,13 @@ from typing import Any
 
 from onboard.arrays import Vector
 from sim_backend.physics.effects.term import Acts, EffectTerm, Field
-from sim_backend.physics.jit import kernel
+from sim_backend.physics.jit import inner
 
 AIR_DENSITY = 1.2
 """kg/m3, at 20 deg C and 1010 hPa."""
 
 
-@kernel
+@inner
 def body_drag(p: Any, ux: float, uy: float, uz: float) -> Vector:
     """Force (N, body frame) at a velocity through the air (m/s, body frame)."""
     speed = math.sqrt(ux * ux + uy * uy + uz * uz)

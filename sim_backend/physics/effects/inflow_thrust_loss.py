@@ -9,10 +9,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from sim_backend.physics.effects.term import Acts, EffectTerm, Field
-from sim_backend.physics.jit import kernel
+from sim_backend.physics.jit import inner
 
 
-@kernel
+@inner
 def inflow_loss(p: Any, speed: float, uz: float) -> float:
     """Thrust (N) lost at a rotor speed (rad/s) and an axial velocity of the hub through the air (m/s)."""
     return p.inflow_loss * speed * uz

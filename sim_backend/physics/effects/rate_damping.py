@@ -5,10 +5,10 @@ from typing import Any
 
 from onboard.arrays import Vector
 from sim_backend.physics.effects.term import Acts, EffectTerm, Field
-from sim_backend.physics.jit import kernel
+from sim_backend.physics.jit import inner
 
 
-@kernel
+@inner
 def damping_torque(p: Any, wx: float, wy: float, wz: float) -> Vector:
     """Torque (N m, body frame) at a body rate (rad/s)."""
     damping = p.rate_damping

@@ -9,10 +9,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from sim_backend.physics.effects.term import Acts, EffectTerm, Field
-from sim_backend.physics.jit import kernel
+from sim_backend.physics.jit import inner
 
 
-@kernel
+@inner
 def acceleration_torque(state: Any, p: Any) -> float:
     """Torque (N m) about b_z for the rotor accelerations in the state."""
     rate = state.rotor_acceleration

@@ -9,10 +9,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from sim_backend.physics.effects.term import Acts, EffectTerm, Field
-from sim_backend.physics.jit import kernel
+from sim_backend.physics.jit import inner
 
 
-@kernel
+@inner
 def rotor_drag(p: Any, speed: float, ux: float, uy: float) -> tuple[float, float]:
     """In-plane force (N) on a rotor of `speed` (rad/s) at the air-relative velocity (m/s) of its hub."""
     resistance = p.rotor_drag * speed

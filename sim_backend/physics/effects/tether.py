@@ -9,10 +9,10 @@ from typing import Any
 
 from onboard.arrays import Vector
 from sim_backend.physics.effects.term import Acts, EffectTerm, Field
-from sim_backend.physics.jit import kernel
+from sim_backend.physics.jit import inner
 
 
-@kernel
+@inner
 def tether_force(state: Any, p: Any) -> Vector:
     """Force (N, world) of the string; none without it."""
     if p.tether_stiffness == 0.0 and p.tether_damping == 0.0:

@@ -21,10 +21,10 @@ from typing import Any
 
 from sim_backend.physics.effects.body_drag import AIR_DENSITY
 from sim_backend.physics.effects.term import Acts, EffectTerm, Field
-from sim_backend.physics.jit import kernel
+from sim_backend.physics.jit import inner
 
 
-@kernel
+@inner
 def lift_gain(p: Any, thrust: float, edgewise2: float) -> float:
     """F/F* of a rotor.
 

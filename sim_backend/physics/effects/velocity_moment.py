@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from sim_backend.physics.effects.term import Acts, EffectTerm, Field
-from sim_backend.physics.jit import kernel
+from sim_backend.physics.jit import inner
 
 
-@kernel
+@inner
 def velocity_moment(p: Any, ux: float, uy: float) -> tuple[float, float]:
     """Torque (N m) about b_x and b_y at a velocity through the air (m/s, body frame)."""
     return p.velocity_moment[0] * uy, -p.velocity_moment[1] * ux

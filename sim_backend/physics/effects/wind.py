@@ -6,10 +6,10 @@ from typing import Any
 from onboard.arrays import Vector
 from sim_backend.physics.effects.term import Acts, EffectTerm, Field
 from sim_backend.physics.frames import Rotation, to_body
-from sim_backend.physics.jit import kernel
+from sim_backend.physics.jit import inner
 
 
-@kernel
+@inner
 def through_the_air(p: Any, rot: Rotation, vx: float, vy: float, vz: float) -> Vector:
     """Velocity through the air (m/s, body frame) for a velocity in the body frame (m/s)."""
     wx, wy, wz = to_body(rot, p.wind[0], p.wind[1], p.wind[2])

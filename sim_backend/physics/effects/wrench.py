@@ -6,6 +6,8 @@ once. An effect that a vehicle does not have is here with parameters that do not
 
 from typing import Any
 
+import numpy as np
+
 from sim_backend.physics.air import linear_drag
 from sim_backend.physics.effects.body_drag import body_drag
 from sim_backend.physics.effects.ceiling_effect import ceiling_gain
@@ -20,13 +22,16 @@ from sim_backend.physics.effects.translational_lift import lift_gain
 from sim_backend.physics.effects.velocity_moment import velocity_moment
 from sim_backend.physics.effects.wind import through_the_air
 from sim_backend.physics.frames import Rotation, to_body
-from sim_backend.physics.jit import kernel, outlined
+from sim_backend.physics.jit import inner, outlined
 from sim_backend.physics.motors import Wrench, rotor_speed
 
 RotorWrench = tuple[float, float, float, float, float, float, float]
 
+MOTORS: Any = tuple(np.int64(motor) for motor in range(4))
+"""Indices of the motors; not plain integers: one compiled function serves all (:mod:`onboard.jit`)."""
 
-@kernel
+
+@inner
 def rotor(
     state: Any, p: Any, rot: Rotation, motor: int, sign: float, ux: float, uy: float, uz: float
 ) -> RotorWrench:
@@ -47,21 +52,27 @@ def rotor(
     return fx, fy, fz, y * fz - z * fy, z * fx - x * fz, tz, sign * speed
 
 
-@kernel
+@inner
 def sum_of(a: RotorWrench, b: RotorWrench) -> RotorWrench:
     """Sum of two rotors."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5], a[6] + b[6]
 
 
-@kernel
+@inner
 def rotors(state: Any, p: Any, rot: Rotation, ux: float, uy: float, uz: float) -> RotorWrench:
     """Wrench of the four rotors (body frame), and the sum w1 - w2 + w3 - w4 of their speeds (rad/s).
 
     `ux`, `uy`, `uz`: velocity of the body through the air, body frame, m/s.
     """
     return sum_of(
-        sum_of(rotor(state, p, rot, 0, 1.0, ux, uy, uz), rotor(state, p, rot, 1, -1.0, ux, uy, uz)),
-        sum_of(rotor(state, p, rot, 2, 1.0, ux, uy, uz), rotor(state, p, rot, 3, -1.0, ux, uy, uz)),
+        sum_of(
+            rotor(state, p, rot, MOTORS[0], 1.0, ux, uy, uz),
+            rotor(state, p, rot, MOTORS[1], -1.0, ux, uy, uz),
+        ),
+        sum_of(
+            rotor(state, p, rot, MOTORS[2], 1.0, ux, uy, uz),
+            rotor(state, p, rot, MOTORS[3], -1.0, ux, uy, uz),
+        ),
     )
 
 
