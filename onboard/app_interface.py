@@ -6,13 +6,23 @@ volatile: after a reboot they have their defaults and there is no policy.
 
 Policy upload: write the bundle to the app memory from address 0, read it back, set `POLICY_LENGTH` and
 `POLICY_CRC`, write 1 to `POLICY_COMMIT`, then read `POLICY_STATUS` and `POLICY_ACTIVE_CRC`.
+
+The drone answers late. A write is echoed before the app knows of it: the app's callback runs after the echo,
+in the firmware's parameter task, and packets for that task queue behind it. The callback of `TRAJECTORY_ARM`
+posts a request with a snapshot of the plan and waits, `REQUEST_TIMEOUT_MS` at most, until the control loop
+has consumed it; until then `TRAJECTORY_STATUS` is NONE. `GO` and `ABORT` are flags that the control loop
+consumes and clears, once. Switches that are cleared in HOLD hand the drone back; `STATE` says when it has
+happened.
 """
 
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 
-INTERFACE_VERSION = 1
+INTERFACE_VERSION = 2
 """Value of `Parameter.VERSION`; a host refuses any other."""
+
+REQUEST_TIMEOUT_MS = 20
+"""Longest wait of a callback for the control loop: other parameters and the link must not starve."""
 
 MEMORY_TYPE_APP = 0x18
 """Memory type that the firmware reserves for apps (MEM_TYPE_APP)."""
@@ -36,6 +46,7 @@ class PolicyStatus(IntEnum):
     REFUSED_FORMAT = 18
     REFUSED_RANGE = 19
     REFUSED_FLYING = 20
+    REFUSED_VECTORS = 21
 
 
 class TrajectoryStatus(IntEnum):
@@ -50,7 +61,8 @@ class TrajectoryStatus(IntEnum):
 
 
 class LandingState(IntEnum):
-    """State of the landing state machine (:mod:`onboard.landing.state_machine`), `Log.STATE`."""
+    """State of the landing state machine (:mod:`onboard.landing.state_machine`): `Log.STATE`, and to be asked
+    for as `Parameter.STATE`."""
 
     IDLE = 0
     TRAJECTORY_ARMED = 1
@@ -107,6 +119,8 @@ class Parameter(StrEnum):
     ACCELERATION_X = "perch.ax"
     ACCELERATION_Z = "perch.az"
     TAU_START = "perch.tau0"
+    STATE = "perch.state"
+    VEHICLE_CRC = "perch.vehCrc"
     VERSION = "perch.version"
 
 
@@ -173,6 +187,8 @@ PARAMETERS: tuple[ParameterEntry, ...] = (
     ParameterEntry(Parameter.ACCELERATION_X, ValueType.FLOAT),
     ParameterEntry(Parameter.ACCELERATION_Z, ValueType.FLOAT),
     ParameterEntry(Parameter.TAU_START, ValueType.FLOAT),
+    ParameterEntry(Parameter.STATE, ValueType.UINT8, read_only=True),
+    ParameterEntry(Parameter.VEHICLE_CRC, ValueType.UINT32, read_only=True),
     ParameterEntry(Parameter.VERSION, ValueType.UINT8, read_only=True, default=INTERFACE_VERSION),
 )
 """Every parameter of the app, in the order of its table of contents."""
@@ -200,4 +216,9 @@ LOGS: tuple[LogEntry, ...] = (
     LogEntry(Log.SNAPSHOT_PITCH, ValueType.FLOAT),
     LogEntry(Log.SNAPSHOT_COUNT, ValueType.UINT8),
 )
-"""Every log variable of the app (s, 1/s, m, N m, m/s, rad, ms), in the order of its table of contents."""
+"""Every log variable of the app (s, 1/s, m, N m, m/s, rad, ms), in the order of its table of contents.
+
+The control loop writes the snapshot's fields first and `Log.SNAPSHOT_COUNT` last, and the firmware samples
+log blocks in between: a host that has the count in each block of the snapshot takes the blocks for one
+snapshot only when their counts agree.
+"""

@@ -43,11 +43,13 @@ class _Pilot:
             self._world.run(0.01)
 
     def write(self, name: str, value: float) -> None:
-        """A client's write of a parameter."""
+        """A client's write of a parameter, until the firmware's callback is done."""
         params = self.firmware.params
         entry = params.entry(name)
         params.write_raw(entry.ident, entry.encode(value))
         params.notify(entry.ident)
+        while params.busy:
+            self._world.step()
 
     def go_to(self, x: float, y: float, z: float) -> None:
         """Go there in a second."""

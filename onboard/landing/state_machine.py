@@ -4,7 +4,7 @@
 
     IDLE --arm--> TRAJECTORY_ARMED --go--> APPROACH --trigger--> FLIP --b3.z <= 0--> CUT
                                               |
-                                              +--missed, abort, bad pose--> BRAKE --> HOLD --disarm--> IDLE
+                                              +--missed, abort, bad pose--> BRAKE --> HOLD --> IDLE
 
 Rules (default deny: what is not known is not allowed, and a NaN never starts anything):
 
@@ -20,6 +20,8 @@ Rules (default deny: what is not known is not allowed, and a NaN never starts an
   Without a policy the ceiling is always avoided. With one that fires down to 0.206 s, as the flown one,
   and motors that fall with 0.15 s, it is avoided up to a climb of 1.6 m/s; above, waiting for the trigger
   takes longer than stopping would, and the ceiling is met at 0.7 m/s (climb 2.0), 1.5 (2.5), 2.5 (3.5).
+- HOLD ends when the trajectory is disarmed and the vehicle has slowed down: whoever flies next starts from a
+  standstill, and a climb that it would stop at once takes all thrust away.
 - CUT and FAULT are latched until both arm flags are clear and the drone does not fly.
 """
 
@@ -93,6 +95,15 @@ POLICY_PERIOD = 0.01
 
 FALL_SPEED = -0.5
 """m/s. A brake has done its work when the vehicle falls this fast."""
+
+HAND_OVER_SPEED = 0.6
+"""m/s. Fastest hand-over: above the hold's own descent, caught with 27 deg of tilt."""
+
+HAND_OVER_CLIMB = 0.2
+"""m/s. Fastest climb at a hand-over: stopped at once, it leaves half of the weight as thrust."""
+
+HAND_OVER_TIMEOUT = 1.5
+"""s. A hold that has not slowed down by then is handed over all the same: somebody wants the drone down."""
 
 _ZERO = (0.0, 0.0, 0.0)
 _NO_THRUSTS = (0.0, 0.0, 0.0, 0.0)
@@ -176,7 +187,6 @@ def _triggers(memory: Any, inputs: LandingInputs) -> bool:
 def _begin_flip(memory: Any, inputs: LandingInputs) -> None:
     _end_approach(memory, FLIP, _TRIGGERED)
     memory.flip_time = inputs.time
-    memory.snapshot_count += 1
     memory.snapshot_time = inputs.time
     memory.snapshot_tau = inputs.tau
     memory.snapshot_theta_x = inputs.theta_x
@@ -187,6 +197,7 @@ def _begin_flip(memory: Any, inputs: LandingInputs) -> None:
     memory.snapshot_pitch = euler_angles(own_attitude(memory))[1]
     for i in range(3):
         memory.snapshot_velocity[i] = inputs.velocity[i]
+    memory.snapshot_count += 1  # last: who sees the new count finds the new fields
 
 
 @kernel
@@ -250,6 +261,13 @@ def _step_flip(memory: Any, inputs: LandingInputs, limits: LandingLimits) -> Non
 
 
 @kernel
+def _may_hand_over(memory: Any, inputs: LandingInputs) -> bool:
+    v = inputs.velocity
+    slow = v[0] * v[0] + v[1] * v[1] + v[2] * v[2] <= HAND_OVER_SPEED * HAND_OVER_SPEED
+    return (slow and v[2] <= HAND_OVER_CLIMB) or inputs.time - memory.hold_time > HAND_OVER_TIMEOUT
+
+
+@kernel
 def _step_brake(memory: Any, inputs: LandingInputs, plan: ApproachPlan, limits: LandingLimits) -> None:
     """BRAKE and HOLD: cut on tilt and contact, fault when blind, hold once the climb has ended."""
     if _is_tilted(memory, limits):
@@ -277,7 +295,7 @@ def _step_brake(memory: Any, inputs: LandingInputs, plan: ApproachPlan, limits: 
             for i in range(3):
                 memory.hold_position[i] = inputs.position[i]
                 memory.hold_velocity[i] = inputs.velocity[i]
-    elif not inputs.trajectory_armed:
+    elif not inputs.trajectory_armed and _may_hand_over(memory, inputs):
         memory.state = IDLE
 
 

@@ -1,4 +1,4 @@
-"""Commands that fly, arm and stop: CRTP ports 6 (pose), 7, 8 (high-level commander) and 9 (supervisor).
+"""Commands that fly and arm: CRTP ports 6 (pose), 7, 8 (high-level commander) and 9 (supervisor).
 
 Port 6 channel 1: ``08``, then x y z [m] and qx qy qz qw as float32; no answer.
 Port 7 channel 0: ``06``, then position, velocity, acceleration as i16 [mm, mm/s, mm/s2], attitude in
@@ -6,7 +6,8 @@ Port 7 channel 0: ``06``, then position, velocity, acceleration as i16 [mm, mm/s
 (notify-setpoints-stop); no answer.
 Port 8 channel 0: command, group mask, arguments -> the first three bytes and an errno (cflib listens to none
 of it). Port 9 channel 0: ``0C`` -> ``8C``, bits u16. Channel 1: ``01 on`` -> ``81 success armed``; ``02`` ->
-``82 success recovered``; ``03`` emergency stop and ``04`` kick of its watchdog have no answer. Little endian.
+``82 success recovered``; ``04`` kick of the emergency stop's watchdog has no answer. Little endian. The stop
+itself, ``03``, is in :mod:`onboard.link.stop`.
 """
 
 import errno
@@ -18,8 +19,7 @@ from cflib.crtp.crtpstack import CRTPPort
 from cflib.utils.encoding import compress_quaternion
 
 from onboard.arrays import Vector
-from onboard.clock import Clock
-from onboard.link.errors import CommandRefused, LinkInputError, LinkTimeout
+from onboard.link.errors import CommandRefused, LinkInputError
 from onboard.link.exchange import Exchange
 from onboard.supervisor_info import SupervisorBits, SupervisorInfo
 
@@ -27,13 +27,11 @@ _POSE_CHANNEL, _POSE_COMMAND = 1, 0x08
 _STOP, _TAKEOFF, _LAND, _GO_TO = 3, 7, 8, 12
 _ALL_GROUPS = 0
 _INFO_CHANNEL, _COMMAND_CHANNEL = 0, 1
-_GET_INFO, _ARM, _RECOVER, _EMERGENCY_STOP, _WATCHDOG = 0x0C, 0x01, 0x02, 0x03, 0x04
+_GET_INFO, _ARM, _RECOVER, _WATCHDOG = 0x0C, 0x01, 0x02, 0x04
 _ANSWER = 0x80
 _META_CHANNEL, _NOTICE_COPIES = 1, 2
 _SETPOINTS_STOPPED = struct.pack("<BI", 0, 0)
 _COMMANDER_RETRY_S = 0.1
-_EMERGENCY_COPIES = 3
-_EMERGENCY_INTERVAL_S = 0.05
 _POSE = struct.Struct("<B7f")
 _SETPOINT_CHANNEL, _FULL_STATE = 0, 6
 _FULL_STATE_LAYOUT = struct.Struct("<B9hI3h")
@@ -43,10 +41,9 @@ _LARGEST_SETPOINT = 32.0
 class Commands:
     """Sends commands and says no when the drone does."""
 
-    def __init__(self, exchange: Exchange, reply_timeout_s: float, clock: Clock) -> None:
+    def __init__(self, exchange: Exchange, reply_timeout_s: float) -> None:
         self._exchange = exchange
         self._within = reply_timeout_s
-        self._clock = clock
 
     def send_pose(self, position: Sequence[float], quaternion: Sequence[float]) -> None:
         """Send an external pose; nothing answers.
@@ -110,30 +107,6 @@ class Commands:
         if not reply[1] or not reply[2]:
             raise CommandRefused(f"the drone does not recover, it must lie upright: {self._why()}")
 
-    def emergency_stop(self, confirm_s: float) -> None:
-        """Stop the motors at once, then repeat until the drone's supervisor confirms."""
-        payload = bytes((_EMERGENCY_STOP,))
-        for _ in range(_EMERGENCY_COPIES):
-            self._exchange.send(CRTPPort.SUPERVISOR, _COMMAND_CHANNEL, payload)
-        deadline = self._clock() + confirm_s
-        while self._clock() < deadline:
-            try:
-                reply = self._supervisor(
-                    _INFO_CHANNEL,
-                    bytes((_GET_INFO,)),
-                    3,
-                    "emergency stop confirmation",
-                    _EMERGENCY_INTERVAL_S,
-                )
-            except LinkTimeout:
-                reply = b""
-            if reply and SupervisorInfo(int.from_bytes(reply[1:3], "little")).is_locked:
-                return
-            self._exchange.send(CRTPPort.SUPERVISOR, _COMMAND_CHANNEL, payload)
-        raise LinkTimeout(
-            f"the emergency stop was sent but not confirmed within {confirm_s:g} s; cut the power"
-        )
-
     def kick_emergency_stop_watchdog(self) -> None:
         """Start or feed the watchdog; nothing answers."""
         self._exchange.send(CRTPPort.SUPERVISOR, _COMMAND_CHANNEL, bytes((_WATCHDOG,)))
@@ -176,16 +149,14 @@ class Commands:
         if reply[3] != 0:
             raise CommandRefused(f"the drone refuses {name}: error {reply[3]}")
 
-    def _supervisor(
-        self, channel: int, request: bytes, size: int, what: str, within: float | None = None
-    ) -> bytes:
+    def _supervisor(self, channel: int, request: bytes, size: int, what: str) -> bytes:
         answer = request[0] | _ANSWER
         return self._exchange.ask(
             CRTPPort.SUPERVISOR,
             channel,
             request,
             accepts=lambda data: len(data) >= size and data[0] == answer,
-            within=self._within if within is None else within,
+            within=self._within,
             what=what,
         )
 

@@ -10,26 +10,27 @@ an error.
 """
 
 import threading
-import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Self
 
 from onboard.arrays import Vector
-from onboard.clock import Clock
 from onboard.link.commands import Commands
 from onboard.link.crazyflie import GuardedCrazyflie, open_crazyflie
 from onboard.link.driver import ResendingUdpDriver
-from onboard.link.errors import LinkError, LinkLost
+from onboard.link.errors import LinkError, LinkLost, LinkTimeout
 from onboard.link.exchange import Exchange
 from onboard.link.logs import LogSample, LogStream, LogStreams
 from onboard.link.memory import Memories, MemoryInfo
 from onboard.link.parameters import Parameters
 from onboard.link.policy_upload import PolicyUpload
 from onboard.link.power import reboot
+from onboard.link.radio import CflibStopPort
+from onboard.link.stop import StopPath
 from onboard.link.uri import SILENCE_LIMIT
 from onboard.link.variables import log_table, parameter_table
 from onboard.supervisor_info import SupervisorInfo
+from onboard.timebase import WALL, Timebase
 
 __all__ = ["DroneLink", "LogSample", "LogStream", "reboot"]
 
@@ -45,13 +46,17 @@ class DroneLink:
 
     Every method raises :class:`LinkLost` once the link is gone, and :class:`LinkTimeout` when the drone is
     silent.
+
+    Attributes:
+        uri: where the drone is.
+        stop_path: stops the motors whatever else happens on this link, also when it is lost.
     """
 
     def __init__(
         self,
         crazyflie: GuardedCrazyflie,
         uri: str,
-        clock: Clock,
+        clock: Timebase,
         reply_timeout_s: float,
         transfer_timeout_s: float,
     ) -> None:
@@ -66,8 +71,11 @@ class DroneLink:
         self._logs = LogStreams(
             crazyflie, self._exchange, log_table(crazyflie.log.toc.toc), reply_timeout_s, clock
         )
-        self._commands = Commands(self._exchange, reply_timeout_s, clock)
+        self._commands = Commands(self._exchange, reply_timeout_s)
         self._policy = PolicyUpload(self._parameters, self._memories, transfer_timeout_s, clock)
+        link = crazyflie.link
+        port = link.stop_port() if isinstance(link, ResendingUdpDriver) else CflibStopPort(link)
+        self.stop_path = StopPath(port)
         self._closing = threading.Event()
         self._watch = threading.Thread(target=self._watch_link, name="DroneLinkWatch", daemon=True)
         self._watch.start()
@@ -78,7 +86,7 @@ class DroneLink:
         uri: str,
         *,
         timeout_s: float = 10.0,
-        clock: Clock = time.monotonic,
+        clock: Timebase = WALL,
         toc_cache: Path | None = None,
         reply_timeout_s: float = 2.0,
         transfer_timeout_s: float = 10.0,
@@ -88,7 +96,7 @@ class DroneLink:
         Args:
             uri: ``udp://HOST:PORT``, ``radio://...`` or ``usb://...``.
             timeout_s: deadline for connecting [s].
-            clock: monotonic clock [s].
+            clock: the time that the link goes by.
             toc_cache: folder for tables of contents; makes the next connection faster.
             reply_timeout_s: deadline of calls that need one answer [s].
             transfer_timeout_s: deadline of memory transfers and of the drone's verdict on a policy [s].
@@ -219,13 +227,18 @@ class DroneLink:
     def emergency_stop(self, confirm_s: float = 0.5) -> None:
         """Stop the motors at once, wherever the drone is; only a reboot makes it fly again.
 
-        Three copies leave before anything else happens; then it is repeated until the drone says that it is
-        locked.
+        It leaves by :attr:`stop_path`, and is repeated there also after this has returned or raised.
 
         Raises:
             LinkTimeout: no confirmation within ``confirm_s``. The drone may or may not have stopped.
         """
-        self._commands.emergency_stop(confirm_s)
+        self.stop_path.trigger()
+        report = self.stop_path.wait(confirm_s)
+        if report is None or not report.locked:
+            why = "" if report is None else f": {report.reason}"
+            raise LinkTimeout(
+                f"the emergency stop was sent but not confirmed within {confirm_s:g} s; cut the power{why}"
+            )
 
     def kick_emergency_stop_watchdog(self) -> None:
         """Start or feed the drone's watchdog: 1 s without a kick stops the motors and locks it. It has no off
@@ -312,7 +325,7 @@ class DroneLink:
         return self._exchange.lost
 
     def close(self) -> None:
-        """Close the link; idempotent, takes at most 2 s.
+        """Close the link; idempotent, takes at most 2 s, and a stop that is under way as long as it needs.
 
         This CUTS THE MOTORS of a flying drone (cflib sends a zero setpoint, which ends the high-level
         commander). It lands
@@ -321,6 +334,7 @@ class DroneLink:
         if self._closing.is_set():
             return
         self._closing.set()
+        self.stop_path.close()
         self._logs.stop_delivery()
         self._exchange.close()
         self._crazyflie.close_within(_CLOSE_DEADLINE_S)

@@ -6,13 +6,13 @@ The drone validates the staged bundle by itself and keeps its previous policy wh
 """
 
 import zlib
-from threading import Event
 
-from onboard.app_interface import BUNDLE_ADDRESS, INTERFACE_VERSION, MEMORY_TYPE_APP, Parameter, PolicyStatus
-from onboard.clock import Clock
-from onboard.link.errors import CommandRefused, LinkTimeout, NoSuchVariable, PolicyRefused
+from onboard.app_interface import BUNDLE_ADDRESS, MEMORY_TYPE_APP, Parameter, PolicyStatus
+from onboard.link.errors import CommandRefused, LinkTimeout, PolicyRefused
+from onboard.link.landing_app import check_interface
 from onboard.link.memory import Memories
 from onboard.link.parameters import Parameters
+from onboard.timebase import Timebase
 
 #: A refusal that was there before the commit is taken for this commit's when it is still there after this
 #: time [s].
@@ -26,6 +26,7 @@ REASONS: dict[PolicyStatus, str] = {
     PolicyStatus.REFUSED_FORMAT: "its format, version or dimensions are not known to this firmware",
     PolicyStatus.REFUSED_RANGE: "it contains numbers that are not finite or out of range",
     PolicyStatus.REFUSED_FLYING: "the drone is flying; land first",
+    PolicyStatus.REFUSED_VECTORS: "it has more support vectors than the drone's control loop has time for",
 }
 
 
@@ -33,7 +34,7 @@ class PolicyUpload:
     """Uploads policies and reports which one is live."""
 
     def __init__(
-        self, parameters: Parameters, memories: Memories, commit_timeout_s: float, clock: Clock
+        self, parameters: Parameters, memories: Memories, commit_timeout_s: float, clock: Timebase
     ) -> None:
         self._parameters = parameters
         self._memories = memories
@@ -56,12 +57,7 @@ class PolicyUpload:
             PolicyRefused: the drone refuses it, for the reason in the message, and keeps its previous policy.
             LinkTimeout, LinkLost: the link failed; which policy is live must be asked again.
         """
-        version = int(self._parameters.read(Parameter.VERSION))
-        if version != INTERFACE_VERSION:
-            raise NoSuchVariable(
-                f"the drone's perching app has interface version {version}, needed is {INTERFACE_VERSION}; "
-                "flash the matching firmware"
-            )
+        check_interface(self._parameters.read)
         self._stage(bundle)
         crc = zlib.crc32(bundle)
         before = self._status()
@@ -89,7 +85,7 @@ class PolicyUpload:
 
     def _wait_for_verdict(self, crc: int, before: int) -> int:
         committed = self._clock()
-        pause = Event()
+        pause = self._clock.event()
         while (waited := self._clock() - committed) < self._commit_timeout_s:
             status = self._status()
             if status == PolicyStatus.ACTIVE and self.active_crc() == crc:

@@ -51,6 +51,7 @@ class BundleFault(IntEnum):
     CRC = 17
     FORMAT = 18
     RANGE = 19
+    VECTORS = 21
 
 
 class PolicyBundleError(PolicyError):
@@ -132,8 +133,8 @@ def decode_bundle(
         provenance: likewise.
 
     Raises:
-        PolicyBundleError: with the rule that refused it, in the order length, format, CRC, dimensions,
-        ranges.
+        PolicyBundleError: with the rule that refused it, in the order length, format, CRC, dimensions and
+        number of vectors, ranges.
     """
     sizes, support_vector_count = _checked_dimensions(data)
     gamma, intercept, tau_min, tau_max, a_rot_min, a_rot_max, *scaler = _NUMBERS.unpack_from(
@@ -190,7 +191,12 @@ def _checked_dimensions(data: bytes) -> tuple[tuple[int, ...], int]:
             BundleFault.FORMAT,
             f"{inputs} inputs, activation {activation}, reserved byte {reserved}; expected 3, 1, 0",
         )
-    if not (1 <= vectors <= MAX_SUPPORT_VECTORS and 1 <= layers <= MAX_LAYERS):
+    if vectors > MAX_SUPPORT_VECTORS:
+        raise PolicyBundleError(
+            BundleFault.VECTORS,
+            f"{vectors} support vectors, and the drone's control loop has time for {MAX_SUPPORT_VECTORS}",
+        )
+    if not (vectors >= 1 and 1 <= layers <= MAX_LAYERS):
         raise PolicyBundleError(
             BundleFault.FORMAT, f"{vectors} support vectors and {layers} layers are not possible"
         )

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from perchhw.supervisor import FlightState
+
 
 @dataclass
 class OutputSettings:
@@ -38,6 +40,20 @@ def progress_console() -> "Console":
     from rich.console import Console
 
     return Console(file=sys.stderr, highlight=False)
+
+
+def show_alert(state: "FlightState") -> None:
+    """Say what the operator must know at once: on stderr, with a bell and in red."""
+    if state.alert is not None:
+        console = progress_console()
+        console.bell()
+        console.print(state.alert, style="bold white on red", markup=False, soft_wrap=True)
+
+
+def show_flight(state: "FlightState") -> None:
+    """Say on stderr where a flight stands, and its alert."""
+    show_alert(state)
+    progress_console().print(f"  {state.phase.value}")
 
 
 def emit_error(message: str, exit_code: int) -> None:

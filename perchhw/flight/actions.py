@@ -1,26 +1,31 @@
-"""Carrying out the supervisor's commands on the link, without ever holding up the supervisor."""
+"""Carrying out the supervisor's commands on the link, without ever holding up the supervisor.
 
-import queue
+Ordinary orders are carried out one after the other; urgent ones each on a thread of their own, behind
+nobody. An emergency stop is none of these: it has :class:`onboard.link.stop.StopPath`.
+"""
+
+import logging
 import threading
-from concurrent.futures import Future, ThreadPoolExecutor
-from functools import partial
 from typing import TYPE_CHECKING
 
-from onboard.app_interface import Parameter, TrajectoryStatus
-from onboard.clock import Clock
+from onboard.app_interface import Parameter
 from onboard.errors import PerchhwError
+from onboard.link.landing_app import arm_approach, check_vehicle, release
+from onboard.timebase import Event as Signal
+from onboard.timebase import Queue, Timebase
+from onboard.vehicle import Vehicle
+from onboard.vehicle.onboard_constants import vehicle_crc32
 from perchhw.errors import FlightStackError
+from perchhw.flight.caught import Caught
 from perchhw.flight.mission import AttemptPlan
-from perchhw.supervisor import CommandDone, CommandFailed, Event, Order, StopConfirmed, StopUnconfirmed
+from perchhw.flight.readback import ReadBack
+from perchhw.supervisor import CommandDone, CommandFailed, Order
 from perchhw.supervisor.events import (
     URGENT_COMMANDS,
     Arm,
     ArmApproach,
     Brake,
-    Command,
     Disarm,
-    EmergencyStop,
-    FlyCourse,
     GoTo,
     Land,
     StartApproach,
@@ -29,53 +34,107 @@ from perchhw.supervisor.events import (
 )
 
 if TYPE_CHECKING:
-    from calibration.gap.suggest.course import Course
     from onboard.link import DroneLink
+
+_log = logging.getLogger(__name__)
+_NEVER = 1 << 62
 
 
 class CommandRefusedOnboard(FlightStackError):
     """The drone's landing app refused a command."""
 
 
+class OrderRetired(FlightStackError):
+    """The supervisor has taken an order back while it was being carried out."""
+
+
 class CommandRunner:
-    """Runs commands in order on a thread of its own, urgent ones on a second; results come back as events.
+    """Carries out orders; results come back as events that name the order.
 
     This one knows the commands that every flight has.
 
     Args:
         link: the open link; its calls have deadlines of their own.
         events: where :class:`CommandDone` and :class:`CommandFailed` are put.
+        clock: time of the flight.
     """
 
-    def __init__(self, link: "DroneLink", events: "queue.Queue[Event]") -> None:
+    def __init__(self, link: "DroneLink", events: Queue, clock: Timebase) -> None:
         self._link = link
         self._events = events
-        self._normal = ThreadPoolExecutor(1, "commands")
-        self._urgent = ThreadPoolExecutor(1, "urgent-commands")
+        self._clock = clock
+        self._oldest_in_force = 1
+        self._waiting = clock.queue()
+        # Guards the three below; held for a few instructions.
+        self._lock = threading.Lock()
+        self._unfinished = 0
+        self._idle = clock.event()
+        self._urgent_ended: list[Signal] = []
+        self._lane_ended = clock.event()
+        self._idle.set()
+        clock.thread(self._run_lane, "commands")
 
     def submit(self, order: Order) -> None:
         """Start to carry out `order`."""
-        urgent = isinstance(order.command, (*URGENT_COMMANDS, EmergencyStop))
-        lane = self._urgent if urgent else self._normal
-        lane.submit(self._carry_out, order.command).add_done_callback(partial(self._report, order))
-
-    def _report(self, order: Order, result: "Future[int | None]") -> None:
-        """Say what came of `order`. An error of any kind is a failed command: the supervisor aborts."""
-        if result.cancelled():
+        if isinstance(order.command, URGENT_COMMANDS):
+            ended = self._clock.event()
+            self._urgent_ended.append(ended)
+            self._clock.thread(self._run_urgent, f"command-{order.number}", order, ended)
             return
-        error = result.exception()
-        if isinstance(order.command, EmergencyStop):
-            self._events.put(StopConfirmed() if error is None else StopUnconfirmed(repr(error)))
-        elif error is None:
-            self._events.put(CommandDone(order, result.result()))
-        elif isinstance(error, PerchhwError):
-            self._events.put(CommandFailed(order, str(error)))
-        else:
-            self._events.put(CommandFailed(order, f"error in perchhw: {error!r}"))
+        with self._lock:
+            self._unfinished += 1
+            self._idle.clear()
+        self._waiting.put_nowait(order)
 
-    def _carry_out(self, command: Command) -> int | None:
+    def retire(self, oldest_in_force: int) -> None:
+        """Orders older than this one are dropped where they wait, and break off at their next step."""
+        self._oldest_in_force = oldest_in_force
+
+    def in_force(self, order: Order) -> bool:
+        """Whether the supervisor still wants `order`."""
+        return order.number >= self._oldest_in_force
+
+    def _run_lane(self) -> None:
+        try:
+            while (order := self._waiting.get()) is not None:
+                if self.in_force(order):
+                    self._answer(order)
+                with self._lock:
+                    self._unfinished -= 1
+                    if self._unfinished == 0:
+                        self._idle.set()
+        finally:
+            self._lane_ended.set()
+
+    def _run_urgent(self, order: Order, ended: Signal) -> None:
+        """At once; and once more when an older order that was just running can no longer undo it."""
+        try:
+            overtaken = not self._idle.is_set()
+            self._answer(order)
+            if overtaken:
+                self._idle.wait()
+                self._answer(order, again=True)
+        finally:
+            ended.set()
+
+    def _answer(self, order: Order, again: bool = False) -> None:
+        """Carry out `order` and say what came of it. An error of any kind is a failed command."""
+        with Caught(lambda error: self._failed(order, error)):
+            if again:
+                self._carry_out_again(order)
+            else:
+                self._events.put_nowait(CommandDone(order, self._carry_out(order)))
+
+    def _failed(self, order: Order, error: Exception) -> None:
+        if isinstance(error, PerchhwError):
+            self._events.put_nowait(CommandFailed(order, str(error)))
+            return
+        _log.error("error in perchhw while it carried out %s", order, exc_info=error)
+        self._events.put_nowait(CommandFailed(order, f"error in perchhw: {error!r}"))
+
+    def _carry_out(self, order: Order) -> int | None:
         link = self._link
-        match command:
+        match order.command:
             case Arm():
                 link.arm()
             case TakeOff(height, duration):
@@ -87,146 +146,88 @@ class CommandRunner:
             case Disarm():
                 link.stop_motors()
                 link.disarm()
-            case EmergencyStop():
-                link.emergency_stop()
-            case _:
-                raise CommandRefusedOnboard(f"this kind of flight has no {type(command).__name__}")
+            case other:
+                raise CommandRefusedOnboard(f"this kind of flight has no {type(other).__name__}")
         return None
+
+    def _carry_out_again(self, order: Order) -> None:
+        """What must be repeated of an urgent order. A descent must not: it would begin anew."""
+        if not isinstance(order.command, Land):
+            self._carry_out(order)
+
+    def _require(self, order: Order) -> None:
+        if not self.in_force(order):
+            raise OrderRetired(f"{order} was taken back")
 
     def close(self) -> None:
         """Wait for what is running (its deadline bounds the wait) and drop what is not."""
-        for lane in (self._normal, self._urgent):
-            lane.shutdown(wait=True, cancel_futures=True)
+        self._oldest_in_force = _NEVER
+        self._waiting.put_nowait(None)
+        for ended in (self._lane_ended, *self._urgent_ended):
+            ended.wait()
 
 
 class LandingCommands(CommandRunner):
     """The commands of a landing attempt.
 
     Args:
-        link, events: as :class:`CommandRunner`.
+        link, events, clock: as :class:`CommandRunner`.
+        readback: where the switches go, as they were read back.
         plan: what is flown.
         bundle: the policy bundle to upload.
-        ceiling_z: height of the ceiling, m.
+        vehicle: what the host believes the drone to be; its firmware must have been built for it.
     """
 
     def __init__(
         self,
         link: "DroneLink",
-        events: "queue.Queue[Event]",
+        events: Queue,
+        clock: Timebase,
+        readback: ReadBack,
         plan: AttemptPlan,
         bundle: bytes,
-        ceiling_z: float,
+        vehicle: Vehicle,
     ) -> None:
-        super().__init__(link, events)
+        super().__init__(link, events, clock)
+        self._readback = readback
         self._plan = plan
         self._bundle = bundle
-        self._ceiling_z = ceiling_z
+        self._vehicle = vehicle
 
-    def _carry_out(self, command: Command) -> int | None:
+    def _carry_out(self, order: Order) -> int | None:
         link = self._link
-        match command:
+        match order.command:
             case UploadPolicy():
+                check_vehicle(link, vehicle_crc32(self._vehicle), self._vehicle.name)
                 return link.upload_policy(self._bundle)
             case ArmApproach():
-                self._arm_approach()
+                self._arm_approach(order)
             case StartApproach():
                 link.set_param(Parameter.GO, 1)
             case Brake():
                 link.set_param(Parameter.ABORT, 1)
             case Land():
-                # A landing app that holds the drone hands it over when its switches are cleared, and tells
-                # the commander to stay where it is: so the descent comes second.
-                link.set_params({Parameter.POLICY_ARM: 0, Parameter.TRAJECTORY_ARM: 0})
-                return super()._carry_out(command)
+                # The app that has the drone hands it over and tells the planner where it is: the descent
+                # comes second.
+                self._release()
+                return super()._carry_out(order)
             case _:
-                return super()._carry_out(command)
+                return super()._carry_out(order)
         return None
 
-    def _arm_approach(self) -> None:
-        """Hand the approach to the drone, arm it, and arm the policy: two separate switches."""
-        approach = self._plan.approach
-        self._link.set_params(
-            {
-                Parameter.CEILING_Z: self._ceiling_z,
-                Parameter.IMPACT_X: float(approach.impact_x),
-                Parameter.IMPACT_Y: float(approach.y0),
-                Parameter.SPEED_X: float(approach.vx),
-                Parameter.SPEED_Z: float(approach.vz),
-                Parameter.ACCELERATION_X: float(approach.ax),
-                Parameter.ACCELERATION_Z: float(approach.az),
-                Parameter.TAU_START: float(approach.tau0),
-            }
-        )
-        self._link.set_param(Parameter.TRAJECTORY_ARM, 1)
-        status = TrajectoryStatus(int(self._link.param(Parameter.TRAJECTORY_STATUS)))
-        if status is not TrajectoryStatus.ARMED:
-            raise CommandRefusedOnboard(
-                f"the drone refused the approach: {status.name.lower().replace('_', ' ')}"
-            )
-        self._link.set_param(Parameter.POLICY_ARM, 1)
+    def _carry_out_again(self, order: Order) -> None:
+        if isinstance(order.command, Land):
+            self._release()
+        super()._carry_out_again(order)
 
+    def _release(self) -> None:
+        """Take the drone back: both switches read as off, and the app has let go."""
+        self._readback.switches_are(None)
+        release(self._link, self._clock)
+        self._readback.switches_are(False)
 
-SETPOINT_PERIOD = 0.02
-"""s between two setpoints of a course: 50 Hz leaves the radio room for poses and logs."""
-
-
-class CourseCommands(CommandRunner):
-    """The commands of a test flight: its course goes out as a stream of setpoints.
-
-    Args:
-        link, events: as :class:`CommandRunner`.
-        course: what is flown.
-        clock: monotonic clock, s.
-    """
-
-    def __init__(
-        self, link: "DroneLink", events: "queue.Queue[Event]", course: "Course", clock: Clock
-    ) -> None:
-        super().__init__(link, events)
-        self._course = course
-        self._clock = clock
-        self._finished = threading.Event()
-        self._ended = threading.Event()
-        self._sending = threading.Lock()
-        self._stream: Future[None] | None = None
-        self._streaming = ThreadPoolExecutor(1, "setpoints")
-
-    def _carry_out(self, command: Command) -> int | None:
-        match command:
-            case FlyCourse():
-                self._stream = self._streaming.submit(self._send_course)
-                self._stream.add_done_callback(lambda _: self._finished.set())
-                self._finished.wait()
-                if self._stream.done():
-                    self._stream.result()
-            case Land():
-                with self._sending:
-                    self._ended.set()
-                    if self._stream is not None:
-                        self._link.end_setpoints()
-                return super()._carry_out(command)
-            case _:
-                return super()._carry_out(command)
-        return None
-
-    def _send_course(self) -> None:
-        """Send the course in real time, then its last setpoint, until the landing ends it."""
-        course, begin, count = self._course, self._clock(), 0
-        while True:
-            elapsed = self._clock() - begin
-            sample = course.index_at(elapsed)
-            with self._sending:
-                if self._ended.is_set():
-                    return
-                self._link.send_full_state(*course.setpoint(sample))
-            if elapsed > course.duration:
-                self._finished.set()
-            count += 1
-            if self._ended.wait(max(0.0, begin + count * SETPOINT_PERIOD - self._clock())):
-                return
-
-    def close(self) -> None:
-        """End the stream, then as :meth:`CommandRunner.close`."""
-        self._ended.set()
-        self._streaming.shutdown(wait=True)
-        super().close()
+    def _arm_approach(self, order: Order) -> None:
+        """Hand the approach to the drone, arm it, and arm the policy."""
+        self._readback.switches_are(None)
+        arm_approach(self._link, self._plan.approach, self._clock, before_switch=lambda: self._require(order))
+        self._readback.switches_are(True)

@@ -4,18 +4,23 @@ from typing import Any
 
 from calibration.flights import open_flight
 from mocap_bridge.uri import parse_mocap_uri
-from onboard.clock import Clock, monotonic
 from onboard.errors import PerchhwError
+from onboard.lab_time import open_timebase
 from onboard.link.uri import check_drone_uri
 from onboard.policy.bundle import bundle_crc32, encode_bundle
 from onboard.policy.files import find_policy, load_policy
+from onboard.timebase import Timebase
 from onboard.vehicle import Vehicle, load_vehicle
 from perchhw.attempt import AttemptInterrupted, AttemptRequest, AttemptResult, Outcome
 from perchhw.flight.actions import LandingCommands
+from perchhw.flight.loop import OnPhase
 from perchhw.flight.mission import AttemptPlan, plan_attempt
-from perchhw.flight.session import OnPhase, SupervisedFlight
+from perchhw.flight.readback import LANDING_SETTINGS
+from perchhw.flight.recording import FlightRecord
+from perchhw.flight.session import SupervisedFlight
 from perchhw.flight.telemetry import BLOCKS
-from perchhw.label import LabelError, label_flight
+from perchhw.lab import correction_of, in_record, limits_of, require_lab
+from perchhw.label import label_flight
 from perchhw.record import RunRecorder
 from perchhw.supervisor import FlightState, SafetyLimits
 
@@ -24,7 +29,6 @@ def fly_attempt(
     request: AttemptRequest,
     *,
     dry_run: bool = False,
-    clock: Clock = monotonic,
     limits: SafetyLimits | None = None,
     on_phase: OnPhase | None = None,
 ) -> AttemptResult:
@@ -33,9 +37,8 @@ def fly_attempt(
     Args:
         request: what to fly, where, with which policy; `request.folder` is created for the record.
         dry_run: stop after the verified policy upload; the motors never arm.
-        clock: monotonic clock, s.
-        limits: safety limits; by default the documented ones in the request's room.
-        on_phase: called on each change of phase, for a display.
+        limits: safety limits; by default the documented ones and those of the lab file.
+        on_phase: called when the phase or the alert changes, for a display.
 
     Returns:
         The result. An attempt that a safety rule or the operator ended has the outcome ``aborted``.
@@ -47,29 +50,38 @@ def fly_attempt(
     """
     check_drone_uri(request.drone)
     parse_mocap_uri(request.mocap)
+    require_lab(request.drone, request.mocap, request.lab)
     vehicle = load_vehicle(request.vehicle, request.legs)
     bundle = encode_bundle(load_policy(find_policy(request.policy)))
     plan = plan_attempt(request, bundle_crc32(bundle), dry_run)
-    limits = limits or SafetyLimits(room=request.room)
-    with RunRecorder(request.folder, _configuration(request, vehicle, plan), clock) as recorder:
+    limits = limits or limits_of(request.lab, request.room, request.drone)
+    with (
+        open_timebase("fly", request.drone, request.mocap) as clock,
+        RunRecorder(request.folder, _configuration(request, vehicle, plan), clock) as recorder,
+    ):
+        record = FlightRecord(recorder)
         flight = SupervisedFlight(
             drone=request.drone,
             mocap=request.mocap,
             mission=plan.mission,
             limits=limits,
             blocks=BLOCKS,
-            commands=lambda link, events: LandingCommands(link, events, plan, bundle, request.room.ceiling_z),
-            recorder=recorder,
+            settings=LANDING_SETTINGS,
+            commands=lambda link, events, readback: LandingCommands(
+                link, events, clock, readback, plan, bundle, vehicle
+            ),
+            record=record,
             clock=clock,
             on_phase=on_phase,
+            correction=correction_of(request.lab),
         )
         try:
             flown = flight.run()
         except PerchhwError as error:
-            recorder.event("refused", clock(), reason=str(error))
-            recorder.close(outcome=Outcome.ABORTED, aborted_by=str(error))
+            record.event("refused", clock(), reason=str(error))
+            record.close(outcome=Outcome.ABORTED, aborted_by=str(error))
             raise
-        result = _conclude(request, vehicle, flown.state, flown.trigger, recorder, clock)
+        result = _conclude(request, vehicle, flown.state, flown.trigger, record, clock)
     if flown.interrupted:
         raise AttemptInterrupted(result)
     return result
@@ -88,7 +100,8 @@ def _configuration(request: AttemptRequest, vehicle: Vehicle, plan: AttemptPlan)
         "policy_crc32": f"{plan.mission.policy_crc:08x}",
         "vehicle": vehicle.name,
         "legs": None if vehicle.legs is None else vehicle.legs.design,
-        "ceiling_z": request.room.ceiling_z,
+        "ceiling_z": float(plan.approach.ceiling_z),
+        **in_record(request.lab, request.room),
         "seed": request.seed,
         "approach": {name: float(value) for name, value in plan.approach._asdict().items()},
         "dry_run": plan.mission.dry_run,
@@ -100,21 +113,26 @@ def _conclude(
     vehicle: Vehicle,
     state: FlightState,
     trigger: dict[str, float] | None,
-    recorder: RunRecorder,
-    clock: Clock,
+    record: FlightRecord,
+    clock: Timebase,
 ) -> AttemptResult:
     """Label what was flown and close the record."""
     outcome, evidence, aborted_by = Outcome.ABORTED, {}, state.aborted_by
     if aborted_by is None and state.armed:
         try:
-            label = label_flight(open_flight(request.folder, "perchhw"), vehicle, request.room.ceiling_z)
-        except LabelError as error:
-            aborted_by = state.link_lost or f"label: {error}"
+            label = label_flight(open_flight(request.folder, "perchhw"), vehicle)
+        except PerchhwError as error:
+            aborted_by = _why_no_label(state, error)
         else:
             outcome, evidence = label.outcome, label.evidence
-    recorder.event("labelled", clock(), outcome=outcome, evidence=evidence)
+    record.event("labelled", clock(), outcome=outcome, evidence=evidence)
     result = AttemptResult(outcome, state.triggered, trigger, aborted_by, request.folder)
-    recorder.close(
+    record.close(
         outcome=outcome, triggered=state.triggered, trigger=trigger, aborted_by=aborted_by, evidence=evidence
     )
     return result
+
+
+def _why_no_label(state: FlightState, error: PerchhwError) -> str:
+    """What kept the record from telling how it ended."""
+    return state.record_lost or state.link_lost or f"label: {error}"

@@ -12,16 +12,21 @@ from typing import Any
 from calibration.gap.suggest.course import Course
 from calibration.gap.suggest.manoeuvres import manoeuvre
 from mocap_bridge.uri import parse_mocap_uri
-from onboard.clock import Clock, monotonic
 from onboard.errors import PerchhwError
+from onboard.lab_file import LabFile
+from onboard.lab_time import open_timebase
 from onboard.link.uri import check_drone_uri
 from onboard.outcome import Outcome
 from onboard.room import RoomGeometry
 from onboard.vehicle import load_vehicle
-from perchhw.flight.actions import CourseCommands
+from perchhw.flight.course_commands import CourseCommands
+from perchhw.flight.loop import OnPhase
 from perchhw.flight.mission import LOWEST_HOVER
-from perchhw.flight.session import OnPhase, SupervisedFlight
+from perchhw.flight.readback import TEST_FLIGHT_SETTINGS
+from perchhw.flight.recording import FlightRecord
+from perchhw.flight.session import SupervisedFlight
 from perchhw.flight.telemetry import TEST_FLIGHT_BLOCKS
+from perchhw.lab import correction_of, in_record, limits_of, require_lab
 from perchhw.record import RunRecorder
 from perchhw.supervisor import Mission, SafetyLimits
 
@@ -41,6 +46,7 @@ class CourseRequest:
         vehicle: name or path of the vehicle file.
         legs: leg design, or None for that of the vehicle.
         room: ceiling and flight volume.
+        lab: the lab file: limits, start mark, correction of the poses; None: a simulated room.
     """
 
     kind: str
@@ -51,6 +57,7 @@ class CourseRequest:
     legs: str | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
     room: RoomGeometry = field(default_factory=RoomGeometry)
+    lab: LabFile | None = None
 
     def course(self) -> Course:
         """What is flown.
@@ -79,7 +86,6 @@ class CourseResult:
 def fly_course(
     request: CourseRequest,
     *,
-    clock: Clock = monotonic,
     limits: SafetyLimits | None = None,
     on_phase: OnPhase | None = None,
 ) -> CourseResult:
@@ -91,6 +97,7 @@ def fly_course(
     """
     check_drone_uri(request.drone)
     parse_mocap_uri(request.mocap)
+    require_lab(request.drone, request.mocap, request.lab)
     vehicle = load_vehicle(request.vehicle, request.legs)
     course = request.course()
     mission = Mission(
@@ -101,26 +108,32 @@ def fly_course(
         test_flight=True,
     )
     design = None if vehicle.legs is None else vehicle.legs.design
-    with RunRecorder(request.folder, _configuration(request, vehicle.name, design), clock) as recorder:
+    with (
+        open_timebase("test flight", request.drone, request.mocap) as clock,
+        RunRecorder(request.folder, _configuration(request, vehicle.name, design), clock) as recorder,
+    ):
+        record = FlightRecord(recorder)
         flight = SupervisedFlight(
             drone=request.drone,
             mocap=request.mocap,
             mission=mission,
-            limits=limits or SafetyLimits(room=request.room),
+            limits=limits or limits_of(request.lab, request.room, request.drone),
             blocks=TEST_FLIGHT_BLOCKS,
-            commands=lambda link, events: CourseCommands(link, events, course, clock),
-            recorder=recorder,
+            settings=TEST_FLIGHT_SETTINGS,
+            commands=lambda link, events, _readback: CourseCommands(link, events, clock, course),
+            record=record,
             clock=clock,
             on_phase=on_phase,
+            correction=correction_of(request.lab),
         )
         try:
             flown = flight.run()
         except PerchhwError as error:
-            recorder.event("refused", clock(), reason=str(error))
-            recorder.close(outcome=Outcome.ABORTED, aborted_by=str(error))
+            record.event("refused", clock(), reason=str(error))
+            record.close(outcome=Outcome.ABORTED, aborted_by=str(error))
             raise
         aborted_by = flown.state.aborted_by
-        recorder.close(outcome=FLOWN if aborted_by is None else Outcome.ABORTED, aborted_by=aborted_by)
+        record.close(outcome=FLOWN if aborted_by is None else Outcome.ABORTED, aborted_by=aborted_by)
     return CourseResult(aborted_by, request.folder, flown.interrupted)
 
 
@@ -134,4 +147,5 @@ def _configuration(request: CourseRequest, vehicle: str, legs: str | None) -> di
         "vehicle": vehicle,
         "legs": legs,
         "ceiling_z": request.room.ceiling_z,
+        **in_record(request.lab, request.room),
     }

@@ -1,35 +1,64 @@
-"""Ctrl-C and SIGTERM as events: the flight ends in order, and sockets and record close behind it."""
+"""Ctrl-C and SIGTERM: the first asks for a landing, the second cuts the motors, whatever the program does.
 
-import queue
+Python runs a signal's handler in the main thread, between two of its instructions; one that is stuck in a
+call or holds a lock would keep it waiting. So the handler does nothing. The interpreter itself writes the
+signal's number to a socket, without a lock, and a thread that has nothing else to do reads it.
+"""
+
 import signal
+import socket
 import threading
+from collections.abc import Callable
 from types import FrameType, TracebackType
 from typing import Any, Self
-
-from perchhw.supervisor import Event, OperatorAbort
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
+def _noted(_number: int, _frame: FrameType | None) -> None:
+    """The thread hears of it; what matters here is that the signal does not do what it does by default."""
+
+
 class OperatorInterrupts:
-    """While open, the first signal asks the supervisor to land, the second to cut the motors.
+    """While open, counts the signals; the second one triggers the stop at once.
 
     Signals can only be caught in the main thread; elsewhere (an attempt flown by a test or a service thread)
     nothing is installed and the caller's own handling stays.
+
+    Attributes:
+        count: signals so far. The supervisor's loop looks at it; nobody is called and no queue is filled.
     """
 
-    def __init__(self, events: "queue.Queue[Event]") -> None:
-        self._events = events
-        self._previous: dict[signal.Signals, Any] = {}
+    def __init__(self) -> None:
         self.count = 0
+        self._stop: Callable[[], None] | None = None
+        self._previous: dict[signal.Signals, Any] = {}
+        self._previous_wakeup = -1
+        self._read_end, self._write_end = socket.socketpair()
+        self._write_end.setblocking(False)
+        self._thread = threading.Thread(target=self._listen, name="OperatorInterrupts", daemon=True)
 
-    def _handle(self, _number: int, _frame: FrameType | None) -> None:
+    def stop_by(self, trigger: Callable[[], None]) -> None:
+        """From now on the second signal calls `trigger`, which must return at once."""
+        self._stop = trigger
+
+    def note(self) -> None:
+        """What every signal does."""
         self.count += 1
-        self._events.put(OperatorAbort(urgent=self.count > 1))
+        if self.count > 1 and self._stop is not None:
+            self._stop()
+
+    def _listen(self) -> None:
+        while numbers := self._read_end.recv(64):
+            for number in numbers:
+                if number in _SIGNALS:
+                    self.note()
 
     def __enter__(self) -> Self:
+        self._thread.start()
         if threading.current_thread() is threading.main_thread():
-            self._previous = {number: signal.signal(number, self._handle) for number in _SIGNALS}
+            self._previous_wakeup = signal.set_wakeup_fd(self._write_end.fileno(), warn_on_full_buffer=False)
+            self._previous = {number: signal.signal(number, _noted) for number in _SIGNALS}
         return self
 
     def __exit__(
@@ -37,3 +66,8 @@ class OperatorInterrupts:
     ) -> None:
         for number, handler in self._previous.items():
             signal.signal(number, handler)
+        if self._previous:
+            signal.set_wakeup_fd(self._previous_wakeup)
+        self._write_end.close()
+        self._thread.join()
+        self._read_end.close()

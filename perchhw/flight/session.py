@@ -1,40 +1,29 @@
 """One supervised flight of any kind: everything with a thread or a socket lives and dies here."""
 
-import queue
-from collections.abc import Callable
+import logging
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 
 from mocap_bridge.bridge import PoseBridge
+from mocap_bridge.correction import AS_TRACKED, PoseCorrection
 from mocap_bridge.sinks.crazyflie import CrazyfliePoseSink
-from onboard.clock import Clock
 from onboard.link import DroneLink
+from onboard.timebase import Queue, Timebase
 from perchhw.flight.actions import CommandRunner
+from perchhw.flight.caught import Caught
 from perchhw.flight.interrupts import OperatorInterrupts
+from perchhw.flight.kicker import WatchdogKicker
+from perchhw.flight.loop import FlightLoop, OnPhase
+from perchhw.flight.readback import ReadBack
+from perchhw.flight.recording import FlightRecord
 from perchhw.flight.telemetry import Block, Telemetry, pose_recorder
-from perchhw.record import RunRecorder
-from perchhw.supervisor import (
-    Event,
-    FlightState,
-    LinkDown,
-    Mission,
-    Phase,
-    SafetyLimits,
-    Tick,
-    initial_state,
-    step,
-)
+from perchhw.supervisor import FlightState, Mission, SafetyLimits
 
-TICK_PERIOD = 0.02
-"""Time between two looks of the supervisor, s."""
+_log = logging.getLogger(__name__)
 
-KICK_PERIOD = 0.2
-"""Time between two kicks of the drone's emergency-stop watchdog, which bites after 1 s."""
-
-_WATCHED_PHASES = frozenset(Phase) - {Phase.CHECKING, Phase.UPLOADING, Phase.DISARMING, Phase.DONE}
-"""Phases in which a host that dies must stop the drone. The watchdog cannot be called off once kicked."""
-
-OnPhase = Callable[[FlightState], None]
+CommandsFor = Callable[[DroneLink, Queue, ReadBack], CommandRunner]
+"""Makes the runner of a flight's commands for an open link."""
 
 
 @dataclass(frozen=True)
@@ -61,10 +50,12 @@ class SupervisedFlight:
         mission: what the supervisor works towards.
         limits: safety limits.
         blocks: log blocks to record.
-        commands: makes the runner of the commands for an open link.
-        recorder: where everything goes.
-        clock: monotonic clock, s.
-        on_phase: called on each change of phase, for a display.
+        settings: parameters of the drone and the values that they must have.
+        commands: makes the runner of the commands.
+        record: where everything goes.
+        clock: time of the flight.
+        on_phase: called when the phase or the alert changes, for a display.
+        correction: of the poses, before anything else sees them.
     """
 
     drone: str
@@ -72,80 +63,70 @@ class SupervisedFlight:
     mission: Mission
     limits: SafetyLimits
     blocks: tuple[Block, ...]
-    commands: Callable[[DroneLink, "queue.Queue[Event]"], CommandRunner]
-    recorder: RunRecorder
-    clock: Clock
+    settings: Mapping[str, int]
+    commands: CommandsFor
+    record: FlightRecord
+    clock: Timebase
     on_phase: OnPhase | None
+    correction: PoseCorrection = AS_TRACKED
 
     def run(self) -> Flown:
-        """Fly until the supervisor is done."""
-        events: queue.Queue[Event] = queue.Queue()
-        with ExitStack() as stack:
-            interrupts = stack.enter_context(OperatorInterrupts(events))
-            self.recorder.event("connecting", self.clock(), drone=self.drone, mocap=self.mocap)
-            link = stack.enter_context(DroneLink.open(self.drone, clock=self.clock))
-            bridge = PoseBridge(
-                self.mocap,
-                CrazyfliePoseSink(link),
-                clock=self.clock,
-                on_sample=pose_recorder(self.recorder),
-            )
-            stack.enter_context(bridge)
-            telemetry = Telemetry(link, bridge, self.recorder, self.clock, self.blocks)
-            telemetry.start()
-            commands = self.commands(link, events)
-            stack.callback(commands.close)
-            state = self._supervise(link, bridge, telemetry, commands, events)
-            trigger = telemetry.trigger_snapshot() if state.triggered else None
-            if trigger is not None:
-                self.recorder.write("trigger", self.clock(), trigger)
-            return Flown(state, trigger, interrupts.count > 0)
+        """Fly until the supervisor is done. What fails once it is does not cost the result.
 
-    def _supervise(
-        self,
-        link: DroneLink,
-        bridge: PoseBridge,
-        telemetry: Telemetry,
-        commands: CommandRunner,
-        events: "queue.Queue[Event]",
-    ) -> FlightState:
-        """Feed the supervisor until it is done."""
-        state = initial_state(self.clock())
-        self._announce(state)
-        kicked_at = next_tick = self.clock()
-        while state.phase is not Phase.DONE:
-            now = self.clock()
-            if state.phase in _WATCHED_PHASES and now - kicked_at >= KICK_PERIOD:
-                link.kick_emergency_stop_watchdog()
-                kicked_at = now
-            event = self._next_event(link, telemetry, events, next_tick)
-            if isinstance(event, Tick):
-                next_tick = max(next_tick + TICK_PERIOD, now)
-            else:
-                self.recorder.event(type(event).__name__, now, what=str(event))
-            before = state
-            state, orders = step(state, event, self.clock(), self.mission, self.limits)
-            for order in orders:
-                self.recorder.event("command", self.clock(), command=str(order.command), number=order.number)
-                commands.submit(order)
-            if state.phase is not before.phase:
-                bridge.set_in_flight(state.phase in _WATCHED_PHASES)
-                self._announce(state)
-        return state
-
-    def _next_event(
-        self, link: DroneLink, telemetry: Telemetry, events: "queue.Queue[Event]", next_tick: float
-    ) -> Event:
-        """The next event: an answer, an interrupt, a lost link, or the tick that is due."""
+        Raises:
+            PerchhwError: no link, or something else without which the flight does not begin.
+        """
+        stack = ExitStack()
         try:
-            return events.get(timeout=max(0.0, next_tick - self.clock()))
-        except queue.Empty:
-            lost = link.lost
-            return Tick(telemetry.observe()) if lost is None else LinkDown(f"link_lost: {lost}")
+            flown = self._fly(stack)
+        except BaseException:
+            with stack:
+                raise
+        with Caught(self._not_closed):
+            stack.close()
+        return flown
 
-    def _announce(self, state: FlightState) -> None:
-        now = self.clock()
-        self.recorder.event("phase", now, phase=state.phase, aborted_by=state.aborted_by)
-        self.recorder.write("supervisor", now, {"state": state.phase.value})
-        if self.on_phase is not None:
-            self.on_phase(state)
+    def _not_closed(self, error: Exception) -> None:
+        self.record.event("internal_error", self.clock(), error=repr(error))
+        _log.error("error in perchhw while it closed a flight that was over", exc_info=error)
+
+    def _fly(self, stack: ExitStack) -> Flown:
+        """Everything is open in `stack`."""
+        clock, record = self.clock, self.record
+        interrupts = stack.enter_context(OperatorInterrupts())
+        record.event("connecting", clock(), drone=self.drone, mocap=self.mocap)
+        link = stack.enter_context(DroneLink.open(self.drone, clock=clock))
+        interrupts.stop_by(link.stop_path.trigger)
+        readback, events = ReadBack(), clock.queue()
+        readback.check_settings(link, self.settings)
+        bridge = PoseBridge(
+            self.mocap,
+            CrazyfliePoseSink(link),
+            clock=clock,
+            on_sample=pose_recorder(record),
+            correction=self.correction,
+        )
+        stack.enter_context(bridge)
+        telemetry = Telemetry(link, bridge, record, readback, clock, self.blocks)
+        telemetry.start()
+        commands = self.commands(link, events, readback)
+        stack.callback(commands.close)
+        loop = FlightLoop(
+            clock=clock,
+            link=link,
+            bridge=bridge,
+            telemetry=telemetry,
+            commands=commands,
+            record=record,
+            interrupts=interrupts,
+            kicker=stack.enter_context(WatchdogKicker(link, clock)),
+            events=events,
+            mission=self.mission,
+            limits=self.limits,
+            on_phase=self.on_phase,
+        )
+        state = loop.run()
+        trigger = telemetry.trigger_snapshot() if state.triggered else None
+        if trigger is not None:
+            record.write("trigger", clock(), trigger)
+        return Flown(state, trigger, interrupts.count > 0)

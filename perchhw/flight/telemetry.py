@@ -9,10 +9,11 @@ from mocap_bridge.health import Verdict
 from mocap_bridge.pose import PoseSample
 from onboard.app_interface import EndReason, LandingState
 from onboard.arrays import Quaternion
-from onboard.clock import Clock
 from onboard.gravity import GRAVITY
 from onboard.supervisor_info import SupervisorInfo
-from perchhw.record import RunRecorder
+from onboard.timebase import Timebase
+from perchhw.flight.readback import ReadBack
+from perchhw.flight.recording import FlightRecord
 from perchhw.supervisor import Observation
 
 if TYPE_CHECKING:
@@ -78,14 +79,23 @@ BLOCKS: tuple[Block, ...] = (
     ),
     Block(
         50,
-        _floats(
-            "perchT",
-            "trigger",
-            "tick tau thetaX dCeil trigVal aRot",
-            "tick_ms tau theta_x d_ceil trigger_value a_rot",
-        ),
+        {
+            **_floats(
+                "perchT",
+                "trigger",
+                "tick tau thetaX dCeil trigVal aRot",
+                "tick_ms tau theta_x d_ceil trigger_value a_rot",
+            ),
+            "perchT.count": Field("", "count_of_cues"),
+        },
     ),
-    Block(50, _floats("perchT", "trigger", "vx vy vz z pitch", "vx vy vz z pitch")),
+    Block(
+        50,
+        {
+            **_floats("perchT", "trigger", "vx vy vz z pitch", "vx vy vz z pitch"),
+            "perchT.count": Field("", "count_of_motion"),
+        },
+    ),
 )
 """The log blocks of a landing attempt. Variables with an empty topic are watched but not recorded."""
 
@@ -127,8 +137,9 @@ class Telemetry:
     Args:
         link: an open link; `start` opens the log blocks.
         bridge: the running pose bridge.
-        recorder: where everything goes.
-        clock: the flight's monotonic clock, s.
+        record: where everything goes.
+        readback: what the drone was asked, and not logs.
+        clock: time of the flight.
         blocks: what to subscribe to.
     """
 
@@ -136,14 +147,16 @@ class Telemetry:
         self,
         link: "DroneLink",
         bridge: PoseBridge,
-        recorder: RunRecorder,
-        clock: Clock,
+        record: FlightRecord,
+        readback: ReadBack,
+        clock: Timebase,
         blocks: tuple[Block, ...] = BLOCKS,
     ) -> None:
         self._blocks = blocks
         self._link = link
         self._bridge = bridge
-        self._recorder = recorder
+        self._flight_record = record
+        self._readback = readback
         self._clock = clock
         self._latest: dict[int, _Latest] = {}
         self._lock = threading.Lock()
@@ -176,7 +189,7 @@ class Telemetry:
         for topic, fields in by_topic.items():
             if topic in ("", "trigger"):
                 continue
-            self._recorder.write(topic, receipt_time, {**fields, "drone_time_ms": drone_time_ms})
+            self._flight_record.write(topic, receipt_time, {**fields, "drone_time_ms": drone_time_ms})
 
     def value(self, topic: str, name: str) -> float | None:
         """The newest value of a field, or ``None`` when it never came."""
@@ -191,8 +204,16 @@ class Telemetry:
         return None, None
 
     def trigger_snapshot(self) -> dict[str, float] | None:
-        """The drone's snapshot of its trigger, or ``None`` when it never fired."""
-        if not self.value("trigger", "count"):
+        """The drone's snapshot of its trigger, or ``None`` when it never fired, or is torn.
+
+        It comes in two blocks; each brings the count that it belongs to, which the drone writes last.
+        """
+        count = self.value("trigger", "count")
+        if (
+            not count
+            or self.value("", "count_of_cues") != count
+            or self.value("", "count_of_motion") != count
+        ):
             return None
         with self._lock:
             return {
@@ -243,6 +264,10 @@ class Telemetry:
             active_policy_crc=None if crc is None else int(crc),
             policy_crc_age=crc_age,
             trigger_count=None if count is None else int(count),
+            policy_armed=self._readback.policy_armed,
+            trajectory_armed=self._readback.trajectory_armed,
+            parameters_ok=self._readback.parameters_ok,
+            parameters_problem=self._readback.parameters_problem,
         )
 
 
@@ -261,13 +286,13 @@ def _pose_problem(pose: BridgeStatus) -> str | None:
     return f"refused so far: {refused}" if refused else None
 
 
-def pose_recorder(recorder: RunRecorder) -> Callable[[PoseSample, Verdict], None]:
+def pose_recorder(flight_record: FlightRecord) -> Callable[[PoseSample, Verdict], None]:
     """A callback for the pose bridge that records every sample with the verdict given to it."""
 
     def record(sample: PoseSample, verdict: Verdict) -> None:
         x, y, z = sample.position or (None, None, None)
         qx, qy, qz, qw = sample.quaternion or (None, None, None, None)
-        recorder.write(
+        flight_record.write(
             "pose",
             sample.receipt_time,
             {

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from onboard.link import reboot
 from perchhw.attempt import AttemptRequest, AttemptResult, AttemptRunner
 from perchhw.flight.attempt import fly_attempt
-from perchhw.flight.session import OnPhase
+from perchhw.flight.loop import OnPhase
 from perchhw.supervisor import SafetyLimits
 
 Confirm = Callable[[str], None]

@@ -89,15 +89,15 @@ class Firmware:
         self._boot()
         self._setters = parameter_setters(self)
         for name, setter in self._setters.items():
-            self.params.on_write(name, setter)
+            self.params.mirror(name, setter)
         self.params.on_write("system.doAssert", _fail_assert)
         self.logs.bind("sys.testLogParam", lambda: self.params["system.testLogParam"])
-        self.params.on_write("memTst.resetW", lambda _: self._tester.reset_write_errors())
+        self.params.mirror("memTst.resetW", lambda _: self._tester.reset_write_errors())
         self.logs.bind("memTst.errCntW", lambda: self._tester.write_errors)
         self.logs.bind_all(log_sources(self))
         if self.app:
             self.logs.bind_all(self.app.log_sources())
-            self.app.connect(self)
+            self.app.connect()
         self._apply_parameters()
 
     # FirmwarePort
@@ -168,7 +168,15 @@ class Firmware:
         setpoint = self._commanded(tick)
         self._supervise(tick, setpoint)
         self._control(tick, self._overridden(setpoint))
+        self._run_parameter_task()
         return self._duties
+
+    def _run_parameter_task(self) -> None:
+        """The parameter task runs when the loop above, of higher priority, sleeps."""
+        try:
+            self.params.run_callback()
+        except FirmwareAssertion as assertion:
+            self.assert_failed(str(assertion))
 
     def _commanded(self, tick: int) -> Setpoint:
         """The setpoint in force; null while flying is not allowed."""

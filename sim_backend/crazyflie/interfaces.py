@@ -56,7 +56,17 @@ class SupervisorPort(Protocol):
     """The supervisor as port 9 (and the legacy commands of ports 6 and 13) use it."""
 
     def info_bits(self) -> int:
-        """The 16-bit state as in the log ``supervisor.info`` (``onboard.supervisor_info``)."""
+        """The state as in the log ``supervisor.info`` (``onboard.supervisor_info``), up to 40 ms old."""
+        ...
+
+    @property
+    def is_armed(self) -> bool:
+        """Whether an arming request is in force now."""
+        ...
+
+    @property
+    def is_crashed(self) -> bool:
+        """Whether a crash waits for the recovery command now."""
         ...
 
     def arm(self, on: bool) -> bool:

@@ -19,6 +19,7 @@ _REFUSALS = {
     BundleFault.CRC: PolicyStatus.REFUSED_CRC,
     BundleFault.FORMAT: PolicyStatus.REFUSED_FORMAT,
     BundleFault.RANGE: PolicyStatus.REFUSED_RANGE,
+    BundleFault.VECTORS: PolicyStatus.REFUSED_VECTORS,
 }
 
 

@@ -199,29 +199,18 @@ class Supervisor:
         self._thrust_ms: int | None = None
         self._entered_ms = 0
         self._tick_ms = 0
-        self._high_level = SupervisorBits(0)
+        self._info = SupervisorBits(0)
         self._console: list[str] = []
 
     # What port 9 asks for.
 
     def info_bits(self) -> int:
-        """The bit field of ``supervisor.info``; see :class:`onboard.supervisor_info.SupervisorBits`."""
-        bits = self._high_level
-        if self.state is State.PREFLIGHT_CHECKS_PASSED:
-            bits |= SupervisorBits.CAN_ARM
-        if self._armed:
-            bits |= SupervisorBits.ARMED
-        if self.can_fly:
-            bits |= SupervisorBits.CAN_FLY
-        if self.is_flying:
-            bits |= SupervisorBits.FLYING
-        if self._tumbled:
-            bits |= SupervisorBits.TUMBLED
-        if self.state is State.LOCKED:
-            bits |= SupervisorBits.LOCKED
-        if self._crashed:
-            bits |= SupervisorBits.CRASHED
-        return int(bits)
+        """The bit field of ``supervisor.info``; see :class:`onboard.supervisor_info.SupervisorBits`.
+
+        As in the firmware (``updateLogData``), it is written at the end of each update: a request of the
+        client shows in it up to 40 ms later.
+        """
+        return int(self._info)
 
     def arm(self, on: bool) -> bool:
         """Arm or disarm; whether the request was accepted. Arming needs passed preflight checks."""
@@ -302,7 +291,6 @@ class Supervisor:
             high_level: bits 8 to 10, as the high-level commander reports them.
         """
         self._tick_ms = tick_ms
-        self._high_level = high_level
         if motors_turning:
             self._thrust_ms = tick_ms
         conditions = self._conditions(tick_ms, acc_g, tick_ms - setpoint_time_ms)
@@ -311,6 +299,26 @@ class Supervisor:
                 self._enter(rule.to, tick_ms)
                 break
         self._tumbled = bool(conditions & Condition.TUMBLED)
+        self._info = high_level | self._state_bits()
+
+    def _state_bits(self) -> SupervisorBits:
+        """Bits 0 to 7, as they are now."""
+        bits = SupervisorBits(0)
+        if self.state is State.PREFLIGHT_CHECKS_PASSED:
+            bits |= SupervisorBits.CAN_ARM
+        if self._armed:
+            bits |= SupervisorBits.ARMED
+        if self.can_fly:
+            bits |= SupervisorBits.CAN_FLY
+        if self.is_flying:
+            bits |= SupervisorBits.FLYING
+        if self._tumbled:
+            bits |= SupervisorBits.TUMBLED
+        if self.state is State.LOCKED:
+            bits |= SupervisorBits.LOCKED
+        if self._crashed:
+            bits |= SupervisorBits.CRASHED
+        return bits
 
     def watch(self, tick_ms: int) -> None:
         """Tell the time between updates (a watchdog kick is stamped with it)."""

@@ -2,7 +2,7 @@
 
 import math
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Self, TypeAlias
 
@@ -23,6 +23,9 @@ from sim_backend.crazyflie.toc import (
 from sim_backend.errors import SimulationError
 
 Number: TypeAlias = int | float
+Callback: TypeAlias = Callable[[Number], Iterator[None] | None]
+
+_END = object()
 
 
 class NoSuchVariable(SimulationError, KeyError):
@@ -114,8 +117,11 @@ class ParameterTable:
 
     ``params["group.name"]`` reads and ``params["group.name"] = value`` writes from the firmware's side; a
     write queues a value-updated notice for the client unless the parameter is read-only (as ``paramSetInt``
-    and ``paramSetFloat`` do). Client writes go through :meth:`write_raw` and call the callbacks of
-    :meth:`on_write`.
+    and ``paramSetFloat`` do).
+
+    Client writes go through :meth:`write_raw`. A value that lives elsewhere in the firmware is bound with
+    :meth:`mirror` and set at once, as a variable is. What :meth:`on_write` names is a callback: the
+    firmware's parameter task runs it after the client has its answer, and does nothing else meanwhile.
     """
 
     def __init__(self, blocks: list[Block]) -> None:
@@ -129,7 +135,9 @@ class ParameterTable:
         self._by_name = {entry.full_name: entry for entry in self.entries}
         self._raw = [entry.encode(entry.default) for entry in self.entries]
         self._stored: dict[int, bytes] = {}
-        self._callbacks: dict[int, list[Callable[[Number], None]]] = {}
+        self._mirrors: dict[int, Callable[[Number], None]] = {}
+        self._callbacks: dict[int, Callback] = {}
+        self._running: Iterator[None] | None = None
         self._updates: list[int] = []
 
     @classmethod
@@ -168,9 +176,16 @@ class ParameterTable:
         if not entry.read_only and entry.ident not in self._updates:
             self._updates.append(entry.ident)
 
-    def on_write(self, name: str, callback: Callable[[Number], None]) -> None:
-        """Call ``callback(value)`` after each client write, once the client has its reply."""
-        self._callbacks.setdefault(self.entry(name).ident, []).append(callback)
+    def mirror(self, name: str, setter: Callable[[Number], None]) -> None:
+        """Call ``setter(value)`` with each client write: the variable behind the parameter."""
+        self._mirrors[self.entry(name).ident] = setter
+
+    def on_write(self, name: str, callback: Callback) -> None:
+        """Run ``callback(value)`` in the parameter task after each client write.
+
+        A callback that waits is a generator; each ``yield`` is a delay of 1 ms.
+        """
+        self._callbacks[self.entry(name).ident] = callback
 
     def raw(self, ident: int) -> bytes:
         """Bytes of the value."""
@@ -184,12 +199,29 @@ class ParameterTable:
         """A client's write. Bytes beyond the type's length are ignored, missing ones are zero."""
         length = self.entries[ident].length
         self._raw[ident] = raw[:length].ljust(length, b"\0")
+        setter = self._mirrors.get(ident)
+        if setter is not None:
+            setter(self.entries[ident].decode(self._raw[ident]))
 
     def notify(self, ident: int) -> None:
-        """Call the callbacks of a client's write."""
-        value = self.entries[ident].decode(self._raw[ident])
-        for callback in self._callbacks.get(ident, ()):
-            callback(value)
+        """After a client's write: the parameter task is in the callback from now on, if there is one."""
+        callback = self._callbacks.get(ident)
+        if callback is not None:
+            self._running = _task(callback, self.entries[ident].decode(self._raw[ident]))
+
+    @property
+    def busy(self) -> bool:
+        """Whether the parameter task is in a callback; the client's next packet waits for its end."""
+        return self._running is not None
+
+    def run_callback(self) -> None:
+        """The parameter task's share of one ms, after the control loop.
+
+        Raises:
+            FirmwareAssertion: an assertion failed in the callback.
+        """
+        if self._running is not None and next(self._running, _END) is _END:
+            self._running = None
 
     def take_updates(self) -> list[int]:
         """Ids that the firmware itself changed since the last call."""
@@ -212,9 +244,18 @@ class ParameterTable:
         return self._stored.pop(ident, None) is not None
 
     def reset(self) -> None:
-        """Boot: every value is its stored or default value, no notices. Callbacks stay and are not called."""
+        """Boot: every value is its stored or default value, no notices. Callbacks and mirrors stay and are
+        not called."""
         self._raw = [self._stored.get(entry.ident, self.default_raw(entry.ident)) for entry in self.entries]
         self._updates.clear()
+        self._running = None
+
+
+def _task(callback: Callback, value: Number) -> Iterator[None]:
+    """The parameter task in a callback; nothing of it has run yet."""
+    waits = callback(value)
+    if waits is not None:
+        yield from waits
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,7 @@ import selectors
 import socket
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
@@ -26,10 +27,18 @@ class Faults:
 
 
 class FaultyNetwork:
-    """Forwards between one client and ``target_port``; the client connects to ``uri``."""
+    """Forwards between one client and ``target_port``; the client connects to ``uri``.
+
+    Attributes:
+        faults: what goes wrong now; may be exchanged at any time.
+        withheld: whether a packet of the client never gets through.
+        watch: told of every packet of the client, with the time at which it went on to the drone.
+    """
 
     def __init__(self, target_port: int, rng: np.random.Generator, faults: Faults) -> None:
         self.faults = faults
+        self.withheld: Callable[[bytes], bool] = lambda _packet: False
+        self.watch: Callable[[bytes, float], None] = lambda _packet, _time: None
         self.forwarded = self.lost = self.doubled = self.reordered = 0
         self.frozen = threading.Event()
         self._rng = rng
@@ -85,7 +94,7 @@ class FaultyNetwork:
                 data = self._back.recv(64)
         except (BlockingIOError, ConnectionRefusedError):
             return
-        if self.frozen.is_set():
+        if self.frozen.is_set() or (from_client and self.withheld(data)):
             return
         if self._rng.random() < self.faults.loss:
             self.lost += 1
@@ -109,6 +118,7 @@ class FaultyNetwork:
             try:
                 if from_client:
                     self._back.send(data)
+                    self.watch(data, time.monotonic())
                 elif self._client is not None:
                     self._front.sendto(data, self._client)
             except ConnectionRefusedError:

@@ -282,8 +282,8 @@ def test_policy_write_refused_in_flight(tiny: TinyDrone, link: DroneLink) -> Non
 
 
 def test_firmware_with_another_app_interface_is_refused(tiny: TinyDrone, link: DroneLink) -> None:
-    tiny.values["perch.version"] = 2
-    with pytest.raises(NoSuchVariable, match="version 2"):
+    tiny.values["perch.version"] = 1
+    with pytest.raises(NoSuchVariable, match="version 1, needed is 2"):
         link.upload_policy(BUNDLE)
 
 

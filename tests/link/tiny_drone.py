@@ -15,7 +15,7 @@ from types import TracebackType
 from typing import Self
 
 PARAMETERS: list[tuple[str, int, str, float]] = [
-    ("perch.version", 0x48, "<B", 1),
+    ("perch.version", 0x48, "<B", 2),
     ("perch.polLen", 0x09, "<H", 0),
     ("perch.polCrc", 0x0A, "<I", 0),
     ("perch.polCommit", 0x08, "<B", 0),

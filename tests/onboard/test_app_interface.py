@@ -3,10 +3,12 @@
 import pytest
 
 from onboard.app_interface import (
+    INTERFACE_VERSION,
     LOGS,
     MEMORY_SIZE,
     MEMORY_TYPE_APP,
     PARAMETERS,
+    REQUEST_TIMEOUT_MS,
     LandingState,
     Log,
     Parameter,
@@ -36,16 +38,20 @@ def test_what_the_drone_answers_is_read_only() -> None:
         Parameter.POLICY_STATUS,
         Parameter.POLICY_ACTIVE_CRC,
         Parameter.TRAJECTORY_STATUS,
+        Parameter.STATE,
+        Parameter.VEHICLE_CRC,
         Parameter.VERSION,
     }
-    crc = next(entry for entry in PARAMETERS if entry.name == Parameter.POLICY_ACTIVE_CRC)
-    assert crc.type is ValueType.UINT32
+    types = {entry.name: entry.type for entry in PARAMETERS}
+    assert types[Parameter.POLICY_ACTIVE_CRC] is ValueType.UINT32
+    assert types[Parameter.VEHICLE_CRC] is ValueType.UINT32
 
 
 def test_numbers_are_those_of_the_contract() -> None:
     """The app in C has the same numbers; a change here is a change of the interface's version."""
     assert [int(state) for state in LandingState] == list(range(8))
     assert LandingState.CUT == 4
-    assert {int(status) for status in PolicyStatus} == {0, 1, 16, 17, 18, 19, 20}
+    assert {int(status) for status in PolicyStatus} == {0, 1, 16, 17, 18, 19, 20, 21}
     assert {int(status) for status in TrajectoryStatus} == {0, 1, 2, 16, 17, 18}
     assert (MEMORY_TYPE_APP, MEMORY_SIZE) == (0x18, 8192)
+    assert (INTERFACE_VERSION, REQUEST_TIMEOUT_MS) == (2, 20)

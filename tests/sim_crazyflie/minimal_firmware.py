@@ -57,7 +57,7 @@ class MinimalFirmware:
         self._booted_at = 0.0
         self.logs.bind("memTst.errCntW", lambda: self.tester.write_errors)
         self.logs.bind("supervisor.info", self.info_bits)
-        self.params.on_write("memTst.resetW", lambda value: self.tester.reset_write_errors())
+        self.params.mirror("memTst.resetW", lambda value: self.tester.reset_write_errors())
         self.params.on_write("system.doAssert", self._do_assert)
         self.reboot()
 
@@ -75,6 +75,21 @@ class MinimalFirmware:
 
     def tick_ms(self) -> int:
         return int((self._clock() - self._booted_at) * 1000)
+
+    @property
+    def is_armed(self) -> bool:
+        return self.armed
+
+    @property
+    def is_crashed(self) -> bool:
+        return False
+
+    def step(self) -> None:
+        """What the firmware does each ms: run the callbacks of parameters."""
+        try:
+            self.params.run_callback()
+        except FirmwareAssertion as assertion:
+            self.assert_failed(str(assertion))
 
     def on_packet(self) -> None:
         self.packets += 1
@@ -175,8 +190,9 @@ class ServedFirmware:
         return asyncio.run_coroutine_threadsafe(run(), self._loop).result(5.0)
 
 
-async def _poll_forever(server: CrazyflieServer, period_s: float) -> None:
+async def _poll_forever(firmware: MinimalFirmware, server: CrazyflieServer, period_s: float) -> None:
     while True:
+        firmware.step()
         server.poll(time.monotonic())
         await asyncio.sleep(period_s)
 
@@ -191,7 +207,7 @@ def serve(
     thread.start()
     server = CrazyflieServer(firmware, faults=faults)
     asyncio.run_coroutine_threadsafe(server.start(), loop).result(5.0)
-    polling = asyncio.run_coroutine_threadsafe(_poll_forever(server, period_s), loop)
+    polling = asyncio.run_coroutine_threadsafe(_poll_forever(firmware, server, period_s), loop)
     try:
         yield ServedFirmware(firmware, server, loop)
     finally:

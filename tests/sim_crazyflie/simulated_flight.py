@@ -57,7 +57,14 @@ class Flight:
         return position
 
     def write(self, name: str, value: float) -> None:
-        """A client's write of a parameter."""
+        """A client's write of a parameter; returns when its next packet would be served."""
+        self.post(name, value)
+        while self.firmware.params.busy:
+            self.tick()
+
+    def post(self, name: str, value: float) -> None:
+        """A client's write of a parameter, as far as its echo: the firmware has not acted yet."""
+        assert not self.firmware.params.busy, "the parameter task takes one packet after the other"
         entry = self.firmware.params.entry(name)
         self.firmware.params.write_raw(entry.ident, entry.encode(value))
         self.firmware.params.notify(entry.ident)

@@ -19,6 +19,7 @@ from cflib.crazyflie.mem import MemoryElement
 from cflib.crazyflie.syncCrazyflie import SyncCrazyflie
 from cflib.utils.power_switch import PowerSwitch
 
+from onboard.app_interface import INTERFACE_VERSION
 from sim_backend.crazyflie.interfaces import EBUSY
 from tests.sim_crazyflie.minimal_firmware import MinimalFirmware, RawClient, ServedFirmware, serve
 
@@ -97,7 +98,7 @@ LOG_TYPES = dict(
 
 
 def test_app_is_in_the_tables(crazyflie: Crazyflie) -> None:
-    assert crazyflie.param.get_value("perch.version") == "1"
+    assert crazyflie.param.get_value("perch.version") == str(INTERFACE_VERSION)
     assert crazyflie.log.toc.get_element_by_complete_name("perchT.trigVal").ctype == "float"
 
 
@@ -333,7 +334,7 @@ def test_reconnects_and_a_second_drone_beside_it(drone: ServedFirmware) -> None:
             wait(link.is_params_updated, "parameters")
     with serve(MinimalFirmware()) as other, link:
         cf, _seconds = connect(other.uri)
-        assert cf.param.get_value("perch.version") == "1"
+        assert cf.param.get_value("perch.version") == str(INTERFACE_VERSION)
         cf.close_link()
 
 

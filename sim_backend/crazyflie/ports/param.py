@@ -25,11 +25,13 @@ channel 3, the rest::
     07 id               -> 07 id 00 extended type                   (none: 07 id 02)
     08 id               -> 08 id 00 default                         (read-only or unknown: 08 id 02)
 
-A write is answered before its side effects run. Bytes that are missing in a packet read as zero here; the
-firmware reads what its buffer held before.
+The firmware's parameter task takes one packet after the other. A write is answered before its callback runs
+(a set by name after that), and while the task is in a callback, packets queue. Bytes that are missing in a
+packet read as zero here; the firmware reads what its buffer held before.
 """
 
 import struct
+from collections import deque
 from enum import IntEnum
 
 from sim_backend.crazyflie.crtp import PAYLOAD_MAX, Packet, Port
@@ -71,6 +73,8 @@ class ParamPort:
         """Answer through ``send``."""
         self._params = params
         self._send = send
+        self._queue: deque[Packet] = deque()
+        self._answer: Packet | None = None
         self._channels = {
             Channel.TOC: self._toc,
             Channel.READ: self._read,
@@ -89,13 +93,26 @@ class ParamPort:
 
     def handle(self, packet: Packet) -> None:
         """One packet of the client."""
-        self._channels[Channel(packet.channel)](packet)
+        self._queue.append(packet)
+        self._work()
 
-    def push_updates(self) -> None:
-        """Tell the client what the firmware changed itself."""
+    def poll(self) -> None:
+        """Go on after a step of the firmware, then tell the client what the firmware changed itself."""
+        self._work()
         for ident in self._params.take_updates():
             payload = struct.pack("<BH", Misc.VALUE_UPDATED, ident) + self._params.raw(ident)
             self._send(Packet(Port.PARAM, Channel.MISC, payload))
+
+    def _work(self) -> None:
+        """The parameter task, until it is in a callback or has nothing left to do."""
+        while not self._params.busy:
+            if self._answer is not None:
+                self._send(self._answer)
+                self._answer = None
+            if not self._queue:
+                return
+            packet = self._queue.popleft()
+            self._channels[Channel(packet.channel)](packet)
 
     def _entry(self, ident: int) -> Parameter | None:
         return self._params.entries[ident] if ident < len(self._params) else None
@@ -138,7 +155,7 @@ class ParamPort:
             self._send(packet.reply(struct.pack("<BH", command, ident) + answer))
 
     def _set_by_name(self, packet: Packet) -> None:
-        """Set by name; here the side effects run before the answer, as in the firmware."""
+        """Set by name; here the callback runs before the answer, as in the firmware."""
         parts = packet.padded(PAYLOAD_MAX)[1:].split(b"\0", 2)
         if len(parts) < 3:
             return
@@ -146,7 +163,7 @@ class ParamPort:
         full_name = b".".join((group, name)).decode("ascii", "replace")
         error = self._write_by_name(full_name, rest[0] if rest else 0, rest[1:])
         answer = bytes([Misc.SET_BY_NAME]) + group + b"\0" + name + b"\0" + bytes([error])
-        self._send(packet.reply(answer))
+        self._answer = packet.reply(answer)
 
     def _write_by_name(self, full_name: str, type_byte: int, value: bytes) -> int:
         if full_name not in self._params:

@@ -70,7 +70,7 @@ class PlatformPort:
         if command == Command.ARM:
             on = bool(argument)
             if len(payload) < 2:
-                return bytes([command, 0, self._supervisor.info_bits() >> 1 & 1])
+                return bytes([command, 0, self._supervisor.is_armed])
             return bytes([command, *arm(self._supervisor, on)])
         if command == Command.RECOVER:
             return bytes([command, *recover(self._supervisor)])

@@ -11,11 +11,12 @@ channel 1, commands::
     02              -> 82 success recovered leave the crashed state
     03              (no answer)             emergency stop
     04              (no answer)             kick the emergency stop watchdog
+
+The information is what the supervisor wrote in its last update (25 Hz); the answers to commands are of now.
 """
 
 from enum import IntEnum
 
-from onboard.supervisor_info import SupervisorBits
 from sim_backend.crazyflie.crtp import Packet
 from sim_backend.crazyflie.interfaces import SupervisorPort
 from sim_backend.crazyflie.ports import Send
@@ -80,10 +81,10 @@ class SupervisorCrtpPort:
 def arm(supervisor: SupervisorPort, on: bool) -> tuple[bool, bool]:
     """Ask for arming or disarming; (accepted, armed now)."""
     accepted = supervisor.arm(on)
-    return accepted, bool(supervisor.info_bits() & SupervisorBits.ARMED)
+    return accepted, supervisor.is_armed
 
 
 def recover(supervisor: SupervisorPort) -> tuple[bool, bool]:
     """Ask for recovery from a crash; (accepted, not crashed now)."""
     accepted = supervisor.recover()
-    return accepted, not supervisor.info_bits() & SupervisorBits.CRASHED
+    return accepted, not supervisor.is_crashed

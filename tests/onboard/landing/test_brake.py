@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+from onboard.arrays import Vector
 from onboard.landing.braking import stopping_distance
 from onboard.landing.state_machine import (
     EndReason,
@@ -66,8 +67,48 @@ def test_hold_stops_sinks_and_hands_back_on_disarm() -> None:
     assert end.velocity == (0.0, 0.0, 0.0)
     assert end.position[0] - start[0] == pytest.approx(1.5**2 / (2 * LIMITS.hold_acceleration))
     assert end.position[2] == pytest.approx(min(start[2], 2.1 - LIMITS.hold_clearance), abs=0.05)
+    rig.step(trajectory_armed=False, velocity=end.velocity)
+    assert rig.state is LandingState.IDLE
+
+
+@pytest.mark.parametrize(
+    ("velocity", "state"),
+    [
+        ((0.61, 0.0, 0.0), LandingState.HOLD),
+        ((0.0, -0.61, 0.0), LandingState.HOLD),
+        ((0.0, 0.0, -0.61), LandingState.HOLD),
+        ((0.0, 0.0, 0.21), LandingState.HOLD),
+        ((0.59, 0.0, 0.0), LandingState.IDLE),
+        ((0.0, -0.3, 0.19), LandingState.IDLE),
+        ((0.0, 0.0, -0.59), LandingState.IDLE),
+        ((NAN, 0.0, 0.0), LandingState.HOLD),
+    ],
+)
+def test_a_hold_hands_over_once_it_is_slow(velocity: Vector, state: LandingState) -> None:
+    rig = Rig()
+    rig.hold()
+    rig.step(trajectory_armed=False)
+    assert rig.state is LandingState.HOLD
+    rig.step(velocity=velocity)
+    assert rig.state is state
+
+
+def test_a_hold_that_does_not_slow_down_is_handed_over_after_its_time_when_disarmed() -> None:
+    rig = Rig()
+    rig.hold()
+    for _ in range(1600):
+        rig.step()
+    assert rig.state is LandingState.HOLD, "armed, it is held"
     rig.step(trajectory_armed=False)
     assert rig.state is LandingState.IDLE
+
+    rig = Rig()
+    rig.hold()
+    steps = 0
+    while rig.state is LandingState.HOLD:
+        rig.step(trajectory_armed=False)
+        steps += 1
+    assert steps == pytest.approx(1500, abs=2)
 
 
 @pytest.mark.parametrize("speed", [0.3, 1.5, 3.5])

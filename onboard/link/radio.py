@@ -1,0 +1,151 @@
+"""cflib's Crazyradio driver with a bound on every send, and a way for a stop before everything that waits.
+
+cflib 0.1.34 puts packets into a queue of one, from which a thread takes the next when the drone has
+acknowledged the last; a send waits up to 2 s for its place, whoever sends. Here it waits 20 ms and is then
+given up when it belongs to a stream (poses, setpoints, echoes, kicks of the watchdog: the next is newer); a
+request goes on waiting beside, in order, for at most 2 s, and its sender does not. A stop throws out what
+waits, and keeps everything else out while it is being repeated.
+"""
+
+import contextlib
+import queue
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+from cflib.crtp.crtpstack import CRTPPacket
+from cflib.crtp.radiodriver import RadioDriver
+
+from onboard.link.replies import ECHO_HEADER, PORT_AND_CHANNEL, Packet
+from onboard.link.stop import LONGEST_S
+
+SEND_S = 0.02
+"""Longest time that a send takes."""
+LATE_S = 2.0
+"""How long a request waits for its place in the queue."""
+KEPT_OUT_S = 0.1
+"""How long after a copy of a stop nothing else is sent."""
+_LATE_LIMIT = 64
+_STREAM_HEADERS = frozenset({ECHO_HEADER, 0x30, 0x60, 0x61, 0x70})
+_KICK = (0x91, 0x04)
+
+
+def _of_a_stream(packet: Packet) -> bool:
+    header = packet.header & PORT_AND_CHANNEL
+    return header in _STREAM_HEADERS or (len(packet.data) > 0 and (header, packet.data[0]) == _KICK)
+
+
+class GuardedRadioDriver(RadioDriver):
+    """cflib's driver for ``radio://``, bounded; see the module's description."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._late: deque[tuple[float, Packet]] = deque(maxlen=_LATE_LIMIT)
+        self._late_noted = threading.Event()
+        self._closed = threading.Event()
+        self._kept_out_until = 0.0
+
+    def connect(
+        self,
+        uri: str,
+        radio_link_statistics_callback: Callable[..., None] | None,
+        link_error_callback: Callable[[str], None] | None,
+    ) -> None:
+        """As cflib's."""
+        super().connect(uri, radio_link_statistics_callback, link_error_callback)
+        threading.Thread(target=self._send_late, name="RadioLate", daemon=True).start()
+
+    def send_packet(self, pk: Packet) -> bool:
+        """Send within 20 ms; False if the packet was given up."""
+        if time.monotonic() < self._kept_out_until:
+            return False
+        if not self._late or _of_a_stream(pk):
+            with contextlib.suppress(queue.Full):
+                self.out_queue.put(pk, timeout=SEND_S)
+                return True
+            if _of_a_stream(pk):
+                return False
+        self._late.append((time.monotonic() + LATE_S, pk))
+        self._late_noted.set()
+        return True
+
+    def displace(self, pk: Packet) -> None:
+        """Send before everything that waits, which is not sent any more."""
+        self._kept_out_until = time.monotonic() + KEPT_OUT_S
+        self._late.clear()
+        for _ in range(2):  # whoever was just putting a packet in is kept out the second time
+            with contextlib.suppress(queue.Empty):
+                self.out_queue.get_nowait()
+            with contextlib.suppress(queue.Full):
+                self.out_queue.put_nowait(pk)
+                return
+
+    def close(self) -> None:
+        """Close, once a stop that is being sent has come to its end."""
+        deadline = time.monotonic() + LONGEST_S
+        while (now := time.monotonic()) < min(deadline, self._kept_out_until):
+            time.sleep(self._kept_out_until - now)
+        self._closed.set()
+        self._late_noted.set()
+        super().close()
+
+    def _send_late(self) -> None:
+        while not self._closed.is_set():
+            self._late_noted.wait()
+            self._late_noted.clear()
+            while self._late and not self._closed.is_set():
+                self._send_oldest()
+
+    def _send_oldest(self) -> None:
+        with contextlib.suppress(queue.Full, IndexError):  # no place yet; or a stop has cleared them
+            until, packet = self._late[0]
+            if time.monotonic() < until:
+                self.out_queue.put(packet, timeout=SEND_S)
+            self._late.popleft()
+
+
+class CflibStopPort:
+    """A :class:`onboard.link.stop.StopPort` on a driver of cflib: the radio, or the USB cable.
+
+    Args:
+        driver: connected.
+    """
+
+    def __init__(self, driver: Any) -> None:
+        self._driver = driver
+
+    def stop(self, packet: bytes) -> None:
+        """Send, over the radio before what waits."""
+        pk = CRTPPacket(packet[0], packet[1:])
+        if isinstance(self._driver, GuardedRadioDriver):
+            self._driver.displace(pk)
+        else:
+            self._driver.send_packet(pk)
+
+    def ask(self, packet: bytes) -> None:
+        """Send if the last packet has left within 20 ms."""
+        pk = CRTPPacket(packet[0], packet[1:])
+        if isinstance(self._driver, GuardedRadioDriver):
+            with contextlib.suppress(queue.Full):
+                self._driver.out_queue.put(pk, timeout=SEND_S)
+        else:
+            self._driver.send_packet(pk)
+
+    def listen(self, take: Callable[[bytes], None]) -> None:
+        """See every packet on the driver's own thread, as it puts it into its queue."""
+        incoming = self._driver.in_queue
+        put = incoming.put
+
+        def put_and_tell(packet: CRTPPacket, *arguments: Any) -> None:
+            take(bytes((packet.header, *packet.data)))
+            put(packet, *arguments)
+
+        incoming.put = put_and_tell
+
+    def poll(self) -> None:
+        """The driver's thread reads."""
+
+    def close(self) -> None:
+        """The driver is closed by its link."""

@@ -1,0 +1,54 @@
+"""What was asked of the drone itself rather than logged by it: settings that matter, and our two switches."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from onboard.link.errors import LinkError
+
+if TYPE_CHECKING:
+    from onboard.link import DroneLink
+
+_COMMON: Final = {
+    "stabilizer.estimator": 2,  # Kalman; the complementary filter takes no poses
+    "powerDist.idleThrust": 0,  # else motors turn as soon as they are armed
+    "motorPowerSet.enable": 0,  # else the bench's override has the motors, and no stop reaches them
+}
+TEST_FLIGHT_SETTINGS: Mapping[str, int] = _COMMON
+"""Stock firmware; its controller may be any."""
+LANDING_SETTINGS: Mapping[str, int] = {"stabilizer.controller": 6, **_COMMON}
+"""Our firmware: the controller is the landing app (out of tree)."""
+
+
+@dataclass
+class ReadBack:
+    """The newest answers of the drone.
+
+    Attributes:
+        parameters_ok: every setting is as it must be; None before it was asked.
+        parameters_problem: which one is not, in words.
+        policy_armed, trajectory_armed: the landing app's switches; None when not asked, or not answered.
+    """
+
+    parameters_ok: bool | None = None
+    parameters_problem: str | None = None
+    policy_armed: bool | None = None
+    trajectory_armed: bool | None = None
+
+    def check_settings(self, link: "DroneLink", needed: Mapping[str, int]) -> None:
+        """Read every setting that is `needed` and compare."""
+        problems = [text for name, value in needed.items() if (text := _problem(link, name, value))]
+        self.parameters_ok = not problems
+        self.parameters_problem = "; ".join(problems) or None
+
+    def switches_are(self, on: bool | None) -> None:
+        """Both switches read back as `on`; None while that is not known."""
+        self.policy_armed = self.trajectory_armed = on
+
+
+def _problem(link: "DroneLink", name: str, needed: int) -> str | None:
+    try:
+        value = link.param(name)
+    except LinkError as error:
+        return f"{name} is not known: {error}"
+    return None if value == needed else f"{name} is {value:g}, need {needed}"
