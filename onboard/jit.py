@@ -8,15 +8,19 @@ All of ours get numba's decorator from here, so that their kernels are kept wher
 says.
 """
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, ParamSpec, TypeVar
 
 from numba import njit
 
 from onboard.kernel_cache import use_cache_of_this_source
 
-__all__ = ["APART", "INLINED", "inner", "kernel", "njit"]
+__all__ = ["APART", "INLINED", "inner", "interpreted", "kernel", "njit"]
 
 use_cache_of_this_source()
+
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
 
 APART: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 """Free of the interpreter lock, IEEE division as in C, and without an entry for C, which nobody calls.
@@ -33,3 +37,9 @@ kernel = njit(cache=True, **INLINED)
 
 inner = njit(**INLINED)
 """Decorator of kernels that only kernels call: on disk as a part of these, but not by themselves."""
+
+
+def interpreted(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """A kernel as Python runs it, for callers whose first call must not wait for a compiler."""
+    python: Callable[_P, _R] = getattr(function, "py_func", function)
+    return python

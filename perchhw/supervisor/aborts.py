@@ -32,9 +32,19 @@ def order(state: FlightState, command: Command) -> Step:
     return Step(replace(state, orders_given=number, arm_ordered=arm_ordered), (Order(number, command),))
 
 
+def ended_early(state: FlightState, why: str) -> FlightState:
+    """The state that remembers the first reason why the attempt did not go on as planned.
+
+    Once a drone that triggered is being disarmed, its landing is over, and nothing makes an abort of it.
+    """
+    if state.triggered and state.phase in (Phase.DISARMING, Phase.STOPPING):
+        return state
+    return replace(state, aborted_by=state.aborted_by or why)
+
+
 def abort(state: FlightState, why: str, context: Context) -> Step:
     """End the attempt in the safest way that the present phase leaves open."""
-    state = replace(state, aborted_by=state.aborted_by or why)
+    state = ended_early(state, why)
     match state.phase:
         case Phase.CHECKING | Phase.UPLOADING:
             return Step(enter(state, Phase.DONE, context))
@@ -78,7 +88,7 @@ def link_down(state: FlightState, reason: str, context: Context) -> Step:
             return Step(state)
         case Phase.FLIPPING | Phase.SETTLING:
             return Step(enter(state, Phase.DONE, context))
-    state = replace(state, aborted_by=state.aborted_by or reason)
+    state = ended_early(state, reason)
     return stop(state, context) if state.arm_ordered else Step(enter(state, Phase.DONE, context))
 
 

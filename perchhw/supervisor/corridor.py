@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 from onboard.arrays import Vector
 from onboard.gravity import GRAVITY
+from onboard.jit import interpreted
 from onboard.rotation import body_z
 from onboard.trajectory import ApproachPlan, sample_approach
 from perchhw.supervisor.limits import SafetyLimits
@@ -14,7 +15,7 @@ from perchhw.supervisor.violation import Violation, at_most
 _STEPS = 8
 """Planned states that the window of times is searched at; at 3 m/s they are 0.15 m apart."""
 
-_planned, _thrust_axis = sample_approach.py_func, body_z.py_func
+_planned, _thrust_axis = interpreted(sample_approach), interpreted(body_z)
 """The drone's own reference, interpreted: a first call in flight must not compile."""
 
 

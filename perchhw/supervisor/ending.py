@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from onboard.app_interface import LandingState
-from perchhw.supervisor.aborts import abort, disarm, elapsed, enter, held, land, lasting, stop
+from perchhw.supervisor.aborts import abort, disarm, elapsed, ended_early, enter, held, land, lasting, stop
 from perchhw.supervisor.descent import DESCENT_RULES
 from perchhw.supervisor.observation import Admitted
 from perchhw.supervisor.state import Context, FlightState, Phase, Step
@@ -72,8 +72,7 @@ def disarming(state: FlightState, o: Admitted, context: Context) -> Step:
     if disarmed:
         return Step(enter(state, Phase.DONE, context))
     if elapsed(state, context) > context.timing.disarm_deadline:
-        late = "disarming: the drone did not confirm it"
-        return stop(replace(state, aborted_by=state.aborted_by or late), context)
+        return stop(ended_early(state, "disarming: the drone did not confirm it"), context)
     return Step(state)
 
 
@@ -88,5 +87,5 @@ def after_stop(state: FlightState, unconfirmed: str | None, context: Context) ->
         return Step(state)
     if unconfirmed is not None:
         told = f"STOP NOT CONFIRMED ({unconfirmed}): the motors may turn; keep away from the drone"
-        state = replace(state, alert=told, aborted_by=state.aborted_by or f"stop_unconfirmed: {unconfirmed}")
+        state = replace(ended_early(state, f"stop_unconfirmed: {unconfirmed}"), alert=told)
     return Step(enter(state, Phase.DONE, context))

@@ -48,10 +48,10 @@ class SafetyLimits:
             20 ms, command 35 ms, s.
         braking: acceleration with which a drone that is told to is sure to stop, m/s2: what the test
             flights' library asks of it at most, two thirds of what the controller's 50 deg give.
-        corridor_distance: farthest from the planned approach; the authors' flights stay within 0.39, the
+        corridor_distance: farthest from the planned approach; the authors' flights stay within 0.38, the
             drone itself breaks off at 0.5 to the side, m.
         corridor_speed: largest difference from the planned velocity; the authors' within 0.80, m/s.
-        corridor_tilt: largest angle between thrust axis and the planned one; the authors' within 23 deg, rad.
+        corridor_tilt: largest angle between thrust axis and the planned one; the authors' within 18 deg, rad.
         corridor_time: how much earlier or later than planned the drone may be, s: the delay of the start
             and of its telemetry, and the rounding of the drone's path (0.08).
         flight_time: longest time in the air besides the planned approach or course; every phase at its

@@ -7,6 +7,7 @@ from math import cos, sin
 from mocap_bridge.health import Verdict
 from onboard.app_interface import EndReason, LandingState
 from onboard.arrays import Quaternion
+from onboard.jit import interpreted
 from onboard.room import RoomGeometry
 from onboard.supervisor_info import SupervisorBits, SupervisorInfo
 from onboard.trajectory import fit_approach, sample_approach
@@ -168,7 +169,7 @@ class SimulatedAttempt:
         since = self.now - (self.approach_started or 0.0)
         trigger = PLAN.impact_time - TAU
         if self.world.landing_state is LandingState.APPROACH:
-            place, velocity, _ = sample_approach.py_func(PLAN, since)
+            place, velocity, _ = interpreted(sample_approach)(PLAN, since)
             self._move(place)
             self.world = replace(self.world, estimate_velocity=velocity)
         if self.world.landing_state is LandingState.APPROACH and since > trigger:

@@ -11,14 +11,17 @@ from onboard.supervisor_info import SupervisorInfo
 from perchhw.supervisor import (
     CommandDone,
     CommandFailed,
+    Event,
     FlightState,
     InternalError,
+    LinkDown,
     Observation,
     OperatorAbort,
     Order,
     Phase,
     RecordLost,
     StopConfirmed,
+    StopUnconfirmed,
     Tick,
     Timing,
     step,
@@ -189,6 +192,26 @@ def test_an_endless_row_of_errors_does_not_drop_a_drone_at_once() -> None:
         state, orders = step(state, InternalError("OSError"), count * PERIOD, MISSION)
     assert ordered(orders) == [EmergencyStop]
     assert count * PERIOD == pytest.approx(Timing().stop_hold + 3 * PERIOD, abs=2 * PERIOD)
+
+
+@pytest.mark.parametrize(
+    "event",
+    [
+        CommandFailed(Order(7, Disarm()), "no answer"),
+        LinkDown("link_lost: silent"),
+        Tick(good_in(Phase.DISARMING)),
+    ],
+    ids=lambda event: type(event).__name__,
+)
+@pytest.mark.parametrize("triggered", [True, False])
+def test_trouble_with_the_disarming_stops_but_does_not_undo_a_landing(event: Event, triggered: bool) -> None:
+    state = replace(state_in(Phase.DISARMING), triggered=triggered)
+    state, orders = step(state, event, Timing().disarm_deadline + 0.01, MISSION)
+    assert ordered(orders) == [EmergencyStop]
+    state, _ = step(state, StopUnconfirmed("silent"), 9.0, MISSION)
+    assert state.phase is Phase.DONE
+    assert "STOP NOT CONFIRMED" in (state.alert or "")
+    assert (state.aborted_by is None) == triggered
 
 
 # --- what is told to the operator -------------------------------------------------------------------------
