@@ -116,7 +116,7 @@ class FlightLoop:
         if event is not None:
             return event
         self._next_tick = max(self._next_tick + TICK_PERIOD, self._now())
-        return Tick(self._safely(self.telemetry.observe, Observation()))
+        return Tick(self._safely(lambda: self.telemetry.observe(), Observation()))
 
     def _noticed(self) -> Event | None:
         """News of the loop's own, each told once."""
@@ -213,7 +213,7 @@ class FlightLoop:
 
     def _now(self) -> float:
         """The time; without a clock it goes on by a tick a call, so that deadlines come."""
-        self._time = self._safely(self.clock, self._time + TICK_PERIOD)
+        self._time = self._safely(lambda: self.clock(), self._time + TICK_PERIOD)
         return self._time
 
     def _safely(self, call: Callable[[], _T], otherwise: _T) -> _T:
