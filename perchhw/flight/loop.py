@@ -116,7 +116,7 @@ class FlightLoop:
         if event is not None:
             return event
         self._next_tick = max(self._next_tick + TICK_PERIOD, self._now())
-        return Tick(self._safely(lambda: self.telemetry.observe(), Observation()))
+        return Tick(self._safely(self._observation, Observation()))
 
     def _noticed(self) -> Event | None:
         """News of the loop's own, each told once."""
@@ -145,6 +145,9 @@ class FlightLoop:
     def _link_lost(self) -> Event | None:
         lost = self.link.lost
         return None if lost is None else LinkDown(f"link_lost: {lost}")
+
+    def _observation(self) -> Observation:
+        return self.telemetry.observe()
 
     def _answer(self) -> Event | None:
         """An answer to an order, waited for until the next tick."""
@@ -213,8 +216,11 @@ class FlightLoop:
 
     def _now(self) -> float:
         """The time; without a clock it goes on by a tick a call, so that deadlines come."""
-        self._time = self._safely(lambda: self.clock(), self._time + TICK_PERIOD)
+        self._time = self._safely(self._clock_reading, self._time + TICK_PERIOD)
         return self._time
+
+    def _clock_reading(self) -> float:
+        return self.clock()
 
     def _safely(self, call: Callable[[], _T], otherwise: _T) -> _T:
         with Caught(self._keep):

@@ -1,9 +1,9 @@
 """Stops in the air through the real runner, over a real link whose network fails at the first key.
 
 ``python -m tests.flight.stop_proof --stops 1000`` flies so many times, half of them stopped by the flight's
-own two keys, half by ``perchhw stop``, at 0 to 300 ms delay each way and 0 to 50 % loss. The drone's watchdog is
-off (its kicks are withheld), and so is cflib's closing zero setpoint: only a stop packet of the host can
-lock the drone. One JSON document at the end; exit code 1 unless every drone was locked by one.
+own two keys, half by ``perchhw stop``, at 0 to 300 ms delay each way and 0 to 50 % loss. The drone's
+watchdog is off (its kicks are withheld), and so is cflib's closing zero setpoint: only a stop packet of the
+host can lock the drone. One JSON document at the end; exit code 1 unless every drone was locked by one.
 """
 
 import argparse

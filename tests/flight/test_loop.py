@@ -1,6 +1,5 @@
 """An exception at every call of the loop, one at a time: the drone lands or is stopped, and it is told."""
 
-import logging
 from pathlib import Path
 from typing import Any
 

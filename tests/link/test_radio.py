@@ -3,6 +3,7 @@
 import threading
 import time
 from collections.abc import Iterator, Sequence
+from typing import ClassVar
 
 import cflib.crtp.radiodriver as cflib_radio
 import pytest
@@ -25,7 +26,7 @@ class StallingRadio:
 
     DR_2MPS = 2
     stalled = threading.Event()
-    heard: list[bytes] = []
+    heard: ClassVar[list[bytes]] = []
 
     def __init__(self, devid: int = 0) -> None:
         self.version = 0.5
