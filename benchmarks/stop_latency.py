@@ -1,6 +1,6 @@
 """How long it takes from a fault until the motors are off, at real pace, through a real host and link.
 
-``python benchmarks/stop_latency.py [--runs N]`` prints one JSON document with the median and the worst of each,
+``python benchmarks/stop_latency.py [--runs N]`` prints one JSON document: median and worst of each,
 in seconds. What stops the drone is said beside it. The simulated drone is asked past the host, every 5 ms.
 
 - ``second_key``: Ctrl-C twice in the hover; to the stop packet on the network, and to motors that are off.
