@@ -13,14 +13,15 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Protocol, Self
 
+from mocap_bridge.correction import AS_TRACKED, PoseCorrection
 from mocap_bridge.errors import MocapError, PoseTimeout
 from mocap_bridge.health import HealthLimits, HealthStatistics, PoseHealth, Verdict
 from mocap_bridge.pose import PoseSample, PoseStream, SourceStatistics, open_pose_stream
 from mocap_bridge.rotation import continuous, normalised
 from mocap_bridge.uri import MocapUri, parse_mocap_uri
 from onboard.arrays import Quaternion, Vector
-from onboard.clock import Clock
 from onboard.errors import PerchhwError
+from onboard.timebase import WALL, Timebase
 
 # A source without frames for this long is opened anew: a pulled cable leaves the connection open and silent.
 SILENCE_LIMIT_S = 0.5
@@ -85,8 +86,9 @@ class PoseBridge:
         uri: mocap URI; MocapUriError when it cannot be used.
         sink: where good poses go; None only watches.
         limits: limits of the judging.
-        clock: monotonic time (s).
+        clock: the time that poses are judged by and waited for.
         on_sample: called from the reading thread with every sample and its verdict; must return at once.
+        correction: applied to every sample before anything else sees it.
     """
 
     def __init__(
@@ -94,17 +96,19 @@ class PoseBridge:
         uri: str | MocapUri,
         sink: PoseSink | None,
         limits: HealthLimits | None = None,
-        clock: Clock = time.monotonic,
+        clock: Timebase = WALL,
         on_sample: Callable[[PoseSample, Verdict], None] | None = None,
+        correction: PoseCorrection = AS_TRACKED,
     ) -> None:
         self._uri = uri if isinstance(uri, MocapUri) else parse_mocap_uri(uri)
         self._sink = sink
         self._limits = limits or HealthLimits()
         self._clock = clock
         self._on_sample = on_sample
+        self._correction = correction
         self._health = PoseHealth(self._limits, clock)
-        self._changed = threading.Condition()
-        self._stopping = threading.Event()
+        self._lock = threading.RLock()
+        self._looked_at, self._mailed, self._stopping = clock.event(), clock.event(), clock.event()
         self._threads: list[threading.Thread] = []
         self._mail: PoseSample | None = None
         self._last_sample: PoseSample | None = None
@@ -124,21 +128,14 @@ class PoseBridge:
         if self._threads:
             raise MocapError("the pose bridge was already started; make a new one to start again")
         self._error = "connecting"
-        self._threads = [threading.Thread(target=self._read_forever, name="pose-reader", daemon=True)]
+        self._threads = [self._clock.thread(self._read_forever, "pose-reader")]
         if self._sink is not None:
-            self._threads.append(
-                threading.Thread(
-                    target=self._send_forever, args=(self._sink,), name="pose-sender", daemon=True
-                )
-            )
-        for thread in self._threads:
-            thread.start()
+            self._threads.append(self._clock.thread(self._send_forever, "pose-sender", self._sink))
 
     def stop(self) -> bool:
         """Stop within 0.5 s; False when the sink holds its thread longer than that (it ends by itself)."""
         self._stopping.set()
-        with self._changed:
-            self._changed.notify_all()
+        self._mailed.set()
         deadline = time.monotonic() + STOP_TIMEOUT_S
         for thread in self._threads:
             thread.join(max(0.0, deadline - time.monotonic()))
@@ -146,12 +143,12 @@ class PoseBridge:
 
     def set_in_flight(self, in_flight: bool) -> None:
         """In flight a persistent new pose is LOST; on the ground it is accepted."""
-        with self._changed:
+        with self._lock:
             self._health.in_flight = in_flight
 
     def status(self) -> BridgeStatus:
         """A consistent picture of now."""
-        with self._changed:
+        with self._lock:
             now = self._clock()
             while self._receipts and self._receipts[0] < now - _RATE_WINDOW_S:
                 self._receipts.popleft()
@@ -183,8 +180,14 @@ class PoseBridge:
 
     def wait_for(self, condition: Callable[[BridgeStatus], bool], timeout_s: float) -> bool:
         """Wait until `condition` holds of the status, looked at after every sample; False at the timeout."""
-        with self._changed:
-            return self._changed.wait_for(lambda: condition(self.status()), timeout_s)
+        deadline = self._clock() + timeout_s
+        while not condition(self.status()):
+            remaining = deadline - self._clock()
+            if remaining <= 0.0:
+                return False
+            self._looked_at.wait(remaining)
+            self._looked_at.clear()
+        return True
 
     def _read_forever(self) -> None:
         pause, longest = BACK_OFF_S
@@ -209,7 +212,7 @@ class PoseBridge:
         try:
             while not self._stopping.is_set():
                 try:
-                    sample = stream.read(_READ_SLICE_S)
+                    sample = self._correction.apply(stream.read(_READ_SLICE_S))
                 except PoseTimeout:
                     if self._clock() - last_time > SILENCE_LIMIT_S:
                         raise
@@ -219,13 +222,13 @@ class PoseBridge:
                 last_time = sample.receipt_time
                 self._judge(sample, stream)
         except MocapError as error:
-            with self._changed:
+            with self._lock:
                 self._reconnects += 1
             self._set_source(None, str(error))
         return frames
 
     def _judge(self, sample: PoseSample, stream: PoseStream) -> None:
-        with self._changed:
+        with self._lock:
             verdict = self._health.observe(sample)
             self._last_sample = sample
             self._source = stream.statistics()
@@ -236,15 +239,16 @@ class PoseBridge:
                 self._last_good = sample
                 self._superseded += self._mail is not None
                 self._mail = sample if self._sink is not None else None
-            self._changed.notify_all()
+                self._mailed.set()
+        self._looked_at.set()
         if self._on_sample is not None:
             self._on_sample(sample, verdict)
 
     def _set_source(self, source: SourceStatistics | None, error: str | None) -> None:
-        with self._changed:
+        with self._lock:
             self._source = source
             self._error = error
-            self._changed.notify_all()
+        self._looked_at.set()
 
     def _send_forever(self, sink: PoseSink) -> None:
         last: Quaternion | None = None
@@ -257,20 +261,25 @@ class PoseBridge:
             try:
                 sink.send_pose(sample.position, last)
             except PerchhwError as error:
-                with self._changed:
+                with self._lock:
                     self._sink_errors += 1
                     self._sink_error = str(error)
                 continue
-            with self._changed:
+            with self._lock:
                 self._sent += 1
                 self._residences.append(self._clock() - sample.receipt_time)
 
     def _next_mail(self) -> PoseSample | None:
         """The newest good sample as soon as there is one; None when stopping."""
-        with self._changed:
-            self._changed.wait_for(lambda: self._mail is not None or self._stopping.is_set())
-            mail, self._mail = self._mail, None
-            return None if self._stopping.is_set() else mail
+        while not self._stopping.is_set():
+            with self._lock:
+                mail, self._mail = self._mail, None
+                if mail is not None:
+                    return mail
+                self._mailed.clear()
+            if not self._stopping.is_set():
+                self._mailed.wait()
+        return None
 
     def __enter__(self) -> Self:
         self.start()

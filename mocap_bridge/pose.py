@@ -1,6 +1,5 @@
 """The pose stream contract: what every mocap source delivers, and how one is opened by its URI."""
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
@@ -10,7 +9,7 @@ from typing import Protocol, Self
 from mocap_bridge.errors import MocapUriError
 from mocap_bridge.uri import MocapUri, parse_mocap_uri
 from onboard.arrays import Quaternion, Vector
-from onboard.clock import Clock
+from onboard.timebase import WALL, Timebase
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +98,7 @@ _SOURCES = {
 }
 
 
-def open_pose_stream(uri: str | MocapUri, clock: Clock = time.monotonic) -> PoseStream:
+def open_pose_stream(uri: str | MocapUri, clock: Timebase = WALL) -> PoseStream:
     """Open the source that `uri` names, and check that it delivers the subject as far as can be told.
 
     Raises:
@@ -111,5 +110,5 @@ def open_pose_stream(uri: str | MocapUri, clock: Clock = time.monotonic) -> Pose
     place = _SOURCES.get(parsed.scheme)
     if place is None:
         raise MocapUriError(f"no source for scheme {parsed.scheme!r}; known: {', '.join(_SOURCES)}")
-    opener: Callable[[MocapUri, Clock], PoseStream] = getattr(import_module(place[0]), place[1])
+    opener: Callable[[MocapUri, Timebase], PoseStream] = getattr(import_module(place[0]), place[1])
     return opener(parsed, clock)

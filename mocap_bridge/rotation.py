@@ -41,6 +41,16 @@ def multiply(a: Quaternion, b: Quaternion) -> Quaternion:
     )
 
 
+def rotate(q: Quaternion, v: Vector) -> Vector:
+    """The vector `v` turned by the unit quaternion `q`."""
+    m = matrix_from_quaternion(q)
+    return (
+        m[0] * v[0] + m[1] * v[1] + m[2] * v[2],
+        m[3] * v[0] + m[4] * v[1] + m[5] * v[2],
+        m[6] * v[0] + m[7] * v[1] + m[8] * v[2],
+    )
+
+
 def angle_between(a: Quaternion, b: Quaternion) -> float:
     """Smallest rotation angle from `a` to `b`, 0..pi rad, accurate at both ends."""
     x, y, z, w = multiply((-a[0], -a[1], -a[2], a[3]), b)

@@ -1,14 +1,20 @@
-"""Mocap URIs: ``vicon://HOST[:PORT]?subject=NAME`` and ``vicon-udp://[ADDRESS]:PORT?subject=NAME``."""
+"""Mocap URIs: ``vicon://HOST[:PORT]?subject=NAME`` and ``vicon-udp://[ADDRESS]:PORT?subject=NAME``.
+
+A simulated lab that keeps its own time adds ``&time=HOST:PORT`` (:mod:`onboard.lab_time`).
+"""
 
 from dataclasses import dataclass
 from urllib.parse import parse_qsl, quote, urlsplit
 
 from mocap_bridge.errors import MocapUriError
+from onboard.lab_time.address import OPTION as TIME_OPTION
 
 # Vicon DataStream listens on 801 and Tracker's UDP object stream goes to 51001 (notes of the vendor's
 # manuals).
 DEFAULT_PORTS = {"vicon": 801, "vicon-udp": 51001}
 EXAMPLES = {"vicon": "vicon://192.168.1.10?subject=cf1", "vicon-udp": "vicon-udp://:51001?subject=cf1"}
+# Anybody could send an object stream, so only this computer is heard unless the URI says more.
+LOOPBACK = "127.0.0.1"
 SUBJECT_NAME_LIMIT = 100
 
 
@@ -18,7 +24,8 @@ class MocapUri:
 
     Attributes:
         scheme: ``vicon`` or ``vicon-udp``.
-        host: the server for ``vicon``; the local address to listen on for ``vicon-udp`` ("" is all).
+        host: the server for ``vicon``; the local address to listen on for ``vicon-udp``, the loopback unless
+            given ("0.0.0.0" is all of this computer's).
         port: TCP or UDP port.
         subject: name of the body.
     """
@@ -59,14 +66,14 @@ def parse_mocap_uri(text: str) -> MocapUri:
     if port == 0:
         raise MocapUriError(f"mocap URI {text!r}: port 0 is not an address; write e.g. {example}")
     subject = _subject(text, options, example)
-    return MocapUri(parts.scheme, host, port or DEFAULT_PORTS[parts.scheme], subject)
+    return MocapUri(parts.scheme, host or LOOPBACK, port or DEFAULT_PORTS[parts.scheme], subject)
 
 
 def _subject(text: str, options: list[tuple[str, str]], example: str) -> str:
-    unknown = [key for key, _ in options if key != "subject"]
+    unknown = [key for key, _ in options if key not in ("subject", TIME_OPTION)]
     if unknown:
         raise MocapUriError(f"mocap URI {text!r}: unknown option {unknown[0]!r}; only subject is known")
-    names = [value for _, value in options]
+    names = [value for key, value in options if key == "subject"]
     if len(names) != 1 or not names[0]:
         raise MocapUriError(f"mocap URI {text!r}: name exactly one subject; write e.g. {example}")
     if len(names[0]) > SUBJECT_NAME_LIMIT or not names[0].isprintable():

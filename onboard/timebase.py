@@ -86,6 +86,10 @@ class Timebase(Protocol):
     def connecting(self) -> AbstractContextManager[None]:
         """While a library connects, whose threads nobody counts: a lab does not wait for turns."""
 
+    def patience(self, limit: float) -> float:
+        """How long to wait by the machine's clock, s, for what should take `limit` at most: a lab that waits
+        for a busy machine is not given up sooner than it gives up itself."""
+
     def slot(self) -> float:
         """The earliest time to arm: now, or in a lab a time that hangs on no machine's speed."""
 
@@ -94,6 +98,7 @@ class _WallTransport:
     """Real time waits for no packet."""
 
     def blocking(self) -> AbstractContextManager[None]:
+        """Nothing."""
         return nullcontext()
 
     def received(self, packets: int) -> None:
@@ -117,6 +122,7 @@ class WallTime:
         self._clock = clock
 
     def __call__(self) -> float:
+        """The clock's time, s."""
         return self._clock()
 
     def event(self) -> Event:
@@ -143,6 +149,10 @@ class WallTime:
     def connecting(self) -> AbstractContextManager[None]:
         """Nothing changes."""
         return nullcontext()
+
+    def patience(self, limit: float) -> float:
+        """So long."""
+        return limit
 
     def slot(self) -> float:
         """Now."""

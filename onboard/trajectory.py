@@ -167,8 +167,9 @@ def fit_approach(
         ApproachError: none of the choices fits; the message gives the run-up that the least demanding needs.
     """
     vx, vz = _velocity(speed, angle_deg)
+    ceiling = room.ceiling_at(impact_x, impact_y)
     for tau0, az, ax in itertools.product(TAU0_CHOICES, ACCELERATION_Z_CHOICES, ACCELERATION_X_CHOICES):
-        plan = plan_from_velocity(vx, vz, impact_x, impact_y, room.ceiling_z, ax, az, tau0)
+        plan = plan_from_velocity(vx, vz, impact_x, impact_y, ceiling, ax, az, tau0)
         if approach_is_sound(plan, start_z_min) and room.contains(plan.x0, plan.y0, plan.z0, wall_margin):
             return plan
     raise ApproachError(

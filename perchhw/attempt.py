@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from onboard.lab_file import LabFile
 from onboard.outcome import Outcome as Outcome
 from onboard.room import RoomGeometry
 
@@ -35,6 +36,7 @@ class AttemptRequest:
         vehicle: name or path of the vehicle file.
         legs: name of the leg design, or None for the one in the vehicle file.
         room: ceiling and flight volume.
+        lab: the lab file: limits, start mark, correction of the poses; None: a simulated room.
         seed: seed of everything random in this attempt.
         try_number: 1 for the first try; higher when an earlier try was interrupted.
         approach: further parameters of the approach (:data:`APPROACH_PARAMETERS`).
@@ -50,6 +52,7 @@ class AttemptRequest:
     vehicle: str
     legs: str | None = None
     room: RoomGeometry = field(default_factory=RoomGeometry)
+    lab: LabFile | None = None
     seed: int = 0
     try_number: int = 1
     approach: dict[str, float] = field(default_factory=dict)

@@ -79,11 +79,10 @@ def crazyflie(crazyflie_uri: str) -> Iterator["Crazyflie"]:
     Over ``udp://`` it uses perchhw's driver, so a test fails with a timeout where cflib alone would wait for
     ever.
     """
-    import time
-
     from onboard.link.crazyflie import open_crazyflie
+    from onboard.timebase import WALL
 
-    connected = open_crazyflie(crazyflie_uri, timeout_s=_CONNECT_TIMEOUT_S, clock=time.monotonic)
+    connected = open_crazyflie(crazyflie_uri, timeout_s=_CONNECT_TIMEOUT_S, clock=WALL)
     yield connected
     connected.close_within(_CLOSE_TIMEOUT_S)
 

@@ -1,4 +1,7 @@
-"""The running lab: an event loop that advances the world in real time and serves its drones and its room.
+"""The running lab: an event loop that advances the world and serves its drones and its room.
+
+In real time nobody is waited for; at any other pace the world lives in turns with those who take part
+(:mod:`sim_backend.lockstep`).
 
 The drones live in this process; the mocap room is a child process that gets the true poses over loopback UDP,
 so that either can be killed without the other. The room ends with the lab, however the lab ends.
@@ -10,7 +13,7 @@ import gc
 import os
 import sys
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +24,16 @@ from onboard.vehicle import load_vehicle
 from sim_backend.crazyflie.faults import DatagramFaults
 from sim_backend.crazyflie.server import CrazyflieServer
 from sim_backend.faults import Faults
+from sim_backend.lab_description import LabDescription, describe
+from sim_backend.lockstep import LabTraffic, LockStep
+from sim_backend.pace import REAL, Pace
+from sim_backend.real_time import RealTimeFactor
+from sim_backend.room.driven_feed import DrivenFeed
 from sim_backend.room.feed import FeedSender
 from sim_backend.room.settings import RoomFaults
 from sim_backend.room_process import RoomProcess, RoomRequest
 from sim_backend.truth import TruthRecorder
+from sim_backend.turns import TurnsServer
 from sim_backend.warm_up import warm_up
 from sim_backend.world import Drone, World
 
@@ -46,8 +55,10 @@ class LabSettings:
         with_room: serve the mocap room.
         vicon_port, vicon_udp_port: of the room; 0 takes free ones.
         truth: CSV file for the true state, or None.
+        lab_file: where the lab file of this room is to be; None: in a temporary folder.
         faults: what goes wrong.
         seed: of all random numbers.
+        pace: how its time goes.
         host: local address of everything.
     """
 
@@ -61,8 +72,10 @@ class LabSettings:
     vicon_port: int = 18801
     vicon_udp_port: int = 51001
     truth: Path | None = None
+    lab_file: Path | None = None
     faults: Faults = field(default_factory=Faults)
     seed: int = 0
+    pace: Pace = REAL
     host: str = "127.0.0.1"
 
 
@@ -84,6 +97,10 @@ class Lab:
         self._links: list[DatagramFaults] = []
         self._truth: TruthRecorder | None = None
         self._feed: FeedSender | None = None
+        self._traffic = LabTraffic(self.servers, self._links)
+        self._turns = TurnsServer(self._traffic, lambda: self.world.time, self.figures)
+        self._factor = RealTimeFactor(clock)
+        self._description = LabDescription(settings.lab_file)
         self._started = 0.0
 
     def prepare(self) -> None:
@@ -115,10 +132,11 @@ class Lab:
             settings.seed,
             dict(settings.faults.room),
             settings.host,
+            driven=settings.pace.waits,
         )
         if settings.with_room:
             self.room = await RoomProcess.start(request)
-            self._feed = FeedSender(self.room.ports.feed, settings.host)
+            await self._open_feed(self.room)
         if settings.truth is not None:
             self._truth = TruthRecorder(settings.truth)
         self.world = World(
@@ -132,8 +150,17 @@ class Lab:
         if settings.with_drones:
             for index, drone in enumerate(self.world.drones):
                 await self._serve(index, drone)
+        await self._turns.start(settings.host)
         gc.collect()
         gc.freeze()  # what exists now stays: collections in flight have little to look at
+
+    async def _open_feed(self, room: RoomProcess) -> None:
+        host = self.settings.host
+        if self.settings.pace.waits:
+            self._traffic.feed = DrivenFeed()
+            await self._traffic.feed.open(room.ports.feed, host)
+        else:
+            self._feed = FeedSender(room.ports.feed, host)
 
     async def _serve(self, index: int, drone: Drone) -> None:
         settings = self.settings
@@ -148,30 +175,58 @@ class Lab:
         self._links.append(link)
 
     def ready(self) -> dict[str, Any]:
-        """The ready line: addresses and process ids."""
-        line: dict[str, Any] = {"ready": True, "drones": [server.uri for server in self.servers]}
+        """The ready line: addresses, process ids, and the lab file, which is written now."""
+        clock = f"{self.settings.host}:{self._turns.port}"
+        in_lab_time = f"time={clock}" if self.settings.pace.waits else ""
+        drones = [server.uri + (in_lab_time and f"?{in_lab_time}") for server in self.servers]
+        line: dict[str, Any] = {"ready": True, "drones": drones}
         processes: dict[str, int] = {"lab": os.getpid()}
         line["mocap"] = []
         if self.room is not None:
             ports, host = self.room.ports, self.settings.host
             names = [drone.name for drone in self.world.drones]
             line["mocap"] = [f"vicon://{host}:{ports.vicon}?subject={name}" for name in names]
-            line["mocap"] += [f"vicon-udp://:{ports.vicon_udp}?subject={name}" for name in names]
+            line["mocap"] += [f"vicon-udp://{host}:{ports.vicon_udp}?subject={name}" for name in names]
+            line["mocap"] = [uri + (in_lab_time and f"&{in_lab_time}") for uri in line["mocap"]]
             processes["room"] = ports.pid
-        return line | {"processes": processes}
+            if self.servers:
+                lab = describe(line["drones"], line["mocap"][0], self.settings.vehicle, self.settings.legs)
+                line["lab"] = str(self._description.write(replace(lab, clock=clock)))
+        return line | {"clock": clock, "processes": processes}
 
     async def run(self, stop: asyncio.Event) -> None:
         """Live until `stop` is set."""
         watch = asyncio.create_task(self._watch_room()) if self.room is not None else None
-        due = self._started = self._clock()
         try:
-            while not stop.is_set():
-                self.round()
-                due = max(due + PERIOD_S, self._clock() - PERIOD_S)
-                await asyncio.sleep(max(0.0, due - self._clock()))
+            await (self._in_turns(stop) if self.settings.pace.waits else self._in_real_time(stop))
         finally:
             if watch is not None:
                 watch.cancel()
+
+    async def _in_turns(self, stop: asyncio.Event) -> None:
+        room, pace = None if self.room is None else self.room.settings, self.settings.pace
+        await LockStep(self.world, self.servers, self._traffic, self._turns, room, pace).run(stop)
+
+    async def _in_real_time(self, stop: asyncio.Event) -> None:
+        due = self._started = self._clock()
+        while not stop.is_set():
+            self.round()
+            warning = self._factor.watch(self.world.time)
+            if warning is not None:
+                _say(warning)
+            due = max(due + PERIOD_S, self._clock() - PERIOD_S)
+            await asyncio.sleep(max(0.0, due - self._clock()))
+
+    def figures(self) -> dict[str, Any]:
+        """What ``perchhw sim status`` shows."""
+        pace = self.settings.pace
+        return {
+            "t": self.world.time,
+            "pace": "lockstep" if pace.rate is None else pace.rate if pace.waits else "real",
+            "real_time_factor": None if pace.waits else self._factor.recent,
+            "dropped_s": self.world.dropped,
+            "takes_part": [participant.name for participant in self._turns.participants],
+        }
 
     def round(self) -> None:
         """Bring the world up to date, then talk."""
@@ -190,14 +245,20 @@ class Lab:
     async def _watch_room(self) -> None:
         if self.room is not None:
             code = await self.room.ended()
+            if self._traffic.feed is not None:
+                self._traffic.feed.room_is_gone()
             _say(f"the mocap room has ended (code {code}); the drones go on")
 
     async def close(self) -> None:
         """Close sockets and files, end the room. May be called after a start that failed."""
+        self._description.remove()
         for server in self.servers:
             server.close()
         if self._feed is not None:
             self._feed.close()
+        if self._traffic.feed is not None:
+            self._traffic.feed.close()
+        await self._turns.close()
         if self.room is not None:
             await self.room.stop()
         if self._truth is not None:

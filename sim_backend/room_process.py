@@ -30,7 +30,7 @@ class RoomProcessError(SimulationError):
 
 @dataclass(frozen=True, slots=True)
 class RoomRequest:
-    """What the lab wants of its room; goes to the process as JSON."""
+    """What the lab wants of its room; goes to the process as JSON. A driven one lives in the feed's time."""
 
     subjects: tuple[str, ...]
     vicon_port: int
@@ -38,6 +38,7 @@ class RoomRequest:
     seed: int
     faults: dict[str, str]
     host: str = "127.0.0.1"
+    driven: bool = False
 
     def encode(self) -> str:
         """As JSON."""
@@ -73,9 +74,10 @@ class RoomPorts:
 class RoomProcess:
     """The room's process as the lab holds it."""
 
-    def __init__(self, process: asyncio.subprocess.Process, ports: RoomPorts) -> None:
+    def __init__(self, process: asyncio.subprocess.Process, ports: RoomPorts, settings: RoomSettings) -> None:
         self._process = process
         self.ports = ports
+        self.settings = settings
 
     @classmethod
     async def start(cls, request: RoomRequest) -> Self:
@@ -104,7 +106,7 @@ class RoomProcess:
         if not line:
             code = await process.wait()
             raise RoomProcessError(f"the mocap room ended with code {code}; see its message above")
-        return cls(process, RoomPorts(**json.loads(line)))
+        return cls(process, RoomPorts(**json.loads(line)), request.settings())
 
     async def ended(self) -> int:
         """Wait for the process to end; its exit code."""
@@ -130,7 +132,11 @@ async def serve(request: RoomRequest) -> None:
     loop.add_signal_handler(signal.SIGTERM, stop.set)
     reader = asyncio.StreamReader()
     await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)
-    server = RoomServer(request.settings(), np.random.default_rng(request.seed))
+    server = RoomServer(
+        request.settings(),
+        np.random.default_rng(request.seed),
+        driven_seed=request.seed if request.driven else None,
+    )
     await server.start()
     try:
         ports = {"vicon": server.vicon_port, "vicon_udp": server.vicon_udp_port, "feed": server.feed_port}

@@ -31,6 +31,8 @@ LAG_LIMIT_S = 0.05
 """A process that is further behind than this gives up simulated time instead of catching up."""
 AT_REST_M_S = 0.2
 CHECK_PERIOD_TICKS = 10
+NOISE_PERIOD_TICKS = 1000
+"""Every so often the noise begins anew from the seed and the time, so that it hangs on nothing else."""
 TRUTH_PERIOD_TICKS = 1000 // RATE_HZ
 
 
@@ -184,11 +186,12 @@ class World:
         used = _charge_used(vehicle.battery, self._faults.battery_voltage)
         bias = (np.array(self._faults.gyro_bias) + parameters["gyro_bias"]).tolist()
         gyro_bias = (bias[0], bias[1], bias[2])
-        generators = np.random.default_rng(seed).spawn(drones)
+        self._seed = seed
+        self._generators = [np.random.default_rng((seed, i, 0)) for i in range(drones)]
         self.drones = [
             Drone(
                 f"cf{i + 1}",
-                Firmware(flashed or vehicle, generators[i], gyro_bias=gyro_bias),
+                Firmware(flashed or vehicle, self._generators[i], gyro_bias=gyro_bias),
                 parameters,
                 mark,
                 used,
@@ -226,6 +229,10 @@ class World:
     def step(self) -> None:
         """One ms."""
         self.ticks += 1
+        if self.ticks % NOISE_PERIOD_TICKS == 0:
+            for i, generator in enumerate(self._generators):
+                anew = np.random.default_rng((self._seed, i, self.ticks))
+                generator.bit_generator.state = anew.bit_generator.state
         self._strike()
         for drone in self.drones:
             drone.step()

@@ -6,62 +6,14 @@ and says what it left out.
 """
 
 import json
-import math
-import struct
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from mcap.data_stream import ReadDataStream
-from mcap.opcode import Opcode
-from mcap.records import Channel
+from calibration.flights.series_file import NOT_FINITE, REMEDY, RunFolderError, Series, read_series
 
-from calibration.errors import CalibrationError
-from onboard.arrays import FloatArray
-from onboard.errors import InputError
-
-_MAGIC = bytes((137, 77, 67, 65, 80, 48, 13, 10))
-_RECORD_HEAD = struct.Struct("<BQ")  # opcode, length of the content
-_MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel id, sequence, log time ns, publish time ns
-_NOT_FINITE = {"Infinity": math.inf, "-Infinity": -math.inf, "NaN": math.nan}
-
-
-class RunFolderError(CalibrationError, InputError):
-    """The folder holds no record that can be read; the message names the file and the place in it."""
-
-
-@dataclass(frozen=True)
-class Series:
-    """One topic of a record.
-
-    Attributes:
-        topic: its name.
-        t: times on the run's clock (s), shape (n,), in the order of writing.
-        messages: the n messages as written; infinite and NaN numbers restored.
-    """
-
-    topic: str
-    t: FloatArray
-    messages: tuple[dict[str, Any], ...]
-
-    def fields(self) -> tuple[str, ...]:
-        """Names of the numeric fields that occur, in order of first appearance."""
-        names = dict.fromkeys(
-            k for m in self.messages for k, v in m.items() if v is None or isinstance(v, int | float)
-        )
-        texts = {k for m in self.messages for k, v in m.items() if isinstance(v, str)}
-        return tuple(n for n in names if n not in texts)
-
-    def numbers(self, name: str) -> FloatArray:
-        """The numeric field `name`, shape (n,); NaN where a message does not have it."""
-        values = (m.get(name) for m in self.messages)
-        return np.array([math.nan if v is None else float(v) for v in values], dtype=np.float64)
-
-    def texts(self, name: str) -> tuple[str | None, ...]:
-        """The text field `name`; None where a message does not have it."""
-        return tuple(m.get(name) for m in self.messages)
+_NUMBERS, _TEXTS = ("speed_m_s", "angle_deg", "ceiling_z"), ("vehicle", "legs")
+"""Keys of the configuration that readers use."""
 
 
 @dataclass(frozen=True)
@@ -108,13 +60,16 @@ def read_run(folder: Path) -> RunRecord:
     """Read the run `folder`; a torn tail is left out and named in :attr:`RunRecord.torn`.
 
     Raises:
-        RunFolderError: no run folder, or damaged elsewhere than at the end.
+        RunFolderError: no run folder, damaged elsewhere than at the end, or not ours to read.
     """
     if not is_run_folder(folder):
         raise RunFolderError(f"{folder} is not a run folder: it needs run.json and series.mcap")
-    info = read_info(folder / "run.json")
-    series, torn_series = _read_series(folder / "series.mcap")
-    events, torn_events = _read_events(folder / "events.jsonl")
+    try:
+        info = read_info(folder / "run.json")
+        series, torn_series = read_series(folder / "series.mcap")
+        events, torn_events = _read_events(folder / "events.jsonl")
+    except OSError as error:
+        raise RunFolderError(f"{folder}: cannot be read ({error.strerror})") from error
     torn = tuple(note for note in (torn_series, torn_events) if note)
     return RunRecord(folder, info, series, events, torn)
 
@@ -127,80 +82,24 @@ def read_info(path: Path) -> dict[str, Any]:
     """
     try:
         info = json.loads(path.read_bytes())
-    except ValueError as error:
-        raise RunFolderError(f"{path} is not JSON ({error})") from error
+    except (ValueError, RecursionError) as error:
+        raise RunFolderError(f"{path} is not JSON ({error}): {REMEDY}") from error
     for key in ("config", "closed"):
         if not isinstance(info, dict) or key not in info:
             raise RunFolderError(f"{path} has no key {key!r}: not a run of perchhw")
     if not isinstance(info["config"], dict):
         raise RunFolderError(f"{path} key 'config': {info['config']!r} is not an object")
+    for keys, kind, word in ((_NUMBERS, int | float, "number"), (_TEXTS, str, "text")):
+        for key in keys:
+            value = info["config"].get(key)
+            if value is not None and not isinstance(value, kind):
+                raise RunFolderError(f"{path} key 'config.{key}': {value!r} is no {word}: {REMEDY}")
     return info
-
-
-def _read_series(path: Path) -> tuple[dict[str, Series], str | None]:
-    """Messages by topic, and in words what the end of the file is missing (None when it is complete)."""
-    data = path.read_bytes()
-    if data[: len(_MAGIC)] != _MAGIC[: len(data)]:
-        raise RunFolderError(f"{path} is not an MCAP file (byte 0)")
-    channels: dict[int, str] = {}
-    times: dict[str, list[float]] = {}
-    messages: dict[str, list[dict[str, Any]]] = {}
-    position = len(_MAGIC)
-    finished = False
-    while not finished and position + _RECORD_HEAD.size <= len(data):
-        opcode, length = _RECORD_HEAD.unpack_from(data, position)
-        start = position + _RECORD_HEAD.size
-        if start + length > len(data):
-            break
-        content = data[start : start + length]
-        if opcode == Opcode.CHANNEL:
-            channel = Channel.read(_stream(content))
-            channels[channel.id] = channel.topic
-        elif opcode == Opcode.MESSAGE:
-            topic, t, values = _message(content, channels, path, position)
-            times.setdefault(topic, []).append(t)
-            messages.setdefault(topic, []).append(values)
-        elif opcode == Opcode.CHUNK:
-            raise RunFolderError(
-                f"{path} byte {position}: chunked MCAP; perchhw writes and reads unchunked files"
-            )
-        finished = opcode == Opcode.DATA_END
-        position = start + length
-    series = {n: Series(n, np.array(times[n], dtype=np.float64), tuple(messages[n])) for n in times}
-    if finished:
-        return series, None
-    lost = len(data) - min(position, len(data))
-    return (
-        series,
-        f"{path.name}: not finished by its writer; {lost} bytes of a torn message at the end left out",
-    )
-
-
-def _stream(content: bytes) -> ReadDataStream:
-    return ReadDataStream(BytesIO(content))
-
-
-def _message(
-    content: bytes, channels: dict[int, str], path: Path, position: int
-) -> tuple[str, float, dict[str, Any]]:
-    try:
-        channel, _, log_time, _ = _MESSAGE_HEAD.unpack_from(content)
-        topic = channels[channel]
-        values = json.loads(content[_MESSAGE_HEAD.size :])
-    except (struct.error, KeyError, ValueError) as error:
-        raise RunFolderError(f"{path} byte {position}: damaged message ({error!r})") from error
-    if not isinstance(values, dict):
-        raise RunFolderError(f"{path} byte {position}: damaged message (not a JSON object)")
-    return (
-        topic,
-        log_time / 1e9,
-        {k: _NOT_FINITE.get(v, v) if isinstance(v, str) else v for k, v in values.items()},
-    )
 
 
 def _restored(values: dict[str, Any]) -> dict[str, Any]:
     """`values` with the words for infinite and NaN numbers turned back into numbers."""
-    return {k: _NOT_FINITE.get(v, v) if isinstance(v, str) else v for k, v in values.items()}
+    return {k: NOT_FINITE.get(v, v) if isinstance(v, str) else v for k, v in values.items()}
 
 
 def _read_events(path: Path) -> tuple[tuple[dict[str, Any], ...], str | None]:
@@ -212,10 +111,12 @@ def _read_events(path: Path) -> tuple[tuple[dict[str, Any], ...], str | None]:
     for number, line in enumerate(lines, start=1):
         try:
             event = json.loads(line)
-        except ValueError as error:
-            raise RunFolderError(f"{path} line {number}: not JSON ({error})") from error
-        if not isinstance(event, dict) or "t" not in event or "event" not in event:
-            raise RunFolderError(f"{path} line {number}: an event needs the keys t and event")
+        except (ValueError, RecursionError) as error:
+            raise RunFolderError(f"{path} line {number}: not JSON ({error}): {REMEDY}") from error
+        if not isinstance(event, dict) or "event" not in event or not isinstance(event.get("t"), int | float):
+            raise RunFolderError(
+                f"{path} line {number}: an event needs the keys t (a number) and event: {REMEDY}"
+            )
         events.append(_restored(event))
     torn = f"{path.name}: {len(tail)} bytes of a torn event at the end left out" if tail else None
     return tuple(events), torn

@@ -4,9 +4,10 @@ The firmware's parameters ``motorPowerSet.*`` override everything, the superviso
 included, and no watchdog of the drone ends them: a host that dies leaves the motors running. So the stand
 stops them itself: at the end of its ``with`` block whatever the reason, when nobody renews within 0.4 s, when
 an instrument is lost. When the link is lost only the power is left: a supply is switched off, and the drone's
-processor is restarted through its radio chip.
+processor is restarted through its radio chip. And when the host itself dies or hangs, only somebody else can
+switch the supply off: without a :class:`RemoteCut` nothing turns, unless the operator does without.
 
->>> with MotorStand(drone, cut_power=supply_off) as stand:        # doctest: +SKIP
+>>> with MotorStand(drone, remote_cut=kept_supply) as stand:        # doctest: +SKIP
 ...     stand.unlock("props guarded, drone clamped")
 ...     stand.spin({1: pwm(128)})
 ...     while measuring:
@@ -18,7 +19,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Self
+from typing import Protocol, Self
 
 from calibration.instruments.drone_log import DroneLog, LogBatch, refuse_armed
 from calibration.instruments.errors import (
@@ -77,6 +78,19 @@ class StopReport:
     trouble: str
 
 
+class RemoteCut(Protocol):
+    """A supply that somebody else switches off when this process dies (``KeptSupply``)."""
+
+    def cut(self) -> None:
+        """Switch it off now; InstrumentError when that is not known to have happened."""
+
+    def beat(self) -> None:
+        """We live; unless said for a stated time it is switched off. InstrumentLost: nobody would do it."""
+
+    def rest(self) -> None:
+        """Our motors do not turn any more: no need to say that we live. InstrumentLost as :meth:`beat`."""
+
+
 class MotorStand:
     """The motors of one drone on the bench; a context manager. Commands from one thread.
 
@@ -89,7 +103,8 @@ class MotorStand:
         drone: DroneLink,
         *,
         instruments: Sequence[Callable[[], None]] = (),
-        cut_power: Callable[[], None] | None = None,
+        remote_cut: RemoteCut | None = None,
+        no_remote_cut: bool = False,
         clock: Clock = monotonic,
     ) -> None:
         """Start the log of voltage and motors; nothing turns.
@@ -98,7 +113,8 @@ class MotorStand:
             drone: open link.
             instruments: checks of the instruments in use (``tachometer.check``), each raises when its
                 instrument is lost. They run often, on the stand's own thread, too.
-            cut_power: switches the supply off; called when the drone is silent or does not confirm a stop.
+            remote_cut: used when the drone is silent or does not confirm a stop, and by whoever survives us.
+            no_remote_cut: the operator was told what that means and lets motors turn without.
             clock: host clock [s].
 
         Raises:
@@ -106,7 +122,8 @@ class MotorStand:
         """
         self._drone = drone
         self._checks = (*instruments, self._check_drone)
-        self._cut_power = cut_power
+        self._remote_cut = remote_cut
+        self._may_turn = remote_cut is not None or no_remote_cut
         self._clock = clock
         self.stopped: StopReport | None = None
         self._off = drone.param(_ENABLE) == 0  # confirmed, and nothing was commanded since
@@ -129,11 +146,19 @@ class MotorStand:
             phrase: what the operator typed; must be :data:`UNLOCK_PHRASE`.
 
         Raises:
-            MotorsRefused: another phrase; or the drone is armed or flying, so that its controller would take
-                the motors over when the override ends.
+            MotorsRefused: another phrase; or nobody could switch the motors off if this process died; or the
+                drone is armed or flying, so that its controller would take the motors over when the override
+                ends.
+            InstrumentLost: who should switch them off is gone.
         """
         if " ".join(phrase.lower().split()) != UNLOCK_PHRASE:
             raise MotorsRefused(f"the motors stay locked: type {UNLOCK_PHRASE!r} when that is so")
+        if not self._may_turn:
+            raise MotorsRefused(
+                "the motors stay locked: without a supply that can be switched off from here nothing would "
+                "stop them if this program died; give a supply, or say that you do without"
+            )
+        self._beat()
         refuse_armed(self._drone)
         self._failure = None
         self._halted = False
@@ -222,6 +247,8 @@ class MotorStand:
             self._log.close()
         if not report.confirmed:
             raise MotorsNotStopped(f"THE MOTORS MAY STILL TURN, cut the power by hand: {report.trouble}")
+        if self._remote_cut is not None:
+            self._remote_cut.rest()
 
     def __enter__(self) -> Self:
         return self
@@ -296,10 +323,10 @@ class MotorStand:
 
     def _power_off(self) -> str:
         """Switch the supply off, if there is one in our hands; what came of it, in words."""
-        if self._cut_power is None:
+        if self._remote_cut is None:
             return ""
         try:
-            self._cut_power()
+            self._remote_cut.cut()
         except InstrumentError as error:
             return f"the supply did not switch off ({error})"
         return "the supply was switched off instead"
@@ -315,24 +342,33 @@ class MotorStand:
         if self._failure is not None:
             raise self._failure
 
+    def _beat(self) -> None:
+        if self._remote_cut is not None:
+            self._remote_cut.beat()
+
     def _watch_motors(self) -> None:
-        """The stand's own thread: no renewal, no instrument, no link, no motors."""
+        """The stand's own thread: no renewal, no instrument, no link, no motors.
+
+        It is also the heart: it beats as long as somebody looks after the motors, not as long as the process
+        exists.
+        """
         while not self._closing.wait(_LOOK_S):
-            if not self._turning:
-                continue
-            failure: PerchhwError | None = None
             try:
-                self._check_all()
+                self._beat()
+                if self._turning:
+                    self._check_all()
+                    self._check_renewed()
             except PerchhwError as error:
-                failure = error
-            if failure is None and self._clock() - self._renewed > RENEW_WITHIN_S:
-                failure = MotorsRefused(
-                    f"the motors were stopped: nobody renewed them for {RENEW_WITHIN_S:g} s (the program "
-                    "hangs, or waits for a key)"
-                )
-            if failure is not None:
-                self._failure, self._halted = failure, True
-                self.stop(str(failure))
+                self._failure, self._halted = error, True
+                if self._turning:
+                    self.stop(str(error))
+
+    def _check_renewed(self) -> None:
+        if self._clock() - self._renewed > RENEW_WITHIN_S:
+            raise MotorsRefused(
+                f"the motors were stopped: nobody renewed them for {RENEW_WITHIN_S:g} s (the program hangs, "
+                "or waits for a key)"
+            )
 
 
 def _override_off(drone: DroneLink) -> bool:

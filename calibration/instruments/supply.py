@@ -10,7 +10,7 @@ import re
 import time
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Self
+from typing import Protocol, Self
 
 from calibration.instruments.conversation import Conversation
 from calibration.instruments.errors import (
@@ -48,7 +48,27 @@ class SupplyReading:
     time: float
 
 
-class Supply(ABC):
+class Supply(Protocol):
+    """What a wizard needs of a supply; :class:`SerialSupply` says what each call does and raises."""
+
+    @property
+    def device(self) -> str:
+        """Name of its port."""
+
+    def set(self, voltage: float, current_limit: float) -> None:
+        """Set voltage [V] and current limit [A]; does not switch on."""
+
+    def switch(self, on: bool) -> None:
+        """Switch the output on or off."""
+
+    def measure(self) -> SupplyReading:
+        """Measure voltage and current now."""
+
+    def close(self) -> None:
+        """Switch the output off and let go; idempotent."""
+
+
+class SerialSupply(ABC):
     """An open supply; a context manager that switches the output off before it lets go."""
 
     def __init__(self, conversation: Conversation, clock: Clock) -> None:
@@ -81,6 +101,16 @@ class Supply(ABC):
     @abstractmethod
     def switch(self, on: bool) -> None:
         """Switch the output on or off."""
+
+    @abstractmethod
+    def cut(self) -> None:
+        """Say off and wait for no answer; also from another thread, beside a call that hangs.
+
+        Whether it obeyed is not known: :meth:`switch` it off afterwards.
+
+        Raises:
+            InstrumentLost: unplugged.
+        """
 
     @abstractmethod
     def measure(self) -> SupplyReading:
@@ -123,7 +153,7 @@ class Supply(ABC):
         )
 
 
-class ScpiSupply(Supply):
+class ScpiSupply(SerialSupply):
     """A supply with SCPI commands. After every command its error queue is read.
 
     Attributes:
@@ -149,6 +179,10 @@ class ScpiSupply(Supply):
     def switch(self, on: bool) -> None:
         """Switch the output; errors as for :meth:`set`."""
         self._command("OUTP ON" if on else "OUTP OFF")
+
+    def cut(self) -> None:
+        """See :meth:`SerialSupply.cut`."""
+        self._conversation.tell(b"OUTP OFF\n")
 
     def measure(self) -> SupplyReading:
         """Measure at the terminals.
@@ -186,7 +220,7 @@ class ScpiSupply(Supply):
         return _plain_number(self.device, question, answer)
 
 
-class KoradSupply(Supply):
+class KoradSupply(SerialSupply):
     """A Korad-type supply. It says itself whether it limits the current."""
 
     def __init__(self, address: str, *, clock: Clock = monotonic) -> None:
@@ -211,6 +245,11 @@ class KoradSupply(Supply):
         self._tell(b"OUT1" if on else b"OUT0")
         if bool(self._status() & _KORAD_OUTPUT) is not on:
             raise InstrumentRefused(f"{self.device} did not switch its output {'on' if on else 'off'}")
+
+    def cut(self) -> None:
+        """See :meth:`SerialSupply.cut`; it hears nothing within 50 ms of another command."""
+        time.sleep(_KORAD_REST_S)
+        self._tell(b"OUT0")
 
     def measure(self) -> SupplyReading:
         """Measure at the terminals; errors as for :meth:`ScpiSupply.measure`."""

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from calibration.errors import CalibrationError
+from calibration.instruments.errors import MotorsRefused
 from calibration.instruments.motor_stand import UNLOCK_PHRASE, MotorStand, pwm
 from calibration.instruments.tachometer import Tachometer, TachometerBatch
 from calibration.measurement import Estimate, Finding, Severity, rejected
@@ -37,6 +38,13 @@ from onboard.vehicle import Vehicle
 KIND = "tachometer"
 BLADES = Question("blades", "blades of the propeller (marks per revolution)", "1", "1", (1.0, 6.0), 0.0)
 SAFETY = "Motors will turn. Propeller guard on, drone clamped, fingers and hair away."
+NO_REMOTE_CUT = (
+    "Nothing here can cut the power. If this program is killed or hangs, or the computer dies, the motors "
+    "run on until the battery is pulled or empty: no watchdog and no emergency stop of the drone ends them. "
+    "Keep a hand on the plug whenever a motor turns. A supply with a serial port (--supply) is switched off "
+    "by itself."
+)
+HAND_PHRASE = "hand on the battery plug"
 TRIES = 3
 
 _ALIGN_S = 3.0
@@ -89,6 +97,21 @@ class MotorPlan:
     def hover_thrust(self) -> float:
         """N per motor."""
         return self.vehicle.body.mass.value * GRAVITY / 4.0
+
+
+def confirm_no_remote_cut(operator: Operator, wanted: bool) -> None:
+    """Let motors turn without a supply that can be switched off from here: wanted, told, confirmed.
+
+    Raises:
+        MotorsRefused: not wanted. NotConfirmed: not confirmed.
+    """
+    if not wanted:
+        raise MotorsRefused(
+            "no motor turns without a supply that can be switched off when this program dies: give its port "
+            "with --supply, or say --no-remote-cut and stand at the battery plug"
+        )
+    operator.warn(NO_REMOTE_CUT)
+    operator.confirm("The battery can be pulled while motors turn.", HAND_PHRASE)
 
 
 class MotorWizard:

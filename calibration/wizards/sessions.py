@@ -4,14 +4,13 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from calibration.instruments.gyro_recorder import GyroRecorder
+from calibration.instruments.kept_supply import KeptSupply
 from calibration.instruments.load_cell import LoadCell
 from calibration.instruments.motor_stand import MotorStand
-from calibration.instruments.supply import ScpiSupply, Supply
 from calibration.instruments.tachometer import Tachometer
 from calibration.wizards import inertia, motors, thrust
 from calibration.wizards.compare import Comparison, compare_results, compare_with_vehicle
@@ -43,12 +42,14 @@ class Stand:
         instrument: port of the tachometer or load cell.
         supply: port of the supply that feeds the drone, or None for its battery.
         voltage: V, of the supply at the start.
+        no_remote_cut: the operator wants to do without a supply that can be switched off from here.
     """
 
     drone: str
     instrument: str
     supply: str | None
     voltage: float
+    no_remote_cut: bool = False
 
 
 @dataclass(frozen=True)
@@ -91,13 +92,23 @@ def measure_inertia(
 def measure_motors(
     plan: motors.MotorPlan, stand: Stand, folder: Path, operator: Operator, provenance: Mapping[str, Any]
 ) -> Concluded:
-    """The tachometer wizard; as :func:`measure_inertia`. Motors off and supply off on every way out."""
+    """The tachometer wizard; as :func:`measure_inertia`. Motors off and supply off on every way out.
+
+    Raises:
+        MotorsRefused: no supply that could be switched off from here, and nobody wanted to do without.
+    """
     book = RunBook(folder, motors.KIND, plan.settings(), operator)
+    if stand.supply is None:
+        motors.confirm_no_remote_cut(operator, stand.no_remote_cut)
     with ExitStack() as stack:
         supply = None if stand.supply is None else stack.enter_context(_powered(stand.supply, stand.voltage))
         link = stack.enter_context(DroneLink.open(stand.drone))
         tachometer = stack.enter_context(Tachometer(stand.instrument))
-        driven = stack.enter_context(MotorStand(link, instruments=[tachometer.check], cut_power=_cut(supply)))
+        driven = stack.enter_context(
+            MotorStand(
+                link, instruments=[tachometer.check], remote_cut=supply, no_remote_cut=stand.no_remote_cut
+            )
+        )
         _until_done(book, motors.MotorWizard(plan, driven, tachometer).run)
     fits = motors.fit_motors(folder, book.steps, plan)
     told = {**provenance, "drone": stand.drone, "propeller": plan.propeller.name, "skipped": book.skipped}
@@ -123,7 +134,7 @@ def measure_thrust(
         supply = stack.enter_context(_powered(stand.supply, stand.voltage))
         link = stack.enter_context(DroneLink.open(stand.drone))
         cell = stack.enter_context(LoadCell(stand.instrument))
-        driven = stack.enter_context(MotorStand(link, instruments=[cell.check], cut_power=_cut(supply)))
+        driven = stack.enter_context(MotorStand(link, instruments=[cell.check], remote_cut=supply))
         _until_done(book, thrust.ThrustWizard(plan, driven, cell, supply).run)
     found = thrust.fit_thrust(folder, book.steps, plan)
     told = {**provenance, "drone": stand.drone, "skipped": book.skipped}
@@ -132,8 +143,8 @@ def measure_thrust(
     )
 
 
-def _powered(port: str, voltage: float) -> Supply:
-    supply = ScpiSupply(port)
+def _powered(port: str, voltage: float) -> KeptSupply:
+    supply = KeptSupply(port)
     try:
         supply.set(voltage, thrust.CURRENT_LIMIT_A)
         supply.switch(on=True)
@@ -141,10 +152,6 @@ def _powered(port: str, voltage: float) -> Supply:
         supply.close()
         raise
     return supply
-
-
-def _cut(supply: Supply | None) -> Callable[[], None] | None:
-    return None if supply is None else partial(supply.switch, on=False)
 
 
 def _until_done(book: RunBook, wizard: Callable[[RunBook], None]) -> None:

@@ -1,8 +1,8 @@
 """Vicon DataStream client (TCP): the poses of one subject, frame by frame.
 
-Exchange: the server speaks first with the object ids it supports; we answer with those we use and ask it to
-push. Every packet with a FrameInfo is a frame. A subject whose root segment is not in GlobalSegments is
-occluded.
+Exchange: the server speaks first with the object ids it supports; we answer with those we use, ask it to
+push, and ping: the echo says that it does. Every packet with a FrameInfo is a frame. A subject whose root
+segment is not in GlobalSegments is occluded.
 """
 
 import socket
@@ -41,7 +41,7 @@ from mocap_bridge.rotation import continuous, is_rotation, quaternion_from_matri
 from mocap_bridge.timing import CaptureClock, credible_latency
 from mocap_bridge.uri import MocapUri
 from onboard.arrays import Quaternion, Vector
-from onboard.clock import Clock
+from onboard.timebase import Timebase
 
 OPEN_TIMEOUT_S = 0.5
 PING_INTERVAL_S = 0.5
@@ -54,7 +54,7 @@ _USED = (
 _USED_IDS = frozenset(OBJECT_IDS[kind] for kind in _USED)
 
 
-def open_vicon(uri: MocapUri, clock: Clock) -> "ViconStream":
+def open_vicon(uri: MocapUri, clock: Timebase) -> "ViconStream":
     """Connect, negotiate, and wait for a frame that names the subjects; all within 0.5 s.
 
     Raises:
@@ -82,11 +82,13 @@ def open_vicon(uri: MocapUri, clock: Clock) -> "ViconStream":
 class ViconStream:
     """An open DataStream connection (a ``PoseStream``)."""
 
-    def __init__(self, connection: socket.socket, uri: MocapUri, clock: Clock) -> None:
+    def __init__(self, connection: socket.socket, uri: MocapUri, clock: Timebase) -> None:
         self._socket = connection
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._uri = uri
         self._clock = clock
+        self._transport = clock.transport(f"tcp:{connection.getsockname()[1]}")
+        self._pushing = False
         self._buffer = PacketBuffer()
         self._receipt_time = clock()
         self._capture_clock = CaptureClock()
@@ -119,6 +121,7 @@ class ViconStream:
         wanted = tuple(sorted(_USED_IDS & set(offered.ids)))
         self._send([ObjectEnums(wanted)])
         self._send([RequestFrame(1)])
+        self._send_ping()
         while self._subjects is None or self._pending is None:
             packet = self._next_packet(deadline)
             if packet is None:
@@ -153,11 +156,17 @@ class ViconStream:
                 if remaining <= 0.0:
                     return None
                 self._socket.settimeout(remaining)
-                data = self._socket.recv(_RECEIVE_BYTES)
+                try:
+                    data = self._receive()
+                except TimeoutError:
+                    if self._pending is None and self._frames == 0:
+                        continue  # opening: a lab's deadline is not here because the machine was slow
+                    raise
                 self._receipt_time = self._clock()
                 if not data:
                     raise SourceLost(f"{self._name()} closed the connection")
                 self._buffer.feed(data)
+            self._transport.received(1)
             return decode_packet(packet, _USED_IDS)
         except TimeoutError:
             return None
@@ -165,6 +174,13 @@ class ViconStream:
             raise SourceLost(f"{self._name()}: connection lost ({error})") from error
         except PacketError as error:
             raise SourceLost(f"{self._name()}: {error}") from error
+
+    def _receive(self) -> bytes:
+        """What comes next. Until the server pushes, a lab's time waits with us: no frame is on its way."""
+        if not self._pushing:
+            return self._socket.recv(_RECEIVE_BYTES)
+        with self._transport.blocking():
+            return self._socket.recv(_RECEIVE_BYTES)
 
     def _take(self, packet: list[StreamObject]) -> PoseSample | None:
         """Use what a packet holds; a sample when it was a frame with data."""
@@ -191,6 +207,7 @@ class ViconStream:
                     raise SourceUnusable(f"{self._name()} streams a Y-up world; set it to Z-up")
                 case Ping(number) if number == self._ping:
                     self._round_trip = self._receipt_time - self._ping_time
+                    self._pushing = True
         if named:
             self._subjects = named
         if frame_id is None or frame_id == NO_FRAME:
@@ -250,9 +267,12 @@ class ViconStream:
 
     def _ping_when_due(self) -> None:
         if self._receipt_time - self._ping_time >= PING_INTERVAL_S:
-            self._ping += 1
-            self._ping_time = self._clock()
-            self._send([Ping(self._ping)])
+            self._send_ping()
+
+    def _send_ping(self) -> None:
+        self._ping += 1
+        self._ping_time = self._clock()
+        self._send([Ping(self._ping)])
 
     def _send(self, objects: list[StreamObject]) -> None:
         try:
@@ -276,6 +296,7 @@ class ViconStream:
     def close(self) -> None:
         """Close the socket."""
         self._socket.close()
+        self._transport.close()
 
     def __enter__(self) -> Self:
         return self

@@ -4,6 +4,7 @@ There is no handshake and no time in the stream: capture time is the receipt tim
 datagrams, so that an object is missing from a frame is known only when the next frame begins.
 """
 
+import dataclasses
 import socket
 from collections import deque
 from types import TracebackType
@@ -15,13 +16,14 @@ from mocap_bridge.rotation import continuous, quaternion_from_euler_xyz
 from mocap_bridge.tracker_udp import NAME_BYTES, TrackerItem, decode_block
 from mocap_bridge.uri import MocapUri
 from onboard.arrays import Quaternion
-from onboard.clock import Clock
+from onboard.timebase import Timebase
 
 OPEN_TIMEOUT_S = 0.5
+ANY_ADDRESS = "0.0.0.0"
 _RECEIVE_BYTES = 2048
 
 
-def open_vicon_udp(uri: MocapUri, clock: Clock) -> "ViconUdpStream":
+def open_vicon_udp(uri: MocapUri, clock: Timebase) -> "ViconUdpStream":
     """Listen, and wait up to 0.5 s for a frame that has our object.
 
     Raises:
@@ -35,7 +37,8 @@ def open_vicon_udp(uri: MocapUri, clock: Clock) -> "ViconUdpStream":
     except OSError as error:
         listener.close()
         raise SourceLost(
-            f"cannot listen on UDP {uri.host or '*'}:{uri.port} ({error}); is it in use?"
+            f"cannot listen on UDP {uri.host}:{uri.port} ({error}); is the port in use, is the address "
+            "one of this computer's?"
         ) from error
     stream = ViconUdpStream(listener, uri, clock)
     try:
@@ -49,12 +52,13 @@ def open_vicon_udp(uri: MocapUri, clock: Clock) -> "ViconUdpStream":
 class ViconUdpStream:
     """An open Tracker UDP listener (a ``PoseStream``)."""
 
-    def __init__(self, listener: socket.socket, uri: MocapUri, clock: Clock) -> None:
+    def __init__(self, listener: socket.socket, uri: MocapUri, clock: Timebase) -> None:
         self._socket = listener
         self._uri = uri
         # Tracker cuts names; a longer one in the URI means the cut one on the wire.
         self._key = uri.subject.encode()[:NAME_BYTES].decode("utf-8", "replace")
         self._clock = clock
+        self._transport = clock.transport(f"tracker:{uri.port}")
         self._seen: dict[str, None] = {}
         self._samples: deque[PoseSample] = deque()
         self._open_frame: int | None = None
@@ -75,8 +79,8 @@ class ViconUdpStream:
         if self._frames == 0:
             refused = f" ({self._refused} foreign datagrams)" if self._refused else ""
             raise PoseTimeout(
-                f"no Tracker object stream on UDP port {self._uri.port}{refused}; "
-                "is it enabled and sent to this computer?"
+                f"no Tracker object stream on UDP port {self._uri.port} of {self._uri.host}{refused}; is it "
+                f"enabled and sent to this computer?{self._elsewhere()}"
             )
         names = tuple(self._seen)
         listed = ", ".join(repr(name) for name in names) or "none"
@@ -84,6 +88,15 @@ class ViconUdpStream:
             f"the stream on UDP port {self._uri.port} has no object {self._uri.subject!r}, "
             f"or it is out of view; seen: {listed}",
             names,
+        )
+
+    def _elsewhere(self) -> str:
+        """What to write when the stream comes from another computer."""
+        if not self._socket.getsockname()[0].startswith(("127.", "::1")):
+            return ""
+        return (
+            " Only this computer is heard; from another one, name the address to listen on: "
+            f"{dataclasses.replace(self._uri, host=ANY_ADDRESS)}"
         )
 
     def read(self, timeout_s: float) -> PoseSample:
@@ -101,9 +114,12 @@ class ViconUdpStream:
             return False
         self._socket.settimeout(remaining)
         try:
-            data = self._socket.recv(_RECEIVE_BYTES)
+            with self._transport.blocking():
+                data = self._socket.recv(_RECEIVE_BYTES)
+            self._transport.received(1)
         except TimeoutError:
-            return False
+            # Opening: a lab's deadline is not here because the machine was slow.
+            return self._frames == 0 and self._clock() < deadline
         except OSError as error:
             raise SourceLost(f"UDP port {self._uri.port}: {error}") from error
         receipt_time = self._clock()
@@ -164,6 +180,7 @@ class ViconUdpStream:
     def close(self) -> None:
         """Close the socket."""
         self._socket.close()
+        self._transport.close()
 
     def __enter__(self) -> Self:
         return self

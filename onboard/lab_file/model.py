@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Annotated
 from urllib.parse import quote, unquote
 
@@ -148,6 +149,7 @@ class LabFile:
     Attributes:
         room, drones, mocap: the tables of the file.
         limits: safety limits that are not the usual ones, by name, in SI units.
+        clock: ``HOST:PORT`` where a simulated lab says what time it is, and how it is; None: a real room.
         file: where it was read, for messages.
     """
 
@@ -155,6 +157,7 @@ class LabFile:
     drones: tuple[LabDrone, ...]
     mocap: LabMocap
     limits: Mapping[str, Quantity] = field(default_factory=dict)
+    clock: str | None = None
     file: str = field(default="", compare=False)
 
     def drone(self, uri: str) -> LabDrone | None:
@@ -165,6 +168,11 @@ class LabFile:
         """Address of the poses of `drone`; None: of the subject of ``[mocap]``."""
         own = None if drone is None else drone.subject
         return with_subject(self.mocap.uri, own or self.mocap.subject)
+
+    def beside(self, name: str) -> str:
+        """`name` as a path when it is a file relative to the lab file's folder, else as it is."""
+        path = Path(self.file).parent / name
+        return str(path) if path.is_file() else name
 
     def start(self, drone: LabDrone | None) -> StartMark:
         """Start mark of `drone`; None: that of the room."""

@@ -32,9 +32,10 @@ from onboard.vehicle.schema import (
     quantity_rules,
 )
 
-_TABLES = ("schema", "room", "drones", "mocap", "limits")
+_TABLES = ("schema", "clock", "room", "drones", "mocap", "limits")
 _DRONE_KEYS = ("uri", "vehicle", "legs", "policy", "subject", "start")
 _NORM_TOLERANCE = 1e-3
+_FLOOR_MAX = 0.1
 
 
 def read_lab_file(path: Path, limits: Mapping[str, Measured]) -> LabFile:
@@ -81,12 +82,13 @@ def parse_lab(content: Mapping[str, object], file: str, limits: Mapping[str, Mea
     drones = _drones(content.get("drones"), problems)
     mocap = _mocap(content.get("mocap"), problems)
     given = _limits(content.get("limits", {}), limits, problems)
+    clock = _text(content.get("clock"), "clock", problems, required=False)
     if room is not None:
         _check_room(room, drones, problems)
     problems.raise_any()
     if room is None or mocap is None:
         raise LabFileError(f"{file}: cannot be used; compare it with docs/lab_file.md")
-    return LabFile(room=room, drones=drones, mocap=mocap, limits=given, file=file)
+    return LabFile(room=room, drones=drones, mocap=mocap, limits=given, clock=clock, file=file)
 
 
 def _quantity(raw: object, key: str, rule: Measured, problems: Problems) -> Quantity | None:
@@ -146,6 +148,12 @@ def _check_room(room: LabRoom, drones: tuple[LabDrone, ...], problems: Problems)
     for axis, low, high in (("x", geometry.x_min, geometry.x_max), ("y", geometry.y_min, geometry.y_max)):
         if not low < high:
             problems.add(f"room.{axis}_min", f"is {low:g} m; it must be less than {axis}_max, {high:g} m")
+    if abs(geometry.floor_z) > _FLOOR_MAX:
+        problems.add(
+            "room.floor",
+            f"is {geometry.floor_z:g} m; hovers and landings reckon from z = 0, so it must lie within "
+            f"{_FLOOR_MAX:g} m of it: put the origin of the motion capture on the floor",
+        )
     if not geometry.lowest_ceiling > geometry.floor_z:
         problems.add(
             "room.ceiling",

@@ -39,7 +39,9 @@ def write_lab_file(path: Path, lab: LabFile, comment: str = "") -> None:
 
 def lab_to_toml(lab: LabFile) -> str:
     """The text of a lab file."""
-    lines = [f"schema = {toml_text(SCHEMA)}", "", "[room]", *_lines(lab.room)]
+    lines = [f"schema = {toml_text(SCHEMA)}"]
+    lines += [] if lab.clock is None else [f"clock = {toml_text(lab.clock)}"]
+    lines += ["", "[room]", *_lines(lab.room)]
     lines += [f"ceiling = {_inline(lab.room.ceiling)}", f"start = {_inline(lab.room.start)}"]
     for drone in lab.drones:
         lines += ["", "[[drones]]", *_drone_lines(drone)]

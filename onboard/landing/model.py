@@ -201,5 +201,8 @@ LANDING_MEMORY = np.dtype(
 
 
 def new_landing_memory() -> Any:
-    """Memory of a machine that has just been switched on: one record of `LANDING_MEMORY`, state IDLE."""
-    return np.zeros(1, dtype=LANDING_MEMORY)[0]
+    """Memory of a machine that has just been switched on: one record of `LANDING_MEMORY`, state IDLE.
+
+    A numpy record, so that its fields are attributes in compiled and in interpreted code alike.
+    """
+    return np.zeros(1, dtype=LANDING_MEMORY).view(np.recarray)[0]

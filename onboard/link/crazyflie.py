@@ -8,23 +8,31 @@ from typing import Any
 
 from cflib.crazyflie import Crazyflie
 
-from onboard.clock import Clock
-from onboard.link.driver import install_driver
+from onboard.link.driver import install_driver, links_live_in
 from onboard.link.errors import LinkError, LinkLost, LinkTimeout
 from onboard.link.uri import check_drone_uri
+from onboard.timebase import Timebase
 
 _CLOSE_DEADLINE = 2.0
 _log = logging.getLogger(__name__)
 
 
-class _NoCache:
-    """Keeps no tables of contents; cflib's own, without a folder, complains about it each time."""
+class _TablesSeen:
+    """Keeps the tables of contents that this process has seen, by their checksum: campaigns connect often."""
 
-    def fetch(self, crc: int) -> None:
-        """Nothing is known."""
+    def __init__(self) -> None:
+        self._tables: dict[int, object] = {}
+
+    def fetch(self, crc: int) -> object | None:
+        """The table with this checksum, or None."""
+        return self._tables.get(crc)
 
     def insert(self, crc: int, toc: object) -> None:
-        """Nothing is kept."""
+        """Keep a table that was downloaded."""
+        self._tables[crc] = toc
+
+
+_tables_seen = _TablesSeen()
 
 
 class GuardedCrazyflie(Crazyflie):
@@ -44,7 +52,7 @@ class GuardedCrazyflie(Crazyflie):
         self._closing = False
         super().__init__(rw_cache=None if toc_cache is None else str(toc_cache))
         if toc_cache is None:
-            self._toc_cache = _NoCache()
+            self._toc_cache = _tables_seen
         self.packet_received.add_callback(lambda _packet: self.heard.set())
 
     def send_packet(
@@ -91,14 +99,14 @@ class GuardedCrazyflie(Crazyflie):
 
 
 def open_crazyflie(
-    uri: str, *, timeout_s: float, clock: Clock, toc_cache: Path | None = None
+    uri: str, *, timeout_s: float, clock: Timebase, toc_cache: Path | None = None
 ) -> GuardedCrazyflie:
     """Connect completely: link, tables of contents, memories, and the value of every parameter.
 
     Args:
         uri: ``udp://``, ``radio://`` or ``usb://`` address.
-        timeout_s: deadline for all of it [s].
-        clock: monotonic clock [s].
+        timeout_s: deadline for all of it, in real time [s].
+        clock: the time that the link goes by.
         toc_cache: folder for tables of contents that were seen before. Only one that this user alone can
             write to: cflib evaluates names in these files.
 
@@ -124,10 +132,10 @@ def open_crazyflie(
     crazyflie.fully_connected.add_callback(lambda _uri: finished.set())
     crazyflie.connection_failed.add_callback(on_connection_failed)
     crazyflie.connection_lost.add_callback(on_connection_lost)
-    deadline = clock() + timeout_s
-    # On a thread, because looking for a radio can take its time and must not outlast the deadline.
-    threading.Thread(target=crazyflie.open_link, args=(uri,), name="LinkOpen", daemon=True).start()
-    connected = finished.wait(max(0.0, deadline - clock()))
+    with clock.connecting(), links_live_in(uri, clock):
+        # On a thread, because looking for a radio can take its time and must not outlast the deadline.
+        threading.Thread(target=crazyflie.open_link, args=(uri,), name="LinkOpen", daemon=True).start()
+        connected = finished.wait(clock.patience(timeout_s))
     if connected and not refusals:
         return crazyflie
     if not crazyflie.close_within(_CLOSE_DEADLINE):

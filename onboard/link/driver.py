@@ -15,14 +15,18 @@ cflib's own driver for this scheme sends every request once and reports a vanish
 5. *Bounds.* The receive queue has a limit (what does not fit is dropped as if the network had lost it), sends
    never block, and closing takes some ten milliseconds.
 
+Resending, the watchdog and the queue go by the time that :func:`links_live_in` gives, so that a simulated lab
+that keeps its own time loses nothing to a busy machine.
+
 URI: ``udp://HOST:PORT[?silence_s=SECONDS]``; other query keys are ignored, as cflib itself appends some.
 """
 
+import contextlib
 import queue
 import socket
 import threading
-import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import cflib.crtp
@@ -37,6 +41,7 @@ from onboard.link.radio import GuardedRadioDriver
 from onboard.link.replies import ECHO_HEADER, PORT_AND_CHANNEL, OutstandingRequests, Packet
 from onboard.link.stop_ports import UdpStopPort
 from onboard.link.uri import UdpAddress, parse_udp_uri
+from onboard.timebase import WALL, Queue, Timebase, Transport
 
 #: Packets kept for a client that does not take them: 2 s of 16 log blocks at 100 Hz.
 QUEUE_LIMIT = 4096
@@ -45,6 +50,7 @@ _TICK = 0.01
 _RECEIVE_BUFFER = 1 << 20
 
 _install_lock = threading.Lock()
+_times: dict[str, Timebase] = {}
 
 
 @dataclass(slots=True)
@@ -72,6 +78,16 @@ def install_driver() -> None:
                 classes[classes.index(RadioDriver)] = GuardedRadioDriver
 
 
+@contextmanager
+def links_live_in(uri: str, time: Timebase) -> Iterator[None]:
+    """Links to `uri` that cflib opens meanwhile, by URI alone, go by `time`."""
+    _times[uri] = time
+    try:
+        yield
+    finally:
+        _times.pop(uri, None)
+
+
 class ResendingUdpDriver(CRTPDriver):
     """CRTP over UDP for a network that may lose, double, delay and reorder. See the module's description."""
 
@@ -83,14 +99,17 @@ class ResendingUdpDriver(CRTPDriver):
         self._address: UdpAddress | None = None
         self._socket: socket.socket | None = None
         self._on_error: Callable[[str], None] | None = None
-        self._incoming: queue.SimpleQueue[CRTPPacket | None] = queue.SimpleQueue()
+        self._time: Timebase = WALL
+        self._incoming: Queue = WALL.queue(QUEUE_LIMIT)
+        self._transport: Transport = WALL.transport("")
+        self._request_noted = WALL.event()
         # Guards everything below and the counts; held for microseconds, never while sending or calling out.
         self._lock = threading.Lock()
         self._requests = OutstandingRequests()
         self._unanswered_since: float | None = None
         self._failed = False
         self._closed = threading.Event()
-        self._thread: threading.Thread | None = None
+        self._threads: tuple[threading.Thread, ...] = ()
         self._stop_port: UdpStopPort | None = None
 
     def connect(
@@ -118,12 +137,17 @@ class ResendingUdpDriver(CRTPDriver):
             raise LinkError(f"cannot reach {uri}: {error}; check host and network") from error
         udp.settimeout(_TICK)
         self.uri, self._address, self._socket, self._on_error = uri, address, udp, link_error_callback
-        self._thread = threading.Thread(target=self._receive_loop, name="UdpLink", daemon=True)
-        self._thread.start()
+        self._time = time = _times.get(uri, WALL)
+        self._incoming, self._request_noted = time.queue(QUEUE_LIMIT), time.event()
+        self._transport = time.transport(f"udp:{udp.getsockname()[1]}")
+        self._threads = (
+            time.thread(self._receive_loop, "UdpLink"),
+            time.thread(self._resend_loop, "UdpLinkResend"),
+        )
 
     def send_packet(self, pk: Packet) -> bool:
         """Send without blocking; False if the packet did not leave. Link errors come on a thread."""
-        udp, now = self._socket, time.monotonic()
+        udp, now = self._socket, self._time()
         if udp is None or self._failed:
             return False
         with self._lock:
@@ -131,20 +155,26 @@ class ResendingUdpDriver(CRTPDriver):
             if wants_answer and self._unanswered_since is None:
                 self._unanswered_since = now
             self.statistics_so_far.sent += 1
-        return self._transmit(udp, pk)
+        sent = self._transmit(udp, pk)
+        if wants_answer:
+            self._request_noted.set()
+        return sent
 
     def receive_packet(self, wait: float = 0) -> CRTPPacket | None:
         """The next packet, or None after ``wait`` s (0: at once; negative: until the link closes)."""
-        if self._closed.is_set() and self._incoming.empty():
+        if self._closed.is_set():
             # cflib polls a link that it is just closing; without a pause it can catch itself half-closed.
-            time.sleep(2 * _TICK)
+            self._time.foreign()
+            threading.Event().wait(2 * _TICK)
             return None
-        try:
-            if wait == 0:
-                return self._incoming.get_nowait()
-            return self._incoming.get(timeout=None if wait < 0 else wait)
-        except queue.Empty:
-            return None
+        packet: CRTPPacket | None = None
+        with contextlib.suppress(queue.Empty):
+            packet = (
+                self._incoming.get_nowait()
+                if wait == 0
+                else self._incoming.get(timeout=None if wait < 0 else wait)
+            )
+        return packet
 
     def close(self) -> None:
         """Close the socket and end the thread; no error is reported any more. Sends nothing."""
@@ -152,11 +182,15 @@ class ResendingUdpDriver(CRTPDriver):
             self._closed.set()
             udp, self._socket = self._socket, None
             self._on_error = None
-        if self._thread is not None and self._thread is not threading.current_thread():
-            self._thread.join(timeout=1.0)
+        self._request_noted.set()
+        for thread in self._threads:
+            if thread is not threading.current_thread():
+                thread.join(timeout=1.0)
         if udp is not None:
             udp.close()
-        self._incoming.put(None)  # ends a receive_packet that is waiting
+        self._transport.close()
+        with contextlib.suppress(queue.Full):
+            self._incoming.put_nowait(None)  # ends a receive_packet that is waiting
 
     def stop_port(self) -> UdpStopPort:
         """A way out for an emergency stop, which outlives this driver.
@@ -167,7 +201,11 @@ class ResendingUdpDriver(CRTPDriver):
         udp = self._socket
         if udp is None:
             raise LinkError(f"the link to {self.uri} is closed: it carries no stop")
-        self._stop_port = UdpStopPort(udp, lambda: not (self._failed or self._closed.is_set()))
+
+        def read_here() -> bool:
+            return not (self._failed or self._closed.is_set())
+
+        self._stop_port = UdpStopPort(udp, read_here, self._transport.sent)
         return self._stop_port
 
     def statistics(self) -> DriverStatistics:
@@ -197,13 +235,15 @@ class ResendingUdpDriver(CRTPDriver):
         except OSError as error:
             self._fail(f"cannot send to {self.uri}: {error.strerror or error}")
             return False
+        self._transport.sent(1)
         return True
 
     def _receive_loop(self) -> None:
         udp = self._socket
         while udp is not None and not self._closed.is_set() and not self._failed:
             try:
-                datagram = udp.recv(DATAGRAM_MAX + 1)
+                with self._transport.blocking():
+                    datagram = udp.recv(DATAGRAM_MAX + 1)
             except TimeoutError:
                 # Only when nothing waits to be read: a process that was paused first reads what came
                 # meanwhile.
@@ -212,7 +252,7 @@ class ResendingUdpDriver(CRTPDriver):
                 self._fail(f"cannot receive from {self.uri}: {error.strerror or error}")
             else:
                 self._take(datagram)
-            self._resend(udp)
+                self._transport.received(1)
 
     def _take(self, datagram: bytes) -> None:
         if self._stop_port is not None:
@@ -226,26 +266,31 @@ class ResendingUdpDriver(CRTPDriver):
                 # Before the reply is matched, as if the packet never came: it will be asked for again.
                 self.statistics_so_far.overflow += 1
                 return
-            if not self._requests.accept(datagram, time.monotonic()):
+            if not self._requests.accept(datagram, self._time()):
                 self.statistics_so_far.duplicates += 1
                 return
-        self._incoming.put(CRTPPacket(datagram[0], datagram[1:]))
+        self._incoming.put_nowait(CRTPPacket(datagram[0], datagram[1:]))
 
-    def _resend(self, udp: socket.socket) -> None:
-        if not self._requests:
-            return
-        with self._lock:
-            packets = self._requests.due(time.monotonic())
-            self.statistics_so_far.resent += len(packets)
-        for packet in packets:
-            self._transmit(udp, packet)
+    def _resend_loop(self) -> None:
+        """Send again what was not answered; sleeps while nothing is outstanding."""
+        while not self._closed.is_set() and not self._failed:
+            with self._lock:
+                packets = self._requests.due(self._time())
+                due = self._requests.next_due()
+                self.statistics_so_far.resent += len(packets)
+                udp = self._socket
+            for packet in packets:
+                if udp is not None:
+                    self._transmit(udp, packet)
+            self._request_noted.wait(None if due is None else due - self._time())
+            self._request_noted.clear()
 
     def _check_silence(self) -> None:
         address, since = self._address, self._unanswered_since
         # A peer that never said anything is not lost but absent: the opening's deadline deals with it.
         if address is None or since is None or self.statistics_so_far.received == 0:
             return
-        silence = time.monotonic() - since
+        silence = self._time() - since
         if silence > address.silence_s:
             self._fail(f"no packet from {self.uri} for {silence:.2f} s although asked: frozen or away")
 
@@ -255,5 +300,6 @@ class ResendingUdpDriver(CRTPDriver):
             if self._failed or self._closed.is_set():
                 return
             self._failed = True
+        self._request_noted.set()
         if callback is not None:
             threading.Thread(target=callback, args=(message,), name="UdpLinkError", daemon=True).start()

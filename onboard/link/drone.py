@@ -10,13 +10,11 @@ an error.
 """
 
 import threading
-import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Self
 
 from onboard.arrays import Vector
-from onboard.clock import Clock
 from onboard.link.commands import Commands
 from onboard.link.crazyflie import GuardedCrazyflie, open_crazyflie
 from onboard.link.driver import ResendingUdpDriver
@@ -32,6 +30,7 @@ from onboard.link.stop import StopPath
 from onboard.link.uri import SILENCE_LIMIT
 from onboard.link.variables import log_table, parameter_table
 from onboard.supervisor_info import SupervisorInfo
+from onboard.timebase import WALL, Timebase
 
 __all__ = ["DroneLink", "LogSample", "LogStream", "reboot"]
 
@@ -57,7 +56,7 @@ class DroneLink:
         self,
         crazyflie: GuardedCrazyflie,
         uri: str,
-        clock: Clock,
+        clock: Timebase,
         reply_timeout_s: float,
         transfer_timeout_s: float,
     ) -> None:
@@ -87,7 +86,7 @@ class DroneLink:
         uri: str,
         *,
         timeout_s: float = 10.0,
-        clock: Clock = time.monotonic,
+        clock: Timebase = WALL,
         toc_cache: Path | None = None,
         reply_timeout_s: float = 2.0,
         transfer_timeout_s: float = 10.0,
@@ -97,7 +96,7 @@ class DroneLink:
         Args:
             uri: ``udp://HOST:PORT``, ``radio://...`` or ``usb://...``.
             timeout_s: deadline for connecting [s].
-            clock: monotonic clock [s].
+            clock: the time that the link goes by.
             toc_cache: folder for tables of contents; makes the next connection faster.
             reply_timeout_s: deadline of calls that need one answer [s].
             transfer_timeout_s: deadline of memory transfers and of the drone's verdict on a policy [s].

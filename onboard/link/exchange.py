@@ -8,13 +8,13 @@ stale values, and answer a lost reply by waiting for ever.
 import logging
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from cflib.crtp.crtpstack import CRTPPacket, CRTPPort
 
-from onboard.clock import Clock
 from onboard.link.crazyflie import GuardedCrazyflie
 from onboard.link.errors import LinkLost, LinkTimeout
+from onboard.timebase import Event, Timebase
 
 #: Interval of resending for links without a reliable transport of their own [s].
 RETRY_S = 0.2
@@ -33,14 +33,14 @@ class _Waiter:
     port: int
     channel: int
     accepts: Callable[[bytes], bool]
-    event: threading.Event = field(default_factory=threading.Event)
+    event: Event
     reply: bytes | None = None
 
 
 class Exchange:
     """Sends packets and waits for the packets that answer them. Methods may be called from any thread."""
 
-    def __init__(self, crazyflie: GuardedCrazyflie, uri: str, clock: Clock) -> None:
+    def __init__(self, crazyflie: GuardedCrazyflie, uri: str, clock: Timebase) -> None:
         self._crazyflie = crazyflie
         self._uri = uri
         self._clock = clock
@@ -99,7 +99,7 @@ class Exchange:
             LinkLost: the link is gone, or went while waiting.
         """
         packet = CRTPPacket(port << 4 | channel, payload)
-        waiter = _Waiter(port, channel, accepts)
+        waiter = _Waiter(port, channel, accepts, self._clock.event())
         link = self._crazyflie.link
         if retry_s is None and link is not None and link.needs_resending:
             retry_s = RETRY_S

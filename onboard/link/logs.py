@@ -19,11 +19,11 @@ from typing import Self
 
 from cflib.crtp.crtpstack import CRTPPacket, CRTPPort
 
-from onboard.clock import Clock
 from onboard.link.crazyflie import GuardedCrazyflie
 from onboard.link.errors import CommandRefused, LinkError, LinkInputError
 from onboard.link.exchange import Exchange
 from onboard.link.variables import Variable, find
+from onboard.timebase import Timebase
 
 BLOCK_BYTES, BLOCK_VARIABLES, BLOCKS = 26, 9, 16
 PERIOD_STEP_MS, PERIOD_MAX_MS = 10, 2540
@@ -71,7 +71,7 @@ class LogStream:
         block: int,
         variables: Sequence[Variable],
         callback: Callable[[LogSample], None],
-        clock: Clock,
+        clock: Timebase,
         end: Callable[["LogStream"], None],
     ) -> None:
         self.block = block
@@ -82,9 +82,8 @@ class LogStream:
         self._end = end
         self._formats = struct.Struct("<" + "".join(variable.format[1:] for variable in variables))
         self._latest: LogSample | None = None
-        self._queue: queue.Queue[LogSample | None] = queue.Queue(QUEUE_LIMIT)
-        self._thread = threading.Thread(target=self._run, name=f"LogStream-{block}", daemon=True)
-        self._thread.start()
+        self._queue = clock.queue(QUEUE_LIMIT)
+        self._thread = clock.thread(self._run, f"LogStream-{block}")
 
     @property
     def latest(self) -> LogSample | None:
@@ -165,7 +164,7 @@ class LogStreams:
         exchange: Exchange,
         table: dict[str, Variable],
         reply_timeout_s: float,
-        clock: Clock,
+        clock: Timebase,
     ) -> None:
         self._exchange = exchange
         self._table = table

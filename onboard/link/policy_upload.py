@@ -6,14 +6,13 @@ The drone validates the staged bundle by itself and keeps its previous policy wh
 """
 
 import zlib
-from threading import Event
 
 from onboard.app_interface import BUNDLE_ADDRESS, MEMORY_TYPE_APP, Parameter, PolicyStatus
-from onboard.clock import Clock
 from onboard.link.errors import CommandRefused, LinkTimeout, PolicyRefused
 from onboard.link.landing_app import check_interface
 from onboard.link.memory import Memories
 from onboard.link.parameters import Parameters
+from onboard.timebase import Timebase
 
 #: A refusal that was there before the commit is taken for this commit's when it is still there after this
 #: time [s].
@@ -35,7 +34,7 @@ class PolicyUpload:
     """Uploads policies and reports which one is live."""
 
     def __init__(
-        self, parameters: Parameters, memories: Memories, commit_timeout_s: float, clock: Clock
+        self, parameters: Parameters, memories: Memories, commit_timeout_s: float, clock: Timebase
     ) -> None:
         self._parameters = parameters
         self._memories = memories
@@ -86,7 +85,7 @@ class PolicyUpload:
 
     def _wait_for_verdict(self, crc: int, before: int) -> int:
         committed = self._clock()
-        pause = Event()
+        pause = self._clock.event()
         while (waited := self._clock() - committed) < self._commit_timeout_s:
             status = self._status()
             if status == PolicyStatus.ACTIVE and self.active_crc() == crc:

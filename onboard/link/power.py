@@ -4,8 +4,6 @@ drone's).
 CRTP header ``FF`` (port 15, channel 3) with ``FE 02`` turns the processor and all decks off, ``FE 03`` on.
 """
 
-import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,10 +13,11 @@ import cflib.crtp
 from cflib.crtp.crtpstack import CRTPPacket
 from cflib.utils.power_switch import PowerSwitch
 
-from onboard.clock import Clock
-from onboard.link.driver import install_driver
+from onboard.lab_time import open_timebase
+from onboard.link.driver import install_driver, links_live_in
 from onboard.link.errors import LinkError, LinkInputError, LinkTimeout
 from onboard.link.uri import check_drone_uri
+from onboard.timebase import Timebase
 
 _BOOTLOADER_HEADER, _BOOTLOADER_COMMAND, _OFF, _ON = 0xFF, 0xFE, 0x02, 0x03
 _LINK_SOURCE_HEADER = 0xF1
@@ -26,7 +25,7 @@ _REPEAT_S = 0.1
 _OFF_TIME_S = 0.5
 
 
-def reboot(uri: str, timeout_s: float = 10.0, clock: Clock = time.monotonic) -> None:
+def reboot(uri: str, timeout_s: float = 10.0) -> None:
     """Switch the drone off and on, and return when its firmware answers again.
 
     Whatever it held in memory is gone: parameters, policy, log blocks. A connection that is open meanwhile is
@@ -39,21 +38,22 @@ def reboot(uri: str, timeout_s: float = 10.0, clock: Clock = time.monotonic) -> 
     """
     check_drone_uri(uri)
     install_driver()
-    deadline = clock() + timeout_s
-    if uri.startswith("udp://"):
-        with _raw_link(uri) as link:
-            link.until_answered(_BOOTLOADER_HEADER, bytes((_BOOTLOADER_COMMAND, _OFF)), deadline, clock)
-            threading.Event().wait(_OFF_TIME_S)
-            link.until_answered(_BOOTLOADER_HEADER, bytes((_BOOTLOADER_COMMAND, _ON)), deadline, clock)
-    else:
-        with _cflib_errors(uri):
-            switch = PowerSwitch(uri)
-            switch.stm_power_down()
-            threading.Event().wait(_OFF_TIME_S)
-            switch.stm_power_up()
-            switch.close()
-    with _raw_link(uri) as link:
-        link.until_answered(_LINK_SOURCE_HEADER, b"\0", deadline, clock)
+    with open_timebase("reboot", uri) as time:
+        deadline = time() + timeout_s
+        if uri.startswith("udp://"):
+            with _raw_link(uri, time) as link:
+                link.until_answered(_BOOTLOADER_HEADER, bytes((_BOOTLOADER_COMMAND, _OFF)), deadline)
+                time.event().wait(_OFF_TIME_S)
+                link.until_answered(_BOOTLOADER_HEADER, bytes((_BOOTLOADER_COMMAND, _ON)), deadline)
+        else:
+            with _cflib_errors(uri):
+                switch = PowerSwitch(uri)
+                switch.stm_power_down()
+                time.event().wait(_OFF_TIME_S)
+                switch.stm_power_up()
+                switch.close()
+        with _raw_link(uri, time) as link:
+            link.until_answered(_LINK_SOURCE_HEADER, b"\0", deadline)
 
 
 @contextmanager
@@ -66,15 +66,15 @@ def _cflib_errors(uri: str) -> Iterator[None]:
 
 
 @contextmanager
-def _raw_link(uri: str) -> Iterator["_RawLink"]:
+def _raw_link(uri: str, time: Timebase) -> Iterator["_RawLink"]:
     """A link without a connection on it."""
     errors: list[str] = []
-    with _cflib_errors(uri):
+    with _cflib_errors(uri), links_live_in(uri, time):
         driver = cflib.crtp.get_link_driver(uri, None, errors.append)
     if driver is None:
         raise LinkInputError(f"no driver for {uri!r}; write udp://HOST:PORT, radio://... or usb://...")
     try:
-        yield _RawLink(uri, driver, errors)
+        yield _RawLink(uri, driver, errors, time)
     finally:
         driver.close()
 
@@ -84,8 +84,9 @@ class _RawLink:
     uri: str
     driver: Any
     errors: list[str]
+    time: Timebase
 
-    def until_answered(self, header: int, payload: bytes, deadline: float, clock: Clock) -> None:
+    def until_answered(self, header: int, payload: bytes, deadline: float) -> None:
         """Send a request until a packet of the same port and channel comes back.
 
         Raises:
@@ -93,10 +94,10 @@ class _RawLink:
             LinkTimeout: no answer by ``deadline``.
         """
         packet = CRTPPacket(header, payload)
-        while clock() < deadline:
+        while self.time() < deadline:
             self.driver.send_packet(packet)
-            until = clock() + _REPEAT_S
-            while clock() < until:
+            until = self.time() + _REPEAT_S
+            while self.time() < until:
                 answer = self.driver.receive_packet(_REPEAT_S)
                 if self.errors:
                     raise LinkError(f"cannot reboot {self.uri}: {self.errors[0]}")

@@ -164,6 +164,10 @@ class OutstandingRequests:
                 packets.append(request.packet)
         return packets
 
+    def next_due(self) -> float | None:
+        """When :meth:`due` will next have something to send or to forget [s], or None."""
+        return min((min(r.due, r.first_sent + FORGET_AFTER) for r in self._requests.values()), default=None)
+
     def _first_interval(self) -> float:
         if self._round_trip is None:
             return RESEND_FIRST

@@ -11,12 +11,12 @@ from pathlib import Path
 from calibration.flights.run_folder import RunFolderError, is_run_folder, read_info
 from calibration.gap.suggest.manoeuvres import MANOEUVRES
 from mocap_bridge.uri import parse_mocap_uri
+from onboard.lab_file import LabFile
 from onboard.link import check_drone_uri, reboot
 from onboard.room import RoomGeometry
 from onboard.toml_file import read_toml
 from onboard.vehicle import load_vehicle
-from perchhw.attempt import DEFAULT_VEHICLE
-from perchhw.campaign.file_table import SCHEMA, CampaignFileError, FileTable, check_names, room_of
+from perchhw.campaign.file_table import SCHEMA, CampaignFileError, FileTable, check_names, room_of, setup_of
 from perchhw.campaign.run import only_one
 from perchhw.campaign.store import CampaignError
 from perchhw.flight.course import FLOWN, CourseRequest, CourseResult, fly_course
@@ -45,6 +45,7 @@ class FlightPlan:
     legs: str | None
     room: RoomGeometry
     flights: tuple[PlannedFlight, ...]
+    lab: LabFile | None = None
 
     def request(self, number: int, folder: Path) -> CourseRequest:
         """What is flown as flight `number`, from 0."""
@@ -58,6 +59,7 @@ class FlightPlan:
             vehicle=self.vehicle,
             legs=self.legs,
             room=self.room,
+            lab=self.lab,
         )
 
 
@@ -95,23 +97,28 @@ def has_flights(path: Path) -> bool:
     return "flight" in read_toml(path, CampaignFileError)
 
 
-def load_flight_plan(path: Path) -> FlightPlan:
+def load_flight_plan(path: Path, lab: LabFile | None = None) -> FlightPlan:
     """Read and check a campaign file with ``[[flight]]`` tables; every course must fit the room.
+
+    What it leaves out of drone, mocap, vehicle, legs and room is as in the lab file.
 
     Raises:
         CampaignFileError: the message names file and key.
+        LabRequired: it is to be flown on hardware, and there is no lab file.
     """
     root = FileTable(path, "", read_toml(path, CampaignFileError))
     root.choice("schema", (SCHEMA,))
     tables = root.tables("flight")
+    setup = setup_of(root, lab)
     plan = FlightPlan(
         name=root.text("name", default=path.stem),
-        drone=root.text("drone"),
-        mocap=root.text("mocap"),
-        vehicle=root.text("vehicle", default=DEFAULT_VEHICLE),
-        legs=root.text("legs", default="") or None,
-        room=room_of(root.table("room", required=False)),
+        drone=setup.drone,
+        mocap=setup.mocap,
+        vehicle=setup.vehicle,
+        legs=setup.legs,
+        room=room_of(root.table("room", required=False), setup.room),
         flights=tuple(flight for table in tables for flight in _flights(table)),
+        lab=lab,
     )
     root.refuse_unread()
     check_names(
@@ -123,6 +130,7 @@ def load_flight_plan(path: Path) -> FlightPlan:
             "legs": lambda: load_vehicle(plan.vehicle, plan.legs),
         },
     )
+    setup.check()
     for table in tables:
         flight = _flights(table)[0]
         check_names(table, {"kind": partial(MANOEUVRES[flight.kind].course, flight.parameters, plan.room)})

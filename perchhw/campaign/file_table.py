@@ -7,11 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from onboard.errors import InputError
+from onboard.lab_file import LabFile
 from onboard.room import RoomGeometry
 from perchhw.attempt import APPROACH_PARAMETERS
 from perchhw.errors import FlightStackError
+from perchhw.lab import FlightSetup, SetupError, flight_setup
 
 SCHEMA = "perchhw.campaign/1"
+ROOM_KEYS = ("ceiling_z", "x_min", "x_max", "y_min", "y_max")
 
 
 class CampaignFileError(FlightStackError, InputError):
@@ -54,6 +57,11 @@ class FileTable:
         if not rows or not all(isinstance(row, dict) for row in rows):
             raise self.error(key, f"{rows!r} is not an array of tables: write each under [[{key}]]")
         return [FileTable(self._path, f"{self._full(key)}[{i}]", row) for i, row in enumerate(rows)]
+
+    def given(self, key: str) -> str | None:
+        """A text that another file may give instead; None when it is left out."""
+        self._read.append(key)
+        return self.text(key) if key in self.content else None
 
     def text(self, key: str, default: str | None = None) -> str:
         """A text; required without a default."""
@@ -113,16 +121,35 @@ class FileTable:
             raise self.error(unknown[0], f"unknown; known are {known}")
 
 
-def room_of(table: FileTable) -> RoomGeometry:
-    """The ``[room]`` table; what is left out is as in :class:`onboard.room.RoomGeometry`."""
-    defaults = RoomGeometry()
-    values = {f.name: table.number(f.name, getattr(defaults, f.name)) for f in dataclasses.fields(defaults)}
+def room_of(table: FileTable, given: RoomGeometry) -> RoomGeometry:
+    """The ``[room]`` table; what is left out is as `given`: by the lab file, or the simulated room."""
+    values = {key: table.number(key, getattr(given, key)) for key in ROOM_KEYS}
     table.refuse_unread()
     if not (values["x_min"] < values["x_max"] and values["y_min"] < values["y_max"]):
         raise table.error("x_min", "the flight volume is empty: x_min < x_max and y_min < y_max are needed")
-    if values["ceiling_z"] <= 0.0:
-        raise table.error("ceiling_z", f"{values['ceiling_z']:g} is not a height above the floor")
-    return RoomGeometry(**values)
+    room = dataclasses.replace(given, **values)
+    if room.lowest_ceiling <= room.floor_z:
+        raise table.error("ceiling_z", f"{room.ceiling_z:g} is not a height above the floor")
+    return room
+
+
+def setup_of(root: FileTable, lab: LabFile | None, policy: str | None = None) -> FlightSetup:
+    """Who flies where, as the file says, completed from the lab file; the room is that of the latter.
+
+    Raises:
+        CampaignFileError: neither of the two says it.
+    """
+    try:
+        return flight_setup(
+            lab,
+            drone=root.given("drone"),
+            mocap=root.given("mocap"),
+            vehicle=root.given("vehicle"),
+            legs=root.given("legs"),
+            policy=policy,
+        )
+    except SetupError as error:
+        raise root.error(error.key, error.message) from error
 
 
 def check_names(root: FileTable, checks: Mapping[str, Callable[[], object]]) -> None:

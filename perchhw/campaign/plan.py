@@ -11,14 +11,15 @@ from typing import Any
 import numpy as np
 
 from mocap_bridge.uri import parse_mocap_uri
+from onboard.lab_file import LabFile
 from onboard.link import check_drone_uri
 from onboard.policy.bundle import encode_bundle
 from onboard.policy.files import find_policy, load_policy
 from onboard.room import RoomGeometry
 from onboard.toml_file import read_toml
 from onboard.vehicle import load_vehicle
-from perchhw.attempt import APPROACH_PARAMETERS, DEFAULT_POLICY, DEFAULT_VEHICLE
-from perchhw.campaign.file_table import SCHEMA, CampaignFileError, FileTable, check_names, room_of
+from perchhw.attempt import APPROACH_PARAMETERS
+from perchhw.campaign.file_table import SCHEMA, CampaignFileError, FileTable, check_names, room_of, setup_of
 
 ORDERS = ("shuffled", "grid")
 
@@ -51,6 +52,7 @@ class CampaignPlan:
         approach: further parameters of the approach.
         aborted_in_a_row: that many aborted attempts in a row stop the campaign.
         attempts: fly only so many, from the beginning of the order; None for all.
+        lab: the lab file, or None.
     """
 
     name: str
@@ -68,6 +70,7 @@ class CampaignPlan:
     approach: dict[str, float]
     aborted_in_a_row: int
     attempts: int | None = None
+    lab: LabFile | None = None
 
     def slots(self) -> list[Slot]:
         """All attempts in flying order: each condition `repeats` times."""
@@ -87,39 +90,45 @@ class CampaignPlan:
         return int(np.random.SeedSequence([self.seed, slot, try_number]).generate_state(1)[0])
 
     def fixed_part(self) -> dict[str, Any]:
-        """What must not change when a campaign is resumed: everything but the URIs and the stop rule."""
-        part = dataclasses.asdict(self)
-        for key in ("drone", "mocap", "aborted_in_a_row"):
+        """What must not change when a campaign is resumed: everything but the URIs, the stop rule and
+        what of the lab file is not the room.
+        """
+        part = dataclasses.asdict(dataclasses.replace(self, lab=None))
+        for key in ("drone", "mocap", "aborted_in_a_row", "lab"):
             del part[key]
         return part
 
 
-def load_plan(path: Path) -> CampaignPlan:
-    """Read and check a campaign file.
+def load_plan(path: Path, lab: LabFile | None = None) -> CampaignPlan:
+    """Read and check a campaign file; what it leaves out of drone, mocap, vehicle, legs, policy and room is
+    as in the lab file.
 
     Raises:
+        LabRequired: it is to be flown on hardware, and there is no lab file.
         CampaignFileError: missing, not TOML, with an unknown key or an unusable value, or naming a policy,
             vehicle or kind of address that does not exist.
     """
     root = FileTable(path, "", read_toml(path, CampaignFileError))
     root.choice("schema", (SCHEMA,))
     grid, stop = root.table("grid"), root.table("stop", required=False)
+    setup = setup_of(root, lab, root.given("policy"))
     plan = CampaignPlan(
         name=root.text("name", default=path.stem),
-        drone=root.text("drone"),
-        mocap=root.text("mocap"),
-        policy=root.text("policy", default=DEFAULT_POLICY),
-        vehicle=root.text("vehicle", default=DEFAULT_VEHICLE),
-        legs=root.text("legs", default="") or None,
+        drone=setup.drone,
+        mocap=setup.mocap,
+        policy=setup.policy,
+        vehicle=setup.vehicle,
+        legs=setup.legs,
         seed=root.integer("seed", default=0, minimum=0),
         order=root.choice("order", ORDERS, default="shuffled"),
         speeds=grid.numbers("speeds", lambda v: v > 0.0, "positive speeds in m/s"),
         angles_deg=grid.numbers("angles_deg", lambda v: 0.0 < v <= 90.0, "angles above 0 and up to 90 deg"),
         repeats=grid.integer("repeats", default=1, minimum=1),
-        room=room_of(root.table("room", required=False)),
+        room=room_of(root.table("room", required=False), setup.room),
         approach=_approach(root.table("approach", required=False)),
         aborted_in_a_row=stop.integer("aborted_in_a_row", default=3, minimum=1),
         attempts=stop.integer("attempts", default=0, minimum=0) or None,
+        lab=lab,
     )
     for table in (root, grid, stop):
         table.refuse_unread()
@@ -133,6 +142,7 @@ def load_plan(path: Path) -> CampaignPlan:
             "legs": lambda: load_vehicle(plan.vehicle, plan.legs),
         },
     )
+    setup.check()
     return plan
 
 

@@ -133,6 +133,7 @@ def request_of(plan: CampaignPlan, slot: Slot, record: Path, try_number: int) ->
         vehicle=plan.vehicle,
         legs=plan.legs,
         room=plan.room,
+        lab=plan.lab,
         seed=plan.attempt_seed(slot.number, try_number),
         try_number=try_number,
         approach=dict(plan.approach),

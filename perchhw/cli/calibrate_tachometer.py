@@ -41,6 +41,9 @@ def tachometer_command(
     tachometer: Annotated[str | None, typer.Option(help="Port of the tachometer: /dev/ttyACM0.")] = None,
     supply: Annotated[str | None, typer.Option(help="Port of a SCPI supply that feeds the drone.")] = None,
     voltage: Annotated[float, typer.Option(min=3.0, max=4.2, help="Of the supply, V.")] = 3.9,
+    no_remote_cut: Annotated[
+        bool, typer.Option("--no-remote-cut", help="On a battery: nothing stops the motors if we die.")
+    ] = False,
     vehicle: Vehicle = DEFAULT_VEHICLE,
     propeller: Propeller = "vehicle",
     out: Out = None,
@@ -58,7 +61,9 @@ def tachometer_command(
     """Step the motors of a clamped drone and get their speed law and time constants.
 
     Motors turn only after 'props guarded, drone clamped' was typed (or given with --confirm), and stop on
-    Ctrl-C, on a lost link and on a lost instrument.
+    Ctrl-C, on a lost link and on a lost instrument. A supply is switched off by a process of its own when
+    this one is killed or hangs; without a supply nothing turns unless --no-remote-cut says so and 'hand on
+    the battery plug' was typed (or given with --confirm).
     """
     from calibration.wizards.motors import KIND, MotorPlan
     from calibration.wizards.sessions import Stand, measure_motors
@@ -75,5 +80,5 @@ def tachometer_command(
     port = needed(tachometer, "--tachometer", "the port of the tachometer")
     folder = new_or_given(out, KIND)
     with operator_of(Helper(hands, input, yes, tuple(confirm or ()))) as helper:
-        stand = Stand(uri, port, supply, voltage)
+        stand = Stand(uri, port, supply, voltage, no_remote_cut)
         tell(measure_motors(plan, stand, folder, helper, {"operator": operator}), folder)

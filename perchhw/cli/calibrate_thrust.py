@@ -53,7 +53,8 @@ def thrust_command(
     """Let the drone push a scale and get its thrust map, chosen by cross-validation.
 
     Motors turn only after 'props guarded, drone clamped' was typed (or given with --confirm), and stop on
-    Ctrl-C, on a lost link and on a lost instrument; the supply is switched off on every way out.
+    Ctrl-C, on a lost link and on a lost instrument; the supply is switched off on every way out, by a process
+    of its own also when this one is killed or hangs.
     """
     from calibration.wizards.operator import AnswerNotUsable
     from calibration.wizards.sessions import Stand, measure_thrust

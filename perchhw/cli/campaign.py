@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from perchhw.cli.options import Lab
 from perchhw.cli.output import console, emit, progress_console, show_alert
 
 if TYPE_CHECKING:
@@ -25,9 +26,12 @@ def run(
         bool, typer.Option("--retry-aborted", help="With --resume: fly aborted attempts again.")
     ] = False,
     out: Annotated[Path | None, typer.Option(help="Campaign folder; default: runs/campaign-NAME.")] = None,
+    lab: Lab = None,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before each attempt.")] = False,
 ) -> int:
     """Fly the attempts of a campaign file, one after another, and write its report; or its test flights.
+
+    What the file leaves out of drone, mocap, vehicle, legs, policy and room is as in the lab file.
 
     Exit codes: 0 all attempts are done, 2 the file or folder cannot be used, 3 too many attempts in a row
     (or a test flight) were aborted, 130 interrupted (continue with --resume).
@@ -36,12 +40,13 @@ def run(
     from perchhw.campaign.courses import has_flights
     from perchhw.cli.prompts import confirmation
     from perchhw.flight.turnaround import attempt_after_attempt
+    from perchhw.lab import find_lab
     from perchhw.record.folder import slug
     from perchhw.report import write_campaign_report
 
     if has_flights(file):
-        return _fly_courses(file, out, resume, yes)
-    plan = load_plan(file)
+        return _fly_courses(file, lab, out, resume, yes)
+    plan = load_plan(file, find_lab(lab))
     _check_approaches(plan)
     folder = out or Path("runs") / f"campaign-{slug(plan.name)}"
     runner = attempt_after_attempt(confirmation(yes), show_alert)
@@ -56,13 +61,14 @@ def run(
     return 3 if stopped else 0
 
 
-def _fly_courses(file: Path, out: Path | None, resume: bool, yes: bool) -> int:
+def _fly_courses(file: Path, lab: Path | None, out: Path | None, resume: bool, yes: bool) -> int:
     """Fly a campaign of test flights."""
     from perchhw.campaign.courses import flight_rows, fly_plan, load_flight_plan
     from perchhw.cli.prompts import confirmation
+    from perchhw.lab import find_lab
     from perchhw.record.folder import slug
 
-    plan = load_flight_plan(file)
+    plan = load_flight_plan(file, find_lab(lab))
     folder = out or Path("runs") / f"campaign-{slug(plan.name)}"
     screen = progress_console()
     screen.print(f"{len(plan.flights)} test flights", markup=False)

@@ -13,22 +13,38 @@ from perchhw.attempt import (
     AttemptResult,
 )
 from perchhw.cli import exit_codes
-from perchhw.cli.options import DroneUri, Legs, Policy, Vehicle
+from perchhw.cli.options import Lab
 from perchhw.cli.output import emit, show_flight
 
 app = typer.Typer(add_completion=False)
 
+_DEFAULT = "Default: that of the lab file"
+
 
 @app.command()
 def fly(
-    drone: DroneUri,
-    mocap: Annotated[str, typer.Option(help="URI of the mocap stream: vicon://HOST[:PORT]?subject=NAME")],
     speed: Annotated[float, typer.Option(help="Speed on the approach line, m/s.")],
     angle: Annotated[float, typer.Option(help="Angle of the approach line above the horizon, deg.")],
-    policy: Policy = DEFAULT_POLICY,
-    vehicle: Vehicle = DEFAULT_VEHICLE,
-    legs: Legs = None,
-    ceiling: Annotated[float, typer.Option(help="Height of the ceiling, m.")] = 2.10,
+    lab: Lab = None,
+    drone: Annotated[str | None, typer.Option(help=f"URI of the drone. {_DEFAULT}.")] = None,
+    mocap: Annotated[
+        str | None, typer.Option(help=f"URI of the poses: vicon://HOST[:PORT]?subject=NAME. {_DEFAULT}.")
+    ] = None,
+    policy: Annotated[
+        str | None,
+        typer.Option(help=f"Policy file, or name of a shipped one. {_DEFAULT}, or {DEFAULT_POLICY!r}."),
+    ] = None,
+    vehicle: Annotated[
+        str | None,
+        typer.Option(help=f"Vehicle file, or name of a known one. {_DEFAULT}, or {DEFAULT_VEHICLE!r}."),
+    ] = None,
+    legs: Annotated[
+        str | None, typer.Option(help=f"Leg design. {_DEFAULT}, or of the vehicle itself.")
+    ] = None,
+    ceiling: Annotated[
+        float | None,
+        typer.Option(help=f"Height of the ceiling over x = y = 0, m. {_DEFAULT}, or of the simulated room."),
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder for the record (a new folder inside it).")] = Path("runs"),
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Check and upload; never arm.")] = False,
     put_back: Annotated[
@@ -38,30 +54,37 @@ def fly(
 ) -> int:
     """Fly one attempt: check, upload and verify, arm, take off, approach, land upside down, label.
 
+    What no option says is as in the lab file; on hardware nothing flies without one.
+
     A drone that has landed needs --put-back before it flies again.
 
     Exit codes: 0 landed (or the dry run passed), 1 not landed, 3 a safety rule refused or ended it.
     """
-    from onboard.room import RoomGeometry
     from perchhw.cli.prompts import confirmation
     from perchhw.flight import fly_attempt, turnaround
+    from perchhw.lab import find_lab, flight_setup
     from perchhw.record import discard_if_empty, new_run_folder
 
+    setup = flight_setup(
+        find_lab(lab), drone=drone, mocap=mocap, vehicle=vehicle, legs=legs, policy=policy, ceiling=ceiling
+    )
+    setup.check()
     request = AttemptRequest(
         speed=speed,
         angle_deg=angle,
         index=0,
         folder=new_run_folder(out, f"fly-{speed:g}ms-{angle:g}deg"),
-        drone=drone,
-        mocap=mocap,
-        policy=policy,
-        vehicle=vehicle,
-        legs=legs,
-        room=RoomGeometry(ceiling_z=ceiling),
+        drone=setup.drone,
+        mocap=setup.mocap,
+        policy=setup.policy,
+        vehicle=setup.vehicle,
+        legs=setup.legs,
+        room=setup.room,
+        lab=setup.lab,
     )
     try:
         if put_back:
-            turnaround.put_back(drone, confirmation(yes))
+            turnaround.put_back(setup.drone, confirmation(yes))
         result = fly_attempt(request, dry_run=dry_run, on_phase=show_flight)
     except AttemptInterrupted as interrupted:
         _emit(interrupted.result, dry_run)

@@ -16,7 +16,8 @@ app = typer.Typer(add_completion=False, no_args_is_help=True, help="Motion captu
 @app.command()
 def watch(
     uri: Annotated[
-        str, typer.Argument(help="vicon://HOST[:PORT]?subject=NAME or vicon-udp://:PORT?subject=NAME")
+        str,
+        typer.Argument(help="vicon://HOST[:PORT]?subject=NAME or vicon-udp://[ADDRESS]:PORT?subject=NAME"),
     ],
     seconds: Annotated[float, typer.Option(min=0.1, max=3600.0, help="How long to watch.")] = 5.0,
 ) -> int:

@@ -1,10 +1,14 @@
 """Options that several verbs share, so that they read the same everywhere."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 DroneUri = Annotated[str, typer.Option(help="URI of the drone: udp://HOST:PORT, radio://..., usb://...")]
+Lab = Annotated[
+    Path | None, typer.Option(help="Lab file; default: lab.toml in the working folder, where there is one.")
+]
 Policy = Annotated[str, typer.Option(help="Policy file, or the name of a shipped policy.")]
 Vehicle = Annotated[str, typer.Option(help="Vehicle file, or the name of a known vehicle.")]
 Legs = Annotated[str | None, typer.Option(help="Leg design instead of the vehicle's own.")]

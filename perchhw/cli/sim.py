@@ -13,7 +13,7 @@ import typer
 
 from perchhw.attempt import DEFAULT_VEHICLE
 from perchhw.cli import exit_codes
-from perchhw.cli.options import Legs, Vehicle
+from perchhw.cli.options import Lab, Legs, Vehicle
 from perchhw.cli.output import emit
 from sim_backend.faults import fault_table, parse_faults
 
@@ -60,6 +60,13 @@ ViconUdpPort = Annotated[
     int, typer.Option(min=0, max=65535, help="UDP port that the Vicon object stream is sent to; 0: free.")
 ]
 Truth = Annotated[Path | None, typer.Option(help="Write the true state to this CSV file at 100 Hz.")]
+LabFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--lab",
+        help="Write the lab file of this room here while it is served; default: in a temporary folder.",
+    ),
+]
 Fault = Annotated[
     list[str] | None,
     typer.Option(
@@ -72,7 +79,18 @@ Flashed = Annotated[
     typer.Option(help="Vehicle file that the drones' firmware was built with, if it is not what they are."),
 ]
 Seed = Annotated[int, typer.Option(help="Seed of all random numbers.")]
-Pace = Annotated[float, typer.Option(help="How many times as fast as real time the bench lives, up to 50.")]
+BenchPace = Annotated[
+    float, typer.Option(help="How many times as fast as real time the bench lives, up to 50.")
+]
+LabPace = Annotated[
+    str,
+    typer.Option(
+        "--pace",
+        metavar="real|lockstep|FACTOR",
+        help="How the lab's time goes. real: as the clock, for clients of any kind. lockstep: as fast as "
+        "those who fly in it, never faster; a busy machine changes nothing. FACTOR: so, at most so fast.",
+    ),
+]
 WithParent = Annotated[
     bool, typer.Option("--with-parent", help="End when standard input ends, as it does when the parent dies.")
 ]
@@ -88,12 +106,15 @@ def lab(
     legs: Legs = None,
     flashed: Flashed = None,
     truth: Truth = None,
+    lab_file: LabFile = None,
     fault: Fault = None,
+    pace: LabPace = "real",
     seed: Seed = 0,
     with_parent: WithParent = False,
 ) -> int:
     """Drones and mocap room."""
     from sim_backend.lab import LabSettings
+    from sim_backend.pace import Pace
 
     settings = LabSettings(
         vehicle=vehicle,
@@ -104,7 +125,9 @@ def lab(
         vicon_port=vicon_port,
         vicon_udp_port=vicon_udp_port,
         truth=truth,
+        lab_file=lab_file,
         faults=parse_faults(fault or ()),
+        pace=Pace.parse(pace),
         seed=seed,
     )
     return _serve_lab(settings, with_parent)
@@ -119,11 +142,13 @@ def drone(
     flashed: Flashed = None,
     truth: Truth = None,
     fault: Fault = None,
+    pace: LabPace = "real",
     seed: Seed = 0,
     with_parent: WithParent = False,
 ) -> int:
     """Drones without a mocap room: nobody tells them where they are."""
     from sim_backend.lab import LabSettings
+    from sim_backend.pace import Pace
 
     settings = LabSettings(
         vehicle=vehicle,
@@ -134,6 +159,7 @@ def drone(
         with_room=False,
         truth=truth,
         faults=parse_faults(fault or ()),
+        pace=Pace.parse(pace),
         seed=seed,
     )
     return _serve_lab(settings, with_parent)
@@ -171,7 +197,7 @@ def bench(
     drone_port: DronePort = 19850,
     vehicle: Vehicle = DEFAULT_VEHICLE,
     legs: Legs = None,
-    pace: Pace = 1.0,
+    pace: BenchPace = 1.0,
     fault: Fault = None,
     seed: Seed = 0,
     with_parent: WithParent = False,
@@ -191,6 +217,17 @@ def bench(
 
 
 @app.command()
+def status(lab: Lab = None) -> int:
+    """Say what time it is in a simulated lab, how fast that goes, and who takes part in it."""
+    from onboard.lab_time.figures import lab_figures
+    from perchhw.lab import clock_of
+
+    figures = lab_figures(clock_of(lab))
+    emit(figures, "\n".join(f"{name}: {value}" for name, value in figures.items()))
+    return exit_codes.DONE
+
+
+@app.command()
 def faults() -> None:
     """List the faults that --fault can show."""
     table = fault_table()
@@ -198,9 +235,9 @@ def faults() -> None:
 
 
 def _serve_lab(settings: "LabSettings", with_parent: bool) -> int:
-    from sim_backend.lab import Lab
+    from sim_backend.lab import Lab as ServedLab
 
-    return _serve(Lab(settings), with_parent)
+    return _serve(ServedLab(settings), with_parent)
 
 
 def _serve(lab: Served, with_parent: bool) -> int:

@@ -5,10 +5,11 @@ from typing import Any
 from calibration.flights import open_flight
 from mocap_bridge.uri import parse_mocap_uri
 from onboard.errors import PerchhwError
+from onboard.lab_time import open_timebase
 from onboard.link.uri import check_drone_uri
 from onboard.policy.bundle import bundle_crc32, encode_bundle
 from onboard.policy.files import find_policy, load_policy
-from onboard.timebase import WALL, Timebase
+from onboard.timebase import Timebase
 from onboard.vehicle import Vehicle, load_vehicle
 from perchhw.attempt import AttemptInterrupted, AttemptRequest, AttemptResult, Outcome
 from perchhw.flight.actions import LandingCommands
@@ -18,6 +19,7 @@ from perchhw.flight.readback import LANDING_SETTINGS
 from perchhw.flight.recording import FlightRecord
 from perchhw.flight.session import SupervisedFlight
 from perchhw.flight.telemetry import BLOCKS
+from perchhw.lab import correction_of, in_record, limits_of, require_lab
 from perchhw.label import label_flight
 from perchhw.record import RunRecorder
 from perchhw.supervisor import FlightState, SafetyLimits
@@ -27,7 +29,6 @@ def fly_attempt(
     request: AttemptRequest,
     *,
     dry_run: bool = False,
-    clock: Timebase = WALL,
     limits: SafetyLimits | None = None,
     on_phase: OnPhase | None = None,
 ) -> AttemptResult:
@@ -36,8 +37,7 @@ def fly_attempt(
     Args:
         request: what to fly, where, with which policy; `request.folder` is created for the record.
         dry_run: stop after the verified policy upload; the motors never arm.
-        clock: time of the flight.
-        limits: safety limits; by default the documented ones in the request's room.
+        limits: safety limits; by default the documented ones and those of the lab file.
         on_phase: called when the phase or the alert changes, for a display.
 
     Returns:
@@ -50,11 +50,15 @@ def fly_attempt(
     """
     check_drone_uri(request.drone)
     parse_mocap_uri(request.mocap)
+    require_lab(request.drone, request.mocap, request.lab)
     vehicle = load_vehicle(request.vehicle, request.legs)
     bundle = encode_bundle(load_policy(find_policy(request.policy)))
     plan = plan_attempt(request, bundle_crc32(bundle), dry_run)
-    limits = limits or SafetyLimits(room=request.room)
-    with RunRecorder(request.folder, _configuration(request, vehicle, plan), clock) as recorder:
+    limits = limits or limits_of(request.lab, request.room, request.drone)
+    with (
+        open_timebase("fly", request.drone, request.mocap) as clock,
+        RunRecorder(request.folder, _configuration(request, vehicle, plan), clock) as recorder,
+    ):
         record = FlightRecord(recorder)
         flight = SupervisedFlight(
             drone=request.drone,
@@ -69,6 +73,7 @@ def fly_attempt(
             record=record,
             clock=clock,
             on_phase=on_phase,
+            correction=correction_of(request.lab),
         )
         try:
             flown = flight.run()
@@ -95,7 +100,8 @@ def _configuration(request: AttemptRequest, vehicle: Vehicle, plan: AttemptPlan)
         "policy_crc32": f"{plan.mission.policy_crc:08x}",
         "vehicle": vehicle.name,
         "legs": None if vehicle.legs is None else vehicle.legs.design,
-        "ceiling_z": request.room.ceiling_z,
+        "ceiling_z": float(plan.approach.ceiling_z),
+        **in_record(request.lab, request.room),
         "seed": request.seed,
         "approach": {name: float(value) for name, value in plan.approach._asdict().items()},
         "dry_run": plan.mission.dry_run,
@@ -114,7 +120,7 @@ def _conclude(
     outcome, evidence, aborted_by = Outcome.ABORTED, {}, state.aborted_by
     if aborted_by is None and state.armed:
         try:
-            label = label_flight(open_flight(request.folder, "perchhw"), vehicle, request.room.ceiling_z)
+            label = label_flight(open_flight(request.folder, "perchhw"), vehicle)
         except PerchhwError as error:
             aborted_by = _why_no_label(state, error)
         else:

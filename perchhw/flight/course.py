@@ -13,10 +13,11 @@ from calibration.gap.suggest.course import Course
 from calibration.gap.suggest.manoeuvres import manoeuvre
 from mocap_bridge.uri import parse_mocap_uri
 from onboard.errors import PerchhwError
+from onboard.lab_file import LabFile
+from onboard.lab_time import open_timebase
 from onboard.link.uri import check_drone_uri
 from onboard.outcome import Outcome
 from onboard.room import RoomGeometry
-from onboard.timebase import WALL, Timebase
 from onboard.vehicle import load_vehicle
 from perchhw.flight.course_commands import CourseCommands
 from perchhw.flight.loop import OnPhase
@@ -25,6 +26,7 @@ from perchhw.flight.readback import TEST_FLIGHT_SETTINGS
 from perchhw.flight.recording import FlightRecord
 from perchhw.flight.session import SupervisedFlight
 from perchhw.flight.telemetry import TEST_FLIGHT_BLOCKS
+from perchhw.lab import correction_of, in_record, limits_of, require_lab
 from perchhw.record import RunRecorder
 from perchhw.supervisor import Mission, SafetyLimits
 
@@ -44,6 +46,7 @@ class CourseRequest:
         vehicle: name or path of the vehicle file.
         legs: leg design, or None for that of the vehicle.
         room: ceiling and flight volume.
+        lab: the lab file: limits, start mark, correction of the poses; None: a simulated room.
     """
 
     kind: str
@@ -54,6 +57,7 @@ class CourseRequest:
     legs: str | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
     room: RoomGeometry = field(default_factory=RoomGeometry)
+    lab: LabFile | None = None
 
     def course(self) -> Course:
         """What is flown.
@@ -82,7 +86,6 @@ class CourseResult:
 def fly_course(
     request: CourseRequest,
     *,
-    clock: Timebase = WALL,
     limits: SafetyLimits | None = None,
     on_phase: OnPhase | None = None,
 ) -> CourseResult:
@@ -94,6 +97,7 @@ def fly_course(
     """
     check_drone_uri(request.drone)
     parse_mocap_uri(request.mocap)
+    require_lab(request.drone, request.mocap, request.lab)
     vehicle = load_vehicle(request.vehicle, request.legs)
     course = request.course()
     mission = Mission(
@@ -104,19 +108,23 @@ def fly_course(
         test_flight=True,
     )
     design = None if vehicle.legs is None else vehicle.legs.design
-    with RunRecorder(request.folder, _configuration(request, vehicle.name, design), clock) as recorder:
+    with (
+        open_timebase("test flight", request.drone, request.mocap) as clock,
+        RunRecorder(request.folder, _configuration(request, vehicle.name, design), clock) as recorder,
+    ):
         record = FlightRecord(recorder)
         flight = SupervisedFlight(
             drone=request.drone,
             mocap=request.mocap,
             mission=mission,
-            limits=limits or SafetyLimits(room=request.room),
+            limits=limits or limits_of(request.lab, request.room, request.drone),
             blocks=TEST_FLIGHT_BLOCKS,
             settings=TEST_FLIGHT_SETTINGS,
             commands=lambda link, events, _readback: CourseCommands(link, events, clock, course),
             record=record,
             clock=clock,
             on_phase=on_phase,
+            correction=correction_of(request.lab),
         )
         try:
             flown = flight.run()
@@ -139,4 +147,5 @@ def _configuration(request: CourseRequest, vehicle: str, legs: str | None) -> di
         "vehicle": vehicle,
         "legs": legs,
         "ceiling_z": request.room.ceiling_z,
+        **in_record(request.lab, request.room),
     }

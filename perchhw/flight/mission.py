@@ -80,6 +80,5 @@ def _approach(request: AttemptRequest) -> ApproachPlan:
             f"approach gives {', '.join(sorted(given))} but not {', '.join(sorted(missing))}: "
             "give all three or none"
         )
-    return plan_approach(
-        request.speed, request.angle_deg, impact_x, request.room.ceiling_z, **given, impact_y=impact_y
-    )
+    ceiling = request.room.ceiling_at(impact_x, impact_y)
+    return plan_approach(request.speed, request.angle_deg, impact_x, ceiling, **given, impact_y=impact_y)

@@ -6,6 +6,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 
 from mocap_bridge.bridge import PoseBridge
+from mocap_bridge.correction import AS_TRACKED, PoseCorrection
 from mocap_bridge.sinks.crazyflie import CrazyfliePoseSink
 from onboard.link import DroneLink
 from onboard.timebase import Queue, Timebase
@@ -54,6 +55,7 @@ class SupervisedFlight:
         record: where everything goes.
         clock: time of the flight.
         on_phase: called when the phase or the alert changes, for a display.
+        correction: of the poses, before anything else sees them.
     """
 
     drone: str
@@ -66,6 +68,7 @@ class SupervisedFlight:
     record: FlightRecord
     clock: Timebase
     on_phase: OnPhase | None
+    correction: PoseCorrection = AS_TRACKED
 
     def run(self) -> Flown:
         """Fly until the supervisor is done. What fails once it is does not cost the result.
@@ -96,7 +99,13 @@ class SupervisedFlight:
         interrupts.stop_by(link.stop_path.trigger)
         readback, events = ReadBack(), clock.queue()
         readback.check_settings(link, self.settings)
-        bridge = PoseBridge(self.mocap, CrazyfliePoseSink(link), clock=clock, on_sample=pose_recorder(record))
+        bridge = PoseBridge(
+            self.mocap,
+            CrazyfliePoseSink(link),
+            clock=clock,
+            on_sample=pose_recorder(record),
+            correction=self.correction,
+        )
         stack.enter_context(bridge)
         telemetry = Telemetry(link, bridge, record, readback, clock, self.blocks)
         telemetry.start()

@@ -102,9 +102,17 @@ class RunRecorder:
         self._events = _UnbufferedFile(folder / EVENTS_FILE)
         write_json_atomically(folder / RUN_FILE, self._info)
         # A plain IO[bytes] would be wrapped into a buffer; the writer only needs write() and tell().
-        self._writer = Writer(self._stream, use_chunking=False, index_types=IndexType.NONE)  # type: ignore[arg-type]
+        self._writer = Writer(
+            self._stream,  # type: ignore[arg-type]
+            use_chunking=False,
+            index_types=IndexType.NONE,
+            enable_data_crcs=True,
+        )
         self._writer.start(profile="", library="perchhw")
         self._channels = {name: self._register(name) for name in TOPICS}
+        # Makes the writer put schemas and channels into the file: those of a run without a message would come
+        # after its CRC had been computed, which would then be wrong.
+        self._writer.add_metadata("perchhw.run", {"schema": self._info["schema"]})
 
     def _register(self, name: str) -> int:
         schema = json.dumps(TOPICS[name].json_schema()).encode()

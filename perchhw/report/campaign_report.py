@@ -3,7 +3,7 @@
 import math
 from collections import Counter
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from itertools import pairwise
 from pathlib import Path
@@ -13,7 +13,7 @@ import numpy as np
 
 from calibration.flights import UnusableFlightError
 from calibration.flights.perchhw_run import load_run
-from calibration.flights.run_folder import is_run_folder, read_info
+from calibration.flights.run_folder import RunFolderError, is_run_folder, read_info
 from perchhw.attempt import Outcome
 from perchhw.campaign.store import CampaignError, CampaignStore, exists
 from perchhw.record.listing import find_runs
@@ -47,7 +47,7 @@ class _Attempt:
 
 
 def write_campaign_report(folder: Path) -> Path:
-    """Write ``report.html`` into `folder`, and one for each of its runs.
+    """Write ``report.html`` into `folder`, and one for each of its runs; damaged records are named in it.
 
     Args:
         folder: a campaign, or a folder of runs (as ``demo`` makes one).
@@ -67,12 +67,17 @@ def write_campaign_report(folder: Path) -> Path:
     else:
         title, attempts = f"Attempts in {folder.name}", _attempts_of_runs(folder)
         planned = len(attempts)
-    for attempt in attempts:
+    damaged: list[str] = []
+    for index, attempt in enumerate(attempts):
         if attempt.record is not None and is_run_folder(attempt.record):
-            write_run_report(attempt.record)
+            try:
+                write_run_report(attempt.record)
+            except RunFolderError as error:
+                damaged.append(str(error))
+                attempts[index] = replace(attempt, record=None)
     path = folder / REPORT_FILE
     with report_style():
-        body = _body(attempts, folder)
+        body = _body(attempts, folder, damaged)
     path.write_text(page(title, _subtitle(attempts, planned), body), encoding="utf-8")
     return path
 
@@ -111,7 +116,7 @@ def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
     return max(0.0, centre - half), min(1.0, centre + half)
 
 
-def _body(attempts: list[_Attempt], folder: Path) -> str:
+def _body(attempts: list[_Attempt], folder: Path, damaged: list[str]) -> str:
     if not attempts:
         return section("Attempts", "None was flown yet.")
     counts = Counter(a.outcome for a in attempts)
@@ -134,7 +139,8 @@ def _body(attempts: list[_Attempt], folder: Path) -> str:
         panels.append(
             section("Last approach to the ceiling", paths, "From 1.2 s before to 0.5 s after the trigger.")
         )
-    return grid(panels) + section("Attempts", _attempt_table(attempts, folder))
+    unreadable = "".join(section("Damaged record", escape(reason)) for reason in damaged)
+    return grid(panels) + section("Attempts", _attempt_table(attempts, folder)) + unreadable
 
 
 def _outcome_map(attempts: list[_Attempt]) -> str:

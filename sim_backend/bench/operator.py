@@ -102,7 +102,7 @@ class Operator:
 
     def _ask(self, name: Any) -> dict[str, Any]:
         if name == "spin_record":
-            return {"value": self._bench.record.to_json(), "unit": "s"}
+            return {"value": {"now": self._bench.time, **self._bench.record.to_json()}, "unit": "s"}
         reading = self._readings.get(name) if isinstance(name, str) else None
         if reading is None:
             raise CannotDo(f"ask for {name!r}? I can read {', '.join([*self._readings, 'spin_record'])}")

@@ -13,7 +13,7 @@ import asyncio
 import heapq
 import itertools
 import socket
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable
 from functools import partial
 from typing import Protocol
@@ -40,6 +40,7 @@ BUFFER_BYTES = 4 << 20
 #: Datagrams handled in one go before other tasks of the loop get their turn.
 BURST = 1024
 DATAGRAM_MAX = 2048
+ECHO_HEADERS = tuple(bytes((Port.LINK << 4 | link_bits << 2,)) for link_bits in range(4))
 #: Silence after which the firmware stops all logging (CONFIG_RADIO_ACTIVITY_TIMEOUT_MS).
 ACTIVITY_TIMEOUT_MS = 1000
 #: Length of the firmware's queue towards the radio.
@@ -67,6 +68,8 @@ class CrazyflieServer:
     Attributes:
         radio: the radio chip with the drone's power switch.
         dropped: datagrams that the kernel did not take.
+        received, sent: datagrams from and to each client, by its port.
+        heard: set when a datagram has come.
         assertions: assertions of the firmware that packets have tripped, oldest first.
     """
 
@@ -82,6 +85,9 @@ class CrazyflieServer:
         """Port 0 takes a free one; ``radio_id`` is the last byte of the drone's radio address."""
         self.radio = Radio(firmware)
         self.dropped = 0
+        self.received: Counter[int] = Counter()
+        self.sent: Counter[int] = Counter()
+        self.heard = asyncio.Event()
         self.assertions: list[str] = []
         self._firmware = firmware
         self._requested: Address = (host, port)
@@ -211,14 +217,16 @@ class CrazyflieServer:
                 datagram, source = self._socket.recvfrom(DATAGRAM_MAX)
             except BlockingIOError:
                 return
-            self._pass(partial(self._receive, datagram, source))
+            self.received[source[1]] += 1
+            self.heard.set()
+            self._pass(partial(self._receive, datagram, source), datagram)
 
-    def _pass(self, deliver: Callable[[], None]) -> None:
+    def _pass(self, deliver: Callable[[], None], datagram: bytes) -> None:
         """Deliver one datagram through the faults of the link."""
         if self._faults is None:
             deliver()
             return
-        for delay in self._faults.copies():
+        for delay in self._faults.copies(echo=datagram[:1] in ECHO_HEADERS):
             if delay <= 0.0:
                 deliver()
             else:
@@ -267,12 +275,13 @@ class CrazyflieServer:
             self._transmit(packet.encode(), self._peer)
 
     def _transmit(self, datagram: bytes, address: Address) -> None:
-        self._pass(partial(self._put, datagram, address))
+        self._pass(partial(self._put, datagram, address), datagram)
 
     def _put(self, datagram: bytes, address: Address) -> None:
         if self._socket is None:
             return
         try:
             self._socket.sendto(datagram, address)
+            self.sent[address[1]] += 1
         except OSError:  # full buffer, or the client is gone: a radio packet would be lost as well
             self.dropped += 1

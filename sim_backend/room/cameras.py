@@ -31,11 +31,11 @@ class CameraFrame(NamedTuple):
 
 
 class Cameras:
-    """Measures bodies. Pure but for the random generator and the memory that freezing needs."""
+    """Measures bodies. Pure but for the random generator `rng` and the memory that freezing needs."""
 
     def __init__(self, settings: RoomSettings, rng: np.random.Generator) -> None:
         self._settings = settings
-        self._rng = rng
+        self.rng = rng
         self._last: tuple[SeenBody, ...] = ()
 
     def expose(
@@ -55,10 +55,10 @@ class Cameras:
 
     def _see(self, name: str, true_pose: TruePose | None, flipped: bool) -> SeenBody:
         if true_pose is None or (
-            self._settings.occlusion > 0.0 and self._rng.random() < self._settings.occlusion
+            self._settings.occlusion > 0.0 and self.rng.random() < self._settings.occlusion
         ):
             return SeenBody(name, None, 0.0)
-        noise = self._rng.normal(size=6)
+        noise = self.rng.normal(size=6)
         dx, dy, dz = (self._settings.position_noise * noise[:3]).tolist()
         ax, ay, az = (0.5 * self._settings.rotation_noise * noise[3:]).tolist()
         x, y, z = true_pose.position

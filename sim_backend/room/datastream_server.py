@@ -117,7 +117,7 @@ class _EncodedFrame:
 
 
 class _Client(asyncio.Protocol):
-    """One connected client."""
+    """One connected client, by its TCP port, and the packets that it was sent."""
 
     def __init__(self, server: "DataStreamServer") -> None:
         self._server = server
@@ -126,6 +126,7 @@ class _Client(asyncio.Protocol):
         self._wanted: frozenset[int] = frozenset()
         self._streaming = False
         self._frames_owed = 0
+        self.port, self.packets = 0, 0
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         if not isinstance(transport, asyncio.Transport):
@@ -133,7 +134,8 @@ class _Client(asyncio.Protocol):
         self._transport = transport
         transport.get_extra_info("socket").setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._server.clients.add(self)
-        transport.write(encode_packet([ObjectEnums(SUPPORTED_IDS)]))
+        self.port = transport.get_extra_info("peername")[1]
+        self._write(encode_packet([ObjectEnums(SUPPORTED_IDS)]))
 
     def connection_lost(self, exc: Exception | None) -> None:
         self._server.clients.discard(self)
@@ -169,6 +171,7 @@ class _Client(asyncio.Protocol):
     def _write(self, packet: bytes) -> None:
         if self._transport is not None and self._transport.get_write_buffer_size() < _BACKLOG_BYTES:
             self._transport.write(packet)
+            self.packets += 1
 
     def abort(self) -> None:
         """Close the connection at once."""
@@ -197,12 +200,20 @@ class DataStreamServer:
         for client in tuple(self.clients):
             client.send_frame(self.newest)
 
-    async def close(self) -> None:
-        """Stop listening and drop every client."""
+    def packets_sent(self) -> dict[str, int]:
+        """Packets to each client so far, by ``tcp:PORT``."""
+        return {f"tcp:{client.port}": client.packets for client in self.clients}
+
+    def stop(self) -> None:
+        """Stop listening and drop every client, at once."""
         if self._listener is not None:
             self._listener.close()
         for client in tuple(self.clients):
             client.abort()
+
+    async def close(self) -> None:
+        """As :meth:`stop`, and wait until everything is closed."""
+        self.stop()
         if self._listener is not None:
             await self._listener.wait_closed()
             self._listener = None

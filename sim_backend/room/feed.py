@@ -1,6 +1,6 @@
 """True poses from the world's process to the room's: one loopback UDP datagram per world update.
 
-Little-endian, packed: ``u32 magic "PFD1" | u16 bodies | u16 0 | f64 world time (s)``, then per body
+Little-endian, packed: ``u32 magic "PFD1" | u16 bodies | u16 flags | f64 world time (s)``, then per body
 ``char[24] name | f64 position[3] (m) | f64 quaternion[4] (x, y, z, w)``. A lost datagram costs one update.
 """
 
@@ -18,6 +18,8 @@ from sim_backend.errors import SimulationError
 _HEADER = struct.Struct("<IHHd")
 _BODY = struct.Struct("<24s7d")
 _MAGIC = int.from_bytes(b"PFD1", "little")
+ANSWER = 1
+"""Flag: the room shall say when the update is dealt with (:mod:`sim_backend.room.driven_feed`)."""
 # Updates kept to place an exposure between two of them; longer than any camera latency that is simulated.
 _HISTORY_S = 0.25
 
@@ -38,15 +40,16 @@ class FeedUpdate(NamedTuple):
 
     world_time: float
     bodies: dict[str, TruePose]
+    flags: int = 0
 
 
-def encode_feed(update: FeedUpdate) -> bytes:
+def encode_feed(update: FeedUpdate, *, answer: bool = False) -> bytes:
     """The datagram of `update`.
 
     Raises:
         FeedError: a name over 24 bytes, or a pose that is not seven finite numbers.
     """
-    data = bytearray(_HEADER.pack(_MAGIC, len(update.bodies), 0, update.world_time))
+    data = bytearray(_HEADER.pack(_MAGIC, len(update.bodies), ANSWER if answer else 0, update.world_time))
     for name, pose in update.bodies.items():
         encoded = name.encode()
         values = (*pose.position, *pose.quaternion)
@@ -66,7 +69,7 @@ def decode_feed(data: bytes) -> FeedUpdate:
     """
     if len(data) < _HEADER.size:
         raise FeedError(f"feed datagram of {len(data)} bytes has no header")
-    magic, count, _, world_time = _HEADER.unpack_from(data, 0)
+    magic, count, flags, world_time = _HEADER.unpack_from(data, 0)
     if magic != _MAGIC or len(data) != _HEADER.size + count * _BODY.size or not math.isfinite(world_time):
         raise FeedError(f"not a feed datagram: magic {magic:#x}, {count} bodies in {len(data)} bytes")
     bodies = {}
@@ -76,7 +79,7 @@ def decode_feed(data: bytes) -> FeedUpdate:
             raise FeedError(f"body {i} of the feed datagram has values {values}")
         pose = TruePose((values[0], values[1], values[2]), (values[3], values[4], values[5], values[6]))
         bodies[name.rstrip(b"\0").decode("utf-8", "replace")] = pose
-    return FeedUpdate(world_time, bodies)
+    return FeedUpdate(world_time, bodies, flags)
 
 
 class FeedSender:

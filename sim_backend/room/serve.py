@@ -2,8 +2,12 @@
 
 import asyncio
 import contextlib
+import heapq
+import itertools
+import json
 import socket
 import time
+from collections.abc import Callable
 
 import numpy as np
 
@@ -12,24 +16,24 @@ from mocap_bridge.tracker_udp import TrackerItem, encode_blocks
 from onboard.clock import Clock
 from sim_backend.room.cameras import CameraFrame, Cameras
 from sim_backend.room.datastream_server import DataStreamServer
-from sim_backend.room.feed import FeedError, FeedReceiver, decode_feed
+from sim_backend.room.feed import ANSWER, FeedError, FeedReceiver, FeedUpdate, decode_feed
 from sim_backend.room.settings import RoomError, RoomSettings
 
 
 class _FeedProtocol(asyncio.DatagramProtocol):
-    """Feed datagrams into the receiver; foreign datagrams are counted and left alone."""
+    """Hands on feed datagrams with their source; foreign ones are counted and left alone."""
 
-    def __init__(self, receiver: FeedReceiver, clock: Clock) -> None:
-        self._receiver = receiver
-        self._clock = clock
+    def __init__(self, take: Callable[[FeedUpdate, tuple[str, int]], None]) -> None:
+        self._take = take
         self.refused = 0
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
-        receipt_time = self._clock()
         try:
-            self._receiver.observe(decode_feed(data), receipt_time)
+            update = decode_feed(data)
         except FeedError:
             self.refused += 1
+            return
+        self._take(update, addr)
 
 
 class RoomServer:
@@ -47,11 +51,22 @@ class RoomServer:
     """
 
     def __init__(
-        self, settings: RoomSettings, rng: np.random.Generator, clock: Clock = time.monotonic
+        self,
+        settings: RoomSettings,
+        rng: np.random.Generator,
+        clock: Clock = time.monotonic,
+        driven_seed: int | None = None,
     ) -> None:
+        """With `driven_seed` the feed is the clock, and the noise of each frame hangs on its number alone."""
         self._settings = settings
+        self._driven_seed = driven_seed
+        self._world_now = 0.0
+        self._number = 0
+        self._tracker_packets = 0
+        self._delayed: list[tuple[float, int, CameraFrame, float]] = []
+        self._order = itertools.count()
         self._rng = rng
-        self._clock = clock
+        self._clock = clock if driven_seed is None else lambda: self._world_now
         self._cameras = Cameras(settings, rng)
         self._feed = FeedReceiver(settings.feed_timeout)
         self._datastream = DataStreamServer(settings.rate_hz)
@@ -74,7 +89,7 @@ class RoomServer:
         loop = asyncio.get_running_loop()
         try:
             self._feed_transport, _ = await loop.create_datagram_endpoint(
-                lambda: _FeedProtocol(self._feed, self._clock), local_addr=(host, self._settings.feed_port)
+                lambda: _FeedProtocol(self._take_update), local_addr=(host, self._settings.feed_port)
             )
             self.feed_port = self._feed_transport.get_extra_info("sockname")[1]
             self.vicon_port = await self._datastream.start(host, self._settings.vicon_port)
@@ -87,7 +102,8 @@ class RoomServer:
             self.vicon_udp_port = _free_udp_port(host)
         self._tracker_socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._tracker_socket.setblocking(False)
-        self._task = asyncio.create_task(self._run_cameras())
+        if self._driven_seed is None:
+            self._task = asyncio.create_task(self._run_cameras())
 
     async def close(self) -> None:
         """Stop the cameras, drop all clients, close all sockets. May be called again."""
@@ -102,6 +118,31 @@ class RoomServer:
         if self._tracker_socket is not None:
             self._tracker_socket.close()
             self._tracker_socket = None
+
+    def _take_update(self, update: FeedUpdate, source: tuple[str, int]) -> None:
+        if self._driven_seed is None:
+            self._feed.observe(update, self._clock())
+            return
+        self._world_now = update.world_time
+        self._feed.observe(update, update.world_time)
+        self._expose_what_is_due(self._driven_seed)
+        if update.flags & ANSWER and self._feed_transport is not None:
+            sent = self._datastream.packets_sent() | {f"tracker:{self.vicon_udp_port}": self._tracker_packets}
+            answer = {"t": update.world_time, "sent": sent}
+            self._feed_transport.sendto(json.dumps(answer).encode(), source)
+
+    def _expose_what_is_due(self, seed: int) -> None:
+        """In the lab's time: the frames until now, then those that the network has delayed until now."""
+        settings, tolerance = self._settings, 1e-9
+        while (self._number + 1) * settings.period + settings.latency <= self._world_now + tolerance:
+            self._number += 1
+            self._rng = self._cameras.rng = np.random.default_rng((seed, self._number))
+            if not self.died.is_set() and self._step(self._number, self._number * settings.period):
+                self.died.set()
+                self._datastream.stop()
+        while self._delayed and self._delayed[0][0] <= self._world_now + tolerance:
+            _, _, frame, latency = heapq.heappop(self._delayed)
+            self._send(frame, latency)
 
     async def _run_cameras(self) -> None:
         """Expose frame after frame; each is sent `latency` after its exposure, late frames are skipped."""
@@ -139,6 +180,10 @@ class RoomServer:
         return False
 
     def _send_later(self, frame: CameraFrame, latency: float, delay: float) -> None:
+        if self._driven_seed is not None:
+            self._last_send_time = max(self._last_send_time, self._world_now + delay)
+            heapq.heappush(self._delayed, (self._last_send_time, next(self._order), frame, latency))
+            return
         # A network delays frames but TCP keeps their order; the microsecond keeps the loop's order too.
         loop = asyncio.get_running_loop()
         self._last_send_time = max(self._last_send_time + 1e-6, loop.time() + delay)
@@ -164,6 +209,7 @@ class RoomServer:
         for block in encode_blocks(frame.number, items, self._settings.udp_block_size):
             try:
                 self._tracker_socket.sendto(block, (self._settings.host, self.vicon_udp_port))
+                self._tracker_packets += 1
             except (BlockingIOError, ConnectionRefusedError):
                 return  # nobody listens, or the system's buffer is full: UDP loses this frame
 

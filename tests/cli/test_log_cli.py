@@ -17,8 +17,8 @@ from tests.report.recorded import record_landing
 
 CAMPAIGN = """
 schema = "perchhw.campaign/1"
-drone = "udp://a:1"
-mocap = "vicon://b?subject=c"
+drone = "udp://127.0.0.1:1"
+mocap = "vicon://127.0.0.1?subject=c"
 [grid]
 speeds = [2.0]
 angles_deg = [40, 50]
@@ -181,8 +181,8 @@ def test_replay_of_the_flown_policy_fires_where_the_drone_did(
 @pytest.mark.parametrize(
     ("old", "new"),
     [
-        ("udp://a:1", "foo://a:1"),
-        ("vicon://b", "vicom://b"),
+        ("udp://127.0.0.1:1", "foo://127.0.0.1:1"),
+        ("vicon://127.0.0.1", "vicom://127.0.0.1"),
         ("[grid]", 'policy = "no-such"\n[grid]'),
         ("[grid]", 'vehicle = "no-such"\n[grid]'),
     ],
@@ -194,7 +194,7 @@ def test_a_campaign_that_names_what_does_not_exist_begins_nothing(
     file.write_text(CAMPAIGN.replace(old, new, 1))
     code, _, errors = call(capsys, "campaign", "run", file, "--out", tmp_path / "c", "--yes")
     assert code == 2
-    key = {"foo://a:1": "drone", "vicom://b": "mocap"}.get(new, new.split()[0])
+    key = {"foo://127.0.0.1:1": "drone", "vicom://127.0.0.1": "mocap"}.get(new, new.split()[0])
     assert f"{file}: key {key}: " in errors
     assert not (tmp_path / "c").exists()
 
@@ -205,7 +205,7 @@ def test_a_folder_that_cannot_be_written_is_named(
     plan, out = tmp_path / "c.toml", tmp_path / "a-file" / "out"
     plan.write_text(CAMPAIGN)
     out.parent.write_text("")
-    addresses = ("--drone", "udp://a:1", "--mocap", "vicon://b?subject=c")
+    addresses = ("--drone", "udp://127.0.0.1:1", "--mocap", "vicon://127.0.0.1?subject=c")
     for command in (
         ("campaign", "run", plan, "--yes"),
         ("log", "export", landing),

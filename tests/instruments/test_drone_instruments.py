@@ -1,7 +1,7 @@
 """Gyroscope and motors through the link to a simulated drone; the motors are off after every way out."""
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -62,8 +62,29 @@ class Witness:
 STILL = (0, 0, 0, 0)
 
 
+class Power:
+    """A remote cut that notes what it is told; `gone` makes it one that nobody holds any more."""
+
+    def __init__(self) -> None:
+        self.cuts: list[float] = []
+        self.beats: list[float] = []
+        self.resting = False
+        self.gone = threading.Event()
+
+    def cut(self) -> None:
+        self.cuts.append(monotonic())
+
+    def beat(self) -> None:
+        if self.gone.is_set():
+            raise InstrumentLost("the keeper is gone")
+        self.beats.append(monotonic())
+
+    def rest(self) -> None:
+        self.resting = True
+
+
 def unlocked(drone: DroneLink, **settings: object) -> MotorStand:
-    stand = MotorStand(drone, **settings)  # type: ignore[arg-type]
+    stand = MotorStand(drone, **{"no_remote_cut": "remote_cut" not in settings, **settings})  # type: ignore[arg-type]
     stand.unlock(UNLOCK_PHRASE)
     return stand
 
@@ -137,7 +158,7 @@ def test_armed_motors_refuse_a_recording_and_the_stand(drone: DroneLink) -> None
     try:
         with pytest.raises(MotorsRefused, match="is armed: disarm"):
             GyroRecorder(drone)
-        with MotorStand(drone) as stand:
+        with MotorStand(drone, no_remote_cut=True) as stand:
             with pytest.raises(MotorsRefused, match="is armed"):
                 stand.unlock(UNLOCK_PHRASE)
             with pytest.raises(MotorsRefused, match="locked"):
@@ -148,13 +169,54 @@ def test_armed_motors_refuse_a_recording_and_the_stand(drone: DroneLink) -> None
 
 @pytest.mark.parametrize("phrase", ["", "yes", "props guarded", "props guarded drone clamped"])
 def test_motors_never_turn_without_the_whole_phrase(drone: DroneLink, phrase: str) -> None:
-    with MotorStand(drone) as stand:
+    with MotorStand(drone, no_remote_cut=True) as stand:
         with pytest.raises(MotorsRefused, match="type 'props guarded, drone clamped'"):
             stand.unlock(phrase)
         for turn in (lambda: stand.spin({1: pwm(40)}), lambda: stand.spin_all(pwm(40))):
             with pytest.raises(MotorsRefused, match="locked"):
                 turn()
         assert drone.param("motorPowerSet.enable") == 0
+
+
+def test_motors_never_turn_when_nobody_could_cut_them_off(drone: DroneLink) -> None:
+    with MotorStand(drone) as stand:
+        with pytest.raises(MotorsRefused, match="nothing would stop them if this program died"):
+            stand.unlock(UNLOCK_PHRASE)
+        with pytest.raises(MotorsRefused, match="locked"):
+            stand.spin({1: pwm(40)})
+    power = Power()
+    power.gone.set()
+    with pytest.raises(InstrumentLost, match="keeper is gone"):
+        unlocked(drone, remote_cut=power)
+    assert drone.param("motorPowerSet.enable") == 0
+
+
+def test_the_heart_beats_until_the_motors_are_off(drone: DroneLink) -> None:
+    power = Power()
+    with unlocked(drone, remote_cut=power) as stand:
+        stand.spin({2: pwm(60)})
+        motors(stand, (0, pwm(60), 0, 0))
+        deadline = monotonic() + 3.0
+        while len(power.beats) < 5 and monotonic() < deadline:
+            stand.take(0.05)
+        assert len(power.beats) >= 5
+        assert not power.resting
+    assert power.resting
+    assert power.cuts == []
+
+
+def test_motors_stop_when_nobody_could_cut_them_off_any_more(drone: DroneLink) -> None:
+    power, witness = Power(), Witness(drone)
+    try:
+        with unlocked(drone, remote_cut=power) as stand:
+            stand.spin({3: pwm(60)})
+            motors(stand, (0, 0, pwm(60), 0), witness)
+            power.gone.set()
+            assert witness.await_ratios(STILL, 1.0) < 0.5
+            with pytest.raises(InstrumentLost, match="keeper is gone"):
+                renew_for_ever(stand)
+    finally:
+        witness.close()
 
 
 def test_motors_turn_as_told_one_alone_and_all(drone: DroneLink) -> None:
@@ -238,8 +300,8 @@ def test_motors_stop_when_an_instrument_is_lost(drone: DroneLink) -> None:
 @pytest.mark.parametrize("with_supply", [True, False])
 def test_a_lost_link_cuts_the_power_and_is_not_called_a_stop(drone_uri: str, with_supply: bool) -> None:
     port = int(drone_uri.rpartition(":")[2])
-    cut: list[float] = []
-    settings: dict[str, Callable[[], None]] = {"cut_power": lambda: cut.append(monotonic())}
+    power = Power()
+    settings = {"remote_cut": power}
     with FaultyNetwork(port, np.random.default_rng(4), Faults()) as network:
         link = DroneLink.open(network.uri)
         stand = unlocked(link, **(settings if with_supply else {}))
@@ -252,8 +314,9 @@ def test_a_lost_link_cuts_the_power_and_is_not_called_a_stop(drone_uri: str, wit
         with pytest.raises(MotorsNotStopped, match=r"MAY STILL TURN.*link is lost"):
             stand.close()
         link.close()
-    assert bool(cut) is with_supply
-    assert not cut or min(cut) - frozen < 0.5
+    assert bool(power.cuts) is with_supply
+    assert not power.cuts or min(power.cuts) - frozen < 0.5
+    assert not power.resting
     reboot(drone_uri)  # nothing else stops them now
 
 

@@ -90,7 +90,7 @@ rooms = st.builds(
     x_max=quantities("m", st.floats(1.5, 3)),
     y_min=quantities("m", st.floats(-3, -1.5)),
     y_max=quantities("m", st.floats(1.5, 3)),
-    floor=quantities("m", st.floats(-1, 1)),
+    floor=quantities("m", st.floats(-0.1, 0.1)),
     ceiling=st.builds(Ceiling, height=quantities("m", st.floats(5, 9)), tilt_x_deg=tilts, tilt_y_deg=tilts),
     start=marks,
 )
@@ -169,6 +169,7 @@ def test_a_subject_put_into_a_uri_comes_out_again(address: str, subject: str, ot
         ("y_max = 1.2", "y_max = -1.0", "room.y_min", "must be less than y_max"),
         ('unit = "cm"', 'unit = "kg"', "room.x_max.unit", "give a unit like 'm'"),
         (', source = "tape measure, 2025-03-04"', "", "room.x_max.source", "is missing"),
+        ("x_min = -3.0", "x_min = -3.0\nfloor = -0.2", "room.floor", "put the origin"),
         ("height = 2.4", "height = -0.1", "room.ceiling", "above the floor"),
         ("tilt_x_deg = 1.0", "tilt_x_deg = 60", "room.ceiling", "check height and tilts"),
         ("height = 2.4, ", "", "room.ceiling.height", "is missing"),

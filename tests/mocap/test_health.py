@@ -11,59 +11,7 @@ from hypothesis import strategies as st
 from mocap_bridge.health import HealthLimits, PoseHealth, Verdict
 from mocap_bridge.pose import PoseSample
 from mocap_bridge.rotation import Quaternion, Vector, multiply
-
-IDENTITY = (0.0, 0.0, 0.0, 1.0)
-HALF_TURNS = [(1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)]
-NOISE = np.random.default_rng(5).normal(scale=17e-6, size=(4000, 3))
-
-
-def pitched(angle: float) -> Quaternion:
-    return (0.0, math.sin(angle / 2), 0.0, math.cos(angle / 2))
-
-
-class Room:
-    """Produces samples at 100 Hz for a health under test; keeps the frame number and the time."""
-
-    def __init__(self, in_flight: bool = True) -> None:
-        self.now = 50.0
-        self.frame = 0
-        self.health = PoseHealth(HealthLimits(), lambda: self.now)
-        self.health.in_flight = in_flight
-
-    def skip(self, frames: int = 1) -> None:
-        self.frame += frames
-        self.now += 0.01 * frames
-
-    def show(
-        self,
-        position: Vector | None = (1.0, 2.0, 1.5),
-        quaternion: Quaternion | None = IDENTITY,
-        *,
-        noisy: bool = True,
-        age: float = 0.005,
-    ) -> Verdict:
-        self.skip()
-        if position is not None and noisy:
-            dx, dy, dz = NOISE[self.frame % len(NOISE)].tolist()
-            position = (position[0] + dx, position[1] + dy, position[2] + dz)
-        sample = PoseSample(
-            subject="cf1",
-            frame=self.frame,
-            capture_time=self.now - age,
-            receipt_time=self.now,
-            position=position,
-            quaternion=quaternion,
-            occluded=position is None,
-            quality=1.0,
-            latency=0.004,
-        )
-        return self.health.observe(sample)
-
-    def lock(self) -> "Room":
-        for _ in range(10):
-            self.show()
-        assert self.health.verdict() is Verdict.OK
-        return self
+from tests.mocap.judged_room import HALF_TURNS, IDENTITY, Room, pitched
 
 
 def test_unknown_until_ten_good_samples():

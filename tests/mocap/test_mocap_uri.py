@@ -12,7 +12,10 @@ from onboard.errors import InputError
         ("vicon://10.0.0.5?subject=cf1", MocapUri("vicon", "10.0.0.5", 801, "cf1")),
         ("vicon://lab-pc:18801?subject=cf%201", MocapUri("vicon", "lab-pc", 18801, "cf 1")),
         ("vicon://[::1]:18801/?subject=cf1", MocapUri("vicon", "::1", 18801, "cf1")),
-        ("vicon-udp://:51001?subject=cf1", MocapUri("vicon-udp", "", 51001, "cf1")),
+        ("vicon-udp://:51001?subject=cf1", MocapUri("vicon-udp", "127.0.0.1", 51001, "cf1")),
+        ("vicon-udp://?subject=cf1", MocapUri("vicon-udp", "127.0.0.1", 51001, "cf1")),
+        ("vicon-udp://0.0.0.0:51001?subject=cf1", MocapUri("vicon-udp", "0.0.0.0", 51001, "cf1")),
+        ("vicon-udp://[::]:51001?subject=cf1", MocapUri("vicon-udp", "::", 51001, "cf1")),
         ("vicon-udp://127.0.0.1?subject=cf1", MocapUri("vicon-udp", "127.0.0.1", 51001, "cf1")),
     ],
 )

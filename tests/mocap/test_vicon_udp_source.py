@@ -137,3 +137,34 @@ def test_silence_wrong_name_and_taken_port_are_said(tracker: Tracker):
     assert caught.value.offered == ("cf7", "cf9")
     with open_while_sending(tracker, body("cf1", 1.0)), pytest.raises(SourceLost, match="in use"):
         open_pose_stream(tracker.uri)
+
+
+@pytest.mark.parametrize(("address", "bound"), [("", "127.0.0.1"), ("0.0.0.0", "0.0.0.0")])
+def test_listens_beyond_this_computer_only_when_the_uri_says_so(
+    tracker: Tracker, monkeypatch: pytest.MonkeyPatch, address: str, bound: str
+):
+    listening: list[str] = []
+
+    class Noted(socket.socket):
+        def bind(self, where: tuple[str, int]) -> None:
+            super().bind(where)
+            listening.append(self.getsockname()[0])
+
+    monkeypatch.setattr(socket, "socket", Noted)
+    tracker.uri = f"vicon-udp://{address}:{tracker.port}?subject=cf1"
+    with open_while_sending(tracker, body("cf1", 10.0)):
+        assert listening == [bound]
+
+
+def test_who_hears_only_this_computer_is_told_how_to_hear_another(tracker: Tracker):
+    uri = f"vicon-udp://:{tracker.port}?subject=cf1"
+    with pytest.raises(PoseTimeout, match=rf"vicon-udp://0\.0\.0\.0:{tracker.port}\?subject=cf1"):
+        open_pose_stream(uri)
+    with pytest.raises(PoseTimeout) as caught:
+        open_pose_stream(uri.replace("//:", "//0.0.0.0:"))
+    assert "another" not in str(caught.value)
+
+
+def test_an_address_of_another_computer_is_refused():
+    with pytest.raises(SourceLost, match="one of this computer's"):
+        open_pose_stream("vicon-udp://192.0.2.1:51001?subject=cf1")

@@ -1,6 +1,7 @@
 """Reports show what the record holds, and load nothing from elsewhere."""
 
 import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -52,10 +53,27 @@ def test_a_folder_of_runs(runs: Path) -> None:
     assert page.svgs == 3  # outcome map, triggers, paths
 
 
+def test_a_damaged_record_is_named_and_the_others_are_shown(runs: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "runs"
+    shutil.copytree(runs, folder)
+    for report in folder.rglob("*.html"):
+        report.unlink()
+    series = folder / "run-0" / "series.mcap"
+    data = bytearray(series.read_bytes())
+    data[len(data) // 2] ^= 0x01
+    series.write_bytes(data)
+    page = Page(write_campaign_report(folder))
+    assert_self_contained(page, folder)
+    assert "Damaged record" in page.text
+    assert "run-0/series.mcap byte" in page.text
+    assert page.references.count("run-0/report.html") == 0
+    assert page.references.count("run-1/report.html") == 1
+
+
 def test_a_campaign(tmp_path: Path) -> None:
     file = tmp_path / "c.toml"
     file.write_text(
-        'schema = "perchhw.campaign/1"\ndrone = "udp://a:1"\nmocap = "vicon://b?subject=c"\n'
+        'schema = "perchhw.campaign/1"\ndrone = "udp://127.0.0.1:1"\nmocap = "vicon://127.0.0.1?subject=c"\n'
         "[grid]\nspeeds = [2.0, 3.0]\nangles_deg = [40, 50]\n"
     )
     flown = 0

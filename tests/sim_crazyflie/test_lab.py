@@ -136,7 +136,7 @@ def test_ready_line_is_the_contract(lab: LabProcess) -> None:
     assert lab.ready["drones"][0].startswith("udp://127.0.0.1:")
     assert lab.ready["mocap"][0].startswith("vicon://127.0.0.1:")
     assert lab.ready["mocap"][0].endswith("?subject=cf1")
-    assert lab.ready["mocap"][1].startswith("vicon-udp://:")
+    assert lab.ready["mocap"][1].startswith("vicon-udp://127.0.0.1:")
     assert lab.ready["processes"]["lab"] == lab.process.pid
     assert alive(lab.ready["processes"]["room"])
 

@@ -238,7 +238,7 @@ def test_supervisor_bits_are_up_to_40_ms_old_and_answers_are_not() -> None:
         assert supervisor.arm(True)
         assert supervisor.is_armed
         assert not flight.info.is_armed
-        age = round(1000 * flight.run(0.1, until=lambda: flight.info.is_armed))
+        age = round(1000 * flight.run(0.1, until=lambda flight=flight: flight.info.is_armed))
         assert flight.info.is_armed
         ages.add(age)
         assert supervisor.arm(False)

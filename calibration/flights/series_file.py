@@ -1,0 +1,230 @@
+"""Read ``series.mcap`` of a run: its messages by topic, or what is damaged and where.
+
+Every record of the file is looked at, nothing is skipped: whatever is not as our writer writes it is damage,
+and an error that names the byte. A file that was finished carries a CRC-32 of all its messages; files of
+earlier versions have none, and neither has one whose writer was killed. Such a file ends early, with at most
+one torn record, which is left out and told.
+
+Format: https://mcap.dev/spec (unchunked; JSON messages).
+"""
+
+import json
+import math
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel, DataEnd, Footer, Metadata, Schema
+
+from calibration.errors import CalibrationError
+from onboard.arrays import FloatArray
+from onboard.errors import InputError
+
+NOT_FINITE = {"Infinity": math.inf, "-Infinity": -math.inf, "NaN": math.nan}
+_MAGIC = bytes((137, 77, 67, 65, 80, 48, 13, 10))
+_RECORD_HEAD = struct.Struct("<BQ")  # opcode, length of the content
+_MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel id, sequence, log time ns, publish time ns
+_RECORD_MAX = 1 << 20
+"""Bytes; our longest record, a schema, has some 2000. A longer one is a damaged length, not a torn tail."""
+_FOOTER_BYTES = _RECORD_HEAD.size + 20
+REMEDY = "fetch it again from where it was recorded, or leave this run out"
+
+
+class RunFolderError(CalibrationError, InputError):
+    """The folder holds no record that can be read; the message names the file and the place in it."""
+
+
+@dataclass(frozen=True)
+class Series:
+    """One topic of a record.
+
+    Attributes:
+        topic: its name.
+        t: times on the run's clock (s), shape (n,), in the order of writing.
+        messages: the n messages as written; infinite and NaN numbers restored.
+    """
+
+    topic: str
+    t: FloatArray
+    messages: tuple[dict[str, Any], ...]
+
+    def fields(self) -> tuple[str, ...]:
+        """Names of the numeric fields that occur, in order of first appearance."""
+        names = dict.fromkeys(
+            k for m in self.messages for k, v in m.items() if v is None or isinstance(v, int | float)
+        )
+        texts = {k for m in self.messages for k, v in m.items() if isinstance(v, str)}
+        return tuple(n for n in names if n not in texts)
+
+    def numbers(self, name: str) -> FloatArray:
+        """The numeric field `name`, shape (n,); NaN where a message does not have it."""
+        values = (m.get(name) for m in self.messages)
+        return np.array([math.nan if v is None else float(v) for v in values], dtype=np.float64)
+
+    def texts(self, name: str) -> tuple[str | None, ...]:
+        """The text field `name`; None where a message does not have it."""
+        return tuple(m.get(name) for m in self.messages)
+
+
+@dataclass(frozen=True)
+class _Topic:
+    """A channel: its name, and of each field whether it holds text."""
+
+    name: str
+    texts: dict[str, bool]
+
+
+class _Damage(Exception):
+    """What is wrong with a record; becomes a RunFolderError that also says where."""
+
+
+def read_series(path: Path) -> tuple[dict[str, Series], str | None]:
+    """Messages by topic, and in words what is missing or does not matter (None when all is well).
+
+    Raises:
+        RunFolderError: damaged elsewhere than at its end.
+        OSError: cannot be read.
+    """
+    data = path.read_bytes()
+    if data[: len(_MAGIC)] != _MAGIC[: len(data)]:
+        raise RunFolderError(f"{path} is not an MCAP file (byte 0): {REMEDY}")
+    file = _SeriesFile(data)
+    try:
+        note = file.read()
+    except _Damage as damage:
+        raise RunFolderError(f"{path} byte {file.position}: {damage}; {REMEDY}") from damage
+    series = {
+        name: Series(name, np.array(times, dtype=np.float64), tuple(file.messages[name]))
+        for name, times in file.times.items()
+    }
+    return series, note and f"{path.name}: {note}"
+
+
+class _SeriesFile:
+    """One pass over the bytes of a file.
+
+    Attributes:
+        position: of the record that is looked at, or of the first that is not there any more.
+        times: s, by topic. messages: by topic.
+    """
+
+    def __init__(self, data: bytes) -> None:
+        self.position = len(_MAGIC)
+        self.times: dict[str, list[float]] = {}
+        self.messages: dict[str, list[dict[str, Any]]] = {}
+        self._data = data
+        self._schemas: dict[int, Schema] = {}
+        self._topics: dict[int, _Topic] = {}
+
+    def read(self) -> str | None:
+        """All messages; a note as :func:`read_series` gives it."""
+        for opcode, content in self._records():
+            try:
+                if opcode == Opcode.DATA_END:
+                    return self._end_of_data(content)
+                self._take(opcode, content)
+            except (McapError, struct.error, KeyError, ValueError, RecursionError) as error:
+                raise _Damage(f"damaged {_name(opcode)} ({error!r})") from error
+        lost = len(self._data) - min(self.position, len(self._data))
+        return f"not finished by its writer; {lost} bytes of a torn message at the end left out"
+
+    def _records(self) -> Iterator[tuple[int, bytes]]:
+        data = self._data
+        while self.position + _RECORD_HEAD.size <= len(data):
+            opcode, length = _RECORD_HEAD.unpack_from(data, self.position)
+            start = self.position + _RECORD_HEAD.size
+            if start + length > len(data):
+                # A file that has its end cannot have a record that goes beyond it.
+                if length > _RECORD_MAX or data.endswith(_MAGIC):
+                    raise _Damage(f"damaged length of a {_name(opcode)} ({length} bytes)")
+                return
+            yield opcode, data[start : start + length]
+            self.position = start + length
+
+    def _take(self, opcode: int, content: bytes) -> None:
+        if opcode == Opcode.MESSAGE:
+            self._message(content)
+        elif opcode == Opcode.CHANNEL:
+            channel = _parsed(Channel, content)
+            self._topics[channel.id] = _topic(channel, self._schemas[channel.schema_id])
+        elif opcode == Opcode.SCHEMA:
+            schema = _parsed(Schema, content)
+            self._schemas[schema.id] = schema
+        elif opcode == Opcode.CHUNK:
+            raise _Damage("chunked MCAP; perchhw writes and reads unchunked files")
+        elif opcode == Opcode.METADATA and not self.times:
+            _parsed(Metadata, content)
+        elif opcode != Opcode.HEADER or self.position != len(_MAGIC):
+            raise _Damage(f"a {_name(opcode)} where none belongs")
+
+    def _message(self, content: bytes) -> None:
+        channel, _, log_time, _ = _MESSAGE_HEAD.unpack_from(content)
+        topic = self._topics[channel]
+        values = json.loads(content[_MESSAGE_HEAD.size :])
+        if not isinstance(values, dict):
+            raise ValueError("not a JSON object")
+        restored = {name: _restored(value, topic.texts[name]) for name, value in values.items()}
+        self.times.setdefault(topic.name, []).append(log_time / 1e9)
+        self.messages.setdefault(topic.name, []).append(restored)
+
+    def _end_of_data(self, content: bytes) -> str | None:
+        written = _parsed(DataEnd, content).data_section_crc
+        if written and written != zlib.crc32(memoryview(self._data)[: self.position]):
+            raise _Damage("the CRC of the messages before is wrong: one or more of them are damaged")
+        return self._summary_note(self.position + _RECORD_HEAD.size + len(content))
+
+    def _summary_note(self, start: int) -> str | None:
+        """The summary after the messages is for other tools; what is wrong with it, in words."""
+        data = self._data
+        footer_at = len(data) - len(_MAGIC) - _FOOTER_BYTES
+        whole = footer_at >= start and data.endswith(_MAGIC)
+        if whole and data[footer_at : footer_at + 9] == _RECORD_HEAD.pack(Opcode.FOOTER, 20):
+            footer = _parsed(Footer, data[footer_at + 9 : -len(_MAGIC)])
+            begins = footer.summary_start or footer_at
+            computed = zlib.crc32(memoryview(data)[begins : -len(_MAGIC) - 4])
+            if begins in (start, footer_at) and footer.summary_crc in (0, computed):
+                return None
+        return "its summary is damaged, which other tools use; the messages are whole"
+
+
+_Record = TypeVar("_Record", Schema, Channel, Metadata, DataEnd, Footer)
+
+
+def _parsed(kind: type[_Record], content: bytes) -> _Record:
+    """A record by the library, which does not mind bytes that are left over."""
+    stream = ReadDataStream(BytesIO(content))
+    record: _Record = kind.read(stream)
+    if stream.count != len(content):
+        raise ValueError(f"{len(content) - stream.count} bytes too many")
+    return record
+
+
+def _topic(channel: Channel, schema: Schema) -> _Topic:
+    """What the schema says of the channel's fields: numbers may also be words, so they have no one type."""
+    if schema.name != f"perchhw.{channel.topic}":
+        raise ValueError(f"topic {channel.topic!r} with the schema {schema.name!r}")
+    fields = json.loads(schema.data)["properties"]
+    return _Topic(channel.topic, {name: "type" in described for name, described in fields.items()})
+
+
+def _restored(value: Any, is_text: bool) -> Any:
+    """A value as it was before it was written: words for infinite and NaN numbers are numbers again."""
+    if value is None or (is_text and isinstance(value, str)):
+        return value
+    if not is_text and isinstance(value, int | float) and not isinstance(value, bool):
+        return value
+    if not is_text and isinstance(value, str):
+        return NOT_FINITE[value]
+    raise ValueError(f"{value!r} is no {'text' if is_text else 'number'}")
+
+
+def _name(opcode: int) -> str:
+    return Opcode(opcode).name.lower() if opcode in set(Opcode) else f"record of kind {opcode}"

@@ -1,0 +1,211 @@
+"""Threads that wait for a lab's time: who is at work, who waits for what and until when.
+
+A thread is at work, or it waits in an event or a queue from here. Whoever wakes a thread counts it as at work
+before it runs, so that there is no moment in which work exists and nobody is counted for it. Time goes on
+when nobody is at work.
+"""
+
+import heapq
+import itertools
+import queue
+import threading
+from collections import deque
+from typing import Any
+
+
+class Waiter:
+    """A thread that waits."""
+
+    __slots__ = ("_gate", "woken")
+
+    def __init__(self) -> None:
+        self.woken = False
+        self._gate = threading.Lock()
+        self._gate.acquire()
+
+    def open(self) -> None:
+        """Let the thread go on."""
+        self._gate.release()
+
+    def pass_gate(self) -> None:
+        """Wait for :meth:`open`."""
+        self._gate.acquire()
+
+
+class Workers:
+    """Who is at work and who waits, and what time it is; all under one lock.
+
+    Attributes:
+        now: the time, s; set by who keeps the time.
+        at_work: units of work that are not done.
+        changed: notified when work may be done, a packet was received, or a turn begins.
+        takes_turns: packets wait for the turn that they belong to.
+    """
+
+    def __init__(self, now: float) -> None:
+        self.now = now
+        self.at_work = 0
+        self.takes_turns = True
+        self.lock = threading.Lock()
+        self.changed = threading.Condition(self.lock)
+        self._order = itertools.count()
+        self._deadlines: list[tuple[float, int, Waiter]] = []
+        self._thread = threading.local()
+
+    def let_turns_hold(self, takes_turns: bool) -> None:
+        """Whether packets wait for their turn from here on."""
+        with self.lock:
+            self.takes_turns = takes_turns
+            self.changed.notify_all()
+
+    # Work: the caller holds the lock
+
+    def begin(self) -> None:
+        """One more unit of work."""
+        self.at_work += 1
+
+    def end(self) -> None:
+        """One unit of work less."""
+        self.at_work -= 1
+        if self.at_work <= 0:
+            self.changed.notify_all()
+
+    def block(self, waiters: "set[Waiter]", deadline: float | None) -> None:
+        """Wait until woken, or until `deadline`; the lock is free meanwhile."""
+        waiter = Waiter()
+        waiters.add(waiter)
+        if deadline is not None:
+            heapq.heappush(self._deadlines, (deadline, next(self._order), waiter))
+        if self.counted:
+            self.end()
+        self.lock.release()
+        try:
+            waiter.pass_gate()
+        finally:
+            self.lock.acquire()
+            if not waiter.woken:  # an exception came first, in the main thread
+                waiter.woken = True
+                self.begin()
+            waiters.discard(waiter)
+            self.counted = True
+
+    def wake(self, waiters: "set[Waiter]") -> None:
+        """Wake all of `waiters`, and count them as at work."""
+        for waiter in waiters:
+            if not waiter.woken:
+                self._wake(waiter)
+
+    def next_deadline(self) -> float | None:
+        """The earliest time that somebody waits for, or None."""
+        while self._deadlines and self._deadlines[0][2].woken:
+            heapq.heappop(self._deadlines)
+        return self._deadlines[0][0] if self._deadlines else None
+
+    def wake_next_due(self) -> bool:
+        """Wake the first whose deadline has come; False when there is none."""
+        deadline = self.next_deadline()
+        if deadline is None or deadline > self.now:
+            return False
+        self._wake(heapq.heappop(self._deadlines)[2])
+        return True
+
+    def _wake(self, waiter: Waiter) -> None:
+        waiter.woken = True
+        self.begin()
+        waiter.open()
+
+    # The calling thread
+
+    @property
+    def counted(self) -> bool:
+        """Whether the calling thread is counted as at work."""
+        return getattr(self._thread, "counted", False)
+
+    @counted.setter
+    def counted(self, counted: bool) -> None:
+        self._thread.counted = counted
+
+
+class LabEvent:
+    """An event; see :class:`onboard.timebase.Event`."""
+
+    def __init__(self, workers: Workers) -> None:
+        self._workers = workers
+        self._set = False
+        self._waiters: set[Waiter] = set()
+
+    def is_set(self) -> bool:
+        """Whether it is set."""
+        return self._set
+
+    def set(self) -> None:
+        """Set it, and wake who waits."""
+        with self._workers.lock:
+            self._set = True
+            self._workers.wake(self._waiters)
+
+    def clear(self) -> None:
+        """Reset it."""
+        with self._workers.lock:
+            self._set = False
+
+    def wait(self, timeout: float | None = None) -> bool:
+        """Wait until it is set, at most `timeout` s of the lab."""
+        workers = self._workers
+        with workers.lock:
+            if not self._set and (timeout is None or timeout > 0.0):
+                workers.block(self._waiters, None if timeout is None else workers.now + timeout)
+            return self._set
+
+
+class LabQueue:
+    """A queue; see :class:`onboard.timebase.Queue`."""
+
+    def __init__(self, workers: Workers, limit: int) -> None:
+        self._workers = workers
+        self._limit = limit
+        self._items: deque[Any] = deque()
+        self._waiters: set[Waiter] = set()
+
+    def qsize(self) -> int:
+        """Number of items."""
+        return len(self._items)
+
+    def put_nowait(self, item: Any) -> None:
+        """Add an item.
+
+        Raises:
+            queue.Full: at the limit.
+        """
+        with self._workers.lock:
+            if 0 < self._limit <= len(self._items):
+                raise queue.Full
+            self._items.append(item)
+            self._workers.wake(self._waiters)
+
+    def get_nowait(self) -> Any:
+        """The oldest item.
+
+        Raises:
+            queue.Empty: there is none.
+        """
+        with self._workers.lock:
+            return self._oldest()
+
+    def get(self, *, timeout: float | None = None) -> Any:
+        """The oldest item, waited for at most `timeout` s of the lab.
+
+        Raises:
+            queue.Empty: none came.
+        """
+        workers = self._workers
+        with workers.lock:
+            deadline = None if timeout is None else workers.now + timeout
+            while not self._items and (deadline is None or workers.now < deadline):
+                workers.block(self._waiters, deadline)
+            return self._oldest()
+
+    def _oldest(self) -> Any:
+        if not self._items:
+            raise queue.Empty
+        return self._items.popleft()

@@ -1,0 +1,23 @@
+"""The lab file in use: where it is found, what it gives to a flight; hardware never flies without one."""
+
+from perchhw.lab.find import LAB_FILE, clock_of, drones_of, find_lab, read_lab
+from perchhw.lab.flying import correction_of, in_record, limits_of
+from perchhw.lab.hardware import LabRequired, on_this_machine, require_lab
+from perchhw.lab.setup import FlightSetup, SetupError, flight_setup
+
+__all__ = [
+    "LAB_FILE",
+    "FlightSetup",
+    "LabRequired",
+    "SetupError",
+    "clock_of",
+    "correction_of",
+    "drones_of",
+    "find_lab",
+    "flight_setup",
+    "in_record",
+    "limits_of",
+    "on_this_machine",
+    "read_lab",
+    "require_lab",
+]

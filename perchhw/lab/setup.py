@@ -1,0 +1,125 @@
+"""Who flies, where and with what: each from its option (or campaign file), else from the lab file."""
+
+from dataclasses import dataclass, replace
+
+from mocap_bridge.uri import parse_mocap_uri
+from onboard.errors import InputError
+from onboard.lab_file import LabDrone, LabFile, SubjectToBody, split_subject
+from onboard.link.uri import check_drone_uri
+from onboard.room import RoomGeometry
+from perchhw.attempt import DEFAULT_POLICY, DEFAULT_VEHICLE
+from perchhw.errors import FlightStackError
+from perchhw.lab.hardware import require_lab
+
+_MISSING = "missing; give it, or a lab file that has it: --lab FILE, or lab.toml in this folder"
+
+
+class SetupError(FlightStackError, InputError):
+    """Something is neither given nor in the lab file.
+
+    Attributes:
+        key: what: ``drone``, ``mocap`` or ``vehicle``.
+    """
+
+    def __init__(self, key: str, message: str) -> None:
+        super().__init__(f"--{key}: {message}")
+        self.key = key
+        self.message = message
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightSetup:
+    """What flies where; see :class:`perchhw.attempt.AttemptRequest`."""
+
+    drone: str
+    mocap: str
+    vehicle: str
+    legs: str | None
+    policy: str
+    room: RoomGeometry
+    lab: LabFile | None
+
+    def check(self) -> None:
+        """Refuse addresses that cannot be used, and hardware without a lab file; connects to nothing.
+
+        Raises:
+            InputError: the message says what to do.
+        """
+        check_drone_uri(self.drone)
+        parse_mocap_uri(self.mocap)
+        require_lab(self.drone, self.mocap, self.lab)
+
+
+def flight_setup(
+    lab: LabFile | None,
+    *,
+    drone: str | None = None,
+    mocap: str | None = None,
+    vehicle: str | None = None,
+    legs: str | None = None,
+    policy: str | None = None,
+    ceiling: float | None = None,
+) -> FlightSetup:
+    """Complete what was given (None: it was not) from the lab file and the defaults.
+
+    Vehicle, legs and policy come from the file's drone with that very address. Without a lab file the room
+    is the simulated one.
+
+    Raises:
+        SetupError: nothing says which drone, which motion capture or which vehicle, or the file's
+            ``subject_to_body`` is of another subject.
+    """
+    drone = drone or _only_drone(lab)
+    known = None if lab is None else lab.drone(drone)
+    mocap = mocap or _mocap(lab, known)
+    if lab is None:
+        room = RoomGeometry()
+    else:
+        room = lab.room.geometry()
+        _check_subject(lab, known, mocap)
+        if known is None and vehicle is None:
+            raise SetupError(
+                "vehicle",
+                f"{lab.file} has no drone {drone}; add it there under [[drones]], or give its vehicle too",
+            )
+        if known is not None:
+            vehicle = vehicle or lab.beside(known.vehicle)
+            legs = legs or known.legs
+            policy = policy or (None if known.policy is None else lab.beside(known.policy))
+    return FlightSetup(
+        drone=drone,
+        mocap=mocap,
+        vehicle=vehicle or DEFAULT_VEHICLE,
+        legs=legs,
+        policy=policy or DEFAULT_POLICY,
+        room=room if ceiling is None else replace(room, ceiling_z=ceiling),
+        lab=lab,
+    )
+
+
+def _only_drone(lab: LabFile | None) -> str:
+    if lab is None:
+        raise SetupError("drone", _MISSING)
+    if len(lab.drones) > 1:
+        several = ", ".join(drone.uri for drone in lab.drones)
+        raise SetupError("drone", f"{lab.file} has several; name one of {several}")
+    return lab.drones[0].uri
+
+
+def _mocap(lab: LabFile | None, drone: LabDrone | None) -> str:
+    if lab is None:
+        raise SetupError("mocap", _MISSING)
+    if drone is None and len(lab.drones) > 1:
+        raise SetupError("mocap", f"{lab.file} has several drones, not this one; name its poses too")
+    return lab.mocap_uri(drone)
+
+
+def _check_subject(lab: LabFile, drone: LabDrone | None, mocap: str) -> None:
+    """A transform holds for the marker body that it was measured on."""
+    theirs, ours = split_subject(mocap)[1], split_subject(lab.mocap_uri(drone))[1]
+    if theirs != ours and lab.mocap.subject_to_body != SubjectToBody():
+        raise SetupError(
+            "mocap",
+            f"subject_to_body of {lab.file} is that of {ours}, and {mocap} asks for another subject; "
+            "fly with a lab file of that subject",
+        )

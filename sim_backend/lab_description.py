@@ -1,0 +1,115 @@
+"""The lab file of a simulated lab: there while the lab serves, gone with it."""
+
+import math
+import shutil
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from onboard.lab_file import (
+    Ceiling,
+    LabDrone,
+    LabFile,
+    LabMocap,
+    LabRoom,
+    StartMark,
+    plain,
+    split_subject,
+    write_lab_file,
+)
+from onboard.room import RoomGeometry
+from sim_backend.errors import SimulationError
+from sim_backend.room.settings import RoomSettings
+from sim_backend.world import start_marks
+
+COMMENT = "Written by `perchhw sim lab` for as long as it serves this room."
+
+
+class LabDescription:
+    """Writes the lab file of a simulated lab and removes it again.
+
+    Args:
+        chosen: where it is to be; None makes a temporary folder for it.
+
+    Attributes:
+        path: of the lab file, from :meth:`write` on.
+    """
+
+    def __init__(self, chosen: Path | None) -> None:
+        self._chosen = chosen
+        self._folder: Path | None = None
+        self.path: Path | None = None
+
+    def write(self, lab: LabFile) -> Path:
+        """Write the file and give its absolute path.
+
+        Raises:
+            SimulationError: there is a file in that place, which may be that of a real room.
+            LabFileError: it cannot be written.
+        """
+        if self._chosen is None:
+            self._folder = Path(tempfile.mkdtemp(prefix="perchhw-lab-"))
+            path = self._folder / "lab.toml"
+        else:
+            path = self._chosen.absolute()
+            if path.exists():
+                raise SimulationError(
+                    f"{path}: exists and is not overwritten; remove it or choose another place"
+                )
+        write_lab_file(path, lab, COMMENT)
+        self.path = path
+        return path
+
+    def remove(self) -> None:
+        """Remove what was written; further calls do nothing."""
+        if self.path is not None:
+            self.path.unlink(missing_ok=True)
+            self.path = None
+        if self._folder is not None:
+            shutil.rmtree(self._folder, ignore_errors=True)
+            self._folder = None
+
+
+def describe(
+    drones: Sequence[str], mocap: str, vehicle: str, legs: str | None, room: RoomGeometry | None = None
+) -> LabFile:
+    """A simulated lab as a lab file says it.
+
+    Args:
+        drones: addresses, cf1 first.
+        mocap: address of the poses of any of them.
+        vehicle, legs: what they are.
+        room: None for the one that is simulated by default.
+    """
+    room = room or RoomGeometry()
+    marks = [
+        StartMark(x=plain(mark.x, "m"), y=plain(mark.y, "m"), yaw_deg=plain(math.degrees(mark.yaw), "deg"))
+        for mark in start_marks(len(drones))
+    ]
+    file = Path(vehicle)
+    return LabFile(
+        room=LabRoom(
+            floor=plain(room.floor_z, "m"),
+            x_min=plain(room.x_min, "m"),
+            x_max=plain(room.x_max, "m"),
+            y_min=plain(room.y_min, "m"),
+            y_max=plain(room.y_max, "m"),
+            ceiling=Ceiling(height=plain(room.ceiling_z, "m")),
+            start=marks[0],
+        ),
+        drones=tuple(
+            LabDrone(
+                uri=uri,
+                vehicle=str(file.absolute()) if file.is_file() else vehicle,
+                legs=legs,
+                subject=f"cf{number}",
+                start=mark,
+            )
+            for number, (uri, mark) in enumerate(zip(drones, marks, strict=True), start=1)
+        ),
+        mocap=LabMocap(
+            uri=split_subject(mocap)[0],
+            subject="cf1",
+            latency_s=plain(RoomSettings().latency, "s"),
+        ),
+    )

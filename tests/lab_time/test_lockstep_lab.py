@@ -1,0 +1,117 @@
+"""A whole lab in lock step: the same flight every time, and a time that stops, waits and goes on in turn."""
+
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+
+from onboard.lab_time import time_address
+from onboard.lab_time.figures import lab_figures
+from onboard.link import DroneLink
+from perchhw.lab_process import SimulatedLab
+from tests.lab_time.hover import hover
+
+PORTS = ("--drone-port", "0", "--vicon-port", "0", "--vicon-udp-port", "0", "--seed", "5")
+
+
+def lab_at(pace: str, *arguments: str) -> SimulatedLab:
+    return SimulatedLab("lab", [*PORTS, "--pace", pace, *arguments])
+
+
+def figures(lab: SimulatedLab) -> dict[str, Any]:
+    address = time_address(lab.drones[0])
+    assert address is not None
+    return lab_figures(address)
+
+
+@contextmanager
+def busy_processes(count: int) -> Iterator[None]:
+    loops = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for loop in loops:
+            loop.kill()
+            loop.wait()
+
+
+def without_query(uri: str) -> str:
+    return uri.split("?")[0]
+
+
+@pytest.mark.parametrize("scheme", ["vicon", "vicon-udp"])
+def test_the_same_seed_gives_the_same_flight_also_on_a_busy_machine(scheme: str) -> None:
+    flights = []
+    for busy in (0, 6):
+        with lab_at("lockstep") as lab, busy_processes(busy):
+            mocap = next(uri for uri in lab.mocap if uri.startswith(f"{scheme}:"))
+            flights.append([hover(lab.drones[0], mocap) for _ in range(2)])
+    assert flights[0] == flights[1]
+    first = flights[0][0]
+    assert first.connected == first.began  # no lab time for what takes none on the drone
+    assert max(sample[4] for sample in first.samples) == pytest.approx(0.5, abs=0.05)
+
+
+def test_time_stands_still_where_nobody_takes_part_and_nothing_moves() -> None:
+    with lab_at("lockstep") as lab:
+        assert figures(lab)["t"] == 0.0
+        flown = hover(lab.drones[0], lab.mocap[0])
+        resting = figures(lab)["t"]
+        assert resting >= flown.ended - 1e-9
+        assert [figures(lab)["t"] for _ in range(3)] == [resting] * 3
+        assert figures(lab)["takes_part"] == []
+
+
+def test_a_client_that_takes_no_part_finds_a_lab_in_real_time() -> None:
+    with lab_at("lockstep") as lab, DroneLink.open(without_query(lab.drones[0])) as stranger:
+        begin, lab_begin = time.monotonic(), figures(lab)["t"]
+        heard: list[int] = []
+        stranger.stream(("pm.vbat",), 100, lambda sample: heard.append(sample.drone_time_ms))
+        while len(heard) < 15:
+            assert time.monotonic() - begin < 60.0
+            time.sleep(0.01)
+        elapsed, lab_elapsed = time.monotonic() - begin, figures(lab)["t"] - lab_begin
+    assert heard[-1] - heard[0] == 1400
+    assert lab_elapsed <= 1.1 * elapsed + 0.1
+
+
+def test_a_process_that_dies_in_the_air_is_not_waited_for_and_the_watchdog_bites() -> None:
+    with lab_at("lockstep") as lab:
+        pilot = subprocess.Popen(
+            [sys.executable, "-m", "tests.lab_time.hover", lab.drones[0], lab.mocap[0]],
+            stdout=subprocess.PIPE,
+        )
+        assert pilot.stdout is not None
+        assert pilot.stdout.readline() == b"watched\n"
+        pilot.send_signal(signal.SIGKILL)
+        pilot.wait()
+        pilot.stdout.close()
+        assert figures(lab)["takes_part"] == []
+        begin = time.monotonic()
+        before = -1.0
+        while (now := figures(lab)["t"]) != before:
+            assert time.monotonic() - begin < 60.0
+            before = now
+            time.sleep(0.3)
+        with DroneLink.open(without_query(lab.drones[0])) as link:
+            assert link.supervisor_info().is_locked
+
+
+def test_a_factor_is_a_limit() -> None:
+    with lab_at("0.5") as lab:
+        begin, lab_begin = time.monotonic(), figures(lab)["t"]
+        while figures(lab)["t"] < lab_begin + 0.5:
+            assert time.monotonic() - begin < 60.0
+        assert time.monotonic() - begin >= 0.9
+
+
+def test_lost_packets_are_sent_again_in_the_labs_time() -> None:
+    with lab_at("lockstep", "--fault", "link_loss=0.1") as lab:
+        flown = hover(lab.drones[0], lab.mocap[0])
+    assert max(sample[4] for sample in flown.samples) == pytest.approx(0.5, abs=0.05)
+    assert flown.ended - flown.connected < 15.0

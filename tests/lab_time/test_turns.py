@@ -1,0 +1,189 @@
+"""A turn is over when everybody waits, and not a moment before."""
+
+import queue
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+from onboard.lab_time import LabTime, LabTimeError, open_timebase
+from onboard.timebase import WALL
+from tests.lab_time.toy_lab import ToyLab
+
+
+@pytest.fixture
+def lab() -> Iterator[ToyLab]:
+    with ToyLab() as toy:
+        yield toy
+
+
+class Sleeper:
+    """A thread that waits for times, one after the other, and notes when it woke."""
+
+    def __init__(self, time: LabTime, *waits: float) -> None:
+        self.woke: list[float] = []
+        self._time = time
+        self._waits = waits
+        self.thread = time.thread(self._run, "sleeper")
+
+    def _run(self) -> None:
+        for wait in self._waits:
+            self._time.event().wait(wait)
+            self.woke.append(self._time())
+
+
+def test_a_turn_ends_when_everybody_waits_and_names_the_first_deadline(lab: ToyLab) -> None:
+    with LabTime("127.0.0.1", lab.port, "test") as time:
+        sleepers = [Sleeper(time, 0.5), Sleeper(time, 0.25, 0.125)]
+        lab.begin_turn(0.0)
+        with pytest.raises(queue.Empty):
+            lab.done.get(timeout=0.2)  # this thread is still at work
+        time.foreign()
+        assert lab.done.get(timeout=20.0)["next"] == pytest.approx(0.25)
+        assert lab.turn(0.25)["next"] == pytest.approx(0.375)
+        assert lab.turn(0.375)["next"] == pytest.approx(0.5)
+        assert lab.turn(0.5)["next"] is None
+        assert [sleeper.woke for sleeper in sleepers] == [[0.5], [0.25, 0.375]]
+
+
+def test_who_waited_longer_for_an_earlier_time_goes_first_and_alone(lab: ToyLab) -> None:
+    with LabTime("127.0.0.1", lab.port, "test") as time:
+        order: list[str] = []
+
+        def act(name: str, wait: float) -> None:
+            time.event().wait(wait)
+            order.append(f"{name} begins")
+            threading.Event().wait(0.02)
+            order.append(f"{name} ends")
+
+        for name, wait in (("late", 0.3), ("early", 0.1), ("between", 0.2)):
+            time.thread(act, name, name, wait)
+        time.foreign()
+        lab.turn(0.0)
+        lab.turn(1.0)
+        assert order == [
+            f"{name} {what}" for name in ("early", "between", "late") for what in ("begins", "ends")
+        ]
+
+
+def test_work_that_is_handed_on_keeps_the_turn_open(lab: ToyLab) -> None:
+    with LabTime("127.0.0.1", lab.port, "test") as time:
+        first, second, results = time.queue(), time.queue(), []
+
+        def pass_on() -> None:
+            while (item := first.get()) is not None:
+                threading.Event().wait(0.02)
+                second.put_nowait(item + 1)
+
+        def take() -> None:
+            for _ in range(20):
+                item = second.get()
+                threading.Event().wait(0.01)
+                results.append((item, time()))
+
+        time.thread(pass_on, "pass on")
+        time.thread(take, "take")
+        time.foreign()
+        lab.turn(0.0)
+        for turn in range(20):
+            first.put_nowait(turn)
+            lab.turn(0.01 * (turn + 1))
+            assert len(results) == turn + 1
+        first.put_nowait(None)
+        assert [item for item, _ in results] == list(range(1, 21))
+
+
+def test_a_packet_that_was_sent_holds_the_turn_until_it_is_dealt_with(lab: ToyLab) -> None:
+    with LabTime("127.0.0.1", lab.port, "test") as time:
+        transport, arrived, seen = time.transport("udp:1"), threading.Event(), []
+
+        def receive() -> None:
+            with transport.blocking():
+                arrived.wait(20.0)
+            transport.received(1)
+            seen.append(time())
+
+        time.thread(receive, "receive")
+        time.foreign()
+        lab.turn(0.0)
+        lab.begin_turn(0.7, {"udp:1": 1})
+        with pytest.raises(queue.Empty):
+            lab.done.get(timeout=0.2)
+        arrived.set()
+        lab.done.get(timeout=20.0)
+        assert seen == [0.7]
+
+
+def test_a_packet_that_comes_before_its_turn_is_received_at_the_time_of_its_turn(lab: ToyLab) -> None:
+    with LabTime("127.0.0.1", lab.port, "test") as time:
+        transport, here, seen = time.transport("udp:1"), threading.Event(), []
+
+        def receive() -> None:
+            with transport.blocking():
+                here.set()
+            seen.append(time())
+            transport.received(1)
+
+        time.thread(receive, "receive")
+        time.foreign()
+        lab.turn(0.0)
+        assert here.wait(20.0)
+        lab.turn(0.004, {"udp:1": 1})
+        assert seen == [0.004]
+
+
+def test_a_wait_gives_up_at_its_time_and_a_queue_says_empty(lab: ToyLab) -> None:
+    with LabTime("127.0.0.1", lab.port, "test") as time:
+        empty: list[float] = []
+
+        def wait() -> None:
+            try:
+                time.queue().get(timeout=0.25)
+            except queue.Empty:
+                empty.append(time())
+
+        time.thread(wait, "wait")
+        time.foreign()
+        lab.turn(0.0)
+        assert lab.turn(0.2)["next"] == pytest.approx(0.25)
+        lab.turn(0.26)
+        assert empty == [0.26]
+
+
+def test_deadlines_come_also_when_the_lab_has_died(lab: ToyLab) -> None:
+    with LabTime("127.0.0.1", lab.port, "test") as time:
+        sleeper = Sleeper(time, 0.3)
+        time.foreign()
+        lab.turn(0.0)
+        lab.die()
+        sleeper.thread.join(20.0)
+        assert sleeper.woke
+        assert sleeper.woke[0] >= 0.3
+
+
+def test_arming_comes_at_a_time_that_hangs_on_no_connection(lab: ToyLab) -> None:
+    with LabTime("127.0.0.1", lab.port, "test") as time:
+        slots = set()
+        for now in (0.0, 0.4, 2.9, 3.0):
+            lab.begin_turn(now)
+            time.foreign()
+            lab.done.get(timeout=20.0)
+            slots.add(time.slot())
+        assert slots == {5.0}
+
+
+def test_no_lab_is_an_error_that_says_what_to_do(lab: ToyLab) -> None:
+    with pytest.raises(LabTimeError, match="still running"):
+        LabTime("127.0.0.1", 1, "test").join()
+    with pytest.raises(LabTimeError, match="HOST:PORT"), open_timebase("test", "udp://127.0.0.1:1?time=x"):
+        pass
+    with (
+        pytest.raises(LabTimeError, match="different labs"),
+        open_timebase("test", "udp://h:1?time=a:1", "vicon://h?subject=b&time=a:2"),
+    ):
+        pass
+
+
+def test_without_a_lab_time_is_real() -> None:
+    with open_timebase("test", "udp://127.0.0.1:19850", "vicon://127.0.0.1?subject=cf1") as time:
+        assert time is WALL

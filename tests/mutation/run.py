@@ -1,0 +1,173 @@
+"""A session from the choice of the mutants to the document."""
+
+import hashlib
+import json
+import sys
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+# Loaded once here and shared by all the processes that are forked. Nothing of the mutated code is.
+import numba  # noqa: F401
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from tests.conftest import REPOSITORY
+from tests.mutation.allowed import load_allowed, not_applicable
+from tests.mutation.mutant import Key, Mutant
+from tests.mutation.session import Suite, Verdict, prepare, try_all
+from tests.mutation.targets import Target, targets
+
+SOURCES = ("onboard", "mocap_bridge", "perchhw/supervisor", "tests/mutation")
+"""Folders whose change makes earlier results void, beside the target's own tests."""
+
+
+def run(
+    names: Sequence[str], sample: int | None, seed: int, jobs: int, out: Path, *, again: bool
+) -> dict[str, Any]:
+    """Try all mutants, or `sample` of them, and return the document that is printed."""
+    chosen = targets(names)
+    with _progress() as bar:
+        preparing = bar.add_task("prepare", total=len(chosen))
+        prepared = []
+        for target in chosen:
+            prepared.append(prepare(target))
+            bar.advance(preparing)
+            bar.refresh()
+        every = [(suite, mutant) for suite, mutants in prepared for mutant in mutants]
+        asked = _drawn(every, sample, seed)
+        store = _Store(out, [suite.target for suite, _ in prepared], again=again)
+        open_ = [(suite, mutant) for suite, mutant in asked if mutant.key not in store.verdicts]
+        trying = bar.add_task("mutants", total=len(asked), completed=len(asked) - len(open_))
+        bar.refresh()
+        for mutant, verdict in try_all(open_, jobs):
+            store.keep(mutant, verdict)
+            bar.advance(trying)
+            bar.refresh()
+    document = _document([m for _, m in every], [m for _, m in asked], store.verdicts)
+    return {"seed": None if sample is None else seed, **document}
+
+
+def _progress() -> Progress:
+    # Without a refreshing thread: the process forks.
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=Console(file=sys.stderr),
+        auto_refresh=False,
+        redirect_stdout=False,
+        redirect_stderr=False,
+    )
+
+
+def _drawn(every: list[tuple[Suite, Mutant]], sample: int | None, seed: int) -> list[tuple[Suite, Mutant]]:
+    if sample is None or sample >= len(every):
+        return every
+    picked = np.random.default_rng(seed).choice(len(every), sample, replace=False)
+    return [every[at] for at in sorted(picked)]
+
+
+class _Store:
+    """Verdicts of this state of code and tests, one JSON line each, kept as they come."""
+
+    def __init__(self, out: Path, chosen: Iterable[Target], *, again: bool) -> None:
+        self.verdicts: dict[Key, Verdict] = {}
+        self._states = {target.file: state_of(target) for target in chosen}
+        self._path = out / "results.jsonl"
+        out.mkdir(parents=True, exist_ok=True)
+        for key, row in self._last_rows().items():
+            fits = row["state"] == self._states.get(row["file"])
+            if fits or (again and row["outcome"] != "survived"):
+                self.verdicts[key] = Verdict(row["outcome"], row["by"])
+
+    def _last_rows(self) -> dict[Key, dict[str, Any]]:
+        """What was written last of each mutant; a line that was being written at a stop is not there."""
+        if not self._path.exists():
+            return {}
+        text = self._path.read_text(encoding="utf-8")
+        whole = text[: text.rfind("\n") + 1]
+        if whole != text:
+            self._path.write_text(whole, encoding="utf-8")
+        rows = [json.loads(line) for line in whole.splitlines()]
+        return {
+            (row["file"], row["function"], row["before"], row["after"], row["ordinal"]): row for row in rows
+        }
+
+    def keep(self, mutant: Mutant, verdict: Verdict) -> None:
+        """Remember a verdict."""
+        self.verdicts[mutant.key] = verdict
+        row = {
+            "state": self._states[mutant.file],
+            "file": mutant.file,
+            "function": mutant.function,
+            "before": mutant.before,
+            "after": mutant.after,
+            "ordinal": mutant.ordinal,
+            "outcome": verdict.outcome,
+            "by": verdict.by,
+        }
+        with self._path.open("a", encoding="utf-8") as lines:
+            lines.write(json.dumps(row) + "\n")
+
+
+def state_of(target: Target) -> str:
+    """A digest of all that the verdicts on a target depend on."""
+    digest = hashlib.sha256()
+    for place in (*SOURCES, *target.tests):
+        path = REPOSITORY / place
+        for source in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
+            digest.update(source.as_posix().encode() + b"\0" + source.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _document(every: list[Mutant], asked: list[Mutant], verdicts: dict[Key, Verdict]) -> dict[str, Any]:
+    allowed = load_allowed()
+    files = {mutant.file for mutant in every}
+    stale = not_applicable(allowed, every, files)
+    rows, survivors, not_equivalent = [], [], []
+    for file in sorted(files):
+        counts: Counter[str] = Counter()
+        for mutant in (m for m in asked if m.file == file):
+            verdict = verdicts[mutant.key]
+            reasons = [entry.reason for entry in allowed if entry.covers(mutant)]
+            survived = verdict.outcome == "survived"
+            counts["equivalent" if survived and reasons else verdict.outcome] += 1
+            if survived and not reasons:
+                survivors.append(_shown(mutant))
+            elif reasons and not survived:
+                not_equivalent.append({**_shown(mutant), "noticed_by": verdict.by or verdict.outcome})
+        rows.append({"file": file, **_score(counts)})
+    total = Counter({key: sum(row[key] for row in rows) for key in _OUTCOMES})
+    return {
+        "passed": not (survivors or stale or not_equivalent),
+        "mutants": len(every),
+        **_score(total),
+        "files": rows,
+        "survivors": survivors,
+        "allowed_but_noticed": not_equivalent,
+        "allowed_but_gone": stale,
+    }
+
+
+_OUTCOMES = ("killed", "timeout", "survived", "equivalent")
+
+
+def _score(counts: Counter[str]) -> dict[str, Any]:
+    noticed = counts["killed"] + counts["timeout"]
+    judged = noticed + counts["survived"]
+    score = round(noticed / judged, 4) if judged else None
+    return {"tried": counts.total(), **{key: counts[key] for key in _OUTCOMES}, "score": score}
+
+
+def _shown(mutant: Mutant) -> dict[str, str]:
+    return {
+        "at": f"{mutant.file}:{mutant.line}",
+        "function": mutant.function,
+        "kind": mutant.kind,
+        "before": mutant.before,
+        "after": mutant.after,
+    }

@@ -1,0 +1,182 @@
+"""One run of tests in a process of its own, with a mutant in place of its module. POSIX only: it forks.
+
+The mutant is compiled from memory by an import hook; no file is changed, and none is left behind.
+"""
+
+import gc
+import importlib
+import importlib.abc
+import importlib.machinery
+import importlib.util
+import json
+import os
+import resource
+import signal
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from types import CodeType, ModuleType
+from typing import Any, NoReturn, TypeAlias
+
+import pytest
+from hypothesis import Phase, settings
+
+from tests.conftest import REPOSITORY
+from tests.mutation.mutant import Mutant, mutants_of
+from tests.mutation.targets import Target
+
+PLUGINS = ("pytest_timeout", "no:unraisableexception", "no:threadexception", "no:cacheprovider")
+"""All that the tests need; others are not loaded, to start and to end sooner."""
+
+
+Send: TypeAlias = Callable[[Any], NoReturn]
+"""Sends a result, and ends the process."""
+
+
+class _Finder(importlib.abc.MetaPathFinder):
+    """Finds one module, with other source than its file has."""
+
+    def __init__(self, target: Target, source: str) -> None:
+        self._target = target
+        self._source = source
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> importlib.machinery.ModuleSpec | None:
+        if fullname != self._target.module:
+            return None
+        loader = _Loader(fullname, str(REPOSITORY / self._target.file), self._source)
+        return importlib.util.spec_from_loader(fullname, loader)
+
+
+class _Loader(importlib.machinery.SourceFileLoader):
+    def __init__(self, fullname: str, path: str, source: str) -> None:
+        super().__init__(fullname, path)
+        self._source = source
+
+    def get_code(self, fullname: str) -> CodeType:
+        return compile(self._source, self.path, "exec", dont_inherit=True)
+
+
+class _Watcher:
+    """pytest plugin: the likeliest tests first, the same examples each time, and who failed."""
+
+    def __init__(self, notice: Send | None, first: Sequence[str], durations: dict[str, float]) -> None:
+        self.failed = ""
+        self.durations: dict[str, float] = {}
+        self._notice = notice
+        self._first = set(first)
+        self._known = durations
+
+    def pytest_collection(self) -> None:
+        settings.register_profile(
+            "mutation",
+            parent=settings.get_profile("perchhw"),
+            derandomize=True,
+            database=None,
+            phases=[Phase.explicit, Phase.generate],
+        )
+        settings.load_profile("mutation")
+
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        items.sort(
+            key=lambda item: (item.nodeid not in self._first, round(self._known.get(item.nodeid, 0.0), 2))
+        )
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        self.durations[report.nodeid] = self.durations.get(report.nodeid, 0.0) + report.duration
+        if report.failed and not self.failed:
+            self.failed = report.nodeid
+            if self._notice is not None:
+                self._notice({"code": 1, "failed": report.nodeid})
+
+
+@dataclass(slots=True)
+class Trial:
+    """A process at work. `result` reads as JSON once it has ended; nothing when it was killed."""
+
+    pid: int
+    result: int
+    deadline: float
+    received: bytes = field(default=b"")
+
+
+def _send(writer: int, result: Any) -> NoReturn:
+    """Write what JSON can say, and end this process without the ceremony of one that was not forked."""
+    sys.stdout.flush()
+    with os.fdopen(writer, "wb") as pipe:
+        pipe.write(json.dumps(result).encode())
+    os._exit(0)
+
+
+def start(work: Callable[[Send], None], log: int, cpu_limit: float) -> Trial:
+    """Fork, and do `work` there.
+
+    Args:
+        work: is given what sends its result and ends its process.
+        log: file descriptor of what the process prints.
+        cpu_limit: s of processor time after which the process is killed; waiting without end is cut off
+            after twenty times as long.
+    """
+    reader, writer = os.pipe()
+    pid = os.fork()
+    if pid == 0:
+        try:
+            os.close(reader)
+            os.dup2(log, 1)
+            os.dup2(log, 2)
+            seconds = int(cpu_limit) + 1
+            resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 1))
+            gc.disable()
+            work(lambda result: _send(writer, result))
+        finally:
+            os._exit(1)
+    os.close(writer)
+    return Trial(pid, reader, time.monotonic() + 20.0 * cpu_limit)
+
+
+def end(trial: Trial) -> Any:
+    """What the process sent, or None when it was killed. Called when its pipe is closed or its time over."""
+    if time.monotonic() > trial.deadline:
+        os.kill(trial.pid, signal.SIGKILL)
+    os.close(trial.result)
+    os.waitpid(trial.pid, 0)
+    return json.loads(trial.received) if trial.received else None
+
+
+def find_mutants(target: Target, send: Send) -> None:
+    """Send the mutants of a target as dictionaries. For a process of its own: it imports the target."""
+    path = REPOSITORY / target.file
+    module = importlib.import_module(target.module)
+    found = mutants_of(target.file, path.read_text(encoding="utf-8"), vars(module))
+    send([{name: getattr(mutant, name) for name in Mutant.__slots__} for mutant in found])
+
+
+def run_tests(
+    target: Target,
+    mutant: Mutant | None,
+    send: Send,
+    first: Sequence[str] = (),
+    durations: dict[str, float] | None = None,
+) -> None:
+    """Run the target's tests, and send ``code`` (of pytest), ``failed`` (a test), ``durations`` (s by test).
+
+    Args:
+        target: the module and its tests.
+        mutant: the change to put in place, noticed by the first test that fails; None for the module as
+            it is.
+        send: what sends a result and ends the process.
+        first: tests to begin with. durations: of the others, s; quick ones come first.
+    """
+    watcher = _Watcher(None if mutant is None else send, first, durations or {})
+    if mutant is not None:
+        source = mutant.source((REPOSITORY / target.file).read_text(encoding="utf-8"))
+        sys.meta_path.insert(0, _Finder(target, source))
+    options = ["-x", "-q", "-s", "--assert=plain", "--timeout=0", f"--rootdir={REPOSITORY}"]
+    for plugin in PLUGINS:
+        options += ["-p", plugin]
+    for test in target.left_out:
+        options += ["--deselect", test]
+    code = pytest.main([*options, *(str(REPOSITORY / path) for path in target.tests)], plugins=[watcher])
+    send({"code": int(code), "failed": watcher.failed, "durations": watcher.durations})

@@ -1,0 +1,60 @@
+"""The room: where the ceiling is, and what is inside."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onboard.room import RoomGeometry
+from onboard.trajectory import fit_approach
+
+TILTED = RoomGeometry(floor_z=-0.1, ceiling_tilt_x=math.radians(2.0), ceiling_tilt_y=math.radians(-1.0))
+places = st.tuples(st.floats(-6.5, 2.0), st.floats(-1.0, 1.0))
+
+
+@given(places)
+def test_a_level_ceiling_has_one_height_to_the_last_bit(place: tuple[float, float]) -> None:
+    assert RoomGeometry().ceiling_at(*place) == RoomGeometry().ceiling_z
+
+
+def test_a_tilted_ceiling_rises_along_its_axes() -> None:
+    assert TILTED.ceiling_at(0.0, 0.0) == 2.1
+    assert TILTED.ceiling_at(1.0, 0.0) == pytest.approx(2.1 + math.tan(math.radians(2.0)))
+    assert TILTED.ceiling_at(0.0, 1.0) == pytest.approx(2.1 - math.tan(math.radians(1.0)))
+
+
+@given(places)
+def test_inside_is_between_floor_and_ceiling(place: tuple[float, float]) -> None:
+    top = TILTED.ceiling_at(*place)
+    assert top >= TILTED.lowest_ceiling
+    assert TILTED.contains(*place, top)
+    assert not TILTED.contains(*place, math.nextafter(top, math.inf))
+    assert TILTED.contains(*place, -0.1)
+    assert not TILTED.contains(*place, math.nextafter(-0.1, -math.inf))
+
+
+def test_the_margin_is_kept_from_every_wall() -> None:
+    room = RoomGeometry(x_min=-3.0, x_max=2.0, y_min=-1.5, y_max=1.0)
+    for inside, outside in (
+        ((-2.8, 0.0), (-2.81, 0.0)),
+        ((1.8, 0.0), (1.81, 0.0)),
+        ((0.0, -1.3), (0.0, -1.31)),
+        ((0.0, 0.8), (0.0, 0.81)),
+    ):
+        assert room.contains(*inside, 1.0, margin=0.2)
+        assert not room.contains(*outside, 1.0, margin=0.2)
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_a_place_that_is_no_number_is_not_inside(axis: int, value: float) -> None:
+    place = [0.0, 0.0, 1.0]
+    place[axis] = value
+    assert not TILTED.contains(*place)
+
+
+def test_an_approach_aims_at_the_ceiling_above_its_impact_point() -> None:
+    plan = fit_approach(2.5, 55.0, TILTED, impact_x=0.5, impact_y=-0.3)
+    assert plan.ceiling_z == TILTED.ceiling_at(0.5, -0.3)
+    assert plan.z0 + plan.vz * plan.t_z / 2.0 + plan.vz * plan.tau0 == pytest.approx(plan.ceiling_z)
