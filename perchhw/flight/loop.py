@@ -89,6 +89,7 @@ class FlightLoop:
         self._told: set[str] = set()
         self._time = 0.0
         self._next_tick = 0.0
+        self._pause = self.clock.event()
         self.state = initial_state(self._now())
 
     def run(self) -> FlightState:
@@ -108,7 +109,7 @@ class FlightLoop:
 
     def _next_event(self) -> Event:
         """What the loop itself has noticed, else an answer, else the tick that is due."""
-        event = self._noticed() or self._safely(self._answer, None)
+        event = self._noticed() or self._next_answer()
         if isinstance(event, CommandFailed):
             # A command that fails because the link is gone says less than the link does.
             self._own_events.append(event)
@@ -149,6 +150,12 @@ class FlightLoop:
     def _observation(self) -> Observation:
         return self.telemetry.observe()
 
+    def _next_answer(self) -> Event | None:
+        with Caught(self._keep):
+            return self._answer()
+        self._safely(lambda: self._pause.wait(TICK_PERIOD), False)  # no answers any more, but the same pace
+        return None
+
     def _answer(self) -> Event | None:
         """An answer to an order, waited for until the next tick."""
         try:
@@ -183,9 +190,9 @@ class FlightLoop:
     def _without_supervisor(self) -> FlightState:
         """The supervisor itself is broken: nobody can land this drone any more."""
         self.link.stop_path.trigger()
-        pause, deadline = self.clock.event(), self._now() + LONGEST_S
+        deadline = self._now() + LONGEST_S
         while self.link.stop_path.report is None and self._now() < deadline:
-            pause.wait(TICK_PERIOD)
+            self._pause.wait(TICK_PERIOD)
         why = self.state.aborted_by or "internal_error: the supervisor failed"
         return replace(self.state, phase=Phase.DONE, aborted_by=why)
 

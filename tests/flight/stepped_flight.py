@@ -46,7 +46,7 @@ class Injection:
         self.touched.add(place)
         if place != self.place or (self.thrown and not self.always):
             return
-        if self.thrown or self.state().phase is self.phase:
+        if self.thrown or (self.state is not None and self.state().phase is self.phase):
             self.thrown += 1
             raise Injected(place)
 

@@ -82,24 +82,22 @@ def stop_once(air: Airborne, drone: str, way: str, rng: np.random.Generator) -> 
     else:
         confirmed, began, attempted, arrived = _by_command(drone, faults, rng)
     by_packet = bool(arrived) and _locked(air)
-    air.network.faults = Faults()
-    ended = air.ended()
     if way == "keys":
+        ended = air.ended()
         confirmed = ended.get("alert") is None and ended.get("phase") == "done"
+    else:
+        air.network.faults = Faults()
+        air.ended()
     return Stop(
         way=way,
-        **asdict_of(faults),
+        delay=faults.delay,
+        loss=faults.loss,
         keys_apart=apart,
         locked_by_packet=by_packet,
         to_network=attempted[0] - began if attempted else None,
         to_drone=arrived[0] - attempted[0] if arrived else None,
         confirmed=confirmed,
     )
-
-
-def asdict_of(faults: Faults) -> dict[str, float]:
-    """The two that are varied."""
-    return {"delay": faults.delay, "loss": faults.loss}
 
 
 def _by_keys(air: Airborne, apart: float) -> tuple[bool, float, list[float], list[float]]:
@@ -159,7 +157,7 @@ def prove(stops: int, seed: int, drones: int = 1) -> list[Stop]:
     def work(index: int, drone: str, mocap: str, folder: Path) -> None:
         with Airborne(drone, mocap, folder, np.random.default_rng((seed, index, 0))) as air:
             while (number := next(numbers)) < stops:
-                stop = _when_it_flies(air, drone, number, seed)
+                stop = stop_when_it_flies(air, drone, number, seed)
                 results.append(stop)
                 if not stop.good:
                     sys.stderr.write(f"stop {number}: {stop}\n")
@@ -178,7 +176,7 @@ def prove(stops: int, seed: int, drones: int = 1) -> list[Stop]:
     return results
 
 
-def _when_it_flies(air: Airborne, drone: str, number: int, seed: int) -> Stop:
+def stop_when_it_flies(air: Airborne, drone: str, number: int, seed: int) -> Stop:
     """The stop of this number; a flight that ends before it can be stopped is flown again."""
     for _ in range(_TRIES - 1):
         with contextlib.suppress(NotInTheAir):
