@@ -89,6 +89,7 @@ class FlightLoop:
         self._told: set[str] = set()
         self._time = 0.0
         self._next_tick = 0.0
+        self._pause = self.clock.event()
         self.state = initial_state(self._now())
 
     def run(self) -> FlightState:
@@ -108,7 +109,7 @@ class FlightLoop:
 
     def _next_event(self) -> Event:
         """What the loop itself has noticed, else an answer, else the tick that is due."""
-        event = self._noticed() or self._safely(self._answer, None)
+        event = self._noticed() or self._next_answer()
         if isinstance(event, CommandFailed):
             # A command that fails because the link is gone says less than the link does.
             self._own_events.append(event)
@@ -116,7 +117,7 @@ class FlightLoop:
         if event is not None:
             return event
         self._next_tick = max(self._next_tick + TICK_PERIOD, self._now())
-        return Tick(self._safely(self.telemetry.observe, Observation()))
+        return Tick(self._safely(self._observation, Observation()))
 
     def _noticed(self) -> Event | None:
         """News of the loop's own, each told once."""
@@ -145,6 +146,15 @@ class FlightLoop:
     def _link_lost(self) -> Event | None:
         lost = self.link.lost
         return None if lost is None else LinkDown(f"link_lost: {lost}")
+
+    def _observation(self) -> Observation:
+        return self.telemetry.observe()
+
+    def _next_answer(self) -> Event | None:
+        with Caught(self._keep):
+            return self._answer()
+        self._safely(lambda: self._pause.wait(TICK_PERIOD), False)  # no answers any more, but the same pace
+        return None
 
     def _answer(self) -> Event | None:
         """An answer to an order, waited for until the next tick."""
@@ -180,9 +190,9 @@ class FlightLoop:
     def _without_supervisor(self) -> FlightState:
         """The supervisor itself is broken: nobody can land this drone any more."""
         self.link.stop_path.trigger()
-        pause, deadline = self.clock.event(), self._now() + LONGEST_S
+        deadline = self._now() + LONGEST_S
         while self.link.stop_path.report is None and self._now() < deadline:
-            pause.wait(TICK_PERIOD)
+            self._pause.wait(TICK_PERIOD)
         why = self.state.aborted_by or "internal_error: the supervisor failed"
         return replace(self.state, phase=Phase.DONE, aborted_by=why)
 
@@ -213,8 +223,11 @@ class FlightLoop:
 
     def _now(self) -> float:
         """The time; without a clock it goes on by a tick a call, so that deadlines come."""
-        self._time = self._safely(self.clock, self._time + TICK_PERIOD)
+        self._time = self._safely(self._clock_reading, self._time + TICK_PERIOD)
         return self._time
+
+    def _clock_reading(self) -> float:
+        return self.clock()
 
     def _safely(self, call: Callable[[], _T], otherwise: _T) -> _T:
         with Caught(self._keep):

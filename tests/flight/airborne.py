@@ -25,6 +25,11 @@ STOP, KICK = b"\x91\x03", b"\x91\x04"
 _ZERO_SETPOINT_HEADER = 0x30
 _FLIGHT_S = 60.0
 _ASK = b"\x90\x0c"
+_ANSWER_S = 0.02
+
+
+class NotInTheAir(Exception):
+    """The flight ended before it came so far: a machine that is too slow for real time, usually."""
 
 
 def is_stop(packet: bytes) -> bool:
@@ -46,7 +51,6 @@ class Witness:
         address = parse_udp_uri(drone)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.connect((address.host, address.port))
-        self._socket.settimeout(0.02)
 
     def bits(self, within: float = 2.0) -> SupervisorInfo:
         """The drone's supervisor now."""
@@ -63,9 +67,11 @@ class Witness:
         raise TimeoutError("the drone does not answer its witness")
 
     def _forget_late_answers(self) -> None:
+        self._socket.settimeout(0.0)
         with contextlib.suppress(BlockingIOError):
             while True:
-                self._socket.recv(64, socket.MSG_DONTWAIT)
+                self._socket.recv(64)
+        self._socket.settimeout(_ANSWER_S)
 
     def motors_off(self, within: float) -> float | None:
         """When the drone no longer lets its motors turn, on the monotonic clock (s), or None."""
@@ -181,7 +187,9 @@ class Airborne:
         deadline = time.monotonic() + _FLIGHT_S
         while True:
             line = self._lines.get(timeout=max(0.0, deadline - time.monotonic()))
-            if line is None or (key != "ended" and "ended" in line):
-                raise RuntimeError(f"the host ended while it was waited for {key} {value}: {line}")
+            if line is None:
+                raise RuntimeError(f"the host died while it was waited for {key} {value}")
+            if key != "ended" and "ended" in line:
+                raise NotInTheAir(f"the flight ended while it was waited for {key} {value}: {line}")
             if key in line and value in (None, line[key]):
                 return line

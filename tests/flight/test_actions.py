@@ -1,11 +1,77 @@
-"""Whatever goes wrong while a command is carried out, the supervisor hears of it."""
+"""Orders have identity: urgent ones wait behind nobody, older ones undo nothing, every end is heard of."""
 
+import threading
+import time
+from collections.abc import Iterator
 from typing import Any
 
+import pytest
+
+from onboard.link import DroneLink
 from onboard.timebase import WALL
 from perchhw.flight.actions import CommandRunner
-from perchhw.supervisor import CommandFailed, Order
-from perchhw.supervisor.events import Arm
+from perchhw.supervisor import CommandDone, CommandFailed, Order
+from perchhw.supervisor.events import Arm, Disarm, GoTo, Land, TakeOff
+from tests.link.tiny_drone import TinyDrone
+
+WITHIN = 5.0
+
+
+class Gate:
+    """A link that notes its calls; `arm` and `go_to` block until they are let go."""
+
+    def __init__(self) -> None:
+        self.calls: list[str] = []
+        self.entered, self.let_go = threading.Event(), threading.Event()
+
+    def _block(self, name: str) -> None:
+        self.calls.append(name)
+        self.entered.set()
+        assert self.let_go.wait(WITHIN)
+        self.calls.append(f"{name} ended")
+
+    def arm(self) -> None:
+        """Blocks."""
+        self._block("arm")
+
+    def go_to(self, *_: float) -> None:
+        """Blocks."""
+        self._block("go_to")
+
+    def takeoff(self, *_: float) -> None:
+        """Does not."""
+        self.calls.append("takeoff")
+
+    def stop_motors(self) -> None:
+        """Does not."""
+
+    def disarm(self) -> None:
+        """Does not."""
+        self.calls.append("disarm")
+
+
+def until(condition: Any, within: float = WITHIN) -> None:
+    """Wait for a condition."""
+    deadline = time.monotonic() + within
+    while not condition():
+        assert time.monotonic() < deadline, "it did not come to pass"
+        threading.Event().wait(0.002)
+
+
+@pytest.fixture
+def gate() -> Gate:
+    """A link with a gate."""
+    return Gate()
+
+
+@pytest.fixture
+def runner(gate: Gate) -> Iterator[CommandRunner]:
+    """A runner on it, closed at the end."""
+    link: Any = gate
+    runner = CommandRunner(link, WALL.queue(), WALL)
+    yield runner
+    gate.let_go.set()
+    runner.close()
 
 
 def test_a_programming_error_is_a_failed_command() -> None:
@@ -20,3 +86,66 @@ def test_a_programming_error_is_a_failed_command() -> None:
     assert isinstance(event, CommandFailed)
     assert event.order == Order(1, Arm())
     assert "AttributeError" in event.reason
+
+
+def test_a_disarming_is_not_lost_behind_an_arming_and_has_the_last_word(
+    gate: Gate, runner: CommandRunner
+) -> None:
+    runner.submit(Order(1, Arm()))
+    assert gate.entered.wait(WITHIN)
+    runner.retire(2)
+    runner.submit(Order(2, Disarm()))
+    until(lambda: gate.calls == ["arm", "disarm"])
+    gate.let_go.set()
+    until(lambda: gate.calls == ["arm", "disarm", "arm ended", "disarm"])
+
+
+def test_closing_does_not_cancel_a_disarming(gate: Gate, runner: CommandRunner) -> None:
+    runner.submit(Order(1, Arm()))
+    assert gate.entered.wait(WITHIN)
+    runner.retire(2)
+    runner.submit(Order(2, Disarm()))
+    gate.let_go.set()
+    runner.close()
+    assert gate.calls[-1] == "disarm"
+
+
+def test_orders_that_were_taken_back_are_dropped_where_they_wait(gate: Gate, runner: CommandRunner) -> None:
+    runner.submit(Order(1, GoTo((0.0, 0.0, 1.0), 1.0)))
+    assert gate.entered.wait(WITHIN)
+    runner.submit(Order(2, TakeOff(1.0, 1.0)))
+    runner.retire(3)
+    runner.submit(Order(3, TakeOff(2.0, 1.0)))
+    gate.let_go.set()
+    until(lambda: gate.calls == ["go_to", "go_to ended", "takeoff"])
+
+
+def test_answers_name_their_order(gate: Gate) -> None:
+    link: Any = gate
+    events = WALL.queue()
+    runner = CommandRunner(link, events, WALL)
+    gate.let_go.set()
+    orders = [Order(1, GoTo((0.0, 0.0, 1.0), 1.0)), Order(2, TakeOff(1.0, 1.0))]
+    for order in orders:
+        runner.submit(order)
+    answers = [events.get(timeout=WITHIN) for _ in orders]
+    runner.close()
+    assert answers == [CommandDone(order) for order in orders]
+
+
+@pytest.mark.parametrize("close_at_once", [False, True])
+def test_a_stop_does_not_wait_behind_a_landing_that_gets_no_answer(close_at_once: bool) -> None:
+    """On the runner and link of a flight: a landing blocked it for a second, and closing cancelled it."""
+    for delay in (0.0, 0.0005, 0.002, 0.01, 0.05):
+        with TinyDrone() as tiny, DroneLink.open(tiny.uri, reply_timeout_s=1.0) as link:
+            tiny.drop = lambda request: request[0] & 0xF3 == 0x80
+            runner = CommandRunner(link, WALL.queue(), WALL)
+            runner.submit(Order(1, Land(3.0)))
+            threading.Event().wait(delay)
+            begin = time.monotonic()
+            link.stop_path.trigger()
+            if close_at_once:
+                link.close()
+            until(lambda: tiny.supervisor_bits & 0x40)
+            assert time.monotonic() - begin < 0.5
+            runner.close()

@@ -1,0 +1,137 @@
+"""How long it takes from a fault until the motors are off, at real pace, through a real host and link.
+
+``python benchmarks/stop_latency.py [--runs N]`` prints one JSON document: median and worst of each,
+in seconds. What stops the drone is said beside it. The simulated drone is asked past the host, every 5 ms.
+
+- ``second_key``: Ctrl-C twice in the hover; to the stop packet on the network, and to motors that are off.
+- ``host_killed``: SIGKILL; only the drone's own watchdog is left.
+- ``link_cut``: nothing passes any more, either way; likewise.
+- ``loop_hung``: the supervisor's loop stands still while the rest of the host lives: its heart stops, the
+  kicks stop with it.
+"""
+
+import argparse
+import json
+import statistics
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from perchhw.lab_process import SimulatedLab
+from tests.flight.airborne import Airborne, NotInTheAir
+from tests.link.faulty_network import Faults
+
+MOTORS_WITHIN = 5.0
+HANG_S = 4.0
+TRIES = 5
+PORTS = ("--drone-port", "0", "--vicon-port", "0", "--vicon-udp-port", "0", "--seed", "5")
+
+
+def second_key(air: Airborne, rng: np.random.Generator) -> dict[str, float | None]:
+    """Two keys, 5 to 150 ms apart."""
+    air.take_off("moving to start")
+    air.key()
+    threading.Event().wait(float(rng.uniform(0.005, 0.15)))
+    begin = air.key()
+    off = air.witness.motors_off(MOTORS_WITHIN)
+    air.ended()
+    return {"to_network": air.attempted[0] - begin, "to_motors_off": since(begin, off)}
+
+
+def host_killed(air: Airborne, rng: np.random.Generator) -> dict[str, float | None]:
+    """SIGKILL in the hover."""
+    air.take_off("moving to start")
+    threading.Event().wait(float(rng.uniform(0.3, 0.5)))
+    begin = time.monotonic()
+    air.host.kill()
+    return {"to_motors_off": since(begin, air.witness.motors_off(MOTORS_WITHIN))}
+
+
+def link_cut(air: Airborne, rng: np.random.Generator) -> dict[str, float | None]:
+    """Every packet is lost from here on."""
+    air.take_off("moving to start")
+    threading.Event().wait(float(rng.uniform(0.3, 0.5)))
+    begin = time.monotonic()
+    air.network.faults = Faults(loss=1.0)
+    off = air.witness.motors_off(MOTORS_WITHIN)
+    air.ended()
+    return {"to_motors_off": since(begin, off)}
+
+
+def loop_hung(air: Airborne, _rng: np.random.Generator) -> dict[str, float | None]:
+    """The loop stands still when it comes to the hover."""
+    air.take_off("moving to start", hang_s=HANG_S)
+    begin = time.monotonic()
+    off = air.witness.motors_off(MOTORS_WITHIN)
+    air.ended()
+    return {"to_motors_off": since(begin, off)}
+
+
+FAULTS: dict[str, tuple[Callable[[Airborne, np.random.Generator], dict[str, float | None]], str]] = {
+    "second_key": (second_key, "the stop packet; watchdog and closing setpoint are withheld"),
+    "host_killed": (host_killed, "the drone's watchdog, 1 s after the last kick"),
+    "link_cut": (link_cut, "the drone's watchdog, 1 s after the last kick that arrived"),
+    "loop_hung": (loop_hung, "the drone's watchdog, 1 s after the last kick, 0.3 s after the last heartbeat"),
+}
+
+
+def since(begin: float, end: float | None) -> float | None:
+    """Seconds, or None for what did not come."""
+    return None if end is None else end - begin
+
+
+def measure(name: str, runs: int, lab: SimulatedLab, folder: Path) -> list[dict[str, float | None]]:
+    """So many runs of one fault, each on a host of its own where it is killed."""
+    found: list[dict[str, float | None]] = []
+    fault, _ = FAULTS[name]
+    for run in range(runs):
+        rng = np.random.default_rng((run, len(name)))
+        for attempt in range(TRIES):
+            place = folder / f"{name}-{run}-{attempt}"
+            with Airborne(lab.drones[0], lab.mocap[0], place, rng) as air:
+                air.withhold(watchdog=name != "second_key")
+                try:
+                    found.append(fault(air, rng))
+                except NotInTheAir as error:
+                    sys.stderr.write(f"{name}: {error}\n")
+                    continue
+            break
+    return found
+
+
+def summary(found: list[dict[str, float | None]]) -> dict[str, object]:
+    """Median and worst of each figure; None where the motors did not stop."""
+    figures: dict[str, object] = {"runs": len(found)}
+    for figure in found[0] if found else ():
+        values = [row[figure] for row in found]
+        known = [value for value in values if value is not None]
+        figures[figure] = {
+            "median": round(statistics.median(known), 4) if known else None,
+            "worst": round(max(known), 4) if len(known) == len(values) else None,
+        }
+    return figures
+
+
+def main() -> int:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--runs", type=int, default=5)
+    arguments = parser.parse_args()
+    with SimulatedLab("lab", PORTS) as lab, tempfile.TemporaryDirectory() as folder:
+        document = {
+            name: {**summary(measure(name, arguments.runs, lab, Path(folder))), "stopped_by": what}
+            for name, (_, what) in FAULTS.items()
+        }
+    print(json.dumps(document, indent=1))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,123 @@
+"""An exception at every call of the loop, one at a time: the drone lands or is stopped, and it is told."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import perchhw.flight.loop as loop_module
+from perchhw.supervisor import Phase
+from tests.flight.stepped_flight import Injected, Injection, Stepped, fly
+
+PLACES = (
+    "clock()",
+    "link.lost",
+    "bridge.set_in_flight",
+    "telemetry.observe",
+    "commands.retire",
+    "commands.submit",
+    "recorder.event",
+    "recorder.write",
+    "interrupts.count",
+    "kicker.beat",
+    "kicker.problem",
+    "events.get",
+    "on_phase()",
+)
+STOP_PLACES = ("link.stop_path", "stop_path.trigger", "stop_path.report")
+SOFT = 1.5
+"""m/s; a drone whose motors stop at the height of the hover hits the floor with 3 m/s."""
+
+
+def at_rest(stepped: Stepped) -> bool:
+    """On the floor, with motors that do not turn."""
+    return stepped.flight.position[2] < 0.15 and not stepped.flight.firmware.ratios.any()
+
+
+def test_the_loop_calls_nothing_else(tmp_path: Path) -> None:
+    """Whoever lets the loop call something new adds it to the places above."""
+    injection = Injection()
+    stepped = fly(tmp_path / "run", injection)
+    assert at_rest(stepped)
+    assert stepped.fastest_fall < SOFT
+    assert stepped.state.phase is Phase.DONE
+    used = injection.touched - {"recorder.close", "clock.event"}
+    assert used == {*PLACES}
+
+
+@pytest.mark.parametrize("phase", [Phase.TAKING_OFF, Phase.LANDING])
+@pytest.mark.parametrize("place", PLACES)
+def test_one_exception_in_the_air_ends_in_a_soft_landing(
+    place: str, phase: Phase, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    injection = Injection(place, phase)
+    stepped = fly(tmp_path / "run", injection)
+    if not injection.thrown:
+        pytest.skip("this is not called in this phase")
+    assert at_rest(stepped)
+    assert stepped.state.phase is Phase.DONE
+    assert stepped.state.aborted_by is not None
+    if place != "commands.submit":  # a landing that cannot be ordered is a stop
+        assert stepped.fastest_fall < SOFT
+        assert not stepped.flight.info.is_locked
+    assert Injected in [record.exc_info[0] for record in caplog.records if record.exc_info]
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_a_part_that_fails_for_ever_ends_on_the_floor(place: str, tmp_path: Path) -> None:
+    injection = Injection(place, Phase.TAKING_OFF, always=True)
+    stepped = fly(tmp_path / "run", injection)
+    assert injection.thrown
+    assert at_rest(stepped)
+    assert stepped.state.phase is Phase.DONE
+    assert stepped.state.aborted_by is not None
+
+
+@pytest.mark.parametrize("place", STOP_PLACES)
+def test_a_stop_whose_answer_cannot_be_read_still_ends(
+    place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The landing cannot be ordered, so the supervisor stops; then the way to the stop fails, once."""
+
+    def no_landing(self: Any, order: Any) -> None:
+        raise Injected("submit")
+
+    injection = Injection(place, Phase.STOPPING)
+    from tests.flight.stepped_flight import DirectRunner
+
+    carry_out = DirectRunner.submit
+
+    def submit(self: Any, order: Any) -> None:
+        if type(order.command).__name__ == "Land":
+            no_landing(self, order)
+        carry_out(self, order)
+
+    monkeypatch.setattr(DirectRunner, "submit", submit)
+    stepped = fly(tmp_path / "run", injection)
+    assert injection.thrown
+    assert stepped.state.phase is Phase.DONE
+    if place == "stop_path.report":
+        assert at_rest(stepped)
+        assert stepped.flight.info.is_locked
+    else:
+        assert stepped.state.alert is not None, "the operator must know that it may still fly"
+
+
+@pytest.mark.parametrize("always", [False, True])
+def test_a_supervisor_that_fails_lands_or_is_stopped(
+    always: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    injection = Injection("step", Phase.MOVING_TO_START, always=always)
+    step = loop_module.step
+
+    def failing(*arguments: Any) -> Any:
+        injection.touch("step")
+        return step(*arguments)
+
+    monkeypatch.setattr(loop_module, "step", failing)
+    stepped = fly(tmp_path / "run", injection)
+    assert injection.thrown
+    assert at_rest(stepped)
+    assert stepped.state.phase is Phase.DONE
+    assert "internal_error" in str(stepped.state.aborted_by)
+    assert stepped.flight.info.is_locked is always
