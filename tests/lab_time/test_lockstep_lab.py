@@ -4,8 +4,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import pytest
@@ -14,6 +12,7 @@ from onboard.lab_time import time_address
 from onboard.lab_time.figures import lab_figures
 from onboard.link import DroneLink
 from perchhw.lab_process import FREE_PORTS, SimulatedLab
+from tests.lab_time.busy import busy_processes
 from tests.lab_time.hover import hover
 
 
@@ -25,17 +24,6 @@ def figures(lab: SimulatedLab) -> dict[str, Any]:
     address = time_address(lab.drones[0])
     assert address is not None
     return lab_figures(address)
-
-
-@contextmanager
-def busy_processes(count: int) -> Iterator[None]:
-    loops = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
-    try:
-        yield
-    finally:
-        for loop in loops:
-            loop.kill()
-            loop.wait()
 
 
 def without_query(uri: str) -> str:
