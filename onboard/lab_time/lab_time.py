@@ -18,7 +18,7 @@ from onboard.timebase import Event, Queue, Transport
 
 ANSWER_S = 60.0
 """Real time after which a lab that owes an answer is taken for dead."""
-SLOT_PERIOD, SLOT_MARGIN = 5.0, 2.0
+SLOT_PERIOD, SLOT_MARGIN = 2.0, 1.5
 """Motors are armed at multiples of the period, the first that is at least the margin away, lab s."""
 _OWN_PACE_STEP_S = 0.002
 _log = logging.getLogger(__name__)
@@ -118,7 +118,7 @@ class LabTime:
         return max(limit, ANSWER_S)
 
     def slot(self) -> float:
-        """A multiple of 5 s of the lab's time, at least 2 s from now."""
+        """A multiple of 2 s of the lab's time, at least 1.5 s from now."""
         return SLOT_PERIOD * -(-(self._workers.now + SLOT_MARGIN) // SLOT_PERIOD)
 
     # Taking part

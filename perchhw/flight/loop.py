@@ -46,6 +46,7 @@ TICK_PERIOD = 0.02
 WATCHED_PHASES = frozenset(Phase) - {
     Phase.CHECKING,
     Phase.UPLOADING,
+    Phase.READY,
     Phase.DISARMING,
     Phase.STOPPING,
     Phase.DONE,

@@ -3,7 +3,7 @@
 import logging
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from mocap_bridge.bridge import PoseBridge
 from mocap_bridge.correction import AS_TRACKED, PoseCorrection
@@ -121,7 +121,7 @@ class SupervisedFlight:
             interrupts=interrupts,
             kicker=stack.enter_context(WatchdogKicker(link, clock)),
             events=events,
-            mission=self.mission,
+            mission=replace(self.mission, arm_at=clock.slot()),
             limits=self.limits,
             on_phase=self.on_phase,
         )

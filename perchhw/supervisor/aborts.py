@@ -46,7 +46,7 @@ def abort(state: FlightState, why: str, context: Context) -> Step:
     """End the attempt in the safest way that the present phase leaves open."""
     state = ended_early(state, why)
     match state.phase:
-        case Phase.CHECKING | Phase.UPLOADING:
+        case Phase.CHECKING | Phase.UPLOADING | Phase.READY:
             return Step(enter(state, Phase.DONE, context))
         case Phase.ARMING:
             return disarm(state, context)

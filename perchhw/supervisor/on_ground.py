@@ -1,4 +1,4 @@
-"""The phases before the motors lift the drone: checking, uploading, arming."""
+"""The phases before the motors lift the drone: checking, uploading, ready, arming."""
 
 from dataclasses import replace
 
@@ -27,9 +27,11 @@ def checking(state: FlightState, o: Admitted, context: Context) -> Step:
 
 
 def _ready(state: FlightState, context: Context) -> Step:
-    """All checks passed: arm, unless this is a rehearsal."""
+    """All checks passed: arm when the time has come, unless this is a rehearsal."""
     if context.mission.dry_run:
         return Step(enter(state, Phase.DONE, context))
+    if context.now < context.mission.arm_at:
+        return Step(enter(state, Phase.READY, context, "the time to arm"))
     return order(enter(state, Phase.ARMING, context, "the drone to arm"), Arm())
 
 
@@ -45,6 +47,16 @@ def after_upload(state: FlightState, crc: int | None, context: Context) -> Step:
     if state.phase is not Phase.UPLOADING:
         return Step(state)
     return _other_policy(state, crc, context) or _ready(state, context)
+
+
+def ready(state: FlightState, o: Admitted, context: Context) -> Step:
+    """Until the time to arm has come; a simulated lab has one that hangs on no machine's speed."""
+    stop = guard(state, GROUND_RULES, o, context)
+    if stop is not None:
+        return stop
+    if elapsed(state, context) > context.timing.ready_deadline:
+        return abort(state, f"the time to arm is {context.mission.arm_at:.1f} s, too far away", context)
+    return Step(state) if context.now < context.mission.arm_at else _ready(state, context)
 
 
 def _other_policy(state: FlightState, crc: int | None, context: Context) -> Step | None:

@@ -12,6 +12,7 @@ from perchhw.supervisor.state import Context, FlightState, Phase, Step
 PHASES: dict[Phase, Callable[[FlightState, Admitted, Context], Step]] = {
     Phase.CHECKING: on_ground.checking,
     Phase.UPLOADING: on_ground.uploading,
+    Phase.READY: on_ground.ready,
     Phase.ARMING: on_ground.arming,
     Phase.TAKING_OFF: hovering.taking_off,
     Phase.MOVING_TO_START: hovering.moving_to_start,

@@ -17,6 +17,7 @@ class Phase(StrEnum):
 
     CHECKING = "checking"
     UPLOADING = "uploading"
+    READY = "ready"
     ARMING = "arming"
     TAKING_OFF = "taking off"
     MOVING_TO_START = "moving to start"
@@ -45,6 +46,7 @@ class Mission:
         dry_run: stop after the verified upload (the checks, without a policy); the motors never arm.
         test_flight: fly a course and land upright, without any policy.
         transit_speed: mean speed of moves between hovers, m/s.
+        arm_at: earliest time at which the motors are armed, s of the injected clock.
         corridor: the planned approach, about which position, speed and attitude must stay up to the trigger;
             ``None`` for a test flight.
     """
@@ -56,6 +58,7 @@ class Mission:
     dry_run: bool = False
     test_flight: bool = False
     transit_speed: float = 0.8
+    arm_at: float = -inf
     corridor: ApproachPlan | None = None
 
 
@@ -80,6 +83,7 @@ class Timing:
     checks_hold: float = 0.5
     checks_deadline: float = 8.0
     upload_deadline: float = 20.0
+    ready_deadline: float = 10.0
     arm_deadline: float = 3.0
     arm_hold: float = 0.1
     take_off: float = 2.0

@@ -16,6 +16,7 @@ PAGES = [REPOSITORY / "README.md", *sorted((REPOSITORY / "docs").glob("*.md"))]
 RUN_BY_CI = {"make demo", "make test"}
 LAB = "perchhw sim lab"
 BENCH, HANDS = "perchhw sim bench --pace 10", "tcp://127.0.0.1:40123"
+LAB_FILE = "--lab lab.toml"
 DRONE, MOCAP = "udp://127.0.0.1:19850", "vicon://127.0.0.1:18801?subject=cf1"
 
 
@@ -50,7 +51,8 @@ def lab() -> Iterator[SimulatedLab]:
     ids=lambda page: page.name,
 )
 def test_console_lines_run(page: Path, lab: SimulatedLab, tmp_path: Path) -> None:
-    run_console_lines(page, {DRONE: lab.drones[0], MOCAP: lab.mocap[0]}, tmp_path)
+    addresses = {DRONE: lab.drones[0], MOCAP: lab.mocap[0], LAB_FILE: f"--lab {lab.ready['lab']}"}
+    run_console_lines(page, addresses, tmp_path)
 
 
 @pytest.mark.timeout(240)

@@ -164,12 +164,12 @@ def test_deadlines_come_also_when_the_lab_has_died(lab: ToyLab) -> None:
 def test_arming_comes_at_a_time_that_hangs_on_no_connection(lab: ToyLab) -> None:
     with LabTime("127.0.0.1", lab.port, "test") as time:
         slots = set()
-        for now in (0.0, 0.4, 2.9, 3.0):
+        for now in (0.0, 0.2, 0.45, 0.5):
             lab.begin_turn(now)
             time.foreign()
             lab.done.get(timeout=20.0)
             slots.add(time.slot())
-        assert slots == {5.0}
+        assert slots == {2.0}
 
 
 def test_no_lab_is_an_error_that_says_what_to_do(lab: ToyLab) -> None:

@@ -8,20 +8,25 @@ from perchhw.supervisor import FlightState, Mission, Observation, Phase
 
 from .simulated_attempt import CRC, FLYING, INVERTED, MISSION, PLAN, TEST_FLIGHT, good_on_ground
 
-ON_GROUND = (Phase.CHECKING, Phase.UPLOADING, Phase.ARMING)
+BEFORE_ARMING = (Phase.CHECKING, Phase.UPLOADING, Phase.READY)
+ON_GROUND = (*BEFORE_ARMING, Phase.ARMING)
 HOVERING = (Phase.TAKING_OFF, Phase.MOVING_TO_START, Phase.ARMING_APPROACH, Phase.TEST_FLIGHT)
 DESCENDING = (Phase.BRAKING, Phase.LANDING)
+TO_ARM = 3.0
+"""When a mission that waits for its time may arm, s."""
 ALL_PHASES = tuple(phase for phase in Phase if phase is not Phase.DONE)
 
 
 def mission_of(phase: Phase) -> Mission:
     """A mission that has the phase."""
+    if phase is Phase.READY:
+        return replace(MISSION, arm_at=TO_ARM)
     return TEST_FLIGHT if phase is Phase.TEST_FLIGHT else MISSION
 
 
 def state_in(phase: Phase) -> FlightState:
     """A state that entered `phase` at 0 s; its order has the number 7."""
-    before = phase in (Phase.CHECKING, Phase.UPLOADING)
+    before = phase in BEFORE_ARMING
     return FlightState(
         phase=phase,
         entered_at=0.0,
@@ -38,7 +43,7 @@ def state_in(phase: Phase) -> FlightState:
 def good_in(phase: Phase) -> Observation:
     """All is well in `phase`, and nothing moves it on."""
     ground = good_on_ground()
-    if phase in (Phase.CHECKING, Phase.UPLOADING, Phase.ARMING):
+    if phase in ON_GROUND:
         return replace(ground, active_policy_crc=CRC)
     place = MISSION.start if phase is not Phase.MOVING_TO_START else (-1.0, 0.0, 1.0)
     flying = replace(

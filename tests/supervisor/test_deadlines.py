@@ -19,7 +19,7 @@ from perchhw.supervisor import (
     Timing,
     step,
 )
-from perchhw.supervisor.events import Brake, Command, Disarm, EmergencyStop, Land
+from perchhw.supervisor.events import Arm, Brake, Command, Disarm, EmergencyStop, Land
 
 from .simulated_attempt import CRC, FLYING, MISSION, PERIOD, PLAN, READY
 from .states import good_in, mission_of, state_in
@@ -196,3 +196,22 @@ def test_a_good_crc_is_demanded_again_before_take_off_and_before_the_approach() 
         after = step(arming, Tick(replace(o, **changes)), 0.01, MISSION)  # type: ignore[arg-type]
         assert "policy_crc" in (after.state.aborted_by or "")
         assert [type(order.command) for order in after.orders] == [Disarm]
+
+
+def test_the_motors_are_armed_when_the_time_has_come_and_not_before() -> None:
+    state, mission = state_in(Phase.READY), mission_of(Phase.READY)
+    early = step(state, Tick(good_in(Phase.READY)), mission.arm_at - 1e-6, mission)
+    assert (early.state.phase, early.orders) == (Phase.READY, ())
+    in_time = step(early.state, Tick(good_in(Phase.READY)), mission.arm_at, mission)
+    assert in_time.state.phase is Phase.ARMING
+    assert [type(order.command) for order in in_time.orders] == [Arm]
+
+
+def test_a_time_to_arm_that_is_too_far_away_is_not_waited_for() -> None:
+    never = replace(MISSION, arm_at=1000.0)
+    state = step(state_in(Phase.READY), Tick(good_in(Phase.READY)), TIMING.ready_deadline, never).state
+    assert state.phase is Phase.READY
+    late = TIMING.ready_deadline + PERIOD
+    state = step(state, Tick(good_in(Phase.READY)), late, never).state
+    assert state.phase is Phase.DONE
+    assert "too far away" in str(state.aborted_by)

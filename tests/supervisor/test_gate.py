@@ -82,6 +82,7 @@ AIR = LINK_AND_DRONE | POSE | ESTIMATE | BATTERY | RATES
 DENIED_AT_ONCE: dict[Phase, set[str]] = {
     **dict.fromkeys(HOVERING, AIR),
     Phase.UPLOADING: GROUND,
+    Phase.READY: GROUND,
     Phase.ARMING: GROUND,
     Phase.ARMING_APPROACH: AIR | POLICY,
     Phase.APPROACHING: AIR,
@@ -92,6 +93,7 @@ STOPPED_WHEN_IT_LASTS = {"link_silence", "drone_age"} | ESTIMATE
 ANSWER: dict[Phase, list[type]] = {
     **{phase: [Land] for phase in HOVERING},
     Phase.UPLOADING: [],
+    Phase.READY: [],
     Phase.ARMING: [Disarm],
     Phase.APPROACHING: [Brake],
 }

@@ -44,7 +44,7 @@ from .simulated_attempt import CRC, FLYING, MISSION, TEST_FLIGHT, SimulatedAttem
 MOTION = (Arm, TakeOff, GoTo, ArmApproach, StartApproach, FlyCourse)
 
 
-ON_GROUND = (Phase.CHECKING, Phase.UPLOADING)
+ON_GROUND = (Phase.CHECKING, Phase.UPLOADING, Phase.READY)
 AFTER_TRIGGER = (Phase.FLIPPING, Phase.SETTLING)
 MOTORS_MAY_TURN = tuple(p for p in Phase if p not in (*ON_GROUND, *AFTER_TRIGGER, Phase.STOPPING, Phase.DONE))
 
@@ -267,6 +267,8 @@ def test_the_operator_ends_any_phase(phase: Phase) -> None:
     attempt = SimulatedAttempt(events_at={phase: OperatorAbort()}, triggers=phase is not Phase.BRAKING)
     if phase is Phase.TEST_FLIGHT:
         attempt.mission = TEST_FLIGHT
+    if phase is Phase.READY:
+        attempt.mission = replace(MISSION, arm_at=3.0)
     if phase is Phase.LANDING:
         attempt.triggers = False
     state = attempt.run()

@@ -41,11 +41,12 @@ from perchhw.supervisor.events import (
 )
 
 from .simulated_attempt import MISSION, PERIOD, PLAN, READY, SimulatedAttempt, turned
-from .states import ALL_PHASES, HOVERING, good_in, mission_of, state_in
+from .states import ALL_PHASES, BEFORE_ARMING, HOVERING, good_in, mission_of, state_in
 
 WAY_OUT: dict[Phase, tuple[Phase, list[type]]] = {
     Phase.CHECKING: (Phase.DONE, []),
     Phase.UPLOADING: (Phase.DONE, []),
+    Phase.READY: (Phase.DONE, []),
     Phase.ARMING: (Phase.DISARMING, [Disarm]),
     **{phase: (Phase.LANDING, [Land]) for phase in HOVERING},
     Phase.APPROACHING: (Phase.BRAKING, [Brake]),
@@ -126,7 +127,7 @@ def test_a_stop_is_not_judged_by_the_answer_to_its_order() -> None:
 @pytest.mark.parametrize("phase", [p for p in ALL_PHASES if p is not Phase.STOPPING])
 def test_asked_twice_the_motors_stop_wherever_they_may_turn(phase: Phase) -> None:
     state, _ = step(state_in(phase), OperatorAbort(), 0.1, mission_of(phase))
-    if phase in (Phase.CHECKING, Phase.UPLOADING):
+    if phase in BEFORE_ARMING:
         assert state.phase is Phase.DONE
         return
     assert state.phase is not Phase.DONE

@@ -86,7 +86,7 @@ APPROACH = {
 BROKEN = [
     (phase, rule, changes)
     for phases, rules in (
-        ((Phase.UPLOADING, Phase.ARMING), ON_GROUND),
+        ((Phase.UPLOADING, Phase.READY, Phase.ARMING), ON_GROUND),
         ((Phase.TAKING_OFF,), HOVER),
         ((Phase.MOVING_TO_START, Phase.ARMING_APPROACH), {**HOVER, **FLOOR}),
         ((Phase.TEST_FLIGHT,), TEST_FLIGHT),
@@ -97,6 +97,7 @@ BROKEN = [
 ]
 ANSWER = {
     Phase.UPLOADING: [],
+    Phase.READY: [],
     Phase.ARMING: [Disarm],
     **{phase: [Land] for phase in HOVERING},
     Phase.APPROACHING: [Brake],
