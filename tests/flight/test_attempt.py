@@ -16,6 +16,7 @@ import pytest
 from calibration.flights import open_flight
 from onboard.arrays import FloatArray
 from onboard.errors import InputError, PerchhwError
+from onboard.link import DroneLink
 from perchhw.attempt import AttemptRequest, AttemptResult, Outcome
 from perchhw.flight import fly_attempt
 from perchhw.flight.turnaround import put_back
@@ -229,6 +230,23 @@ def test_ctrl_c_in_the_air_lands_stops_the_motors_and_exits_130(phase: str, tmp_
     assert run.info["closed"] is True
     assert run.info["aborted_by"] == "operator"
     assert_landed_softly(truth)
+
+
+@pytest.mark.parametrize("phase", ["taking off", "approaching"])
+def test_ctrl_c_twice_stops_the_motors_and_knows_that_they_are_locked(phase: str, tmp_path: Path) -> None:
+    """Also in a lab that keeps its own time, which the stop does not go by."""
+    with open_lab() as lab:
+        process = fly_in_child(lab, tmp_path / "runs")
+        wait_for_phase(process, phase)
+        process.send_signal(signal.SIGINT)
+        process.send_signal(signal.SIGTERM)
+        output, errors = process.communicate(timeout=60)
+        with DroneLink.open(lab.drones[0]) as link:
+            assert link.supervisor_info().is_locked
+    assert process.returncode == 130, errors
+    assert json.loads(output)["aborted_by"] == "operator"
+    events = [event["event"] for event in read_run(only_run(tmp_path / "runs")).events]
+    assert "StopConfirmed" in events
 
 
 def test_a_trigger_that_does_not_come_ends_on_the_floor(tmp_path: Path) -> None:
