@@ -7,6 +7,7 @@ cold start left there. Wall seconds count from the start of the process; process
 its processes until their end. `landing` is ``perchhw demo --attempts 1`` until it has labelled the attempt.
 """
 
+import argparse
 import json
 import os
 import platform
@@ -68,6 +69,7 @@ def starts(arguments: tuple[str, ...], stream: str, line: str) -> dict[str, dict
 
 def main() -> None:
     """Measure and print."""
+    argparse.ArgumentParser(description=__doc__).parse_args()
     load = os.getloadavg()[0]
     document = {
         "benchmark": "first_start",

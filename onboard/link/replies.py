@@ -37,7 +37,7 @@ LOG_MEMORY = 64
 #: parameter).
 FORGET_AFTER = 5.0
 #: Bounds of the time before a request is sent again [s].
-RESEND_MIN, RESEND_MAX = 0.01, 0.4
+RESEND_MIN, RESEND_MAX = 0.01, 0.1
 #: Before the first round trip was measured [s].
 RESEND_FIRST = 0.05
 
@@ -152,7 +152,7 @@ class OutstandingRequests:
         return True
 
     def due(self, now: float) -> list[Packet]:
-        """Packets to send again at ``now`` [s]. Each wait is twice the one before."""
+        """Packets to send again at ``now`` [s]. Each wait is twice the one before, up to the longest."""
         packets = []
         for key, request in list(self._requests.items()):
             if now - request.first_sent > FORGET_AFTER:
