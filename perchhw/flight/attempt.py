@@ -17,7 +17,7 @@ from perchhw.flight.loop import OnPhase
 from perchhw.flight.mission import AttemptPlan, plan_attempt
 from perchhw.flight.readback import LANDING_SETTINGS
 from perchhw.flight.recording import FlightRecord
-from perchhw.flight.session import SupervisedFlight
+from perchhw.flight.session import Flown, SupervisedFlight
 from perchhw.flight.telemetry import BLOCKS
 from perchhw.lab import correction_of, in_record, limits_of, require_lab
 from perchhw.label import label_flight
@@ -81,7 +81,7 @@ def fly_attempt(
             record.event("refused", clock(), reason=str(error))
             record.close(outcome=Outcome.ABORTED, aborted_by=str(error))
             raise
-        result = _conclude(request, vehicle, flown.state, flown.trigger, record, clock)
+        result = _conclude(request, vehicle, flown, record, clock)
     if flown.interrupted:
         raise AttemptInterrupted(result)
     return result
@@ -111,12 +111,12 @@ def _configuration(request: AttemptRequest, vehicle: Vehicle, plan: AttemptPlan)
 def _conclude(
     request: AttemptRequest,
     vehicle: Vehicle,
-    state: FlightState,
-    trigger: dict[str, float] | None,
+    flown: Flown,
     record: FlightRecord,
     clock: Timebase,
 ) -> AttemptResult:
     """Label what was flown and close the record."""
+    state, trigger = flown.state, flown.trigger
     outcome, evidence, aborted_by = Outcome.ABORTED, {}, state.aborted_by
     if aborted_by is None and state.armed:
         try:
@@ -128,7 +128,12 @@ def _conclude(
     record.event("labelled", clock(), outcome=outcome, evidence=evidence)
     result = AttemptResult(outcome, state.triggered, trigger, aborted_by, request.folder)
     record.close(
-        outcome=outcome, triggered=state.triggered, trigger=trigger, aborted_by=aborted_by, evidence=evidence
+        outcome=outcome,
+        triggered=state.triggered,
+        trigger=trigger,
+        aborted_by=aborted_by,
+        evidence=evidence,
+        drone_clock_rate=flown.drone_clock_rate,
     )
     return result
 

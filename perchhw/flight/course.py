@@ -133,7 +133,11 @@ def fly_course(
             record.close(outcome=Outcome.ABORTED, aborted_by=str(error))
             raise
         aborted_by = flown.state.aborted_by
-        record.close(outcome=FLOWN if aborted_by is None else Outcome.ABORTED, aborted_by=aborted_by)
+        record.close(
+            outcome=FLOWN if aborted_by is None else Outcome.ABORTED,
+            aborted_by=aborted_by,
+            drone_clock_rate=flown.drone_clock_rate,
+        )
     return CourseResult(aborted_by, request.folder, flown.interrupted)
 
 

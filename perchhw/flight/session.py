@@ -34,11 +34,13 @@ class Flown:
         state: last state of the supervisor.
         trigger: the trigger snapshot, or None when the policy never fired.
         interrupted: the operator interrupted it.
+        drone_clock_rate: s of the drone's clock in a second of the flight's, or None.
     """
 
     state: FlightState
     trigger: dict[str, float] | None
     interrupted: bool
+    drone_clock_rate: float | None
 
 
 @dataclass
@@ -129,4 +131,4 @@ class SupervisedFlight:
         trigger = telemetry.trigger_snapshot() if state.triggered else None
         if trigger is not None:
             record.write("trigger", clock(), trigger)
-        return Flown(state, trigger, interrupts.count > 0)
+        return Flown(state, trigger, interrupts.count > 0, telemetry.drone_clock_rate())

@@ -121,6 +121,10 @@ TEST_FLIGHT_BLOCKS: tuple[Block, ...] = (
 """The log blocks of a test flight: what the gap finder uses at 100 Hz, nothing of the landing app."""
 
 
+_RATE_NEEDS_S = 1.0
+"""Shortest time that tells the rate of a clock, s."""
+
+
 class _Latest(NamedTuple):
     """The newest content of a block: receipt time (s), drone time (ms), values by (topic, field)."""
 
@@ -159,6 +163,7 @@ class Telemetry:
         self._readback = readback
         self._clock = clock
         self._latest: dict[int, _Latest] = {}
+        self._first: dict[int, _Latest] = {}
         self._lock = threading.Lock()
         self._trigger_written = False
 
@@ -178,6 +183,7 @@ class Telemetry:
                 if previous is not None and sample.drone_time_ms <= previous.drone_time_ms:
                     return
                 self._latest[index] = _Latest(sample.receipt_time, sample.drone_time_ms, values)
+                self._first.setdefault(index, self._latest[index])
             self._record(sample.receipt_time, sample.drone_time_ms, values)
 
         return receive
@@ -202,6 +208,18 @@ class Telemetry:
                 if (topic, name) in latest.values:
                     return latest.values[topic, name], now - latest.receipt_time
         return None, None
+
+    def drone_clock_rate(self) -> float | None:
+        """Seconds of the drone's clock in a second of the flight's, over all that came; ``None``: too little.
+
+        A crystal is within 1e-4 of one. A simulated lab that should live in real time and does not is below.
+        """
+        with self._lock:
+            first, latest = self._first.get(0), self._latest.get(0)
+        if first is None or latest is None or latest.receipt_time - first.receipt_time < _RATE_NEEDS_S:
+            return None
+        elapsed_ms = latest.drone_time_ms - first.drone_time_ms
+        return elapsed_ms / 1000.0 / (latest.receipt_time - first.receipt_time)
 
     def trigger_snapshot(self) -> dict[str, float] | None:
         """The drone's snapshot of its trigger, or ``None`` when it never fired, or is torn.

@@ -32,7 +32,7 @@ class Blocks:
 def watched() -> tuple[Blocks, Telemetry]:
     link: Any = Blocks()
     nobody: Any = None
-    telemetry = Telemetry(link, nobody, nobody, lambda: 0.0, (WATCHED, CUES, MOTION))
+    telemetry = Telemetry(link, nobody, nobody, nobody, lambda: 0.0, (WATCHED, CUES, MOTION))
     telemetry.start()
     return link, telemetry
 

@@ -74,8 +74,8 @@ def test_opens_and_uploads_over_a_bad_network(network: FaultyNetwork) -> None:
             assert link.param("ring.effect") == 7
     finally:
         network.faults = Faults()
-    assert network.lost > 100
-    assert network.doubled > 100
+    assert network.lost > 15
+    assert network.doubled > 15
 
 
 @pytest.mark.parametrize("reason", REFUSED)
