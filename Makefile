@@ -1,11 +1,12 @@
-# perchhw: `make demo` flies in simulation with nothing attached, `make test` runs the tests.
+# perchhw: `make demo` flies in simulation with nothing attached, `make test` runs the tests, `make check` the quick
+# ones with lint and types, `make soak` the long proofs.
 # Both make their own virtual environment in .venv with the versions pinned under requirements/.
 
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo walkthrough test lint lock clean
+.PHONY: demo walkthrough check test soak soak-sample lint lock clean
 
 demo: $(VENV)/.demo
 	$(BIN)/perchhw demo --out demo-run
@@ -14,10 +15,32 @@ demo: $(VENV)/.demo
 walkthrough: $(VENV)/.dev
 	$(BIN)/perchhw gap walkthrough --out walkthrough-run
 
-# Flights in real time have the machine to themselves; the rest runs on all cores.
+# What fails most often, in a minute once compiled: the pure parts, lint, types, layers.
+CHECKED := tests/supervisor tests/onboard tests/flights tests/record tests/label tests/mocap tests/lab_time \
+	tests/link/test_replies.py tests/link/test_uri.py tests/campaign/test_plan.py tests/lab_file/test_lab_file.py
+check: $(VENV)/.dev
+	$(BIN)/python -m pytest --quiet --numprocesses auto --dist worksteal -m "not slow and not soak" $(CHECKED)
+	$(MAKE) lint
+
+# What a contributor must see green.
 test: $(VENV)/.dev
-	$(BIN)/python -m pytest --numprocesses auto --dist worksteal --ignore tests/flight
-	$(BIN)/python -m pytest tests/flight
+	$(BIN)/python -m pytest --numprocesses auto --dist worksteal
+
+# The long proofs, two hours on two cores. Each goes on where it can when it is started again, and says its seed.
+SEED ?= 1
+soak: $(VENV)/.dev
+	$(BIN)/python -m pytest --numprocesses auto --dist worksteal -m soak --hypothesis-profile soak
+	$(BIN)/python -m tests.lab_time.same_flight --busy 16 --flights 5 --seed $(SEED)
+	$(BIN)/python -m tests.flight.faulty_attempts --attempts 200 --seed $(SEED)
+	$(BIN)/python -m tests.flight.stop_proof --stops 1000 --seed $(SEED)
+	$(BIN)/python -m tests.mutation
+	$(BIN)/python benchmarks/gap.py
+
+# A sample of them, another one with each SEED.
+soak-sample: $(VENV)/.dev
+	$(BIN)/python -m tests.flight.faulty_attempts --attempts 4 --seed $(SEED)
+	$(BIN)/python -m tests.flight.stop_proof --stops 10 --seed $(SEED)
+	$(BIN)/python -m tests.mutation --sample 60 --seed $(SEED)
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .

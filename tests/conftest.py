@@ -10,6 +10,7 @@ REPOSITORY = Path(__file__).resolve().parents[1]
 
 # A kernel's first call compiles, and a busy machine is slow: time is no property of a test here.
 settings.register_profile("perchhw", deadline=None)
+settings.register_profile("soak", deadline=None, max_examples=3000)
 settings.load_profile("perchhw")
 
 

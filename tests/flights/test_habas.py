@@ -32,6 +32,7 @@ def flights(folder: Path) -> dict[str, Flight]:
     return {f.name: f for f in opened}
 
 
+@pytest.mark.slow
 def test_all_are_read_and_commanded_conditions_known(flights: dict[str, Flight]) -> None:
     assert len(flights) == 38
     for name, flight in flights.items():

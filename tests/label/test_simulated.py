@@ -48,6 +48,7 @@ def without_pose_after_trigger(flight: Flight) -> Flight:
     return dataclasses.replace(flight, valid=valid)
 
 
+@pytest.mark.slow
 def test_the_resting_pose_tells_what_holds(landings: list[Landing], vehicle: Vehicle) -> None:
     truths = Counter(landing.truth for landing in landings)
     assert len(truths) >= 3  # the sample holds several outcomes

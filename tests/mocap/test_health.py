@@ -234,6 +234,7 @@ def judge_flight(flight: np.ndarray, flipped: dict[int, Quaternion]) -> list[Ver
     return verdicts
 
 
+@pytest.mark.slow
 def test_no_false_alarm_on_real_flights(shared_data: Path):
     flights = real_flights(shared_data)
     assert sum(len(flight) for flight in flights) > 70_000
@@ -241,6 +242,7 @@ def test_no_false_alarm_on_real_flights(shared_data: Path):
         assert set(judge_flight(flight, {})[9:]) == {Verdict.OK}
 
 
+@pytest.mark.slow
 def test_every_single_frame_half_turn_in_real_flights_is_refused_and_nothing_else(shared_data: Path):
     rng = np.random.default_rng(11)
     for flight in real_flights(shared_data)[::3]:

@@ -146,6 +146,7 @@ def hover(_: float) -> tuple[Array, Array, Array]:
     return np.zeros(3), np.zeros(3), np.zeros(3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "start",
     [

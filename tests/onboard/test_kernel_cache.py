@@ -84,6 +84,7 @@ def run_with(project: Path, value: int, package: str = "onboard") -> str:
     return python(project, f"import {package}.kernel; print({package}.kernel.g())", PYTHONPATH=str(project))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("package", ["calibration.gap", "sim_backend.bench"])
 def test_a_change_in_another_file_is_compiled_in(project: Path, package: str) -> None:
     put_kernel(project, package)
@@ -96,6 +97,7 @@ def test_the_packages_are_those_that_are_installed() -> None:
     assert sorted(PACKAGES) == sorted(pattern.removesuffix("*") for pattern in installed)
 
 
+@pytest.mark.slow
 def test_every_kernel_of_ours_belongs_to_the_key() -> None:
     files = python(REPOSITORY, DISPATCHERS, PYTHONPATH=str(REPOSITORY)).splitlines()
     ours = {Path(file) for file in files if Path(file).is_relative_to(REPOSITORY)}
@@ -126,6 +128,7 @@ def test_commands_without_kernels_do_not_look_for_their_source(project: Path) ->
     assert python(project, "import onboard, os; print(os.environ.get('NUMBA_CACHE_DIR'))") == "None"
 
 
+@pytest.mark.slow
 def test_a_note_of_complete_kernels_goes_with_the_source(project: Path) -> None:
     ask = "import onboard.jit; from onboard.kernel_cache import *; print(is_complete('flight'))"
     path = {"PYTHONPATH": str(project)}
@@ -137,6 +140,7 @@ def test_a_note_of_complete_kernels_goes_with_the_source(project: Path) -> None:
     assert python(project, ask, **path) == "False"
 
 
+@pytest.mark.slow
 def test_the_same_source_compiles_once_and_old_kernels_go(project: Path) -> None:
     for value in range(KEPT + 3):
         run_with(project, value)

@@ -190,6 +190,7 @@ def test_a_record_of_an_earlier_version_has_no_crc_and_is_read(closed: Path, tmp
     assert same(record, read_run(closed))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verb", ["label", "export", "view", "replay"])
 def test_the_verbs_end_with_exit_code_2_and_name_file_and_remedy(
     closed: Path, tmp_path: Path, verb: str

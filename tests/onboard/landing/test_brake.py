@@ -176,6 +176,7 @@ def tall_plan(speed: float, angle_deg: float) -> ApproachPlan:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("speed", "angle_deg"), GRID)
 def test_without_policy_every_approach_brakes_before_the_ceiling(speed: float, angle_deg: float) -> None:
     plan = tall_plan(speed, angle_deg)
