@@ -15,6 +15,8 @@ from perchhw.lab_process import FREE_PORTS, SimulatedLab
 from tests.lab_time.busy import busy_processes
 from tests.lab_time.hover import hover
 
+pytestmark = pytest.mark.slow
+
 
 def lab_at(pace: str, *arguments: str) -> SimulatedLab:
     return SimulatedLab("lab", (*FREE_PORTS, "--seed", "5", "--pace", pace, *arguments))

@@ -1,6 +1,10 @@
 """A whole attempt in lock step is the same again, beside busy processes."""
 
+import pytest
+
 from tests.lab_time.same_flight import same
+
+pytestmark = pytest.mark.slow
 
 
 def test_a_flight_beside_busy_processes_is_the_same_flight() -> None:

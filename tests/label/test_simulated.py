@@ -12,6 +12,8 @@ from perchhw.attempt import Outcome
 from perchhw.label import LabelError, label_flight, label_from_truth
 from tests.label.simulated import Landing, land
 
+pytestmark = pytest.mark.slow
+
 POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 HELD = {"four_leg": 4, "two_leg": 2, "failure": 0, "no_trigger": 0, "aborted": 0}
 
