@@ -1,11 +1,11 @@
 """Landings of a policy in the simulated lab, over the real protocols. Prints one JSON document.
 
-    python benchmarks/landings_in_the_lab.py [--policy P] [--attempts 20] [--seed 0] [--out DIR]
+    python benchmarks/landings_in_the_lab.py [--policy P] [--attempts 200] [--seed 0] [--out DIR]
 
 Speed (1.5 to 3.5 m/s) and angle (30 to 90 deg) are drawn until an approach at exactly that velocity stays
 in the policy's trigger region for 20 ms, two looks of the drone, and fits the room. Each condition is
-flown once, as `perchhw fly` does: upload, arm, take off, approach, flip, label. It runs in real time; a
-machine that is busy with other things changes the result.
+flown once, as `perchhw fly` does: upload, arm, take off, approach, flip, label. The lab
+lives in lock step, so that the result hangs on the seed and not on the machine.
 """
 
 import argparse
@@ -56,7 +56,7 @@ def main() -> None:
     """Fly and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--policy", default="default", help="a shipped policy or a file")
-    parser.add_argument("--attempts", type=int, default=20)
+    parser.add_argument("--attempts", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0, help="of the conditions and of the lab's noise")
     parser.add_argument("--out", type=Path, default=Path("runs/landings-in-the-lab"))
     arguments = parser.parse_args()
