@@ -1,5 +1,6 @@
 """A whole lab in lock step: the same flight every time, and a time that stops, waits and goes on in turn."""
 
+import json
 import signal
 import subprocess
 import sys
@@ -105,3 +106,29 @@ def test_lost_packets_are_sent_again_in_the_labs_time() -> None:
         flown = hover(lab.drones[0], lab.mocap[0])
     assert max(sample[4] for sample in flown.samples) == pytest.approx(0.5, abs=0.05)
     assert flown.ended - flown.connected < 15.0
+
+
+@pytest.mark.soak
+def test_a_process_that_hangs_ends_the_lab_with_an_error_that_names_it() -> None:
+    lab = subprocess.Popen(
+        [sys.executable, "-m", "perchhw", "sim", "lab", *FREE_PORTS, "--pace", "lockstep"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert lab.stdout is not None
+    ready = json.loads(lab.stdout.readline())
+    with subprocess.Popen(
+        [sys.executable, "-m", "tests.lab_time.hover", ready["drones"][0], ready["mocap"][0]],
+        stdout=subprocess.PIPE,
+    ) as pilot:
+        assert pilot.stdout is not None
+        assert pilot.stdout.readline() == b"watched\n"
+        pilot.send_signal(signal.SIGSTOP)
+        try:
+            _, errors = lab.communicate(timeout=200.0)
+        finally:
+            pilot.kill()
+            lab.kill()
+    assert lab.returncode == 1
+    assert "hover takes part in the lab's time and has said nothing for 60 s" in errors
