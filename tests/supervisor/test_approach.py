@@ -111,7 +111,7 @@ def test_until_it_sets_out_the_drone_belongs_at_the_start() -> None:
         after, _ = look(state, 2.0, **waits, pose_position=place, estimate_position=place)
         assert (after.aborted_by or "").startswith("corridor_distance")
     place = (PLAN.x0, PLAN.y0, PLAN.z0)
-    for speed, broken in ((1.19, False), (-1.19, False), (-1.21, True), (1.45, True)):
+    for speed, broken in ((1.39, False), (-1.19, False), (-1.21, True), (1.41, True)):
         changes = {"pose_position": place, "estimate_position": place}
         after, _ = look(state, 2.0, **waits, **changes, estimate_velocity=(speed, 0.0, 0.0))
         assert (after.aborted_by is not None) == broken
