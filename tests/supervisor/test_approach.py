@@ -1,15 +1,18 @@
 """The approach, the flip and the settling at their limits: what the drone reports, just before and after."""
 
 from dataclasses import replace
-from math import nextafter, radians
+from math import nextafter, pi, radians
 from typing import Any
 
 import pytest
 
 from mocap_bridge.health import Verdict
 from onboard.app_interface import EndReason, LandingState
-from perchhw.supervisor import FlightState, Observation, Phase, Tick, Timing, step
+from onboard.room import RoomGeometry
+from perchhw.supervisor import FlightState, Observation, Phase, SafetyLimits, Tick, Timing, step
 from perchhw.supervisor.events import Brake, Disarm, EmergencyStop
+from perchhw.supervisor.gate import GateMemory, admit
+from perchhw.supervisor.landed import does_not_hold
 
 from .simulated_attempt import INVERTED, MISSION, PERIOD, PLAN, turned
 from .states import good_in, state_in
@@ -213,3 +216,14 @@ def test_the_operator_is_told_once_it_has_lasted(distance: float, tilt: float, w
     assert state.alert is None
     state, _ = step(state, Tick(o), 1.0 + TIMING.hang_hold + 0.001, MISSION)
     assert state.alert == words
+
+
+def test_at_the_very_edge_a_body_holds() -> None:
+    low = SafetyLimits(room=RoomGeometry(ceiling_z=0.15))
+    o = admit(replace(hangs(0.0, 0.0), pose_position=(0.0, 0.0, 0.0)), GateMemory(), low, 0.0)[0]
+    assert does_not_hold(o, low) is None
+    tilted = admit(hangs(0.08, 8.0), GateMemory(), low, 0.0)[0]
+    assert tilted.pose_attitude is not None
+    edge = SafetyLimits(hang_tilt=pi - tilted.pose_attitude.tilt)
+    assert does_not_hold(tilted, edge) is None
+    assert "HALF" in (does_not_hold(tilted, replace(edge, hang_tilt=nextafter(edge.hang_tilt, 0.0))) or "")

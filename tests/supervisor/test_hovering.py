@@ -7,9 +7,10 @@ from typing import Any
 import pytest
 
 from onboard.app_interface import LandingState
-from onboard.supervisor_info import SupervisorInfo
+from onboard.supervisor_info import SupervisorBits, SupervisorInfo
 from perchhw.supervisor import CommandDone, FlightState, Mission, Order, Phase, Tick, Timing, step
 from perchhw.supervisor.events import (
+    Arm,
     ArmApproach,
     Command,
     Disarm,
@@ -222,3 +223,56 @@ def test_an_upload_is_answered_once() -> None:
         done = CommandDone(Order(7, UploadPolicy()), CRC ^ 1)
         state, orders = step(state_in(phase), done, 0.1, mission_of(phase))
         assert (state.phase, orders, state.aborted_by) == (phase, (), None)
+
+
+def test_at_the_very_edge_nothing_counts() -> None:
+    """The errors of a hover are exclusive."""
+    mission = replace(MISSION, start=(0.0, 0.0, 1.0), hover_height=0.0)
+    moving = state_in(Phase.MOVING_TO_START)
+    for sight in (at(0.08, 0.0, 1.0), {**at(0.0, 0.0, 1.0), "estimate_velocity": (0.15, 0.0, 0.0)}):
+        assert look(moving, PERIOD, mission, **sight)[0].good_since is None
+    assert look(moving, PERIOD, mission, **at(0.0799, 0.0, 1.0))[0].good_since is not None
+    for height, counts in ((0.1, False), (0.0999, True)):
+        state, _ = look(state_in(Phase.TAKING_OFF), 3.0, mission, **at(-1.0, 0.0, height))
+        assert (state.good_since is not None) == counts
+
+
+# --- the policy -------------------------------------------------------------------------------------------
+
+MAY_FLY = {"drone": SupervisorInfo(FLYING)}
+HELD = replace(state_in(Phase.ARMING), good_since=-1.0)
+
+
+@pytest.mark.parametrize(
+    ("crc", "reason"),
+    [
+        (CRC, None),
+        (0x0234ABCD, "policy_crc: the drone has 0234abcd, need 1234abcd"),
+        (None, "policy_crc: the drone has unknown, need 1234abcd"),
+    ],
+)
+def test_what_is_live_after_the_upload_is_what_was_uploaded(crc: int | None, reason: str | None) -> None:
+    done = CommandDone(Order(7, UploadPolicy()), crc)
+    state, orders = step(state_in(Phase.UPLOADING), done, 0.1, MISSION)
+    assert (state.phase, state.aborted_by) == (Phase.ARMING if reason is None else Phase.DONE, reason)
+    assert [order.command for order in orders] == ([Arm()] if reason is None else [])
+    sight: dict[str, Any] = {**MAY_FLY, "active_policy_crc": crc}
+    state, ordered = look(HELD, PERIOD, **sight)
+    assert state.aborted_by == reason
+    assert ordered == ([TakeOff(MISSION.hover_height, TIMING.take_off)] if reason is None else [Disarm()])
+
+
+def test_what_was_live_long_ago_proves_nothing() -> None:
+    sight: dict[str, Any] = {**MAY_FLY, "policy_crc_age": 0.251}
+    assert look(HELD, PERIOD, **sight)[0].aborted_by == "policy_crc_age: 0.251 s, need at most 0.25 s"
+
+
+def test_a_test_flight_asks_for_no_policy() -> None:
+    sight: dict[str, Any] = {**MAY_FLY, "active_policy_crc": 5, "policy_crc_age": None}
+    assert look(HELD, PERIOD, TEST_FLIGHT, **sight)[0].phase is Phase.TAKING_OFF
+
+
+@pytest.mark.parametrize("bits", [SupervisorBits.ARMED, SupervisorBits.CAN_FLY, SupervisorBits.CAN_ARM])
+def test_only_what_is_armed_and_may_fly_takes_off(bits: SupervisorBits) -> None:
+    state, ordered = look(HELD, PERIOD, drone=SupervisorInfo(bits))
+    assert (state.phase, ordered, state.good_since) == (Phase.ARMING, [], None)
