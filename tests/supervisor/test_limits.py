@@ -1,14 +1,12 @@
 """Every limit of the rules from both sides, as numbers: a limit that moves is seen here."""
 
-from collections.abc import Callable
 from dataclasses import fields, replace
-from math import inf, nextafter, radians, tan
+from math import inf, nextafter, radians
 from typing import Any
 
 import pytest
 
 from mocap_bridge.health import Verdict
-from onboard.room import RoomGeometry
 from onboard.supervisor_info import SupervisorBits, SupervisorInfo
 from perchhw.supervisor import Observation, Phase, SafetyLimits, Timing, Violation
 from perchhw.supervisor.gate import GateMemory, admit
@@ -20,14 +18,26 @@ from perchhw.supervisor.rules import (
     PREFLIGHT_RULES,
     TAKE_OFF_RULES,
     TEST_FLIGHT_RULES,
+    calm_on_ground,
     drone_can_arm,
     drone_can_fly,
     drone_known,
+    estimate_agrees_in_flight,
+    estimate_agrees_on_ground,
     on_start_mark,
+    parameters_as_needed,
     pose_good,
     pose_usable,
+    upright_on_ground,
 )
-from perchhw.supervisor.space import clear_of_ceiling, clear_of_floor, clear_of_walls, inside_room
+from perchhw.supervisor.space import (
+    slow_in_hover,
+    slow_in_test_flight,
+    steady_in_hover,
+    steady_in_test_flight,
+    upright_in_hover,
+    upright_in_test_flight,
+)
 from perchhw.supervisor.violation import Rule, at_least, at_most, first_violation
 
 from .simulated_attempt import FLYING, READY, good_on_ground, turned
@@ -164,87 +174,6 @@ def test_a_rule_holds_up_to_its_limit_and_not_beyond(
     assert broken(rules, base, outside) == rule
 
 
-# --- the fence --------------------------------------------------------------------------------------------
-
-FENCES: list[tuple[Rule, Callable[[float, float], dict[str, Any]]]] = [
-    (clear_of_walls, lambda far, v: at(-6.5 + far, 0.0, 1.0, -v, 0.0, 0.0)),
-    (clear_of_walls, lambda far, v: at(2.0 - far, 0.0, 1.0, v, 0.0, 0.0)),
-    (clear_of_walls, lambda far, v: at(-2.0, -1.0 + far, 1.0, 0.0, -v, 0.0)),
-    (clear_of_walls, lambda far, v: at(-2.0, 1.0 - far, 1.0, 0.0, v, 0.0)),
-    (clear_of_ceiling, lambda far, v: at(-2.0, 0.0, 2.1 - far, 0.0, 0.0, v)),
-    (clear_of_floor, lambda far, v: at(-2.0, 0.0, far, 0.0, 0.0, -v)),
-]
-
-
-@pytest.mark.parametrize(
-    ("rule", "place"), FENCES, ids=["x_min", "x_max", "y_min", "y_max", "ceiling", "floor"]
-)
-def test_a_fence_is_as_far_away_as_the_drone_needs_to_stop(
-    rule: Rule, place: Callable[[float, float], dict[str, Any]]
-) -> None:
-    def clear(far: float, speed: float, **age: float) -> bool:
-        changes = {**place(far, speed), **age}
-        return judged(rule, AIR, **changes) is None
-
-    assert clear(0.01, 0.0)
-    assert clear(0.01, -3.0)
-    assert not clear(-0.01, 0.0)
-    assert not clear(-0.01, -1.0)
-    # At 2 m/s: 0.1 s of latency, and 4 / 16 m.
-    assert clear(0.451, 2.0, estimate_age=0.0)
-    assert not clear(0.449, 2.0, estimate_age=0.0)
-    assert clear(0.851, 2.0, estimate_age=0.2)
-    assert not clear(0.849, 2.0, estimate_age=0.2)
-
-
-@pytest.mark.parametrize("rule", [clear_of_walls, clear_of_ceiling, clear_of_floor])
-@pytest.mark.parametrize("name", ["estimate_position", "estimate_velocity"])
-def test_a_fence_denies_what_does_not_know_where_it_goes(rule: Rule, name: str) -> None:
-    unknown: dict[str, Any] = {name: None}
-    violation = judged(rule, AIR, **unknown)
-    assert violation is not None
-    assert (violation.measured, violation.demanded) == ("unknown", "known")
-
-
-@pytest.mark.parametrize("name", ["x", "y"])
-@pytest.mark.parametrize("degrees_up", [10.0, -10.0])
-def test_a_ceiling_that_falls_towards_the_drone_comes_nearer(name: str, degrees_up: float) -> None:
-    slope = tan(radians(degrees_up))
-    tilted = replace(LIMITS, room=RoomGeometry(**{f"ceiling_tilt_{name}": radians(degrees_up)}))
-    x, y = -1.5, 0.4
-    ceiling = 2.1 + slope * (x if name == "x" else y)
-
-    def clear(below: float, speed: float, climb: float = 0.0) -> bool:
-        velocity = (speed, 0.0, climb) if name == "x" else (0.0, speed, climb)
-        return judged(clear_of_ceiling, AIR, tilted, **at(x, y, ceiling - below, *velocity)) is None
-
-    sign = 1.0 if degrees_up > 0.0 else -1.0
-    assert clear(0.02, 0.0)
-    assert clear(0.02, sign)
-    # 0.1763 m/s of closing: 0.0194 m and 0.0019 m.
-    assert clear(0.0215, -sign)
-    assert not clear(0.0211, -sign)
-    assert not clear(0.0215, -sign, 0.02)
-
-
-@pytest.mark.parametrize("rule", [clear_of_walls, inside_room])
-def test_a_margin_of_the_walls_is_kept(rule: Rule) -> None:
-    kept = replace(LIMITS, wall_margin=0.2)
-    for inside, outside in (
-        ((1.79, 0.0), (1.81, 0.0)),
-        ((-6.29, 0.0), (-6.31, 0.0)),
-        ((0.0, 0.79), (0.0, 0.81)),
-    ):
-        assert judged(rule, AIR, kept, **at(*inside, 1.0, 0.0, 0.0, 0.0)) is None
-        assert judged(rule, AIR, kept, **at(*outside, 1.0, 0.0, 0.0, 0.0)) is not None
-
-
-def test_a_place_outside_the_room_is_told() -> None:
-    violation = judged(inside_room, AIR, pose_position=(2.5, 0.126, 1.0))
-    assert str(violation) == f"inside_room: (2.50, 0.13, 1.00) m, need inside {LIMITS.room}"
-    assert str(judged(inside_room, AIR, pose_position=None)) == "inside_room: unknown, need known"
-
-
 # --- the drone, the pose, the mark ------------------------------------------------------------------------
 
 
@@ -313,6 +242,59 @@ def test_a_drone_stands_on_its_mark_and_looks_ahead(
         pose_quaternion=turned(yaw=radians(heading)),
     )
     assert (None if violation is None else violation.rule) == rule
+
+
+@pytest.mark.parametrize(
+    ("ok", "problem", "said"),
+    [
+        (True, None, None),
+        (True, "old news", None),
+        (False, "powerDist.idleThrust is 7000", "wrong (powerDist.idleThrust is 7000)"),
+        (False, None, "wrong"),
+        (None, None, "unknown"),
+        (None, "not read back", "unknown (not read back)"),
+    ],
+)
+def test_the_parameters_must_be_read_back_as_needed(
+    ok: bool | None, problem: str | None, said: str | None
+) -> None:
+    violation = judged(parameters_as_needed, GROUND, parameters_ok=ok, parameters_problem=problem)
+    assert (None if violation is None else violation.measured) == said
+
+
+@pytest.mark.parametrize(
+    ("rule", "name", "said"),
+    [
+        (estimate_agrees_in_flight, "pose_position", "estimate_to_mocap: unknown, need at most 0.25 m"),
+        (estimate_agrees_in_flight, "estimate_position", "estimate_to_mocap: unknown, need at most 0.25 m"),
+        (estimate_agrees_on_ground, "pose_position", "estimate_to_mocap: unknown, need at most 0.05 m"),
+        (estimate_agrees_on_ground, "estimate_position", "estimate_to_mocap: unknown, need at most 0.05 m"),
+        (estimate_agrees_on_ground, "pose_quaternion", "heading_to_mocap: unknown, need known"),
+        (estimate_agrees_on_ground, "estimate_quaternion", "heading_to_mocap: unknown, need known"),
+        (upright_on_ground, "pose_position", "height_on_ground: unknown, need at most 0.25 m"),
+        (upright_on_ground, "pose_quaternion", "tilt_on_ground: unknown, need at most 10 deg"),
+        (calm_on_ground, "estimate_velocity", "speed_on_ground: unknown, need at most 0.15 m/s"),
+        (upright_in_hover, "estimate_quaternion", "tilt_in_hover: unknown, need at most 35 deg"),
+        (slow_in_hover, "estimate_velocity", "speed_in_hover: unknown, need at most 2.5 m/s"),
+        (steady_in_hover, "body_rates", "rotation_in_hover: unknown, need at most 10 rad/s"),
+        (upright_in_test_flight, "estimate_quaternion", "tilt_in_test_flight: unknown, need at most 65 deg"),
+        (slow_in_test_flight, "estimate_velocity", "speed_in_test_flight: unknown, need at most 7 m/s"),
+        (steady_in_test_flight, "body_rates", "rotation_in_test_flight: unknown, need at most 20 rad/s"),
+    ],
+)
+def test_a_rule_denies_what_it_does_not_know(rule: Rule, name: str, said: str) -> None:
+    unknown: dict[str, Any] = {name: None}
+    assert str(judged(rule, GROUND, **unknown)) == said
+    assert judged(rule, GROUND) is None
+
+
+@pytest.mark.parametrize("name", ["pose_position", "pose_quaternion"])
+def test_a_mark_is_not_stood_on_unseen(name: str) -> None:
+    unknown: dict[str, Any] = {name: None}
+    here = {"pose_position": (-3.0, 0.5, 0.07), "pose_quaternion": turned(yaw=radians(179.0))}
+    violation = judged(on_start_mark, GROUND, MARKED, **{**here, **unknown})
+    assert violation is not None
+    assert violation.measured == "unknown"
 
 
 # --- comparisons, and what no look shows ------------------------------------------------------------------
