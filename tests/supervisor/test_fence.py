@@ -41,6 +41,7 @@ def test_a_fence_is_as_far_away_as_the_drone_needs_to_stop(
     assert clear(0.01, 0.0)
     assert clear(0.01, -3.0)
     assert not clear(-0.01, 0.0)
+    assert not clear(-0.01, -0.5)
     assert not clear(-0.01, -1.0)
     # At 2 m/s: 0.1 s of latency, and 4 / 16 m.
     assert clear(0.451, 2.0, estimate_age=0.0)

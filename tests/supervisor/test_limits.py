@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from mocap_bridge.health import Verdict
+from onboard.room import RoomGeometry
 from onboard.supervisor_info import SupervisorBits, SupervisorInfo
 from perchhw.supervisor import Observation, Phase, SafetyLimits, Timing, Violation
 from perchhw.supervisor.gate import GateMemory, admit
@@ -242,6 +243,12 @@ def test_a_drone_stands_on_its_mark_and_looks_ahead(
         pose_quaternion=turned(yaw=radians(heading)),
     )
     assert (None if violation is None else violation.rule) == rule
+
+
+def test_a_height_is_measured_from_the_floor_of_the_room() -> None:
+    lowered = replace(LIMITS, room=RoomGeometry(floor_z=-2.0))
+    assert judged(upright_on_ground, GROUND, lowered, pose_position=(-3.0, 0.0, -1.751)) is None
+    assert judged(upright_on_ground, GROUND, lowered, pose_position=(-3.0, 0.0, -1.749)) is not None
 
 
 @pytest.mark.parametrize(

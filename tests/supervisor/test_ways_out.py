@@ -16,7 +16,7 @@ from perchhw.supervisor import (
     Timing,
     step,
 )
-from perchhw.supervisor.events import Arm, Brake, Disarm, EmergencyStop, Land, StartApproach
+from perchhw.supervisor.events import URGENT_COMMANDS, Arm, Brake, Disarm, EmergencyStop, Land, StartApproach
 
 from .simulated_attempt import MISSION, PERIOD
 from .states import ALL_PHASES, BEFORE_ARMING, HOVERING, good_in, mission_of, state_in
@@ -39,6 +39,10 @@ def test_a_new_phase_begins_with_nothing_of_the_old_one(phase: Phase) -> None:
     assert (state.good_since, state.bad_since, state.answered_at) == (None, None, None)
     assert (state.entered_at, state.waiting_for) == (0.1, words)
     assert (state.oldest_in_force, state.orders_given) == (8, 8)
+
+
+def test_what_ends_a_flight_does_not_wait_behind_other_commands() -> None:
+    assert set(URGENT_COMMANDS) == {command for _, command, _ in ENTERED.values()}
 
 
 def test_a_stop_says_what_it_waits_for() -> None:
