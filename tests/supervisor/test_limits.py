@@ -150,7 +150,11 @@ IN_TEST_FLIGHT: list[Edge] = [
     ("rotation_in_test_flight", {"body_rates": (0.0, 12.0, 15.99)}, {"body_rates": (0.0, 12.0, 16.01)}),
     RATES,
 ]
-PREFLIGHT: list[Edge] = [("pose_age", {"pose_age": 0.1}, {"pose_age": 0.101})]
+PREFLIGHT: list[Edge] = [
+    ("pose_age", {"pose_age": 0.1}, {"pose_age": 0.101}),
+    ("pose", {"pose_verdict": Verdict.OK}, {"pose_verdict": Verdict.STALE}),
+    ("drone_can_arm", {"drone": SupervisorInfo(READY)}, {"drone": SupervisorInfo(0)}),
+]
 SETS: list[tuple[str, tuple[Rule, ...], Observation, list[Edge]]] = [
     ("ground", GROUND_RULES, GROUND, ON_GROUND),
     ("preflight", PREFLIGHT_RULES, GROUND, [*(e for e in ON_GROUND if e[0] != "pose_age"), *PREFLIGHT]),
