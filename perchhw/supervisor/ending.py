@@ -67,7 +67,7 @@ def disarming(state: FlightState, o: Admitted, context: Context) -> Step:
         and o.drone_age is not None
         and context.now - o.drone_age >= answered + context.timing.bits_delay
     )
-    off = o.drone is not None and not (o.drone.is_armed and o.drone.can_fly)
+    off = o.drone is not None and not o.drone.is_armed
     state, disarmed = held(state, renewed and off, context.timing.disarm_hold, context)
     if disarmed:
         return Step(enter(state, Phase.DONE, context))

@@ -17,7 +17,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from tests.conftest import REPOSITORY
 from tests.mutation.allowed import load_allowed, not_applicable
 from tests.mutation.mutant import Key, Mutant
-from tests.mutation.session import Suite, Verdict, prepare, try_all
+from tests.mutation.session import Verdict, mutants_in, try_all
 from tests.mutation.targets import Target, targets
 
 SOURCES = ("onboard", "mocap_bridge", "perchhw/supervisor", "tests/mutation")
@@ -29,24 +29,21 @@ def run(
 ) -> dict[str, Any]:
     """Try all mutants, or `sample` of them, and return the document that is printed."""
     chosen = targets(names)
+    every = mutants_in(chosen)
+    asked = _drawn(every, sample, seed)
+    store = _Store(out, chosen, again=again)
+    open_ = [mutant for mutant in asked if mutant.key not in store.verdicts]
     with _progress() as bar:
-        preparing = bar.add_task("prepare", total=len(chosen))
-        prepared = []
-        for target in chosen:
-            prepared.append(prepare(target))
-            bar.advance(preparing)
-            bar.refresh()
-        every = [(suite, mutant) for suite, mutants in prepared for mutant in mutants]
-        asked = _drawn(every, sample, seed)
-        store = _Store(out, [suite.target for suite, _ in prepared], again=again)
-        open_ = [(suite, mutant) for suite, mutant in asked if mutant.key not in store.verdicts]
         trying = bar.add_task("mutants", total=len(asked), completed=len(asked) - len(open_))
-        bar.refresh()
-        for mutant, verdict in try_all(open_, jobs):
-            store.keep(mutant, verdict)
-            bar.advance(trying)
-            bar.refresh()
-    document = _document([m for _, m in every], [m for _, m in asked], store.verdicts)
+        for tests in dict.fromkeys(target.tests for target in chosen):
+            sharing = [target for target in chosen if target.tests == tests]
+            files = {target.file for target in sharing}
+            mutants = [mutant for mutant in open_ if mutant.file in files]
+            for mutant, verdict in try_all(sharing, mutants, jobs) if mutants else ():
+                store.keep(mutant, verdict)
+                bar.advance(trying)
+                bar.refresh()
+    document = _document(every, asked, store.verdicts)
     return {"seed": None if sample is None else seed, **document}
 
 
@@ -64,7 +61,7 @@ def _progress() -> Progress:
     )
 
 
-def _drawn(every: list[tuple[Suite, Mutant]], sample: int | None, seed: int) -> list[tuple[Suite, Mutant]]:
+def _drawn(every: list[Mutant], sample: int | None, seed: int) -> list[Mutant]:
     if sample is None or sample >= len(every):
         return every
     picked = np.random.default_rng(seed).choice(len(every), sample, replace=False)

@@ -1,5 +1,6 @@
-"""All the trials of a session, some at a time, and what came of them."""
+"""All the trials of the targets that have their tests in common, some at a time, and what came of them."""
 
+import json
 import os
 import resource
 import selectors
@@ -7,23 +8,27 @@ import sys
 import tempfile
 import time
 from collections import defaultdict, deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn, TypeAlias
 
 from tests.mutation.mutant import Mutant
 from tests.mutation.targets import Target
 from tests.mutation.trial import Send, Trial, end, find_mutants, run_tests, start
+from tests.mutation.warm import Collected, collect
 
-FIND_LIMIT = 120.0
+RUN_LIMIT = 120.0
 """s of processor time to find mutants, and to run the tests on the code as it is."""
 
-LEAST_LIMIT = 10.0
-"""s of processor time that every mutant has, beside four times what the tests need without it."""
+LEAST_LIMIT = 5.0
+"""s of processor time that every mutant has, beside what the tests need without it while they are watched."""
 
 NO_TESTS_RAN = 5
 """pytest's exit code."""
+
+Begin: TypeAlias = Callable[[Mutant, int], Trial]
+"""Starts the trial of a mutant, which may print to a file descriptor."""
 
 
 class MutationError(Exception):
@@ -39,23 +44,33 @@ class Verdict:
 
 
 @dataclass(slots=True)
-class Suite:
-    """A target's tests on the code as it is, and what they found lately."""
+class Known:
+    """What is known of tests: how long each takes, what all may take, and what they noticed lately."""
 
-    target: Target
     durations: dict[str, float]
     cpu_limit: float
-    killers: defaultdict[str, deque[str]] = field(
+    killers: defaultdict[tuple[str, str], deque[str]] = field(
         default_factory=lambda: defaultdict(lambda: deque(maxlen=4))
     )
     """Tests that noticed mutants of a function; they are tried first on its next one."""
+
+    def likely(self, mutant: Mutant) -> tuple[str, ...]:
+        """Tests to begin with."""
+        return tuple(self.killers[mutant.file, mutant.function])
+
+    def noticed(self, mutant: Mutant, test: str) -> None:
+        """Remember the test that noticed a mutant."""
+        killers = self.killers[mutant.file, mutant.function]
+        if test in killers:
+            killers.remove(test)
+        killers.append(test)
 
 
 def _alone(work: Callable[[Send], None], what: str) -> tuple[Any, float]:
     """`work` in a process of its own: what it sent, and the processor time (s) that it took."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     with tempfile.TemporaryFile() as log:
-        trial = start(work, log.fileno(), FIND_LIMIT)
+        trial = start(work, log.fileno(), RUN_LIMIT)
         while piece := os.read(trial.result, 1 << 20):
             trial.received += piece
         result = end(trial)
@@ -69,42 +84,137 @@ def _alone(work: Callable[[Send], None], what: str) -> tuple[Any, float]:
     return result, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
-def prepare(target: Target) -> tuple[Suite, list[Mutant]]:
-    """The target's tests, green on the code as it is, and its mutants."""
-    found, _ = _alone(lambda send: find_mutants(target, send), f"finding mutants of {target.file}")
-    green, cpu = _alone(lambda send: run_tests(target, None, send), f"the tests of {target.file}")
-    return Suite(target, green["durations"], LEAST_LIMIT + 4.0 * cpu), [Mutant(**one) for one in found]
+def mutants_in(targets: Sequence[Target]) -> list[Mutant]:
+    """All mutants of the targets."""
+    found, _ = _alone(lambda send: find_mutants(targets, send), "finding mutants")
+    return [Mutant(**one) for one in found]
 
 
-def try_all(work: Iterable[tuple[Suite, Mutant]], jobs: int) -> Iterator[tuple[Mutant, Verdict]]:
+def try_all(
+    targets: Sequence[Target], mutants: Sequence[Mutant], jobs: int
+) -> Iterator[tuple[Mutant, Verdict]]:
+    """Try mutants of targets with the same tests, `jobs` at a time, and yield each with its verdict.
+
+    Raises:
+        MutationError: the tests are not green on the code as it is.
+    """
+    lines = _from_a_fork(lambda say: _warm(targets, mutants, jobs, say), f"{targets[0].tests}")
+    known = Known(**next(lines))  # Without one, the fork has failed, and this raises what it said.
+    left = dict(enumerate(mutants))
+    for line in lines:
+        verdict = Verdict(line["outcome"], line["by"])
+        mutant = left.pop(line["at"])
+        yield mutant, verdict
+    by_file = {target.file: target for target in targets}
+
+    def begin(mutant: Mutant, log: int) -> Trial:
+        target, first = by_file[mutant.file], known.likely(mutant)
+        return start(
+            lambda send: run_tests(target, mutant, send, first, known.durations), log, known.cpu_limit
+        )
+
+    yield from _some_at_a_time(list(left.values()), begin, jobs, known)
+
+
+def _warm(
+    targets: Sequence[Target], mutants: Sequence[Mutant], jobs: int, say: Callable[[Any], None]
+) -> None:
+    """Say what is known of the tests, and then the verdicts of the mutants that need no new import."""
+
+    def use(collected: Collected) -> None:
+        if not collected.items:
+            raise MutationError("no test was collected; name the tests of each target in targets.py")
+        green, cpu = _alone(collected.run_all, "the test run")
+        for test, places in green["calls"].items():
+            for place in places:
+                collected.callers[tuple(place)].add(test)
+        known = Known(green["durations"], LEAST_LIMIT + cpu)
+        say({"durations": known.durations, "cpu_limit": known.cpu_limit})
+
+        def begin(mutant: Mutant, log: int) -> Trial:
+            first = known.likely(mutant)
+            return start(
+                lambda send: collected.run(mutant, send, first, known.durations), log, known.cpu_limit
+            )
+
+        numbers = {mutant.key: at for at, mutant in enumerate(mutants)}
+        inner = [mutant for mutant in mutants if collected.can_try(mutant)]
+        for mutant, verdict in _some_at_a_time(inner, begin, jobs, known):
+            say({"at": numbers[mutant.key], "outcome": verdict.outcome, "by": verdict.by})
+
+    code = collect(targets, use)
+    if code != 0:
+        raise MutationError(f"pytest ended with code {code}")
+
+
+def _from_a_fork(work: Callable[[Callable[[Any], None]], None], what: str) -> Iterator[Any]:
+    """What `work` says in a process of its own, as it is said."""
+    reader, writer = os.pipe()
+    with tempfile.TemporaryFile() as log:
+        pid = _fork(work, reader, writer, log.fileno())
+        os.close(writer)
+        with os.fdopen(reader, encoding="utf-8") as said:
+            try:
+                yield from map(json.loads, said)
+            finally:
+                _, status = os.waitpid(pid, 0)
+        if status != 0:
+            log.seek(0)
+            raise MutationError(f"{what}: {log.read().decode(errors='replace')}")
+
+
+def _fork(work: Callable[[Callable[[Any], None]], None], reader: int, writer: int, log: int) -> int:
+    sys.stdout.flush()
+    sys.stderr.flush()
+    pid = os.fork()
+    if pid == 0:
+        _work_and_exit(work, reader, writer, log)
+    return pid
+
+
+def _work_and_exit(
+    work: Callable[[Callable[[Any], None]], None], reader: int, writer: int, log: int
+) -> NoReturn:
+    code = 1
+    try:
+        os.close(reader)
+        os.dup2(log, 1)
+        os.dup2(log, 2)
+        with os.fdopen(writer, "w", encoding="utf-8") as pipe:
+
+            def say(message: Any) -> None:
+                pipe.write(json.dumps(message) + "\n")
+                pipe.flush()
+
+            work(say)
+        code = 0
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+
+
+def _some_at_a_time(
+    mutants: Sequence[Mutant], begin: Begin, jobs: int, known: Known
+) -> Iterator[tuple[Mutant, Verdict]]:
     """Try mutants, `jobs` at a time, and yield each with its verdict as it comes."""
-    queue = iter(work)
+    queue = iter(mutants)
     with selectors.DefaultSelector() as running, Path(os.devnull).open("wb") as silence:
         while True:
             while len(running.get_map()) < jobs and (following := next(queue, None)) is not None:
-                trial = _begin(*following, silence.fileno())
-                running.register(trial.result, selectors.EVENT_READ, (trial, *following))
+                sys.stdout.flush()
+                sys.stderr.flush()
+                trial = begin(following, silence.fileno())
+                running.register(trial.result, selectors.EVENT_READ, (trial, following))
             if not running.get_map():
                 return
             for key in _ended(running):
-                trial, suite, mutant = key.data
+                trial, mutant = key.data
                 running.unregister(trial.result)
                 verdict = _verdict(end(trial))
                 if verdict.by:
-                    killers = suite.killers[mutant.function]
-                    if verdict.by in killers:
-                        killers.remove(verdict.by)
-                    killers.append(verdict.by)
+                    known.noticed(mutant, verdict.by)
                 yield mutant, verdict
-
-
-def _begin(suite: Suite, mutant: Mutant, silence: int) -> Trial:
-    sys.stdout.flush()
-    sys.stderr.flush()
-    first = tuple(suite.killers[mutant.function])
-    return start(
-        lambda send: run_tests(suite.target, mutant, send, first, suite.durations), silence, suite.cpu_limit
-    )
 
 
 def _ended(running: selectors.BaseSelector) -> list[selectors.SelectorKey]:

@@ -16,6 +16,7 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from math import inf
 from types import CodeType, ModuleType
 from typing import Any, NoReturn, TypeAlias
 
@@ -24,7 +25,7 @@ from hypothesis import Phase, settings
 
 from tests.conftest import REPOSITORY
 from tests.mutation.mutant import Mutant, mutants_of
-from tests.mutation.targets import Target
+from tests.mutation.targets import LEFT_OUT, Target
 
 PLUGINS = ("pytest_timeout", "no:unraisableexception", "no:threadexception", "no:cacheprovider")
 """All that the tests need; others are not loaded, to start and to end sooner."""
@@ -59,15 +60,13 @@ class _Loader(importlib.machinery.SourceFileLoader):
         return compile(self._source, self.path, "exec", dont_inherit=True)
 
 
-class _Watcher:
-    """pytest plugin: the likeliest tests first, the same examples each time, and who failed."""
+class Watcher:
+    """pytest plugin: the same examples each time, how long each test took, and who failed first."""
 
-    def __init__(self, notice: Send | None, first: Sequence[str], durations: dict[str, float]) -> None:
+    def __init__(self, notice: Send | None = None) -> None:
         self.failed = ""
         self.durations: dict[str, float] = {}
         self._notice = notice
-        self._first = set(first)
-        self._known = durations
 
     def pytest_collection(self) -> None:
         settings.register_profile(
@@ -79,17 +78,27 @@ class _Watcher:
         )
         settings.load_profile("mutation")
 
-    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        items.sort(
-            key=lambda item: (item.nodeid not in self._first, round(self._known.get(item.nodeid, 0.0), 2))
-        )
-
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         self.durations[report.nodeid] = self.durations.get(report.nodeid, 0.0) + report.duration
         if report.failed and not self.failed:
             self.failed = report.nodeid
             if self._notice is not None:
                 self._notice({"code": 1, "failed": report.nodeid})
+
+
+class _Order:
+    """pytest plugin: the likeliest tests first, then the quick ones."""
+
+    def __init__(self, first: Sequence[str], durations: dict[str, float]) -> None:
+        self._key = likeliest(first, durations)
+
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        items.sort(key=lambda item: self._key(item.nodeid))
+
+
+def likeliest(first: Sequence[str], durations: dict[str, float]) -> Callable[[str], tuple[bool, float]]:
+    """The key that puts the tests `first` first, and quick ones (`durations`, s) before slow ones."""
+    return lambda test: (test not in first, round(durations.get(test, 0.0), 2))
 
 
 @dataclass(slots=True)
@@ -145,38 +154,48 @@ def end(trial: Trial) -> Any:
     return json.loads(trial.received) if trial.received else None
 
 
-def find_mutants(target: Target, send: Send) -> None:
-    """Send the mutants of a target as dictionaries. For a process of its own: it imports the target."""
-    path = REPOSITORY / target.file
-    module = importlib.import_module(target.module)
-    found = mutants_of(target.file, path.read_text(encoding="utf-8"), vars(module))
+def find_mutants(targets: Sequence[Target], send: Send) -> None:
+    """Send the mutants of all targets as dictionaries. For a process of its own: it imports the targets."""
+    found = []
+    for target in targets:
+        names = vars(importlib.import_module(target.module))
+        source = (REPOSITORY / target.file).read_text(encoding="utf-8")
+        found += mutants_of(target.file, source, names)
     send([{name: getattr(mutant, name) for name in Mutant.__slots__} for mutant in found])
 
 
-def run_tests(
-    target: Target,
-    mutant: Mutant | None,
-    send: Send,
-    first: Sequence[str] = (),
-    durations: dict[str, float] | None = None,
-) -> None:
-    """Run the target's tests, and send ``code`` (of pytest), ``failed`` (a test), ``durations`` (s by test).
-
-    Args:
-        target: the module and its tests.
-        mutant: the change to put in place, noticed by the first test that fails; None for the module as
-            it is.
-        send: what sends a result and ends the process.
-        first: tests to begin with. durations: of the others, s; quick ones come first.
-    """
-    watcher = _Watcher(None if mutant is None else send, first, durations or {})
-    if mutant is not None:
-        source = mutant.source((REPOSITORY / target.file).read_text(encoding="utf-8"))
-        sys.meta_path.insert(0, _Finder(target, source))
+def pytest_options(tests: Sequence[str]) -> list[str]:
+    """The command line for files or folders of tests, below the repository."""
     options = ["-x", "-q", "-s", "--assert=plain", "--timeout=0", f"--rootdir={REPOSITORY}"]
     for plugin in PLUGINS:
         options += ["-p", plugin]
-    for test in target.left_out:
-        options += ["--deselect", test]
-    code = pytest.main([*options, *(str(REPOSITORY / path) for path in target.tests)], plugins=[watcher])
-    send({"code": int(code), "failed": watcher.failed, "durations": watcher.durations})
+    for test in LEFT_OUT:
+        options += ["--deselect", test] if "::" in test else ["--ignore", str(REPOSITORY / test)]
+    return [*options, *(str(REPOSITORY / test) for test in tests)]
+
+
+def run_tests(
+    target: Target, mutant: Mutant, send: Send, first: Sequence[str], durations: dict[str, float]
+) -> None:
+    """Import a mutant in place of its module, and send ``code`` (of pytest) and ``failed`` (a test).
+
+    Args:
+        target: the module and its tests.
+        mutant: the change, noticed by the first test that fails.
+        send: what sends a result and ends the process.
+        first: tests to begin with.
+        durations: of all tests, s. Files are run one by one, those of `first` and quick ones before others.
+    """
+    source = mutant.source((REPOSITORY / target.file).read_text(encoding="utf-8"))
+    sys.meta_path.insert(0, _Finder(target, source))
+    files: dict[str, float] = {}
+    for test, duration in durations.items():
+        file = test.partition("::")[0]
+        files[file] = files.get(file, 0.0) + duration
+    likely = [test.partition("::")[0] for test in reversed(first)]
+    for file in sorted(files, key=lambda file: (likely.index(file) if file in likely else inf, files[file])):
+        plugins = [Watcher(send), _Order(first, durations)]
+        code = int(pytest.main(pytest_options([file]), plugins=plugins))
+        if code != 0:
+            send({"code": code, "failed": ""})
+    send({"code": 0, "failed": ""})

@@ -5,7 +5,8 @@ import math
 import pytest
 
 from onboard.landing.state_machine import LandingOutput, LandingState
-from tests.onboard.landing.rig import PLAN, Rig
+from tests.onboard.landing.exact import tip_over
+from tests.onboard.landing.rig import LIMITS, PLAN, Rig
 
 HEIGHT = PLAN.ceiling_z - 0.7
 """m. Where it sinks to."""
@@ -101,3 +102,53 @@ def test_a_hold_remembers_where_it_began() -> None:
     first = at(rig, 0.0)
     assert first.position == (0.3, 0.2, 0.9)
     assert first.velocity == pytest.approx((1.0, 0.5, -0.6))
+
+
+# --- handing over -----------------------------------------------------------------------------------------
+
+
+def handed_over(velocity: tuple[float, float, float], after: float) -> bool:
+    """Whether a hold that began `after` s ago, and is no longer armed, is left to the other controller."""
+    rig = hold_from((0.0, 0.0, 1.0), (0.0, 0.0, 0.1))
+    rig.memory["hold_time"] = 0.0
+    rig.step(time=after, velocity=velocity, trajectory_armed=False)
+    return rig.state is LandingState.IDLE
+
+
+@pytest.mark.parametrize(
+    ("velocity", "slow"),
+    [
+        ((0.6, 0.0, 0.0), True),
+        ((0.0, -0.6, 0.0), True),
+        ((0.0, 0.0, -0.6), True),
+        ((0.0, 0.0, 0.2), True),
+        ((0.601, 0.0, 0.0), False),
+        ((0.43, 0.43, 0.0), False),
+        ((0.0, 0.43, -0.43), False),
+        ((0.0, 0.0, 0.201), False),
+        ((-0.59, 0.0, 0.12), False),
+    ],
+)
+def test_a_hold_is_handed_over_when_it_has_slowed_down_or_has_had_its_time(
+    velocity: tuple[float, float, float], slow: bool
+) -> None:
+    assert handed_over(velocity, 0.02) == slow
+    assert handed_over(velocity, 1.5) == slow
+    assert handed_over(velocity, math.nextafter(1.5, 2.0))
+
+
+def test_a_hold_that_is_still_armed_is_not_handed_over() -> None:
+    rig = hold_from((0.0, 0.0, 1.0), (0.0, 0.0, 0.1))
+    rig.step(time=rig.inputs.time + 9.0, velocity=(0.0, 0.0, 0.0), trajectory_armed=True)
+    assert rig.state is LandingState.HOLD
+
+
+@pytest.mark.parametrize("end", ["contact", "tilt"])
+def test_motors_that_are_cut_are_not_handed_over(end: str) -> None:
+    """Slow, no longer armed and long enough in its hold: contact and tilt come first."""
+    rig = hold_from((0.0, 0.0, 1.0), (0.0, 0.0, 0.1))
+    rig.memory["hold_time"] = rig.inputs.time - 9.0
+    place = (0.0, 0.0, PLAN.ceiling_z - LIMITS.contact_distance)
+    changes = {"position": place} if end == "contact" else tip_over(71.0)
+    rig.step(**{**changes, "velocity": (0.0, 0.0, 0.0), "trajectory_armed": False})
+    assert rig.state is LandingState.CUT
