@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import pytest
 
 from onboard.link import DroneLink
-from tests.link.patience import patient_link
 from tests.link.tiny_drone import TinyDrone
+from tests.patience import patient_link
 
 
 @pytest.fixture

@@ -13,8 +13,8 @@ from cflib.crtp.udpdriver import UdpDriver
 
 from onboard.link.driver import QUEUE_LIMIT, ResendingUdpDriver, install_driver, links_live_in
 from onboard.timebase import WALL, Timebase, WallTime
-from tests.link.patience import PATIENCE_S, StandingClock, until
 from tests.link.tiny_drone import MEMORY_TYPE, TinyDrone
+from tests.patience import PATIENCE_S, StandingClock, until
 
 PING = CRTPPacket(0xF0, b"\0" * 9)
 

@@ -23,8 +23,8 @@ from onboard.link import (
     reboot,
 )
 from onboard.link.logs import QUEUE_LIMIT, unwrap
-from tests.link.patience import PATIENCE_S, patient_link, until
 from tests.link.tiny_drone import MEMORY_SIZE, MEMORY_TYPE, TinyDrone
+from tests.patience import PATIENCE_S, patient_link, until
 
 BUNDLE = bytes(range(256)) * 8
 

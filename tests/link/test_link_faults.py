@@ -13,8 +13,8 @@ import pytest
 from onboard.link import DroneLink, LinkError, LinkLost, LinkTimeout, reboot
 from onboard.timebase import WallTime
 from tests.link.faulty_network import Faults, FaultyNetwork
-from tests.link.patience import PATIENCE_S, StandingClock, patient_link, until
 from tests.link.tiny_drone import MEMORY_TYPE, TinyDrone
+from tests.patience import PATIENCE_S, StandingClock, patient_link, until
 
 BUNDLE = bytes(np.random.default_rng(1).integers(0, 256, 5120, dtype=np.uint8))
 BAD_NETWORKS = {

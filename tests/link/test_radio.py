@@ -11,7 +11,7 @@ from cflib.crtp.crtpstack import CRTPPacket
 
 from onboard.link.radio import SEND_S, CflibStopPort, GuardedRadioDriver
 from onboard.link.stop import StopPath
-from tests.link.patience import PATIENCE_S, until
+from tests.patience import PATIENCE_S, until
 
 POSE, READ, ARM = CRTPPacket(0x61, b"\x08" * 29), CRTPPacket(0x21, b"\x01\x00"), CRTPPacket(0x91, b"\x01\x01")
 SAFELINK = (0xFF, 0x05, 0x01)

@@ -15,8 +15,8 @@ from onboard.link import reboot as reboot_within
 from onboard.policy.bundle import encode_bundle
 from onboard.supervisor_info import SupervisorInfo
 from tests.link.faulty_network import Faults, FaultyNetwork
-from tests.link.patience import PATIENCE_S, patient_link, until
 from tests.onboard.policies import small_policy
+from tests.patience import PATIENCE_S, patient_link, until
 
 POLICY = encode_bundle(small_policy())
 MAGIC_END, CRC_AT, MEAN_AT = 4, 12, 16 + 8 + 24

@@ -10,8 +10,8 @@ from onboard.link.errors import LinkInputError
 from onboard.link.stop import LONGEST_S, SILENT_S, StopPath
 from onboard.link.stop_drone import stop_drone
 from onboard.link.stop_ports import UdpStopPort
-from tests.link.patience import PATIENCE_S, until
 from tests.link.tiny_drone import TinyDrone
+from tests.patience import PATIENCE_S, until
 
 STOP = b"\x91\x03"
 

@@ -243,12 +243,10 @@ class TestMemory:
         done: Queue[bytes] = Queue()
         crazyflie.mem.mem_write_cb.add_callback(lambda _mem, _addr: done.put(b""))
         crazyflie.mem.mem_read_cb.add_callback(lambda _mem, _addr, read: done.put(bytes(read)))
-        start = time.perf_counter()
         crazyflie.mem.write(app, 0, list(data), flush_queue=True)
         assert done.get(timeout=DEADLINE_S) == b""
         assert crazyflie.mem.read(app, 0, len(data))
         assert done.get(timeout=DEADLINE_S) == data
-        assert time.perf_counter() - start < 0.5
 
     def test_refused_write_fails(self, crazyflie: Crazyflie, drone: ServedFirmware) -> None:
         (app,) = crazyflie.mem.get_mems(0x18)

@@ -164,9 +164,7 @@ class TestParam:
     ) -> None:
         ident = param_id(drone, "system.doAssert")
         assert client.ask(PARAM, 2, ident + b"\1") == [ident + b"\1"]
-        deadline = time.monotonic() + 5.0
-        while drone.call(lambda: drone.firmware.boot_count) != 2:
-            assert time.monotonic() < deadline
+        until(lambda: drone.call(lambda: drone.firmware.boot_count) == 2)
 
 
 class TestMemory:
