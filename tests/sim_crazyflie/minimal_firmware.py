@@ -15,6 +15,7 @@ from sim_backend.crazyflie.interfaces import EBUSY, FirmwareAssertion, Memory
 from sim_backend.crazyflie.memory import DeckMemory, MemoryTester, MemoryType, RamMemory
 from sim_backend.crazyflie.server import CrazyflieServer
 from sim_backend.crazyflie.tables import LogTable, ParameterTable
+from tests.patience import PATIENCE_S
 
 
 class SteppedClock:

@@ -9,7 +9,6 @@ import socket
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -22,6 +21,7 @@ from cflib.crazyflie.syncCrazyflie import SyncCrazyflie
 
 from mocap_bridge.bridge import PoseBridge
 from mocap_bridge.health import Verdict
+from tests.patience import PATIENCE_S, until
 
 READY_S = 240.0  # the first start on a machine compiles everything
 FREE_PORTS = ("--drone-port", "0", "--vicon-port", "0", "--vicon-udp-port", "0")
@@ -65,13 +65,8 @@ def running(*arguments: str) -> Iterator[LabProcess]:
 
 
 @pytest.fixture(scope="module")
-def truth_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("lab") / "truth.csv"
-
-
-@pytest.fixture(scope="module")
-def lab(truth_file: Path) -> Iterator[LabProcess]:
-    with running("lab", *FREE_PORTS, "--truth", str(truth_file)) as served:
+def lab() -> Iterator[LabProcess]:
+    with running("lab", *FREE_PORTS) as served:
         yield served
 
 
@@ -133,9 +128,13 @@ def test_ready_line_is_the_contract(lab: LabProcess) -> None:
     assert alive(lab.ready["processes"]["room"])
 
 
-def test_unmodified_cflib_takes_off_on_poses_from_the_room(lab: LabProcess, truth_file: Path) -> None:
+def test_unmodified_cflib_takes_off_on_poses_from_the_room(tmp_path: Path) -> None:
     cflib.crtp.init_drivers()
-    with SyncCrazyflie(lab.ready["drones"][0], cf=Crazyflie()) as link:
+    truth_file = tmp_path / "truth.csv"
+    with (
+        running("lab", *FREE_PORTS, "--truth", str(truth_file)) as lab,
+        SyncCrazyflie(lab.ready["drones"][0], cf=Crazyflie()) as link,
+    ):
         cf = link.cf
         bridge = PoseBridge(lab.ready["mocap"][0], CflibSink(cf))
         bridge.start()
@@ -143,7 +142,7 @@ def test_unmodified_cflib_takes_off_on_poses_from_the_room(lab: LabProcess, trut
             names = ("stateEstimate.x", "stateEstimate.z", "kalman.varX", "supervisor.info", "pm.vbat")
             telemetry = Telemetry(cf, *names)
             telemetry.wait("estimate", lambda v: abs(v["stateEstimate.x"] + 2.5) < 0.02)
-            assert bridge.status().verdict is Verdict.OK
+            assert bridge.wait_for(lambda status: status.verdict is Verdict.OK, PATIENCE_S)
             assert telemetry.values["pm.vbat"] > 3.8
             telemetry.wait("may arm", lambda v: int(v["supervisor.info"]) & 1)
             cf.supervisor.send_arming_request(True)

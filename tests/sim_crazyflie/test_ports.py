@@ -2,7 +2,6 @@
 
 import math
 import struct
-import time
 
 import numpy as np
 import pytest
@@ -10,6 +9,7 @@ import pytest
 from sim_backend.crazyflie.ports.localization import decompress_quaternion
 from sim_backend.crazyflie.ports.log import convert
 from sim_backend.crazyflie.toc import LogType
+from tests.patience import until
 from tests.sim_crazyflie.minimal_firmware import (
     MinimalFirmware,
     RawClient,

@@ -13,6 +13,7 @@ from sim_backend.crazyflie.crtp import Packet
 from sim_backend.crazyflie.faults import DatagramFaults
 from sim_backend.crazyflie.ports.radio import Power
 from sim_backend.crazyflie.server import CrazyflieServer, ServerError
+from tests.patience import PATIENCE_S, until
 from tests.sim_crazyflie.minimal_firmware import (
     MinimalFirmware,
     RawClient,
