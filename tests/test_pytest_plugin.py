@@ -26,7 +26,7 @@ ON_ANY_DRONE = """
         read = threading.Event()
         crazyflie.param.add_update_callback("ring", "solid", lambda name, value: read.set())
         crazyflie.param.request_param_update("ring.solid")
-        assert read.wait(2.0)
+        assert read.wait(60.0)
         assert float(crazyflie.param.get_value("ring.solid")) == 0.5
 
     def test_uri(crazyflie_uri):
