@@ -174,7 +174,7 @@ class PoseBridge:
 
     def _rate(self, now: float) -> float:
         """Frames a second over the last second, or over the time since the first frame when that is less."""
-        if len(self._receipts) < 2:
+        if len(self._receipts) < 2 or now <= self._receipts[0]:
             return 0.0
         return (len(self._receipts) - 1) / (now - self._receipts[0])
 

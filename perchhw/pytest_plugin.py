@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from onboard.link import DroneLink
     from perchhw.lab_process import SimulatedLab
 
-_CONNECT_TIMEOUT_S = 20.0
+_CONNECT_TIMEOUT_S = 60.0
 _CLOSE_TIMEOUT_S = 2.0
 _ROOM_PORTS = ("--vicon-port", "0", "--vicon-udp-port", "0")
 

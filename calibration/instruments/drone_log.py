@@ -1,6 +1,7 @@
 """Log variables of the drone as arrays on its own clock, with the losses counted."""
 
 import itertools
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
@@ -16,6 +17,7 @@ from onboard.link import DroneLink, LogSample
 PERIOD_MS = 10
 #: Without a sample for so long the drone is off, has rebooted, or is out of reach [s].
 SILENCE_MAX_S = 0.5
+_READ_FIRST_S = 0.02
 _SAMPLES_MAX = 60_000
 
 
@@ -71,12 +73,18 @@ class DroneLog:
         """
         if self._drone.lost is not None:
             raise self._drone.lost
-        silence = min(self._stream.age(), monotonic() - self._started)
-        if silence > silence_max_s:
-            raise InstrumentLost(
-                f"{self._drone.uri} sends no {self._names[0]} for {silence:.1f} s although the link stands: "
-                "did it reboot (brown-out), or does another program talk to it? Connect again"
-            )
+        if self._silence() > silence_max_s:
+            time.sleep(_READ_FIRST_S)  # a process that was paused first reads what came meanwhile
+            silence = self._silence()
+            if silence > silence_max_s:
+                raise InstrumentLost(
+                    f"{self._drone.uri} sends no {self._names[0]} for {silence:.1f} s although the link "
+                    "stands: did it reboot (brown-out), or does another program talk to it? Connect again"
+                )
+
+    def _silence(self) -> float:
+        """Since the youngest sample, or since the log was started [s]."""
+        return min(self._stream.age(), monotonic() - self._started)
 
     def take(self, within_s: float = 1.0) -> LogBatch:
         """Samples since the last call; waits up to `within_s` [s, at most 1] for the first.

@@ -34,7 +34,7 @@ def rows_of(folder: Path) -> list[AttemptRow]:
 
 def run_process(file: Path, folder: Path, point: str, count: int) -> int:
     command = [sys.executable, "-m", "tests.campaign.stand_in", str(file), str(folder), point, str(count)]
-    return subprocess.run(command, timeout=60, cwd=REPOSITORY, check=False).returncode
+    return subprocess.run(command, timeout=250, cwd=REPOSITORY, check=False).returncode
 
 
 @pytest.mark.parametrize(

@@ -5,15 +5,15 @@ from pathlib import Path
 
 import pytest
 
-from onboard.link import DroneLink
 from perchhw.cli.main import run
 from tests.link.tiny_drone import TinyDrone
+from tests.patience import patient_link
 
 LOCKED = 0x40
 
 
 def test_a_drone_is_stopped_beside_its_flight(capsys: pytest.CaptureFixture[str]) -> None:
-    with TinyDrone() as tiny, DroneLink.open(tiny.uri) as link:
+    with TinyDrone() as tiny, patient_link(tiny.uri) as link:
         assert run(["stop", "--drone", tiny.uri, "--json"]) == 0
         assert tiny.supervisor_bits & LOCKED
         assert link.supervisor_info().is_locked

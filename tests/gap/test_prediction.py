@@ -320,6 +320,6 @@ def test_flying_again_needs_what_the_model_lacks(laps: FlightRecord) -> None:
 def test_twenty_flights_take_seconds(laps: FlightRecord) -> None:
     long = fly(VEHICLE, circle(), 35.0)
     evaluate([laps], VEHICLE)
-    start = time.perf_counter()
+    start = time.process_time()
     evaluate([long] * 20, VEHICLE)
-    assert time.perf_counter() - start < 10.0
+    assert time.process_time() - start < 10.0

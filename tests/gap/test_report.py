@@ -289,7 +289,7 @@ def test_chromium_shows_the_page(tmp_path: Path) -> None:
         capture_output=True,
         text=True,
         check=True,
-        timeout=120,
+        timeout=250,
     )
     assert done.stdout.count("<svg") == 4
     assert "something else that is not known is still missing" in done.stdout

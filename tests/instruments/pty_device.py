@@ -61,7 +61,7 @@ class PtyDevice:
         """Send bytes as they are."""
         os.write(self._master, data)
 
-    def await_received(self, data: bytes, within_s: float = 5.0) -> None:
+    def await_received(self, data: bytes, within_s: float = 120.0) -> None:
         """Wait until the program has sent `data`."""
         with self._changed:
             assert self._changed.wait_for(lambda: data in self.received, within_s), (data, self.received)

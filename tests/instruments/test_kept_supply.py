@@ -24,6 +24,7 @@ from calibration.instruments.supply_keeper import HANG_S
 from tests.bench_lab.until import until
 from tests.instruments.pty_device import PtyDevice
 from tests.instruments.test_asked_instruments import TinyKorad, TinyScpi
+from tests.patience import PATIENCE_S
 
 WIZARD = """
 import sys, threading
@@ -72,8 +73,8 @@ class Wizard:
     def end(self) -> str:
         """Make sure that it is over; what it and its keeper said."""
         self.process.kill()
-        said = self.process.communicate(timeout=30.0)[1]
-        until(lambda: not exists(self.keeper), 30.0)
+        said = self.process.communicate(timeout=PATIENCE_S)[1]
+        until(lambda: not exists(self.keeper), PATIENCE_S)
         return said
 
 
@@ -130,7 +131,7 @@ def test_the_supply_is_off_soon_after_the_wizard_dies_or_hangs(
         running = wizard(device.name, kind)
         assert is_on(supply)
         running.process.send_signal(end)
-        until(lambda: not is_on(supply), 20.0)
+        until(lambda: not is_on(supply), PATIENCE_S)
         said = running.end()
     assert ("was switched off: the wizard is dead" in said) is (end is signal.SIGKILL), said
     assert ("was switched off: the wizard hangs" in said) is (end is signal.SIGSTOP), said
@@ -148,9 +149,9 @@ def test_a_question_that_is_never_answered_does_not_delay_the_cut(wizard: Callab
 
     with PtyDevice(mute) as device:
         running = wizard(device.name, "scpi", "hung")
-        assert heard.wait(20.0)
+        assert heard.wait(PATIENCE_S)
         running.process.kill()
-        until(lambda: not supply.on, 20.0)
+        until(lambda: not supply.on, PATIENCE_S)
         assert "SWITCH THE SUPPLY OFF BY HAND" in running.end()
         after_the_question = device.received.partition(b"MEAS:VOLT?\n")[2]
         # Said once without waiting, and once more with a look at what came of it.
@@ -163,7 +164,7 @@ def test_the_whole_process_group_is_not_the_keepers(wizard: Callable[..., Wizard
         running = wizard(device.name, "scpi")
         for ending in (signal.SIGINT, signal.SIGHUP, signal.SIGKILL):
             os.killpg(running.process.pid, ending)
-        until(lambda: not supply.on, 20.0)
+        until(lambda: not supply.on, PATIENCE_S)
         running.end()
 
 
@@ -174,7 +175,7 @@ def test_a_keeper_that_dies_is_noticed(end: signal.Signals) -> None:
         supply = KeptSupply(device.name)
         supply.switch(on=True)
         os.kill(supply.keeper, end)
-        supply._process.wait(30.0)
+        supply._process.wait(PATIENCE_S)
         assert tiny.on is (end is signal.SIGKILL)
         for call in (supply.beat, supply.rest, supply.cut, supply.measure):
             with pytest.raises(InstrumentLost, match="SWITCH THE SUPPLY OFF BY HAND"):

@@ -11,10 +11,10 @@ import pytest
 
 from onboard.lab_time import time_address
 from onboard.lab_time.figures import lab_figures
-from onboard.link import DroneLink
 from perchhw.lab_process import FREE_PORTS, SimulatedLab
 from tests.lab_time.busy import busy_processes
 from tests.lab_time.hover import hover
+from tests.patience import patient_link, until
 
 pytestmark = pytest.mark.slow
 
@@ -59,7 +59,7 @@ def test_time_stands_still_where_nobody_takes_part_and_nothing_moves() -> None:
 
 
 def test_a_client_that_takes_no_part_finds_a_lab_in_real_time() -> None:
-    with lab_at("lockstep") as lab, DroneLink.open(without_query(lab.drones[0])) as stranger:
+    with lab_at("lockstep") as lab, patient_link(without_query(lab.drones[0])) as stranger:
         begin, lab_begin = time.monotonic(), figures(lab)["t"]
         heard: list[int] = []
         stranger.stream(("pm.vbat",), 100, lambda sample: heard.append(sample.drone_time_ms))
@@ -83,14 +83,8 @@ def test_a_process_that_dies_in_the_air_is_not_waited_for_and_the_watchdog_bites
         pilot.wait()
         pilot.stdout.close()
         assert figures(lab)["takes_part"] == []
-        begin = time.monotonic()
-        before = -1.0
-        while (now := figures(lab)["t"]) != before:
-            assert time.monotonic() - begin < 60.0
-            before = now
-            time.sleep(0.3)
-        with DroneLink.open(without_query(lab.drones[0])) as link:
-            assert link.supervisor_info().is_locked
+        with patient_link(without_query(lab.drones[0])) as link:
+            until(lambda: link.supervisor_info().is_locked)
 
 
 def test_a_factor_is_a_limit() -> None:

@@ -24,7 +24,7 @@ class ToyLab:
     def turn(self, t: float, packets: dict[str, int] | None = None) -> dict[str, Any]:
         """A whole turn: what the participant says at its end."""
         self.begin_turn(t, packets)
-        return self.done.get(timeout=20.0)
+        return self.done.get(timeout=120.0)
 
     def begin_turn(self, t: float, packets: dict[str, int] | None = None) -> None:
         """Say what time it is."""

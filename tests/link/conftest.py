@@ -1,4 +1,4 @@
-"""Fixtures of the link's tests: a tiny drone, and a link to it."""
+"""Fixtures of the link's tests: a tiny drone, and links to it."""
 
 from collections.abc import Iterator
 
@@ -6,6 +6,7 @@ import pytest
 
 from onboard.link import DroneLink
 from tests.link.tiny_drone import TinyDrone
+from tests.patience import patient_link
 
 
 @pytest.fixture
@@ -17,6 +18,20 @@ def tiny() -> Iterator[TinyDrone]:
 
 @pytest.fixture
 def link(tiny: TinyDrone) -> Iterator[DroneLink]:
-    """A link to :func:`tiny`."""
-    with DroneLink.open(tiny.uri, reply_timeout_s=0.5, transfer_timeout_s=3.0) as opened:
+    """A link to :func:`tiny` that waits for a busy machine."""
+    with patient_link(tiny.uri) as opened:
+        yield opened
+
+
+@pytest.fixture
+def hasty(tiny: TinyDrone) -> Iterator[DroneLink]:
+    """A link to :func:`tiny` for questions that stay without an answer."""
+    with patient_link(tiny.uri, reply_timeout_s=0.5) as opened:
+        yield opened
+
+
+@pytest.fixture
+def drone_link(crazyflie_uri: str) -> Iterator[DroneLink]:
+    """A link to the session's simulated drone that waits for a busy machine."""
+    with patient_link(crazyflie_uri) as opened:
         yield opened

@@ -4,6 +4,7 @@ import struct
 import threading
 import time
 import zlib
+from itertools import groupby
 from pathlib import Path
 
 import pytest
@@ -23,6 +24,7 @@ from onboard.link import (
 )
 from onboard.link.logs import QUEUE_LIMIT, unwrap
 from tests.link.tiny_drone import MEMORY_SIZE, MEMORY_TYPE, TinyDrone
+from tests.patience import PATIENCE_S, patient_link, until
 
 BUNDLE = bytes(range(256)) * 8
 
@@ -41,7 +43,9 @@ class Samples:
 
     def wait_for(self, count: int) -> list[LogSample]:
         with self._arrived:
-            assert self._arrived.wait_for(lambda: len(self.samples) >= count, timeout=3.0), self.samples
+            assert self._arrived.wait_for(lambda: len(self.samples) >= count, timeout=PATIENCE_S), (
+                self.samples
+            )
         return self.samples
 
 
@@ -96,28 +100,31 @@ def test_an_echo_of_another_value_is_a_refusal(tiny: TinyDrone, link: DroneLink)
         link.set_param("motion.offset", 300)
 
 
-def test_no_answer_is_a_timeout_with_the_question_in_it(tiny: TinyDrone, link: DroneLink) -> None:
+def test_no_answer_is_a_timeout_with_the_question_in_it(tiny: TinyDrone, hasty: DroneLink) -> None:
     tiny.drop = lambda request: request[0] & 0xF3 == 0x21
     start = time.monotonic()
     with pytest.raises(LinkTimeout, match=r"ring\.solid"):
-        link.param("ring.solid")
-    assert 0.5 <= time.monotonic() - start < 0.8
-    assert link.lost is None, "pings are answered: the link stands"
+        hasty.param("ring.solid")
+    assert time.monotonic() - start >= 0.5
+    assert hasty.lost is None, "pings are answered: the link stands"
 
 
 # Supervisor and flying
 
 
-def test_supervisor_info_is_fresh_or_raises(tiny: TinyDrone, link: DroneLink) -> None:
+def test_supervisor_info_is_fresh(tiny: TinyDrone, link: DroneLink) -> None:
     tiny.supervisor_bits = 0x0849
     info = link.supervisor_info()
     assert (info.bits, info.can_arm, info.can_fly, info.is_locked) == (0x849, True, True, True)
     assert not info.is_armed
     tiny.supervisor_bits = 0x0020
     assert link.supervisor_info().is_tumbled
+
+
+def test_supervisor_info_without_an_answer_raises(tiny: TinyDrone, hasty: DroneLink) -> None:
     tiny.drop = lambda request: request[0] & 0xF3 == 0x90
     with pytest.raises(LinkTimeout):
-        link.supervisor_info()
+        hasty.supervisor_info()
 
 
 def test_arming_refused_says_what_the_supervisor_says(tiny: TinyDrone, link: DroneLink) -> None:
@@ -153,7 +160,7 @@ def test_commander_packets_have_the_firmwares_layout(tiny: TinyDrone, link: Dron
     link.go_to(1.0, 2.0, 3.0, 0.5, 4.0, relative=True)
     link.stop_motors()
     sent = [request[1:] for request in tiny.requests if request[0] & 0xF3 == 0x80]
-    assert sent == [
+    assert [packet for packet, _repeats in groupby(sent)] == [
         b"\x07\x00" + struct.pack("<ff?f", 0.5, 0.0, True, 2.0),
         b"\x08\x00" + struct.pack("<ff?f", 0.1, 0.25, False, 3.0),
         b"\x0c\x00\x01\x00" + struct.pack("<5f", 1.0, 2.0, 3.0, 0.5, 4.0),
@@ -161,14 +168,18 @@ def test_commander_packets_have_the_firmwares_layout(tiny: TinyDrone, link: Dron
     ]
 
 
-def test_a_relative_move_is_sent_once_even_without_an_answer(tiny: TinyDrone, link: DroneLink) -> None:
+def test_a_relative_move_is_sent_once_even_without_an_answer(tiny: TinyDrone, hasty: DroneLink) -> None:
     tiny.drop = lambda request: request[0] & 0xF3 == 0x80
     with pytest.raises(LinkTimeout):
-        link.go_to(0.1, 0.0, 0.0, 0.0, 1.0, relative=True)
-    assert tiny.count(0x80) == 1
+        hasty.go_to(0.1, 0.0, 0.0, 0.0, 1.0, relative=True)
     with pytest.raises(LinkTimeout):
-        link.go_to(0.1, 0.0, 0.5, 0.0, 1.0)
-    assert tiny.count(0x80) > 3
+        hasty.go_to(0.1, 0.0, 0.5, 0.0, 1.0)
+
+    def sent(relative: int) -> int:
+        return sum(request[0] & 0xF3 == 0x80 and request[3] == relative for request in list(tiny.requests))
+
+    until(lambda: sent(relative=0) > 1)
+    assert sent(relative=1) == 1
 
 
 def test_emergency_stop_is_repeated_until_the_drone_is_locked(tiny: TinyDrone, link: DroneLink) -> None:
@@ -181,7 +192,7 @@ def test_emergency_stop_is_repeated_until_the_drone_is_locked(tiny: TinyDrone, l
         return is_stop and len(stops) <= 6
 
     tiny.drop = lose_six
-    link.emergency_stop()
+    link.emergency_stop(PATIENCE_S)
     assert link.supervisor_info().is_locked
     assert len(stops) > 6
 
@@ -190,7 +201,7 @@ def test_emergency_stop_that_is_not_confirmed_is_an_error(tiny: TinyDrone, link:
     tiny.drop = lambda request: request[0] & 0xF3 in (0x90, 0x91)
     with pytest.raises(LinkTimeout, match="not confirmed"):
         link.emergency_stop(0.2)
-    assert tiny.count(0x91) >= 5
+    until(lambda: tiny.count(0x91) >= 5)
 
 
 def test_poses_go_out_as_they_are_and_only_if_finite(tiny: TinyDrone, link: DroneLink) -> None:
@@ -315,7 +326,7 @@ def test_stream_delivers_typed_samples_in_order_across_the_wrap(tiny: TinyDrone,
         assert [s.drone_time_ms - 0xFFFFEC for s in got] == [0, 10, 20, 30, 50]
         assert got[1].values == {"stateEstimate.x": 0.5, "pm.vbatMV": 3701}
         assert stream.latest is got[-1]
-        assert stream.age() < 1.0
+        assert 0.0 <= stream.age() < PATIENCE_S
         assert (stream.received, stream.late, stream.malformed) == (5, 1, 1)
     assert tiny.blocks == {}
 
@@ -351,7 +362,7 @@ def test_slow_callback_loses_the_oldest_samples_and_blocks_nobody(tiny: TinyDron
     go_on, samples = threading.Event(), Samples()
 
     def slow(sample: LogSample) -> None:
-        go_on.wait(5.0)
+        go_on.wait(PATIENCE_S)
         samples(sample)
 
     with link.stream(["stateEstimate.x"], 10, slow) as stream:
@@ -380,7 +391,7 @@ def test_callback_that_raises_ends_its_stream_only(tiny: TinyDrone, link: DroneL
     for stream in (bad, good):
         tiny.push_log(stream.block, 10, struct.pack("<f", 1.0))
     samples.wait_for(1)
-    bad._thread.join(2.0)
+    bad._thread.join(PATIENCE_S)
     assert (bad.alive, good.alive) == (False, True)
     bad.close()
 
@@ -389,39 +400,39 @@ def test_callback_that_raises_ends_its_stream_only(tiny: TinyDrone, link: DroneL
 
 
 def test_close_is_idempotent_cuts_the_motors_and_ends_every_call(tiny: TinyDrone) -> None:
-    link = DroneLink.open(tiny.uri)
+    link = patient_link(tiny.uri)
     threads = threading.active_count()
-    start = time.monotonic()
     link.close()
     link.close()
-    assert time.monotonic() - start < 0.5
-    zero_setpoints = [r for r in tiny.requests if r[0] & 0xF3 == 0x30]
-    assert zero_setpoints, "closing sends cflib's zero setpoint"
+    until(lambda: tiny.count(0x30))  # cflib's zero setpoint
     with pytest.raises(LinkLost, match="closed"):
         link.param("ring.solid")
-    assert threading.active_count() < threads
+    until(lambda: threading.active_count() < threads)
 
 
 def test_reopening_leaves_no_threads_behind(tiny: TinyDrone) -> None:
-    DroneLink.open(tiny.uri).close()
     before = threading.active_count()
     for _ in range(3):
-        DroneLink.open(tiny.uri).close()
-    assert threading.active_count() <= before
+        patient_link(tiny.uri).close()
+    until(lambda: threading.active_count() <= before)
 
 
 def test_toc_cache_is_used_the_second_time(tiny: TinyDrone, tmp_path: Path) -> None:
-    DroneLink.open(tiny.uri, toc_cache=tmp_path).close()
-    items = tiny.count(0x50)
-    with DroneLink.open(tiny.uri, toc_cache=tmp_path) as link:
-        assert tiny.count(0x50) == items + 1
+    def items_asked() -> int:
+        return sum(request[0] & 0xF3 == 0x50 and request[1] == 2 for request in list(tiny.requests))
+
+    DroneLink.open(tiny.uri, toc_cache=tmp_path, timeout_s=PATIENCE_S).close()
+    before = items_asked()
+    assert before > 0
+    with DroneLink.open(tiny.uri, toc_cache=tmp_path, timeout_s=PATIENCE_S) as link:
+        assert items_asked() == before
         assert link.param("motion.offset") == -3
 
 
 def test_firmware_without_the_supervisor_port_is_refused(tiny: TinyDrone) -> None:
     tiny.protocol_version = 10
     with pytest.raises(LinkError, match="protocol 10"):
-        DroneLink.open(tiny.uri)
+        patient_link(tiny.uri)
 
 
 def test_reboot_returns_when_the_firmware_answers_again(tiny: TinyDrone) -> None:
@@ -434,8 +445,8 @@ def test_reboot_returns_when_the_firmware_answers_again(tiny: TinyDrone) -> None
         return request[0] & 0xF3 == 0xF1 and tiny.count(0xF1) < 3  # still booting
 
     tiny.drop = dead_while_off
-    reboot(tiny.uri, timeout_s=5.0)
-    assert [request[2] for request in off] == [2, 3]
+    reboot(tiny.uri, timeout_s=PATIENCE_S)
+    assert [command for command, _repeats in groupby(request[2] for request in off)] == [2, 3]
     tiny.frozen.set()
     with pytest.raises(LinkTimeout):
         reboot(tiny.uri, timeout_s=0.3)

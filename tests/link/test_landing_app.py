@@ -19,6 +19,7 @@ from onboard.vehicle import load_vehicle
 from onboard.vehicle.onboard_constants import vehicle_crc32
 from perchhw.gap_walkthrough.story import BELIEVED, hidden_vehicle
 from tests.link.tiny_drone import TinyDrone
+from tests.patience import patient_link
 from tests.sim_crazyflie.served_flight import ServedFlight, serve_flight
 from tests.sim_crazyflie.simulated_flight import LEGS, VEHICLE, Flight
 from tests.sim_crazyflie.small_policy import small_policy
@@ -29,7 +30,7 @@ BUNDLE = encode_bundle(small_policy())
 
 @contextmanager
 def flown(flight: Flight) -> Iterator[tuple[ServedFlight, DroneLink]]:
-    with serve_flight(flight) as served, DroneLink.open(served.uri, timeout_s=60.0) as link:
+    with serve_flight(flight) as served, patient_link(served.uri) as link:
         yield served, link
 
 

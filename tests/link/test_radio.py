@@ -11,6 +11,7 @@ from cflib.crtp.crtpstack import CRTPPacket
 
 from onboard.link.radio import SEND_S, CflibStopPort, GuardedRadioDriver
 from onboard.link.stop import StopPath
+from tests.patience import PATIENCE_S, until
 
 POSE, READ, ARM = CRTPPacket(0x61, b"\x08" * 29), CRTPPacket(0x21, b"\x01\x00"), CRTPPacket(0x91, b"\x01\x01")
 SAFELINK = (0xFF, 0x05, 0x01)
@@ -83,14 +84,6 @@ def fill(driver: GuardedRadioDriver) -> None:
         pass
 
 
-def heard(packet: bytes, within: float = 2.0) -> bool:
-    """Whether the drone hears `packet`."""
-    deadline = time.monotonic() + within
-    while packet not in StallingRadio.heard and time.monotonic() < deadline:
-        threading.Event().wait(0.002)
-    return packet in StallingRadio.heard
-
-
 def test_a_pose_that_finds_no_place_is_given_up_within_its_bound(driver: GuardedRadioDriver) -> None:
     fill(driver)
     begin = time.monotonic()
@@ -104,8 +97,7 @@ def test_a_request_is_sent_late_without_holding_up_its_sender(driver: GuardedRad
     assert driver.send_packet(ARM)
     assert bytes((0x21, 1, 0)) not in StallingRadio.heard
     StallingRadio.stalled.clear()
-    assert heard(bytes((0x21, 1, 0)))
-    assert heard(bytes((0x91, 1, 1)))
+    until(lambda: {bytes((0x21, 1, 0)), bytes((0x91, 1, 1))} <= set(StallingRadio.heard))
     requests = [packet for packet in StallingRadio.heard if packet[0] != 0x61]
     assert requests == [bytes((0x21, 1, 0)), bytes((0x91, 1, 1))]
 
@@ -116,13 +108,11 @@ def test_a_stop_goes_out_before_everything_that_waits(driver: GuardedRadioDriver
     driver.send_packet(ARM)
     path = StopPath(CflibStopPort(driver))
     path.trigger()
-    deadline = time.monotonic() + 2.0
-    while driver._kept_out_until == 0.0 and time.monotonic() < deadline:
-        threading.Event().wait(0.001)
+    until(lambda: driver._kept_out_until > 0.0)
     assert driver.send_packet(POSE) is False
     before = len(StallingRadio.heard)
     StallingRadio.stalled.clear()
-    report = path.wait(2.0)
+    report = path.wait(PATIENCE_S)
     assert report is not None
     assert report.locked
     after = StallingRadio.heard[before:]
@@ -135,13 +125,11 @@ def test_the_driver_does_not_close_under_a_stop(driver: GuardedRadioDriver) -> N
     fill(driver)
     path = StopPath(CflibStopPort(driver))
     path.trigger()
-    deadline = time.monotonic() + 2.0
-    while driver._kept_out_until == 0.0 and time.monotonic() < deadline:
-        threading.Event().wait(0.001)
+    until(lambda: driver._kept_out_until > 0.0)
     closing = threading.Thread(target=driver.close)
     closing.start()
     StallingRadio.stalled.clear()
-    report = path.wait(2.0)
+    report = path.wait(PATIENCE_S)
     closing.join()
     path.close()
     assert report is not None

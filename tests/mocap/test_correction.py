@@ -99,7 +99,7 @@ def test_the_drone_gets_the_poses_of_its_body() -> None:
     drone = Drone()
     below = PoseCorrection(position=(0.0, 0.0, -0.25))
     with MovingRoom() as room, PoseBridge(room.uri, drone, correction=below) as bridge:
-        assert bridge.wait_for(lambda status: status.sent >= 5, 10.0)
+        assert bridge.wait_for(lambda status: status.sent >= 5, 120.0)
         status = bridge.status()
     assert all(z == pytest.approx(0.75, abs=1e-3) for _, (_, _, z), _ in drone.poses)
     assert status.last_good is not None

@@ -17,6 +17,7 @@ from mocap_bridge.rotation import angle_between, normalised
 from sim_backend.room.cameras import SeenBody
 from sim_backend.room.feed import TruePose
 from tests.mocap.frame_publisher import FramePublisher
+from tests.patience import PATIENCE_S
 
 READER = Path(__file__).with_name("motioncapture_reader.py")
 RATE_HZ = 220.0
@@ -39,7 +40,7 @@ def bodies(number: int) -> tuple[SeenBody, ...]:
 
 def read_with_motioncapture(port: int) -> list[dict]:
     command = [sys.executable, str(READER), f"127.0.0.1:{port}", str(FRAMES)]
-    child = subprocess.run(command, capture_output=True, text=True, timeout=10, check=True)
+    child = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=True)
     return [json.loads(line)["bodies"] for line in child.stdout.splitlines()]
 
 
@@ -52,9 +53,9 @@ def test_motioncapture_and_our_client_both_get_what_our_server_sends():
         with open_pose_stream(uri) as stream, ThreadPoolExecutor(1) as pool:
             # Ours begins before theirs and ends after.
             reading = pool.submit(read_with_motioncapture, publisher.port)
-            samples = [stream.read(1.0)]
+            samples = [stream.read(PATIENCE_S)]
             while not reading.done():
-                samples.append(stream.read(1.0))
+                samples.append(stream.read(PATIENCE_S))
             theirs = reading.result()
     ours = {sample.frame - 1: sample for sample in samples}
 

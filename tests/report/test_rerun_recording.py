@@ -11,7 +11,7 @@ from perchhw.view.rerun_recording import write_rrd
 def test_what_is_in_the_file(runs: Path, vehicle: Vehicle, tmp_path: Path) -> None:
     path = write_rrd(runs / "run-0", vehicle, tmp_path / "sub" / "flight.rrd")
     command = [sys.executable, "-m", "rerun", "rrd", "print", str(path)]
-    result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    result = subprocess.run(command, capture_output=True, text=True, timeout=250, check=True)
     text = result.stdout + result.stderr
     for entity in (
         "/world/drone",

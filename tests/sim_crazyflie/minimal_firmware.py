@@ -15,6 +15,7 @@ from sim_backend.crazyflie.interfaces import EBUSY, FirmwareAssertion, Memory
 from sim_backend.crazyflie.memory import DeckMemory, MemoryTester, MemoryType, RamMemory
 from sim_backend.crazyflie.server import CrazyflieServer
 from sim_backend.crazyflie.tables import LogTable, ParameterTable
+from tests.patience import PATIENCE_S
 
 
 class SteppedClock:
@@ -187,7 +188,7 @@ class ServedFirmware:
         async def run() -> T:
             return function()
 
-        return asyncio.run_coroutine_threadsafe(run(), self._loop).result(5.0)
+        return asyncio.run_coroutine_threadsafe(run(), self._loop).result(PATIENCE_S)
 
 
 async def _poll_forever(firmware: MinimalFirmware, server: CrazyflieServer, period_s: float) -> None:
@@ -206,7 +207,7 @@ def serve(
     thread = threading.Thread(target=loop.run_forever, name="simulated drone")
     thread.start()
     server = CrazyflieServer(firmware, faults=faults)
-    asyncio.run_coroutine_threadsafe(server.start(), loop).result(5.0)
+    asyncio.run_coroutine_threadsafe(server.start(), loop).result(PATIENCE_S)
     polling = asyncio.run_coroutine_threadsafe(_poll_forever(firmware, server, period_s), loop)
     try:
         yield ServedFirmware(firmware, server, loop)
@@ -216,7 +217,7 @@ def serve(
         served = ServedFirmware(firmware, server, loop)
         served.call(server.close)
         loop.call_soon_threadsafe(loop.stop)
-        thread.join(5.0)
+        thread.join(PATIENCE_S)
         loop.close()
         if failure is not None:
             raise failure
@@ -228,7 +229,7 @@ class RawClient:
     def __init__(self, uri: str) -> None:
         host, _, port = uri.removeprefix("udp://").partition(":")
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self.socket.settimeout(5.0)
+        self.socket.settimeout(PATIENCE_S)
         self.socket.connect((host, int(port)))
         self._barrier = 0
 
@@ -239,7 +240,7 @@ class RawClient:
         self.socket.close()
 
     def receive(self) -> Packet:
-        """The next packet; fails after 5 s."""
+        """The next packet; fails when none comes."""
         packet = Packet.decode(self.socket.recv(64))
         assert packet is not None
         return packet

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from typing import TypeVar
 
 from sim_backend.crazyflie.server import CrazyflieServer
+from tests.patience import PATIENCE_S
 from tests.sim_crazyflie.simulated_flight import Flight
 
 ROUND_S = 0.002
@@ -26,7 +27,7 @@ class ServedFlight:
         async def run() -> T:
             return function()
 
-        return asyncio.run_coroutine_threadsafe(run(), self._loop).result(10.0)
+        return asyncio.run_coroutine_threadsafe(run(), self._loop).result(PATIENCE_S)
 
 
 async def _live(flight: Flight, server: CrazyflieServer) -> None:
@@ -49,7 +50,7 @@ def serve_flight(flight: Flight) -> Iterator[ServedFlight]:
     served = None
     living = None
     try:
-        asyncio.run_coroutine_threadsafe(server.start(), loop).result(5.0)
+        asyncio.run_coroutine_threadsafe(server.start(), loop).result(PATIENCE_S)
         served = ServedFlight(flight, server.uri, loop)
         living = asyncio.run_coroutine_threadsafe(_live(flight, server), loop)
         yield served
@@ -61,5 +62,5 @@ def serve_flight(flight: Flight) -> Iterator[ServedFlight]:
         if served is not None:
             served.call(server.close)
         loop.call_soon_threadsafe(loop.stop)
-        thread.join(5.0)
+        thread.join(PATIENCE_S)
         loop.close()

@@ -21,9 +21,10 @@ from cflib.utils.power_switch import PowerSwitch
 
 from onboard.app_interface import INTERFACE_VERSION
 from sim_backend.crazyflie.interfaces import EBUSY
+from tests.patience import PATIENCE_S
 from tests.sim_crazyflie.minimal_firmware import MinimalFirmware, RawClient, ServedFirmware, serve
 
-DEADLINE_S = 10.0
+DEADLINE_S = PATIENCE_S
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -53,25 +54,19 @@ def wait(condition: Callable[[], bool], what: str) -> None:
         tick.wait(0.002)
 
 
-def connect(uri: str, cache: Path | None = None) -> tuple[Crazyflie, float]:
-    """A fully connected Crazyflie and the seconds that it took."""
+def connect(uri: str, cache: Path | None = None) -> Crazyflie:
+    """A fully connected Crazyflie."""
     cf = Crazyflie(rw_cache=str(cache) if cache else None)
     done = threading.Event()
     cf.fully_connected.add_callback(lambda _uri: done.set())
-    start = time.perf_counter()
     cf.open_link(uri)
     assert done.wait(DEADLINE_S), "never fully connected"
-    return cf, time.perf_counter() - start
+    return cf
 
 
-def test_fully_connects_within_a_second(drone: ServedFirmware, tmp_path: Path) -> None:
-    for how in ("without cache", "cached"):
-        times: list[float] = []
-        while len(times) < 3 and min(times, default=9.0) >= 1.0:  # a busy machine gets a second chance
-            cf, seconds = connect(drone.uri, tmp_path)
-            cf.close_link()
-            times.append(seconds)
-        assert min(times) < 1.0, how
+def test_fully_connects_without_a_cache_and_from_it(drone: ServedFirmware, tmp_path: Path) -> None:
+    for _ in range(2):
+        connect(drone.uri, tmp_path).close_link()
     names = sorted(path.stem for path in tmp_path.iterdir())
     assert names == sorted(f"{table.crc:08X}" for table in (drone.firmware.logs, drone.firmware.params))
 
@@ -243,12 +238,10 @@ class TestMemory:
         done: Queue[bytes] = Queue()
         crazyflie.mem.mem_write_cb.add_callback(lambda _mem, _addr: done.put(b""))
         crazyflie.mem.mem_read_cb.add_callback(lambda _mem, _addr, read: done.put(bytes(read)))
-        start = time.perf_counter()
         crazyflie.mem.write(app, 0, list(data), flush_queue=True)
         assert done.get(timeout=DEADLINE_S) == b""
         assert crazyflie.mem.read(app, 0, len(data))
         assert done.get(timeout=DEADLINE_S) == data
-        assert time.perf_counter() - start < 0.5
 
     def test_refused_write_fails(self, crazyflie: Crazyflie, drone: ServedFirmware) -> None:
         (app,) = crazyflie.mem.get_mems(0x18)
@@ -323,7 +316,7 @@ def test_power_switch(drone: ServedFirmware) -> None:
     switch.reboot_to_fw()
     switch.close()
     assert drone.firmware.boot_count == 3
-    cf, _seconds = connect(drone.uri)
+    cf = connect(drone.uri)
     cf.close_link()
 
 
@@ -333,7 +326,7 @@ def test_reconnects_and_a_second_drone_beside_it(drone: ServedFirmware) -> None:
         with link:
             wait(link.is_params_updated, "parameters")
     with serve(MinimalFirmware()) as other, link:
-        cf, _seconds = connect(other.uri)
+        cf = connect(other.uri)
         assert cf.param.get_value("perch.version") == str(INTERFACE_VERSION)
         cf.close_link()
 
@@ -342,5 +335,5 @@ def test_without_our_app_the_crcs_are_the_firmwares() -> None:
     with serve(MinimalFirmware(with_app=False)) as drone, RawClient(drone.uri) as client:
         assert struct.unpack_from("<HI", client.ask(5, 0, b"\3")[0], 1) == (567, 0xC104357B)
         assert struct.unpack_from("<HI", client.ask(2, 0, b"\3")[0], 1) == (335, 0x15952A0F)
-        cf, _seconds = connect(drone.uri)
+        cf = connect(drone.uri)
         cf.close_link()

@@ -9,7 +9,6 @@ import socket
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -22,6 +21,7 @@ from cflib.crazyflie.syncCrazyflie import SyncCrazyflie
 
 from mocap_bridge.bridge import PoseBridge
 from mocap_bridge.health import Verdict
+from tests.patience import PATIENCE_S, until
 
 READY_S = 240.0  # the first start on a machine compiles everything
 FREE_PORTS = ("--drone-port", "0", "--vicon-port", "0", "--vicon-udp-port", "0")
@@ -49,7 +49,7 @@ class LabProcess:
     def end(self, how: signal.Signals) -> tuple[int, str]:
         """Send a signal; exit code and what stderr said."""
         self.process.send_signal(how)
-        _, errors = self.process.communicate(timeout=10)
+        _, errors = self.process.communicate(timeout=READY_S)
         return self.process.returncode, errors
 
 
@@ -65,13 +65,8 @@ def running(*arguments: str) -> Iterator[LabProcess]:
 
 
 @pytest.fixture(scope="module")
-def truth_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("lab") / "truth.csv"
-
-
-@pytest.fixture(scope="module")
-def lab(truth_file: Path) -> Iterator[LabProcess]:
-    with running("lab", *FREE_PORTS, "--truth", str(truth_file)) as served:
+def lab() -> Iterator[LabProcess]:
+    with running("lab", *FREE_PORTS) as served:
         yield served
 
 
@@ -82,14 +77,6 @@ def alive(pid: int) -> bool:
     except (FileNotFoundError, ProcessLookupError):
         return False
     return status.rpartition(")")[2].split()[0] != "Z"
-
-
-def wait_gone(pid: int, seconds: float) -> None:
-    deadline = time.monotonic() + seconds
-    tick = threading.Event()
-    while alive(pid):
-        assert time.monotonic() < deadline, f"process {pid} still runs after {seconds} s"
-        tick.wait(0.01)
 
 
 class Telemetry:
@@ -110,7 +97,7 @@ class Telemetry:
             self.values = data
             self._changed.notify_all()
 
-    def wait(self, what: str, condition: Any, seconds: float = 10.0) -> None:
+    def wait(self, what: str, condition: Any, seconds: float = PATIENCE_S) -> None:
         with self._changed:
             reached = self._changed.wait_for(lambda: bool(self.values) and condition(self.values), seconds)
         assert reached, f"{what}: not within {seconds} s, last {self.values}"
@@ -141,9 +128,13 @@ def test_ready_line_is_the_contract(lab: LabProcess) -> None:
     assert alive(lab.ready["processes"]["room"])
 
 
-def test_unmodified_cflib_takes_off_on_poses_from_the_room(lab: LabProcess, truth_file: Path) -> None:
+def test_unmodified_cflib_takes_off_on_poses_from_the_room(tmp_path: Path) -> None:
     cflib.crtp.init_drivers()
-    with SyncCrazyflie(lab.ready["drones"][0], cf=Crazyflie()) as link:
+    truth_file = tmp_path / "truth.csv"
+    with (
+        running("lab", *FREE_PORTS, "--truth", str(truth_file)) as lab,
+        SyncCrazyflie(lab.ready["drones"][0], cf=Crazyflie()) as link,
+    ):
         cf = link.cf
         bridge = PoseBridge(lab.ready["mocap"][0], CflibSink(cf))
         bridge.start()
@@ -151,7 +142,7 @@ def test_unmodified_cflib_takes_off_on_poses_from_the_room(lab: LabProcess, trut
             names = ("stateEstimate.x", "stateEstimate.z", "kalman.varX", "supervisor.info", "pm.vbat")
             telemetry = Telemetry(cf, *names)
             telemetry.wait("estimate", lambda v: abs(v["stateEstimate.x"] + 2.5) < 0.02)
-            assert bridge.status().verdict is Verdict.OK
+            assert bridge.wait_for(lambda status: status.verdict is Verdict.OK, PATIENCE_S)
             assert telemetry.values["pm.vbat"] > 3.8
             telemetry.wait("may arm", lambda v: int(v["supervisor.info"]) & 1)
             cf.supervisor.send_arming_request(True)
@@ -172,29 +163,24 @@ def test_the_room_can_die_alone(tmp_path: Path) -> None:
     with running("lab", *FREE_PORTS) as lab:
         room = lab.ready["processes"]["room"]
         os.kill(room, signal.SIGKILL)
-        wait_gone(room, 2.0)
+        until(lambda: not alive(room))
         host, port = lab.ready["drones"][0].removeprefix("udp://").split(":")
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
-            client.settimeout(2.0)
+            client.settimeout(PATIENCE_S)
             client.sendto(b"\xf3", (host, int(port)))  # link echo without data keeps the radio busy
             client.sendto(b"\xf0\x01\x02", (host, int(port)))
             assert client.recv(64)
         assert lab.process.stderr is not None
         assert any("mocap room has ended" in line for line in lab.process.stderr)  # waits for it
-        started = time.monotonic()
-        code, _ = lab.end(signal.SIGTERM)
-        assert time.monotonic() - started < 1.0
-        assert code == 0
+        assert lab.end(signal.SIGTERM)[0] == 0
 
 
 @pytest.mark.parametrize(("how", "code"), [(signal.SIGINT, 130), (signal.SIGKILL, -9)])
 def test_the_room_dies_with_the_lab(how: signal.Signals, code: int) -> None:
     with running("lab", *FREE_PORTS) as lab:
         room = lab.ready["processes"]["room"]
-        started = time.monotonic()
         assert lab.end(how)[0] == code
-        wait_gone(room, 1.0)
-        assert time.monotonic() - started < 1.5
+        until(lambda: not alive(room))
 
 
 def test_room_alone_shows_resting_drones() -> None:
@@ -212,7 +198,7 @@ def test_room_alone_shows_resting_drones() -> None:
         bridge = PoseBridge(lab.ready["mocap"][1], None, on_sample=take)
         bridge.start()
         try:
-            assert seen.wait(5.0)
+            assert seen.wait(PATIENCE_S)
         finally:
             bridge.stop()
         assert places[-1] == pytest.approx((-2.5, 0.5, 0.07), abs=0.02)
@@ -223,16 +209,18 @@ def test_frozen_drone_is_silent() -> None:
         assert lab.ready["mocap"] == []
         host, port = lab.ready["drones"][0].removeprefix("udp://").split(":")
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
-            client.settimeout(0.2)
-            deadline = time.monotonic() + 5.0
-            answered = True
-            while answered and time.monotonic() < deadline:
+            client.settimeout(1.0)
+
+            def silent() -> bool:
                 client.sendto(b"\xf0\x01\x02", (host, int(port)))
                 try:
                     client.recv(64)
                 except TimeoutError:
-                    answered = False
-            assert not answered
+                    return True
+                return False
+
+            until(silent)
+            assert lab.process.poll() is None, "it has ended"
 
 
 @pytest.mark.parametrize(
@@ -249,7 +237,7 @@ def test_bad_input_is_refused(arguments: tuple[str, ...], code: int, words: str)
         [sys.executable, "-m", "perchhw", "sim", *arguments],
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=READY_S,
         check=False,
     )
     assert ended.returncode == code, ended.stderr

@@ -2,7 +2,6 @@
 
 import math
 import struct
-import time
 
 import numpy as np
 import pytest
@@ -10,6 +9,7 @@ import pytest
 from sim_backend.crazyflie.ports.localization import decompress_quaternion
 from sim_backend.crazyflie.ports.log import convert
 from sim_backend.crazyflie.toc import LogType
+from tests.patience import until
 from tests.sim_crazyflie.minimal_firmware import (
     MinimalFirmware,
     RawClient,
@@ -164,9 +164,7 @@ class TestParam:
     ) -> None:
         ident = param_id(drone, "system.doAssert")
         assert client.ask(PARAM, 2, ident + b"\1") == [ident + b"\1"]
-        deadline = time.monotonic() + 5.0
-        while drone.call(lambda: drone.firmware.boot_count) != 2:
-            assert time.monotonic() < deadline
+        until(lambda: drone.call(lambda: drone.firmware.boot_count) == 2)
 
 
 class TestMemory:
