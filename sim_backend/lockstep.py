@@ -112,8 +112,9 @@ class LockStep:
                 await self._go_on(stop)
 
     async def _go_on(self, stop: asyncio.Event) -> None:
-        """Step until somebody has a turn, for 50 ms of the world at most."""
-        for _ in range(TICKS_IN_ONE_GO // STEP_TICKS):
+        """Step until somebody has a turn; where nothing limits the rate, for 50 ms of the world at most."""
+        rate = self._rate()
+        for _ in range(TICKS_IN_ONE_GO // STEP_TICKS if rate is None else 1):
             for _ in range(STEP_TICKS):
                 self._world.step()
             now = self._world.time
@@ -123,7 +124,7 @@ class LockStep:
             if self._turns.has_news(now) or stop.is_set():
                 break
         # Also without a limit: packets and messages that have come in the meantime get their turn.
-        await self._throttle.keep(self._world.time, self._rate())
+        await self._throttle.keep(self._world.time, rate)
 
     async def _show_to_room(self, now: float) -> None:
         feed, settings = self._traffic.feed, self._room

@@ -228,7 +228,12 @@ class HighLevelCommander:
         self._blocked = blocked
 
     def hold(self, here: FlatState, now: float) -> None:
-        """Stay at `here`: a go-to of no duration, for an app that hands the drone back."""
+        """Stay at `here`: a go-to of no duration, for an app that hands the drone back.
+
+        A command that comes before the next setpoint, 10 ms at most, starts from here as well: the firmware's
+        ``commanderRelaxPriority``, which the app calls, tells the planner where the drone is.
+        """
+        self._last = here
         goal = FlatState(here.position, yaw=here.yaw)
         self._begin(move(goal, goal, 0.0, now), PlannerState.FLYING)
 

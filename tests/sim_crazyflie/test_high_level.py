@@ -221,3 +221,15 @@ def test_quaternion_compression_round_trip(raw: tuple[float, float, float, float
     q = np.array(raw) / np.linalg.norm(raw)
     back = np.array(decompress_quaternion(compress_quaternion(tuple(q))))
     assert abs(abs(q @ back) - 1.0) < 1e-5
+
+
+def test_a_landing_right_after_a_hand_over_comes_down_where_the_drone_is(
+    hovering: HighLevelCommander,
+) -> None:
+    at(hovering, 2.0)
+    here = FlatState((1.7, 0.1, 0.48), (0.5, 0.0, 0.0))
+    hovering.hold(here, 2.0)
+    assert hovering.command(Command.LAND_2, takeoff(0.0, 2.0), 2.001) == 0
+    begins, ends = at(hovering, 2.01), at(hovering, 4.1)
+    assert begins.position == pytest.approx(here.position, abs=0.02)
+    assert ends.position[:2] == pytest.approx(here.position[:2], abs=1e-6)
