@@ -68,6 +68,7 @@ class AttemptResult:
         trigger: the trigger snapshot (fields of the ``trigger`` topic), or None when it never fired.
         aborted_by: name of the rule that ended the attempt, or None.
         record: the run folder.
+        stopped: somebody else stopped the drone while it flew (``perchhw stop``).
     """
 
     outcome: Outcome
@@ -75,6 +76,7 @@ class AttemptResult:
     trigger: dict[str, Any] | None
     aborted_by: str | None
     record: Path
+    stopped: bool = False
 
 
 class AttemptInterrupted(KeyboardInterrupt):

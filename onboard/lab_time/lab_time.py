@@ -47,7 +47,7 @@ class LabTime:
         self._sending, self._asking = threading.Lock(), threading.Lock()
         self._turns: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
         self._socket: socket.socket | None = None
-        self._alone = False
+        self._alone = self._runs = False
 
     # Timebase
 
@@ -100,6 +100,7 @@ class LabTime:
     def connecting(self) -> Iterator[None]:
         """The lab stands still; or, where its links lose or delay packets, lives at the machine's pace."""
         runs, connected = bool(self._ask("connecting").get("runs")), threading.Event()
+        self._runs = runs
         pacer = threading.Thread(target=self._run_alone, args=(connected.is_set,), daemon=True)
         self._workers.let_turns_hold(False)
         if runs:
@@ -111,11 +112,12 @@ class LabTime:
             if runs:
                 pacer.join()
                 self._workers.now = float(self._ask("connected", t=self._workers.now)["t"])
+            self._runs = False
             self._workers.let_turns_hold(True)
 
     def patience(self, limit: float) -> float:
-        """As long as the lab itself waits."""
-        return max(limit, ANSWER_S)
+        """As long as the lab itself waits; while it runs at the machine's pace, no longer than `limit`."""
+        return limit if self._runs else max(limit, ANSWER_S)
 
     def slot(self) -> float:
         """A multiple of 2 s of the lab's time, at least 1.5 s from now."""

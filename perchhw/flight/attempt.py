@@ -126,7 +126,7 @@ def _conclude(
         else:
             outcome, evidence = label.outcome, label.evidence
     record.event("labelled", clock(), outcome=outcome, evidence=evidence)
-    result = AttemptResult(outcome, state.triggered, trigger, aborted_by, request.folder)
+    result = AttemptResult(outcome, state.triggered, trigger, aborted_by, request.folder, state.locked)
     record.close(
         outcome=outcome,
         triggered=state.triggered,

@@ -78,24 +78,24 @@ class SupervisedFlight:
         Raises:
             PerchhwError: no link, or something else without which the flight does not begin.
         """
-        stack = ExitStack()
+        stack, interrupts = ExitStack(), OperatorInterrupts()
         try:
-            flown = self._fly(stack)
+            flown = self._fly(stack, interrupts)
         except BaseException:
             with stack:
                 raise
         with Caught(self._not_closed):
             stack.close()
-        return flown
+        return replace(flown, interrupted=interrupts.count > 0)  # also while it closed
 
     def _not_closed(self, error: Exception) -> None:
         self.record.event("internal_error", self.clock(), error=repr(error))
         _log.error("error in perchhw while it closed a flight that was over", exc_info=error)
 
-    def _fly(self, stack: ExitStack) -> Flown:
+    def _fly(self, stack: ExitStack, interrupts: OperatorInterrupts) -> Flown:
         """Everything is open in `stack`."""
         clock, record = self.clock, self.record
-        interrupts = stack.enter_context(OperatorInterrupts())
+        stack.enter_context(interrupts)
         record.event("connecting", clock(), drone=self.drone, mocap=self.mocap)
         link = stack.enter_context(DroneLink.open(self.drone, clock=clock))
         interrupts.stop_by(link.stop_path.trigger)

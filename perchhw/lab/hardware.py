@@ -13,18 +13,19 @@ class LabRequired(FlightStackError, InputError):
 
 
 def require_lab(drone: str, mocap: str, lab: LabFile | None) -> None:
-    """Refuse a flight without a lab file, unless drone and motion capture are simulated on this machine.
+    """Refuse a flight without the lab file of a real room, unless it is simulated on this machine.
 
     Raises:
         LabRequired: the message names the address that is not.
     """
-    if lab is not None:
+    if lab is not None and lab.clock is None:
         return
     for uri in (drone, mocap):
         if not on_this_machine(uri):
             raise LabRequired(
                 f"{uri} is not on this machine, and on hardware nothing flies without a lab file: describe "
-                "the room in lab.toml (docs/lab_file.md), and give --lab FILE or start from its folder"
+                "the room in lab.toml (docs/lab_file.md), and give --lab FILE or start from its folder. The "
+                "file of a simulated lab describes no room"
             )
 
 

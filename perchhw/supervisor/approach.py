@@ -10,6 +10,9 @@ from perchhw.supervisor.observation import Admitted
 from perchhw.supervisor.rules import APPROACH_RULES, pose_good
 from perchhw.supervisor.state import Context, FlightState, Phase, Step
 
+_FLOWN_TO_THE_END = (EndReason.TRIGGERED, EndReason.CONTACT, EndReason.TILT)
+"""Why the drone cuts its motors by itself; any other reason is somebody else's: a stop, a disarming."""
+
 
 def _broken_off_by(o: Admitted, context: Context) -> str | None:
     """Why the drone broke off its approach; ``None`` for a trigger that did not come, which is no abort."""
@@ -28,7 +31,10 @@ def approaching(state: FlightState, o: Admitted, context: Context) -> Step:
         case LandingState.CUT:
             # The drone also cuts its motors on contact and on tilt; only its count tells a trigger.
             fired = o.trigger_count is not None and o.trigger_count > state.triggers_before
-            return Step(replace(enter(state, Phase.SETTLING, context, "the body to rest"), triggered=fired))
+            settling = replace(enter(state, Phase.SETTLING, context, "the body to rest"), triggered=fired)
+            if not fired and o.end_reason not in _FLOWN_TO_THE_END:
+                settling = replace(settling, aborted_by=_broken_off_by(o, context))
+            return Step(settling)
         case LandingState.BRAKE | LandingState.HOLD:
             braking = enter(state, Phase.BRAKING, context, "the drone to brake")
             return Step(replace(braking, aborted_by=_broken_off_by(o, context)))

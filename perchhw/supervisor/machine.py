@@ -27,7 +27,7 @@ from perchhw.supervisor.events import (
 from perchhw.supervisor.gate import admit
 from perchhw.supervisor.hovering import after_course
 from perchhw.supervisor.limits import SafetyLimits
-from perchhw.supervisor.observation import Observation
+from perchhw.supervisor.observation import Admitted, Observation
 from perchhw.supervisor.on_ground import after_upload
 from perchhw.supervisor.phases import PHASES
 from perchhw.supervisor.state import Context, FlightState, Mission, Phase, Step, Timing
@@ -105,7 +105,14 @@ def _react(state: FlightState, event: Event, context: Context) -> Step:
 def _look(state: FlightState, observation: Observation, context: Context) -> Step:
     """Pass the observation through the gate and show the phase what is left of it."""
     admitted, memory = admit(observation, state.gate, context.limits, context.now)
-    return PHASES[state.phase](replace(state, gate=memory), admitted, context)
+    state = replace(state, gate=memory, locked=state.locked or _stopped_by_others(state, admitted))
+    return PHASES[state.phase](state, admitted, context)
+
+
+def _stopped_by_others(state: FlightState, o: Admitted) -> bool:
+    """The drone is locked, and neither by us nor by its watchdog, which nobody kicks while it is disarmed."""
+    ours = state.phase in (Phase.STOPPING, Phase.DISARMING)
+    return state.arm_ordered and not ours and o.drone is not None and o.drone.is_locked
 
 
 def _in_force(state: FlightState, order: Order) -> bool:

@@ -131,6 +131,7 @@ class FlightState:
         triggers_before: triggers that the drone had counted when the approach began.
         aborted_by: the rule, command or person that ended the attempt early, or ``None``.
         link_lost: why the link broke, or ``None``; after the flip that is no abort, but less is recorded.
+        locked: the drone said that it is locked while its motors might turn: somebody has stopped it.
         record_lost: why the record may be incomplete, or ``None``.
         alert: what the operator must be told at once and loudly, or ``None``.
         waiting_for: what the current phase waits for, in words.
@@ -156,6 +157,7 @@ class FlightState:
     triggers_before: int = 0
     aborted_by: str | None = None
     link_lost: str | None = None
+    locked: bool = False
     record_lost: str | None = None
     alert: str | None = None
     waiting_for: str = ""

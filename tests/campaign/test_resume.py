@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections import Counter
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -121,6 +122,19 @@ def test_aborted_attempts_in_a_row_stop_the_campaign(campaign_file: Path, tmp_pa
     assert [r.state for r in rows] == ["done"] * 6 + ["planned"] * 2
     assert rows[5].aborted_by == "no answer from udp://127.0.0.1:19850"
     assert [r.state for r in run_campaign(plan, folder, aborts, resume=True)] == ["done"] * 8
+
+
+def test_a_drone_that_somebody_stopped_is_not_flown_again_by_itself(
+    campaign_file: Path, tmp_path: Path
+) -> None:
+    def stopped(request: AttemptRequest) -> AttemptResult:
+        result = fly(request)
+        return replace(result, stopped=True) if request.index == 2 else result
+
+    plan, folder = load_plan(campaign_file), tmp_path / "c"
+    with pytest.raises(CampaignStopped, match="somebody stopped the drone in flight"):
+        run_campaign(plan, folder, stopped)
+    assert [r.state for r in rows_of(folder)] == ["done"] * 3 + ["planned"] * 5
 
 
 def test_aborted_attempts_are_flown_again_when_asked(campaign_file: Path, tmp_path: Path) -> None:

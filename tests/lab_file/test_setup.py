@@ -169,6 +169,8 @@ def test_what_is_not_this_machine_needs_a_lab_file(uri: str, tmp_path: Path) -> 
         with pytest.raises(LabRequired, match="nothing flies without a lab file"):
             require_lab(*pair, None)
         require_lab(*pair, lab_of(tmp_path))
+        with pytest.raises(LabRequired, match="simulated lab describes no room"):
+            require_lab(*pair, replace(lab_of(tmp_path), clock="127.0.0.1:40123"))
 
 
 @pytest.mark.parametrize(
