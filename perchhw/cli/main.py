@@ -2,6 +2,7 @@
 
 import importlib
 import logging
+import signal
 import sys
 from collections.abc import Sequence
 from typing import Annotated, Any, NamedTuple
@@ -140,4 +141,6 @@ def _ended_by(message: str, exit_code: int) -> int:
 
 def main() -> None:
     """Entry point of the console script."""
-    sys.exit(run(sys.argv[1:]))
+    code = run(sys.argv[1:])
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # one more key would turn the exit code into a death
+    sys.exit(code)
