@@ -116,6 +116,7 @@ def test_kernel_is_the_simulation(vehicle: Vehicle) -> None:
     assert trace[-1, POSITION : POSITION + 3] == pytest.approx(other["position"][0], abs=1e-9)
 
 
+@pytest.mark.soak
 def test_hidden_hinge_costs_least_where_it_is(soft: Campaign, vehicle: Vehicle) -> None:
     problems, _ = pose_problems(find_landings(soft.flights), vehicle)
     solver = Solver(problems, np.random.default_rng(1))

@@ -53,6 +53,7 @@ def test_the_noise_of_the_tests_moves_with_the_vehicle() -> None:
     assert np.corrcoef(*blocks)[0, 1] > 0.3
 
 
+@pytest.mark.soak
 def test_noise_is_hardly_ever_called_structure() -> None:
     alarms = []
     for seed in range(20):

@@ -47,12 +47,14 @@ def test_a_hidden_effect_is_named_first_and_measured(tmp_path: Path) -> None:
             assert value == pytest.approx(truth[case][variable.parameter], rel=0.06)
 
 
+@pytest.mark.soak
 def test_nothing_is_named_where_nothing_is_hidden(tmp_path: Path) -> None:
     names, truth = find("none", "medium", 8, tmp_path)
     assert truth == {}
     assert names.effects == ()
 
 
+@pytest.mark.soak
 def test_a_line_has_a_phase_of_its_own_on_each_flight_and_is_found(tmp_path: Path) -> None:
     found, names, sealed = searched("unlisted_torque_line", "strong", 7, tmp_path)
     line = found.unlisted[0].finding.line

@@ -4,7 +4,7 @@ import pytest
 
 from tests.lab_time.same_flight import same
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.soak
 
 
 def test_a_flight_beside_busy_processes_is_the_same_flight() -> None:

@@ -45,6 +45,7 @@ def test_a_spoilt_action_lands_again_after_the_refinement() -> None:
     assert refined.intercept == policy.intercept
 
 
+@pytest.mark.soak
 def test_the_workers_do_not_change_the_refinement() -> None:
     policy = load_policy(shipped_policy_path())
     few = RefinementSettings(steps=6, rollouts=6)

@@ -172,6 +172,7 @@ def test_the_receive_queue_is_bounded() -> None:
 
 def test_closing_ends_the_threads_and_a_waiting_receive() -> None:
     with TinyDrone() as drone:
+        before = set(threading.enumerate())
         driver, errors = opened(drone.uri)
         ended = threading.Event()
 
@@ -181,7 +182,8 @@ def test_closing_ends_the_threads_and_a_waiting_receive() -> None:
 
         threading.Thread(target=wait_for_packet, daemon=True).start()
         driver.close()
-        assert {thread.name for thread in threading.enumerate()}.isdisjoint({"UdpLink", "UdpLinkResend"})
+        left = {thread.name for thread in set(threading.enumerate()) - before}
+        assert left.isdisjoint({"UdpLink", "UdpLinkResend"})
         assert ended.wait(PATIENCE_S)
         assert driver.send_packet(PING) is False
         assert driver.receive_packet(0) is None

@@ -129,6 +129,7 @@ def _place(mutant: Mutant) -> Place:
 def _functions(modules: set[str]) -> dict[Place, list[FunctionType]]:
     """All functions of modules, but those that were generated, by their place."""
     found: dict[Place, list[FunctionType]] = {}
+    gc.unfreeze()  # what a lab in this process has set aside is not listed otherwise
     for thing in gc.get_objects():
         if isinstance(thing, FunctionType) and thing.__code__.co_filename != "<string>":
             module = thing.__globals__.get("__name__")

@@ -112,6 +112,7 @@ def test_lost_lines_are_known_and_used(run: Run) -> None:
     assert any(f"{240} of" in finding.text for finding in result.findings if finding.code == "lost_edges")
 
 
+@pytest.mark.soak
 def test_intervals_cover_the_truth() -> None:
     held = []
     for seed in range(4):
