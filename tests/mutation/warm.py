@@ -131,7 +131,8 @@ def _functions(modules: set[str]) -> dict[Place, list[FunctionType]]:
     found: dict[Place, list[FunctionType]] = {}
     gc.unfreeze()  # what a lab in this process has set aside is not listed otherwise
     for thing in gc.get_objects():
-        if isinstance(thing, FunctionType) and thing.__code__.co_filename != "<string>":
+        # Not isinstance: it asks objects of lazy libraries for their class, which some of them warn of.
+        if type(thing) is FunctionType and thing.__code__.co_filename != "<string>":
             module = thing.__globals__.get("__name__")
             if module in modules:
                 found.setdefault((str(module), thing.__code__.co_qualname), []).append(thing)
