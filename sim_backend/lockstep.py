@@ -40,11 +40,16 @@ class LabTraffic:
         self._links = links
         self._known: set[int] = set()
 
+    def belongs_to_participant(self, key: str) -> None:
+        """A socket that is no stranger's, from here on."""
+        kind, _, port = key.partition(":")
+        if kind == "udp":
+            self._known.add(int(port))
+
     def sent(self, key: str) -> int:
         """Packets to a socket."""
         kind, _, port = key.partition(":")
         if kind == "udp":
-            self._known.add(int(port))
             return sum(server.sent[int(port)] for server in self._servers)
         return 0 if self.feed is None else self.feed.sent.get(key, 0)
 

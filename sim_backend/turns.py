@@ -27,6 +27,9 @@ class TurnsError(SimulationError):
 class Traffic(Protocol):
     """The packets of a lab, counted by the sockets of its clients."""
 
+    def belongs_to_participant(self, key: str) -> None:
+        """This socket is of somebody who takes part: no stranger's."""
+
     def sent(self, key: str) -> int:
         """Packets that were sent to this socket so far."""
 
@@ -114,6 +117,7 @@ class Participant:
                 self.answer("join", t=now)
             case "open":
                 key = str(message["key"])
+                traffic.belongs_to_participant(key)
                 self._sockets[key] = traffic.received(key)
                 self._told[key] = traffic.sent(key)
                 self.answer("open", packets=traffic.sent(key))
