@@ -5,6 +5,13 @@
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
+# Flying and the bench's wizards wait for much of their time: two tests more than there are cores.
+WORKERS ?= $(shell $(PYTHON) -c 'import os; print((os.cpu_count() or 1) + 2)')
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+PYTEST := $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist worksteal
+
+# Some images of Python forbid it to keep compiled modules: every start would compile them all again.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo walkthrough check test soak soak-sample lint lock clean
 
@@ -19,17 +26,17 @@ walkthrough: $(VENV)/.dev
 CHECKED := tests/supervisor tests/onboard tests/flights tests/record tests/label tests/mocap tests/lab_time \
 	tests/link/test_replies.py tests/link/test_uri.py tests/campaign/test_plan.py tests/lab_file/test_lab_file.py
 check: $(VENV)/.dev
-	$(BIN)/python -m pytest --quiet --numprocesses auto --dist worksteal -m "not slow and not soak" $(CHECKED)
+	$(PYTEST) --quiet -m "not slow and not soak" $(CHECKED)
 	$(MAKE) lint
 
 # What a contributor must see green.
 test: $(VENV)/.dev
-	$(BIN)/python -m pytest --numprocesses auto --dist worksteal
+	$(PYTEST)
 
 # The long proofs, two hours on two cores. Each goes on where it can when it is started again, and says its seed.
 SEED ?= 1
 soak: $(VENV)/.dev
-	$(BIN)/python -m pytest --numprocesses auto --dist worksteal -m soak --hypothesis-profile soak
+	$(PYTEST) -m soak --hypothesis-profile soak
 	$(BIN)/python -m tests.lab_time.same_flight --busy 16 --flights 5 --seed $(SEED)
 	$(BIN)/python -m tests.flight.faulty_attempts --attempts 200 --seed $(SEED)
 	$(BIN)/python -m tests.flight.stop_proof --stops 1000 --seed $(SEED)
@@ -54,14 +61,14 @@ $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/.demo: requirements/demo.lock pyproject.toml | $(BIN)/python
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes --requirement requirements/demo.lock
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --editable .
+	$(PIP) --require-hashes --requirement requirements/demo.lock
+	$(PIP) --no-deps --editable .
 	touch $@
 
 $(VENV)/.dev: requirements/dev.lock requirements/torch.lock pyproject.toml | $(BIN)/python
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes --requirement requirements/dev.lock
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --requirement requirements/torch.lock
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --editable .
+	$(PIP) --no-compile --require-hashes --requirement requirements/dev.lock
+	$(PIP) --no-compile --requirement requirements/torch.lock
+	$(PIP) --no-deps --editable .
 	touch $@ $(VENV)/.demo
 
 # Resolve the newest versions again and pin them.

@@ -58,6 +58,7 @@ class Participant:
         self._sockets: dict[str, int] = {}
         self._told: dict[str, int] = {}
         self._sent: dict[str, int] = {}
+        self._last: dict[str, int] = {}
         self._next: float | None = 0.0
         self._running = 0
         self._connected_at: float | None = None
@@ -82,10 +83,9 @@ class Participant:
         self.send({"t": now, "packets": self._told})
 
     def arrived(self, traffic: Traffic) -> bool:
-        """Whether all that it sent is here."""
-        return all(
-            traffic.received(key) - before >= self._sent.get(key, 0) for key, before in self._sockets.items()
-        )
+        """Whether all that it sent is here, also from sockets that it has closed."""
+        due = {key: before + self._sent.get(key, 0) for key, before in self._sockets.items()}
+        return all(traffic.received(key) >= count for key, count in (self._last | due).items())
 
     async def finish_turn(self) -> None:
         """Wait until its turns are over, or it connects, or is gone.
@@ -110,7 +110,7 @@ class Participant:
             self._next = message["next"]
             self._sent = message["packets"]
         elif "close" in message:
-            self._sockets.pop(str(message["close"]), None)
+            self._forget(str(message["close"]), message["packets"], traffic)
         match message.get("ask"):
             case "join":
                 self.name = str(message.get("name", "?"))
@@ -118,6 +118,7 @@ class Participant:
             case "open":
                 key = str(message["key"])
                 traffic.belongs_to_participant(key)
+                self._last.pop(key, None)
                 self._sockets[key] = traffic.received(key)
                 self._told[key] = traffic.sent(key)
                 self.answer("open", packets=traffic.sent(key))
@@ -127,6 +128,12 @@ class Participant:
             case "connected":
                 self._connected_at = float(message["t"])
         self.wake()
+
+    def _forget(self, key: str, packets: int, traffic: Traffic) -> None:
+        """It has closed a socket from which it sent so much in all: to this lab, when anything was heard."""
+        before = self._sockets.pop(key, None)
+        if before is not None and traffic.received(key) > before:
+            self._last[key] = before + packets
 
     def connection_made(self, now: float) -> None:
         """It has connected, by its own clock, and the lab has come so far: it is waited for again."""
@@ -189,16 +196,18 @@ class TurnsServer:
         """
         traffic = self._traffic
         due = [p for p in self.participants if not p.connecting and p.has_news(now, traffic)]
+        if not due:
+            return False  # without a pause, in which somebody could join unseen before time goes on
         for participant in due:
             participant.begin_turn(now, traffic)
         for participant in due:
             await participant.finish_turn()
         await asyncio.wait_for(self._everything_arrives(due), SILENCE_LIMIT_S)
-        return bool(due)
+        return True
 
     async def _everything_arrives(self, participants: list[Participant]) -> None:
         for participant in participants:
-            while participant in self.participants and not participant.arrived(self._traffic):
+            while not participant.arrived(self._traffic):
                 await asyncio.sleep(0.0)
 
     def connections_made(self, now: float) -> None:

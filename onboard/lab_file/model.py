@@ -190,6 +190,6 @@ def split_subject(uri: str) -> tuple[str, str | None]:
 
 
 def with_subject(uri: str, subject: str) -> str:
-    """A motion-capture URI that asks for `subject`."""
-    address, _ = split_subject(uri)
-    return f"{address}{'&' if '?' in address else '?'}subject={quote(subject)}"
+    """A motion-capture URI that asks for `subject`, before anything else."""
+    address, _, others = split_subject(uri)[0].partition("?")
+    return f"{address}?{'&'.join([f'subject={quote(subject)}', *([others] if others else [])])}"

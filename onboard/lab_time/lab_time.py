@@ -91,7 +91,7 @@ class LabTime:
     def transport(self, key: str) -> Transport:
         """The end of a socket; packets that were sent to its port before do not count."""
         before = int(self._ask("open", key=key).get("packets", 0))
-        transport = _LabTransport(self._workers, before, lambda: self._forget(key))
+        transport = _LabTransport(self._workers, before, lambda packets: self._forget(key, packets))
         with self._workers.lock:
             self._transports[key] = transport
         return transport
@@ -190,10 +190,10 @@ class LabTime:
                 raise LabTimeError(f"the lab's clock at {self._address} did not answer within {ANSWER_S:g} s")
             return self._answers.pop(what, {"t": self._workers.now})
 
-    def _forget(self, key: str) -> None:
+    def _forget(self, key: str, packets: int) -> None:
         with self._workers.lock:
             self._transports.pop(key, None)
-        self._tell({"close": key})
+        self._tell({"close": key, "packets": packets})
 
     def _receive(self, lines: IO[bytes]) -> None:
         """Take in turns and answers as they come, until the lab is gone."""
@@ -269,7 +269,7 @@ class _LabTransport:
     is, so that its time of receipt is the lab's.
     """
 
-    def __init__(self, workers: Workers, before: int, forget: Callable[[], None]) -> None:
+    def __init__(self, workers: Workers, before: int, forget: Callable[[int], None]) -> None:
         self._workers = workers
         self._forget = forget
         self._received = self.expected = before
@@ -314,7 +314,7 @@ class _LabTransport:
             self.count_sent += packets
 
     def close(self) -> None:
-        """Nothing is expected here any more."""
-        self._forget()
+        """Nothing is expected here any more; the lab still waits for what was sent."""
+        self._forget(self.count_sent)
         with self._workers.lock:
             self._workers.changed.notify_all()

@@ -58,7 +58,8 @@ def fly(
 
     A drone that has landed needs --put-back before it flies again.
 
-    Exit codes: 0 landed (or the dry run passed), 1 not landed, 3 a safety rule refused or ended it.
+    Exit codes: 0 landed (or the dry run passed), 1 not landed, 2 input that cannot be used, 3 a safety rule
+    refused or ended it, 130 interrupted: landed by the first Ctrl-C, motors cut by the second.
     """
     from perchhw.cli.prompts import confirmation
     from perchhw.flight import fly_attempt, turnaround

@@ -1,8 +1,9 @@
-"""Ctrl-C and SIGTERM: the first asks for a landing, the second cuts the motors, whatever the program does.
+"""Ctrl-C, SIGTERM and a terminal that closes: the first asks for a landing, the second cuts the motors.
 
-Python runs a signal's handler in the main thread, between two of its instructions; one that is stuck in a
-call or holds a lock would keep it waiting. So the handler does nothing. The interpreter itself writes the
-signal's number to a socket, without a lock, and a thread that has nothing else to do reads it.
+Whatever the program does: Python runs a signal's handler in the main thread, between two of its instructions;
+one that is stuck in a call or holds a lock would keep it waiting. So the handler does nothing. The
+interpreter itself writes the signal's number to a socket, without a lock, and a thread that has nothing else
+to do reads it.
 """
 
 import signal
@@ -12,11 +13,18 @@ from collections.abc import Callable
 from types import FrameType, TracebackType
 from typing import Any, Self
 
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_SIGNALS = {
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+}  # Windows has no SIGHUP
 
 
 def _noted(_number: int, _frame: FrameType | None) -> None:
     """The thread hears of it; what matters here is that the signal does not do what it does by default."""
+
+
+def _outlives_terminal(number: signal.Signals) -> bool:
+    """Whether the program was started with ``nohup``."""
+    return number.name == "SIGHUP" and signal.getsignal(number) is signal.SIG_IGN
 
 
 class OperatorInterrupts:
@@ -58,7 +66,9 @@ class OperatorInterrupts:
         self._thread.start()
         if threading.current_thread() is threading.main_thread():
             self._previous_wakeup = signal.set_wakeup_fd(self._write_end.fileno(), warn_on_full_buffer=False)
-            self._previous = {number: signal.signal(number, _noted) for number in _SIGNALS}
+            self._previous = {
+                number: signal.signal(number, _noted) for number in _SIGNALS if not _outlives_terminal(number)
+            }
         return self
 
     def __exit__(

@@ -117,8 +117,13 @@ class FlightLoop:
             event = self._noticed()
         if event is not None:
             return event
+        observation = self._safely(self._observation, Observation())
+        # A key before a look at what came of it, or the drone that it stopped would be blamed.
+        event = self._noticed()
+        if event is not None:
+            return event
         self._next_tick = max(self._next_tick + TICK_PERIOD, self._now())
-        return Tick(self._safely(self._observation, Observation()))
+        return Tick(observation)
 
     def _noticed(self) -> Event | None:
         """News of the loop's own, each told once."""

@@ -1,6 +1,7 @@
 """Training of the action policy: the network from trigger state to body moment."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
@@ -82,7 +83,8 @@ def fit_action(
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         network = _network((scaled_states.shape[1], *settings.hidden, 1))
-    _optimise(network, inputs[train], targets[train], settings)
+    with _one_thread():
+        _optimise(network, inputs[train], targets[train], settings)
     with torch.no_grad():
         errors = (network(inputs) - targets).numpy()[:, 0] * _OUTPUT_UNIT
     return ActionFit(
@@ -116,6 +118,19 @@ def _optimise(
         loss = loss_function(network(inputs), targets)
         loss.backward()
         optimiser.step()
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Threads that share so small a network wait for each other, ten times as long on a busy machine."""
+    import torch
+
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 def _network(sizes: Sequence[int]) -> "torch.nn.Sequential":

@@ -93,16 +93,15 @@ def link_down(state: FlightState, reason: str, context: Context) -> Step:
 
 
 def operator_abort(state: FlightState, urgent: bool, context: Context) -> Step:
-    """Land when asked once, cut the motors when asked twice. A flip is over before a hand could matter."""
+    """Land when asked once, cut the motors when asked twice. A flip is over before a hand could matter,
+    and what comes of it is worth its record."""
     if state.phase is Phase.STOPPING:
         return Step(state)
     stopped = replace(state, aborted_by=state.aborted_by or "operator")
     if urgent:
         return stop(stopped, context) if state.arm_ordered else Step(enter(stopped, Phase.DONE, context))
     match state.phase:
-        case Phase.SETTLING:
-            return disarm(state, context)
-        case Phase.FLIPPING:
+        case Phase.FLIPPING | Phase.SETTLING:
             return Step(state)
         case Phase.BRAKING | Phase.LANDING | Phase.DISARMING:
             return Step(stopped)

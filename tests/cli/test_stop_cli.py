@@ -54,3 +54,10 @@ def test_nothing_to_stop_is_wrong_usage(
     monkeypatch.chdir(tmp_path)
     assert run(["stop"]) == 2
     assert "--drone" in capsys.readouterr().err
+
+
+def test_an_address_that_cannot_be_used_does_not_keep_the_other(capsys: pytest.CaptureFixture[str]) -> None:
+    with TinyDrone() as good:
+        assert run(["stop", "--drone", "udp//oops", "--drone", good.uri, "--json"]) == 2
+        assert good.supervisor_bits & LOCKED
+    assert [result["locked"] for result in json.loads(capsys.readouterr().out)["drones"]] == [False, True]

@@ -7,6 +7,8 @@ import sys
 import threading
 import time
 
+import pytest
+
 from perchhw.flight.interrupts import OperatorInterrupts
 
 STUCK = """
@@ -60,3 +62,19 @@ def test_a_main_thread_that_is_stuck_in_a_call_does_not_keep_the_stop() -> None:
         child.kill()
         child.wait()
         child.stdout.close()
+
+
+@pytest.mark.parametrize(
+    ("before", "counted"), [(signal.SIG_DFL, 1), (signal.SIG_IGN, 0)], ids=["terminal", "nohup"]
+)
+def test_a_terminal_that_closes_asks_for_a_landing(before: signal.Handlers, counted: int) -> None:
+    previous = signal.signal(signal.SIGHUP, before)
+    try:
+        with OperatorInterrupts() as interrupts:
+            os.kill(os.getpid(), signal.SIGHUP)
+            os.kill(os.getpid(), signal.SIGTERM)
+            wait_for_count(interrupts, counted + 1)
+        assert interrupts.count == counted + 1
+        assert signal.getsignal(signal.SIGHUP) is before
+    finally:
+        signal.signal(signal.SIGHUP, previous)

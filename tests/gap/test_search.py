@@ -38,6 +38,7 @@ def find(case: str, size: str, seed: int, folder: Path) -> tuple[Named, dict[str
     return names, {effect["name"]: effect["parameters"] for effect in sealed["effects"]}
 
 
+@pytest.mark.soak  # test_find.py has the same of the command
 def test_a_hidden_effect_is_named_first_and_measured(tmp_path: Path) -> None:
     case = "rotor_drag"
     names, truth = find(case, "strong", 7, tmp_path)

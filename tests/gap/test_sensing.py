@@ -292,7 +292,14 @@ def test_the_integral_of_a_rate_is_the_product_of_its_steps() -> None:
     np.testing.assert_allclose(Rotation.from_quat(products(a, b)).as_matrix(), expected, atol=1e-12)
 
 
-@pytest.mark.parametrize("case", ["com_offset", "pose_delay", "pose_rotation", "pose_offset", "gyro_bias"])
+@pytest.mark.parametrize(
+    "case",
+    [
+        "pose_delay",
+        "gyro_bias",
+        *(pytest.param(case, marks=pytest.mark.soak) for case in ("com_offset", "pose_rotation", "pose_offset")),
+    ],
+)
 def test_hidden_effects(case: str, tmp_path: Path) -> None:
     answer = tmp_path / "answer.json"
     files = make_flights(case, "medium", 21, 7, out=tmp_path / "flights", answer=answer)

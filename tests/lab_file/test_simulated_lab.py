@@ -11,15 +11,15 @@ from onboard.lab_file import write_lab_file
 from onboard.room import RoomGeometry
 from perchhw.cli.main import run
 from perchhw.lab import read_lab
-from perchhw.lab_process import LabNotReady, SimulatedLab
+from perchhw.lab_process import FREE_PORTS, LOCKSTEP, LabNotReady, SimulatedLab
 from perchhw.record import read_run
 
-FREE_PORTS = ("--drone-port", "0", "--vicon-port", "0", "--vicon-udp-port", "0", "--seed", "7")
+LAB = (*FREE_PORTS, *LOCKSTEP, "--seed", "7")
 
 
 @pytest.fixture(scope="module")
 def lab() -> Iterator[SimulatedLab]:
-    with SimulatedLab("lab", (*FREE_PORTS, "--drones", "2")) as lab:
+    with SimulatedLab("lab", (*LAB, "--drones", "2")) as lab:
         yield lab
 
 
@@ -87,10 +87,10 @@ def test_a_drone_that_is_not_on_its_mark_is_not_armed(
 
 def test_the_file_lives_as_long_as_the_lab(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     chosen = tmp_path / "lab.toml"
-    with SimulatedLab("lab", (*FREE_PORTS, "--lab", str(chosen))) as lab:
+    with SimulatedLab("lab", (*LAB, "--lab", str(chosen))) as lab:
         assert lab.ready["lab"] == str(chosen)
         with pytest.raises(LabNotReady, match=r"lab\.toml: exists and is not overwritten; remove it or"):
-            SimulatedLab("lab", (*FREE_PORTS, "--lab", str(chosen))).open()
+            SimulatedLab("lab", (*LAB, "--lab", str(chosen))).open()
         assert chosen.exists()
         code, document = fly(capsys, "--lab", str(chosen), "--out", str(tmp_path / "runs"))
         assert code == 0, document
@@ -99,7 +99,7 @@ def test_the_file_lives_as_long_as_the_lab(tmp_path: Path, capsys: pytest.Captur
 
 
 def test_the_temporary_folder_goes_with_the_lab() -> None:
-    with SimulatedLab("lab", FREE_PORTS) as lab:
+    with SimulatedLab("lab", LAB) as lab:
         folder = Path(lab.ready["lab"]).parent
         assert folder.is_dir()
     assert not folder.exists()

@@ -33,7 +33,10 @@ def without_query(uri: str) -> str:
     return uri.split("?")[0]
 
 
-@pytest.mark.parametrize(("scheme", "busy", "count"), [("vicon", 4, 2), ("vicon-udp", 0, 1)])
+@pytest.mark.parametrize(
+    ("scheme", "busy", "count"),
+    [("vicon", 0, 2), ("vicon-udp", 0, 1), pytest.param("vicon", 4, 2, marks=pytest.mark.soak)],
+)
 def test_the_same_seed_gives_the_same_flights_also_on_a_busy_machine(
     scheme: str, busy: int, count: int
 ) -> None:
