@@ -297,7 +297,9 @@ def test_the_integral_of_a_rate_is_the_product_of_its_steps() -> None:
     [
         "pose_delay",
         "gyro_bias",
-        *(pytest.param(case, marks=pytest.mark.soak) for case in ("com_offset", "pose_rotation", "pose_offset")),
+        pytest.param("com_offset", marks=pytest.mark.soak),
+        pytest.param("pose_rotation", marks=pytest.mark.soak),
+        pytest.param("pose_offset", marks=pytest.mark.soak),
     ],
 )
 def test_hidden_effects(case: str, tmp_path: Path) -> None:
