@@ -18,6 +18,11 @@ def until(holds: Callable[[], object]) -> None:
         threading.Event().wait(0.005)
 
 
+def patient_uri(uri: str, silence_s: float = 15.0) -> str:
+    """An address of a drone whose link is not lost when the machine is busy."""
+    return f"{uri}?silence_s={silence_s}"
+
+
 def patient_link(
     uri: str,
     *,
@@ -27,7 +32,7 @@ def patient_link(
 ) -> DroneLink:
     """An open link that no delay of the machine breaks."""
     return DroneLink.open(
-        f"{uri}?silence_s={silence_s}",
+        patient_uri(uri, silence_s),
         timeout_s=PATIENCE_S,
         reply_timeout_s=reply_timeout_s,
         transfer_timeout_s=PATIENCE_S,

@@ -3,9 +3,10 @@
 The firmware's parameters ``motorPowerSet.*`` override everything, the supervisor and its emergency stop
 included, and no watchdog of the drone ends them: a host that dies leaves the motors running. So the stand
 stops them itself: at the end of its ``with`` block whatever the reason, when nobody renews within 0.4 s, when
-an instrument is lost. When the link is lost only the power is left: a supply is switched off, and the drone's
-processor is restarted through its radio chip. And when the host itself dies or hangs, only somebody else can
-switch the supply off: without a :class:`RemoteCut` nothing turns, unless the operator does without.
+the drone is silent for 0.35 s (both times :attr:`onboard.link.DroneLink.patience`), when an instrument is
+lost. When the link is lost only the power is left: a supply is switched off, and the drone's processor is
+restarted through its radio chip. And when the host itself dies or hangs, only somebody else can switch the
+supply off: without a :class:`RemoteCut` nothing turns, unless the operator does without.
 
 >>> with MotorStand(drone, remote_cut=kept_supply) as stand:        # doctest: +SKIP
 ...     stand.unlock("props guarded, drone clamped")
@@ -125,6 +126,8 @@ class MotorStand:
         self._remote_cut = remote_cut
         self._may_turn = remote_cut is not None or no_remote_cut
         self._clock = clock
+        self._renew_within = RENEW_WITHIN_S * drone.patience
+        self._silence = _SILENCE_S * drone.patience
         self.stopped: StopReport | None = None
         self._off = drone.param(_ENABLE) == 0  # confirmed, and nothing was commanded since
         self._log = DroneLog(drone, _LOG_NAMES)
@@ -205,7 +208,7 @@ class MotorStand:
             As :meth:`renew`.
         """
         self.renew()
-        batch = self._log.take(min(within_s, RENEW_WITHIN_S / 2))
+        batch = self._log.take(min(within_s, self._renew_within / 2))
         self.renew()
         return batch
 
@@ -283,7 +286,7 @@ class MotorStand:
         self._renewed = self._clock()
 
     def _silent(self) -> bool:
-        return self._drone.lost is not None or self._drone.silence() > _SILENCE_S
+        return self._drone.lost is not None or self._drone.silence() > self._silence
 
     def _stop_drone(self) -> str:
         """Switch the override off and read back; what went wrong, in words, or nothing."""
@@ -309,10 +312,11 @@ class MotorStand:
 
     def _await_zero(self) -> str:
         """Wait for a log sample with all motors at zero, when the log still runs."""
-        deadline = self._clock() + _ZERO_WITHIN_S
+        within = _ZERO_WITHIN_S * self._drone.patience
+        deadline = self._clock() + within
         while True:
             latest = self._log.latest
-            if latest is None or self._clock() - latest.receipt_time > _ZERO_WITHIN_S:
+            if latest is None or self._clock() - latest.receipt_time > within:
                 return ""  # no log: the parameter that was read back has to do
             values = [int(latest.values[f"motor.m{motor}"]) for motor in _MOTORS]
             if not any(values):
@@ -332,7 +336,7 @@ class MotorStand:
         return "the supply was switched off instead"
 
     def _check_drone(self) -> None:
-        self._log.check(_SILENCE_S)
+        self._log.check(self._silence)
 
     def _check_all(self) -> None:
         for check in self._checks:
@@ -364,10 +368,10 @@ class MotorStand:
                     self.stop(str(error))
 
     def _check_renewed(self) -> None:
-        if self._clock() - self._renewed > RENEW_WITHIN_S:
+        if self._clock() - self._renewed > self._renew_within:
             raise MotorsRefused(
-                f"the motors were stopped: nobody renewed them for {RENEW_WITHIN_S:g} s (the program hangs, "
-                "or waits for a key)"
+                f"the motors were stopped: nobody renewed them for {self._renew_within:g} s (the program "
+                "hangs, or waits for a key)"
             )
 
 

@@ -32,6 +32,8 @@ _ANSWER = 0x80
 _META_CHANNEL, _NOTICE_COPIES = 1, 2
 _SETPOINTS_STOPPED = struct.pack("<BI", 0, 0)
 _COMMANDER_RETRY_S = 0.1
+_PLANNER_REFUSES = 1
+"""The firmware's planner, to a take-off when it flies and to a landing when it lands (``planner.c``)."""
 _POSE = struct.Struct("<B7f")
 _SETPOINT_CHANNEL, _FULL_STATE = 0, 6
 _FULL_STATE_LAYOUT = struct.Struct("<B9hI3h")
@@ -133,7 +135,7 @@ class Commands:
 
     def _high_level(self, name: str, payload: bytes, repeatable: bool = True) -> None:
         head = payload[:3]
-        reply = self._exchange.ask(
+        reply, copies = self._exchange.ask_counting(
             CRTPPort.SETPOINT_HL,
             0,
             payload,
@@ -146,6 +148,8 @@ class Commands:
             raise CommandRefused(
                 f"the drone refuses {name}, its supervisor does not let it fly: {self._why()}"
             )
+        if reply[3] == _PLANNER_REFUSES and copies > 1:
+            return  # a copy whose answer was lost came first: the drone does already what was asked
         if reply[3] != 0:
             raise CommandRefused(f"the drone refuses {name}: error {reply[3]}")
 

@@ -27,7 +27,7 @@ from onboard.link.policy_upload import PolicyUpload
 from onboard.link.power import reboot
 from onboard.link.radio import CflibStopPort
 from onboard.link.stop import StopPath
-from onboard.link.uri import SILENCE_LIMIT
+from onboard.link.uri import SILENCE_LIMIT, silence_limit
 from onboard.link.variables import log_table, parameter_table
 from onboard.supervisor_info import SupervisorInfo
 from onboard.timebase import WALL, Timebase
@@ -37,6 +37,7 @@ __all__ = ["DroneLink", "LogSample", "LogStream", "reboot"]
 #: First CRTP protocol version with the supervisor port (firmware 2025.12).
 PROTOCOL_VERSION_MIN = 12
 _CLOSE_DEADLINE_S = 2.0
+_REPLY_TIMEOUT_S = 2.0
 _WATCH_INTERVAL_S = 0.1
 
 
@@ -88,7 +89,7 @@ class DroneLink:
         timeout_s: float = 10.0,
         clock: Timebase = WALL,
         toc_cache: Path | None = None,
-        reply_timeout_s: float = 2.0,
+        reply_timeout_s: float | None = None,
         transfer_timeout_s: float = 10.0,
     ) -> Self:
         """Connect, and return when the tables and the value of every parameter are known.
@@ -98,7 +99,8 @@ class DroneLink:
             timeout_s: deadline for connecting [s].
             clock: the time that the link goes by.
             toc_cache: folder for tables of contents; makes the next connection faster.
-            reply_timeout_s: deadline of calls that need one answer [s].
+            reply_timeout_s: deadline of calls that need one answer [s]; 2 s, or the silence that the URI
+                allows where that is longer.
             transfer_timeout_s: deadline of memory transfers and of the drone's verdict on a policy [s].
 
         Raises:
@@ -112,6 +114,8 @@ class DroneLink:
             raise LinkError(
                 f"the firmware of {uri} has protocol {protocol}, needed is {PROTOCOL_VERSION_MIN}; update it"
             )
+        if reply_timeout_s is None:
+            reply_timeout_s = max(_REPLY_TIMEOUT_S, silence_limit(uri))
         return cls(crazyflie, uri, clock, reply_timeout_s, transfer_timeout_s)
 
     # Parameters and logs
@@ -318,6 +322,14 @@ class DroneLink:
     def silence(self) -> float:
         """Seconds since the last packet from the drone; it is asked ten times a second."""
         return self._exchange.silence()
+
+    @property
+    def patience(self) -> float:
+        """How many times as patient as usual to be with this drone, by the ``silence_s`` of its URI.
+
+        More than 1 with a simulated one on a busy machine, never with a real one.
+        """
+        return max(1.0, silence_limit(self.uri) / SILENCE_LIMIT)
 
     @property
     def lost(self) -> LinkLost | None:

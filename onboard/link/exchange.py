@@ -9,6 +9,7 @@ import logging
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from cflib.crtp.crtpstack import CRTPPacket, CRTPPort
 
@@ -35,6 +36,18 @@ class _Waiter:
     accepts: Callable[[bytes], bool]
     event: Event
     reply: bytes | None = None
+
+
+class Answer(NamedTuple):
+    """An answer.
+
+    Attributes:
+        payload: without the header.
+        copies: how often the request was sent before.
+    """
+
+    payload: bytes
+    copies: int
 
 
 class Exchange:
@@ -82,7 +95,24 @@ class Exchange:
         what: str,
         retry_s: float | None = None,
     ) -> bytes:
-        """Send a request and return the payload of its answer.
+        """Send a request and return the payload of its answer; see :meth:`ask_counting`."""
+        answer = self.ask_counting(
+            port, channel, payload, accepts=accepts, within=within, what=what, retry_s=retry_s
+        )
+        return answer.payload
+
+    def ask_counting(
+        self,
+        port: int,
+        channel: int,
+        payload: bytes,
+        *,
+        accepts: Callable[[bytes], bool],
+        within: float,
+        what: str,
+        retry_s: float | None = None,
+    ) -> Answer:
+        """Send a request; its answer, and how often it was sent.
 
         Args:
             port: CRTP port.
@@ -109,18 +139,20 @@ class Exchange:
         try:
             self._check_open()
             self._transmit(packet)
+            copies = 1
             while not waiter.event.wait(max(0.0, min(deadline - self._clock(), retry_s or within))):
                 if self._clock() >= deadline:
                     raise LinkTimeout(f"{self._uri} did not answer within {within:g} s: {what}")
                 if retry_s is not None:
                     self._transmit(packet)
+                    copies += 1
         finally:
             with self._lock:
                 self._waiters.remove(waiter)
         if waiter.reply is None:
             self._check_open()
             raise LinkLost(f"the link to {self._uri} broke while waiting: {what}")
-        return waiter.reply
+        return Answer(waiter.reply, copies)
 
     def fail(self, reason: str) -> None:
         """The link is gone: remember why, and end every wait."""

@@ -100,3 +100,8 @@ _CHECKS: dict[str, Callable[[str], object]] = {
     "radio": _check_radio,
     "usb": _check_usb,
 }
+
+
+def silence_limit(uri: str) -> float:
+    """Silence of the drone after which its link counts as lost, s."""
+    return parse_udp_uri(uri).silence_s if uri.startswith("udp://") else SILENCE_LIMIT

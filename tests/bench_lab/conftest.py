@@ -12,6 +12,7 @@ import pytest
 from calibration.instruments.motor_stand import UNLOCK_PHRASE
 from perchhw.bench_walkthrough.story import write_true
 from perchhw.lab_process import SimulatedLab
+from tests.patience import patient_uri
 
 PACE = 8
 Bench = Callable[..., SimulatedLab]
@@ -45,8 +46,8 @@ def serve(vehicle: Path, *arguments: str, pace: float = PACE) -> SimulatedLab:
 def command(kind: str, bench: SimulatedLab, out: Path, *arguments: str) -> list[str]:
     """``perchhw --json calibrate KIND`` on the instruments of a bench."""
     ports = bench.ready["bench"]
-    line = [sys.executable, "-m", "perchhw", "--json", "calibrate", kind, "--drone", bench.drones[0]]
-    line += ["--hands", ports["hands"], "--out", str(out)]
+    line = [sys.executable, "-m", "perchhw", "--json", "calibrate", kind]
+    line += ["--drone", patient_uri(bench.drones[0]), "--hands", ports["hands"], "--out", str(out)]
     if kind == "tachometer":
         line += ["--tachometer", ports["tachometer"], "--supply", ports["supply"], "--confirm", UNLOCK_PHRASE]
     if kind == "thrust":

@@ -12,6 +12,7 @@ import pytest
 from perchhw.cli.main import run
 from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
 from tests.conftest import REPOSITORY
+from tests.patience import patient_uri
 
 PAGES = [REPOSITORY / "README.md", *sorted((REPOSITORY / "docs").glob("*.md"))]
 RUN_BY_CI = {"make demo", "make test"}
@@ -60,7 +61,8 @@ def test_console_lines_run(page: Path, lab: SimulatedLab, tmp_path: Path) -> Non
 @pytest.mark.parametrize("page", [p for p in PAGES if BENCH in console_lines(p)], ids=lambda page: page.name)
 def test_console_lines_run_on_the_bench(page: Path, tmp_path: Path) -> None:
     with SimulatedLab("bench", ["--drone-port", "0", "--pace", "10"]) as bench:
-        run_console_lines(page, {DRONE: bench.drones[0], HANDS: bench.ready["bench"]["hands"]}, tmp_path)
+        addresses = {DRONE: patient_uri(bench.drones[0]), HANDS: bench.ready["bench"]["hands"]}
+        run_console_lines(page, addresses, tmp_path)
 
 
 def run_console_lines(page: Path, addresses: dict[str, str], folder: Path) -> None:

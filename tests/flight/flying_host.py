@@ -23,6 +23,15 @@ from perchhw.flight.telemetry import TEST_FLIGHT_BLOCKS
 from perchhw.record import RunRecorder
 from perchhw.supervisor import FlightState, Mission, Phase, SafetyLimits
 
+LIMITS = SafetyLimits(
+    room=RoomGeometry(),
+    link_silence=5.0,
+    pose_age=5.0,
+    pose_age_bridged=5.0,
+    telemetry_age=5.0,
+    battery_age=5.0,
+)
+"""Old news ends no flight here: it is there to be stopped, at real pace, on a machine that may be busy."""
 HOVER = 0.8
 """m; the mission never comes further than the way to a start above it, which takes seconds."""
 
@@ -52,7 +61,7 @@ def hover(drone: str, mocap: str, folder: Path, hang_s: float = 0.0) -> FlightSt
                 approach_duration=0.0,
                 test_flight=True,
             ),
-            limits=SafetyLimits(room=RoomGeometry()),
+            limits=LIMITS,
             blocks=TEST_FLIGHT_BLOCKS,
             settings=TEST_FLIGHT_SETTINGS,
             commands=lambda link, events, _readback: CommandRunner(link, events, WALL),

@@ -7,7 +7,6 @@ host can lock the drone. One JSON document at the end; exit code 1 unless every 
 """
 
 import argparse
-import contextlib
 import itertools
 import json
 import subprocess
@@ -24,13 +23,12 @@ import numpy as np
 
 from onboard.link.uri import parse_udp_uri
 from perchhw.lab_process import SimulatedLab
-from tests.flight.airborne import Airborne, NotInTheAir, is_stop
+from tests.flight.airborne import Airborne, NotInTheAir, is_stop, when_it_flies
 from tests.link.faulty_network import Faults, FaultyNetwork
 
 WAYS = ("keys", "command")
 LONGEST_DELAY, LARGEST_LOSS = 0.3, 0.5
 _LOCK_WITHIN = 5.0
-_TRIES = 5
 
 
 @dataclass(frozen=True)
@@ -177,11 +175,9 @@ def prove(stops: int, seed: int, drones: int = 1) -> list[Stop]:
 
 
 def stop_when_it_flies(air: Airborne, drone: str, number: int, seed: int) -> Stop:
-    """The stop of this number; a flight that ends before it can be stopped is flown again."""
-    for _ in range(_TRIES - 1):
-        with contextlib.suppress(NotInTheAir):
-            return stop_once(air, drone, WAYS[number % len(WAYS)], np.random.default_rng((seed, number)))
-    return stop_once(air, drone, WAYS[number % len(WAYS)], np.random.default_rng((seed, number)))
+    """The stop of this number."""
+    way = WAYS[number % len(WAYS)]
+    return when_it_flies(lambda: stop_once(air, drone, way, np.random.default_rng((seed, number))))
 
 
 def main() -> int:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from perchhw.lab_process import SimulatedLab
-from tests.flight.airborne import Airborne
+from tests.flight.airborne import Airborne, when_it_flies
 from tests.flight.stop_proof import WAYS, stop_when_it_flies
 
 FREE_PORTS = ("--drone-port", "0", "--vicon-port", "0", "--vicon-udp-port", "0", "--seed", "7")
@@ -41,7 +41,7 @@ def test_a_stop_packet_of_the_host_locks_the_drone(air: Airborne, lab: Simulated
 def test_without_its_packets_nothing_stops_the_drone_and_the_operator_is_told(air: Airborne) -> None:
     """What the proof rests on: neither watchdog nor closing setpoint is left."""
     air.withhold(everything_that_stops=True)
-    air.take_off("moving to start")
+    when_it_flies(lambda: air.take_off("moving to start"))
     air.key()
     air.key()
     ended = air.ended()

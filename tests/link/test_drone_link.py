@@ -154,6 +154,27 @@ def test_commander_errors_are_noticed(tiny: TinyDrone, link: DroneLink) -> None:
             command()
 
 
+@pytest.mark.parametrize("answer_is_lost", [True, False])
+def test_a_copy_of_what_the_drone_does_already_is_no_refusal(
+    tiny: TinyDrone, link: DroneLink, answer_is_lost: bool
+) -> None:
+    """The planner answers 1 to a landing that lands: to our own copy, when the first answer was lost."""
+    heard: list[bytes] = []
+
+    def lose_the_first(packet: bytes) -> bool:
+        if packet[0] & 0xF3 == 0x80:
+            heard.append(packet)
+        return answer_is_lost and len(heard) == 1 and packet[0] & 0xF3 == 0x80
+
+    tiny.drop, tiny.commander_errno = lose_the_first, 1
+    if answer_is_lost:
+        link.land(0.0, 2.0)
+        assert len(heard) > 1
+    else:
+        with pytest.raises(CommandRefused, match="refuses land: error 1"):
+            link.land(0.0, 2.0)
+
+
 def test_commander_packets_have_the_firmwares_layout(tiny: TinyDrone, link: DroneLink) -> None:
     link.takeoff(0.5, 2.0)
     link.land(0.1, 3.0, yaw=0.25)
