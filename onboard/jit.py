@@ -12,10 +12,11 @@ from collections.abc import Callable
 from typing import Any, ParamSpec, TypeVar
 
 from numba import njit
+from numba.core.compiler_lock import global_compiler_lock
 
-from onboard.kernel_cache import use_cache_of_this_source
+from onboard.kernel_cache import compiling, use_cache_of_this_source
 
-__all__ = ["APART", "INLINED", "inner", "interpreted", "kernel", "njit"]
+__all__ = ["APART", "INLINED", "inner", "interpreted", "kept", "kernel", "njit"]
 
 use_cache_of_this_source()
 
@@ -32,7 +33,32 @@ matters.
 INLINED: dict[str, Any] = APART | {"forceinline": True}
 """Inlined besides: takes a fifth off a step of physics and a quarter off one with the controller."""
 
-kernel = njit(cache=True, **INLINED)
+
+def kept(**options: Any) -> Callable[[Callable[_P, _R]], Callable[_P, _R]]:
+    """Decorator of functions that are compiled with numba's `options` and kept on disk.
+
+    Of several processes that need one at the same time, one compiles it and the others wait for it.
+    """
+
+    def decorate(function: Callable[_P, _R]) -> Callable[_P, _R]:
+        dispatcher = njit(cache=True, **options)(function)
+        if dispatcher is function:  # numba is told not to compile
+            return function
+        compile_here = dispatcher.compile
+
+        def compile_once(signature: Any) -> Any:
+            # numba's own lock first: it is held where a kernel compiles another.
+            with global_compiler_lock, compiling(f"{function.__module__}.{function.__qualname__}"):
+                return compile_here(signature)
+
+        dispatcher.compile = compile_once
+        kept_function: Callable[_P, _R] = dispatcher
+        return kept_function
+
+    return decorate
+
+
+kernel = kept(**INLINED)
 """Decorator of kernels that Python calls, or that several others share: kept on disk."""
 
 inner = njit(**INLINED)

@@ -16,9 +16,18 @@ import re
 import shutil
 import sys
 from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
+from types import ModuleType
+
+try:
+    import fcntl as _fcntl
+except ImportError:  # Windows: two processes may compile the same
+    fcntl: ModuleType | None = None
+else:
+    fcntl = _fcntl
 
 PACKAGES = ("onboard", "mocap_bridge", "sim_backend", "calibration", "perchhw")
 
@@ -116,6 +125,19 @@ def use_cache_of_this_source() -> None:
     os.environ[VARIABLE] = str(folder)
     if "numba" in sys.modules:
         sys.modules["numba"].config.CACHE_DIR = str(folder)
+
+
+@contextmanager
+def compiling(kernel: str) -> Iterator[None]:
+    """While one process compiles a kernel, by its dotted name, others wait, and find it in the cache."""
+    folder = Path(os.environ[VARIABLE])
+    with ExitStack() as stack:
+        if fcntl is not None:
+            with suppress(OSError):  # a cache that cannot be written holds nothing to wait for
+                folder.mkdir(parents=True, exist_ok=True)
+                lock = stack.enter_context((folder / f"{kernel}.lock").open("w"))
+                fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
 
 
 def is_complete(kernels: str) -> bool:

@@ -4,8 +4,7 @@ A kernel that is compiled (or loaded from the cache) in flight stops the world f
 own flies through everything first: take-off, tilt, an approach that is aborted, one that flips.
 
 The first time this takes long, so a second process (``python -m sim_backend.warm_up``) compiles what the
-firmware calls while this one compiles the physics; they meet in numba's cache on disk. Physics and firmware
-share no kernel that is kept there and has more than one signature: numba's index of a kernel has no lock.
+firmware calls while this one compiles the physics; they meet in numba's cache on disk.
 """
 
 import contextlib

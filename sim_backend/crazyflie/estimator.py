@@ -23,7 +23,7 @@ import numpy as np
 
 from onboard.arrays import FloatArray
 from onboard.gravity import GRAVITY
-from onboard.jit import njit
+from onboard.jit import kept
 from onboard.rotation import euler_angles, from_yaw, integrate, rotate
 
 QUEUE_LENGTH = 20
@@ -36,13 +36,13 @@ P_POSITION, P_CROSS, P_VELOCITY, P_ATTITUDE = 13, 16, 19, 22
 SIZE = 25
 
 
-@njit(cache=True)
+@kept()
 def _turn(x: FloatArray, rx: float, ry: float, rz: float) -> None:
     """Turn the attitude by the rotation vector (rad, body axes), in place; keeps it a unit quaternion."""
     x[6], x[7], x[8], x[9] = integrate((x[6], x[7], x[8], x[9]), (rx, ry, rz), 1.0)
 
 
-@njit(cache=True)
+@kept()
 def _bounded(p: float) -> float:
     """A variance within the firmware's bounds (NaN becomes the upper one)."""
     if not p <= MAX_COVARIANCE:
@@ -50,7 +50,7 @@ def _bounded(p: float) -> float:
     return max(p, MIN_COVARIANCE)
 
 
-@njit(cache=True)
+@kept()
 def predict(x: FloatArray, acc: FloatArray, gyro: FloatArray, noise: FloatArray, dt: float) -> None:
     """One inertial step in place.
 
@@ -78,7 +78,7 @@ def predict(x: FloatArray, acc: FloatArray, gyro: FloatArray, noise: FloatArray,
     _turn(x, gyro[0] * dt, gyro[1] * dt, gyro[2] * dt)
 
 
-@njit(cache=True)
+@kept()
 def correct_position(x: FloatArray, px: float, py: float, pz: float, deviation: float) -> None:
     """Correct with a measured position (m, world), in place."""
     r = deviation * deviation
@@ -93,7 +93,7 @@ def correct_position(x: FloatArray, px: float, py: float, pz: float, deviation: 
         x[P_VELOCITY + i] = _bounded(vv - pv * pv / (pp + r))
 
 
-@njit(cache=True)
+@kept()
 def correct_attitude(x: FloatArray, mx: float, my: float, mz: float, mw: float, deviation: float) -> None:
     """Correct with a measured attitude (quaternion x, y, z, w, any sign and scale), in place."""
     qx, qy, qz, qw = x[6], x[7], x[8], x[9]
@@ -114,7 +114,7 @@ def correct_attitude(x: FloatArray, mx: float, my: float, mz: float, mw: float, 
     _turn(x, k0 * 2.0 * ex / ew, k1 * 2.0 * ey / ew, k2 * 2.0 * ez / ew)
 
 
-@njit(cache=True)
+@kept()
 def out_of_bounds(x: FloatArray, max_position: float, max_velocity: float) -> bool:
     """Whether the state left the bounds (a bound of 0 is off; NaN passes, as in the firmware)."""
     for i in range(3):

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from onboard.arrays import FloatArray
-from onboard.jit import njit
+from onboard.jit import kept
 from onboard.vehicle import Sensing
 
 GYRO_CUTOFF_HZ = 80.0
@@ -28,7 +28,7 @@ def butterworth(cutoff_hz: float, sample_rate_hz: float) -> FloatArray:
     return np.array([b0, 2.0 * b0, b0, 2.0 * (k * k - 1.0) / norm, (1.0 - math.sqrt(2.0) * k + k * k) / norm])
 
 
-@njit(cache=True)
+@kept()
 def sense(
     truth: FloatArray,
     noise: FloatArray,

@@ -15,7 +15,7 @@ from onboard.arrays import FloatArray, Quaternion, Vector
 from onboard.battery import FULL_RATIO, duty_for_thrust, quantise_pwm
 from onboard.controller import ControllerGains, Wrench, controller_gains, geometric_control
 from onboard.gravity import GRAVITY
-from onboard.jit import njit
+from onboard.jit import kept
 from onboard.mixer import Thrusts, mix
 from onboard.rotation import body_z, euler_angles
 from onboard.thrust_map import ThrustMap
@@ -32,7 +32,7 @@ LEASH = 0.3
 _POSITION, _VELOCITY, _ACCELERATION, _YAW, _RATES, _INTEGRAL, _TRACKED, _SIZE = 0, 3, 6, 9, 10, 13, 16, 19
 
 
-@njit(cache=True)
+@kept()
 def control(x: FloatArray, gyro: FloatArray, target: FloatArray, gains: ControllerGains) -> Wrench:
     """Collective (N) and moments (N m) that track `target` (layout above) from filter state `x`.
 
@@ -60,13 +60,13 @@ def control(x: FloatArray, gyro: FloatArray, target: FloatArray, gains: Controll
     )
 
 
-@njit(cache=True)
+@kept()
 def motor_ratio(thrust: float, supply: float, thrust_map: ThrustMap, thrust_min: float) -> int:
     """16-bit ratio that gives one motor `thrust` (N) at the supply voltage `supply` (V)."""
     return int(duty_for_thrust(thrust, supply, thrust_map, thrust_min) * FULL_RATIO)
 
 
-@njit(cache=True)
+@kept()
 def motor_ratios(
     thrusts: Thrusts, supply: float, thrust_map: ThrustMap, thrust_min: float, ratios: NDArray[np.int64]
 ) -> None:
@@ -77,7 +77,7 @@ def motor_ratios(
     ratios[3] = motor_ratio(thrusts[3], supply, thrust_map, thrust_min)
 
 
-@njit(cache=True)
+@kept()
 def applied_duties(ratios: NDArray[np.int64], duties: FloatArray) -> None:
     """What the 8-bit timers make of the ratios, in place: duties 0..1."""
     for i in range(4):

@@ -4,16 +4,16 @@ from typing import Any
 
 from numba import njit
 
-from onboard.jit import APART, INLINED
+from onboard.jit import APART, INLINED, kept
 
 _ROUNDING: dict[str, Any] = {"fastmath": {"contract", "reassoc", "arcp"}}
 """The compiler may fuse, reorder and take reciprocals: the last bits change, infinities and NaN do not."""
 
-kernel = njit(cache=True, **INLINED, **_ROUNDING)
+kernel = kept(**INLINED, **_ROUNDING)
 """As :data:`onboard.jit.kernel`, free in its rounding, which takes a quarter off a step in contact."""
 
 inner = njit(**INLINED, **_ROUNDING)
 """As :data:`onboard.jit.inner`, likewise."""
 
-outlined = njit(cache=True, **APART, **_ROUNDING)
+outlined = kept(**APART, **_ROUNDING)
 """Decorator of large functions that few vehicles need: kept apart, so that their callers stay small."""

@@ -77,6 +77,8 @@ def after_a_second() -> WallTime:
 
 def test_follows_a_moving_body_frame_by_frame():
     with MovingRoom(rate_hz=200.0) as room, open_pose_stream(room.uri) as stream:
+        while stream.read(PATIENCE_S).position is None:
+            pass  # cameras that are on before the body is there
         samples = [stream.read(PATIENCE_S) for _ in range(300)]
         statistics = stream.statistics()
     frames = [sample.frame for sample in samples]

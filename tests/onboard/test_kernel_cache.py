@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -13,10 +14,10 @@ from onboard.kernel_cache import KEPT, PACKAGES, kernel_sources, source_key
 from tests.conftest import REPOSITORY
 
 KERNEL = """\
-from onboard.jit import njit
+from onboard.jit import kept
 from {package}.between import value
 
-@njit(cache=True)
+@kept()
 def g():
     return value()
 """
@@ -89,6 +90,17 @@ def run_with(project: Path, value: int, package: str = "onboard") -> str:
 def test_a_change_in_another_file_is_compiled_in(project: Path, package: str) -> None:
     put_kernel(project, package)
     assert [run_with(project, value, package) for value in (1, 2)] == ["1", "2"]
+
+
+@pytest.mark.slow
+def test_of_two_processes_one_compiles_and_the_other_waits(project: Path) -> None:
+    put_kernel(project, "calibration.gap")
+    (project / "calibration" / "gap" / "constants.py").write_text("VALUE = 1\n")
+    code = "from calibration.gap.kernel import g; g(); print(sum(g.stats.cache_misses.values()))"
+    with ThreadPoolExecutor(2) as threads:
+        processes = [threads.submit(python, project, code, PYTHONPATH=str(project)) for _ in range(2)]
+        compiled = [int(process.result()) for process in processes]
+    assert sorted(compiled) == [0, 1]
 
 
 def test_the_packages_are_those_that_are_installed() -> None:
