@@ -5,8 +5,8 @@
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
-# Flying and the bench's wizards wait for much of their time: one test more than there are cores.
-WORKERS ?= $(shell $(PYTHON) -c 'import os; print((os.cpu_count() or 1) + 1)')
+# Flying and the bench's wizards wait for much of their time: two tests more than there are cores.
+WORKERS ?= $(shell $(PYTHON) -c 'import os; print((os.cpu_count() or 1) + 2)')
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 PYTEST := $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist worksteal
 
@@ -39,7 +39,7 @@ soak: $(VENV)/.dev
 	$(PYTEST) -m soak --hypothesis-profile soak
 	$(BIN)/python -m tests.lab_time.same_flight --busy 16 --flights 5 --seed $(SEED)
 	$(BIN)/python -m tests.flight.faulty_attempts --attempts 200 --seed $(SEED)
-	$(BIN)/python -m tests.flight.stop_proof --stops 1000 --seed $(SEED)
+	$(BIN)/python -m tests.flight.stop_proof --stops 1000 --drones 7 --seed $(SEED)
 	$(BIN)/python -m tests.mutation
 	$(BIN)/python benchmarks/gap.py
 
