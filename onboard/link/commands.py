@@ -73,12 +73,15 @@ class Commands:
         self._high_level(
             "takeoff",
             struct.pack("<BBff?f", _TAKEOFF, _ALL_GROUPS, height, yaw or 0.0, yaw is None, duration),
+            refuses_copies=True,
         )
 
     def land(self, height: float, duration: float, yaw: float | None) -> None:
         """Descend to ``height``; see :meth:`onboard.link.drone.DroneLink.land`."""
         self._high_level(
-            "land", struct.pack("<BBff?f", _LAND, _ALL_GROUPS, height, yaw or 0.0, yaw is None, duration)
+            "land",
+            struct.pack("<BBff?f", _LAND, _ALL_GROUPS, height, yaw or 0.0, yaw is None, duration),
+            refuses_copies=True,
         )
 
     def go_to(self, x: float, y: float, z: float, yaw: float, duration: float, relative: bool) -> None:
@@ -133,9 +136,11 @@ class Commands:
         for _ in range(_NOTICE_COPIES):
             self._exchange.send(CRTPPort.COMMANDER_GENERIC, _META_CHANNEL, _SETPOINTS_STOPPED)
 
-    def _high_level(self, name: str, payload: bytes, repeatable: bool = True) -> None:
+    def _high_level(
+        self, name: str, payload: bytes, *, repeatable: bool = True, refuses_copies: bool = False
+    ) -> None:
         head = payload[:3]
-        reply, copies = self._exchange.ask_counting(
+        reply, copies = self._exchange.ask(
             CRTPPort.SETPOINT_HL,
             0,
             payload,
@@ -148,14 +153,14 @@ class Commands:
             raise CommandRefused(
                 f"the drone refuses {name}, its supervisor does not let it fly: {self._why()}"
             )
-        if reply[3] == _PLANNER_REFUSES and copies > 1:
+        if refuses_copies and reply[3] == _PLANNER_REFUSES and copies > 1:
             return  # a copy whose answer was lost came first: the drone does already what was asked
         if reply[3] != 0:
             raise CommandRefused(f"the drone refuses {name}: error {reply[3]}")
 
     def _supervisor(self, channel: int, request: bytes, size: int, what: str) -> bytes:
         answer = request[0] | _ANSWER
-        return self._exchange.ask(
+        reply, _ = self._exchange.ask(
             CRTPPort.SUPERVISOR,
             channel,
             request,
@@ -163,6 +168,7 @@ class Commands:
             within=self._within,
             what=what,
         )
+        return reply
 
     def _why(self) -> str:
         """The supervisor's bits in words, for a message about a refusal."""

@@ -94,23 +94,6 @@ class Exchange:
         within: float,
         what: str,
         retry_s: float | None = None,
-    ) -> bytes:
-        """Send a request and return the payload of its answer; see :meth:`ask_counting`."""
-        answer = self.ask_counting(
-            port, channel, payload, accepts=accepts, within=within, what=what, retry_s=retry_s
-        )
-        return answer.payload
-
-    def ask_counting(
-        self,
-        port: int,
-        channel: int,
-        payload: bytes,
-        *,
-        accepts: Callable[[bytes], bool],
-        within: float,
-        what: str,
-        retry_s: float | None = None,
     ) -> Answer:
         """Send a request; its answer, and how often it was sent.
 

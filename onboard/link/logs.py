@@ -236,7 +236,7 @@ class LogStreams:
 
     def _command(self, command: int, block: int, rest: bytes, allowed: tuple[int, ...] = ()) -> None:
         head = bytes((command, block))
-        reply = self._exchange.ask(
+        reply, _ = self._exchange.ask(
             CRTPPort.LOGGING,
             _SETTINGS,
             head + rest,

@@ -90,7 +90,7 @@ class Memories:
 
     def _step(self, channel: int, head: bytes, rest: bytes, deadline: float) -> bytes:
         ident, address = _HEAD.unpack(head)
-        reply = self._exchange.ask(
+        reply, _ = self._exchange.ask(
             CRTPPort.MEM,
             channel,
             head + rest,

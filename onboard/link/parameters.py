@@ -34,7 +34,7 @@ class Parameters:
         """
         variable = find(self._table, name, "parameter")
         ident = struct.pack("<H", variable.ident)
-        reply = self._exchange.ask(
+        reply, _ = self._exchange.ask(
             CRTPPort.PARAM,
             _READ,
             ident,
@@ -58,7 +58,7 @@ class Parameters:
             raise CommandRefused(f"{name} is read-only on the drone")
         ident = struct.pack("<H", variable.ident)
         request = ident + variable.pack(value)
-        reply = self._exchange.ask(
+        reply, _ = self._exchange.ask(
             CRTPPort.PARAM,
             _WRITE,
             request,
