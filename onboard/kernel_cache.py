@@ -20,14 +20,11 @@ from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from types import ModuleType
 
 try:
-    import fcntl as _fcntl
+    import fcntl
 except ImportError:  # Windows: two processes may compile the same
-    fcntl: ModuleType | None = None
-else:
-    fcntl = _fcntl
+    fcntl = None  # type: ignore[assignment]
 
 PACKAGES = ("onboard", "mocap_bridge", "sim_backend", "calibration", "perchhw")
 

@@ -58,7 +58,7 @@ class Participant:
         self._sockets: dict[str, int] = {}
         self._told: dict[str, int] = {}
         self._sent: dict[str, int] = {}
-        self._last: dict[str, int] = {}
+        self._due_from_closed: dict[str, int] = {}
         self._next: float | None = 0.0
         self._running = 0
         self._connected_at: float | None = None
@@ -85,7 +85,7 @@ class Participant:
     def arrived(self, traffic: Traffic) -> bool:
         """Whether all that it sent is here, also from sockets that it has closed."""
         due = {key: before + self._sent.get(key, 0) for key, before in self._sockets.items()}
-        return all(traffic.received(key) >= count for key, count in (self._last | due).items())
+        return all(traffic.received(key) >= count for key, count in (self._due_from_closed | due).items())
 
     async def finish_turn(self) -> None:
         """Wait until its turns are over, or it connects, or is gone.
@@ -118,7 +118,7 @@ class Participant:
             case "open":
                 key = str(message["key"])
                 traffic.belongs_to_participant(key)
-                self._last.pop(key, None)
+                self._due_from_closed.pop(key, None)
                 self._sockets[key] = traffic.received(key)
                 self._told[key] = traffic.sent(key)
                 self.answer("open", packets=traffic.sent(key))
@@ -133,7 +133,7 @@ class Participant:
         """It has closed a socket from which it sent so much in all: to this lab, when anything was heard."""
         before = self._sockets.pop(key, None)
         if before is not None and traffic.received(key) > before:
-            self._last[key] = before + packets
+            self._due_from_closed[key] = before + packets
 
     def connection_made(self, now: float) -> None:
         """It has connected, by its own clock, and the lab has come so far: it is waited for again."""
