@@ -12,6 +12,8 @@ PYTEST := $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist worksteal
 
 # Some images of Python forbid it to keep compiled modules: every start would compile them all again.
 unexport PYTHONDONTWRITEBYTECODE
+# As the command line does: threads of the linear algebra only spin where every core has a test already.
+export OPENBLAS_NUM_THREADS ?= 1
 
 .PHONY: demo walkthrough check test soak soak-sample lint lock clean
 

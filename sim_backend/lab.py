@@ -39,6 +39,8 @@ from sim_backend.world import Drone, World
 
 PERIOD_S = 0.002
 """Time between two rounds of the loop: 2 ms of world, one poll of each drone, one feed datagram."""
+UNHEARD_PERIOD_S = 0.01
+"""The same while nobody listens and there is no room: a drone that waits for its client costs little."""
 RADIO_ID = 0xE7
 
 
@@ -215,8 +217,12 @@ class Lab:
             warning = self._factor.watch(self.world.time)
             if warning is not None:
                 _say(warning)
-            due = max(due + PERIOD_S, self._clock() - PERIOD_S)
+            period = PERIOD_S if self._is_heard() else UNHEARD_PERIOD_S
+            due = max(due + period, self._clock() - period)
             await asyncio.sleep(max(0.0, due - self._clock()))
+
+    def _is_heard(self) -> bool:
+        return self._feed is not None or any(server.connected for server in self.servers)
 
     def figures(self) -> dict[str, Any]:
         """What ``perchhw sim status`` shows."""

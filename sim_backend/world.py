@@ -18,10 +18,10 @@ from sim_backend.crazyflie.firmware import Firmware
 from sim_backend.errors import SimulationError
 from sim_backend.faults import DroneFaults
 from sim_backend.physics.effects.sensors import tracked_attitude, tracked_position
-from sim_backend.physics.parameters import physics_parameters
+from sim_backend.physics.parameters import PARAMETERS, physics_parameters
 from sim_backend.physics.reset import resting_on_floor
 from sim_backend.physics.state import STATE
-from sim_backend.physics.step import is_finite, step
+from sim_backend.physics.step import is_finite, step_first
 from sim_backend.truth import RATE_HZ, TruthRecorder
 
 Pose = tuple[Vector, Quaternion]
@@ -77,6 +77,7 @@ class Drone:
         self.dead = False
         self.placements = 0
         self._parameters = parameters
+        self._stored_parameters: NDArray[np.void] = np.array([parameters], dtype=PARAMETERS)
         self._at_mark = np.array(
             [resting_on_floor(parameters, mark.x, mark.y, mark.yaw, charge_used)], dtype=STATE
         )
@@ -100,7 +101,7 @@ class Drone:
         if not self.frozen:
             voltage = float(self.state["battery_voltage"])
             self._duties = self.firmware.step(self._specific_force, self._rates, voltage)
-        step(self.state, self._parameters, self._duties, DT)
+        step_first(self._storage, self._stored_parameters, self._duties, DT)
         if self._past.maxlen != 1:
             self._past.append(self._tracked())
 

@@ -2,6 +2,7 @@
 
 import importlib
 import logging
+import os
 import signal
 import sys
 from collections.abc import Sequence
@@ -141,6 +142,8 @@ def _ended_by(message: str, exit_code: int) -> int:
 
 def main() -> None:
     """Entry point of the console script."""
+    # Our matrices are small: threads of the linear algebra would only spin, in a wizard for 12 s out of 18.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     code = run(sys.argv[1:])
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # one more key would turn the exit code into a death
     sys.exit(code)

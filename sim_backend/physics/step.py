@@ -337,6 +337,15 @@ def step(state: Any, parameters: Any, duty: Any, dt: float) -> None:
 
 
 @kernel
+def step_first(states: Any, parameters: Any, duty: Any, dt: float) -> None:
+    """:func:`step` of the first record of each array, for callers in Python.
+
+    Handing over a record takes numba longer than a step of the physics takes, an array nearly nothing.
+    """
+    step(states[0], parameters[0], duty, dt)
+
+
+@kernel
 def is_finite(state: Any) -> bool:
     """Whether the numbers of the state are still numbers."""
     total = state.time

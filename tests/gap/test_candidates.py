@@ -1,17 +1,26 @@
 """Which effects are offered to a search, beside those that a model has already."""
 
+from functools import cache
+
 from calibration.gap.candidates import candidates
 from calibration.gap.model import Model, Variable
+from calibration.gap.record import FlightRecord
 from onboard.vehicle import EFFECTS, load_vehicle
 from tests.gap.simulated_flight import circle, fly
 
 STOCK = load_vehicle("crazyflie21-stock")
-RECORDS = [fly(STOCK, circle(), 4.0)]
+
+
+@cache
+def records() -> list[FlightRecord]:
+    return [fly(STOCK, circle(), 4.0)]
+
+
 AIR = Model(STOCK).with_values({Variable("rotor_drag", "coefficient"): 1e-6})
 
 
 def offered(model: Model) -> dict[str, set[str]]:
-    return {c.effect: {v.parameter for v in c.variables} for c in candidates(model, RECORDS)}
+    return {c.effect: {v.parameter for v in c.variables} for c in candidates(model, records())}
 
 
 def test_a_mass_beside_a_scale_of_thrust_would_be_a_claim_about_inertia() -> None:

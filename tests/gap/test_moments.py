@@ -1,6 +1,7 @@
 """A string, or a ceiling of unknown height, is found from what it does at single moments."""
 
 import dataclasses
+from functools import cache
 
 import numpy as np
 import pytest
@@ -8,24 +9,29 @@ import pytest
 from calibration.gap.candidates import candidates
 from calibration.gap.model import Model, Variable
 from calibration.gap.moments import Moments
+from calibration.gap.record import FlightRecord
 from calibration.gap.signals import FORCE, stack_signals
 from onboard.vehicle import load_vehicle
 from tests.gap.simulated_flight import circle, fly, up_and_down
 
 STOCK = load_vehicle("crazyflie21-stock")
-RECORDS = [fly(STOCK, circle(), 12.0), fly(STOCK, up_and_down(), 12.0)]
+
+
+@cache
+def records() -> list[FlightRecord]:
+    return [fly(STOCK, circle(), 12.0), fly(STOCK, up_and_down(), 12.0)]
 
 
 def moments_of(truth: Model, base: Model) -> Moments:
     """What `truth` adds to the forces on the flights, with noise, is the misfit of `base`."""
-    signals = stack_signals(RECORDS)
-    misfit = truth.predict(RECORDS) - base.predict(RECORDS)
+    signals = stack_signals(records())
+    misfit = truth.predict(records()) - base.predict(records())
     misfit[:, FORCE] += np.random.default_rng(2).normal(0.0, 0.05, misfit[:, FORCE].shape)
-    return Moments(base, RECORDS, signals, np.where(signals.valid, misfit, 0.0))
+    return Moments(base, records(), signals, np.where(signals.valid, misfit, 0.0))
 
 
 def best(moments: Moments, base: Model, effect: str) -> Model:
-    candidate = next(c for c in candidates(base, RECORDS) if c.effect == effect)
+    candidate = next(c for c in candidates(base, records()) if c.effect == effect)
     return min(
         (
             moments.settled(start, candidate.variables, effect == "ceiling_effect")
@@ -49,18 +55,20 @@ def test_a_string_is_found_wherever_it_is_tied(anchor: tuple[float, float, float
 
 def test_a_ceiling_is_found_at_its_height_though_nobody_said_it() -> None:
     base = Model(STOCK)
-    top = max(float(record.position[:, 2].max()) for record in RECORDS) + STOCK.body.propeller_height_z.value
+    top = (
+        max(float(record.position[:, 2].max()) for record in records()) + STOCK.body.propeller_height_z.value
+    )
     values = {Variable("ceiling_effect", "inflow"): 1.0, Variable("ceiling_effect", "opening"): 0.3}
     truth = dataclasses.replace(base, values=values, ceiling_z=top + 0.04)
     found = best(moments_of(truth, base), base, "ceiling_effect")
     assert found.ceiling_z == pytest.approx(top + 0.04, abs=0.015)
-    near = [m.predict(RECORDS)[:, FORCE] - base.predict(RECORDS)[:, FORCE] for m in (truth, found)]
+    near = [m.predict(records())[:, FORCE] - base.predict(records())[:, FORCE] for m in (truth, found)]
     assert np.abs(near[1] - near[0]).max() < 0.1 * np.abs(near[0]).max()
 
 
 def test_flights_without_forces_leave_every_start_as_it_is() -> None:
     base = Model(STOCK)
-    blind = [dataclasses.replace(record, specific_force=None) for record in RECORDS]
+    blind = [dataclasses.replace(record, specific_force=None) for record in records()]
     signals = stack_signals(blind)
     moments = Moments(base, blind, signals, np.zeros(signals.measured.shape))
     candidate = next(c for c in candidates(base, blind) if c.effect == "ceiling_effect")
@@ -71,5 +79,5 @@ def test_flights_without_forces_leave_every_start_as_it_is() -> None:
 def test_nothing_is_made_of_noise() -> None:
     base = Model(STOCK)
     found = best(moments_of(base, base), base, "tether")
-    added = found.predict(RECORDS)[:, FORCE] - base.predict(RECORDS)[:, FORCE]
+    added = found.predict(records())[:, FORCE] - base.predict(records())[:, FORCE]
     assert np.sqrt(np.mean(added**2)) < 0.02

@@ -1,6 +1,7 @@
 """Flights that are kept back leave in the fit whatever only one or two flights show."""
 
 import dataclasses
+from functools import cache
 
 import numpy as np
 
@@ -9,14 +10,20 @@ from calibration.gap.split import split_flights
 from onboard.vehicle import load_vehicle
 from tests.gap.simulated_flight import circle, fly
 
-CIRCLE = fly(load_vehicle("crazyflie21-stock"), circle(), 4.0)
+
+@cache
+def circling() -> FlightRecord:
+    return fly(load_vehicle("crazyflie21-stock"), circle(), 4.0)
 
 
 def flights(heights: list[float]) -> list[FlightRecord]:
     """The same circle at several heights, each a shape of its own."""
     return [
         dataclasses.replace(
-            CIRCLE, name=f"f{n}", shape=f"s{n}", position=CIRCLE.position + np.array([0.0, 0.0, height])
+            circling(),
+            name=f"f{n}",
+            shape=f"s{n}",
+            position=circling().position + np.array([0.0, 0.0, height]),
         )
         for n, height in enumerate(heights)
     ]
