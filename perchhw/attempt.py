@@ -68,7 +68,7 @@ class AttemptResult:
         trigger: the trigger snapshot (fields of the ``trigger`` topic), or None when it never fired.
         aborted_by: name of the rule that ended the attempt, or None.
         record: the run folder.
-        stopped: somebody else stopped the drone while it flew (``perchhw stop``).
+        halt: why nobody may go to the drone, or fly it again, before a person has looked; or None.
     """
 
     outcome: Outcome
@@ -76,7 +76,7 @@ class AttemptResult:
     trigger: dict[str, Any] | None
     aborted_by: str | None
     record: Path
-    stopped: bool = False
+    halt: str | None = None
 
 
 class AttemptInterrupted(KeyboardInterrupt):

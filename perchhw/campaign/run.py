@@ -17,7 +17,7 @@ OnChange = Callable[[list[AttemptRow]], None]
 
 
 class CampaignStopped(FlightStackError, SafetyStop):
-    """The drone was stopped from elsewhere, or too many attempts in a row were aborted."""
+    """The drone must be looked at first, or too many attempts in a row were aborted."""
 
 
 def run_campaign(
@@ -43,8 +43,8 @@ def run_campaign(
     the reason. The streak of aborted attempts begins at zero in every run of this function.
 
     Raises:
-        CampaignStopped: ``plan.aborted_in_a_row`` attempts in a row were aborted, or one was
-            stopped by others.
+        CampaignStopped: ``plan.aborted_in_a_row`` attempts in a row were aborted, or after one nobody may
+            go on before a person has looked (it was stopped by others, or its stop was not confirmed).
         CampaignError: the folder cannot be used.
         OutputFolderError: the folder cannot be written.
         InputError: an attempt cannot be flown as configured.
@@ -82,10 +82,8 @@ def _fly_all(
     while (row := store.next_planned()) is not None:
         result = _fly_one(plan, store, row, runner, on_change)
         on_change(store.rows())
-        if result.stopped:
-            raise CampaignStopped(
-                "stopped: somebody stopped the drone in flight; find out why, then continue with --resume"
-            )
+        if result.halt is not None:
+            raise CampaignStopped(f"stopped: {result.halt}, then continue with --resume")
         aborted_in_a_row = aborted_in_a_row + 1 if result.outcome is Outcome.ABORTED else 0
         if aborted_in_a_row >= plan.aborted_in_a_row:
             raise CampaignStopped(

@@ -33,8 +33,9 @@ def run(
 
     What the file leaves out of drone, mocap, vehicle, legs, policy and room is as in the lab file.
 
-    Exit codes: 0 all attempts are done, 2 the file or folder cannot be used, 3 too many attempts in a row
-    (or a test flight) were aborted, 130 interrupted (continue with --resume).
+    Exit codes: 0 all attempts are done, 2 the file or folder cannot be used, 3 the drone must be looked at
+    (too many attempts in a row or a test flight aborted, stopped by others, a stop not confirmed), 130
+    interrupted (continue with --resume).
     """
     from perchhw.campaign import CampaignStopped, load_plan, run_campaign
     from perchhw.campaign.courses import has_flights
@@ -57,6 +58,9 @@ def run(
     except CampaignStopped as stop:
         stopped = str(stop)
         progress_console().print(stopped, style="red", markup=False)
+    except KeyboardInterrupt:
+        progress_console().print(f"continue with --resume; the records are in {folder}", markup=False)
+        raise
     _emit_rows(folder, _rows(folder), write_campaign_report(folder), stopped)
     return 3 if stopped else 0
 

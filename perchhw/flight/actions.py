@@ -125,7 +125,7 @@ class CommandRunner:
             else:
                 self._events.put_nowait(CommandDone(order, self._carry_out(order)))
 
-    def _failed(self, order: Order, error: Exception) -> None:
+    def _failed(self, order: Order, error: BaseException) -> None:
         if isinstance(error, PerchhwError):
             self._events.put_nowait(CommandFailed(order, str(error)))
             return

@@ -126,7 +126,7 @@ def _conclude(
         else:
             outcome, evidence = label.outcome, label.evidence
     record.event("labelled", clock(), outcome=outcome, evidence=evidence)
-    result = AttemptResult(outcome, state.triggered, trigger, aborted_by, request.folder, state.locked)
+    result = AttemptResult(outcome, state.triggered, trigger, aborted_by, request.folder, _halt(state))
     record.close(
         outcome=outcome,
         triggered=state.triggered,
@@ -136,6 +136,15 @@ def _conclude(
         drone_clock_rate=flown.drone_clock_rate,
     )
     return result
+
+
+def _halt(state: FlightState) -> str | None:
+    """Why the drone must be left alone now, or ``None``."""
+    if state.stop_unconfirmed is not None:
+        return (
+            f"the stop was not confirmed ({state.stop_unconfirmed}): motors may turn; cut the drone's power"
+        )
+    return "somebody stopped the drone, not this flight; find out why" if state.locked else None
 
 
 def _why_no_label(state: FlightState, error: PerchhwError) -> str:

@@ -34,7 +34,7 @@ class CourseCommands(CommandRunner):
         self._stream_ended.set()
         self._sending = threading.Lock()
         self._streams = False
-        self._failure: Exception | None = None
+        self._failure: BaseException | None = None
 
     def _carry_out(self, order: Order) -> int | None:
         match order.command:
@@ -61,7 +61,7 @@ class CourseCommands(CommandRunner):
         self._flown.set()
         self._stream_ended.set()
 
-    def _broken(self, error: Exception) -> None:
+    def _broken(self, error: BaseException) -> None:
         self._failure = error
 
     def _send_course(self) -> None:

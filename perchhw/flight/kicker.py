@@ -54,7 +54,7 @@ class WatchdogKicker:
             with Caught(self._failed):
                 self._kick()
 
-    def _failed(self, error: Exception) -> None:
+    def _failed(self, error: BaseException) -> None:
         """An error of ours is for the supervisor, which lands while kicks go on."""
         if not isinstance(error, LinkLost):
             self.problem = f"watchdog kick: {error!r}"

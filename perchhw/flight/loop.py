@@ -210,7 +210,7 @@ class FlightLoop:
             else:
                 self.commands.submit(order)
 
-    def _not_given(self, order: Order, error: Exception) -> None:
+    def _not_given(self, order: Order, error: BaseException) -> None:
         self._keep(error)
         if isinstance(order.command, EmergencyStop):
             self._own_events.append(StopUnconfirmed(repr(error)))
@@ -240,7 +240,7 @@ class FlightLoop:
             return call()
         return otherwise
 
-    def _keep(self, error: Exception) -> None:
+    def _keep(self, error: BaseException) -> None:
         """Remember an error of ours; the supervisor is told of the first."""
         _log.error("error in perchhw during the flight; the drone lands first", exc_info=error)
         self.record.event(

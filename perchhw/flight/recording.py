@@ -46,6 +46,6 @@ class FlightRecord:
             with Caught(self._lose):
                 write()
 
-    def _lose(self, error: Exception) -> None:
+    def _lose(self, error: BaseException) -> None:
         self.lost = f"{type(error).__name__}: {error}"
         _log.error("the record ends here; the flight goes on to a landing", exc_info=error)

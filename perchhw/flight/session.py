@@ -88,7 +88,7 @@ class SupervisedFlight:
             stack.close()
         return replace(flown, interrupted=interrupts.count > 0)  # also while it closed
 
-    def _not_closed(self, error: Exception) -> None:
+    def _not_closed(self, error: BaseException) -> None:
         self.record.event("internal_error", self.clock(), error=repr(error))
         _log.error("error in perchhw while it closed a flight that was over", exc_info=error)
 

@@ -87,5 +87,6 @@ def after_stop(state: FlightState, unconfirmed: str | None, context: Context) ->
         return Step(state)
     if unconfirmed is not None:
         told = f"STOP NOT CONFIRMED ({unconfirmed}): the motors may turn; keep away from the drone"
-        state = replace(ended_early(state, f"stop_unconfirmed: {unconfirmed}"), alert=told)
+        state = ended_early(state, f"stop_unconfirmed: {unconfirmed}")
+        state = replace(state, stop_unconfirmed=unconfirmed, alert=told)
     return Step(enter(state, Phase.DONE, context))

@@ -7,7 +7,7 @@ flight has no policy to upload, follows its course instead of an approach, and l
 from dataclasses import replace
 from math import isfinite
 
-from perchhw.supervisor.aborts import abort, carry_on_or_abort, link_down, operator_abort
+from perchhw.supervisor.aborts import abort, carry_on_or_abort, elapsed, link_down, operator_abort
 from perchhw.supervisor.ending import after_stop
 from perchhw.supervisor.events import (
     CommandDone,
@@ -31,6 +31,24 @@ from perchhw.supervisor.observation import Admitted, Observation
 from perchhw.supervisor.on_ground import after_upload
 from perchhw.supervisor.phases import PHASES
 from perchhw.supervisor.state import Context, FlightState, Mission, Phase, Step, Timing
+
+STOPPED_BY_OTHERS = "; stopped by others: perchhw stop, or the drone's own supervisor"
+"""What follows the rule that noticed it."""
+
+_SIGNS_OF_A_STOP = ("drone_can_fly: no", "drone_state: locked", "drone_broke_off: not_flying")
+
+_IN_FLIGHT = frozenset(
+    {
+        Phase.TAKING_OFF,
+        Phase.MOVING_TO_START,
+        Phase.ARMING_APPROACH,
+        Phase.TEST_FLIGHT,
+        Phase.APPROACHING,
+        Phase.BRAKING,
+        Phase.LANDING,
+    }
+)
+"""Phases in which the motors turn and the drone flies upright."""
 
 _TICK = 0.02
 """s that are counted for an event when the clock cannot say."""
@@ -105,14 +123,32 @@ def _react(state: FlightState, event: Event, context: Context) -> Step:
 def _look(state: FlightState, observation: Observation, context: Context) -> Step:
     """Pass the observation through the gate and show the phase what is left of it."""
     admitted, memory = admit(observation, state.gate, context.limits, context.now)
-    state = replace(state, gate=memory, locked=state.locked or _stopped_by_others(state, admitted))
-    return PHASES[state.phase](state, admitted, context)
+    locked = state.locked or _stopped_by_others(state, admitted, context)
+    step = PHASES[state.phase](replace(state, gate=memory, locked=locked), admitted, context)
+    return Step(_named_by_lock(step.state), step.orders)
 
 
-def _stopped_by_others(state: FlightState, o: Admitted) -> bool:
-    """The drone is locked, and neither by us nor by its watchdog, which nobody kicks while it is disarmed."""
-    ours = state.phase in (Phase.STOPPING, Phase.DISARMING)
-    return state.arm_ordered and not ours and o.drone is not None and o.drone.is_locked
+def _stopped_by_others(state: FlightState, o: Admitted, context: Context) -> bool:
+    """The drone's own supervisor has cut the motors, and neither for us nor because it lies upside down.
+
+    A drone that is stopped lets no motor turn for 40 ms before it says that it is locked. While it is being
+    disarmed nobody kicks its watchdog, which then locks it as well, but later.
+    """
+    drone = o.drone
+    if drone is None or not state.arm_ordered or state.phase is Phase.STOPPING:
+        return False
+    if state.phase is Phase.DISARMING:
+        return drone.is_locked and elapsed(state, context) <= context.timing.watchdog_margin
+    falls = state.phase in _IN_FLIGHT and not (drone.can_fly or drone.is_tumbled or drone.is_crashed)
+    return drone.is_locked or falls
+
+
+def _named_by_lock(state: FlightState) -> FlightState:
+    """What a stop of others shows first is that the drone cannot fly: the stop is the reason."""
+    sign = state.aborted_by or ""
+    if not state.locked or not sign.startswith(_SIGNS_OF_A_STOP) or sign.endswith(STOPPED_BY_OTHERS):
+        return state
+    return replace(state, aborted_by=sign + STOPPED_BY_OTHERS)
 
 
 def _in_force(state: FlightState, order: Order) -> bool:

@@ -76,6 +76,8 @@ class Timing:
             that is caught swings into place in 0.2 s, one that falls is 0.4 m lower after 0.3.
         switches_deadline: for approach and policy to be read back as off once the landing was ordered.
         bits_delay: oldest age that the drone's bits have when they are sent (it renews them at 25 Hz).
+        watchdog_margin: how long after the last kick the drone's own watchdog (1 s) surely leaves it alone: a
+            lock that is seen earlier is somebody's stop.
         disarm_hold: for the bits to say "not armed" without a break, so that an arming that was still under
             way is seen.
     """
@@ -101,6 +103,7 @@ class Timing:
     hang_hold: float = 0.3
     switches_deadline: float = 1.0
     bits_delay: float = 0.05
+    watchdog_margin: float = 0.5
     disarm_hold: float = 0.2
     disarm_deadline: float = 2.0
 
@@ -131,7 +134,9 @@ class FlightState:
         triggers_before: triggers that the drone had counted when the approach began.
         aborted_by: the rule, command or person that ended the attempt early, or ``None``.
         link_lost: why the link broke, or ``None``; after the flip that is no abort, but less is recorded.
-        locked: the drone said that it is locked while its motors might turn: somebody has stopped it.
+        locked: the drone's own supervisor locked it, or cut the motors in flight, and not for us: somebody
+            has stopped it.
+        stop_unconfirmed: why nobody knows whether the motors have stopped, or ``None``.
         record_lost: why the record may be incomplete, or ``None``.
         alert: what the operator must be told at once and loudly, or ``None``.
         waiting_for: what the current phase waits for, in words.
@@ -158,6 +163,7 @@ class FlightState:
     aborted_by: str | None = None
     link_lost: str | None = None
     locked: bool = False
+    stop_unconfirmed: str | None = None
     record_lost: str | None = None
     alert: str | None = None
     waiting_for: str = ""

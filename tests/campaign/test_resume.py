@@ -124,15 +124,15 @@ def test_aborted_attempts_in_a_row_stop_the_campaign(campaign_file: Path, tmp_pa
     assert [r.state for r in run_campaign(plan, folder, aborts, resume=True)] == ["done"] * 8
 
 
-def test_a_drone_that_somebody_stopped_is_not_flown_again_by_itself(
+def test_a_drone_that_a_person_must_look_at_is_not_flown_again_by_itself(
     campaign_file: Path, tmp_path: Path
 ) -> None:
     def stopped(request: AttemptRequest) -> AttemptResult:
         result = fly(request)
-        return replace(result, stopped=True) if request.index == 2 else result
+        return replace(result, halt="somebody stopped it") if request.index == 2 else result
 
     plan, folder = load_plan(campaign_file), tmp_path / "c"
-    with pytest.raises(CampaignStopped, match="somebody stopped the drone in flight"):
+    with pytest.raises(CampaignStopped, match="somebody stopped it, then continue with --resume"):
         run_campaign(plan, folder, stopped)
     assert [r.state for r in rows_of(folder)] == ["done"] * 3 + ["planned"] * 5
 

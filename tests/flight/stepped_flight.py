@@ -37,6 +37,7 @@ class Injection:
     place: str = ""
     phase: Phase = Phase.TAKING_OFF
     always: bool = False
+    error: type[BaseException] = Injected
     thrown: int = 0
     touched: set[str] = field(default_factory=set)
     state: Any = None
@@ -48,7 +49,7 @@ class Injection:
             return
         if self.thrown or (self.state is not None and self.state().phase is self.phase):
             self.thrown += 1
-            raise Injected(place)
+            raise self.error(place)
 
 
 class Trap:

@@ -232,6 +232,21 @@ def test_ctrl_c_in_the_air_lands_stops_the_motors_and_exits_130(phase: str, tmp_
     assert_landed_softly(truth)
 
 
+def test_a_display_that_closes_in_the_air_lands_the_drone(tmp_path: Path) -> None:
+    """``perchhw fly ... 2>&1 | head``."""
+    truth = tmp_path / "truth.csv"
+    with open_lab("--truth", str(truth)) as lab, fly_in_child(lab, tmp_path / "runs") as process:
+        wait_for_phase(process, "moving to start")
+        assert process.stderr is not None
+        process.stderr.close()
+        process.wait(timeout=200)
+    run = read_run(only_run(tmp_path / "runs"))
+    assert run.info["closed"] is True
+    assert run.info["outcome"] == Outcome.ABORTED
+    assert "internal_error" in run.info["aborted_by"]
+    assert_landed_softly(truth)
+
+
 @pytest.mark.parametrize("phase", ["taking off", "approaching"])
 def test_ctrl_c_twice_stops_the_motors_and_knows_that_they_are_locked(phase: str, tmp_path: Path) -> None:
     """Also in a lab that keeps its own time, which the stop does not go by."""

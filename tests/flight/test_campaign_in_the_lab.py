@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from onboard.link import DroneLink
 from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
 
 CAMPAIGN = """
@@ -47,6 +48,29 @@ def wait_for_flight(folder: Path, process: "subprocess.Popen[str]") -> None:
 def in_the_air(folder: Path) -> bool:
     records = sorted((folder / "attempts").glob("*-001-try1-*/events.jsonl"))
     return bool(records) and "taking off" in records[0].read_text()
+
+
+@pytest.mark.timeout(240)
+def test_a_campaign_does_not_fly_a_drone_again_that_somebody_stopped(tmp_path: Path) -> None:
+    with SimulatedLab("lab", (*FREE_PORTS, *LOCKSTEP, "--seed", "6")) as lab:
+        file = tmp_path / "two.toml"
+        file.write_text(CAMPAIGN.format(drone=lab.drones[0], mocap=lab.mocap[0]))
+        folder = tmp_path / "campaign"
+        running = campaign("run", str(file), "--yes", "--out", str(folder))
+        wait_for_flight(folder, running)
+        stop = subprocess.run(
+            [sys.executable, "-m", "perchhw", "stop", "--drone", lab.drones[0]],
+            check=False,
+            capture_output=True,
+        )
+        output, errors = running.communicate()
+        with DroneLink.open(lab.drones[0]) as link:
+            assert link.supervisor_info().is_locked, "it was rebooted"
+    assert stop.returncode == 0, stop.stderr
+    assert running.returncode == 3, errors
+    document = json.loads(output)
+    assert "somebody stopped the drone, not this flight" in document["stopped"]
+    assert "stopped by others" in document["attempts"][-1]["aborted_by"]
 
 
 @pytest.mark.timeout(240)

@@ -73,6 +73,18 @@ def test_a_part_that_fails_for_ever_ends_on_the_floor(place: str, tmp_path: Path
     assert stepped.state.aborted_by is not None
 
 
+@pytest.mark.parametrize("place", ["on_phase()", "telemetry.observe"])
+def test_a_library_that_gives_up_the_process_does_not_give_up_the_drone(place: str, tmp_path: Path) -> None:
+    """A console whose pipe has closed raises ``SystemExit``."""
+    injection = Injection(place, Phase.MOVING_TO_START, error=SystemExit)
+    stepped = fly(tmp_path / "run", injection)
+    assert injection.thrown
+    assert at_rest(stepped)
+    assert stepped.fastest_fall < SOFT
+    assert not stepped.flight.info.is_locked
+    assert "SystemExit" in str(stepped.state.aborted_by)
+
+
 @pytest.mark.parametrize("place", STOP_PLACES)
 def test_a_stop_whose_answer_cannot_be_read_still_ends(
     place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

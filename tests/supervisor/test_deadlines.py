@@ -177,6 +177,7 @@ def test_a_stop_ends_only_when_its_own_path_says_so() -> None:
     unconfirmed = step(state, StopUnconfirmed("silent for 2 s"), 20.0, MISSION)
     assert unconfirmed.state.phase is Phase.DONE
     assert "silent for 2 s" in (unconfirmed.state.alert or "")
+    assert unconfirmed.state.stop_unconfirmed == "silent for 2 s"
     assert "silent for 2 s" in (unconfirmed.state.aborted_by or "")
 
 

@@ -1,15 +1,17 @@
 """A drone that somebody else stops: known as stopped, and its approach as no failure of the policy."""
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 from onboard.app_interface import EndReason, LandingState
 from onboard.supervisor_info import SupervisorBits, SupervisorInfo
 from perchhw.supervisor import Phase, Tick, step
+from perchhw.supervisor.machine import STOPPED_BY_OTHERS
 
 from .simulated_attempt import FLYING, PERIOD
-from .states import ALL_PHASES, BEFORE_ARMING, good_in, mission_of, state_in
+from .states import ALL_PHASES, BEFORE_ARMING, DESCENDING, HOVERING, good_in, mission_of, state_in
 
 LOCKED = SupervisorInfo(FLYING | SupervisorBits.LOCKED)
 
@@ -51,9 +53,60 @@ def test_a_trigger_that_was_counted_is_no_abort_whatever_else_is_said() -> None:
 def test_a_lock_that_is_not_ours_is_remembered(phase: Phase) -> None:
     o = replace(good_in(phase), drone=LOCKED)
     state = step(state_in(phase), Tick(o), PERIOD, mission_of(phase)).state
-    ours = (*BEFORE_ARMING, Phase.STOPPING, Phase.DISARMING)
-    assert state.locked is (phase not in ours)
+    assert state.locked is (phase not in (*BEFORE_ARMING, Phase.STOPPING))
     assert step(state, Tick(good_in(phase)), 2 * PERIOD, mission_of(phase)).state.locked is state.locked
+
+
+@pytest.mark.parametrize(("after", "others"), [(0.5, True), (0.52, False)])
+def test_the_drones_own_watchdog_locks_it_while_it_is_disarmed_and_nobody_stopped_it(
+    after: float, others: bool
+) -> None:
+    o = replace(good_in(Phase.DISARMING), drone=LOCKED)
+    state = step(state_in(Phase.DISARMING), Tick(o), after, mission_of(Phase.DISARMING)).state
+    assert state.locked is others
+
+
+@pytest.mark.parametrize("phase", [*HOVERING, Phase.APPROACHING, *DESCENDING])
+def test_a_stop_shows_first_as_a_drone_that_cannot_fly_and_is_named_all_the_same(phase: Phase) -> None:
+    """The firmware passes through a state of 40 ms in which it neither flies nor is locked."""
+    mission, falling = mission_of(phase), SupervisorInfo(FLYING & ~SupervisorBits.CAN_FLY)
+    state = step(state_in(phase), Tick(replace(good_in(phase), drone=falling)), PERIOD, mission).state
+    assert state.locked
+    if phase in DESCENDING:
+        assert state.aborted_by is None
+    else:
+        assert state.aborted_by == "drone_can_fly: no, need yes" + STOPPED_BY_OTHERS
+    again = step(state, Tick(replace(good_in(phase), drone=LOCKED)), 2 * PERIOD, mission).state
+    assert str(again.aborted_by).count(STOPPED_BY_OTHERS) == (again.aborted_by is not None)
+
+
+@pytest.mark.parametrize(
+    ("changes", "sign"),
+    [
+        ({}, "drone_state: locked, need upright and unlocked (reboot the drone on its start mark)"),
+        (
+            {"landing_state": LandingState.CUT, "end_reason": EndReason.NOT_FLYING, "trigger_count": 0},
+            "drone_broke_off: not_flying",
+        ),
+    ],
+)
+def test_whatever_notices_the_stop_of_others_says_so(changes: dict[str, Any], sign: str) -> None:
+    o = replace(good_in(Phase.APPROACHING), drone=LOCKED, **changes)
+    state = step(state_in(Phase.APPROACHING), Tick(o), PERIOD, mission_of(Phase.APPROACHING)).state
+    assert state.aborted_by == sign + STOPPED_BY_OTHERS
+
+
+@pytest.mark.parametrize("lies", [SupervisorBits.TUMBLED, SupervisorBits.CRASHED])
+@pytest.mark.parametrize("phase", ALL_PHASES)
+def test_a_drone_that_lies_on_its_back_was_stopped_by_nobody(phase: Phase, lies: SupervisorBits) -> None:
+    o = replace(good_in(phase), drone=SupervisorInfo(FLYING & ~SupervisorBits.CAN_FLY | lies))
+    assert not step(state_in(phase), Tick(o), PERIOD, mission_of(phase)).state.locked
+
+
+@pytest.mark.parametrize("phase", [Phase.ARMING, Phase.FLIPPING, Phase.SETTLING, Phase.DISARMING])
+def test_motors_that_need_not_turn_were_stopped_by_nobody(phase: Phase) -> None:
+    o = replace(good_in(phase), drone=SupervisorInfo(FLYING & ~SupervisorBits.CAN_FLY))
+    assert not step(state_in(phase), Tick(o), PERIOD, mission_of(phase)).state.locked
 
 
 @pytest.mark.parametrize("phase", ALL_PHASES)
