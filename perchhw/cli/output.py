@@ -4,11 +4,14 @@ Everything that is not the result (progress, warnings, prompts) goes to stderr, 
 parse stdout.
 """
 
+import errno
 import json
+import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -42,6 +45,24 @@ def progress_console() -> "Console":
     return Console(file=sys.stderr, highlight=False)
 
 
+@contextmanager
+def to_whoever_listens(stream: TextIO) -> Iterator[None]:
+    """Tell a result to `stream`: that its reader is gone (a closed pipe or terminal) changes no exit code.
+
+    What is told afterwards, also what the interpreter still has to flush, goes nowhere.
+    """
+    try:
+        yield
+        stream.flush()
+    except (OSError, SystemExit) as error:  # rich makes an exit of a broken pipe
+        gone = isinstance(error, SystemExit) or error.errno in (errno.EPIPE, errno.EIO)
+        if not gone:
+            raise
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)
+
+
 def show_alert(state: "FlightState") -> None:
     """Say what the operator must know at once: on stderr, with a bell and in red."""
     if state.alert is not None:
@@ -65,10 +86,10 @@ def emit_error(message: str, exit_code: int) -> None:
 def emit(result: dict[str, Any], human: Callable[[], None] | str) -> None:
     """Give the result of a verb: one JSON document, or `human`: a text or a function that draws."""
     settings.emitted = True
-    if settings.as_json:
-        sys.stdout.write(json.dumps(result, allow_nan=False) + "\n")
-        sys.stdout.flush()
-    elif callable(human):
-        human()
-    else:
-        console().print(human, markup=False, soft_wrap=True)
+    with to_whoever_listens(sys.stdout):
+        if settings.as_json:
+            sys.stdout.write(json.dumps(result, allow_nan=False) + "\n")
+        elif callable(human):
+            human()
+        else:
+            console().print(human, markup=False, soft_wrap=True)

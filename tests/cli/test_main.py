@@ -1,6 +1,8 @@
 """The root of the command line: help, global flags, exit codes."""
 
 import json
+import os
+import pty
 import subprocess
 import sys
 
@@ -76,3 +78,23 @@ def test_json_flag_is_set_for_the_verb(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(settings, "as_json", False)
     run(["vehicle", "list", "--json"])
     assert settings.as_json
+
+
+@pytest.mark.parametrize("flags", [[], ["--json"]])
+def test_a_reader_that_is_gone_changes_no_exit_code(flags: list[str]) -> None:
+    """``perchhw ... | head``: what came of the verb is no less true."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    line = [sys.executable, "-m", "perchhw", *flags, "vehicle", "list"]
+    done = subprocess.run(line, stdout=writer, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_terminal_that_is_gone_changes_no_exit_code() -> None:
+    terminal, end = pty.openpty()
+    line = [sys.executable, "-m", "perchhw", "vehicle", "show", "no-such-vehicle"]
+    with subprocess.Popen(line, stdout=end, stderr=end) as process:
+        os.close(end)
+        os.close(terminal)
+    assert process.returncode == 2
