@@ -134,6 +134,7 @@ class FlightState:
         locked: the drone said that it is locked while its motors might turn: somebody has stopped it.
         record_lost: why the record may be incomplete, or ``None``.
         alert: what the operator must be told at once and loudly, or ``None``.
+        alert_due_since: since when something else was to be told without a break, s, or ``None``.
         waiting_for: what the current phase waits for, in words.
     """
 
@@ -160,6 +161,7 @@ class FlightState:
     locked: bool = False
     record_lost: str | None = None
     alert: str | None = None
+    alert_due_since: float | None = None
     waiting_for: str = ""
 
 
