@@ -35,6 +35,8 @@ class Bounds:
 
     def problem(self, value: float, written: Quantity) -> str | None:
         """What is wrong with `value`, which somebody has `written` so, or ``None``."""
+        if not math.isfinite(value):
+            return f"is {written.value:g} {written.unit}; give a number from {self.text}"
         if not self.contains(value):
             given, hint = f"is {written.value:g} {written.unit}", self._hint(written)
             if value < self.least or not self.why_most:

@@ -32,7 +32,7 @@ class Allowed(NamedTuple):
 
 
 def _deg(angle: float) -> float:
-    """An angle in rad, to the last bit as a lab file's own ``deg`` come out."""
+    """An angle in rad, to the last bit as the ``deg`` of a lab file come out."""
     return convert(angle, "deg", "rad")
 
 
@@ -40,10 +40,8 @@ def _limit(
     default: float, unit: str, strictest: float, loosest: float, why_strictest: str, why_loosest: str
 ) -> float:
     """A limit, the range that a lab file may choose from, and why that ends where it does."""
-    if strictest < loosest:
-        bounds = Bounds(unit, strictest, loosest, why_strictest, why_loosest)
-    else:
-        bounds = Bounds(unit, loosest, strictest, why_loosest, why_strictest)
+    (least, why_least), (most, why_most) = sorted(((strictest, why_strictest), (loosest, why_loosest)))
+    bounds = Bounds(unit, least, most, why_least, why_most)
     return field(default=default, metadata={"allowed": Allowed(default, strictest, loosest, bounds)})
 
 

@@ -68,7 +68,7 @@ def test_the_impact_point_moves_the_start_with_it() -> None:
     ("room", "said"),
     [
         (RoomGeometry(x_min=-1e9), "room: x_min is -1e\\+09 m; it must be -50 to 50 m"),
-        (RoomGeometry(ceiling_z=float("nan")), "room: ceiling_z is nan m; it must be 1 to 4 m"),
+        (RoomGeometry(ceiling_z=float("nan")), "room: ceiling_z is nan m; give a number from 1 to 4 m"),
         (RoomGeometry(ceiling_z=100.0), "room: ceiling_z is 100 m"),
         (RoomGeometry(floor_z=-0.2), "room: floor_z is -0.2 m"),
     ],

@@ -207,7 +207,7 @@ def test_limits_mark_and_transform_reach_the_flight(tmp_path: Path) -> None:
 @pytest.mark.parametrize("ceiling", [math.nan, math.inf, -2.0, 0.99, 4.01, 100.0])
 def test_a_ceiling_that_is_none_is_refused_by_the_name_of_its_option(tmp_path: Path, ceiling: float) -> None:
     for lab in (None, lab_of(tmp_path)):
-        with pytest.raises(SetupError, match=rf"^--ceiling: is {ceiling:g} m; it must be 1 to 4 m"):
+        with pytest.raises(SetupError, match=rf"^--ceiling: is {ceiling:g} m; .* 1 to 4 m"):
             flight_setup(lab, drone=DRONE, mocap=MOCAP, vehicle="crazyflie21-stock", ceiling=ceiling)
 
 
