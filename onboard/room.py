@@ -39,7 +39,7 @@ class RoomGeometry:
         return (
             self.x_min + margin <= x <= self.x_max - margin
             and self.y_min + margin <= y <= self.y_max - margin
-            and self.floor_z - margin <= z <= self.ceiling_at(x, y) + margin
+            and self.floor_z <= z <= self.ceiling_at(x, y)
         )
 
     @property

@@ -100,11 +100,10 @@ def approach_is_sound(plan: ApproachPlan, start_z_min: float) -> bool:
 
 def _velocity(speed: float, angle_deg: float) -> tuple[float, float]:
     """(v_x, v_z) in m/s of a flight at `speed` and `angle_deg` above the horizon."""
-    if not (0.0 < angle_deg <= 90.0) or not (0.0 < speed < 10.0):
-        raise ApproachError(
-            f"approach: speed {speed} m/s, angle {angle_deg} deg; give a speed of more than 0 and an angle "
-            "of more than 0 and at most 90"
-        )
+    if not (0.0 < speed < 10.0):
+        raise ApproachError(f"approach: speed {speed} m/s; give a speed of more than 0 and less than 10")
+    if not (0.0 < angle_deg <= 90.0):
+        raise ApproachError(f"approach: angle {angle_deg} deg; give an angle of more than 0 and at most 90")
     angle = math.radians(angle_deg)
     vx = 0.0 if angle_deg == 90.0 else speed * math.cos(angle)
     return vx, speed * math.sin(angle)
@@ -168,15 +167,54 @@ def fit_approach(
     """
     vx, vz = _velocity(speed, angle_deg)
     ceiling = room.ceiling_at(impact_x, impact_y)
+    if not 0.0 < ceiling < 100.0:
+        raise ApproachError(f"approach: the ceiling is at {ceiling} m; give a height between 0 and 100 m")
     for tau0, az, ax in itertools.product(TAU0_CHOICES, ACCELERATION_Z_CHOICES, ACCELERATION_X_CHOICES):
         plan = plan_from_velocity(vx, vz, impact_x, impact_y, ceiling, ax, az, tau0)
-        if approach_is_sound(plan, start_z_min) and room.contains(plan.x0, plan.y0, plan.z0, wall_margin):
+        outside = start_outside(plan, room, start_z_min, wall_margin)
+        if approach_is_sound(plan, start_z_min) and outside is None:
             return plan
     raise ApproachError(
         f"approach: {speed} m/s at {angle_deg} deg does not fit the room: with tau0 {tau0} s, ax {ax} and "
-        f"az {az} m/s2 it would start at x = {plan.x0:.2f} m, z = {plan.z0:.2f} m; the room allows x from "
-        f"{room.x_min + wall_margin:.2f} m and z from {start_z_min:.2f} m; fly slower or at another angle"
+        f"az {az} m/s2 it would start at {outside}; fly slower or at another angle"
+        if outside is not None
+        else f"approach: {speed} m/s at {angle_deg} deg climbs at {vz:.3g} m/s; give a speed and an angle "
+        "that climb at 0.05 m/s or more"
     )
+
+
+def start_outside(
+    plan: ApproachPlan, room: RoomGeometry, start_z_min: float, wall_margin: float
+) -> str | None:
+    """Where `plan` starts and what the room allows on each axis, when it does not; else ``None``.
+
+    Args:
+        plan: the approach.
+        room: where it is to be flown.
+        start_z_min: lowest start, m.
+        wall_margin: distance of the start from the side walls, m.
+    """
+    ceiling = min(plan.ceiling_z, room.ceiling_at(plan.x0, plan.y0))
+    axes = {
+        "x": (plan.x0, room.x_min + wall_margin, room.x_max - wall_margin),
+        "y": (plan.y0, room.y_min + wall_margin, room.y_max - wall_margin),
+        "z": (plan.z0, start_z_min, ceiling),
+    }
+    beyond = []
+    for axis, (value, low, high) in axes.items():
+        if not low <= high:
+            beyond.append(f"nothing is left along {axis}")
+        elif not value >= low:
+            beyond.append(f"{axis} is less than {low:.2f} m")
+        elif not value <= high:
+            beyond.append(f"{axis} is more than {high:.2f} m")
+    if not beyond:
+        return None
+    places = ", ".join(
+        f"{axis} = {value:.2f} m (from {low:.2f} to {high:.2f} m)"
+        for axis, (value, low, high) in axes.items()
+    )
+    return f"{places}, which leaves {wall_margin:g} m to each wall: {', '.join(beyond)}"
 
 
 @kernel

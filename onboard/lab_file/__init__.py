@@ -3,6 +3,15 @@
 Described in docs/lab_file.md. Which limits there are is not known on this floor: the reader is told.
 """
 
+from onboard.lab_file.bounds import (
+    CEILING_HEIGHT,
+    CEILING_TILT,
+    LATENCY,
+    OFFSET,
+    WALL,
+    bounds_of,
+    room_problem,
+)
 from onboard.lab_file.model import (
     SCHEMA,
     Ceiling,
@@ -21,7 +30,12 @@ from onboard.lab_file.reader import drone_uris, parse_lab, read_lab_file
 from onboard.lab_file.writer import lab_to_toml, write_lab_file
 
 __all__ = [
+    "CEILING_HEIGHT",
+    "CEILING_TILT",
+    "LATENCY",
+    "OFFSET",
     "SCHEMA",
+    "WALL",
     "Ceiling",
     "LabDrone",
     "LabFile",
@@ -30,11 +44,13 @@ __all__ = [
     "LabRoom",
     "StartMark",
     "SubjectToBody",
+    "bounds_of",
     "drone_uris",
     "lab_to_toml",
     "parse_lab",
     "plain",
     "read_lab_file",
+    "room_problem",
     "split_subject",
     "with_subject",
     "write_lab_file",

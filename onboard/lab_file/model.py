@@ -9,9 +9,9 @@ from urllib.parse import quote, unquote
 
 from onboard.arrays import Quaternion, Vector
 from onboard.errors import InputError, OnboardError
+from onboard.lab_file.bounds import CEILING_HEIGHT, CEILING_TILT, FLOOR, HEADING, LATENCY, PLACE, WALL
 from onboard.quantity import Quantity
 from onboard.room import RoomGeometry
-from onboard.vehicle.schema import Measured, Range
 
 SCHEMA = "perchhw.lab/1"
 PLAIN_SOURCE = "lab file"
@@ -39,18 +39,18 @@ class Ceiling:
         tilt_x_deg, tilt_y_deg: angles at which it rises along +x and along +y.
     """
 
-    height: Annotated[Quantity, Measured("m", Range.ANY)]
-    tilt_x_deg: Annotated[Quantity, Measured("deg", Range.ANY)] = LEVEL
-    tilt_y_deg: Annotated[Quantity, Measured("deg", Range.ANY)] = LEVEL
+    height: Annotated[Quantity, CEILING_HEIGHT]
+    tilt_x_deg: Annotated[Quantity, CEILING_TILT] = LEVEL
+    tilt_y_deg: Annotated[Quantity, CEILING_TILT] = LEVEL
 
 
 @dataclass(frozen=True, kw_only=True)
 class StartMark:
     """Where a drone is put down, and which way its body's x axis then points (from the world's x axis)."""
 
-    x: Annotated[Quantity, Measured("m", Range.ANY)]
-    y: Annotated[Quantity, Measured("m", Range.ANY)]
-    yaw_deg: Annotated[Quantity, Measured("deg", Range.ANY)] = LEVEL
+    x: Annotated[Quantity, PLACE]
+    y: Annotated[Quantity, PLACE]
+    yaw_deg: Annotated[Quantity, HEADING] = LEVEL
 
     @property
     def pose(self) -> Vector:
@@ -69,13 +69,13 @@ class LabRoom:
         start: start mark of drones that name none of their own.
     """
 
-    x_min: Annotated[Quantity, Measured("m", Range.ANY)]
-    x_max: Annotated[Quantity, Measured("m", Range.ANY)]
-    y_min: Annotated[Quantity, Measured("m", Range.ANY)]
-    y_max: Annotated[Quantity, Measured("m", Range.ANY)]
+    x_min: Annotated[Quantity, WALL]
+    x_max: Annotated[Quantity, WALL]
+    y_min: Annotated[Quantity, WALL]
+    y_max: Annotated[Quantity, WALL]
     ceiling: Ceiling
     start: StartMark
-    floor: Annotated[Quantity, Measured("m", Range.ANY)] = AT_ORIGIN
+    floor: Annotated[Quantity, FLOOR] = AT_ORIGIN
 
     def geometry(self) -> RoomGeometry:
         """The room in SI numbers."""
@@ -139,7 +139,7 @@ class LabMocap:
     uri: str
     subject: str
     subject_to_body: SubjectToBody = SubjectToBody()
-    latency_s: Annotated[Quantity, Measured("s", Range.NON_NEGATIVE)] = AT_ONCE
+    latency_s: Annotated[Quantity, LATENCY] = AT_ONCE
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from onboard.arrays import Quaternion
+from onboard.bounds import Bounds
+from onboard.lab_file.bounds import CEILING_TILT, NARROWEST, OFFSET, bounds_of
 from onboard.lab_file.model import (
     PLAIN_SOURCE,
     SCHEMA,
@@ -20,6 +22,7 @@ from onboard.lab_file.model import (
     split_subject,
 )
 from onboard.quantity import Quantity
+from onboard.room import RoomGeometry
 from onboard.toml_file import read_toml
 from onboard.vehicle.schema import (
     Measured,
@@ -29,21 +32,19 @@ from onboard.vehicle.schema import (
     as_table,
     check_keys,
     parse_quantity,
-    quantity_rules,
 )
 
 _TABLES = ("schema", "clock", "room", "drones", "mocap", "limits")
 _DRONE_KEYS = ("uri", "vehicle", "legs", "policy", "subject", "start")
 _NORM_TOLERANCE = 1e-3
-_FLOOR_MAX = 0.1
 
 
-def read_lab_file(path: Path, limits: Mapping[str, Measured]) -> LabFile:
+def read_lab_file(path: Path, limits: Mapping[str, Bounds]) -> LabFile:
     """Read and check a lab file.
 
     Args:
         path: the file.
-        limits: the limits that ``[limits]`` may name, with their units and ranges.
+        limits: the limits that ``[limits]`` may name, with their units and bounds.
 
     Raises:
         LabFileError: with every problem found, one a line.
@@ -67,7 +68,7 @@ def drone_uris(path: Path) -> list[str]:
     return uris
 
 
-def parse_lab(content: Mapping[str, object], file: str, limits: Mapping[str, Measured]) -> LabFile:
+def parse_lab(content: Mapping[str, object], file: str, limits: Mapping[str, Bounds]) -> LabFile:
     """A lab from the content of its file; `file` is the name used in messages.
 
     Raises:
@@ -84,22 +85,31 @@ def parse_lab(content: Mapping[str, object], file: str, limits: Mapping[str, Mea
     given = _limits(content.get("limits", {}), limits, problems)
     clock = _text(content.get("clock"), "clock", problems, required=False)
     if room is not None:
-        _check_room(room, drones, problems)
+        _check_room(room, drones, problems, simulated=clock is not None)
     problems.raise_any()
     if room is None or mocap is None:
         raise LabFileError(f"{file}: cannot be used; compare it with docs/lab_file.md")
     return LabFile(room=room, drones=drones, mocap=mocap, limits=given, clock=clock, file=file)
 
 
-def _quantity(raw: object, key: str, rule: Measured, problems: Problems) -> Quantity | None:
-    """A quantity, or a plain number in the unit of the schema."""
+def _quantity(raw: object, key: str, bounds: Bounds, problems: Problems) -> Quantity | None:
+    """A quantity within its bounds, or a plain number in the unit of the schema."""
+    unit = bounds.unit
     if isinstance(raw, int | float) and not isinstance(raw, bool):
-        raw = {"value": raw, "unit": rule.unit, "sigma": 0.0, "source": PLAIN_SOURCE}
+        raw = {"value": raw, "unit": unit, "sigma": 0.0, "source": PLAIN_SOURCE}
     elif not isinstance(raw, Mapping):
-        form = f'{{ value, unit = "{rule.unit}", sigma, source }}'
-        problems.add(key, f"must be a number in {rule.unit} or a table {form}, not {raw!r}")
+        form = f'{{ value, unit = "{unit}", sigma, source }}'
+        problems.add(key, f"must be a number in {unit} or a table {form}, not {raw!r}")
         return None
-    return parse_quantity(raw, key, rule, problems)
+    quantity = parse_quantity(raw, key, Measured(unit, Range.ANY), problems)
+    if quantity is None:
+        return None
+    written = Quantity(float(raw["value"]), str(raw["unit"]), float(raw["sigma"]), quantity.source)
+    problem = bounds.problem(quantity.value, written)
+    if problem is not None:
+        problems.add(key, problem)
+        return None
+    return quantity
 
 
 def _section(
@@ -113,7 +123,7 @@ def _section(
     table = _table(raw, key, problems)
     if table is None:
         return None
-    extra, rules, before = dict(others or {}), quantity_rules(section), len(problems.messages)
+    extra, rules, before = dict(others or {}), bounds_of(section), len(problems.messages)
     check_keys(table, key, [*extra, *rules], problems)
     values: dict[str, Any] = {}
     for name, rule in rules.items():
@@ -142,24 +152,17 @@ def _room(raw: object, problems: Problems) -> LabRoom | None:
     return _section(LabRoom, table, "room", problems, others={"ceiling": ceiling, "start": start})
 
 
-def _check_room(room: LabRoom, drones: tuple[LabDrone, ...], problems: Problems) -> None:
-    """Note a room that is empty, and start marks outside it."""
+def _check_room(room: LabRoom, drones: tuple[LabDrone, ...], problems: Problems, *, simulated: bool) -> None:
+    """Note a room that is too narrow, a ceiling that nothing here lands on, and start marks outside."""
     geometry = room.geometry()
     for axis, low, high in (("x", geometry.x_min, geometry.x_max), ("y", geometry.y_min, geometry.y_max)):
-        if not low < high:
-            problems.add(f"room.{axis}_min", f"is {low:g} m; it must be less than {axis}_max, {high:g} m")
-    if abs(geometry.floor_z) > _FLOOR_MAX:
-        problems.add(
-            "room.floor",
-            f"is {geometry.floor_z:g} m; hovers and landings reckon from z = 0, so it must lie within "
-            f"{_FLOOR_MAX:g} m of it: put the origin of the motion capture on the floor",
-        )
-    if not geometry.lowest_ceiling > geometry.floor_z:
-        problems.add(
-            "room.ceiling",
-            f"comes down to {geometry.lowest_ceiling:g} m between the walls; it must be above the floor at "
-            f"{geometry.floor_z:g} m everywhere: check height and tilts",
-        )
+        if not high - low >= NARROWEST:
+            problems.add(
+                f"room.{axis}_min",
+                f"is {low:g} m; it must be less than {axis}_max, {high:g} m, by {NARROWEST:g} m at least, "
+                "because a start keeps 0.25 m from each wall",
+            )
+    _check_ceiling(geometry, problems, simulated=simulated)
     marks = {"room.start": room.start}
     marks |= {f"drones[{i}].start": drone.start for i, drone in enumerate(drones) if drone.start is not None}
     for key, mark in marks.items():
@@ -168,6 +171,27 @@ def _check_room(room: LabRoom, drones: tuple[LabDrone, ...], problems: Problems)
             problems.add(
                 key, f"is at x = {x:g} m, y = {y:g} m, outside the walls; move the mark or the walls"
             )
+
+
+def _check_ceiling(room: RoomGeometry, problems: Problems, *, simulated: bool) -> None:
+    """Note a plane that is steeper than its tilts each, that a simulated room does not have, or too low."""
+    steepest = math.degrees(
+        math.atan(math.hypot(math.tan(room.ceiling_tilt_x), math.tan(room.ceiling_tilt_y)))
+    )
+    if simulated and steepest > 0.0:
+        problems.add("room.ceiling", "tilts; the ceilings of simulated rooms are level: leave out the tilts")
+    elif not CEILING_TILT.contains(steepest):
+        problems.add(
+            "room.ceiling",
+            f"tilts by {steepest:.2g} deg along x and y together; it must be {CEILING_TILT.most:g} deg at "
+            f"most: {CEILING_TILT.why_least}",
+        )
+    if not room.lowest_ceiling > room.floor_z:
+        problems.add(
+            "room.ceiling",
+            f"comes down to {room.lowest_ceiling:g} m between the walls; it must be above the floor at "
+            f"{room.floor_z:g} m everywhere: check height and tilts",
+        )
 
 
 def _drones(raw: object, problems: Problems) -> tuple[LabDrone, ...]:
@@ -250,9 +274,7 @@ def _subject_to_body(raw: object, problems: Problems) -> SubjectToBody | None:
     position = usual.position
     if "position" in table:
         parts = _list(table["position"], 3, f"{key}.position", problems)
-        found = [
-            _quantity(part, f"{key}.position[{i}]", Measured("m", Range.ANY), problems) for i, part in parts
-        ]
+        found = [_quantity(part, f"{key}.position[{i}]", OFFSET, problems) for i, part in parts]
         known = [part for part in found if part is not None]
         if len(known) == 3:
             position = known[0], known[1], known[2]
@@ -284,7 +306,7 @@ def _quaternion(raw: object, key: str, problems: Problems) -> Quaternion:
     return SubjectToBody().quaternion
 
 
-def _limits(raw: object, rules: Mapping[str, Measured], problems: Problems) -> dict[str, Quantity]:
+def _limits(raw: object, rules: Mapping[str, Bounds], problems: Problems) -> dict[str, Quantity]:
     table = as_table(raw, "limits", problems)
     if table is None:
         return {}

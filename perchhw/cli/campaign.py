@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from perchhw.cli.options import Lab
-from perchhw.cli.output import console, emit, progress_console, show_alert
+from perchhw.cli.output import FlightDisplay, console, emit, progress_console
 
 if TYPE_CHECKING:
     from perchhw.campaign import AttemptRow, CampaignPlan
@@ -50,7 +50,7 @@ def run(
     plan = load_plan(file, find_lab(lab))
     _check_approaches(plan)
     folder = out or Path("runs") / f"campaign-{slug(plan.name)}"
-    runner = attempt_after_attempt(confirmation(yes), show_alert)
+    runner = attempt_after_attempt(confirmation(yes), FlightDisplay(phases=False))
     stopped: str | None = None
     try:
         with live_table() as show:

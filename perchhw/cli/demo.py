@@ -7,7 +7,7 @@ import typer
 
 from perchhw.attempt import DEFAULT_POLICY, DEFAULT_VEHICLE
 from perchhw.cli import exit_codes
-from perchhw.cli.output import console, emit, progress_console, show_alert
+from perchhw.cli.output import FlightDisplay, console, emit, progress_console
 
 if TYPE_CHECKING:
     from perchhw.campaign import AttemptRow, CampaignPlan
@@ -47,7 +47,10 @@ def demo(
         plan = demo_plan(lab.drones[0], lab.mocap[0], attempts, seed)
         with live_table() as show:
             rows = run_campaign(
-                plan, folder, attempt_after_attempt(confirmation(yes=True), show_alert), on_change=show
+                plan,
+                folder,
+                attempt_after_attempt(confirmation(yes=True), FlightDisplay(phases=False)),
+                on_change=show,
             )
     report = write_campaign_report(folder)
     recording = _recording(rows)

@@ -14,7 +14,7 @@ from perchhw.attempt import (
 )
 from perchhw.cli import exit_codes
 from perchhw.cli.options import Lab
-from perchhw.cli.output import emit, show_flight
+from perchhw.cli.output import FlightDisplay, emit
 
 app = typer.Typer(add_completion=False)
 
@@ -86,7 +86,7 @@ def fly(
     try:
         if put_back:
             turnaround.put_back(setup.drone, confirmation(yes))
-        result = fly_attempt(request, dry_run=dry_run, on_phase=show_flight)
+        result = fly_attempt(request, dry_run=dry_run, on_phase=FlightDisplay())
     except AttemptInterrupted as interrupted:
         _emit(interrupted.result, dry_run)
         raise

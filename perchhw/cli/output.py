@@ -10,7 +10,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TextIO
 
 if TYPE_CHECKING:
@@ -63,18 +63,27 @@ def to_whoever_listens(stream: TextIO) -> Iterator[None]:
         os.close(nowhere)
 
 
-def show_alert(state: "FlightState") -> None:
-    """Say what the operator must know at once: on stderr, with a bell and in red."""
-    if state.alert is not None:
-        console = progress_console()
-        console.bell()
-        console.print(state.alert, style="bold white on red", markup=False, soft_wrap=True)
+@dataclass
+class FlightDisplay:
+    """Says on stderr where a flight stands: each phase and each alert once, as long as it is the same.
 
+    Attributes:
+        phases: whether phases are said; alerts always are.
+    """
 
-def show_flight(state: "FlightState") -> None:
-    """Say on stderr where a flight stands, and its alert."""
-    show_alert(state)
-    progress_console().print(f"  {state.phase.value}")
+    phases: bool = True
+    _phase: str | None = field(default=None, init=False)
+    _alert: str | None = field(default=None, init=False)
+
+    def __call__(self, state: "FlightState") -> None:
+        """Say what is new: an alert with a bell and in red, because the operator must know it at once."""
+        if state.alert is not None and state.alert != self._alert:
+            console = progress_console()
+            console.bell()
+            console.print(state.alert, style="bold white on red", markup=False, soft_wrap=True)
+        if self.phases and state.phase.value != self._phase:
+            progress_console().print(f"  {state.phase.value}")
+        self._phase, self._alert = state.phase.value, state.alert
 
 
 def emit_error(message: str, exit_code: int) -> None:

@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 
 from onboard.errors import InputError
-from onboard.trajectory import ApproachPlan, fit_approach, plan_approach
+from onboard.lab_file import room_problem
+from onboard.trajectory import ApproachPlan, fit_approach, plan_approach, start_outside
 from perchhw.attempt import APPROACH_PARAMETERS, AttemptRequest
 from perchhw.errors import FlightStackError
 from perchhw.supervisor import Mission
@@ -40,15 +41,19 @@ def plan_attempt(request: AttemptRequest, policy_crc: int, dry_run: bool = False
     move the point that the approach aims at.
 
     Raises:
-        ApproachNotPossible: unknown or incomplete parameters, or a start outside the room.
+        ApproachNotPossible: a room that nothing flies in, unknown or incomplete parameters, or a start
+            outside the room.
         ApproachError: no approach fits; the message says what to change.
     """
+    unusable = room_problem(request.room)
+    if unusable is not None:
+        raise ApproachNotPossible(f"room: {unusable}")
     approach = _approach(request)
     start = (float(approach.x0), float(approach.y0), float(approach.z0))
-    if not request.room.contains(*start, margin=START_MARGIN):
+    outside = start_outside(approach, request.room, request.room.floor_z, START_MARGIN)
+    if outside is not None:
         raise ApproachNotPossible(
-            f"the approach would start at x = {start[0]:.2f} m, outside the flight volume "
-            f"({request.room.x_min:g} to {request.room.x_max:g} m): choose a larger approach.ax"
+            f"the approach would start at {outside}; choose a larger approach.ax, or another impact point"
         )
     mission = Mission(
         policy_crc=policy_crc,

@@ -4,61 +4,13 @@ import dataclasses
 from typing import Any
 
 from mocap_bridge.correction import AS_TRACKED, PoseCorrection
+from onboard.bounds import Bounds
 from onboard.lab_file import LabFile
 from onboard.room import RoomGeometry
-from onboard.vehicle.schema import Measured, Range
-from perchhw.supervisor import SafetyLimits
+from perchhw.supervisor import SafetyLimits, allowed_limits
 
-_POSITIVE = {
-    "s": (
-        "link_silence",
-        "pose_age",
-        "pose_age_bridged",
-        "telemetry_age",
-        "battery_age",
-        "battery_filter",
-        "latency",
-        "corridor_time",
-        "flight_time",
-        "descent_silence",
-    ),
-    "V": ("battery_at_rest", "battery_in_flight", "battery_full"),
-    "m": (
-        "disagreement_on_ground",
-        "disagreement_in_flight",
-        "height_on_ground",
-        "start_mark_distance",
-        "corridor_distance",
-        "flip_drop",
-        "hang_distance",
-        "descent_disagreement",
-        "descent_escape",
-    ),
-    "m/s": (
-        "speed_on_ground",
-        "speed_in_hover",
-        "speed_in_test_flight",
-        "corridor_speed",
-        "descent_speed",
-    ),
-    "m/s2": ("braking",),
-    "rad/s": ("rotation_in_hover", "rotation_in_test_flight"),
-    "rad": (
-        "yaw_disagreement",
-        "tilt_on_ground",
-        "tilt_in_hover",
-        "tilt_in_test_flight",
-        "start_mark_heading",
-        "corridor_tilt",
-        "hang_tilt",
-        "descent_tilt",
-    ),
-}
-
-LIMITS: dict[str, Measured] = {
-    name: Measured(unit, Range.POSITIVE) for unit, names in _POSITIVE.items() for name in names
-} | {"wall_margin": Measured("m", Range.NON_NEGATIVE)}
-"""What ``[limits]`` may hold: the numbers of :class:`perchhw.supervisor.SafetyLimits`, with their units."""
+LIMITS: dict[str, Bounds] = {name: allowed.bounds for name, allowed in allowed_limits().items()}
+"""What ``[limits]`` may hold: the numbers of :class:`perchhw.supervisor.SafetyLimits`, with their bounds."""
 
 
 def limits_of(lab: LabFile | None, room: RoomGeometry, drone: str) -> SafetyLimits:

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 from mocap_bridge.uri import parse_mocap_uri
 from onboard.errors import InputError
-from onboard.lab_file import LabDrone, LabFile, SubjectToBody, split_subject
+from onboard.lab_file import CEILING_HEIGHT, LabDrone, LabFile, SubjectToBody, plain, split_subject
 from onboard.link.uri import check_drone_uri
 from onboard.room import RoomGeometry
 from perchhw.attempt import DEFAULT_POLICY, DEFAULT_VEHICLE
@@ -15,10 +15,10 @@ _MISSING = "missing; give it, or a lab file that has it: --lab FILE, or lab.toml
 
 
 class SetupError(FlightStackError, InputError):
-    """Something is neither given nor in the lab file.
+    """Something is neither given nor in the lab file, or is given and cannot be used.
 
     Attributes:
-        key: what: ``drone``, ``mocap`` or ``vehicle``.
+        key: what: ``drone``, ``mocap``, ``vehicle`` or ``ceiling``.
     """
 
     def __init__(self, key: str, message: str) -> None:
@@ -66,8 +66,8 @@ def flight_setup(
     is the simulated one.
 
     Raises:
-        SetupError: nothing says which drone, which motion capture or which vehicle, or the file's
-            ``subject_to_body`` is of another subject.
+        SetupError: nothing says which drone, which motion capture or which vehicle, the file's
+            ``subject_to_body`` is of another subject, or `ceiling` is no height of a ceiling.
     """
     drone = drone or _only_drone(lab)
     known = None if lab is None else lab.drone(drone)
@@ -92,9 +92,22 @@ def flight_setup(
         vehicle=vehicle or DEFAULT_VEHICLE,
         legs=legs,
         policy=policy or DEFAULT_POLICY,
-        room=room if ceiling is None else replace(room, ceiling_z=ceiling),
+        room=room if ceiling is None else _under(room, ceiling),
         lab=lab,
     )
+
+
+def _under(room: RoomGeometry, ceiling: float) -> RoomGeometry:
+    """The room under a ceiling at another height."""
+    problem = CEILING_HEIGHT.problem(ceiling, plain(ceiling, "m"))
+    if problem is not None:
+        raise SetupError("ceiling", problem)
+    changed = replace(room, ceiling_z=ceiling)
+    if not changed.lowest_ceiling > changed.floor_z:
+        raise SetupError(
+            "ceiling", f"comes down to {changed.lowest_ceiling:g} m between the walls; give more"
+        )
+    return changed
 
 
 def _only_drone(lab: LabFile | None) -> str:

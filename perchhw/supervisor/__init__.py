@@ -17,13 +17,14 @@ from perchhw.supervisor.events import (
     StopUnconfirmed,
     Tick,
 )
-from perchhw.supervisor.limits import SafetyLimits
+from perchhw.supervisor.limits import Allowed, SafetyLimits, allowed_limits
 from perchhw.supervisor.machine import initial_state, step
 from perchhw.supervisor.observation import Observation
 from perchhw.supervisor.state import FlightState, Mission, Phase, Step, Timing
 from perchhw.supervisor.violation import Violation
 
 __all__ = [
+    "Allowed",
     "CommandDone",
     "CommandFailed",
     "Event",
@@ -43,6 +44,7 @@ __all__ = [
     "Tick",
     "Timing",
     "Violation",
+    "allowed_limits",
     "initial_state",
     "step",
 ]

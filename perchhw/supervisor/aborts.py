@@ -142,6 +142,23 @@ def lasting(state: FlightState, bad: bool, hold: float, context: Context) -> tup
     return replace(state, bad_since=since), context.now - since >= hold
 
 
+def tell(state: FlightState, alert: str | None, hold: float, context: Context) -> FlightState:
+    """The state that tells `alert`, once something else than what is told was due for `hold` s.
+
+    What stands before the colon says what is told; figures behind it that change are not told again.
+    """
+    if _heading(alert) == _heading(state.alert):
+        return replace(state, alert_due_since=None)
+    since = context.now if state.alert_due_since is None else state.alert_due_since
+    if context.now - since < hold:
+        return replace(state, alert_due_since=since)
+    return replace(state, alert=alert, alert_due_since=None)
+
+
+def _heading(alert: str | None) -> str:
+    return (alert or "").partition(":")[0]
+
+
 def guard(state: FlightState, rules: tuple[Rule, ...], o: Admitted, context: Context) -> Step | None:
     """The abort that a broken safety rule demands, or ``None``."""
     violation = first_violation(rules, o, context.limits) or _overtime(state, context)

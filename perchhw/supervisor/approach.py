@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from onboard.app_interface import EndReason, LandingState
-from perchhw.supervisor.aborts import abort, disarm, elapsed, enter, guard, lasting, stop
+from perchhw.supervisor.aborts import abort, disarm, elapsed, enter, guard, stop, tell
 from perchhw.supervisor.corridor import inside_corridor
 from perchhw.supervisor.landed import does_not_hold, inside_flip
 from perchhw.supervisor.observation import Admitted
@@ -81,9 +81,7 @@ def flipping(state: FlightState, o: Admitted, context: Context) -> Step:
 def settling(state: FlightState, o: Admitted, context: Context) -> Step:
     """Until the body rests. Whether it holds is told at once; from here nothing can be done about it."""
     problem = does_not_hold(o, context.limits) if state.triggered else None
-    state, told = lasting(state, problem is not None, context.timing.hang_hold, context)
-    if told or problem is None:
-        state = replace(state, alert=problem)
+    state = tell(state, problem, context.timing.hang_hold, context)
     if elapsed(state, context) >= context.timing.settle:
         return disarm(state, context)
     return Step(state)

@@ -3,7 +3,18 @@
 from dataclasses import replace
 
 from onboard.app_interface import LandingState
-from perchhw.supervisor.aborts import abort, disarm, elapsed, ended_early, enter, held, land, lasting, stop
+from perchhw.supervisor.aborts import (
+    abort,
+    disarm,
+    elapsed,
+    ended_early,
+    enter,
+    held,
+    land,
+    lasting,
+    stop,
+    tell,
+)
 from perchhw.supervisor.descent import DESCENT_RULES
 from perchhw.supervisor.observation import Admitted
 from perchhw.supervisor.state import Context, FlightState, Phase, Step
@@ -47,7 +58,8 @@ def landing(state: FlightState, o: Admitted, context: Context) -> Step:
         return stopped
     if since > context.timing.land + context.timing.land_margin:
         return abort(state, "the drone did not reach the floor", context)
-    return Step(replace(state, alert=_still_armed(state, o, context)))
+    armed = _still_armed(state, o, context)
+    return Step(tell(state, armed, context.timing.hang_hold if armed is None else 0.0, context))
 
 
 def _still_armed(state: FlightState, o: Admitted, context: Context) -> str | None:

@@ -139,6 +139,7 @@ class FlightState:
         stop_unconfirmed: why nobody knows whether the motors have stopped, or ``None``.
         record_lost: why the record may be incomplete, or ``None``.
         alert: what the operator must be told at once and loudly, or ``None``.
+        alert_due_since: since when something else was to be told without a break, s, or ``None``.
         waiting_for: what the current phase waits for, in words.
     """
 
@@ -166,6 +167,7 @@ class FlightState:
     stop_unconfirmed: str | None = None
     record_lost: str | None = None
     alert: str | None = None
+    alert_due_since: float | None = None
     waiting_for: str = ""
 
 

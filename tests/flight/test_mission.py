@@ -62,3 +62,17 @@ def test_the_impact_point_moves_the_start_with_it() -> None:
     ).mission.start
     assert there[0] - here[0] == pytest.approx(0.3)
     assert there[1] == pytest.approx(-0.2)
+
+
+@pytest.mark.parametrize(
+    ("room", "said"),
+    [
+        (RoomGeometry(x_min=-1e9), "room: x_min is -1e\\+09 m; it must be -50 to 50 m"),
+        (RoomGeometry(ceiling_z=float("nan")), "room: ceiling_z is nan m; give a number from 1 to 4 m"),
+        (RoomGeometry(ceiling_z=100.0), "room: ceiling_z is 100 m"),
+        (RoomGeometry(floor_z=-0.2), "room: floor_z is -0.2 m"),
+    ],
+)
+def test_a_room_that_nothing_flies_in_is_refused(room: RoomGeometry, said: str) -> None:
+    with pytest.raises(ApproachNotPossible, match=said):
+        plan_attempt(replace(REQUEST, room=room), policy_crc=1)

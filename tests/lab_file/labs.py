@@ -1,8 +1,11 @@
 """Lab files to test with."""
 
-from onboard.vehicle.schema import Measured, Range
+from onboard.bounds import Bounds
 
-RULES = {"battery_at_rest": Measured("V", Range.POSITIVE), "tilt_in_hover": Measured("rad", Range.POSITIVE)}
+RULES = {
+    "battery_at_rest": Bounds("V", 3.8, 4.1, "a pack of less sags"),
+    "tilt_in_hover": Bounds("rad", 0.25, 0.8, "moves need less"),
+}
 
 LAB = """
 schema = "perchhw.lab/1"

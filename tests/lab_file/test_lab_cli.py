@@ -72,6 +72,33 @@ def test_an_approach_must_fit_the_room_of_the_lab_file(
     assert "does not fit the room" in error_of(capsys, [*FLY, "--lab", "small.toml"])
 
 
+@pytest.mark.parametrize(
+    ("option", "value", "said"),
+    [
+        ("--ceiling", "nan", "--ceiling: is nan m; give a number from 1 to 4 m"),
+        ("--ceiling", "100", "--ceiling: is 100 m; it must be 1 to 4 m"),
+        ("--speed", "nan", "speed nan m/s; give a speed of more than 0 and less than 10"),
+        ("--speed", "1e9", "speed 1000000000.0 m/s; give a speed"),
+        ("--angle", "inf", "angle inf deg; give an angle of more than 0 and at most 90"),
+    ],
+)
+def test_an_absurd_option_is_refused_by_its_name(
+    option: str, value: str, said: str, capsys: pytest.CaptureFixture[str], folder: Path
+) -> None:
+    (folder / "lab.toml").write_text(LAB)
+    assert said in error_of(capsys, [*FLY, option, value])
+    assert not list(folder.rglob("*.mcap"))
+
+
+def test_a_limit_out_of_its_range_ends_even_a_dry_run(
+    capsys: pytest.CaptureFixture[str], folder: Path
+) -> None:
+    (folder / "lab.toml").write_text(LAB + "[limits]\ntilt_in_hover = 25\n")
+    said = error_of(capsys, [*FLY, "--dry-run"])
+    assert "lab.toml: limits.tilt_in_hover: is 25 rad; it must be 15 to 45 deg" in said
+    assert "degrees" in said
+
+
 @pytest.mark.parametrize("text", [GRID, FLIGHTS])
 def test_a_campaign_on_hardware_needs_a_lab_file(
     text: str, capsys: pytest.CaptureFixture[str], folder: Path

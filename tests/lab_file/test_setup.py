@@ -1,9 +1,8 @@
 """What flies where: an option beats the file, the file beats the defaults, and hardware needs a file."""
 
 import math
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import get_type_hints
 
 import pytest
 
@@ -22,7 +21,6 @@ from perchhw.lab import (
     read_lab,
     require_lab,
 )
-from perchhw.lab.flying import LIMITS
 from perchhw.supervisor import SafetyLimits
 from tests.lab_file.labs import LAB
 
@@ -206,6 +204,16 @@ def test_limits_mark_and_transform_reach_the_flight(tmp_path: Path) -> None:
     assert correction.latency == 0.012
 
 
-def test_every_number_of_the_safety_limits_can_be_named() -> None:
-    numbers = {f.name for f in fields(SafetyLimits) if get_type_hints(SafetyLimits)[f.name] is float}
-    assert set(LIMITS) == numbers
+@pytest.mark.parametrize("ceiling", [math.nan, math.inf, -2.0, 0.99, 4.01, 100.0])
+def test_a_ceiling_that_is_none_is_refused_by_the_name_of_its_option(tmp_path: Path, ceiling: float) -> None:
+    for lab in (None, lab_of(tmp_path)):
+        with pytest.raises(SetupError, match=rf"^--ceiling: is {ceiling:g} m; .* 1 to 4 m"):
+            flight_setup(lab, drone=DRONE, mocap=MOCAP, vehicle="crazyflie21-stock", ceiling=ceiling)
+
+
+def test_a_lower_ceiling_must_stay_above_the_floor_where_it_tilts(tmp_path: Path) -> None:
+    text = LAB.replace("x_min = -3.0", "x_min = -40.0").replace("tilt_x_deg = 1.0", "tilt_x_deg = 2.0")
+    lab = lab_of(tmp_path, text)
+    with pytest.raises(SetupError, match=r"^--ceiling: comes down to -0\.39"):
+        flight_setup(lab, ceiling=1.0)
+    assert flight_setup(lab, ceiling=1.5).room.ceiling_z == 1.5

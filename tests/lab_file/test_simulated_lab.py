@@ -54,19 +54,21 @@ def test_a_flight_needs_only_the_lab_file(
 def test_the_transform_and_the_limits_of_the_file_are_flown_with(
     lab: SimulatedLab, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Half a metre above its marker body the drone would stand in the air: it is not armed."""
+    """So far above its marker body the drone would stand in the air: it is not armed."""
     other = tmp_path / "other.toml"
     text = (
-        Path(lab.ready["lab"]).read_text().replace("position = [0.0, 0.0, 0.0]", "position = [0.0, 0.0, 0.5]")
+        Path(lab.ready["lab"])
+        .read_text()
+        .replace("position = [0.0, 0.0, 0.0]", "position = [0.0, 0.0, 0.15]")
     )
-    other.write_text(text + "\n[limits]\nheight_on_ground = 0.2\n")
+    other.write_text(text + "\n[limits]\nheight_on_ground = 0.12\n")
     code, document = fly(
         capsys, "--lab", str(other), "--drone", lab.drones[0], "--dry-run", "--out", str(tmp_path)
     )
     assert code == 3, document
     record = read_run(Path(str(document["record"])))
-    assert 0.5 < float(np.nanmin(record.series["pose"].numbers("z"))) < 0.6
-    assert record.info["config"]["limits"] == {"height_on_ground": 0.2}
+    assert 0.15 < float(np.nanmin(record.series["pose"].numbers("z"))) < 0.25
+    assert record.info["config"]["limits"] == {"height_on_ground": 0.12}
 
 
 def test_a_drone_that_is_not_on_its_mark_is_not_armed(

@@ -44,6 +44,9 @@ def test_the_margin_is_kept_from_every_wall() -> None:
     ):
         assert room.contains(*inside, 1.0, margin=0.2)
         assert not room.contains(*outside, 1.0, margin=0.2)
+    assert room.contains(0.0, 0.0, 2.1, margin=0.2)
+    assert not room.contains(0.0, 0.0, 2.11, margin=0.2), "the ceiling is no wall"
+    assert not room.contains(0.0, 0.0, -0.01, margin=0.2), "nor is the floor"
 
 
 @pytest.mark.parametrize("axis", range(3))

@@ -17,6 +17,7 @@ from onboard.trajectory import (
     plan_approach,
     sample_approach,
     smooth_approach,
+    start_outside,
 )
 
 ROOM = RoomGeometry()
@@ -165,3 +166,62 @@ def test_rounding_off_changes_neither_the_hover_nor_the_line_of_constant_velocit
         smooth, sharp = smooth_approach(approach, t, 0.08), sample_approach(approach, t)
         for got, wanted in zip(smooth[:3], sharp, strict=True):
             np.testing.assert_allclose(got, wanted, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"x_min": -1.0}, "x = -1.61 m (from -0.75 to 1.75 m), {y}, {z}{margin}x is less than -0.75 m"),
+        ({"x_max": -5.0}, "x = -1.61 m (from -6.25 to -5.25 m), {y}, {z}{margin}x is more than -5.25 m"),
+        (
+            {"y_min": -0.01, "y_max": 0.01},
+            "{x}, y = 0.00 m (from 0.24 to -0.24 m), {z}{margin}nothing is left",
+        ),
+        ({"y_min": 0.0}, "{x}, y = 0.00 m (from 0.25 to 0.75 m), {z}{margin}y is less than 0.25 m"),
+        ({"y_max": 0.2}, "{x}, y = 0.00 m (from -0.75 to -0.05 m), {z}{margin}y is more than -0.05 m"),
+        ({"ceiling_z": 1.5}, "{x}, {y}, z = 0.29 m (from 0.40 to 1.50 m){margin}z is less than 0.40 m;"),
+    ],
+)
+def test_a_room_that_is_too_small_names_the_axis_and_the_bound(changes: dict[str, float], said: str) -> None:
+    with pytest.raises(ApproachError) as caught:
+        fit_approach(2.5, 55.0, RoomGeometry(**changes))
+    parts = {
+        "x": "x = -1.61 m (from -6.25 to 1.75 m)",
+        "y": "y = 0.00 m (from -0.75 to 0.75 m)",
+        "z": "z = 0.89 m (from 0.40 to 2.10 m)",
+        "margin": ", which leaves 0.25 m to each wall: ",
+    }
+    assert f"it would start at {said.format(**parts)}" in str(caught.value)
+
+
+@given(
+    st.builds(
+        RoomGeometry,
+        x_min=st.floats(-3.0, 0.0),
+        x_max=st.floats(-2.0, 2.0),
+        y_min=st.floats(-1.0, 0.2),
+        y_max=st.floats(-0.2, 1.0),
+        ceiling_z=st.floats(0.9, 3.0),
+    )
+)
+def test_a_start_is_outside_exactly_where_the_room_does_not_hold_it(room: RoomGeometry) -> None:
+    start = plan_approach(2.0, 55.0, 0.0, room.ceiling_z, 3.0, 3.5, 0.3)
+    inside = room.contains(start.x0, start.y0, start.z0, 0.25) and start.z0 >= 0.4
+    assert (start_outside(start, room, 0.4, 0.25) is None) == inside
+
+
+@pytest.mark.parametrize(
+    ("speed", "angle_deg", "ceiling", "said"),
+    [
+        (math.nan, 55.0, 2.1, "approach: speed nan m/s; give a speed"),
+        (10.0, 55.0, 2.1, "approach: speed 10.0 m/s; give a speed"),
+        (2.5, math.nan, 2.1, "approach: angle nan deg; give an angle"),
+        (2.5, 90.1, 2.1, "approach: angle 90.1 deg; give an angle"),
+        (0.05, 10.0, 2.1, "climb at 0.05 m/s or more"),
+        (2.5, 55.0, math.nan, "approach: the ceiling is at nan m; give a height"),
+        (2.5, 55.0, 100.0, "approach: the ceiling is at 100.0 m; give a height"),
+    ],
+)
+def test_what_is_absurd_is_named(speed: float, angle_deg: float, ceiling: float, said: str) -> None:
+    with pytest.raises(ApproachError, match=said):
+        fit_approach(speed, angle_deg, RoomGeometry(ceiling_z=ceiling))

@@ -254,8 +254,40 @@ def test_a_landing_that_does_not_hold_is_told_at_once(sight: dict[str, Any], ale
     assert told.phase is Phase.SETTLING
     assert told.alert is None if alert is None else alert in (told.alert or "")
     assert told.aborted_by is None
-    held = settle(replace(good_in(Phase.SETTLING), **hanging(0.075, 2.0)), 0.1, told)
-    assert held.alert is None
+    holding = replace(good_in(Phase.SETTLING), **hanging(0.075, 2.0))
+    assert settle(holding, 0.2, told).alert == told.alert, "one look is not enough"
+    assert settle(holding, 0.4, told).alert is None
+
+
+def alerts(sights: list[dict[str, Any]]) -> list[str | None]:
+    """What is told while settling, each time that it changes, of one sight a tick."""
+    state, told = state_in(Phase.SETTLING), [None]
+    for tick, sight in enumerate(sights, start=1):
+        o = replace(good_in(Phase.SETTLING), **sight)
+        state = step(state, Tick(o), tick * PERIOD, MISSION).state
+        if state.alert != told[-1]:
+            told.append(state.alert)
+    return told[1:]
+
+
+UNSEEN: dict[str, Any] = {"pose_age": 0.4}
+
+
+def test_a_fall_is_told_once_however_far_it_goes() -> None:
+    (told,) = alerts([hanging(0.2 + 0.01 * tick, 5.0) for tick in range(120)])
+    assert "FALLING OR FALLEN: the drone is 0.3" in (told or "")
+
+
+def test_what_flickers_is_told_once() -> None:
+    flickering = [hanging(0.4, 0.0) if tick % 3 else UNSEEN for tick in range(120)]
+    assert len(alerts(flickering)) == 1
+    held_in_between = [*[hanging(0.4, 0.0)] * 20, *[hanging(0.4, 0.0), hanging(0.075, 2.0)] * 50]
+    assert len(alerts(held_in_between)) == 1
+
+
+def test_what_changes_for_good_is_told_again() -> None:
+    told = alerts([*[UNSEEN] * 30, *[hanging(0.09, 30.0)] * 30, *[hanging(0.075, 2.0)] * 30])
+    assert [alert and alert.partition(":")[0] for alert in told] == ["NOT SEEN", "HALF ATTACHED", None]
 
 
 def test_a_drone_that_was_not_triggered_is_not_expected_to_hang() -> None:
@@ -289,6 +321,10 @@ def test_switches_that_are_not_read_back_as_off_are_told(
     assert after.orders == ()
     never = step(state_in(Phase.LANDING), Tick(o), limit + 0.01, MISSION)
     assert never.state.alert is None
+    off = replace(o, policy_armed=False, trajectory_armed=False)
+    seen_once = step(after.state, Tick(off), limit + 0.03, MISSION).state
+    assert seen_once.alert == after.state.alert, "one look is not enough"
+    assert step(seen_once, Tick(off), limit + 0.34, MISSION).state.alert is None
 
 
 def test_motors_that_the_drone_cut_while_landing_are_disarmed() -> None:
