@@ -79,8 +79,8 @@ def _refuse_flying(uri: str, time: Timebase) -> None:
         while link.says_that_it_flies():
             if time() > settled:
                 raise DroneIsFlying(
-                    f"{uri} says that it is flying: it is not rebooted, which would make it fall. Let it land, "
-                    f"or stop it with perchhw stop --drone {uri}"
+                    f"{uri} says that it is flying: it is not rebooted, which would make it fall. "
+                    f"Let it land, or stop it with perchhw stop --drone {uri}"
                 )
             time.event().wait(_ASK_AGAIN_S)
 

@@ -8,7 +8,6 @@ from collections.abc import Callable
 from itertools import groupby
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from onboard.errors import InputError, OnboardError
@@ -434,12 +433,13 @@ def test_close_is_idempotent_cuts_the_motors_and_ends_every_call(tiny: TinyDrone
     until(lambda: threading.active_count() < threads)
 
 
+REST = (0.0, 0.0, 0.0)
 COMMANDS: dict[str, Callable[[DroneLink], object]] = {
     "arm": lambda link: link.arm(),
     "take off": lambda link: link.takeoff(0.5, 1.0),
     "go to": lambda link: link.go_to(0.0, 0.0, 1.0, 0.0, 1.0),
     "land": lambda link: link.land(0.0, 1.0),
-    "setpoint": lambda link: link.send_full_state(np.zeros(3), np.zeros(3), np.zeros(3), 0.0, 0.0),
+    "setpoint": lambda link: link.send_full_state(REST, REST, REST, 0.0, 0.0),
     "by cflib": lambda link: link._crazyflie.commander.send_setpoint(0.0, 0.0, 0.0, 20000),
 }
 
