@@ -41,8 +41,8 @@ def reboot(uri: str, timeout_s: float = 10.0, *, even_flying: bool = False) -> N
     Args:
         uri: where the drone is.
         timeout_s: deadline for the switching.
-        even_flying: to stop motors. Else a drone that says that it flies, and goes on saying so when it could
-            have come down meanwhile, is left alone. One that says nothing is rebooted: its firmware hangs.
+        even_flying: to stop motors. Else a drone that says that it flies is left alone. One that says
+            nothing is rebooted: its firmware hangs.
 
     Raises:
         LinkInputError: the URI cannot be used.
@@ -55,7 +55,7 @@ def reboot(uri: str, timeout_s: float = 10.0, *, even_flying: bool = False) -> N
     install_driver()
     with hold(uri), open_timebase("reboot", uri) as time:
         if not even_flying:
-            _refuse_flying(uri, time)
+            refuse_flying(uri, time)
         deadline = time() + timeout_s
         if uri.startswith("udp://"):
             with _raw_link(uri, time) as link:
@@ -73,16 +73,39 @@ def reboot(uri: str, timeout_s: float = 10.0, *, even_flying: bool = False) -> N
             link.until_answered(_LINK_SOURCE_HEADER, b"\0", deadline)
 
 
-def _refuse_flying(uri: str, time: Timebase) -> None:
+def refuse_flying(uri: str, time: Timebase) -> None:
+    """Refuse a drone that says that it flies: even to connect to it takes its telemetry from who flies it.
+
+    It may have landed just now, so it is asked again for 3 s. One that does not answer is not refused: who
+    connects to it hears why.
+
+    Raises:
+        LinkInputError: the URI cannot be used.
+        DroneIsFlying: it flies.
+    """
+    check_drone_uri(uri)
+    install_driver()
     settled = time() + _SETTLED_S
-    with _raw_link(uri, time) as link:
-        while link.says_that_it_flies():
-            if time() > settled:
-                raise DroneIsFlying(
-                    f"{uri} says that it is flying: it is not rebooted, which would make it fall. "
-                    f"Let it land, or stop it with perchhw stop --drone {uri}"
-                )
-            time.event().wait(_ASK_AGAIN_S)
+    while _says_that_it_flies(uri, time):
+        if time() > settled:
+            raise DroneIsFlying(
+                f"{uri} says that it is flying, and is left alone: somebody else flies it. "
+                f"Wait until it has landed, or stop it with perchhw stop --drone {uri}"
+            )
+        time.event().wait(_ASK_AGAIN_S)
+
+
+def _says_that_it_flies(uri: str, time: Timebase) -> bool:
+    """What the drone's supervisor answers; False when nothing does."""
+    try:
+        with _raw_link(uri, time) as link:
+            answer = link.until_answered(_INFO_HEADER, bytes((_GET_INFO,)), time() + _ANSWER_S)
+    except LinkInputError:
+        raise
+    except LinkError:
+        return False
+    told = len(answer) >= 3 and answer[0] == _INFO
+    return told and SupervisorInfo(int.from_bytes(answer[1:3], "little")).is_flying
 
 
 @contextmanager
@@ -114,18 +137,6 @@ class _RawLink:
     driver: Any
     errors: list[str]
     time: Timebase
-
-    def says_that_it_flies(self) -> bool:
-        """What the drone's supervisor answers; False when nothing does."""
-        try:
-            answer = self.until_answered(_INFO_HEADER, bytes((_GET_INFO,)), self.time() + _ANSWER_S)
-        except LinkTimeout:
-            return False
-        return (
-            len(answer) >= 3
-            and answer[0] == _INFO
-            and SupervisorInfo(int.from_bytes(answer[1:3], "little")).is_flying
-        )
 
     def until_answered(self, header: int, payload: bytes, deadline: float) -> bytes:
         """Send a request until a packet of the same port and channel comes back; its payload.

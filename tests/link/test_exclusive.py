@@ -137,7 +137,7 @@ def test_where_no_lock_can_be_made_the_drone_flies_and_it_is_said(
 
 def test_a_drone_that_says_that_it_flies_is_not_rebooted(tiny: TinyDrone) -> None:
     tiny.supervisor_bits = FLYING
-    with pytest.raises(DroneIsFlying, match=r"is flying.*perchhw stop"):
+    with pytest.raises(DroneIsFlying, match=r"is flying.*perchhw stop --drone"):
         reboot(tiny.uri)
     assert not any(request[:1] == POWER_HEADER and request[1:2] == b"\xfe" for request in tiny.requests)
     reboot(tiny.uri, even_flying=True)
