@@ -305,7 +305,7 @@ class MotorStand:
     def _restart_drone(self, loss: str) -> str:
         """The link is lost: the radio chip, which needs no firmware, can still switch the processor off."""
         try:
-            reboot(self._drone.uri, timeout_s=_REBOOT_S)
+            reboot(self._drone.uri, timeout_s=_REBOOT_S, even_flying=True)
         except LinkError as error:
             return f"the link is lost ({loss}), and the drone does not restart ({error})"
         return ""

@@ -3,6 +3,7 @@
 Described in docs/lab_file.md. Which limits there are is not known on this floor: the reader is told.
 """
 
+from onboard.lab_file.addresses import DroneAddresses, drone_addresses, drone_uris
 from onboard.lab_file.bounds import (
     CEILING_HEIGHT,
     CEILING_TILT,
@@ -26,7 +27,7 @@ from onboard.lab_file.model import (
     split_subject,
     with_subject,
 )
-from onboard.lab_file.reader import drone_uris, parse_lab, read_lab_file
+from onboard.lab_file.reader import parse_lab, read_lab_file
 from onboard.lab_file.writer import lab_to_toml, write_lab_file
 
 __all__ = [
@@ -37,6 +38,7 @@ __all__ = [
     "SCHEMA",
     "WALL",
     "Ceiling",
+    "DroneAddresses",
     "LabDrone",
     "LabFile",
     "LabFileError",
@@ -45,6 +47,7 @@ __all__ = [
     "StartMark",
     "SubjectToBody",
     "bounds_of",
+    "drone_addresses",
     "drone_uris",
     "lab_to_toml",
     "parse_lab",

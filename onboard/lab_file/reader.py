@@ -52,22 +52,6 @@ def read_lab_file(path: Path, limits: Mapping[str, Bounds]) -> LabFile:
     return parse_lab(read_toml(path, LabFileError), str(path), limits)
 
 
-def drone_uris(path: Path) -> list[str]:
-    """The addresses of the drones of a lab file, whatever else is wrong with it: a stop asks no more.
-
-    Raises:
-        LabFileError: no TOML, or no drone with an address in it.
-    """
-    tables = read_toml(path, LabFileError).get("drones")
-    rows = tables if isinstance(tables, list) else []
-    uris = [row["uri"] for row in rows if isinstance(row, Mapping) and isinstance(row.get("uri"), str)]
-    if not uris:
-        raise LabFileError(
-            f"{path}: drones: has no drone with a uri; add [[drones]] with uri, or give --drone"
-        )
-    return uris
-
-
 def parse_lab(content: Mapping[str, object], file: str, limits: Mapping[str, Bounds]) -> LabFile:
     """A lab from the content of its file; `file` is the name used in messages.
 

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from onboard.link.errors import (
     CommandRefused,
+    DroneInUse,
+    DroneIsFlying,
     LinkError,
     LinkInputError,
     LinkLost,
@@ -23,6 +25,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CommandRefused",
+    "DroneInUse",
+    "DroneIsFlying",
     "DroneLink",
     "LinkError",
     "LinkInputError",

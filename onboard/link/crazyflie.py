@@ -1,5 +1,5 @@
-"""Opening and closing cflib's ``Crazyflie`` with deadlines, and guarding the two places where it can lock
-itself up."""
+"""Opening and closing cflib's ``Crazyflie`` with deadlines, guarding the two places where it can lock itself
+up, and keeping it from ending the flight of somebody else."""
 
 import logging
 import threading
@@ -7,13 +7,18 @@ from pathlib import Path
 from typing import Any
 
 from cflib.crazyflie import Crazyflie
+from cflib.crtp.crtpstack import CRTPPort
 
 from onboard.link.driver import install_driver, links_live_in
 from onboard.link.errors import LinkError, LinkLost, LinkTimeout
+from onboard.link.exclusive import Hold, hold
 from onboard.link.uri import check_drone_uri
 from onboard.timebase import Timebase
 
 _CLOSE_DEADLINE = 2.0
+_FLYING_PORTS = frozenset({CRTPPort.COMMANDER, CRTPPort.COMMANDER_GENERIC, CRTPPort.SETPOINT_HL})
+_ARM_SUPERVISOR, _ARM_PLATFORM = (CRTPPort.SUPERVISOR, 1), (CRTPPort.PLATFORM, 0)
+_ARM = 1
 _log = logging.getLogger(__name__)
 
 
@@ -35,15 +40,36 @@ class _TablesSeen:
 _tables_seen = _TablesSeen()
 
 
+def takes_over(pk: Any) -> bool:
+    """Whether a packet arms the motors or commands the flight (either way of arming that firmware knows)."""
+    return pk.port in _FLYING_PORTS or (
+        (pk.port, pk.channel) in (_ARM_SUPERVISOR, _ARM_PLATFORM)
+        and len(pk.data) > 1
+        and pk.data[0] == _ARM
+        and pk.data[1] != 0
+    )
+
+
 class GuardedCrazyflie(Crazyflie):
     """cflib's ``Crazyflie``, for which a link error can never end in a deadlock, whatever the driver.
 
     In cflib 0.1.34 ``send_packet`` reads the link twice and keeps its lock when anything below it raises; and
     a driver that reports an error from inside a send (the radio does, when its queue is full) makes cflib
     wait for a thread that waits for this very lock.
+
+    cflib also sends a zero setpoint whenever it closes, which takes a flying drone out of the air. Here it
+    does so only when this very link has armed or commanded the drone.
+
+    Args:
+        held: the lock of the drone, released when the link is closed.
+        toc_cache: as for :func:`open_crazyflie`.
     """
 
-    def __init__(self, toc_cache: Path | None = None) -> None:
+    def __init__(self, held: Hold, toc_cache: Path | None = None) -> None:
+        self._held = held
+        self._took_over = False
+        self._keeps_quiet = False
+        self._opening: threading.Thread | None = None
         self.failure: str | None = None
         self.ended = threading.Event()  # it failed, or is being closed
         self.heard = threading.Event()
@@ -60,13 +86,34 @@ class GuardedCrazyflie(Crazyflie):
     ) -> None:
         """As cflib's; without its lock and timers where the driver resends by itself or need not."""
         link = self.link
-        if link is None:
+        if link is None or (self._keeps_quiet and pk.port == CRTPPort.COMMANDER):
             return
         if link.needs_resending:
+            self._note(pk)
             super().send_packet(pk, expected_reply, resend, timeout)
         else:
-            link.send_packet(pk)
+            self.transmit(pk)
             self.packet_sent.call(pk)
+
+    def transmit(self, pk: Any) -> None:
+        """Hand a packet to the driver, past cflib."""
+        link = self.link
+        if link is not None:
+            self._note(pk)
+            link.send_packet(pk)
+
+    def _note(self, pk: Any) -> None:
+        """Threads only ever set it, before the packet leaves: so none can lose what another has noted."""
+        if takes_over(pk):
+            self._took_over = True
+
+    def close_link(self) -> None:
+        """As cflib's; a drone that this link has neither armed nor commanded gets no zero setpoint."""
+        self._keeps_quiet = not self._took_over
+        try:
+            super().close_link()
+        finally:
+            self._keeps_quiet = False
 
     def _link_error_cb(self, errmsg: str) -> None:
         """Note the error at once; let cflib take the connection down on a thread of its own, one time."""
@@ -80,9 +127,14 @@ class GuardedCrazyflie(Crazyflie):
             self._failure_thread.start()
         self.ended.set()
 
+    def open_beside(self, uri: str) -> None:
+        """Begin to open the link, on a thread: looking for a radio can take its time."""
+        self._opening = threading.Thread(target=self.open_link, args=(uri,), name="LinkOpen", daemon=True)
+        self._opening.start()
+
     def close_within(self, seconds: float) -> bool:
-        """Close the link, which cuts the motors; False if cflib did not manage in time (its thread is left
-        behind)."""
+        """Close the link, which cuts motors that it commanded; False if cflib did not manage in time (its
+        thread is left behind, and keeps other processes off the drone)."""
         self.ended.set()
         closing = threading.Thread(target=self._close, name="LinkClose", daemon=True)
         closing.start()
@@ -93,9 +145,13 @@ class GuardedCrazyflie(Crazyflie):
         with self._failure_lock:
             self._closing = True
             failure_thread = self._failure_thread
-        if failure_thread is not None:
-            failure_thread.join()
-        self.close_link()
+        for thread in (self._opening, failure_thread):
+            if thread is not None:
+                thread.join()
+        try:
+            self.close_link()
+        finally:
+            self._held.release()
 
 
 def open_crazyflie(
@@ -112,13 +168,28 @@ def open_crazyflie(
 
     Raises:
         LinkInputError: the URI cannot be used.
+        DroneInUse: another process talks to the drone.
         LinkError: nobody is there, or no driver or radio for this URI.
         LinkTimeout: not connected by the deadline.
         LinkLost: the drone answered and then vanished.
     """
     check_drone_uri(uri)
     install_driver()
-    crazyflie = GuardedCrazyflie(toc_cache)
+    crazyflie = GuardedCrazyflie(hold(uri), toc_cache)
+    try:
+        _connect(crazyflie, uri, timeout_s, clock)
+    except BaseException:
+        if not crazyflie.close_within(_CLOSE_DEADLINE):
+            _log.warning(
+                "cflib did not close %s within %g s; its threads stay until the process ends",
+                uri,
+                _CLOSE_DEADLINE,
+            )
+        raise
+    return crazyflie
+
+
+def _connect(crazyflie: GuardedCrazyflie, uri: str, timeout_s: float, clock: Timebase) -> None:
     finished = threading.Event()
     refusals: list[str] = []
 
@@ -133,18 +204,10 @@ def open_crazyflie(
     crazyflie.connection_failed.add_callback(on_connection_failed)
     crazyflie.connection_lost.add_callback(on_connection_lost)
     with clock.connecting(), links_live_in(uri, clock):
-        # On a thread, because looking for a radio can take its time and must not outlast the deadline.
-        threading.Thread(target=crazyflie.open_link, args=(uri,), name="LinkOpen", daemon=True).start()
+        crazyflie.open_beside(uri)
         connected = finished.wait(clock.patience(timeout_s))
-    if connected and not refusals:
-        return crazyflie
-    if not crazyflie.close_within(_CLOSE_DEADLINE):
-        _log.warning(
-            "cflib did not close %s within %g s; its threads stay until the process ends",
-            uri,
-            _CLOSE_DEADLINE,
-        )
-    raise _opening_error(uri, timeout_s, refusals, crazyflie.heard.is_set())
+    if refusals or not connected:
+        raise _opening_error(uri, timeout_s, refusals, crazyflie.heard.is_set())
 
 
 def _opening_error(uri: str, timeout_s: float, refusals: list[str], heard: bool) -> LinkError:

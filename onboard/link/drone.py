@@ -104,19 +104,23 @@ class DroneLink:
             transfer_timeout_s: deadline of memory transfers and of the drone's verdict on a policy [s].
 
         Raises:
-            LinkInputError, LinkError, LinkTimeout, LinkLost: see
+            LinkInputError, DroneInUse, LinkError, LinkTimeout, LinkLost: see
             :func:`onboard.link.crazyflie.open_crazyflie`.
         """
         crazyflie = open_crazyflie(uri, timeout_s=timeout_s, clock=clock, toc_cache=toc_cache)
-        protocol = crazyflie.platform.get_protocol_version()
-        if protocol < PROTOCOL_VERSION_MIN:
+        try:
+            protocol = crazyflie.platform.get_protocol_version()
+            if protocol < PROTOCOL_VERSION_MIN:
+                raise LinkError(
+                    f"the firmware of {uri} has protocol {protocol}, needed is {PROTOCOL_VERSION_MIN}; "
+                    "update it"
+                )
+            if reply_timeout_s is None:
+                reply_timeout_s = max(_REPLY_TIMEOUT_S, silence_limit(uri))
+            return cls(crazyflie, uri, clock, reply_timeout_s, transfer_timeout_s)
+        except BaseException:
             crazyflie.close_within(_CLOSE_DEADLINE_S)
-            raise LinkError(
-                f"the firmware of {uri} has protocol {protocol}, needed is {PROTOCOL_VERSION_MIN}; update it"
-            )
-        if reply_timeout_s is None:
-            reply_timeout_s = max(_REPLY_TIMEOUT_S, silence_limit(uri))
-        return cls(crazyflie, uri, clock, reply_timeout_s, transfer_timeout_s)
+            raise
 
     # Parameters and logs
 
@@ -339,9 +343,9 @@ class DroneLink:
     def close(self) -> None:
         """Close the link; idempotent, takes at most 2 s, and a stop that is under way as long as it needs.
 
-        This CUTS THE MOTORS of a flying drone (cflib sends a zero setpoint, which ends the high-level
-        commander). It lands
-        nothing: land first. A link that was lost cannot do even that; the drone's own watchdogs have to.
+        When this link has armed or commanded the drone, this CUTS THE MOTORS (a zero setpoint ends the
+        high-level commander). It lands nothing: land first. A link that was lost cannot do even that; the
+        drone's own watchdogs have to. A drone that somebody else flies goes on flying.
         """
         if self._closing.is_set():
             return

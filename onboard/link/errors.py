@@ -1,6 +1,6 @@
 """Errors of the link to a drone."""
 
-from onboard.errors import InputError, OnboardError
+from onboard.errors import InputError, OnboardError, SafetyStop
 
 
 class LinkError(OnboardError):
@@ -19,12 +19,20 @@ class LinkInputError(LinkError, InputError):
     """A URI, value or request that no drone could serve; nothing was sent."""
 
 
+class DroneInUse(LinkError, InputError):
+    """Another process of this machine talks to the drone; nothing was sent."""
+
+
 class NoSuchVariable(LinkInputError):
     """The drone has no parameter, log variable or memory of this name. Usually the wrong firmware."""
 
 
 class CommandRefused(LinkError):
     """The drone answered, and the answer is no."""
+
+
+class DroneIsFlying(CommandRefused, SafetyStop):
+    """What was asked for would bring down a drone that says that it is flying."""
 
 
 class PolicyRefused(CommandRefused):

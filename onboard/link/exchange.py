@@ -82,7 +82,7 @@ class Exchange:
             LinkLost: the link is gone or closed.
         """
         self._check_open()
-        self._transmit(CRTPPacket(port << 4 | channel, payload))
+        self._crazyflie.transmit(CRTPPacket(port << 4 | channel, payload))
 
     def ask(
         self,
@@ -121,13 +121,13 @@ class Exchange:
             self._waiters.append(waiter)
         try:
             self._check_open()
-            self._transmit(packet)
+            self._crazyflie.transmit(packet)
             copies = 1
             while not waiter.event.wait(max(0.0, min(deadline - self._clock(), retry_s or within))):
                 if self._clock() >= deadline:
                     raise LinkTimeout(f"{self._uri} did not answer within {within:g} s: {what}")
                 if retry_s is not None:
-                    self._transmit(packet)
+                    self._crazyflie.transmit(packet)
                     copies += 1
         finally:
             with self._lock:
@@ -162,11 +162,6 @@ class Exchange:
             raise LinkLost(str(self._lost))
         if self._closed:
             raise LinkLost(f"the link to {self._uri} was closed")
-
-    def _transmit(self, packet: CRTPPacket) -> None:
-        link = self._crazyflie.link
-        if link is not None:
-            link.send_packet(packet)
 
     def _note_packet(self, _packet: CRTPPacket) -> None:
         self._last_packet = self._clock()

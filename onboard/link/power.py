@@ -15,30 +15,47 @@ from cflib.utils.power_switch import PowerSwitch
 
 from onboard.lab_time import open_timebase
 from onboard.link.driver import install_driver, links_live_in
-from onboard.link.errors import LinkError, LinkInputError, LinkTimeout
+from onboard.link.errors import DroneIsFlying, LinkError, LinkInputError, LinkTimeout
+from onboard.link.exclusive import hold
 from onboard.link.uri import check_drone_uri
+from onboard.supervisor_info import SupervisorInfo
 from onboard.timebase import Timebase
 
 _BOOTLOADER_HEADER, _BOOTLOADER_COMMAND, _OFF, _ON = 0xFF, 0xFE, 0x02, 0x03
 _LINK_SOURCE_HEADER = 0xF1
+_INFO_HEADER, _GET_INFO, _INFO = 0x90, 0x0C, 0x8C
 _REPEAT_S = 0.1
 _OFF_TIME_S = 0.5
+_ANSWER_S = 1.0
+_ASK_AGAIN_S = 0.5
+_SETTLED_S = 3.0
+"""A drone says that it flies until its thrust has been off for 2 s."""
 
 
-def reboot(uri: str, timeout_s: float = 10.0) -> None:
+def reboot(uri: str, timeout_s: float = 10.0, *, even_flying: bool = False) -> None:
     """Switch the drone off and on, and return when its firmware answers again.
 
     Whatever it held in memory is gone: parameters, policy, log blocks. A connection that is open meanwhile is
     lost. Over the radio cflib's own power switch does the switching.
 
+    Args:
+        uri: where the drone is.
+        timeout_s: deadline for the switching.
+        even_flying: to stop motors. Else a drone that says that it flies is left alone. One that says
+            nothing is rebooted: its firmware hangs.
+
     Raises:
         LinkInputError: the URI cannot be used.
+        DroneInUse: another process talks to the drone.
+        DroneIsFlying: it flies; it was not rebooted.
         LinkError: there is no radio, or nobody is there.
         LinkTimeout: the drone did not answer before or after.
     """
     check_drone_uri(uri)
     install_driver()
-    with open_timebase("reboot", uri) as time:
+    with hold(uri), open_timebase("reboot", uri) as time:
+        if not even_flying:
+            refuse_flying(uri, time)
         deadline = time() + timeout_s
         if uri.startswith("udp://"):
             with _raw_link(uri, time) as link:
@@ -54,6 +71,41 @@ def reboot(uri: str, timeout_s: float = 10.0) -> None:
                 switch.close()
         with _raw_link(uri, time) as link:
             link.until_answered(_LINK_SOURCE_HEADER, b"\0", deadline)
+
+
+def refuse_flying(uri: str, time: Timebase) -> None:
+    """Refuse a drone that says that it flies: even to connect to it takes its telemetry from who flies it.
+
+    It may have landed just now, so it is asked again for 3 s. One that does not answer is not refused: who
+    connects to it hears why.
+
+    Raises:
+        LinkInputError: the URI cannot be used.
+        DroneIsFlying: it flies.
+    """
+    check_drone_uri(uri)
+    install_driver()
+    settled = time() + _SETTLED_S
+    while _says_that_it_flies(uri, time):
+        if time() > settled:
+            raise DroneIsFlying(
+                f"{uri} says that it is flying, and is left alone: somebody else flies it. "
+                f"Wait until it has landed, or stop it with perchhw stop --drone {uri}"
+            )
+        time.event().wait(_ASK_AGAIN_S)
+
+
+def _says_that_it_flies(uri: str, time: Timebase) -> bool:
+    """What the drone's supervisor answers; False when nothing does."""
+    try:
+        with _raw_link(uri, time) as link:
+            answer = link.until_answered(_INFO_HEADER, bytes((_GET_INFO,)), time() + _ANSWER_S)
+    except LinkInputError:
+        raise
+    except LinkError:
+        return False
+    told = len(answer) >= 3 and answer[0] == _INFO
+    return told and SupervisorInfo(int.from_bytes(answer[1:3], "little")).is_flying
 
 
 @contextmanager
@@ -86,8 +138,8 @@ class _RawLink:
     errors: list[str]
     time: Timebase
 
-    def until_answered(self, header: int, payload: bytes, deadline: float) -> None:
-        """Send a request until a packet of the same port and channel comes back.
+    def until_answered(self, header: int, payload: bytes, deadline: float) -> bytes:
+        """Send a request until a packet of the same port and channel comes back; its payload.
 
         Raises:
             LinkError: the driver reported an error.
@@ -102,5 +154,5 @@ class _RawLink:
                 if self.errors:
                     raise LinkError(f"cannot reboot {self.uri}: {self.errors[0]}")
                 if answer is not None and (answer.port, answer.channel) == (packet.port, packet.channel):
-                    return
+                    return bytes(answer.data)
         raise LinkTimeout(f"cannot reboot {self.uri}: no answer to header {header:#04x} by the deadline")

@@ -37,6 +37,7 @@ def run(
     (too many attempts in a row or a test flight aborted, stopped by others, a stop not confirmed), 130
     interrupted (continue with --resume).
     """
+    from onboard.link.exclusive import hold
     from perchhw.campaign import CampaignStopped, load_plan, run_campaign
     from perchhw.campaign.courses import has_flights
     from perchhw.cli.prompts import confirmation
@@ -53,7 +54,7 @@ def run(
     runner = attempt_after_attempt(confirmation(yes), FlightDisplay(phases=False))
     stopped: str | None = None
     try:
-        with live_table() as show:
+        with hold(plan.drone), live_table() as show:
             run_campaign(plan, folder, runner, resume=resume, retry_aborted=retry_aborted, on_change=show)
     except CampaignStopped as stop:
         stopped = str(stop)
@@ -67,6 +68,7 @@ def run(
 
 def _fly_courses(file: Path, lab: Path | None, out: Path | None, resume: bool, yes: bool) -> int:
     """Fly a campaign of test flights."""
+    from onboard.link.exclusive import hold
     from perchhw.campaign.courses import flight_rows, fly_plan, load_flight_plan
     from perchhw.cli.prompts import confirmation
     from perchhw.lab import find_lab
@@ -76,13 +78,14 @@ def _fly_courses(file: Path, lab: Path | None, out: Path | None, resume: bool, y
     folder = out or Path("runs") / f"campaign-{slug(plan.name)}"
     screen = progress_console()
     screen.print(f"{len(plan.flights)} test flights", markup=False)
-    rows = fly_plan(
-        plan,
-        folder,
-        confirmation(yes),
-        resume=resume,
-        on_change=lambda rows: screen.print(f"{sum(row.done for row in rows)} of {len(rows)} done"),
-    )
+    with hold(plan.drone):
+        rows = fly_plan(
+            plan,
+            folder,
+            confirmation(yes),
+            resume=resume,
+            on_change=lambda rows: screen.print(f"{sum(row.done for row in rows)} of {len(rows)} done"),
+        )
     stopped = next((row.aborted_by for row in flight_rows(plan, folder) if row.aborted_by), None)
     document: dict[str, Any] = {
         "campaign": str(folder),

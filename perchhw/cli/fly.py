@@ -61,6 +61,7 @@ def fly(
     Exit codes: 0 landed (or the dry run passed), 1 not landed, 2 input that cannot be used, 3 a safety rule
     refused or ended it, 130 interrupted: landed by the first Ctrl-C, motors cut by the second.
     """
+    from onboard.link.exclusive import hold
     from perchhw.cli.prompts import confirmation
     from perchhw.flight import fly_attempt, turnaround
     from perchhw.lab import find_lab, flight_setup
@@ -84,9 +85,10 @@ def fly(
         lab=setup.lab,
     )
     try:
-        if put_back:
-            turnaround.put_back(setup.drone, confirmation(yes))
-        result = fly_attempt(request, dry_run=dry_run, on_phase=FlightDisplay())
+        with hold(setup.drone):
+            if put_back:
+                turnaround.put_back(setup.drone, confirmation(yes))
+            result = fly_attempt(request, dry_run=dry_run, on_phase=FlightDisplay())
     except AttemptInterrupted as interrupted:
         _emit(interrupted.result, dry_run)
         raise

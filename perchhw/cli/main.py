@@ -146,5 +146,7 @@ def main() -> None:
     # Our matrices are small: threads of the linear algebra would only spin, in a wizard for 12 s out of 18.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     code = run(sys.argv[1:])
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # one more key would turn the exit code into a death
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):  # one more would turn the exit code into a death
+        if hasattr(signal, name):  # Windows has no SIGHUP
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
     sys.exit(code)

@@ -1,6 +1,7 @@
 """``perchhw policy``: show, import, export, evaluate, upload and verify landing policies."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,6 +11,7 @@ from perchhw.cli.options import DroneUri
 from perchhw.cli.output import console, emit
 
 if TYPE_CHECKING:
+    from onboard.link import DroneLink
     from onboard.policy.files import Policy
 
 app = typer.Typer(
@@ -178,15 +180,27 @@ def evaluate(
     emit({"rows": rows}, draw)
 
 
+@contextmanager
+def _linked(drone: str) -> "Iterator[DroneLink]":
+    """A link to a drone that is not flying."""
+    from onboard.lab_time import open_timebase
+    from onboard.link import DroneLink
+    from onboard.link.exclusive import hold
+    from onboard.link.power import refuse_flying
+
+    with hold(drone), open_timebase("policy", drone) as time:
+        refuse_flying(drone, time)
+        with DroneLink.open(drone, clock=time) as link:
+            yield link
+
+
 @app.command()
 def upload(policy: PolicyArgument, drone: DroneUri) -> None:
     """Give a policy to a drone; it reports the CRC that it reads back."""
-    from onboard.lab_time import open_timebase
-    from onboard.link import DroneLink
     from onboard.policy.bundle import encode_bundle
 
     bundle = encode_bundle(_load(policy))
-    with open_timebase("policy", drone) as time, DroneLink.open(drone, clock=time) as link:
+    with _linked(drone) as link:
         crc = link.upload_policy(bundle)
     emit(
         {"drone": drone, "crc32": crc, "bytes": len(bundle)},
@@ -197,12 +211,10 @@ def upload(policy: PolicyArgument, drone: DroneUri) -> None:
 @app.command()
 def verify(policy: PolicyArgument, drone: DroneUri) -> None:
     """Check that a drone runs a policy; exit code 1 if it runs another or none."""
-    from onboard.lab_time import open_timebase
-    from onboard.link import DroneLink
     from onboard.policy.files import policy_crc32
 
     expected = policy_crc32(_load(policy))
-    with open_timebase("policy", drone) as time, DroneLink.open(drone, clock=time) as link:
+    with _linked(drone) as link:
         actual = link.active_policy_crc()
     result = {"drone": drone, "matches": actual == expected, "crc32": actual, "expected_crc32": expected}
     if actual == expected:

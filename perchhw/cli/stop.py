@@ -1,9 +1,15 @@
 """``perchhw stop``: cut the motors, from any terminal, beside whoever flies."""
 
+import contextlib
+import os
+import signal
+import sys
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from types import FrameType
+from typing import Annotated, Any, TextIO
 
 import typer
 
@@ -16,6 +22,13 @@ from perchhw.cli.output import emit
 
 LAB_FILE = Path("lab.toml")
 """The lab file of a folder."""
+
+_SIGNALS = tuple(
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+)  # Windows has no SIGHUP
+
+_UNHEARD = (OSError, AttributeError)
+"""A closed pipe, a terminal that has gone, a full disk; there was no such stream to begin with."""
 
 app = typer.Typer(add_completion=False)
 
@@ -32,31 +45,37 @@ def stop(
 ) -> int:
     """Cut the motors of drones now, and repeat it until each says that it is locked (until it is rebooted).
 
-    It has a connection of its own, waits for no lock, and does not ask: a drone in the air falls.
+    It has a connection of its own, waits for no lock, and does not ask: a drone in the air falls. Once begun
+    it goes on to its end, some seconds at most, and says what came of it, also when it is interrupted.
 
     Exit codes: 0 all are locked, 1 not confirmed, 2 no drone was named, or not in a way that can be used.
     """
-    uris = drones_to_stop(drone, lab)
-    with ThreadPoolExecutor(len(uris)) as threads:
-        results = list(threads.map(_stopped, uris))
-    emit({"drones": [told for told, _ in results]}, "\n".join(_in_words(told) for told, _ in results))
+    with _not_called_off():
+        uris, doubt = drones_to_stop(drone, lab)
+        with ThreadPoolExecutor(len(uris)) as threads:
+            results = list(threads.map(_stopped, uris))
+        if doubt:
+            _say_beside(f"{doubt}; stopped was what looks like a drone's address in it")
+        _tell({"drones": [told for told, _ in results]}, "\n".join(_in_words(told) for told, _ in results))
     return max(code for _, code in results)
 
 
-def drones_to_stop(drone: list[str] | None, lab: Path | None) -> list[str]:
-    """The URIs that were given, or else those of the lab file: the one given, or that of this folder.
+def drones_to_stop(drone: list[str] | None, lab: Path | None) -> tuple[list[str], str]:
+    """The URIs that were given, or else those of the lab file: the one given, or that of this folder; and why
+    these are not sure to be all, else an empty text.
 
     Raises:
         LinkInputError: neither is there.
         LabFileError: the lab file names no drones.
     """
     if drone:
-        return list(dict.fromkeys(drone))
-    from onboard.lab_file import drone_uris
+        return list(dict.fromkeys(drone)), ""
+    from onboard.lab_file import drone_addresses
 
     if lab is None and not LAB_FILE.exists():
         raise LinkInputError(f"no drone to stop: give --drone URI, or --lab FILE (here is no {LAB_FILE})")
-    return list(dict.fromkeys(drone_uris(lab or LAB_FILE)))
+    found = drone_addresses(lab or LAB_FILE)
+    return found.uris, found.doubt
 
 
 def _stopped(uri: str) -> tuple[dict[str, Any], int]:
@@ -74,3 +93,49 @@ def _in_words(result: dict[str, Any]) -> str:
     if result["locked"]:
         return f"{result['drone']}: locked after {1000.0 * result['seconds']:.0f} ms"
     return f"{result['drone']}: NOT CONFIRMED: {result['reason']}"
+
+
+@contextlib.contextmanager
+def _not_called_off() -> Iterator[None]:
+    """Ctrl-C, SIGTERM and a terminal that closes end nothing: whoever sends them wants the motors off."""
+
+    def goes_on(_number: int, _frame: FrameType | None) -> None:
+        if sys.stderr is not None:  # where it is closed, its number may be that of a socket
+            with contextlib.suppress(OSError):
+                os.write(2, b"still stopping; what came of it follows\n")  # no print: it may interrupt one
+
+    before = {number: signal.signal(number, goes_on) for number in _SIGNALS}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _tell(document: dict[str, Any], words: str) -> None:
+    """Give the verdict; on stderr where nobody reads stdout (any more), which changes nothing about it."""
+    try:
+        emit(document, lambda: _write(sys.stdout, words))
+    except _UNHEARD:
+        _leave(sys.stdout)
+        _say_beside(words)
+
+
+def _say_beside(words: str) -> None:
+    try:
+        _write(sys.stderr, words)
+    except _UNHEARD:  # nobody is left to tell; the exit code says it
+        _leave(sys.stderr)
+
+
+def _write(stream: TextIO, words: str) -> None:
+    stream.write(words + "\n")
+    stream.flush()
+
+
+def _leave(stream: TextIO | None) -> None:
+    """What was not written is given up: else the interpreter tries again when it ends, and its exit code
+    says that this failed."""
+    if stream is not None:
+        with contextlib.suppress(OSError):  # no file of the system's
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

@@ -9,6 +9,8 @@ from mocap_bridge.bridge import PoseBridge
 from mocap_bridge.correction import AS_TRACKED, PoseCorrection
 from mocap_bridge.sinks.crazyflie import CrazyfliePoseSink
 from onboard.link import DroneLink
+from onboard.link.exclusive import hold
+from onboard.link.power import refuse_flying
 from onboard.timebase import Queue, Timebase
 from perchhw.flight.actions import CommandRunner
 from perchhw.flight.caught import Caught
@@ -97,6 +99,8 @@ class SupervisedFlight:
         clock, record = self.clock, self.record
         stack.enter_context(interrupts)
         record.event("connecting", clock(), drone=self.drone, mocap=self.mocap)
+        stack.enter_context(hold(self.drone))
+        refuse_flying(self.drone, clock)
         link = stack.enter_context(DroneLink.open(self.drone, clock=clock))
         interrupts.stop_by(link.stop_path.trigger)
         readback, events = ReadBack(), clock.queue()

@@ -22,6 +22,7 @@ def put_back(drone: str, confirm: Confirm) -> None:
     the simulated operator put the drone back.
 
     Raises:
+        DroneIsFlying: it says that it flies; it was not rebooted. DroneInUse: another process talks to it.
         LinkError: the drone did not answer to the reboot.
     """
     confirm(PUT_BACK)

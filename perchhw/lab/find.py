@@ -30,7 +30,7 @@ def drones_of(given: Path | None) -> list[str]:
     """Addresses of all drones of the lab file that counts, whatever else is wrong with it: for a stop.
 
     Raises:
-        LabFileError: there is no lab file, or no drone in it.
+        LabFileError: there is no lab file, or it cannot be read, or has no address of a drone in it.
     """
     path = _place(given)
     if path is None:

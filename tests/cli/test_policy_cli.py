@@ -168,3 +168,12 @@ def test_a_damaged_policy_never_reaches_the_drone(policy_file, drone, capsys):
     assert run(["policy", "upload", str(policy_file), "--drone", drone.uri]) == 2
     assert drone.requests == []
     capsys.readouterr()
+
+
+@pytest.mark.parametrize("verb", ["upload", "verify"])
+def test_a_drone_that_flies_is_not_even_connected_to(policy_file, drone, verb, capsys):
+    drone.supervisor_bits = 0x1B  # armed and flying
+    assert run(["policy", verb, str(policy_file), "--drone", drone.uri]) == 3
+    assert "is flying" in capsys.readouterr().err
+    assert {request[0] & 0xF3 for request in drone.requests} == {0x90}  # asked, and nothing else
+    assert drone.memory[:164] == bytes(164)

@@ -1,13 +1,18 @@
 """``perchhw stop``: all drones that are named, in parallel, beside whoever is connected."""
 
 import json
+import os
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from perchhw.cli.main import run
+from tests.link.clients import connected_elsewhere
 from tests.link.tiny_drone import TinyDrone
-from tests.patience import patient_link
+from tests.patience import patient_link, until
 
 LOCKED = 0x40
 
@@ -61,3 +66,138 @@ def test_an_address_that_cannot_be_used_does_not_keep_the_other(capsys: pytest.C
         assert run(["stop", "--drone", "udp//oops", "--drone", good.uri, "--json"]) == 2
         assert good.supervisor_bits & LOCKED
     assert [result["locked"] for result in json.loads(capsys.readouterr().out)["drones"]] == [False, True]
+
+
+def started(
+    *arguments: str, stdout: int = subprocess.PIPE, stderr: int = subprocess.PIPE
+) -> "subprocess.Popen[str]":
+    """``perchhw stop`` as a process of its own."""
+    command = [sys.executable, "-m", "perchhw", "stop", *arguments]
+    return subprocess.Popen(command, stdout=stdout, stderr=stderr, text=True)
+
+
+def stops(tiny: TinyDrone) -> int:
+    """How many stop packets came."""
+    return sum(request[0] & 0xF3 == 0x91 and request[1:2] == b"\x03" for request in tiny.requests)
+
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
+
+
+def test_a_stop_that_is_interrupted_goes_on_and_says_what_came_of_it() -> None:
+    with TinyDrone() as tiny:
+        tiny.drop = lambda request: request[0] & 0xF3 in (0x90, 0x91)
+        process = started("--drone", tiny.uri)
+        until(lambda: stops(tiny))
+        for number in SIGNALS:
+            process.send_signal(number)
+        before = stops(tiny)
+        until(lambda: stops(tiny) > before + 3)
+        tiny.drop = lambda _request: False
+        output, errors = process.communicate()
+        assert tiny.supervisor_bits & LOCKED
+    assert process.returncode == 0, errors
+    assert "locked after" in output
+    assert "still stopping" in errors
+
+
+def test_an_interrupted_stop_that_is_not_confirmed_says_so() -> None:
+    with TinyDrone() as tiny:
+        tiny.frozen.set()
+        process = started("--drone", tiny.uri, "--json")
+        until(lambda: stops(tiny))
+        for number in SIGNALS:
+            process.send_signal(number)
+        output, errors = process.communicate()
+    assert process.returncode == 1, errors
+    (result,) = json.loads(output)["drones"]
+    assert not result["locked"]
+    assert "said nothing" in result["reason"]
+
+
+@pytest.mark.parametrize("as_json", [(), ("--json",)], ids=["words", "json"])
+def test_the_verdict_goes_to_stderr_where_nobody_reads_stdout(as_json: tuple[str, ...]) -> None:
+    read, write = os.pipe()
+    os.close(read)
+    with TinyDrone() as tiny:
+        process = started("--drone", tiny.uri, *as_json, stdout=write)
+        os.close(write)
+        _, errors = process.communicate()
+        assert tiny.supervisor_bits & LOCKED
+    assert process.returncode == 0, errors
+    assert "locked after" in errors
+
+
+@pytest.mark.parametrize(
+    ("streams", "answers", "code"),
+    [
+        (">&-", True, 0),
+        ("2>&-", True, 0),
+        (">&- 2>&-", True, 0),
+        (">/dev/full 2>/dev/full", True, 0),
+        (">/dev/full 2>/dev/full", False, 1),
+    ],
+)
+def test_the_exit_code_is_true_also_where_nobody_can_be_told(streams: str, answers: bool, code: int) -> None:
+    line = f'exec "$0" -m perchhw stop --drone "$1" {streams}'
+    with TinyDrone() as tiny:
+        if not answers:
+            tiny.frozen.set()
+        ended = subprocess.run(["sh", "-c", line, sys.executable, tiny.uri], check=False)
+        assert ended.returncode == code
+
+
+def test_a_stop_asks_for_no_lock(capsys: pytest.CaptureFixture[str]) -> None:
+    with TinyDrone() as tiny, connected_elsewhere(tiny.uri):
+        assert run(["stop", "--drone", tiny.uri]) == 0
+        assert tiny.supervisor_bits & LOCKED
+    assert "locked after" in capsys.readouterr().out
+
+
+def in_ruins(how: str, uri: str) -> bytes:
+    """A lab file with one drone that is there, and one that somebody has taken out."""
+    content = f"""schema = "perchhw.lab/1"
+[mocap]
+uri = "vicon-udp://:51001"
+[[drones]]
+uri = "{uri}"
+vehicle = "crazyflie21-upgraded"
+  # uri = "udp://127.0.0.1:9"
+"""
+    match how:
+        case "syntax":
+            return content.replace("[[drones]]", "[[drones]").encode()
+        case "open quote":
+            return content.replace(f'"{uri}"', f'"{uri}').encode()
+        case "latin-1":
+            return content.replace("crazyflie21-upgraded", "Krähe").encode("latin-1")
+        case "utf-16":
+            return content.encode("utf-16")
+        case "one table":
+            return content.replace("[[drones]]", "[drones]").encode()
+        case "misspelt":
+            return content.replace(f'uri = "{uri}"', f'url = "{uri}"').encode()
+    raise ValueError(how)
+
+
+@pytest.mark.parametrize("how", ["syntax", "open quote", "latin-1", "utf-16", "one table", "misspelt"])
+def test_a_lab_file_in_ruins_keeps_no_drone_flying(
+    how: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "lab.toml"
+    with TinyDrone() as tiny:
+        file.write_bytes(in_ruins(how, tiny.uri))
+        assert run(["stop", "--lab", str(file), "--json"]) == 0
+        assert tiny.supervisor_bits & LOCKED
+        told = capsys.readouterr()
+        assert [result["drone"] for result in json.loads(told.out)["drones"]] == [tiny.uri]
+    assert str(file) in told.err
+    assert "looks like a drone's address" in told.err
+
+
+def test_a_lab_file_that_names_no_drone_at_all_is_wrong_usage(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "lab.toml").write_text("drones = \n")
+    assert run(["stop", "--lab", str(tmp_path / "lab.toml")]) == 2
+    assert "no address of a drone" in capsys.readouterr().err

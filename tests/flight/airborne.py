@@ -147,7 +147,7 @@ class Airborne:
         """Put the drone on its start mark, fly, and return when the flight is in phase `until`."""
         self.network.faults = Faults()
         self.network.frozen.clear()
-        reboot(self._drone)
+        reboot(self._drone, even_flying=True)
         self.stops.clear()
         self.attempted.clear()
         self._flights += 1

@@ -4,6 +4,7 @@ import struct
 import threading
 import time
 import zlib
+from collections.abc import Callable
 from itertools import groupby
 from pathlib import Path
 
@@ -423,12 +424,51 @@ def test_callback_that_raises_ends_its_stream_only(tiny: TinyDrone, link: DroneL
 def test_close_is_idempotent_cuts_the_motors_and_ends_every_call(tiny: TinyDrone) -> None:
     link = patient_link(tiny.uri)
     threads = threading.active_count()
+    link.arm()
     link.close()
     link.close()
     until(lambda: tiny.count(0x30))  # cflib's zero setpoint
     with pytest.raises(LinkLost, match="closed"):
         link.param("ring.solid")
     until(lambda: threading.active_count() < threads)
+
+
+REST = (0.0, 0.0, 0.0)
+COMMANDS: dict[str, Callable[[DroneLink], object]] = {
+    "arm": lambda link: link.arm(),
+    "take off": lambda link: link.takeoff(0.5, 1.0),
+    "go to": lambda link: link.go_to(0.0, 0.0, 1.0, 0.0, 1.0),
+    "land": lambda link: link.land(0.0, 1.0),
+    "setpoint": lambda link: link.send_full_state(REST, REST, REST, 0.0, 0.0),
+    "by cflib": lambda link: link._crazyflie.commander.send_setpoint(0.0, 0.0, 0.0, 20000),
+}
+
+
+@pytest.mark.parametrize("command", COMMANDS.values(), ids=list(COMMANDS))
+def test_closing_stops_a_drone_that_this_link_commands(
+    tiny: TinyDrone, link: DroneLink, command: Callable[[DroneLink], object]
+) -> None:
+    command(link)
+    before = tiny.count(0x30)
+    link.close()
+    until(lambda: tiny.count(0x30) > before)
+
+
+def test_closing_leaves_a_drone_alone_that_somebody_else_flies(tiny: TinyDrone, link: DroneLink) -> None:
+    tiny.supervisor_bits = 0x1B  # armed and flying
+    tiny.memory_status = 5
+    link.supervisor_info()
+    link.send_pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    link.set_param("stabilizer.estimator", 2)
+    with pytest.raises(PolicyRefused, match="flying"):
+        link.upload_policy(bytes(100))
+    before = len(tiny.requests)
+    link.close()
+    with patient_link(tiny.uri) as other:  # nothing of the first is still on its way
+        other.supervisor_info()
+    sent = {request[0] & 0xF0 for request in tiny.requests[before:]}
+    assert not sent & {0x30, 0x70, 0x80}
+    assert not tiny.count(0x91)
 
 
 def test_reopening_leaves_no_threads_behind(tiny: TinyDrone) -> None:

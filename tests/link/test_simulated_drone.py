@@ -149,8 +149,8 @@ def test_commands_follow_the_drones_supervisor(crazyflie_uri: str) -> None:
 def test_takes_off_although_an_earlier_link_was_closed(crazyflie_uri: str) -> None:
     """Closing a link leaves a zero setpoint behind, of higher priority than the high-level commander."""
     reboot(crazyflie_uri)
-    with patient_link(crazyflie_uri):
-        pass
+    with patient_link(crazyflie_uri) as link:
+        link.stop_motors()
     turning = threading.Event()
 
     def watch(sample: LogSample) -> None:

@@ -1,0 +1,198 @@
+"""One process of a machine at a time talks to a drone; ``perchhw stop`` alone asks nobody.
+
+A second client does harm by its mere connecting: the drone forgets the log blocks of the first and answers
+the second; what that one then sends may end the flight. So every link and every reboot takes the drone's lock
+before its first packet. It is an advisory lock (flock) on a small file, which the kernel releases when the
+process dies, however it dies. Within a process it is counted: several links to one drone are its own affair.
+
+The files are in ``/tmp/perchhw``, for all users of the machine. A place that an environment variable or a
+session decides on (``TMPDIR``, ``XDG_RUNTIME_DIR``) would not be the same for a terminal, a service and a
+second account, and a home folder may be shared with other machines. Where no file can be made or locked, that
+is told and the drone may be flown: somebody on a broken disk must still get a drone down, and the drone's
+link itself sends nothing that ends the flight of others (:class:`onboard.link.crazyflie.GuardedCrazyflie`).
+Windows has no such locks.
+"""
+
+import contextlib
+import logging
+import os
+import re
+import shlex
+import socket
+import sys
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from onboard.link.errors import DroneInUse
+from onboard.link.uri import check_drone_uri, parse_udp_uri
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
+
+FOLDER = Path("/tmp/perchhw")
+
+_RADIO_DEFAULTS = ("2M", "E7E7E7E7E7")
+_ADDRESS_DIGITS = 10
+_NOTE_MAX = 300
+_UNFIT_FOR_NAMES = re.compile(r"[^\w.]+")
+_log = logging.getLogger(__name__)
+
+
+@dataclass(slots=True)
+class _Held:
+    """A lock of this process: a locked file (None: there are no locks here), and how often it is wanted."""
+
+    file: int | None
+    path: Path
+    holds: int = 0
+
+    def unlock(self) -> None:
+        """Take the file away while it is still locked: whoever waits for it finds that it has gone."""
+        if self.file is not None:
+            with contextlib.suppress(OSError):  # another user made it
+                self.path.unlink()
+            os.close(self.file)
+
+
+_guard = threading.Lock()
+_held: dict[str, _Held] = {}
+
+
+class Hold:
+    """One use of a drone by this process, until :meth:`release`; a context manager. Made by :func:`hold`."""
+
+    def __init__(self, key: str) -> None:
+        self._key: str | None = key
+
+    def release(self) -> None:
+        """Give the drone back; with the last hold of the process it is free for others. Idempotent."""
+        with _guard:
+            key, self._key = self._key, None
+            if key is None:
+                return
+            held = _held[key]
+            held.holds -= 1
+            if held.holds == 0:
+                del _held[key]
+                held.unlock()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.release()
+
+
+def hold(uri: str) -> Hold:
+    """Keep other processes off the drone at `uri`; returns at once.
+
+    Raises:
+        LinkInputError: the URI cannot be used.
+        DroneInUse: another process talks to it; the message says which.
+    """
+    key = drone_key(uri)
+    with _guard:
+        held = _held.get(key)
+        if held is None:
+            path = FOLDER / (_UNFIT_FOR_NAMES.sub("-", key) + ".lock")
+            held = _held[key] = _Held(_locked_file(uri, path), path)
+        held.holds += 1
+    return Hold(key)
+
+
+def drone_key(uri: str) -> str:
+    """What two addresses of one drone have in common: no query, no name of a host, no number of a radio.
+
+    Raises:
+        LinkInputError: the URI cannot be used.
+    """
+    check_drone_uri(uri)
+    address = uri.partition("?")[0]
+    if address.startswith("udp://"):
+        udp = parse_udp_uri(uri)
+        host = udp.host.lower()
+        with contextlib.suppress(OSError):  # unknown: the link will say so
+            host = socket.gethostbyname(host)
+        return f"udp://{host}:{udp.port}"
+    if address.startswith("radio://"):
+        channel, *given = address.removeprefix("radio://").strip("/").split("/")[1:]
+        rate, radio_address = (*given, *_RADIO_DEFAULTS[len(given) :])
+        return f"radio://{int(channel)}/{rate}/{radio_address.upper().rjust(_ADDRESS_DIGITS, '0')}"
+    return address
+
+
+def _locked_file(uri: str, path: Path) -> int | None:
+    """The drone's file, open and locked, with who holds it; None where there are no locks."""
+    if fcntl is None:
+        return None
+    try:
+        file = _lock(path)
+    except BlockingIOError as taken:
+        raise DroneInUse(
+            f"{uri} is in use by {_holder(path)}: wait for it, or stop the drone with "
+            f"perchhw stop --drone {uri}"
+        ) from taken
+    except OSError as error:
+        _log.error(
+            "cannot keep other processes off %s (%s: %s): see to it that none talks to it", uri, path, error
+        )
+        return None
+    with contextlib.suppress(OSError):  # a full disk: it is locked all the same
+        os.truncate(file, 0)
+        os.pwrite(file, f"{os.getpid()} {_command()}".encode(errors="replace")[:_NOTE_MAX], 0)
+    return file
+
+
+def _lock(path: Path) -> int:
+    """Lock the file of this name; BlockingIOError when another process has."""
+    while True:
+        file = _open(path)
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if os.path.samestat(os.fstat(file), path.stat()):
+                return file
+        except FileNotFoundError:
+            pass  # taken away by whoever held it
+        except OSError:
+            os.close(file)
+            raise
+        os.close(file)
+
+
+def _open(path: Path) -> int:
+    """Open the file; where it is not, make it, for every user."""
+    with contextlib.suppress(FileExistsError):
+        path.parent.mkdir()
+        path.parent.chmod(0o1777)
+    while True:
+        # Without O_CREAT first: in such a folder the kernel refuses it for files of other users.
+        with contextlib.suppress(FileNotFoundError):
+            return os.open(path, os.O_RDWR | os.O_NOFOLLOW)
+        with contextlib.suppress(FileExistsError):
+            file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW)
+            os.fchmod(file, 0o666)
+            return file
+
+
+def _holder(path: Path) -> str:
+    """Who holds the lock, from its file, in words."""
+    note = ""
+    with contextlib.suppress(OSError):  # just given back
+        note = path.read_text(errors="replace")[:_NOTE_MAX]
+    process, _, command = "".join(c for c in note if c.isprintable()).partition(" ")
+    return f"process {process} ({command})" if process.isdecimal() else "another process"
+
+
+def _command() -> str:
+    """The command line of this process as a person would write it."""
+    program, *arguments = sys.argv or [""]
+    path = Path(program)
+    name = path.parent.name if path.name == "__main__.py" else path.name
+    return shlex.join([name, *arguments])
