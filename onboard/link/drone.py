@@ -27,7 +27,7 @@ from onboard.link.policy_upload import PolicyUpload
 from onboard.link.power import reboot
 from onboard.link.radio import CflibStopPort
 from onboard.link.stop import StopPath
-from onboard.link.uri import SILENCE_LIMIT, silence_limit
+from onboard.link.uri import SILENCE_LIMIT, patience, silence_limit
 from onboard.link.variables import log_table, parameter_table
 from onboard.supervisor_info import SupervisorInfo
 from onboard.timebase import WALL, Timebase
@@ -96,7 +96,7 @@ class DroneLink:
 
         Args:
             uri: ``udp://HOST:PORT``, ``radio://...`` or ``usb://...``.
-            timeout_s: deadline for connecting [s].
+            timeout_s: deadline for connecting [s]; later for a URI that asks for patience.
             clock: the time that the link goes by.
             toc_cache: folder for tables of contents; makes the next connection faster.
             reply_timeout_s: deadline of calls that need one answer [s]; 2 s, or the silence that the URI
@@ -107,6 +107,7 @@ class DroneLink:
             LinkInputError, DroneInUse, LinkError, LinkTimeout, LinkLost: see
             :func:`onboard.link.crazyflie.open_crazyflie`.
         """
+        timeout_s *= patience(uri)
         crazyflie = open_crazyflie(uri, timeout_s=timeout_s, clock=clock, toc_cache=toc_cache)
         try:
             protocol = crazyflie.platform.get_protocol_version()
@@ -329,11 +330,8 @@ class DroneLink:
 
     @property
     def patience(self) -> float:
-        """How many times as patient as usual to be with this drone, by the ``silence_s`` of its URI.
-
-        More than 1 with a simulated one on a busy machine, never with a real one.
-        """
-        return max(1.0, silence_limit(self.uri) / SILENCE_LIMIT)
+        """See :func:`onboard.link.uri.patience`."""
+        return patience(self.uri)
 
     @property
     def lost(self) -> LinkLost | None:

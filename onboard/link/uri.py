@@ -105,3 +105,11 @@ _CHECKS: dict[str, Callable[[str], object]] = {
 def silence_limit(uri: str) -> float:
     """Silence of the drone after which its link counts as lost, s."""
     return parse_udp_uri(uri).silence_s if uri.startswith("udp://") else SILENCE_LIMIT
+
+
+def patience(uri: str) -> float:
+    """How many times as patient as usual to be with this drone, by the ``silence_s`` of its URI.
+
+    More than 1 with a simulated one on a busy machine, never with a real one.
+    """
+    return max(1.0, silence_limit(uri) / SILENCE_LIMIT)

@@ -8,8 +8,7 @@ import errno
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -45,22 +44,25 @@ def progress_console() -> "Console":
     return Console(file=sys.stderr, highlight=False)
 
 
-@contextmanager
-def to_whoever_listens(stream: TextIO) -> Iterator[None]:
-    """Tell a result to `stream`: that its reader is gone (a closed pipe or terminal) changes no exit code.
+def told(stream: TextIO | None, tell: Callable[[], object]) -> bool:
+    """Tell a result to `stream`; False where its reader is gone (a closed pipe or terminal), or never was.
 
-    What is told afterwards, also what the interpreter still has to flush, goes nowhere.
+    That changes no exit code. What is told afterwards, also what the interpreter still has to flush, goes
+    nowhere.
     """
+    if stream is None:
+        return False
     try:
-        yield
+        tell()
         stream.flush()
     except (OSError, SystemExit) as error:  # rich makes an exit of a broken pipe
-        gone = isinstance(error, SystemExit) or error.errno in (errno.EPIPE, errno.EIO)
-        if not gone:
+        if isinstance(error, OSError) and error.errno not in (errno.EPIPE, errno.EIO):
             raise
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())
         os.close(nowhere)
+        return False
+    return True
 
 
 @dataclass
@@ -92,13 +94,20 @@ def emit_error(message: str, exit_code: int) -> None:
         emit({"error": message, "exit_code": exit_code}, "")
 
 
-def emit(result: dict[str, Any], human: Callable[[], None] | str) -> None:
-    """Give the result of a verb: one JSON document, or `human`: a text or a function that draws."""
+def emit(result: dict[str, Any], human: Callable[[], None] | str) -> bool:
+    """Give the result of a verb: one JSON document, or `human`: a text or a function that draws.
+
+    Returns:
+        Whether anybody took it.
+    """
     settings.emitted = True
-    with to_whoever_listens(sys.stdout):
+
+    def tell() -> None:
         if settings.as_json:
             sys.stdout.write(json.dumps(result, allow_nan=False) + "\n")
         elif callable(human):
             human()
         else:
             console().print(human, markup=False, soft_wrap=True)
+
+    return told(sys.stdout, tell)

@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
 from types import FrameType
-from typing import Annotated, Any, TextIO
+from typing import Annotated, Any
 
 import typer
 
@@ -18,7 +18,7 @@ from onboard.link.errors import LinkInputError
 from onboard.link.stop import StopReport
 from onboard.link.stop_drone import stop_drone
 from perchhw.cli import exit_codes
-from perchhw.cli.output import emit
+from perchhw.cli.output import emit, told
 
 LAB_FILE = Path("lab.toml")
 """The lab file of a folder."""
@@ -26,9 +26,6 @@ LAB_FILE = Path("lab.toml")
 _SIGNALS = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 )  # Windows has no SIGHUP
-
-_UNHEARD = (OSError, AttributeError)
-"""A closed pipe, a terminal that has gone, a full disk; there was no such stream to begin with."""
 
 app = typer.Typer(add_completion=False)
 
@@ -56,7 +53,10 @@ def stop(
             results = list(threads.map(_stopped, uris))
         if doubt:
             _say_beside(f"{doubt}; stopped was what looks like a drone's address in it")
-        _tell({"drones": [told for told, _ in results]}, "\n".join(_in_words(told) for told, _ in results))
+        _tell(
+            {"drones": [stopped for stopped, _ in results]},
+            "\n".join(_in_words(stopped) for stopped, _ in results),
+        )
     return max(code for _, code in results)
 
 
@@ -114,28 +114,13 @@ def _not_called_off() -> Iterator[None]:
 
 def _tell(document: dict[str, Any], words: str) -> None:
     """Give the verdict; on stderr where nobody reads stdout (any more), which changes nothing about it."""
-    try:
-        emit(document, lambda: _write(sys.stdout, words))
-    except _UNHEARD:
-        _leave(sys.stdout)
+    heard = False
+    with contextlib.suppress(OSError):  # a full disk
+        heard = emit(document, words)
+    if not heard:
         _say_beside(words)
 
 
 def _say_beside(words: str) -> None:
-    try:
-        _write(sys.stderr, words)
-    except _UNHEARD:  # nobody is left to tell; the exit code says it
-        _leave(sys.stderr)
-
-
-def _write(stream: TextIO, words: str) -> None:
-    stream.write(words + "\n")
-    stream.flush()
-
-
-def _leave(stream: TextIO | None) -> None:
-    """What was not written is given up: else the interpreter tries again when it ends, and its exit code
-    says that this failed."""
-    if stream is not None:
-        with contextlib.suppress(OSError):  # no file of the system's
-            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    with contextlib.suppress(OSError):  # nobody is left to tell; the exit code says it
+        told(sys.stderr, lambda: sys.stderr.write(words + "\n"))

@@ -33,7 +33,9 @@ ONLY_STRICTER = {
 
 
 @pytest.mark.parametrize(
-    ("page", "shown"), [("lab_file.md", limits_table), ("safety.md", reasons_table)], ids=str
+    ("page", "shown"),
+    [("lab_file.md", limits_table), ("safety.md", reasons_table)],
+    ids=["lab file", "safety"],
 )
 def test_the_pages_show_these_ranges(page: str, shown: object) -> None:
     assert callable(shown)
