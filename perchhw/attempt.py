@@ -69,6 +69,7 @@ class AttemptResult:
         aborted_by: name of the rule that ended the attempt, or None.
         record: the run folder.
         stopped: somebody else stopped the drone while it flew (``perchhw stop``).
+        fell: how the motors came to be cut before the drone was down, without a trigger, in words, or None.
     """
 
     outcome: Outcome
@@ -77,6 +78,7 @@ class AttemptResult:
     aborted_by: str | None
     record: Path
     stopped: bool = False
+    fell: str | None = None
 
 
 class AttemptInterrupted(KeyboardInterrupt):

@@ -132,6 +132,7 @@ class FlightState:
         aborted_by: the rule, command or person that ended the attempt early, or ``None``.
         link_lost: why the link broke, or ``None``; after the flip that is no abort, but less is recorded.
         locked: the drone said that it is locked while its motors might turn: somebody has stopped it.
+        fell: how the motors came to be cut before the drone was down, without a trigger, or ``None``.
         record_lost: why the record may be incomplete, or ``None``.
         alert: what the operator must be told at once and loudly, or ``None``.
         waiting_for: what the current phase waits for, in words.
@@ -158,6 +159,7 @@ class FlightState:
     aborted_by: str | None = None
     link_lost: str | None = None
     locked: bool = False
+    fell: str | None = None
     record_lost: str | None = None
     alert: str | None = None
     waiting_for: str = ""

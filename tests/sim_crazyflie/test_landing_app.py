@@ -263,7 +263,7 @@ def test_poses_that_stop_end_the_approach() -> None:
     flight.poses = False
     flight.run(0.3)
     assert flight.firmware.app is not None
-    assert flight.firmware.app.memory["reason"] == EndReason.BAD_ESTIMATE
+    assert flight.firmware.app.memory["reason"] == EndReason.POSE_LOST
     assert flight.log("perchT.count") == 0
 
 
