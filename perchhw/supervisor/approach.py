@@ -80,12 +80,11 @@ def flipping(state: FlightState, o: Admitted, context: Context) -> Step:
 
 def settling(state: FlightState, o: Admitted, context: Context) -> Step:
     """Until the body rests. Whether it holds is told at once; from here nothing can be done about it."""
-    if not state.triggered:
-        return disarm(state, context) if elapsed(state, context) >= context.timing.settle else Step(state)
-    problem = does_not_hold(o, context.limits)
-    state, told = lasting(state, problem is not None, context.timing.hang_hold, context)
-    if told or problem is None:
-        state = replace(state, alert=problem)
+    if state.triggered:
+        problem = does_not_hold(o, context.limits)
+        state, told = lasting(state, problem is not None, context.timing.hang_hold, context)
+        if told or problem is None:
+            state = replace(state, alert=problem)
     if elapsed(state, context) >= context.timing.settle:
         return disarm(state, context)
     return Step(state)

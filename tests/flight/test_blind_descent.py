@@ -21,7 +21,7 @@ DRIFT = 0.3
 """m. What braking and landing blind may be wrong by: largest seen 0.22 m after 3.5 s."""
 
 KINDS = ("mocap_occlude_at", "mocap_freeze_at", "mocap_dies_at", "mocap_flip180_at")
-TIMES = ("7.3", "8.0", "8.5", "8.9", "9.2", "9.35", "9.43")
+TIMES = ("7.6", "8.0", "8.5", "8.9", "9.2", "9.35", "9.43")
 """s of the lab. The approach begins at 7.05, climbs from 8.9 on, and would trigger at 9.59."""
 
 
@@ -106,13 +106,3 @@ def test_any_loss_at_any_time_of_the_approach_ends_in_a_gentle_landing(
     result, truth = fly(tmp_path, seen(kind, at, lasts), seed=int(100 * float(at)))
     assert_told(result)
     assert_came_down_gently(truth, float(at))
-
-
-@pytest.mark.soak
-@pytest.mark.timeout(300)
-@pytest.mark.parametrize("bias", ["0.003,0.003,0.003", "-0.003,0.003,0"])
-def test_a_gyro_that_has_warmed_up_since_its_calibration_lands_blind(bias: str, tmp_path: Path) -> None:
-    """0.17 deg/s on two axes; the drift of a blind descent grows with the bias and the square of the time."""
-    result, truth = fly(tmp_path, "mocap_occlude_at=9.35", f"gyro_bias={bias}")
-    assert_told(result)
-    assert_came_down_gently(truth, 9.35)

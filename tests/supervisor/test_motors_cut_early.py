@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from onboard.app_interface import EndReason, LandingState
-from perchhw.supervisor import CommandFailed, FlightState, Order, Phase, Tick, step
+from perchhw.supervisor import CommandFailed, FlightState, Order, Phase, Tick, Timing, step
 from perchhw.supervisor.events import Brake, Disarm, EmergencyStop, Land
 
 from .simulated_attempt import MISSION, PERIOD
@@ -101,3 +101,11 @@ def test_nothing_else_is_told(phase: Phase, reported: LandingState | None) -> No
     after, _ = look(state_in(phase), landing_state=reported)
     assert (after.fell is not None) == (reported in (LandingState.CUT, LandingState.FAULT))
     assert after.alert == after.fell
+
+
+def test_what_was_told_before_stays_when_the_drone_is_down() -> None:
+    state = replace(state_in(Phase.LANDING), alert="STILL ARMED", fell="earlier")
+    floor = (-3.0, 0.0, 0.1)
+    after, ordered = look(state, Timing().land, pose_position=floor, estimate_position=floor)
+    assert (after.phase, ordered) == (Phase.DISARMING, [Disarm])
+    assert (after.alert, after.fell) == ("STILL ARMED", "earlier")
