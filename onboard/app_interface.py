@@ -87,6 +87,7 @@ class EndReason(IntEnum):
     TILT = 7
     CONTACT = 8
     NOT_FLYING = 9
+    POSE_LOST = 10
 
 
 class ValueType(StrEnum):

@@ -69,6 +69,7 @@ class AttemptResult:
         aborted_by: name of the rule that ended the attempt, or None.
         record: the run folder.
         halt: why nobody may go to the drone, or fly it again, before a person has looked; or None.
+        fell: how the motors came to be cut before the drone was down, without a trigger, in words, or None.
     """
 
     outcome: Outcome
@@ -77,6 +78,7 @@ class AttemptResult:
     aborted_by: str | None
     record: Path
     halt: str | None = None
+    fell: str | None = None
 
 
 class AttemptInterrupted(KeyboardInterrupt):

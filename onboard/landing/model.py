@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from onboard.arrays import Quaternion, Vector
+from onboard.gravity import GRAVITY
 from onboard.vehicle.model import Vehicle
 
 
@@ -92,7 +93,7 @@ class LandingLimits(NamedTuple):
     """Limits of the machine. Lengths in m, times in s, angles in rad.
 
     Attributes:
-        arm_x: m, for the thrusts of the flip. thrust_max: N per motor.
+        arm_x: m, for the thrusts of the flip. thrust_max: N per motor. weight: N.
         policy_tau_min: below this tau the live policy cannot trigger; NaN when there is none.
         start_distance, start_speed: how near the start the drone must be for `go`.
         start_z_min: lowest start of an approach.
@@ -104,7 +105,10 @@ class LandingLimits(NamedTuple):
         contact_distance: distance from the origin to the ceiling that counts as contact.
         tilt_limit: largest angle of b3 from vertical outside the flip.
         flip_timeout: longest flip.
-        pose_age_limit: oldest pose in an approach. blind_limit: longest time without a usable estimate.
+        pose_age_limit: oldest pose in an approach.
+        speed_limit: fastest estimate that is believed while braking and holding, m/s.
+        hold_distance: farthest from its setpoint that an estimate without poses is believed in a hold.
+        useless_limit: longest time without a usable estimate while braking and holding.
         lateral_limit: largest distance from the plan in y.
         hold_clearance: distance below the ceiling of the hold after a brake.
         hold_acceleration: m/s2 used to stop. descent_speed: m/s.
@@ -112,6 +116,7 @@ class LandingLimits(NamedTuple):
 
     arm_x: float
     thrust_max: float
+    weight: float
     policy_tau_min: float
     start_distance: float
     start_speed: float
@@ -126,7 +131,9 @@ class LandingLimits(NamedTuple):
     tilt_limit: float
     flip_timeout: float
     pose_age_limit: float
-    blind_limit: float
+    speed_limit: float
+    hold_distance: float
+    useless_limit: float
     lateral_limit: float
     hold_clearance: float
     hold_acceleration: float
@@ -136,13 +143,17 @@ class LandingLimits(NamedTuple):
 def landing_limits(vehicle: Vehicle, policy_tau_min: float = math.nan) -> LandingLimits:
     """The limits for a vehicle and the live policy's `tau_min` (s; NaN without a policy).
 
-    The flip of the authors' flights took 0.196 to 0.275 s, so 0.5 s is no flip any more.
+    The flip of the authors' flights took 0.196 to 0.275 s, so 0.5 s is no flip any more. The fastest approach
+    flies 3.5 m/s, and the firmware's filter resets itself at 10: 5 m/s is neither. An estimate in a blind
+    hold was at most 0.34 m from its setpoint (15 simulated brakes from 1.5 to 3.5 m/s); that of a filter that
+    resets itself in flight jumps farther than 1 m.
     """
     body, motors = vehicle.body, vehicle.motors
     top = max(body.body_top_z.value, body.propeller_height_z.value)
     return LandingLimits(
         arm_x=body.arm_x.value,
         thrust_max=motors.thrust_max.value,
+        weight=body.mass.value * GRAVITY,
         policy_tau_min=policy_tau_min,
         start_distance=0.25,
         start_speed=0.3,
@@ -157,7 +168,9 @@ def landing_limits(vehicle: Vehicle, policy_tau_min: float = math.nan) -> Landin
         tilt_limit=math.radians(70.0),
         flip_timeout=0.5,
         pose_age_limit=0.15,
-        blind_limit=0.5,
+        speed_limit=5.0,
+        hold_distance=1.0,
+        useless_limit=0.5,
         lateral_limit=0.5,
         hold_clearance=0.7,
         hold_acceleration=4.0,
@@ -176,7 +189,7 @@ LANDING_MEMORY = np.dtype(
         ("attitude", np.float64, (4,)),
         ("start_time", np.float64),
         ("flip_time", np.float64),
-        ("blind_time", np.float64),
+        ("usable_time", np.float64),
         ("hold_time", np.float64),
         ("hold_position", np.float64, (3,)),
         ("hold_velocity", np.float64, (3,)),
@@ -195,7 +208,8 @@ LANDING_MEMORY = np.dtype(
 """Everything that the machine remembers.
 
 `state` is a LandingState, `trajectory_status` a TrajectoryStatus (:mod:`onboard.app_interface`), `reason` an
-`EndReason`; `attitude` is propagated from the gyro; `snapshot_*` is the sample that triggered the last flip
+`EndReason`; `attitude` is propagated from the gyro; `usable_time` is when the estimate was last usable while
+braking and holding; `snapshot_*` is the sample that triggered the last flip
 (SI, `snapshot_pitch` rad, positive nose down), `snapshot_count` counts flips.
 """
 

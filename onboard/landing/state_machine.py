@@ -22,6 +22,9 @@ Rules (default deny: what is not known is not allowed, and a NaN never starts an
   takes longer than stopping would, and the ceiling is met at 0.7 m/s (climb 2.0), 1.5 (2.5), 2.5 (3.5).
 - HOLD ends when the trajectory is disarmed and the vehicle has slowed down: whoever flies next starts from a
   standstill, and a climb that it would stop at once takes all thrust away.
+- Without poses BRAKE and HOLD go on by the estimate, which dead-reckons, until the drone is handed over to be
+  landed. Only an estimate that cannot be true (:mod:`onboard.landing.estimate`) ends in FAULT; until then a
+  hold is level and carries its weight.
 - CUT and FAULT are latched until both arm flags are clear and the drone does not fly.
 """
 
@@ -34,6 +37,7 @@ from onboard.app_interface import EndReason, LandingState, TrajectoryStatus
 from onboard.jit import inner, kernel
 from onboard.landing.attitude import is_finite, own_attitude, propagate_attitude
 from onboard.landing.braking import hold_setpoint, stopping_distance
+from onboard.landing.estimate import estimate_is_finite, estimate_is_usable, has_pose
 from onboard.landing.model import (
     LANDING_MEMORY,
     LandingInputs,
@@ -92,6 +96,7 @@ _OFF_TRACK = np.int64(EndReason.OFF_TRACK)
 _TILT = np.int64(EndReason.TILT)
 _CONTACT = np.int64(EndReason.CONTACT)
 _NOT_FLYING = np.int64(EndReason.NOT_FLYING)
+_POSE_LOST = np.int64(EndReason.POSE_LOST)
 
 POLICY_PERIOD = 0.01
 """s. The policy is evaluated at 100 Hz (errata 9)."""
@@ -113,13 +118,6 @@ _NO_THRUSTS = (0.0, 0.0, 0.0, 0.0)
 
 
 @inner
-def _estimate_is_finite(inputs: LandingInputs) -> bool:
-    q = inputs.quaternion
-    attitude = math.isfinite(q[0] + q[1] + q[2] + q[3])
-    return attitude and is_finite(inputs.position) and is_finite(inputs.velocity)
-
-
-@inner
 def _end_approach(memory: Any, state: int, reason: np.int64) -> None:
     memory.state = state
     memory.reason = reason
@@ -129,7 +127,7 @@ def _end_approach(memory: Any, state: int, reason: np.int64) -> None:
 @inner
 def _begin_brake(memory: Any, inputs: LandingInputs, reason: np.int64) -> None:
     _end_approach(memory, BRAKE, reason)
-    memory.blind_time = inputs.time
+    memory.usable_time = inputs.time
 
 
 @inner
@@ -160,8 +158,8 @@ def _may_go(inputs: LandingInputs, plan: ApproachPlan, limits: LandingLimits) ->
     speed = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
     return (
         inputs.flying
-        and _estimate_is_finite(inputs)
-        and inputs.pose_age <= limits.pose_age_limit
+        and estimate_is_finite(inputs)
+        and has_pose(inputs, limits)
         and _start_distance(inputs, plan) <= limits.start_distance
         and speed <= limits.start_speed
     )
@@ -236,13 +234,10 @@ def _step_approach(memory: Any, inputs: LandingInputs, plan: ApproachPlan, limit
         _begin_brake(memory, inputs, _ABORT)
     elif not inputs.trajectory_armed:
         _begin_brake(memory, inputs, _DISARMED)
-    elif not (
-        _estimate_is_finite(inputs)
-        and is_finite(inputs.gyro)
-        and inputs.pose_age <= limits.pose_age_limit
-        and math.isfinite(t)
-    ):
+    elif not (estimate_is_finite(inputs) and is_finite(inputs.gyro) and math.isfinite(t)):
         _begin_brake(memory, inputs, _BAD_ESTIMATE)
+    elif not has_pose(inputs, limits):
+        _begin_brake(memory, inputs, _POSE_LOST)
     elif plan.ceiling_z - inputs.position[2] <= limits.contact_distance:
         _end_approach(memory, CUT, _CONTACT)
     elif _triggers(memory, inputs):
@@ -272,19 +267,15 @@ def _may_hand_over(memory: Any, inputs: LandingInputs) -> bool:
 
 @inner
 def _step_brake(memory: Any, inputs: LandingInputs, plan: ApproachPlan, limits: LandingLimits) -> None:
-    """BRAKE and HOLD: cut on tilt and contact, fault when blind, hold once the climb has ended."""
+    """BRAKE and HOLD: cut on tilt and contact, fault without an estimate, hold once the climb has ended."""
     if _is_tilted(memory, limits):
         memory.state = CUT
         return
-    known = _estimate_is_finite(inputs) and is_finite(inputs.gyro)
-    if not (known and inputs.pose_age <= limits.pose_age_limit):
-        if not inputs.time - memory.blind_time <= limits.blind_limit:
+    if not estimate_is_usable(memory, inputs, plan, limits):
+        if not inputs.time - memory.usable_time <= limits.useless_limit:
             memory.state = FAULT
-            return
-    else:
-        memory.blind_time = inputs.time
-    if not known:
         return
+    memory.usable_time = inputs.time
     if plan.ceiling_z - inputs.position[2] <= limits.contact_distance:
         memory.state = CUT
         return
@@ -344,6 +335,8 @@ def _output(memory: Any, inputs: LandingInputs, plan: ApproachPlan, limits: Land
     if state == APPROACH:
         p, v, a = _approach_setpoint(inputs.time - memory.start_time, plan, limits)
         return LandingOutput(_SETPOINT, p, v, a, 0.0, 0.0, _NO_THRUSTS, attitude)
+    if state == HOLD and memory.usable_time != inputs.time:
+        return LandingOutput(_LEVEL, _ZERO, _ZERO, _ZERO, 0.0, limits.weight, _NO_THRUSTS, attitude)
     if state == HOLD:
         p, v, a = hold_setpoint(memory, inputs.time, plan, limits)
         return LandingOutput(_SETPOINT, p, v, a, 0.0, 0.0, _NO_THRUSTS, attitude)

@@ -17,8 +17,9 @@ place   constant
 17-18   time constant of rising and of falling thrust, s
 19      drag torque per thrust, m
 20-37   gains: fields of :class:`onboard.controller.ControllerGains` in their order, SI, tangent of the tilt
-38-55   limits: fields of :class:`onboard.landing.model.LandingLimits` in their order, SI, angles in rad,
-        without those that are above (``arm_x``, ``thrust_max``) or come with the policy (``policy_tau_min``)
+38-57   limits: fields of :class:`onboard.landing.model.LandingLimits` in their order, SI, angles in rad,
+        without those that are above (``arm_x``, ``thrust_max``), follow (``weight``) or come with the
+        policy (``policy_tau_min``)
 ======  ====================================================================================================
 """
 
@@ -31,7 +32,7 @@ from onboard.controller import controller_gains
 from onboard.landing.model import landing_limits
 from onboard.vehicle.model import Vehicle
 
-_LIMITS_ELSEWHERE = frozenset({"arm_x", "thrust_max", "policy_tau_min"})
+_LIMITS_ELSEWHERE = frozenset({"arm_x", "thrust_max", "weight", "policy_tau_min"})
 
 
 class OnboardConstant(NamedTuple):

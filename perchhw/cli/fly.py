@@ -107,14 +107,18 @@ def _emit(result: AttemptResult, dry_run: bool) -> None:
         "triggered": result.triggered,
         "trigger": result.trigger,
         "aborted_by": result.aborted_by,
+        "fell": result.fell,
         "record": str(result.record),
     }
     emit(document, _in_words(document, dry_run))
 
 
 def _in_words(document: dict[str, Any], dry_run: bool) -> str:
+    record = f"record: {document['record']}"
+    if document["fell"] is not None:
+        record = f"{document['fell']}\n{record}"
     if document["aborted_by"] is not None:
-        return f"aborted: {document['aborted_by']}\nrecord: {document['record']}"
+        return f"aborted: {document['aborted_by']}\n{record}"
     if dry_run:
-        return f"ready to fly: checks passed, policy uploaded and verified\nrecord: {document['record']}"
-    return f"outcome: {document['outcome']}\nrecord: {document['record']}"
+        return f"ready to fly: checks passed, policy uploaded and verified\n{record}"
+    return f"outcome: {document['outcome']}\n{record}"

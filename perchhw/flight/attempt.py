@@ -126,12 +126,15 @@ def _conclude(
         else:
             outcome, evidence = label.outcome, label.evidence
     record.event("labelled", clock(), outcome=outcome, evidence=evidence)
-    result = AttemptResult(outcome, state.triggered, trigger, aborted_by, request.folder, _halt(state))
+    result = AttemptResult(
+        outcome, state.triggered, trigger, aborted_by, request.folder, _halt(state), state.fell
+    )
     record.close(
         outcome=outcome,
         triggered=state.triggered,
         trigger=trigger,
         aborted_by=aborted_by,
+        fell=state.fell,
         evidence=evidence,
         drone_clock_rate=flown.drone_clock_rate,
     )

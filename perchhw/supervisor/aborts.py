@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from perchhw.supervisor.events import Arm, Brake, Command, Disarm, EmergencyStop, Land, Order
+from perchhw.supervisor.landed import fell_because
 from perchhw.supervisor.observation import Admitted
 from perchhw.supervisor.state import Context, FlightState, Phase, Step
 from perchhw.supervisor.violation import Rule, Violation, at_most, first_violation
@@ -54,8 +55,10 @@ def abort(state: FlightState, why: str, context: Context) -> Step:
             return land(state, context)
         case Phase.APPROACHING:
             return order(enter(state, Phase.BRAKING, context, "the drone to brake"), Brake())
-        case Phase.BRAKING | Phase.LANDING | Phase.DISARMING:
+        case Phase.BRAKING | Phase.LANDING:
             # The gentle way failed; an unknown drone in the air is stopped.
+            return stop(fell(state, fell_because(f"the host did it ({why})")), context)
+        case Phase.DISARMING:
             return stop(state, context)
         case _:
             return Step(state)
@@ -70,6 +73,11 @@ def carry_on_or_abort(state: FlightState, why: str, context: Context) -> Step:
             return Step(state)
         case _:
             return abort(state, why, context)
+
+
+def fell(state: FlightState, how: str | None) -> FlightState:
+    """The state that tells, and remembers, how motors came to be cut early; ``None``: they were not."""
+    return state if how is None else replace(state, fell=how, alert=how)
 
 
 def stop(state: FlightState, context: Context) -> Step:

@@ -3,9 +3,9 @@
 from dataclasses import replace
 
 from onboard.app_interface import EndReason, LandingState
-from perchhw.supervisor.aborts import abort, disarm, elapsed, enter, guard, stop, tell
+from perchhw.supervisor.aborts import abort, disarm, elapsed, enter, fell, guard, stop, tell
 from perchhw.supervisor.corridor import inside_corridor
-from perchhw.supervisor.landed import does_not_hold, inside_flip
+from perchhw.supervisor.landed import cut_by_itself, does_not_hold, inside_flip
 from perchhw.supervisor.observation import Admitted
 from perchhw.supervisor.rules import APPROACH_RULES, pose_good
 from perchhw.supervisor.state import Context, FlightState, Phase, Step
@@ -34,7 +34,7 @@ def approaching(state: FlightState, o: Admitted, context: Context) -> Step:
             settling = replace(enter(state, Phase.SETTLING, context, "the body to rest"), triggered=fired)
             if not fired and o.end_reason not in _FLOWN_TO_THE_END:
                 settling = replace(settling, aborted_by=_broken_off_by(o, context))
-            return Step(settling)
+            return Step(settling if fired else fell(settling, cut_by_itself(o)))
         case LandingState.BRAKE | LandingState.HOLD:
             braking = enter(state, Phase.BRAKING, context, "the drone to brake")
             return Step(replace(braking, aborted_by=_broken_off_by(o, context)))
@@ -80,8 +80,8 @@ def flipping(state: FlightState, o: Admitted, context: Context) -> Step:
 
 def settling(state: FlightState, o: Admitted, context: Context) -> Step:
     """Until the body rests. Whether it holds is told at once; from here nothing can be done about it."""
-    problem = does_not_hold(o, context.limits) if state.triggered else None
-    state = tell(state, problem, context.timing.hang_hold, context)
+    if state.triggered:
+        state = tell(state, does_not_hold(o, context.limits), context.timing.hang_hold, context)
     if elapsed(state, context) >= context.timing.settle:
         return disarm(state, context)
     return Step(state)

@@ -5,7 +5,7 @@ estimate, is better than a fall. They speak when the drone no longer hears, no l
 leaves the room.
 """
 
-from math import degrees, dist, hypot
+from math import degrees, hypot
 
 from perchhw.supervisor.limits import SafetyLimits
 from perchhw.supervisor.observation import Admitted
@@ -31,8 +31,7 @@ def estimate_believable(o: Admitted, limits: SafetyLimits) -> Violation | None:
     if o.estimate_position is None or o.estimate_velocity is None:
         return Violation("descent_estimate", "unknown", "known")
     if o.pose_position is not None:
-        apart = dist(o.pose_position, o.estimate_position)
-        return at_most("descent_disagreement", apart, limits.descent_disagreement, "m")
+        return at_most("descent_disagreement", o.estimate_to_pose, limits.descent_disagreement, "m")
     return at_most("descent_speed_blind", hypot(*o.estimate_velocity), limits.descent_speed, "m/s")
 
 

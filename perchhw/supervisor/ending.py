@@ -9,6 +9,7 @@ from perchhw.supervisor.aborts import (
     elapsed,
     ended_early,
     enter,
+    fell,
     held,
     land,
     lasting,
@@ -16,6 +17,7 @@ from perchhw.supervisor.aborts import (
     tell,
 )
 from perchhw.supervisor.descent import DESCENT_RULES
+from perchhw.supervisor.landed import cut_by_itself
 from perchhw.supervisor.observation import Admitted
 from perchhw.supervisor.state import Context, FlightState, Phase, Step
 from perchhw.supervisor.violation import first_violation
@@ -29,13 +31,13 @@ def _descent_guard(state: FlightState, o: Admitted, context: Context) -> tuple[F
     state, lost = lasting(state, violation is not None, context.timing.stop_hold, context)
     if not lost or violation is None:
         return state, None
-    return state, stop(replace(state, aborted_by=state.aborted_by or str(violation)), context)
+    return state, abort(state, str(violation), context)
 
 
 def braking(state: FlightState, o: Admitted, context: Context) -> Step:
     """Until the drone holds, has cut its motors, or has had its time."""
     if o.landing_state in _MOTORS_CUT or (o.drone is not None and not o.drone.can_fly):
-        return Step(enter(state, Phase.SETTLING, context, "the body to rest"))
+        return Step(enter(fell(state, cut_by_itself(o)), Phase.SETTLING, context, "the body to rest"))
     state, stopped = _descent_guard(state, o, context)
     if stopped is not None:
         return stopped
@@ -51,6 +53,7 @@ def landing(state: FlightState, o: Admitted, context: Context) -> Step:
     height = None if o.estimate_position is None else o.estimate_position[2] - floor
     down = height is not None and height < context.limits.height_on_ground
     off = o.landing_state in _MOTORS_CUT or (o.drone is not None and not o.drone.can_fly)
+    state = fell(state, cut_by_itself(o))
     if off or (down and since >= context.timing.land):
         return disarm(state, context)
     state, stopped = _descent_guard(state, o, context)

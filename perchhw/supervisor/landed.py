@@ -1,7 +1,9 @@
-"""From the trigger to the end: the limits of a flip, and whether what has landed holds."""
+"""From the trigger to the end: the limits of a flip, whether what has landed holds, and motors that were cut
+before a drone was down."""
 
 from math import degrees, pi
 
+from onboard.app_interface import EndReason, LandingState
 from perchhw.supervisor.limits import SafetyLimits
 from perchhw.supervisor.observation import Admitted
 from perchhw.supervisor.violation import Violation, at_least
@@ -33,3 +35,22 @@ def does_not_hold(o: Admitted, limits: SafetyLimits) -> str | None:
     if tilt > limits.hang_tilt:
         return f"HALF ATTACHED: the drone hangs tilted by {degrees(tilt):.0f} deg; it may fall"
     return None
+
+
+def fell_because(why: str) -> str:
+    """What the operator is told of motors that were cut before the drone was down, because of `why`."""
+    return f"MOTORS CUT BEFORE IT WAS DOWN: {why}; a drone in the air has fallen"
+
+
+def cut_by_itself(o: Admitted) -> str | None:
+    """What to tell when the landing app has cut the motors without a landing, or ``None``."""
+    match o.landing_state:
+        case LandingState.FAULT:
+            why = "its estimate cannot be true any more (FAULT)"
+        case LandingState.CUT if o.end_reason is EndReason.NOT_FLYING:
+            why = "its supervisor ended the flight (CUT)"
+        case LandingState.CUT:
+            why = "it met the ceiling, or was tilted by more than 70 deg (CUT)"
+        case _:
+            return None
+    return fell_because(f"the drone did it by itself, {why}")

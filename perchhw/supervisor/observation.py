@@ -6,7 +6,7 @@ that is not fit to be believed is ``None``; only that is shown to rules and phas
 """
 
 from dataclasses import dataclass
-from math import acos, atan2, sqrt
+from math import acos, atan2, dist, sqrt
 from typing import NewType
 
 from mocap_bridge.health import Verdict
@@ -102,6 +102,21 @@ class Observation:
     trajectory_armed: bool | None = None
     parameters_ok: bool | None = None
     parameters_problem: str | None = None
+
+    @property
+    def estimate_to_pose(self) -> float | None:
+        """Distance of the estimate from the last good mocap pose, m; unknown when one of them is.
+
+        The two are of different times: the pose is moved on, by the estimate's velocity, to that of the
+        estimate. Compared as they are, an estimate without fault is 0.25 m off after 0.1 s at 2.5 m/s.
+        """
+        pose, estimate, velocity = self.pose_position, self.estimate_position, self.estimate_velocity
+        if pose is None or estimate is None or velocity is None:
+            return None
+        if self.pose_age is None or self.estimate_age is None:
+            return None
+        elapsed = self.pose_age - self.estimate_age
+        return dist([p + v * elapsed for p, v in zip(pose, velocity, strict=True)], estimate)
 
     @property
     def pose_attitude(self) -> Attitude | None:

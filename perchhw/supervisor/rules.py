@@ -4,7 +4,7 @@ A rule returns ``None`` when what it guards is known to be good, and a :class:`V
 value is a violation. Which rules hold when is the tuples at the end.
 """
 
-from math import degrees, dist, hypot, pi
+from math import degrees, hypot, pi
 
 from mocap_bridge.health import Verdict
 from perchhw.supervisor.limits import SafetyLimits
@@ -51,15 +51,9 @@ def estimate_fresh(o: Admitted, limits: SafetyLimits) -> Violation | None:
     return at_most("estimate_age", o.estimate_age, limits.telemetry_age, "s")
 
 
-def _distance(o: Admitted) -> float | None:
-    if o.pose_position is None or o.estimate_position is None:
-        return None
-    return dist(o.pose_position, o.estimate_position)
-
-
 def estimate_agrees_on_ground(o: Admitted, limits: SafetyLimits) -> Violation | None:
     """Onboard position and heading agree with mocap before the motors turn."""
-    apart = at_most("estimate_to_mocap", _distance(o), limits.disagreement_on_ground, "m")
+    apart = at_most("estimate_to_mocap", o.estimate_to_pose, limits.disagreement_on_ground, "m")
     if apart is not None:
         return apart
     if o.pose_attitude is None or o.estimate_attitude is None:
@@ -74,8 +68,8 @@ def _turn(a: float, b: float) -> float:
 
 
 def estimate_agrees_in_flight(o: Admitted, limits: SafetyLimits) -> Violation | None:
-    """Onboard position agrees with mocap in flight."""
-    return at_most("estimate_to_mocap", _distance(o), limits.disagreement_in_flight, "m")
+    """Onboard position agrees with mocap in flight, both at the same time."""
+    return at_most("estimate_to_mocap", o.estimate_to_pose, limits.disagreement_in_flight, "m")
 
 
 def drone_known(o: Admitted, limits: SafetyLimits) -> Violation | None:

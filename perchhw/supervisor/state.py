@@ -137,6 +137,7 @@ class FlightState:
         locked: the drone's own supervisor locked it, or cut the motors in flight, and not for us: somebody
             has stopped it.
         stop_unconfirmed: why nobody knows whether the motors have stopped, or ``None``.
+        fell: how the motors came to be cut before the drone was down, without a trigger, or ``None``.
         record_lost: why the record may be incomplete, or ``None``.
         alert: what the operator must be told at once and loudly, or ``None``.
         alert_due_since: since when something else was to be told without a break, s, or ``None``.
@@ -165,6 +166,7 @@ class FlightState:
     link_lost: str | None = None
     locked: bool = False
     stop_unconfirmed: str | None = None
+    fell: str | None = None
     record_lost: str | None = None
     alert: str | None = None
     alert_due_since: float | None = None

@@ -263,8 +263,27 @@ def test_poses_that_stop_end_the_approach() -> None:
     flight.poses = False
     flight.run(0.3)
     assert flight.firmware.app is not None
-    assert flight.firmware.app.memory["reason"] == EndReason.BAD_ESTIMATE
+    assert flight.firmware.app.memory["reason"] == EndReason.POSE_LOST
     assert flight.log("perchT.count") == 0
+
+
+def test_a_hold_whose_estimate_is_lost_carries_its_weight_and_then_cuts() -> None:
+    flight = ready_to_go()
+    flight.write(Parameter.GO, 1)
+    flight.run(1.2)
+    give(flight, Parameter.ABORT)
+    run_until(flight, LandingState.HOLD)
+    flight.run(1.5)
+    sinking = float(flight.drone.state["velocity"][2])
+    flight.poses = False
+    flight.firmware.estimator.state[:6] = np.nan
+    flight.run(0.45)
+    assert state(flight) is LandingState.HOLD
+    assert float(flight.drone.state["velocity"][2]) == pytest.approx(sinking, abs=0.3)
+    assert flight.position[2] > 0.3
+    flight.run(0.1)
+    assert state(flight) is LandingState.FAULT
+    assert not flight.firmware.ratios.any()
 
 
 def test_nobody_flies_against_a_stop() -> None:

@@ -58,7 +58,7 @@ def test_disarming_in_the_approach_brakes() -> None:
 @pytest.mark.parametrize(
     ("changes", "state", "reason"),
     [
-        ({"pose_age": 0.151}, LandingState.BRAKE, EndReason.BAD_ESTIMATE),
+        ({"pose_age": 0.151}, LandingState.BRAKE, EndReason.POSE_LOST),
         ({"position": (0.0, 0.0, NAN)}, LandingState.BRAKE, EndReason.BAD_ESTIMATE),
         ({"gyro": (NAN, 0.0, 0.0)}, LandingState.BRAKE, EndReason.BAD_ESTIMATE),
         ({"position": (-1.0, 0.51, 1.0)}, LandingState.BRAKE, EndReason.OFF_TRACK),

@@ -55,7 +55,8 @@ def test_no_input_makes_it_forget_its_rules(where: str, sequence: list[dict[str,
         before = rig.state
         output = rig.step(**sample)
         assert all(0.0 <= thrust <= LIMITS.thrust_max for thrust in output.thrusts)
-        assert 0.0 <= output.collective <= 0.0
+        assert output.collective == (0.0 if rig.state is not LandingState.HOLD else output.collective)
+        assert output.collective in (0.0, LIMITS.weight)
         if rig.state is LandingState.FLIP and before is not LandingState.FLIP:
             assert before is LandingState.APPROACH
             assert sample["policy_armed"]

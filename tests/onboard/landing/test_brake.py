@@ -22,7 +22,7 @@ from onboard.trajectory import (
 from tests.onboard.landing.rig import LIMITS, NAN, Rig
 
 
-def test_brake_cuts_on_contact_and_tilt_and_faults_when_blind() -> None:
+def test_brake_cuts_on_contact_and_tilt_and_faults_without_an_estimate() -> None:
     rig = Rig()
     rig.brake()
     assert rig.step(position=(0.0, 0.0, 2.08)).mode == OutputMode.OFF

@@ -22,6 +22,7 @@ from tests.onboard.landing.exact import (
     LEVEL_FLIGHT,
     MISSED,
     OFF_TRACK,
+    POSE_LOST,
     STEP,
     after,
     exact_rig,
@@ -43,6 +44,7 @@ def test_the_limits_of_a_vehicle() -> None:
         {
             "arm_x": body.arm_x.value,
             "thrust_max": motors.thrust_max.value,
+            "weight": body.mass.value * 9.81,
             "policy_tau_min": 0.2,
             "start_distance": 0.25,
             "start_speed": 0.3,
@@ -57,7 +59,9 @@ def test_the_limits_of_a_vehicle() -> None:
             "tilt_limit": math.radians(70.0),
             "flip_timeout": 0.5,
             "pose_age_limit": 0.15,
-            "blind_limit": 0.5,
+            "speed_limit": 5.0,
+            "hold_distance": 1.0,
+            "useless_limit": 0.5,
             "lateral_limit": 0.5,
             "hold_clearance": 0.7,
             "hold_acceleration": 4.0,
@@ -154,8 +158,8 @@ def test_the_lowest_start(z0: float, sound: bool) -> None:
     ("changes", "end"),
     [
         ({"pose_age": 0.147}, GOES_ON),
-        ({"pose_age": 0.153}, BAD_ESTIMATE),
-        ({"pose_age": NAN}, BAD_ESTIMATE),
+        ({"pose_age": 0.153}, POSE_LOST),
+        ({"pose_age": NAN}, POSE_LOST),
         ({"position": (-1.0, 0.49, 1.0)}, GOES_ON),
         ({"position": (-1.0, 0.51, 1.0)}, OFF_TRACK),
         ({"position": (-1.0, -0.49, 1.0)}, GOES_ON),
@@ -189,7 +193,7 @@ def test_a_clock_that_is_no_number_ends_the_approach() -> None:
 
 def test_at_the_limits_of_the_approach_it_goes_on_and_a_bit_beyond_it_does_not() -> None:
     assert after(exact_rig(), 0.5, pose_age=0.125) == GOES_ON
-    assert after(exact_rig(), 0.5, pose_age=0.125 + A_BIT) == BAD_ESTIMATE
+    assert after(exact_rig(), 0.5, pose_age=0.125 + A_BIT) == POSE_LOST
     for y in (0.0, 1.0):
         assert after(exact_rig(), 0.5, position=(0.0, y, 0.5)) == GOES_ON
         beyond = y + math.copysign(A_BIT, y - 0.5)

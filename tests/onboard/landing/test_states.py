@@ -9,7 +9,7 @@ from onboard.app_interface import TrajectoryStatus
 from onboard.landing.state_machine import EndReason, LandingOutput, LandingState, OutputMode
 from onboard.rotation import from_rotation_vector
 from onboard.trajectory import ApproachPlan, smooth_approach
-from tests.onboard.landing.rig import LEVEL, LIMITS, PLAN, Rig, steps_until_cut
+from tests.onboard.landing.rig import LEVEL, LIMITS, NAN, PLAN, Rig, steps_until_cut
 
 ZERO = (0.0, 0.0, 0.0)
 NO_THRUSTS = (0.0, 0.0, 0.0, 0.0)
@@ -30,7 +30,7 @@ def cut(rig: Rig) -> LandingOutput:
 
 def fault(rig: Rig) -> LandingOutput:
     rig.brake()
-    rig.step(time=rig.inputs.time + 1.0, pose_age=1.0)
+    rig.step(time=rig.inputs.time + 1.0, position=(NAN, NAN, NAN))
     output = rig.step()
     assert rig.state is LandingState.FAULT
     return output
@@ -162,7 +162,7 @@ def test_the_approach_says_that_it_flies() -> None:
         ({"position": (0.0, 0.0, PLAN.ceiling_z)}, LandingState.CUT, EndReason.CONTACT),
         ({"abort": True}, LandingState.BRAKE, EndReason.ABORT),
         ({"trajectory_armed": False}, LandingState.BRAKE, EndReason.DISARMED),
-        ({"pose_age": 1.0}, LandingState.BRAKE, EndReason.BAD_ESTIMATE),
+        ({"pose_age": 1.0}, LandingState.BRAKE, EndReason.POSE_LOST),
         ({"position": (0.0, 1.0, 1.0)}, LandingState.BRAKE, EndReason.OFF_TRACK),
     ],
 )
