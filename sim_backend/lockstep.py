@@ -159,7 +159,9 @@ class LockStep:
         return now - self._strangers[1] < STRANGER_S
 
     def _stands_still(self) -> bool:
-        if self._pace.rate is not None or self._turns.participants:
+        """Also where a factor limits the pace: how long a lab has waited for its first flight is no lab time,
+        or the same seed would give another flight."""
+        if self._turns.participants:
             return False
         return self._at_rest() and not self._stranger_talks()
 
