@@ -6,7 +6,9 @@ library's events, queues and threads. In a lab that keeps its own time it is
 :class:`onboard.lab_time.LabTime`, and the lab goes on only when everything here waits.
 """
 
+import contextlib
 import queue
+import socket
 import threading
 import time
 from collections.abc import Callable
@@ -46,6 +48,19 @@ class Queue(Protocol):
         """Number of items."""
 
 
+class Bell(Protocol):
+    """Wakes one thread that has nothing else to do."""
+
+    def ring(self) -> None:
+        """Wake it; from any thread, any number of times, also when it is closed. Returns at once."""
+
+    def wait(self) -> bool:
+        """Wait for the next ring: several are one. False when it is closed, and was heard out."""
+
+    def close(self) -> None:
+        """What was rung until now is the last."""
+
+
 class Transport(Protocol):
     """The local end of a socket, as the time sees it: packets under way hold a lab's time."""
 
@@ -74,11 +89,19 @@ class Timebase(Protocol):
     def queue(self, limit: int = 0) -> Queue:
         """A new queue for at most `limit` items (0: any number)."""
 
+    def bell(self) -> Bell:
+        """A new bell. That of the machine's clock has no lock that somebody could hold."""
+
+    def nap(self, seconds: float, at_most: float) -> None:
+        """Wait for `seconds`, and no longer than `at_most` s by the machine's clock: for who must go on also
+        where this time stands still."""
+
     def thread(self, target: Callable[..., object], name: str, *args: object) -> threading.Thread:
         """Start a daemon thread that runs ``target(*args)`` and waits through this time only."""
 
-    def foreign(self) -> None:
-        """The calling thread, which is not of :meth:`thread`, goes its own way: nothing waits for it."""
+    def foreign(self, thread: threading.Thread | None = None) -> None:
+        """A thread that is not of :meth:`thread`, by default the calling one, goes its own way: nothing waits
+        for it, until it next waits for something of this time."""
 
     def transport(self, key: str) -> Transport:
         """A socket's end: ``udp:PORT`` of a drone's link, ``tcp:PORT`` or ``tracker:PORT`` of poses."""
@@ -111,6 +134,32 @@ class _WallTransport:
         """Nothing to forget."""
 
 
+class _SocketBell:
+    """A byte through a pair of sockets."""
+
+    def __init__(self) -> None:
+        self._hears, self._rings = socket.socketpair()
+        self._rings.setblocking(False)
+
+    def ring(self) -> None:
+        """One byte."""
+        with contextlib.suppress(OSError):  # thousands wait already; or it is closed
+            self._rings.send(b"!")
+
+    def wait(self) -> bool:
+        """All bytes that are there."""
+        if self._hears.recv(4096):
+            return True
+        self._hears.close()
+        self._rings.close()
+        return False
+
+    def close(self) -> None:
+        """The end, behind the bytes that were sent."""
+        with contextlib.suppress(OSError):  # closed before
+            self._rings.shutdown(socket.SHUT_WR)
+
+
 class WallTime:
     """The machine's monotonic clock, the same for all its processes.
 
@@ -133,13 +182,21 @@ class WallTime:
         """A :class:`queue.Queue`."""
         return queue.Queue(limit)
 
+    def bell(self) -> Bell:
+        """A pair of sockets."""
+        return _SocketBell()
+
+    def nap(self, seconds: float, at_most: float) -> None:
+        """Sleep for the shorter of the two."""
+        time.sleep(min(seconds, at_most))
+
     def thread(self, target: Callable[..., object], name: str, *args: object) -> threading.Thread:
         """A daemon thread, started."""
         thread = threading.Thread(target=target, name=name, args=args, daemon=True)
         thread.start()
         return thread
 
-    def foreign(self) -> None:
+    def foreign(self, thread: threading.Thread | None = None) -> None:
         """Real time waits for no thread."""
 
     def transport(self, key: str) -> Transport:

@@ -208,7 +208,8 @@ class Lab:
 
     async def _in_turns(self, stop: asyncio.Event) -> None:
         room, pace = None if self.room is None else self.room.settings, self.settings.pace
-        await LockStep(self.world, self.servers, self._traffic, self._turns, room, pace).run(stop)
+        world, servers, turns = self.world, self.servers, self._turns
+        await LockStep(world, servers, self._traffic, turns, self._talk, room, pace).run(stop)
 
     async def _in_real_time(self, stop: asyncio.Event) -> None:
         due = self._started = self._clock()
@@ -242,12 +243,16 @@ class Lab:
             self.world.advance(now - self._started)
         else:
             self.world.pass_time(now - self._started)
+        self._talk(now)
+        if self._feed is not None:
+            self._feed.send(self.world.time, [drone.pose() for drone in self.world.drones])
+
+    def _talk(self, now: float) -> None:
+        """The drones send what has become due; one that hangs or has no power hears and says nothing."""
         for drone, link, server in zip(self.world.drones, self._links, self.servers, strict=False):
             if drone.silent:
                 link.loss = 1.0
             server.poll(now)
-        if self._feed is not None:
-            self._feed.send(self.world.time, [drone.pose() for drone in self.world.drones])
 
     async def _watch_room(self) -> None:
         if self.room is not None:

@@ -8,7 +8,7 @@ a lab in real time as long as it talks and nobody else is there.
 
 import asyncio
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 from sim_backend.crazyflie.faults import DatagramFaults
 from sim_backend.crazyflie.server import CrazyflieServer
@@ -76,6 +76,7 @@ class LockStep:
 
     Args:
         world, servers, traffic, turns: of the lab.
+        talk: lets the drones send what has become due, at this time.
         room: settings of its room; None without one.
         pace: how fast at most.
     """
@@ -86,6 +87,7 @@ class LockStep:
         servers: list[CrazyflieServer],
         traffic: LabTraffic,
         turns: TurnsServer,
+        talk: Callable[[float], None],
         room: RoomSettings | None,
         pace: Pace,
     ) -> None:
@@ -93,6 +95,7 @@ class LockStep:
         self._servers = servers
         self._traffic = traffic
         self._turns = turns
+        self._talk = talk
         self._room = room
         self._pace = pace
         self._frames = -1
@@ -123,8 +126,7 @@ class LockStep:
             for _ in range(STEP_TICKS):
                 self._world.step()
             now = self._world.time
-            for server in self._servers:
-                server.poll(now)
+            self._talk(now)
             await self._show_to_room(now)
             if self._turns.has_news(now) or stop.is_set():
                 break
@@ -157,7 +159,9 @@ class LockStep:
         return now - self._strangers[1] < STRANGER_S
 
     def _stands_still(self) -> bool:
-        if self._pace.rate is not None or self._turns.participants:
+        """Also where a factor limits the pace: how long a lab has waited for its first flight is no lab time,
+        or the same seed would give another flight."""
+        if self._turns.participants:
             return False
         return self._at_rest() and not self._stranger_talks()
 

@@ -13,8 +13,8 @@ from typing import IO, Any, Self
 
 from onboard.errors import PerchhwError
 from onboard.lab_time.messages import Message, decode, encode
-from onboard.lab_time.waiting import LabEvent, LabQueue, Workers
-from onboard.timebase import Event, Queue, Transport
+from onboard.lab_time.waiting import LabBell, LabEvent, LabQueue, Workers
+from onboard.timebase import Bell, Event, Queue, Transport
 
 ANSWER_S = 60.0
 """Real time after which a lab that owes an answer is taken for dead."""
@@ -63,12 +63,22 @@ class LabTime:
         """A queue."""
         return LabQueue(self._workers, limit)
 
+    def bell(self) -> Bell:
+        """A bell."""
+        return LabBell(self._workers)
+
+    def nap(self, seconds: float, at_most: float) -> None:
+        """Wait for `seconds` of the lab, or `at_most` of the machine's."""
+        workers = self._workers
+        with workers.lock:
+            workers.block(set(), workers.now + seconds, at_most)
+
     def thread(self, target: Callable[..., object], name: str, *args: object) -> threading.Thread:
         """A daemon thread, started, that counts as at work unless it waits."""
         workers = self._workers
 
         def run() -> None:
-            workers.counted = True
+            workers.count()
             try:
                 target(*args)
             finally:
@@ -80,12 +90,11 @@ class LabTime:
         thread.start()
         return thread
 
-    def foreign(self) -> None:
-        """The calling thread is at work for itself from here on."""
+    def foreign(self, thread: threading.Thread | None = None) -> None:
+        """A thread, by default the calling one, is at work for itself from here on."""
         workers = self._workers
         with workers.lock:
-            if workers.counted:
-                workers.counted = False
+            if workers.discount(thread or threading.current_thread()):
                 workers.end()
 
     def transport(self, key: str) -> Transport:
@@ -143,7 +152,7 @@ class LabTime:
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         with self._workers.lock:
             self._workers.begin()
-            self._workers.counted = True
+            self._workers.count()
         lines = self._socket.makefile("rb")
         threading.Thread(target=self._receive, args=(lines,), name="LabTimeReceive", daemon=True).start()
         threading.Thread(target=self._take_turns, name="LabTimeTurns", daemon=True).start()
@@ -273,7 +282,7 @@ class _LabTransport:
         self._workers = workers
         self._forget = forget
         self._received = self.expected = before
-        self._counted = False
+        self._counted = self._closed = False
         self.count_sent = 0
 
     @property
@@ -297,7 +306,7 @@ class _LabTransport:
     ) -> None:
         workers = self._workers
         with workers.lock:
-            while kind is None and workers.takes_turns and self.caught_up:
+            while kind is None and workers.takes_turns and self.caught_up and not self._closed:
                 workers.changed.wait()
             if self._counted:
                 workers.begin()
@@ -315,6 +324,10 @@ class _LabTransport:
 
     def close(self) -> None:
         """Nothing is expected here any more; the lab still waits for what was sent."""
+        with self._workers.lock:
+            if self._closed:
+                return
+            self._closed = True
         self._forget(self.count_sent)
         with self._workers.lock:
             self._workers.changed.notify_all()

@@ -5,6 +5,7 @@ before it runs, so that there is no moment in which work exists and nobody is co
 when nobody is at work.
 """
 
+import contextlib
 import heapq
 import itertools
 import queue
@@ -27,9 +28,9 @@ class Waiter:
         """Let the thread go on."""
         self._gate.release()
 
-    def pass_gate(self) -> None:
-        """Wait for :meth:`open`."""
-        self._gate.acquire()
+    def pass_gate(self, at_most: float | None = None) -> None:
+        """Wait for :meth:`open`, or for so long by the machine's clock, s."""
+        self._gate.acquire(timeout=-1 if at_most is None else at_most)
 
 
 class Workers:
@@ -50,7 +51,7 @@ class Workers:
         self.changed = threading.Condition(self.lock)
         self._order = itertools.count()
         self._deadlines: list[tuple[float, int, Waiter]] = []
-        self._thread = threading.local()
+        self._counted: set[threading.Thread] = set()
 
     def let_turns_hold(self, takes_turns: bool) -> None:
         """Whether packets wait for their turn from here on."""
@@ -70,24 +71,25 @@ class Workers:
         if self.at_work <= 0:
             self.changed.notify_all()
 
-    def block(self, waiters: "set[Waiter]", deadline: float | None) -> None:
-        """Wait until woken, or until `deadline`; the lock is free meanwhile."""
+    def block(self, waiters: "set[Waiter]", deadline: float | None, at_most: float | None = None) -> None:
+        """Wait until woken, until `deadline`, or for `at_most` s by the machine's clock; the lock is free
+        meanwhile."""
         waiter = Waiter()
         waiters.add(waiter)
         if deadline is not None:
             heapq.heappush(self._deadlines, (deadline, next(self._order), waiter))
-        if self.counted:
+        if self.discount(threading.current_thread()):
             self.end()
         self.lock.release()
         try:
-            waiter.pass_gate()
+            waiter.pass_gate(at_most)
         finally:
             self.lock.acquire()
-            if not waiter.woken:  # an exception came first, in the main thread
+            if not waiter.woken:  # `at_most` came first; or an exception, in the main thread
                 waiter.woken = True
                 self.begin()
             waiters.discard(waiter)
-            self.counted = True
+            self.count()
 
     def wake(self, waiters: "set[Waiter]") -> None:
         """Wake all of `waiters`, and count them as at work."""
@@ -119,11 +121,17 @@ class Workers:
     @property
     def counted(self) -> bool:
         """Whether the calling thread is counted as at work."""
-        return getattr(self._thread, "counted", False)
+        return threading.current_thread() in self._counted
 
-    @counted.setter
-    def counted(self, counted: bool) -> None:
-        self._thread.counted = counted
+    def count(self) -> None:
+        """It is, from here on."""
+        self._counted.add(threading.current_thread())
+
+    def discount(self, thread: threading.Thread) -> bool:
+        """`thread` is not any more; whether it was."""
+        was = thread in self._counted
+        self._counted.discard(thread)
+        return was
 
 
 class LabEvent:
@@ -209,3 +217,28 @@ class LabQueue:
         if not self._items:
             raise queue.Empty
         return self._items.popleft()
+
+
+class LabBell:
+    """A bell; see :class:`onboard.timebase.Bell`. A ring is work from the moment on in which it is rung."""
+
+    def __init__(self, workers: Workers) -> None:
+        self._rings = LabQueue(workers, limit=1)
+        self._closed = False
+
+    def ring(self) -> None:
+        """Wake who waits."""
+        with contextlib.suppress(queue.Full):
+            self._rings.put_nowait(True)
+
+    def wait(self) -> bool:
+        """Wait for the next ring."""
+        if self._closed and self._rings.qsize() == 0:
+            return False
+        return bool(self._rings.get())
+
+    def close(self) -> None:
+        """A ring that was not heard yet still is."""
+        self._closed = True
+        with contextlib.suppress(queue.Full):
+            self._rings.put_nowait(False)

@@ -19,7 +19,17 @@ _CLOSE_DEADLINE = 2.0
 _FLYING_PORTS = frozenset({CRTPPort.COMMANDER, CRTPPort.COMMANDER_GENERIC, CRTPPort.SETPOINT_HL})
 _ARM_SUPERVISOR, _ARM_PLATFORM = (CRTPPort.SUPERVISOR, 1), (CRTPPort.PLATFORM, 0)
 _ARM = 1
+_NOT_OPENED = "Couldn't load link driver: "
+"""How cflib begins what it says of a driver that cannot open, to its log with a traceback, and to us."""
 _log = logging.getLogger(__name__)
+
+
+def _is_no_refusal(record: logging.LogRecord) -> bool:
+    """A refusal is raised as an error of ours: nobody needs it twice."""
+    return not record.getMessage().startswith(_NOT_OPENED)
+
+
+logging.getLogger("cflib.crazyflie").addFilter(_is_no_refusal)
 
 
 class _TablesSeen:
@@ -213,6 +223,9 @@ def _connect(crazyflie: GuardedCrazyflie, uri: str, timeout_s: float, clock: Tim
 def _opening_error(uri: str, timeout_s: float, refusals: list[str], heard: bool) -> LinkError:
     if refusals and heard:
         return LinkLost(f"{uri} answered, but the connection broke while it was set up: {refusals[0]}")
+    if refusals and refusals[0].startswith(_NOT_OPENED) and uri.startswith("radio://"):
+        reason = refusals[0].removeprefix(_NOT_OPENED)
+        return LinkError(f"cannot open {uri}: {reason}; is a Crazyradio plugged in, and free?")
     if refusals:
         return LinkError(f"no drone at {uri}: {refusals[0]}. Is it on, and are address and port right?")
     if heard:

@@ -110,6 +110,7 @@ class ResendingUdpDriver(CRTPDriver):
         self._failed = False
         self._closed = threading.Event()
         self._threads: tuple[threading.Thread, ...] = ()
+        self._reader: threading.Thread | None = None
         self._stop_port: UdpStopPort | None = None
 
     def connect(
@@ -167,6 +168,7 @@ class ResendingUdpDriver(CRTPDriver):
             self._time.foreign()
             threading.Event().wait(2 * _TICK)
             return None
+        self._reader = threading.current_thread()
         packet: CRTPPacket | None = None
         with contextlib.suppress(queue.Empty):
             packet = (
@@ -174,6 +176,8 @@ class ResendingUdpDriver(CRTPDriver):
                 if wait == 0
                 else self._incoming.get(timeout=None if wait < 0 else wait)
             )
+        if self._closed.is_set():
+            self._time.foreign()
         return packet
 
     def close(self) -> None:
@@ -191,6 +195,8 @@ class ResendingUdpDriver(CRTPDriver):
         self._transport.close()
         with contextlib.suppress(queue.Full):
             self._incoming.put_nowait(None)  # ends a receive_packet that is waiting
+        if self._reader is not None:
+            self._time.foreign(self._reader)  # cflib's; it polls for a next link in real time
 
     def stop_port(self) -> UdpStopPort:
         """A way out for an emergency stop, which outlives this driver.
@@ -300,6 +306,7 @@ class ResendingUdpDriver(CRTPDriver):
             if self._failed or self._closed.is_set():
                 return
             self._failed = True
+        self._transport.close()  # nobody reads any more: a lab must not wait for it
         self._request_noted.set()
         if callback is not None:
             threading.Thread(target=callback, args=(message,), name="UdpLinkError", daemon=True).start()

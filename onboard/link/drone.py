@@ -76,7 +76,7 @@ class DroneLink:
         self._policy = PolicyUpload(self._parameters, self._memories, transfer_timeout_s, clock)
         link = crazyflie.link
         port = link.stop_port() if isinstance(link, ResendingUdpDriver) else CflibStopPort(link)
-        self.stop_path = StopPath(port)
+        self.stop_path = StopPath(port, clock)
         self._closing = threading.Event()
         self._watch = threading.Thread(target=self._watch_link, name="DroneLinkWatch", daemon=True)
         self._watch.start()

@@ -102,7 +102,6 @@ class SupervisedFlight:
         stack.enter_context(hold(self.drone))
         refuse_flying(self.drone, clock)
         link = stack.enter_context(DroneLink.open(self.drone, clock=clock))
-        interrupts.stop_by(link.stop_path.trigger)
         readback, events = ReadBack(), clock.queue()
         readback.check_settings(link, self.settings)
         bridge = PoseBridge(
@@ -131,8 +130,16 @@ class SupervisedFlight:
             limits=self.limits,
             on_phase=self.on_phase,
         )
+        interrupts.stop_by(lambda: _cut_motors(loop))
         state = loop.run()
         trigger = telemetry.trigger_snapshot() if state.triggered else None
         if trigger is not None:
             record.write("trigger", clock(), trigger)
         return Flown(state, trigger, interrupts.count > 0, telemetry.drone_clock_rate())
+
+
+def _cut_motors(loop: FlightLoop) -> None:
+    """What the second key does beside the supervisor: nothing to a drone that was never asked to arm, which
+    a stop would lock for nothing. The loop's state says so before the order to arm goes out."""
+    if loop.state.arm_ordered:
+        loop.link.stop_path.trigger()

@@ -187,3 +187,71 @@ def test_no_lab_is_an_error_that_says_what_to_do(lab: ToyLab) -> None:
 def test_without_a_lab_time_is_real() -> None:
     with open_timebase("test", "udp://127.0.0.1:19850", "vicon://127.0.0.1?subject=cf1") as time:
         assert time is WALL
+
+
+def test_a_bell_is_work_from_the_moment_on_in_which_it_is_rung(lab: ToyLab) -> None:
+    with LabTime("127.0.0.1", lab.port, "test") as time:
+        bell, heard = time.bell(), []
+
+        def answer() -> None:
+            while bell.wait():
+                heard.append(time())
+                time.event().wait(0.5)
+
+        thread = time.thread(answer, "answer")
+        lab.begin_turn(0.0)
+        for _ in range(3):
+            bell.ring()
+        time.foreign()
+        assert lab.done.get(timeout=120.0)["next"] == pytest.approx(0.5)
+        bell.ring()
+        bell.close()
+        bell.ring()
+        lab.turn(0.5)
+        lab.turn(1.0)
+        thread.join(timeout=120.0)
+        assert not thread.is_alive()
+        assert heard == [0.0, 0.5]  # the first three were one, or two of which the second was heard at 0.5
+
+
+@pytest.mark.parametrize("of_the_lab", [True, False])
+def test_a_bell_that_is_closed_lets_what_was_rung_be_heard(lab: ToyLab, of_the_lab: bool) -> None:
+    with LabTime("127.0.0.1", lab.port, "test") as time:
+        bell = (time if of_the_lab else WALL).bell()
+        bell.ring()
+        bell.ring()
+        bell.close()
+        assert bell.wait()
+        assert not bell.wait()
+        bell.ring()
+        bell.close()
+
+
+def test_a_nap_ends_by_the_machines_clock_where_time_stands_still(lab: ToyLab) -> None:
+    with LabTime("127.0.0.1", lab.port, "test") as time:
+        time.nap(1000.0, 0.01)
+        assert time() == 0.0
+
+
+def test_a_thread_that_others_disown_holds_no_turn(lab: ToyLab) -> None:
+    """As cflib's, which polls in real time for its next link once this one is closed."""
+    with LabTime("127.0.0.1", lab.port, "test") as time:
+        packets, taken, polls = time.queue(), threading.Event(), threading.Event()
+
+        def read() -> None:
+            packets.get()
+            taken.set()
+            polls.wait(120.0)
+
+        reader = threading.Thread(target=read, daemon=True)
+        reader.start()
+        packets.put_nowait("packet")
+        assert taken.wait(120.0)
+        time.foreign()
+        lab.begin_turn(0.0)
+        with pytest.raises(queue.Empty):
+            lab.done.get(timeout=0.2)
+        for _ in range(2):
+            time.foreign(reader)
+        lab.done.get(timeout=120.0)
+        polls.set()

@@ -9,6 +9,8 @@ import cflib.crtp.radiodriver as cflib_radio
 import pytest
 from cflib.crtp.crtpstack import CRTPPacket
 
+from onboard.link import DroneLink
+from onboard.link.errors import LinkError
 from onboard.link.radio import SEND_S, CflibStopPort, GuardedRadioDriver
 from onboard.link.stop import StopPath
 from tests.patience import PATIENCE_S, until
@@ -134,3 +136,10 @@ def test_the_driver_does_not_close_under_a_stop(driver: GuardedRadioDriver) -> N
     path.close()
     assert report is not None
     assert report.locked
+
+
+def test_a_missing_radio_is_one_error_without_a_traceback(caplog: pytest.LogCaptureFixture) -> None:
+    with pytest.raises(LinkError, match=r"^cannot open radio://98/.*is a Crazyradio plugged in") as error:
+        DroneLink.open("radio://98/80/2M/E7E7E7E7E7")
+    assert "\n" not in str(error.value)
+    assert "Traceback" not in caplog.text
