@@ -118,7 +118,7 @@ def drone_key(uri: str) -> str:
     if address.startswith("udp://"):
         udp = parse_udp_uri(uri)
         host = udp.host.lower()
-        with contextlib.suppress(OSError):  # unknown: the link will say so
+        with contextlib.suppress(OSError, UnicodeError):  # unknown: the link will say so
             host = socket.gethostbyname(host)
         return f"udp://{host}:{udp.port}"
     if address.startswith("radio://"):
