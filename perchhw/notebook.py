@@ -1,0 +1,208 @@
+"""The main steps of perchhw as plain functions, for notebooks and scripts (``import perchhw``)."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from onboard.policy.files import Policy, find_policy
+from onboard.policy.files import load_policy as read_policy
+
+if TYPE_CHECKING:
+    from calibration.flights import Flight, UnusableFlight
+    from calibration.gap.find import GapResult
+    from onboard.vehicle import Vehicle
+    from perchhw.attempt import AttemptResult
+    from perchhw.lab_process import SimulatedLab
+    from perchhw.learning.setup import LearningSetup
+    from perchhw.learning.sweep import SweepSummary
+
+
+def load_policy(name_or_path: str | Path = "default") -> Policy:
+    """A policy: the name of a shipped one, or a ``*.policy.json``.
+
+    Raises:
+        PolicyError: there is none, or it cannot be used.
+
+    >>> load_policy("default").name
+    'default'
+    """
+    return read_policy(find_policy(name_or_path))
+
+
+def simulate_approach(
+    policy: Policy,
+    speed: float,
+    angle_deg: float,
+    *,
+    setup: "LearningSetup | None" = None,
+    seed: int | None = None,
+) -> "Flight":
+    """One approach of `policy` in the physics alone, sampled at 100 Hz until it has come to rest.
+
+    Args:
+        policy: two-stage policy.
+        speed: on the approach line, m/s.
+        angle_deg: of that line above the horizon, deg.
+        setup: vehicle, legs, randomisation, errors of the cues; default: those of the shipped policy.
+        seed: of everything random; default: that of `setup`.
+
+    Returns:
+        The true pose (m, quaternion, world) and the cues; the trigger is what the policy saw.
+
+    Raises:
+        LearningInputError, VehicleFileError: the setup cannot be used.
+
+    >>> flight = simulate_approach(load_policy(), 2.5, 50.0)
+    >>> bool(flight.data["z"][-1] > 2.0)   # it hangs
+    True
+    """
+    from perchhw.learning.examples import example_flight
+    from perchhw.learning.grid import Condition
+    from perchhw.learning.setup import LearningSetup
+
+    setup = setup or LearningSetup(legs="semi-narrow-long")
+    if seed is not None:
+        setup = replace(setup, seed=seed)
+    return example_flight(policy, setup, Condition(speed, angle_deg))
+
+
+def sweep(
+    folder: str | Path,
+    speeds: Iterable[float],
+    angles_deg: Iterable[float],
+    *,
+    repeats: int = 1,
+    setup: "LearningSetup | None" = None,
+    resume: bool = False,
+) -> "SweepSummary":
+    """Learn a sensory-motor pair (EPHE) for every speed (m/s) and angle (deg), on all cores.
+
+    Args:
+        folder: where ``pairs.csv`` and ``sweep.json`` go.
+        speeds, angles_deg, repeats: the grid, and how often each condition is learned.
+        setup: what the rollouts run on; default: the shipped vehicle with the paper's reward.
+        resume: go on with a sweep that was stopped.
+
+    Raises:
+        LearningInputError: the grid, the setup or the folder cannot be used.
+
+    >>> import tempfile
+    >>> summary = sweep(tempfile.mkdtemp(), speeds=[2.5], angles_deg=[45.0])
+    >>> summary.rows[0]["landing_rate"] > 0.5
+    True
+    """
+    from perchhw.learning.setup import LearningSetup
+    from perchhw.learning.sweep import SweepGrid, run_sweep
+
+    grid = SweepGrid(tuple(speeds), tuple(angles_deg), repeats)
+    return run_sweep(setup or LearningSetup(), grid, Path(folder), resume=resume)
+
+
+def train(
+    folder: str | Path, *, name: str = "trained", landing_rate_min: float = 0.8, seed: int = 0
+) -> Policy:
+    """A two-stage policy from the pairs of a sweep's folder.
+
+    Args:
+        folder: of the sweep.
+        name: of the policy.
+        landing_rate_min: pairs below are left out.
+        seed: of everything random.
+
+    Raises:
+        TrainingError: the pairs are too few or do not vary.
+        LearningInputError: the folder holds no sweep that can be used.
+    """
+    from perchhw.learning.sweep_folder import PAIRS_FILE
+    from perchhw.learning.train import train_policy
+    from perchhw.learning.training_set import load_training_set
+
+    pairs = load_training_set(Path(folder) / PAIRS_FILE, landing_rate_min=landing_rate_min)
+    return train_policy(pairs, name=name, seed=seed).policy
+
+
+def fly(
+    lab: "SimulatedLab | str | Path",
+    speed: float,
+    angle_deg: float,
+    *,
+    policy: str = "default",
+    out: str | Path = "runs",
+) -> "AttemptResult":
+    """One supervised attempt: check, upload, arm, fly, land, label, record; as ``perchhw fly``.
+
+    Args:
+        lab: a running simulated lab, or the lab file of the laboratory.
+        speed: on the approach line, m/s.
+        angle_deg: of that line above the horizon, deg.
+        policy: name or file.
+        out: folder for the record (a new folder inside it).
+
+    Raises:
+        PerchhwError: the attempt cannot begin.
+        AttemptInterrupted: Ctrl-C; the drone was stopped and the record closed first.
+    """
+    from perchhw.attempt import AttemptRequest
+    from perchhw.flight import fly_attempt
+    from perchhw.lab import find_lab, flight_setup
+    from perchhw.lab_process import SimulatedLab
+    from perchhw.record import new_run_folder
+
+    file = Path(lab.ready["lab"]) if isinstance(lab, SimulatedLab) else Path(lab)
+    setup = flight_setup(find_lab(file), policy=policy)
+    setup.check()
+    return fly_attempt(
+        AttemptRequest(
+            speed=speed,
+            angle_deg=angle_deg,
+            index=0,
+            folder=new_run_folder(Path(out), f"fly-{speed:g}ms-{angle_deg:g}deg"),
+            drone=setup.drone,
+            mocap=setup.mocap,
+            policy=setup.policy,
+            vehicle=setup.vehicle,
+            legs=setup.legs,
+            room=setup.room,
+            lab=setup.lab,
+        )
+    )
+
+
+def open_flights(*paths: str | Path, format: str = "auto") -> "tuple[list[Flight], list[UnusableFlight]]":
+    """Flights of files and folders (records of perchhw, CSV, the authors' logs, public data sets).
+
+    Returns:
+        The usable ones, and those that are not, each with its reason.
+
+    Raises:
+        FlightFileError: a path does not exist, or a file is broken.
+    """
+    from calibration import flights
+
+    return flights.open_flights(flights.flight_files(paths), format)
+
+
+def find_gap(
+    flights: "Sequence[Flight]",
+    vehicle: "Vehicle",
+    *,
+    ceiling_z: float | None = None,
+    seed: int = 0,
+) -> "GapResult":
+    """Where `vehicle` and measured `flights` disagree, which effects are missing, and the improved vehicle.
+
+    Args:
+        flights: see :func:`open_flights`.
+        vehicle: the model.
+        ceiling_z: height of the ceiling, m, if there is one.
+        seed: of everything random.
+
+    Raises:
+        NothingToFindError: not one flight can be used.
+    """
+    from calibration.gap import find
+    from calibration.gap.prepare import prepare_flights
+
+    asked = find.Question(vehicle=vehicle, seed=seed, ceiling_z=ceiling_z)
+    return find.find_gap(flights, prepare_flights(flights), asked)

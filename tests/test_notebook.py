@@ -1,0 +1,73 @@
+"""``import perchhw``: the examples of its docstrings run, and nothing is imported before it is used."""
+
+import ast
+import doctest
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import perchhw
+import perchhw.notebook
+from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
+from tests.conftest import REPOSITORY
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("module", [perchhw, perchhw.notebook])
+def test_the_examples_of_the_docstrings_run(module: object) -> None:
+    done = doctest.testmod(module)  # type: ignore[arg-type]
+    assert done.attempted >= 3
+    assert done.failed == 0
+
+
+@pytest.mark.slow
+def test_the_examples_of_the_page_run() -> None:
+    done = doctest.testfile(str(REPOSITORY / "docs" / "python.md"), module_relative=False)
+    assert done.attempted >= 8
+    assert done.failed == 0
+
+
+@pytest.mark.parametrize("name", perchhw.__all__)
+def test_every_name_is_there(name: str) -> None:
+    assert getattr(perchhw, name) is not None
+    assert name in dir(perchhw)
+
+
+def test_type_checkers_see_the_same_names() -> None:
+    tree = ast.parse(Path(str(perchhw.__file__)).read_text())
+    seen = {
+        (alias.name, node.module)
+        for block in tree.body
+        if isinstance(block, ast.If)
+        for node in block.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    assert seen == set(perchhw._HOMES.items())
+
+
+def test_a_name_that_is_not_there_says_so() -> None:
+    with pytest.raises(AttributeError, match="no attribute 'land'"):
+        perchhw.land  # noqa: B018
+
+
+def test_importing_perchhw_imports_nothing_heavy() -> None:
+    code = "import perchhw, sys; sys.exit(str({'numpy', 'numba', 'cflib', 'torch'} & set(sys.modules) or ''))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stderr.strip() == ""
+
+
+@pytest.mark.slow
+def test_a_flight_of_a_notebook_is_the_flight_of_the_command(tmp_path: Path) -> None:
+    with SimulatedLab("lab", (*FREE_PORTS, *LOCKSTEP, "--seed", "3")) as lab:
+        result = perchhw.fly(lab, 2.5, 52.5, out=tmp_path)
+        assert result.outcome.attached
+    flights, unusable = perchhw.open_flights(result.record)
+    assert not unusable
+    assert flights[0].trigger is not None
+    assert (
+        perchhw.label_flight(flights[0], perchhw.load_vehicle("crazyflie21-upgraded")).outcome
+        is result.outcome
+    )
