@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from calibration.instruments.continuity import Placed
 from calibration.instruments.edge_count import EdgeCount
-from calibration.instruments.errors import InstrumentError
 from calibration.instruments.line_device import HANDSHAKE_S, LineDevice, LinkReport
 from calibration.instruments.protocol import Banner, EdgeLine, HeartbeatLine, Kind, MarkLine
 from calibration.instruments.reader import Reconnect
@@ -209,28 +208,6 @@ class Tachometer:
             self._count.heartbeat(placed.ticks, line.total, line.overflow)
         else:
             self._count.restart()
-
-
-def join(batches: Sequence[TachometerBatch]) -> TachometerBatch:
-    """One batch from several in order, at least one.
-
-    Raises:
-        InstrumentError: the tachometer restarted between them, so that their times have no common origin.
-    """
-    if len({batch.epoch for batch in batches}) != 1:
-        raise InstrumentError(
-            "the tachometer restarted during the recording (or the recording is empty): its times before and "
-            "after have nothing in common. Check cable and supply, and record again"
-        )
-    return TachometerBatch(
-        batches[0].epoch,
-        np.concatenate([batch.edges for batch in batches]),
-        np.concatenate([batch.beat_times for batch in batches]),
-        np.concatenate([batch.beat_receipts for batch in batches]),
-        np.concatenate([batch.levels for batch in batches]),
-        tuple(mark for batch in batches for mark in batch.marks),
-        sum(batch.lost_lines for batch in batches),
-    )
 
 
 def unwrapped_edges(placed: Placed) -> tuple[int, ...]:
