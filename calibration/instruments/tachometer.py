@@ -48,7 +48,6 @@ class TachometerBatch:
         beat_times: (m,), times of heartbeats on the tachometer's clock [s].
         beat_receipts: (m,), when they arrived, host clock [s]; the pair calibrates the clock. Arrival is
             late, never early.
-        levels: (m,), input level at the heartbeats, 0 or 1: its mean is the duty of the optical pulse.
         marks: marks echoed.
         lost_lines: lines missing within this batch; edges may be missing there.
     """
@@ -57,7 +56,6 @@ class TachometerBatch:
     edges: NDArray[np.float64]
     beat_times: NDArray[np.float64]
     beat_receipts: NDArray[np.float64]
-    levels: NDArray[np.int64]
     marks: tuple[Mark, ...]
     lost_lines: int
 
@@ -176,7 +174,7 @@ class Tachometer:
 
     def _batch(self, placed: Sequence[Placed]) -> TachometerBatch:
         edges: list[int] = []
-        beats: list[tuple[int, float, int]] = []
+        beats: list[tuple[int, float]] = []
         marks: list[Mark] = []
         for one in placed:
             if isinstance(one.line, EdgeLine):
@@ -189,7 +187,7 @@ class Tachometer:
                 edges.extend(ticks)
             elif isinstance(one.line, HeartbeatLine):
                 self._count_edges(one, one.line)
-                beats.append((one.ticks, one.receipt, one.line.level))
+                beats.append((one.ticks, one.receipt))
             elif isinstance(one.line, MarkLine):
                 marks.append(_mark(one))
         return TachometerBatch(
@@ -197,7 +195,6 @@ class Tachometer:
             _US * np.array(edges, dtype=np.float64),
             _US * np.array([beat[0] for beat in beats], dtype=np.float64),
             np.array([beat[1] for beat in beats], dtype=np.float64),
-            np.array([beat[2] for beat in beats], dtype=np.int64),
             tuple(marks),
             sum(one.lost for one in placed),
         )
