@@ -60,19 +60,6 @@ def mix(
 
 
 @kernel
-def unmix(
-    f1: float, f2: float, f3: float, f4: float, arm_x: float, arm_y: float, thrust_to_torque: float
-) -> Thrusts:
-    """(collective N, tau_x, tau_y, tau_z N m) that the four thrusts (N) give."""
-    return (
-        f1 + f2 + f3 + f4,
-        arm_y * (f3 + f4 - f1 - f2),
-        arm_x * (f2 + f3 - f1 - f4),
-        thrust_to_torque * (f2 + f4 - f1 - f3),
-    )
-
-
-@kernel
 def flip_thrusts(a_rot: float, arm_x: float) -> Thrusts:
     """Thrusts (N) of M1..M4 that flip with the moment `a_rot` (N m about b_y, negative = nose up).
 

@@ -145,10 +145,3 @@ def euler_angles(q: Indexable) -> Vector:
     pitch = math.asin(min(1.0, max(-1.0, 2.0 * (w * y - z * x))))
     yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     return (roll, pitch, yaw)
-
-
-@kernel
-def angle_between(a: Indexable, b: Indexable) -> float:
-    """Angle (rad, 0 to pi) of the rotation from `a` to `b`; the sign of a quaternion does not matter."""
-    x, y, z, w = multiply(conjugate(a), b)
-    return 2.0 * math.atan2(math.sqrt(x * x + y * y + z * z), abs(w))

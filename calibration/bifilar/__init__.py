@@ -10,12 +10,10 @@ from calibration.bifilar.recordings import read_swing, write_swing
 from calibration.bifilar.rest import RestCheck, check_rest
 from calibration.bifilar.rig import Jig, Measured, Rig, UnitDoubt, check_rig, measured, unit_doubts
 from calibration.bifilar.swing import Swing
-from calibration.bifilar.tensor import InertiaTensor, inertia_tensor
 
 __all__ = [
     "HangPlan",
     "InertiaResult",
-    "InertiaTensor",
     "Instruments",
     "Jig",
     "LiveState",
@@ -35,7 +33,6 @@ __all__ = [
     "fit_swing",
     "formula_inertia",
     "inertia_about_axis",
-    "inertia_tensor",
     "measured",
     "peak_period",
     "plan_hang",

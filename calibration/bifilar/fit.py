@@ -32,9 +32,8 @@ class SwingFit:
     Attributes:
         source: name of the recording.
         clock: who stamped it.
-        claimed: the body axis the operator says hangs vertical, or None.
         axis: unit vector, body frame, about which it turned; its largest component is positive.
-        off_axis: rad between `axis` and `claimed`, or None.
+        off_axis: rad between `axis` and the body axis that the operator says hangs vertical, or None.
         cross: rates about other axes over those about `axis` (second over first singular value).
         period: s, at zero amplitude without damping; its sigma is that of the fit alone, which is 10 to 40
             times smaller than the spread between trials.
@@ -57,7 +56,6 @@ class SwingFit:
 
     source: str
     clock: Literal["drone", "host"]
-    claimed: Vector | None
     axis: Vector
     off_axis: float | None
     cross: float
@@ -169,7 +167,6 @@ def _describe(swing: Swing, axis: PrincipalAxis, time: FloatArray, sine: DampedS
     return SwingFit(
         source=swing.source,
         clock=swing.clock,
-        claimed=swing.axis,
         axis=(float(axis.direction[0]), float(axis.direction[1]), float(axis.direction[2])),
         off_axis=None if swing.axis is None else angle_between(axis.direction, swing.axis),
         cross=axis.cross,

@@ -38,7 +38,6 @@ the largest that the authors' repeated logs show (0.06 to 0.14 %)."""
 _DRAWS = 40_000
 _SEED = 20260101  # fixed: the same data give the same interval
 _UNLIKE_INERTIA = 1.0  # relative difference of the axes that a tilt may mix in
-_PER_HANG = ("period", "centre of mass", "tilt")
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,12 +68,6 @@ class InertiaResult:
     def rejected(self) -> bool:
         """Whether a finding says that the result must not be used."""
         return rejected(self.findings)
-
-    @property
-    def shares(self) -> tuple[float, float]:
-        """Relative standard uncertainty that is this hang's own, and that which hangs on one rig share."""
-        own = [one for one in self.budget if one.name in _PER_HANG]
-        return combine(own)[0], combine([one for one in self.budget if one not in own])[0]
 
 
 def inertia_about_axis(

@@ -9,7 +9,6 @@ from calibration.measurement import Finding, Severity
 SPREAD_WARN = 0.003
 GYRATION = (0.012, 0.060)  # m, of a small drone
 PRESET_RATIO = 2.0
-MISFIT_WARN = 4.0  # standard uncertainties of one hang
 
 
 def check_trials(fits: Sequence[SwingFit], spread: float, fewest: int) -> list[Finding]:
@@ -48,28 +47,3 @@ def check_inertia(inertia: float, mass: float, expected: float | None) -> list[F
         )
         findings.append(Finding("preset", Severity.WARNING, text))
     return findings
-
-
-def check_triangle(principal: Sequence[float], u95: float) -> list[Finding]:
-    """No `principal` moment (kg m2) of a body exceeds the sum of the others; `u95` (kg m2) of the excess."""
-    small, middle, large = sorted(principal)
-    if small <= 0.0:
-        text = f"a principal moment of {small:.3g} kg m2 cannot be: the hangs contradict each other"
-        return [Finding("triangle", Severity.REJECT, text)]
-    excess = large - small - middle
-    if excess <= 0.0:
-        return []
-    severity = Severity.REJECT if excess > u95 else Severity.WARNING
-    text = (
-        f"{large:.3g} kg m2 exceeds the sum of the other two, {small:.3g} and {middle:.3g}, by {excess:.2g}, "
-        "which no body can: check axes and string distances of each hang"
-    )
-    return [Finding("triangle", severity, text)]
-
-
-def check_misfit(misfit: float) -> list[Finding]:
-    """Largest difference of a hang from the tensor, in its own standard uncertainties."""
-    if misfit <= MISFIT_WARN:
-        return []
-    text = f"a hang is {misfit:.1f} standard uncertainties off the tensor (limit {MISFIT_WARN:g}): repeat it"
-    return [Finding("misfit", Severity.WARNING, text)]

@@ -25,8 +25,6 @@ class RestCheck:
 
     Attributes:
         bias: rad/s, of the gyro. noise: rad/s, standard deviation, mean of the axes.
-        drift: rad/s, largest change between the means of the first and the last quarter.
-        motion: rad/s, largest amplitude of any oscillation (noise taken out).
         up: unit vector, body frame, from the accelerometer, or None without one.
         tilt: rad, between `up` and the claimed axis, or None.
         findings: of the checks; none means ready to twist.
@@ -34,8 +32,6 @@ class RestCheck:
 
     bias: Vector
     noise: float
-    drift: float
-    motion: float
     up: Vector | None
     tilt: float | None
     findings: tuple[Finding, ...]
@@ -52,6 +48,7 @@ def check_rest(swing: Swing) -> RestCheck:
         raise UnusableSwingError(f"{swing.source}: {n} samples at rest, at least {_FEWEST} needed; wait 10 s")
     gyro = swing.gyro
     quarter = n // 4
+    # Largest change between the means of the first and the last quarter.
     drift = float(np.max(np.abs(gyro[:quarter].mean(axis=0) - gyro[-quarter:].mean(axis=0))))
     # Neighbours differ by noise alone: what the whole varies beyond that is motion.
     noise = np.std(np.diff(gyro, axis=0), axis=0) / math.sqrt(2.0)
@@ -65,7 +62,7 @@ def check_rest(swing: Swing) -> RestCheck:
         tilt = None if swing.axis is None else angle_between(np.array(up), swing.axis)
     bx, by, bz = (float(part) for part in gyro.mean(axis=0))
     findings = _findings(swing, drift, motion, tilt)
-    return RestCheck((bx, by, bz), float(np.mean(noise)), drift, motion, up, tilt, tuple(findings))
+    return RestCheck((bx, by, bz), float(np.mean(noise)), up, tilt, tuple(findings))
 
 
 def _findings(swing: Swing, drift: float, motion: float, tilt: float | None) -> list[Finding]:

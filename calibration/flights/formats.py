@@ -15,6 +15,7 @@ from calibration.flights.perchhw_run import load_run
 from calibration.flights.run_folder import is_run_folder
 from calibration.flights.table import is_table, load_table
 from calibration.flights.usd import is_usd, load_usd
+from onboard.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,7 @@ class FlightFormat:
 
 @dataclass(frozen=True)
 class UnusableFlight:
-    """A file that holds no usable flight, and why."""
+    """A file that is broken or holds no usable flight, and why."""
 
     file: Path
     reason: str
@@ -75,17 +76,15 @@ def open_flight(path: str | Path, format: str = "auto") -> Flight:
 def open_flights(
     paths: Iterable[str | Path], format: str = "auto"
 ) -> tuple[list[Flight], list[UnusableFlight]]:
-    """Read many flights: the usable ones, and those that are not, each with its reason.
-
-    Raises:
-        FlightFileError: a file is broken, which is not the same as unusable.
-    """
+    """Read many flights: the usable ones, and the files that hold none, each with its reason."""
     flights, unusable = [], []
     for path in paths:
         try:
             flights.append(open_flight(path, format))
         except UnusableFlightError as error:
             unusable.append(UnusableFlight(error.source, error.reason))
+        except InputError as error:  # broken: a person has to see where
+            unusable.append(UnusableFlight(Path(path), str(error)))
     return flights, unusable
 
 

@@ -45,11 +45,6 @@ class RunRecord:
         """Whether the writer finished the record."""
         return bool(self.info["closed"])
 
-    @property
-    def last_time(self) -> float | None:
-        """Time of the latest message (s), or None for a record without one."""
-        return max((float(s.t.max()) for s in self.series.values()), default=None)
-
 
 def is_run_folder(path: Path) -> bool:
     """Whether `path` is a run folder."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from calibration.gap.landing import Verdict as LandingVerdict
 from calibration.gap.model import Model
 from calibration.gap.naming import FEWEST, Named, found_effects, name_effects
 from calibration.gap.nuisances import NUISANCES
-from calibration.gap.other_phases import landing_effects, sensing_effects
+from calibration.gap.other_phases import landing_effects, landing_section, sensing_effects
 from calibration.gap.prediction import PredictionErrors, evaluate
 from calibration.gap.prediction.shown import prediction_gap
 from calibration.gap.prepare import Prepared
@@ -44,6 +45,9 @@ from onboard.vehicle import EFFECTS, Vehicle
 class NothingToFindError(CalibrationError, InputError):
     """Not one flight can be held against a model; the message says why."""
 
+
+_VERSIONS = ("perchhw", "numpy", "scipy", "numba")
+"""Packages whose next version may give other last digits."""
 
 _NO_VOLTAGE = "no battery voltage, so nobody knows what thrust a command meant: log it (pm.vbat, vbat)"
 
@@ -151,7 +155,9 @@ def _find(flights: Sequence[Flight], prepared: Prepared, asked: Question, progre
             *stages["before"].doubts(),
             *_limits(kept_back, found, names, sensing, landings),
         ),
+        landings=landing_section(landings) if landings else None,
         seed=asked.seed,
+        settings=_settings(names.model),
         noise=_noise(found, training),
     )
     source = provenance(len(fit_to), len(kept_back), asked.seed)
@@ -242,6 +248,10 @@ def _limits(
             "important manoeuvre at least twice"
         )
     return tuple(limits)
+
+
+def _settings(model: Model) -> dict[str, Any]:
+    return {"ceiling_z_m": model.ceiling_z, "versions": {name: version(name) for name in _VERSIONS}}
 
 
 def _noise(found: Search, training: Training) -> dict[str, Any]:

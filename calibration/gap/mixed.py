@@ -69,7 +69,6 @@ class MixedFit:
         per_part: nuisances of each part, shape (parts, q).
         information: shape (parts, g, g); each part's share of the normal matrix, nuisances integrated out.
         score: shape (parts, g); its part of the right-hand side.
-        log_likelihood: marginal, of each part, shape (parts,).
     """
 
     theta: FloatArray
@@ -78,7 +77,6 @@ class MixedFit:
     per_part: FloatArray
     information: FloatArray
     score: FloatArray
-    log_likelihood: FloatArray
 
 
 def _without_nuisances(p: Products, spread: FloatArray) -> tuple[Any, ...]:
@@ -130,13 +128,12 @@ def fit_mixed(
         rounds: of expectation-maximisation; 0 keeps the spreads.
     """
     for last in (*[False] * rounds, True):
-        inverse, information, score, left, volume = _without_nuisances(p, spread)
+        inverse, information, score, _, _ = _without_nuisances(p, spread)
         theta = solve(information.sum(axis=0), score.sum(axis=0), prior)
         per_part = np.einsum("fqp,fp->fq", inverse, p.zr - p.zx @ theta)
         if not last:
             square = per_part**2 + np.diagonal(inverse, axis1=1, axis2=2)
             spread = np.clip(np.sqrt(square.mean(axis=0)), _LEAST, _MOST)
-    quadratic = left - 2.0 * score @ theta + np.einsum("g,fgh,h->f", theta, information, theta)
     return MixedFit(
         theta=theta,
         covariance=np.linalg.inv(information.sum(axis=0) + np.diag(prior.precision)),
@@ -144,7 +141,6 @@ def fit_mixed(
         per_part=per_part,
         information=information,
         score=score,
-        log_likelihood=p.constant + volume - 0.5 * quadratic,
     )
 
 

@@ -1,10 +1,11 @@
 """Effects that are not found in the air: of the sensors, and of legs and feet at landings."""
 
+import math
 from collections.abc import Sequence
 
 from calibration.gap.improved import separations
-from calibration.gap.landing import Finding
-from calibration.gap.report import FoundEffect, FoundParameter
+from calibration.gap.landing import Finding, LandingFindings
+from calibration.gap.report import Flips, FoundEffect, FoundParameter, Landings, UnusableFile
 from calibration.gap.sensing import SensingEffect
 from onboard.vehicle import EFFECTS, Vehicle
 
@@ -41,6 +42,7 @@ def landing_effects(findings: Sequence[Finding], vehicle: Vehicle) -> list[Found
                 value=factor * value,
                 unit=EFFECTS[finding.effect].parameters[key].unit,
                 ci95=(factor * low, factor * high),
+                at_bound=key in finding.at_bound,
             )
         effects.append(
             FoundEffect(
@@ -55,3 +57,22 @@ def landing_effects(findings: Sequence[Finding], vehicle: Vehicle) -> list[Found
             )
         )
     return effects
+
+
+def landing_section(found: LandingFindings) -> Landings:
+    """Which landings could be judged and which were refused, as the report has it."""
+    flip, misfit = found.flip, found.misfit
+    return Landings(
+        usable=found.usable,
+        refused=tuple(UnusableFile(file=item.name, reason=item.reason) for item in found.unused),
+        misfit=misfit if misfit is not None and math.isfinite(misfit) else None,
+        flips=None
+        if flip is None
+        else Flips(
+            flights=flip.flights,
+            samples=flip.samples,
+            mean=flip.mean,
+            rms=flip.rms,
+            judgement=flip.judgement,
+        ),
+    )

@@ -48,7 +48,7 @@ def best_unlisted(present: Fitted, training: Training, rng: np.random.Generator)
     """The term without a name that explains most; None when what is left has no structure."""
     signals, records = training.regression.signals, training.records
     residual = present.estimate.residual
-    found = structured(map_of(present, training, rng), find_lines(signals, records, residual), [])
+    found = structured(map_of(present, training, rng), find_lines(signals, records, residual))
     # What a propeller lifts says little about what its motor draws: a voltage that goes with it is no gap.
     found = [finding for finding in found if finding.channel.kind != "voltage"]
     places = [finding for finding in found if finding.cell is not None][:_OFFERED]

@@ -31,7 +31,7 @@ def no_banner(device: str, baud: int, waited_s: float, data: bytes) -> Instrumen
     if sum(bool(_LEGACY.match(line)) for line in lines) > len(lines) // 2:
         return WrongDevice(
             f"{device} sends 'millis, omega' lines: this is the authors' window-averaging tachometer. "
-            "Use the legacy format for it, or load our sketch"
+            "Its averages hide a time constant of 50 ms: load our sketch"
         )
     excerpt = max(lines, key=len, default="")[:40]
     return WrongDevice(f"{device} is another device: it sends {excerpt!r} and no banner of ours")

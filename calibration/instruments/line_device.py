@@ -248,17 +248,6 @@ class LineDevice:
         self._reader.write(b"?\n")
 
 
-def ask_banner(address: str, *, within_s: float = HANDSHAKE_S, clock: Clock = monotonic) -> Banner:
-    """Open a port, ask who is there, close it.
-
-    Raises:
-        InstrumentInputError, InstrumentNotFound, InstrumentLost: the port cannot be used.
-        WrongBaudRate, WrongDevice, InstrumentTimeout: nobody who speaks our protocol.
-    """
-    with SerialPort(Address.parse(address, BAUD)) as port:
-        return _handshake(port, LineParser(), clock, within_s)
-
-
 def _handshake(port: SerialPort, parser: LineParser, clock: Clock, within_s: float) -> Banner:
     """Ask until the device says who it is; what came before its banner does not count."""
     heard = b""

@@ -125,7 +125,7 @@ def check_counts(times: NDArray[np.float64], raw: NDArray[np.int64]) -> tuple[Fi
         rate = (raw.size - 1) / max(float(times[-1] - times[0]), 1e-6)
         if not any(abs(rate / nominal - 1.0) < RATE_TOLERANCE for nominal in RATES):
             text = f"{rate:.1f} readings/s instead of 10 or 80: lines are lost, or the device is another one"
-            findings.append(Finding("rate", Severity.WARNING, text))
+            findings.append(Finding("scale_rate", Severity.WARNING, text))
     return tuple(findings)
 
 

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from calibration.instruments.continuity import Placed
 from calibration.instruments.edge_count import EdgeCount
-from calibration.instruments.errors import InstrumentError
 from calibration.instruments.line_device import HANDSHAKE_S, LineDevice, LinkReport
 from calibration.instruments.protocol import Banner, EdgeLine, HeartbeatLine, Kind, MarkLine
 from calibration.instruments.reader import Reconnect
@@ -49,7 +48,6 @@ class TachometerBatch:
         beat_times: (m,), times of heartbeats on the tachometer's clock [s].
         beat_receipts: (m,), when they arrived, host clock [s]; the pair calibrates the clock. Arrival is
             late, never early.
-        levels: (m,), input level at the heartbeats, 0 or 1: its mean is the duty of the optical pulse.
         marks: marks echoed.
         lost_lines: lines missing within this batch; edges may be missing there.
     """
@@ -58,7 +56,6 @@ class TachometerBatch:
     edges: NDArray[np.float64]
     beat_times: NDArray[np.float64]
     beat_receipts: NDArray[np.float64]
-    levels: NDArray[np.int64]
     marks: tuple[Mark, ...]
     lost_lines: int
 
@@ -177,7 +174,7 @@ class Tachometer:
 
     def _batch(self, placed: Sequence[Placed]) -> TachometerBatch:
         edges: list[int] = []
-        beats: list[tuple[int, float, int]] = []
+        beats: list[tuple[int, float]] = []
         marks: list[Mark] = []
         for one in placed:
             if isinstance(one.line, EdgeLine):
@@ -190,7 +187,7 @@ class Tachometer:
                 edges.extend(ticks)
             elif isinstance(one.line, HeartbeatLine):
                 self._count_edges(one, one.line)
-                beats.append((one.ticks, one.receipt, one.line.level))
+                beats.append((one.ticks, one.receipt))
             elif isinstance(one.line, MarkLine):
                 marks.append(_mark(one))
         return TachometerBatch(
@@ -198,7 +195,6 @@ class Tachometer:
             _US * np.array(edges, dtype=np.float64),
             _US * np.array([beat[0] for beat in beats], dtype=np.float64),
             np.array([beat[1] for beat in beats], dtype=np.float64),
-            np.array([beat[2] for beat in beats], dtype=np.int64),
             tuple(marks),
             sum(one.lost for one in placed),
         )
@@ -209,28 +205,6 @@ class Tachometer:
             self._count.heartbeat(placed.ticks, line.total, line.overflow)
         else:
             self._count.restart()
-
-
-def join(batches: Sequence[TachometerBatch]) -> TachometerBatch:
-    """One batch from several in order, at least one.
-
-    Raises:
-        InstrumentError: the tachometer restarted between them, so that their times have no common origin.
-    """
-    if len({batch.epoch for batch in batches}) != 1:
-        raise InstrumentError(
-            "the tachometer restarted during the recording (or the recording is empty): its times before and "
-            "after have nothing in common. Check cable and supply, and record again"
-        )
-    return TachometerBatch(
-        batches[0].epoch,
-        np.concatenate([batch.edges for batch in batches]),
-        np.concatenate([batch.beat_times for batch in batches]),
-        np.concatenate([batch.beat_receipts for batch in batches]),
-        np.concatenate([batch.levels for batch in batches]),
-        tuple(mark for batch in batches for mark in batch.marks),
-        sum(batch.lost_lines for batch in batches),
-    )
 
 
 def unwrapped_edges(placed: Placed) -> tuple[int, ...]:

@@ -6,14 +6,12 @@ the physics. Everything here is pure: files in, numbers and findings out.
 
 from calibration.tachometer.analysis import analyse
 from calibration.tachometer.clock import ClockFit, fit_clock
-from calibration.tachometer.edge_checks import check_heartbeats
 from calibration.tachometer.errors import TachometerError
 from calibration.tachometer.files import read_commands, read_tachometer, write_commands, write_edges
 from calibration.tachometer.monitor import EdgeMonitor, EdgeQuality
 from calibration.tachometer.propellers import PROPELLERS, PropellerMap, propeller
 from calibration.tachometer.records import CommandRecord, EdgeRecord, WindowRecord
 from calibration.tachometer.result import TachometerResult
-from calibration.tachometer.vehicle import MotorDynamics, motor_dynamics
 
 __all__ = [
     "PROPELLERS",
@@ -22,15 +20,12 @@ __all__ = [
     "EdgeMonitor",
     "EdgeQuality",
     "EdgeRecord",
-    "MotorDynamics",
     "PropellerMap",
     "TachometerError",
     "TachometerResult",
     "WindowRecord",
     "analyse",
-    "check_heartbeats",
     "fit_clock",
-    "motor_dynamics",
     "propeller",
     "read_commands",
     "read_tachometer",

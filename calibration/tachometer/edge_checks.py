@@ -20,8 +20,6 @@ _MAINS = (100.0, 120.0)
 """Hz at which lamps flicker on 50 and 60 Hz mains."""
 _MAINS_TOLERANCE = 0.003
 _MAINS_BLOCK = 50
-HEARTBEAT_LIMIT = 0.5
-"""s without a heartbeat (sent every 0.1 s) after which the line counts as dead."""
 
 
 def check_edges(
@@ -149,22 +147,4 @@ def check_clock(clock: ClockFit | None) -> list[Finding]:
     if clock.span < ENOUGH:
         text = f"clocks were compared for {clock.span:.0f} s only (60 s give 0.01 %): record longer"
         return [Finding("clock_short", Severity.NOTE, text)]
-    return []
-
-
-def check_heartbeats(name: str, arrivals: FloatArray) -> list[Finding]:
-    """Whether the line was alive all the time: a stopped motor sends no edges, but heartbeats go on.
-
-    Args:
-        name: of the recording.
-        arrivals: (n,) s, of heartbeats.
-    """
-    if arrivals.size < 2:
-        return [
-            Finding("dead_link", Severity.REJECT, f"{name}: no heartbeats: the instrument is not connected")
-        ]
-    longest = float(np.max(np.diff(arrivals)))
-    if longest > HEARTBEAT_LIMIT:
-        text = f"{name}: {longest:.1f} s without a heartbeat (limit {HEARTBEAT_LIMIT} s): the line was dead"
-        return [Finding("dead_link", Severity.REJECT, text + "; check the cable and repeat")]
     return []

@@ -56,10 +56,6 @@ class PropellerMap:
         root = math.sqrt(max(0.0, self.linear**2 + 4.0 * self.square * (thrust - self.offset)))
         return max(0.0, (root - self.linear) / (2.0 * self.square))
 
-    def coefficient(self, thrust: float) -> float:
-        """Thrust over the square of the speed (N s2/rad2) at `thrust` (N): a vehicle's thrust coefficient."""
-        return thrust / self.speed(thrust) ** 2
-
 
 def _bitcraze(name: str, rpm1: float, rpm2: float, what: str) -> PropellerMap:
     source = f"crazyflie-firmware tools/system_id and utiasDSL drone-models params.toml, {what}"

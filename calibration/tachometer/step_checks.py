@@ -15,8 +15,6 @@ FEWEST_EDGES = 8
 SETTLED = 0.95
 DRIFT_LIMIT = 0.01
 """1/s."""
-SAG_LIMIT = 0.15
-"""V."""
 HOT_SHARE, HOT_TIME = 0.8, 10.0
 _SIGNIFICANT = 3.5
 _COMMAND_REACH = 0.3
@@ -126,30 +124,6 @@ def check_commands(steps: Sequence[Step], commands: CommandRecord) -> list[Findi
             )
             return [Finding("directions_swapped", Severity.REJECT, text)]
     return []
-
-
-def check_supply(steps: Sequence[Step], times: FloatArray, volts: FloatArray) -> list[Finding]:
-    """Whether the supply held its voltage (V) during each step.
-
-    Args:
-        steps: on the instrument's clock.
-        times: (n,) s, on the same clock.
-        volts: (n,) V.
-    """
-    findings: list[Finding] = []
-    for step in steps:
-        stop = float(step.trace.end[step.last - 1])
-        before = volts[(times > step.onset - 0.5) & (times <= step.onset)]
-        during = volts[(times > step.onset) & (times < stop)]
-        if before.size and during.size and float(np.ptp(np.concatenate([before, during]))) > SAG_LIMIT:
-            sag = float(np.ptp(np.concatenate([before, during])))
-            text = (
-                f"{step.trace.name}, step at {step.onset:.2f} s: the supply moves by {sag:.2f} V "
-                f"(limit {SAG_LIMIT} "
-                "V): use a stronger supply, shorter leads and a capacitor at the board"
-            )
-            findings.append(Finding("supply_sag", Severity.WARNING, text))
-    return findings
 
 
 def check_heat(trace: SpeedTrace) -> list[Finding]:

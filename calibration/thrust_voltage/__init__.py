@@ -5,7 +5,6 @@ docs/bench_thrust.md tells the physics. Everything here is pure: files in, numbe
 """
 
 from calibration.thrust_voltage.analysis import analyse, questions, read_table
-from calibration.thrust_voltage.checks import check_scale_stream
 from calibration.thrust_voltage.compensation import (
     Discharge,
     Verification,
@@ -17,13 +16,7 @@ from calibration.thrust_voltage.data import ThrustData
 from calibration.thrust_voltage.errors import ThrustTableError
 from calibration.thrust_voltage.pwm import applied_duty, exact_set_points
 from calibration.thrust_voltage.raw_table import RawTable, to_data, write_raw
-from calibration.thrust_voltage.result import (
-    ThrustResult,
-    VehicleThrust,
-    firmware_defines,
-    imported_json,
-    vehicle_thrust,
-)
+from calibration.thrust_voltage.result import ThrustResult, VehicleThrust, imported_json, vehicle_thrust
 from calibration.thrust_voltage.units import Units
 
 __all__ = [
@@ -38,9 +31,7 @@ __all__ = [
     "achievable",
     "analyse",
     "applied_duty",
-    "check_scale_stream",
     "exact_set_points",
-    "firmware_defines",
     "imported_json",
     "questions",
     "read_discharge",

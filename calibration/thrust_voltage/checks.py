@@ -19,10 +19,6 @@ LOW_LIMIT = 0.75
 _LOW_GF, _HIGH_GF = 1.0, 12.0
 _FEWEST_AT_ENDS = 2
 _BATTERY_FALL = 0.1
-_SCALE_RATES = (10.0, 80.0)
-"""Readings a second of the HX711, by a jumper on its board."""
-_RATE_TOLERANCE = 0.15
-_RAW_LIMIT = 8388607
 
 
 def check_run(table: RawTable) -> list[Finding]:
@@ -74,31 +70,6 @@ def check_points(data: ThrustData, expected: Callable[[float], float] | None = N
                     "propeller is missing, upside down, or on the wrong motor"
                 )
                 findings.append(Finding("low_thrust", Severity.WARNING, text))
-    return findings
-
-
-def check_scale_stream(times: FloatArray, raw: FloatArray) -> list[Finding]:
-    """Findings about the readings of a load cell as they come.
-
-    Args:
-        times: (n,) s.
-        raw: (n,) counts, 24 bits with sign.
-    """
-    findings: list[Finding] = []
-    if raw.size > 1:
-        rate = (raw.size - 1) / float(times[-1] - times[0])
-        if min(abs(rate / usual - 1.0) for usual in _SCALE_RATES) > _RATE_TOLERANCE:
-            text = (
-                f"the scale sends {rate:.1f} readings a second; an HX711 sends 10 or 80: check "
-                "jumper and line"
-            )
-            findings.append(Finding("scale_rate", Severity.WARNING, text))
-    if raw.size > 3 and np.unique(raw).size == 1:
-        text = f"all {raw.size} readings of the scale are the same: it is stuck; check its wires"
-        findings.append(Finding("scale_stuck", Severity.REJECT, text))
-    if np.any(np.abs(raw) >= _RAW_LIMIT):
-        text = "the scale is at the end of its range: lighten it, or check the wires of the bridge"
-        findings.append(Finding("scale_saturated", Severity.REJECT, text))
     return findings
 
 

@@ -10,7 +10,6 @@ from calibration.thrust_voltage.choose import FormReport, map_json
 from calibration.thrust_voltage.compensation import REPORTED_VOLTAGES, achievable
 from calibration.thrust_voltage.data import ThrustData
 from calibration.thrust_voltage.errors import ThrustTableError
-from calibration.thrust_voltage.forms import CUBIC
 from onboard.arrays import FloatArray
 from onboard.battery import voltage_from_thrust
 from onboard.gravity import GRAM_FORCE
@@ -123,24 +122,6 @@ def vehicle_thrust(result: ThrustResult, source: str, form: str | None = None) -
             result.thrust_max.value, "N", result.thrust_max.sigma, f"{source}; highest measured"
         ),
     )
-
-
-def firmware_defines(result: ThrustResult) -> str:
-    """The lines of the firmware's platform defaults for the fitted cubic.
-
-    Raises:
-        ThrustTableError: the cubic may not fly.
-    """
-    report = result.forms[CUBIC.name]
-    if not report.usable:
-        raise ThrustTableError(f"the cubic may not fly: {', '.join(report.problems)}")
-    values = [f"{one.value!r}f" for one in _map(report).coefficients.values()]
-    lines = [f"#define VMOTOR2THRUST{index} {value}" for index, value in enumerate(values)]
-    lines += [
-        f"#define THRUST_MIN {result.thrust_min.value:.6f}f",
-        f"#define THRUST_MAX {result.thrust_max.value:.6f}f",
-    ]
-    return "\n".join(lines)
 
 
 def _map(report: FormReport) -> ThrustMapDescription:

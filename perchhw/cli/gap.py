@@ -106,16 +106,10 @@ def read_records(paths: list[Path], format: str) -> tuple["Prepared", list[dict[
 
 def read_flights(paths: list[Path], format: str) -> tuple[list["Flight"], list[dict[str, str]]]:
     """Flights that can be read, and the files that cannot, each with the reason."""
-    from calibration.flights import flight_files, open_flight
-    from onboard.errors import InputError
+    from calibration.flights import flight_files, open_flights
 
-    opened, unusable = [], []
-    for file in flight_files(paths):
-        try:
-            opened.append(open_flight(file, format))
-        except InputError as error:
-            unusable.append({"file": str(file), "reason": str(error)})
-    return opened, unusable
+    flights, unusable = open_flights(flight_files(paths), format)
+    return flights, [{"file": str(item.file), "reason": item.reason} for item in unusable]
 
 
 def records_of(flights: list["Flight"], unusable: list[dict[str, str]]) -> "Prepared":
@@ -157,6 +151,8 @@ def _tell(report: "GapReport", page: Path) -> None:
             )
     if report.effects:
         console().print(table)
+    for refused in report.landings.refused if report.landings else ():
+        console().print(f"landing refused: {refused.file}: {refused.reason}", markup=False, soft_wrap=True)
     if report.unexplained.formula:
         console().print(f"unexplained: {report.unexplained.formula}", markup=False)
     console().print(f"report: {page}", markup=False, soft_wrap=True)

@@ -60,7 +60,6 @@ def _set_global_flags(
 ) -> None:
     """Land a Crazyflie upside down on a ceiling: learn, upload, fly, record, measure."""
     settings.as_json = as_json
-    settings.verbose = verbose
     logging.basicConfig(
         level=logging.INFO if verbose else logging.ERROR, stream=sys.stderr, format="%(name)s: %(message)s"
     )

@@ -23,7 +23,6 @@ class OutputSettings:
     """The global flags of the command line, and whether the verb has given its result yet."""
 
     as_json: bool = False
-    verbose: bool = False
     emitted: bool = False
 
 

@@ -61,8 +61,12 @@ def show(
 @app.command()
 def check(file: VehicleArgument) -> None:
     """Check a vehicle file; exit 2 with every problem, by file and key, when it cannot be used."""
-    from onboard.vehicle import load_vehicle
+    from onboard.vehicle import check_vehicle, load_vehicle
 
+    problems = check_vehicle(file)
+    if problems:
+        emit({"vehicle": file, "usable": False, "quantities": 0, "problems": problems}, "\n".join(problems))
+        raise typer.Exit(2)
     loaded = load_vehicle(file)
     emit(
         {"vehicle": loaded.name, "usable": True, "quantities": len(_quantities(loaded)), "problems": []},

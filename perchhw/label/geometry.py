@@ -30,8 +30,8 @@ class LandingGeometry:
         feet: feet in the body frame, shape (4, 3), front left first.
         body_points: corners of the hull box and points on the propeller rims, shape (n, 3).
         foot_radius: radius of a foot (m).
-        four_leg_distance: body origin below the ceiling, hanging level on four feet (m).
-        two_leg_distance: the same, hanging on two neighbouring feet (m; the larger of the two ways).
+        two_leg_distance: body origin below the ceiling, hanging on two neighbouring feet (m; the larger of
+            the two ways).
         two_leg_tilt: angle between the inverted b_z and the vertical on two neighbouring feet (rad; the
             smaller of the two ways).
         swing_hz: small-swing frequency about two fore or two side feet (Hz), (about b_y, about b_x).
@@ -40,7 +40,6 @@ class LandingGeometry:
     feet: FloatArray
     body_points: FloatArray
     foot_radius: float
-    four_leg_distance: float
     two_leg_distance: float
     two_leg_tilt: float
     swing_hz: tuple[float, float]
@@ -81,7 +80,6 @@ def landing_geometry(vehicle: Vehicle) -> LandingGeometry:
         feet=feet,
         body_points=_body_points(vehicle),
         foot_radius=radius,
-        four_leg_distance=depth + radius,
         two_leg_distance=math.hypot(max(foot_x, foot_y), depth) + radius,
         two_leg_tilt=math.atan2(min(foot_x, foot_y), depth),
         swing_hz=(

@@ -28,5 +28,3 @@ class Grade:
 
 JIG = Grade(distance=1e-4, length=5e-4, mass=2e-5)
 """A printed jig, a steel tape, a balance (bench notes 1.1)."""
-RULER = Grade(distance=5e-4, length=1e-3, mass=5e-5)
-"""A ruler and a kitchen balance."""

@@ -1,6 +1,5 @@
 """Several trials to one inertia: budget, interval, jig, tensor, and what looks wrong."""
 
-import itertools
 import math
 from dataclasses import replace
 
@@ -18,7 +17,6 @@ from calibration.bifilar import (
     check_rig,
     fit_swing,
     inertia_about_axis,
-    inertia_tensor,
     measured,
     unit_doubts,
 )
@@ -224,78 +222,3 @@ def test_readings_combine_as_the_gum_says(readings: list[float], half_width: flo
 def test_what_is_no_reading(readings: list[float], half_width: float) -> None:
     with pytest.raises(RigError, match="measure again"):
         measured(readings, half_width, "m")
-
-
-TRUTH = np.array([[17e-6, 0.8e-6, -0.5e-6], [0.8e-6, 18e-6, 0.6e-6], [-0.5e-6, 0.6e-6, 33e-6]])
-XYZ = [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
-DIAGONALS = [(1.0, 1.0, 0.0), (1.0, 0.0, 1.0), (0.0, 1.0, 1.0), (1.0, -1.0, 0.0)]
-
-
-def hang_about(
-    axis: tuple[float, float, float], rng: np.random.Generator, own: float = 0.0005
-) -> InertiaResult:
-    n = np.array(axis) / np.linalg.norm(axis)
-    fit = fit_swing(record(Hang(), np.random.default_rng(0), 10.0, cycles=10.0, rate_hz=50.0))
-    result = inertia_about_axis(at(fit, [1.0 + 1e-3 * d for d in (-1, 1, -1, 1)]), jig_rig())
-    value = float(n @ TRUTH @ n) * (1.0 + rng.normal(0.0, own))
-    x, y, z = (float(part) for part in n)
-    return replace(
-        result,
-        axis=(x, y, z),
-        inertia=Estimate(value, "kg m2", result.inertia.sigma / result.inertia.value * value),
-    )
-
-
-@pytest.fixture(scope="module")
-def hangs() -> list[InertiaResult]:
-    rng = np.random.default_rng(5)
-    return [hang_about(axis, rng) for axis in [*XYZ, *DIAGONALS]]
-
-
-def test_six_hangs_and_more_give_the_tensor(hangs: list[InertiaResult]) -> None:
-    for chosen in (hangs[:6], hangs):
-        tensor = inertia_tensor(chosen)
-        assert tensor.findings == ()
-        assert np.allclose(tensor.matrix, TRUTH, atol=0.1e-6)
-        for name, (i, j) in zip(
-            tensor.elements, [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)], strict=True
-        ):
-            assert abs(tensor.elements[name].value - TRUTH[i, j]) < 3.0 * tensor.elements[name].sigma
-        assert np.allclose(tensor.principal, np.linalg.eigvalsh(TRUTH), rtol=5e-3)
-
-
-def test_errors_of_one_rig_do_not_average_out(hangs: list[InertiaResult]) -> None:
-    common = hangs[0].shares[1]
-    tensor = inertia_tensor(hangs * 5)
-    assert tensor.elements["zz"].sigma / tensor.elements["zz"].value == pytest.approx(common, rel=0.1)
-
-
-def test_three_hangs_give_the_diagonal(hangs: list[InertiaResult]) -> None:
-    tensor = inertia_tensor(hangs[:3])
-    assert list(tensor.elements) == ["xx", "yy", "zz"]
-    assert np.allclose(np.diag(tensor.matrix), np.diag(TRUTH), rtol=3e-3)
-
-
-def test_hangs_that_do_not_determine_it(hangs: list[InertiaResult]) -> None:
-    with pytest.raises(RigError, match="three different axes"):
-        inertia_tensor(hangs[:2])
-    with pytest.raises(RigError, match="do not determine 3"):
-        inertia_tensor([hangs[0], hangs[0], hangs[1]])
-    with pytest.raises(RigError, match="do not determine 6"):
-        inertia_tensor([*hangs[:3], *hangs[:3]])
-
-
-def test_a_body_that_cannot_be_and_a_hang_that_does_not_fit(hangs: list[InertiaResult]) -> None:
-    large = replace(hangs[2].inertia, value=45e-6)
-    assert [one.code for one in inertia_tensor([*hangs[:2], replace(hangs[2], inertia=large)]).findings] == [
-        "triangle"
-    ]
-    odd = replace(hangs[6], inertia=replace(hangs[6].inertia, value=1.1 * hangs[6].inertia.value))
-    assert "misfit" in {one.code for one in inertia_tensor([*hangs[:6], odd]).findings}
-
-
-def test_order_of_hangs_does_not_matter(hangs: list[InertiaResult]) -> None:
-    matrices = [
-        inertia_tensor(list(order)).matrix for order in itertools.islice(itertools.permutations(hangs[:6]), 3)
-    ]
-    assert np.allclose(matrices[0], matrices[1:], rtol=1e-9, atol=1e-15)

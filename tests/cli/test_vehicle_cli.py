@@ -62,8 +62,12 @@ def test_check_of_a_bad_file_names_file_and_key(
     text = vehicle_to_toml(load_vehicle("crazyflie21-stock"))
     path.write_text(text.replace("mass =", "maas ="), encoding="utf-8")
     assert run([*(["--json"] if as_json else []), "vehicle", "check", str(path)]) == 2
-    shown = capsys.readouterr()
-    told = " ".join((shown.out + shown.err).split())
+    shown = capsys.readouterr().out
+    if as_json:
+        result = json.loads(shown)
+        assert (result["usable"], len(result["problems"])) == (False, 2)
+        assert all(problem.startswith(f"{path}: ") for problem in result["problems"])
+    told = " ".join(shown.split())
     assert "mine.toml" in told
     assert "body.maas: unknown key" in told
     assert "body.mass: is missing" in told

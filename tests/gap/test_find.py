@@ -45,6 +45,9 @@ def test_report_and_improved_vehicle(flights: Path, tmp_path: Path) -> None:
     assert set(report["flights"]["train"]).isdisjoint(report["flights"]["held_out"])
     assert len(report["flights"]["train"] + report["flights"]["held_out"]) == FLIGHTS
     assert report["where"][0]["channel"].endswith(("_x", "_y"))
+    assert report["landings"] is None
+    assert report["settings"]["ceiling_z_m"] is None
+    assert {"perchhw", "numpy"} <= set(report["settings"]["versions"])
     improved = load_vehicle(tmp_path / "vehicle.toml")
     (effect,) = improved.effects
     assert effect.values()["coefficient"] == found["parameters"]["coefficient"]["value"]

@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pytest
 
-from calibration.gap.prediction import PredictionError, evaluate, fly_again, idsia_errors
+from calibration.gap.prediction import PredictionError, evaluate, fly_again
 from calibration.gap.prediction.inputs import prediction_inputs, velocity_from_the_past
 from calibration.gap.prediction.windows import usable_lengths
 from calibration.gap.record import FlightRecord
@@ -278,25 +278,6 @@ def test_start_velocity_is_causal_and_unbiased() -> None:
     # Without it a parabola is all there is: off by jerk * window^2 / 10.
     blind = velocity_from_the_past(position, None, 0.01)
     assert blind[30, 0] - velocity[30, 0] == pytest.approx(-30.0 * 0.1**2 / 10.0, rel=0.2)
-
-
-def test_the_idsia_protocol(laps: FlightRecord) -> None:
-    own = idsia_errors([laps], VEHICLE)
-    assert own.model.position < 1e-8
-    # A vehicle that stays as it is misses by speed * time: the sum of |v| k dt over 50 steps.
-    speed = np.linalg.norm(laps.velocity[laps.t > 4.0], axis=1).mean()
-    late = dataclasses.replace(laps, flying=laps.t > 4.0)
-    naive = idsia_errors([late], VEHICLE).naive
-    assert naive.position == pytest.approx(speed * 0.01 * 50 * 51 / 2, rel=0.05)
-    coarse = {
-        name: getattr(laps, name)[::3]
-        for name in (
-            "t", "position", "velocity", "attitude", "rate", "specific_force", "duty", "voltage", "flying",
-            "motors_known", "pose_known", "inertial_known", "resting",
-        )
-    }  # fmt: skip
-    with pytest.raises(PredictionError, match="100 Hz"):
-        idsia_errors([dataclasses.replace(laps, **coarse)], VEHICLE)
 
 
 def test_flying_again_needs_what_the_model_lacks(laps: FlightRecord) -> None:

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from calibration.flights import Flight, PoseSource, Trigger, flight_files, open_flight, open_flights
 from calibration.flights.flight import finite_masks
-from calibration.gap.prepare import differentiate, prepare_flights, usable_samples, window_starts
+from calibration.gap.prepare import differentiate, prepare_flights
 from calibration.gap.record import FlightRecord
 from onboard.arrays import FloatArray
 from perchhw.record import RunRecorder
@@ -321,21 +321,6 @@ def test_velocity_is_the_derivative_of_the_position() -> None:
     assert differentiate(noise, 0.01).std() == pytest.approx(2.6e-3, rel=0.1)
 
 
-def test_windows_keep_clear_of_gaps() -> None:
-    record = record_of(straightened(flight(), 800, 12, ONBOARD))
-    usable = usable_samples(record)
-    assert usable[800]
-    assert not usable[801:828].any()  # until 0.15 s after
-    assert usable[828]
-    starts = window_starts(record, length=0.5, stride=0.25)
-    assert np.diff(starts).min() == 25
-    for start in starts:
-        assert record.flying[start - 15 : start + 50].all()
-        assert record.motors_known[start - 15 : start + 50].all()
-    assert starts[starts > 750].min() == 828
-    assert window_starts(record, length=60.0, stride=1.0).size == 0
-
-
 def test_our_own_records_become_records(tmp_path: Path) -> None:
     given = flight()
     folder = tmp_path / "run"
@@ -418,7 +403,6 @@ def test_public_flights(shared_data: Path) -> None:
         assert record.resting.sum() * record.dt > 1.0
         assert 0.05 < np.median(record.position[record.resting, 2]) < 0.08
         assert np.all(record.position[record.flying, 2] > 0.08)
-        assert np.array_equal(window_starts(record, 1.0, 0.5), np.unique(window_starts(record, 1.0, 0.5)))
 
 
 def test_the_authors_flights_lack_accelerometer_and_independent_pose(shared_data: Path) -> None:

@@ -21,12 +21,14 @@ from calibration.gap.prediction.shown import (
 )
 from calibration.gap.report import (
     AmbiguousSet,
+    Flips,
     FoundEffect,
     FoundParameter,
     Gap,
     GapReport,
     HeatMap,
     HorizonCurves,
+    Landings,
     Levels,
     Lines,
     Rejected,
@@ -94,6 +96,18 @@ def report(**changes: Any) -> GapReport:
         ambiguous=(AmbiguousSet(names=("drag", "tilt"), separated_by="laps in both directions"),),
         rejected=(Rejected(name="inertia_error", reason="drifts with excitation"),),
         limitations=("no flight near a ceiling: ceiling_effect cannot be judged",),
+        landings=Landings(
+            usable=("landing-1", "landing-2"),
+            refused=(UnusableFile(file="landing-3", reason="the gyro <ends> with the contact"),),
+            misfit=7.171,
+            flips=Flips(
+                flights=("landing-1",),
+                samples=57,
+                mean={"as filed": 2.231, "no motor lag": -11.92},
+                rms={"as filed": 2.732, "no motor lag": 13.34},
+                judgement=("needs the motors' lag: without it 13.3 instead of 2.7 rad/s RMS",),
+            ),
+        ),
         seed=4711,
         settings={"draws": 443, "versions": {"numpy": "2.x"}},
         noise={"force_z": {"std": 0.2145, "lags": [0.9746, 0.5447]}},
@@ -293,12 +307,3 @@ def test_chromium_shows_the_page(tmp_path: Path) -> None:
     )
     assert done.stdout.count("<svg") == 4
     assert "something else that is not known is still missing" in done.stdout
-
-
-def test_the_same_as_a_rerun_recording(tmp_path: Path) -> None:
-    pytest.importorskip("rerun")
-    from perchhw.view.gap import write_gap_rrd
-
-    path = write_gap_rrd(report(), figures(), tmp_path / "new" / "gap.rrd")
-    assert path.read_bytes()[:4] == b"RRF2"
-    assert path.stat().st_size > 5000

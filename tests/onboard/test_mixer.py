@@ -7,15 +7,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onboard.mixer import flip_thrusts, mix, unmix
+from onboard.mixer import flip_thrusts, mix
 
 ARM_X, ARM_Y, C, MOST = 0.0325, 0.0325, 0.00618, 0.147
-POSITIONS = np.array([[ARM_X, -ARM_Y], [-ARM_X, -ARM_Y], [-ARM_X, ARM_Y], [ARM_X, ARM_Y]])
+CORNERS = np.array([[1, -1], [-1, -1], [-1, 1], [1, 1]])
 
 
-def wrench_from_geometry(thrusts: tuple[float, ...]) -> tuple[float, float, float, float]:
+def wrench(
+    thrusts: tuple[float, ...], arm_x: float = ARM_X, arm_y: float = ARM_Y
+) -> tuple[float, float, float, float]:
     """Collective and moments by r x F at the motors' places, independent of the mixer's formulas."""
-    tau = sum(np.cross([x, y, 0.0], [0.0, 0.0, f]) for (x, y), f in zip(POSITIONS, thrusts, strict=True))
+    places = CORNERS * [arm_x, arm_y]
+    tau = sum(np.cross([x, y, 0.0], [0.0, 0.0, f]) for (x, y), f in zip(places, thrusts, strict=True))
     drag = C * (thrusts[1] + thrusts[3] - thrusts[0] - thrusts[2])
     return sum(thrusts), float(tau[0]), float(tau[1]), drag
 
@@ -26,23 +29,16 @@ moments = st.floats(-1e-3, 1e-3)
 @given(st.floats(0.2, 0.35), moments, moments, st.floats(-2e-4, 2e-4))
 def test_within_the_range_the_wrench_is_exact(collective: float, tx: float, ty: float, tz: float) -> None:
     thrusts = mix(collective, tx, ty, tz, ARM_X, ARM_Y, C, MOST)
-    expected = pytest.approx((collective, tx, ty, tz), abs=1e-12)
-    assert unmix(*thrusts, ARM_X, ARM_Y, C) == expected
-    assert wrench_from_geometry(thrusts) == expected
-
-
-@given(st.tuples(*[st.floats(0.0, MOST)] * 4))
-def test_unmix_is_what_forces_at_the_motors_give(thrusts: tuple[float, float, float, float]) -> None:
-    assert unmix(*thrusts, ARM_X, ARM_Y, C) == pytest.approx(wrench_from_geometry(thrusts), abs=1e-12)
+    assert wrench(thrusts) == pytest.approx((collective, tx, ty, tz), abs=1e-12)
 
 
 def test_unequal_arms() -> None:
     thrusts = mix(0.3, 1e-3, -5e-4, 1e-4, 0.03, 0.04, C, MOST)
-    assert unmix(*thrusts, 0.03, 0.04, C) == pytest.approx((0.3, 1e-3, -5e-4, 1e-4))
+    assert wrench(thrusts, 0.03, 0.04) == pytest.approx((0.3, 1e-3, -5e-4, 1e-4))
 
 
 @pytest.mark.parametrize(
-    ("wrench", "louder"),
+    ("asked", "louder"),
     [
         ((0.3, 1e-3, 0.0, 0.0), (3, 4)),  # roll to the right side down needs the left motors
         ((0.3, 0.0, 1e-3, 0.0), (2, 3)),  # nose down needs the back motors
@@ -50,8 +46,8 @@ def test_unequal_arms() -> None:
         ((0.3, 0.0, 0.0, 1e-4), (2, 4)),
     ],
 )
-def test_signs_on_each_axis(wrench: tuple[float, float, float, float], louder: tuple[int, int]) -> None:
-    thrusts = mix(*wrench, ARM_X, ARM_Y, C, MOST)
+def test_signs_on_each_axis(asked: tuple[float, float, float, float], louder: tuple[int, int]) -> None:
+    thrusts = mix(*asked, ARM_X, ARM_Y, C, MOST)
     quiet = [thrust for number, thrust in enumerate(thrusts, 1) if number not in louder]
     assert min(thrusts[number - 1] for number in louder) > max(quiet)
 
@@ -60,7 +56,7 @@ def test_signs_on_each_axis(wrench: tuple[float, float, float, float], louder: t
 def test_saturation_keeps_attitude_authority(collective: float, tx: float, ty: float, tz: float) -> None:
     thrusts = mix(collective, tx, ty, tz, ARM_X, ARM_Y, C, MOST)
     assert all(0.0 <= thrust <= MOST for thrust in thrusts)
-    got = unmix(*thrusts, ARM_X, ARM_Y, C)
+    got = wrench(thrusts)
     reach = abs(tx) / (4 * ARM_Y) + abs(ty) / (4 * ARM_X)
     share = min(1.0, 0.5 * MOST / reach) if reach > 0.0 else 1.0
     assert got[1:3] == pytest.approx((share * tx, share * ty), abs=1e-9)
@@ -71,7 +67,7 @@ def test_saturation_keeps_attitude_authority(collective: float, tx: float, ty: f
 
 def test_full_collective_gives_way_to_roll() -> None:
     thrusts = mix(4 * MOST, 2e-3, 0.0, 0.0, ARM_X, ARM_Y, C, MOST)
-    collective, tau_x, _, _ = unmix(*thrusts, ARM_X, ARM_Y, C)
+    collective, tau_x, _, _ = wrench(thrusts)
     assert tau_x == pytest.approx(2e-3)
     assert collective == pytest.approx(4 * MOST - 2e-3 / ARM_Y)
 
@@ -79,7 +75,7 @@ def test_full_collective_gives_way_to_roll() -> None:
 @given(st.floats(-9.5e-3, 9.5e-3).filter(lambda moment: abs(moment) > 1e-6))
 def test_flip_gives_the_moment_with_two_motors(a_rot: float) -> None:
     thrusts = flip_thrusts(a_rot, ARM_X)
-    _, tau_x, tau_y, tau_z = unmix(*thrusts, ARM_X, ARM_Y, C)
+    _, tau_x, tau_y, tau_z = wrench(thrusts)
     assert tau_y == pytest.approx(a_rot)
     assert abs(tau_x) < 1e-15
     assert abs(tau_z) < 1e-15

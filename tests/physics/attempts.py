@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from onboard.mixer import Thrusts, flip_thrusts
 from onboard.outcome import Outcome
 from onboard.rotation import body_x, body_z
-from sim_backend.physics.energy import mechanical_energy
 from sim_backend.physics.outcome import classify
 from sim_backend.physics.reset import approaching
 from sim_backend.physics.step import step_thrust
+from tests.physics.energy import mechanical_energy
 from tests.physics.mujoco_vehicle import Referee, RefereeSettings
 
 OFF: Thrusts = (0.0, 0.0, 0.0, 0.0)

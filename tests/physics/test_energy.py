@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim_backend.physics.energy import mechanical_energy
 from sim_backend.physics.reset import approaching
 from sim_backend.physics.state import FootMode
 from sim_backend.physics.step import step_thrust
+from tests.physics.energy import mechanical_energy
 
 OFF = (0.0, 0.0, 0.0, 0.0)
 STOP = math.radians(10.0)

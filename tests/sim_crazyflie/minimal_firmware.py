@@ -1,6 +1,7 @@
 """A small but real firmware behind the CRTP side, and a thread that serves it."""
 
 import asyncio
+import errno
 import socket
 import threading
 import time
@@ -11,7 +12,7 @@ from typing import TypeVar
 from onboard.supervisor_info import SupervisorBits
 from sim_backend.crazyflie.crtp import Packet, Port
 from sim_backend.crazyflie.faults import DatagramFaults
-from sim_backend.crazyflie.interfaces import EBUSY, FirmwareAssertion, Memory
+from sim_backend.crazyflie.interfaces import FirmwareAssertion, Memory
 from sim_backend.crazyflie.memory import DeckMemory, MemoryTester, MemoryType, RamMemory
 from sim_backend.crazyflie.server import CrazyflieServer
 from sim_backend.crazyflie.tables import LogTable, ParameterTable
@@ -148,7 +149,7 @@ class MinimalFirmware:
 
     def high_level(self, command: int, payload: bytes) -> int:
         self.calls.append(("high_level", command, payload))
-        return 0 if self.armed else EBUSY
+        return 0 if self.armed else errno.EBUSY
 
     def setpoint_generic(self, payload: bytes) -> None:
         self.calls.append(("generic", payload))

@@ -1,5 +1,6 @@
 """Unmodified cflib over a real socket: tables, parameters, logs, memories, commands, power switch."""
 
+import errno
 import json
 import statistics
 import struct
@@ -20,7 +21,6 @@ from cflib.crazyflie.syncCrazyflie import SyncCrazyflie
 from cflib.utils.power_switch import PowerSwitch
 
 from onboard.app_interface import INTERFACE_VERSION
-from sim_backend.crazyflie.interfaces import EBUSY
 from tests.patience import PATIENCE_S
 from tests.sim_crazyflie.minimal_firmware import MinimalFirmware, RawClient, ServedFirmware, serve
 
@@ -270,7 +270,7 @@ class TestFlightCommands:
         commander.define_trajectory(1, 0, 3)
         commander.stop()
         answers = [errors.get(timeout=DEADLINE_S) for _ in range(7)]
-        assert answers == [(command, EBUSY) for command in (7, 12, 8, 11, 13, 6, 3)]
+        assert answers == [(command, errno.EBUSY) for command in (7, 12, 8, 11, 13, 6, 3)]
         setpoints = crazyflie.commander
         setpoints.send_setpoint(0, 0, 0, 0)
         setpoints.send_position_setpoint(0, 0, 1, 0)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from calibration.tachometer import TachometerResult, analyse, motor_dynamics, propeller, read_tachometer
+from calibration.tachometer import TachometerResult, analyse, propeller, read_tachometer
 from calibration.tachometer.figures import constants_figure, sizes_figure, steps_figure
 
 HOVER = 0.0381 * 9.81 / 4.0
@@ -67,13 +67,6 @@ def test_the_papers_constants_follow(result: TachometerResult) -> None:
         "low_resolution",
         "few_steps",
     }
-
-
-def test_a_vehicle_takes_the_result(result: TachometerResult) -> None:
-    motors = motor_dynamics(result, "test")
-    assert motors.speed_law.values()["b_up"] == pytest.approx(4.24e-3, rel=0.05)
-    assert motors.time_constant_down.value > motors.time_constant_up.value
-    assert motors.thrust_coefficient.value == pytest.approx(2.2e-8)
 
 
 def test_figures_are_drawn(result: TachometerResult) -> None:

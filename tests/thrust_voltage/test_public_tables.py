@@ -11,7 +11,6 @@ from calibration.thrust_voltage import (
     ThrustTableError,
     achievable,
     analyse,
-    firmware_defines,
     imported_json,
     read_table,
     vehicle_thrust,
@@ -58,7 +57,6 @@ def test_fits_are_those_of_the_notes(folder: Path, file: str, cubic: float, log:
     assert content["rms_gf"] == result.best.fit.rms
     assert all(content["forms"][name]["coefficients"]["break_thrust" if name != "firmware_cubic" else "c0"]
                for name in ("firmware_cubic", "two_region_log", "two_quadratic"))  # fmt: skip
-    assert firmware_defines(result).count("#define") == 6
     for figure in (curve_figure(result), validation_figure(result)):
         assert figure.axes[0].lines
 

@@ -17,7 +17,6 @@ from calibration.thrust_voltage import (
     Units,
     analyse,
     applied_duty,
-    check_scale_stream,
     exact_set_points,
     questions,
     read_discharge,
@@ -188,15 +187,6 @@ def test_missing_propeller_shows_against_the_map_so_far() -> None:
     weak = dataclasses.replace(run, scale=run.scale * 0.7)
     result = analyse(weak, expected=lambda v: float(truth("L250", np.array(v))))
     assert "low_thrust" in {finding.code for finding in result.findings}
-
-
-def test_stream_of_a_scale() -> None:
-    times = np.arange(0.0, 5.0, 0.1)
-    noise = np.random.default_rng(0).integers(-50, 50, times.size).astype(float)
-    assert check_scale_stream(times, 10000.0 + noise) == []
-    assert check_scale_stream(times * 3.0, 10000.0 + noise)[0].code == "scale_rate"
-    assert check_scale_stream(times, np.full(times.size, 5.0))[0].code == "scale_stuck"
-    assert check_scale_stream(times, np.where(times > 4.0, 8388607.0, noise))[0].code == "scale_saturated"
 
 
 def test_curves_that_may_not_fly_are_refused() -> None:

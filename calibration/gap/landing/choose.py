@@ -100,11 +100,11 @@ def practical(model: Sequence[str], theta: Theta) -> bool:
     return True
 
 
-def at_bound(theta: Theta) -> tuple[str, ...]:
-    """Parameters that ended at the end of what is searched: a red flag."""
+def at_bound(theta: Theta, effect: str) -> tuple[str, ...]:
+    """Parameters of an effect that ended at the end of what is searched: a red flag."""
     return tuple(
-        name
-        for name in Theta._fields
+        _WORDS[name]
+        for name in CANDIDATES[effect]
         if getattr(theta, name) != getattr(NOMINAL, name)
         and getattr(theta, name) in (getattr(LOWEST, name), getattr(HIGHEST, name))
     )

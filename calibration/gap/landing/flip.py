@@ -83,9 +83,15 @@ def flip_residual(landings: Sequence[LandingSegment], vehicle: Vehicle) -> FlipR
         times = _compared(landing, *commands)
         if times.size < _LEAST_SAMPLES:
             continue
+        found = {
+            name: _errors(landing, commands, _changed(base, variant), variant.late, times)
+            for name, variant in VARIANTS.items()
+        }
+        if not found["as filed"].size:
+            continue
         names.append(landing.name)
-        for name, variant in VARIANTS.items():
-            errors[name].append(_errors(landing, commands, _changed(base, variant), variant.late, times))
+        for name, own in found.items():
+            errors[name].append(own)
     if not names:
         return None
     joined = {name: np.concatenate(values) for name, values in errors.items()}
@@ -114,7 +120,7 @@ def _changed(base: Any, variant: Variant) -> Any:
 def _errors(
     landing: LandingSegment, commands: tuple[FloatArray, FloatArray], p: Any, late: float, times: FloatArray
 ) -> FloatArray:
-    """Model minus gyro (rad/s) at `times`.
+    """Model minus gyro (rad/s) at `times`; none where not all motors ran before the trigger.
 
     The thrusts start from the last command in which all four motors ran: some logs have the flip's thrusts
     one row before its flag.

@@ -7,16 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.flights import Flight
-from calibration.gap.landing.approach import approach_residual
 from calibration.gap.landing.choose import REPLICATES, Choice, at_bound, choose, intervals
 from calibration.gap.landing.findings import Finding, Interval, LandingFindings, Verdict
 from calibration.gap.landing.flip import flip_residual
 from calibration.gap.landing.kernels import BODY
 from calibration.gap.landing.limits import limitations
-from calibration.gap.landing.observation import EARLY
-from calibration.gap.landing.predict import landing_trace, rate_error
+from calibration.gap.landing.predict import EARLY, landing_trace, rate_error
 from calibration.gap.landing.problem import HORIZON, Problem, Solver, pose_problems, shortened
-from calibration.gap.landing.report_rows import landing_residuals
 from calibration.gap.landing.search import (
     MODELS,
     NOMINAL,
@@ -82,18 +79,18 @@ def judge_landings(
         progress: called with the share of the work done, 0..1.
     """
     landings, unused = _landings(flights)
-    flip, approach = flip_residual(landings, vehicle), approach_residual(landings)
+    flip = flip_residual(landings, vehicle)
     problems: list[Problem] = []
     if vehicle.legs is not None and landings:
         problems, refused = pose_problems(landings, vehicle)
         unused += refused
+    usable = tuple(problem.segment.name for problem in problems)
     if len(problems) < LEAST_LANDINGS:
         words = limitations(problems, vehicle, 0.0)
         few = f"{len(problems)} usable landing(s); naming needs {LEAST_LANDINGS} that can be held out in turn"
         reason = "the vehicle has no legs" if vehicle.legs is None else few
-        return LandingFindings(
-            Verdict.CANNOT_TELL, (), {}, (), (reason, *words), flip, approach, tuple(unused)
-        )
+        words = (reason, *words)
+        return LandingFindings(Verdict.CANNOT_TELL, (), {}, usable, None, words, flip, tuple(unused))
     evidence = _weigh(problems, vehicle, rng, progress or (lambda share: None))
     table, choice = evidence.table, evidence.choice
     theta = choice.held_out[choice.model].theta if choice.model else None
@@ -105,9 +102,6 @@ def judge_landings(
         words = (_FINER.format(math.exp(theta.adhesion), finer),)
     left = misfit_left(table, theta or NOMINAL)
     words += limitations(problems, vehicle, left)
-    words += tuple(
-        f"{name} ended at the end of its range: not a value" for name in at_bound(theta or NOMINAL)
-    )
     allowed = {
         effect: {name: interval for name, (_, interval) in parameters.items()}
         for effect, parameters in evidence.allowed.items()
@@ -116,10 +110,10 @@ def judge_landings(
         _verdict(findings, left, allowed),
         findings,
         allowed,
-        landing_residuals(table, theta, rng),
+        usable,
+        float(np.median(table.ratios[NOMINAL])),
         words,
         flip,
-        approach,
         tuple(unused),
     )
 
@@ -165,7 +159,8 @@ def _findings(evidence: _Evidence, rng: np.random.Generator) -> tuple[Finding, .
     table, choice = evidence.table, evidence.choice
     if not choice.model:
         return ()
-    values = intervals(table, choice.held_out[choice.model], rng)
+    held_out = choice.held_out[choice.model]
+    values = intervals(table, held_out, rng)
     steps: list[tuple[str, ...]] = [()]
     for effect in choice.effects:
         steps.append(choice.model if len(steps) == len(choice.effects) else (effect,))
@@ -178,6 +173,7 @@ def _findings(evidence: _Evidence, rng: np.random.Generator) -> tuple[Finding, .
             error_after=float(np.median(after)),
             improvement_ci95=_improvement(before, after, rng),
             ambiguous_with=choice.rivals,
+            at_bound=at_bound(held_out.theta, effect),
         )
         for effect, before, after in zip(choice.effects, errors[:-1], errors[1:], strict=True)
     )

@@ -27,9 +27,9 @@ NUISANCES = 11
 """Ceiling height (m), velocity (3, m/s, world), attitude (3, rad, body), rate (3, rad/s, body), and how much
 later the gyro's clock is than the pose's (s)."""
 
-OMEGA, QUATERNION, POSITION, VELOCITY, FEET, BODY = 0, 3, 7, 10, 13, 14
-COLUMNS = 15
-"""Columns of a trace: rate (3), quaternion (4), position (3), velocity (3), feet that hold, hull touched."""
+OMEGA, QUATERNION, POSITION, BODY = 0, 3, 7, 10
+COLUMNS = 11
+"""Columns of a trace: rate (3), quaternion (4), position (3), hull touched."""
 
 C2 = 9.0
 """Square of the residual (in standard deviations) from which on rho grows slowly."""
@@ -54,11 +54,8 @@ def note(state: Any, row: Any) -> None:
     for i in range(3):
         row[OMEGA + i] = state.omega[i]
         row[POSITION + i] = state.position[i]
-        row[VELOCITY + i] = state.velocity[i]
     for i in range(4):
         row[QUATERNION + i] = state.quaternion[i]
-    attached = state.foot_attached
-    row[FEET] = attached[0] + attached[1] + attached[2] + attached[3]
     row[BODY] = state.body_contact
 
 

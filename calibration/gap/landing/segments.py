@@ -1,12 +1,10 @@
 """Landings in flights: when something first touched the ceiling, and what was seen before and after it."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from calibration.flights import Flight, PoseSource
-from calibration.gap.landing.observation import Observation, observe
 from calibration.gap.prepare.sources import samples_of
 from onboard.arrays import FloatArray
 
@@ -41,7 +39,6 @@ class LandingSegment:
         gyro_t, gyro: s and rad/s, (n,) and (n, 3), from the trigger on.
         pose_t, pose: s, (m,), and quaternion with position (m), (m, 7), where the pose can be trusted.
         tracked: whether the pose can be trusted after the contact (motion capture), or only before the flip.
-        observed: what can be read off without a model.
     """
 
     flight: Flight
@@ -53,7 +50,6 @@ class LandingSegment:
     pose_t: FloatArray
     pose: FloatArray
     tracked: bool
-    observed: Observation
 
     @property
     def name(self) -> str:
@@ -72,11 +68,6 @@ class NoLanding:
 
     name: str
     reason: str
-
-
-def find_landings(flights: Iterable[Flight]) -> list[LandingSegment]:
-    """The landings in `flights`, in their order; flights without one are left out."""
-    return [found for found in map(landing_of, flights) if isinstance(found, LandingSegment)]
 
 
 def landing_of(flight: Flight) -> LandingSegment | NoLanding:
@@ -106,8 +97,7 @@ def landing_of(flight: Flight) -> LandingSegment | NoLanding:
     if np.count_nonzero(t[rows] > after) < 8:
         return NoLanding(flight.name, "the gyro ends with the contact")
     pose_t, pose = pose_t[used], _continuous(pose[used])
-    observed = observe(t[rows], rates[rows], pose_t, pose, before, after, tracked)
-    return LandingSegment(flight, start, before, after, t[rows], rates[rows], pose_t, pose, tracked, observed)
+    return LandingSegment(flight, start, before, after, t[rows], rates[rows], pose_t, pose, tracked)
 
 
 def first_contact(t: FloatArray, rates: FloatArray, start: float) -> tuple[float, float] | None:

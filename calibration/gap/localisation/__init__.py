@@ -7,7 +7,6 @@ from calibration.gap.localisation.lines import Line, find_lines
 from calibration.gap.localisation.regressors import Regressor, regressors
 from calibration.gap.localisation.term_search import unnamed_terms
 from calibration.gap.localisation.terms import IntervalTerm, LineTerm, PolynomialTerm, UnnamedTerm
-from calibration.gap.localisation.whiteness import Whiteness, whiteness
 
 __all__ = [
     "BY_NAME",
@@ -22,11 +21,9 @@ __all__ = [
     "PolynomialTerm",
     "Regressor",
     "UnnamedTerm",
-    "Whiteness",
     "find_lines",
     "gap_map",
     "regressors",
     "structured",
     "unnamed_terms",
-    "whiteness",
 ]

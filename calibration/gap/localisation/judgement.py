@@ -3,16 +3,15 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from calibration.gap.localisation.channels import BY_NAME, Channel
+from calibration.gap.localisation.channels import Channel
 from calibration.gap.localisation.gap_map import Cell, GapMap
 from calibration.gap.localisation.lines import Line
-from calibration.gap.localisation.whiteness import Whiteness
 
 LEVEL = 0.005
 """Chance that is believed in no longer, over the whole map."""
 
 LEAST_SHARE = 0.04
-"""Of a channel's block variance, or of its innovations' variance."""
+"""Of a channel's block variance."""
 
 LEAST_LINE = 0.03
 """Of a channel's variance."""
@@ -30,12 +29,12 @@ class Finding:
 
     Attributes:
         channel: where it lives.
-        regressor: what it goes with; "time" for a line, "its own past" where innovations are not white.
+        regressor: what it goes with; "time" for a line.
         condition: where, in words.
-        share: of the variance: of blocks (map), of samples (line), of innovations (whiteness).
+        share: of the variance: of blocks (map), of samples (line).
         p: family-wise.
         alike: other regressors that explain nearly as much.
-        cell, line: what it was found by; both None for innovations that are not white.
+        cell, line: what it was found by, the other is None.
     """
 
     channel: Channel
@@ -48,22 +47,9 @@ class Finding:
     line: Line | None = None
 
 
-def structured(gap_map: GapMap, lines: Sequence[Line], whiteness: Sequence[Whiteness]) -> list[Finding]:
-    """What remains and is no noise, largest share first; one place per axis and kind, and every line.
-
-    Innovations count only in channels that neither map nor lines explain, and not for the voltage, which logs
-    draw as straight lines between few readings.
-    """
-    found = [
-        *_places(gap_map),
-        *(_line(line) for line in lines if _worth_telling(line)),
-    ]
-    explained = {"voltage", *(finding.channel.signal for finding in found)}
-    for judged in whiteness:
-        if judged.p < LEVEL and judged.excess >= LEAST_SHARE and judged.channel not in explained:
-            condition = f"innovations follow from their own past ({100.0 * judged.excess:.0f} %)"
-            channel = BY_NAME[judged.channel]
-            found.append(Finding(channel, "its own past", condition, judged.excess, judged.p))
+def structured(gap_map: GapMap, lines: Sequence[Line]) -> list[Finding]:
+    """What remains and is no noise, largest share first; one place per axis and kind, and every line."""
+    found = [*_places(gap_map), *(_line(line) for line in lines if _worth_telling(line))]
     return sorted(found, key=lambda finding: -finding.share)
 
 

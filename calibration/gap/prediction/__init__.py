@@ -11,7 +11,6 @@ from calibration.gap.prediction.evaluation import (
     Unpredicted,
     evaluate,
 )
-from calibration.gap.prediction.idsia import IdsiaErrors, idsia_errors
 from calibration.gap.prediction.nuisances import Nuisances
 from calibration.gap.prediction.window_errors import ByHorizon, HorizonErrors, WindowErrors
 
@@ -23,7 +22,6 @@ __all__ = [
     "ErrorPair",
     "FlightErrors",
     "HorizonErrors",
-    "IdsiaErrors",
     "Nuisances",
     "PredictionError",
     "PredictionErrors",
@@ -31,5 +29,4 @@ __all__ = [
     "WindowErrors",
     "evaluate",
     "fly_again",
-    "idsia_errors",
 ]

@@ -219,6 +219,60 @@ class Rejected:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Flips:
+    """Pitch rate between trigger and contact, model minus gyro, over all flips.
+
+    Attributes:
+        flights: whose flips were compared. samples: of the gyro.
+        mean, rms: rad/s, by variant of the model ("as filed", "no motor lag").
+        judgement: what these flips can and cannot tell, in sentences.
+    """
+
+    flights: tuple[str, ...]
+    samples: int
+    mean: Mapping[str, float]
+    rms: Mapping[str, float]
+    judgement: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """By name."""
+        return {
+            "flights": list(self.flights),
+            "samples": self.samples,
+            "mean": dict(self.mean),
+            "rms": dict(self.rms),
+            "judgement": list(self.judgement),
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Landings:
+    """The landings that were looked at.
+
+    Attributes:
+        usable: names of the flights that effects of legs and feet were judged by, if they were enough.
+        refused: flights with a flip whose landing was not used, and why.
+        misfit: median cost per residual of these, before any effect of legs and feet: about 0.1 to 1 where
+            the equations hold; None where they were too few, or the model does not fly them at all.
+        flips: None without motor commands.
+    """
+
+    usable: tuple[str, ...]
+    refused: tuple[UnusableFile, ...]
+    misfit: float | None
+    flips: Flips | None
+
+    def to_json(self) -> dict[str, Any]:
+        """By name."""
+        return {
+            "usable": list(self.usable),
+            "refused": [item.to_json() for item in self.refused],
+            "misfit": self.misfit,
+            "flips": None if self.flips is None else self.flips.to_json(),
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
 class GapReport:
     """What ``perchhw gap find`` found.
 
@@ -234,6 +288,7 @@ class GapReport:
         ambiguous: sets of effects that the data cannot tell apart, whether or not one of them was found.
         rejected: effects that were near but not accepted.
         limitations: what cannot be concluded from these flights, in sentences.
+        landings: what they were judged by; None without flips, or for a vehicle without legs.
         seed: of every random number.
         settings: anything else that a repetition needs (versions, options), by name.
         noise: measured noise of the channels, by name; numbers, texts, lists or tables of them.
@@ -251,6 +306,7 @@ class GapReport:
     ambiguous: tuple[AmbiguousSet, ...] = ()
     rejected: tuple[Rejected, ...] = ()
     limitations: tuple[str, ...] = ()
+    landings: Landings | None = None
     seed: int = 0
     settings: Mapping[str, Any] = field(default_factory=dict)
     noise: Mapping[str, Any] = field(default_factory=dict)
@@ -284,6 +340,7 @@ class GapReport:
             "ambiguous": [item.to_json() for item in self.ambiguous],
             "rejected": [item.to_json() for item in self.rejected],
             "limitations": list(self.limitations),
+            "landings": None if self.landings is None else self.landings.to_json(),
             "seed": self.seed,
             "settings": dict(self.settings),
             "noise": dict(self.noise),

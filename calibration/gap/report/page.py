@@ -5,7 +5,7 @@ from html import escape
 from typing import Any
 
 from calibration.gap.report import drawings, words
-from calibration.gap.report.document import GapReport, Levels, Verdict, leaves
+from calibration.gap.report.document import Flips, GapReport, Landings, Levels, Verdict, leaves
 from calibration.gap.report.figures_data import ReportFigures
 from calibration.gap.report.words import interval, number, plain, unit
 from calibration.report_style import grid, page, report_style, section, svg, table
@@ -55,6 +55,8 @@ def _sections(report: GapReport, figures: ReportFigures) -> Iterator[str]:
         rows = [[escape(plain(item.name)), escape(item.reason)] for item in report.rejected]
         yield section("What looked missing and was not accepted", table(["effect", "why not"], rows))
     yield section("Flights", _flights(report))
+    if report.landings is not None:
+        yield section("Landings", _landings(report.landings))
     if report.limitations:
         items = "".join(f"<li>{escape(text)}</li>" for text in report.limitations)
         yield section("What cannot be concluded", f"<ul>{items}</ul>")
@@ -213,6 +215,26 @@ def _flights(report: GapReport) -> str:
         unusable = [[escape(item.file), escape(item.reason)] for item in report.unusable]
         content += "<h3>Not used</h3>" + table(["file", "reason"], unusable)
     return content
+
+
+def _landings(landings: Landings) -> str:
+    rows = [[f"usable ({len(landings.usable)})", escape(", ".join(landings.usable) or "none")]]
+    if landings.misfit is not None:
+        meaning = "about 0.1 to 1 where the equations hold"
+        rows.append(["cost per residual before, median", f"{number(landings.misfit)} ({meaning})"])
+    content = table(["", ""], rows)
+    if landings.refused:
+        refused = [[escape(item.file), escape(item.reason)] for item in landings.refused]
+        content += "<h3>Refused</h3>" + table(["flight", "reason"], refused)
+    return content if landings.flips is None else content + _flips(landings.flips)
+
+
+def _flips(flips: Flips) -> str:
+    words = "".join(f"<li>{escape(text)}</li>" for text in flips.judgement)
+    rows = [[escape(name), number(flips.mean[name]), number(flips.rms[name])] for name in flips.mean]
+    compared = table(["model minus gyro", "mean, rad/s", "RMS, rad/s"], rows)
+    names = f"{flips.samples} samples of {', '.join(flips.flights)}"
+    return f"<h3>Flips before the contact</h3><ul>{words}</ul>" + _folded(names, compared)
 
 
 def _settings(report: GapReport) -> Iterator[tuple[str, str]]:

@@ -64,10 +64,11 @@ class Hypothesis:
 
 
 def predicted(record: FlightRecord, vehicle: Vehicle) -> FloatArray:
-    """Signals of a vehicle along a flight, shape (n, 13) (:data:`calibration.gap.suggest.spectra.CHANNELS`).
+    """Signals of a vehicle along a flight, shape (n, 13).
 
-    As in the gap finder, the voltage depends on the battery alone; it is given against that of the file. The
-    first second is left out (:data:`SETTLED`).
+    Force and torque against the model (3 + 3), voltage, then force and rate of the IMU against those of
+    motion capture (3 + 3). As in the gap finder, the voltage depends on the battery alone; it is given
+    against that of the file. The first second is left out (:data:`SETTLED`).
     """
     signals = Model(only(vehicle, lambda name: name not in SENSING), ceiling_z=record.ceiling_z).predict(
         [record]

@@ -43,13 +43,11 @@ class Manoeuvre:
 
     Attributes:
         kind: name in a campaign file.
-        purpose: what it shows.
         parameters: its own, beside those of its place.
         fly: adds the flight to a course that begins at its centre.
     """
 
     kind: str
-    purpose: str
     parameters: Mapping[str, Rule]
     fly: Callable[[CourseBuilder, Values, RoomGeometry], object]
 
@@ -243,19 +241,16 @@ MANOEUVRES: dict[str, Manoeuvre] = {
     for m in (
         Manoeuvre(
             "thrust_steps",
-            "steps of thrust of two sizes, up and down",
             {"acceleration": Rule(2.5, 0.5, 8.0, "m/s2, larger step"), "repeats": _count(4)},
             _thrust_steps,
         ),
         Manoeuvre(
             "throttle_chops",
-            "thrust cut by half and at once back, against the same upwards",
             {"acceleration": Rule(4.5, 2.0, 8.0, "m/s2, of the chop"), "repeats": _count(5)},
             _throttle_chops,
         ),
         Manoeuvre(
             "vertical_steps",
-            "climbs, descents and hovers at two heights",
             {
                 "rise": Rule(1.2, 0.2, 10.0, "m, between the heights"),
                 "speed": Rule(1.4, 0.2, 3.0, "m/s, fastest"),
@@ -265,13 +260,11 @@ MANOEUVRES: dict[str, Manoeuvre] = {
         ),
         Manoeuvre(
             "attitude_doublets",
-            "quick tilts of two sizes to both sides, about both axes",
             {"acceleration": Rule(3.0, 1.0, 9.0, "m/s2, sideways"), "repeats": _count(3)},
             _doublets,
         ),
         Manoeuvre(
             "chirp",
-            "tilts of rising frequency, one axis after the other",
             {
                 "lowest": Rule(0.4, 0.1, 2.0, "Hz, at the start"),
                 "highest": Rule(3.0, 1.0, 6.0, "Hz, at the end"),
@@ -283,7 +276,6 @@ MANOEUVRES: dict[str, Manoeuvre] = {
         ),
         Manoeuvre(
             "circles",
-            "laps in both directions, heading kept",
             {
                 "radius": Rule(0.6, 0.2, 20.0, "m"),
                 "speed": Rule(1.5, 0.2, 5.0, "m/s"),
@@ -293,7 +285,6 @@ MANOEUVRES: dict[str, Manoeuvre] = {
         ),
         Manoeuvre(
             "straight_laps",
-            "fast runs there and back, along and across the room",
             {
                 "length": Rule(3.0, 0.5, 50.0, "m, of the run along x"),
                 "speed": Rule(2.5, 0.3, 6.0, "m/s, fastest"),
@@ -303,7 +294,6 @@ MANOEUVRES: dict[str, Manoeuvre] = {
         ),
         Manoeuvre(
             "near_ceiling",
-            "hovers at four, two and one times a distance below the ceiling, and in the open",
             {
                 "distance": Rule(0.05, 0.03, 0.4, "m, body origin to ceiling"),
                 "seconds": Rule(4.0, 1.0, 60.0, "s, of each hover"),
@@ -312,7 +302,6 @@ MANOEUVRES: dict[str, Manoeuvre] = {
         ),
         Manoeuvre(
             "near_floor",
-            "hovers at four, two and one times a height above the floor, and in the open",
             {
                 "lowest": Rule(0.11, 0.1, 0.5, "m, body origin above the floor"),
                 "seconds": Rule(4.0, 1.0, 60.0, "s, of each hover"),
@@ -321,25 +310,21 @@ MANOEUVRES: dict[str, Manoeuvre] = {
         ),
         Manoeuvre(
             "long_discharge",
-            "one hover while the battery empties",
             {"seconds": Rule(150.0, 5.0, 600.0, "s")},
             _discharge,
         ),
         Manoeuvre(
             "yaw_half_turn",
-            "hovers with the nose to either end of the room",
             {"seconds": Rule(4.0, 1.0, 60.0, "s, of each hover"), "repeats": _count(2)},
             _yaw_half_turn,
         ),
         Manoeuvre(
             "yaw_steps",
-            "quick turns of the heading",
             {"angle": Rule(0.9, 0.1, 1.5, "rad, of a step"), "repeats": _count(4)},
             _yaw_steps,
         ),
         Manoeuvre(
             "yaw_steps_with_doublets",
-            "quick tilts while the heading is turned",
             {
                 "angle": Rule(0.5, 0.1, 1.5, "rad, of a step"),
                 "acceleration": Rule(2.0, 0.5, 9.0, "m/s2, sideways"),
@@ -349,7 +334,6 @@ MANOEUVRES: dict[str, Manoeuvre] = {
         ),
         Manoeuvre(
             "tour",
-            "hovers in the corners of the room",
             {
                 "length": Rule(4.0, 0.2, 50.0, "m, along x"),
                 "width": Rule(1.2, 0.2, 50.0, "m, along y"),

@@ -26,10 +26,6 @@ _TORQUE = ((2.2, 0.06), (3.0, 2.0))
 _FORCE = ((0.06, 0.4),)
 _VOLTAGE = ((0.02, 10.0),)
 
-CHANNELS = 13
-"""Force and torque against the model (3 + 3), voltage, then force and rate of the IMU against those of motion
-capture (3 + 3)."""
-
 
 def _coloured(frequency: FloatArray, parts: tuple[tuple[float, float], ...], dt: float) -> FloatArray:
     """Spectrum, per sample, of a sum of Ornstein-Uhlenbeck processes (standard deviation, s)."""

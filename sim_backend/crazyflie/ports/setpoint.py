@@ -33,7 +33,7 @@ LENGTHS = {
     6: struct.calcsize("<9hI3h"),
     11: struct.calcsize("<fffHB"),
 }
-STOP, CPPM, POSITION = 0, 3, 7
+CPPM, POSITION = 3, 7
 CPPM_SHORTEST = 9
 NOTIFY_STOP_LENGTH = 4
 

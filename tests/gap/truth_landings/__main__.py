@@ -43,7 +43,7 @@ def line(case: str, seed: int, found: LandingFindings, seconds: float) -> dict[s
         "verdict": found.verdict,
         "findings": [dataclasses.asdict(finding) for finding in found.findings],
         "allowed": found.allowed,
-        "misfit": float(np.median([row.misfit_before for row in found.residuals])),
+        "misfit": found.misfit,
         "processor_s": round(seconds, 1),
     }
 

@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 
+from mocap_bridge.rotation import angle_between
 from onboard.landing.state_machine import LandingState
 from onboard.rotation import (
-    angle_between,
     conjugate,
     from_rotation_vector,
     multiply,
@@ -31,7 +31,7 @@ def known(state: LandingState) -> Rig:
 def turn_of(rig: Rig, **changes: Any) -> float:
     """Angle (rad) by which one step turns the own attitude."""
     before = tuple(rig.memory["attitude"])
-    return float(angle_between(before, rig.step(**changes).attitude))
+    return angle_between(before, rig.step(**changes).attitude)
 
 
 def test_the_first_estimate_is_taken_as_it_is() -> None:

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from sim_backend.physics.effects.body_drag import AIR_DENSITY
 from sim_backend.physics.effects.ceiling_effect import FAR, ceiling_gain, inflow_gain
 from sim_backend.physics.effects.ground_effect import MOST, ground_gain
-from sim_backend.physics.energy import mechanical_energy
 from sim_backend.physics.forces import free_flight_wrench
 from sim_backend.physics.frames import to_body
 from sim_backend.physics.reset import approaching
 from sim_backend.physics.state import new_state
 from sim_backend.physics.step import attitude, step_thrust
 from tests.physics.effects.conftest import RADIUS, MakeParameters, typical
+from tests.physics.energy import mechanical_energy
 
 STILL = np.zeros(3)
 HIGH = np.array([0.0, 0.0, 1000.0])

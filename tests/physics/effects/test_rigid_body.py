@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from sim_backend.physics.collision import POINTS, beyond, hull_point, touches
 from sim_backend.physics.effects.rotor_gyroscopic import gyroscopic_torque
 from sim_backend.physics.effects.sensors import tracked_position
-from sim_backend.physics.energy import mechanical_energy
 from sim_backend.physics.frames import to_world
 from sim_backend.physics.reset import approaching
 from sim_backend.physics.step import attitude, step_thrust
 from tests.physics.effects.conftest import MakeParameters, typical
+from tests.physics.energy import mechanical_energy
 
 STILL = np.zeros(3)
 HIGH = np.array([0.0, 0.0, 1000.0])

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from onboard.rotation import angle_between, rotate
+from mocap_bridge.rotation import angle_between
+from onboard.rotation import rotate
 from sim_backend.physics.effects.sensors import measured_rate, tracked_attitude, tracked_position
 from sim_backend.physics.reset import approaching
 from sim_backend.world import World

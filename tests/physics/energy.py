@@ -1,12 +1,33 @@
 """Mechanical energy of a state: what the invariants are about."""
 
+import math
 from typing import Any
 
 from sim_backend.physics.feet import can_touch
 from sim_backend.physics.frames import to_body
 from sim_backend.physics.jit import inner, kernel
-from sim_backend.physics.legs import bending, hinge_energy
 from sim_backend.physics.step import attitude
+
+
+@inner
+def bending(p: Any, leg: int, ux: float, uy: float, uz: float) -> tuple[float, float, float, float]:
+    """Bending angle (rad) of a leg along the unit vector u (body frame), and its axis (unit, body frame)."""
+    rx, ry, rz = p.leg_direction[leg, 0], p.leg_direction[leg, 1], p.leg_direction[leg, 2]
+    nx, ny, nz = ry * uz - rz * uy, rz * ux - rx * uz, rx * uy - ry * ux
+    sine = math.sqrt(nx * nx + ny * ny + nz * nz)
+    if sine < 1e-12:
+        return 0.0, 0.0, 0.0, 0.0
+    angle = math.atan2(sine, rx * ux + ry * uy + rz * uz)
+    return angle, nx / sine, ny / sine, nz / sine
+
+
+@inner
+def hinge_energy(p: Any, angle: float) -> float:
+    """Energy (J) in the hinge spring and its stop."""
+    energy = 0.5 * p.hinge_stiffness * angle * angle
+    if angle > p.hinge_limit:
+        energy += 0.5 * p.hinge_limit_stiffness * (angle - p.hinge_limit) ** 2
+    return energy
 
 
 @inner
