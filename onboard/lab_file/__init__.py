@@ -3,7 +3,7 @@
 Described in docs/lab_file.md. Which limits there are is not known on this floor: the reader is told.
 """
 
-from onboard.lab_file.addresses import DroneAddresses, drone_addresses, drone_uris
+from onboard.lab_file.addresses import DroneAddresses, drone_addresses
 from onboard.lab_file.bounds import (
     CEILING_HEIGHT,
     CEILING_TILT,
@@ -48,7 +48,6 @@ __all__ = [
     "SubjectToBody",
     "bounds_of",
     "drone_addresses",
-    "drone_uris",
     "lab_to_toml",
     "parse_lab",
     "plain",

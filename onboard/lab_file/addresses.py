@@ -26,11 +26,6 @@ class DroneAddresses:
     doubt: str
 
 
-def drone_uris(path: Path) -> list[str]:
-    """As :func:`drone_addresses`, the addresses alone."""
-    return drone_addresses(path).uris
-
-
 def drone_addresses(path: Path) -> DroneAddresses:
     """Find the drones of a lab file: in its tables, or, where these do not tell all, anywhere in its text.
 

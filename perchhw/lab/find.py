@@ -6,7 +6,7 @@ from pathlib import Path
 
 from mocap_bridge.uri import parse_mocap_uri
 from onboard.errors import InputError
-from onboard.lab_file import LabFile, LabFileError, drone_uris, read_lab_file
+from onboard.lab_file import LabFile, LabFileError, drone_addresses, read_lab_file
 from onboard.lab_time import TimeAddress
 from onboard.link.uri import check_drone_uri
 from onboard.policy.files import find_policy
@@ -37,7 +37,7 @@ def drones_of(given: Path | None) -> list[str]:
         raise LabFileError(
             f"no drone: there is no {LAB_FILE} in this folder; give --drone URI, or --lab FILE"
         )
-    return drone_uris(path)
+    return drone_addresses(path).uris
 
 
 def clock_of(given: Path | None) -> TimeAddress:

@@ -16,7 +16,7 @@ from onboard.lab_file import (
     LabRoom,
     StartMark,
     SubjectToBody,
-    drone_uris,
+    drone_addresses,
     plain,
     read_lab_file,
     split_subject,
@@ -144,7 +144,7 @@ def test_what_is_written_reads_back_equal(tmp_path_factory: pytest.TempPathFacto
     path = tmp_path_factory.mktemp("labs") / "lab.toml"
     write_lab_file(path, lab, comment="two\nlines")
     assert read_lab_file(path, RULES) == lab
-    assert drone_uris(path) == [drone.uri for drone in lab.drones]
+    assert drone_addresses(path).uris == [drone.uri for drone in lab.drones]
     assert list(path.parent.iterdir()) == [path]
 
 
@@ -258,14 +258,14 @@ def test_all_problems_are_told_at_once(file: Path) -> None:
 @pytest.mark.parametrize("content", [b"schema =", b"\xff\xfe"])
 def test_a_file_that_is_no_toml_is_named(file: Path, content: bytes) -> None:
     file.write_bytes(content)
-    for read in (lambda: read_lab_file(file, RULES), lambda: drone_uris(file)):
+    for read in (lambda: read_lab_file(file, RULES), lambda: drone_addresses(file)):
         with pytest.raises(LabFileError, match=r"lab\.toml: is not"):
             read()
 
 
 def test_a_stop_finds_its_drones_in_a_file_that_is_otherwise_broken(file: Path) -> None:
     file.write_text(LAB.replace("x_min", "x_mim").replace("perchhw.lab/1", "perchhw.lab/9"))
-    assert drone_uris(file) == ["udp://127.0.0.1:19850?time=shm"]
+    assert drone_addresses(file).uris == ["udp://127.0.0.1:19850?time=shm"]
     file.write_text("drones = [3, { uri = 4 }]\n")
     with pytest.raises(LabFileError, match=r"lab\.toml: drones: .*--drone"):
-        drone_uris(file)
+        drone_addresses(file)
