@@ -168,6 +168,7 @@ def test_healthy_legs_are_cleared(healthy: Campaign, vehicle: Vehicle) -> None:
     assert 0.8 < low < 1.0 < high < 1.25
 
 
+@pytest.mark.soak
 def test_damped_hinge_is_not_called_stiff(tmp_path: Path, vehicle: Vehicle) -> None:
     campaign = _campaign(tmp_path, "damping-10", seed=13)
     found = judge_landings(campaign.flights, vehicle, np.random.default_rng(0))
