@@ -54,7 +54,9 @@ def landing(state: FlightState, o: Admitted, context: Context) -> Step:
     down = height is not None and height < context.limits.height_on_ground
     off = o.landing_state in _MOTORS_CUT or (o.drone is not None and not o.drone.can_fly)
     state = fell(state, cut_by_itself(o))
-    if off or (down and since >= context.timing.land):
+    # From the answer on, not from the order: a drone that takes over late is still on its way down.
+    descended = state.answered_at is not None and context.now - state.answered_at >= context.timing.land
+    if off or (down and descended):
         return disarm(state, context)
     state, stopped = _descent_guard(state, o, context)
     if stopped is not None:

@@ -190,7 +190,17 @@ AIR = {"pose_position": (-3.0, 0.0, 0.25), "estimate_position": (-3.0, 0.0, 0.25
 def test_a_landing_disarms_on_the_floor_once_the_descent_is_over(
     seconds: float, place: dict[str, Any], orders: list[type]
 ) -> None:
-    assert look(state_in(Phase.LANDING), seconds, **place)[1] == orders
+    ordered_at_once = replace(state_in(Phase.LANDING), answered_at=0.0)
+    assert look(ordered_at_once, seconds, **place)[1] == orders
+
+
+def test_a_landing_that_begins_late_is_left_its_time() -> None:
+    """The drone braked for another 1.5 s before it took the order: low by now, and on its way down."""
+    late = replace(state_in(Phase.LANDING), answered_at=1.5)
+    assert look(late, TIMING.land, **FLOOR)[1] == []
+    assert look(late, TIMING.land + 1.49, **FLOOR)[1] == []
+    assert look(late, TIMING.land + 1.5, **FLOOR)[1] == [Disarm]
+    assert look(state_in(Phase.LANDING), TIMING.land + TIMING.land_margin, **FLOOR)[1] == []
 
 
 # --- disarming --------------------------------------------------------------------------------------------

@@ -104,7 +104,7 @@ def test_nothing_else_is_told(phase: Phase, reported: LandingState | None) -> No
 
 
 def test_what_was_told_before_stays_when_the_drone_is_down() -> None:
-    state = replace(state_in(Phase.LANDING), alert="STILL ARMED", fell="earlier")
+    state = replace(state_in(Phase.LANDING), answered_at=0.0, alert="STILL ARMED", fell="earlier")
     floor = (-3.0, 0.0, 0.1)
     after, ordered = look(state, Timing().land, pose_position=floor, estimate_position=floor)
     assert (after.phase, ordered) == (Phase.DISARMING, [Disarm])

@@ -183,7 +183,8 @@ def test_the_floor_is_where_the_room_has_it() -> None:
     for phase in (Phase.MOVING_TO_START, Phase.TEST_FLIGHT):
         assert tick(state_in(phase), PERIOD, lowered, **below).state.aborted_by is None
     hovers = at(-1.0, 0.0, 0.2)
-    landing = replace(state_in(Phase.LANDING), entered_at=-Timing().land)
+    before = -Timing().land
+    landing = replace(state_in(Phase.LANDING), entered_at=before, answered_at=before)
     assert ordered(tick(landing, 0.0, lowered, **hovers)) == []
     assert ordered(tick(landing, 0.0, **hovers)) == [Disarm]
     stands = at(-3.0, 0.0, -1.93)
