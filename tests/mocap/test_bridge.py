@@ -23,9 +23,11 @@ class Drone:
         self.poses: list[tuple[float, Vector, Quaternion]] = []
         self.gate = threading.Event()
         self.gate.set()
+        self.taking = threading.Event()
         self.fails = False
 
     def send_pose(self, position: Vector, quaternion: Quaternion) -> None:
+        self.taking.set()
         self.gate.wait(PATIENCE_S)
         if self.fails:
             raise MocapError("the radio fell off the desk")
@@ -182,8 +184,9 @@ def test_stopping_ends_the_threads_while_running_and_connecting_and_leaves_a_stu
         until(lambda: not threads_of_bridges())
         stuck = running(room.uri, drone)
         drone.gate.clear()
+        drone.taking.clear()
         stuck.start()
-        assert stuck.wait_for(lambda status: status.superseded > 0, PATIENCE_S)
+        assert drone.taking.wait(PATIENCE_S)
         assert not stuck.stop()
         assert "pose-sender" in threads_of_bridges()
         drone.gate.set()
