@@ -143,40 +143,29 @@ def fly(
         PerchhwError: the attempt cannot begin.
         AttemptInterrupted: Ctrl-C; the drone was stopped and the record closed first.
     """
-    from perchhw.attempt import AttemptRequest
     from perchhw.flight import fly_attempt
     from perchhw.lab import find_lab, flight_setup
     from perchhw.lab_process import SimulatedLab
-    from perchhw.record import new_run_folder
+    from perchhw.record import discard_if_empty
 
     file = Path(lab.ready["lab"]) if isinstance(lab, SimulatedLab) else Path(lab)
     setup = flight_setup(find_lab(file), policy=policy)
     setup.check()
-    return fly_attempt(
-        AttemptRequest(
-            speed=speed,
-            angle_deg=angle_deg,
-            index=0,
-            folder=new_run_folder(Path(out), f"fly-{speed:g}ms-{angle_deg:g}deg"),
-            drone=setup.drone,
-            mocap=setup.mocap,
-            policy=setup.policy,
-            vehicle=setup.vehicle,
-            legs=setup.legs,
-            room=setup.room,
-            lab=setup.lab,
-        )
-    )
+    request = setup.attempt(speed, angle_deg, Path(out))
+    try:
+        return fly_attempt(request)
+    finally:
+        discard_if_empty(request.folder)
 
 
 def open_flights(*paths: str | Path, format: str = "auto") -> "tuple[list[Flight], list[UnusableFlight]]":
     """Flights of files and folders (records of perchhw, CSV, the authors' logs, public data sets).
 
     Returns:
-        The usable ones, and those that are not, each with its reason.
+        The usable ones, and the files that are broken or hold none, each with its reason.
 
     Raises:
-        FlightFileError: a path does not exist, or a file is broken.
+        FlightFileError: a path does not exist, or a folder holds no flight.
     """
     from calibration import flights
 

@@ -9,7 +9,6 @@ from perchhw.attempt import (
     DEFAULT_POLICY,
     DEFAULT_VEHICLE,
     AttemptInterrupted,
-    AttemptRequest,
     AttemptResult,
 )
 from perchhw.cli import exit_codes
@@ -65,25 +64,13 @@ def fly(
     from perchhw.cli.prompts import confirmation
     from perchhw.flight import fly_attempt, turnaround
     from perchhw.lab import find_lab, flight_setup
-    from perchhw.record import discard_if_empty, new_run_folder
+    from perchhw.record import discard_if_empty
 
     setup = flight_setup(
         find_lab(lab), drone=drone, mocap=mocap, vehicle=vehicle, legs=legs, policy=policy, ceiling=ceiling
     )
     setup.check()
-    request = AttemptRequest(
-        speed=speed,
-        angle_deg=angle,
-        index=0,
-        folder=new_run_folder(out, f"fly-{speed:g}ms-{angle:g}deg"),
-        drone=setup.drone,
-        mocap=setup.mocap,
-        policy=setup.policy,
-        vehicle=setup.vehicle,
-        legs=setup.legs,
-        room=setup.room,
-        lab=setup.lab,
-    )
+    request = setup.attempt(speed, angle, out)
     try:
         with hold(setup.drone):
             if put_back:

@@ -1,15 +1,17 @@
 """Who flies, where and with what: each from its option (or campaign file), else from the lab file."""
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from mocap_bridge.uri import parse_mocap_uri
 from onboard.errors import InputError
 from onboard.lab_file import CEILING_HEIGHT, LabDrone, LabFile, SubjectToBody, plain, split_subject
 from onboard.link.uri import check_drone_uri
 from onboard.room import RoomGeometry
-from perchhw.attempt import DEFAULT_POLICY, DEFAULT_VEHICLE
+from perchhw.attempt import DEFAULT_POLICY, DEFAULT_VEHICLE, AttemptRequest
 from perchhw.errors import FlightStackError
 from perchhw.lab.hardware import require_lab
+from perchhw.record.folder import new_run_folder
 
 _MISSING = "missing; give it, or a lab file that has it: --lab FILE, or lab.toml in this folder"
 
@@ -48,6 +50,26 @@ class FlightSetup:
         check_drone_uri(self.drone)
         parse_mocap_uri(self.mocap)
         require_lab(self.drone, self.mocap, self.lab)
+
+    def attempt(self, speed: float, angle_deg: float, out: Path) -> AttemptRequest:
+        """One attempt at `speed` (m/s) and `angle_deg`, with a new folder in `out` for its record.
+
+        Raises:
+            OutputFolderError: `out` cannot be written.
+        """
+        return AttemptRequest(
+            speed=speed,
+            angle_deg=angle_deg,
+            index=0,
+            folder=new_run_folder(out, f"fly-{speed:g}ms-{angle_deg:g}deg"),
+            drone=self.drone,
+            mocap=self.mocap,
+            policy=self.policy,
+            vehicle=self.vehicle,
+            legs=self.legs,
+            room=self.room,
+            lab=self.lab,
+        )
 
 
 def flight_setup(
