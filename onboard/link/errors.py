@@ -35,5 +35,9 @@ class DroneIsFlying(CommandRefused, SafetyStop):
     """What was asked for would bring down a drone that says that it is flying."""
 
 
+class DroneStopped(LinkError, SafetyStop):
+    """Somebody stopped the drone; a person has to look before anybody takes off."""
+
+
 class PolicyRefused(CommandRefused):
     """The drone did not take the policy; it keeps the one that it had."""

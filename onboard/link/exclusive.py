@@ -5,20 +5,16 @@ the second; what that one then sends may end the flight. So every link and every
 before its first packet. It is an advisory lock (flock) on a small file, which the kernel releases when the
 process dies, however it dies. Within a process it is counted: several links to one drone are its own affair.
 
-The files are in ``/tmp/perchhw``, for all users of the machine. A place that an environment variable or a
-session decides on (``TMPDIR``, ``XDG_RUNTIME_DIR``) would not be the same for a terminal, a service and a
-second account, and a home folder may be shared with other machines. Where no file can be made or locked, that
-is told and the drone may be flown: somebody on a broken disk must still get a drone down, and the drone's
-link itself sends nothing that ends the flight of others (:class:`onboard.link.crazyflie.GuardedCrazyflie`).
+Where no file can be made or locked, that is told and the drone may be flown: somebody on a broken disk must
+still get a drone down, and the drone's link itself sends nothing that ends the flight of others
+(:class:`onboard.link.crazyflie.GuardedCrazyflie`).
 Windows has no such locks.
 """
 
 import contextlib
 import logging
 import os
-import re
 import shlex
-import socket
 import sys
 import threading
 from dataclasses import dataclass
@@ -27,19 +23,14 @@ from types import TracebackType
 from typing import Self
 
 from onboard.link.errors import DroneInUse
-from onboard.link.uri import check_drone_uri, parse_udp_uri
+from onboard.link.machine_files import drone_key, file_of, open_for_all
 
 try:
     import fcntl
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
-FOLDER = Path("/tmp/perchhw")
-
-_RADIO_DEFAULTS = ("2M", "E7E7E7E7E7")
-_ADDRESS_DIGITS = 10
 _NOTE_MAX = 300
-_UNFIT_FOR_NAMES = re.compile(r"[^\w.]+")
 _log = logging.getLogger(__name__)
 
 
@@ -101,31 +92,10 @@ def hold(uri: str) -> Hold:
     with _guard:
         held = _held.get(key)
         if held is None:
-            path = FOLDER / (_UNFIT_FOR_NAMES.sub("-", key) + ".lock")
+            path = file_of(uri, ".lock")
             held = _held[key] = _Held(_locked_file(uri, path), path)
         held.holds += 1
     return Hold(key)
-
-
-def drone_key(uri: str) -> str:
-    """What two addresses of one drone have in common: no query, no name of a host, no number of a radio.
-
-    Raises:
-        LinkInputError: the URI cannot be used.
-    """
-    check_drone_uri(uri)
-    address = uri.partition("?")[0]
-    if address.startswith("udp://"):
-        udp = parse_udp_uri(uri)
-        host = udp.host.lower()
-        with contextlib.suppress(OSError, UnicodeError):  # unknown: the link will say so
-            host = socket.gethostbyname(host)
-        return f"udp://{host}:{udp.port}"
-    if address.startswith("radio://"):
-        channel, *given = address.removeprefix("radio://").strip("/").split("/")[1:]
-        rate, radio_address = (*given, *_RADIO_DEFAULTS[len(given) :])
-        return f"radio://{int(channel)}/{rate}/{radio_address.upper().rjust(_ADDRESS_DIGITS, '0')}"
-    return address
 
 
 def _locked_file(uri: str, path: Path) -> int | None:
@@ -153,7 +123,7 @@ def _locked_file(uri: str, path: Path) -> int | None:
 def _lock(path: Path) -> int:
     """Lock the file of this name; BlockingIOError when another process has."""
     while True:
-        file = _open(path)
+        file = open_for_all(path)
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if os.path.samestat(os.fstat(file), path.stat()):
@@ -164,21 +134,6 @@ def _lock(path: Path) -> int:
             os.close(file)
             raise
         os.close(file)
-
-
-def _open(path: Path) -> int:
-    """Open the file; where it is not, make it, for every user."""
-    with contextlib.suppress(FileExistsError):
-        path.parent.mkdir()
-        path.parent.chmod(0o1777)
-    while True:
-        # Without O_CREAT first: in such a folder the kernel refuses it for files of other users.
-        with contextlib.suppress(FileNotFoundError):
-            return os.open(path, os.O_RDWR | os.O_NOFOLLOW)
-        with contextlib.suppress(FileExistsError):
-            file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW)
-            os.fchmod(file, 0o666)
-            return file
 
 
 def _holder(path: Path) -> str:

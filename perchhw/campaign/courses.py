@@ -12,7 +12,7 @@ from calibration.flights.run_folder import RunFolderError, is_run_folder, read_i
 from calibration.gap.suggest.manoeuvres import MANOEUVRES
 from mocap_bridge.uri import parse_mocap_uri
 from onboard.lab_file import LabFile
-from onboard.link import check_drone_uri, reboot
+from onboard.link import check_drone_uri
 from onboard.room import RoomGeometry
 from onboard.toml_file import read_toml
 from onboard.vehicle import load_vehicle
@@ -20,10 +20,11 @@ from perchhw.campaign.file_table import SCHEMA, CampaignFileError, FileTable, ch
 from perchhw.campaign.run import only_one
 from perchhw.campaign.store import CampaignError
 from perchhw.flight.course import FLOWN, CourseRequest, CourseResult, fly_course
+from perchhw.flight.turnaround import Turnaround
 from perchhw.record.folder import make_folder, new_run_folder
 
 ATTEMPTS = "attempts"
-PUT_BACK = "Put the drone upright on its start mark facing +x, with a charged battery"
+ON_THE_MARK = "Put the drone upright on its start mark facing +x, with a charged battery"
 
 
 @dataclass(frozen=True)
@@ -193,6 +194,7 @@ def fly_plan(
 
     Raises:
         CampaignError: the folder holds records and `resume` is not given, or another process flies it.
+        DroneStopped: somebody stopped the drone between two flights.
         PerchhwError: the drone cannot be reached.
         KeyboardInterrupt: the operator interrupted; the drone has landed.
     """
@@ -203,12 +205,12 @@ def fly_plan(
             raise CampaignError(
                 f"{folder} holds flights already: continue with --resume, or give another --out"
             )
+        turnaround = Turnaround(plan.drone, confirm, ON_THE_MARK)
         for row in rows:
             if row.done:
                 continue
             if any(other.record is not None for other in flight_rows(plan, folder)):
-                confirm(PUT_BACK)
-                reboot(plan.drone)
+                turnaround.put_back()
             record = new_run_folder(folder / ATTEMPTS, f"{row.number:03d}-{_slug(row.kind)}")
             result = fly(plan.request(row.number, record))
             on_change(flight_rows(plan, folder))

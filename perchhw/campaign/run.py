@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from onboard.errors import InputError, PerchhwError, SafetyStop
+from onboard.link.errors import DroneStopped
 from perchhw.attempt import AttemptRequest, AttemptResult, AttemptRunner, Outcome
 from perchhw.campaign.plan import CampaignPlan, Slot
 from perchhw.campaign.store import AttemptRow, CampaignError, CampaignStore, exists
@@ -47,6 +48,7 @@ def run_campaign(
             go on before a person has looked (it was stopped by others, or its stop was not confirmed).
         CampaignError: the folder cannot be used.
         OutputFolderError: the folder cannot be written.
+        DroneStopped: somebody stopped the drone between two attempts; the next one is planned still.
         InputError: an attempt cannot be flown as configured.
         KeyboardInterrupt: interrupted; the running attempt is kept as interrupted and planned again.
     """
@@ -115,7 +117,7 @@ def _fly_one(
 def _result(request: AttemptRequest, runner: AttemptRunner) -> AttemptResult:
     try:
         return runner(request)
-    except InputError:
+    except (InputError, DroneStopped):
         raise
     except PerchhwError as error:
         return AttemptResult(

@@ -62,7 +62,8 @@ def fly(
     """
     from onboard.link.exclusive import hold
     from perchhw.cli.prompts import confirmation
-    from perchhw.flight import fly_attempt, turnaround
+    from perchhw.flight import fly_attempt
+    from perchhw.flight.turnaround import Turnaround
     from perchhw.lab import find_lab, flight_setup
     from perchhw.record import discard_if_empty
 
@@ -74,7 +75,7 @@ def fly(
     try:
         with hold(setup.drone):
             if put_back:
-                turnaround.put_back(setup.drone, confirmation(yes))
+                Turnaround(setup.drone, confirmation(yes)).put_back()
             result = fly_attempt(request, dry_run=dry_run, on_phase=FlightDisplay())
     except AttemptInterrupted as interrupted:
         _emit(interrupted.result, dry_run)

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
+from threading import Thread
 from types import FrameType
 from typing import Annotated, Any
 
@@ -17,6 +18,7 @@ from onboard.errors import InputError, PerchhwError
 from onboard.link.errors import LinkInputError
 from onboard.link.stop import StopReport
 from onboard.link.stop_drone import stop_drone
+from onboard.link.stop_note import note_stop
 from perchhw.cli import exit_codes
 from perchhw.cli.output import emit, told
 
@@ -80,6 +82,8 @@ def drones_to_stop(drone: list[str] | None, lab: Path | None) -> tuple[list[str]
 
 def _stopped(uri: str) -> tuple[dict[str, Any], int]:
     """What came of one stop, and its exit code. One drone out of reach does not keep the others flying."""
+    # On a thread of its own: a disk that hangs must not hold up the stop, nor its end.
+    Thread(target=_note, args=(uri,), daemon=True).start()
     try:
         report = stop_drone(uri)
         code = exit_codes.DONE if report.locked else exit_codes.FAILED
@@ -87,6 +91,11 @@ def _stopped(uri: str) -> tuple[dict[str, Any], int]:
         report = StopReport(locked=False, reason=str(error), seconds=0.0, copies=0)
         code = exit_codes.USAGE if isinstance(error, InputError) else exit_codes.FAILED
     return {"drone": uri, **asdict(report)}, code
+
+
+def _note(uri: str) -> None:
+    with contextlib.suppress(LinkInputError):  # the stop says it
+        note_stop(uri)
 
 
 def _in_words(result: dict[str, Any]) -> str:

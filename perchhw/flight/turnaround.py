@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from onboard.link import reboot
+from onboard.link.stop_note import StopsSince
 from perchhw.attempt import AttemptRequest, AttemptResult, AttemptRunner
 from perchhw.flight.attempt import fly_attempt
 from perchhw.flight.loop import OnPhase
@@ -11,32 +12,56 @@ from perchhw.supervisor import SafetyLimits
 Confirm = Callable[[str], None]
 """Asks the operator to do something and returns when it is done."""
 
-PUT_BACK = "Take the drone off the ceiling, put it upright on its start mark facing +x"
+OFF_THE_CEILING = "Take the drone off the ceiling, put it upright on its start mark facing +x"
 
 
-def put_back(drone: str, confirm: Confirm) -> None:
-    """Have the operator put the drone on its start mark, then reboot it.
+class Turnaround:
+    """Puts one drone back between its attempts, unless somebody stopped it since this was made.
 
-    The reboot clears what a landing leaves behind: the tumble lock, the emergency-stop watchdog that bit when
-    the host stopped kicking it, the triggered landing app. In the simulated lab the reboot is also what makes
-    the simulated operator put the drone back.
+    Args:
+        drone: its URI.
+        confirm: asks the operator for it.
+        request: what the operator is asked.
 
     Raises:
-        DroneIsFlying: it says that it flies; it was not rebooted. DroneInUse: another process talks to it.
-        LinkError: the drone did not answer to the reboot.
+        LinkInputError: the URI cannot be used.
     """
-    confirm(PUT_BACK)
-    reboot(drone)
+
+    def __init__(self, drone: str, confirm: Confirm, request: str = OFF_THE_CEILING) -> None:
+        self._drone, self._confirm, self._request = drone, confirm, request
+        self._stops = StopsSince(drone)
+
+    def put_back(self) -> None:
+        """Have the operator put the drone on its start mark, then reboot it.
+
+        The reboot clears what a landing leaves behind: the tumble lock, the emergency-stop watchdog that bit
+        when the host stopped kicking it, the triggered landing app. In the simulated lab the reboot is also
+        what makes the simulated operator put the drone back.
+
+        Raises:
+            DroneStopped: somebody stopped it with ``perchhw stop``; a stop before the reboot is not undone.
+            DroneIsFlying: it says that it flies; it was not rebooted.
+            DroneInUse: another process talks to it.
+            LinkError: the drone did not answer to the reboot.
+        """
+        self._stops.check()
+        self._confirm(self._request)
+        self._stops.check()
+        reboot(self._drone)
+        self._stops.check()  # from here on the flight sees that the drone is locked
 
 
 def attempt_after_attempt(
     confirm: Confirm, on_phase: OnPhase | None = None, limits: SafetyLimits | None = None
 ) -> AttemptRunner:
     """A runner for campaigns: puts the drone back before every attempt but the very first, then flies it."""
+    turnarounds: dict[str, Turnaround] = {}
 
     def run(request: AttemptRequest) -> AttemptResult:
+        if request.drone not in turnarounds:
+            turnarounds[request.drone] = Turnaround(request.drone, confirm)
         if request.index > 0 or request.try_number > 1:
-            put_back(request.drone, confirm)
+            turnarounds[request.drone].put_back()
         return fly_attempt(request, limits=limits, on_phase=on_phase)
 
     return run

@@ -81,7 +81,7 @@ def test_an_aborted_flight_stops_the_campaign_and_is_flown_again_on_resume(
     file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rebooted: list[str] = []
-    monkeypatch.setattr("perchhw.campaign.courses.reboot", rebooted.append)
+    monkeypatch.setattr("perchhw.flight.turnaround.reboot", rebooted.append)
     plan, folder, asked = load_flight_plan(file), tmp_path / "out", []
     first = StandIn(fails=1)
     rows = fly_plan(plan, folder, asked.append, fly=first)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from onboard.link.errors import DroneStopped
 from perchhw.attempt import AttemptRequest, AttemptResult, Outcome
 from perchhw.campaign import (
     AttemptRow,
@@ -135,6 +136,22 @@ def test_a_drone_that_a_person_must_look_at_is_not_flown_again_by_itself(
     with pytest.raises(CampaignStopped, match="somebody stopped it, then continue with --resume"):
         run_campaign(plan, folder, stopped)
     assert [r.state for r in rows_of(folder)] == ["done"] * 3 + ["planned"] * 5
+
+
+def test_a_stop_between_two_attempts_ends_the_campaign_and_costs_none(
+    campaign_file: Path, tmp_path: Path
+) -> None:
+    def stopped(request: AttemptRequest) -> AttemptResult:
+        if request.index == 2:
+            raise DroneStopped("somebody stopped it")
+        return fly(request)
+
+    plan, folder = load_plan(campaign_file), tmp_path / "c"
+    with pytest.raises(DroneStopped):
+        run_campaign(plan, folder, stopped)
+    assert [r.state for r in rows_of(folder)] == ["done"] * 2 + ["planned"] * 6
+    run_campaign(plan, folder, fly, resume=True)
+    assert [r.state for r in rows_of(folder)] == ["done"] * 8
 
 
 def test_aborted_attempts_are_flown_again_when_asked(campaign_file: Path, tmp_path: Path) -> None:

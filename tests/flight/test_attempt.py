@@ -19,7 +19,7 @@ from onboard.errors import InputError, PerchhwError
 from onboard.link import DroneLink
 from perchhw.attempt import AttemptRequest, AttemptResult, Outcome
 from perchhw.flight import fly_attempt
-from perchhw.flight.turnaround import put_back
+from perchhw.flight.turnaround import Turnaround
 from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
 from perchhw.record import read_run
 from perchhw.supervisor import FlightState, Phase
@@ -90,7 +90,7 @@ def test_a_drone_that_was_put_back_flies_again(lab: SimulatedLab, tmp_path: Path
     results = []
     for number in range(2):
         results.append(fly_attempt(request(lab, tmp_path / f"run-{number}", speed=2.25, angle_deg=52.5)))
-        put_back(lab.drones[0], confirm=lambda _what: None)
+        Turnaround(lab.drones[0], confirm=lambda _what: None).put_back()
     assert all(result.triggered for result in results)
 
 

@@ -6,8 +6,17 @@ from pathlib import Path
 import pytest
 
 from onboard.errors import InputError
-from onboard.link import DroneInUse, DroneIsFlying, DroneLink, LinkInputError, LinkTimeout, exclusive, reboot
-from onboard.link.exclusive import drone_key, hold
+from onboard.link import (
+    DroneInUse,
+    DroneIsFlying,
+    DroneLink,
+    LinkInputError,
+    LinkTimeout,
+    machine_files,
+    reboot,
+)
+from onboard.link.exclusive import hold
+from onboard.link.machine_files import drone_key
 from onboard.link.stop_drone import stop_drone
 from tests.link.clients import connected_elsewhere, first_line, start_client
 from tests.link.tiny_drone import TinyDrone
@@ -82,10 +91,10 @@ def test_releasing_twice_takes_nothing_from_others(tiny: TinyDrone) -> None:
 
 @pytest.mark.parametrize("drone", ["udp://127.0.0.1:9", "radio://0/80/2M/E7E7E7E7E7", "usb://0"])
 def test_no_file_is_left_behind(drone: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(exclusive, "FOLDER", tmp_path / "locks")
+    monkeypatch.setattr(machine_files, "FOLDER", tmp_path / "locks")
     with hold(drone):
-        assert len(list(exclusive.FOLDER.iterdir())) == 1
-    assert not list(exclusive.FOLDER.iterdir())
+        assert len(list(machine_files.FOLDER.iterdir())) == 1
+    assert not list(machine_files.FOLDER.iterdir())
 
 
 @pytest.mark.parametrize(
@@ -122,7 +131,7 @@ def test_two_drones_have_two_locks() -> None:
 def no_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where the locks should be, none can be made."""
     (tmp_path / "file").touch()
-    monkeypatch.setattr(exclusive, "FOLDER", tmp_path / "file" / "locks")
+    monkeypatch.setattr(machine_files, "FOLDER", tmp_path / "file" / "locks")
 
 
 @pytest.mark.usefixtures("no_folder")
