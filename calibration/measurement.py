@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
-from scipy.stats import t as student_t
+from scipy.special import stdtrit
 
 COVERAGE = 0.95
 
@@ -66,7 +66,7 @@ def coverage_factor(dof: float) -> float:
     """The factor that makes a standard uncertainty cover 95 %: Student's t, 1.96 for infinite dof."""
     if dof < 1.0:
         return math.inf
-    return float(student_t.ppf(0.5 + 0.5 * COVERAGE, min(dof, 1e9)))
+    return float(stdtrit(min(dof, 1e9), 0.5 + 0.5 * COVERAGE))
 
 
 @dataclass(frozen=True, slots=True)

@@ -73,14 +73,14 @@ class _Source:
 
     def of_kernels(self) -> list[str]:
         """The modules of kernels and all that they import, sorted."""
-        doors = {module for module, text in self.texts.items() if _NUMBA.search(text)}
-        # Most files do not even name one: looking at the imports of all of them takes four times as long.
-        names = b"|".join(re.escape(door.rpartition(".")[2].encode()) for door in doors)
-        hint = re.compile(rb"\b(?:" + names + rb")\b") if doors else _NUMBA
+        # Most files do not even name what is looked for: a search for the word takes a tenth of the time.
+        doors = {module for module, text in self.texts.items() if b"numba" in text and _NUMBA.search(text)}
+        names = [door.rpartition(".")[2].encode() for door in doors]
         waiting = [
             module
             for module, text in self.texts.items()
-            if module in doors or (hint.search(text) and not doors.isdisjoint(self.imports(module)))
+            if module in doors
+            or (any(name in text for name in names) and not doors.isdisjoint(self.imports(module)))
         ]
         found: set[str] = set()
         while waiting:

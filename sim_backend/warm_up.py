@@ -1,7 +1,8 @@
 """Compiles every kernel that a simulated flight calls, before the clock runs.
 
 A kernel that is compiled (or loaded from the cache) in flight stops the world for a second. So a drone of its
-own flies through everything first: take-off, tilt, an approach that is aborted, one that flips.
+own flies through everything first: take-off, a setpoint, an approach that is aborted. A flip calls no other
+kernel.
 
 The first time this takes long, so a second process (``python -m sim_backend.warm_up``) compiles what the
 firmware calls while this one compiles the physics; they meet in numba's cache on disk.
@@ -141,23 +142,17 @@ def _fly_everything(pilot: _Pilot) -> None:
     pilot.fly(0.1)
     commander.notify_setpoints_stop(0)
     pilot.go_to(x, y, z)
-    pilot.fly(1.5)
+    pilot.fly(0.5)
     if firmware.app is None:
         return
     firmware.app.slot.load(_policy().compiled(), 1, 0.05)
     for name, value in (START | {Parameter.IMPACT_X: x, Parameter.IMPACT_Y: y}).items():
         pilot.write(name, value)
-    for flips in (False, True):
-        pilot.write(Parameter.POLICY_ARM, flips)
-        pilot.write(Parameter.TRAJECTORY_ARM, 1)
-        pilot.write(Parameter.GO, 1)
-        pilot.fly(0.4)
-        pilot.write(Parameter.ABORT, not flips)
-        pilot.fly(1.0)
-        pilot.write(Parameter.TRAJECTORY_ARM, 0)
-        pilot.fly(0.1)
-        pilot.go_to(x, y, z)
-        pilot.fly(2.0)
+    pilot.write(Parameter.TRAJECTORY_ARM, 1)
+    pilot.write(Parameter.GO, 1)
+    pilot.fly(0.4)
+    pilot.write(Parameter.ABORT, 1)
+    pilot.fly(0.1)
 
 
 def _policy() -> Policy:

@@ -318,10 +318,14 @@ def test_authors_policy_fires_on_the_simulated_drone(shared_data: Path) -> None:
 def test_warm_up_compiles_everything_that_a_flight_calls() -> None:
     warm_up(load_vehicle(VEHICLE, LEGS))
     before = compiled_signatures()
-    flight = ready_to_go()
-    flight.write(Parameter.GO, 1)
-    run_until(flight, LandingState.CUT)
-    flight.run(1.0)
+    for end in (LandingState.CUT, LandingState.BRAKE):
+        flight = ready_to_go()
+        flight.write(Parameter.GO, 1)
+        if end is LandingState.BRAKE:
+            flight.run(0.3)
+            flight.write(Parameter.ABORT, 1)
+        run_until(flight, end)
+        flight.run(1.0)
     assert compiled_signatures() == before
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import median_filter
-from scipy.stats import gamma
+from scipy.special import gammaincc
 
 from calibration.gap.localisation.blocks import grouped_mean
 from calibration.gap.localisation.channels import BY_NAME, Channel
@@ -156,7 +156,7 @@ def _chance(ratios: FloatArray, shapes: list[str]) -> FloatArray:
     A manoeuvre repeats itself and makes lines too: without the shape that shows most, the sum has to stand
     out as well.
     """
-    p = gamma.sf(ratios.sum(axis=0), ratios.shape[0])
+    p = gammaincc(ratios.shape[0], ratios.sum(axis=0))
     kinds = sorted(set(shapes))
     if len(kinds) < 3:
         return np.asarray(p)
@@ -164,7 +164,7 @@ def _chance(ratios: FloatArray, shapes: list[str]) -> FloatArray:
     per_shape = member @ ratios
     most = per_shape.argmax(axis=0)
     rest = ratios.sum(axis=0) - per_shape.max(axis=0)
-    return np.maximum(p, gamma.sf(rest, ratios.shape[0] - member.sum(axis=1)[most]))
+    return np.maximum(p, gammaincc(ratios.shape[0] - member.sum(axis=1)[most], rest))
 
 
 def _width(grid: FloatArray, mean: FloatArray, peak: int) -> float:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from onboard.arrays import FloatArray
 
@@ -33,13 +33,13 @@ class Pooled:
     @property
     def interval(self) -> tuple[float, float]:
         """95 % confidence interval of the mean."""
-        reach = float(student.ppf(0.975, self.flights - 1)) * self.error
+        reach = float(stdtrit(self.flights - 1, 0.975)) * self.error
         return self.mean - reach, self.mean + reach
 
     @property
     def significant(self) -> bool:
         """Whether the mean differs from zero by 4 standard errors, and by more where flights are few."""
-        quantile = float(student.ppf(1.0 - _TAIL, self.flights - 1))
+        quantile = float(stdtrit(self.flights - 1, 1.0 - _TAIL))
         return abs(self.mean) > max(LEAST_Z, quantile) * self.error
 
     def shrunk(self, value: float, error: float) -> float:
