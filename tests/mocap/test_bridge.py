@@ -98,7 +98,7 @@ def test_a_slow_drone_gets_the_newest_pose_and_delays_nothing():
     # Right after the blocked pose comes one of now, not the backlog of half a second.
     angle = math.atan2(after[1][1][1], after[1][1][0])
     newest = during.last_good.capture_time - room.start_time
-    assert math.remainder(angle - newest, 2 * math.pi) > -0.02
+    assert math.remainder(angle - newest, 2 * math.pi) > -0.25
 
 
 def test_a_failing_sink_is_reported_and_does_not_end_the_bridge():
