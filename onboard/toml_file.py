@@ -16,7 +16,7 @@ def read_toml(path: Path, error: type[InputError]) -> dict[str, object]:
         error: raised when the file is absent, unreadable or not TOML; its message names file and line.
     """
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as problem:
         raise error(f"{path}: cannot be read ({problem.strerror}); check the path") from problem
     except UnicodeDecodeError as problem:

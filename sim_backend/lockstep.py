@@ -166,7 +166,10 @@ class LockStep:
         return self._at_rest() and not self._stranger_talks()
 
     def _at_rest(self) -> bool:
-        return all(drone.at_rest for drone in self._world.drones)
+        """Nothing moves, and nothing is about to happen by itself: no watchdog is about to bite."""
+        return all(
+            drone.at_rest and not drone.firmware.supervisor.watchdog_runs for drone in self._world.drones
+        )
 
     def _let_leave(self) -> None:
         """Those who leave may go when the world is at rest, or does not come to rest."""

@@ -18,6 +18,8 @@ from onboard.timebase import Bell, Event, Queue, Transport
 
 ANSWER_S = 60.0
 """Real time after which a lab that owes an answer is taken for dead."""
+PULSE_S = 5.0
+"""Real time between two questions whether the lab still lives, which nobody hears who waits for his turn."""
 SLOT_PERIOD, SLOT_MARGIN = 2.0, 1.5
 """Motors are armed at multiples of the period, the first that is at least the margin away, lab s."""
 _OWN_PACE_STEP_S = 0.002
@@ -33,8 +35,8 @@ class LabTime:
 
     A turn of time `t`: everything that was sent until then arrives and is worked on, then those who wait for
     a time up to `t` are woken, one after the other in the order of their deadlines; when all wait again, the
-    lab is told. A lab that dies leaves its time behind: it goes on here at the pace of the machine's clock,
-    so that every deadline comes.
+    lab is told. A lab that dies, or answers nothing for :data:`ANSWER_S`, leaves its time behind: it goes on
+    here at the pace of the machine's clock, so that every deadline comes.
     """
 
     def __init__(self, host: str, port: int, name: str) -> None:
@@ -48,6 +50,7 @@ class LabTime:
         self._turns: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
         self._socket: socket.socket | None = None
         self._alone = self._runs = False
+        self._left = threading.Event()
 
     # Timebase
 
@@ -156,6 +159,7 @@ class LabTime:
         lines = self._socket.makefile("rb")
         threading.Thread(target=self._receive, args=(lines,), name="LabTimeReceive", daemon=True).start()
         threading.Thread(target=self._take_turns, name="LabTimeTurns", daemon=True).start()
+        threading.Thread(target=self._feel_pulse, name="LabTimePulse", daemon=True).start()
         self._workers.now = float(self._ask("join", name=self._name)["t"])
 
     def leave(self) -> None:
@@ -165,6 +169,7 @@ class LabTime:
         if not self._alone:
             self._ask("leave")  # first: the lab's time must not go on between the last turn and the word
         self.foreign()
+        self._left.set()
         connection, self._socket = self._socket, None
         with contextlib.suppress(OSError):  # the lab has closed it already
             connection.shutdown(socket.SHUT_RDWR)
@@ -198,6 +203,19 @@ class LabTime:
             if not self._answered.wait_for(lambda: what in self._answers or self._alone, ANSWER_S):
                 raise LabTimeError(f"the lab's clock at {self._address} did not answer within {ANSWER_S:g} s")
             return self._answers.pop(what, {"t": self._workers.now})
+
+    def _feel_pulse(self) -> None:
+        """Ask the lab for a sign of life from time to time; one that gives none is left."""
+        while not self._left.wait(PULSE_S) and not self._alone:
+            try:
+                self._ask("status")
+            except LabTimeError as error:
+                _log.error("%s: it hangs, or is stopped; time goes on without it", error)
+                connection = self._socket
+                if connection is not None:
+                    with contextlib.suppress(OSError):
+                        connection.shutdown(socket.SHUT_RDWR)  # who receives then knows that we are alone
+                return
 
     def _forget(self, key: str, packets: int) -> None:
         with self._workers.lock:

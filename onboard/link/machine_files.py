@@ -42,6 +42,8 @@ def drone_key(uri: str) -> str:
         host = udp.host.lower()
         with contextlib.suppress(OSError, UnicodeError):  # unknown: the link will say so
             host = socket.gethostbyname(host)
+        if host == "0.0.0.0":  # this machine, to whoever sends there
+            host = "127.0.0.1"
         return f"udp://{host}:{udp.port}"
     if address.startswith("radio://"):
         channel, *given = address.removeprefix("radio://").strip("/").split("/")[1:]

@@ -15,8 +15,8 @@ _ENDING = ".stopped"
 _log = logging.getLogger(__name__)
 
 
-def note_stop(uri: str) -> None:
-    """Note that the drone at `uri` is being stopped; where no file can be written, that is told.
+def note_stop(uri: str) -> bool:
+    """Note that the drone at `uri` is being stopped; whether it could be, else that is told, too.
 
     Raises:
         LinkInputError: the URI cannot be used.
@@ -30,6 +30,8 @@ def note_stop(uri: str) -> None:
             os.close(file)
     except OSError as error:
         _log.error("cannot note the stop of %s (%s: %s): see to it that nobody takes off", uri, path, error)
+        return False
+    return True
 
 
 class StopsSince:
@@ -37,6 +39,7 @@ class StopsSince:
 
     Raises:
         LinkInputError: the URI cannot be used.
+        DroneStopped: there may have been one: its note cannot be read.
     """
 
     def __init__(self, uri: str) -> None:
@@ -56,8 +59,16 @@ class StopsSince:
             )
 
     def _last(self) -> bytes | None:
-        """What the last stop noted; None before the first."""
+        """What the last stop noted; None before the first.
+
+        Raises:
+            DroneStopped: there is a note, and it cannot be read.
+        """
         try:
             return self._path.read_bytes()
-        except OSError:
+        except FileNotFoundError:
             return None
+        except OSError as error:
+            raise DroneStopped(
+                f"was {self._uri} stopped? Its note {self._path} cannot be read ({error}): remove it"
+            ) from error

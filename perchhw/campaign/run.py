@@ -1,6 +1,7 @@
 """Run a campaign: one attempt after another through a runner, until all are done or a rule stops it."""
 
 import fcntl
+import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,7 +12,7 @@ from perchhw.attempt import AttemptRequest, AttemptResult, AttemptRunner, Outcom
 from perchhw.campaign.plan import CampaignPlan, Slot
 from perchhw.campaign.store import AttemptRow, CampaignError, CampaignStore, exists
 from perchhw.errors import FlightStackError
-from perchhw.record.folder import make_folder, new_run_folder
+from perchhw.record.folder import discard_if_empty, make_folder, new_run_folder
 
 LOCK_FILE = "campaign.lock"
 OnChange = Callable[[list[AttemptRow]], None]
@@ -57,6 +58,10 @@ def run_campaign(
         store = _store(plan, folder, resume, retry_aborted)
         try:
             return _fly_all(plan, store, runner, on_change or (lambda rows: None))
+        except sqlite3.Error as error:
+            raise CampaignError(
+                f"{folder}: the campaign cannot be kept ({error}): make room, then continue with --resume"
+            ) from error
         finally:
             store.close()
 
@@ -101,16 +106,17 @@ def _fly_one(
     """Fly the attempt of `row`, with its state committed before and after."""
     name = f"{row.slot:03d}-try{row.try_number}-{row.speed:g}ms-{row.angle_deg:g}deg"
     record = new_run_folder(store.folder / "attempts", name)
-    store.start(row, record)
     ended = False
     try:
+        store.start(row, record)
         on_change(store.rows())
         result = _result(request_of(plan, row.place, record, row.try_number), runner)
         store.finish(row, result)
         ended = True
-    finally:  # whatever ends an attempt early (Ctrl-C, a bug): it is planned again
+    finally:  # whatever ends an attempt early (Ctrl-C, a bug): its record says whether it is planned again
         if not ended:
-            store.give_back(row, record)
+            store.recover()
+            discard_if_empty(record)
     return result
 
 

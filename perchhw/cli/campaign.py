@@ -37,6 +37,7 @@ def run(
     (too many attempts in a row or a test flight aborted, stopped by others, a stop not confirmed), 130
     interrupted (continue with --resume).
     """
+    from onboard.link.errors import DroneStopped
     from onboard.link.exclusive import hold
     from perchhw.campaign import CampaignStopped, load_plan, run_campaign
     from perchhw.campaign.courses import has_flights
@@ -56,7 +57,7 @@ def run(
     try:
         with hold(plan.drone), live_table() as show:
             run_campaign(plan, folder, runner, resume=resume, retry_aborted=retry_aborted, on_change=show)
-    except CampaignStopped as stop:
+    except (CampaignStopped, DroneStopped) as stop:
         stopped = str(stop)
         progress_console().print(stopped, style="red", markup=False)
     except KeyboardInterrupt:

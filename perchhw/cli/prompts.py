@@ -19,7 +19,8 @@ def confirmation(yes: bool) -> Callable[[str], None]:
         yes: answer for the operator (``--yes``).
 
     Raises:
-        NobodyToAsk: at once, when it would have to ask without a terminal.
+        NobodyToAsk: at once, when it would have to ask without a terminal; or from what is returned, when
+            the terminal is gone.
     """
     if not yes and not sys.stdin.isatty():
         raise NobodyToAsk(
@@ -31,6 +32,9 @@ def confirmation(yes: bool) -> Callable[[str], None]:
         if yes:
             screen.print(f"{request}.", style="dim", markup=False)
         else:
-            screen.input(f"{request}, then press Enter. ", markup=False)
+            try:
+                screen.input(f"{request}, then press Enter. ", markup=False)
+            except (EOFError, OSError) as error:  # Ctrl-D, or the terminal has gone
+                raise NobodyToAsk("nobody answers any more; continue with --resume") from error
 
     return confirm

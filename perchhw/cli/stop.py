@@ -25,6 +25,9 @@ from perchhw.cli.output import emit, told
 LAB_FILE = Path("lab.toml")
 """The lab file of a folder."""
 
+NOTED_WITHIN_S = 5.0
+"""How long the end of the command waits for the note that it leaves to those who fly."""
+
 _SIGNALS = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 )  # Windows has no SIGHUP
@@ -47,19 +50,21 @@ def stop(
     It has a connection of its own, waits for no lock, and does not ask: a drone in the air falls. Once begun
     it goes on to its end, some seconds at most, and says what came of it, also when it is interrupted.
 
-    Exit codes: 0 all are locked, 1 not confirmed, 2 no drone was named, or not in a way that can be used.
+    Exit codes: 0 all are locked, 1 not confirmed (also where a damaged lab file may name more drones than
+    were found in it), 2 no drone was named, or not in a way that can be used.
     """
     with _not_called_off():
         uris, doubt = drones_to_stop(drone, lab)
         with ThreadPoolExecutor(len(uris)) as threads:
             results = list(threads.map(_stopped, uris))
+        document: dict[str, Any] = {"drones": [stopped for stopped, _ in results]}
+        codes = [code for _, code in results]
         if doubt:
-            _say_beside(f"{doubt}; stopped was what looks like a drone's address in it")
-        _tell(
-            {"drones": [stopped for stopped, _ in results]},
-            "\n".join(_in_words(stopped) for stopped, _ in results),
-        )
-    return max(code for _, code in results)
+            document["doubt"] = f"{doubt}; stopped was what looks like a drone's address in it"
+            codes.append(exit_codes.FAILED)
+            _say_beside(document["doubt"])
+        _tell(document, "\n".join(_in_words(stopped) for stopped, _ in results))
+    return max(codes)
 
 
 def drones_to_stop(drone: list[str] | None, lab: Path | None) -> tuple[list[str], str]:
@@ -82,25 +87,39 @@ def drones_to_stop(drone: list[str] | None, lab: Path | None) -> tuple[list[str]
 
 def _stopped(uri: str) -> tuple[dict[str, Any], int]:
     """What came of one stop, and its exit code. One drone out of reach does not keep the others flying."""
-    # On a thread of its own: a disk that hangs must not hold up the stop, nor its end.
-    Thread(target=_note, args=(uri,), daemon=True).start()
+    noted = _Note(uri)
     try:
         report = stop_drone(uri)
         code = exit_codes.DONE if report.locked else exit_codes.FAILED
     except PerchhwError as error:
         report = StopReport(locked=False, reason=str(error), seconds=0.0, copies=0)
         code = exit_codes.USAGE if isinstance(error, InputError) else exit_codes.FAILED
-    return {"drone": uri, **asdict(report)}, code
+    return {"drone": uri, **asdict(report), "noted": noted.written()}, code
 
 
-def _note(uri: str) -> None:
-    with contextlib.suppress(LinkInputError):  # the stop says it
-        note_stop(uri)
+class _Note:
+    """Notes the stop of a drone on a thread of its own: a disk that hangs must not hold up the stop."""
+
+    def __init__(self, uri: str) -> None:
+        self._uri = uri
+        self._written = False
+        self._thread = Thread(target=self._write, daemon=True)
+        self._thread.start()
+
+    def written(self) -> bool:
+        """Whether those who fly on this machine will see it; waits for a slow disk, not for a broken one."""
+        self._thread.join(NOTED_WITHIN_S)
+        return self._written
+
+    def _write(self) -> None:
+        with contextlib.suppress(LinkInputError):  # the stop says it
+            self._written = note_stop(self._uri)
 
 
 def _in_words(result: dict[str, Any]) -> str:
     if result["locked"]:
-        return f"{result['drone']}: locked after {1000.0 * result['seconds']:.0f} ms"
+        note = "" if result["noted"] else "; NOBODY ELSE IS TOLD: a campaign that flies it may take off again"
+        return f"{result['drone']}: locked after {1000.0 * result['seconds']:.0f} ms{note}"
     return f"{result['drone']}: NOT CONFIRMED: {result['reason']}"
 
 

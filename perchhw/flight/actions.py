@@ -136,6 +136,7 @@ class CommandRunner:
         link = self._link
         match order.command:
             case Arm():
+                link.kick_emergency_stop_watchdog()  # a host that dies in this very moment must stop it too
                 link.arm()
             case TakeOff(height, duration):
                 link.takeoff(height, duration)

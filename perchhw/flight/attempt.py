@@ -13,6 +13,7 @@ from onboard.timebase import Timebase
 from onboard.vehicle import Vehicle, load_vehicle
 from perchhw.attempt import AttemptInterrupted, AttemptRequest, AttemptResult, Outcome
 from perchhw.flight.actions import LandingCommands
+from perchhw.flight.interrupts import OperatorInterrupts
 from perchhw.flight.loop import OnPhase
 from perchhw.flight.mission import AttemptPlan, plan_attempt
 from perchhw.flight.readback import LANDING_SETTINGS
@@ -81,8 +82,9 @@ def fly_attempt(
             record.event("refused", clock(), reason=str(error))
             record.close(outcome=Outcome.ABORTED, aborted_by=str(error))
             raise
-        result = _conclude(request, vehicle, flown, record, clock)
-    if flown.interrupted:
+        with OperatorInterrupts() as late:  # a landing that was flown is labelled
+            result = _conclude(request, vehicle, flown, record, clock)
+    if flown.interrupted or late.count > 0:
         raise AttemptInterrupted(result)
     return result
 

@@ -25,6 +25,7 @@ class FlightRecord:
 
     def __init__(self, recorder: RunRecorder) -> None:
         self._recorder = recorder
+        self._closed = False
         self.lost: str | None = None
 
     def write(self, topic: str, t: float, values: Mapping[str, Scalar]) -> None:
@@ -37,15 +38,17 @@ class FlightRecord:
 
     def close(self, outcome: str | None = None, **result: Any) -> None:
         """As :meth:`RunRecorder.close`; tried even when the rest is lost, for its files are others."""
-        lost, self.lost = self.lost, None
-        self._try(lambda: self._recorder.close(outcome=outcome, record_lost=lost, **result))
-        self.lost = lost or self.lost
+        self._closed = True  # a packet that comes now is not of this flight
+        with Caught(self._lose):
+            self._recorder.close(outcome=outcome, record_lost=self.lost, **result)
 
     def _try(self, write: Callable[[], None]) -> None:
-        if self.lost is None:
+        if self.lost is None and not self._closed:
             with Caught(self._lose):
                 write()
 
     def _lose(self, error: BaseException) -> None:
+        if self.lost is not None or (self._closed and self._recorder.closed):
+            return  # another thread has told it, or it was still writing when the record was closed
         self.lost = f"{type(error).__name__}: {error}"
         _log.error("the record ends here; the flight goes on to a landing", exc_info=error)

@@ -96,11 +96,18 @@ class RunRecorder:
             "outcome": None,
         }
         try:
-            self._stream = _UnbufferedFile(folder / SERIES_FILE)
+            self._begin()
         except FileExistsError as error:
             raise RecordError(f"{folder} already holds a record: give the run a new folder") from error
-        self._events = _UnbufferedFile(folder / EVENTS_FILE)
-        write_json_atomically(folder / RUN_FILE, self._info)
+        except OSError as error:
+            raise RecordError(
+                f"{folder}: no record can be begun ({error.strerror}): make room, or give another folder"
+            ) from error
+
+    def _begin(self) -> None:
+        self._stream = _UnbufferedFile(self.folder / SERIES_FILE)
+        self._events = _UnbufferedFile(self.folder / EVENTS_FILE)
+        write_json_atomically(self.folder / RUN_FILE, self._info)
         # A plain IO[bytes] would be wrapped into a buffer; the writer only needs write() and tell().
         self._writer = Writer(
             self._stream,  # type: ignore[arg-type]

@@ -57,7 +57,8 @@ def abort(state: FlightState, why: str, context: Context) -> Step:
             return order(enter(state, Phase.BRAKING, context, "the drone to brake"), Brake())
         case Phase.BRAKING | Phase.LANDING:
             # The gentle way failed; an unknown drone in the air is stopped.
-            return stop(fell(state, fell_because(f"the host did it ({why})")), context)
+            who = "somebody else stopped the drone" if state.locked else f"the host did it ({why})"
+            return stop(fell(state, fell_because(who)), context)
         case Phase.DISARMING:
             return stop(state, context)
         case _:

@@ -236,6 +236,11 @@ class Supervisor:
         """Start or feed the watchdog: 1 s without a kick is an emergency stop. It cannot be cancelled."""
         self._watchdog_kick_ms = self._tick_ms
 
+    @property
+    def watchdog_runs(self) -> bool:
+        """Whether the emergency-stop watchdog was kicked and has not bitten yet."""
+        return self._watchdog_kick_ms is not None and self.state is not State.LOCKED
+
     # What the stabilizer loop asks for.
 
     @property

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from onboard.link.errors import DroneStopped
-from perchhw.attempt import AttemptRequest, AttemptResult, Outcome
+from perchhw.attempt import AttemptInterrupted, AttemptRequest, AttemptResult, Outcome
 from perchhw.campaign import (
     AttemptRow,
     CampaignError,
@@ -136,6 +136,22 @@ def test_a_drone_that_a_person_must_look_at_is_not_flown_again_by_itself(
     with pytest.raises(CampaignStopped, match="somebody stopped it, then continue with --resume"):
         run_campaign(plan, folder, stopped)
     assert [r.state for r in rows_of(folder)] == ["done"] * 3 + ["planned"] * 5
+
+
+def test_a_landing_that_was_labelled_counts_though_the_operator_then_interrupted(
+    campaign_file: Path, tmp_path: Path
+) -> None:
+    def interrupted(request: AttemptRequest) -> AttemptResult:
+        result = fly(request)
+        if request.index == 1:
+            raise AttemptInterrupted(result)
+        return result
+
+    plan, folder = load_plan(campaign_file), tmp_path / "c"
+    with pytest.raises(KeyboardInterrupt):
+        run_campaign(plan, folder, interrupted)
+    assert [r.state for r in rows_of(folder)] == ["done"] * 2 + ["planned"] * 6
+    assert rows_of(folder)[1].outcome is expected_outcome(1)
 
 
 def test_a_stop_between_two_attempts_ends_the_campaign_and_costs_none(

@@ -5,10 +5,14 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
+from onboard.link.errors import DroneStopped
+from onboard.link.stop_note import StopsSince, note_stop
+from perchhw.cli import stop
 from perchhw.cli.main import run
 from tests.link.clients import connected_elsewhere
 from tests.link.tiny_drone import TinyDrone
@@ -115,6 +119,27 @@ def test_an_interrupted_stop_that_is_not_confirmed_says_so() -> None:
     assert "said nothing" in result["reason"]
 
 
+@pytest.mark.parametrize("writes", [True, False], ids=["slow disk", "no disk"])
+def test_a_stop_waits_for_its_note_and_says_when_there_is_none(
+    writes: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def note_slowly(uri: str) -> bool:
+        time.sleep(0.3)  # the drone is locked long before
+        return writes and note_stop(uri)
+
+    monkeypatch.setattr(stop, "note_stop", note_slowly)
+    with TinyDrone() as tiny:
+        since = StopsSince(tiny.uri)
+        assert run(["stop", "--drone", tiny.uri, "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)["drones"][0]["noted"] is writes
+        if writes:
+            with pytest.raises(DroneStopped):
+                since.check()
+        else:
+            assert run(["stop", "--drone", tiny.uri]) == 0
+            assert "may take off again" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("as_json", [(), ("--json",)], ids=["words", "json"])
 def test_the_verdict_goes_to_stderr_where_nobody_reads_stdout(as_json: tuple[str, ...]) -> None:
     read, write = os.pipe()
@@ -187,10 +212,12 @@ def test_a_lab_file_in_ruins_keeps_no_drone_flying(
     file = tmp_path / "lab.toml"
     with TinyDrone() as tiny:
         file.write_bytes(in_ruins(how, tiny.uri))
-        assert run(["stop", "--lab", str(file), "--json"]) == 0
+        assert run(["stop", "--lab", str(file), "--json"]) == 1  # nobody knows which drones it has lost
         assert tiny.supervisor_bits & LOCKED
         told = capsys.readouterr()
-        assert [result["drone"] for result in json.loads(told.out)["drones"]] == [tiny.uri]
+        document = json.loads(told.out)
+        assert [result["drone"] for result in document["drones"]] == [tiny.uri]
+        assert "looks like a drone's address" in document["doubt"]
     assert str(file) in told.err
     assert "looks like a drone's address" in told.err
 

@@ -22,6 +22,7 @@ class Gate:
 
     def __init__(self) -> None:
         self.calls: list[str] = []
+        self.watched_from_the_start = False
         self.entered, self.let_go = threading.Event(), threading.Event()
 
     def _block(self, name: str) -> None:
@@ -29,6 +30,10 @@ class Gate:
         self.entered.set()
         assert self.let_go.wait(WITHIN)
         self.calls.append(f"{name} ended")
+
+    def kick_emergency_stop_watchdog(self) -> None:
+        """Does not."""
+        self.watched_from_the_start = not self.calls
 
     def arm(self) -> None:
         """Blocks."""
@@ -86,6 +91,14 @@ def test_a_programming_error_is_a_failed_command() -> None:
     assert isinstance(event, CommandFailed)
     assert event.order == Order(1, Arm())
     assert "AttributeError" in event.reason
+
+
+def test_the_watchdog_runs_before_the_drone_is_armed(gate: Gate, runner: CommandRunner) -> None:
+    """Whoever dies between the two must not leave an armed drone that nobody watches."""
+    runner.submit(Order(1, Arm()))
+    assert gate.entered.wait(WITHIN)
+    assert gate.watched_from_the_start
+    gate.let_go.set()
 
 
 def test_a_disarming_is_not_lost_behind_an_arming_and_has_the_last_word(

@@ -7,6 +7,7 @@ from mocap_bridge.bridge import PoseBridge
 from mocap_bridge.sinks.crazyflie import CrazyfliePoseSink
 from onboard.lab_time import open_timebase
 from onboard.link import DroneLink, LogSample
+from onboard.timebase import Event
 
 POSITION = ("stateEstimate.x", "stateEstimate.y", "stateEstimate.z")
 
@@ -21,8 +22,8 @@ class Hover(NamedTuple):
     ended: float
 
 
-def hover(drone: str, mocap: str, *, watched: bool = False) -> Hover:
-    """Take off, hover, land; `watched` by the drone's watchdog, which bites when this process ends."""
+def hover(drone: str, mocap: str, *, watched: str = "") -> Hover:
+    """Take off, hover, land; when it is `watched` (armed, flying) kick the watchdog once, and wait to die."""
     samples: list[tuple[float, ...]] = []
 
     def note(sample: LogSample) -> None:
@@ -37,15 +38,17 @@ def hover(drone: str, mocap: str, *, watched: bool = False) -> Hover:
             connected = time()
             link.stream(POSITION, 10, note)
             pause.wait(1.5)
+            if watched == "armed":
+                link.kick_emergency_stop_watchdog()
             link.arm()
+            if watched == "armed":
+                _wait_to_die(pause)
             pause.wait(0.2)
             link.takeoff(0.5, 1.5)
             pause.wait(2.0)
-            if watched:
+            if watched == "flying":
                 link.kick_emergency_stop_watchdog()
-                sys.stdout.write("watched\n")
-                sys.stdout.flush()
-                pause.wait(1000.0)
+                _wait_to_die(pause)
             link.land(0.0, 1.5)
             pause.wait(2.0)
             link.stop_motors()
@@ -53,5 +56,11 @@ def hover(drone: str, mocap: str, *, watched: bool = False) -> Hover:
         return Hover(samples, began, connected, time())
 
 
+def _wait_to_die(pause: Event) -> None:
+    sys.stdout.write("watched\n")
+    sys.stdout.flush()
+    pause.wait(1000.0)
+
+
 if __name__ == "__main__":
-    hover(sys.argv[1], sys.argv[2], watched=True)
+    hover(sys.argv[1], sys.argv[2], watched=sys.argv[3])

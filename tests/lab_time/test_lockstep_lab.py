@@ -74,10 +74,11 @@ def test_a_client_that_takes_no_part_finds_a_lab_in_real_time() -> None:
     assert lab_elapsed <= 1.1 * elapsed + 0.1
 
 
-def test_a_process_that_dies_in_the_air_is_not_waited_for_and_the_watchdog_bites() -> None:
+@pytest.mark.parametrize("when", ["armed", "flying"])
+def test_a_process_that_dies_is_not_waited_for_and_the_watchdog_bites(when: str) -> None:
     with lab_at("lockstep") as lab:
         pilot = subprocess.Popen(
-            [sys.executable, "-m", "tests.lab_time.hover", lab.drones[0], lab.mocap[0]],
+            [sys.executable, "-m", "tests.lab_time.hover", lab.drones[0], lab.mocap[0], when],
             stdout=subprocess.PIPE,
         )
         assert pilot.stdout is not None

@@ -8,6 +8,7 @@ import pytest
 from onboard.app_interface import EndReason, LandingState
 from onboard.supervisor_info import SupervisorBits, SupervisorInfo
 from perchhw.supervisor import Phase, Tick, step
+from perchhw.supervisor.events import CommandFailed
 from perchhw.supervisor.machine import STOPPED_BY_OTHERS
 
 from .simulated_attempt import FLYING, PERIOD
@@ -78,6 +79,21 @@ def test_a_stop_shows_first_as_a_drone_that_cannot_fly_and_is_named_all_the_same
         assert state.aborted_by == "drone_can_fly: no, need yes" + STOPPED_BY_OTHERS
     again = step(state, Tick(replace(good_in(phase), drone=LOCKED)), 2 * PERIOD, mission).state
     assert str(again.aborted_by).count(STOPPED_BY_OTHERS) == (again.aborted_by is not None)
+
+
+def test_a_landing_that_a_stop_of_others_ended_is_not_called_the_hosts_doing() -> None:
+    mission, falling = mission_of(Phase.MOVING_TO_START), SupervisorInfo(FLYING & ~SupervisorBits.CAN_FLY)
+    lands = step(
+        state_in(Phase.MOVING_TO_START),
+        Tick(replace(good_in(Phase.MOVING_TO_START), drone=falling)),
+        PERIOD,
+        mission,
+    )
+    (order,) = lands.orders
+    state = step(lands.state, CommandFailed(order, "supervisor says high_level_active"), 0.1, mission).state
+    assert state.phase is Phase.STOPPING
+    assert "the host did it" not in str(state.fell)
+    assert "somebody else stopped the drone" in str(state.fell)
 
 
 @pytest.mark.parametrize(
