@@ -44,7 +44,9 @@ def simulate(folder: Path) -> None:
     rng, room = np.random.default_rng(1), RoomGeometry(ceiling_z=10.0)
     drag = Effect(name="rotor_drag", parameters={"coefficient": Quantity(3e-6, "kg/rad", 0.0, "hidden")})
     for kind in ("circles", "straight_laps", "attitude_doublets"):
-        f = fly_course(replace(vehicle, effects=(drag,)), manoeuvre(kind).course({}, room), room, rng, kind)
+        f = fly_course(
+            replace(vehicle, effects=(drag,)), manoeuvre(kind).course({"repeats": 1}, room), room, rng, kind
+        )
         assert f is not None
         columns = (1e3 * f.t, 1e3 * f.position, f.attitude, np.degrees(f.rate), f.specific_force / 9.80665)
         table = np.column_stack((*columns, f.duty, f.voltage))

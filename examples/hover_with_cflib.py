@@ -3,8 +3,8 @@
     python examples/hover_with_cflib.py
 
 Serves a lab in real time, for cflib knows no other, sends the drone the poses of its motion capture, takes
-off, hovers and lands. Prints the height at which the drone says that it hovers. With a real drone and room only
-the two addresses differ.
+off, hovers and lands. Prints the height at which the drone says that it hovers. With a real drone and room
+only the two addresses differ.
 """
 
 from collections.abc import Callable

@@ -50,7 +50,7 @@ def simulate_approach(
         seed: of everything random; default: that of `setup`.
 
     Returns:
-        The true pose (m, quaternion, world) and the cues; the trigger is what the policy saw.
+        The true motion (world; rates in the body frame), feet and cues; the trigger is what the policy saw.
 
     Raises:
         LearningInputError, VehicleFileError: the setup cannot be used.
