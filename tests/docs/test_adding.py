@@ -94,8 +94,7 @@ def json_udp(monkeypatch: pytest.MonkeyPatch) -> int:
     monkeypatch.setitem(SCHEMES, "json-udp", scheme)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    return port
+        return free.getsockname()[1]
 
 
 def send(port: int, *datagrams: object) -> threading.Event:
