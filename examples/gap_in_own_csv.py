@@ -48,8 +48,9 @@ def simulate(folder: Path) -> None:
             replace(vehicle, effects=(drag,)), manoeuvre(kind).course({"repeats": 1}, room), room, rng, kind
         )
         assert f is not None
+        assert f.specific_force is not None
         columns = (1e3 * f.t, 1e3 * f.position, f.attitude, np.degrees(f.rate), f.specific_force / 9.80665)
-        table = np.column_stack((*columns, f.duty, f.voltage))
+        table = np.column_stack((*columns, f.duty, np.asarray(f.voltage)))
         table += NOISE * rng.standard_normal(table.shape)
         np.savetxt(folder / f"{kind}.csv", table, delimiter=",", header=HEADER, comments="")
 

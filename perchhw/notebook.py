@@ -56,8 +56,8 @@ def simulate_approach(
         LearningInputError, VehicleFileError: the setup cannot be used.
 
     >>> flight = simulate_approach(load_policy(), 2.5, 50.0)
-    >>> bool(flight.data["z"][-1] > 2.0)   # it hangs
-    True
+    >>> bool(flight.data["z"][-1] > 2.0), int(flight.data["legs_attached"][-1])   # it hangs by all its legs
+    (True, 4)
     """
     from perchhw.learning.examples import example_flight
     from perchhw.learning.grid import Condition
