@@ -7,7 +7,7 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from mocap_bridge.errors import MocapUriError
-from mocap_bridge.uri import MocapUri, parse_mocap_uri
+from mocap_bridge.uri import SCHEMES, MocapUri, parse_mocap_uri
 from onboard.arrays import Quaternion, Vector
 from onboard.timebase import WALL, Timebase
 
@@ -91,13 +91,6 @@ class PoseStream(Protocol):
         """Close."""
 
 
-# Where each scheme lives; imported when it is opened.
-_SOURCES = {
-    "vicon": ("mocap_bridge.sources.vicon", "open_vicon"),
-    "vicon-udp": ("mocap_bridge.sources.vicon_udp", "open_vicon_udp"),
-}
-
-
 def open_pose_stream(uri: str | MocapUri, clock: Timebase = WALL) -> PoseStream:
     """Open the source that `uri` names, and check that it delivers the subject as far as can be told.
 
@@ -107,8 +100,9 @@ def open_pose_stream(uri: str | MocapUri, clock: Timebase = WALL) -> PoseStream:
         UnknownSubject: the source is alive and does not have the subject; the message lists those it has.
     """
     parsed = uri if isinstance(uri, MocapUri) else parse_mocap_uri(uri)
-    place = _SOURCES.get(parsed.scheme)
-    if place is None:
-        raise MocapUriError(f"no source for scheme {parsed.scheme!r}; known: {', '.join(_SOURCES)}")
-    opener: Callable[[MocapUri, Timebase], PoseStream] = getattr(import_module(place[0]), place[1])
+    scheme = SCHEMES.get(parsed.scheme)
+    if scheme is None:
+        raise MocapUriError(f"no source for scheme {parsed.scheme!r}; known: {', '.join(SCHEMES)}")
+    module, _, function = scheme.opener.rpartition(".")
+    opener: Callable[[MocapUri, Timebase], PoseStream] = getattr(import_module(module), function)
     return opener(parsed, clock)

@@ -9,13 +9,43 @@ from urllib.parse import parse_qsl, quote, urlsplit
 from mocap_bridge.errors import MocapUriError
 from onboard.lab_time.address import OPTION as TIME_OPTION
 
-# Vicon DataStream listens on 801 and Tracker's UDP object stream goes to 51001 (notes of the vendor's
-# manuals).
-DEFAULT_PORTS = {"vicon": 801, "vicon-udp": 51001}
-EXAMPLES = {"vicon": "vicon://192.168.1.10?subject=cf1", "vicon-udp": "vicon-udp://:51001?subject=cf1"}
 # Anybody could send an object stream, so only this computer is heard unless the URI says more.
 LOOPBACK = "127.0.0.1"
 SUBJECT_NAME_LIMIT = 100
+
+
+@dataclass(frozen=True, slots=True)
+class MocapScheme:
+    """One kind of address.
+
+    Attributes:
+        opener: ``module.function`` that opens it (:func:`mocap_bridge.pose.open_pose_stream`), imported then.
+        port: where the port is left out.
+        example: a right one, for messages.
+        needs_host: whether the host must be given; else :data:`LOOPBACK` is listened on.
+    """
+
+    opener: str
+    port: int
+    example: str
+    needs_host: bool
+
+
+SCHEMES: dict[str, MocapScheme] = {
+    "vicon": MocapScheme(
+        opener="mocap_bridge.sources.vicon.open_vicon",
+        port=801,
+        example="vicon://192.168.1.10?subject=cf1",
+        needs_host=True,
+    ),
+    "vicon-udp": MocapScheme(
+        opener="mocap_bridge.sources.vicon_udp.open_vicon_udp",
+        port=51001,
+        example="vicon-udp://:51001?subject=cf1",
+        needs_host=False,
+    ),
+}
+"""Every mocap source, by the scheme of its addresses; ports from the vendor's manuals."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,9 +53,9 @@ class MocapUri:
     """A parsed mocap address.
 
     Attributes:
-        scheme: ``vicon`` or ``vicon-udp``.
-        host: the server for ``vicon``; the local address to listen on for ``vicon-udp``, the loopback unless
-            given ("0.0.0.0" is all of this computer's).
+        scheme: one of :data:`SCHEMES`.
+        host: the server; where none is needed the local address to listen on, the loopback unless given
+            ("0.0.0.0" is all of this computer's).
         port: TCP or UDP port.
         subject: name of the body.
     """
@@ -52,21 +82,23 @@ def parse_mocap_uri(text: str) -> MocapUri:
         host = parts.hostname or ""
         options = parse_qsl(parts.query, keep_blank_values=True, strict_parsing=bool(parts.query))
     except ValueError as error:
-        raise MocapUriError(f"mocap URI {text!r}: {error}; write e.g. {EXAMPLES['vicon']}") from error
-    if parts.scheme not in DEFAULT_PORTS:
-        known = ", ".join(EXAMPLES.values())
+        example = SCHEMES["vicon"].example
+        raise MocapUriError(f"mocap URI {text!r}: {error}; write e.g. {example}") from error
+    scheme = SCHEMES.get(parts.scheme)
+    if scheme is None:
+        known = ", ".join(scheme.example for scheme in SCHEMES.values())
         raise MocapUriError(f"mocap URI {text!r}: unknown scheme {parts.scheme!r}; write one of: {known}")
-    example = EXAMPLES[parts.scheme]
+    example = scheme.example
     if parts.username or parts.password or parts.path not in ("", "/") or parts.fragment:
         raise MocapUriError(
             f"mocap URI {text!r}: only host, port and ?subject= are allowed; write e.g. {example}"
         )
-    if not host and parts.scheme == "vicon":
+    if not host and scheme.needs_host:
         raise MocapUriError(f"mocap URI {text!r}: the host is missing; write e.g. {example}")
     if port == 0:
         raise MocapUriError(f"mocap URI {text!r}: port 0 is not an address; write e.g. {example}")
     subject = _subject(text, options, example)
-    return MocapUri(parts.scheme, host or LOOPBACK, port or DEFAULT_PORTS[parts.scheme], subject)
+    return MocapUri(parts.scheme, host or LOOPBACK, port or scheme.port, subject)
 
 
 def _subject(text: str, options: list[tuple[str, str]], example: str) -> str:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from perchhw.learning.setup import LearningSetup as LearningSetup
     from perchhw.notebook import find_gap as find_gap
     from perchhw.notebook import fly as fly
+    from perchhw.notebook import fly_campaign as fly_campaign
     from perchhw.notebook import load_policy as load_policy
     from perchhw.notebook import open_flights as open_flights
     from perchhw.notebook import simulate_approach as simulate_approach
@@ -38,6 +39,7 @@ _HOMES = {
     "find_gap": "perchhw.notebook",
     "fly": "perchhw.notebook",
     "fly_attempt": "perchhw.flight",
+    "fly_campaign": "perchhw.notebook",
     "label_flight": "perchhw.label",
     "load_policy": "perchhw.notebook",
     "load_vehicle": "onboard.vehicle",

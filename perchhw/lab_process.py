@@ -24,11 +24,11 @@ class LabNotReady(FlightStackError):
 
 
 class SimulatedLab:
-    """``perchhw sim lab`` (or another part) on free ports, stopped on exit.
+    """``perchhw sim lab`` (or another part), stopped on exit.
 
     Args:
         part: ``lab``, ``drone``, ``room`` or ``bench``.
-        arguments: further arguments of ``perchhw sim PART``.
+        arguments: further arguments of ``perchhw sim PART``; default: a lab on free ports, in lock step.
         timeout_s: how long the start may take (the first one compiles the physics), s.
 
     Attributes:
@@ -37,7 +37,12 @@ class SimulatedLab:
         mocap: URIs of its mocap streams.
     """
 
-    def __init__(self, part: str = "lab", arguments: Sequence[str] = (), timeout_s: float = 300.0) -> None:
+    def __init__(
+        self,
+        part: str = "lab",
+        arguments: Sequence[str] = (*FREE_PORTS, *LOCKSTEP),
+        timeout_s: float = 300.0,
+    ) -> None:
         self._command = [sys.executable, "-m", "perchhw", "sim", part, "--with-parent", *arguments]
         self._timeout_s = timeout_s
         self._process: subprocess.Popen[str] | None = None

@@ -1,6 +1,6 @@
 """The main steps of perchhw as plain functions, for notebooks and scripts (``import perchhw``)."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,8 +11,10 @@ from onboard.policy.files import load_policy as read_policy
 if TYPE_CHECKING:
     from calibration.flights import Flight, UnusableFlight
     from calibration.gap.find import GapResult
+    from onboard.lab_file import LabFile
     from onboard.vehicle import Vehicle
     from perchhw.attempt import AttemptResult
+    from perchhw.campaign import AttemptRow
     from perchhw.lab_process import SimulatedLab
     from perchhw.learning.setup import LearningSetup
     from perchhw.learning.sweep import SweepSummary
@@ -48,14 +50,14 @@ def simulate_approach(
         seed: of everything random; default: that of `setup`.
 
     Returns:
-        The true pose (m, quaternion, world) and the cues; the trigger is what the policy saw.
+        The true motion (world; rates in the body frame), feet and cues; the trigger is what the policy saw.
 
     Raises:
         LearningInputError, VehicleFileError: the setup cannot be used.
 
     >>> flight = simulate_approach(load_policy(), 2.5, 50.0)
-    >>> bool(flight.data["z"][-1] > 2.0)   # it hangs
-    True
+    >>> bool(flight.data["z"][-1] > 2.0), int(flight.data["legs_attached"][-1])   # it hangs by all its legs
+    (True, 4)
     """
     from perchhw.learning.examples import example_flight
     from perchhw.learning.grid import Condition
@@ -144,18 +146,63 @@ def fly(
         AttemptInterrupted: Ctrl-C; the drone was stopped and the record closed first.
     """
     from perchhw.flight import fly_attempt
-    from perchhw.lab import find_lab, flight_setup
-    from perchhw.lab_process import SimulatedLab
+    from perchhw.lab import flight_setup
     from perchhw.record import discard_if_empty
 
-    file = Path(lab.ready["lab"]) if isinstance(lab, SimulatedLab) else Path(lab)
-    setup = flight_setup(find_lab(file), policy=policy)
+    setup = flight_setup(_lab_file(lab), policy=policy)
     setup.check()
     request = setup.attempt(speed, angle_deg, Path(out))
     try:
         return fly_attempt(request)
     finally:
         discard_if_empty(request.folder)
+
+
+def fly_campaign(
+    lab: "SimulatedLab | str | Path",
+    file: str | Path,
+    folder: str | Path,
+    *,
+    confirm: Callable[[str], object],
+    resume: bool = False,
+) -> "list[AttemptRow]":
+    """The attempts of a campaign file with a grid, and their report; as ``perchhw campaign run``.
+
+    Args:
+        lab: a running simulated lab, or the lab file of the laboratory.
+        file: campaign file (docs/campaigns.md).
+        folder: where its database, records and report go.
+        confirm: asks somebody to put the drone back on its start mark, and returns when that is done, as
+            ``input`` does. In a simulated lab nobody has to.
+        resume: go on with a campaign that was stopped.
+
+    Raises:
+        CampaignStopped: too many attempts in a row were aborted, or the drone must be looked at first.
+        PerchhwError: file, folder or drone cannot be used.
+        KeyboardInterrupt: Ctrl-C; the drone was stopped and the attempt is planned again.
+    """
+    from onboard.link.exclusive import hold
+    from perchhw.campaign import CampaignStopped, check_approaches, load_plan, run_campaign
+    from perchhw.flight.turnaround import attempt_after_attempt
+    from perchhw.report import write_campaign_report
+
+    plan = load_plan(Path(file), _lab_file(lab))
+    check_approaches(plan)
+    try:
+        with hold(plan.drone):
+            rows = run_campaign(plan, Path(folder), attempt_after_attempt(confirm), resume=resume)
+    except CampaignStopped:
+        write_campaign_report(Path(folder))
+        raise
+    write_campaign_report(Path(folder))
+    return rows
+
+
+def _lab_file(lab: "SimulatedLab | str | Path") -> "LabFile | None":
+    from perchhw.lab import find_lab
+    from perchhw.lab_process import SimulatedLab
+
+    return find_lab(Path(lab.ready["lab"]) if isinstance(lab, SimulatedLab) else Path(lab))
 
 
 def open_flights(*paths: str | Path, format: str = "auto") -> "tuple[list[Flight], list[UnusableFlight]]":

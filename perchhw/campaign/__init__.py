@@ -2,7 +2,7 @@
 
 from perchhw.campaign.file_table import CampaignFileError
 from perchhw.campaign.plan import CampaignPlan, load_plan
-from perchhw.campaign.run import CampaignStopped, run_campaign
+from perchhw.campaign.run import CampaignStopped, check_approaches, run_campaign
 from perchhw.campaign.store import AttemptRow, CampaignError, CampaignStore
 
 __all__ = [
@@ -12,6 +12,7 @@ __all__ = [
     "CampaignPlan",
     "CampaignStopped",
     "CampaignStore",
+    "check_approaches",
     "load_plan",
     "run_campaign",
 ]

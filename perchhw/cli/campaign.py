@@ -11,7 +11,7 @@ from perchhw.cli.options import Lab
 from perchhw.cli.output import FlightDisplay, console, emit, progress_console
 
 if TYPE_CHECKING:
-    from perchhw.campaign import AttemptRow, CampaignPlan
+    from perchhw.campaign import AttemptRow
 
 app = typer.Typer(add_completion=False)
 
@@ -39,7 +39,7 @@ def run(
     """
     from onboard.link.errors import DroneStopped
     from onboard.link.exclusive import hold
-    from perchhw.campaign import CampaignStopped, load_plan, run_campaign
+    from perchhw.campaign import CampaignStopped, check_approaches, load_plan, run_campaign
     from perchhw.campaign.courses import has_flights
     from perchhw.cli.prompts import confirmation
     from perchhw.flight.turnaround import attempt_after_attempt
@@ -50,7 +50,7 @@ def run(
     if has_flights(file):
         return _fly_courses(file, lab, out, resume, yes)
     plan = load_plan(file, find_lab(lab))
-    _check_approaches(plan)
+    check_approaches(plan)
     folder = out or Path("runs") / f"campaign-{slug(plan.name)}"
     runner = attempt_after_attempt(confirmation(yes), FlightDisplay(phases=False))
     stopped: str | None = None
@@ -110,15 +110,6 @@ def _fly_courses(file: Path, lab: Path | None, out: Path | None, resume: bool, y
     )
     emit(document, "\n".join(lines))
     return 3 if stopped else 0
-
-
-def _check_approaches(plan: "CampaignPlan") -> None:
-    """Every approach of the grid must fit the room, before the first one is flown."""
-    from perchhw.campaign.run import request_of
-    from perchhw.flight.mission import plan_attempt
-
-    for slot in plan.slots():
-        plan_attempt(request_of(plan, slot, Path(), try_number=1), 0, False)
 
 
 @contextmanager

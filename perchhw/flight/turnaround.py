@@ -9,7 +9,7 @@ from perchhw.flight.attempt import fly_attempt
 from perchhw.flight.loop import OnPhase
 from perchhw.supervisor import SafetyLimits
 
-Confirm = Callable[[str], None]
+Confirm = Callable[[str], object]
 """Asks the operator to do something and returns when it is done."""
 
 OFF_THE_CEILING = "Take the drone off the ceiling, put it upright on its start mark facing +x"

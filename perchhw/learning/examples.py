@@ -25,6 +25,7 @@ from perchhw.learning.trial import fly, new_bench
 
 _PURPOSE = 3
 _PERIOD = 0.01  # s, of the samples
+_TRUE_CHANNELS = ("vx", "vy", "vz", "gx", "gy", "gz", "legs_attached", "body_contact")
 _UNITS = np.array([1.0 / TAU_SCALE, MOMENT_SCALE])
 """From the units of EPHE to s and N m."""
 
@@ -117,7 +118,7 @@ def _history(record: np.void, name: str, episodes: int) -> FloatArray:
 def example_flight(policy: Policy, setup: LearningSetup, condition: Condition) -> Flight:
     """Fly one attempt of a policy in the simulation, sampled at 100 Hz until it has come to rest.
 
-    The pose and the cues are the true ones; the trigger's snapshot is what the policy saw.
+    Motion, feet and cues are the true ones; the trigger's snapshot is what the policy saw.
 
     Args:
         policy: two-stage policy.
@@ -139,9 +140,10 @@ def example_flight(policy: Policy, setup: LearningSetup, condition: Condition) -
     for moment in np.arange(0.0, whole["duration"], _PERIOD):
         fly_until(float(moment))
         state = bench.state[0]
-        rows.append([state["time"], *state["position"], *state["quaternion"], *state["velocity"]])
-    t, *columns = np.array(rows).T.copy()
-    data = dict(zip((*POSE_CHANNELS, "vx", "vy", "vz"), columns, strict=True))
+        motion = (*state["position"], *state["quaternion"], *state["velocity"], *state["omega"])
+        rows.append([state["time"], *motion, state["foot_attached"].sum(), state["body_contact"]])
+    t, *columns = np.array(rows, dtype=np.float64).T.copy()
+    data = dict(zip((*POSE_CHANNELS, *_TRUE_CHANNELS), columns, strict=True))
     data |= _cues(policy, data, setup.ceiling_z)
     trigger = None
     if whole["triggered"]:

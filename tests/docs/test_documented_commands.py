@@ -14,7 +14,10 @@ from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
 from tests.conftest import REPOSITORY
 from tests.patience import patient_uri
 
-PAGES = [REPOSITORY / "README.md", *sorted((REPOSITORY / "docs").glob("*.md"))]
+PAGES = [
+    *(REPOSITORY / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "examples/README.md")),
+    *sorted((REPOSITORY / "docs").rglob("*.md")),
+]
 RUN_BY_CI = {"make demo", "make test"}
 LAB = "perchhw sim lab"
 BENCH, HANDS = "perchhw sim bench --pace 10", "tcp://127.0.0.1:40123"

@@ -1,0 +1,203 @@
+"""The code on docs/adding.md is taken from the page and run where it would stand."""
+
+import importlib
+import json
+import os
+import re
+import socket
+import sys
+import threading
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calibration.flights import FORMATS, formats, open_flight
+from calibration.gap.suggest import manoeuvres
+from mocap_bridge.errors import PoseTimeout, SourceLost
+from mocap_bridge.pose import open_pose_stream
+from mocap_bridge.uri import SCHEMES, parse_mocap_uri
+from onboard.quantity import Quantity
+from onboard.room import RoomGeometry
+from onboard.vehicle import EFFECTS, Effect, check_vehicle, load_vehicle, vehicle_to_toml
+from onboard.vehicle.effects import rigid_body
+from sim_backend.physics.effects.registry import TERMS
+from sim_backend.physics.parameters import physics_parameters
+from tests.conftest import REPOSITORY
+
+PAGE = (REPOSITORY / "docs" / "adding.md").read_text(encoding="utf-8")
+
+
+def blocks(heading: str) -> list[str]:
+    """The blocks of code in one section."""
+    section = PAGE.split(f"\n## {heading}\n")[1].split("\n## ")[0]
+    return re.findall(r"```python\n(.*?)```", section, re.DOTALL)
+
+
+def module_of(code: str, name: str) -> ModuleType:
+    """A new module with this code."""
+    module = ModuleType(name)
+    exec(compile(code, name, "exec"), module.__dict__)
+    return module
+
+
+def row_of(code: str, table: ModuleType, **names: Any) -> Any:
+    """A row of a table, as it would stand in the table's module."""
+    return eval(code, {**vars(table), **names})
+
+
+def test_every_file_that_is_to_be_touched_is_there() -> None:
+    touched = re.findall(r"^\d\. `([\w/]+\.py)`(, a new module)?", PAGE, re.MULTILINE)
+    assert len(touched) == 6
+    for file, new in touched:
+        assert (REPOSITORY / file).exists() != bool(new)
+
+
+def test_an_effect(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    described, equation = blocks("An effect")
+    description = row_of(described, rigid_body)
+    term = module_of(equation, "sim_backend.physics.effects.propeller_guard").EFFECT
+    monkeypatch.setitem(EFFECTS, description.name, description)
+    monkeypatch.setitem(TERMS, term.name, term)
+    guard = Effect(
+        name="propeller_guard",
+        parameters={
+            "mass": Quantity(0.003, "kg", 0.0, "test case"),
+            "radius": Quantity(0.07, "m", 0.0, "test case"),
+        },
+    )
+    bare = load_vehicle("crazyflie21-upgraded")
+    file = tmp_path / "guarded.toml"
+    file.write_text(vehicle_to_toml(replace(bare, effects=(guard,))), encoding="utf-8")
+    assert check_vehicle(file) == []
+    room = RoomGeometry()
+    plain, ringed = (physics_parameters(vehicle, room) for vehicle in (bare, load_vehicle(file)))
+    assert ringed["mass"] - plain["mass"] == pytest.approx(0.003)
+    np.testing.assert_allclose(
+        ringed["inertia"] - plain["inertia"], 0.003 * 0.07**2 * np.array([0.5, 0.5, 1])
+    )
+    file.write_text(file.read_text(encoding="utf-8").replace("0.07", "0.7"), encoding="utf-8")
+    assert "between 0.03 and 0.2 m" in check_vehicle(file)[0]
+
+
+@pytest.fixture
+def json_udp(monkeypatch: pytest.MonkeyPatch) -> int:
+    """The mocap source of the page is known; gives a free port."""
+    code, row = blocks("A mocap source")
+    uri = importlib.import_module("mocap_bridge.uri")
+    scheme = row_of(row, uri)
+    name = scheme.opener.rpartition(".")[0]
+    monkeypatch.setitem(sys.modules, name, module_of(code, name))
+    monkeypatch.setitem(SCHEMES, "json-udp", scheme)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        return free.getsockname()[1]
+
+
+def send(port: int, *datagrams: object) -> threading.Event:
+    """Send them over and over until the event is set."""
+    stop = threading.Event()
+
+    def repeat() -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            while not stop.wait(0.005):
+                for datagram in datagrams:
+                    sender.sendto(json.dumps(datagram).encode(), ("127.0.0.1", port))
+
+    threading.Thread(target=repeat, daemon=True).start()
+    return stop
+
+
+def test_a_mocap_source(json_udp: int) -> None:
+    pose = [0.1, 0.2, 1.5, 0.0, 0.0, 0.0, 1.0]
+    stop = send(json_udp, {"frame": 7, "cf1": pose}, {"frame": 8}, ["foreign"])
+    try:
+        with open_pose_stream(f"json-udp://:{json_udp}?subject=cf1") as stream:
+            by_frame = {}
+            while by_frame.keys() != {7, 8} or stream.statistics().refused == 0:
+                sample = stream.read(60.0)
+                by_frame[sample.frame] = sample
+    finally:
+        stop.set()
+    assert by_frame[7].position == (0.1, 0.2, 1.5)
+    assert by_frame[7].quaternion == (0.0, 0.0, 0.0, 1.0)
+    assert by_frame[8].occluded
+    assert by_frame[8].position is None
+
+
+def test_a_mocap_source_that_is_silent_or_taken(json_udp: int) -> None:
+    assert parse_mocap_uri("json-udp://?subject=cf1").port == 4000
+    with pytest.raises(PoseTimeout, match="no frame"):
+        open_pose_stream(f"json-udp://:{json_udp}?subject=cf1")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", json_udp))
+        with pytest.raises(SourceLost, match="in use"):
+            open_pose_stream(f"json-udp://:{json_udp}?subject=cf1")
+
+
+def test_an_instrument() -> None:
+    (code,) = blocks("An instrument")
+    ours, theirs = os.openpty()
+    answers = iter((b"2.00 g\r\n", b"12.50 g\r\n", b"overload\r\n"))
+
+    def answer() -> None:
+        for text in answers:
+            asked = b""
+            while not asked.endswith(b"P\r\n"):
+                asked += os.read(ours, 16)
+            os.write(ours, text)
+
+    threading.Thread(target=answer, daemon=True).start()
+    module = module_of(code, "printing_scale")
+    scale = module.PrintingScale(os.ttyname(theirs))
+    try:
+        scale.tare(0.0)
+        reading = scale.average(0.0)
+        assert reading.mass == pytest.approx(0.0105)
+        assert reading.readings == 1
+        with pytest.raises(module.InstrumentRefused, match="overload"):
+            scale.average(0.0)
+    finally:
+        scale.close()
+        os.close(theirs)
+
+
+def test_a_flight_format(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    code, row = blocks("A flight format")
+    module = module_of(code, "calibration.flights.my_lab")
+    known = row_of(row, formats, is_my_lab=module.is_my_lab, load_my_lab=module.load_my_lab)
+    monkeypatch.setitem(FORMATS, known.name, known)
+    file = tmp_path / "flight.csv"
+    file.write_text("time_ms,x_mm,y_mm,z_mm,q0,q1,q2,q3\n0,100,0,1500,1,0,0,0\n10,110,0,1500,1,0,0,0\n")
+    flight = open_flight(file)
+    assert flight.format == "my_lab"
+    assert flight.t[1] == pytest.approx(0.01)
+    np.testing.assert_allclose(flight.data["x"], [0.1, 0.11])
+    assert flight.data["qw"][0] == 1.0
+
+
+def test_a_manoeuvre(monkeypatch: pytest.MonkeyPatch) -> None:
+    (code,) = blocks("A manoeuvre")
+    names = dict(vars(manoeuvres))
+    exec(code, names)
+    staircase = names["STAIRCASE"]
+    monkeypatch.setitem(manoeuvres.MANOEUVRES, staircase.kind, staircase)
+    course = manoeuvres.manoeuvre("staircase").course({"rise": 0.25}, RoomGeometry())
+    assert course.position[:, 2].max() == pytest.approx(1.1 + 0.75)
+    assert course.position[-1] == pytest.approx(course.position[0])
+    with pytest.raises(manoeuvres.CourseDoesNotFit, match="staircase"):
+        manoeuvres.manoeuvre("staircase").course({"rise": 0.5}, RoomGeometry())
+
+
+def test_a_vehicle(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (code,) = blocks("A vehicle")
+    monkeypatch.chdir(tmp_path)
+    exec(code, {})
+    assert check_vehicle("mine.toml") == []
+    mine = load_vehicle("mine.toml")
+    assert mine.body.mass.value == 0.0402
+    assert mine.legs is not None
+    assert mine.legs.design == "wide-short"
