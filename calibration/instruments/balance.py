@@ -1,17 +1,15 @@
 """A laboratory balance that speaks MT-SICS (Mettler-Toledo's interface command set, which many others copy).
 
 ``SI`` asks for the mass now: ``S S <mass> <unit>`` stable, ``S D ...`` moving, ``S +`` overload, ``S -``
-underload, ``S I`` busy; ``ZI`` sets zero; ``ES``, ``ET``, ``EL`` are errors.
+underload, ``S I`` busy; ``ES``, ``ET``, ``EL`` are errors.
 """
 
 import math
 from typing import Self
 
-import numpy as np
-
 from calibration.instruments.conversation import Conversation
-from calibration.instruments.errors import InstrumentRefused, WrongDevice
-from calibration.instruments.scale import MassReading
+from calibration.instruments.errors import InstrumentRefused, ScaleUnusable, WrongDevice
+from calibration.instruments.scale import ScaleReading
 from calibration.measurement import Finding, Severity
 from onboard.clock import Clock, monotonic
 
@@ -31,13 +29,15 @@ _REFUSALS = {
 class Balance:
     """An open balance; a context manager and a :class:`~calibration.instruments.scale.Scale`."""
 
+    unit, least_span, typed = "kg", 5e-3, False
+
     def __init__(self, address: str, *, clock: Clock = monotonic) -> None:
         """Open it and ask for one reading.
 
         Raises:
             InstrumentInputError, InstrumentNotFound, InstrumentTimeout, WrongBaudRate, WrongDevice.
         """
-        self._clock = clock
+        self._seen: list[tuple[float, bool]] = []
         self._conversation = Conversation(address, BAUD, clock=clock)
         try:
             answer = self._conversation.ask_line(b"SI\r\n")
@@ -52,7 +52,7 @@ class Balance:
         """Name of its port."""
         return self._conversation.device
 
-    def read(self) -> tuple[float, bool]:
+    def read_mass(self) -> tuple[float, bool]:
         """The mass now [kg], and whether it is stable.
 
         Raises:
@@ -61,35 +61,31 @@ class Balance:
         """
         return self._mass(self._conversation.ask_line(b"SI\r\n"))
 
-    def tare(self, seconds: float = 0.0) -> None:
-        """Set zero now; the balance needs no averaging (`seconds` is not used).
+    def begin(self) -> None:
+        """Forget what it showed."""
+        self._seen = []
+
+    def look(self, within_s: float) -> None:
+        """Ask once, whatever `within_s`; errors as for :meth:`read_mass`."""
+        self._seen.append(self.read_mass())
+
+    def read(self) -> ScaleReading:
+        """Mean mass [kg] since the beginning.
 
         Raises:
-            InstrumentRefused: it does not.
+            ScaleUnusable: it was never asked.
         """
-        answer = self._conversation.ask_line(b"ZI\r\n")
-        if not answer.startswith(("ZI S", "ZI D")):
-            raise InstrumentRefused(f"{self.device} does not set zero: it answers {answer!r}")
-
-    def average(self, seconds: float) -> MassReading:
-        """Mean over `seconds` [s], at least one reading.
-
-        Raises:
-            InstrumentRefused, InstrumentTimeout, InstrumentLost.
-        """
-        start = self._clock()
-        masses: list[float] = []
-        moving = 0
-        while not masses or self._clock() - start < seconds:
-            mass, stable = self.read()
-            masses.append(mass)
-            moving += not stable
+        if not self._seen:
+            raise ScaleUnusable(f"balance {self.device}: it was not read once")
+        masses = [mass for mass, _ in self._seen]
         findings: tuple[Finding, ...] = ()
-        if moving == len(masses):
-            text = f"the balance was never stable in {len(masses)} readings: draught, or the load still moves"
+        if not any(stable for _, stable in self._seen):
+            text = "the balance was never stable during a reading: draught, or the load still moves"
             findings = (Finding("unstable", Severity.WARNING, text),)
-        deviation = float(np.std(masses, ddof=1)) if len(masses) > 1 else 0.0
-        return MassReading(float(np.mean(masses)), deviation, len(masses), start, self._clock(), findings)
+        return ScaleReading(sum(masses) / len(masses), findings)
+
+    def check(self) -> None:
+        """It speaks only when asked: that it is gone is seen then."""
 
     def close(self) -> None:
         """Close it; idempotent."""

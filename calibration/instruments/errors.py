@@ -36,6 +36,10 @@ class InstrumentRefused(InstrumentError):
     """The instrument answered, and the answer is an error of its own."""
 
 
+class ScaleUnusable(InstrumentError):
+    """A scale's readings cannot be used; the message says what is wrong with them."""
+
+
 class MotorsRefused(InstrumentError, SafetyStop):
     """The motors do not start, because a rule of the bench is not met."""
 

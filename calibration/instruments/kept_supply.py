@@ -37,6 +37,8 @@ class KeptSupply:
         keeper: process id of the keeper.
     """
 
+    typed = False
+
     def __init__(self, address: str, kind: str = "scpi") -> None:
         """Start the keeper, which opens the port.
 

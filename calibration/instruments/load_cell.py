@@ -1,24 +1,22 @@
-"""The load cell: raw counts, their faults, and the mass that a calibration makes of them.
+"""The load cell: raw counts and their faults.
 
 The HX711 amplifier gives signed 24-bit counts at 10 or 80 per second (a jumper), shows its two extreme codes
 when the input is out of range, and needs 10 to 15 min to warm up (note bench.md, section 4).
 """
 
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.instruments.errors import InstrumentError, InstrumentInputError
+from calibration.instruments.errors import ScaleUnusable
 from calibration.instruments.line_device import HANDSHAKE_S, LineDevice, LinkReport
 from calibration.instruments.protocol import RAW_MAX, RAW_MIN, Banner, Kind, LoadLine
 from calibration.instruments.reader import Reconnect
-from calibration.instruments.scale import MassReading
+from calibration.instruments.scale import ScaleReading
 from calibration.instruments.transport import IO_TIMEOUT_S
-from calibration.measurement import Finding, Severity
+from calibration.measurement import Finding, Severity, rejected
 from onboard.clock import Clock, monotonic
 
 #: The two conversion rates of the amplifier [1/s], and how far its own oscillator may be off.
@@ -29,53 +27,6 @@ STUCK_AFTER = 8
 _EDGE = 16
 #: The data line is held by a powered-down amplifier, which reads as all ones or all zeros.
 _DEAD_CODES = (0, -1)
-
-
-@dataclass(frozen=True, slots=True)
-class ScaleCalibration:
-    """Mass from counts: ``mass = (raw - zero) / counts_per_kg``.
-
-    Attributes:
-        zero: counts without load.
-        counts_per_kg: slope; its sign is that of the mounting.
-        nonlinearity: largest distance of a calibration weight from the line [kg]; 0 for two points.
-    """
-
-    zero: float
-    counts_per_kg: float
-    nonlinearity: float = 0.0
-
-    @classmethod
-    def fit(cls, masses: Sequence[float], raws: Sequence[float]) -> Self:
-        """The line through at least two weights.
-
-        Args:
-            masses: of the weights put on [kg], the empty scale (0) among them.
-            raws: mean counts with each.
-
-        Raises:
-            InstrumentInputError: fewer than two different masses, or counts that do not change with them.
-        """
-        if len(masses) != len(raws) or len(set(masses)) < 2:
-            raise InstrumentInputError(
-                f"a calibration needs at least two different weights with their counts; {len(masses)} masses "
-                f"and {len(raws)} counts were given"
-            )
-        if not all(math.isfinite(value) for value in (*masses, *raws)):
-            raise InstrumentInputError("a mass or a count of the calibration is not a number")
-        slope, zero = np.polyfit(masses, raws, 1)
-        span = (max(masses) - min(masses)) * abs(slope)
-        if span < 100.0:
-            raise InstrumentInputError(
-                f"the counts change by {span:.0f} between the weights only: is the load cell wired (A+ A- E+ "
-                "E-), and does the weight rest on it?"
-            )
-        error = max(abs((raw - zero) / slope - mass) for mass, raw in zip(masses, raws, strict=True))
-        return cls(float(zero), float(slope), float(error))
-
-    def mass(self, raw: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Mass [kg] of counts, any shape."""
-        return np.asarray((raw - self.zero) / self.counts_per_kg)
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,16 +81,13 @@ def check_counts(times: NDArray[np.float64], raw: NDArray[np.int64]) -> tuple[Fi
 
 
 class LoadCell:
-    """An open load cell; a context manager and a :class:`~calibration.instruments.scale.Scale`.
+    """An open load cell; a context manager and a :class:`~calibration.instruments.scale.Scale`."""
 
-    Attributes:
-        calibration: None until it was calibrated; :meth:`average` needs it, :meth:`take` does not.
-    """
+    unit, least_span, typed = "counts", 100.0, False
 
     def __init__(
         self,
         address: str,
-        calibration: ScaleCalibration | None = None,
         *,
         clock: Clock = monotonic,
         reconnect: Reconnect | None = None,
@@ -147,11 +95,11 @@ class LoadCell:
     ) -> None:
         """Open it, wait for its banner, let it send; other arguments and errors as for
         :class:`~calibration.instruments.line_device.LineDevice`."""
-        self.calibration = calibration
-        self._clock = clock
         self._device = LineDevice(
             address, Kind.LOAD_CELL, clock=clock, reconnect=reconnect, handshake_s=handshake_s
         )
+        self._seen: list[LoadBatch] = []
+        self._restarts = 0
         self._device.start()
 
     @property
@@ -187,57 +135,34 @@ class LoadCell:
             sum(one.lost for one in placed),
         )
 
-    def average_counts(self, seconds: float) -> tuple[float, float, int, tuple[Finding, ...]]:
-        """Mean and standard deviation [counts], number, and findings of the next `seconds` [s]."""
+    def begin(self) -> None:
+        """Forget what came: a reading begins now."""
         self._device.take(0.0)
-        before = self._device.report
-        end = self._clock() + seconds
-        batches = []
-        while (left := end - self._clock()) > 0.0:
-            batches.append(self.take(left))
-        times = np.concatenate([batch.times for batch in batches] or [np.empty(0)])
-        raw = np.concatenate([batch.raw for batch in batches] or [np.empty(0, dtype=np.int64)])
-        after = self._device.report
-        if after.restarts > before.restarts:
-            raise InstrumentError(
+        self._seen = []
+        self._restarts = self._device.report.restarts
+
+    def look(self, within_s: float) -> None:
+        """Take in conversions; errors as for :meth:`take`."""
+        self._seen.append(self.take(within_s))
+
+    def read(self) -> ScaleReading:
+        """Mean counts since the beginning.
+
+        Raises:
+            ScaleUnusable: no conversions, or stuck, saturated or powered down; or the board restarted.
+        """
+        report = self._device.report
+        if report.restarts > self._restarts:
+            raise ScaleUnusable(
                 f"{self.device} restarted during the reading: check cable and supply, read again"
             )
+        times = np.concatenate([batch.times for batch in self._seen] or [np.empty(0)])
+        raw = np.concatenate([batch.raw for batch in self._seen] or [np.empty(0, dtype=np.int64)])
         findings = check_counts(times, raw)
-        if raw.size == 0:
-            said = "; ".join(event.text for event in after.events[-1:])
-            raise InstrumentError(
-                f"{self.device}: {findings[0].text}" + (f" The board says: {said}" if said else "")
-            )
-        deviation = float(raw.std(ddof=1)) if raw.size > 1 else 0.0
-        return float(raw.mean()), deviation, int(raw.size), findings
-
-    def tare(self, seconds: float) -> None:
-        """Call the mean of the next `seconds` [s] zero.
-
-        Raises:
-            InstrumentInputError: it is not calibrated.
-            InstrumentError: the readings are no good (saturated, stuck, powered down).
-        """
-        calibration = self._calibrated()
-        zero, _, _, findings = self.average_counts(seconds)
-        bad = [finding.text for finding in findings if finding.severity is Severity.REJECT]
-        if bad:
-            raise InstrumentError(f"no tare: {bad[0]}")
-        self.calibration = ScaleCalibration(zero, calibration.counts_per_kg, calibration.nonlinearity)
-
-    def average(self, seconds: float) -> MassReading:
-        """Mean mass over the next `seconds` [s].
-
-        Raises:
-            InstrumentInputError: it is not calibrated.
-            InstrumentError, InstrumentLost: no readings.
-        """
-        calibration = self._calibrated()
-        start = self._clock()
-        mean, deviation, count, findings = self.average_counts(seconds)
-        mass = float(calibration.mass(np.array(mean)))
-        spread = deviation / abs(calibration.counts_per_kg)
-        return MassReading(mass, spread, count, start, self._clock(), findings)
+        if rejected(findings):
+            said = "".join(f". The board says: {event.text}" for event in report.events[-1:])
+            raise ScaleUnusable(f"load cell {self.device}: {findings[0].text}{said}")
+        return ScaleReading(float(raw.mean()), findings)
 
     def check(self) -> None:
         """Raise InstrumentLost when it is gone or silent; takes nothing, from any thread."""
@@ -252,10 +177,3 @@ class LoadCell:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-    def _calibrated(self) -> ScaleCalibration:
-        if self.calibration is None:
-            raise InstrumentInputError(
-                "the load cell is not calibrated: put at least two known weights on it"
-            )
-        return self.calibration

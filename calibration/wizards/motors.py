@@ -41,8 +41,8 @@ SAFETY = "Motors will turn. Propeller guard on, drone clamped, fingers and hair 
 NO_REMOTE_CUT = (
     "Nothing here can cut the power. If this program is killed or hangs, or the computer dies, the motors "
     "run on until the battery is pulled or empty: no watchdog and no emergency stop of the drone ends them. "
-    "Keep a hand on the plug whenever a motor turns. A supply with a serial port (--supply) is switched off "
-    "by itself."
+    "Keep a hand on the plug whenever a motor turns. A supply with a serial port (--supply scpi:///dev/..., "
+    "korad:///dev/...) is switched off by itself."
 )
 HAND_PHRASE = "hand on the battery plug"
 TRIES = 3
@@ -107,8 +107,9 @@ def confirm_no_remote_cut(operator: Operator, wanted: bool) -> None:
     """
     if not wanted:
         raise MotorsRefused(
-            "no motor turns without a supply that can be switched off when this program dies: give its port "
-            "with --supply, or say --no-remote-cut and stand at the battery plug"
+            "no motor turns without a supply that can be switched off when this program dies: give one with "
+            "a port to --supply (scpi:///dev/..., korad:///dev/...), or say --no-remote-cut and stand at the "
+            "battery plug"
         )
     operator.warn(NO_REMOTE_CUT)
     operator.confirm("The battery can be pulled while motors turn.", HAND_PHRASE)

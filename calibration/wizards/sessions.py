@@ -7,12 +7,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from calibration.instruments.addresses import AnySupply, ScaleAddress, SupplyAddress
 from calibration.instruments.gyro_recorder import GyroRecorder
 from calibration.instruments.kept_supply import KeptSupply
-from calibration.instruments.load_cell import LoadCell
 from calibration.instruments.motor_stand import MotorStand
 from calibration.instruments.tachometer import Tachometer
 from calibration.wizards import inertia, motors, thrust
+from calibration.wizards.by_hand import OperatorsHands
 from calibration.wizards.compare import Comparison, compare_results, compare_with_vehicle
 from calibration.wizards.operator import Operator, StepBack, Task
 from calibration.wizards.outcomes import (
@@ -26,6 +27,7 @@ from calibration.wizards.outcomes import (
 from calibration.wizards.report import write_report
 from calibration.wizards.result import Calibration, load_result, write_result
 from calibration.wizards.run_book import RunBook
+from calibration.wizards.thrust_recording import ThrustStand
 from onboard.link import DroneLink
 from onboard.vehicle import Vehicle
 
@@ -35,12 +37,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Stand:
-    """What is connected: URI of the drone, ports of an instrument and of a supply.
+    """What is connected.
 
     Attributes:
         drone: URI.
-        instrument: port of the tachometer or load cell.
-        supply: port of the supply that feeds the drone, or None for its battery.
+        instrument: port of the tachometer, or URI of the scale.
+        supply: URI of the supply that feeds the drone, or None for its battery.
         voltage: V, of the supply at the start.
         no_remote_cut: the operator wants to do without a supply that can be switched off from here.
     """
@@ -96,19 +98,15 @@ def measure_motors(
 
     Raises:
         MotorsRefused: no supply that could be switched off from here, and nobody wanted to do without.
+        InstrumentInputError: an address that is none.
     """
     book = RunBook(folder, motors.KIND, plan.settings(), operator)
-    if stand.supply is None:
-        motors.confirm_no_remote_cut(operator, stand.no_remote_cut)
+    feed = _feed(stand, operator)
     with ExitStack() as stack:
-        supply = None if stand.supply is None else stack.enter_context(_powered(stand.supply, stand.voltage))
+        supply = None if feed is None else _powered(feed, stand.voltage, operator, stack)
         link = stack.enter_context(DroneLink.open(stand.drone))
         tachometer = stack.enter_context(Tachometer(stand.instrument))
-        driven = stack.enter_context(
-            MotorStand(
-                link, instruments=[tachometer.check], remote_cut=supply, no_remote_cut=stand.no_remote_cut
-            )
-        )
+        driven = stack.enter_context(_motor_stand(link, tachometer.check, supply, stand))
         _until_done(book, motors.MotorWizard(plan, driven, tachometer).run)
     fits = motors.fit_motors(folder, book.steps, plan)
     told = {**provenance, "drone": stand.drone, "propeller": plan.propeller.name, "skipped": book.skipped}
@@ -131,11 +129,8 @@ def measure_thrust(
         raise thrust.NoSupply("the thrust run needs a supply whose voltage can be set")
     book = RunBook(folder, thrust.KIND, plan.settings(), operator)
     with ExitStack() as stack:
-        supply = stack.enter_context(_powered(stand.supply, stand.voltage))
-        link = stack.enter_context(DroneLink.open(stand.drone))
-        cell = stack.enter_context(LoadCell(stand.instrument))
-        driven = stack.enter_context(MotorStand(link, instruments=[cell.check], remote_cut=supply))
-        _until_done(book, thrust.ThrustWizard(plan, driven, cell, supply).run)
+        ready = _thrust_stand(stand, operator, stack)
+        _until_done(book, thrust.ThrustWizard(plan, ready).run)
     found = thrust.fit_thrust(folder, book.steps, plan)
     told = {**provenance, "drone": stand.drone, "skipped": book.skipped}
     return _conclude(
@@ -143,14 +138,38 @@ def measure_thrust(
     )
 
 
-def _powered(port: str, voltage: float) -> KeptSupply:
-    supply = KeptSupply(port)
-    try:
-        supply.set(voltage, thrust.CURRENT_LIMIT_A)
-        supply.switch(on=True)
-    except BaseException:
-        supply.close()
-        raise
+def _thrust_stand(stand: Stand, operator: Operator, stack: ExitStack) -> ThrustStand:
+    """The open instruments of a thrust stand; `stack` lets them go."""
+    weigher, feed = ScaleAddress.of(stand.instrument), _feed(stand, operator)
+    supply = None if feed is None else _powered(feed, stand.voltage, operator, stack)
+    link = stack.enter_context(DroneLink.open(stand.drone))
+    scale = weigher.open(OperatorsHands(operator))
+    stack.callback(scale.close)
+    driven = stack.enter_context(_motor_stand(link, scale.check, supply, stand))
+    return ThrustStand(driven, scale, supply)
+
+
+def _feed(stand: Stand, operator: Operator) -> SupplyAddress | None:
+    """Where the drone's power comes from; what nobody can cut from here, the operator must have wanted."""
+    feed = None if stand.supply is None else SupplyAddress.of(stand.supply)
+    if feed is None or not feed.can_be_cut:
+        motors.confirm_no_remote_cut(operator, stand.no_remote_cut)
+    return feed
+
+
+def _motor_stand(
+    link: DroneLink, check: Callable[[], None], supply: AnySupply | None, stand: Stand
+) -> MotorStand:
+    remote_cut = supply if isinstance(supply, KeptSupply) else None
+    return MotorStand(link, instruments=[check], remote_cut=remote_cut, no_remote_cut=stand.no_remote_cut)
+
+
+def _powered(feed: SupplyAddress, voltage: float, operator: Operator, stack: ExitStack) -> AnySupply:
+    """The open supply, switched on; `stack` switches it off."""
+    supply = feed.open(OperatorsHands(operator))
+    stack.callback(supply.close)
+    supply.set(voltage, thrust.CURRENT_LIMIT_A)
+    supply.switch(on=True)
     return supply
 
 

@@ -1,6 +1,7 @@
 """The thrust wizard: weights, tares, commands in random order, and thrust against voltage comes out."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -9,15 +10,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from calibration.errors import CalibrationError
-from calibration.instruments.load_cell import LoadCell, ScaleCalibration
-from calibration.instruments.motor_stand import UNLOCK_PHRASE, MotorStand
-from calibration.instruments.supply import Supply
+from calibration.instruments.motor_stand import UNLOCK_PHRASE
+from calibration.instruments.scale import ScaleCalibration
 from calibration.measurement import Estimate, Finding, Severity
 from calibration.thrust_voltage.errors import ThrustTableError
 from calibration.thrust_voltage.pwm import exact_set_points
 from calibration.thrust_voltage.raw_table import RawTable, write_raw
+from calibration.wizards.inertia import PlanError
 from calibration.wizards.motors import SAFETY
-from calibration.wizards.operator import Gauge, Light, Question, Task
+from calibration.wizards.operator import Gauge, Light, Operator, Question, Task
 from calibration.wizards.run_book import Json, RunBook
 from calibration.wizards.thrust_recording import (
     COAST_S,
@@ -26,7 +27,6 @@ from calibration.wizards.thrust_recording import (
     ThrustStand,
     ThrustTable,
     calibrate_scale,
-    counts_now,
 )
 from onboard.arrays import FloatArray
 from onboard.battery import thrust_from_voltage
@@ -36,6 +36,8 @@ from onboard.vehicle import Vehicle
 
 if TYPE_CHECKING:
     from calibration.thrust_voltage.result import ThrustResult
+
+Show = Callable[[Sequence[Gauge]], None]
 
 KIND = "thrust"
 WEIGHTS = (0.0, 0.02, 0.05)
@@ -98,21 +100,66 @@ class ThrustPlan:
         return rows
 
 
+def prepare_stand(book: RunBook, stand: ThrustStand) -> None:
+    """The steps before motors turn: the scale against weights, and the drone on it."""
+    book.step("scale", "Check the scale with weights", partial(_check_scale, book, stand))
+    book.step("mount", "Put the drone on the stand", partial(_mount, book))
+
+
+def kept_calibration(book: RunBook, stand: ThrustStand) -> ScaleCalibration:
+    """What the check with weights said.
+
+    Raises:
+        PlanError: it was made with a scale of another kind.
+    """
+    kept = book.steps["scale"]
+    if kept["unit"] != stand.scale.unit:
+        raise PlanError(
+            f"{book.folder}: the scale was checked in {kept['unit']}, this one shows {stand.scale.unit}: "
+            "give the same --scale, or begin anew with another --out"
+        )
+    return ScaleCalibration(kept["zero"], kept["per_kg"])
+
+
+def _check_scale(book: RunBook, stand: ThrustStand) -> Json:
+    shown = []
+    for mass in WEIGHTS:
+        if mass == 0.0:
+            task = Task("remove_weight", "Empty the scale: nothing on it, nothing touches it.")
+        else:
+            task = Task("put_weight", f"Put {1e3 * mass:g} g in the middle of the scale.", {"mass": mass})
+        book.operator.do(task)
+        shown.append(stand.read().shown)
+    book.operator.do(Task("remove_weight", "Take the weight off."))
+    calibration = calibrate_scale(stand.scale, WEIGHTS, shown)
+    unit = stand.scale.unit
+    book.operator.tell(
+        f"{abs(calibration.per_kg):.5g} {unit} shown for a kg, linear within "
+        f"{1e3 * calibration.nonlinearity:.3f} g"
+    )
+    return {"zero": calibration.zero, "per_kg": calibration.per_kg, "unit": unit, "shown": shown}
+
+
+def _mount(book: RunBook) -> Json:
+    text = (
+        "Mount the drone upside down on a stalk of 150 mm or more, so that its thrust pushes the scale. "
+        "All four propellers on, power from the supply with short leads."
+    )
+    book.operator.do(Task("mount_on_scale", text))
+    return {}
+
+
 class ThrustWizard:
     """Leads through scale, stand and sweeps.
 
     Args:
         plan: what is measured.
-        motors: of the drone; this wizard has the operator unlock them.
-        cell: the scale.
-        supply: feeds the drone, and is switched off on every way out.
+        stand: motors, which this wizard has the operator unlock; scale; and supply, which must be there.
     """
 
-    def __init__(self, plan: ThrustPlan, motors: MotorStand, cell: LoadCell, supply: Supply) -> None:
+    def __init__(self, plan: ThrustPlan, stand: ThrustStand) -> None:
         self._plan = plan
-        self._motors = motors
-        self._cell = cell
-        self._supply = supply
+        self._stand = stand
 
     def run(self, book: RunBook) -> None:
         """All steps that are not done yet; the operator confirms that motors may turn, each time anew.
@@ -122,73 +169,44 @@ class ThrustWizard:
             ScaleUnusable, InstrumentError, LinkError, MotorsRefused: motors stopped, supply off.
         """
         book.operator.confirm(SAFETY, UNLOCK_PHRASE)
-        book.step("scale", "Check the scale with weights", partial(self._scale, book))
-        book.step("mount", "Put the drone on the stand", partial(self._mount, book))
+        prepare_stand(book, self._stand)
         for block, voltage in enumerate(self._plan.voltages):
             key = f"sweep-{voltage:g}"
             book.step(key, f"Thrust at {voltage:g} V", partial(self._sweep, book, block, voltage))
 
-    def _scale(self, book: RunBook) -> Json:
-        counts = []
-        for mass in WEIGHTS:
-            if mass == 0.0:
-                task = Task("remove_weight", "Empty the scale: nothing on it, nothing touches it.")
-            else:
-                task = Task("put_weight", f"Put {1e3 * mass:g} g in the middle of the scale.", {"mass": mass})
-            book.operator.do(task)
-            counts.append(counts_now(self._cell))
-        book.operator.do(Task("remove_weight", "Take the weight off."))
-        calibration = calibrate_scale(self._cell, WEIGHTS, counts)
-        book.operator.tell(
-            f"{abs(calibration.counts_per_kg) / 1e3:.0f} counts a gram, linear within "
-            f"{1e3 * calibration.nonlinearity:.3f} g"
-        )
-        return {"zero": calibration.zero, "counts_per_kg": calibration.counts_per_kg, "counts": counts}
-
-    def _mount(self, book: RunBook) -> Json:
-        text = (
-            "Mount the drone upside down on a stalk of 150 mm or more, so that its thrust pushes the scale. "
-            "All four propellers on, power from the supply with short leads."
-        )
-        book.operator.do(Task("mount_on_scale", text))
-        return {}
-
     def _sweep(self, book: RunBook, block: int, voltage: float) -> Json:
-        operator = book.operator
-        self._supply.set(voltage, CURRENT_LIMIT_A)
-        self._supply.switch(on=True)
-        self._motors.unlock(UNLOCK_PHRASE)
-        kept = book.steps["scale"]
-        stand = ThrustStand(
-            self._motors,
-            self._cell,
-            self._supply,
-            ScaleCalibration(kept["zero"], kept["counts_per_kg"]),
-        )
-        table = ThrustTable()
+        operator, stand = book.operator, self._stand
+        motors, supply = stand.motors, stand.supply
+        assert supply is not None
+        calibration = kept_calibration(book, stand)
+        supply.set(voltage, CURRENT_LIMIT_A)
+        supply.switch(on=True)
+        motors.unlock(UNLOCK_PHRASE)
+        table = ThrustTable(calibration)
         limited = 0
         idle = stand.read()
         table.add(block, "tare", 0, idle)
         multimeter = operator.measure(MULTIMETER)
         rows, before = self._plan.order(block), 0
         seen: dict[Finding, None] = {}
-        with operator.live(f"Thrust at {voltage:g} V") as show:
+        with self._display(operator, voltage) as show:
             for number, (kind, command) in enumerate(rows):
-                self._motors.spin_all(command)
+                motors.spin_all(command)
                 reading = stand.read(SETTLE_S if command > before else FALL_S)
-                before = command
+                before = 0 if stand.scale.typed else command
                 seen |= dict.fromkeys(reading.findings)
                 if reading.limited:
                     limited += 1
                 else:
                     table.add(block, kind, command, reading)
-                show(self._gauges(number, len(rows), reading.mass - idle.mass, reading.limited))
+                mass = calibration.mass(reading.shown) - calibration.mass(idle.shown)
+                show(self._gauges(number, len(rows), mass, reading.limited))
                 if command >= _HOT_SHARE * 65536 or number == len(rows) // 2:
-                    self._motors.stop("cool down")
-                    self._motors.unlock(UNLOCK_PHRASE)
+                    motors.stop("cool down")
+                    motors.unlock(UNLOCK_PHRASE)
                     table.add(block, "tare", 0, stand.read(COAST_S))
                     before = 0
-        self._motors.stop("the sweep has ended")
+        motors.stop("the sweep has ended")
         table.add(block, "tare", 0, stand.read(COAST_S))
         raw = table.finished(f"sweep-{voltage:g}")
         for finding in (*seen, *sweep_findings(raw, limited)):
@@ -198,6 +216,12 @@ class ThrustWizard:
             "gauge": float(np.mean(multimeter)) / idle.board,
             "limited": limited,
         }
+
+    def _display(self, operator: Operator, voltage: float) -> AbstractContextManager[Show]:
+        """Live numbers, where nobody types between them."""
+        if self._stand.scale.typed:
+            return nullcontext(lambda gauges: None)
+        return operator.live(f"Thrust at {voltage:g} V")
 
     def _gauges(self, number: int, count: int, mass: float, limited: bool) -> list[Gauge]:
         thrust = mass * GRAVITY / GRAM_FORCE
@@ -253,7 +277,7 @@ def thrust_inputs(steps: Mapping[str, Any]) -> dict[str, Estimate]:
     }
     scale = steps.get("scale")
     if scale:
-        inputs["scale, counts a gram"] = Estimate(abs(scale["counts_per_kg"]) / 1e3, "1/g", 0.0)
+        inputs[f"scale, {scale['unit']} shown for a kg"] = Estimate(abs(scale["per_kg"]), "1", 0.0)
     return inputs
 
 

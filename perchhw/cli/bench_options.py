@@ -28,6 +28,28 @@ Yes = Annotated[bool, typer.Option("--yes", help="Do not wait for a key after ea
 Confirm = Annotated[
     list[str] | None, typer.Option("--confirm", help="Phrase of a safety question, confirmed in advance.")
 ]
+Supply = Annotated[
+    str | None,
+    typer.Option(
+        "--supply",
+        help="What feeds the drone: scpi:///dev/ttyUSB0 (or just the port), korad:///dev/ttyACM0, or "
+        "manual:// for one that you set by hand.",
+    ),
+]
+Scale = Annotated[
+    str | None,
+    typer.Option(
+        "--scale",
+        help="loadcell:///dev/ttyACM0 (or just the port), mtsics:///dev/ttyUSB0 for a balance, or manual:// "
+        "for one that you read and type.",
+    ),
+]
+NoRemoteCut = Annotated[
+    bool,
+    typer.Option(
+        "--no-remote-cut", help="On a battery, or a supply set by hand: nothing stops the motors if we die."
+    ),
+]
 Person = Annotated[str, typer.Option("--operator", help="Who measures, for the report.")]
 
 
