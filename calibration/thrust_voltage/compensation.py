@@ -110,6 +110,16 @@ def read_discharge(path: Path) -> Discharge:
     )
 
 
+def write_discharge(path: Path, discharge: Discharge, motors: int) -> None:
+    """Write a discharge as :func:`read_discharge` reads it; `motors` turned."""
+    columns = (discharge.time, discharge.battery, discharge.asked, discharge.command, discharge.measured)
+    lines = [",".join(VERIFY_HEADER)]
+    for time, battery, asked, command, measured in zip(*columns, strict=True):
+        grams = motors * measured / GRAM_FORCE
+        lines.append(f"{time:.3f},{battery:.4f},{asked / GRAM_FORCE:.4f},{command:.0f},{grams:.4f},{motors}")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
 def verify(discharge: Discharge) -> Verification:
     """Judge every settled reading of a discharge.
 

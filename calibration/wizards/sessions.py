@@ -12,7 +12,7 @@ from calibration.instruments.gyro_recorder import GyroRecorder
 from calibration.instruments.kept_supply import KeptSupply
 from calibration.instruments.motor_stand import MotorStand
 from calibration.instruments.tachometer import Tachometer
-from calibration.wizards import inertia, motors, thrust
+from calibration.wizards import discharge, inertia, motors, thrust
 from calibration.wizards.by_hand import OperatorsHands
 from calibration.wizards.compare import Comparison, compare_results, compare_with_vehicle
 from calibration.wizards.operator import Operator, StepBack, Task
@@ -136,6 +136,19 @@ def measure_thrust(
     return _conclude(
         folder, thrust_calibration(found, book.steps, _now(), told), plan.vehicle, thrust_figures(found)
     )
+
+
+def measure_discharge(plan: discharge.DischargePlan, stand: Stand, folder: Path, operator: Operator) -> Path:
+    """The discharge wizard; as :func:`measure_motors`. On a supply, or on the drone's battery.
+
+    Returns:
+        The table for :func:`~calibration.thrust_voltage.compensation.verify`.
+    """
+    book = RunBook(folder, discharge.KIND, plan.settings(), operator)
+    with ExitStack() as stack:
+        ready = _thrust_stand(stand, operator, stack)
+        _until_done(book, discharge.DischargeWizard(plan, ready).run)
+    return discharge.join_discharges(folder, book.steps)
 
 
 def _thrust_stand(stand: Stand, operator: Operator, stack: ExitStack) -> ThrustStand:

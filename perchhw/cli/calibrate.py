@@ -7,6 +7,7 @@ import typer
 
 from perchhw.cli.bench_walkthrough import walkthrough_command
 from perchhw.cli.calibrate_bifilar import bifilar_command
+from perchhw.cli.calibrate_discharge import discharge_command, verify_command
 from perchhw.cli.calibrate_tachometer import tachometer_command
 from perchhw.cli.calibrate_thrust import thrust_command
 from perchhw.cli.options import Vehicle
@@ -21,6 +22,8 @@ app = typer.Typer(
 app.command("bifilar")(bifilar_command)
 app.command("tachometer")(tachometer_command)
 app.command("thrust")(thrust_command)
+app.command("discharge")(discharge_command)
+app.command("verify")(verify_command)
 app.command("walkthrough")(walkthrough_command)
 
 Runs = Annotated[list[Path], typer.Argument(metavar="RUN...", help="Folders of calibration runs.")]
@@ -99,30 +102,6 @@ def compare(
         rows = compare_with_vehicle(load_vehicle(str(vehicle)), now)
     emit({"rows": [row.to_json() for row in rows]}, _comparison_text(rows))
     return 1 if any(row.contradicts for row in rows) else 0
-
-
-@app.command()
-def verify(
-    file: Annotated[Path, typer.Argument(help="t_s,battery_v,asked_gf,command,scale_g,motors")],
-) -> int:
-    """Judge a recorded discharge with the battery compensation on: 3 % or 0.15 gf until the motors saturate.
-
-    Exit code 1 when the thrust was not what was asked for.
-    """
-    from calibration.thrust_voltage.compensation import read_discharge
-    from calibration.thrust_voltage.compensation import verify as judge
-
-    verdict = judge(read_discharge(file))
-    document = verdict.to_json()
-    below = verdict.saturated_below
-    words = [
-        f"{document['readings']} readings, largest error {verdict.worst_gf:.2f} gf "
-        f"({100.0 * verdict.worst_relative:.1f} %): {'passed' if verdict.passed else 'not passed'}",
-        "never saturated" if below is None else f"saturated at {below:.2f} V and below",
-        *(f"! {finding.text}" for finding in verdict.findings),
-    ]
-    emit(document, "\n".join(words))
-    return 0 if verdict.passed else 1
 
 
 def _comparison_text(rows: "list[Comparison]") -> str:
