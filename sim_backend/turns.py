@@ -192,7 +192,7 @@ class TurnsServer:
         """Give a turn to each for whom there is news; whether anybody had one.
 
         Raises:
-            TurnsError: one is silent for 60 s.
+            TurnsError: one is silent for 60 s, or what it has sent does not arrive for as long.
         """
         traffic = self._traffic
         due = [p for p in self.participants if not p.connecting and p.has_news(now, traffic)]
@@ -202,7 +202,14 @@ class TurnsServer:
             participant.begin_turn(now, traffic)
         for participant in due:
             await participant.finish_turn()
-        await asyncio.wait_for(self._everything_arrives(due), SILENCE_LIMIT_S)
+        try:
+            await asyncio.wait_for(self._everything_arrives(due), SILENCE_LIMIT_S)
+        except TimeoutError:
+            late = ", ".join(p.name for p in due if not p.arrived(traffic))
+            raise TurnsError(
+                f"{late} has sent packets that did not arrive here in {SILENCE_LIMIT_S:g} s: does it talk to "
+                "an address where no drone of this lab is? Start the lab again"
+            ) from None
         return True
 
     async def _everything_arrives(self, participants: list[Participant]) -> None:

@@ -9,6 +9,7 @@ import sys
 import pytest
 
 from perchhw.lab_process import LabNotReady, SimulatedLab
+from tests.patience import PATIENCE_S
 
 PORTS = ["--drone-port", "0", "--vicon-port", "0", "--vicon-udp-port", "0"]
 
@@ -53,3 +54,18 @@ def test_a_parent_that_is_killed_takes_the_lab_along() -> None:
 def test_a_lab_that_cannot_start_says_why() -> None:
     with pytest.raises(LabNotReady, match="no_such_fault"):
         SimulatedLab("lab", [*PORTS, "--fault", "no_such_fault=1"]).open()
+
+
+def test_a_lab_that_is_ended_does_not_wait_for_its_parent() -> None:
+    command = [sys.executable, "-m", "perchhw", "sim", "drone", "--with-parent", "--drone-port", "0"]
+    lab = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    try:
+        assert lab.stdout is not None
+        assert lab.stderr is not None
+        assert lab.stdout.readline()
+        lab.send_signal(signal.SIGTERM)
+        assert lab.wait(timeout=PATIENCE_S) == 0  # its standard input is still open
+        assert lab.stderr.read() == b""
+    finally:
+        lab.kill()
+        lab.communicate()

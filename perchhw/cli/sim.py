@@ -1,6 +1,7 @@
 """``perchhw sim``: serves the simulated lab, drones alone, the mocap room or the bench until interrupted."""
 
 import asyncio
+import contextlib
 import json
 import os
 import signal
@@ -276,5 +277,7 @@ async def _serve_until_told(lab: Served, with_parent: bool) -> int:
 
 def _wait_for_parent(loop: asyncio.AbstractEventLoop, stop: asyncio.Event) -> None:
     """Stop the lab when standard input ends. A thread, because not every kind of input can be polled."""
-    sys.stdin.buffer.read()
-    loop.call_soon_threadsafe(stop.set)
+    while os.read(sys.stdin.fileno(), 4096):  # not through sys.stdin: Python's end would wait for its lock
+        pass
+    with contextlib.suppress(RuntimeError):  # the lab has ended by itself
+        loop.call_soon_threadsafe(stop.set)

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from onboard.lab_time.messages import decode, encode
+from sim_backend import turns
 from sim_backend.turns import TurnsServer
 
 
@@ -103,5 +104,18 @@ def test_a_socket_that_talked_to_somebody_else_is_not_waited_for() -> None:
         peer.say(close="udp:1", packets=2)
         peer.say(done=0.0, next=None, packets={})
         assert await asyncio.wait_for(turn, 60.0)
+
+    with_a_peer(scene)
+
+
+def test_packets_that_never_arrive_end_the_lab_with_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def scene(server: TurnsServer, packets: CountedPackets, peer: Peer) -> None:
+        await peer.ask("open", key="udp:1")
+        turn = asyncio.create_task(server.take(0.0))
+        await peer.hear()
+        peer.say(done=0.0, next=None, packets={"udp:1": 1})
+        monkeypatch.setattr(turns, "SILENCE_LIMIT_S", 0.01)  # read once the turn is over
+        with pytest.raises(turns.TurnsError, match=r"peer has sent packets that did not arrive"):
+            await asyncio.wait_for(turn, 60.0)
 
     with_a_peer(scene)

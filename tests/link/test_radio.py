@@ -9,7 +9,7 @@ import cflib.crtp.radiodriver as cflib_radio
 import pytest
 from cflib.crtp.crtpstack import CRTPPacket
 
-from onboard.link import DroneLink
+from onboard.link import DroneLink, stop
 from onboard.link.errors import LinkError
 from onboard.link.radio import SEND_S, CflibStopPort, GuardedRadioDriver
 from onboard.link.stop import StopPath
@@ -72,6 +72,9 @@ def driver(monkeypatch: pytest.MonkeyPatch) -> Iterator[GuardedRadioDriver]:
     monkeypatch.setattr(cflib_radio.crazyradio, "Crazyradio", StallingRadio)
     monkeypatch.setattr(cflib_radio, "Crazyradio", StallingRadio)
     monkeypatch.setattr(cflib_radio.RadioManager, "_radios", [])
+    # A busy machine may not let the radio's thread speak for seconds.
+    monkeypatch.setattr(stop, "SILENT_S", PATIENCE_S)
+    monkeypatch.setattr(stop, "LONGEST_S", PATIENCE_S)
     opened = GuardedRadioDriver()
     opened.connect("radio://0/80/2M/E7E7E7E7E7", None, None)
     yield opened

@@ -189,9 +189,20 @@ class _Walk:
     # --- expressions ------------------------------------------------------------------------------------
 
     def _expression(self, node: ast.expr, parent: ast.AST | None = None) -> Iterator[Change]:
+        """Changes of an expression and of all below it."""
+        if isinstance(node, ast.JoinedStr | ast.Lambda):
+            return
+        yield from self._changes_of(node, parent)
+        for part in ast.iter_child_nodes(node):
+            if isinstance(part, ast.comprehension):
+                yield from self._comprehension(part)
+            elif isinstance(part, ast.keyword) and part.arg != "strict":
+                yield from self._expression(part.value, part)
+            elif isinstance(part, ast.expr):
+                yield from self._expression(part, node)
+
+    def _changes_of(self, node: ast.expr, parent: ast.AST | None) -> Iterator[Change]:
         match node:
-            case ast.JoinedStr() | ast.Lambda():
-                return
             case ast.Compare():
                 yield from self._comparison(node)
             case ast.BinOp(left=left, op=op, right=right) if type(op) in ARITHMETIC:
@@ -204,17 +215,9 @@ class _Walk:
                 yield self._change(test, "True", "condition")
                 yield self._change(test, "False", "condition")
             case ast.Constant(value=value):
-                for text in _other_values(value):
-                    yield self._change(node, text, "constant")
-                return
-            case ast.Attribute(value=owner, attr=member):
-                enum = _resolve(owner, self._namespace)
-                if isinstance(enum, EnumMeta):
-                    for other in _neighbours(list(enum.__members__), member):
-                        yield self._change(node, f"{self._text(owner)}.{other}", "member")
-            case ast.Name(name) if self._function and name in self._named_members:
-                for other in _neighbours(self._named_members[name], name):
-                    yield self._change(node, other, "member")
+                yield from (self._change(node, text, "constant") for text in _other_values(value))
+            case ast.Attribute() | ast.Name():
+                yield from (self._change(node, other, "member") for other in self._other_members(node))
             case ast.Tuple() | ast.List() | ast.Set():
                 yield from self._elements(node, parent)
             case ast.Dict(keys=keys):
@@ -224,13 +227,17 @@ class _Walk:
                     yield self._change(node, ast.unparse(rest), "element removed")
             case ast.Call():
                 yield from self._call(node)
-        for part in ast.iter_child_nodes(node):
-            if isinstance(part, ast.comprehension):
-                yield from self._comprehension(part)
-            elif isinstance(part, ast.keyword) and part.arg != "strict":
-                yield from self._expression(part.value, part)
-            elif isinstance(part, ast.expr):
-                yield from self._expression(part, node)
+
+    def _other_members(self, node: ast.Attribute | ast.Name) -> Iterator[str]:
+        """The neighbours of a member of an enumeration, written as it is."""
+        if isinstance(node, ast.Name):
+            if self._function and node.id in self._named_members:
+                yield from _neighbours(self._named_members[node.id], node.id)
+            return
+        enum = _resolve(node.value, self._namespace)
+        if isinstance(enum, EnumMeta):
+            for other in _neighbours(list(enum.__members__), node.attr):
+                yield f"{self._text(node.value)}.{other}"
 
     def _comprehension(self, part: ast.comprehension) -> Iterator[Change]:
         yield from self._expression(part.iter, part)
