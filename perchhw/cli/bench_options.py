@@ -12,8 +12,8 @@ import typer
 from perchhw.cli.output import emit, progress_console
 
 if TYPE_CHECKING:
-    from calibration.wizards.operator import Operator
-    from calibration.wizards.sessions import Concluded
+    from calibration.bench.procedures.operator import Operator
+    from calibration.bench.procedures.sessions import Concluded
 
 Out = Annotated[Path | None, typer.Option(help="Folder of the run; a run that was paused goes on in it.")]
 Drone = Annotated[str | None, typer.Option("--drone", help="URI of the drone: udp://HOST:PORT, radio://...")]
@@ -66,8 +66,8 @@ class Helper:
 @contextmanager
 def operator_of(helper: Helper) -> "Iterator[Operator]":
     """Whoever carries out the wizard: a person, or an assistant; with the answers given in advance before."""
-    from calibration.wizards.given import GivenAnswers, read_answers
-    from calibration.wizards.hands import Hands
+    from calibration.bench.procedures.given import GivenAnswers, read_answers
+    from calibration.bench.procedures.hands import Hands
     from perchhw.cli.bench_operator import TerminalOperator
 
     # A program that is told to end unwinds as with Ctrl-C, so that motors and supply are switched off.
@@ -83,8 +83,8 @@ def operator_of(helper: Helper) -> "Iterator[Operator]":
 
 def tell(concluded: "Concluded", folder: Path) -> None:
     """Tell what came of a run."""
-    from calibration.wizards.report import said
-    from calibration.wizards.result import was_rejected
+    from calibration.bench.procedures.report import said
+    from calibration.bench.procedures.result import was_rejected
 
     result = concluded.result
     document: dict[str, Any] = {
@@ -117,7 +117,7 @@ def needed(value: str | None, flag: str, what: str) -> str:
     Raises:
         AnswerNotUsable: it was not given.
     """
-    from calibration.wizards.operator import AnswerNotUsable
+    from calibration.bench.procedures.operator import AnswerNotUsable
 
     if value is None:
         raise AnswerNotUsable(f"{flag} is missing: {what} (in simulation `perchhw sim bench` prints it)")

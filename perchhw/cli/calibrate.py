@@ -14,7 +14,7 @@ from perchhw.cli.options import Vehicle
 from perchhw.cli.output import emit, progress_console
 
 if TYPE_CHECKING:
-    from calibration.wizards.compare import Comparison
+    from calibration.bench.procedures.compare import Comparison
 
 app = typer.Typer(
     add_completion=False, no_args_is_help=True, help="Measure inertia, motors and thrust on the bench."
@@ -38,8 +38,8 @@ def apply(
     force: Annotated[bool, typer.Option("--force", help="Apply a run that its checks rejected.")] = False,
 ) -> int:
     """Put calibrations into a vehicle file: shows every change, asks, writes, keeps what was there before."""
-    from calibration.wizards.apply import changed_vehicle, write_applied
-    from calibration.wizards.result import ResultFileError, load_result, was_rejected
+    from calibration.bench.procedures.apply import changed_vehicle, write_applied
+    from calibration.bench.procedures.result import ResultFileError, load_result, was_rejected
     from onboard.vehicle import load_vehicle
     from perchhw.cli.bench_operator import TerminalOperator
     from perchhw.cli.vehicle import differences, draw_differences
@@ -71,7 +71,7 @@ def undo(
     file: Annotated[Path, typer.Argument(help="Vehicle file that calibrations were applied to.")],
 ) -> None:
     """Take the last applied calibration back."""
-    from calibration.wizards.apply import undo as take_back
+    from calibration.bench.procedures.apply import undo as take_back
 
     kept = take_back(file)
     emit(
@@ -89,8 +89,8 @@ def compare(
 
     Exit code 1 when something contradicts.
     """
-    from calibration.wizards.compare import compare_results, compare_with_vehicle
-    from calibration.wizards.result import ResultFileError, load_result
+    from calibration.bench.procedures.compare import compare_results, compare_with_vehicle
+    from calibration.bench.procedures.result import ResultFileError, load_result
     from onboard.vehicle import load_vehicle
 
     now = load_result(run)
@@ -105,7 +105,7 @@ def compare(
 
 
 def _comparison_text(rows: "list[Comparison]") -> str:
-    from calibration.wizards.report import said
+    from calibration.bench.procedures.report import said
 
     return "\n".join(
         f"{row.key}: {said(row.before.to_json())} before, {said(row.now.to_json())} now, "

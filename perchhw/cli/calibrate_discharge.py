@@ -43,8 +43,8 @@ def discharge_command(
     --no-remote-cut, the drone hovers against the scale until it is empty. Motors as in `calibrate thrust`.
     Exit code 1 when the thrust was not what was asked for.
     """
-    from calibration.wizards.discharge import FULL_V, KIND, DischargePlan
-    from calibration.wizards.sessions import Stand, measure_discharge
+    from calibration.bench.procedures.discharge import FULL_V, KIND, DischargePlan
+    from calibration.bench.procedures.sessions import Stand, measure_discharge
     from onboard.vehicle import load_vehicle
 
     plan = DischargePlan(load_vehicle(vehicle))
@@ -72,10 +72,10 @@ def verify_command(
 
     Exit code 1 when the thrust was not what was asked for.
     """
-    from calibration.thrust_voltage.compensation import read_discharge, verify
-    from calibration.wizards.discharge import TABLE_FILE
-    from calibration.wizards.discharge_report import write_discharge_report
-    from calibration.wizards.report import REPORT_FILE
+    from calibration.bench.procedures.discharge import TABLE_FILE
+    from calibration.bench.procedures.discharge_report import write_discharge_report
+    from calibration.bench.procedures.report import REPORT_FILE
+    from calibration.bench.thrust.compensation import read_discharge, verify
 
     if file.is_dir():
         report = report or file / REPORT_FILE

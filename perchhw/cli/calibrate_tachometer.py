@@ -65,8 +65,8 @@ def tachometer_command(
     this one is killed or hangs; without a supply nothing turns unless --no-remote-cut says so and 'hand on
     the battery plug' was typed (or given with --confirm).
     """
-    from calibration.wizards.motors import KIND, MotorPlan
-    from calibration.wizards.sessions import Stand, measure_motors
+    from calibration.bench.procedures.motors import KIND, MotorPlan
+    from calibration.bench.procedures.sessions import Stand, measure_motors
     from onboard.vehicle import load_vehicle
     from perchhw.cli.bench_logs import fit_steps, propeller_of
 

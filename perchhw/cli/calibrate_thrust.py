@@ -61,9 +61,9 @@ def thrust_command(
     of its own also when this one is killed or hangs. With a supply that you set by hand nobody could: nothing
     turns then unless --no-remote-cut says so and 'hand on the battery plug' was typed.
     """
-    from calibration.wizards.operator import AnswerNotUsable
-    from calibration.wizards.sessions import Stand, measure_thrust
-    from calibration.wizards.thrust import KIND, ThrustPlan
+    from calibration.bench.procedures.operator import AnswerNotUsable
+    from calibration.bench.procedures.sessions import Stand, measure_thrust
+    from calibration.bench.procedures.thrust import KIND, ThrustPlan
     from onboard.vehicle import load_vehicle
 
     if from_table is not None:

@@ -2,12 +2,12 @@
 
 import pytest
 
-from calibration.instruments.addresses import AnyScale, ScaleAddress, SupplyAddress
-from calibration.instruments.balance import Balance
-from calibration.instruments.errors import InstrumentInputError
-from calibration.instruments.kept_supply import KeptSupply
-from calibration.instruments.load_cell import LoadCell
-from calibration.instruments.manual import ManualScale, ManualSupply
+from calibration.bench.instruments.addresses import AnyScale, ScaleAddress, SupplyAddress
+from calibration.bench.instruments.balance import Balance
+from calibration.bench.instruments.errors import InstrumentInputError
+from calibration.bench.instruments.kept_supply import KeptSupply
+from calibration.bench.instruments.load_cell import LoadCell
+from calibration.bench.instruments.manual import ManualScale, ManualSupply
 from tests.instruments.pty_device import LineBoard, PtyDevice
 from tests.instruments.test_asked_instruments import Somebody, TinyKorad, TinyScpi, balance
 

@@ -5,8 +5,8 @@ from collections.abc import Callable
 
 import pytest
 
-from calibration.instruments.balance import Balance
-from calibration.instruments.errors import (
+from calibration.bench.instruments.balance import Balance
+from calibration.bench.instruments.errors import (
     InstrumentError,
     InstrumentInputError,
     InstrumentLost,
@@ -16,8 +16,8 @@ from calibration.instruments.errors import (
     WrongBaudRate,
     WrongDevice,
 )
-from calibration.instruments.manual import ManualScale, ManualSupply
-from calibration.instruments.supply import KoradSupply, ScpiSupply
+from calibration.bench.instruments.manual import ManualScale, ManualSupply
+from calibration.bench.instruments.supply import KoradSupply, ScpiSupply
 from tests.instruments.pty_device import PtyDevice
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from calibration.instruments.errors import (
+from calibration.bench.instruments.errors import (
     InstrumentError,
     InstrumentInputError,
     InstrumentLost,
@@ -17,12 +17,12 @@ from calibration.instruments.errors import (
     WrongBaudRate,
     WrongDevice,
 )
-from calibration.instruments.load_cell import LoadCell, check_counts
-from calibration.instruments.protocol import Fault
-from calibration.instruments.reader import Reconnect
-from calibration.instruments.scale import ScaleCalibration, ScaleReading
-from calibration.instruments.tachometer import Tachometer, TachometerBatch
-from calibration.instruments.transport import Address, SerialPort
+from calibration.bench.instruments.load_cell import LoadCell, check_counts
+from calibration.bench.instruments.protocol import Fault
+from calibration.bench.instruments.reader import Reconnect
+from calibration.bench.instruments.scale import ScaleCalibration, ScaleReading
+from calibration.bench.instruments.tachometer import Tachometer, TachometerBatch
+from calibration.bench.instruments.transport import Address, SerialPort
 from tests.instruments.pty_device import LineBoard, PtyDevice, framed
 from tests.patience import until
 

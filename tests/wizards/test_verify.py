@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calibration.thrust_voltage.compensation import read_discharge, write_discharge
+from calibration.bench.thrust.compensation import read_discharge, write_discharge
 from perchhw.cli.main import run
 
 
