@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 from perchhw.cli.output import emit
 
 if TYPE_CHECKING:
-    from calibration.bench.inertia.fit import SwingFit
     from calibration.bench.inertia.inertia import InertiaResult
+    from calibration.bench.inertia.swing_fit import SwingFit
     from calibration.bench.motors.propellers import PropellerMap
     from calibration.bench.motors.result import TachometerResult
     from onboard.vehicle import Vehicle

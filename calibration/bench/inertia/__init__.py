@@ -1,7 +1,7 @@
 """Inertia from bifilar swings: recordings, fits, checks, budget, planning, live view, figures."""
 
 from calibration.bench.inertia.errors import RigError, SwingFileError, UnusableSwingError
-from calibration.bench.inertia.fit import SwingFit, fit_swing
+from calibration.bench.inertia.fit import fit_swing
 from calibration.bench.inertia.inertia import InertiaResult, formula_inertia, inertia_about_axis
 from calibration.bench.inertia.live import LiveState, LiveSwing, LiveView
 from calibration.bench.inertia.paper import peak_period
@@ -10,6 +10,7 @@ from calibration.bench.inertia.recordings import read_swing, write_swing
 from calibration.bench.inertia.rest import RestCheck, check_rest
 from calibration.bench.inertia.rig import Jig, Measured, Rig, UnitDoubt, check_rig, measured, unit_doubts
 from calibration.bench.inertia.swing import Swing
+from calibration.bench.inertia.swing_fit import SwingFit
 
 __all__ = [
     "HangPlan",

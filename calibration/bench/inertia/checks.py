@@ -2,16 +2,13 @@
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from calibration.bench.inertia.swing import Swing
+from calibration.bench.inertia.swing_fit import SwingFit
 from calibration.measurement import Finding, Severity
 from onboard.arrays import BoolArray, FloatArray
-
-if TYPE_CHECKING:
-    from calibration.bench.inertia.fit import SwingFit
 
 CYCLES_REJECT, CYCLES_WARN = 8.0, 15.0
 AMPLITUDE_REJECT, AMPLITUDE_WARN = math.radians(2.0), math.radians(20.0)
@@ -32,7 +29,7 @@ _BEATING_SIGMAS = 4.0
 _NOISE_SIGMAS = 3.0
 
 
-def check_fit(swing: Swing, fit: "SwingFit") -> list[Finding]:
+def check_fit(swing: Swing, fit: SwingFit) -> list[Finding]:
     """All findings of one recording, in the order of the checks."""
     return [
         Finding(code, severity, f"{swing.source}: {text}")
@@ -44,7 +41,7 @@ def check_fit(swing: Swing, fit: "SwingFit") -> list[Finding]:
 _Found = Iterator[tuple[str, Severity, str]]
 
 
-def _length(swing: Swing, fit: "SwingFit") -> _Found:
+def _length(swing: Swing, fit: SwingFit) -> _Found:
     if fit.cycles < CYCLES_REJECT:
         text = f"{fit.cycles:.1f} cycles, at least {CYCLES_REJECT:g} needed; record 20 or more"
         yield "few_cycles", Severity.REJECT, text
@@ -53,7 +50,7 @@ def _length(swing: Swing, fit: "SwingFit") -> _Found:
         yield "few_cycles", Severity.WARNING, text
 
 
-def _amplitude(swing: Swing, fit: "SwingFit") -> _Found:
+def _amplitude(swing: Swing, fit: SwingFit) -> _Found:
     degrees = math.degrees(fit.start_amplitude)
     if fit.start_amplitude > AMPLITUDE_WARN:
         text = (
@@ -88,7 +85,7 @@ def _amplitude(swing: Swing, fit: "SwingFit") -> _Found:
         yield "beating", Severity.WARNING, text
 
 
-def _sampling(swing: Swing, fit: "SwingFit") -> _Found:
+def _sampling(swing: Swing, fit: SwingFit) -> _Found:
     if fit.clock == "host":
         text = "stamped by the host on arrival (3 to 10 ms of jitter); log the drone's own time"
         yield "host_time", Severity.WARNING, text
@@ -105,7 +102,7 @@ def _sampling(swing: Swing, fit: "SwingFit") -> _Found:
         yield "loss", severity, text
 
 
-def _clipping(swing: Swing, fit: "SwingFit") -> _Found:
+def _clipping(swing: Swing, fit: SwingFit) -> _Found:
     channel = int(np.argmax(np.abs(fit.axis)))
     values = swing.gyro[:, channel]
     largest = float(np.max(np.abs(values)))
@@ -137,7 +134,7 @@ def _longest_run(time: FloatArray, chosen: BoolArray) -> tuple[int, float]:
     return int(last[k] - first[k] + 1), float(time[last[k]] - time[first[k]])
 
 
-def _flat_top(values: FloatArray, fit: "SwingFit") -> float:
+def _flat_top(values: FloatArray, fit: SwingFit) -> float:
     """s for which the top of the wave stays within what resolution and noise of `values` tell apart."""
     levels = np.unique(values)
     resolution = float(np.min(np.diff(levels))) if len(levels) > 1 else 0.0
@@ -148,7 +145,7 @@ def _flat_top(values: FloatArray, fit: "SwingFit") -> float:
     return 2.0 * math.sqrt(2.0 * indistinct / largest) * fit.period.value / math.tau
 
 
-def _other_motion(swing: Swing, fit: "SwingFit") -> _Found:
+def _other_motion(swing: Swing, fit: SwingFit) -> _Found:
     if fit.swing_share > SWING_WARN:
         severity = Severity.REJECT if fit.swing_share > SWING_REJECT else Severity.WARNING
         yield (
@@ -162,7 +159,7 @@ def _other_motion(swing: Swing, fit: "SwingFit") -> _Found:
         yield "cross_axis", Severity.WARNING, text
 
 
-def _axis(swing: Swing, fit: "SwingFit") -> _Found:
+def _axis(swing: Swing, fit: SwingFit) -> _Found:
     if fit.off_axis is not None and fit.off_axis > OFF_AXIS_REJECT:
         seen = ", ".join(f"{part:.2f}" for part in fit.axis)
         text = (
@@ -172,7 +169,7 @@ def _axis(swing: Swing, fit: "SwingFit") -> _Found:
         yield "wrong_axis", Severity.REJECT, text
 
 
-def _damping(swing: Swing, fit: "SwingFit") -> _Found:
+def _damping(swing: Swing, fit: SwingFit) -> _Found:
     if fit.damping_ratio > DAMPING_HIGH:
         text = f"damping {fit.damping_ratio:.3f} (limit {DAMPING_HIGH:g}): it touches something, or a draught"
         yield "damping_high", Severity.WARNING, text
@@ -184,7 +181,7 @@ def _damping(swing: Swing, fit: "SwingFit") -> _Found:
         yield "damping_low", Severity.WARNING, text
 
 
-def _agreement(swing: Swing, fit: "SwingFit") -> _Found:
+def _agreement(swing: Swing, fit: SwingFit) -> _Found:
     if fit.residual_share > RESIDUAL_WARN:
         limit = f"limit {RESIDUAL_WARN:.0%}"
         text = f"the fit leaves {fit.residual_share:.1%} of the amplitude ({limit}); look at the plot"

@@ -1,8 +1,7 @@
 """From one recording to the period at zero amplitude, with everything the checks and the report need."""
 
 import math
-from dataclasses import dataclass, field, replace
-from typing import Literal
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,7 +18,8 @@ from calibration.bench.inertia.start import (
     strongest_line,
 )
 from calibration.bench.inertia.swing import Swing, in_order
-from calibration.measurement import Estimate, Finding, rejected
+from calibration.bench.inertia.swing_fit import SwingFit
+from calibration.measurement import Estimate
 from onboard.arrays import FloatArray, Vector
 
 SECOND_MODE_LINE = 0.03
@@ -29,66 +29,6 @@ _FEWEST_SAMPLES = 40
 _FEWEST_CYCLES = 2.5
 _LONGEST_S = 300.0  # twenty cycles take at most 70 s
 _RATES = (1e-3, 1e3)  # rad/s, largest of a recording: below is noise, above is no gyro
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SwingFit:
-    """What one recording says.
-
-    Attributes:
-        source: name of the recording.
-        clock: who stamped it.
-        axis: unit vector, body frame, about which it turned; its largest component is positive.
-        off_axis: rad between `axis` and the body axis that the operator says hangs vertical, or None.
-        cross: rates about other axes over those about `axis` (second over first singular value).
-        period: s, at zero amplitude without damping; its sigma is that of the fit alone, which is 10 to 40
-            times smaller than the spread between trials.
-        crossing_period: s, the same from zero crossings and local amplitudes, or None if too few.
-        sine_period: s, of a damped sine, which ignores the amplitude.
-        start_amplitude: rad. end_amplitude: rad.
-        cycles: that were recorded.
-        largest_gap: s between two samples.
-        loss: share of samples lost, or None where the host stamped.
-        damping_ratio: mean over the recording.
-        swing_share: amplitude of the strongest other line over that of the torsion.
-        swing_frequency: Hz of that line.
-        second_mode: whether it was fitted with the torsion.
-        residual_share: rms of what the fit leaves over the mean amplitude of the rate.
-        mean_square_amplitude: rad2, as it acts on the period of the whole recording.
-        time: s from the first sample, (n,). rate: rad/s about `axis`, (n,). fitted: the same, of the fit.
-        envelope: local amplitude of the torsion.
-        findings: of all checks.
-    """
-
-    source: str
-    clock: Literal["drone", "host"]
-    axis: Vector
-    off_axis: float | None
-    cross: float
-    period: Estimate
-    crossing_period: float | None
-    sine_period: float
-    start_amplitude: float
-    end_amplitude: float
-    cycles: float
-    largest_gap: float
-    loss: float | None
-    damping_ratio: float
-    swing_share: float
-    swing_frequency: float
-    second_mode: bool
-    residual_share: float
-    mean_square_amplitude: float
-    time: FloatArray = field(repr=False)
-    rate: FloatArray = field(repr=False)
-    fitted: FloatArray = field(repr=False)
-    envelope: Envelope = field(repr=False)
-    findings: tuple[Finding, ...] = ()
-
-    @property
-    def rejected(self) -> bool:
-        """Whether a finding says that this recording must not count."""
-        return rejected(self.findings)
 
 
 def fit_swing(swing: Swing) -> SwingFit:

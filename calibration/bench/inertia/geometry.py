@@ -8,8 +8,8 @@ gyration). Together they multiply the pendulum's lengthening of the period, A^2/
 
 import math
 
-from calibration.bench.inertia.fit import SwingFit
 from calibration.bench.inertia.rig import Rig
+from calibration.bench.inertia.swing_fit import SwingFit
 
 
 def small_period(fit: SwingFit, rig: Rig) -> float:

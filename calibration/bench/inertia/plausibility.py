@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from calibration.bench.inertia.fit import SwingFit
+from calibration.bench.inertia.swing_fit import SwingFit
 from calibration.measurement import Finding, Severity
 
 SPREAD_WARN = 0.003

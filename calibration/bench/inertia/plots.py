@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calibration.bench.inertia.fit import SwingFit
 from calibration.bench.inertia.inertia import InertiaResult
+from calibration.bench.inertia.swing_fit import SwingFit
 from calibration.report_style import BLUE, GREEN, INK, MUTED, ORANGE, TRIGGER, new_figure, report_style
 
 if TYPE_CHECKING:

@@ -12,13 +12,14 @@ from pathlib import Path
 from typing import Any
 
 from calibration.bench.inertia.errors import UnusableSwingError
-from calibration.bench.inertia.fit import SwingFit, fit_swing
+from calibration.bench.inertia.fit import fit_swing
 from calibration.bench.inertia.inertia import InertiaResult, inertia_about_axis
 from calibration.bench.inertia.plan import HangPlan, Instruments, plan_hang
 from calibration.bench.inertia.recordings import read_swing, write_swing
 from calibration.bench.inertia.rest import check_rest
 from calibration.bench.inertia.rig import Jig, Measured, Rig
 from calibration.bench.inertia.swing import Swing
+from calibration.bench.inertia.swing_fit import SwingFit
 from calibration.bench.instruments.gyro_recorder import GyroRecorder
 from calibration.bench.procedures.operator import Question, Task
 from calibration.bench.procedures.readings import estimate_of
