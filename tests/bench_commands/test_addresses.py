@@ -65,11 +65,11 @@ def test_the_ports_of_the_ready_line_mean_a_load_cell_and_a_scpi_supply(bench: B
     run(again)
     assert steps(out) == done
     again[again.index("--scale") + 1] = ports["balance"]
-    del_sweep(out)
+    forget_sweep(out)
     assert "same --scale" in run(again, expected=2)["error"]
 
 
-def del_sweep(folder: Path) -> None:
+def forget_sweep(folder: Path) -> None:
     """Forget the last step of a run."""
     state = json.loads((folder / "state.json").read_text())
     state["steps"].popitem()
