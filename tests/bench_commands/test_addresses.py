@@ -47,7 +47,7 @@ def test_a_balance_and_a_korad_supply_measure_thrust(bench: Bench, tmp_path: Pat
     said = run(thrust(served, tmp_path, ports["balance"], ports["korad"]))
     assert_the_truth_is_found(tmp_path, true_file, 0.2)
     assert said["rejected"] == []
-    assert steps(tmp_path)["scale"]["result"]["per_kg"] == pytest.approx(1.0, abs=2e-3)
+    assert steps(tmp_path)["scale"]["result"]["counts_per_kg"] == pytest.approx(1.0, abs=2e-3)
     spins = spin_record(ports["hands"])["spins"]
     assert spins
     assert all(spin["stopped"] is not None for spin in spins)
@@ -177,7 +177,7 @@ def at_a_terminal(line: list[str], person: Person) -> tuple[int, str]:
             raise
         finally:
             os.close(ours)
-    return run.returncode, shown
+    return run.returncode, " ".join(shown.split())
 
 
 def _read(terminal: int) -> str:

@@ -110,15 +110,22 @@ def kept_calibration(book: RunBook, stand: ThrustStand) -> ScaleCalibration:
     """What the check with weights said.
 
     Raises:
-        PlanError: it was made with a scale of another kind.
+        PlanError: it was left out, or made with a scale of another kind.
     """
     kept = book.steps["scale"]
-    if kept["unit"] != stand.scale.unit:
+    if not kept:
+        raise PlanError(f"{book.folder}: the scale was not checked; begin anew with another --out")
+    if _unit(kept) != stand.scale.unit:
         raise PlanError(
-            f"{book.folder}: the scale was checked in {kept['unit']}, this one shows {stand.scale.unit}: "
+            f"{book.folder}: the scale was checked in {_unit(kept)}, this one shows {stand.scale.unit}: "
             "give the same --scale, or begin anew with another --out"
         )
-    return ScaleCalibration(kept["zero"], kept["per_kg"])
+    return ScaleCalibration(kept["zero"], kept["counts_per_kg"])
+
+
+def _unit(kept: Json) -> str:
+    """Of what the scale showed: a run that does not say so had a load cell."""
+    return str(kept.get("unit", "counts"))
 
 
 def _check_scale(book: RunBook, stand: ThrustStand) -> Json:
@@ -137,7 +144,7 @@ def _check_scale(book: RunBook, stand: ThrustStand) -> Json:
         f"{abs(calibration.per_kg):.5g} {unit} shown for a kg, linear within "
         f"{1e3 * calibration.nonlinearity:.3f} g"
     )
-    return {"zero": calibration.zero, "per_kg": calibration.per_kg, "unit": unit, "shown": shown}
+    return {"zero": calibration.zero, "counts_per_kg": calibration.per_kg, "unit": unit, "counts": shown}
 
 
 def _mount(book: RunBook) -> Json:
@@ -277,7 +284,7 @@ def thrust_inputs(steps: Mapping[str, Any]) -> dict[str, Estimate]:
     }
     scale = steps.get("scale")
     if scale:
-        inputs[f"scale, {scale['unit']} shown for a kg"] = Estimate(abs(scale["per_kg"]), "1", 0.0)
+        inputs[f"scale, {_unit(scale)} shown for a kg"] = Estimate(abs(scale["counts_per_kg"]), "1", 0.0)
     return inputs
 
 
