@@ -13,7 +13,7 @@ from typing import Any, ParamSpec, TypeVar
 
 from numba import njit
 from numba.core.compiler_lock import global_compiler_lock
-from numba.core.runtime import rtsys
+from numba.core.runtime.nrt import rtsys
 
 from onboard.kernel_cache import compiling, use_cache_of_this_source
 

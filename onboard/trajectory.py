@@ -9,10 +9,10 @@ import itertools
 import math
 from typing import NamedTuple, TypeAlias
 
+from onboard.arrays import Vector
 from onboard.errors import InputError, OnboardError
 from onboard.jit import inner, kernel
 from onboard.room import RoomGeometry
-from onboard.rotation import Vector
 
 Setpoint: TypeAlias = tuple[Vector, Vector, Vector]
 

@@ -12,7 +12,6 @@ import numpy as np
 from calibration.flights.flight import (
     POSE_CHANNELS,
     Flight,
-    FloatArray,
     PoseSource,
     Trigger,
     UnusableFlightError,
@@ -20,6 +19,7 @@ from calibration.flights.flight import (
 )
 from calibration.flights.run_folder import RunRecord, Series, read_run
 from onboard.app_interface import LandingState
+from onboard.arrays import FloatArray
 
 _TOPIC_CHANNELS: dict[str, dict[str, str]] = {
     "pose": {name: name for name in POSE_CHANNELS},

@@ -15,6 +15,8 @@ from calibration.flights.series_file import NOT_FINITE, REMEDY, RunFolderError, 
 _NUMBERS, _TEXTS = ("speed_m_s", "angle_deg", "ceiling_z"), ("vehicle", "legs")
 """Keys of the configuration that readers use."""
 
+__all__ = ["RunFolderError", "RunRecord", "Series", "is_run_folder", "read_info", "read_run"]
+
 
 @dataclass(frozen=True)
 class RunRecord:

@@ -8,11 +8,10 @@ import math
 from typing import Any
 
 from onboard.app_interface import LandingState
+from onboard.arrays import Quaternion, Vector
 from onboard.jit import inner, kernel
 from onboard.landing.model import LandingInputs
 from onboard.rotation import (
-    Quaternion,
-    Vector,
     conjugate,
     from_rotation_vector,
     integrate,

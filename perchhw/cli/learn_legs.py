@@ -31,7 +31,8 @@ def _study(
     setup: FlightOptions, grid: GridOptions, learning: SweepOptions, designs: str, rollouts: int, out: Path
 ) -> dict[str, Any]:
     from onboard.vehicle import known_leg_designs
-    from perchhw.learning.leg_study import LANDINGS_FILE, STUDY_FILE, run_leg_study
+    from perchhw.learning.leg_results import LANDINGS_FILE, STUDY_FILE
+    from perchhw.learning.leg_study import run_leg_study
     from perchhw.learning.sweep import SweepGrid
 
     chosen = tuple(designs.split(",")) if designs else known_leg_designs()

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 import dask
 from distributed import Client, Future, KilledWorker
-from distributed.comm import connect as handshake
+from distributed.comm.core import connect as handshake
 
 from perchhw.learning.errors import LearningError, LearningInputError
 from perchhw.learning.executor import environment
@@ -118,7 +118,7 @@ class DaskCluster:
             LearningError: the scheduler is gone, or all workers are for a minute.
         """
         batches = list(_batches(tasks, sum(self._client.nthreads().values())))
-        finished: SimpleQueue[Future] = SimpleQueue()
+        finished: SimpleQueue[Future[Any]] = SimpleQueue()
         futures = self._client.map(do_batch, batches, work=work, here=environment(), pure=False)
         batch_of = dict(zip((future.key for future in futures), batches, strict=True))
         try:
@@ -131,7 +131,7 @@ class DaskCluster:
             if batch_of and self._client.status == "running":
                 self._client.cancel(futures, force=True)
 
-    def _next(self, finished: "SimpleQueue[Future]") -> tuple[Future, list[Any]]:
+    def _next(self, finished: "SimpleQueue[Future[Any]]") -> tuple[Future[Any], list[Any]]:
         """The next batch that is done, and its results."""
         without_workers = 0.0
         while True:
