@@ -21,7 +21,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from calibration.bifilar import (
+from calibration.bench.inertia import (
     Measured,
     Rig,
     UnusableSwingError,
@@ -31,7 +31,7 @@ from calibration.bifilar import (
     peak_period,
     read_swing,
 )
-from calibration.bifilar.geometry import small_period
+from calibration.bench.inertia.geometry import small_period
 from calibration.measurement import Estimate
 from tests.bifilar.damage import damaged
 from tests.bifilar.world import Hang, record

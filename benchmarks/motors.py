@@ -23,15 +23,15 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
 
+from calibration.bench.motors import ClockFit, analyse, fit_clock, propeller
+from calibration.bench.motors.edge_checks import check_edges
+from calibration.bench.motors.revolutions import mark_passages
+from calibration.bench.motors.settling import time_to_share
+from calibration.bench.thrust.analysis import questions
+from calibration.bench.thrust.choose import choose, report_forms
+from calibration.bench.thrust.forms import VEHICLE_FORMS
+from calibration.bench.thrust.raw_table import to_data
 from calibration.measurement import Estimate
-from calibration.tachometer import ClockFit, analyse, fit_clock, propeller
-from calibration.tachometer.edge_checks import check_edges
-from calibration.tachometer.revolutions import mark_passages
-from calibration.tachometer.settling import time_to_share
-from calibration.thrust_voltage.analysis import questions
-from calibration.thrust_voltage.choose import choose, report_forms
-from calibration.thrust_voltage.forms import VEHICLE_FORMS
-from calibration.thrust_voltage.raw_table import to_data
 from tests.tachometer.rotor import Motor, Sensor, edges, staircase, turn, windows
 from tests.thrust_voltage.bench import GF, record, truth
 

@@ -17,9 +17,9 @@ from multiprocessing.connection import Connection
 
 import numpy as np
 
-from calibration.instruments.continuity import Continuity
-from calibration.instruments.protocol import Banner, EdgeLine, LineParser, crc16, xor_checksum
-from calibration.instruments.tachometer import Tachometer
+from calibration.bench.instruments.continuity import Continuity
+from calibration.bench.instruments.protocol import Banner, EdgeLine, LineParser, crc16, xor_checksum
+from calibration.bench.instruments.tachometer import Tachometer
 
 EDGES_PER_S = 830.0
 GROUP = 8

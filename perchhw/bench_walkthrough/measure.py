@@ -4,16 +4,22 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from calibration.instruments.motor_stand import UNLOCK_PHRASE
-from calibration.tachometer.propellers import PropellerMap
-from calibration.wizards.apply import changed_vehicle, write_applied
-from calibration.wizards.compare import compare_with_vehicle
-from calibration.wizards.hands import Hands
-from calibration.wizards.inertia import InertiaPlan
-from calibration.wizards.motors import MotorPlan
-from calibration.wizards.result import load_result
-from calibration.wizards.sessions import Concluded, Stand, measure_inertia, measure_motors, measure_thrust
-from calibration.wizards.thrust import ThrustPlan
+from calibration.bench.instruments.motor_stand import UNLOCK_PHRASE
+from calibration.bench.motors.propellers import PropellerMap
+from calibration.bench.procedures.apply import changed_vehicle, write_applied
+from calibration.bench.procedures.compare import compare_with_vehicle
+from calibration.bench.procedures.hands import Hands
+from calibration.bench.procedures.inertia import InertiaPlan
+from calibration.bench.procedures.motors import MotorPlan
+from calibration.bench.procedures.result import load_result
+from calibration.bench.procedures.sessions import (
+    Concluded,
+    Stand,
+    measure_inertia,
+    measure_motors,
+    measure_thrust,
+)
+from calibration.bench.procedures.thrust import ThrustPlan
 from onboard.vehicle import Vehicle, load_vehicle
 from perchhw.bench_walkthrough.story import BELIEVED
 from perchhw.errors import FlightStackError

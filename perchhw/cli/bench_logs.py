@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 from perchhw.cli.output import emit
 
 if TYPE_CHECKING:
-    from calibration.bifilar.fit import SwingFit
-    from calibration.bifilar.inertia import InertiaResult
-    from calibration.tachometer.propellers import PropellerMap
-    from calibration.tachometer.result import TachometerResult
+    from calibration.bench.inertia.inertia import InertiaResult
+    from calibration.bench.inertia.swing_fit import SwingFit
+    from calibration.bench.motors.propellers import PropellerMap
+    from calibration.bench.motors.result import TachometerResult
     from onboard.vehicle import Vehicle
 
 
@@ -27,12 +27,12 @@ def fit_swings(files: Sequence[Path], given: Mapping[str, str | None], tools: st
     Raises:
         AnswerNotUsable: an option is missing or cannot be used. SwingFileError, RigError.
     """
-    from calibration.bifilar.fit import fit_swing
-    from calibration.bifilar.inertia import inertia_about_axis, mean_period
-    from calibration.bifilar.paper import peak_period
-    from calibration.bifilar.recordings import read_swing
-    from calibration.wizards.inertia import AXES
-    from calibration.wizards.operator import AnswerNotUsable
+    from calibration.bench.inertia.fit import fit_swing
+    from calibration.bench.inertia.inertia import inertia_about_axis, mean_period
+    from calibration.bench.inertia.paper import peak_period
+    from calibration.bench.inertia.recordings import read_swing
+    from calibration.bench.procedures.inertia import AXES
+    from calibration.bench.procedures.operator import AnswerNotUsable
 
     axis = given["axis"]
     if axis is None or axis not in AXES:
@@ -74,10 +74,10 @@ def _as_recorded(fit: "SwingFit") -> "SwingFit":
 
 
 def _rig(given: Mapping[str, str | None], tools: str) -> Any:
-    from calibration.bifilar.rig import Rig
-    from calibration.wizards.inertia import TOOLS, questions
-    from calibration.wizards.operator import AnswerNotUsable
-    from calibration.wizards.readings import estimate_of, parse_reading
+    from calibration.bench.inertia.rig import Rig
+    from calibration.bench.procedures.inertia import TOOLS, questions
+    from calibration.bench.procedures.operator import AnswerNotUsable
+    from calibration.bench.procedures.readings import estimate_of, parse_reading
 
     names = {"mass": "mass", "string-length": "string_length", "string-distance": "string_distance_top"}
     missing = [name for name in names if given[name] is None]
@@ -114,7 +114,7 @@ def _trial(fit: "SwingFit") -> dict[str, Any]:
 def _swing_words(
     document: Mapping[str, Any], fits: Sequence["SwingFit"], result: "InertiaResult | None"
 ) -> str:
-    from calibration.wizards.report import said
+    from calibration.bench.procedures.report import said
 
     lines = [
         f"{fit.source}: T0 {fit.period.value:.4f} s over {fit.cycles:.0f} cycles"
@@ -135,8 +135,8 @@ def propeller_of(name: str, vehicle: "Vehicle") -> "PropellerMap":
     Raises:
         AnswerNotUsable: the vehicle has none. TachometerError: no such propeller.
     """
-    from calibration.tachometer.propellers import PropellerMap, propeller
-    from calibration.wizards.operator import AnswerNotUsable
+    from calibration.bench.motors.propellers import PropellerMap, propeller
+    from calibration.bench.procedures.operator import AnswerNotUsable
 
     if name != "vehicle":
         return propeller(name)
@@ -153,8 +153,8 @@ def fit_steps(files: Sequence[Path], vehicle: "Vehicle", propeller: "PropellerMa
     Raises:
         TachometerError: a file that cannot be read, or without steps.
     """
-    from calibration.tachometer.analysis import analyse
-    from calibration.tachometer.files import read_tachometer
+    from calibration.bench.motors.analysis import analyse
+    from calibration.bench.motors.files import read_tachometer
     from onboard.gravity import GRAVITY
 
     hover = vehicle.body.mass.value * GRAVITY / 4.0
@@ -163,7 +163,7 @@ def fit_steps(files: Sequence[Path], vehicle: "Vehicle", propeller: "PropellerMa
 
 
 def _step_words(result: "TachometerResult") -> str:
-    from calibration.wizards.report import said
+    from calibration.bench.procedures.report import said
 
     document = result.to_json()
     lines = [
@@ -183,9 +183,9 @@ def fit_table(file: Path, force_unit: str, motors: int | None) -> None:
     Raises:
         ThrustTableError: the table cannot be read or fitted.
     """
-    from calibration.thrust_voltage.analysis import analyse, read_table
-    from calibration.thrust_voltage.result import imported_json
-    from calibration.thrust_voltage.units import Units
+    from calibration.bench.thrust.analysis import analyse, read_table
+    from calibration.bench.thrust.result import imported_json
+    from calibration.bench.thrust.units import Units
 
     table = read_table(file, Units(force=force_unit, motors=motors))
     if isinstance(table, dict):

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from calibration.wizards.operator import (
+from calibration.bench.procedures.operator import (
     AnswerNotUsable,
     Gauge,
     NotConfirmed,
@@ -16,7 +16,7 @@ from calibration.wizards.operator import (
     StepSkipped,
     Task,
 )
-from calibration.wizards.readings import parse_reading
+from calibration.bench.procedures.readings import parse_reading
 from onboard.quantity import UnitError
 from perchhw.cli.output import progress_console
 from perchhw.cli.prompts import NobodyToAsk

@@ -12,8 +12,8 @@ import typer
 from perchhw.cli.output import emit, progress_console
 
 if TYPE_CHECKING:
-    from calibration.wizards.operator import Operator
-    from calibration.wizards.sessions import Concluded
+    from calibration.bench.procedures.operator import Operator
+    from calibration.bench.procedures.sessions import Concluded
 
 Out = Annotated[Path | None, typer.Option(help="Folder of the run; a run that was paused goes on in it.")]
 Drone = Annotated[str | None, typer.Option("--drone", help="URI of the drone: udp://HOST:PORT, radio://...")]
@@ -27,6 +27,28 @@ Answers = Annotated[
 Yes = Annotated[bool, typer.Option("--yes", help="Do not wait for a key after each task.")]
 Confirm = Annotated[
     list[str] | None, typer.Option("--confirm", help="Phrase of a safety question, confirmed in advance.")
+]
+Supply = Annotated[
+    str | None,
+    typer.Option(
+        "--supply",
+        help="What feeds the drone: scpi:///dev/ttyUSB0 (or just the port), korad:///dev/ttyACM0, or "
+        "manual:// for one that you set by hand.",
+    ),
+]
+Scale = Annotated[
+    str | None,
+    typer.Option(
+        "--scale",
+        help="loadcell:///dev/ttyACM0 (or just the port), mtsics:///dev/ttyUSB0 for a balance, or manual:// "
+        "for one that you read and type.",
+    ),
+]
+NoRemoteCut = Annotated[
+    bool,
+    typer.Option(
+        "--no-remote-cut", help="On a battery, or a supply set by hand: nothing stops the motors if we die."
+    ),
 ]
 Person = Annotated[str, typer.Option("--operator", help="Who measures, for the report.")]
 
@@ -44,8 +66,8 @@ class Helper:
 @contextmanager
 def operator_of(helper: Helper) -> "Iterator[Operator]":
     """Whoever carries out the wizard: a person, or an assistant; with the answers given in advance before."""
-    from calibration.wizards.given import GivenAnswers, read_answers
-    from calibration.wizards.hands import Hands
+    from calibration.bench.procedures.given import GivenAnswers, read_answers
+    from calibration.bench.procedures.hands import Hands
     from perchhw.cli.bench_operator import TerminalOperator
 
     # A program that is told to end unwinds as with Ctrl-C, so that motors and supply are switched off.
@@ -61,8 +83,8 @@ def operator_of(helper: Helper) -> "Iterator[Operator]":
 
 def tell(concluded: "Concluded", folder: Path) -> None:
     """Tell what came of a run."""
-    from calibration.wizards.report import said
-    from calibration.wizards.result import was_rejected
+    from calibration.bench.procedures.report import said
+    from calibration.bench.procedures.result import was_rejected
 
     result = concluded.result
     document: dict[str, Any] = {
@@ -95,7 +117,7 @@ def needed(value: str | None, flag: str, what: str) -> str:
     Raises:
         AnswerNotUsable: it was not given.
     """
-    from calibration.wizards.operator import AnswerNotUsable
+    from calibration.bench.procedures.operator import AnswerNotUsable
 
     if value is None:
         raise AnswerNotUsable(f"{flag} is missing: {what} (in simulation `perchhw sim bench` prints it)")

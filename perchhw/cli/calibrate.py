@@ -7,13 +7,14 @@ import typer
 
 from perchhw.cli.bench_walkthrough import walkthrough_command
 from perchhw.cli.calibrate_bifilar import bifilar_command
+from perchhw.cli.calibrate_discharge import discharge_command, verify_command
 from perchhw.cli.calibrate_tachometer import tachometer_command
 from perchhw.cli.calibrate_thrust import thrust_command
 from perchhw.cli.options import Vehicle
 from perchhw.cli.output import emit, progress_console
 
 if TYPE_CHECKING:
-    from calibration.wizards.compare import Comparison
+    from calibration.bench.procedures.compare import Comparison
 
 app = typer.Typer(
     add_completion=False, no_args_is_help=True, help="Measure inertia, motors and thrust on the bench."
@@ -21,6 +22,8 @@ app = typer.Typer(
 app.command("bifilar")(bifilar_command)
 app.command("tachometer")(tachometer_command)
 app.command("thrust")(thrust_command)
+app.command("discharge")(discharge_command)
+app.command("verify")(verify_command)
 app.command("walkthrough")(walkthrough_command)
 
 Runs = Annotated[list[Path], typer.Argument(metavar="RUN...", help="Folders of calibration runs.")]
@@ -35,8 +38,8 @@ def apply(
     force: Annotated[bool, typer.Option("--force", help="Apply a run that its checks rejected.")] = False,
 ) -> int:
     """Put calibrations into a vehicle file: shows every change, asks, writes, keeps what was there before."""
-    from calibration.wizards.apply import changed_vehicle, write_applied
-    from calibration.wizards.result import ResultFileError, load_result, was_rejected
+    from calibration.bench.procedures.apply import changed_vehicle, write_applied
+    from calibration.bench.procedures.result import ResultFileError, load_result, was_rejected
     from onboard.vehicle import load_vehicle
     from perchhw.cli.bench_operator import TerminalOperator
     from perchhw.cli.vehicle import differences, draw_differences
@@ -68,7 +71,7 @@ def undo(
     file: Annotated[Path, typer.Argument(help="Vehicle file that calibrations were applied to.")],
 ) -> None:
     """Take the last applied calibration back."""
-    from calibration.wizards.apply import undo as take_back
+    from calibration.bench.procedures.apply import undo as take_back
 
     kept = take_back(file)
     emit(
@@ -86,8 +89,8 @@ def compare(
 
     Exit code 1 when something contradicts.
     """
-    from calibration.wizards.compare import compare_results, compare_with_vehicle
-    from calibration.wizards.result import ResultFileError, load_result
+    from calibration.bench.procedures.compare import compare_results, compare_with_vehicle
+    from calibration.bench.procedures.result import ResultFileError, load_result
     from onboard.vehicle import load_vehicle
 
     now = load_result(run)
@@ -101,32 +104,8 @@ def compare(
     return 1 if any(row.contradicts for row in rows) else 0
 
 
-@app.command()
-def verify(
-    file: Annotated[Path, typer.Argument(help="t_s,battery_v,asked_gf,command,scale_g,motors")],
-) -> int:
-    """Judge a recorded discharge with the battery compensation on: 3 % or 0.15 gf until the motors saturate.
-
-    Exit code 1 when the thrust was not what was asked for.
-    """
-    from calibration.thrust_voltage.compensation import read_discharge
-    from calibration.thrust_voltage.compensation import verify as judge
-
-    verdict = judge(read_discharge(file))
-    document = verdict.to_json()
-    below = verdict.saturated_below
-    words = [
-        f"{document['readings']} readings, largest error {verdict.worst_gf:.2f} gf "
-        f"({100.0 * verdict.worst_relative:.1f} %): {'passed' if verdict.passed else 'not passed'}",
-        "never saturated" if below is None else f"saturated at {below:.2f} V and below",
-        *(f"! {finding.text}" for finding in verdict.findings),
-    ]
-    emit(document, "\n".join(words))
-    return 0 if verdict.passed else 1
-
-
 def _comparison_text(rows: "list[Comparison]") -> str:
-    from calibration.wizards.report import said
+    from calibration.bench.procedures.report import said
 
     return "\n".join(
         f"{row.key}: {said(row.before.to_json())} before, {said(row.now.to_json())} now, "

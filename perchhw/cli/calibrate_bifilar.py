@@ -74,8 +74,8 @@ def bifilar_command(
         }
         fit_swings([*from_log, *(more or [])], given, tools or "ruler", estimator)
         return
-    from calibration.wizards.inertia import KIND, InertiaPlan
-    from calibration.wizards.sessions import measure_inertia
+    from calibration.bench.procedures.inertia import KIND, InertiaPlan
+    from calibration.bench.procedures.sessions import measure_inertia
     from onboard.vehicle import load_vehicle
 
     plan = InertiaPlan(load_vehicle(vehicle), axes, trials, cycles, tools or "jig", jig)

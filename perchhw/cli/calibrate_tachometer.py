@@ -12,8 +12,10 @@ from perchhw.cli.bench_options import (
     Drone,
     HandsAddress,
     Helper,
+    NoRemoteCut,
     Out,
     Person,
+    Supply,
     Yes,
     needed,
     new_or_given,
@@ -39,11 +41,9 @@ def tachometer_command(
     more: More = None,
     drone: Drone = None,
     tachometer: Annotated[str | None, typer.Option(help="Port of the tachometer: /dev/ttyACM0.")] = None,
-    supply: Annotated[str | None, typer.Option(help="Port of a SCPI supply that feeds the drone.")] = None,
+    supply: Supply = None,
     voltage: Annotated[float, typer.Option(min=3.0, max=4.2, help="Of the supply, V.")] = 3.9,
-    no_remote_cut: Annotated[
-        bool, typer.Option("--no-remote-cut", help="On a battery: nothing stops the motors if we die.")
-    ] = False,
+    no_remote_cut: NoRemoteCut = False,
     vehicle: Vehicle = DEFAULT_VEHICLE,
     propeller: Propeller = "vehicle",
     out: Out = None,
@@ -65,8 +65,8 @@ def tachometer_command(
     this one is killed or hangs; without a supply nothing turns unless --no-remote-cut says so and 'hand on
     the battery plug' was typed (or given with --confirm).
     """
-    from calibration.wizards.motors import KIND, MotorPlan
-    from calibration.wizards.sessions import Stand, measure_motors
+    from calibration.bench.procedures.motors import KIND, MotorPlan
+    from calibration.bench.procedures.sessions import Stand, measure_motors
     from onboard.vehicle import load_vehicle
     from perchhw.cli.bench_logs import fit_steps, propeller_of
 

@@ -12,8 +12,11 @@ from perchhw.cli.bench_options import (
     Drone,
     HandsAddress,
     Helper,
+    NoRemoteCut,
     Out,
     Person,
+    Scale,
+    Supply,
     Yes,
     needed,
     new_or_given,
@@ -30,8 +33,9 @@ FromTable = Annotated[
 
 def thrust_command(
     drone: Drone = None,
-    scale: Annotated[str | None, typer.Option(help="Port of the load cell: /dev/ttyACM0.")] = None,
-    supply: Annotated[str | None, typer.Option(help="Port of the SCPI supply that feeds the drone.")] = None,
+    scale: Scale = None,
+    supply: Supply = None,
+    no_remote_cut: NoRemoteCut = False,
     voltages: Annotated[
         str, typer.Option(help="Of the supply, V; two of them must fall on one curve.")
     ] = "3.4,3.9",
@@ -54,11 +58,12 @@ def thrust_command(
 
     Motors turn only after 'props guarded, drone clamped' was typed (or given with --confirm), and stop on
     Ctrl-C, on a lost link and on a lost instrument; the supply is switched off on every way out, by a process
-    of its own also when this one is killed or hangs.
+    of its own also when this one is killed or hangs. With a supply that you set by hand nobody could: nothing
+    turns then unless --no-remote-cut says so and 'hand on the battery plug' was typed.
     """
-    from calibration.wizards.operator import AnswerNotUsable
-    from calibration.wizards.sessions import Stand, measure_thrust
-    from calibration.wizards.thrust import KIND, ThrustPlan
+    from calibration.bench.procedures.operator import AnswerNotUsable
+    from calibration.bench.procedures.sessions import Stand, measure_thrust
+    from calibration.bench.procedures.thrust import KIND, ThrustPlan
     from onboard.vehicle import load_vehicle
 
     if from_table is not None:
@@ -76,9 +81,9 @@ def thrust_command(
         raise AnswerNotUsable(f"--voltages {voltages}: a one-cell drone takes 3.0 to 4.3 V")
     plan = ThrustPlan(load_vehicle(vehicle), volts, levels, seed)
     uri = needed(drone, "--drone", "the URI of the drone on the stand")
-    port = needed(scale, "--scale", "the port of the load cell")
-    feed = needed(supply, "--supply", "the port of the supply that feeds the drone")
+    weigher = needed(scale, "--scale", "the scale that the drone pushes: loadcell://, mtsics:// or manual://")
+    feed = needed(supply, "--supply", "the supply that feeds the drone: scpi://, korad:// or manual://")
     folder = new_or_given(out, KIND)
     with operator_of(Helper(hands, input, yes, tuple(confirm or ()))) as helper:
-        stand = Stand(uri, port, feed, volts[0])
+        stand = Stand(uri, weigher, feed, volts[0], no_remote_cut)
         tell(measure_thrust(plan, stand, folder, helper, {"operator": operator}), folder)

@@ -11,8 +11,10 @@ import numpy as np
 from onboard.arrays import FloatArray
 from onboard.gravity import GRAVITY
 from onboard.vehicle import Vehicle
+from sim_backend.bench.balance import Balance
 from sim_backend.bench.faults import BenchFaults
 from sim_backend.bench.hanging import HungDrone, Jig
+from sim_backend.bench.korad import KoradSupply
 from sim_backend.bench.motors import BenchMotors
 from sim_backend.bench.power import BROWN_OUT_V, ELECTRONICS_A, RECOVERY_V, Pack, Supply
 from sim_backend.bench.scale import LoadCell, ScaleBoard
@@ -85,6 +87,8 @@ class Bench:
         watched: motor (1..4) that the tachometer looks at.
         weights: kg on the scale.
         tachometer, scale, scpi: the instruments' electronics.
+        balance: under the scale, and reads the same load.
+        korad: the supply's other remote control.
         record: when motors were driven.
         board_voltage: V at the drone.
         on_supply: whether the supply feeds the drone.
@@ -96,7 +100,18 @@ class Bench:
         options = options or BenchOptions()
         faults = options.faults
         self.vehicle, self.options = vehicle, options
-        names = ("firmware", "motors", "sensor", "tachometer", "cell", "scale", "scpi", "gauge", "hands")
+        names = (
+            "firmware",
+            "motors",
+            "sensor",
+            "tachometer",
+            "cell",
+            "scale",
+            "scpi",
+            "gauge",
+            "hands",
+            "balance",
+        )
         rngs = dict(zip(names, np.random.default_rng(options.seed).spawn(len(names)), strict=True))
         self.hands_rng = rngs["hands"]
         self.firmware = BenchFirmware(vehicle, rngs["firmware"], gyro_bias=options.drone.gyro_bias)
@@ -108,7 +123,9 @@ class Bench:
         self.scpi = ScpiSupply(self.supply, rngs["scpi"], faults)
         drawn = GAUGE_ERROR * float(rngs["gauge"].standard_normal())
         self.gauge_gain = 1.0 + (drawn if faults.gauge_error is None else faults.gauge_error)
+        self.korad = KoradSupply(self.supply)
         self.cell = LoadCell(rngs["cell"], faults)
+        self.balance = Balance(rngs["balance"])
         self.hung: HungDrone | None = None
         self.place = Place.FLOOR
         self.watched = 1
@@ -209,6 +226,7 @@ class Bench:
             thrust = 1000.0 / GRAVITY * self.motors.thrust
             load += STAND_G + 1000.0 / GRAVITY * self._weight
         self.scale.conversion(self.cell.step(self.time, load, thrust))
+        self.balance.step(load, -thrust if self.options.faults.inverted else thrust)
 
     def _note(self) -> None:
         record = self.record

@@ -11,7 +11,7 @@ from typing import Self
 
 from sim_backend.bench.errors import BenchInputError
 
-INSTRUMENTS = ("tachometer", "scale", "supply")
+INSTRUMENTS = ("tachometer", "scale", "supply", "balance", "korad")
 NEVER = math.inf
 
 

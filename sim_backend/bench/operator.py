@@ -14,6 +14,7 @@ from sim_backend.bench.bench import Bench, Place
 from sim_backend.bench.errors import BenchError
 from sim_backend.bench.hanging import HungDrone, Strings, air_inertia, strung
 from sim_backend.bench.readings import JIG, Grade
+from sim_backend.bench.scpi import CURRENT_MAX, VOLTAGE_MAX
 
 TWIST_LIMIT = math.radians(90.0)
 TWIST_ERROR = 0.05
@@ -22,6 +23,9 @@ NEARLY_STILL = 20.0
 """rad/s of a rotor that a finger may stop."""
 WEIGHT_ERROR = 1e-4
 """Largest relative error of a calibration weight (OIML class M1, rounded up)."""
+
+SWITCHING_S = 0.5
+"""Until the supply gives what it was told to by its knobs."""
 
 Request = Mapping[str, Any]
 Replug = Callable[[str], str]
@@ -56,6 +60,7 @@ class Operator:
         self._inertia = air_inertia(bench.vehicle, self._rng)
         self._asked: Strings | None = None
         self._strings: Strings | None = None
+        self._remembered = 0.0
         self._actions: dict[str, Callable[[Request], float]] = {
             "hang": self._hang,
             "twist": self._twist,
@@ -66,6 +71,9 @@ class Operator:
             "put_weight": self._put_weight,
             "remove_weight": self._remove_weight,
             "place_on_floor": self._place_on_floor,
+            "read_scale": self._read_scale,
+            "set_supply": self._set_supply,
+            "switch_supply": self._switch_supply,
         }
         self._readings: dict[str, Callable[[], tuple[float, str]]] = {
             "mass": self._mass,
@@ -76,6 +84,7 @@ class Operator:
             "jig_inertia": lambda: (bench.options.jig.inertia, "kg m2"),
             "blades": lambda: (2, "1"),
             "supply_voltage": self._supply_voltage,
+            "scale_reading": lambda: (self._remembered, "kg"),
         }
 
     def perform(self, request: Request) -> Reply:
@@ -179,6 +188,23 @@ class Operator:
         self._refuse_turning("pick the drone up")
         self._bench.put(Place.FLOOR)
         return 0.0
+
+    def _read_scale(self, request: Request) -> float:
+        self._remembered = 1e-3 * self._bench.balance.shown()
+        return 0.0
+
+    def _set_supply(self, request: Request) -> float:
+        supply = self._bench.supply
+        supply.voltage = _number(request, "voltage", 0.0, VOLTAGE_MAX)
+        supply.current_limit = _number(request, "current_limit", 0.0, CURRENT_MAX)
+        return SWITCHING_S
+
+    def _switch_supply(self, request: Request) -> float:
+        on = request.get("on")
+        if not isinstance(on, bool):
+            raise CannotDo(f"on is {on!r}: true or false")
+        self._bench.supply.output = on
+        return SWITCHING_S
 
     def _refuse_turning(self, what: str) -> None:
         if self._bench.driven or float(self._bench.motors.speed.max()) > NEARLY_STILL:

@@ -5,11 +5,10 @@ from typing import Protocol
 import numpy as np
 
 from sim_backend.bench.board import Board
-from sim_backend.bench.scpi import ScpiSupply
 from sim_backend.bench.terminal import Terminal
 
 ANSWER_S = 0.02
-"""The supply thinks before it answers."""
+"""They think before they answer."""
 
 
 class Electronics(Protocol):
@@ -49,11 +48,18 @@ class BoardPort:
         return data if speed == self._board.wire.baud else self._rng.bytes(len(data))
 
 
-class SupplyPort:
-    """The supply as its port shows it; a USB port, which has no baud rate."""
+class Asked(Protocol):
+    """What speaks only when asked."""
 
-    def __init__(self, supply: ScpiSupply) -> None:
-        self._supply = supply
+    def receive(self, data: bytes) -> bytes:
+        """Take what the computer sent; the answer."""
+
+
+class AskedPort:
+    """A supply or balance as its port shows it; a USB port, which has no baud rate."""
+
+    def __init__(self, asked: Asked) -> None:
+        self._asked = asked
         self._answer = b""
         self._at = 0.0
 
@@ -62,7 +68,7 @@ class SupplyPort:
 
     def receive(self, data: bytes, time: float) -> None:
         """Commands."""
-        answer = self._supply.receive(data)
+        answer = self._asked.receive(data)
         if answer:
             self._answer += answer
             self._at = time + ANSWER_S

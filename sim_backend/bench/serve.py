@@ -20,7 +20,7 @@ from sim_backend.bench.errors import BenchInputError
 from sim_backend.bench.faults import INSTRUMENTS, BenchFaults
 from sim_backend.bench.hands_server import HandsServer
 from sim_backend.bench.operator import CannotDo, Operator
-from sim_backend.bench.ports import BoardPort, Electronics, Port, SupplyPort
+from sim_backend.bench.ports import AskedPort, BoardPort, Electronics, Port
 from sim_backend.crazyflie.faults import DatagramFaults
 from sim_backend.crazyflie.server import ACTIVITY_TIMEOUT_MS, CrazyflieServer
 from sim_backend.faults import Faults
@@ -34,6 +34,8 @@ LAG_LIMIT_S = 0.2
 ROUND_LIMIT_S = 0.005
 """Real time after which a round that is behind lets the sockets have their turn."""
 PACE_MAX = 50.0
+SCHEMES = {"balance": "mtsics://", "korad": "korad://"}
+"""What stands before a port in the ready line where the port alone would mean something else."""
 HURRIED_PATIENCE = 10.0
 """How many times as long as usual a client of a hurried bench may be silent."""
 
@@ -134,7 +136,9 @@ class ServedBench:
         electronics: dict[str, Electronics] = {
             "tachometer": BoardPort(bench.tachometer, rng),
             "scale": BoardPort(bench.scale, rng),
-            "supply": SupplyPort(bench.scpi),
+            "supply": AskedPort(bench.scpi),
+            "balance": AskedPort(bench.balance),
+            "korad": AskedPort(bench.korad),
         }
         if bench.options.faults.wrong_device:
             boards = electronics["scale"], electronics["tachometer"]
@@ -151,7 +155,7 @@ class ServedBench:
 
     def ready(self) -> dict[str, Any]:
         """The ready line."""
-        instruments = {name: port.name for name, port in self.ports.items()}
+        instruments = {name: SCHEMES.get(name, "") + port.name for name, port in self.ports.items()}
         return {
             "ready": True,
             "drones": [self.server.uri],

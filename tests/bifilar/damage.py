@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration.bifilar import Swing
-from calibration.bifilar.swing import CLOCK_WRAP_S
+from calibration.bench.inertia import Swing
+from calibration.bench.inertia.swing import CLOCK_WRAP_S
 
 
 def damaged(swing: Swing, rng: np.random.Generator) -> Swing:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calibration.bifilar import Rig, SwingFit, fit_swing, formula_inertia, peak_period, read_swing
+from calibration.bench.inertia import Rig, SwingFit, fit_swing, formula_inertia, peak_period, read_swing
 from calibration.measurement import Estimate
 
 MEANS_2022 = {  # s, notes of the bench, section 2.5

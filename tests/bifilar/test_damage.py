@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from calibration.bifilar import UnusableSwingError, fit_swing
+from calibration.bench.inertia import UnusableSwingError, fit_swing
 from tests.bifilar.damage import damaged
 from tests.bifilar.world import Hang, record
 

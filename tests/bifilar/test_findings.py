@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibration.bifilar import Swing, UnusableSwingError, check_rest, fit_swing
-from calibration.bifilar.checks import check_fit
-from calibration.bifilar.swing import CLOCK_WRAP_S
+from calibration.bench.inertia import Swing, UnusableSwingError, check_rest, fit_swing
+from calibration.bench.inertia.checks import check_fit
+from calibration.bench.inertia.swing import CLOCK_WRAP_S
 from calibration.measurement import Severity
 from tests.bifilar.world import Hang, record, true_rate
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calibration.bifilar import (
+from calibration.bench.inertia import (
     InertiaResult,
     Jig,
     Rig,

@@ -6,8 +6,8 @@ import time
 import numpy as np
 import pytest
 
-from calibration.bifilar import Rig, SwingFit, fit_swing
-from calibration.bifilar.geometry import small_period
+from calibration.bench.inertia import Rig, SwingFit, fit_swing
+from calibration.bench.inertia.geometry import small_period
 from calibration.measurement import Estimate
 from tests.bifilar.world import Hang, record
 

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calibration.bifilar import Instruments, LiveState, LiveSwing, LiveView, RigError, Swing, plan_hang
-from calibration.bifilar.plan import FORBIDDEN_RATIOS, PERIODS
-from calibration.bifilar.swing import CLOCK_WRAP_S
+from calibration.bench.inertia import Instruments, LiveState, LiveSwing, LiveView, RigError, Swing, plan_hang
+from calibration.bench.inertia.plan import FORBIDDEN_RATIOS, PERIODS
+from calibration.bench.inertia.swing import CLOCK_WRAP_S
 from tests.bifilar.world import Hang, record
 
 

@@ -8,8 +8,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calibration.bifilar import Swing, SwingFileError, UnusableSwingError, fit_swing, read_swing, write_swing
-from calibration.bifilar.recordings import OWN_HEADER
+from calibration.bench.inertia import (
+    Swing,
+    SwingFileError,
+    UnusableSwingError,
+    fit_swing,
+    read_swing,
+    write_swing,
+)
+from calibration.bench.inertia.recordings import OWN_HEADER
 from onboard.errors import InputError
 from tests.bifilar.world import Hang, record
 

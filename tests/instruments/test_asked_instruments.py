@@ -5,18 +5,19 @@ from collections.abc import Callable
 
 import pytest
 
-from calibration.instruments.balance import Balance
-from calibration.instruments.errors import (
+from calibration.bench.instruments.balance import Balance
+from calibration.bench.instruments.errors import (
     InstrumentError,
     InstrumentInputError,
     InstrumentLost,
     InstrumentRefused,
     InstrumentTimeout,
+    ScaleUnusable,
     WrongBaudRate,
     WrongDevice,
 )
-from calibration.instruments.manual import ManualScale, ManualSupply
-from calibration.instruments.supply import KoradSupply, ScpiSupply
+from calibration.bench.instruments.manual import ManualScale, ManualSupply
+from calibration.bench.instruments.supply import KoradSupply, ScpiSupply
 from tests.instruments.pty_device import PtyDevice
 
 
@@ -133,6 +134,8 @@ def test_a_korad_supply_is_set_read_back_and_says_when_it_limits() -> None:
         assert supply.measure().limited
         with pytest.raises(InstrumentRefused, match=r"took VSET1 = 5.1 instead of 12"):
             supply.set(12.0, 1.0)
+        supply.set(3.7, 10.0)
+        assert tiny.values[b"ISET1"] == b"5.100", "the most that it has"
 
 
 def balance(answers: dict[bytes, bytes]) -> Callable[[bytes], bytes]:
@@ -140,7 +143,7 @@ def balance(answers: dict[bytes, bytes]) -> Callable[[bytes], bytes]:
 
 
 def test_a_balance_is_read_in_any_unit_that_it_may_show() -> None:
-    answers = {b"SI": b"S S      12.345 g\r\n", b"ZI": b"ZI S\r\n"}
+    answers = {b"SI": b"S S      12.345 g\r\n"}
     with PtyDevice(balance(answers)) as device, Balance(device.name) as scale:
         for answer, mass, stable in (
             (b"S S      12.345 g\r\n", 0.012345, True),
@@ -148,12 +151,16 @@ def test_a_balance_is_read_in_any_unit_that_it_may_show() -> None:
             (b"S S 1.5 kg\r\n", 1.5, True),
         ):
             answers[b"SI"] = answer
-            read, steady = scale.read()
+            read, steady = scale.read_mass()
             assert (read, steady) == (pytest.approx(mass), stable)
-        scale.tare()
+        scale.look(0.1)
         answers[b"SI"] = b"S D 3.0 g\r\n"
-        reading = scale.average(0.05)
-        assert reading.mass == pytest.approx(0.003)
+        scale.begin()
+        with pytest.raises(ScaleUnusable, match="not read once"):
+            scale.read()
+        scale.look(0.1)
+        reading = scale.read()
+        assert reading.shown == pytest.approx(0.003)
         assert [finding.code for finding in reading.findings] == ["unstable"]
 
 
@@ -175,7 +182,7 @@ def test_what_is_no_mass_is_no_mass(answer: bytes, words: str) -> None:
     with PtyDevice(balance(answers)) as device, Balance(device.name) as scale:
         answers[b"SI"] = answer
         with pytest.raises(InstrumentRefused, match=words):
-            scale.read()
+            scale.read_mass()
 
 
 def test_wrong_devices_and_silence_are_named_in_time() -> None:
@@ -196,30 +203,55 @@ def test_half_an_answer_is_none_and_the_next_one_is_whole() -> None:
     with PtyDevice(balance(answers)) as device, Balance(device.name) as scale:
         answers[b"SI"] = b"S S 99"
         with pytest.raises(InstrumentTimeout, match="only b'S S 99'"):
-            scale.read()
+            scale.read_mass()
         answers[b"SI"] = b"S S 2.0 g\r\n"
-        assert scale.read() == (pytest.approx(0.002), True)
+        assert scale.read_mass() == (pytest.approx(0.002), True)
         device.unplug()
         with pytest.raises(InstrumentLost):
-            scale.read()
+            scale.look(0.1)
+
+
+class Somebody:
+    """Does what they are told and says what they see."""
+
+    def __init__(self, weights: list[float], volts: float = 3.71) -> None:
+        self.weights, self.volts = weights, volts
+        self.done: list[str] = []
+
+    def look_at_scale(self, seconds: float) -> None:
+        self.done.append(f"look {seconds:g} s")
+
+    def weight(self) -> float:
+        return self.weights.pop(0)
+
+    def voltage(self) -> float:
+        return self.volts
+
+    def set_supply(self, voltage: float, current_limit: float) -> None:
+        self.done.append(f"{voltage:.2f} V, {current_limit:.1f} A")
+
+    def switch_supply(self, on: bool) -> None:
+        self.done.append("on" if on else "off")
 
 
 def test_a_person_reads_a_scale_and_a_supply() -> None:
-    typed = iter([0.010, 0.060, math.nan])
-    scale = ManualScale(lambda _quantity, _unit: next(typed))
-    scale.tare()
-    assert scale.average().mass == pytest.approx(0.050)
+    somebody = Somebody([0.060, math.nan])
+    scale = ManualScale(somebody)
+    scale.begin()
+    scale.look(0.1)
+    assert scale.read().shown == 0.060
     with pytest.raises(InstrumentInputError, match="read it again"):
-        scale.average()
-    told: list[str] = []
-    with ManualSupply(lambda quantity, unit: 3.71, told.append) as supply:
+        scale.read()
+    assert somebody.done.pop() == "look 4 s"
+    with ManualSupply(somebody) as supply:
         supply.set(3.7, 6.0)
+        supply.switch(on=True)
         supply.switch(on=True)
         reading = supply.measure()
         assert reading.voltage == 3.71
         assert math.isnan(reading.current)
-    assert told == [
-        "Set the supply to 3.70 V with a current limit of 6.0 A.",
-        "Switch the supply on.",
-        "Switch the supply off.",
-    ]
+        somebody.volts = 3.9
+        supply.set(3.9, 6.0)
+        assert supply.measure().voltage == 3.9
+    supply.close()
+    assert somebody.done == ["3.70 V, 6.0 A", "on", "3.90 V, 6.0 A", "off"]

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calibration.instruments.continuity import Continuity, Placed
-from calibration.instruments.protocol import Banner, HeartbeatLine, Kind
+from calibration.bench.instruments.continuity import Continuity, Placed
+from calibration.bench.instruments.protocol import Banner, HeartbeatLine, Kind
 
 WRAP = 1 << 32
 BANNER = Banner(1, Kind.TACHOMETER, "1", "u", 4)

@@ -6,15 +6,15 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from calibration.instruments.drone_log import DroneLog
-from calibration.instruments.errors import (
+from calibration.bench.instruments.drone_log import DroneLog
+from calibration.bench.instruments.errors import (
     InstrumentInputError,
     InstrumentLost,
     MotorsNotStopped,
     MotorsRefused,
 )
-from calibration.instruments.gyro_recorder import GyroRecorder, join
-from calibration.instruments.motor_stand import RENEW_WITHIN_S, UNLOCK_PHRASE, MotorStand, pwm
+from calibration.bench.instruments.gyro_recorder import GyroRecorder, join
+from calibration.bench.instruments.motor_stand import RENEW_WITHIN_S, UNLOCK_PHRASE, MotorStand, pwm
 from onboard.clock import monotonic
 from onboard.link import DroneLink, LinkLost
 from onboard.link import reboot as reboot_within

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calibration.instruments.continuity import Continuity, Placed
-from calibration.instruments.edge_count import EdgeCount
-from calibration.instruments.protocol import (
+from calibration.bench.instruments.continuity import Continuity, Placed
+from calibration.bench.instruments.edge_count import EdgeCount
+from calibration.bench.instruments.protocol import (
     Banner,
     EdgeLine,
     EventLine,
@@ -19,7 +19,7 @@ from calibration.instruments.protocol import (
     LoadLine,
     MarkLine,
 )
-from calibration.instruments.tachometer import unwrapped_edges
+from calibration.bench.instruments.tachometer import unwrapped_edges
 
 FIRMWARE = Path(__file__).resolve().parents[2] / "calibration" / "firmware"
 STUB = Path(__file__).resolve().parent / "arduino_stub"

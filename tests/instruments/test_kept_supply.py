@@ -12,23 +12,23 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from calibration.instruments.errors import (
+from calibration.bench.instruments.errors import (
     InstrumentError,
     InstrumentInputError,
     InstrumentLost,
     InstrumentNotFound,
     InstrumentRefused,
 )
-from calibration.instruments.kept_supply import KeptSupply
-from calibration.instruments.supply_keeper import HANG_S
-from tests.bench_lab.until import until
+from calibration.bench.instruments.kept_supply import KeptSupply
+from calibration.bench.instruments.supply_keeper import HANG_S
+from tests.bench_commands.until import until
 from tests.instruments.pty_device import PtyDevice
 from tests.instruments.test_asked_instruments import TinyKorad, TinyScpi
 from tests.patience import PATIENCE_S
 
 WIZARD = """
 import sys, threading
-from calibration.instruments.kept_supply import KeptSupply
+from calibration.bench.instruments.kept_supply import KeptSupply
 supply = KeptSupply(sys.argv[1], sys.argv[2])
 supply.set(3.7, 5.0)
 supply.switch(on=True)

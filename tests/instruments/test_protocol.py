@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calibration.instruments.protocol import (
+from calibration.bench.instruments.protocol import (
     LINE_BYTES_MAX,
     Banner,
     EdgeLine,

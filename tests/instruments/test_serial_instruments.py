@@ -7,21 +7,24 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from calibration.instruments.errors import (
+from calibration.bench.instruments.errors import (
     InstrumentError,
     InstrumentInputError,
     InstrumentLost,
     InstrumentNotFound,
     InstrumentTimeout,
+    ScaleUnusable,
     WrongBaudRate,
     WrongDevice,
 )
-from calibration.instruments.load_cell import LoadCell, ScaleCalibration, check_counts
-from calibration.instruments.protocol import Fault
-from calibration.instruments.reader import Reconnect
-from calibration.instruments.tachometer import Tachometer, TachometerBatch
-from calibration.instruments.transport import Address, SerialPort
+from calibration.bench.instruments.load_cell import LoadCell, check_counts
+from calibration.bench.instruments.protocol import Fault
+from calibration.bench.instruments.reader import Reconnect
+from calibration.bench.instruments.scale import ScaleCalibration, ScaleReading
+from calibration.bench.instruments.tachometer import Tachometer, TachometerBatch
+from calibration.bench.instruments.transport import Address, SerialPort
 from tests.instruments.pty_device import LineBoard, PtyDevice, framed
+from tests.patience import until
 
 
 def joined(batches: Sequence[TachometerBatch]) -> TachometerBatch:
@@ -232,25 +235,44 @@ def test_bad_addresses_are_refused(text: str) -> None:
 # Load cell
 
 
-def test_a_load_cell_is_calibrated_tared_and_read() -> None:
+def test_a_load_cell_is_calibrated_and_read() -> None:
     with LineBoard("load") as board:
         feeder = Feeder(board, 1_000)
         with feeder, LoadCell(board.name) as cell:
             raws = []
             for load in (1_000, 43_000, 106_000):
                 feeder.counts = load
-                cell.take()
-                raws.append(cell.average_counts(0.2)[0])
-            cell.calibration = ScaleCalibration.fit([0.0, 0.02, 0.05], raws)
-            assert cell.calibration.counts_per_kg == pytest.approx(2.1e6, rel=1e-3)
+                cell.look(1.0)
+                raws.append(shown(cell, 16).shown)
+            calibration = ScaleCalibration.fit([0.0, 0.02, 0.05], raws, cell.least_span)
+            assert calibration.per_kg == pytest.approx(2.1e6, rel=1e-3)
             feeder.counts = 22_000
-            assert cell.average(0.2).mass == pytest.approx(0.010, abs=2e-5)
-            cell.tare(0.2)
-            reading = cell.average(1.0)
-            assert reading.mass == pytest.approx(0.0, abs=2e-5)
-            assert reading.deviation > 0.0
-            assert reading.readings > 5
+            cell.look(1.0)
+            reading = shown(cell, 80)
+            assert calibration.mass(reading.shown) == pytest.approx(0.010, abs=2e-5)
             assert [finding.code for finding in reading.findings] in ([], ["scale_rate"])
+
+
+def test_a_load_cell_that_gives_nothing_or_restarts_is_no_scale() -> None:
+    with LineBoard("load") as board, LoadCell(board.name) as cell:
+        cell.begin()
+        board.send(board.line("X", 1, "hx711 not ready"))
+        until(lambda: cell.look(0.1) or cell.report.events)
+        with pytest.raises(ScaleUnusable, match=r"no reading.*hx711 not ready"):
+            cell.read()
+        board.send(*(board.line("L", 1_000 + k) for k in range(4)))
+        board.send(board.restart())
+        board.send(*(board.line("L", 1_000 + k) for k in range(4)))
+        until(lambda: cell.look(0.1) or cell.report.restarts)
+        with pytest.raises(ScaleUnusable, match="restarted"):
+            cell.read()
+
+
+def shown(cell: LoadCell, conversions: int) -> ScaleReading:
+    """What it shows over that many conversions."""
+    cell.begin()
+    until(lambda: cell.look(1.0) or sum(batch.raw.size for batch in cell._seen) >= conversions)
+    return cell.read()
 
 
 class Feeder:
@@ -304,12 +326,12 @@ def test_good_counts_have_no_findings(rate: float) -> None:
 @pytest.mark.parametrize("masses", [[0.0], [0.02, 0.02], [0.0, float("nan")]])
 def test_a_calibration_that_cannot_be_is_refused(masses: list[float]) -> None:
     with pytest.raises(InstrumentInputError):
-        ScaleCalibration.fit(masses, [1e3 * i for i in range(len(masses))])
+        ScaleCalibration.fit(masses, [1e3 * i for i in range(len(masses))], 100.0)
     with pytest.raises(InstrumentInputError, match="is the load cell wired"):
-        ScaleCalibration.fit([0.0, 0.05], [500.0, 510.0])
+        ScaleCalibration.fit([0.0, 0.05], [500.0, 510.0], 100.0)
 
 
 def test_a_calibration_says_how_straight_it_is() -> None:
-    calibration = ScaleCalibration.fit([0.0, 0.02, 0.05], [0.0, -42_000.0, -105_300.0])
-    assert calibration.counts_per_kg < 0.0  # mounted the other way round
+    calibration = ScaleCalibration.fit([0.0, 0.02, 0.05], [0.0, -42_000.0, -105_300.0], 100.0)
+    assert calibration.per_kg < 0.0  # mounted the other way round
     assert 1e-5 < calibration.nonlinearity < 1e-4

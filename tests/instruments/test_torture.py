@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from calibration.instruments.continuity import Continuity, Placed
-from calibration.instruments.protocol import (
+from calibration.bench.instruments.continuity import Continuity, Placed
+from calibration.bench.instruments.protocol import (
     Banner,
     EdgeLine,
     HeartbeatLine,

@@ -79,7 +79,7 @@ def hands(bench: SimulatedLab) -> Iterator[Hands]:
 def test_ready_line(bench: SimulatedLab) -> None:
     assert bench.drones[0].startswith("udp://127.0.0.1:")
     assert bench.mocap == []
-    assert set(bench.ready["bench"]) == {"tachometer", "scale", "supply", "hands"}
+    assert set(bench.ready["bench"]) == {"tachometer", "scale", "supply", "balance", "korad", "hands"}
     assert bench.ready["pace"] == PACE
     assert all(os.path.exists(bench.ready["bench"][name]) for name in ("tachometer", "scale", "supply"))  # noqa: PTH110
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.tachometer.records import CommandRecord, EdgeRecord, WindowRecord
+from calibration.bench.motors.records import CommandRecord, EdgeRecord, WindowRecord
 
 TICK = 4e-6
 

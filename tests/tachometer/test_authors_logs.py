@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from calibration.tachometer import TachometerResult, analyse, propeller, read_tachometer
-from calibration.tachometer.figures import constants_figure, sizes_figure, steps_figure
+from calibration.bench.motors import TachometerResult, analyse, propeller, read_tachometer
+from calibration.bench.motors.figures import constants_figure, sizes_figure, steps_figure
 
 HOVER = 0.0381 * 9.81 / 4.0
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calibration.tachometer import (
+from calibration.bench.motors import (
     CommandRecord,
     EdgeRecord,
     TachometerError,
@@ -98,7 +98,7 @@ def test_any_bytes_are_read_or_refused(tmp_path_factory: pytest.TempPathFactory,
 
 @given(st.lists(st.tuples(st.integers(0, 2**33), st.integers(0, 2**20)), max_size=80))
 def test_any_edges_are_analysed_or_refused(rows: list[tuple[int, int]]) -> None:
-    from calibration.tachometer import analyse, propeller
+    from calibration.bench.motors import analyse, propeller
 
     times = np.array([t * 1e-6 for t, _ in rows])
     record = EdgeRecord(times, np.array([n for _, n in rows], dtype=np.int64))

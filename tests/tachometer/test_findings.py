@@ -5,14 +5,14 @@ import dataclasses
 import numpy as np
 import pytest
 
+from calibration.bench.motors import EdgeMonitor, EdgeRecord, TachometerError, analyse, propeller
+from calibration.bench.motors.edge_checks import check_edges, check_speed
+from calibration.bench.motors.mark_pattern import mark_pattern
+from calibration.bench.motors.records import CommandRecord
+from calibration.bench.motors.revolutions import mark_passages, speed_trace
+from calibration.bench.motors.step_checks import check_commands, check_heat
+from calibration.bench.motors.steps import find_steps
 from calibration.measurement import Severity
-from calibration.tachometer import EdgeMonitor, EdgeRecord, TachometerError, analyse, propeller
-from calibration.tachometer.edge_checks import check_edges, check_speed
-from calibration.tachometer.mark_pattern import mark_pattern
-from calibration.tachometer.records import CommandRecord
-from calibration.tachometer.revolutions import mark_passages, speed_trace
-from calibration.tachometer.step_checks import check_commands, check_heat
-from calibration.tachometer.steps import find_steps
 from tests.tachometer.rotor import Motor, Run, Sensor, edges, turn
 
 PROPELLER = propeller("bitcraze-2015")

@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
+from calibration.bench.motors import ClockFit, TachometerResult, analyse, fit_clock, propeller
+from calibration.bench.motors.settling import first_order_constant, time_to_share
 from calibration.measurement import Estimate
-from calibration.tachometer import ClockFit, TachometerResult, analyse, fit_clock, propeller
-from calibration.tachometer.settling import first_order_constant, time_to_share
 from tests.tachometer.rotor import Motor, Run, Sensor, edges, staircase, turn, windows
 
 HOVER = 0.0934

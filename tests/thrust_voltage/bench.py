@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from calibration.thrust_voltage.pwm import applied_duty, exact_set_points
-from calibration.thrust_voltage.raw_table import RawTable
-from calibration.thrust_voltage.units import Units
+from calibration.bench.thrust.pwm import applied_duty, exact_set_points
+from calibration.bench.thrust.raw_table import RawTable
+from calibration.bench.thrust.units import Units
 
 GF = 9.80665e-3
 CUBICS = {

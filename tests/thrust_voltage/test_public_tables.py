@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calibration.thrust_voltage import (
+from calibration.bench.thrust import (
     ThrustData,
     ThrustResult,
     ThrustTableError,
@@ -15,8 +15,8 @@ from calibration.thrust_voltage import (
     read_table,
     vehicle_thrust,
 )
-from calibration.thrust_voltage.figures import curve_figure, validation_figure
-from calibration.thrust_voltage.shape import firmware_inverse, inverse
+from calibration.bench.thrust.figures import curve_figure, validation_figure
+from calibration.bench.thrust.shape import firmware_inverse, inverse
 from onboard.battery import thrust_from_voltage, voltage_from_thrust
 from onboard.vehicle.file_format import read_thrust_map
 from onboard.vehicle.model import ThrustMapDescription

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calibration.measurement import Severity
-from calibration.thrust_voltage import (
+from calibration.bench.thrust import (
     Discharge,
     RawTable,
     ThrustData,
@@ -24,11 +23,12 @@ from calibration.thrust_voltage import (
     verify,
     write_raw,
 )
-from calibration.thrust_voltage.choose import choose, report_forms
-from calibration.thrust_voltage.figures import discharge_figure
-from calibration.thrust_voltage.forms import CUBIC, FORMS, VEHICLE_FORMS
-from calibration.thrust_voltage.raw_table import to_data
-from calibration.thrust_voltage.shape import shape_problems
+from calibration.bench.thrust.choose import choose, report_forms
+from calibration.bench.thrust.figures import discharge_figure
+from calibration.bench.thrust.forms import CUBIC, FORMS, VEHICLE_FORMS
+from calibration.bench.thrust.raw_table import to_data
+from calibration.bench.thrust.shape import shape_problems
+from calibration.measurement import Severity
 from onboard.battery import duty_for_thrust
 from onboard.thrust_map import ThrustMap
 from tests.thrust_voltage.bench import CUBICS, GF, record, truth
@@ -177,7 +177,7 @@ def test_curves_that_disagree_are_found() -> None:
 
 
 def _findings_of_run(run: RawTable) -> list:
-    from calibration.thrust_voltage.checks import _check_repeats
+    from calibration.bench.thrust.checks import _check_repeats
 
     return _check_repeats(run)
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-from calibration.wizards.operator import Gauge, NotConfirmed, Question, Task
+from calibration.bench.procedures.operator import Gauge, NotConfirmed, Question, Task
 
 
 class QuietOperator:

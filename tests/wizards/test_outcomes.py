@@ -5,15 +5,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calibration.bench.motors.analysis import analyse
+from calibration.bench.motors.clock import ClockFit
+from calibration.bench.motors.propellers import propeller
+from calibration.bench.motors.records import WindowRecord
+from calibration.bench.procedures.apply import changed_vehicle, write_applied
+from calibration.bench.procedures.motors import MotorFits
+from calibration.bench.procedures.outcomes import motor_calibration
+from calibration.bench.procedures.result import write_result
 from calibration.measurement import Estimate
-from calibration.tachometer.analysis import analyse
-from calibration.tachometer.clock import ClockFit
-from calibration.tachometer.propellers import propeller
-from calibration.tachometer.records import WindowRecord
-from calibration.wizards.apply import changed_vehicle, write_applied
-from calibration.wizards.motors import MotorFits
-from calibration.wizards.outcomes import motor_calibration
-from calibration.wizards.result import write_result
 from onboard.vehicle import load_vehicle
 
 

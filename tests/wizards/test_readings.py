@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calibration.wizards.operator import AnswerNotUsable, Question
-from calibration.wizards.readings import estimate_of, parse_reading
+from calibration.bench.procedures.operator import AnswerNotUsable, Question
+from calibration.bench.procedures.readings import estimate_of, parse_reading
 from onboard.errors import InputError
 
 DISTANCE = Question("string_distance", "distance of the strings", "m", "mm", (0.02, 0.5), 1e-4)

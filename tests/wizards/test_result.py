@@ -7,11 +7,10 @@ from typing import Any
 
 import pytest
 
-from calibration.measurement import Contribution, Estimate, Finding, Severity
-from calibration.wizards.apply import NothingToUndo, changed_vehicle, undo, write_applied
-from calibration.wizards.compare import compare_results, compare_with_vehicle
-from calibration.wizards.report import write_report
-from calibration.wizards.result import (
+from calibration.bench.procedures.apply import NothingToUndo, changed_vehicle, undo, write_applied
+from calibration.bench.procedures.compare import compare_results, compare_with_vehicle
+from calibration.bench.procedures.report import write_report
+from calibration.bench.procedures.result import (
     Calibration,
     ResultFileError,
     VehicleChange,
@@ -20,6 +19,7 @@ from calibration.wizards.result import (
     was_rejected,
     write_result,
 )
+from calibration.measurement import Contribution, Estimate, Finding, Severity
 from onboard.vehicle import load_vehicle, vehicle_to_toml
 
 VEHICLE = "crazyflie21-upgraded"

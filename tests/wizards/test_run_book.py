@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from calibration.wizards.operator import Paused, StepAgain, StepBack, StepSkipped, Task
-from calibration.wizards.run_book import RunBook, RunBookError
+from calibration.bench.procedures.operator import Paused, StepAgain, StepBack, StepSkipped, Task
+from calibration.bench.procedures.run_book import RunBook, RunBookError
 from tests.wizards.quiet_operator import QuietOperator
 
 
@@ -83,7 +83,7 @@ def test_a_damaged_book_is_named(tmp_path: Path) -> None:
 def test_a_killed_run_loses_the_running_step_only(tmp_path: Path) -> None:
     program = (
         "import sys, time; from pathlib import Path\n"
-        "from calibration.wizards.run_book import RunBook\n"
+        "from calibration.bench.procedures.run_book import RunBook\n"
         "from tests.wizards.quiet_operator import QuietOperator\n"
         "run = RunBook(Path(sys.argv[1]), 'bifilar', {'trials': 5}, QuietOperator())\n"
         "for n in range(10**6):\n"

@@ -1,10 +1,13 @@
 """``perchhw calibrate verify``: a discharge that held its thrust, and one that did not."""
 
 import json
+from html import escape
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from calibration.bench.thrust.compensation import read_discharge, write_discharge
 from perchhw.cli.main import run
 
 
@@ -46,3 +49,25 @@ def test_a_table_of_another_kind_is_named(tmp_path: Path, capsys: pytest.Capture
     path.write_text("a,b\n1,2\n")
     assert run(["--json", "calibrate", "verify", str(path)]) == 2
     assert "expected" in json.loads(capsys.readouterr().out)["error"]
+
+
+def test_a_page_shows_the_discharge(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    page = tmp_path / "page.html"
+    table = str(discharge(tmp_path, 0.06))
+    assert run(["--json", "calibrate", "verify", table, "--report", str(page)]) == 1
+    said = json.loads(capsys.readouterr().out)
+    assert said["report"] == str(page)
+    text = page.read_text(encoding="utf-8")
+    assert "not passed" in text
+    assert escape(said["findings"][0]["text"]) in text
+    assert "V of the battery" in text
+    assert run(["--json", "calibrate", "verify", table]) == 1
+    assert json.loads(capsys.readouterr().out)["report"] is None
+
+
+def test_a_written_discharge_is_read_back(tmp_path: Path) -> None:
+    before = read_discharge(discharge(tmp_path, 0.02))
+    write_discharge(tmp_path / "again.csv", before, 4)
+    after = read_discharge(tmp_path / "again.csv")
+    for name in ("time", "battery", "asked", "measured", "command"):
+        np.testing.assert_allclose(getattr(after, name), getattr(before, name), rtol=1e-4)

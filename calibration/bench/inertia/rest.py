@@ -1,0 +1,88 @@
+"""Before the twist: does the drone hang still, and which way is up?"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.bench.inertia.errors import UnusableSwingError
+from calibration.bench.inertia.fit import angle_between
+from calibration.bench.inertia.swing import Swing
+from calibration.measurement import Finding, Severity
+from onboard.arrays import Vector
+
+STILL_RATE = 0.02
+"""rad/s: drift and motion at rest stay below it."""
+
+TILT_WARN = math.radians(3.0)
+_SECONDS = 5.0
+_FEWEST = 50
+
+
+@dataclass(frozen=True, slots=True)
+class RestCheck:
+    """What a recording at rest says.
+
+    Attributes:
+        bias: rad/s, of the gyro. noise: rad/s, standard deviation, mean of the axes.
+        up: unit vector, body frame, from the accelerometer, or None without one.
+        tilt: rad, between `up` and the claimed axis, or None.
+        findings: of the checks; none means ready to twist.
+    """
+
+    bias: Vector
+    noise: float
+    up: Vector | None
+    tilt: float | None
+    findings: tuple[Finding, ...]
+
+
+def check_rest(swing: Swing) -> RestCheck:
+    """Look at some 10 s of a drone that hangs still.
+
+    Raises:
+        UnusableSwingError: fewer than 50 samples.
+    """
+    n = len(swing)
+    if n < _FEWEST:
+        raise UnusableSwingError(f"{swing.source}: {n} samples at rest, at least {_FEWEST} needed; wait 10 s")
+    gyro = swing.gyro
+    quarter = n // 4
+    # Largest change between the means of the first and the last quarter.
+    drift = float(np.max(np.abs(gyro[:quarter].mean(axis=0) - gyro[-quarter:].mean(axis=0))))
+    # Neighbours differ by noise alone: what the whole varies beyond that is motion.
+    noise = np.std(np.diff(gyro, axis=0), axis=0) / math.sqrt(2.0)
+    excess = np.var(gyro, axis=0) - noise**2
+    motion = float(np.sqrt(2.0 * max(float(np.max(excess)), 0.0)))
+    up, tilt = None, None
+    if swing.acceleration is not None:
+        mean = swing.acceleration.mean(axis=0)
+        x, y, z = (float(part) for part in mean / max(float(np.linalg.norm(mean)), 1e-12))
+        up = (x, y, z)
+        tilt = None if swing.axis is None else angle_between(np.array(up), swing.axis)
+    bx, by, bz = (float(part) for part in gyro.mean(axis=0))
+    findings = _findings(swing, drift, motion, tilt)
+    return RestCheck((bx, by, bz), float(np.mean(noise)), up, tilt, tuple(findings))
+
+
+def _findings(swing: Swing, drift: float, motion: float, tilt: float | None) -> list[Finding]:
+    found = []
+    seconds = float(swing.time[-1] - swing.time[0])
+    if seconds < _SECONDS:
+        text = f"{seconds:.1f} s at rest, at least {_SECONDS:g} needed; wait longer"
+        found.append(Finding("short_rest", Severity.WARNING, f"{swing.source}: {text}"))
+    if drift > STILL_RATE:
+        text = f"the gyro drifts by {drift:.3f} rad/s (limit {STILL_RATE:g}); let it settle or warm up"
+        found.append(Finding("drift", Severity.REJECT, f"{swing.source}: {text}"))
+    if motion > STILL_RATE:
+        text = (
+            f"it still moves with {motion:.3f} rad/s (limit {STILL_RATE:g}); stop it with a finger and wait"
+        )
+        found.append(Finding("moving", Severity.REJECT, f"{swing.source}: {text}"))
+    if tilt is not None and tilt > TILT_WARN:
+        text = (
+            f"the axis hangs {math.degrees(tilt):.1f} deg off the vertical "
+            f"(limit {math.degrees(TILT_WARN):.0f}); move the drone in its loops"
+        )
+        found.append(Finding("tilt", Severity.WARNING, f"{swing.source}: {text}"))
+    return found

@@ -1,0 +1,116 @@
+"""Put a calibration into a vehicle file, as a change that can be read before and undone after."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from calibration.bench.procedures.result import ResultFileError
+from calibration.errors import CalibrationError
+from onboard.errors import InputError
+from onboard.quantity import Quantity
+from onboard.thrust_map import ThrustMapForm
+from onboard.vehicle import (
+    Effect,
+    ThrustMapDescription,
+    Vehicle,
+    VehicleFileError,
+    load_vehicle,
+    vehicle_to_toml,
+)
+
+HISTORY_SUFFIX = ".history"
+
+
+class NothingToUndo(CalibrationError, InputError):
+    """A vehicle file without an applied calibration."""
+
+
+def changed_vehicle(vehicle: Vehicle, results: Sequence[Mapping[str, Any]]) -> Vehicle:
+    """A vehicle with the numbers of calibrations in place of its own; each names its calibration as source.
+
+    Args:
+        vehicle: as it is.
+        results: documents of :func:`~calibration.bench.procedures.result.load_result`, in their order.
+
+    Raises:
+        ResultFileError: a result names a quantity that vehicle files do not have.
+    """
+    for result in results:
+        vehicle = _apply_one(vehicle, result)
+    return vehicle
+
+
+def _apply_one(vehicle: Vehicle, result: Mapping[str, Any]) -> Vehicle:
+    source = f"{result['kind']} calibration {result['id']}, {result['made'][:10]}"
+    change = result["vehicle"]
+    for key, raw in change["quantities"].items():
+        section_name, _, name = key.partition(".")
+        section: Any = getattr(vehicle, section_name, None)
+        if not hasattr(section, name):
+            raise ResultFileError(f"calibration {result['id']}: vehicle files have no {key!r}")
+        section = dataclasses.replace(section, **{name: _quantity(raw, source)})
+        replaced: dict[str, Any] = {section_name: section}
+        vehicle = dataclasses.replace(vehicle, **replaced)
+    if change["thrust_map"] is not None:
+        thrust_map = ThrustMapDescription(
+            form=ThrustMapForm[change["thrust_map"]["form"].upper()],
+            coefficients={
+                key: _quantity(raw, source) for key, raw in change["thrust_map"]["coefficients"].items()
+            },
+        )
+        vehicle = dataclasses.replace(
+            vehicle, motors=dataclasses.replace(vehicle.motors, thrust_map=thrust_map)
+        )
+    added = tuple(
+        Effect(name=name, parameters={key: _quantity(raw, source) for key, raw in parameters.items()})
+        for name, parameters in change["effects"].items()
+    )
+    names = {effect.name for effect in added}
+    kept = tuple(effect for effect in vehicle.effects if effect.name not in names)
+    return dataclasses.replace(vehicle, effects=(*kept, *added))
+
+
+def _quantity(raw: Mapping[str, Any], source: str) -> Quantity:
+    return Quantity(float(raw["value"]), str(raw["unit"]), float(raw["sigma"]), source)
+
+
+def write_applied(vehicle: Vehicle, file: Path) -> Path | None:
+    """Write a vehicle file; what it held before goes into ``FILE.history/``.
+
+    Returns:
+        Where the old file is kept, or None when there was none.
+
+    Raises:
+        VehicleFileError: what was written cannot be read back; the old file is in place again.
+    """
+    kept = None
+    history = file.with_name(file.name + HISTORY_SUFFIX)
+    if file.is_file():
+        history.mkdir(exist_ok=True)
+        kept = history / f"{1 + len(list(history.glob('*.toml'))):03d}.toml"
+        kept.write_bytes(file.read_bytes())
+    draft = file.with_name(f".{file.name}.draft")
+    draft.write_text(vehicle_to_toml(vehicle), encoding="utf-8")
+    try:
+        load_vehicle(draft)
+    except VehicleFileError:
+        draft.unlink()
+        raise
+    draft.replace(file)
+    return kept
+
+
+def undo(file: Path) -> Path:
+    """Put the file back that the last applied calibration replaced; gives the name it had in the history.
+
+    Raises:
+        NothingToUndo: no history.
+    """
+    history = file.with_name(file.name + HISTORY_SUFFIX)
+    kept = sorted(history.glob("*.toml"))
+    if not kept:
+        raise NothingToUndo(f"{file}: no calibration was applied to it (no {history.name}/)")
+    last = kept[-1]
+    last.replace(file)
+    return last

@@ -1,0 +1,93 @@
+"""A calibration beside an earlier one, or beside a vehicle file: do they contradict each other?"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from calibration.bench.procedures.result import estimate_from_json
+from calibration.measurement import Estimate, normalised_difference
+from onboard.battery import thrust_from_voltage
+from onboard.quantity import Quantity
+from onboard.vehicle import Vehicle
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Two estimates of one quantity.
+
+    Attributes:
+        key: of the quantity.
+        before, now: estimates.
+        normalised: E_n (ISO 13528); above 1 they contradict each other.
+    """
+
+    key: str
+    before: Estimate
+    now: Estimate
+    normalised: float
+
+    @property
+    def contradicts(self) -> bool:
+        """Whether the difference is larger than both uncertainties allow."""
+        return self.normalised > 1.0
+
+    def to_json(self) -> dict[str, Any]:
+        """By name; an infinite E_n (both exact) is None."""
+        return {
+            "key": self.key,
+            "before": self.before.to_json(),
+            "now": self.now.to_json(),
+            "en": self.normalised if math.isfinite(self.normalised) else None,
+            "contradicts": self.contradicts,
+        }
+
+
+def compare_results(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[Comparison]:
+    """The quantities that both calibrations have."""
+    old = _estimates(before)
+    return [_compare(key, old[key], one) for key, one in _estimates(now).items() if key in old]
+
+
+def compare_with_vehicle(vehicle: Vehicle, now: Mapping[str, Any]) -> list[Comparison]:
+    """The quantities of a calibration beside those of a vehicle file."""
+    rows = []
+    effects = {effect.name: effect.parameters for effect in vehicle.effects}
+    for key, one in _estimates(now).items():
+        if key.startswith("motors.time_constant") and "motor_speed_law" in effects:
+            continue  # the law stands in the place of the file's time constants
+        section, _, name = key.partition(".")
+        quantity = getattr(getattr(vehicle, section, None), name, None)
+        if isinstance(quantity, Quantity):
+            rows.append(_compare(key, Estimate(quantity.value, quantity.unit, quantity.sigma), one))
+    for key, one in _estimates(now).items():
+        _, name, parameter = [*key.split("."), ""][:3]
+        if key.startswith("effects.") and parameter in effects.get(name, {}):
+            quantity = effects[name][parameter]
+            rows.append(_compare(key, Estimate(quantity.value, quantity.unit, quantity.sigma), one))
+    return rows + _curves(vehicle, now)
+
+
+def _curves(vehicle: Vehicle, now: Mapping[str, Any]) -> list[Comparison]:
+    """A measured thrust curve beside that of the file's map, which says nothing of its own uncertainty."""
+    thrust_map = vehicle.motors.thrust_map_compiled()
+    return [
+        _compare(
+            f"thrust at {row['voltage_v']:g} V",
+            Estimate(thrust_from_voltage(thrust_map, row["voltage_v"]), "N", 0.0),
+            estimate_from_json(row["thrust"]),
+        )
+        for row in now["details"].get("curve", [])
+    ]
+
+
+def _estimates(document: Mapping[str, Any]) -> dict[str, Estimate]:
+    quantities = document["vehicle"]["quantities"]
+    found = {key: estimate_from_json(raw) for key, raw in quantities.items()}
+    for name, parameters in document["vehicle"]["effects"].items():
+        found |= {f"effects.{name}.{key}": estimate_from_json(raw) for key, raw in parameters.items()}
+    return found
+
+
+def _compare(key: str, before: Estimate, now: Estimate) -> Comparison:
+    return Comparison(key, before, now, normalised_difference(before, now))

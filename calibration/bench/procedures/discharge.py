@@ -1,0 +1,144 @@
+"""The discharge wizard: one thrust is asked for while the voltage falls, and the scale says what came.
+
+The drone must carry the map that was measured: its firmware divides by the voltage and gives the motors more
+of it. On a supply the voltage is lowered in steps; on a battery it falls by itself.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import partial
+from itertools import repeat
+from pathlib import Path
+
+import numpy as np
+
+from calibration.bench.instruments.motor_stand import PWM_STEP, UNLOCK_PHRASE
+from calibration.bench.procedures.motors import SAFETY
+from calibration.bench.procedures.run_book import Json, RunBook
+from calibration.bench.procedures.thrust import CURRENT_LIMIT_A, kept_calibration, prepare_stand
+from calibration.bench.procedures.thrust_recording import COAST_S, MOTORS, StandReading, ThrustStand
+from calibration.bench.thrust.compensation import Discharge, read_discharge, write_discharge
+from calibration.bench.thrust.errors import ThrustTableError
+from onboard.battery import FULL_RATIO
+from onboard.gravity import GRAM_FORCE, GRAVITY
+from onboard.vehicle import Vehicle
+
+KIND = "discharge"
+TABLE_FILE = "discharge.csv"
+FULL_V, EMPTY_V = 4.2, 3.2
+VOLTAGES = tuple(float(volts) for volts in np.round(np.arange(FULL_V, EMPTY_V - 0.05, -0.1), 1))
+"""Of a supply in the place of the battery: from full to empty."""
+_STRONG_SHARE = 0.9
+"""Of the most thrust that the vehicle file lets a motor give."""
+_PAUSE_S = 1.0
+
+
+@dataclass(frozen=True)
+class DischargePlan:
+    """What is asked for.
+
+    Attributes:
+        vehicle: whose map is on the drone.
+    """
+
+    vehicle: Vehicle
+
+    @property
+    def commands(self) -> tuple[int, ...]:
+        """0..65535, shares of the most thrust: what hovers, and a strong one."""
+        hover = self.vehicle.body.mass.value * GRAVITY / MOTORS / self.vehicle.motors.thrust_max.value
+        return tuple(PWM_STEP * round(255 * share) for share in (hover, _STRONG_SHARE))
+
+    def thrust(self, command: int) -> float:
+        """N of one motor that the firmware is asked for."""
+        return command / FULL_RATIO * self.vehicle.motors.thrust_max.value
+
+    def settings(self) -> Json:
+        """What must stay the same when a run goes on."""
+        return {"vehicle": self.vehicle.name}
+
+
+class DischargeWizard:
+    """Leads through scale, stand and discharges.
+
+    Args:
+        plan: what is asked for.
+        stand: motors, which this wizard has the operator unlock; scale; and supply, if there is one.
+    """
+
+    def __init__(self, plan: DischargePlan, stand: ThrustStand) -> None:
+        self._plan = plan
+        self._stand = stand
+
+    def run(self, book: RunBook) -> None:
+        """All steps that are not done yet; a battery is discharged once, at the thrust that hovers.
+
+        Raises:
+            NotConfirmed: nothing was started. Paused, StepBack: the operator's wish.
+            ScaleUnusable, InstrumentError, LinkError, MotorsRefused: motors stopped, supply off.
+        """
+        book.operator.confirm(SAFETY, UNLOCK_PHRASE)
+        prepare_stand(book, self._stand)
+        for command in self._plan.commands[: 1 if self._stand.supply is None else None]:
+            asked = self._plan.thrust(command) / GRAM_FORCE
+            title = f"{asked:.1f} gf of each motor while the voltage falls"
+            book.step(f"discharge-{command}", title, partial(self._discharge, book, command))
+
+    def _discharge(self, book: RunBook, command: int) -> Json:
+        stand, operator = self._stand, book.operator
+        calibration = kept_calibration(book, stand)
+        readings: list[StandReading] = []
+        for voltage in self._voltages():
+            if voltage is not None:
+                stand.set_supply(voltage, CURRENT_LIMIT_A)
+            if not readings:
+                stand.motors.unlock(UNLOCK_PHRASE)
+                readings.append(stand.read(COAST_S))
+            stand.motors.spin_all(command, compensated=True)
+            readings.append(stand.read())
+            operator.tell(f"{readings[-1].board:.2f} V: {100.0 * readings[-1].command / FULL_RATIO:.0f} % on")
+            if voltage is None and readings[-1].board < EMPTY_V:
+                break
+        stand.motors.stop("the discharge has ended")
+        readings.append(stand.read(COAST_S))
+        for finding in dict.fromkeys(one for reading in readings for one in reading.findings):
+            operator.warn(finding.text)
+        time = np.array([reading.time for reading in readings])
+        mass = np.array([calibration.mass(reading.shown) for reading in readings])
+        zero = np.interp(time, time[[0, -1]], mass[[0, -1]])
+        inside = slice(1, -1)
+        discharge = Discharge(
+            time=(time - time[1])[inside],
+            battery=np.array([reading.board for reading in readings])[inside],
+            asked=np.full(time.size, self._plan.thrust(command))[inside],
+            measured=((mass - zero) * GRAVITY / MOTORS)[inside],
+            command=np.array([reading.command for reading in readings])[inside],
+        )
+        write = partial(write_discharge, discharge=discharge, motors=MOTORS)
+        return {"table": book.keep_raw(f"discharge-{command}", write, ".csv")}
+
+    def _voltages(self) -> Iterable[float | None]:
+        """Of the supply, one after the other; a battery needs none until it is empty."""
+        return repeat(None) if self._stand.supply is None else VOLTAGES
+
+
+def join_discharges(folder: Path, steps: dict[str, Json]) -> Path:
+    """One table of a run's discharges, one after the other.
+
+    Raises:
+        ThrustTableError: none was recorded.
+    """
+    kept = [step["table"]["file"] for step in steps.values() if "table" in step]
+    if not kept:
+        raise ThrustTableError("no discharge was recorded: run the wizard to its end")
+    parts = [read_discharge(folder / name) for name in kept]
+    begins = np.cumsum([0.0, *(float(part.time[-1]) + _PAUSE_S for part in parts[:-1])])
+    joined = Discharge(
+        time=np.concatenate([part.time + begin for part, begin in zip(parts, begins, strict=True)]),
+        battery=np.concatenate([part.battery for part in parts]),
+        asked=np.concatenate([part.asked for part in parts]),
+        measured=np.concatenate([part.measured for part in parts]),
+        command=np.concatenate([part.command for part in parts]),
+    )
+    write_discharge(folder / TABLE_FILE, joined, MOTORS)
+    return folder / TABLE_FILE

@@ -1,0 +1,63 @@
+"""A simulated bench with a drone that is not as the shipped file says, and the command line against it."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from calibration.bench.instruments.motor_stand import UNLOCK_PHRASE
+from perchhw.bench_walkthrough.story import write_true
+from perchhw.lab_process import SimulatedLab
+from tests.patience import patient_uri
+
+PACE = 8
+Bench = Callable[..., SimulatedLab]
+
+
+@pytest.fixture(scope="session")
+def true_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_true(tmp_path_factory.mktemp("true"))
+
+
+@pytest.fixture
+def bench(true_file: Path) -> Iterator[Bench]:
+    opened: list[SimulatedLab] = []
+
+    def open_bench(*arguments: str, pace: float = PACE) -> SimulatedLab:
+        opened.append(serve(true_file, *arguments, pace=pace).open())
+        return opened[-1]
+
+    yield open_bench
+    for one in opened:
+        one.close()
+
+
+def serve(vehicle: Path, *arguments: str, pace: float = PACE) -> SimulatedLab:
+    """``perchhw sim bench`` with that drone, not yet open."""
+    return SimulatedLab(
+        "bench", ["--drone-port", "0", "--vehicle", str(vehicle), "--pace", str(pace), *arguments]
+    )
+
+
+def command(kind: str, bench: SimulatedLab, out: Path, *arguments: str) -> list[str]:
+    """``perchhw --json calibrate KIND`` on the instruments of a bench."""
+    ports = bench.ready["bench"]
+    line = [sys.executable, "-m", "perchhw", "--json", "calibrate", kind]
+    line += ["--drone", patient_uri(bench.drones[0]), "--hands", ports["hands"], "--out", str(out)]
+    if kind == "tachometer":
+        line += ["--tachometer", ports["tachometer"], "--supply", ports["supply"], "--confirm", UNLOCK_PHRASE]
+    if kind == "thrust":
+        line += ["--scale", ports["scale"], "--supply", ports["supply"], "--confirm", UNLOCK_PHRASE]
+    return [*line, *arguments]
+
+
+def run(line: list[str], expected: int = 0) -> dict[str, Any]:
+    """Run a command line to its end; its JSON document."""
+    done = subprocess.run(line, check=False, capture_output=True, text=True, timeout=250)
+    assert done.returncode == expected, done.stderr
+    document: dict[str, Any] = json.loads(done.stdout)
+    return document

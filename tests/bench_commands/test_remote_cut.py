@@ -1,0 +1,82 @@
+"""A wizard that is killed or hangs while motors turn: the supply is off soon after, by the bench's record."""
+
+import signal
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from calibration.bench.instruments.motor_stand import UNLOCK_PHRASE
+from calibration.bench.instruments.supply_keeper import HANG_S
+from calibration.bench.procedures.motors import HAND_PHRASE
+from perchhw.lab_process import SimulatedLab
+from tests.bench_commands.conftest import Bench, command, run
+from tests.bench_commands.test_wizards import spin_record, turning
+from tests.bench_commands.until import until
+from tests.patience import PATIENCE_S
+
+CUT_S = 4.0
+"""What the cut itself may take: the keeper wakes, the supply hears, the drone loses its power. That is half a
+second; the rest is for a machine that is eight times slower."""
+
+
+@contextmanager
+def turning_wizard(served: SimulatedLab, folder: Path, *changes: str) -> Iterator[subprocess.Popen[bytes]]:
+    """A tachometer wizard whose motor turns; killed at the end."""
+    line = [*command("tachometer", served, folder, "--motors", "1", "--repeats", "1"), *changes]
+    if "--no-remote-cut" in changes:
+        at = line.index("--supply")
+        del line[at : at + 2]
+    with subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as wizard:
+        try:
+            until(lambda: turning(served.ready["bench"]["hands"]), PATIENCE_S)
+            yield wizard
+        finally:
+            wizard.kill()
+
+
+@pytest.mark.parametrize(("end", "within_s"), [(signal.SIGKILL, CUT_S), (signal.SIGSTOP, HANG_S + CUT_S)])
+def test_motors_lose_their_power_when_the_wizard_dies_or_hangs(
+    bench: Bench, tmp_path: Path, end: signal.Signals, within_s: float
+) -> None:
+    served = bench(pace=1)
+    hands = served.ready["bench"]["hands"]
+    with turning_wizard(served, tmp_path) as wizard:
+        before = spin_record(hands)["now"]
+        wizard.send_signal(end)
+        until(lambda: not turning(hands), PATIENCE_S)
+    last = spin_record(hands)["spins"][-1]
+    assert last["stopped"] - before < within_s, f"{last['stopped'] - before:.3f} s"
+
+
+def test_without_a_supply_they_run_on_as_the_operator_was_told(bench: Bench, tmp_path: Path) -> None:
+    served = bench(pace=1)
+    hands = served.ready["bench"]["hands"]
+    with turning_wizard(served, tmp_path, "--no-remote-cut", "--confirm", HAND_PHRASE) as wizard:
+        wizard.kill()
+        wizard.wait()
+        begin = spin_record(hands)["spins"][-1]["longest_silence"]
+        until(lambda: spin_record(hands)["spins"][-1]["longest_silence"] > begin + 3.0, PATIENCE_S)
+        assert turning(hands)
+
+
+@pytest.mark.parametrize(
+    ("further", "asked_for"),
+    [
+        (("--yes",), "--no-remote-cut"),
+        (("--yes", "--confirm", HAND_PHRASE), "--no-remote-cut"),
+        (("--yes", "--no-remote-cut"), f"--confirm '{HAND_PHRASE}'"),
+    ],
+)
+def test_a_battery_needs_the_flag_and_the_operators_word(
+    bench: Bench, tmp_path: Path, further: tuple[str, ...], asked_for: str
+) -> None:
+    served = bench()
+    line = command("tachometer", served, tmp_path)
+    at = line.index("--supply")
+    said = run([*line[:at], *line[at + 2 :], *further], expected=3)
+    assert asked_for in said["error"]
+    assert UNLOCK_PHRASE in line
+    assert spin_record(served.ready["bench"]["hands"])["spins"] == []
