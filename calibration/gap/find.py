@@ -10,19 +10,17 @@ from threadpoolctl import threadpool_limits
 
 from calibration.errors import CalibrationError
 from calibration.flights import Flight
-from calibration.gap.held_out import HeldOutFlights
-from calibration.gap.improved import improved_vehicle, provenance
-from calibration.gap.landing import LandingFindings, judge_landings
-from calibration.gap.landing import Verdict as LandingVerdict
-from calibration.gap.model import Model
-from calibration.gap.naming import FEWEST, Named, found_effects, name_effects
-from calibration.gap.nuisances import NUISANCES
-from calibration.gap.other_phases import landing_effects, landing_section, sensing_effects
-from calibration.gap.prediction import PredictionErrors, evaluate
-from calibration.gap.prediction.shown import prediction_gap
-from calibration.gap.prepare import Prepared
-from calibration.gap.record import FlightRecord
-from calibration.gap.refine import Training, training_set
+from calibration.gap.data import Prepared
+from calibration.gap.data.record import FlightRecord
+from calibration.gap.data.signals import CHANNELS, UNITS
+from calibration.gap.data.split import split_flights
+from calibration.gap.estimate.held_out import HeldOutFlights
+from calibration.gap.estimate.model import Model
+from calibration.gap.estimate.nuisances import NUISANCES
+from calibration.gap.estimate.refine import Training, training_set
+from calibration.gap.landings import LandingFindings, judge_landings
+from calibration.gap.landings import Verdict as LandingVerdict
+from calibration.gap.replay import PredictionErrors, evaluate
 from calibration.gap.report import (
     AmbiguousSet,
     FoundEffect,
@@ -32,12 +30,14 @@ from calibration.gap.report import (
     UnusableFile,
     Verdict,
 )
-from calibration.gap.search import LOG_TIMING, Progress, Search, search
-from calibration.gap.sensing import SensingFindings, apply_sensing, judge_sensing
-from calibration.gap.showing import figures, unexplained, where
-from calibration.gap.signals import CHANNELS, UNITS
-from calibration.gap.split import split_flights
-from calibration.gap.unlisted import map_of
+from calibration.gap.report.improved import improved_vehicle, provenance
+from calibration.gap.report.other_phases import landing_effects, landing_section, sensing_effects
+from calibration.gap.report.showing import figures, unexplained, where
+from calibration.gap.report.shown import prediction_gap
+from calibration.gap.search.forward import LOG_TIMING, Progress, Search, search
+from calibration.gap.search.naming import FEWEST, Named, found_effects, name_effects
+from calibration.gap.sensors import SensingFindings, apply_sensing, judge_sensing
+from calibration.gap.unnamed.unlisted import map_of
 from onboard.errors import InputError
 from onboard.vehicle import EFFECTS, Vehicle
 

@@ -12,8 +12,8 @@ from perchhw.cli.output import console, emit, progress_console
 
 if TYPE_CHECKING:
     from calibration.flights import Flight
-    from calibration.gap.prediction import PredictionErrors
-    from calibration.gap.prepare import Prepared
+    from calibration.gap.data import Prepared
+    from calibration.gap.replay import PredictionErrors
     from calibration.gap.report import GapReport
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help="Compare the model with measured flights.")
@@ -44,7 +44,7 @@ def evaluate(
     ] = 0.0,
 ) -> None:
     """How well a model predicts flights: mean errors by horizon, and what no model could beat."""
-    from calibration.gap.prediction import evaluate as predict
+    from calibration.gap.replay import evaluate as predict
     from onboard.vehicle import load_vehicle
 
     seconds = _seconds(horizons)
@@ -74,8 +74,8 @@ def find(
 ) -> None:
     """Find where model and flights disagree, name what is missing, and write the improved vehicle file."""
     from calibration.gap.find import Question, find_gap
-    from calibration.gap.improved import write_vehicle
     from calibration.gap.report import UnusableFile, write_report
+    from calibration.gap.report.improved import write_vehicle
     from onboard.vehicle import load_vehicle
 
     model = load_vehicle(vehicle, legs=legs)
@@ -118,7 +118,7 @@ def records_of(flights: list["Flight"], unusable: list[dict[str, str]]) -> "Prep
     Raises:
         InputError: not one flight is usable; says why.
     """
-    from calibration.gap.prepare import prepare_flights
+    from calibration.gap.data import prepare_flights
     from onboard.errors import InputError
 
     prepared = prepare_flights(flights)

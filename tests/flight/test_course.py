@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calibration.flights import open_flight
-from calibration.gap.prepare import prepare_flights
+from calibration.gap.data import prepare_flights
 from calibration.gap.suggest.manoeuvres import manoeuvre
 from onboard.errors import InputError
 from onboard.room import RoomGeometry

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from calibration.flights import Flight, open_flight, open_flights
-from calibration.gap.landing import LandingFindings, Verdict, judge_landings
-from calibration.gap.landing.choose import at_bound
-from calibration.gap.landing.flip import flip_residual
-from calibration.gap.landing.kernels import COLUMNS, POSITION, fly
-from calibration.gap.landing.problem import Solver, pose_problems
-from calibration.gap.landing.search import HIGHEST, NOMINAL, Theta, apply
-from calibration.gap.landing.segments import LandingSegment, landing_of
-from calibration.gap.other_phases import landing_section
+from calibration.gap.landings import LandingFindings, Verdict, judge_landings
+from calibration.gap.landings.choose import at_bound
+from calibration.gap.landings.flip import flip_residual
+from calibration.gap.landings.kernels import COLUMNS, POSITION, fly
+from calibration.gap.landings.problem import Solver, pose_problems
+from calibration.gap.landings.search import HIGHEST, NOMINAL, Theta, apply
+from calibration.gap.landings.segments import LandingSegment, landing_of
+from calibration.gap.report.other_phases import landing_section
 from onboard.room import RoomGeometry
 from onboard.vehicle import Vehicle, load_vehicle
 from sim_backend.physics.parameters import physics_parameters

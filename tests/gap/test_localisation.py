@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from calibration.gap.localisation import (
+from calibration.gap.unnamed import (
     BY_NAME,
     Finding,
     IntervalTerm,
@@ -15,7 +15,7 @@ from calibration.gap.localisation import (
     structured,
     unnamed_terms,
 )
-from calibration.gap.localisation.terms import as_signals
+from calibration.gap.unnamed.terms import as_signals
 from onboard.vehicle import load_vehicle
 from tests.gap.disturbed_motion import DT, SHAPES, Flights, disturbed_flights
 

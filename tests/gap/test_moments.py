@@ -6,11 +6,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from calibration.gap.candidates import candidates
-from calibration.gap.model import Model, Variable
-from calibration.gap.moments import Moments
-from calibration.gap.record import FlightRecord
-from calibration.gap.signals import FORCE, stack_signals
+from calibration.gap.data.record import FlightRecord
+from calibration.gap.data.signals import FORCE, stack_signals
+from calibration.gap.estimate.model import Model, Variable
+from calibration.gap.search.candidates import candidates
+from calibration.gap.search.moments import Moments
 from onboard.vehicle import load_vehicle
 from tests.gap.simulated_flight import circle, fly, up_and_down
 

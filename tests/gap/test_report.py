@@ -11,14 +11,7 @@ import numpy as np
 import pytest
 
 from calibration.errors import CalibrationError
-from calibration.gap.prediction import evaluate, fly_again
-from calibration.gap.prediction.shown import (
-    channel_bars,
-    closed_loop_trace,
-    horizon_curves,
-    phase_bars,
-    prediction_gap,
-)
+from calibration.gap.replay import evaluate, fly_again
 from calibration.gap.report import (
     AmbiguousSet,
     Flips,
@@ -42,6 +35,13 @@ from calibration.gap.report import (
 )
 from calibration.gap.report.document import leaves
 from calibration.gap.report.drawings import quantile_bands
+from calibration.gap.report.shown import (
+    channel_bars,
+    closed_loop_trace,
+    horizon_curves,
+    phase_bars,
+    prediction_gap,
+)
 from calibration.gap.report.words import number
 from calibration.gap.report.writing import ReportFolderError
 from onboard.vehicle import load_vehicle

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from calibration.flights import open_flights
-from calibration.gap.model import Model
-from calibration.gap.naming import Named, name_effects
-from calibration.gap.prepare import prepare_flights
-from calibration.gap.refine import training_set
-from calibration.gap.search import Search, search
+from calibration.gap.data import prepare_flights
+from calibration.gap.estimate.model import Model
+from calibration.gap.estimate.refine import training_set
+from calibration.gap.search.forward import Search, search
+from calibration.gap.search.naming import Named, name_effects
 from onboard.vehicle import load_vehicle
 from tests.gap.truth.campaign import make_flights
 

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from calibration.gap.model import Model, Variable
-from calibration.gap.signals import FORCE, TORQUE, VOLTAGE, Signals, stack_signals
+from calibration.gap.data.signals import FORCE, TORQUE, VOLTAGE, Signals, stack_signals
+from calibration.gap.estimate.model import Model, Variable
 from onboard.quantity import Quantity
 from onboard.vehicle import EFFECTS, Effect, Vehicle, load_vehicle
 from tests.gap.simulated_flight import circle, fly, up_and_down

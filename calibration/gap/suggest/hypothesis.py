@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.gap.candidates import candidates
-from calibration.gap.model import Model
-from calibration.gap.record import FlightRecord
-from calibration.gap.signals import VOLTAGE
+from calibration.gap.data.record import FlightRecord
+from calibration.gap.data.signals import VOLTAGE
+from calibration.gap.estimate.model import Model
+from calibration.gap.search.candidates import candidates
 from calibration.gap.suggest.course import RATE
 from calibration.gap.suggest.sensing import SENSING, imu_against_pose
 from onboard.arrays import FloatArray

@@ -2,7 +2,7 @@
 
 What counts is the gyro from the flip on. The start is uncertain, and one effect may fit it better than
 another: both are refitted. A landing that goes its own way counts by what came before (Lorentz, or Cauchy,
-as in :mod:`calibration.gap.landing.kernels`).
+as in :mod:`calibration.gap.landings.kernels`).
 """
 
 import math
@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from calibration.gap.landing.kernels import C2, COLUMNS, OMEGA, QUATERNION, fly
+from calibration.gap.landings.kernels import C2, COLUMNS, OMEGA, QUATERNION, fly
 from calibration.gap.suggest.hypothesis import Hypothesis, only
 from calibration.gap.suggest.separation import Separation
 from onboard.arrays import FloatArray

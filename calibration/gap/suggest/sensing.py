@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from calibration.gap.record import FlightRecord
+from calibration.gap.data.record import FlightRecord
 from onboard.arrays import FloatArray
 from onboard.gravity import GRAVITY
 from onboard.vehicle import Vehicle

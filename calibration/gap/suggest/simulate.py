@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from calibration.gap.prediction.kernels import keep
-from calibration.gap.record import FlightRecord
+from calibration.gap.data.record import FlightRecord
+from calibration.gap.replay.kernels import keep
 from calibration.gap.suggest.course import RATE, Course
 from onboard.arrays import FloatArray
 from onboard.battery import duty_for_thrust

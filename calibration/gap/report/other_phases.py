@@ -1,0 +1,78 @@
+"""Effects that are not found in the air: of the sensors, and of legs and feet at landings."""
+
+import math
+from collections.abc import Sequence
+
+from calibration.gap.landings import Finding, LandingFindings
+from calibration.gap.report import Flips, FoundEffect, FoundParameter, Landings, UnusableFile
+from calibration.gap.report.improved import separations
+from calibration.gap.sensors import SensingEffect
+from onboard.vehicle import EFFECTS, Vehicle
+
+
+def sensing_effects(effects: Sequence[SensingEffect]) -> list[FoundEffect]:
+    """Effects of the sensors as the report has them."""
+    return [
+        FoundEffect(
+            name=effect.name,
+            parameters={
+                key: FoundParameter(
+                    value=value, unit=EFFECTS[effect.name].parameters[key].unit, ci95=effect.intervals[key]
+                )
+                for key, value in effect.values.items()
+            },
+            error_before=effect.error_before,
+            error_after=effect.error_after,
+            improvement_ci95=effect.improvement_ci95,
+            metric=f"{effect.metric}, {effect.unit}",
+        )
+        for effect in effects
+    ]
+
+
+def landing_effects(findings: Sequence[Finding], vehicle: Vehicle) -> list[FoundEffect]:
+    """Effects of legs and feet as the report has them; a factor multiplies that of the vehicle file."""
+    filed = {effect.name: effect.values() for effect in vehicle.effects}
+    effects = []
+    for finding in findings:
+        parameters = {}
+        for key, (value, (low, high)) in finding.parameters.items():
+            factor = filed.get(finding.effect, {}).get(key, 1.0) if key == "scale" else 1.0
+            parameters[key] = FoundParameter(
+                value=factor * value,
+                unit=EFFECTS[finding.effect].parameters[key].unit,
+                ci95=(factor * low, factor * high),
+                at_bound=key in finding.at_bound,
+            )
+        effects.append(
+            FoundEffect(
+                name=finding.effect,
+                parameters=parameters,
+                error_before=finding.error_before,
+                error_after=finding.error_after,
+                improvement_ci95=finding.improvement_ci95,
+                ambiguous_with=finding.ambiguous_with,
+                separated_by=separations([finding.effect, *finding.ambiguous_with]),
+                metric="pitch and roll rate in the 0.3 s after contact, median over landings, rad/s",
+            )
+        )
+    return effects
+
+
+def landing_section(found: LandingFindings) -> Landings:
+    """Which landings could be judged and which were refused, as the report has it."""
+    flip, misfit = found.flip, found.misfit
+    return Landings(
+        usable=found.usable,
+        refused=tuple(UnusableFile(file=item.name, reason=item.reason) for item in found.unused),
+        misfit=misfit if misfit is not None and math.isfinite(misfit) else None,
+        flips=None
+        if flip is None
+        else Flips(
+            flights=flip.flights,
+            samples=flip.samples,
+            mean=flip.mean,
+            rms=flip.rms,
+            judgement=flip.judgement,
+        ),
+    )
