@@ -30,12 +30,12 @@ from calibration.gap.report import (
     UnusableFile,
     Verdict,
 )
-from calibration.gap.report.improved import improved_vehicle, provenance
-from calibration.gap.report.other_phases import landing_effects, landing_section, sensing_effects
+from calibration.gap.report.effects import found_effects, landing_effects, landing_section, sensing_effects
+from calibration.gap.report.improved_vehicle import improved_vehicle, provenance
 from calibration.gap.report.showing import figures, unexplained, where
 from calibration.gap.report.shown import prediction_gap
 from calibration.gap.search.forward import LOG_TIMING, Progress, Search, search
-from calibration.gap.search.naming import FEWEST, Named, found_effects, name_effects
+from calibration.gap.search.naming import FEWEST, Named, name_effects
 from calibration.gap.sensors import SensingFindings, apply_sensing, judge_sensing
 from calibration.gap.unnamed.unlisted import map_of
 from onboard.errors import InputError

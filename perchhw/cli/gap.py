@@ -75,7 +75,7 @@ def find(
     """Find where model and flights disagree, name what is missing, and write the improved vehicle file."""
     from calibration.gap.find import Question, find_gap
     from calibration.gap.report import UnusableFile, write_report
-    from calibration.gap.report.improved import write_vehicle
+    from calibration.gap.report.improved_vehicle import write_vehicle
     from onboard.vehicle import load_vehicle
 
     model = load_vehicle(vehicle, legs=legs)

@@ -8,7 +8,7 @@ from calibration.flights import Flight, flight_files, open_flight
 from calibration.gap.data import prepare_flights
 from calibration.gap.find import Question, find_gap
 from calibration.gap.report import UnusableFile, write_report
-from calibration.gap.report.improved import write_vehicle
+from calibration.gap.report.improved_vehicle import write_vehicle
 from onboard.errors import InputError
 from onboard.room import RoomGeometry
 from onboard.vehicle import load_vehicle

@@ -17,7 +17,7 @@ from calibration.gap.landings.kernels import COLUMNS, POSITION, fly
 from calibration.gap.landings.problem import Solver, pose_problems
 from calibration.gap.landings.search import HIGHEST, NOMINAL, Theta, apply
 from calibration.gap.landings.segments import LandingSegment, landing_of
-from calibration.gap.report.other_phases import landing_section
+from calibration.gap.report.effects import landing_section
 from onboard.room import RoomGeometry
 from onboard.vehicle import Vehicle, load_vehicle
 from sim_backend.physics.parameters import physics_parameters

@@ -8,7 +8,6 @@ from functools import cached_property
 import numpy as np
 
 from calibration.gap.data.record import FlightRecord
-from calibration.gap.replay.teacher import Prediction
 from onboard.arrays import BoolArray, FloatArray
 
 CHANNELS = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z", "voltage")
@@ -83,23 +82,6 @@ def stack_signals(records: Sequence[FlightRecord]) -> Signals:
         bounds=np.concatenate([[0], np.cumsum(sizes)]),
         dt=float(np.median([record.dt for record in records])),
     )
-
-
-def stack_predictions(predictions: Sequence[Prediction], voltages: Sequence[FloatArray]) -> FloatArray:
-    """Predicted signals, shape (n, 7), stacked as :func:`stack_signals`.
-
-    Args:
-        predictions: one per flight.
-        voltages: V, predicted at the terminals, shape (n,) per flight.
-    """
-    parts = []
-    for prediction, voltage in zip(predictions, voltages, strict=True):
-        part = np.zeros((voltage.size, len(CHANNELS)))
-        part[:, FORCE] = prediction.force
-        part[:-1, TORQUE] = prediction.angular_acceleration
-        part[:, VOLTAGE] = voltage
-        parts.append(part)
-    return np.vstack(parts)
 
 
 def _measured(record: FlightRecord) -> FloatArray:

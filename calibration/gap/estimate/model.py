@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from calibration.gap.data.record import FlightRecord
-from calibration.gap.data.signals import VOLTAGE, stack_predictions
+from calibration.gap.data.signals import CHANNELS, FORCE, TORQUE, VOLTAGE
 from calibration.gap.replay.teacher import Prediction, teacher_forced
 from onboard.arrays import FloatArray
 from onboard.quantity import Quantity
@@ -167,3 +167,20 @@ def terminal_voltage(p: Any, prediction: Prediction) -> FloatArray:
     """Battery voltage (V) by the vehicle's battery model, shape (n,), from full at the first sample."""
     fallen = p["open_circuit_slope"] * prediction.charge / p["battery_capacity"]
     return np.asarray(p["open_circuit_full"] - fallen - p["battery_resistance"] * prediction.current)
+
+
+def stack_predictions(predictions: Sequence[Prediction], voltages: Sequence[FloatArray]) -> FloatArray:
+    """Predicted signals, shape (n, 7), stacked as :func:`~calibration.gap.data.signals.stack_signals`.
+
+    Args:
+        predictions: one per flight.
+        voltages: V, predicted at the terminals, shape (n,) per flight.
+    """
+    parts = []
+    for prediction, voltage in zip(predictions, voltages, strict=True):
+        part = np.zeros((voltage.size, len(CHANNELS)))
+        part[:, FORCE] = prediction.force
+        part[:-1, TORQUE] = prediction.angular_acceleration
+        part[:, VOLTAGE] = voltage
+        parts.append(part)
+    return np.vstack(parts)

@@ -12,7 +12,7 @@ from calibration.gap.data.split import FEW, folds
 from calibration.gap.estimate.mixed import FIRST_SPREAD, Prior, held_out_likelihood
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.regression import Estimate, Noise, Regression
-from calibration.gap.unnamed import UnnamedTerm
+from calibration.gap.estimate.term import UnnamedTerm
 from onboard.arrays import FloatArray
 
 _ENOUGH = 0.1

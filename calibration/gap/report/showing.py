@@ -9,7 +9,8 @@ from calibration.gap.data.signals import CHANNELS, UNITS
 from calibration.gap.estimate.model import Model
 from calibration.gap.estimate.refine import Training
 from calibration.gap.replay import PredictionErrors, fly_again
-from calibration.gap.report import ClosedLoopTrace, HeatMap, ReportFigures, ResidualCloud, Unexplained, Where
+from calibration.gap.report.document import Unexplained, Where
+from calibration.gap.report.figures_data import ClosedLoopTrace, HeatMap, ReportFigures, ResidualCloud
 from calibration.gap.report.shown import channel_bars, closed_loop_trace, horizon_curves, phase_bars
 from calibration.gap.search.forward import Search
 from calibration.gap.search.naming import Named

@@ -8,11 +8,8 @@ import numpy as np
 
 from calibration.gap.data.excitation import excited
 from calibration.gap.estimate.acceptance import clustered_errors, drifts, sizeable, stuck
-from calibration.gap.estimate.held_out import HeldOutFlights, improvement
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training
-from calibration.gap.report import FoundEffect, FoundParameter
-from calibration.gap.report.improved import NINETY_FIVE, separations
 from calibration.gap.search.exchange import needed
 from calibration.gap.search.forward import AT_BOUND, DRIFTS, LOG_TIMING, Search
 from onboard.vehicle import EFFECTS
@@ -115,39 +112,3 @@ def _small(values: Mapping[Variable, float]) -> str:
         f"{v.parameter} = {x:.3g} {EFFECTS[v.effect].parameters[v.parameter].unit}" for v, x in values.items()
     )
     return f"real, but too small to matter ({told})"
-
-
-def found_effects(names: Named, flights: HeldOutFlights, rng: np.random.Generator) -> list[FoundEffect]:
-    """Effects as the report has them, with what each does for flights that no fit saw."""
-    stages = list(names.models().values())
-    errors = [flights.errors(model) for model in stages]
-    effects = []
-    for index, name in enumerate(names.effects):
-        gain = improvement(errors[index], errors[index + 1], rng)
-        rivals = names.ambiguous.get(name, ())
-        effects.append(
-            FoundEffect(
-                name=name,
-                parameters=_parameters(name, names),
-                error_before=gain.before,
-                error_after=gain.after,
-                improvement_ci95=gain.interval,
-                ambiguous_with=rivals,
-                separated_by=separations([name, *rivals]) if rivals else "",
-                metric=f"{gain.channel} residual, means of 0.1 s, {gain.unit}",
-            )
-        )
-    return effects
-
-
-def _parameters(name: str, names: Named) -> dict[str, FoundParameter]:
-    parameters = {}
-    for v, value in names.model.values.items():
-        if v.effect == name:
-            half = NINETY_FIVE * names.errors.get(v, 0.0)
-            parameters[v.parameter] = FoundParameter(
-                value=value,
-                unit=EFFECTS[name].parameters[v.parameter].unit,
-                ci95=(value - half, value + half),
-            )
-    return parameters

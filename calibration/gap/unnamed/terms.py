@@ -4,7 +4,6 @@ They stand beside the named effects in the regression, as columns of the signals
 something that a plain range or a line explains better.
 """
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,33 +11,10 @@ import numpy as np
 from calibration.gap.data.channels import Channel
 from calibration.gap.data.signals import CHANNELS as SIGNALS
 from calibration.gap.data.signals import FORCE, Signals
+from calibration.gap.estimate.term import UnnamedTerm
 from calibration.gap.unnamed.regressors import Regressor
 from onboard.arrays import FloatArray
 from onboard.vehicle import Vehicle
-
-
-@dataclass(frozen=True)
-class UnnamedTerm(ABC):
-    """Something that no named effect describes, linear in its values.
-
-    Attributes:
-        channel: where it acts.
-        regressor: name of what it goes with; "time" for a line.
-        columns: signals per unit of each value (m/s2, rad/s2 or V), shape (n, 7) each.
-    """
-
-    channel: Channel
-    regressor: str
-    columns: tuple[FloatArray, ...]
-
-    @abstractmethod
-    def formula(self, values: FloatArray, vehicle: Vehicle) -> str:
-        """The term in words, with numbers.
-
-        Args:
-            values: fitted, one per column.
-            vehicle: whose mass and inertia turn accelerations into forces and torques.
-        """
 
 
 @dataclass(frozen=True)

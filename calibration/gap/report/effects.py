@@ -1,13 +1,55 @@
-"""Effects that are not found in the air: of the sensors, and of legs and feet at landings."""
+"""Every effect as the report has it: found in the air, in the sensors, and in legs and feet at landings."""
 
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
+from calibration.gap.estimate.held_out import HeldOutFlights, improvement
 from calibration.gap.landings import Finding, LandingFindings
-from calibration.gap.report import Flips, FoundEffect, FoundParameter, Landings, UnusableFile
-from calibration.gap.report.improved import separations
+from calibration.gap.report.document import Flips, FoundEffect, FoundParameter, Landings, UnusableFile
+from calibration.gap.search.naming import Named
 from calibration.gap.sensors import SensingEffect
 from onboard.vehicle import EFFECTS, Vehicle
+
+NINETY_FIVE = 1.96
+"""Standard errors to either side of a 95 % interval."""
+
+
+def found_effects(names: Named, flights: HeldOutFlights, rng: np.random.Generator) -> list[FoundEffect]:
+    """Effects as the report has them, with what each does for flights that no fit saw."""
+    stages = list(names.models().values())
+    errors = [flights.errors(model) for model in stages]
+    effects = []
+    for index, name in enumerate(names.effects):
+        gain = improvement(errors[index], errors[index + 1], rng)
+        rivals = names.ambiguous.get(name, ())
+        effects.append(
+            FoundEffect(
+                name=name,
+                parameters=_parameters(name, names),
+                error_before=gain.before,
+                error_after=gain.after,
+                improvement_ci95=gain.interval,
+                ambiguous_with=rivals,
+                separated_by=separations([name, *rivals]) if rivals else "",
+                metric=f"{gain.channel} residual, means of 0.1 s, {gain.unit}",
+            )
+        )
+    return effects
+
+
+def _parameters(name: str, names: Named) -> dict[str, FoundParameter]:
+    parameters = {}
+    for v, value in names.model.values.items():
+        if v.effect == name:
+            half = NINETY_FIVE * names.errors.get(v, 0.0)
+            parameters[v.parameter] = FoundParameter(
+                value=value,
+                unit=EFFECTS[name].parameters[v.parameter].unit,
+                ci95=(value - half, value + half),
+            )
+    return parameters
 
 
 def sensing_effects(effects: Sequence[SensingEffect]) -> list[FoundEffect]:
@@ -76,3 +118,8 @@ def landing_section(found: LandingFindings) -> Landings:
             judgement=flip.judgement,
         ),
     )
+
+
+def separations(names: Sequence[str]) -> str:
+    """What a flight must do to tell effects apart, in words."""
+    return "; ".join(f"{name}: {EFFECTS[name].revealed_by}" for name in names)

@@ -4,14 +4,12 @@ import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
-from calibration.gap.report import FoundEffect
+from calibration.gap.report.document import FoundEffect
+from calibration.gap.report.effects import NINETY_FIVE
 from onboard.quantity import Quantity
-from onboard.vehicle import EFFECTS, Effect, Vehicle, vehicle_to_toml
+from onboard.vehicle import Effect, Vehicle, vehicle_to_toml
 
 VEHICLE_FILE = "vehicle.toml"
-
-NINETY_FIVE = 1.96
-"""Standard errors to either side of a 95 % interval."""
 
 
 def improved_vehicle(vehicle: Vehicle, effects: Sequence[FoundEffect], source: str) -> Vehicle:
@@ -47,8 +45,3 @@ def write_vehicle(vehicle: Vehicle, folder: Path) -> Path:
     file = folder / VEHICLE_FILE
     file.write_text(vehicle_to_toml(vehicle), encoding="utf-8")
     return file
-
-
-def separations(names: Sequence[str]) -> str:
-    """What a flight must do to tell effects apart, in words."""
-    return "; ".join(f"{name}: {EFFECTS[name].revealed_by}" for name in names)
