@@ -43,7 +43,7 @@ def suggest_command(
     from calibration.gap.suggest.ambiguous import read_questions
     from calibration.gap.suggest.campaign_file import flights_file, landings_file
     from calibration.gap.suggest.choose import Search
-    from calibration.gap.suggest.manoeuvres import MANOEUVRES
+    from onboard.manoeuvres import MANOEUVRES
     from onboard.room import RoomGeometry
     from onboard.vehicle import load_vehicle
 

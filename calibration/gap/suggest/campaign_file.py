@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from calibration.gap.suggest.choose import Suggestion
 from calibration.gap.suggest.landings import ANGLES_DEG, LANDINGS, SPEEDS
-from calibration.gap.suggest.manoeuvres import MANOEUVRES
+from onboard.manoeuvres import MANOEUVRES
 from onboard.room import RoomGeometry
 
 

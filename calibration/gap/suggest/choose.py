@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.gap.suggest.ambiguous import OpenQuestions
-from calibration.gap.suggest.course import CourseDoesNotFit
 from calibration.gap.suggest.landings import LANDINGS, landing_separation
-from calibration.gap.suggest.manoeuvres import MANOEUVRES, manoeuvre
 from calibration.gap.suggest.measurements import measurement_for
 from calibration.gap.suggest.separation import Separation, separation
+from onboard.manoeuvres import MANOEUVRES, CourseDoesNotFit, manoeuvre
 from onboard.room import RoomGeometry
 from onboard.vehicle import EFFECTS, Vehicle
 from onboard.vehicle.effects import Domain

@@ -13,7 +13,6 @@ import numpy as np
 
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.replay.kernels import keep
-from calibration.gap.suggest.course import RATE, Course
 from onboard.arrays import FloatArray
 from onboard.battery import duty_for_thrust
 from onboard.controller import (
@@ -22,6 +21,7 @@ from onboard.controller import (
     geometric_control,
     integrate_position_error,
 )
+from onboard.manoeuvres.course import RATE, Course
 from onboard.mixer import mix
 from onboard.room import RoomGeometry
 from onboard.rotation import from_yaw

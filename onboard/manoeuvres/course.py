@@ -11,9 +11,8 @@ from typing import Self
 
 import numpy as np
 
-from calibration.errors import CalibrationError
 from onboard.arrays import FloatArray, Vector
-from onboard.errors import InputError
+from onboard.errors import InputError, OnboardError
 from onboard.room import RoomGeometry
 
 RATE = 100
@@ -29,7 +28,7 @@ NEAREST_CEILING = 0.03
 """m from the body's origin to the ceiling: the propellers stay clear of it."""
 
 
-class CourseError(CalibrationError, InputError):
+class CourseError(OnboardError, InputError):
     """A course that cannot be flown, and why."""
 
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.gap.suggest.course import Course, CourseBuilder, CourseDoesNotFit, CourseError
 from onboard.arrays import FloatArray, Vector
+from onboard.manoeuvres.course import Course, CourseBuilder, CourseDoesNotFit, CourseError
 from onboard.room import RoomGeometry
 
 Values = Mapping[str, float]
