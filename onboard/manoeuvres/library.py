@@ -56,14 +56,14 @@ class Manoeuvre:
         """All parameters."""
         return {**PLACE, **self.parameters}
 
-    def values(self, given: Values) -> dict[str, float]:
-        """Every parameter, those that are not given at their usual value.
+    def values(self, chosen: Values) -> dict[str, float]:
+        """Every parameter, those that are not chosen at their usual value.
 
         Raises:
             CourseError: unknown, or out of bounds.
         """
         values = {name: rule.usual for name, rule in self.rules.items()}
-        for name, value in given.items():
+        for name, value in chosen.items():
             if name not in values:
                 raise CourseError(f"{self.kind}: {name} is unknown; known are {', '.join(values)}")
             rule = self.rules[name]
@@ -74,14 +74,14 @@ class Manoeuvre:
             values[name] = float(value)
         return values
 
-    def course(self, given: Values, room: RoomGeometry) -> Course:
+    def course(self, chosen: Values, room: RoomGeometry) -> Course:
         """The course in a room.
 
         Raises:
             CourseDoesNotFit: it does not fit the room.
             CourseError: a parameter cannot be used.
         """
-        values = self.values(given)
+        values = self.values(chosen)
         builder = CourseBuilder((values["x"], values["y"], values["height"]))
         self.fly(builder, values, room)
         course = builder.build()

@@ -23,7 +23,6 @@ from calibration.gap.report import (
     HorizonCurves,
     Landings,
     Levels,
-    Lines,
     Rejected,
     ReportFigures,
     ResidualCloud,
@@ -35,7 +34,7 @@ from calibration.gap.report import (
 )
 from calibration.gap.report.document import leaves
 from calibration.gap.report.drawings import quantile_bands
-from calibration.gap.report.shown import (
+from calibration.gap.report.prediction_figures import (
     channel_bars,
     closed_loop_trace,
     horizon_curves,
@@ -148,15 +147,6 @@ def figures() -> ReportFigures:
                 after=noise,
             ),
         ),
-        lines=(
-            Lines(
-                title="Spectrum <line>",
-                meaning="A line at 7.5 Hz.",
-                x_label="Hz",
-                y_label="power",
-                curves={"torque_y": (np.arange(9.0), np.ones(9))},
-            ),
-        ),
     )
 
 
@@ -209,7 +199,7 @@ def test_the_page_loads_nothing_and_draws_everything(tmp_path: Path) -> None:
     path = write_report(report(), tmp_path, figures())
     page = Page(path)
     assert_self_contained(page, tmp_path)
-    assert page.svgs == 4
+    assert page.svgs == 3
     text = path.read_text()
     assert "url(http" not in text
     assert "<script" not in text
@@ -289,7 +279,7 @@ def test_predictions_of_one_model_after_the_other_fill_the_report(tmp_path: Path
     position = drawn.horizons[0].stages
     assert position["before"][-1] > position["+ thrust scale"][-1] > position["+ rotor drag"][-1]
     page = Page(write_report(report(gap=gap), tmp_path, drawn))
-    assert page.svgs == 4
+    assert page.svgs == 3
     assert "laps" in page.text
 
 

@@ -58,7 +58,7 @@ def test_nothing_is_named_where_nothing_is_hidden(tmp_path: Path) -> None:
 @pytest.mark.soak
 def test_a_line_has_a_phase_of_its_own_on_each_flight_and_is_found(tmp_path: Path) -> None:
     found, names, sealed = searched("unlisted_torque_line", "strong", 7, tmp_path)
-    line = found.unlisted[0].finding.line
+    line = found.unnamed[0].structure.line
     assert line is not None
     assert line.channel.name == sealed["unlisted"]["channel"]
     assert line.frequency == pytest.approx(sealed["unlisted"]["frequency_hz"], abs=0.02)

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calibration.gap.suggest.ambiguous import GapReportError, OpenQuestions, read_questions
-from calibration.gap.suggest.choose import Search
 from calibration.gap.suggest.hypothesis import Hypothesis
-from calibration.gap.suggest.landings import landing_separation
+from calibration.gap.suggest.landing_separation import landing_separation
+from calibration.gap.suggest.open_questions import GapReportError, OpenQuestions, read_questions
 from calibration.gap.suggest.separation import separation
 from calibration.gap.suggest.simulate import fly_course
 from calibration.gap.suggest.spectra import noise_spectra, weighed
+from calibration.gap.suggest.suggestions import Suggester
 from onboard.manoeuvres import MANOEUVRES, manoeuvre
 from onboard.room import RoomGeometry
 from onboard.vehicle import load_vehicle
@@ -139,7 +139,7 @@ def test_a_file_that_is_no_report_is_refused(text: str, message: str, tmp_path: 
 def test_a_question_that_no_flight_answers_gets_its_measurement(tmp_path: Path) -> None:
     path = report(tmp_path)
     kinds = ("thrust_steps", "circles", "tour")
-    search = Search(VEHICLE, RoomGeometry(x_min=-3.5, x_max=-1.5), kinds=kinds)
+    search = Suggester(VEHICLE, RoomGeometry(x_min=-3.5, x_max=-1.5), kinds=kinds)
     mass, legs, delay = search.suggest(read_questions(path))
     assert mass.flight is None
     assert "weigh" in str(mass.advice)
@@ -153,7 +153,7 @@ def test_a_question_that_no_flight_answers_gets_its_measurement(tmp_path: Path) 
 
 def test_of_two_effects_of_which_one_contains_the_other_the_simpler_is_kept() -> None:
     questions = OpenQuestions((), (("motor_imbalance", "thrust_scale"),))
-    (suggestion,) = Search(VEHICLE, ROOM, kinds=("thrust_steps",)).suggest(questions)
+    (suggestion,) = Suggester(VEHICLE, ROOM, kinds=("thrust_steps",)).suggest(questions)
     assert suggestion.flight is None
     assert "keep thrust_scale" in str(suggestion.advice)
 

@@ -1,7 +1,6 @@
 """From flights as they were logged to records that can be analysed; rules in ``docs/gap_data.md``."""
 
-from calibration.gap.data.prepare import prepare_flight, prepare_flights
-from calibration.gap.data.result import Prepared, Refusal
+from calibration.gap.data.prepare import Prepared, Refusal, prepare_flight, prepare_flights
 from calibration.gap.data.velocity import differentiate
 
 __all__ = [

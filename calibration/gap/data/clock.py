@@ -3,7 +3,7 @@
 import numpy as np
 
 from calibration.flights.flight import Flight, UnusableFlightError
-from calibration.gap.data.grid import Samples
+from calibration.gap.data.samples import Samples
 
 _LONGEST_BREAK_S = 60.0
 _STANDING_SHARE = 0.6

@@ -5,11 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.flights.flight import POSE_CHANNELS, Flight, UnusableFlightError
-from calibration.gap.data.attitude import continuous_quaternions
 from calibration.gap.data.clock import check_clock
-from calibration.gap.data.grid import Samples, check_rate
+from calibration.gap.data.quaternions import continuous_quaternions
 from calibration.gap.data.radio import Received, received
-from calibration.gap.data.sources import samples_of
+from calibration.gap.data.samples import Samples, check_rate, samples_of
 
 FULL_SCALE = 65535.0
 """PWM of full voltage."""
@@ -21,7 +20,7 @@ _ACCELEROMETER_RESOLUTION = 1e-4  # m/s2
 
 
 @dataclass(frozen=True)
-class Signals:
+class LoggedSignals:
     """What a flight holds.
 
     Attributes:
@@ -41,7 +40,7 @@ class Signals:
     notes: tuple[str, ...]
 
 
-def read_signals(flight: Flight) -> Signals:
+def read_signals(flight: Flight) -> LoggedSignals:
     """The signals of `flight`.
 
     Raises:
@@ -55,7 +54,7 @@ def read_signals(flight: Flight) -> Signals:
     check_rate(flight, gyro, "gyro")
     motors, clipped = _motors(flight)
     accelerometer = samples_of(flight, "ax", "ay", "az", clock="acceleration_drone_time")
-    measured = Signals(
+    measured = LoggedSignals(
         pose=pose,
         gyro=_measured(flight, "gyro", received(gyro, _GYRO_RESOLUTION)),
         motors=motors,
@@ -95,7 +94,7 @@ def _motors(flight: Flight) -> tuple[Received, int]:
     return Received(Samples(signal.samples.t, clipped), signal.lost_s, signal.dead_s), count
 
 
-def _notes(signals: Signals, clipped: int) -> tuple[str, ...]:
+def _notes(signals: LoggedSignals, clipped: int) -> tuple[str, ...]:
     notes = []
     if clipped:
         notes.append(f"{clipped} motor commands beyond 0..65535 clipped")

@@ -3,7 +3,7 @@
 import numpy as np
 
 from calibration.flights.flight import Flight, UnusableFlightError
-from calibration.gap.data.sources import samples_of
+from calibration.gap.data.samples import samples_of
 from onboard.arrays import BoolArray, FloatArray
 
 AIRBORNE_PWM = 8000.0

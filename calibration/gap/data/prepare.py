@@ -1,18 +1,42 @@
 """Make the record of a flight, or say why it cannot be used."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
 
 from calibration.flights.flight import Flight, UnusableFlightError
-from calibration.gap.data.attitude import continuous_quaternions
 from calibration.gap.data.duplicates import duplicate_of
-from calibration.gap.data.grid import resample, uniform_grid
-from calibration.gap.data.limits import limitations
+from calibration.gap.data.limitations import limitations
 from calibration.gap.data.logged import FULL_SCALE, read_signals
 from calibration.gap.data.phases import LEAST_FLYING_S, free_flight, resting
+from calibration.gap.data.quaternions import continuous_quaternions
 from calibration.gap.data.record import FlightRecord
-from calibration.gap.data.result import Prepared, Refusal
+from calibration.gap.data.samples import resample, uniform_grid
 from calibration.gap.data.shapes import shapes_of
 from calibration.gap.data.velocity import differentiate
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """A flight that is not used, and why."""
+
+    file: Path
+    reason: str
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Flights that can be analysed.
+
+    Attributes:
+        records: usable flights, in the order given.
+        refused: flights that are not used, each with the reason.
+        limitations: what cannot be concluded from these flights, in words.
+    """
+
+    records: tuple[FlightRecord, ...]
+    refused: tuple[Refusal, ...]
+    limitations: tuple[str, ...]
 
 
 def prepare_flights(flights: Sequence[Flight]) -> Prepared:

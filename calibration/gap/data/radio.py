@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.gap.data.grid import Samples
+from calibration.gap.data.samples import Samples
 from onboard.arrays import BoolArray
 
 _LEAST_STRAIGHT = 4  # samples on one line, which are 5 intervals between measured ones

@@ -10,7 +10,7 @@ import numpy as np
 
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.signals import CHANNELS, FORCE, TORQUE, VOLTAGE
-from calibration.gap.replay.teacher import Prediction, teacher_forced
+from calibration.gap.replay.teacher_forcing import Prediction, teacher_forced
 from onboard.arrays import FloatArray
 from onboard.quantity import Quantity
 from onboard.room import RoomGeometry

@@ -14,7 +14,7 @@ from calibration.gap.landings.search import (
     NOMINAL,
     PERFECT,
     STRONGEST,
-    HeldOut,
+    LeaveOneOut,
     Table,
     Theta,
     bootstrap,
@@ -23,7 +23,7 @@ from calibration.gap.landings.search import (
 from onboard.arrays import FloatArray
 from onboard.vehicle import EFFECTS
 
-Model = tuple[str, ...]
+Effects = tuple[str, ...]
 
 LEAST_GAIN = 10.0
 """Held-out log likelihood that a model must gain over a simpler one."""
@@ -52,13 +52,13 @@ class Choice:
         rivals: effects of other models that do as well.
     """
 
-    model: Model
+    model: Effects
     effects: tuple[str, ...]
-    held_out: Mapping[Model, HeldOut]
+    held_out: Mapping[Effects, LeaveOneOut]
     rivals: tuple[str, ...]
 
 
-def choose(table: Table, best: Mapping[Model, Theta], rng: np.random.Generator) -> Choice:
+def choose(table: Table, best: Mapping[Effects, Theta], rng: np.random.Generator) -> Choice:
     """Forward: the best accepted single effect, then a pair that is better still."""
     held = {model: leave_one_out(table, model, theta) for model, theta in best.items()}
     none = held[()].scores
@@ -68,7 +68,7 @@ def choose(table: Table, best: Mapping[Model, Theta], rng: np.random.Generator) 
         if model and practical(model, best[model]) and gains(held[model].scores - none, rng)
     ]
     singles = [model for model in accepted if len(model) == 1]
-    chosen: Model = max(singles, key=lambda m: held[m].scores.sum(), default=())
+    chosen: Effects = max(singles, key=lambda m: held[m].scores.sum(), default=())
     pairs = [
         model
         for model in accepted
@@ -111,7 +111,7 @@ def at_bound(theta: Theta, effect: str) -> tuple[str, ...]:
 
 
 def intervals(
-    table: Table, held: HeldOut, rng: np.random.Generator
+    table: Table, held: LeaveOneOut, rng: np.random.Generator
 ) -> dict[str, dict[str, tuple[float, Interval]]]:
     """Value and 95 % interval of each parameter by effect.
 
@@ -152,7 +152,9 @@ def _in_units(name: str, value: float, low: float, high: float) -> tuple[float, 
     return math.exp(value), (math.exp(low), math.exp(high))
 
 
-def _rivals(chosen: Model, accepted: Sequence[Model], held: Mapping[Model, HeldOut]) -> tuple[str, ...]:
+def _rivals(
+    chosen: Effects, accepted: Sequence[Effects], held: Mapping[Effects, LeaveOneOut]
+) -> tuple[str, ...]:
     """Effects of other accepted models, no larger, within LEAST_GAIN or two standard errors of the chosen."""
     rivals: dict[str, None] = {}
     for model in accepted:

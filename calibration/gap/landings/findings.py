@@ -10,7 +10,7 @@ Interval = tuple[float, float]
 """95 % interval."""
 
 
-class Verdict(StrEnum):
+class LandingVerdict(StrEnum):
     """What the landings say."""
 
     EFFECTS_FOUND = "effects_found"
@@ -22,7 +22,7 @@ class Verdict(StrEnum):
 
 
 @dataclass(frozen=True)
-class Finding:
+class LandingEffect:
     """One missing effect.
 
     Attributes:
@@ -60,8 +60,8 @@ class LandingFindings:
         unused: flights without a usable landing.
     """
 
-    verdict: Verdict
-    findings: tuple[Finding, ...]
+    verdict: LandingVerdict
+    findings: tuple[LandingEffect, ...]
     allowed: dict[str, dict[str, Interval]]
     usable: tuple[str, ...]
     misfit: float | None

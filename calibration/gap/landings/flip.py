@@ -101,9 +101,9 @@ def flip_residual(landings: Sequence[LandingSegment], vehicle: Vehicle) -> FlipR
     return FlipResidual(tuple(names), count, mean, rms, _judge(mean, rms))
 
 
-def _compared(landing: LandingSegment, told_t: FloatArray, told: FloatArray) -> FloatArray:
+def _compared(landing: LandingSegment, command_t: FloatArray, commanded: FloatArray) -> FloatArray:
     """Times of the gyro samples of the flip: until the motors are cut or something touches."""
-    cut = told_t[(told_t > landing.trigger + _COMMAND_ROW) & (told.max(axis=1) <= 0.0)]
+    cut = command_t[(command_t > landing.trigger + _COMMAND_ROW) & (commanded.max(axis=1) <= 0.0)]
     end = min(landing.before, landing.trigger + LONGEST, cut[0] if cut.size else np.inf)
     t = landing.gyro_t
     return t[(t > landing.trigger) & (t <= end)]
@@ -125,17 +125,17 @@ def _errors(
     The thrusts start from the last command in which all four motors ran: some logs have the flip's thrusts
     one row before its flag.
     """
-    told_t, told = commands
-    running = np.flatnonzero((told_t <= landing.trigger) & (told.min(axis=1) > 0.0))
+    command_t, commanded = commands
+    running = np.flatnonzero((command_t <= landing.trigger) & (commanded.min(axis=1) > 0.0))
     if not running.size:
         return np.zeros(0)
     steps = int(np.ceil((times[-1] - landing.trigger) / DT)) + 1
     state = new_states(1)
     state["position"][0, 2] = 100.0
-    state["thrust"][0] = told[running[-1]]
+    state["thrust"][0] = commanded[running[-1]]
     state["omega"][0, 1] = np.interp(landing.trigger, landing.gyro_t, landing.gyro[:, 1])
     trace = np.empty((steps + 1, COLUMNS))
-    fly(state[0], p, on_steps(told_t + late, told, landing.trigger, steps), 1, trace)
+    fly(state[0], p, on_steps(command_t + late, commanded, landing.trigger, steps), 1, trace)
     at = landing.trigger + DT * np.arange(steps + 1)
     model = np.interp(times, at, trace[:, OMEGA + 1])
     return np.asarray(model - np.interp(times, landing.gyro_t, landing.gyro[:, 1]))

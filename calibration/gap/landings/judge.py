@@ -8,10 +8,10 @@ import numpy as np
 
 from calibration.flights import Flight
 from calibration.gap.landings.choose import REPLICATES, Choice, at_bound, choose, intervals
-from calibration.gap.landings.findings import Finding, Interval, LandingFindings, Verdict
+from calibration.gap.landings.findings import Interval, LandingEffect, LandingFindings, LandingVerdict
 from calibration.gap.landings.flip import flip_residual
 from calibration.gap.landings.kernels import BODY
-from calibration.gap.landings.limits import limitations
+from calibration.gap.landings.limitations import limitations
 from calibration.gap.landings.predict import EARLY, landing_trace, rate_error
 from calibration.gap.landings.problem import HORIZON, Problem, Solver, pose_problems, shortened
 from calibration.gap.landings.search import (
@@ -90,7 +90,7 @@ def judge_landings(
         few = f"{len(problems)} usable landing(s); naming needs {LEAST_LANDINGS} that can be held out in turn"
         reason = "the vehicle has no legs" if vehicle.legs is None else few
         words = (reason, *words)
-        return LandingFindings(Verdict.CANNOT_TELL, (), {}, usable, None, words, flip, tuple(unused))
+        return LandingFindings(LandingVerdict.CANNOT_TELL, (), {}, usable, None, words, flip, tuple(unused))
     evidence = _weigh(problems, vehicle, rng, progress or (lambda share: None))
     table, choice = evidence.table, evidence.choice
     theta = choice.held_out[choice.model].theta if choice.model else None
@@ -154,7 +154,7 @@ def _weigh(
     return _Evidence(problems, fine, choice, allowed)
 
 
-def _findings(evidence: _Evidence, rng: np.random.Generator) -> tuple[Finding, ...]:
+def _findings(evidence: _Evidence, rng: np.random.Generator) -> tuple[LandingEffect, ...]:
     """One finding per accepted effect: errors before and after it, on landings that were held out."""
     table, choice = evidence.table, evidence.choice
     if not choice.model:
@@ -166,7 +166,7 @@ def _findings(evidence: _Evidence, rng: np.random.Generator) -> tuple[Finding, .
         steps.append(choice.model if len(steps) == len(choice.effects) else (effect,))
     errors = [held_out_errors(table, choice.held_out[model].chosen) for model in steps]
     return tuple(
-        Finding(
+        LandingEffect(
             effect=effect,
             parameters=values[effect],
             error_before=float(np.median(before)),
@@ -211,7 +211,7 @@ def _finer(problems: list[Problem], vehicle: Vehicle, theta: Theta, rng: np.rand
     return math.exp(finer_adhesion(table, theta))
 
 
-def _up_to(finding: Finding, strength: float) -> Finding:
+def _up_to(finding: LandingEffect, strength: float) -> LandingEffect:
     """The finding with an interval of the adhesion strength that reaches `strength` (N) too."""
     if "adhesion_strength" not in finding.parameters:
         return finding
@@ -227,10 +227,12 @@ def _improvement(before: FloatArray, after: FloatArray, rng: np.random.Generator
     return float(low), float(high)
 
 
-def _verdict(findings: Sequence[Finding], left: float, allowed: dict[str, dict[str, Interval]]) -> Verdict:
+def _verdict(
+    findings: Sequence[LandingEffect], left: float, allowed: dict[str, dict[str, Interval]]
+) -> LandingVerdict:
     if findings:
-        return Verdict.EFFECTS_FOUND
+        return LandingVerdict.EFFECTS_FOUND
     if left > UNEXPLAINED:
-        return Verdict.UNEXPLAINED_GAP
+        return LandingVerdict.UNEXPLAINED_GAP
     low, high = allowed["leg_stiffness"].get("scale", (1.0, 1.0))
-    return Verdict.NO_GAP if high < TELLING and low > 1.0 / TELLING else Verdict.CANNOT_TELL
+    return LandingVerdict.NO_GAP if high < TELLING and low > 1.0 / TELLING else LandingVerdict.CANNOT_TELL

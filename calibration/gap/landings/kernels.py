@@ -43,9 +43,9 @@ def spin(state: Any, p: Any, targets: Any) -> None:
     """Let only the motors of `state` follow `targets` (N, shape (n, 4)), one row a step."""
     up, down = decay(p, 0.5 * DT)
     for k in range(targets.shape[0]):
-        told = commanded(state, p, (targets[k, 0], targets[k, 1], targets[k, 2], targets[k, 3]))
-        lag_to_middle(state, p, told, up, down, 0.5 * DT)
-        lag_to_end(state, p, told, up, down)
+        delayed = commanded(state, p, (targets[k, 0], targets[k, 1], targets[k, 2], targets[k, 3]))
+        lag_to_middle(state, p, delayed, up, down, 0.5 * DT)
+        lag_to_end(state, p, delayed, up, down)
 
 
 @kernel

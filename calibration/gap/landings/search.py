@@ -258,7 +258,7 @@ def widen(table: Table, theta: Theta, model: tuple[str, ...]) -> None:
 
 
 @dataclass(frozen=True)
-class HeldOut:
+class LeaveOneOut:
     """A model on landings that it was not fitted to.
 
     Attributes:
@@ -272,13 +272,13 @@ class HeldOut:
     scores: FloatArray
 
 
-def leave_one_out(table: Table, model: tuple[str, ...], theta: Theta) -> HeldOut:
+def leave_one_out(table: Table, model: tuple[str, ...], theta: Theta) -> LeaveOneOut:
     """Fit a model to all landings but one, and score that one, for each."""
     thetas, scores = table.of_model(model)
     rest = scores.sum(axis=1, keepdims=True) - scores
     picked = np.argmax(rest, axis=0)
     held = scores[picked, np.arange(scores.shape[1])]
-    return HeldOut(model, theta, tuple(thetas[k] for k in picked), held)
+    return LeaveOneOut(model, theta, tuple(thetas[k] for k in picked), held)
 
 
 def bootstrap(

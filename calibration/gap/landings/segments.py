@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.flights import Flight, PoseSource
-from calibration.gap.data.sources import samples_of
+from calibration.gap.data.samples import samples_of
 from onboard.arrays import FloatArray
 
 JUMP = 4.0

@@ -101,12 +101,12 @@ def _thrusts(
     if commands is None:
         return np.zeros((steps, 4)), np.zeros(4)
     lead = round(SPIN_UP / DT)
-    told = on_steps(*commands, first - lead * DT, lead + steps)
+    commanded = on_steps(*commands, first - lead * DT, lead + steps)
     state = new_states(1)
-    state["thrust"][0] = told[0]
+    state["thrust"][0] = commanded[0]
     out = np.empty((lead + steps, 4))
     for k in range(lead + steps):
-        spin(state[0], parameters, told[k : k + 1])
+        spin(state[0], parameters, commanded[k : k + 1])
         out[k] = state["thrust"][0]
     return out[lead:], out[-1]
 

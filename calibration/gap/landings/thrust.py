@@ -3,7 +3,7 @@
 import numpy as np
 
 from calibration.flights import Flight
-from calibration.gap.data.sources import samples_of
+from calibration.gap.data.samples import samples_of
 from calibration.gap.landings.kernels import DT
 from onboard.arrays import FloatArray
 from onboard.battery import FULL_RATIO, thrust_from_voltage

@@ -11,7 +11,7 @@ the logged ones is therefore half a step ahead of what the motors were told."""
 
 
 @kernel
-def told(duty: Any, row: int, share: float, dt: float) -> Thrusts:
+def duty_between(duty: Any, row: int, share: float, dt: float) -> Thrusts:
     """Duties that the motors have at `share` (0..1) of the way from sample `row` to the next.
 
     They are :data:`HELD` older than a line through the samples.

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from calibration.gap.data.attitude import continuous_quaternions
+from calibration.gap.data.quaternions import continuous_quaternions
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.replay.kernels import follow_duty, voltage_of_model
 from onboard.arrays import BoolArray, FloatArray

@@ -6,7 +6,7 @@ and taken in the middle of a step. Nothing touches a surface here: records are c
 
 from typing import Any
 
-from calibration.gap.replay.commands import told
+from calibration.gap.replay.commands import duty_between
 from onboard.mixer import Thrusts
 from sim_backend.physics.battery import draw, motor_targets
 from sim_backend.physics.forces import free_flight_wrench
@@ -46,7 +46,7 @@ def targets_between(
     Leaves the battery voltage of that moment in the state. `dt`: s, sample interval.
     """
     state.battery_voltage = voltage[row] + share * (voltage[row + 1] - voltage[row])
-    return commanded(state, p, motor_targets(state, p, told(duty, row, share, dt)))
+    return commanded(state, p, motor_targets(state, p, duty_between(duty, row, share, dt)))
 
 
 @kernel
@@ -111,7 +111,7 @@ def voltage_of_model(state: Any, p: Any, duty: Any, substeps: int, h: float, vol
         voltage[row] = state.battery_voltage
         for j in range(substeps):
             share = (j + 0.5) / substeps
-            now = told(duty, row, share, substeps * h)
+            now = duty_between(duty, row, share, substeps * h)
             targets = commanded(state, p, motor_targets(state, p, now))
             lag_to_middle(state, p, targets, up, down, 0.5 * h)
             lag_to_end(state, p, targets, up, down)

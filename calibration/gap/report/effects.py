@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from calibration.gap.estimate.held_out import HeldOutFlights, improvement
-from calibration.gap.landings import Finding, LandingFindings
+from calibration.gap.landings import LandingEffect, LandingFindings
 from calibration.gap.report.document import Flips, FoundEffect, FoundParameter, Landings, UnusableFile
 from calibration.gap.search.naming import Named
 from calibration.gap.sensors import SensingEffect
@@ -72,7 +72,7 @@ def sensing_effects(effects: Sequence[SensingEffect]) -> list[FoundEffect]:
     ]
 
 
-def landing_effects(findings: Sequence[Finding], vehicle: Vehicle) -> list[FoundEffect]:
+def landing_effects(findings: Sequence[LandingEffect], vehicle: Vehicle) -> list[FoundEffect]:
     """Effects of legs and feet as the report has them; a factor multiplies that of the vehicle file."""
     filed = {effect.name: effect.values() for effect in vehicle.effects}
     effects = []

@@ -47,8 +47,6 @@ def _sections(report: GapReport, figures: ReportFigures) -> Iterator[str]:
     yield from _gap(report, figures)
     yield from _where(report, figures)
     yield from _closed_loop(figures)
-    for lines in figures.lines:
-        yield section(lines.title, svg(drawings.line_plot(lines)), lines.meaning)
     if report.unexplained.share > 0.0 or report.verdict is Verdict.UNEXPLAINED_GAP:
         yield section("What is left", _rest(report))
     if report.rejected:

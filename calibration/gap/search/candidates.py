@@ -10,8 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.gap.data.record import FlightRecord
+from calibration.gap.estimate.acceptance import stuck
 from calibration.gap.estimate.model import Model, Variable
-from calibration.gap.replay.teacher import teacher_forced
+from calibration.gap.estimate.refine import Fitted, Training
+from calibration.gap.replay.teacher_forcing import teacher_forced
+from calibration.gap.search.instants import Instants
 from onboard.vehicle import EFFECTS, Vehicle
 from onboard.vehicle.effects import AIR_FORCES, Domain, EffectDescription, Needs
 
@@ -52,6 +55,25 @@ def candidates(model: Model, records: Sequence[FlightRecord]) -> list[Candidate]
             continue  # scale and mass together would be a claim about inertia
         found.append(_candidate(description, model, records))
     return [candidate for candidate in found if candidate.starts]
+
+
+def candidates_for(present: Fitted, training: Training) -> list[Candidate]:
+    """Candidates for what `present` lacks.
+
+    Forces without a derivative (a far ceiling, a slack string) start from what fits single instants of the
+    flights best, a ceiling of unknown height from what does so at each of several heights and at any.
+    """
+    found = candidates(present.model, training.records)
+    instants: Instants | None = None
+    for index, candidate in enumerate(found):
+        if candidate.starts[0] is present.model or EFFECTS[candidate.effect].domain is Domain.ACTUATION:
+            continue
+        if instants is None:
+            signals = training.regression.signals
+            misfit = training.regression.misfit(present.predicted)
+            instants = Instants(present.model, training.records, signals, misfit)
+        found[index] = candidate._replace(starts=(_deepest(candidate, present.model, instants),))
+    return found
 
 
 def _met(need: Needs, model: Model) -> bool:
@@ -123,3 +145,12 @@ def _tethers(model: Model, records: Sequence[FlightRecord]) -> tuple[Model, ...]
         values = dict(zip(_tether_variables(), (*anchor, length, 0.1), strict=True))
         starts.append(model.with_values(values))
     return tuple(starts)
+
+
+def _deepest(candidate: Candidate, base: Model, instants: Instants) -> Model:
+    """The best fit to the instants; one at a bound only if all are."""
+    settled = [instants.settled(start, candidate.variables) for start in candidate.starts]
+    if candidate.effect == "ceiling_effect" and base.ceiling_z is None:
+        settled += [instants.settled(start, candidate.variables, True) for start in candidate.starts[:2]]
+    inside = [one for one in settled if not any(stuck(v, one[1].start_value(v)) for v in candidate.variables)]
+    return min(inside or settled, key=lambda one: one[0])[1]

@@ -15,11 +15,10 @@ import numpy as np
 from calibration.gap.estimate.acceptance import DETECTABLE, LEAST_GAIN, Judgement, judge
 from calibration.gap.estimate.model import WORKERS, Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training, refine, settled
-from calibration.gap.search.candidates import Candidate
-from calibration.gap.search.exchange import Rival, needed, rivals, without
-from calibration.gap.search.offers import offers
+from calibration.gap.search.candidates import Candidate, candidates_for
+from calibration.gap.search.rivals import Rival, needed, rivals, without
 from calibration.gap.search.screen import Promise, screen
-from calibration.gap.unnamed.unlisted import Unlisted, best_unlisted, without_idle
+from calibration.gap.unnamed.fitted_terms import FittedTerm, best_term, without_superfluous
 
 Progress = Callable[[str], None]
 """Called with what is being looked at."""
@@ -62,7 +61,7 @@ _MOST_ROUNDS = 12
 
 
 @dataclass(frozen=True)
-class Step:
+class SelectionStep:
     """One effect that came into the model.
 
     Attributes:
@@ -89,16 +88,16 @@ class Search:
         refused: candidates that gained much but were not believed, with the reason.
         ambiguous: by named effect, the rivals that the flights do not rule out.
         blind: effects that the flights would not show at their ordinary size.
-        unlisted: terms without a name that are in the final model.
+        unnamed: terms without a name that are in the final model.
     """
 
     first: Fitted
-    steps: tuple[Step, ...]
+    steps: tuple[SelectionStep, ...]
     final: Fitted
     refused: dict[str, str]
     ambiguous: dict[str, tuple[Rival, ...]]
     blind: tuple[str, ...]
-    unlisted: tuple[Unlisted, ...]
+    unnamed: tuple[FittedTerm, ...]
 
 
 def search(
@@ -113,27 +112,27 @@ def search(
         progress: told what is being looked at.
     """
     first = present = refine(model, (LOG_TIMING,), training)
-    steps: list[Step] = []
-    unlisted: list[Unlisted] = []
+    steps: list[SelectionStep] = []
+    unnamed: list[FittedTerm] = []
     refused: dict[str, str] = {}
     for _ in range(_MOST_ROUNDS):
         progress("every effect")
-        promises = screen(present, offers(present, training), training)
+        promises = screen(present, candidates_for(present, training), training)
         step = _forward(present, promises, training, rng, progress, refused)
-        scale = None if steps or unlisted else _far_off(present, promises, training, rng)
+        scale = None if steps or unnamed else _far_off(present, promises, training, rng)
         calibrates = scale is not None and not _outdone(scale, step, training, rng, progress)
         step = scale if calibrates else step
         progress("what has no name")
-        other = None if calibrates else best_unlisted(present, training, rng)
+        other = None if calibrates else best_term(present, training, rng)
         if other is not None and (step is None or step.judgement.gain < _HALF * other.gain):
-            unlisted.append(other)
+            unnamed.append(other)
             present = other.after
         elif step is not None:
             steps.append(step)
             present = step.after
         else:
             break
-    present = without_idle(present, unlisted, training)
+    present = without_superfluous(present, unnamed, training)
     present, steps, ambiguous = _second_look(present, steps, training, progress)
     return Search(
         first=first,
@@ -142,13 +141,13 @@ def search(
         refused=refused,
         ambiguous=ambiguous,
         blind=tuple(blind_to(promises)),
-        unlisted=tuple(one for one in unlisted if one.term in present.unnamed),
+        unnamed=tuple(one for one in unnamed if one.term in present.unnamed),
     )
 
 
 def _far_off(
     present: Fitted, promises: Sequence[Promise], training: Training, rng: np.random.Generator
-) -> Step | None:
+) -> SelectionStep | None:
     """The error of scale that explains most, where it is far off; None where the scale is about right."""
     fits = []
     for promise in promises:
@@ -158,18 +157,22 @@ def _far_off(
             value = fitted.model.start_value(variables[0])
             if abs(value - (variables[0].neutral or 0.0)) >= _FAR_OFF:
                 judgement = judge(present, fitted, variables, training, rng)
-                fits.append(Step(effect, judgement, fitted))
+                fits.append(SelectionStep(effect, judgement, fitted))
     best = max(fits, key=lambda step: step.judgement.gain, default=None)
     return best if best is not None and best.judgement.gain >= LEAST_GAIN else None
 
 
 def _outdone(
-    scale: Step, other: Step | None, training: Training, rng: np.random.Generator, progress: Progress
+    scale: SelectionStep,
+    other: SelectionStep | None,
+    training: Training,
+    rng: np.random.Generator,
+    progress: Progress,
 ) -> bool:
     """Whether another effect alone explains more than a scale and the effect that is best after it."""
     if other is None or other.judgement.gain < scale.judgement.gain:
         return False
-    promises = screen(scale.after, offers(scale.after, training), training)
+    promises = screen(scale.after, candidates_for(scale.after, training), training)
     after = _forward(scale.after, promises, training, rng, progress, {})
     both = scale.judgement.gain + (after.judgement.gain if after else 0.0)
     return other.judgement.gain > both
@@ -189,14 +192,14 @@ def blind_to(promises: Sequence[Promise]) -> list[str]:
 
 
 def _second_look(
-    present: Fitted, steps: list[Step], training: Training, progress: Progress
-) -> tuple[Fitted, list[Step], dict[str, tuple[Rival, ...]]]:
+    present: Fitted, steps: list[SelectionStep], training: Training, progress: Progress
+) -> tuple[Fitted, list[SelectionStep], dict[str, tuple[Rival, ...]]]:
     """Drop what others have made superfluous; put a rival in the place of a name that it outdoes.
 
     Returns:
         The fit, its steps, and by named effect the rivals that the flights do not rule out.
     """
-    present = _drop_idle(present, steps, training, progress)
+    present = _drop_superfluous(present, steps, training, progress)
     steps = [step for step in steps if step.effect in present.model.effects]
     ambiguous: dict[str, tuple[Rival, ...]] = {}
     for index, step in enumerate(steps):
@@ -214,7 +217,9 @@ def _second_look(
     return present, steps, ambiguous
 
 
-def _drop_idle(present: Fitted, steps: Sequence[Step], training: Training, progress: Progress) -> Fitted:
+def _drop_superfluous(
+    present: Fitted, steps: Sequence[SelectionStep], training: Training, progress: Progress
+) -> Fitted:
     """The model without effects that others have made superfluous, the weakest first."""
     for step in sorted(steps, key=lambda s: s.judgement.gain):
         progress(f"without {step.effect}")
@@ -223,7 +228,7 @@ def _drop_idle(present: Fitted, steps: Sequence[Step], training: Training, progr
     return present
 
 
-def _rivals(present: Fitted, step: Step, training: Training, progress: Progress) -> list[Rival]:
+def _rivals(present: Fitted, step: SelectionStep, training: Training, progress: Progress) -> list[Rival]:
     """Effects in the place of a named one, the closest first."""
     progress(f"{step.effect} or another")
     close = [name for name, lack in step.rivals.items() if lack < _CLOSE * step.judgement.gain]
@@ -237,7 +242,7 @@ def _forward(
     rng: np.random.Generator,
     progress: Progress,
     refused: dict[str, str],
-) -> Step | None:
+) -> SelectionStep | None:
     """The best candidate that is believed; None when there is none."""
     looked_at = [p for n, p in enumerate(promises[:_CLOSELY]) if p.gain >= _NO_PROMISE or n < _AT_LEAST]
     progress(", ".join(promise.candidate.effect for promise in looked_at))
@@ -265,7 +270,7 @@ def _forward(
             break
         if judgement.believed:
             rivals = {c.effect: gain - g for g, c, _, _ in fits if c is not candidate}
-            return Step(candidate.effect, judgement, settled(fitted, training), rivals)
+            return SelectionStep(candidate.effect, judgement, settled(fitted, training), rivals)
         refused[candidate.effect] = _reason(judgement)
     return None
 

@@ -10,8 +10,8 @@ from calibration.gap.data.excitation import excited
 from calibration.gap.estimate.acceptance import clustered_errors, drifts, sizeable, stuck
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training
-from calibration.gap.search.exchange import needed
 from calibration.gap.search.forward import AT_BOUND, DRIFTS, LOG_TIMING, Search
+from calibration.gap.search.rivals import needed
 from onboard.vehicle import EFFECTS
 
 FEWEST = 3
@@ -33,7 +33,7 @@ class Named:
         errors: standard error of each variable: clustered, and :data:`SYSTEMATIC`.
         ambiguous: by effect, those that the flights do not rule out in its place.
         unconfirmed: effects that would have been named, had there been flights to confirm them on.
-        nameless: effects that are in the final fit and got no name, with the reason.
+        rejected: effects that are in the final fit and got no name, with the reason.
     """
 
     effects: tuple[str, ...]
@@ -41,7 +41,7 @@ class Named:
     errors: dict[Variable, float]
     ambiguous: dict[str, tuple[str, ...]]
     unconfirmed: tuple[str, ...]
-    nameless: dict[str, str]
+    rejected: dict[str, str]
 
     def models(self) -> dict[str, Model]:
         """The model before, and after each effect, under "before", "with <effect>"."""
@@ -82,7 +82,7 @@ def name_effects(found: Search, training: Training, rng: np.random.Generator) ->
         },
         ambiguous={name: _not_ruled_out(name, found, order) for name in order},
         unconfirmed=() if confirmed else tuple(worthy),
-        nameless={name: doubt for name, doubt in doubts.items() if doubt is not None},
+        rejected={name: doubt for name, doubt in doubts.items() if doubt is not None},
     )
 
 
@@ -108,7 +108,7 @@ def _doubt(effect: str, final: Fitted, training: Training) -> str | None:
 
 
 def _small(values: Mapping[Variable, float]) -> str:
-    told = ", ".join(
+    values_in_words = ", ".join(
         f"{v.parameter} = {x:.3g} {EFFECTS[v.effect].parameters[v.parameter].unit}" for v, x in values.items()
     )
-    return f"real, but too small to matter ({told})"
+    return f"real, but too small to matter ({values_in_words})"

@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.rotations import matrices, turned
 from calibration.gap.data.velocity import differentiate
-from calibration.gap.sensors.acceleration import fit_acceleration
+from calibration.gap.sensors.acceleration_fit import fit_acceleration
 from calibration.gap.sensors.flight_estimates import FlightSensing
 from calibration.gap.sensors.knots import hats
 from calibration.gap.sensors.pooling import Pooled

@@ -7,8 +7,8 @@ import numpy as np
 
 from calibration.flights.flight import PoseSource
 from calibration.gap.data.record import FlightRecord
-from calibration.gap.sensors.acceleration import AccelerationFit, fit_acceleration
-from calibration.gap.sensors.attitude import AttitudeFit, fit_attitude
+from calibration.gap.sensors.acceleration_fit import AccelerationFit, fit_acceleration
+from calibration.gap.sensors.attitude_fit import AttitudeFit, fit_attitude
 from calibration.gap.sensors.first_path import first_path
 from calibration.gap.sensors.pooling import Pooled, pool
 from onboard.arrays import FloatArray

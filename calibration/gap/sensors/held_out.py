@@ -34,7 +34,7 @@ METRICS = {
 
 
 @dataclass(frozen=True)
-class HeldOut:
+class HeldOutErrors:
     """Errors on flights whose shape the applied values are not from.
 
     Attributes:
@@ -49,7 +49,7 @@ class HeldOut:
 
 def held_out_errors(
     name: str, records: Sequence[FlightRecord], flights: Sequence[FlightSensing]
-) -> HeldOut | None:
+) -> HeldOutErrors | None:
     """Errors of the effect `name`; None when there are not two flights to hold out.
 
     What a flight does not share with the others is taken out before and after, as are the other effects.
@@ -79,7 +79,7 @@ def held_out_errors(
     return _errors(np.array(squares)) if len(squares) > 1 else None
 
 
-def _errors(squares: FloatArray) -> HeldOut:
+def _errors(squares: FloatArray) -> HeldOutErrors:
     """From mean squares before and after, shape (n, 2); the interval is a bootstrap over flights."""
     flights = squares.shape[0]
     draws = np.random.default_rng(_SEED).integers(0, flights, (_DRAWS, flights))
@@ -87,4 +87,4 @@ def _errors(squares: FloatArray) -> HeldOut:
     gains = 1.0 - np.sqrt(sums[:, 1] / sums[:, 0])
     low, high = np.quantile(gains, [0.025, 0.975])
     rms = np.sqrt(squares.mean(axis=0))
-    return HeldOut(float(rms[0]), float(rms[1]), (float(low), float(high)))
+    return HeldOutErrors(float(rms[0]), float(rms[1]), (float(low), float(high)))

@@ -13,7 +13,7 @@ from calibration.gap.sensors.flight_estimates import (
     estimate_flights,
     pool_flights,
 )
-from calibration.gap.sensors.held_out import METRICS, HeldOut, held_out_errors
+from calibration.gap.sensors.held_out import METRICS, HeldOutErrors, held_out_errors
 from calibration.gap.sensors.pooling import Pooled
 from onboard.vehicle.effects import EFFECTS
 
@@ -102,7 +102,7 @@ def apply_sensing(records: Sequence[FlightRecord], findings: SensingFindings) ->
     )
 
 
-def _effect(name: str, pooled: Sequence[Pooled], errors: HeldOut) -> SensingEffect:
+def _effect(name: str, pooled: Sequence[Pooled], errors: HeldOutErrors) -> SensingEffect:
     keys = tuple(EFFECTS[name].parameters)
     return SensingEffect(
         name=name,
@@ -133,7 +133,7 @@ def _within_bounds(name: str, pooled: Sequence[Pooled]) -> bool:
     return all(p.low <= q.mean <= p.high for p, q in zip(parameters, pooled, strict=True))
 
 
-def _helps(errors: HeldOut) -> bool:
+def _helps(errors: HeldOutErrors) -> bool:
     return errors.improvement_ci95[0] > 0.0 and errors.after < (1.0 - _LEAST_IMPROVEMENT) * errors.before
 
 

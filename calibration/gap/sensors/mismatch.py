@@ -4,7 +4,7 @@ import numpy as np
 
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.rotations import conjugates, integrate_rate, matrices, products, rotation_vectors
-from calibration.gap.sensors.acceleration import Smoothing
+from calibration.gap.sensors.acceleration_fit import Smoothing
 from onboard.gravity import GRAVITY
 
 SPAN_S = 0.5

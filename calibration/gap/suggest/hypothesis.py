@@ -11,7 +11,7 @@ from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.signals import VOLTAGE
 from calibration.gap.estimate.model import Model
 from calibration.gap.search.candidates import candidates
-from calibration.gap.suggest.sensing import SENSING, imu_against_pose
+from calibration.gap.suggest.imu_signals import SENSING, imu_against_pose
 from onboard.arrays import FloatArray
 from onboard.manoeuvres.course import RATE
 from onboard.quantity import Quantity

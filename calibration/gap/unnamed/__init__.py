@@ -2,9 +2,9 @@
 
 from calibration.gap.data.channels import BY_NAME, CHANNELS, Channel
 from calibration.gap.unnamed.gap_map import Cell, GapMap, gap_map
-from calibration.gap.unnamed.judgement import Finding, structured
 from calibration.gap.unnamed.lines import Line, find_lines
 from calibration.gap.unnamed.regressors import Regressor, regressors
+from calibration.gap.unnamed.structure import Structure, structured
 from calibration.gap.unnamed.term_search import unnamed_terms
 from calibration.gap.unnamed.terms import IntervalTerm, LineTerm, PolynomialTerm, UnnamedTerm
 
@@ -13,7 +13,7 @@ __all__ = [
     "CHANNELS",
     "Cell",
     "Channel",
-    "Finding",
+    "Structure",
     "GapMap",
     "IntervalTerm",
     "Line",

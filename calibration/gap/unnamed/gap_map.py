@@ -2,7 +2,7 @@
 
 Each pair of channel and regressor is judged by the share of variance that a profile explains on flights
 that it was not fitted to. Whether that is beyond chance, innovations say
-(:mod:`calibration.gap.unnamed.sums`).
+(:mod:`calibration.gap.unnamed.normal_equations`).
 """
 
 from collections.abc import Sequence
@@ -22,6 +22,12 @@ from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.signals import Signals
 from calibration.gap.unnamed.blocks import make_blocks
 from calibration.gap.unnamed.conditions import where_it_lives
+from calibration.gap.unnamed.normal_equations import (
+    Grid,
+    NormalEquations,
+    block_equations,
+    whitened_equations,
+)
 from calibration.gap.unnamed.profile import (
     KNOTS,
     Explained,
@@ -33,7 +39,6 @@ from calibration.gap.unnamed.profile import (
     random_signs,
 )
 from calibration.gap.unnamed.regressors import Regressor, regressors
-from calibration.gap.unnamed.sums import Grid, Sums, block_sums, whitened_sums
 from onboard.arrays import FloatArray
 
 DRAWS = 200
@@ -117,8 +122,8 @@ def gap_map(
     cells = []
     for members in kinds().values():
         used = slice(members[0], members[-1] + 1)
-        whitened = whitened_sums(signals, blocks, values[:, used], valid[:, used], grid)
-        averaged = block_sums(blocks, values[:, used], valid[:, used.start], grid)
+        whitened = whitened_equations(signals, blocks, values[:, used], valid[:, used], grid)
+        averaged = block_equations(blocks, values[:, used], valid[:, used.start], grid)
         found.append(explained(whitened, averaged, signs))
         cells += [
             _cell(whitened, (local, column), (CHANNELS[channel], regressor), knots[column])
@@ -168,9 +173,11 @@ def _standardised(gain: FloatArray) -> tuple[FloatArray, FloatArray]:
     return (gain - null.mean(axis=2, keepdims=True)) / np.where(used, spread, np.inf), used[:, :, 0]
 
 
-def _cell(sums: Sums, at: tuple[int, int], pair: tuple[Channel, Regressor], knots: FloatArray) -> Cell:
+def _cell(
+    equations: NormalEquations, at: tuple[int, int], pair: tuple[Channel, Regressor], knots: FloatArray
+) -> Cell:
     channel, regressor = pair
-    profile, errors = fit_profile(sums, *at)
-    time = np.einsum("pkk->k", sums.matrix[:, *at, :KNOTS, :KNOTS])
+    profile, errors = fit_profile(equations, *at)
+    time = np.einsum("pkk->k", equations.matrix[:, *at, :KNOTS, :KNOTS])
     profile, condition = where_it_lives(regressor, knots, profile, errors, time)
     return Cell(channel, regressor, 0.0, 1.0, condition, knots, profile, errors)

@@ -7,7 +7,7 @@ from scipy.signal import lfilter
 
 from calibration.gap.data.signals import PARTS, Signals
 from calibration.gap.data.split import FEW
-from calibration.gap.unnamed.sums import Sums
+from calibration.gap.unnamed.normal_equations import NormalEquations
 from onboard.arrays import FloatArray
 
 KNOTS = 12
@@ -65,7 +65,7 @@ def few_visit(matrix: FloatArray) -> np.ndarray:
     """Whether some knot of a regressor is known from fewer than four flights, shape (r,).
 
     Args:
-        matrix: of :class:`Sums`, by part.
+        matrix: of :class:`NormalEquations`, by part.
     """
     by_part = np.einsum("pcrkk->prk", matrix[..., :KNOTS, :KNOTS])
     diagonal = by_part.reshape(-1, PARTS, *by_part.shape[1:]).sum(axis=1)
@@ -81,7 +81,7 @@ def random_signs(blocks: int, draws: int, rng: np.random.Generator) -> FloatArra
     return signs
 
 
-def explained(whitened: Sums, blocks: Sums, signs: FloatArray) -> Explained:
+def explained(whitened: NormalEquations, blocks: NormalEquations, signs: FloatArray) -> Explained:
     """What profiles explain on flights (or parts of them, where few tell) that they were not fitted to.
 
     Args:
@@ -102,7 +102,9 @@ def explained(whitened: Sums, blocks: Sums, signs: FloatArray) -> Explained:
     return found
 
 
-def _cross_validated(whitened: Sums, blocks: Sums, signs: FloatArray, folds: np.ndarray) -> Explained:
+def _cross_validated(
+    whitened: NormalEquations, blocks: NormalEquations, signs: FloatArray, folds: np.ndarray
+) -> Explained:
     names = np.unique(folds)
     matrix, score = _by_fold(whitened, signs, folds, names)
     fast = slice(KNOTS, None)
@@ -126,26 +128,28 @@ def _reduction(fitted: FloatArray, matrix: FloatArray, score: FloatArray) -> Flo
 
 
 def _by_fold(
-    sums: Sums, signs: FloatArray, folds: np.ndarray, names: np.ndarray
+    equations: NormalEquations, signs: FloatArray, folds: np.ndarray, names: np.ndarray
 ) -> tuple[FloatArray, FloatArray]:
     """Matrices (folds, c, r, k, k) and scores (folds, c, r, k, draws)."""
-    matrix = np.stack([sums.matrix[folds == name].sum(axis=0) for name in names])
+    matrix = np.stack([equations.matrix[folds == name].sum(axis=0) for name in names])
     score = []
     for name in names:
-        rows = np.flatnonzero(folds[sums.part] == name)
-        flat = sums.score[rows].reshape(rows.size, -1).T @ signs[rows]
-        score.append(flat.reshape(*sums.score.shape[1:], signs.shape[1]))
+        rows = np.flatnonzero(folds[equations.part] == name)
+        flat = equations.score[rows].reshape(rows.size, -1).T @ signs[rows]
+        score.append(flat.reshape(*equations.score.shape[1:], signs.shape[1]))
     return matrix, np.stack(score)
 
 
-def fit_profile(sums: Sums, channel: int, regressor: int) -> tuple[FloatArray, FloatArray]:
+def fit_profile(equations: NormalEquations, channel: int, regressor: int) -> tuple[FloatArray, FloatArray]:
     """Profile of one channel over the knots of one regressor, and its standard errors by part, shape (k,).
 
     Zero on average over time; the covariance is that of clustered scores (Liang, Zeger, Biometrika 73, 1986).
     """
-    matrix = sums.matrix[:, channel, regressor]
+    matrix = equations.matrix[:, channel, regressor]
     parts = matrix.shape[0]
-    score = np.stack([np.bincount(sums.part, s, parts) for s in sums.score[:, channel, regressor].T])
+    score = np.stack(
+        [np.bincount(equations.part, s, parts) for s in equations.score[:, channel, regressor].T]
+    )
     whole = matrix.sum(axis=0)
     inverse = np.linalg.inv(whole + _ridge(whole))
     theta = inverse @ score.sum(axis=1)
@@ -164,5 +168,7 @@ def _over(explained_squares: FloatArray, total: FloatArray) -> FloatArray:
     return explained_squares / np.where(total > 0.0, total, np.inf)[:, None, None]
 
 
-def _of(sums: Sums, chosen: np.ndarray) -> Sums:
-    return Sums(sums.score[:, :, chosen], sums.matrix[:, :, chosen], sums.total, sums.part)
+def _of(equations: NormalEquations, chosen: np.ndarray) -> NormalEquations:
+    return NormalEquations(
+        equations.score[:, :, chosen], equations.matrix[:, :, chosen], equations.total, equations.part
+    )

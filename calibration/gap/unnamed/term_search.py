@@ -17,9 +17,9 @@ from calibration.gap.estimate.noise import ORDER, fit_autoregression, whiten, wh
 from calibration.gap.unnamed.blocks import Blocks, grouped_mean, make_blocks
 from calibration.gap.unnamed.gap_map import Cell
 from calibration.gap.unnamed.lines import Line
+from calibration.gap.unnamed.normal_equations import Grid, whitened_equations
 from calibration.gap.unnamed.profile import places
 from calibration.gap.unnamed.regressors import Regressor
-from calibration.gap.unnamed.sums import Grid, whitened_sums
 from calibration.gap.unnamed.terms import (
     UnnamedTerm,
     inside,
@@ -107,14 +107,16 @@ class _Whitened:
     def _best_between(self, values: FloatArray, knots: FloatArray) -> Ends:
         """Range of neighbouring hat functions whose sum explains most."""
         grid = Grid(places(values, knots)[:, None], np.zeros((values.size, 1, 0)), knots.size)
-        sums = whitened_sums(self.signals, self.blocks, self.values, self.valid, grid)
-        matrix, score = sums.matrix.sum(axis=0)[0, 0], sums.score.sum(axis=0)[0, 0]
+        equations = whitened_equations(self.signals, self.blocks, self.values, self.valid, grid)
+        matrix, score = equations.matrix.sum(axis=0)[0, 0], equations.score.sum(axis=0)[0, 0]
         below = np.pad(matrix.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
         reached = np.concatenate([[0.0], score.cumsum()])
         first, end = np.triu_indices(knots.size + 1, 1)
-        told = below[end, end] - below[first, end] - below[end, first] + below[first, first]
-        enough = told > _RARE * told.max()
-        gain = np.where(enough, (reached[end] - reached[first]) ** 2 / np.where(enough, told, 1.0), 0.0)
+        information = below[end, end] - below[first, end] - below[end, first] + below[first, first]
+        enough = information > _RARE * information.max()
+        gain = np.where(
+            enough, (reached[end] - reached[first]) ** 2 / np.where(enough, information, 1.0), 0.0
+        )
         best = int(np.argmax(gain))
         i, j = int(first[best]), int(end[best])
         ends = 0.5 * (knots[1:] + knots[:-1])

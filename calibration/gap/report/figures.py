@@ -11,11 +11,16 @@ from calibration.gap.estimate.refine import Training
 from calibration.gap.replay import PredictionErrors, fly_again
 from calibration.gap.report.document import Unexplained, Where
 from calibration.gap.report.figures_data import ClosedLoopTrace, HeatMap, ReportFigures, ResidualCloud
-from calibration.gap.report.shown import channel_bars, closed_loop_trace, horizon_curves, phase_bars
+from calibration.gap.report.prediction_figures import (
+    channel_bars,
+    closed_loop_trace,
+    horizon_curves,
+    phase_bars,
+)
 from calibration.gap.search.forward import Search
 from calibration.gap.search.naming import Named
 from calibration.gap.unnamed import GapMap, regressors
-from calibration.gap.unnamed.unlisted import formulas
+from calibration.gap.unnamed.fitted_terms import formulas
 from onboard.arrays import FloatArray
 from onboard.vehicle import Vehicle
 
@@ -36,14 +41,14 @@ def where(before: GapMap) -> tuple[Where, ...]:
 
 def unexplained(found: Search, names: Named, vehicle: Vehicle) -> Unexplained:
     """What has no name; its share is of the residual's variance in the channel where most of it lives."""
-    findings = [one.finding for one in found.unlisted]
-    told = formulas(found.final, vehicle)
-    goes_with = [text for f in findings for text in (f.regressor, f.condition, *f.alike)]
+    structures = [one.structure for one in found.unnamed]
+    formula_words = formulas(found.final, vehicle)
+    goes_with = [text for f in structures for text in (f.regressor, f.condition, *f.alike)]
     return Unexplained(
-        share=max((float(finding.share) for finding in findings), default=0.0),
-        channels=tuple(dict.fromkeys(finding.channel.name for finding in findings)),
+        share=max((float(structure.share) for structure in structures), default=0.0),
+        channels=tuple(dict.fromkeys(structure.channel.name for structure in structures)),
         suspects=tuple(dict.fromkeys([*goes_with, *names.unconfirmed])),
-        formula="; ".join(told) or None,
+        formula="; ".join(formula_words) or None,
     )
 
 

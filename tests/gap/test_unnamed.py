@@ -6,9 +6,9 @@ from scipy.signal import lfilter
 
 from calibration.gap.unnamed import (
     BY_NAME,
-    Finding,
     IntervalTerm,
     PolynomialTerm,
+    Structure,
     find_lines,
     gap_map,
     regressors,
@@ -22,7 +22,7 @@ from tests.gap.disturbed_motion import DT, SHAPES, Flights, disturbed_flights
 VEHICLE = load_vehicle("crazyflie21-stock")
 
 
-def judged(flights: Flights, residual: np.ndarray, draws: int = 200) -> list[Finding]:
+def judged(flights: Flights, residual: np.ndarray, draws: int = 200) -> list[Structure]:
     found = gap_map(flights.signals, flights.records, residual, np.random.default_rng(0), draws)
     lines = find_lines(flights.signals, flights.records, residual)
     return structured(found, lines)

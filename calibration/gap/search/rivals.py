@@ -9,8 +9,7 @@ import numpy as np
 from calibration.gap.estimate.acceptance import LEAST_GAIN
 from calibration.gap.estimate.model import WORKERS, Variable
 from calibration.gap.estimate.refine import Fitted, Training, refine
-from calibration.gap.search.candidates import Candidate
-from calibration.gap.search.offers import offers
+from calibration.gap.search.candidates import Candidate, candidates_for
 from onboard.vehicle import EFFECTS
 
 NOT_TOLD_APART = 10.0
@@ -72,7 +71,7 @@ def rivals(final: Fitted, effect: str, close: Sequence[str], training: Training)
     """
     reduced = without(final, effect, training)
     names = {*close, *EFFECTS[effect].confused_with} - {effect}
-    offered = [c for c in offers(reduced, training) if c.effect in names]
+    offered = [c for c in candidates_for(reduced, training) if c.effect in names]
     with ThreadPoolExecutor(WORKERS) as pool:
         found = list(pool.map(lambda c: _rival(final, effect, reduced, c, training), offered))
     return sorted(found, key=lambda rival: rival.lead)

@@ -40,7 +40,7 @@ class Grid(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Sums:
+class NormalEquations:
     """Of channels c against regressors r with columns k: hat functions, then fast parts.
 
     Part means are removed from residual and columns.
@@ -103,8 +103,10 @@ def _add_up(
                 column[i] = 0.0
 
 
-def whitened_sums(signals: Signals, blocks: Blocks, values: FloatArray, valid: BoolArray, grid: Grid) -> Sums:
-    """Sums of innovations against whitened hat functions of the regressors, and their fast parts.
+def whitened_equations(
+    signals: Signals, blocks: Blocks, values: FloatArray, valid: BoolArray, grid: Grid
+) -> NormalEquations:
+    """Normal equations of innovations against whitened hat functions of the regressors, and their fast parts.
 
     Args:
         signals: of the flights.
@@ -142,7 +144,7 @@ def whitened_sums(signals: Signals, blocks: Blocks, values: FloatArray, valid: B
         both = rows[:, None, None, None] * average[..., :, None] * average[..., None, :]
         matrix[:, c] = of_part[:, None, None, None] * (sums[1] - both)
         total[c] = float(weight[signals.flight] @ centred**2)
-    return Sums(score, matrix, total, blocks.part)
+    return NormalEquations(score, matrix, total, blocks.part)
 
 
 def _whitened_fast(fast: FloatArray, used: BoolArray, coefficients: FloatArray) -> FloatArray:
@@ -151,8 +153,8 @@ def _whitened_fast(fast: FloatArray, used: BoolArray, coefficients: FloatArray) 
     return whiten(flat, whole, np.tile(coefficients, (flat.shape[1], 1))).reshape(fast.shape)
 
 
-def block_sums(blocks: Blocks, values: FloatArray, valid: BoolArray, grid: Grid) -> Sums:
-    """Sums of block means of the residual against those of the hat functions.
+def block_equations(blocks: Blocks, values: FloatArray, valid: BoolArray, grid: Grid) -> NormalEquations:
+    """Normal equations of block means of the residual against those of the hat functions.
 
     Args:
         blocks: of the flights.
@@ -184,7 +186,7 @@ def block_sums(blocks: Blocks, values: FloatArray, valid: BoolArray, grid: Grid)
         d = design[part == p].transpose(1, 0, 2)
         matrix[p, 0] = d.transpose(0, 2, 1) @ d
     everywhere = np.broadcast_to(matrix, (parts, values.shape[1], regressors, width, width))
-    return Sums(score, everywhere, (averaged**2).sum(axis=0), blocks.part)
+    return NormalEquations(score, everywhere, (averaged**2).sum(axis=0), blocks.part)
 
 
 def _weights(centred: FloatArray, used: BoolArray, signals: Signals) -> FloatArray:

@@ -13,7 +13,7 @@ import numpy as np
 
 from calibration.errors import CalibrationError
 from calibration.gap.data.record import FlightRecord
-from calibration.gap.replay.commands import told
+from calibration.gap.replay.commands import duty_between
 from onboard.arrays import FloatArray
 from onboard.battery import battery_current
 from sim_backend.physics.battery import motor_targets
@@ -83,7 +83,7 @@ def _wrench(state: Any, p: Any) -> tuple[float, float, float, float, float, floa
 
 
 @outlined
-def force_of_moment(state: Any, record: Any, k: int, p: Any) -> tuple[float, float, float]:
+def force_at_sample(state: Any, record: Any, k: int, p: Any) -> tuple[float, float, float]:
     """Force (N, body) at sample `k` of a record, with the motors' thrusts that `state` has."""
     if k == 0:
         _place(state, record, 0, 0.0)
@@ -124,7 +124,7 @@ def _follow(state: Any, p: Any, record: Any, dt: float, steps: int, out: Any) ->
             part = (j + 0.5) / steps
             _place(state, record, k, part)
             _turn_on(state, rate, k, part)
-            targets = commanded(state, p, motor_targets(state, p, told(duty, k, part, dt)))
+            targets = commanded(state, p, motor_targets(state, p, duty_between(duty, k, part, dt)))
             lag_to_middle(state, p, targets, up, down, 0.5 * step)
             _, _, _, tx, ty, tz = _wrench(state, p)
             wx, wy, wz = state.omega[0], state.omega[1], state.omega[2]

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.gap.suggest.ambiguous import OpenQuestions
-from calibration.gap.suggest.landings import LANDINGS, landing_separation
+from calibration.gap.suggest.landing_separation import LANDINGS, landing_separation
 from calibration.gap.suggest.measurements import measurement_for
+from calibration.gap.suggest.open_questions import OpenQuestions
 from calibration.gap.suggest.separation import Separation, separation
 from onboard.manoeuvres import MANOEUVRES, CourseDoesNotFit, manoeuvre
 from onboard.room import RoomGeometry
@@ -69,7 +69,7 @@ class Suggestion:
 
 
 @dataclass(frozen=True)
-class Search:
+class Suggester:
     """Where and with what to look.
 
     Attributes:

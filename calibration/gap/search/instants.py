@@ -1,8 +1,8 @@
-"""Forces at chosen moments of flights: quick enough for many starts of a fit that has many valleys.
+"""Forces at chosen instants of flights: quick enough for many starts of a fit that has many valleys.
 
 Along a flight motors have memory, and a prediction costs tens of milliseconds. Forces of the air and of
-strings have none: at a moment at which thrust, place and speed are known they follow from the parameters at
-once. What they add is held against the mean misfit around each moment.
+strings have none: at a instant at which thrust, place and speed are known they follow from the parameters at
+once. What they add is held against the mean misfit around each instant.
 """
 
 from collections.abc import Sequence
@@ -14,16 +14,16 @@ from scipy.optimize import least_squares
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.signals import FORCE, Signals
 from calibration.gap.estimate.model import Model, Variable
-from calibration.gap.replay.teacher import force_of_moment, teacher_forced
+from calibration.gap.replay.teacher_forcing import force_at_sample, teacher_forced
 from onboard.arrays import FloatArray
 from sim_backend.physics.jit import outlined
 from sim_backend.physics.state import new_state
 
 _WINDOW = 0.1
-"""s around each moment; what is slower than this is seen whole."""
+"""s around each instant; what is slower than this is seen whole."""
 
 _MOST = 2000
-"""Moments: more make a fit slower, not surer."""
+"""Instants: more make a fit slower, not surer."""
 
 _DOUBT = 0.1
 """m/s2: misfits up to this size are noise, those far beyond it count less (robust loss)."""
@@ -42,12 +42,12 @@ def _forces(state: Any, p: Any, records: Any, thrusts: FloatArray, out: FloatArr
     for k in range(out.shape[0]):
         for motor in range(4):
             state.thrust[motor] = thrusts[k, motor]
-        fx, fy, fz = force_of_moment(state, records, k, p)
+        fx, fy, fz = force_at_sample(state, records, k, p)
         out[k, 0], out[k, 1], out[k, 2] = fx, fy, fz
 
 
-class Moments:
-    """Moments of flights, with what a model left unexplained there.
+class Instants:
+    """Instants of flights, with what a model left unexplained there.
 
     Args:
         model: of which the misfit is.
@@ -87,15 +87,15 @@ class Moments:
 
     @property
     def highest_rotor(self) -> float:
-        """Height (m) of the rotors at the highest moment."""
+        """Height (m) of the rotors at the highest instant."""
         return float(self._place[0][:, 2].max()) + self._base.base.body.propeller_height_z.value
 
     def settled(
         self, start: Model, variables: Sequence[Variable], move_ceiling: bool = False
     ) -> tuple[float, Model]:
-        """A model near `start` that fits the moments well, and what it leaves (sum of robust squares).
+        """A model near `start` that fits the instants well, and what it leaves (sum of robust squares).
 
-        Without a moment (no force was measured) the start stays as it is.
+        Without a instant (no force was measured) the start stays as it is.
 
         Args:
             start: to begin with.

@@ -19,7 +19,7 @@ from scipy.signal import savgol_coeffs
 
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.rotations import cross_matrices, matrices
-from calibration.gap.sensors.attitude import AttitudeFit
+from calibration.gap.sensors.attitude_fit import AttitudeFit
 from calibration.gap.sensors.knots import hats
 from onboard.arrays import BoolArray, FloatArray
 from onboard.gravity import GRAVITY

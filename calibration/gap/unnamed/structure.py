@@ -24,7 +24,7 @@ _ALIKE = 0.7
 
 
 @dataclass(frozen=True)
-class Finding:
+class Structure:
     """Structure in one channel.
 
     Attributes:
@@ -47,13 +47,13 @@ class Finding:
     line: Line | None = None
 
 
-def structured(gap_map: GapMap, lines: Sequence[Line]) -> list[Finding]:
+def structured(gap_map: GapMap, lines: Sequence[Line]) -> list[Structure]:
     """What remains and is no noise, largest share first; one place per axis and kind, and every line."""
     found = [*_places(gap_map), *(_line(line) for line in lines if _worth_telling(line))]
-    return sorted(found, key=lambda finding: -finding.share)
+    return sorted(found, key=lambda structure: -structure.share)
 
 
-def _places(gap_map: GapMap) -> list[Finding]:
+def _places(gap_map: GapMap) -> list[Structure]:
     """The best regressor of each signal, in the frame in which it explains more."""
     best: dict[str, list[Cell]] = {}
     for cell in gap_map.cells:  # largest share first
@@ -62,7 +62,7 @@ def _places(gap_map: GapMap) -> list[Finding]:
             if cell.channel is cells[0].channel and cell is not cells[0]:
                 cells.append(cell)
     found = [
-        Finding(
+        Structure(
             first.channel,
             first.regressor.name,
             first.condition,
@@ -73,10 +73,10 @@ def _places(gap_map: GapMap) -> list[Finding]:
         )
         for first, *others in best.values()
     ]
-    return [finding for finding in found if not any(_casts(other, finding) for other in found)]
+    return [structure for structure in found if not any(_casts(other, structure) for other in found)]
 
 
-def _casts(strong: Finding, weak: Finding) -> bool:
+def _casts(strong: Structure, weak: Structure) -> bool:
     """Whether a force is the other's shadow: along an axis of one frame it shows along all of the other."""
     return (
         strong.share > weak.share
@@ -92,6 +92,6 @@ def _worth_telling(line: Line) -> bool:
     return line.amplitude >= LEAST_AMPLITUDE[line.channel.kind]
 
 
-def _line(line: Line) -> Finding:
+def _line(line: Line) -> Structure:
     condition = f"{line.amplitude:.3g} {line.channel.unit} at {line.frequency:.2f} Hz"
-    return Finding(line.channel, "time", condition, line.share, line.p, line=line)
+    return Structure(line.channel, "time", condition, line.share, line.p, line=line)
