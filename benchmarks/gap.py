@@ -57,9 +57,9 @@ def run(case: str, size: str, seed: int, flights: int) -> dict[str, Any]:
         files = make_flights(case, size, seed, flights, out=Path(folder) / "flights", answer=answer)
         started = time.monotonic()
         read = open_flights(files)[0]
-        prepared = prepare_flights(read)
-        found = find_gap(read, prepared, Question(vehicle=vehicle, seed=seed))
+        found = find_gap(read, Question(vehicle=vehicle, seed=seed))
         seconds = time.monotonic() - started
+        records = prepare_flights(read).records
         sealed = json.loads(answer.read_text())
     report = found.report.to_json()
     return {
@@ -68,7 +68,7 @@ def run(case: str, size: str, seed: int, flights: int) -> dict[str, Any]:
         "seed": seed,
         "seconds": round(seconds, 1),
         **judge(report, sealed),
-        "closed": closed_share(prepared.records, report["flights"]["held_out"], found, vehicle, sealed),
+        "closed": closed_share(records, report["flights"]["held_out"], found, vehicle, sealed),
     }
 
 

@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from calibration.errors import CalibrationError
 from calibration.flights import Flight
-from calibration.gap.data import Prepared
+from calibration.gap.data import Prepared, prepare_flights
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.signals import CHANNELS, UNITS
 from calibration.gap.data.split import split_flights
@@ -20,17 +20,17 @@ from calibration.gap.estimate.nuisances import NUISANCES
 from calibration.gap.estimate.refine import Training, training_set
 from calibration.gap.landings import LandingFindings, LandingVerdict, judge_landings
 from calibration.gap.replay import PredictionErrors, evaluate
-from calibration.gap.report import (
+from calibration.gap.report.document import (
     AmbiguousSet,
     FoundEffect,
     GapReport,
     Rejected,
-    ReportFigures,
     UnusableFile,
     Verdict,
 )
 from calibration.gap.report.effects import found_effects, landing_effects, landing_section, sensing_effects
 from calibration.gap.report.figures import figures, unexplained, where
+from calibration.gap.report.figures_data import ReportFigures
 from calibration.gap.report.improved_vehicle import improved_vehicle, provenance
 from calibration.gap.report.prediction_figures import prediction_gap
 from calibration.gap.search.forward import LOG_TIMING, Progress, Search, search
@@ -85,14 +85,11 @@ class Question:
     unusable: Sequence[UnusableFile] = field(default=())
 
 
-def find_gap(
-    flights: Sequence[Flight], prepared: Prepared, question: Question, progress: Progress = lambda _: None
-) -> GapResult:
+def find_gap(flights: Sequence[Flight], question: Question, progress: Progress = lambda _: None) -> GapResult:
     """Find what a vehicle file lacks.
 
     Args:
         flights: as read; those with a trigger are looked at for their landings.
-        prepared: the records that were made of them.
         question: vehicle, seed, ceiling.
         progress: told what is being looked at.
 
@@ -101,11 +98,12 @@ def find_gap(
     """
     # Small matrices, and flights in parallel already: threads of the linear algebra would only spin.
     with threadpool_limits(limits=1, user_api="blas"):
-        return _find(flights, prepared, question, progress)
+        return _find(flights, question, progress)
 
 
-def _find(flights: Sequence[Flight], prepared: Prepared, question: Question, progress: Progress) -> GapResult:
+def _find(flights: Sequence[Flight], question: Question, progress: Progress) -> GapResult:
     rng = np.random.default_rng(question.seed)
+    prepared = _prepared(flights, question)
     usable = [record for record in prepared.records if record.voltage is not None]
     if not usable:
         raise NothingToFindError(f"{_NO_VOLTAGE} (in {len(prepared.records)} flights)")
@@ -166,6 +164,16 @@ def _find(flights: Sequence[Flight], prepared: Prepared, question: Question, pro
         vehicle=improved_vehicle(question.vehicle, effects, source),
         ceiling_z=names.model.ceiling_z,
     )
+
+
+def _prepared(flights: Sequence[Flight], question: Question) -> Prepared:
+    prepared = prepare_flights(flights)
+    if not prepared.records:
+        refused = [(one.file, one.reason) for one in question.unusable]
+        refused += [(str(one.file), one.reason) for one in prepared.refused]
+        reasons = (reason if file in reason else f"{file}: {reason}" for file, reason in refused)
+        raise NothingToFindError(f"no usable flight: {'; '.join(reasons)}")
+    return prepared
 
 
 def _ceiling(question: Question, records: Sequence[FlightRecord]) -> float | None:

@@ -87,7 +87,7 @@ def find(
             ceiling_z=ceiling,
             unusable=[UnusableFile(file=item["file"], reason=item["reason"]) for item in refused],
         )
-        result = find_gap(flights, records_of(flights, refused), asked, progress=status.update)
+        result = find_gap(flights, asked, progress=status.update)
     page = write_report(result.report, out, result.figures)
     write_vehicle(result.vehicle, out)
     emit(result.report.to_json(), lambda: _tell(result.report, page))
@@ -99,9 +99,15 @@ def read_records(paths: list[Path], format: str) -> tuple["Prepared", list[dict[
     Raises:
         InputError: a path does not exist, or not one flight is usable.
     """
+    from calibration.gap.data import prepare_flights
+    from onboard.errors import InputError
+
     opened, unusable = read_flights(paths, format)
-    flights = records_of(opened, unusable)
-    return flights, unusable + [{"file": str(item.file), "reason": item.reason} for item in flights.refused]
+    prepared = prepare_flights(opened)
+    unusable += [{"file": str(item.file), "reason": item.reason} for item in prepared.refused]
+    if not prepared.records:
+        raise InputError(f"no usable flight: {'; '.join(with_file(item) for item in unusable)}")
+    return prepared, unusable
 
 
 def read_flights(paths: list[Path], format: str) -> tuple[list["Flight"], list[dict[str, str]]]:
@@ -110,23 +116,6 @@ def read_flights(paths: list[Path], format: str) -> tuple[list["Flight"], list[d
 
     flights, unusable = open_flights(flight_files(paths), format)
     return flights, [{"file": str(item.file), "reason": item.reason} for item in unusable]
-
-
-def records_of(flights: list["Flight"], unusable: list[dict[str, str]]) -> "Prepared":
-    """Records for analysis.
-
-    Raises:
-        InputError: not one flight is usable; says why.
-    """
-    from calibration.gap.data import prepare_flights
-    from onboard.errors import InputError
-
-    prepared = prepare_flights(flights)
-    if not prepared.records:
-        refused = [{"file": str(item.file), "reason": item.reason} for item in prepared.refused]
-        reasons = "; ".join(with_file(item) for item in [*unusable, *refused])
-        raise InputError(f"no usable flight: {reasons}")
-    return prepared
 
 
 def with_file(unusable: dict[str, str]) -> str:

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 from calibration.flights import Flight, flight_files, open_flight
-from calibration.gap.data import prepare_flights
 from calibration.gap.find import Question, find_gap
 from calibration.gap.report import UnusableFile, write_report
 from calibration.gap.report.improved_vehicle import write_vehicle
@@ -34,7 +33,7 @@ def find_in_records(folder: Path, records: Sequence[Path], seed: int) -> dict[st
         ceiling_z=RoomGeometry().ceiling_z,
         unusable=unusable,
     )
-    result = find_gap(flights, prepare_flights(flights), asked)
+    result = find_gap(flights, asked)
     write_report(result.report, folder, result.figures)
     vehicle = write_vehicle(result.vehicle, folder)
     return {

@@ -17,6 +17,7 @@ from calibration.gap.landings.kernels import COLUMNS, POSITION, fly
 from calibration.gap.landings.problem import Solver, pose_problems
 from calibration.gap.landings.search import HIGHEST, NOMINAL, Theta, apply
 from calibration.gap.landings.segments import LandingSegment, landing_of
+from calibration.gap.report.document import as_json
 from calibration.gap.report.effects import landing_section
 from onboard.room import RoomGeometry
 from onboard.vehicle import Vehicle, load_vehicle
@@ -184,7 +185,7 @@ def test_one_landing_or_its_copies_name_nothing(soft: Campaign, vehicle: Vehicle
     assert found.verdict is LandingVerdict.CANNOT_TELL
     assert not found.findings
     assert "can be held out" in found.limitations[0]
-    refused = landing_section(found).to_json()["refused"]
+    refused = as_json(landing_section(found))["refused"]
     assert sum("the same landing" in flight["reason"] for flight in refused) == 7
 
 

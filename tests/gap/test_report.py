@@ -11,29 +11,25 @@ import numpy as np
 import pytest
 
 from calibration.errors import CalibrationError
+from calibration.gap.landings.flip import FlipResidual
 from calibration.gap.replay import evaluate, fly_again
-from calibration.gap.report import (
+from calibration.gap.report.document import (
     AmbiguousSet,
-    Flips,
     FoundEffect,
     FoundParameter,
     Gap,
     GapReport,
-    HeatMap,
-    HorizonCurves,
     Landings,
     Levels,
     Rejected,
-    ReportFigures,
-    ResidualCloud,
     Unexplained,
     UnusableFile,
     Verdict,
     Where,
-    write_report,
+    leaves,
 )
-from calibration.gap.report.document import leaves
 from calibration.gap.report.drawings import quantile_bands
+from calibration.gap.report.figures_data import HeatMap, HorizonCurves, ReportFigures, ResidualCloud
 from calibration.gap.report.prediction_figures import (
     channel_bars,
     closed_loop_trace,
@@ -42,7 +38,7 @@ from calibration.gap.report.prediction_figures import (
     prediction_gap,
 )
 from calibration.gap.report.words import number
-from calibration.gap.report.writing import ReportFolderError
+from calibration.gap.report.writing import ReportFolderError, write_report
 from onboard.vehicle import load_vehicle
 from tests.gap.simulated_flight import circle, fly, up_and_down, with_noise
 from tests.physics.effects.conftest import with_effects
@@ -99,7 +95,7 @@ def report(**changes: Any) -> GapReport:
             usable=("landing-1", "landing-2"),
             refused=(UnusableFile(file="landing-3", reason="the gyro <ends> with the contact"),),
             misfit=7.171,
-            flips=Flips(
+            flips=FlipResidual(
                 flights=("landing-1",),
                 samples=57,
                 mean={"as filed": 2.231, "no motor lag": -11.92},
@@ -279,7 +275,7 @@ def test_predictions_of_one_model_after_the_other_fill_the_report(tmp_path: Path
     position = drawn.horizons[0].stages
     assert position["before"][-1] > position["+ thrust scale"][-1] > position["+ rotor drag"][-1]
     page = Page(write_report(report(gap=gap), tmp_path, drawn))
-    assert page.svgs == 3
+    assert page.svgs == 4
     assert "laps" in page.text
 
 

@@ -4,18 +4,13 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from calibration.gap.unnamed import (
-    BY_NAME,
-    IntervalTerm,
-    PolynomialTerm,
-    Structure,
-    find_lines,
-    gap_map,
-    regressors,
-    structured,
-    unnamed_terms,
-)
-from calibration.gap.unnamed.terms import as_signals
+from calibration.gap.data.channels import BY_NAME
+from calibration.gap.unnamed.gap_map import gap_map
+from calibration.gap.unnamed.lines import find_lines
+from calibration.gap.unnamed.regressors import regressors
+from calibration.gap.unnamed.structure import Structure, structured
+from calibration.gap.unnamed.term_search import unnamed_terms
+from calibration.gap.unnamed.terms import IntervalTerm, PolynomialTerm, as_signals
 from onboard.vehicle import load_vehicle
 from tests.gap.disturbed_motion import DT, SHAPES, Flights, disturbed_flights
 

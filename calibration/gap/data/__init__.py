@@ -1,12 +1,6 @@
 """From flights as they were logged to records that can be analysed; rules in ``docs/gap_data.md``."""
 
-from calibration.gap.data.prepare import Prepared, Refusal, prepare_flight, prepare_flights
-from calibration.gap.data.velocity import differentiate
+from calibration.gap.data.kinematics import differentiate
+from calibration.gap.data.prepare import Prepared, prepare_flights
 
-__all__ = [
-    "Prepared",
-    "Refusal",
-    "differentiate",
-    "prepare_flight",
-    "prepare_flights",
-]
+__all__ = ["Prepared", "differentiate", "prepare_flights"]

@@ -5,10 +5,33 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.flights.flight import POSE_CHANNELS, Flight, UnusableFlightError
-from calibration.gap.data.clock import check_clock
-from calibration.gap.data.quaternions import continuous_quaternions
+from calibration.gap.data.kinematics import continuous_quaternions
 from calibration.gap.data.radio import Received, received
 from calibration.gap.data.samples import Samples, check_rate, samples_of
+
+_LONGEST_BREAK_S = 60.0
+_STANDING_SHARE = 0.6
+
+
+def check_clock(flight: Flight, pose: Samples) -> None:
+    """Refuse a flight whose clock stands still or jumps.
+
+    Raises:
+        UnusableFlightError: it does.
+    """
+    rows = int(np.count_nonzero(flight.valid["x"]))
+    if pose.t.size < (1.0 - _STANDING_SHARE) * rows:
+        raise UnusableFlightError(
+            flight.source,
+            f"broken clock: {rows - pose.t.size} of {rows} poses have the time of the one before",
+        )
+    steps = np.diff(pose.t)
+    widest = int(np.argmax(steps))
+    if steps[widest] > _LONGEST_BREAK_S:
+        raise UnusableFlightError(
+            flight.source, f"broken clock: time jumps by {steps[widest]:.1f} s at {pose.t[widest]:.3f} s"
+        )
+
 
 FULL_SCALE = 65535.0
 """PWM of full voltage."""

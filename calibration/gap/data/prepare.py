@@ -2,26 +2,16 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
-from calibration.flights.flight import Flight, UnusableFlightError
+from calibration.flights import Flight, UnusableFlight, UnusableFlightError
 from calibration.gap.data.duplicates import duplicate_of
+from calibration.gap.data.kinematics import continuous_quaternions, differentiate
 from calibration.gap.data.limitations import limitations
 from calibration.gap.data.logged import FULL_SCALE, read_signals
 from calibration.gap.data.phases import LEAST_FLYING_S, free_flight, resting
-from calibration.gap.data.quaternions import continuous_quaternions
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.samples import resample, uniform_grid
 from calibration.gap.data.shapes import shapes_of
-from calibration.gap.data.velocity import differentiate
-
-
-@dataclass(frozen=True)
-class Refusal:
-    """A flight that is not used, and why."""
-
-    file: Path
-    reason: str
 
 
 @dataclass(frozen=True)
@@ -35,7 +25,7 @@ class Prepared:
     """
 
     records: tuple[FlightRecord, ...]
-    refused: tuple[Refusal, ...]
+    refused: tuple[UnusableFlight, ...]
     limitations: tuple[str, ...]
 
 
@@ -49,12 +39,12 @@ def prepare_flights(flights: Sequence[Flight]) -> Prepared:
     copies = duplicate_of(flights)
     for flight, copied, shape in zip(flights, copies, shapes_of(flights), strict=True):
         if copied is not None:
-            refused.append(Refusal(flight.source, f"holds the same numbers as {copied.source}"))
+            refused.append(UnusableFlight(flight.source, f"holds the same numbers as {copied.source}"))
             continue
         try:
             records.append(prepare_flight(flight, shape))
         except UnusableFlightError as error:
-            refused.append(Refusal(error.source, error.reason))
+            refused.append(UnusableFlight(error.source, error.reason))
     return Prepared(tuple(records), tuple(refused), limitations(records))
 
 

@@ -75,3 +75,11 @@ class FlightRecord:
     def dt(self) -> float:
         """Sample interval (s)."""
         return float((self.t[-1] - self.t[0]) / (self.t.size - 1))
+
+
+@dataclass(frozen=True)
+class NotUsed:
+    """A flight that one of the analyses cannot use, by name, and why."""
+
+    name: str
+    reason: str

@@ -87,8 +87,8 @@ def judge(
     far = any(
         abs(offered.model.start_value(v) - _neutral(v)) >= DETECTABLE * errors[v]
         for v in fitted
-        if v.neutral is not None
-    ) or all(v.neutral is None for v in fitted)
+        if v.rule.neutral is not None
+    ) or all(v.rule.neutral is None for v in fitted)
     lower = lower_bound(gains, training, concentrated, rng)
     return Judgement(
         gain=float(gains.sum()),
@@ -102,7 +102,8 @@ def judge(
 
 def sizeable(variable: Variable, value: float) -> bool:
     """Whether a value is far enough from the neutral one to be worth a name."""
-    return variable.neutral is None or abs(value - variable.neutral) >= variable.practical_minimum
+    rule = variable.rule
+    return rule.neutral is None or abs(value - rule.neutral) >= rule.practical_minimum
 
 
 def drifts(variable: Variable, offered: Fitted) -> bool:
@@ -127,14 +128,14 @@ def drifts(variable: Variable, offered: Fitted) -> bool:
 
 
 def _neutral(variable: Variable) -> float:
-    return 0.0 if variable.neutral is None else variable.neutral
+    return 0.0 if variable.rule.neutral is None else variable.rule.neutral
 
 
 def stuck(variable: Variable, value: float) -> bool:
     """Whether a value ended at a bound, where it stands in for something else."""
-    margin = min(_AT_BOUND * (variable.high - variable.low), 0.5 * variable.practical_minimum)
-    at_neutral = variable.neutral is not None and abs(value - variable.neutral) < margin
-    return not at_neutral and (value > variable.high - margin or value < variable.low + margin)
+    margin = min(_AT_BOUND * (variable.rule.high - variable.rule.low), 0.5 * variable.rule.practical_minimum)
+    at_neutral = variable.rule.neutral is not None and abs(value - variable.rule.neutral) < margin
+    return not at_neutral and (value > variable.rule.high - margin or value < variable.rule.low + margin)
 
 
 def lower_bound(gains: FloatArray, training: Training, concentrated: bool, rng: np.random.Generator) -> float:

@@ -15,6 +15,7 @@ from onboard.arrays import FloatArray
 from onboard.quantity import Quantity
 from onboard.room import RoomGeometry
 from onboard.vehicle import EFFECTS, Effect, Vehicle
+from onboard.vehicle.effects import EffectParameter
 from sim_backend.physics.parameters import physics_parameters
 
 NO_CEILING = 1e3
@@ -33,34 +34,9 @@ class Variable(NamedTuple):
     parameter: str
 
     @property
-    def low(self) -> float:
-        """Smallest value that is physically possible."""
-        return EFFECTS[self.effect].parameters[self.parameter].low
-
-    @property
-    def high(self) -> float:
-        """Largest value that is physically possible."""
-        return EFFECTS[self.effect].parameters[self.parameter].high
-
-    @property
-    def neutral(self) -> float | None:
-        """Value that does nothing."""
-        return EFFECTS[self.effect].parameters[self.parameter].neutral
-
-    @property
-    def practical_minimum(self) -> float:
-        """Smallest distance from neutral that is worth a name."""
-        return EFFECTS[self.effect].parameters[self.parameter].practical_minimum
-
-    @property
-    def spread(self) -> float | None:
-        """Standard deviation about the typical value that is believed before any flight; None: not known."""
-        return EFFECTS[self.effect].parameters[self.parameter].spread
-
-    @property
-    def typical(self) -> float:
-        """Value that an ordinary vehicle may show."""
-        return EFFECTS[self.effect].parameters[self.parameter].typical
+    def rule(self) -> EffectParameter:
+        """What is known of it before any flight: bounds, neutral and typical value."""
+        return EFFECTS[self.effect].parameters[self.parameter]
 
 
 @dataclass(frozen=True)
@@ -79,7 +55,7 @@ class Model:
 
     def with_values(self, values: Mapping[Variable, float]) -> "Model":
         """The model with some values changed or added; each kept within its bounds."""
-        bounded = {v: float(np.clip(x, v.low, v.high)) for v, x in values.items()}
+        bounded = {v: float(np.clip(x, v.rule.low, v.rule.high)) for v, x in values.items()}
         return dataclasses.replace(self, values={**self.values, **bounded})
 
     def without(self, effect: str) -> "Model":
@@ -97,7 +73,7 @@ class Model:
         for effect in self.base.effects:
             if effect.name == variable.effect:
                 return effect.values()[variable.parameter]
-        return variable.typical if variable.neutral is None else variable.neutral
+        return variable.rule.typical if variable.rule.neutral is None else variable.rule.neutral
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -152,8 +128,8 @@ class Model:
             predicted: by this model, shape (n, 7).
         """
         value = self.start_value(variable)
-        step = max(_SHARE_OF_RANGE * (variable.high - variable.low), 1e-3 * abs(value))
-        if value + step > variable.high:
+        step = max(_SHARE_OF_RANGE * (variable.rule.high - variable.rule.low), 1e-3 * abs(value))
+        if value + step > variable.rule.high:
             step = -step
         change = (self.with_values({variable: value + step}).predict(records) - predicted) / step
         if variable.effect == "battery_sag":

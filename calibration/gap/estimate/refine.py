@@ -1,10 +1,12 @@
 """Fit the parameters of a model to flights: Gauss-Newton steps, noise fitted anew at each."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from calibration.gap.data.channels import Channel
 from calibration.gap.data.excitation import excitation_weights
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.signals import PARTS, stack_signals
@@ -12,8 +14,33 @@ from calibration.gap.data.split import FEW, folds
 from calibration.gap.estimate.mixed import FIRST_SPREAD, Prior, held_out_likelihood
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.regression import Estimate, Noise, Regression
-from calibration.gap.estimate.term import UnnamedTerm
 from onboard.arrays import FloatArray
+from onboard.vehicle import Vehicle
+
+
+@dataclass(frozen=True)
+class UnnamedTerm(ABC):
+    """Something that no named effect describes, linear in its values.
+
+    Attributes:
+        channel: where it acts.
+        regressor: name of what it goes with; "time" for a line.
+        columns: signals per unit of each value (m/s2, rad/s2 or V), shape (n, 7) each.
+    """
+
+    channel: Channel
+    regressor: str
+    columns: tuple[FloatArray, ...]
+
+    @abstractmethod
+    def formula(self, values: FloatArray, vehicle: Vehicle) -> str:
+        """The term in words, with numbers.
+
+        Args:
+            values: fitted, one per column.
+            vehicle: whose mass and inertia turn accelerations into forces and torques.
+        """
+
 
 _ENOUGH = 0.1
 """Standard errors: a step this small ends the iteration."""
@@ -125,8 +152,9 @@ def prior_step(model: Model, variables: Sequence[Variable]) -> Prior:
     """
     mean, precision = np.zeros(len(variables)), np.empty(len(variables))
     for index, v in enumerate(variables):
-        precision[index] = (v.high - v.low) ** -2.0 if v.spread is None else v.spread**-2.0
-        mean[index] = 0.0 if v.spread is None else v.typical - model.start_value(v)
+        rule = v.rule
+        precision[index] = (rule.high - rule.low) ** -2.0 if rule.spread is None else rule.spread**-2.0
+        mean[index] = 0.0 if rule.spread is None else rule.typical - model.start_value(v)
     return Prior(mean, precision)
 
 
@@ -204,9 +232,9 @@ def settled(fitted: Fitted, training: Training) -> Fitted:
 def _bounded_step(model: Model, variables: Sequence[Variable], theta: FloatArray) -> FloatArray:
     step = np.empty(len(variables))
     for index, (v, wanted) in enumerate(zip(variables, theta, strict=False)):  # unnamed ones follow
-        extent = v.high - v.low
+        extent = v.rule.high - v.rule.low
         value = model.start_value(v)
-        room = (v.high if wanted > 0.0 else v.low) - value
+        room = (v.rule.high if wanted > 0.0 else v.rule.low) - value
         # A curved likelihood overshoots: nobody jumps onto a bound, where a variable would be given up.
         most = min(_LONGEST * extent, abs(room) if abs(room) < _NEAR * extent else _TOWARDS * abs(room))
         step[index] = np.clip(wanted, -most, most)

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from enum import StrEnum
 
+from calibration.gap.data.record import NotUsed
 from calibration.gap.landings.flip import FlipResidual
-from calibration.gap.landings.segments import NoLanding
 
 Interval = tuple[float, float]
 """95 % interval."""
@@ -67,4 +67,4 @@ class LandingFindings:
     misfit: float | None
     limitations: tuple[str, ...]
     flip: FlipResidual | None
-    unused: tuple[NoLanding, ...]
+    unused: tuple[NotUsed, ...]

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from calibration.gap.landings.kernels import COLUMNS, DT, OMEGA, fly
-from calibration.gap.landings.segments import LandingSegment
-from calibration.gap.landings.thrust import commanded_thrusts, on_steps
+from calibration.gap.landings.segments import LandingSegment, commanded_thrusts, on_steps
 from onboard.arrays import FloatArray
 from onboard.room import RoomGeometry
 from onboard.vehicle import Vehicle

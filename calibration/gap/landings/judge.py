@@ -7,13 +7,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.flights import Flight
+from calibration.gap.data.record import NotUsed
 from calibration.gap.landings.choose import REPLICATES, Choice, at_bound, choose, intervals
 from calibration.gap.landings.findings import Interval, LandingEffect, LandingFindings, LandingVerdict
 from calibration.gap.landings.flip import flip_residual
 from calibration.gap.landings.kernels import BODY
 from calibration.gap.landings.limitations import limitations
-from calibration.gap.landings.predict import EARLY, landing_trace, rate_error
-from calibration.gap.landings.problem import HORIZON, Problem, Solver, pose_problems, shortened
+from calibration.gap.landings.problem import (
+    EARLY,
+    HORIZON,
+    Problem,
+    Solver,
+    landing_trace,
+    pose_problems,
+    rate_error,
+    shortened,
+)
 from calibration.gap.landings.search import (
     MODELS,
     NOMINAL,
@@ -25,7 +34,7 @@ from calibration.gap.landings.search import (
     finer_adhesion,
     widen,
 )
-from calibration.gap.landings.segments import LandingSegment, NoLanding, landing_of
+from calibration.gap.landings.segments import LandingSegment, landing_of
 from onboard.arrays import FloatArray
 from onboard.room import RoomGeometry
 from onboard.vehicle import Vehicle
@@ -118,20 +127,20 @@ def judge_landings(
     )
 
 
-def _landings(flights: Sequence[Flight]) -> tuple[list[LandingSegment], list[NoLanding]]:
+def _landings(flights: Sequence[Flight]) -> tuple[list[LandingSegment], list[NotUsed]]:
     """Landings, each once, and the flights without."""
     found: list[LandingSegment] = []
-    unused: list[NoLanding] = []
+    unused: list[NotUsed] = []
     for flight in flights:
         landing = landing_of(flight)
-        if isinstance(landing, NoLanding):
+        if isinstance(landing, NotUsed):
             unused.append(landing)
             continue
         twin = next((other for other in found if np.array_equal(other.gyro, landing.gyro)), None)
         if twin is None:
             found.append(landing)
         else:
-            unused.append(NoLanding(flight.name, f"the same landing as {twin.name}"))
+            unused.append(NotUsed(flight.name, f"the same landing as {twin.name}"))
     return found, unused
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from calibration.gap.data.record import NotUsed
 from calibration.gap.landings.kernels import (
     COLUMNS,
     DT,
@@ -14,11 +15,12 @@ from calibration.gap.landings.kernels import (
     QUATERNION,
     Case,
     best_start,
+    displace,
     fly,
+    gyro_residuals,
 )
-from calibration.gap.landings.segments import LandingSegment, NoLanding
+from calibration.gap.landings.segments import LandingSegment, commanded_thrusts, on_steps
 from calibration.gap.landings.start_state import StartState, start_state
-from calibration.gap.landings.thrust import commanded_thrusts, on_steps
 from onboard.arrays import FloatArray
 from onboard.room import RoomGeometry
 from onboard.vehicle import Vehicle
@@ -27,6 +29,9 @@ from sim_backend.physics.state import new_states
 
 HORIZON = 0.4
 """s after the contact that are compared: the shock, the other feet, the first swings."""
+
+EARLY = 0.3
+"""s after the contact in which the rates are compared."""
 
 RATE_FLOOR = 0.6
 """rad/s: how well the equations are expected to hold at all (docs/physics.md: peak rates within 2 to 4 %)."""
@@ -74,7 +79,7 @@ class Problem:
 
 def pose_problems(
     landings: Sequence[LandingSegment], vehicle: Vehicle
-) -> tuple[list[Problem], list[NoLanding]]:
+) -> tuple[list[Problem], list[NotUsed]]:
     """Landings as problems, one ceiling for all that motion capture saw; and those that contradict it."""
     posed = [_problem(landing, vehicle) for landing in landings]
     alone, refused = _one_room(posed)
@@ -87,7 +92,7 @@ def pose_problems(
     return [_in_room(p, room, sigma) if p.segment.tracked else p for p in alone], refused
 
 
-def _one_room(problems: Sequence[Problem]) -> tuple[list[Problem], list[NoLanding]]:
+def _one_room(problems: Sequence[Problem]) -> tuple[list[Problem], list[NotUsed]]:
     """Leave out the landings whose pose puts the contact where no ceiling is: their start is not known."""
     room = float(np.median([problem.ceiling for problem in problems])) if len(problems) > 2 else None
     kept, refused = [], []
@@ -95,7 +100,7 @@ def _one_room(problems: Sequence[Problem]) -> tuple[list[Problem], list[NoLandin
         off = 0.0 if room is None else problem.ceiling - room
         if abs(off) > _ROOM_TOLERANCE:
             reason = f"its pose puts the contact {off * 1e3:+.0f} mm from the ceiling of the other landings"
-            refused.append(NoLanding(problem.segment.name, reason))
+            refused.append(NotUsed(problem.segment.name, reason))
         else:
             kept.append(problem)
     return kept, refused
@@ -178,6 +183,31 @@ def _poses(landing: LandingSegment, start: float, end: float) -> FloatArray:
         if not kept or landing.pose_t[k] - landing.pose_t[kept[-1]] >= _SPACING:
             kept.append(int(k))
     return np.column_stack([landing.pose_t[kept] - start, landing.pose[kept]])
+
+
+def landing_trace(problem: Problem, parameters: Any, x: FloatArray, length: float) -> FloatArray:
+    """Trace (steps + 1, COLUMNS) of a landing with the nuisances x, for `length` (s) after the contact."""
+    steps = round((problem.segment.after - problem.start.t + length) / DT)
+    targets = problem.targets[np.minimum(np.arange(steps), len(problem.targets) - 1)]
+    state = problem.start.state.copy()
+    batch = parameter_batch(parameters, 1)
+    batch["ceiling_z"] = problem.ceiling
+    displace(state[0], batch[0], x, problem.start.sigma)
+    trace = np.empty((steps + 1, COLUMNS))
+    fly(state[0], batch[0], np.ascontiguousarray(targets), 1, trace)
+    return trace
+
+
+def rate_error(problem: Problem, parameters: Any, x: FloatArray, horizon: float) -> float:
+    """RMS (rad/s) of gyro minus prediction, all axes, within `horizon` (s) after the contact."""
+    trace = landing_trace(problem, parameters, x, horizon + 0.02)
+    contact = problem.segment.after - problem.start.t
+    rows = (problem.gyro[:, 0] >= contact) & (problem.gyro[:, 0] <= contact + horizon)
+    gyro = np.ascontiguousarray(problem.gyro[rows])
+    out = np.empty((len(gyro), 3))
+    weight = np.ones((len(gyro), 3))
+    gyro_residuals(trace, gyro, weight, float(x[10] * problem.start.sigma[10]), problem.limit, out)
+    return float(np.sqrt(np.mean(out**2)))
 
 
 def shortened(problem: Problem, horizon: float) -> Problem:

@@ -1,12 +1,17 @@
-"""Landings in flights: when something first touched the ceiling, and what was seen before and after it."""
+"""Landings in flights: when something first touched the ceiling; what was seen and commanded around it."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from calibration.flights import Flight, PoseSource
+from calibration.gap.data.kinematics import continuous_quaternions
+from calibration.gap.data.record import NotUsed
 from calibration.gap.data.samples import samples_of
+from calibration.gap.landings.kernels import DT
 from onboard.arrays import FloatArray
+from onboard.battery import FULL_RATIO, thrust_from_voltage
+from onboard.vehicle import Vehicle
 
 JUMP = 4.0
 """rad/s: a rate that departs this far from its own straight line within a sample has met something. A flip
@@ -62,27 +67,19 @@ class LandingSegment:
         return 0.5 * (self.before + self.after)
 
 
-@dataclass(frozen=True)
-class NoLanding:
-    """A flight without a landing that can be judged, and why."""
-
-    name: str
-    reason: str
-
-
-def landing_of(flight: Flight) -> LandingSegment | NoLanding:
+def landing_of(flight: Flight) -> LandingSegment | NotUsed:
     """The landing of one flight, or why there is none."""
     if flight.trigger is None:
-        return NoLanding(flight.name, "the flight has no flip")
+        return NotUsed(flight.name, "the flight has no flip")
     gyro = samples_of(flight, *_GYRO, clock="rates_drone_time")
     tracker = samples_of(flight, *_POSE, clock="capture_time")
     if gyro is None or tracker is None:
-        return NoLanding(flight.name, "a landing needs gyro and pose")
+        return NotUsed(flight.name, "a landing needs gyro and pose")
     t, rates = _fresh(gyro.t, gyro.values)
     start = _flip_start(t, rates, flight.trigger.t)
     touched = first_contact(t, rates, start)
     if touched is None:
-        return NoLanding(flight.name, f"nothing touched within {LONGEST_FLIP} s after the flip began")
+        return NotUsed(flight.name, f"nothing touched within {LONGEST_FLIP} s after the flip began")
     before, after = touched
     end = after + LONGEST
     tracked = flight.pose_source is not PoseSource.ONBOARD_ESTIMATE
@@ -90,13 +87,13 @@ def landing_of(flight: Flight) -> LandingSegment | NoLanding:
     # An onboard estimate is trusted up to the flip only: the filter fails during some of them.
     used = (pose_t > start - 0.4) & (pose_t < (end if tracked else start + 1e-9))
     if np.count_nonzero(used) < 3:
-        return NoLanding(flight.name, "no pose around the flip")
+        return NotUsed(flight.name, "no pose around the flip")
     if tracked and not np.any(used & (pose_t > before - BLIND) & (pose_t <= before)):
-        return NoLanding(flight.name, f"no pose in the last {BLIND} s before the contact")
+        return NotUsed(flight.name, f"no pose in the last {BLIND} s before the contact")
     rows = (t > start - 0.4) & (t < end)
     if np.count_nonzero(t[rows] > after) < 8:
-        return NoLanding(flight.name, "the gyro ends with the contact")
-    pose_t, pose = pose_t[used], _continuous(pose[used])
+        return NotUsed(flight.name, "the gyro ends with the contact")
+    pose_t, pose = pose_t[used], np.hstack([continuous_quaternions(pose[used, :4]), pose[used, 4:]])
     return LandingSegment(flight, start, before, after, t[rows], rates[rows], pose_t, pose, tracked)
 
 
@@ -129,11 +126,31 @@ def _fresh(t: FloatArray, rates: FloatArray) -> tuple[FloatArray, FloatArray]:
     return t[new], rates[new]
 
 
-def _continuous(pose: FloatArray) -> FloatArray:
-    """Unit quaternions of one hemisphere."""
-    pose = pose.copy()
-    pose[:, :4] /= np.linalg.norm(pose[:, :4], axis=1, keepdims=True)
-    for k in range(1, len(pose)):
-        if pose[k, :4] @ pose[k - 1, :4] < 0.0:
-            pose[k, :4] *= -1.0
-    return pose
+_MOTORS = ("m1", "m2", "m3", "m4")
+_THRUSTS = ("f1", "f2", "f3", "f4")
+
+
+def commanded_thrusts(flight: Flight, vehicle: Vehicle) -> tuple[FloatArray, FloatArray] | None:
+    """Times (n,) (s) and thrusts (n, 4) (N) that the motors were told; None without commands.
+
+    Commanded thrusts are taken where they were logged (their battery compensation is then taken as perfect);
+    else PWM and battery voltage go through the vehicle's thrust map.
+    """
+    if flight.has(*_THRUSTS):
+        return flight.series(*_THRUSTS)
+    pwm = samples_of(flight, *_MOTORS, clock="motors_drone_time")
+    volts = samples_of(flight, "vbat")
+    if pwm is None or volts is None:
+        return None
+    supply = np.interp(pwm.t, volts.t, volts.values[:, 0])
+    thrust_map = vehicle.motors.thrust_map_compiled()
+    at_motor = np.clip(pwm.values / FULL_RATIO, 0.0, 1.0) * supply[:, None]
+    thrust = np.array([[thrust_from_voltage(thrust_map, float(v)) for v in row] for row in at_motor])
+    return pwm.t, thrust
+
+
+def on_steps(times: FloatArray, thrusts: FloatArray, start: float, steps: int) -> FloatArray:
+    """Thrusts (N, (steps, 4)) that hold in each step of 1 ms from `start` (s) on: the last that was told."""
+    at = start + DT * (np.arange(steps) + 0.5)
+    row = np.searchsorted(times, at, side="right") - 1
+    return np.ascontiguousarray(thrusts[np.clip(row, 0, len(times) - 1)])

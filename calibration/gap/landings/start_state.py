@@ -13,8 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from calibration.gap.landings.kernels import DT, NUISANCES, spin
-from calibration.gap.landings.segments import LandingSegment
-from calibration.gap.landings.thrust import on_steps
+from calibration.gap.landings.segments import LandingSegment, on_steps
 from onboard.arrays import FloatArray
 from sim_backend.physics.state import new_states
 

@@ -1,32 +1,6 @@
 """How well a model predicts measured flights: by the simulation's own physics along the measured inputs."""
 
-from calibration.gap.replay.closed_loop import ClosedLoopFlight, fly_again
-from calibration.gap.replay.evaluation import (
-    HORIZONS,
-    BothWays,
-    ErrorPair,
-    FlightErrors,
-    PredictionError,
-    PredictionErrors,
-    Unpredicted,
-    evaluate,
-)
-from calibration.gap.replay.nuisances import Nuisances
-from calibration.gap.replay.window_errors import ByHorizon, HorizonErrors, WindowErrors
+from calibration.gap.replay.closed_loop import fly_again
+from calibration.gap.replay.evaluation import PredictionError, PredictionErrors, evaluate
 
-__all__ = [
-    "HORIZONS",
-    "BothWays",
-    "ByHorizon",
-    "ClosedLoopFlight",
-    "ErrorPair",
-    "FlightErrors",
-    "HorizonErrors",
-    "Nuisances",
-    "PredictionError",
-    "PredictionErrors",
-    "Unpredicted",
-    "WindowErrors",
-    "evaluate",
-    "fly_again",
-]
+__all__ = ["PredictionError", "PredictionErrors", "evaluate", "fly_again"]

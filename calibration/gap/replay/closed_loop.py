@@ -11,10 +11,10 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from calibration.gap.data.record import FlightRecord
+from calibration.gap.replay.flight_prediction import rotation_between
 from calibration.gap.replay.inputs import PredictionInputs, motor_starts, prediction_inputs
 from calibration.gap.replay.kernels import TRIMS, Trim, free_step, interpolated
 from calibration.gap.replay.nuisances import Nuisances
-from calibration.gap.replay.window_errors import rotation_between
 from calibration.gap.replay.windows import longest_stretch
 from onboard.arrays import FloatArray
 from onboard.battery import duty_for_thrust

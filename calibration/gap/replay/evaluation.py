@@ -9,20 +9,20 @@ import numpy as np
 
 from calibration.errors import CalibrationError
 from calibration.gap.data.record import FlightRecord
-from calibration.gap.replay.flight_prediction import prediction_errors
-from calibration.gap.replay.floors import accelerometer_driven, gyro_driven
-from calibration.gap.replay.inputs import PredictionInputs, motor_starts, prediction_inputs
-from calibration.gap.replay.nuisances import LEAST_STARTS, Nuisances, fit_nuisances
-from calibration.gap.replay.torque_estimate import HORIZON as TORQUE_HORIZON
-from calibration.gap.replay.torque_estimate import with_torque_estimate
-from calibration.gap.replay.window_errors import (
+from calibration.gap.replay.flight_prediction import (
     QUANTITIES,
     SCALES,
     ByHorizon,
     WindowErrors,
     in_body_axes,
     mean_by_horizon,
+    prediction_errors,
 )
+from calibration.gap.replay.floors import accelerometer_driven, gyro_driven
+from calibration.gap.replay.inputs import PredictionInputs, motor_starts, prediction_inputs
+from calibration.gap.replay.nuisances import LEAST_STARTS, Nuisances, fit_nuisances
+from calibration.gap.replay.torque_estimate import HORIZON as TORQUE_HORIZON
+from calibration.gap.replay.torque_estimate import with_torque_estimate
 from calibration.gap.replay.windows import (
     PHASES,
     Rows,

@@ -7,8 +7,8 @@ what is left is noise of start, reference and sensors.
 
 import numpy as np
 
+from calibration.gap.replay.flight_prediction import WindowErrors, in_body_axes, rotation_between
 from calibration.gap.replay.inputs import PredictionInputs, twice_integrated
-from calibration.gap.replay.window_errors import WindowErrors, in_body_axes, rotation_between
 from calibration.gap.replay.windows import Rows
 from onboard.arrays import BoolArray, FloatArray
 from onboard.jit import kernel

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from calibration.gap.data.quaternions import continuous_quaternions
+from calibration.gap.data.kinematics import continuous_quaternions
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.replay.kernels import follow_duty, voltage_of_model
 from onboard.arrays import BoolArray, FloatArray
@@ -122,16 +122,9 @@ def motor_starts(inputs: PredictionInputs, parameters: Any, rows: Any) -> tuple[
     starts = new_states(rows.size)
     thrust = np.empty((inputs.duty.shape[0], 4))
     follow_duty(
-        new_state(),
-        parameters,
-        inputs.duty,
-        inputs.voltage,
-        inputs.substeps,
-        inputs.step,
-        starts,
-        rows,
-        thrust,
-    )
+        new_state(), parameters, inputs.duty, inputs.voltage, inputs.substeps, inputs.step,
+        starts, rows, thrust,
+    )  # fmt: skip
     starts["position"] = inputs.position[rows]
     starts["velocity"] = inputs.start_velocity[rows]
     starts["quaternion"] = inputs.quaternion[rows]

@@ -1,12 +1,11 @@
 """The physics of the simulation along measured inputs, from every start: compiled.
 
-Inputs between two samples are interpolated linearly (commands as :mod:`calibration.gap.replay.commands` says)
-and taken in the middle of a step. Nothing touches a surface here: records are cut to free flight before.
+Inputs between two samples are interpolated linearly (commands as :func:`duty_between` says) and taken in the
+middle of a step. Nothing touches a surface here: records are cut to free flight before.
 """
 
 from typing import Any
 
-from calibration.gap.replay.commands import duty_between
 from onboard.mixer import Thrusts
 from sim_backend.physics.battery import draw, motor_targets
 from sim_backend.physics.forces import free_flight_wrench
@@ -14,13 +13,35 @@ from sim_backend.physics.frames import to_body, to_world
 from sim_backend.physics.jit import kernel, outlined
 from sim_backend.physics.motors import Wrench, commanded, decay, lag_to_end, lag_to_middle
 from sim_backend.physics.state import COMMAND_MEMORY
-from sim_backend.physics.step import (
-    attitude,
-    drift_to_end,
-    drift_to_middle,
-    inverse_inertia,
-    kick,
-)
+from sim_backend.physics.step import attitude, drift_to_end, drift_to_middle, inverse_inertia, kick
+
+HELD = 1e-3
+"""s: commands are steps of 2 ms (the controller runs at 500 Hz), logged when they are fresh; a line through
+the logged ones is therefore half a step ahead of what the motors were told."""
+
+
+@kernel
+def duty_between(duty: Any, row: int, share: float, dt: float) -> Thrusts:
+    """Duties that the motors have at `share` (0..1) of the way from sample `row` to the next.
+
+    They are :data:`HELD` older than a line through the samples.
+
+    Args:
+        duty: shape (n, 4), at the samples.
+        row, share: when.
+        dt: s, sample interval.
+    """
+    late = share - HELD / dt
+    if late < 0.0 and row > 0:
+        row, late = row - 1, late + 1.0
+    a, b = duty[row], duty[row + 1]
+    return (
+        a[0] + late * (b[0] - a[0]),
+        a[1] + late * (b[1] - a[1]),
+        a[2] + late * (b[2] - a[2]),
+        a[3] + late * (b[3] - a[3]),
+    )
+
 
 Trim = tuple[float, float, float, float, float]
 """What a flight has beside its model: lean of the thrust towards b_x and b_y (rad, small), and constant

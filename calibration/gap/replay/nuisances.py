@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from calibration.gap.replay.flight_prediction import prediction_errors
+from calibration.gap.replay.flight_prediction import in_body_axes, prediction_errors
 from calibration.gap.replay.floors import accelerometer_bias
 from calibration.gap.replay.inputs import PredictionInputs
-from calibration.gap.replay.window_errors import in_body_axes
 from calibration.gap.replay.windows import Rows
 from onboard.arrays import FloatArray, Vector
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from calibration.errors import CalibrationError
 from calibration.gap.data.record import FlightRecord
-from calibration.gap.replay.commands import duty_between
+from calibration.gap.replay.kernels import duty_between
 from onboard.arrays import FloatArray
 from onboard.battery import battery_current
 from sim_backend.physics.battery import motor_targets
@@ -139,7 +139,7 @@ def teacher_forced(record: FlightRecord, parameters: Any) -> Prediction:
     """Specific force and angular acceleration that a model gives along a measured flight.
 
     Commands and voltage are taken as straight lines between samples, as are pose and velocity; commands are
-    a little older (:mod:`calibration.gap.replay.commands`), and rates are those of the past carried on.
+    a little older (:func:`~calibration.gap.replay.kernels.duty_between`), rates those of the past carried on.
 
     Args:
         record: the flight.

@@ -7,10 +7,9 @@ last 0.2 s held constant, the error falls with every right effect.
 
 import numpy as np
 
-from calibration.gap.replay.flight_prediction import predicted_states, prediction_errors
+from calibration.gap.replay.flight_prediction import WindowErrors, predicted_states, prediction_errors
 from calibration.gap.replay.inputs import PredictionInputs
 from calibration.gap.replay.nuisances import Nuisances
-from calibration.gap.replay.window_errors import WindowErrors
 from calibration.gap.replay.windows import Rows
 from onboard.arrays import FloatArray
 

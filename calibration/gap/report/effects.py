@@ -7,7 +7,7 @@ import numpy as np
 
 from calibration.gap.estimate.held_out import HeldOutFlights, improvement
 from calibration.gap.landings import LandingEffect, LandingFindings
-from calibration.gap.report.document import Flips, FoundEffect, FoundParameter, Landings, UnusableFile
+from calibration.gap.report.document import FoundEffect, FoundParameter, Landings, UnusableFile
 from calibration.gap.search.naming import Named
 from calibration.gap.sensors import SensingEffect
 from onboard.vehicle import EFFECTS, Vehicle
@@ -103,20 +103,12 @@ def landing_effects(findings: Sequence[LandingEffect], vehicle: Vehicle) -> list
 
 def landing_section(found: LandingFindings) -> Landings:
     """Which landings could be judged and which were refused, as the report has it."""
-    flip, misfit = found.flip, found.misfit
+    misfit = found.misfit
     return Landings(
         usable=found.usable,
         refused=tuple(UnusableFile(file=item.name, reason=item.reason) for item in found.unused),
         misfit=misfit if misfit is not None and math.isfinite(misfit) else None,
-        flips=None
-        if flip is None
-        else Flips(
-            flights=flip.flights,
-            samples=flip.samples,
-            mean=flip.mean,
-            rms=flip.rms,
-            judgement=flip.judgement,
-        ),
+        flips=found.flip,
     )
 
 

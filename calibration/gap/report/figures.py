@@ -19,8 +19,9 @@ from calibration.gap.report.prediction_figures import (
 )
 from calibration.gap.search.forward import Search
 from calibration.gap.search.naming import Named
-from calibration.gap.unnamed import GapMap, regressors
 from calibration.gap.unnamed.fitted_terms import formulas
+from calibration.gap.unnamed.gap_map import GapMap
+from calibration.gap.unnamed.regressors import regressors
 from onboard.arrays import FloatArray
 from onboard.vehicle import Vehicle
 

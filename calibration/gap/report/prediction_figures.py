@@ -6,12 +6,13 @@ with all of them.
 """
 
 from collections.abc import Callable, Mapping
+from operator import attrgetter
 
 import numpy as np
 
 from calibration.gap.replay.closed_loop import ClosedLoopFlight
 from calibration.gap.replay.evaluation import ErrorPair, PredictionErrors
-from calibration.gap.replay.window_errors import QUANTITIES, ByHorizon, HorizonErrors
+from calibration.gap.replay.flight_prediction import QUANTITIES, ByHorizon, HorizonErrors
 from calibration.gap.report.document import Gap, Levels
 from calibration.gap.report.figures_data import ClosedLoopTrace, HorizonCurves, StageBars
 from onboard.arrays import FloatArray
@@ -78,9 +79,9 @@ def horizon_curves(stages: Stages) -> tuple[HorizonCurves, ...]:
     first, _ = _ends(stages)
     floor = first.floor
     wanted: tuple[tuple[str, str, Callable[[ErrorPair], ByHorizon]], ...] = (
-        ("position_m", f", {_GIVEN}", _given_attitude),
-        ("velocity_m_s", f", {_GIVEN}", _given_attitude),
-        ("attitude_deg", ", all predicted", _open_loop),
+        ("position_m", f", {_GIVEN}", attrgetter("given_attitude")),
+        ("velocity_m_s", f", {_GIVEN}", attrgetter("given_attitude")),
+        ("attitude_deg", ", all predicted", attrgetter("open_loop")),
     )
     return tuple(
         HorizonCurves(
@@ -157,14 +158,6 @@ def _within_reach(errors: PredictionErrors, horizon: float) -> float:
     """The longest horizon (s) up to the one asked for, or else the shortest, that a flight reaches."""
     reached = list(errors.overall.given_attitude)
     return max((h for h in reached if h <= horizon), default=reached[0])
-
-
-def _open_loop(pair: ErrorPair) -> ByHorizon:
-    return pair.open_loop
-
-
-def _given_attitude(pair: ErrorPair) -> ByHorizon:
-    return pair.given_attitude
 
 
 def _levels(

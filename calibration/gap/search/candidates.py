@@ -118,7 +118,7 @@ def _limits(model: Model, records: Sequence[FlightRecord], limit: Variable) -> t
 def _ceilings(model: Model, records: Sequence[FlightRecord]) -> tuple[Model, ...]:
     """Ceiling effects of a free and of a crowded rotor, under the known ceiling or some that may be there."""
     inflow, opening = Variable("ceiling_effect", "inflow"), Variable("ceiling_effect", "opening")
-    starts = [model.with_values({inflow: inflow.typical, opening: share}) for share in _OPENINGS]
+    starts = [model.with_values({inflow: inflow.rule.typical, opening: share}) for share in _OPENINGS]
     if model.ceiling_z is not None:
         return tuple(starts)
     heights = [float(r.position[r.flying, 2].max()) for r in records if r.flying.any()]

@@ -155,7 +155,7 @@ def _far_off(
         if effect in SCALES:
             fitted = refine(present.model, (*present.variables, *variables), training, start=present.estimate)
             value = fitted.model.start_value(variables[0])
-            if abs(value - (variables[0].neutral or 0.0)) >= _FAR_OFF:
+            if abs(value - (variables[0].rule.neutral or 0.0)) >= _FAR_OFF:
                 judgement = judge(present, fitted, variables, training, rng)
                 fits.append(SelectionStep(effect, judgement, fitted))
     best = max(fits, key=lambda step: step.judgement.gain, default=None)
@@ -185,7 +185,7 @@ def blind_to(promises: Sequence[Promise]) -> list[str]:
         for promise in promises
         if promise.errors
         and all(
-            DETECTABLE * error > max(abs(v.typical - (v.neutral or 0.0)), v.practical_minimum)
+            DETECTABLE * error > max(abs(v.rule.typical - (v.rule.neutral or 0.0)), v.rule.practical_minimum)
             for v, error in promise.errors.items()
         )
     ]

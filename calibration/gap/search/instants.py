@@ -105,9 +105,10 @@ class Instants:
         if self.misfit.shape[0] == 0:
             return 0.0, start
         first = np.array([start.start_value(v) for v in variables])
-        low, high = np.array([v.low for v in variables]), np.array([v.high for v in variables])
-        believed = [(i, v.typical, v.spread) for i, v in enumerate(variables) if v.spread is not None]
-        scale = np.array([max(abs(x), v.practical_minimum) for x, v in zip(first, variables, strict=True)])
+        rules = [v.rule for v in variables]
+        low, high = np.array([r.low for r in rules]), np.array([r.high for r in rules])
+        believed = [(i, r.typical, r.spread) for i, r in enumerate(rules) if r.spread is not None]
+        scale = np.array([max(abs(x), r.practical_minimum) for x, r in zip(first, rules, strict=True)])
         top = self.highest_rotor
 
         def model_of(values: FloatArray) -> Model:

@@ -77,7 +77,7 @@ def name_effects(found: Search, training: Training, rng: np.random.Generator) ->
         effects=tuple(order),
         model=Model(final.model.base, values, final.model.ceiling_z),
         errors={
-            v: math.hypot(error, SYSTEMATIC * abs(final.model.start_value(v) - (v.neutral or 0.0)))
+            v: math.hypot(error, SYSTEMATIC * abs(final.model.start_value(v) - (v.rule.neutral or 0.0)))
             for v, error in clustered_errors(final, training, rng).items()
         },
         ambiguous={name: _not_ruled_out(name, found, order) for name in order},

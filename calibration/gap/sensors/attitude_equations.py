@@ -15,6 +15,7 @@ import numpy as np
 from scipy import sparse
 from scipy.linalg import cho_factor, cho_solve
 
+from calibration.gap.data.kinematics import pose_at
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.rotations import (
     conjugates,
@@ -25,7 +26,6 @@ from calibration.gap.data.rotations import (
     turned,
 )
 from calibration.gap.sensors.knots import block_means, cells, hats, knots_over
-from calibration.gap.sensors.resample_pose import pose_at
 from onboard.arrays import BoolArray, FloatArray
 
 _DELAY_KNOT_S = 0.5

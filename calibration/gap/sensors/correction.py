@@ -6,14 +6,13 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from calibration.gap.data.kinematics import differentiate, pose_at
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.rotations import matrices, turned
-from calibration.gap.data.velocity import differentiate
 from calibration.gap.sensors.acceleration_fit import fit_acceleration
 from calibration.gap.sensors.flight_estimates import FlightSensing
 from calibration.gap.sensors.knots import hats
 from calibration.gap.sensors.pooling import Pooled
-from calibration.gap.sensors.resample_pose import pose_at
 from onboard.arrays import BoolArray, FloatArray
 
 _TIGHT = 1e-5  # rad: a rotation that is taken as known

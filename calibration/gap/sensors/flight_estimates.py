@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.flights.flight import PoseSource
-from calibration.gap.data.record import FlightRecord
+from calibration.gap.data.record import FlightRecord, NotUsed
 from calibration.gap.sensors.acceleration_fit import AccelerationFit, fit_acceleration
 from calibration.gap.sensors.attitude_fit import AttitudeFit, fit_attitude
 from calibration.gap.sensors.first_path import first_path
@@ -57,17 +57,9 @@ class FlightSensing:
         return {**errors, "pose_offset": np.sqrt(np.diag(self.acceleration.offset_covariance))}
 
 
-@dataclass(frozen=True)
-class BrokenClock:
-    """A flight in which pose and gyro do not belong together in time."""
-
-    name: str
-    reason: str
-
-
 def estimate_flights(
     records: Sequence[FlightRecord],
-) -> tuple[tuple[FlightSensing, ...], tuple[BrokenClock, ...]]:
+) -> tuple[tuple[FlightSensing, ...], tuple[NotUsed, ...]]:
     """Estimates of all flights whose pose is independent of the gyro, and those with a broken clock."""
     flights, broken = [], []
     for record in records:
@@ -76,7 +68,7 @@ def estimate_flights(
         start = first_path(record)
         reason = _broken(record, start.agreement, float(np.median(start.delay)))
         if reason is not None:
-            broken.append(BrokenClock(record.name, reason))
+            broken.append(NotUsed(record.name, reason))
             continue
         attitude = fit_attitude(record, start)
         acceleration = fit_acceleration(record, attitude, attitude.rotation, attitude.rotation_covariance)

@@ -5,10 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.gap.data.record import FlightRecord
+from calibration.gap.data.record import FlightRecord, NotUsed
 from calibration.gap.sensors.correction import correct_flight
 from calibration.gap.sensors.flight_estimates import (
-    BrokenClock,
     FlightSensing,
     estimate_flights,
     pool_flights,
@@ -58,7 +57,7 @@ class SensingFindings:
     effects: tuple[SensingEffect, ...]
     flights: tuple[FlightSensing, ...]
     pooled: Mapping[str, tuple[Pooled, ...]]
-    broken: tuple[BrokenClock, ...]
+    broken: tuple[NotUsed, ...]
     notes: tuple[str, ...]
 
 

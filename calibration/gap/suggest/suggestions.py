@@ -1,4 +1,4 @@
-"""Choose the flight of the library that tells two effects apart best."""
+"""Choose the flight of the library that tells two effects apart best, or the measurement where none does."""
 
 import math
 from collections.abc import Callable, Iterable, Sequence
@@ -7,13 +7,54 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.gap.suggest.landing_separation import LANDINGS, landing_separation
-from calibration.gap.suggest.measurements import measurement_for
 from calibration.gap.suggest.open_questions import OpenQuestions
 from calibration.gap.suggest.separation import Separation, separation
 from onboard.manoeuvres import MANOEUVRES, CourseDoesNotFit, manoeuvre
 from onboard.room import RoomGeometry
 from onboard.vehicle import EFFECTS, Vehicle
 from onboard.vehicle.effects import Domain
+
+_SCALE = "weigh the drone ready to fly, to 0.1 g, and put the mass into the vehicle file"
+_THRUST = "measure thrust over voltage on a stand (`perchhw calibrate thrust`)"
+_BIFILAR = "swing the drone on two strings (`perchhw calibrate bifilar`)"
+_TACHOMETER = "log steps of the rotor speed with a tachometer (`perchhw calibrate tachometer`)"
+_BALANCE = "balance the drone on an edge along both axes"
+_FRAME = "draw the tracked frame anew, with the drone level on a plate and its nose on a line"
+_HINGE = "load a leg with known weights, and film it when it is let go"
+
+MEASUREMENTS: dict[str, str] = {
+    "thrust_scale": _THRUST,
+    "thrust_curve": _THRUST,
+    "motor_saturation": _THRUST,
+    "motor_imbalance": _THRUST,
+    "battery_sag": "measure the battery's voltage at rest and under the hover current",
+    "motor_lag": _TACHOMETER,
+    "motor_lag_asymmetry": _TACHOMETER,
+    "motor_speed_law": _TACHOMETER,
+    "command_delay": "log a step of PWM on board together with the rotor speed of a tachometer",
+    "mass_error": _SCALE,
+    "inertia_error": _BIFILAR,
+    "com_offset": _BALANCE,
+    "thrust_tilt": "stand the drone on a plate and check the motors' axes with a square",
+    "pose_rotation": _FRAME,
+    "pose_offset": _FRAME,
+    "gyro_bias": "log the gyro on a table for ten seconds",
+    "wind": "hold a thread into the flight volume, and switch the ventilation off",
+    "rotor_gyroscopic": "weigh a propeller and take its inertia as that of a plate",
+    "rotor_acceleration_torque": "weigh a propeller and take its inertia as that of a plate",
+    "leg_stiffness": _HINGE,
+    "leg_damping": _HINGE,
+    "foot_slip": "pull a foot off the ceiling with a spring scale",
+    "tether": "take off every string and cable",
+}
+"""By effect; effects of the air have none but flights."""
+
+
+def measurement_for(first: str, second: str) -> str | None:
+    """What decides between two effects on the ground, or None."""
+    texts = dict.fromkeys(MEASUREMENTS[name] for name in (second, first) if name in MEASUREMENTS)
+    return ", or ".join(texts) or None
+
 
 LEAST_OF_A_FLIGHT = 2.0
 """Log-likelihood ratio below which a flight tells nothing, however often it is flown: what is left then are

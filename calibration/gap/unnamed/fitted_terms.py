@@ -6,16 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.gap.estimate.acceptance import LEAST_GAIN, lower_bound
-from calibration.gap.estimate.refine import Fitted, Training, refine
-from calibration.gap.unnamed import (
-    GapMap,
-    Structure,
-    UnnamedTerm,
-    find_lines,
-    gap_map,
-    structured,
-    unnamed_terms,
-)
+from calibration.gap.estimate.refine import Fitted, Training, UnnamedTerm, refine
+from calibration.gap.unnamed.gap_map import GapMap, gap_map
+from calibration.gap.unnamed.lines import find_lines
+from calibration.gap.unnamed.structure import Structure, structured
+from calibration.gap.unnamed.term_search import unnamed_terms
 from onboard.vehicle import Vehicle
 
 _OFFERED = 3

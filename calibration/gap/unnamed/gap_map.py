@@ -21,7 +21,6 @@ from calibration.gap.data.channels import (
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.signals import Signals
 from calibration.gap.unnamed.blocks import make_blocks
-from calibration.gap.unnamed.conditions import where_it_lives
 from calibration.gap.unnamed.normal_equations import (
     Grid,
     NormalEquations,
@@ -38,7 +37,7 @@ from calibration.gap.unnamed.profile import (
     profile_knots,
     random_signs,
 )
-from calibration.gap.unnamed.regressors import Regressor, regressors
+from calibration.gap.unnamed.regressors import Regressor, regressors, where_it_lives
 from onboard.arrays import FloatArray
 
 DRAWS = 200

@@ -11,7 +11,7 @@ import numpy as np
 from calibration.gap.data.channels import Channel
 from calibration.gap.data.signals import CHANNELS as SIGNALS
 from calibration.gap.data.signals import FORCE, Signals
-from calibration.gap.estimate.term import UnnamedTerm
+from calibration.gap.estimate.refine import UnnamedTerm
 from calibration.gap.unnamed.regressors import Regressor
 from onboard.arrays import FloatArray
 from onboard.vehicle import Vehicle
