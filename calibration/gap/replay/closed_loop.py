@@ -18,17 +18,12 @@ from calibration.gap.replay.nuisances import Nuisances
 from calibration.gap.replay.windows import longest_stretch
 from onboard.arrays import FloatArray
 from onboard.battery import duty_for_thrust
-from onboard.controller import (
-    ControllerGains,
-    controller_gains,
-    geometric_control,
-    integrate_position_error,
-)
+from onboard.controller import ControllerGains, controller_gains, geometric_control, integrate_position_error
 from onboard.mixer import mix
 from onboard.thrust_map import ThrustMap
 from onboard.vehicle import Vehicle
 from sim_backend.physics.battery import motor_targets
-from sim_backend.physics.jit import outlined
+from sim_backend.physics.jit import kernel, outlined
 from sim_backend.physics.motors import commanded, decay
 
 SETTLING = 1.0
@@ -96,6 +91,24 @@ def _rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
+@kernel
+def control(
+    state: Any, p: Any, gains: ControllerGains, thrust_map: ThrustMap, integral: Any, rate: Any,
+    setpoint: Any, duty: Any,
+) -> None:  # fmt: skip
+    """Duties of the firmware's controller, mixer and battery compensation, into `duty` (4,).
+
+    `setpoint`: position, velocity, acceleration and yaw. `rate`: rad/s, body, less the one that is wanted.
+    """
+    collective, tx, ty, tz = geometric_control(
+        state.position, state.velocity, state.quaternion, rate, integral,
+        setpoint[0:3], setpoint[3:6], setpoint[6:9], setpoint[9], gains,
+    )  # fmt: skip
+    wanted = mix(collective, tx, ty, tz, p.arm_x, p.arm_y, p.thrust_to_torque, p.thrust_max)
+    for motor in range(4):
+        duty[motor] = duty_for_thrust(wanted[motor], state.battery_voltage, thrust_map, 0.0)
+
+
 @outlined
 def _fly_along(
     state: Any, p: Any, gains: ControllerGains, thrust_map: ThrustMap, trim: Trim, path: Any, voltage: Any,
@@ -116,13 +129,7 @@ def _fly_along(
                 integral = integrate_position_error(
                     integral, state.position, setpoint[0:3], every * h, gains.integral_limit
                 )
-                collective, tx, ty, tz = geometric_control(
-                    state.position, state.velocity, state.quaternion, state.omega, integral,
-                    setpoint[0:3], setpoint[3:6], setpoint[6:9], setpoint[9], gains,
-                )  # fmt: skip
-                wanted = mix(collective, tx, ty, tz, p.arm_x, p.arm_y, p.thrust_to_torque, p.thrust_max)
-                for motor in range(4):
-                    duty[motor] = duty_for_thrust(wanted[motor], state.battery_voltage, thrust_map, 0.0)
+                control(state, p, gains, thrust_map, integral, state.omega, setpoint, duty)
             if j == 0:
                 _log(state, duty, out[row])
             targets = commanded(state, p, motor_targets(state, p, duty))
