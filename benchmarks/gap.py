@@ -46,8 +46,8 @@ SMALL = 0.2
 def run(case: str, size: str, seed: int, flights: int) -> dict[str, Any]:
     """Hide, find, compare."""
     from calibration.flights import open_flights
+    from calibration.gap.data import prepare_flights
     from calibration.gap.find import Question, find_gap
-    from calibration.gap.prepare import prepare_flights
     from onboard.vehicle import load_vehicle
     from tests.gap.truth.campaign import make_flights
 
@@ -57,9 +57,9 @@ def run(case: str, size: str, seed: int, flights: int) -> dict[str, Any]:
         files = make_flights(case, size, seed, flights, out=Path(folder) / "flights", answer=answer)
         started = time.monotonic()
         read = open_flights(files)[0]
-        prepared = prepare_flights(read)
-        found = find_gap(read, prepared, Question(vehicle=vehicle, seed=seed))
+        found = find_gap(read, Question(vehicle=vehicle, seed=seed))
         seconds = time.monotonic() - started
+        records = prepare_flights(read).records
         sealed = json.loads(answer.read_text())
     report = found.report.to_json()
     return {
@@ -68,7 +68,7 @@ def run(case: str, size: str, seed: int, flights: int) -> dict[str, Any]:
         "seed": seed,
         "seconds": round(seconds, 1),
         **judge(report, sealed),
-        "closed": closed_share(prepared.records, report["flights"]["held_out"], found, vehicle, sealed),
+        "closed": closed_share(records, report["flights"]["held_out"], found, vehicle, sealed),
     }
 
 
@@ -145,10 +145,10 @@ def closed_share(
     channel in units of what remains with the true effects) is removable. None where sensors are at fault,
     where the truth has no name, and where there was nothing to remove.
     """
-    from calibration.gap.held_out import HeldOutFlights
-    from calibration.gap.model import Model, Variable
-    from calibration.gap.sensing import apply_sensing, judge_sensing
-    from calibration.gap.signals import VOLTAGE
+    from calibration.gap.data.signals import VOLTAGE
+    from calibration.gap.estimate.held_out import HeldOutFlights
+    from calibration.gap.estimate.model import Model, Variable
+    from calibration.gap.sensors import apply_sensing, judge_sensing
     from onboard.vehicle import EFFECTS
     from onboard.vehicle.effects import Domain
 

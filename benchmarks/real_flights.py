@@ -28,16 +28,16 @@ HORIZON, CALIBRATED = 1.0, 8.0
 def run(folder: Path, vehicle: str, split: str, fitted: Sequence[str]) -> dict[str, Any]:
     """Find on the flights named in `fitted`, predict the others."""
     from calibration.flights import open_flights
+    from calibration.gap.data import prepare_flights
     from calibration.gap.find import Question, find_gap
-    from calibration.gap.prediction import evaluate
-    from calibration.gap.prepare import prepare_flights
-    from calibration.gap.sensing import apply_sensing, judge_sensing
+    from calibration.gap.replay import evaluate
+    from calibration.gap.sensors import apply_sensing, judge_sensing
     from onboard.vehicle import load_vehicle
 
     flights = open_flights(_files(folder))[0]
     everything = prepare_flights(flights).records
     some = [flight for flight in flights if flight.source.name.split(".")[0] in fitted]
-    found = find_gap(some, prepare_flights(some), Question(vehicle=load_vehicle(vehicle)))
+    found = find_gap(some, Question(vehicle=load_vehicle(vehicle)))
     unseen = [r for r in apply_sensing(everything, judge_sensing(everything)) if r.name not in fitted]
     return {
         "split": split,
@@ -88,7 +88,7 @@ def _files(folder: Path) -> list[Path]:
 def splits(folder: Path) -> dict[str, list[str]]:
     """Names of the flights to fit to, by split."""
     from calibration.flights import open_flights
-    from calibration.gap.prepare import prepare_flights
+    from calibration.gap.data import prepare_flights
 
     records = prepare_flights(open_flights(_files(folder))[0]).records
     named = {

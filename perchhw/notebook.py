@@ -238,7 +238,6 @@ def find_gap(
         NothingToFindError: not one flight can be used.
     """
     from calibration.gap import find
-    from calibration.gap.prepare import prepare_flights
 
     asked = find.Question(vehicle=vehicle, seed=seed, ceiling_z=ceiling_z)
-    return find.find_gap(flights, prepare_flights(flights), asked)
+    return find.find_gap(flights, asked)

@@ -7,7 +7,7 @@ Source: syediu/nanobench-iros2026 (BSD-3). What the columns are, against their R
 - ``imu_gyro_*`` rad/s and ``imu_acc_*`` g, body FLU. ``wx_vicon..`` (not read) are noisy.
 - ``motor_motor_m1..4``: final PWM ratio, after any battery compensation; ``pwr_pm_vbat``: V under load.
 - All that came by radio was interpolated onto the Vicon times, and extrapolated after a lost link, where
-  numbers may be of any size; :mod:`calibration.gap.prepare` finds both.
+  numbers may be of any size; :mod:`calibration.gap.data` finds both.
 
 The metadata repeats what file and flight tell, and one vehicle name covers several airframes: it is not read.
 """

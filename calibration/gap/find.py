@@ -10,34 +10,33 @@ from threadpoolctl import threadpool_limits
 
 from calibration.errors import CalibrationError
 from calibration.flights import Flight
-from calibration.gap.held_out import HeldOutFlights
-from calibration.gap.improved import improved_vehicle, provenance
-from calibration.gap.landing import LandingFindings, judge_landings
-from calibration.gap.landing import Verdict as LandingVerdict
-from calibration.gap.model import Model
-from calibration.gap.naming import FEWEST, Named, found_effects, name_effects
-from calibration.gap.nuisances import NUISANCES
-from calibration.gap.other_phases import landing_effects, landing_section, sensing_effects
-from calibration.gap.prediction import PredictionErrors, evaluate
-from calibration.gap.prediction.shown import prediction_gap
-from calibration.gap.prepare import Prepared
-from calibration.gap.record import FlightRecord
-from calibration.gap.refine import Training, training_set
-from calibration.gap.report import (
+from calibration.gap.data import Prepared, prepare_flights
+from calibration.gap.data.record import FlightRecord
+from calibration.gap.data.signals import CHANNELS, UNITS
+from calibration.gap.data.split import split_flights
+from calibration.gap.estimate.held_out import HeldOutFlights
+from calibration.gap.estimate.model import Model
+from calibration.gap.estimate.nuisances import NUISANCES
+from calibration.gap.estimate.refine import Training, training_set
+from calibration.gap.landings import LandingFindings, LandingVerdict, judge_landings
+from calibration.gap.replay import PredictionErrors, evaluate
+from calibration.gap.report.document import (
     AmbiguousSet,
     FoundEffect,
     GapReport,
     Rejected,
-    ReportFigures,
     UnusableFile,
     Verdict,
 )
-from calibration.gap.search import LOG_TIMING, Progress, Search, search
-from calibration.gap.sensing import SensingFindings, apply_sensing, judge_sensing
-from calibration.gap.showing import figures, unexplained, where
-from calibration.gap.signals import CHANNELS, UNITS
-from calibration.gap.split import split_flights
-from calibration.gap.unlisted import map_of
+from calibration.gap.report.effects import found_effects, landing_effects, landing_section, sensing_effects
+from calibration.gap.report.figures import figures, unexplained, where
+from calibration.gap.report.figures_data import ReportFigures
+from calibration.gap.report.improved_vehicle import improved_vehicle, provenance
+from calibration.gap.report.prediction_figures import prediction_gap
+from calibration.gap.search.forward import LOG_TIMING, Progress, Search, search
+from calibration.gap.search.naming import FEWEST, Named, name_effects
+from calibration.gap.sensors import SensingFindings, apply_sensing, judge_sensing
+from calibration.gap.unnamed.fitted_terms import residual_map
 from onboard.errors import InputError
 from onboard.vehicle import EFFECTS, Vehicle
 
@@ -86,15 +85,12 @@ class Question:
     unusable: Sequence[UnusableFile] = field(default=())
 
 
-def find_gap(
-    flights: Sequence[Flight], prepared: Prepared, asked: Question, progress: Progress = lambda _: None
-) -> GapResult:
+def find_gap(flights: Sequence[Flight], question: Question, progress: Progress = lambda _: None) -> GapResult:
     """Find what a vehicle file lacks.
 
     Args:
         flights: as read; those with a trigger are looked at for their landings.
-        prepared: the records that were made of them.
-        asked: vehicle, seed, ceiling.
+        question: vehicle, seed, ceiling.
         progress: told what is being looked at.
 
     Raises:
@@ -102,11 +98,12 @@ def find_gap(
     """
     # Small matrices, and flights in parallel already: threads of the linear algebra would only spin.
     with threadpool_limits(limits=1, user_api="blas"):
-        return _find(flights, prepared, asked, progress)
+        return _find(flights, question, progress)
 
 
-def _find(flights: Sequence[Flight], prepared: Prepared, asked: Question, progress: Progress) -> GapResult:
-    rng = np.random.default_rng(asked.seed)
+def _find(flights: Sequence[Flight], question: Question, progress: Progress) -> GapResult:
+    rng = np.random.default_rng(question.seed)
+    prepared = _prepared(flights, question)
     usable = [record for record in prepared.records if record.voltage is not None]
     if not usable:
         raise NothingToFindError(f"{_NO_VOLTAGE} (in {len(prepared.records)} flights)")
@@ -117,7 +114,7 @@ def _find(flights: Sequence[Flight], prepared: Prepared, asked: Question, progre
         reasons = "; ".join(f"{item.name}: {item.reason}" for item in sensing.broken)
         raise NothingToFindError(f"no flight can be used: {reasons}")
     fit_to, kept_back = split_flights(corrected)
-    model = Model(asked.vehicle, {}, _ceiling(asked, corrected))
+    model = Model(question.vehicle, {}, _ceiling(question, corrected))
     training = training_set([corrected[i] for i in fit_to], model)
     found = search(model, training, rng, progress)
     names = name_effects(found, training, rng)
@@ -129,57 +126,67 @@ def _find(flights: Sequence[Flight], prepared: Prepared, asked: Question, progre
     effects = [
         *sensing_effects(sensing.effects),
         *in_the_air,
-        *landing_effects(landings.findings if landings else (), asked.vehicle),
+        *landing_effects(landings.findings if landings else (), question.vehicle),
     ]
     stages = _stages(names, held_out)
     progress("where it lives")
-    maps = map_of(found.first, training, rng), map_of(found.final, training, rng)
+    maps = residual_map(found.first, training, rng), residual_map(found.final, training, rng)
     report = GapReport(
         verdict=_verdict(effects, found, names, landings),
-        vehicle=asked.vehicle.name,
+        vehicle=question.vehicle.name,
         effects=tuple(effects),
         gap=prediction_gap(stages),
         where=where(maps[0]),
-        unexplained=unexplained(found, names, asked.vehicle),
+        unexplained=unexplained(found, names, question.vehicle),
         train=tuple(record.name for record in training.records),
         held_out=tuple(corrected[i].name for i in kept_back),
-        unusable=_unusable(asked, prepared, sensing),
+        unusable=_unusable(question, prepared, sensing),
         ambiguous=_ambiguous(effects),
         rejected=tuple(
             Rejected(name=name, reason=reason)
-            for name, reason in (found.refused | names.nameless).items()
+            for name, reason in (found.refused | names.rejected).items()
             if name not in names.effects  # refused in one round, named in a later one
         ),
         limitations=(
             *prepared.limitations,
             *stages["before"].doubts(),
-            *_limits(kept_back, found, names, sensing, landings),
+            *_limitations(kept_back, found, names, sensing, landings),
         ),
         landings=landing_section(landings) if landings else None,
-        seed=asked.seed,
+        seed=question.seed,
         settings=_settings(names.model),
         noise=_noise(found, training),
     )
-    source = provenance(len(fit_to), len(kept_back), asked.seed)
+    source = provenance(len(fit_to), len(kept_back), question.seed)
     return GapResult(
         report=report,
         figures=figures(stages, names, held_out, found, training, maps),
-        vehicle=improved_vehicle(asked.vehicle, effects, source),
+        vehicle=improved_vehicle(question.vehicle, effects, source),
         ceiling_z=names.model.ceiling_z,
     )
 
 
-def _ceiling(asked: Question, records: Sequence[FlightRecord]) -> float | None:
+def _prepared(flights: Sequence[Flight], question: Question) -> Prepared:
+    prepared = prepare_flights(flights)
+    if not prepared.records:
+        refused = [(one.file, one.reason) for one in question.unusable]
+        refused += [(str(one.file), one.reason) for one in prepared.refused]
+        reasons = (reason if file in reason else f"{file}: {reason}" for file, reason in refused)
+        raise NothingToFindError(f"no usable flight: {'; '.join(reasons)}")
+    return prepared
+
+
+def _ceiling(question: Question, records: Sequence[FlightRecord]) -> float | None:
     """Height (m) of the ceiling: as asked, else as all records that know it agree on."""
     told = {record.ceiling_z for record in records if record.ceiling_z is not None}
-    return asked.ceiling_z if asked.ceiling_z is not None or len(told) != 1 else told.pop()
+    return question.ceiling_z if question.ceiling_z is not None or len(told) != 1 else told.pop()
 
 
 def _verdict(
     effects: Sequence[FoundEffect], found: Search, names: Named, landings: LandingFindings | None
 ) -> Verdict:
     odd_landings = landings is not None and landings.verdict is LandingVerdict.UNEXPLAINED_GAP
-    if found.unlisted or names.unconfirmed or odd_landings:
+    if found.unnamed or names.unconfirmed or odd_landings:
         return Verdict.UNEXPLAINED_GAP
     return Verdict.EFFECTS_FOUND if effects else Verdict.NO_GAP
 
@@ -208,7 +215,7 @@ def _stages(names: Named, records: Sequence[FlightRecord]) -> dict[str, Predicti
     return stages
 
 
-def _unusable(asked: Question, prepared: Prepared, sensing: SensingFindings) -> tuple[UnusableFile, ...]:
+def _unusable(question: Question, prepared: Prepared, sensing: SensingFindings) -> tuple[UnusableFile, ...]:
     refused = [UnusableFile(file=str(item.file), reason=item.reason) for item in prepared.refused]
     refused += [
         UnusableFile(file=str(record.source), reason=_NO_VOLTAGE)
@@ -216,10 +223,10 @@ def _unusable(asked: Question, prepared: Prepared, sensing: SensingFindings) -> 
         if record.voltage is None
     ]
     broken = [UnusableFile(file=item.name, reason=item.reason) for item in sensing.broken]
-    return (*asked.unusable, *refused, *broken)
+    return (*question.unusable, *refused, *broken)
 
 
-def _limits(
+def _limitations(
     kept_back: Sequence[int],
     found: Search,
     names: Named,

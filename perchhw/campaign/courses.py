@@ -9,10 +9,10 @@ from functools import partial
 from pathlib import Path
 
 from calibration.flights.run_folder import RunFolderError, is_run_folder, read_info
-from calibration.gap.suggest.manoeuvres import MANOEUVRES
 from mocap_bridge.uri import parse_mocap_uri
 from onboard.lab_file import LabFile
 from onboard.link import check_drone_uri
+from onboard.manoeuvres import MANOEUVRES
 from onboard.room import RoomGeometry
 from onboard.toml_file import read_toml
 from onboard.vehicle import load_vehicle

@@ -12,8 +12,8 @@ from perchhw.cli.output import console, emit, progress_console
 
 if TYPE_CHECKING:
     from calibration.flights import Flight
-    from calibration.gap.prediction import PredictionErrors
-    from calibration.gap.prepare import Prepared
+    from calibration.gap.data import Prepared
+    from calibration.gap.replay import PredictionErrors
     from calibration.gap.report import GapReport
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help="Compare the model with measured flights.")
@@ -44,7 +44,7 @@ def evaluate(
     ] = 0.0,
 ) -> None:
     """How well a model predicts flights: mean errors by horizon, and what no model could beat."""
-    from calibration.gap.prediction import evaluate as predict
+    from calibration.gap.replay import evaluate as predict
     from onboard.vehicle import load_vehicle
 
     seconds = _seconds(horizons)
@@ -74,8 +74,8 @@ def find(
 ) -> None:
     """Find where model and flights disagree, name what is missing, and write the improved vehicle file."""
     from calibration.gap.find import Question, find_gap
-    from calibration.gap.improved import write_vehicle
     from calibration.gap.report import UnusableFile, write_report
+    from calibration.gap.report.improved_vehicle import write_vehicle
     from onboard.vehicle import load_vehicle
 
     model = load_vehicle(vehicle, legs=legs)
@@ -87,7 +87,7 @@ def find(
             ceiling_z=ceiling,
             unusable=[UnusableFile(file=item["file"], reason=item["reason"]) for item in refused],
         )
-        result = find_gap(flights, records_of(flights, refused), asked, progress=status.update)
+        result = find_gap(flights, asked, progress=status.update)
     page = write_report(result.report, out, result.figures)
     write_vehicle(result.vehicle, out)
     emit(result.report.to_json(), lambda: _tell(result.report, page))
@@ -99,9 +99,15 @@ def read_records(paths: list[Path], format: str) -> tuple["Prepared", list[dict[
     Raises:
         InputError: a path does not exist, or not one flight is usable.
     """
+    from calibration.gap.data import prepare_flights
+    from onboard.errors import InputError
+
     opened, unusable = read_flights(paths, format)
-    flights = records_of(opened, unusable)
-    return flights, unusable + [{"file": str(item.file), "reason": item.reason} for item in flights.refused]
+    prepared = prepare_flights(opened)
+    unusable += [{"file": str(item.file), "reason": item.reason} for item in prepared.refused]
+    if not prepared.records:
+        raise InputError(f"no usable flight: {'; '.join(with_file(item) for item in unusable)}")
+    return prepared, unusable
 
 
 def read_flights(paths: list[Path], format: str) -> tuple[list["Flight"], list[dict[str, str]]]:
@@ -110,23 +116,6 @@ def read_flights(paths: list[Path], format: str) -> tuple[list["Flight"], list[d
 
     flights, unusable = open_flights(flight_files(paths), format)
     return flights, [{"file": str(item.file), "reason": item.reason} for item in unusable]
-
-
-def records_of(flights: list["Flight"], unusable: list[dict[str, str]]) -> "Prepared":
-    """Records for analysis.
-
-    Raises:
-        InputError: not one flight is usable; says why.
-    """
-    from calibration.gap.prepare import prepare_flights
-    from onboard.errors import InputError
-
-    prepared = prepare_flights(flights)
-    if not prepared.records:
-        refused = [{"file": str(item.file), "reason": item.reason} for item in prepared.refused]
-        reasons = "; ".join(with_file(item) for item in [*unusable, *refused])
-        raise InputError(f"no usable flight: {reasons}")
-    return prepared
 
 
 def with_file(unusable: dict[str, str]) -> str:

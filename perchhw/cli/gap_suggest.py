@@ -8,7 +8,7 @@ import typer
 from perchhw.cli.output import emit, progress_console
 
 if TYPE_CHECKING:
-    from calibration.gap.suggest.choose import Suggestion
+    from calibration.gap.suggest.suggestions import Suggestion
 
 DEFAULT_DRONE = "udp://127.0.0.1:19850"
 DEFAULT_MOCAP = "vicon://127.0.0.1:18801?subject=cf1"
@@ -40,10 +40,10 @@ def suggest_command(
     Writes a campaign file: `perchhw campaign run FILE` flies it, on hardware or in the simulated lab.
     Effects of legs and feet need landings, which get a file of their own.
     """
-    from calibration.gap.suggest.ambiguous import read_questions
     from calibration.gap.suggest.campaign_file import flights_file, landings_file
-    from calibration.gap.suggest.choose import Search
-    from calibration.gap.suggest.manoeuvres import MANOEUVRES
+    from calibration.gap.suggest.open_questions import read_questions
+    from calibration.gap.suggest.suggestions import Suggester
+    from onboard.manoeuvres import MANOEUVRES
     from onboard.room import RoomGeometry
     from onboard.vehicle import load_vehicle
 
@@ -53,7 +53,7 @@ def suggest_command(
         name = str(Path(name).resolve())  # the campaign may be flown from elsewhere
     room = RoomGeometry(ceiling_z=ceiling)
     screen = progress_console()
-    search = Search(
+    search = Suggester(
         vehicle=load_vehicle(name, legs),
         room=room,
         seed=seed,

@@ -9,13 +9,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from calibration.gap.suggest.course import Course
-from calibration.gap.suggest.manoeuvres import manoeuvre
 from mocap_bridge.uri import parse_mocap_uri
 from onboard.errors import PerchhwError
 from onboard.lab_file import LabFile
 from onboard.lab_time import open_timebase
 from onboard.link.uri import check_drone_uri
+from onboard.manoeuvres import Course, manoeuvre
 from onboard.outcome import Outcome
 from onboard.room import RoomGeometry
 from onboard.vehicle import load_vehicle
@@ -39,7 +38,7 @@ class CourseRequest:
     """One test flight.
 
     Attributes:
-        kind: of the library (:data:`calibration.gap.suggest.manoeuvres.MANOEUVRES`).
+        kind: of the library (:data:`onboard.manoeuvres.MANOEUVRES`).
         parameters: of the kind, SI; what is left out has its usual value.
         folder: the run folder for the record: reserved and empty, or not there yet.
         drone, mocap: URIs.

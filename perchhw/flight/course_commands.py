@@ -10,8 +10,8 @@ from perchhw.supervisor import Order
 from perchhw.supervisor.events import FlyCourse, Land
 
 if TYPE_CHECKING:
-    from calibration.gap.suggest.course import Course
     from onboard.link import DroneLink
+    from onboard.manoeuvres import Course
 
 SETPOINT_PERIOD = 0.02
 """s between two setpoints of a course: 50 Hz leaves the radio room for poses and logs."""

@@ -6,9 +6,8 @@ from typing import Any
 
 from calibration.flights import Flight, flight_files, open_flight
 from calibration.gap.find import Question, find_gap
-from calibration.gap.improved import write_vehicle
-from calibration.gap.prepare import prepare_flights
 from calibration.gap.report import UnusableFile, write_report
+from calibration.gap.report.improved_vehicle import write_vehicle
 from onboard.errors import InputError
 from onboard.room import RoomGeometry
 from onboard.vehicle import load_vehicle
@@ -34,7 +33,7 @@ def find_in_records(folder: Path, records: Sequence[Path], seed: int) -> dict[st
         ceiling_z=RoomGeometry().ceiling_z,
         unusable=unusable,
     )
-    result = find_gap(flights, prepare_flights(flights), asked)
+    result = find_gap(flights, asked)
     write_report(result.report, folder, result.figures)
     vehicle = write_vehicle(result.vehicle, folder)
     return {

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from calibration.flights.run_folder import RunRecord, read_run
-from calibration.gap.suggest.course import Course
-from calibration.gap.suggest.manoeuvres import manoeuvre
+from onboard.manoeuvres import Course, manoeuvre
 from onboard.room import RoomGeometry
 from perchhw.errors import FlightStackError
 

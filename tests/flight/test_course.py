@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from calibration.flights import open_flight
-from calibration.gap.prepare import prepare_flights
-from calibration.gap.suggest.manoeuvres import manoeuvre
+from calibration.gap.data import prepare_flights
 from onboard.errors import InputError
+from onboard.manoeuvres import manoeuvre
 from onboard.room import RoomGeometry
 from perchhw.flight.course import CourseRequest, fly_course
 from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab

@@ -12,9 +12,9 @@ import numpy as np
 from scipy.signal import cont2discrete, lfilter
 from scipy.spatial.transform import Rotation
 
-from calibration.gap.prepare import differentiate
-from calibration.gap.record import FlightRecord
-from calibration.gap.signals import Signals
+from calibration.gap.data import differentiate
+from calibration.gap.data.record import FlightRecord
+from calibration.gap.data.signals import Signals
 
 DT = 0.01
 SECONDS = 20.0

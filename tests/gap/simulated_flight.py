@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from calibration.gap.commands import HELD
-from calibration.gap.record import FlightRecord
+from calibration.gap.data.record import FlightRecord
+from calibration.gap.replay.kernels import HELD
 from onboard.arrays import FloatArray
 from onboard.battery import duty_for_thrust
 from onboard.controller import ControllerGains, controller_gains, geometric_control

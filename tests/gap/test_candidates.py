@@ -2,9 +2,9 @@
 
 from functools import cache
 
-from calibration.gap.candidates import candidates
-from calibration.gap.model import Model, Variable
-from calibration.gap.record import FlightRecord
+from calibration.gap.data.record import FlightRecord
+from calibration.gap.estimate.model import Model, Variable
+from calibration.gap.search.candidates import candidates
 from onboard.vehicle import EFFECTS, load_vehicle
 from tests.gap.simulated_flight import circle, fly
 

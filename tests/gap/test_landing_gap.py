@@ -10,14 +10,15 @@ import numpy as np
 import pytest
 
 from calibration.flights import Flight, open_flight, open_flights
-from calibration.gap.landing import LandingFindings, Verdict, judge_landings
-from calibration.gap.landing.choose import at_bound
-from calibration.gap.landing.flip import flip_residual
-from calibration.gap.landing.kernels import COLUMNS, POSITION, fly
-from calibration.gap.landing.problem import Solver, pose_problems
-from calibration.gap.landing.search import HIGHEST, NOMINAL, Theta, apply
-from calibration.gap.landing.segments import LandingSegment, landing_of
-from calibration.gap.other_phases import landing_section
+from calibration.gap.landings import LandingFindings, LandingVerdict, judge_landings
+from calibration.gap.landings.choose import at_bound
+from calibration.gap.landings.flip import flip_residual
+from calibration.gap.landings.kernels import COLUMNS, POSITION, fly
+from calibration.gap.landings.problem import Solver, pose_problems
+from calibration.gap.landings.search import HIGHEST, NOMINAL, Theta, apply
+from calibration.gap.landings.segments import LandingSegment, landing_of
+from calibration.gap.report.document import as_json
+from calibration.gap.report.effects import landing_section
 from onboard.room import RoomGeometry
 from onboard.vehicle import Vehicle, load_vehicle
 from sim_backend.physics.parameters import physics_parameters
@@ -140,7 +141,7 @@ def test_hidden_hinge_costs_least_where_it_is(soft: Campaign, vehicle: Vehicle) 
 
 
 def test_soft_hinge_is_named_and_measured(soft_findings: LandingFindings) -> None:
-    assert soft_findings.verdict is Verdict.EFFECTS_FOUND
+    assert soft_findings.verdict is LandingVerdict.EFFECTS_FOUND
     finding = soft_findings.findings[0]
     assert [found.effect for found in soft_findings.findings] == ["leg_stiffness"]
     value, (low, high) = finding.parameters["scale"]
@@ -162,7 +163,7 @@ def test_a_fit_at_the_end_of_its_range_is_no_value() -> None:
 
 def test_healthy_legs_are_cleared(healthy: Campaign, vehicle: Vehicle) -> None:
     found = judge_landings(healthy.flights, vehicle, np.random.default_rng(0))
-    assert found.verdict is Verdict.NO_GAP
+    assert found.verdict is LandingVerdict.NO_GAP
     assert not found.findings
     low, high = found.allowed["leg_stiffness"]["scale"]
     assert 0.8 < low < 1.0 < high < 1.25
@@ -181,10 +182,10 @@ def test_damped_hinge_is_not_called_stiff(tmp_path: Path, vehicle: Vehicle) -> N
 def test_one_landing_or_its_copies_name_nothing(soft: Campaign, vehicle: Vehicle) -> None:
     copies = [soft.flights[0]] * 8
     found = judge_landings(copies, vehicle, np.random.default_rng(0))
-    assert found.verdict is Verdict.CANNOT_TELL
+    assert found.verdict is LandingVerdict.CANNOT_TELL
     assert not found.findings
     assert "can be held out" in found.limitations[0]
-    refused = landing_section(found).to_json()["refused"]
+    refused = as_json(landing_section(found))["refused"]
     assert sum("the same landing" in flight["reason"] for flight in refused) == 7
 
 
@@ -198,7 +199,7 @@ def test_flights_without_a_landing_are_named(soft: Campaign, vehicle: Vehicle) -
         trigger=None,
     )
     found = judge_landings([flight], vehicle, np.random.default_rng(0))
-    assert found.verdict is Verdict.CANNOT_TELL
+    assert found.verdict is LandingVerdict.CANNOT_TELL
     assert found.unused[0].reason == "the flight has no flip"
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from calibration.gap.mixed import Prior, Products, bootstrap_theta, fit_mixed, held_out_likelihood
-from calibration.gap.nuisances import NUISANCES
+from calibration.gap.estimate.mixed import Prior, Products, bootstrap_theta, fit_mixed, held_out_likelihood
+from calibration.gap.estimate.nuisances import NUISANCES
 
 ROWS, PARTS, SPREAD, THETA = 80, 24, 0.03, 0.4
 FLAT = Prior(np.zeros(1), np.array([1e-9]))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calibration.gap.noise import fit_autoregression, whiten, whole_windows
+from calibration.gap.estimate.noise import fit_autoregression, whiten, whole_windows
 
 
 def coloured(rng: np.random.Generator, count: int) -> np.ndarray:

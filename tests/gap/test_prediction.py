@@ -7,10 +7,10 @@ import time
 import numpy as np
 import pytest
 
-from calibration.gap.prediction import PredictionError, evaluate, fly_again
-from calibration.gap.prediction.inputs import prediction_inputs, velocity_from_the_past
-from calibration.gap.prediction.windows import usable_lengths
-from calibration.gap.record import FlightRecord
+from calibration.gap.data.record import FlightRecord
+from calibration.gap.replay import PredictionError, evaluate, fly_again
+from calibration.gap.replay.inputs import prediction_inputs, velocity_from_the_past
+from calibration.gap.replay.windows import usable_lengths
 from onboard.gravity import GRAVITY
 from onboard.quantity import Quantity
 from onboard.vehicle import load_vehicle

@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from calibration.flights import Flight, PoseSource, Trigger, flight_files, open_flight, open_flights
 from calibration.flights.flight import finite_masks
-from calibration.gap.prepare import differentiate, prepare_flights
-from calibration.gap.record import FlightRecord
+from calibration.gap.data import differentiate, prepare_flights
+from calibration.gap.data.record import FlightRecord
 from onboard.arrays import FloatArray
 from perchhw.record import RunRecorder
 

@@ -11,39 +11,34 @@ import numpy as np
 import pytest
 
 from calibration.errors import CalibrationError
-from calibration.gap.prediction import evaluate, fly_again
-from calibration.gap.prediction.shown import (
+from calibration.gap.landings.flip import FlipResidual
+from calibration.gap.replay import evaluate, fly_again
+from calibration.gap.report.document import (
+    AmbiguousSet,
+    FoundEffect,
+    FoundParameter,
+    Gap,
+    GapReport,
+    Landings,
+    Levels,
+    Rejected,
+    Unexplained,
+    UnusableFile,
+    Verdict,
+    Where,
+    leaves,
+)
+from calibration.gap.report.drawings import quantile_bands
+from calibration.gap.report.figures_data import HeatMap, HorizonCurves, ReportFigures, ResidualCloud
+from calibration.gap.report.prediction_figures import (
     channel_bars,
     closed_loop_trace,
     horizon_curves,
     phase_bars,
     prediction_gap,
 )
-from calibration.gap.report import (
-    AmbiguousSet,
-    Flips,
-    FoundEffect,
-    FoundParameter,
-    Gap,
-    GapReport,
-    HeatMap,
-    HorizonCurves,
-    Landings,
-    Levels,
-    Lines,
-    Rejected,
-    ReportFigures,
-    ResidualCloud,
-    Unexplained,
-    UnusableFile,
-    Verdict,
-    Where,
-    write_report,
-)
-from calibration.gap.report.document import leaves
-from calibration.gap.report.drawings import quantile_bands
 from calibration.gap.report.words import number
-from calibration.gap.report.writing import ReportFolderError
+from calibration.gap.report.writing import ReportFolderError, write_report
 from onboard.vehicle import load_vehicle
 from tests.gap.simulated_flight import circle, fly, up_and_down, with_noise
 from tests.physics.effects.conftest import with_effects
@@ -100,7 +95,7 @@ def report(**changes: Any) -> GapReport:
             usable=("landing-1", "landing-2"),
             refused=(UnusableFile(file="landing-3", reason="the gyro <ends> with the contact"),),
             misfit=7.171,
-            flips=Flips(
+            flips=FlipResidual(
                 flights=("landing-1",),
                 samples=57,
                 mean={"as filed": 2.231, "no motor lag": -11.92},
@@ -146,15 +141,6 @@ def figures() -> ReportFigures:
                 x=x,
                 before=x + noise,
                 after=noise,
-            ),
-        ),
-        lines=(
-            Lines(
-                title="Spectrum <line>",
-                meaning="A line at 7.5 Hz.",
-                x_label="Hz",
-                y_label="power",
-                curves={"torque_y": (np.arange(9.0), np.ones(9))},
             ),
         ),
     )
@@ -209,7 +195,7 @@ def test_the_page_loads_nothing_and_draws_everything(tmp_path: Path) -> None:
     path = write_report(report(), tmp_path, figures())
     page = Page(path)
     assert_self_contained(page, tmp_path)
-    assert page.svgs == 4
+    assert page.svgs == 3
     text = path.read_text()
     assert "url(http" not in text
     assert "<script" not in text

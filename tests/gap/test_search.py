@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from calibration.flights import open_flights
-from calibration.gap.model import Model
-from calibration.gap.naming import Named, name_effects
-from calibration.gap.prepare import prepare_flights
-from calibration.gap.refine import training_set
-from calibration.gap.search import Search, search
+from calibration.gap.data import prepare_flights
+from calibration.gap.estimate.model import Model
+from calibration.gap.estimate.refine import training_set
+from calibration.gap.search.forward import Search, search
+from calibration.gap.search.naming import Named, name_effects
 from onboard.vehicle import load_vehicle
 from tests.gap.truth.campaign import make_flights
 
@@ -44,7 +44,7 @@ def test_a_hidden_effect_is_named_first_and_measured(tmp_path: Path) -> None:
     names, truth = find(case, "strong", 7, tmp_path)
     assert names.effects[0] == case
     for variable, value in names.model.values.items():
-        if variable.effect == case and abs(truth[case][variable.parameter]) > variable.practical_minimum:
+        if variable.effect == case and abs(truth[case][variable.parameter]) > variable.rule.practical_minimum:
             assert value == pytest.approx(truth[case][variable.parameter], rel=0.06)
 
 
@@ -58,7 +58,7 @@ def test_nothing_is_named_where_nothing_is_hidden(tmp_path: Path) -> None:
 @pytest.mark.soak
 def test_a_line_has_a_phase_of_its_own_on_each_flight_and_is_found(tmp_path: Path) -> None:
     found, names, sealed = searched("unlisted_torque_line", "strong", 7, tmp_path)
-    line = found.unlisted[0].finding.line
+    line = found.unnamed[0].structure.line
     assert line is not None
     assert line.channel.name == sealed["unlisted"]["channel"]
     assert line.frequency == pytest.approx(sealed["unlisted"]["frequency_hz"], abs=0.02)

@@ -15,12 +15,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calibration.flights import PoseSource, flight_files, open_flights
-from calibration.gap.prepare import differentiate, prepare_flights
-from calibration.gap.record import FlightRecord
-from calibration.gap.sensing import SensingFindings, apply_sensing, judge_sensing
-from calibration.gap.sensing.acceleration import Smoothing
-from calibration.gap.sensing.pooling import pool
-from calibration.gap.sensing.rotations import integrate_rate, products
+from calibration.gap.data import differentiate, prepare_flights
+from calibration.gap.data.record import FlightRecord
+from calibration.gap.data.rotations import integrate_rate, products
+from calibration.gap.sensors import SensingFindings, apply_sensing, judge_sensing
+from calibration.gap.sensors.acceleration_fit import Smoothing
+from calibration.gap.sensors.pooling import pool
 from onboard.arrays import FloatArray
 from tests.gap.truth import make_flights
 

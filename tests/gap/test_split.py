@@ -5,8 +5,8 @@ from functools import cache
 
 import numpy as np
 
-from calibration.gap.record import FlightRecord
-from calibration.gap.split import split_flights
+from calibration.gap.data.record import FlightRecord
+from calibration.gap.data.split import split_flights
 from onboard.vehicle import load_vehicle
 from tests.gap.simulated_flight import circle, fly
 

@@ -7,15 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calibration.gap.suggest.ambiguous import GapReportError, OpenQuestions, read_questions
-from calibration.gap.suggest.choose import Search
-from calibration.gap.suggest.course import CourseBuilder, CourseError
 from calibration.gap.suggest.hypothesis import Hypothesis
-from calibration.gap.suggest.landings import landing_separation
-from calibration.gap.suggest.manoeuvres import MANOEUVRES, manoeuvre
+from calibration.gap.suggest.landing_separation import landing_separation
+from calibration.gap.suggest.open_questions import GapReportError, OpenQuestions, read_questions
 from calibration.gap.suggest.separation import separation
 from calibration.gap.suggest.simulate import fly_course
 from calibration.gap.suggest.spectra import noise_spectra, weighed
+from calibration.gap.suggest.suggestions import Suggester
+from onboard.manoeuvres import MANOEUVRES, manoeuvre
 from onboard.room import RoomGeometry
 from onboard.vehicle import load_vehicle
 from perchhw.campaign import load_plan
@@ -24,20 +23,6 @@ from perchhw.cli.main import run
 
 ROOM = RoomGeometry()
 VEHICLE = load_vehicle("crazyflie21-upgraded")
-
-
-@pytest.mark.parametrize("kind", MANOEUVRES)
-def test_a_course_is_one_motion_that_returns_to_its_start(kind: str) -> None:
-    course = manoeuvre(kind).course({}, ROOM)
-    for end in (0, -1):
-        assert np.allclose(course.velocity[end], 0.0)
-        assert np.allclose(course.acceleration[end], 0.0)
-        assert np.allclose(course.position[end], course.start, atol=1e-3)
-        assert abs(course.yaw[end]) < 1e-6
-    step = np.diff(course.position, axis=0)
-    between = 0.5 * (course.velocity[1:] + course.velocity[:-1]) / 100.0
-    assert np.abs(np.cumsum(step - between, axis=0)).max() < 0.01
-    assert np.abs(np.linalg.norm(course.acceleration, axis=1)).max() < 9.0
 
 
 @pytest.mark.parametrize("kind", sorted(set(MANOEUVRES) - {"near_ceiling"}))
@@ -50,26 +35,6 @@ def test_a_healthy_and_a_weak_vehicle_can_fly_every_course(kind: str) -> None:
         assert record is not None
         tilt = np.degrees(np.arccos(1.0 - 2.0 * (record.attitude[:, 0] ** 2 + record.attitude[:, 1] ** 2)))
         assert tilt.max() < 60.0
-
-
-@pytest.mark.parametrize(
-    ("kind", "values", "message"),
-    [
-        ("circles", {"radius": 2.0}, "spans y"),
-        ("vertical_steps", {"rise": 2.0}, "spans z"),
-        ("circles", {"speed": 50.0}, "must be 0.2 to 5"),
-        ("circles", {"diameter": 1.0}, "diameter is unknown"),
-        ("loops", {}, "not a kind of test flight"),
-    ],
-)
-def test_a_course_that_cannot_be_flown_says_why(kind: str, values: dict[str, float], message: str) -> None:
-    with pytest.raises(CourseError, match=message):
-        manoeuvre(kind).course(values, ROOM)
-
-
-def test_pushes_that_do_not_end_at_rest_are_refused() -> None:
-    with pytest.raises(CourseError, match="at rest"):
-        CourseBuilder((0.0, 0.0, 1.0)).push(((1.0, 0.0, 0.0), 0.5))
 
 
 def test_weighing_gives_the_log_likelihood_of_a_known_noise() -> None:
@@ -174,7 +139,7 @@ def test_a_file_that_is_no_report_is_refused(text: str, message: str, tmp_path: 
 def test_a_question_that_no_flight_answers_gets_its_measurement(tmp_path: Path) -> None:
     path = report(tmp_path)
     kinds = ("thrust_steps", "circles", "tour")
-    search = Search(VEHICLE, RoomGeometry(x_min=-3.5, x_max=-1.5), kinds=kinds)
+    search = Suggester(VEHICLE, RoomGeometry(x_min=-3.5, x_max=-1.5), kinds=kinds)
     mass, legs, delay = search.suggest(read_questions(path))
     assert mass.flight is None
     assert "weigh" in str(mass.advice)
@@ -188,7 +153,7 @@ def test_a_question_that_no_flight_answers_gets_its_measurement(tmp_path: Path) 
 
 def test_of_two_effects_of_which_one_contains_the_other_the_simpler_is_kept() -> None:
     questions = OpenQuestions((), (("motor_imbalance", "thrust_scale"),))
-    (suggestion,) = Search(VEHICLE, ROOM, kinds=("thrust_steps",)).suggest(questions)
+    (suggestion,) = Suggester(VEHICLE, ROOM, kinds=("thrust_steps",)).suggest(questions)
     assert suggestion.flight is None
     assert "keep thrust_scale" in str(suggestion.advice)
 

@@ -7,11 +7,12 @@ what was rejected, settings) stands beside it.
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, is_dataclass
 from enum import StrEnum
 from typing import Any
 
 from calibration.errors import CalibrationError
+from calibration.gap.landings.flip import FlipResidual
 
 SCHEMA = "perchhw.gap/1"
 
@@ -67,19 +68,6 @@ class FoundEffect:
     separated_by: str = ""
     metric: str = ""
 
-    def to_json(self) -> dict[str, Any]:
-        """As in the contract."""
-        return {
-            "name": self.name,
-            "parameters": {name: value.to_json() for name, value in self.parameters.items()},
-            "error_before": self.error_before,
-            "error_after": self.error_after,
-            "improvement_ci95": list(self.improvement_ci95),
-            "ambiguous_with": list(self.ambiguous_with),
-            "separated_by": self.separated_by,
-            "metric": self.metric,
-        }
-
 
 @dataclass(frozen=True, kw_only=True)
 class Levels:
@@ -96,15 +84,6 @@ class Levels:
         if self.noise_floor is None or not self.before > self.noise_floor:
             return None
         return (self.before - self.after) / (self.before - self.noise_floor)
-
-    def to_json(self) -> dict[str, Any]:
-        """By name."""
-        return {
-            "before": self.before,
-            "after": self.after,
-            "noise_floor": self.noise_floor,
-            "unit": self.unit,
-        }
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,18 +108,9 @@ class Gap:
 
     def to_json(self) -> dict[str, Any]:
         """As in the contract; the share of the removable gap that was closed stands beside it."""
-        parts = {
-            "by_horizon": self.by_horizon,
-            "by_channel": self.by_channel,
-            "by_phase": self.by_phase,
-            "by_quantity": self.by_quantity,
-        }
-        return {
-            "metric": self.metric,
-            **self.overall.to_json(),
-            "closed_share": self.overall.closed_share,
-            **{name: {key: level.to_json() for key, level in part.items()} for name, part in parts.items()},
-        }
+        parts = {name: as_json(part) for name, part in vars(self).items() if name.startswith("by_")}
+        closed = {"closed_share": self.overall.closed_share}
+        return {"metric": self.metric, **as_json(self.overall), **closed, **parts}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,10 +120,6 @@ class Where:
     channel: str
     condition: str
     share: float
-
-    def to_json(self) -> dict[str, Any]:
-        """As in the contract."""
-        return {"channel": self.channel, "condition": self.condition, "share": self.share}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,15 +138,6 @@ class Unexplained:
     suspects: tuple[str, ...] = ()
     formula: str | None = None
 
-    def to_json(self) -> dict[str, Any]:
-        """As in the contract."""
-        return {
-            "share": self.share,
-            "channels": list(self.channels),
-            "suspects": list(self.suspects),
-            "formula": self.formula,
-        }
-
 
 @dataclass(frozen=True, kw_only=True)
 class UnusableFile:
@@ -188,10 +145,6 @@ class UnusableFile:
 
     file: str
     reason: str
-
-    def to_json(self) -> dict[str, Any]:
-        """As in the contract."""
-        return {"file": self.file, "reason": self.reason}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -201,10 +154,6 @@ class AmbiguousSet:
     names: tuple[str, ...]
     separated_by: str
 
-    def to_json(self) -> dict[str, Any]:
-        """By name."""
-        return {"names": list(self.names), "separated_by": self.separated_by}
-
 
 @dataclass(frozen=True, kw_only=True)
 class Rejected:
@@ -212,37 +161,6 @@ class Rejected:
 
     name: str
     reason: str
-
-    def to_json(self) -> dict[str, Any]:
-        """By name."""
-        return {"name": self.name, "reason": self.reason}
-
-
-@dataclass(frozen=True, kw_only=True)
-class Flips:
-    """Pitch rate between trigger and contact, model minus gyro, over all flips.
-
-    Attributes:
-        flights: whose flips were compared. samples: of the gyro.
-        mean, rms: rad/s, by variant of the model ("as filed", "no motor lag").
-        judgement: what these flips can and cannot tell, in sentences.
-    """
-
-    flights: tuple[str, ...]
-    samples: int
-    mean: Mapping[str, float]
-    rms: Mapping[str, float]
-    judgement: tuple[str, ...]
-
-    def to_json(self) -> dict[str, Any]:
-        """By name."""
-        return {
-            "flights": list(self.flights),
-            "samples": self.samples,
-            "mean": dict(self.mean),
-            "rms": dict(self.rms),
-            "judgement": list(self.judgement),
-        }
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -260,16 +178,7 @@ class Landings:
     usable: tuple[str, ...]
     refused: tuple[UnusableFile, ...]
     misfit: float | None
-    flips: Flips | None
-
-    def to_json(self) -> dict[str, Any]:
-        """By name."""
-        return {
-            "usable": list(self.usable),
-            "refused": [item.to_json() for item in self.refused],
-            "misfit": self.misfit,
-            "flips": None if self.flips is None else self.flips.to_json(),
-        }
+    flips: FlipResidual | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -328,19 +237,19 @@ class GapReport:
             "schema": SCHEMA,
             "verdict": str(self.verdict),
             "vehicle": self.vehicle,
-            "effects": [effect.to_json() for effect in self.effects],
+            "effects": as_json(self.effects),
             "gap": self.gap.to_json(),
-            "where": [place.to_json() for place in self.where],
-            "unexplained": self.unexplained.to_json(),
+            "where": as_json(self.where),
+            "unexplained": as_json(self.unexplained),
             "flights": {
                 "train": list(self.train),
                 "held_out": list(self.held_out),
-                "unusable": [item.to_json() for item in self.unusable],
+                "unusable": as_json(self.unusable),
             },
-            "ambiguous": [item.to_json() for item in self.ambiguous],
-            "rejected": [item.to_json() for item in self.rejected],
+            "ambiguous": as_json(self.ambiguous),
+            "rejected": as_json(self.rejected),
             "limitations": list(self.limitations),
-            "landings": None if self.landings is None else self.landings.to_json(),
+            "landings": as_json(self.landings),
             "seed": self.seed,
             "settings": dict(self.settings),
             "noise": dict(self.noise),
@@ -353,6 +262,17 @@ class GapReport:
     def text(self) -> str:
         """The document as text."""
         return json.dumps(self.to_json(), indent=1, allow_nan=False) + "\n"
+
+
+def as_json(value: Any) -> Any:
+    """Data as JSON has it: the parts of a report by attribute, tuples as lists."""
+    if isinstance(value, FoundParameter | Gap):
+        return value.to_json()
+    if isinstance(value, Mapping):
+        return {key: as_json(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [as_json(item) for item in value]
+    return as_json(vars(value)) if is_dataclass(value) else value
 
 
 def leaves(value: Any, place: str = "") -> list[tuple[str, Any]]:

@@ -1,6 +1,6 @@
 """The figures of a report, drawn: each function takes what it shows and gives a matplotlib figure."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,12 +9,11 @@ from calibration.gap.report.figures_data import (
     ClosedLoopTrace,
     HeatMap,
     HorizonCurves,
-    Lines,
     ResidualCloud,
     StageBars,
 )
 from calibration.gap.report.words import plain
-from calibration.report_style import BLUE, GREEN, INK, MUTED, ORANGE, new_figure
+from calibration.report_style import BLUE, INK, MUTED, ORANGE, new_figure
 from onboard.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -170,22 +169,6 @@ def closed_loop_trace(data: ClosedLoopTrace) -> "Figure":
     bottom.set_xlabel("s")
     _shared_legend(figure, [top])
     return figure
-
-
-def line_plot(data: Lines) -> "Figure":
-    """Lines with a legend."""
-    figure = new_figure(10.4, 3.0)
-    axes = figure.add_subplot()
-    for (name, (x, y)), colour in zip(data.curves.items(), _line_colours(), strict=False):
-        axes.plot(x, y, lw=1.3, color=colour, label=name)
-    axes.set(xlabel=data.x_label, ylabel=data.y_label)
-    _shared_legend(figure, [axes])
-    return figure
-
-
-def _line_colours() -> Iterator[str]:
-    while True:
-        yield from (ORANGE, BLUE, GREEN, MUTED, INK)
 
 
 def _panels(count: int, height: float) -> "tuple[Figure, list[Axes]]":

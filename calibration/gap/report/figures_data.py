@@ -135,28 +135,6 @@ class ClosedLoopTrace:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Lines:
-    """Any further figure of lines: a spectrum, an estimate against excitation.
-
-    Attributes:
-        title: of its section. meaning: what it shows, in a sentence.
-        x_label, y_label: with units.
-        curves: (x, y) by name, each shape (n,).
-    """
-
-    title: str
-    meaning: str
-    x_label: str
-    y_label: str
-    curves: Mapping[str, tuple[FloatArray, FloatArray]]
-
-    def __post_init__(self) -> None:
-        """Check the shapes."""
-        for name, (x, y) in self.curves.items():
-            _same_shape(f"{self.title}, {name}", x.shape, [y])
-
-
-@dataclass(frozen=True, kw_only=True)
 class ReportFigures:
     """All figures of a report; what is empty or None is left out.
 
@@ -166,7 +144,6 @@ class ReportFigures:
         heat_map: where the gap lives.
         clouds: residuals against regressors, most telling first.
         closed_loop: held-out flights that the model flew again.
-        lines: anything else.
     """
 
     horizons: tuple[HorizonCurves, ...] = ()
@@ -175,7 +152,6 @@ class ReportFigures:
     heat_map: HeatMap | None = None
     clouds: tuple[ResidualCloud, ...] = ()
     closed_loop: tuple[ClosedLoopTrace, ...] = ()
-    lines: tuple[Lines, ...] = ()
 
 
 def _same_shape(name: str, shape: tuple[int, ...], arrays: list[FloatArray]) -> None:

@@ -4,8 +4,9 @@ from collections.abc import Iterator, Mapping
 from html import escape
 from typing import Any
 
+from calibration.gap.landings.flip import FlipResidual
 from calibration.gap.report import drawings, words
-from calibration.gap.report.document import Flips, GapReport, Landings, Levels, Verdict, leaves
+from calibration.gap.report.document import GapReport, Landings, Levels, Verdict, leaves
 from calibration.gap.report.figures_data import ReportFigures
 from calibration.gap.report.words import interval, number, plain, unit
 from calibration.report_style import grid, page, report_style, section, svg, table
@@ -47,8 +48,6 @@ def _sections(report: GapReport, figures: ReportFigures) -> Iterator[str]:
     yield from _gap(report, figures)
     yield from _where(report, figures)
     yield from _closed_loop(figures)
-    for lines in figures.lines:
-        yield section(lines.title, svg(drawings.line_plot(lines)), lines.meaning)
     if report.unexplained.share > 0.0 or report.verdict is Verdict.UNEXPLAINED_GAP:
         yield section("What is left", _rest(report))
     if report.rejected:
@@ -229,7 +228,7 @@ def _landings(landings: Landings) -> str:
     return content if landings.flips is None else content + _flips(landings.flips)
 
 
-def _flips(flips: Flips) -> str:
+def _flips(flips: FlipResidual) -> str:
     words = "".join(f"<li>{escape(text)}</li>" for text in flips.judgement)
     rows = [[escape(name), number(flips.mean[name]), number(flips.rms[name])] for name in flips.mean]
     compared = table(["model minus gyro", "mean, rad/s", "RMS, rad/s"], rows)

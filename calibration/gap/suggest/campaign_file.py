@@ -3,9 +3,9 @@
 import json
 from collections.abc import Sequence
 
-from calibration.gap.suggest.choose import Suggestion
-from calibration.gap.suggest.landings import ANGLES_DEG, LANDINGS, SPEEDS
-from calibration.gap.suggest.manoeuvres import MANOEUVRES
+from calibration.gap.suggest.landing_separation import ANGLES_DEG, LANDINGS, SPEEDS
+from calibration.gap.suggest.suggestions import Suggestion
+from onboard.manoeuvres import MANOEUVRES
 from onboard.room import RoomGeometry
 
 

@@ -11,15 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.gap.model import Model
-from calibration.gap.nuisances import NUISANCES, nuisance_columns
-from calibration.gap.record import FlightRecord
-from calibration.gap.signals import stack_signals
-from calibration.gap.suggest.course import Course
+from calibration.gap.data.record import FlightRecord
+from calibration.gap.data.signals import stack_signals
+from calibration.gap.estimate.model import Model
+from calibration.gap.estimate.nuisances import NUISANCES, nuisance_columns
 from calibration.gap.suggest.hypothesis import SETTLED, Hypothesis, only, predicted, starts
 from calibration.gap.suggest.simulate import fly_course
 from calibration.gap.suggest.spectra import noise_spectra, weighed
 from onboard.arrays import FloatArray
+from onboard.manoeuvres import Course
 from onboard.room import RoomGeometry
 from onboard.vehicle import EFFECTS, Vehicle
 

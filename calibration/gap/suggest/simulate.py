@@ -11,18 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from calibration.gap.prediction.kernels import keep
-from calibration.gap.record import FlightRecord
-from calibration.gap.suggest.course import RATE, Course
+from calibration.gap.data.record import FlightRecord
+from calibration.gap.replay.closed_loop import control
+from calibration.gap.replay.kernels import keep
 from onboard.arrays import FloatArray
-from onboard.battery import duty_for_thrust
-from onboard.controller import (
-    ControllerGains,
-    controller_gains,
-    geometric_control,
-    integrate_position_error,
-)
-from onboard.mixer import mix
+from onboard.controller import ControllerGains, controller_gains, integrate_position_error
+from onboard.manoeuvres.course import RATE, Course
 from onboard.room import RoomGeometry
 from onboard.rotation import from_yaw
 from onboard.thrust_map import ThrustMap
@@ -73,13 +67,7 @@ def _fly(
                 )
             if count % _CONTROL_STEPS == 0:
                 rate = (state.omega[0], state.omega[1], state.omega[2] - target[10])
-                collective, tx, ty, tz = geometric_control(
-                    state.position, state.velocity, state.quaternion, rate, integral,
-                    target[0:3], target[3:6], target[6:9], target[9], gains,
-                )  # fmt: skip
-                wanted = mix(collective, tx, ty, tz, p.arm_x, p.arm_y, p.thrust_to_torque, p.thrust_max)
-                for motor in range(4):
-                    duty[motor] = duty_for_thrust(wanted[motor], state.battery_voltage, thrust_map, 0.0)
+                control(state, p, gains, thrust_map, integral, rate, target, duty)
             targets = commanded(state, p, motor_targets(state, p, duty))
             if j == 0:
                 _log(state, duty, out[row])

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from calibration.flights import open_flights
-from calibration.gap.landing import LandingFindings, judge_landings
+from calibration.gap.landings import LandingFindings, judge_landings
 from onboard.vehicle import load_vehicle
 from tests.gap.truth_landings.campaign import CASES, write_campaign
 from tests.gap.truth_landings.radio import through_the_radio

@@ -1,0 +1,69 @@
+"""How much each part of a flight can be trusted to tell about torques.
+
+In quiet flight nearly all torque that is commanded answers noise: of the gyro, of the air. A log at 100 Hz
+shows a fifth of those answers, late and mixed with their cause, and what is learned from them is wrong: on
+flights of a known vehicle a delay of 1 ms comes out at 6 ms, an inertia at half its error. What somebody
+commanded is free of it. So a part counts by how much of its commanded angular acceleration is beyond what the
+quietest parts show, where the controller talks to itself.
+"""
+
+import numpy as np
+
+from calibration.gap.data.signals import CHANNELS, TORQUE, Signals
+from onboard.arrays import FloatArray
+
+WINDOW = 0.1
+"""s: angular acceleration is averaged over this long; what is commanded is slower, most noise is faster."""
+
+_QUIET = 0.1
+"""Share of the parts that are taken to be quiet."""
+
+_BEYOND = 3.0
+"""Variance of the quiet parts that is taken off each part: answers grow with the motion."""
+
+_EXCITED = 0.5
+"""Weight of a part in which most of the motion was commanded."""
+
+_SEVERAL = 3
+
+_LEAST = 0.01
+"""Weight of a part without any excitation."""
+
+
+def excitation_weights(signals: Signals, predicted: FloatArray) -> FloatArray:
+    """Weight of each part in each channel, shape (parts, 7), at most 1; it is 1 but for torques.
+
+    Args:
+        signals: of the flights.
+        predicted: signals by a model, shape (n, 7), of which the angular accelerations are used.
+    """
+    weights = np.ones((signals.part_bounds.size - 1, len(CHANNELS)))
+    variance = np.array(
+        [
+            _variance(predicted[first:end, TORQUE], signals.valid[first:end, TORQUE], signals.dt)
+            for first, end in zip(signals.part_bounds[:-1], signals.part_bounds[1:], strict=True)
+        ]
+    )
+    for axis, channel in enumerate(range(TORQUE.start, TORQUE.stop)):
+        seen = variance[:, axis] > 0.0
+        if not seen.any():
+            continue
+        quiet = np.quantile(variance[seen, axis], _QUIET)
+        share = 1.0 - np.minimum(_BEYOND * quiet / np.maximum(variance[:, axis], quiet), 1.0)
+        weights[:, channel] = np.maximum(share, _LEAST)
+    return weights
+
+
+def excited(weights: FloatArray) -> bool:
+    """Whether roll or pitch was commanded in several parts, so that delays and levers can be told at all."""
+    rolling = weights[:, TORQUE.start : TORQUE.start + 2].max(axis=1)
+    return int((rolling >= _EXCITED).sum()) >= _SEVERAL
+
+
+def _variance(values: FloatArray, valid: np.ndarray, dt: float) -> FloatArray:
+    """Variance of means over :data:`WINDOW`, shape (3,); windows with rows not valid are left out."""
+    window = max(1, round(WINDOW / dt))
+    count = values.shape[0] // window * window
+    means = values[:count].reshape(-1, window, 3).mean(axis=1)
+    whole = valid[:count].reshape(-1, window, 3).all(axis=(1, 2))
+    return means[whole].var(axis=0) if whole.sum() > 1 else np.zeros(3)

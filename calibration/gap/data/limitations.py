@@ -1,0 +1,52 @@
+"""What a set of flights cannot tell."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from calibration.flights.flight import PoseSource
+from calibration.gap.data.record import FlightRecord
+
+_QUIET_RATE = 0.15  # rad/s rms
+_QUIET_SPEED = 0.1  # m/s rms
+
+
+def limitations(records: Sequence[FlightRecord]) -> tuple[str, ...]:
+    """Sentences on what cannot be concluded from `records`."""
+    if not records:
+        return ("no usable flight: nothing can be concluded",)
+    found = []
+    if len(records) == 1:
+        found.append("one single flight: nothing can be held out, so no effect can be confirmed")
+    elif len({r.shape for r in records}) == 1:
+        found.append("one trajectory shape only: no unseen shape to confirm an effect on")
+    found += _missing(
+        "no battery voltage: battery_sag cannot be judged", records, lambda r: r.voltage is None
+    )
+    found += _missing(
+        "no accelerometer: effects on forces (thrust, drag, mass, surfaces) and pose_offset cannot be judged",
+        records,
+        lambda r: r.specific_force is None,
+    )
+    found += _missing(
+        "pose is the onboard estimate, which depends on the gyro: sensing effects cannot be judged",
+        records,
+        lambda r: r.pose_source is PoseSource.ONBOARD_ESTIMATE,
+    )
+    found += _missing(
+        "hardly any excitation: lag, delay, inertia and air effects cannot be judged", records, _quiet
+    )
+    return tuple(found)
+
+
+def _missing(text: str, records: Sequence[FlightRecord], test: Callable[[FlightRecord], bool]) -> list[str]:
+    names = [r.name for r in records if test(r)]
+    if not names:
+        return []
+    return [text if len(names) == len(records) else f"{text} (in {', '.join(names)})"]
+
+
+def _quiet(record: FlightRecord) -> bool:
+    rate = np.sqrt(np.mean(np.sum(record.rate[record.flying] ** 2, axis=1)))
+    speed = np.sqrt(np.mean(np.sum(record.velocity[record.flying] ** 2, axis=1)))
+    return bool(rate < _QUIET_RATE and speed < _QUIET_SPEED)

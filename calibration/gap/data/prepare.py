@@ -1,0 +1,89 @@
+"""Make the record of a flight, or say why it cannot be used."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from calibration.flights import Flight, UnusableFlight, UnusableFlightError
+from calibration.gap.data.duplicates import duplicate_of
+from calibration.gap.data.kinematics import continuous_quaternions, differentiate
+from calibration.gap.data.limitations import limitations
+from calibration.gap.data.logged import FULL_SCALE, read_signals
+from calibration.gap.data.phases import LEAST_FLYING_S, free_flight, resting
+from calibration.gap.data.record import FlightRecord
+from calibration.gap.data.samples import resample, uniform_grid
+from calibration.gap.data.shapes import shapes_of
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Flights that can be analysed.
+
+    Attributes:
+        records: usable flights, in the order given.
+        refused: flights that are not used, each with the reason.
+        limitations: what cannot be concluded from these flights, in words.
+    """
+
+    records: tuple[FlightRecord, ...]
+    refused: tuple[UnusableFlight, ...]
+    limitations: tuple[str, ...]
+
+
+def prepare_flights(flights: Sequence[Flight]) -> Prepared:
+    """Records of all flights that can be used; the others with the reason.
+
+    Nothing that a sensing effect explains is corrected here (clock between pose and gyro, turned or shifted
+    frame, biases): that is for :mod:`calibration.gap.sensors` to find and to correct.
+    """
+    records, refused = [], []
+    copies = duplicate_of(flights)
+    for flight, copied, shape in zip(flights, copies, shapes_of(flights), strict=True):
+        if copied is not None:
+            refused.append(UnusableFlight(flight.source, f"holds the same numbers as {copied.source}"))
+            continue
+        try:
+            records.append(prepare_flight(flight, shape))
+        except UnusableFlightError as error:
+            refused.append(UnusableFlight(error.source, error.reason))
+    return Prepared(tuple(records), tuple(refused), limitations(records))
+
+
+def prepare_flight(flight: Flight, shape: str) -> FlightRecord:
+    """The record of one flight.
+
+    Raises:
+        UnusableFlightError: it cannot be used; names the reason.
+    """
+    signals = read_signals(flight)
+    t = uniform_grid(signals.pose, signals.motors.samples, signals.gyro.samples)
+    if t.size < 2 or t[-1] - t[0] < LEAST_FLYING_S:
+        raise UnusableFlightError(flight.source, "pose, gyro and motor commands do not overlap in time")
+    poses, pose_known = resample(signals.pose, t)
+    rate, inertial_known = resample(signals.gyro.samples, t)
+    pwm, motors_known = resample(signals.motors.samples, t)
+    specific_force = None
+    if signals.accelerometer is not None:
+        specific_force, known = resample(signals.accelerometer.samples, t)
+        inertial_known &= known
+    rest = resting(t, pwm, rate, poses[:, :3])
+    return FlightRecord(
+        name=flight.name,
+        source=flight.source,
+        shape=shape,
+        t=t,
+        position=poses[:, :3],
+        velocity=differentiate(poses[:, :3], float((t[-1] - t[0]) / (t.size - 1))),
+        attitude=continuous_quaternions(poses[:, 3:]),
+        rate=rate,
+        specific_force=specific_force,
+        duty=pwm / FULL_SCALE,
+        voltage=None if signals.battery is None else resample(signals.battery, t)[0][:, 0],
+        flying=free_flight(flight, t, pwm, poses[:, :3], rest),
+        motors_known=motors_known,
+        pose_known=pose_known,
+        inertial_known=inertial_known,
+        resting=rest,
+        pose_source=flight.pose_source,
+        ceiling_z=flight.ceiling_z,
+        notes=(*flight.notes, *signals.notes),
+    )

@@ -1,0 +1,85 @@
+"""One measured flight as the gap finder works on it: every channel on one time grid, with masks.
+
+:mod:`calibration.gap.data` makes these records from :class:`calibration.flights.Flight` and decides what
+of a flight can be used.
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from calibration.errors import CalibrationError
+from calibration.flights.flight import PoseSource
+from onboard.arrays import BoolArray, FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightRecord:
+    """A flight on a uniform grid. World ENU, body FLU, quaternions scalar-last, body to world.
+
+    Attributes:
+        name: short name.
+        source: file or folder.
+        shape: name of the trajectory's shape; flights of one shape are trained on, or held out, together.
+        t: time (s) on the onboard clock, shape (n,), uniform.
+        position: m, world, shape (n, 3), of the tracked origin.
+        velocity: m/s, world, shape (n, 3).
+        attitude: shape (n, 4).
+        rate: rad/s, body, shape (n, 3): the gyro.
+        specific_force: m/s2, body, shape (n, 3): the accelerometer; None without one.
+        duty: shape (n, 4), share of the battery voltage at each motor, 0..1.
+        voltage: V, shape (n,), battery under load; None without it.
+        flying: shape (n,): in the air, clear of floor and ceiling.
+        motors_known: shape (n,): False where the motor commands were lost or made up.
+        pose_known, inertial_known: shape (n,): likewise for pose, and for gyro and accelerometer.
+        resting: shape (n,): on the floor with the motors off, before the flight.
+        pose_source: where the pose comes from; only motion capture and truth are independent of the gyro.
+        ceiling_z: m, if known.
+        notes: what was mended or left out, in words.
+    """
+
+    name: str
+    source: Path
+    shape: str
+    t: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    attitude: FloatArray
+    rate: FloatArray
+    specific_force: FloatArray | None
+    duty: FloatArray
+    voltage: FloatArray | None
+    flying: BoolArray
+    motors_known: BoolArray
+    pose_known: BoolArray
+    inertial_known: BoolArray
+    resting: BoolArray
+    pose_source: PoseSource = PoseSource.MOCAP
+    ceiling_z: float | None = None
+    notes: tuple[str, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        """Check the shapes that every analysis relies on."""
+        count = self.t.size
+        for name, width in (("position", 3), ("velocity", 3), ("attitude", 4), ("rate", 3), ("duty", 4)):
+            if getattr(self, name).shape != (count, width):
+                raise CalibrationError(f"{self.source}: {name} must have shape ({count}, {width})")
+        steps = np.diff(self.t)
+        if count < 2 or np.any(np.abs(steps - steps.mean()) > 0.02 * steps.mean()):
+            raise CalibrationError(
+                f"{self.source}: a record needs a uniform time grid of two samples or more"
+            )
+
+    @property
+    def dt(self) -> float:
+        """Sample interval (s)."""
+        return float((self.t[-1] - self.t[0]) / (self.t.size - 1))
+
+
+@dataclass(frozen=True)
+class NotUsed:
+    """A flight that one of the analyses cannot use, by name, and why."""
+
+    name: str
+    reason: str

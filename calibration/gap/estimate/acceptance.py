@@ -1,0 +1,148 @@
+"""When a candidate has earned its name.
+
+Flights are few and their noise is coloured, so that a gain in likelihood alone proves little: of 300 placebo
+regressors "held-out gain > 0" called a third significant. A name needs all of these together.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.gap.estimate.mixed import bootstrap_theta
+from calibration.gap.estimate.model import Variable
+from calibration.gap.estimate.refine import Fitted, Training
+from onboard.arrays import FloatArray
+
+LEAST_GAIN = 15.0
+"""Held-out log-likelihood that a name must gain."""
+
+DETECTABLE = 4.0
+"""Distance from the neutral value, in clustered standard errors, of at least one parameter."""
+
+_AT_BOUND = 0.01
+"""Share of the bounds' range within which a value counts as stuck there; where bounds are wide (a string may
+be soft or stiff), half of what is worth a name."""
+
+_DRIFT = 0.5
+"""Share of its size by which a value may differ between quiet and hard flying."""
+
+_REPEATS = 400
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What speaks for and against a candidate.
+
+    Attributes:
+        gain: held-out log-likelihood gained.
+        significant: whether the gain and at least one parameter are beyond chance.
+        sizeable: whether at least one parameter is as far from neutral as is worth a name.
+        at_bound: parameters that ended at a bound.
+        drifting: parameters whose value depends on how hard the vehicle was flown.
+        errors: clustered standard error of each new variable.
+    """
+
+    gain: float
+    significant: bool
+    sizeable: bool
+    at_bound: tuple[Variable, ...]
+    drifting: tuple[Variable, ...]
+    errors: dict[Variable, float]
+
+    @property
+    def believed(self) -> bool:
+        """Whether it is real, though perhaps too small to matter."""
+        return self.significant and not self.at_bound and not self.drifting
+
+
+def clustered_errors(fitted: Fitted, training: Training, rng: np.random.Generator) -> dict[Variable, float]:
+    """Standard error of each variable: of the model, or of the bootstrap over flights if that is larger.
+
+    Where few flights tell of a variable, their parts are drawn instead of the flights.
+    """
+    fit, prior = fitted.estimate.fit, fitted.prior
+    if not fitted.variables:
+        return {}
+    parts = np.arange(training.flight_of_part.size)
+    by_flight = bootstrap_theta(fit, prior, training.flight_of_part, rng, _REPEATS)
+    by_part = bootstrap_theta(fit, prior, parts, rng, _REPEATS)
+    by_model = np.sqrt(np.diag(fit.covariance))
+    errors = {}
+    for index, variable in enumerate(fitted.variables):
+        drawn = by_part if fitted.concentrated([variable]) else by_flight
+        low, high = np.quantile(drawn[:, index], [0.16, 0.84])
+        errors[variable] = float(max(by_model[index], 0.5 * (high - low)))
+    return errors
+
+
+def judge(
+    present: Fitted, offered: Fitted, new: Sequence[Variable], training: Training, rng: np.random.Generator
+) -> Judgement:
+    """Whether `offered`, which adds the variables `new` to `present`, is to be believed."""
+    fitted = [v for v in new if v in offered.variables]
+    errors = {v: e for v, e in clustered_errors(offered, training, rng).items() if v in fitted}
+    concentrated = offered.concentrated(fitted)
+    gains = offered.gains(present, concentrated)
+    far = any(
+        abs(offered.model.start_value(v) - _neutral(v)) >= DETECTABLE * errors[v]
+        for v in fitted
+        if v.rule.neutral is not None
+    ) or all(v.rule.neutral is None for v in fitted)
+    lower = lower_bound(gains, training, concentrated, rng)
+    return Judgement(
+        gain=float(gains.sum()),
+        significant=bool(fitted) and float(gains.sum()) >= LEAST_GAIN and lower > 0.0 and far,
+        sizeable=any(sizeable(v, offered.model.start_value(v)) for v in fitted),
+        at_bound=tuple(v for v in fitted if stuck(v, offered.model.start_value(v))),
+        drifting=tuple(v for v in fitted if drifts(v, offered)),
+        errors=errors,
+    )
+
+
+def sizeable(variable: Variable, value: float) -> bool:
+    """Whether a value is far enough from the neutral one to be worth a name."""
+    rule = variable.rule
+    return rule.neutral is None or abs(value - rule.neutral) >= rule.practical_minimum
+
+
+def drifts(variable: Variable, offered: Fitted) -> bool:
+    """Whether quiet and hard flying disagree about a value.
+
+    A command that answers a disturbance looks like a wrong lever or inertia; how wrong depends on how much of
+    the motion was commanded. A true effect has one size.
+    """
+    column = offered.variables.index(variable)
+    information = offered.estimate.fit.information[:, column, column]
+    score = offered.estimate.fit.score - np.einsum(
+        "pgh,h->pg", offered.estimate.fit.information, offered.estimate.fit.theta
+    )
+    order = np.argsort(information)
+    half = np.searchsorted(np.cumsum(information[order]), 0.5 * information.sum())
+    quiet, hard = order[:half], order[half:]
+    steps = [score[part, column].sum() / max(information[part].sum(), 1e-300) for part in (quiet, hard)]
+    error = np.sqrt(sum(1.0 / max(information[part].sum(), 1e-300) for part in (quiet, hard)))
+    difference = abs(steps[1] - steps[0])
+    size = abs(offered.model.start_value(variable) - _neutral(variable))
+    return bool(difference > DETECTABLE * error and difference > _DRIFT * size)
+
+
+def _neutral(variable: Variable) -> float:
+    return 0.0 if variable.rule.neutral is None else variable.rule.neutral
+
+
+def stuck(variable: Variable, value: float) -> bool:
+    """Whether a value ended at a bound, where it stands in for something else."""
+    margin = min(_AT_BOUND * (variable.rule.high - variable.rule.low), 0.5 * variable.rule.practical_minimum)
+    at_neutral = variable.rule.neutral is not None and abs(value - variable.rule.neutral) < margin
+    return not at_neutral and (value > variable.rule.high - margin or value < variable.rule.low + margin)
+
+
+def lower_bound(gains: FloatArray, training: Training, concentrated: bool, rng: np.random.Generator) -> float:
+    """2.5 % quantile of the summed gain with flights (or parts, where few flights tell) drawn anew."""
+    flights = np.bincount(training.flight_of_part, weights=gains)
+    values = gains[np.abs(gains) > 0.5] if concentrated else flights
+    if values.size == 0:
+        return 0.0
+    drawn = rng.choice(values, size=(_REPEATS, values.size))
+    return float(np.quantile(drawn.sum(axis=1), 0.025))

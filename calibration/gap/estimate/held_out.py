@@ -1,0 +1,92 @@
+"""Errors of models on flights that no fit saw."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.gap.data.record import FlightRecord
+from calibration.gap.data.signals import CHANNELS, UNITS, Signals, stack_signals
+from calibration.gap.estimate.model import Model
+from onboard.arrays import FloatArray
+
+WINDOW = 0.1
+"""s that residuals are averaged over: shorter than anything that a vehicle does, longer than sensor noise."""
+
+_DRAWS = 400
+
+
+@dataclass(frozen=True)
+class ChannelErrors:
+    """Residuals of one model by flight and channel, averaged over :data:`WINDOW`.
+
+    Attributes:
+        squares: sums of squares, shape (flights, 7).
+        counts: number of windows, shape (flights, 7).
+    """
+
+    squares: FloatArray
+    counts: FloatArray
+
+    def rms(self, flights: np.ndarray | None = None) -> FloatArray:
+        """Root mean square of each channel, shape (7,); over drawn flights where they are given."""
+        rows = slice(None) if flights is None else flights
+        counts = np.maximum(self.counts[rows].sum(axis=0), 1.0)
+        return np.asarray(np.sqrt(self.squares[rows].sum(axis=0) / counts))
+
+
+@dataclass(frozen=True)
+class Improvement:
+    """What one effect did for the channel that it improved most.
+
+    Attributes:
+        channel, unit: which.
+        before, after: rms of the residual, averaged over :data:`WINDOW`.
+        interval: 95 %, of before less after, over flights.
+    """
+
+    channel: str
+    unit: str
+    before: float
+    after: float
+    interval: tuple[float, float]
+
+
+class HeldOutFlights:
+    """Flights that no fit sees."""
+
+    def __init__(self, records: Sequence[FlightRecord]) -> None:
+        self.records = tuple(records)
+        self.signals: Signals = stack_signals(records)
+
+    def errors(self, model: Model) -> ChannelErrors:
+        """Residuals of a model; the battery's resting voltage, which is each flight's own, is taken out."""
+        residual = np.where(self.signals.valid, self.signals.measured - model.predict(self.records), np.nan)
+        window = max(1, round(WINDOW / self.signals.dt))
+        squares, counts = [], []
+        for flight in range(self.signals.flights):
+            rows = residual[self.signals.rows(flight)]
+            rows = rows[: rows.shape[0] // window * window].reshape(-1, window, len(CHANNELS))
+            means = rows.mean(axis=1)  # NaN where a sample of the window is not valid
+            if np.isfinite(means[:, -1]).any():
+                means[:, -1] -= np.nanmean(means[:, -1])
+            squares.append(np.nansum(means**2, axis=0))
+            counts.append(np.isfinite(means).sum(axis=0))
+        return ChannelErrors(np.array(squares), np.array(counts, dtype=float))
+
+
+def improvement(before: ChannelErrors, after: ChannelErrors, rng: np.random.Generator) -> Improvement:
+    """What came from one model to the next, in the channel whose error fell by the largest share."""
+    one, other = before.rms(), after.rms()
+    channel = int(np.argmax(np.where(one > 0.0, 1.0 - other / np.maximum(one, 1e-300), -np.inf)))
+    flights = before.counts.shape[0]
+    drawn = rng.integers(flights, size=(_DRAWS, flights))
+    gains = [before.rms(draw)[channel] - after.rms(draw)[channel] for draw in drawn]
+    low, high = np.quantile(gains, [0.025, 0.975])
+    return Improvement(
+        channel=CHANNELS[channel],
+        unit=UNITS[channel],
+        before=float(one[channel]),
+        after=float(other[channel]),
+        interval=(float(low), float(high)),
+    )

@@ -1,0 +1,162 @@
+"""A vehicle with effects whose parameters are being searched for, and its predictions along flights."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from calibration.gap.data.record import FlightRecord
+from calibration.gap.data.signals import CHANNELS, FORCE, TORQUE, VOLTAGE
+from calibration.gap.replay.teacher_forcing import Prediction, teacher_forced
+from onboard.arrays import FloatArray
+from onboard.quantity import Quantity
+from onboard.room import RoomGeometry
+from onboard.vehicle import EFFECTS, Effect, Vehicle
+from onboard.vehicle.effects import EffectParameter
+from sim_backend.physics.parameters import physics_parameters
+
+NO_CEILING = 1e3
+"""m: a ceiling that no rotor feels."""
+
+WORKERS = 2
+"""Threads; the kernels let go of the interpreter."""
+
+_SHARE_OF_RANGE = 1e-4
+
+
+class Variable(NamedTuple):
+    """One parameter of one effect."""
+
+    effect: str
+    parameter: str
+
+    @property
+    def rule(self) -> EffectParameter:
+        """What is known of it before any flight: bounds, neutral and typical value."""
+        return EFFECTS[self.effect].parameters[self.parameter]
+
+
+@dataclass(frozen=True)
+class Model:
+    """A vehicle file, and effects on top of it with the values they have at present.
+
+    Attributes:
+        base: the vehicle as it was given.
+        values: by variable; those of one effect together make the effect.
+        ceiling_z: m, height of the ceiling; None: not known, and no rotor feels one.
+    """
+
+    base: Vehicle
+    values: Mapping[Variable, float] = field(default_factory=dict)
+    ceiling_z: float | None = None
+
+    def with_values(self, values: Mapping[Variable, float]) -> "Model":
+        """The model with some values changed or added; each kept within its bounds."""
+        bounded = {v: float(np.clip(x, v.rule.low, v.rule.high)) for v, x in values.items()}
+        return dataclasses.replace(self, values={**self.values, **bounded})
+
+    def without(self, effect: str) -> "Model":
+        """The model without one effect (with what the vehicle file says of it)."""
+        return dataclasses.replace(self, values={v: x for v, x in self.values.items() if v.effect != effect})
+
+    def at_ceiling(self, ceiling_z: float) -> "Model":
+        """The model under a ceiling at this height (m)."""
+        return dataclasses.replace(self, ceiling_z=ceiling_z)
+
+    def start_value(self, variable: Variable) -> float:
+        """The value at present: searched for, else of the vehicle file, else the neutral or typical one."""
+        if variable in self.values:
+            return self.values[variable]
+        for effect in self.base.effects:
+            if effect.name == variable.effect:
+                return effect.values()[variable.parameter]
+        return variable.rule.typical if variable.rule.neutral is None else variable.rule.neutral
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Names of the effects that are searched for, in the order in which they came."""
+        return tuple(dict.fromkeys(variable.effect for variable in self.values))
+
+    def vehicle(self) -> Vehicle:
+        """The vehicle with all its effects, values without uncertainty."""
+        found = {
+            name: Effect(
+                name=name,
+                parameters={
+                    v.parameter: Quantity(x, EFFECTS[name].parameters[v.parameter].unit, 0.0, "gap finder")
+                    for v, x in self.values.items()
+                    if v.effect == name
+                },
+            )
+            for name in self.effects
+        }
+        kept = tuple(effect for effect in self.base.effects if effect.name not in found)
+        return dataclasses.replace(self.base, effects=(*kept, *found.values()))
+
+    def parameters(self) -> Any:
+        """The record of physics parameters."""
+        ceiling = NO_CEILING if self.ceiling_z is None else self.ceiling_z
+        return physics_parameters(self.vehicle(), RoomGeometry(ceiling_z=ceiling))
+
+    def predict(self, records: Sequence[FlightRecord]) -> FloatArray:
+        """Predicted signals along the flights (:mod:`calibration.gap.data.signals`), shape (n, 7)."""
+        p = self.parameters()
+        predictions = self._along(records, p)
+        # An error of the thrust map says nothing of what the motors draw.
+        plain = self.without("thrust_curve")
+        drawing = predictions if plain.effects == self.effects else plain._along(records, plain.parameters())
+        return stack_predictions(predictions, [terminal_voltage(p, one) for one in drawing])
+
+    def _along(self, records: Sequence[FlightRecord], p: Any) -> list[Prediction]:
+        with ThreadPoolExecutor(WORKERS) as pool:
+            return list(pool.map(lambda record: teacher_forced(record, p), records))
+
+    def derivative(
+        self, records: Sequence[FlightRecord], variable: Variable, predicted: FloatArray
+    ) -> FloatArray:
+        """Derivative of the predicted signals by one variable, shape (n, 7).
+
+        Voltage is left to the battery alone: it is known to millivolts, what a motor draws for a thrust is
+        not, and so a voltage must not decide about a thrust.
+
+        Args:
+            records: flights.
+            variable: by which; taken towards the middle of its bounds.
+            predicted: by this model, shape (n, 7).
+        """
+        value = self.start_value(variable)
+        step = max(_SHARE_OF_RANGE * (variable.rule.high - variable.rule.low), 1e-3 * abs(value))
+        if value + step > variable.rule.high:
+            step = -step
+        change = (self.with_values({variable: value + step}).predict(records) - predicted) / step
+        if variable.effect == "battery_sag":
+            change[:, :VOLTAGE] = 0.0
+        else:
+            change[:, VOLTAGE] = 0.0
+        return change
+
+
+def terminal_voltage(p: Any, prediction: Prediction) -> FloatArray:
+    """Battery voltage (V) by the vehicle's battery model, shape (n,), from full at the first sample."""
+    fallen = p["open_circuit_slope"] * prediction.charge / p["battery_capacity"]
+    return np.asarray(p["open_circuit_full"] - fallen - p["battery_resistance"] * prediction.current)
+
+
+def stack_predictions(predictions: Sequence[Prediction], voltages: Sequence[FloatArray]) -> FloatArray:
+    """Predicted signals, shape (n, 7), stacked as :func:`~calibration.gap.data.signals.stack_signals`.
+
+    Args:
+        predictions: one per flight.
+        voltages: V, predicted at the terminals, shape (n,) per flight.
+    """
+    parts = []
+    for prediction, voltage in zip(predictions, voltages, strict=True):
+        part = np.zeros((voltage.size, len(CHANNELS)))
+        part[:, FORCE] = prediction.force
+        part[:-1, TORQUE] = prediction.angular_acceleration
+        part[:, VOLTAGE] = voltage
+        parts.append(part)
+    return np.vstack(parts)

@@ -1,0 +1,241 @@
+"""Fit the parameters of a model to flights: Gauss-Newton steps, noise fitted anew at each."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.gap.data.channels import Channel
+from calibration.gap.data.excitation import excitation_weights
+from calibration.gap.data.record import FlightRecord
+from calibration.gap.data.signals import PARTS, stack_signals
+from calibration.gap.data.split import FEW, folds
+from calibration.gap.estimate.mixed import FIRST_SPREAD, Prior, held_out_likelihood
+from calibration.gap.estimate.model import Model, Variable
+from calibration.gap.estimate.regression import Estimate, Noise, Regression
+from onboard.arrays import FloatArray
+from onboard.vehicle import Vehicle
+
+
+@dataclass(frozen=True)
+class UnnamedTerm(ABC):
+    """Something that no named effect describes, linear in its values.
+
+    Attributes:
+        channel: where it acts.
+        regressor: name of what it goes with; "time" for a line.
+        columns: signals per unit of each value (m/s2, rad/s2 or V), shape (n, 7) each.
+    """
+
+    channel: Channel
+    regressor: str
+    columns: tuple[FloatArray, ...]
+
+    @abstractmethod
+    def formula(self, values: FloatArray, vehicle: Vehicle) -> str:
+        """The term in words, with numbers.
+
+        Args:
+            values: fitted, one per column.
+            vehicle: whose mass and inertia turn accelerations into forces and torques.
+        """
+
+
+_ENOUGH = 0.1
+"""Standard errors: a step this small ends the iteration."""
+
+_UNNAMED_RANGE = 100.0
+"""Range of the coefficient of an unnamed term, in the unit of its channel."""
+
+_LONGEST = 0.34
+"""Share of a variable's bounds that one step may go."""
+
+_TOWARDS, _NEAR = 0.7, 0.01
+"""Share of the way to a bound that one step may go; share of the bounds' range from which it may go all."""
+
+
+@dataclass(frozen=True)
+class Training:
+    """Flights to fit to.
+
+    Attributes:
+        records: the flights.
+        regression: their signals.
+        by_shape: fold of each part of a flight; flights of one shape are in one fold.
+        by_time: fold of each part, neighbours apart: for effects that one or two flights alone show.
+    """
+
+    records: tuple[FlightRecord, ...]
+    regression: Regression
+    by_shape: np.ndarray
+    by_time: np.ndarray
+
+    @property
+    def flight_of_part(self) -> np.ndarray:
+        """Index of the flight of each part."""
+        return np.arange(self.by_shape.size) // PARTS
+
+
+def training_set(records: Sequence[FlightRecord], model: Model) -> Training:
+    """Flights to fit to, with their folds; `model` says how hard each was flown."""
+    signals = stack_signals(records)
+    by_time = (np.arange(len(records) * PARTS) + np.arange(len(records) * PARTS) // PARTS) % 2
+    return Training(
+        records=tuple(records),
+        regression=Regression(signals, excitation_weights(signals, model.predict(records))),
+        by_shape=np.repeat(folds(records), PARTS),
+        by_time=by_time,
+    )
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A model with fitted parameters.
+
+    Attributes:
+        model: with the values found.
+        variables: that were fitted, in the order of the estimate's columns.
+        estimate: linearised about (nearly) these values.
+        held_out: log-likelihood of each part with the shared parameters of the other shapes' flights.
+        held_out_in_time: likewise, with those of the other parts of all flights.
+        predicted: signals along the flights, shape (n, 7).
+        columns: derivative of the signals by each variable, then the columns of the unnamed terms.
+        unnamed: terms without a name that are in the model.
+    """
+
+    model: Model
+    variables: tuple[Variable, ...]
+    estimate: Estimate
+    held_out: FloatArray
+    held_out_in_time: FloatArray
+    predicted: FloatArray
+    columns: tuple[FloatArray, ...]
+    unnamed: tuple[UnnamedTerm, ...] = ()
+
+    @property
+    def prior(self) -> Prior:
+        """Of all coefficients, in the order of the estimate's columns."""
+        others = len(self.columns) - len(self.variables)
+        return prior_step(self.model, self.variables).and_of(_unnamed_prior(others))
+
+    def gains(self, over: "Fitted", concentrated: bool) -> FloatArray:
+        """Gain in held-out log-likelihood of each part over another fit.
+
+        Args:
+            over: the other fit.
+            concentrated: whether few flights alone tell of what is new: parts are held out then, not shapes.
+        """
+        if concentrated:
+            return self.held_out_in_time - over.held_out_in_time
+        return self.held_out - over.held_out
+
+    def concentrated(self, new: Sequence[Variable]) -> bool:
+        """Whether fewer than :data:`FEW` flights carry the information about the variables `new`."""
+        return self.few_flights([i for i, v in enumerate(self.variables) if v in new])
+
+    def few_flights(self, columns: Sequence[int]) -> bool:
+        """Whether fewer than :data:`FEW` flights carry the information about any of these columns."""
+        if not columns:
+            return False
+        information = np.einsum("fgg->fg", self.estimate.fit.information)[:, columns]
+        per_flight = information.reshape(-1, PARTS, len(columns)).sum(axis=1)
+        share = per_flight / np.maximum(per_flight.sum(axis=0), 1e-300)
+        return bool(np.any((share**2).sum(axis=0) > 1.0 / FEW))
+
+
+def prior_step(model: Model, variables: Sequence[Variable]) -> Prior:
+    """What is believed of the step that each variable is from its value in `model`.
+
+    Of most nothing is known but their bounds: no step, give or take the whole range. Where something is, a
+    step to the usual value.
+    """
+    mean, precision = np.zeros(len(variables)), np.empty(len(variables))
+    for index, v in enumerate(variables):
+        rule = v.rule
+        precision[index] = (rule.high - rule.low) ** -2.0 if rule.spread is None else rule.spread**-2.0
+        mean[index] = 0.0 if rule.spread is None else rule.typical - model.start_value(v)
+    return Prior(mean, precision)
+
+
+def _unnamed_prior(count: int) -> Prior:
+    return Prior(np.zeros(count), np.full(count, _UNNAMED_RANGE**-2.0))
+
+
+def refine(
+    model: Model,
+    variables: Sequence[Variable],
+    training: Training,
+    iterations: int = 5,
+    start: Estimate | None = None,
+    unnamed: Sequence[UnnamedTerm] = (),
+    near: "Fitted | None" = None,
+) -> Fitted:
+    """The model with `variables` fitted to the flights.
+
+    Args:
+        model: to start from.
+        variables: to fit; the others keep their values.
+        training: the flights.
+        iterations: of Gauss and Newton, at most.
+        start: an earlier estimate, whose noise and spreads save time.
+        unnamed: terms whose coefficients are fitted as well.
+        near: a fit whose derivatives are near enough for a first look: those of its variables are not
+            computed anew, which with many variables is most of the work.
+    """
+    known = {} if near is None else dict(zip(near.variables, near.columns, strict=False))
+    extra = [column for term in unnamed for column in term.columns]
+    spread = FIRST_SPREAD if start is None else start.fit.spread
+    noise: Noise | None = None if start is None else start.noise
+    for iteration in range(1, iterations + 1):
+        predicted = model.predict(training.records)
+        columns = [
+            known[v] if v in known else model.derivative(training.records, v, predicted) for v in variables
+        ]
+        while True:
+            prior = prior_step(model, variables).and_of(_unnamed_prior(len(extra)))
+            estimate = training.regression.estimate(predicted, [*columns, *extra], prior, spread, noise)
+            step = _bounded_step(model, variables, estimate.fit.theta)
+            stuck = (step == 0.0) & (estimate.fit.theta[: len(variables)] != 0.0)
+            if not stuck.any():
+                break
+            # A bound is not crossed: without those that would, the others settle elsewhere.
+            variables = [v for v, out in zip(variables, stuck, strict=True) if not out]
+            columns = [column for column, out in zip(columns, stuck, strict=True) if not out]
+        errors = np.sqrt(np.diag(estimate.fit.covariance))[: len(variables)]
+        arrived = bool(np.all(np.abs(step) <= _ENOUGH * errors))
+        if iteration == iterations or (arrived and iteration > 1):  # by then the noise is of this model
+            break
+        model = model.with_values({v: model.start_value(v) + d for v, d in zip(variables, step, strict=True)})
+        spread, noise = estimate.fit.spread, training.regression.fit_noise(estimate.residual)
+    held_out, in_time = (
+        held_out_likelihood(estimate.products, estimate.fit, prior, split)
+        for split in (training.by_shape, training.by_time)
+    )
+    return Fitted(
+        model=model,
+        variables=tuple(variables),
+        estimate=estimate,
+        held_out=held_out,
+        held_out_in_time=in_time,
+        predicted=predicted,
+        columns=(*columns, *extra),
+        unnamed=tuple(unnamed),
+    )
+
+
+def settled(fitted: Fitted, training: Training) -> Fitted:
+    """A fit to the end, from one with derivatives of a model near by."""
+    return refine(fitted.model, fitted.variables, training, start=fitted.estimate, unnamed=fitted.unnamed)
+
+
+def _bounded_step(model: Model, variables: Sequence[Variable], theta: FloatArray) -> FloatArray:
+    step = np.empty(len(variables))
+    for index, (v, wanted) in enumerate(zip(variables, theta, strict=False)):  # unnamed ones follow
+        extent = v.rule.high - v.rule.low
+        value = model.start_value(v)
+        room = (v.rule.high if wanted > 0.0 else v.rule.low) - value
+        # A curved likelihood overshoots: nobody jumps onto a bound, where a variable would be given up.
+        most = min(_LONGEST * extent, abs(room) if abs(room) < _NEAR * extent else _TOWARDS * abs(room))
+        step[index] = np.clip(wanted, -most, most)
+    return step

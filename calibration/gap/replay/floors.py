@@ -1,0 +1,115 @@
+"""What no model can beat on these data: the inertial sensors in place of the model.
+
+The accelerometer integrated along the measured attitude is the floor of predictions with given attitude; gyro
+and accelerometer alone are that of open-loop predictions. Both start from the same states as the models, so
+what is left is noise of start, reference and sensors.
+"""
+
+import numpy as np
+
+from calibration.gap.replay.flight_prediction import WindowErrors, in_body_axes, rotation_between
+from calibration.gap.replay.inputs import PredictionInputs, twice_integrated
+from calibration.gap.replay.windows import Rows
+from onboard.arrays import BoolArray, FloatArray
+from onboard.jit import kernel
+from onboard.rotation import integrate, to_matrices
+
+NO_BIAS = np.zeros(3)
+
+
+def accelerometer_bias(inputs: PredictionInputs, rows: Rows, end: int) -> FloatArray:
+    """Bias (m/s2, body) of the accelerometer against position and attitude, from the mean velocity error.
+
+    To the sensors it is what scale and lean are to a model: where those are fitted to a flight's first
+    seconds, so is this.
+
+    Args:
+        inputs: a flight with an accelerometer.
+        rows: starts that reach the horizon, shape (m,). end: samples of the horizon.
+    """
+    everywhere = np.ones((rows.size, 1), dtype=np.bool_)
+    errors = accelerometer_driven(inputs, rows, np.array([end]), everywhere, NO_BIAS)
+    bias: FloatArray = in_body_axes(errors, inputs.rotation[rows])[:, 0, 1].mean(axis=0) / (end * inputs.dt)
+    return bias
+
+
+def accelerometer_driven(
+    inputs: PredictionInputs, rows: Rows, ends: Rows, reached: BoolArray, bias: FloatArray
+) -> WindowErrors:
+    """Errors of the measured specific force integrated with the measured attitude.
+
+    Args:
+        inputs: a flight with an accelerometer.
+        rows: starts, shape (m,). ends: samples of the horizons, shape (h,).
+        reached: shape (m, h): which start reaches which horizon.
+        bias: m/s2, body, of the accelerometer.
+    """
+    vectors = np.full((rows.size, ends.size, 4, 3), np.nan)
+    same = np.broadcast_to(np.eye(3), (rows.size, 3, 3))
+    _translation(inputs, inputs.rotation, same, rows, ends, bias, vectors)
+    vectors[~reached] = np.nan
+    return WindowErrors(rows, vectors, reached)
+
+
+def gyro_driven(
+    inputs: PredictionInputs, rows: Rows, ends: Rows, reached: BoolArray, bias: FloatArray
+) -> WindowErrors:
+    """As :func:`accelerometer_driven`, with the attitude from the gyro; the rate itself has no floor."""
+    vectors = np.full((rows.size, ends.size, 4, 3), np.nan)
+    turned = integrated_rate(np.nan_to_num(inputs.rate), inputs.dt)
+    # One path of the gyro through the flight serves all starts: C turns it into the world of a start.
+    rotation = to_matrices(turned)
+    into_world = inputs.rotation[rows] @ rotation[rows].transpose(0, 2, 1)
+    _translation(inputs, rotation, into_world, rows, ends, bias, vectors)
+    at = np.minimum(rows[:, None] + ends[None, :], turned.shape[0] - 1)
+    start = rotation_between(turned[rows][:, None], turned[at])
+    measured = rotation_between(inputs.quaternion[rows][:, None], inputs.quaternion[at])
+    vectors[:, :, 2] = rotation_between(_exponential(measured), _exponential(start))
+    vectors[~reached] = np.nan
+    return WindowErrors(rows, vectors, reached)
+
+
+def _translation(
+    inputs: PredictionInputs,
+    rotation: FloatArray,
+    into_world: FloatArray,
+    rows: Rows,
+    ends: Rows,
+    bias: FloatArray,
+    vectors: FloatArray,
+) -> None:
+    """Write position and velocity errors of the integrated specific force into `vectors`."""
+    force = inputs.record.specific_force
+    if force is None:
+        raise ValueError("a floor needs an accelerometer")
+    velocity, position = twice_integrated((rotation @ (force - bias)[:, :, None])[:, :, 0], inputs.dt)
+    gravity = np.array([0.0, 0.0, -float(inputs.parameters["gravity"])])
+    at = np.minimum(rows[:, None] + ends[None, :], inputs.position.shape[0] - 1)
+    time = (inputs.dt * ends)[None, :, None]
+    gained = velocity[at] - velocity[rows][:, None]
+    moved = position[at] - position[rows][:, None] - time * velocity[rows][:, None]
+    gained = np.einsum("mij,mhj->mhi", into_world, gained) + time * gravity
+    moved = np.einsum("mij,mhj->mhi", into_world, moved) + 0.5 * time**2 * gravity
+    start_v = inputs.start_velocity[rows][:, None]
+    vectors[:, :, 1] = start_v + gained - inputs.velocity[at]
+    vectors[:, :, 0] = inputs.position[rows][:, None] + time * start_v + moved - inputs.position[at]
+
+
+@kernel
+def integrated_rate(rate: FloatArray, dt: float) -> FloatArray:
+    """Attitude, shape (n, 4), after turning at the mean rate (rad/s) of each two samples; level at first."""
+    turned = np.empty((rate.shape[0], 4))
+    q = (0.0, 0.0, 0.0, 1.0)
+    for row in range(rate.shape[0]):
+        if row > 0:
+            mean = 0.5 * (rate[row - 1] + rate[row])
+            q = integrate(q, mean, dt)
+        for i in range(4):
+            turned[row, i] = q[i]
+    return turned
+
+
+def _exponential(vector: FloatArray) -> FloatArray:
+    """Quaternions, shape (..., 4), of rotation vectors (rad)."""
+    half = 0.5 * np.linalg.norm(vector, axis=-1, keepdims=True)
+    return np.concatenate([0.5 * np.sinc(half / np.pi) * vector, np.cos(half)], axis=-1)

@@ -1,0 +1,140 @@
+"""What a report shows of a search: where the gap lived, what is left of it, and the figures."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from calibration.gap.data.record import FlightRecord
+from calibration.gap.data.signals import CHANNELS, UNITS
+from calibration.gap.estimate.model import Model
+from calibration.gap.estimate.refine import Training
+from calibration.gap.replay import PredictionErrors, fly_again
+from calibration.gap.report.document import Unexplained, Where
+from calibration.gap.report.figures_data import ClosedLoopTrace, HeatMap, ReportFigures, ResidualCloud
+from calibration.gap.report.prediction_figures import (
+    channel_bars,
+    closed_loop_trace,
+    horizon_curves,
+    phase_bars,
+)
+from calibration.gap.search.forward import Search
+from calibration.gap.search.naming import Named
+from calibration.gap.unnamed.fitted_terms import formulas
+from calibration.gap.unnamed.gap_map import GapMap
+from calibration.gap.unnamed.regressors import regressors
+from onboard.arrays import FloatArray
+from onboard.vehicle import Vehicle
+
+_PLACES = 8
+_CHANCE = 0.005
+_LEAST_SHARE = 0.04
+_CLOUDS = 4
+
+
+def where(before: GapMap) -> tuple[Where, ...]:
+    """Where the gap lived before anything was added, largest share first."""
+    return tuple(
+        Where(channel=cell.channel.name, condition=cell.condition, share=float(cell.share))
+        for cell in before.cells
+        if cell.p < _CHANCE and cell.share >= _LEAST_SHARE
+    )[:_PLACES]
+
+
+def unexplained(found: Search, names: Named, vehicle: Vehicle) -> Unexplained:
+    """What has no name; its share is of the residual's variance in the channel where most of it lives."""
+    structures = [one.structure for one in found.unnamed]
+    formula_words = formulas(found.final, vehicle)
+    goes_with = [text for f in structures for text in (f.regressor, f.condition, *f.alike)]
+    return Unexplained(
+        share=max((float(structure.share) for structure in structures), default=0.0),
+        channels=tuple(dict.fromkeys(structure.channel.name for structure in structures)),
+        suspects=tuple(dict.fromkeys([*goes_with, *names.unconfirmed])),
+        formula="; ".join(formula_words) or None,
+    )
+
+
+def figures(
+    stages: Mapping[str, PredictionErrors],
+    names: Named,
+    held_out: Sequence[FlightRecord],
+    found: Search,
+    training: Training,
+    maps: tuple[GapMap, GapMap],
+) -> ReportFigures:
+    """Everything that the page draws.
+
+    Args:
+        stages: predictions before, after each effect, with all.
+        names: what was named.
+        held_out: flights that no fit saw; the first that can be is flown again.
+        found: the search.
+        training: its flights.
+        maps: where the residual lived before, and lives after.
+    """
+    before, after = maps
+    return ReportFigures(
+        horizons=horizon_curves(stages),
+        channels=channel_bars(stages),
+        phases=phase_bars(stages),
+        heat_map=HeatMap(
+            meaning="share of the residual's variance that goes with the regressor",
+            channels=before.channels,
+            regressors=before.regressors,
+            before=np.clip(before.share, 0.0, 1.0),
+            after=np.clip(after.share, 0.0, 1.0),
+            chance=np.clip(before.chance, 0.0, 1.0),
+        ),
+        clouds=_clouds(before, found, training),
+        closed_loop=_flown_again(names, held_out),
+    )
+
+
+def _clouds(before: GapMap, found: Search, training: Training) -> tuple[ResidualCloud, ...]:
+    """Residuals against the regressors that explained most, before and after, averaged over 0.1 s."""
+    along = {regressor.name: regressor for regressor in regressors(training.records)}
+    window = max(1, round(0.1 / training.regression.signals.dt))
+    clouds: list[ResidualCloud] = []
+    for cell in before.cells:
+        if len(clouds) == _CLOUDS or cell.p >= _CHANCE:
+            break
+        if cell.channel.frame == "world":
+            continue
+        index = CHANNELS.index(cell.channel.signal)
+        valid = training.regression.signals.valid[:, index]
+        columns = [
+            along[cell.regressor.name].values,
+            found.first.estimate.residual[:, index],
+            found.final.estimate.residual[:, index],
+        ]
+        x, one, other = _averaged([np.where(valid, column, np.nan) for column in columns], window)
+        clouds.append(
+            ResidualCloud(
+                channel=cell.channel.name,
+                channel_unit=UNITS[index],
+                regressor=cell.regressor.name,
+                regressor_unit=cell.regressor.unit,
+                x=x,
+                before=one,
+                after=other,
+            )
+        )
+    return tuple(clouds)
+
+
+def _averaged(columns: Sequence[FloatArray], window: int) -> list[FloatArray]:
+    count = columns[0].size // window * window
+    means = [column[:count].reshape(-1, window).mean(axis=1) for column in columns]
+    known = np.logical_and.reduce([np.isfinite(mean) for mean in means])
+    return [mean[known] for mean in means]
+
+
+def _flown_again(names: Named, held_out: Sequence[FlightRecord]) -> tuple[ClosedLoopTrace, ...]:
+    """The first flight that both models can fly again, in closed loop."""
+    models = names.models()
+    ends: dict[str, Model] = {"before": models["before"], "with all": list(models.values())[-1]}
+    for record in held_out:
+        flown = {name: fly_again(record, model.vehicle()) for name, model in ends.items()}
+        whole = {name: flight for name, flight in flown.items() if flight is not None}
+        if len(whole) == len(ends):
+            return (closed_loop_trace(whole),)
+    return ()

@@ -1,0 +1,47 @@
+"""The improved vehicle: the file that was given, with the effects that were found, each with its source."""
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+
+from calibration.gap.report.document import FoundEffect
+from calibration.gap.report.effects import NINETY_FIVE
+from onboard.quantity import Quantity
+from onboard.vehicle import Effect, Vehicle, vehicle_to_toml
+
+VEHICLE_FILE = "vehicle.toml"
+
+
+def improved_vehicle(vehicle: Vehicle, effects: Sequence[FoundEffect], source: str) -> Vehicle:
+    """A vehicle with effects added, or put in the place of those that it had under the same names.
+
+    Args:
+        vehicle: as given.
+        effects: found; parameters that were not found stay neutral.
+        source: provenance of the numbers, for the file.
+    """
+    added = tuple(
+        Effect(
+            name=effect.name,
+            parameters={
+                key: Quantity(one.value, one.unit, (one.ci95[1] - one.ci95[0]) / (2.0 * NINETY_FIVE), source)
+                for key, one in effect.parameters.items()
+            },
+        )
+        for effect in effects
+    )
+    names = {effect.name for effect in added}
+    kept = tuple(effect for effect in vehicle.effects if effect.name not in names)
+    return dataclasses.replace(vehicle, effects=(*kept, *added))
+
+
+def provenance(flights: int, held_out: int, seed: int) -> str:
+    """Where a number of the gap finder comes from, for the file."""
+    return f"gap finder: fitted to {flights} flights, checked on {held_out} others, seed {seed}"
+
+
+def write_vehicle(vehicle: Vehicle, folder: Path) -> Path:
+    """Write ``vehicle.toml`` into the report's folder; returns the file."""
+    file = folder / VEHICLE_FILE
+    file.write_text(vehicle_to_toml(vehicle), encoding="utf-8")
+    return file

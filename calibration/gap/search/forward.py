@@ -1,0 +1,283 @@
+"""The search for missing effects: forward, exchange, drop.
+
+Each round offers every candidate to the present model, refits noise and nuisances for the most promising, and
+takes the one that predicts flights best that its fit did not see. An effect that is beyond chance but too
+small to matter stays in the model without a name: left out, another would be named for it.
+"""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from calibration.gap.estimate.acceptance import DETECTABLE, LEAST_GAIN, Judgement, judge
+from calibration.gap.estimate.model import WORKERS, Model, Variable
+from calibration.gap.estimate.refine import Fitted, Training, refine, settled
+from calibration.gap.search.candidates import Candidate, candidates_for
+from calibration.gap.search.rivals import Rival, needed, rivals, without
+from calibration.gap.search.screen import Promise, screen
+from calibration.gap.unnamed.fitted_terms import FittedTerm, best_term, without_superfluous
+
+Progress = Callable[[str], None]
+"""Called with what is being looked at."""
+
+LOG_TIMING = Variable("command_delay", "delay")
+"""Always fitted: when a command was logged is never known to the millisecond, and a delay left out makes
+other names. It is an effect only where it is larger than that doubt."""
+
+AT_BOUND = "{} ran into its bound: it stands in for something else"
+DRIFTS = "{} depends on how hard the vehicle was flown: it stands in for something else"
+"""Why a parameter is not believed."""
+
+SCALES = ("thrust_scale", "mass_error")
+"""What is looked at before all else where the flights weigh far more or less than the vehicle file."""
+
+_FAR_OFF = 0.1
+"""Error of scale beyond which a drag or an inertia of absurd size would come first."""
+
+_CLOSELY = 7
+"""Candidates of a round that are looked at closely."""
+
+_CLOSE = 0.3
+"""Share of its gain that a rival may lack to be looked at again."""
+
+_NO_PROMISE = 2.0
+"""Log-likelihood: who promises less by a linear fit is not looked at closely, beyond the first few."""
+
+_AT_LEAST = 3
+
+_HALF = 0.6
+"""Share of what an unnamed term gains that a name must gain to be preferred to it."""
+
+_NEARLY = 0.7
+"""Share of the best gain beyond chance from which the next candidate is believed where the best is not."""
+
+_PARSIMONY = 4.0
+"""Log-likelihood that each further parameter must be worth."""
+
+_MOST_ROUNDS = 12
+
+
+@dataclass(frozen=True)
+class SelectionStep:
+    """One effect that came into the model.
+
+    Attributes:
+        effect: its name.
+        judgement: why.
+        after: the fit with it.
+        rivals: effects that explained nearly as much, with the gain that each lacked.
+    """
+
+    effect: str
+    judgement: Judgement
+    after: Fitted
+    rivals: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Search:
+    """Result of a search.
+
+    Attributes:
+        first: fit of the model as it was given, nuisances only.
+        steps: effects in the order found, those without a name (too small to matter) among them.
+        final: the last fit.
+        refused: candidates that gained much but were not believed, with the reason.
+        ambiguous: by named effect, the rivals that the flights do not rule out.
+        blind: effects that the flights would not show at their ordinary size.
+        unnamed: terms without a name that are in the final model.
+    """
+
+    first: Fitted
+    steps: tuple[SelectionStep, ...]
+    final: Fitted
+    refused: dict[str, str]
+    ambiguous: dict[str, tuple[Rival, ...]]
+    blind: tuple[str, ...]
+    unnamed: tuple[FittedTerm, ...]
+
+
+def search(
+    model: Model, training: Training, rng: np.random.Generator, progress: Progress = lambda _: None
+) -> Search:
+    """Find what is missing in a model.
+
+    Args:
+        model: to begin with.
+        training: flights to fit to.
+        rng: for the bootstrap.
+        progress: told what is being looked at.
+    """
+    first = present = refine(model, (LOG_TIMING,), training)
+    steps: list[SelectionStep] = []
+    unnamed: list[FittedTerm] = []
+    refused: dict[str, str] = {}
+    for _ in range(_MOST_ROUNDS):
+        progress("every effect")
+        promises = screen(present, candidates_for(present, training), training)
+        step = _forward(present, promises, training, rng, progress, refused)
+        scale = None if steps or unnamed else _far_off(present, promises, training, rng)
+        calibrates = scale is not None and not _outdone(scale, step, training, rng, progress)
+        step = scale if calibrates else step
+        progress("what has no name")
+        other = None if calibrates else best_term(present, training, rng)
+        if other is not None and (step is None or step.judgement.gain < _HALF * other.gain):
+            unnamed.append(other)
+            present = other.after
+        elif step is not None:
+            steps.append(step)
+            present = step.after
+        else:
+            break
+    present = without_superfluous(present, unnamed, training)
+    present, steps, ambiguous = _second_look(present, steps, training, progress)
+    return Search(
+        first=first,
+        steps=tuple(steps),
+        final=present,
+        refused=refused,
+        ambiguous=ambiguous,
+        blind=tuple(blind_to(promises)),
+        unnamed=tuple(one for one in unnamed if one.term in present.unnamed),
+    )
+
+
+def _far_off(
+    present: Fitted, promises: Sequence[Promise], training: Training, rng: np.random.Generator
+) -> SelectionStep | None:
+    """The error of scale that explains most, where it is far off; None where the scale is about right."""
+    fits = []
+    for promise in promises:
+        effect, variables = promise.candidate.effect, promise.candidate.variables
+        if effect in SCALES:
+            fitted = refine(present.model, (*present.variables, *variables), training, start=present.estimate)
+            value = fitted.model.start_value(variables[0])
+            if abs(value - (variables[0].rule.neutral or 0.0)) >= _FAR_OFF:
+                judgement = judge(present, fitted, variables, training, rng)
+                fits.append(SelectionStep(effect, judgement, fitted))
+    best = max(fits, key=lambda step: step.judgement.gain, default=None)
+    return best if best is not None and best.judgement.gain >= LEAST_GAIN else None
+
+
+def _outdone(
+    scale: SelectionStep,
+    other: SelectionStep | None,
+    training: Training,
+    rng: np.random.Generator,
+    progress: Progress,
+) -> bool:
+    """Whether another effect alone explains more than a scale and the effect that is best after it."""
+    if other is None or other.judgement.gain < scale.judgement.gain:
+        return False
+    promises = screen(scale.after, candidates_for(scale.after, training), training)
+    after = _forward(scale.after, promises, training, rng, progress, {})
+    both = scale.judgement.gain + (after.judgement.gain if after else 0.0)
+    return other.judgement.gain > both
+
+
+def blind_to(promises: Sequence[Promise]) -> list[str]:
+    """Effects of which not even the ordinary size would have been found in these flights."""
+    return [
+        promise.candidate.effect
+        for promise in promises
+        if promise.errors
+        and all(
+            DETECTABLE * error > max(abs(v.rule.typical - (v.rule.neutral or 0.0)), v.rule.practical_minimum)
+            for v, error in promise.errors.items()
+        )
+    ]
+
+
+def _second_look(
+    present: Fitted, steps: list[SelectionStep], training: Training, progress: Progress
+) -> tuple[Fitted, list[SelectionStep], dict[str, tuple[Rival, ...]]]:
+    """Drop what others have made superfluous; put a rival in the place of a name that it outdoes.
+
+    Returns:
+        The fit, its steps, and by named effect the rivals that the flights do not rule out.
+    """
+    present = _drop_superfluous(present, steps, training, progress)
+    steps = [step for step in steps if step.effect in present.model.effects]
+    ambiguous: dict[str, tuple[Rival, ...]] = {}
+    for index, step in enumerate(steps):
+        if not step.judgement.sizeable:
+            continue
+        found = _rivals(present, step, training, progress)
+        best = next(iter(found), None)
+        outdone = best is not None and best.lead < -LEAST_GAIN and len(steps) > 1
+        if best is not None and outdone:  # a single name was the best of all when it was found
+            present = settled(best.fitted, training)
+            steps[index] = step = dataclasses.replace(step, effect=best.effect, after=present)
+            found = _rivals(present, step, training, progress)
+        if doubtful := tuple(rival for rival in found if not rival.told_apart):
+            ambiguous[step.effect] = doubtful
+    return present, steps, ambiguous
+
+
+def _drop_superfluous(
+    present: Fitted, steps: Sequence[SelectionStep], training: Training, progress: Progress
+) -> Fitted:
+    """The model without effects that others have made superfluous, the weakest first."""
+    for step in sorted(steps, key=lambda s: s.judgement.gain):
+        progress(f"without {step.effect}")
+        if len(steps) > 1 and not needed(present, step.effect, training):
+            present = without(present, step.effect, training)
+    return present
+
+
+def _rivals(present: Fitted, step: SelectionStep, training: Training, progress: Progress) -> list[Rival]:
+    """Effects in the place of a named one, the closest first."""
+    progress(f"{step.effect} or another")
+    close = [name for name, lack in step.rivals.items() if lack < _CLOSE * step.judgement.gain]
+    return rivals(present, step.effect, close, training)
+
+
+def _forward(
+    present: Fitted,
+    promises: Sequence[Promise],
+    training: Training,
+    rng: np.random.Generator,
+    progress: Progress,
+    refused: dict[str, str],
+) -> SelectionStep | None:
+    """The best candidate that is believed; None when there is none."""
+    looked_at = [p for n, p in enumerate(promises[:_CLOSELY]) if p.gain >= _NO_PROMISE or n < _AT_LEAST]
+    progress(", ".join(promise.candidate.effect for promise in looked_at))
+
+    def closely(promise: Promise) -> Fitted:
+        return refine(
+            promise.candidate.starts[0],
+            (*present.variables, *promise.candidate.variables),
+            training,
+            start=present.estimate,
+            unnamed=present.unnamed,
+            near=present,
+        )
+
+    with ThreadPoolExecutor(WORKERS) as pool:
+        fitted_ones = list(pool.map(closely, looked_at))
+    fits: list[tuple[float, Candidate, Fitted, Judgement]] = []
+    for promise, fitted in zip(looked_at, fitted_ones, strict=True):
+        judgement = judge(present, fitted, promise.candidate.variables, training, rng)
+        fits.append((judgement.gain, promise.candidate, fitted, judgement))
+    fits.sort(key=lambda item: _PARSIMONY * len(item[1].variables) - item[0])
+    best = max((gain for gain, _, _, judgement in fits if judgement.significant), default=0.0)
+    for gain, candidate, fitted, judgement in fits:
+        if gain < max(LEAST_GAIN, _NEARLY * best):
+            break
+        if judgement.believed:
+            rivals = {c.effect: gain - g for g, c, _, _ in fits if c is not candidate}
+            return SelectionStep(candidate.effect, judgement, settled(fitted, training), rivals)
+        refused[candidate.effect] = _reason(judgement)
+    return None
+
+
+def _reason(judgement: Judgement) -> str:
+    if judgement.at_bound:
+        return AT_BOUND.format(", ".join(v.parameter for v in judgement.at_bound))
+    if judgement.drifting:
+        return DRIFTS.format(", ".join(v.parameter for v in judgement.drifting))
+    return "its gain does not hold across flights"

@@ -1,0 +1,114 @@
+"""From a finished search to names, values and intervals."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.gap.data.excitation import excited
+from calibration.gap.estimate.acceptance import clustered_errors, drifts, sizeable, stuck
+from calibration.gap.estimate.model import Model, Variable
+from calibration.gap.estimate.refine import Fitted, Training
+from calibration.gap.search.forward import AT_BOUND, DRIFTS, LOG_TIMING, Search
+from calibration.gap.search.rivals import needed
+from onboard.vehicle import EFFECTS
+
+FEWEST = 3
+"""Flights: what fewer show may be of one of them alone."""
+
+SYSTEMATIC = 0.02
+"""Share of an effect that its value may be off by for other reasons than noise: regressors are measured, with
+noise and filters of their own, and commands are known at the samples only. On flights with known effects of
+medium size the values were off by up to this much more than their scatter over flights says."""
+
+
+@dataclass(frozen=True)
+class Named:
+    """Effects that were named.
+
+    Attributes:
+        effects: names, in the order found.
+        model: the base vehicle with these effects alone.
+        errors: standard error of each variable: clustered, and :data:`SYSTEMATIC`.
+        ambiguous: by effect, those that the flights do not rule out in its place.
+        unconfirmed: effects that would have been named, had there been flights to confirm them on.
+        rejected: effects that are in the final fit and got no name, with the reason.
+    """
+
+    effects: tuple[str, ...]
+    model: Model
+    errors: dict[Variable, float]
+    ambiguous: dict[str, tuple[str, ...]]
+    unconfirmed: tuple[str, ...]
+    rejected: dict[str, str]
+
+    def models(self) -> dict[str, Model]:
+        """The model before, and after each effect, under "before", "with <effect>"."""
+        model = Model(self.model.base, {}, self.model.ceiling_z)
+        stages = {"before": model}
+        for name in self.effects:
+            model = model.with_values({v: x for v, x in self.model.values.items() if v.effect == name})
+            stages[f"with {name}"] = model
+        return stages
+
+
+def name_effects(found: Search, training: Training, rng: np.random.Generator) -> Named:
+    """The named effects of a search, in the order found.
+
+    The log's timing, which is always fitted, is named where it is beyond half a sample: nobody knows better
+    when a line was written.
+    """
+    final = found.final
+    order = [step.effect for step in found.steps]
+    if LOG_TIMING in final.model.values and needed(final, LOG_TIMING.effect, training):
+        order.append(LOG_TIMING.effect)
+    doubts = {name: _doubt(name, final, training) for name in order}
+    worthy = [name for name in order if doubts[name] is None]
+    confirmed = len(training.records) >= FEWEST
+    order = worthy if confirmed else []
+    values = {
+        v: x
+        for name in order
+        for v, x in final.model.values.items()
+        if v.effect == name and (v in final.variables or sizeable(v, x))
+    }
+    return Named(
+        effects=tuple(order),
+        model=Model(final.model.base, values, final.model.ceiling_z),
+        errors={
+            v: math.hypot(error, SYSTEMATIC * abs(final.model.start_value(v) - (v.rule.neutral or 0.0)))
+            for v, error in clustered_errors(final, training, rng).items()
+        },
+        ambiguous={name: _not_ruled_out(name, found, order) for name in order},
+        unconfirmed=() if confirmed else tuple(worthy),
+        rejected={name: doubt for name, doubt in doubts.items() if doubt is not None},
+    )
+
+
+def _not_ruled_out(effect: str, found: Search, named: list[str]) -> tuple[str, ...]:
+    """Effects in the place of a named one: not told apart by these flights, or by any."""
+    rivals = [rival.effect for rival in found.ambiguous.get(effect, ())]
+    return tuple(dict.fromkeys([*rivals, *(name for name in EFFECTS[effect].alike if name not in named)]))
+
+
+def _doubt(effect: str, final: Fitted, training: Training) -> str | None:
+    """Why an effect of the final model gets no name; None where it is large, free and steady."""
+    values = {v: x for v, x in final.model.values.items() if v.effect == effect}
+    if effect == LOG_TIMING.effect and not excited(training.regression.weights):
+        return "too little was commanded to tell it"
+    if at_bound := [v.parameter for v, x in values.items() if stuck(v, x)]:
+        return AT_BOUND.format(", ".join(at_bound))
+    if drifting := [v.parameter for v in values if v in final.variables and drifts(v, final)]:
+        return DRIFTS.format(", ".join(drifting))
+    if effect == LOG_TIMING.effect:
+        half = 0.5 * training.regression.signals.dt
+        return None if final.model.values[LOG_TIMING] > half else _small(values)
+    return None if any(sizeable(v, x) for v, x in values.items()) else _small(values)
+
+
+def _small(values: Mapping[Variable, float]) -> str:
+    values_in_words = ", ".join(
+        f"{v.parameter} = {x:.3g} {EFFECTS[v.effect].parameters[v.parameter].unit}" for v, x in values.items()
+    )
+    return f"real, but too small to matter ({values_in_words})"

@@ -1,0 +1,95 @@
+"""The second look: is each name needed, and would another do as well?"""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.gap.estimate.acceptance import LEAST_GAIN
+from calibration.gap.estimate.model import WORKERS, Variable
+from calibration.gap.estimate.refine import Fitted, Training, refine
+from calibration.gap.search.candidates import Candidate, candidates_for
+from onboard.vehicle import EFFECTS
+
+NOT_TOLD_APART = 10.0
+"""Log-likelihood: a rival that is no more than this behind cannot be ruled out."""
+
+_STANDARD_ERRORS = 2.0
+
+_BEYOND_DOUBT = 50.0
+"""Log-likelihood of a lead that needs no scatter over flights to be believed: few flights may carry it."""
+
+
+@dataclass(frozen=True)
+class Rival:
+    """Another effect in the place of one that was named.
+
+    Attributes:
+        effect: its name.
+        lead: held-out log-likelihood by which the named effect is ahead.
+        richer: whether it has more parameters than the named effect.
+        error: standard error of the lead, over flights.
+        fitted: the model with the rival.
+    """
+
+    effect: str
+    lead: float
+    error: float
+    richer: bool
+    fitted: Fitted
+
+    @property
+    def told_apart(self) -> bool:
+        """Whether the flights rule the rival out, or it says no more with more parameters."""
+        if self.richer and self.lead >= -NOT_TOLD_APART:
+            return True
+        return self.lead > min(max(NOT_TOLD_APART, _STANDARD_ERRORS * self.error), _BEYOND_DOUBT)
+
+
+def without(final: Fitted, effect: str, training: Training) -> Fitted:
+    """The model fitted without one of its effects."""
+    rest = [v for v in final.variables if v.effect != effect]
+    return refine(final.model.without(effect), rest, training, start=final.estimate, unnamed=final.unnamed)
+
+
+def needed(final: Fitted, effect: str, training: Training) -> bool:
+    """Whether the flights get less likely when an effect is taken out and the others are fitted anew."""
+    concentrated = final.concentrated(_variables(final, effect))
+    gains = final.gains(without(final, effect, training), concentrated)
+    return float(gains.sum()) >= LEAST_GAIN
+
+
+def rivals(final: Fitted, effect: str, close: Sequence[str], training: Training) -> list[Rival]:
+    """Effects that could stand in the place of a named one, the closest first.
+
+    Args:
+        final: the fit with all effects.
+        effect: the one to be replaced.
+        close: effects that came close when it was found; those it is commonly confused with are added.
+        training: the flights.
+    """
+    reduced = without(final, effect, training)
+    names = {*close, *EFFECTS[effect].confused_with} - {effect}
+    offered = [c for c in candidates_for(reduced, training) if c.effect in names]
+    with ThreadPoolExecutor(WORKERS) as pool:
+        found = list(pool.map(lambda c: _rival(final, effect, reduced, c, training), offered))
+    return sorted(found, key=lambda rival: rival.lead)
+
+
+def _rival(final: Fitted, effect: str, reduced: Fitted, candidate: Candidate, training: Training) -> Rival:
+    variables = (*reduced.variables, *candidate.variables)
+    fits = [
+        refine(start, variables, training, start=final.estimate, unnamed=final.unnamed, near=reduced)
+        for start in candidate.starts
+    ]
+    other = max(fits, key=lambda fit: float(fit.held_out_in_time.sum()))
+    concentrated = final.concentrated(_variables(final, effect))
+    leads = np.bincount(training.flight_of_part, weights=final.gains(other, concentrated))
+    error = float(np.sqrt(leads.size) * leads.std(ddof=1)) if leads.size > 1 else float("inf")
+    richer = len(candidate.variables) > len(_variables(final, effect))
+    return Rival(candidate.effect, float(leads.sum()), error, richer, other)
+
+
+def _variables(fitted: Fitted, effect: str) -> list[Variable]:
+    return [v for v in fitted.variables if v.effect == effect]

@@ -1,0 +1,8 @@
+"""Sensing effects from the redundancy of motion capture and inertial sensors; ``docs/gap_data.md``.
+
+Both watch one rigid body: their delay, turn, offset and biases show without a model of the vehicle.
+"""
+
+from calibration.gap.sensors.judge import SensingEffect, SensingFindings, apply_sensing, judge_sensing
+
+__all__ = ["SensingEffect", "SensingFindings", "apply_sensing", "judge_sensing"]

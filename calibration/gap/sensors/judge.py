@@ -1,0 +1,159 @@
+"""Name what is wrong with the sensors: the mean over flights is an effect, the rest is each flight's own."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.gap.data.record import FlightRecord, NotUsed
+from calibration.gap.sensors.correction import correct_flight
+from calibration.gap.sensors.flight_estimates import (
+    FlightSensing,
+    estimate_flights,
+    pool_flights,
+)
+from calibration.gap.sensors.held_out import METRICS, HeldOutErrors, held_out_errors
+from calibration.gap.sensors.pooling import Pooled
+from onboard.vehicle.effects import EFFECTS
+
+_LEAST_IMPROVEMENT = 0.001
+
+
+@dataclass(frozen=True)
+class SensingEffect:
+    """A sensing effect that all flights share.
+
+    Attributes:
+        name: as in ``onboard.vehicle.effects``.
+        values: by parameter, SI.
+        intervals: 95 % confidence, by parameter.
+        metric, unit: what the errors are.
+        error_before, error_after: rms on flights that the values applied there are not from.
+        improvement_ci95: of 1 - error_after / error_before, over flights.
+    """
+
+    name: str
+    values: dict[str, float]
+    intervals: dict[str, tuple[float, float]]
+    metric: str
+    unit: str
+    error_before: float
+    error_after: float
+    improvement_ci95: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class SensingFindings:
+    """Everything found about the sensors.
+
+    Attributes:
+        effects: named effects, the most certain first.
+        flights: estimates of each flight that could be judged.
+        pooled: means over flights by effect, one per parameter (delay, or x, y, z).
+        broken: flights that must not be used further.
+        notes: what differs between flights, and what could not be judged, in words.
+    """
+
+    effects: tuple[SensingEffect, ...]
+    flights: tuple[FlightSensing, ...]
+    pooled: Mapping[str, tuple[Pooled, ...]]
+    broken: tuple[NotUsed, ...]
+    notes: tuple[str, ...]
+
+
+def judge_sensing(records: Sequence[FlightRecord]) -> SensingFindings:
+    """Judge the sensors of `records` from the redundancy of motion capture and inertial sensors.
+
+    An effect is named when the mean over flights is significant (:attr:`Pooled.significant`), larger than of
+    practical interest, within its bounds, and lowers the disagreement on flights of other shapes.
+    """
+    flights, broken = estimate_flights(records)
+    pooled = pool_flights(flights)
+    judged = {flight.name: flight for flight in flights}
+    used = [record for record in records if record.name in judged]
+    effects: list[SensingEffect] = []
+    notes = list(_remarks(pooled))
+    for name in sorted(
+        (n for n in pooled if _stands_out(n, pooled[n])), key=lambda n: -_certainty(pooled[n])
+    ):
+        if not _within_bounds(name, pooled[name]):
+            notes.append(f"{name} {_words(name, pooled[name])} is beyond its physical bounds: not named")
+            continue
+        errors = held_out_errors(name, used, [judged[r.name] for r in used])
+        if errors is not None and _helps(errors):
+            effects.append(_effect(name, pooled[name], errors))
+        else:
+            notes.append(f"{name} {_words(name, pooled[name])} does not help on other flights: not named")
+    return SensingFindings(tuple(effects), flights, pooled, broken, tuple(notes))
+
+
+def apply_sensing(records: Sequence[FlightRecord], findings: SensingFindings) -> tuple[FlightRecord, ...]:
+    """The records as ideal sensors would have given them.
+
+    Flights with a broken clock are left out; those whose pose is the onboard estimate stay as they are.
+    """
+    judged = {flight.name: flight for flight in findings.flights}
+    broken = {flight.name for flight in findings.broken}
+    return tuple(
+        correct_flight(record, judged[record.name], findings.pooled) if record.name in judged else record
+        for record in records
+        if record.name not in broken
+    )
+
+
+def _effect(name: str, pooled: Sequence[Pooled], errors: HeldOutErrors) -> SensingEffect:
+    keys = tuple(EFFECTS[name].parameters)
+    return SensingEffect(
+        name=name,
+        values={key: p.mean for key, p in zip(keys, pooled, strict=True)},
+        intervals={key: p.interval for key, p in zip(keys, pooled, strict=True)},
+        metric=METRICS[name].meaning,
+        unit=METRICS[name].unit,
+        error_before=errors.before,
+        error_after=errors.after,
+        improvement_ci95=errors.improvement_ci95,
+    )
+
+
+def _least(name: str) -> float:
+    return max(parameter.practical_minimum for parameter in EFFECTS[name].parameters.values())
+
+
+def _stands_out(name: str, pooled: Sequence[Pooled]) -> bool:
+    return float(np.linalg.norm([p.mean for p in pooled if p.significant])) > _least(name)
+
+
+def _certainty(pooled: Sequence[Pooled]) -> float:
+    return max(abs(p.mean) / p.error for p in pooled)
+
+
+def _within_bounds(name: str, pooled: Sequence[Pooled]) -> bool:
+    parameters = EFFECTS[name].parameters.values()
+    return all(p.low <= q.mean <= p.high for p, q in zip(parameters, pooled, strict=True))
+
+
+def _helps(errors: HeldOutErrors) -> bool:
+    return errors.improvement_ci95[0] > 0.0 and errors.after < (1.0 - _LEAST_IMPROVEMENT) * errors.before
+
+
+def _remarks(pooled: Mapping[str, Sequence[Pooled]]) -> list[str]:
+    """What flights do not share, and what may be there but is not certain."""
+    notes = []
+    for name, means in pooled.items():
+        if max(p.spread for p in means) > _least(name):
+            spreads = ", ".join(
+                f"{key} by {p.spread:.2g} {parameter.unit}"
+                for (key, parameter), p in zip(EFFECTS[name].parameters.items(), means, strict=True)
+            )
+            notes.append(f"{name} differs from flight to flight: {spreads}; corrected in each")
+        if not _stands_out(name, means) and np.linalg.norm([p.mean for p in means]) > _least(name):
+            notes.append(f"{name} {_words(name, means)} is not certain: not named")
+    return notes
+
+
+def _words(name: str, pooled: Sequence[Pooled]) -> str:
+    parts = [
+        f"{key} {p.mean:.4g} +- {p.error:.2g} {parameter.unit}"
+        for (key, parameter), p in zip(EFFECTS[name].parameters.items(), pooled, strict=True)
+    ]
+    return "(" + ", ".join(parts) + ")"

@@ -1,0 +1,188 @@
+"""Choose the flight of the library that tells two effects apart best, or the measurement where none does."""
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.gap.suggest.landing_separation import LANDINGS, landing_separation
+from calibration.gap.suggest.open_questions import OpenQuestions
+from calibration.gap.suggest.separation import Separation, separation
+from onboard.manoeuvres import MANOEUVRES, CourseDoesNotFit, manoeuvre
+from onboard.room import RoomGeometry
+from onboard.vehicle import EFFECTS, Vehicle
+from onboard.vehicle.effects import Domain
+
+_SCALE = "weigh the drone ready to fly, to 0.1 g, and put the mass into the vehicle file"
+_THRUST = "measure thrust over voltage on a stand (`perchhw calibrate thrust`)"
+_BIFILAR = "swing the drone on two strings (`perchhw calibrate bifilar`)"
+_TACHOMETER = "log steps of the rotor speed with a tachometer (`perchhw calibrate tachometer`)"
+_BALANCE = "balance the drone on an edge along both axes"
+_FRAME = "draw the tracked frame anew, with the drone level on a plate and its nose on a line"
+_HINGE = "load a leg with known weights, and film it when it is let go"
+
+MEASUREMENTS: dict[str, str] = {
+    "thrust_scale": _THRUST,
+    "thrust_curve": _THRUST,
+    "motor_saturation": _THRUST,
+    "motor_imbalance": _THRUST,
+    "battery_sag": "measure the battery's voltage at rest and under the hover current",
+    "motor_lag": _TACHOMETER,
+    "motor_lag_asymmetry": _TACHOMETER,
+    "motor_speed_law": _TACHOMETER,
+    "command_delay": "log a step of PWM on board together with the rotor speed of a tachometer",
+    "mass_error": _SCALE,
+    "inertia_error": _BIFILAR,
+    "com_offset": _BALANCE,
+    "thrust_tilt": "stand the drone on a plate and check the motors' axes with a square",
+    "pose_rotation": _FRAME,
+    "pose_offset": _FRAME,
+    "gyro_bias": "log the gyro on a table for ten seconds",
+    "wind": "hold a thread into the flight volume, and switch the ventilation off",
+    "rotor_gyroscopic": "weigh a propeller and take its inertia as that of a plate",
+    "rotor_acceleration_torque": "weigh a propeller and take its inertia as that of a plate",
+    "leg_stiffness": _HINGE,
+    "leg_damping": _HINGE,
+    "foot_slip": "pull a foot off the ceiling with a spring scale",
+    "tether": "take off every string and cable",
+}
+"""By effect; effects of the air have none but flights."""
+
+
+def measurement_for(first: str, second: str) -> str | None:
+    """What decides between two effects on the ground, or None."""
+    texts = dict.fromkeys(MEASUREMENTS[name] for name in (second, first) if name in MEASUREMENTS)
+    return ", or ".join(texts) or None
+
+
+LEAST_OF_A_FLIGHT = 2.0
+"""Log-likelihood ratio below which a flight tells nothing, however often it is flown: what is left then are
+the model's own errors."""
+
+WANTED = 30.0
+"""Log-likelihood ratio that all flights together should have; a name needs 15 on flights that no fit saw."""
+
+MOST_FLIGHTS = 8
+LEAST_FLIGHTS = 3
+"""Of one kind: with fewer nothing can be held out."""
+
+
+Directions = tuple[Separation, Separation]
+"""The first effect true and the second fitted, and the other way round."""
+
+
+@dataclass(frozen=True)
+class Suggestion:
+    """What to do about one pair of effects.
+
+    Attributes:
+        pair: the effects.
+        flight: kind of the flight that separates them best, or None where none does.
+        times: how often to fly it.
+        ranking: every kind that fits the room, best first.
+        advice: where no flight does: a measurement on the ground, or which effect to keep.
+    """
+
+    pair: tuple[str, str]
+    flight: str | None
+    times: int
+    ranking: tuple[tuple[str, Separation], ...]
+    advice: str | None
+
+    def to_json(self) -> dict[str, object]:
+        """By name."""
+        return {
+            "effects": list(self.pair),
+            "flight": self.flight,
+            "times": self.times,
+            "advice": self.advice,
+            "ranking": [
+                {
+                    "flight": kind,
+                    "log_likelihood_ratio": found.log_likelihood_ratio,
+                    "per_second": found.per_second,
+                    "seconds": found.seconds,
+                }
+                for kind, found in self.ranking
+            ],
+        }
+
+
+@dataclass(frozen=True)
+class Suggester:
+    """Where and with what to look.
+
+    Attributes:
+        vehicle: base vehicle.
+        room: that the flights must fit.
+        seed: of the disturbances.
+        kinds: of flights to choose from.
+        on_pair: called with each pair before it is looked at, for a display.
+    """
+
+    vehicle: Vehicle
+    room: RoomGeometry
+    seed: int = 0
+    kinds: Sequence[str] = tuple(MANOEUVRES)
+    on_pair: Callable[[tuple[str, str]], None] = lambda pair: None
+
+    def suggest(self, questions: OpenQuestions) -> list[Suggestion]:
+        """What to do about every pair of a report."""
+        return [self._for_pair(questions, pair) for pair in questions.pairs]
+
+    def _for_pair(self, questions: OpenQuestions, pair: tuple[str, str]) -> Suggestion:
+        self.on_pair(pair)
+        vehicle = questions.vehicle(self.vehicle)
+        if any(EFFECTS[name].domain is Domain.CONTACT for name in pair):
+            directed = {LANDINGS: self._landings(vehicle, questions, pair)}
+        else:
+            directed = self._courses(vehicle, questions, pair)
+        ranking = sorted(
+            ((kind, _worse(both)) for kind, both in directed.items()), key=lambda item: -item[1].per_second
+        )
+        telling = [item for item in ranking if item[1].log_likelihood_ratio >= LEAST_OF_A_FLIGHT]
+        if not telling:
+            advice = _imitation(pair, directed.values()) or measurement_for(*pair)
+            return Suggestion(pair, None, 0, tuple(ranking), advice)
+        kind, best = telling[0]
+        times = math.ceil(WANTED / best.log_likelihood_ratio)
+        return Suggestion(pair, kind, min(max(times, LEAST_FLIGHTS), MOST_FLIGHTS), tuple(ranking), None)
+
+    def _courses(
+        self, vehicle: Vehicle, questions: OpenQuestions, pair: tuple[str, str]
+    ) -> dict[str, Directions]:
+        """Separation by every flight that fits the room."""
+        found: dict[str, Directions] = {}
+        for kind in self.kinds:
+            try:
+                course = manoeuvre(kind).course({}, self.room)
+            except CourseDoesNotFit:
+                continue
+            first, second = (questions.values_of(name) for name in pair)
+            found[kind] = (
+                separation(vehicle, first, pair[1], course, self.room, self.seed),
+                separation(vehicle, second, pair[0], course, self.room, self.seed),
+            )
+        return found
+
+    def _landings(self, vehicle: Vehicle, questions: OpenQuestions, pair: tuple[str, str]) -> Directions:
+        first, second = (questions.values_of(name) for name in pair)
+        return (
+            landing_separation(vehicle, first, pair[1], self.room),
+            landing_separation(vehicle, second, pair[0], self.room),
+        )
+
+
+def _worse(both: Directions) -> Separation:
+    return min(both, key=lambda one: one.log_likelihood_ratio)
+
+
+def _imitation(pair: tuple[str, str], found: Iterable[Directions]) -> str | None:
+    """What to do where one effect contains the other: flights can show that it is needed, never that not."""
+    best = np.max([[one.log_likelihood_ratio for one in both] for both in found], axis=0)
+    able = best >= LEAST_OF_A_FLIGHT
+    if able[0] == able[1]:
+        return None
+    simpler, richer = pair if able[1] else pair[::-1]
+    return f"{richer} can do all that {simpler} does: keep {simpler}, the simpler of the two"

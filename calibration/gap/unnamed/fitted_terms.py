@@ -1,0 +1,124 @@
+"""What is missing and has no name: terms of a place, a speed or a frequency, in competition with names."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.gap.estimate.acceptance import LEAST_GAIN, lower_bound
+from calibration.gap.estimate.refine import Fitted, Training, UnnamedTerm, refine
+from calibration.gap.unnamed.gap_map import GapMap, gap_map
+from calibration.gap.unnamed.lines import find_lines
+from calibration.gap.unnamed.structure import Structure, structured
+from calibration.gap.unnamed.term_search import unnamed_terms
+from onboard.vehicle import Vehicle
+
+_OFFERED = 3
+"""Places, and lines, that are made into terms in a round."""
+
+
+@dataclass(frozen=True)
+class FittedTerm:
+    """A term without a name that came into the model.
+
+    Attributes:
+        structure: where it lives.
+        term: what it is.
+        gain: held-out log-likelihood gained.
+        after: the fit with it.
+    """
+
+    structure: Structure
+    term: UnnamedTerm
+    gain: float
+    after: Fitted
+
+
+def residual_map(fitted: Fitted, training: Training, rng: np.random.Generator) -> GapMap:
+    """Where the residual of a fit lives."""
+    return gap_map(training.regression.signals, training.records, fitted.estimate.residual, rng)
+
+
+def best_term(present: Fitted, training: Training, rng: np.random.Generator) -> FittedTerm | None:
+    """The term without a name that explains most; None when what is left has no structure."""
+    signals, records = training.regression.signals, training.records
+    residual = present.estimate.residual
+    found = structured(residual_map(present, training, rng), find_lines(signals, records, residual))
+    # What a propeller lifts says little about what its motor draws: a voltage that goes with it is no gap.
+    found = [structure for structure in found if structure.channel.kind != "voltage"]
+    places = [structure for structure in found if structure.cell is not None][:_OFFERED]
+    lines = [structure for structure in found if structure.line is not None][:_OFFERED]
+    terms = unnamed_terms(
+        [structure.cell for structure in places if structure.cell is not None],
+        [structure.line for structure in lines if structure.line is not None],
+        signals,
+        records,
+        residual,
+    )
+    offered = [
+        _offer(present, structure, term, training, rng)
+        for structure, term in zip([*places, *lines], terms, strict=True)
+    ]
+    believed = [one for one in offered if one is not None]
+    return max(believed, key=lambda one: one.gain, default=None)
+
+
+def formulas(fitted: Fitted, vehicle: Vehicle) -> list[str]:
+    """The unnamed terms of a fit with their coefficients, in words."""
+    values = fitted.estimate.fit.theta[len(fitted.variables) :]
+    words = []
+    for term in fitted.unnamed:
+        count = len(term.columns)
+        words.append(term.formula(values[:count], vehicle))
+        values = values[count:]
+    return words
+
+
+def without_superfluous(present: Fitted, found: Sequence[FittedTerm], training: Training) -> Fitted:
+    """The fit without unnamed terms that named effects, found later, have made superfluous."""
+    for one in found:
+        rest = tuple(term for term in present.unnamed if term is not one.term)
+        if len(rest) == len(present.unnamed):
+            continue
+        reduced = refine(present.model, present.variables, training, start=present.estimate, unnamed=rest)
+        columns = list(range(len(present.columns)))[-len(one.term.columns) :]
+        concentrated = _own_phase(one.structure) or present.few_flights(columns)
+        if float(present.gains(reduced, concentrated).sum()) < _least_gain(one.structure):
+            present = reduced
+    return present
+
+
+def _offer(
+    present: Fitted, structure: Structure, term: UnnamedTerm, training: Training, rng: np.random.Generator
+) -> FittedTerm | None:
+    fitted = refine(
+        present.model,
+        present.variables,
+        training,
+        start=present.estimate,
+        unnamed=(*present.unnamed, term),
+    )
+    columns = list(range(len(fitted.columns)))[-len(term.columns) :]
+    if structure.line is None and fitted.few_flights(columns):
+        return None  # it may be of those flights alone, and nobody knows a physics that says otherwise
+    gains = fitted.gains(present, _own_phase(structure))
+    total = float(gains.sum())
+    if total < _least_gain(structure):
+        return None
+    if structure.line is None and lower_bound(gains, training, False, rng) <= 0.0:
+        return None
+    return FittedTerm(structure, term, total, fitted)
+
+
+def _own_phase(structure: Structure) -> bool:
+    """Whether a term has coefficients of its own on each flight: only that flight's other parts tell them."""
+    return structure.line is not None
+
+
+def _least_gain(structure: Structure) -> float:
+    """Log-likelihood that a term must gain.
+
+    A line was held against chance when it was found, over all flights; a noise with a memory explains most of
+    it as a resonance, so that its gain says little more than that it is not in the way.
+    """
+    return 0.0 if structure.line is not None else LEAST_GAIN
