@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.bifilar.fit import fit_swing
-from calibration.bifilar.inertia import inertia_about_axis
-from calibration.bifilar.recordings import OWN_HEADER, read_swing
-from calibration.bifilar.rig import Rig, measured
+from calibration.bench.inertia.fit import fit_swing
+from calibration.bench.inertia.inertia import inertia_about_axis
+from calibration.bench.inertia.recordings import OWN_HEADER, read_swing
+from calibration.bench.inertia.rig import Rig, measured
 
 PERIOD, DAMPING = 0.92, 0.004  # s, and ratio, of the swings that are made here
 

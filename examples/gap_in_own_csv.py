@@ -17,8 +17,8 @@ import perchhw
 from calibration.flights import FORMATS, Flight, PoseSource
 from calibration.flights.flight import finite_masks
 from calibration.flights.formats import FlightFormat
-from calibration.gap.suggest.manoeuvres import manoeuvre
 from calibration.gap.suggest.simulate import fly_course
+from onboard.manoeuvres import manoeuvre
 from onboard.room import RoomGeometry
 from onboard.vehicle import Effect, Quantity
 

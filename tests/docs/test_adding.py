@@ -15,11 +15,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from calibration.bench.instruments import addresses
+from calibration.bench.instruments.errors import InstrumentInputError
 from calibration.flights import FORMATS, formats, open_flight
-from calibration.gap.suggest import manoeuvres
 from mocap_bridge.errors import PoseTimeout, SourceLost
 from mocap_bridge.pose import open_pose_stream
 from mocap_bridge.uri import SCHEMES, parse_mocap_uri
+from onboard.manoeuvres import library as manoeuvres
 from onboard.quantity import Quantity
 from onboard.room import RoomGeometry
 from onboard.vehicle import EFFECTS, Effect, check_vehicle, load_vehicle, vehicle_to_toml
@@ -28,6 +30,7 @@ from sim_backend.physics.effects.registry import TERMS
 from sim_backend.physics.parameters import physics_parameters
 from tests.conftest import REPOSITORY
 
+NOBODY: Any = None
 PAGE = (REPOSITORY / "docs" / "adding.md").read_text(encoding="utf-8")
 
 
@@ -138,8 +141,8 @@ def test_a_mocap_source_that_is_silent_or_taken(json_udp: int) -> None:
             open_pose_stream(f"json-udp://:{json_udp}?subject=cf1")
 
 
-def test_an_instrument() -> None:
-    (code,) = blocks("An instrument")
+def test_an_instrument(monkeypatch: pytest.MonkeyPatch) -> None:
+    code, row = blocks("An instrument")
     ours, theirs = os.openpty()
     answers = iter((b"2.00 g\r\n", b"12.50 g\r\n", b"overload\r\n"))
 
@@ -152,17 +155,18 @@ def test_an_instrument() -> None:
 
     threading.Thread(target=answer, daemon=True).start()
     module = module_of(code, "printing_scale")
-    scale = module.PrintingScale(os.ttyname(theirs))
-    try:
-        scale.tare(0.0)
-        reading = scale.average(0.0)
-        assert reading.mass == pytest.approx(0.0105)
-        assert reading.readings == 1
+    schemes = addresses.SCALES | row_of(row, addresses, PrintingScale=module.PrintingScale)
+    monkeypatch.setattr(addresses, "SCALES", schemes)
+    with addresses.ScaleAddress.of(f"printing://{os.ttyname(theirs)}").open(NOBODY) as scale:
+        scale.begin()
+        scale.look(0.1)
+        scale.look(0.1)
+        assert scale.read().shown == pytest.approx(0.00725)
         with pytest.raises(module.InstrumentRefused, match="overload"):
-            scale.average(0.0)
-    finally:
-        scale.close()
-        os.close(theirs)
+            scale.look(0.1)
+    os.close(theirs)
+    with pytest.raises(InstrumentInputError, match="printing://"):
+        addresses.ScaleAddress.of("kitchen:///dev/ttyUSB0")
 
 
 def test_a_flight_format(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -79,7 +79,7 @@ class Power:
     def cut(self) -> None:
         self.cuts.append(monotonic())
 
-    def beat(self) -> None:
+    def beat(self, within_s: float) -> None:
         if self.gone.is_set():
             raise InstrumentLost("the keeper is gone")
         self.beats.append(monotonic())

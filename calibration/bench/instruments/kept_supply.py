@@ -13,6 +13,7 @@ from typing import Any, Self
 from calibration.bench.instruments import errors
 from calibration.bench.instruments.errors import InstrumentError, InstrumentLost, InstrumentTimeout
 from calibration.bench.instruments.supply import SupplyReading
+from calibration.bench.instruments.supply_keeper import HANG_S
 from onboard.clock import monotonic
 
 #: The keeper has to start and to open the port, also on a busy machine [s].
@@ -96,13 +97,13 @@ class KeptSupply:
         self._send({"do": "cut"})
         self.switch(on=False)
 
-    def beat(self) -> None:
-        """The heart beat: from the first on, a second without another cuts the supply.
+    def beat(self, within_s: float = HANG_S) -> None:
+        """The heart beat: from the first on, `within_s` s without another cut the supply.
 
         Raises:
             InstrumentLost: the keeper is gone, so that nobody would.
         """
-        self._send({"do": "beat"})
+        self._send({"do": "beat", "within": within_s})
 
     def rest(self) -> None:
         """No motor turns any more: the heart may stop. Errors as :meth:`beat`."""

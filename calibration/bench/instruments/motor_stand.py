@@ -29,6 +29,7 @@ from calibration.bench.instruments.errors import (
     MotorsNotStopped,
     MotorsRefused,
 )
+from calibration.bench.instruments.supply_keeper import HANG_S
 from onboard.clock import Clock, monotonic
 from onboard.errors import PerchhwError
 from onboard.link import DroneLink, LinkError, reboot
@@ -85,8 +86,8 @@ class RemoteCut(Protocol):
     def cut(self) -> None:
         """Switch it off now; InstrumentError when that is not known to have happened."""
 
-    def beat(self) -> None:
-        """We live; unless said for a stated time it is switched off. InstrumentLost: nobody would do it."""
+    def beat(self, within_s: float) -> None:
+        """We live; unless said again `within_s` it is switched off. InstrumentLost: nobody would do it."""
 
     def rest(self) -> None:
         """Our motors do not turn any more: no need to say that we live. InstrumentLost as :meth:`beat`."""
@@ -348,7 +349,7 @@ class MotorStand:
 
     def _beat(self) -> None:
         if self._remote_cut is not None:
-            self._remote_cut.beat()
+            self._remote_cut.beat(HANG_S * self._drone.patience)
 
     def _watch_motors(self) -> None:
         """The stand's own thread: no renewal, no instrument, no link, no motors.

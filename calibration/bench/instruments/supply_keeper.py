@@ -8,7 +8,7 @@ to it through a socket pair (:class:`~calibration.bench.instruments.kept_supply.
 It is started in a session of its own, so that neither Ctrl-C nor the end of the terminal reaches it. It cuts
 
 - at once, when the socket ends without a goodbye: the wizard is dead, however it died;
-- after :data:`HANG_S` without a heart beat, once the heart has begun to beat;
+- when a heart beat stays out for as long as the last one said, usually :data:`HANG_S`;
 - when the wizard says so, and when somebody ends the keeper itself.
 
 Two threads: one only watches, the other converses with the supply, so that no answer that is waited for
@@ -57,6 +57,7 @@ class SupplyKeeper:
     """
 
     def __init__(self, supply: SerialSupply, wizard: socket.socket, say: Say) -> None:
+        self._hang_s = HANG_S
         self._supply = supply
         self._wizard = wizard
         self._say = say
@@ -87,7 +88,7 @@ class SupplyKeeper:
             wait = None if self._hangs_at is None else max(0.0, self._hangs_at - monotonic())
             if not select.select([self._wizard], [], [], wait)[0]:
                 self._hangs_at = None
-                self._cut(f"the wizard hangs (no heart beat for {HANG_S:g} s)")
+                self._cut(f"the wizard hangs (no heart beat for {self._hang_s:g} s)")
                 continue
             try:
                 data = self._wizard.recv(_RECEIVE_BYTES)
@@ -102,7 +103,8 @@ class SupplyKeeper:
     def _take(self, message: dict[str, Any]) -> None:
         what = message["do"]
         if what == "beat":
-            self._hangs_at = None if self._cut_because else monotonic() + HANG_S
+            self._hang_s = float(message["within"])
+            self._hangs_at = None if self._cut_because else monotonic() + self._hang_s
         elif what == "rest":
             self._hangs_at = None
         elif what == "cut":

@@ -14,6 +14,7 @@ from calibration.gap.data.channels import (
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.signals import Signals
 from calibration.gap.estimate.noise import ORDER, fit_autoregression, whiten, whole_windows
+from calibration.gap.estimate.refine import UnnamedTerm
 from calibration.gap.unnamed.blocks import Blocks, grouped_mean, make_blocks
 from calibration.gap.unnamed.gap_map import Cell
 from calibration.gap.unnamed.lines import Line
@@ -21,7 +22,6 @@ from calibration.gap.unnamed.normal_equations import Grid, whitened_equations
 from calibration.gap.unnamed.profile import places
 from calibration.gap.unnamed.regressors import Regressor
 from calibration.gap.unnamed.terms import (
-    UnnamedTerm,
     inside,
     interval_term,
     line_term,
