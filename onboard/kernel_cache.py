@@ -36,6 +36,7 @@ VARIABLE = "NUMBA_CACHE_DIR"
 _NUMBA = re.compile(rb"^[ \t]*(?:from|import)[ \t]+numba\b", re.MULTILINE)
 _FROM = re.compile(rb"^[ \t]*from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)|[^\n]*)", re.MULTILINE)
 _IMPORT = re.compile(rb"^[ \t]*import[ \t]+([^\n]*)", re.MULTILINE)
+_FOR_TYPES = re.compile(rb"^if TYPE_CHECKING:\n(?:[ \t]+[^\n]*\n|\n)+", re.MULTILINE)
 _COMMENT = re.compile(rb"#[^\n]*")
 
 
@@ -57,6 +58,8 @@ class _Source:
     def imports(self, module: str) -> Iterator[str]:
         """Modules of ours that a module imports, each with the packages that it is in."""
         text = self.texts[module]
+        if b"TYPE_CHECKING" in text:
+            text = _FOR_TYPES.sub(b"", text)  # nothing of it is there when the program runs
         for match in _FROM.finditer(text):
             origin = match[1].decode()
             for name in _names(match[2]):

@@ -53,6 +53,7 @@ def test_a_balance_and_a_korad_supply_measure_thrust(bench: Bench, tmp_path: Pat
     assert all(spin["stopped"] is not None for spin in spins)
 
 
+@pytest.mark.soak
 def test_the_ports_of_the_ready_line_mean_a_load_cell_and_a_scpi_supply(bench: Bench, tmp_path: Path) -> None:
     served = bench()
     ports = served.ready["bench"]

@@ -19,7 +19,9 @@ def discharge(served: SimulatedLab, vehicle: Path, out: Path, *further: str) -> 
     return [*line, "--hands", ports["hands"], "--out", str(out), "--confirm", UNLOCK_PHRASE, *further]
 
 
-@pytest.mark.parametrize(("gauge_error", "code"), [(0.0, 0), (0.04, 1)])
+@pytest.mark.parametrize(
+    ("gauge_error", "code"), [pytest.param(0.0, 0, marks=pytest.mark.soak), pytest.param(0.04, 1)]
+)
 def test_compensation_holds_when_the_drone_reads_its_voltage_right(
     bench: Bench, tmp_path: Path, true_file: Path, gauge_error: float, code: int
 ) -> None:
@@ -35,6 +37,7 @@ def test_compensation_holds_when_the_drone_reads_its_voltage_right(
     assert ("not passed" in page) is (code == 1)
 
 
+@pytest.mark.soak
 def test_a_battery_is_discharged_until_it_is_empty(bench: Bench, tmp_path: Path, true_file: Path) -> None:
     served = bench("--fault", "battery_voltage=4.0", "--fault", "bench_gauge_error=0")
     line = discharge(served, true_file, tmp_path, "--no-remote-cut", "--confirm", HAND_PHRASE)

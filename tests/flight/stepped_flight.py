@@ -128,6 +128,9 @@ class DirectLink:
         self.lost: Exception | None = None
         self.report: StopReport | None = None
 
+    def kick_emergency_stop_watchdog(self) -> None:
+        """Its watchdog is not kicked: there is no thread here that would go on kicking."""
+
     def arm(self) -> None:
         """As the link's."""
         assert self._flight.firmware.supervisor.arm(True)

@@ -65,14 +65,17 @@ class DroneLog:
         """Samples that this program was too slow for."""
         return self._stream.dropped + self._box.refused
 
-    def check(self, silence_max_s: float = SILENCE_MAX_S) -> None:
-        """Whether samples still come; `silence_max_s` is how long none may [s].
+    def check(self, silence_max_s: float | None = None) -> None:
+        """Whether samples still come; `silence_max_s` is how long none may [s], by default 0.5 s times the
+        link's patience.
 
         Raises:
             LinkLost: the link is gone. InstrumentLost: the drone sends no samples any more.
         """
         if self._drone.lost is not None:
             raise self._drone.lost
+        if silence_max_s is None:
+            silence_max_s = SILENCE_MAX_S * self._drone.patience
         if self._silence() > silence_max_s:
             time.sleep(_READ_FIRST_S)  # a process that was paused first reads what came meanwhile
             silence = self._silence()
