@@ -41,6 +41,7 @@ def assert_the_truth_is_found(folder: Path, true_file: Path, within_gf: float) -
         assert abs(row.now.value - row.before.value) < within_gf * 9.80665e-3 + row.now.u95, row
 
 
+@pytest.mark.soak
 def test_a_balance_and_a_korad_supply_measure_thrust(bench: Bench, tmp_path: Path, true_file: Path) -> None:
     served = bench(pace=4)
     ports = served.ready["bench"]
@@ -188,6 +189,7 @@ def _read(terminal: int) -> str:
         return ""
 
 
+@pytest.mark.soak
 def test_a_person_sets_the_supply_and_types_what_the_scale_shows(
     bench: Bench, tmp_path: Path, true_file: Path
 ) -> None:
