@@ -35,6 +35,6 @@ def confirmation(yes: bool) -> Callable[[str], None]:
             try:
                 screen.input(f"{request}, then press Enter. ", markup=False)
             except (EOFError, OSError) as error:  # Ctrl-D, or the terminal has gone
-                raise NobodyToAsk("nobody answers any more; continue with --resume") from error
+                raise NobodyToAsk("nobody answers any more: the drone was left as it is") from error
 
     return confirm
