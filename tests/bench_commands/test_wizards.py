@@ -104,9 +104,9 @@ def test_motors_are_measured_within_their_intervals(bench: Bench, tmp_path: Path
 
 
 def test_thrust_is_measured_within_its_band(bench: Bench, tmp_path: Path, true_file: Path) -> None:
-    run(command("thrust", bench(), tmp_path, "--levels", "10"))
+    run(command("thrust", bench(), tmp_path, "--levels", "8", "--voltages", "3.9"))
     rows = compare_with_vehicle(load_vehicle(true_file), load_result(tmp_path))
-    assert len(rows) >= 5
+    assert len(rows) >= 4
     for row in rows:
         assert abs(row.now.value - row.before.value) < 0.1 * 9.80665e-3 + row.now.u95, row
     wrong = compare_with_vehicle(load_vehicle(BELIEVED), load_result(tmp_path))

@@ -216,7 +216,7 @@ def assert_landed_softly(truth: Path) -> None:
     assert falling.min() > -1.5, f"it came down at {falling.min():.1f} m/s"
 
 
-@pytest.mark.parametrize("phase", ["moving to start", "approaching"])
+@pytest.mark.parametrize("phase", [pytest.param("moving to start", marks=pytest.mark.soak), "approaching"])
 def test_ctrl_c_in_the_air_lands_stops_the_motors_and_exits_130(phase: str, tmp_path: Path) -> None:
     truth = tmp_path / "truth.csv"
     with open_lab("--truth", str(truth)) as lab:
@@ -247,7 +247,7 @@ def test_a_display_that_closes_in_the_air_lands_the_drone(tmp_path: Path) -> Non
     assert_landed_softly(truth)
 
 
-@pytest.mark.parametrize("phase", ["taking off", "approaching"])
+@pytest.mark.parametrize("phase", ["taking off", pytest.param("approaching", marks=pytest.mark.soak)])
 def test_ctrl_c_twice_stops_the_motors_and_knows_that_they_are_locked(phase: str, tmp_path: Path) -> None:
     """Also in a lab that keeps its own time, which the stop does not go by."""
     with open_lab() as lab:

@@ -85,7 +85,12 @@ def assert_told(result: AttemptResult) -> None:
 
 @pytest.mark.timeout(300)
 @pytest.mark.parametrize(
-    ("kind", "at"), [("mocap_occlude_at", "8.5"), ("mocap_freeze_at", "9.2"), ("mocap_dies_at", "9.35")]
+    ("kind", "at"),
+    [
+        ("mocap_occlude_at", "8.5"),
+        pytest.param("mocap_freeze_at", "9.2", marks=pytest.mark.soak),
+        pytest.param("mocap_dies_at", "9.35", marks=pytest.mark.soak),
+    ],
 )
 def test_mocap_that_is_lost_on_the_approach_ends_in_a_gentle_landing(
     kind: str, at: str, tmp_path: Path

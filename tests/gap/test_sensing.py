@@ -295,7 +295,7 @@ def test_the_integral_of_a_rate_is_the_product_of_its_steps() -> None:
 @pytest.mark.parametrize(
     "case",
     [
-        "pose_delay",
+        pytest.param("pose_delay", marks=pytest.mark.soak),
         "gyro_bias",
         pytest.param("com_offset", marks=pytest.mark.soak),
         pytest.param("pose_rotation", marks=pytest.mark.soak),

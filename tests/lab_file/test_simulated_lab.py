@@ -94,9 +94,8 @@ def test_the_file_lives_as_long_as_the_lab(tmp_path: Path, capsys: pytest.Captur
         with pytest.raises(LabNotReady, match=r"lab\.toml: exists and is not overwritten; remove it or"):
             SimulatedLab("lab", (*LAB, "--lab", str(chosen))).open()
         assert chosen.exists()
-        code, document = fly(capsys, "--lab", str(chosen), "--out", str(tmp_path / "runs"))
+        code, document = fly(capsys, "--lab", str(chosen), "--dry-run", "--out", str(tmp_path / "runs"))
         assert code == 0, document
-        assert document["triggered"] is True
     assert not chosen.exists()
 
 

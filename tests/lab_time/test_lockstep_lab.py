@@ -35,7 +35,11 @@ def without_query(uri: str) -> str:
 
 @pytest.mark.parametrize(
     ("scheme", "busy", "count"),
-    [("vicon", 0, 2), ("vicon-udp", 0, 1), pytest.param("vicon", 4, 2, marks=pytest.mark.soak)],
+    [
+        ("vicon", 0, 2),
+        pytest.param("vicon-udp", 0, 1, marks=pytest.mark.soak),
+        pytest.param("vicon", 4, 2, marks=pytest.mark.soak),
+    ],
 )
 def test_the_same_seed_gives_the_same_flights_also_on_a_busy_machine(
     scheme: str, busy: int, count: int
