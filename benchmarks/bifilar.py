@@ -22,7 +22,6 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from calibration.bench.inertia import (
-    Measured,
     Rig,
     UnusableSwingError,
     fit_swing,
@@ -139,7 +138,7 @@ def read_rig(hang: Hang, rng: np.random.Generator, distance: float, length: floa
     """The rig as read three times with instruments of these half widths, a tenth of which scatters."""
     ruler = rng.uniform(-distance, distance)  # one ruler: the same at top and bottom
 
-    def read(value: float, limit: float, error: float, unit: str) -> Measured:
+    def read(value: float, limit: float, error: float, unit: str) -> Estimate:
         return measured([value + error + rng.normal(0.0, 0.1 * limit) for _ in range(3)], limit, unit)
 
     return Rig(

@@ -5,12 +5,16 @@ with the 95 % factor of Student's t, contributions listed so that the largest ca
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any
+from typing import Any, Self
 
+import numpy as np
 from scipy.special import stdtrit
+
+from onboard.arrays import FloatArray
+from onboard.quantity import Quantity
 
 COVERAGE = 0.95
 
@@ -24,17 +28,39 @@ class Estimate:
         unit: as in vehicle files ("kg m2", "s").
         sigma: standard uncertainty (k = 1), in `unit`.
         dof: effective degrees of freedom of `sigma`; infinite when it is known.
+        half_width: part of `sigma`, in `unit`: the instrument may be off by up to this, evenly spread, the
+            same in each reading.
+        half_interval: half the width of a 95 % interval that was drawn instead of taken from `sigma`;
+            infinite where none is claimed.
     """
 
     value: float
     unit: str
     sigma: float
     dof: float = math.inf
+    half_width: float = 0.0
+    half_interval: float | None = None
+
+    @classmethod
+    def from_quantity(cls, quantity: Quantity) -> Self:
+        """What a vehicle file says."""
+        return cls(quantity.value, quantity.unit, quantity.sigma)
+
+    @classmethod
+    def from_document(cls, document: Mapping[str, Any]) -> Self:
+        """The estimate that :meth:`document` described, with the interval that it had."""
+        return cls(
+            value=float(document["value"]),
+            unit=str(document["unit"]),
+            sigma=float(document["sigma"]),
+            dof=_or_infinite(document["dof"]),
+            half_interval=_or_infinite(document["u95"]),
+        )
 
     @property
     def u95(self) -> float:
         """Expanded uncertainty, in `unit`: half the width of the 95 % interval; infinite below one dof."""
-        return coverage_factor(self.dof) * self.sigma
+        return coverage_factor(self.dof) * self.sigma if self.half_interval is None else self.half_interval
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -45,21 +71,39 @@ class Estimate:
         """``{value, unit, u95}``; `u95` is None when nobody can say."""
         return {"value": self.value, "unit": self.unit, "u95": self.u95 if math.isfinite(self.u95) else None}
 
+    def document(self) -> dict[str, Any]:
+        """``{value, unit, u95, sigma, dof}``: all that is needed to read it back; None for infinite."""
+        return {**self.to_json(), "sigma": self.sigma, "dof": self.dof if self.dof < 1e9 else None}
 
-@dataclass(frozen=True, slots=True)
-class DrawnEstimate(Estimate):
-    """An estimate whose interval was drawn instead of taken from `sigma`.
+    def quantity(self, source: str) -> Quantity:
+        """As vehicle files have it, with `source` as provenance."""
+        return Quantity(self.value, self.unit, self.sigma, source)
 
-    Attributes:
-        half_interval: half the width of the 95 % interval; infinite where none is claimed.
-    """
+    def draw(self, rng: np.random.Generator, n: int) -> FloatArray:
+        """`n` possible errors, in `unit` (GUM Supplement 1): even for the instrument, t for the rest."""
+        even = self.half_width**2 / 3.0
+        if even == 0.0:
+            return self.sigma * student(rng, self.dof, n)
+        scatter2 = max(self.sigma**2 - even, 0.0)
+        # The degrees of freedom of the scatter alone, undoing what the exact half width added.
+        scatter_dof = self.dof * (scatter2 / self.sigma**2) ** 2
+        return rng.uniform(-self.half_width, self.half_width, n) + math.sqrt(scatter2) * student(
+            rng, scatter_dof, n
+        )
 
-    half_interval: float = math.inf
+    def __str__(self) -> str:
+        """In words: ``1.70e-05 ± 1.1e-07 kg m2``."""
+        uncertainty = f"{self.u95:.2g}" if math.isfinite(self.u95) else "not known"
+        return f"{self.value:.5g} ± {uncertainty} {self.unit}"
 
-    @property
-    def u95(self) -> float:
-        """Half the width of the drawn 95 % interval."""
-        return self.half_interval
+
+def _or_infinite(raw: Any) -> float:
+    return math.inf if raw is None else float(raw)
+
+
+def student(rng: np.random.Generator, dof: float, n: int) -> FloatArray:
+    """`n` draws of Student's t; normal for infinite `dof`."""
+    return rng.standard_normal(n) if not math.isfinite(dof) else rng.standard_t(max(dof, 1.0), n)
 
 
 def coverage_factor(dof: float) -> float:
@@ -125,10 +169,6 @@ class Finding:
     code: str
     severity: Severity
     text: str
-
-    def to_json(self) -> dict[str, str]:
-        """``{code, severity, text}``."""
-        return {"code": self.code, "severity": self.severity.value, "text": self.text}
 
 
 def rejected(findings: Sequence[Finding]) -> bool:

@@ -1,16 +1,40 @@
-"""JSON files that are replaced as a whole."""
+"""Data as JSON has it, and JSON files that are replaced as a whole."""
 
 import json
 import os
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from enum import Enum
 from pathlib import Path
 from typing import Any
 
 
-def write_json_atomically(path: Path, document: dict[str, Any]) -> None:
-    """Replace `path` in one step: a reader sees the old document or the new one, never half of either."""
+def as_json(value: Any) -> Any:
+    """Data as JSON has it.
+
+    Dataclasses become tables by attribute, unless they have a ``to_json`` of their own; tuples become lists,
+    enumerations their values, paths text.
+    """
+    if hasattr(value, "to_json"):
+        return value.to_json()
+    if is_dataclass(value) and not isinstance(value, type):
+        return {field.name: as_json(getattr(value, field.name)) for field in fields(value)}
+    if isinstance(value, Mapping):
+        return {key: as_json(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [as_json(one) for one in value]
+    if isinstance(value, Enum):
+        return value.value
+    if isinstance(value, Path):
+        return str(value)
+    return value
+
+
+def write_json_atomically(path: Path, document: Any) -> None:
+    """Write `document` (:func:`as_json`) in one step: a reader sees the old file or the new one, whole."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     with temporary.open("w", encoding="utf-8") as stream:
-        json.dump(document, stream, indent=2, allow_nan=False)
+        json.dump(as_json(document), stream, indent=2, allow_nan=False)
         stream.write("\n")
         stream.flush()
         os.fsync(stream.fileno())

@@ -7,11 +7,11 @@ from typing import Any
 from calibration.bench.instruments.motor_stand import UNLOCK_PHRASE
 from calibration.bench.motors.propellers import PropellerMap
 from calibration.bench.procedures.apply import changed_vehicle, write_applied
+from calibration.bench.procedures.calibration import load_calibration
 from calibration.bench.procedures.compare import compare_with_vehicle
 from calibration.bench.procedures.hands import Hands
 from calibration.bench.procedures.inertia import InertiaPlan
 from calibration.bench.procedures.motors import MotorPlan
-from calibration.bench.procedures.result import load_result
 from calibration.bench.procedures.sessions import (
     Concluded,
     Stand,
@@ -48,9 +48,9 @@ def measure_on_bench(folder: Path, true: Path, seed: int, say: Say) -> dict[str,
         "tachometer": _run(folder / "tachometer", true, seed, MOTOR_PACE, say, _motors(believed)),
         "thrust": _run(folder / "thrust", true, seed, PACE, say, _thrust(believed)),
     }
-    results = [load_result(run) for run in runs.values()]
+    calibrations = [load_calibration(run) for run in runs.values()]
     vehicle = folder / "vehicle.toml"
-    write_applied(changed_vehicle(believed, results), vehicle)
+    write_applied(changed_vehicle(believed, calibrations), vehicle)
     return {"runs": {kind: str(run) for kind, run in runs.items()}, "vehicle": str(vehicle)}
 
 
@@ -63,9 +63,8 @@ def _run(folder: Path, true: Path, seed: int, pace: float, say: Say, wizard: Wiz
         hands = Hands(bench.ready["bench"]["hands"], say, [UNLOCK_PHRASE])
         with hands:
             concluded = wizard(bench, folder, hands)
-    rejected = [one["text"] for one in concluded.result["findings"] if one["severity"] == "reject"]
-    if rejected:
-        raise FlightStackError(f"{folder}: the calibration was rejected: {'; '.join(rejected)}")
+    if rejections := concluded.calibration.rejections:
+        raise FlightStackError(f"{folder}: the calibration was rejected: {'; '.join(rejections)}")
     return folder
 
 
@@ -102,7 +101,8 @@ def _thrust(believed: Vehicle) -> Wizard:
 
 def against_truth(true: Vehicle, runs: dict[str, str]) -> list[dict[str, Any]]:
     """Each measured quantity beside the truth: E_n above 1 would be a wrong interval."""
-    rows = []
-    for run in runs.values():
-        rows += [row.to_json() for row in compare_with_vehicle(true, load_result(Path(run)))]
-    return rows
+    return [
+        row.to_json()
+        for run in runs.values()
+        for row in compare_with_vehicle(true, load_calibration(Path(run)))
+    ]

@@ -79,10 +79,6 @@ class AttemptRow:
         """The planned attempt that this is a try of."""
         return Slot(self.slot, self.speed, self.angle_deg, self.repeat)
 
-    def to_json(self) -> dict[str, Any]:
-        """The row as a JSON object."""
-        return {**self.__dict__, "record": None if self.record is None else str(self.record)}
-
 
 class CampaignStore:
     """The rows of one campaign folder. Every method that changes something has committed when it returns."""

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from calibration.bench.inertia.inertia import InertiaResult
     from calibration.bench.inertia.swing_fit import SwingFit
     from calibration.bench.motors.propellers import PropellerMap
-    from calibration.bench.motors.result import TachometerResult
+    from calibration.bench.motors.tachometer_result import TachometerResult
     from onboard.vehicle import Vehicle
 
 
@@ -51,8 +51,8 @@ def fit_swings(files: Sequence[Path], given: Mapping[str, str | None], tools: st
         [] if result is None else list(result.findings)
     )
     document: dict[str, Any] = {
-        "inertia": None if result is None else result.inertia.to_json(),
-        "period_s": period.to_json(),
+        "inertia": None if result is None else result.inertia,
+        "period_s": period,
         "trials": [_trial(fit) for fit in fits],
         "warnings": [finding.text for finding in findings],
         "budget": [] if result is None else [{"name": one.name, "share": one.share} for one in result.budget],
@@ -107,25 +107,23 @@ def _trial(fit: "SwingFit") -> dict[str, Any]:
         "damping_ratio": fit.damping_ratio,
         "swing_share": fit.swing_share,
         "rejected": fit.rejected,
-        "findings": [finding.to_json() for finding in fit.findings],
+        "findings": fit.findings,
     }
 
 
 def _swing_words(
     document: Mapping[str, Any], fits: Sequence["SwingFit"], result: "InertiaResult | None"
 ) -> str:
-    from calibration.bench.procedures.report import said
-
     lines = [
         f"{fit.source}: T0 {fit.period.value:.4f} s over {fit.cycles:.0f} cycles"
         + (" (rejected)" if fit.rejected else "")
         for fit in fits
     ]
-    lines.append(f"period: {said(document['period_s'])}")
+    lines.append(f"period: {document['period_s']}")
     if result is None:
         lines.append("inertia: say --mass, --string-length and --string-distance")
     else:
-        lines.append(f"inertia: {said(document['inertia'])}")
+        lines.append(f"inertia: {result.inertia}")
     return "\n".join([*lines, *(f"! {text}" for text in document["warnings"])])
 
 
@@ -159,22 +157,19 @@ def fit_steps(files: Sequence[Path], vehicle: "Vehicle", propeller: "PropellerMa
 
     hover = vehicle.body.mass.value * GRAVITY / 4.0
     result = analyse([read_tachometer(file) for file in files], propeller, hover, blades)
-    emit(result.to_json(), _step_words(result))
+    emit(result, _step_words(result))
 
 
 def _step_words(result: "TachometerResult") -> str:
-    from calibration.bench.procedures.report import said
-
-    document = result.to_json()
     lines = [
-        f"{name}: {said(document[name])} (first order in thrust)"
-        for name in ("tau_up", "tau_down")
-        if document[name] is not None
+        f"{name}: {one} (first order in thrust)"
+        for name, one in (("tau_up", result.tau_up), ("tau_down", result.tau_down))
+        if one is not None
     ]
-    for way, law in document["speed_law"].items():
+    for way, law in (("up", result.up), ("down", result.down)):
         if law is not None:
-            lines.append(f"{way}: a {said(law['a'])}, b {said(law['b'])}, rms {law['rms_rad_s']:.1f} rad/s")
-    return "\n".join([*lines, *(f"! {text}" for text in document["warnings"])])
+            lines.append(f"{way}: a {law.a}, b {law.b}, rms {law.fit.rms:.1f} rad/s")
+    return "\n".join([*lines, *(f"! {finding.text}" for finding in result.findings)])
 
 
 def fit_table(file: Path, force_unit: str, motors: int | None) -> None:
@@ -184,7 +179,7 @@ def fit_table(file: Path, force_unit: str, motors: int | None) -> None:
         ThrustTableError: the table cannot be read or fitted.
     """
     from calibration.bench.thrust.analysis import analyse, read_table
-    from calibration.bench.thrust.result import imported_json
+    from calibration.bench.thrust.thrust_result import imported_json
     from calibration.bench.thrust.units import Units
 
     table = read_table(file, Units(force=force_unit, motors=motors))

@@ -83,27 +83,22 @@ def operator_of(helper: Helper) -> "Iterator[Operator]":
 
 def tell(concluded: "Concluded", folder: Path) -> None:
     """Tell what came of a run."""
-    from calibration.bench.procedures.report import said
-    from calibration.bench.procedures.result import was_rejected
-
-    result = concluded.result
+    calibration = concluded.calibration
+    change = calibration.change
     document: dict[str, Any] = {
-        "run": str(folder),
-        "report": str(concluded.report),
-        "id": result["id"],
-        "kind": result["kind"],
-        "vehicle": result["vehicle"],
-        "findings": result["findings"],
-        "rejected": was_rejected(result),
-        "compared": {name: [row.to_json() for row in rows] for name, rows in concluded.comparisons.items()},
+        "run": folder,
+        "report": concluded.report,
+        "id": calibration.id,
+        "kind": calibration.kind,
+        "vehicle": change,
+        "findings": calibration.findings,
+        "rejected": calibration.rejections,
+        "compared": concluded.comparisons,
     }
-    lines = [f"{key}: {said(raw)}" for key, raw in result["vehicle"]["quantities"].items()]
-    for name, parameters in result["vehicle"]["effects"].items():
-        lines += [f"{name}.{key}: {said(raw)}" for key, raw in parameters.items()]
-    thrust_map = result["vehicle"]["thrust_map"]
-    if thrust_map is not None:
-        lines.append(f"thrust map: {thrust_map['form']}")
-    lines += [f"! {text}" for text in was_rejected(result)]
+    lines = [f"{key.removeprefix('effects.')}: {one}" for key, one in change.estimates.items()]
+    if change.thrust_map is not None:
+        lines.append(f"thrust map: {change.thrust_map[0]}")
+    lines += [f"! {text}" for text in calibration.rejections]
     lines += [
         f"report: {concluded.report}",
         f"next: perchhw calibrate apply {folder} --vehicle FILE --out NEW.toml",

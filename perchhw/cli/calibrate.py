@@ -39,27 +39,27 @@ def apply(
 ) -> int:
     """Put calibrations into a vehicle file: shows every change, asks, writes, keeps what was there before."""
     from calibration.bench.procedures.apply import changed_vehicle, write_applied
-    from calibration.bench.procedures.result import ResultFileError, load_result, was_rejected
+    from calibration.bench.procedures.calibration import ResultFileError, load_calibration
     from onboard.vehicle import load_vehicle
     from perchhw.cli.bench_operator import TerminalOperator
     from perchhw.cli.vehicle import differences, draw_differences
 
-    results = [load_result(run) for run in runs]
-    for run, result in zip(runs, results, strict=True):
-        if (reasons := was_rejected(result)) and not force:
+    calibrations = [load_calibration(run) for run in runs]
+    for run, calibration in zip(runs, calibrations, strict=True):
+        if (reasons := calibration.rejections) and not force:
             raise ResultFileError(f"{run}: was rejected by its checks: {'; '.join(reasons)}. Measure again")
     before = load_vehicle(vehicle)
-    after = changed_vehicle(before, results)
+    after = changed_vehicle(before, calibrations)
     rows = differences(before, after)
     draw_differences(progress_console(), vehicle, str(out), rows)
     agreed = TerminalOperator(yes=yes).agree(f"Write these {len(rows)} changes to {out}?")
     kept = write_applied(after, out) if agreed else None
     document = {
         "applied": agreed,
-        "vehicle": str(out),
-        "calibrations": [result["id"] for result in results],
+        "vehicle": out,
+        "calibrations": [calibration.id for calibration in calibrations],
         "changes": rows,
-        "kept": None if kept is None else str(kept),
+        "kept": kept,
     }
     words = f"{out} written; `perchhw calibrate undo {out}` takes it back" if agreed else "nothing written"
     emit(document, words)
@@ -74,9 +74,7 @@ def undo(
     from calibration.bench.procedures.apply import undo as take_back
 
     kept = take_back(file)
-    emit(
-        {"vehicle": str(file), "restored_from": str(kept)}, f"{file} is what it was before (from {kept.name})"
-    )
+    emit({"vehicle": file, "restored_from": kept}, f"{file} is what it was before (from {kept.name})")
 
 
 @app.command()
@@ -89,26 +87,24 @@ def compare(
 
     Exit code 1 when something contradicts.
     """
-    from calibration.bench.procedures.compare import compare_results, compare_with_vehicle
-    from calibration.bench.procedures.result import ResultFileError, load_result
+    from calibration.bench.procedures.calibration import ResultFileError, load_calibration
+    from calibration.bench.procedures.compare import compare_calibrations, compare_with_vehicle
     from onboard.vehicle import load_vehicle
 
-    now = load_result(run)
+    now = load_calibration(run)
     if (other is None) == (vehicle is None):
         raise ResultFileError("compare: say what to compare with: another run, or --vehicle FILE")
     if other is not None:
-        rows = compare_results(load_result(other), now)
+        rows = compare_calibrations(load_calibration(other), now)
     else:
         rows = compare_with_vehicle(load_vehicle(str(vehicle)), now)
-    emit({"rows": [row.to_json() for row in rows]}, _comparison_text(rows))
+    emit({"rows": rows}, _comparison_text(rows))
     return 1 if any(row.contradicts for row in rows) else 0
 
 
 def _comparison_text(rows: "list[Comparison]") -> str:
-    from calibration.bench.procedures.report import said
-
     return "\n".join(
-        f"{row.key}: {said(row.before.to_json())} before, {said(row.now.to_json())} now, "
+        f"{row.key}: {row.before} before, {row.now} now, "
         f"E_n {row.normalised:.2f}" + (": they contradict each other" if row.contradicts else "")
         for row in rows
     )

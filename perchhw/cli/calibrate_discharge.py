@@ -82,7 +82,7 @@ def verify_command(
         file = file / TABLE_FILE
     discharge = read_discharge(file)
     verdict = verify(discharge)
-    document: dict[str, Any] = verdict.to_json() | {"table": str(file), "report": None}
+    document: dict[str, Any] = verdict.to_json() | {"table": file, "report": None}
     below = verdict.saturated_below
     words = [
         f"{document['readings']} readings, largest error {verdict.worst_gf:.2f} gf "
@@ -91,7 +91,7 @@ def verify_command(
         *(f"! {finding.text}" for finding in verdict.findings),
     ]
     if report is not None:
-        document["report"] = str(write_discharge_report(report, discharge, verdict))
+        document["report"] = write_discharge_report(report, discharge, verdict)
         words.append(f"report: {report}")
     emit(document, "\n".join(words))
     return 0 if verdict.passed else 1

@@ -89,14 +89,14 @@ def _fly_courses(file: Path, lab: Path | None, out: Path | None, resume: bool, y
         )
     stopped = next((row.aborted_by for row in flight_rows(plan, folder) if row.aborted_by), None)
     document: dict[str, Any] = {
-        "campaign": str(folder),
+        "campaign": folder,
         "planned": len(rows),
         "done": sum(row.done for row in rows),
         "flights": [
             {
                 "kind": row.kind,
                 "done": row.done,
-                "record": None if row.record is None else str(row.record),
+                "record": row.record,
                 "aborted_by": row.aborted_by,
             }
             for row in rows
@@ -168,12 +168,12 @@ def _emit_rows(
 
     counts = outcome_counts(rows)
     document: dict[str, Any] = {
-        "campaign": str(folder),
+        "campaign": folder,
         "planned": len({row.slot for row in rows}),
         "done": sum(counts.values()),
-        "outcomes": {outcome.value: number for outcome, number in counts.items()},
-        "attempts": [row.to_json() for row in rows],
-        "report": None if report is None else str(report),
+        "outcomes": counts,
+        "attempts": rows,
+        "report": report,
         "stopped": stopped,
     }
 

@@ -27,7 +27,7 @@ def list_runs(root: Annotated[Path, typer.Argument(help="Folder that holds runs.
     runs, broken = find_runs(root)
     for problem in broken:
         progress_console().print(f"skipped: {problem}", style="yellow", markup=False)
-    emit({"runs": [r.to_json() for r in runs], "broken": broken}, lambda: _draw_runs(runs))
+    emit({"runs": runs, "broken": broken}, lambda: _draw_runs(runs))
     return 0
 
 

@@ -12,6 +12,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TextIO
 
+from onboard.json_file import as_json
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -93,8 +95,8 @@ def emit_error(message: str, exit_code: int) -> None:
         emit({"error": message, "exit_code": exit_code}, "")
 
 
-def emit(result: dict[str, Any], human: Callable[[], None] | str) -> bool:
-    """Give the result of a verb: one JSON document, or `human`: a text or a function that draws.
+def emit(result: Any, human: Callable[[], None] | str) -> bool:
+    """Give the result of a verb: as one JSON document, or `human`: a text or a function that draws.
 
     Returns:
         Whether anybody took it.
@@ -103,7 +105,7 @@ def emit(result: dict[str, Any], human: Callable[[], None] | str) -> bool:
 
     def tell() -> None:
         if settings.as_json:
-            sys.stdout.write(json.dumps(result, allow_nan=False) + "\n")
+            sys.stdout.write(json.dumps(as_json(result), allow_nan=False) + "\n")
         elif callable(human):
             human()
         else:

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from calibration.flights.run_folder import RunFolderError, is_run_folder, read_info
 
@@ -30,10 +29,6 @@ class RunSummary:
     triggered: bool | None
     aborted_by: str | None
     closed: bool
-
-    def to_json(self) -> dict[str, Any]:
-        """The summary as a JSON object."""
-        return {**self.__dict__, "folder": str(self.folder)}
 
 
 def summarise_run(folder: Path) -> RunSummary:

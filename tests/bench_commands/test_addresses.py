@@ -13,10 +13,10 @@ from pathlib import Path
 import pytest
 
 from calibration.bench.instruments.motor_stand import UNLOCK_PHRASE
+from calibration.bench.procedures.calibration import load_calibration
 from calibration.bench.procedures.compare import compare_with_vehicle
 from calibration.bench.procedures.hands import Hands
 from calibration.bench.procedures.motors import HAND_PHRASE
-from calibration.bench.procedures.result import load_result
 from onboard.vehicle import load_vehicle
 from perchhw.lab_process import SimulatedLab
 from tests.bench_commands.conftest import Bench, command, run
@@ -35,7 +35,7 @@ def thrust(served: SimulatedLab, out: Path, scale: str, supply: str, *further: s
 
 
 def assert_the_truth_is_found(folder: Path, true_file: Path, within_gf: float) -> None:
-    rows = compare_with_vehicle(load_vehicle(true_file), load_result(folder))
+    rows = compare_with_vehicle(load_vehicle(true_file), load_calibration(folder))
     assert len(rows) >= 4
     for row in rows:
         assert abs(row.now.value - row.before.value) < within_gf * 9.80665e-3 + row.now.u95, row

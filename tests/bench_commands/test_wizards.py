@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
+from calibration.bench.procedures.calibration import load_calibration
 from calibration.bench.procedures.compare import compare_with_vehicle
 from calibration.bench.procedures.hands import Hands
-from calibration.bench.procedures.result import load_result
 from onboard.vehicle import load_vehicle
 from perchhw.bench_walkthrough.story import BELIEVED
 from tests.bench_commands.conftest import Bench, command, run, serve
@@ -65,12 +65,12 @@ def test_a_killed_wizard_goes_on_where_it_was(inertia_run: InertiaRun) -> None:
     kept, after = inertia_run.kept, steps(inertia_run.folder)
     assert set(kept) >= {"weigh", "hang-z", "rest-z", "trial-z-1"}
     assert {key: after[key] for key in kept} == kept
-    assert len(load_result(inertia_run.folder)["details"]["z"]["trials_s"]) == 4
+    assert len(load_calibration(inertia_run.folder).details["z"]["trials_s"]) == 4
 
 
 def test_the_same_recordings_give_the_same_result(inertia_run: InertiaRun) -> None:
     assert inertia_run.fitted_again["vehicle"] == inertia_run.said["vehicle"]
-    assert load_result(inertia_run.folder)["parent"] == inertia_run.said["id"]
+    assert load_calibration(inertia_run.folder).parent == inertia_run.said["id"]
 
 
 def test_a_calibration_is_applied_and_undone(
@@ -94,7 +94,7 @@ def test_a_calibration_is_applied_and_undone(
 def test_motors_are_measured_within_their_intervals(bench: Bench, tmp_path: Path, true_file: Path) -> None:
     served = bench(pace=2)
     said = run(command("tachometer", served, tmp_path, "--motors", "1", "--repeats", "1"))
-    rows = {row.key: row for row in compare_with_vehicle(load_vehicle(true_file), load_result(tmp_path))}
+    rows = {row.key: row for row in compare_with_vehicle(load_vehicle(true_file), load_calibration(tmp_path))}
     assert {key: row.normalised for key, row in rows.items() if key.startswith("effects")} == {
         f"effects.motor_speed_law.{name}": pytest.approx(0.5, abs=0.5)
         for name in ("a_up", "b_up", "a_down", "b_down")
@@ -105,11 +105,11 @@ def test_motors_are_measured_within_their_intervals(bench: Bench, tmp_path: Path
 
 def test_thrust_is_measured_within_its_band(bench: Bench, tmp_path: Path, true_file: Path) -> None:
     run(command("thrust", bench(), tmp_path, "--levels", "8", "--voltages", "3.9"))
-    rows = compare_with_vehicle(load_vehicle(true_file), load_result(tmp_path))
+    rows = compare_with_vehicle(load_vehicle(true_file), load_calibration(tmp_path))
     assert len(rows) >= 4
     for row in rows:
         assert abs(row.now.value - row.before.value) < 0.1 * 9.80665e-3 + row.now.u95, row
-    wrong = compare_with_vehicle(load_vehicle(BELIEVED), load_result(tmp_path))
+    wrong = compare_with_vehicle(load_vehicle(BELIEVED), load_calibration(tmp_path))
     assert all(row.contradicts for row in wrong)
 
 

@@ -8,7 +8,7 @@ from calibration.bench.inertia.paper import peak_period
 from calibration.bench.inertia.plan import HangPlan, Instruments, plan_hang
 from calibration.bench.inertia.recordings import read_swing, write_swing
 from calibration.bench.inertia.rest import RestCheck, check_rest
-from calibration.bench.inertia.rig import Jig, Measured, Rig, UnitDoubt, check_rig, measured, unit_doubts
+from calibration.bench.inertia.rig import Jig, Rig, UnitDoubt, check_rig, measured, unit_doubts
 from calibration.bench.inertia.swing import Swing
 from calibration.bench.inertia.swing_fit import SwingFit
 
@@ -20,7 +20,6 @@ __all__ = [
     "LiveState",
     "LiveSwing",
     "LiveView",
-    "Measured",
     "RestCheck",
     "Rig",
     "RigError",

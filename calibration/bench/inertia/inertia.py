@@ -15,16 +15,16 @@ import numpy as np
 from calibration.bench.inertia.errors import RigError
 from calibration.bench.inertia.geometry import small_period
 from calibration.bench.inertia.plausibility import check_inertia, check_trials
-from calibration.bench.inertia.rig import Measured, Rig, check_rig, student
+from calibration.bench.inertia.rig import Rig, check_rig
 from calibration.bench.inertia.swing_fit import SwingFit
 from calibration.measurement import (
     COVERAGE,
     Contribution,
-    DrawnEstimate,
     Estimate,
     Finding,
     combine,
     rejected,
+    student,
 )
 from onboard.arrays import FloatArray, Vector
 
@@ -106,7 +106,7 @@ def inertia_about_axis(
         *check_inertia(value, rig.drone_mass, expected),
     ]
     return InertiaResult(
-        inertia=DrawnEstimate(value, "kg m2", share * value, dof if claimed else 0.0, half),
+        inertia=Estimate(value, "kg m2", share * value, dof if claimed else 0.0, half_interval=half),
         axis=_mean_axis(counted),
         period=period,
         trials=trials,
@@ -193,7 +193,7 @@ def _half_interval(rig: Rig, period: Estimate, value: float) -> float:
     rng = np.random.default_rng(_SEED)
 
     def factor(one: Estimate, source: np.random.Generator = rng) -> FloatArray:
-        return 1.0 + _errors(one, source) / one.value
+        return 1.0 + one.draw(source, _DRAWS) / one.value
 
     # One ruler measures both distances and is wrong by the same at both: the same draws.
     top, bottom = (factor(one, np.random.default_rng(_SEED + 1)) for one in (rig.top, rig.bottom))
@@ -204,14 +204,8 @@ def _half_interval(rig: Rig, period: Estimate, value: float) -> float:
     drawn *= 1.0 - rng.uniform(0.0, rig.air, _DRAWS) + tilt + rig.string * rng.standard_normal(_DRAWS)
     drawn -= _jig_inertia(rig)
     if rig.jig is not None:
-        drawn += _errors(rig.jig.inertia, rng)
+        drawn += rig.jig.inertia.draw(rng, _DRAWS)
     return float(np.quantile(np.abs(drawn - value), COVERAGE))
-
-
-def _errors(one: Estimate, rng: np.random.Generator) -> FloatArray:
-    if isinstance(one, Measured):
-        return one.draw(rng, _DRAWS)
-    return one.sigma * student(rng, one.dof, _DRAWS)
 
 
 def _mean_axis(fits: Sequence[SwingFit]) -> Vector:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from calibration.bench.inertia.errors import RigError
 from calibration.bench.inertia.inertia import expected_uncertainty
-from calibration.bench.inertia.rig import Measured, Rig, measured
+from calibration.bench.inertia.rig import Rig, measured
 from calibration.measurement import Estimate
 
 FORBIDDEN_RATIOS = ((0.45, 0.55), (0.9, 1.1), (1.9, 2.1))
@@ -104,7 +104,7 @@ def _plans(inertia: float, mass: float, tools: Instruments) -> Iterator[HangPlan
 
 
 def _rig(mass: float, distance: float, length: float, tools: Instruments) -> Rig:
-    def known(value: float, half_width: float, unit: str) -> Measured:
+    def known(value: float, half_width: float, unit: str) -> Estimate:
         return measured([value], half_width, unit)
 
     separation = known(distance, tools.distance, "m")

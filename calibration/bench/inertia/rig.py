@@ -8,7 +8,6 @@ import numpy as np
 
 from calibration.bench.inertia.errors import RigError
 from calibration.measurement import Estimate, Finding, Severity
-from onboard.arrays import FloatArray
 
 LOCAL_GRAVITY = Estimate(9.803, "m/s2", 0.01)
 """Where the place is not known: 9.780 at the equator to 9.832 at the poles."""
@@ -19,36 +18,7 @@ _MASS_LIMITS = (0.005, 2.0)  # kg
 _SCALES = (1e-3, 1e-2, 1e-1)  # of a unit mistaken for the SI one: mm or g, cm
 
 
-@dataclass(frozen=True, slots=True)
-class Measured(Estimate):
-    """A quantity read from an instrument.
-
-    Attributes:
-        half_width: in `unit`: the instrument may be off by up to this, evenly spread, the same in each
-            reading. Part of `sigma`.
-    """
-
-    half_width: float = 0.0
-
-    def draw(self, rng: np.random.Generator, n: int) -> FloatArray:
-        """`n` possible errors, in `unit` (GUM Supplement 1): even for the instrument, t for the readings."""
-        scatter = math.sqrt(max(self.sigma**2 - self.half_width**2 / 3.0, 0.0))
-        return rng.uniform(-self.half_width, self.half_width, n) + scatter * student(
-            rng, self._readings_dof(), n
-        )
-
-    def _readings_dof(self) -> float:
-        """Degrees of freedom of the scatter alone, undoing what the exact half width added."""
-        scatter2 = self.sigma**2 - self.half_width**2 / 3.0
-        return self.dof * (max(scatter2, 0.0) / self.sigma**2) ** 2 if self.sigma else math.inf
-
-
-def student(rng: np.random.Generator, dof: float, n: int) -> FloatArray:
-    """`n` draws of Student's t; normal for infinite `dof`."""
-    return rng.standard_normal(n) if not math.isfinite(dof) else rng.standard_t(max(dof, 1.0), n)
-
-
-def measured(readings: Sequence[float], half_width: float, unit: str) -> Measured:
+def measured(readings: Sequence[float], half_width: float, unit: str) -> Estimate:
     """The mean of repeated readings (GUM 4.2, 4.3.7).
 
     Args:
@@ -66,7 +36,7 @@ def measured(readings: Sequence[float], half_width: float, unit: str) -> Measure
     mean_variance = float(np.var(values, ddof=1)) / n if n > 1 else 0.0
     variance = mean_variance + half_width**2 / 3.0
     dof = (n - 1) * (variance / mean_variance) ** 2 if mean_variance > 0.0 else math.inf
-    return Measured(float(np.mean(values)), unit, math.sqrt(variance), dof, half_width)
+    return Estimate(float(np.mean(values)), unit, math.sqrt(variance), dof, half_width)
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from calibration.bench.motors.files import read_commands, read_tachometer, write
 from calibration.bench.motors.monitor import EdgeMonitor, EdgeQuality
 from calibration.bench.motors.propellers import PROPELLERS, PropellerMap, propeller
 from calibration.bench.motors.records import CommandRecord, EdgeRecord, WindowRecord
-from calibration.bench.motors.result import TachometerResult
+from calibration.bench.motors.tachometer_result import TachometerResult
 
 __all__ = [
     "PROPELLERS",

@@ -18,7 +18,6 @@ from calibration.bench.motors.records import (
     WindowRecord,
     trace_of_windows,
 )
-from calibration.bench.motors.result import StepSummary, TachometerResult, standard_steps
 from calibration.bench.motors.revolutions import mark_passages, speed_trace
 from calibration.bench.motors.settling import time_to_share
 from calibration.bench.motors.step_checks import (
@@ -28,6 +27,7 @@ from calibration.bench.motors.step_checks import (
     check_heat,
 )
 from calibration.bench.motors.steps import Direction, Step, find_steps
+from calibration.bench.motors.tachometer_result import StepSummary, TachometerResult, standard_steps
 from calibration.measurement import Finding, Severity
 
 _FEWEST_EDGES = 50

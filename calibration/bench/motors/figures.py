@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calibration.bench.motors.direction import DirectionFit, predicted
-from calibration.bench.motors.result import TachometerResult
 from calibration.bench.motors.settling import local_constant, time_to_share
+from calibration.bench.motors.tachometer_result import TachometerResult
 from calibration.report_style import BLUE, GREEN, INK, MUTED, ORANGE, new_figure, report_style
 from onboard.gravity import GRAM_FORCE
 

@@ -5,8 +5,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from calibration.bench.procedures.result import ResultFileError
+from calibration.bench.procedures.calibration import Calibration, ResultFileError
 from calibration.errors import CalibrationError
+from calibration.measurement import Estimate
 from onboard.errors import InputError
 from onboard.quantity import Quantity
 from onboard.thrust_map import ThrustMapForm
@@ -26,53 +27,51 @@ class NothingToUndo(CalibrationError, InputError):
     """A vehicle file without an applied calibration."""
 
 
-def changed_vehicle(vehicle: Vehicle, results: Sequence[Mapping[str, Any]]) -> Vehicle:
+def changed_vehicle(vehicle: Vehicle, calibrations: Sequence[Calibration]) -> Vehicle:
     """A vehicle with the numbers of calibrations in place of its own; each names its calibration as source.
 
     Args:
         vehicle: as it is.
-        results: documents of :func:`~calibration.bench.procedures.result.load_result`, in their order.
+        calibrations: in their order.
 
     Raises:
-        ResultFileError: a result names a quantity that vehicle files do not have.
+        ResultFileError: a calibration names a quantity that vehicle files do not have.
     """
-    for result in results:
-        vehicle = _apply_one(vehicle, result)
+    for calibration in calibrations:
+        vehicle = _apply_one(vehicle, calibration)
     return vehicle
 
 
-def _apply_one(vehicle: Vehicle, result: Mapping[str, Any]) -> Vehicle:
-    source = f"{result['kind']} calibration {result['id']}, {result['made'][:10]}"
-    change = result["vehicle"]
-    for key, raw in change["quantities"].items():
+def _apply_one(vehicle: Vehicle, calibration: Calibration) -> Vehicle:
+    source = f"{calibration.kind} calibration {calibration.id}, {calibration.made[:10]}"
+    change = calibration.change
+    for key, estimate in change.quantities.items():
         section_name, _, name = key.partition(".")
         section: Any = getattr(vehicle, section_name, None)
         if not hasattr(section, name):
-            raise ResultFileError(f"calibration {result['id']}: vehicle files have no {key!r}")
-        section = dataclasses.replace(section, **{name: _quantity(raw, source)})
+            raise ResultFileError(f"calibration {calibration.id}: vehicle files have no {key!r}")
+        section = dataclasses.replace(section, **{name: estimate.quantity(source)})
         replaced: dict[str, Any] = {section_name: section}
         vehicle = dataclasses.replace(vehicle, **replaced)
-    if change["thrust_map"] is not None:
+    if change.thrust_map is not None:
+        form, coefficients = change.thrust_map
         thrust_map = ThrustMapDescription(
-            form=ThrustMapForm[change["thrust_map"]["form"].upper()],
-            coefficients={
-                key: _quantity(raw, source) for key, raw in change["thrust_map"]["coefficients"].items()
-            },
+            form=ThrustMapForm[form.upper()], coefficients=_quantities(coefficients, source)
         )
         vehicle = dataclasses.replace(
             vehicle, motors=dataclasses.replace(vehicle.motors, thrust_map=thrust_map)
         )
     added = tuple(
-        Effect(name=name, parameters={key: _quantity(raw, source) for key, raw in parameters.items()})
-        for name, parameters in change["effects"].items()
+        Effect(name=name, parameters=_quantities(parameters, source))
+        for name, parameters in change.effects.items()
     )
     names = {effect.name for effect in added}
     kept = tuple(effect for effect in vehicle.effects if effect.name not in names)
     return dataclasses.replace(vehicle, effects=(*kept, *added))
 
 
-def _quantity(raw: Mapping[str, Any], source: str) -> Quantity:
-    return Quantity(float(raw["value"]), str(raw["unit"]), float(raw["sigma"]), source)
+def _quantities(estimates: Mapping[str, Estimate], source: str) -> dict[str, Quantity]:
+    return {key: estimate.quantity(source) for key, estimate in estimates.items()}
 
 
 def write_applied(vehicle: Vehicle, file: Path) -> Path | None:

@@ -1,11 +1,10 @@
 """A calibration beside an earlier one, or beside a vehicle file: do they contradict each other?"""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from calibration.bench.procedures.result import estimate_from_json
+from calibration.bench.procedures.calibration import Calibration
 from calibration.measurement import Estimate, normalised_difference
 from onboard.battery import thrust_from_voltage
 from onboard.quantity import Quantity
@@ -43,50 +42,40 @@ class Comparison:
         }
 
 
-def compare_results(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[Comparison]:
+def compare_calibrations(before: Calibration, now: Calibration) -> list[Comparison]:
     """The quantities that both calibrations have."""
-    old = _estimates(before)
-    return [_compare(key, old[key], one) for key, one in _estimates(now).items() if key in old]
+    old = before.change.estimates
+    return [_compare(key, old[key], one) for key, one in now.change.estimates.items() if key in old]
 
 
-def compare_with_vehicle(vehicle: Vehicle, now: Mapping[str, Any]) -> list[Comparison]:
+def compare_with_vehicle(vehicle: Vehicle, now: Calibration) -> list[Comparison]:
     """The quantities of a calibration beside those of a vehicle file."""
     rows = []
     effects = {effect.name: effect.parameters for effect in vehicle.effects}
-    for key, one in _estimates(now).items():
+    for key, one in now.change.quantities.items():
         if key.startswith("motors.time_constant") and "motor_speed_law" in effects:
             continue  # the law stands in the place of the file's time constants
         section, _, name = key.partition(".")
         quantity = getattr(getattr(vehicle, section, None), name, None)
         if isinstance(quantity, Quantity):
-            rows.append(_compare(key, Estimate(quantity.value, quantity.unit, quantity.sigma), one))
-    for key, one in _estimates(now).items():
-        _, name, parameter = [*key.split("."), ""][:3]
-        if key.startswith("effects.") and parameter in effects.get(name, {}):
-            quantity = effects[name][parameter]
-            rows.append(_compare(key, Estimate(quantity.value, quantity.unit, quantity.sigma), one))
+            rows.append(_compare(key, Estimate.from_quantity(quantity), one))
+    for name, parameters in now.change.effects.items():
+        known = effects.get(name, {})
+        rows += [
+            _compare(f"effects.{name}.{key}", Estimate.from_quantity(known[key]), one)
+            for key, one in parameters.items()
+            if key in known
+        ]
     return rows + _curves(vehicle, now)
 
 
-def _curves(vehicle: Vehicle, now: Mapping[str, Any]) -> list[Comparison]:
+def _curves(vehicle: Vehicle, now: Calibration) -> list[Comparison]:
     """A measured thrust curve beside that of the file's map, which says nothing of its own uncertainty."""
     thrust_map = vehicle.motors.thrust_map_compiled()
     return [
-        _compare(
-            f"thrust at {row['voltage_v']:g} V",
-            Estimate(thrust_from_voltage(thrust_map, row["voltage_v"]), "N", 0.0),
-            estimate_from_json(row["thrust"]),
-        )
-        for row in now["details"].get("curve", [])
+        _compare(f"thrust at {volts:g} V", Estimate(thrust_from_voltage(thrust_map, volts), "N", 0.0), thrust)
+        for volts, thrust in now.curve.items()
     ]
-
-
-def _estimates(document: Mapping[str, Any]) -> dict[str, Estimate]:
-    quantities = document["vehicle"]["quantities"]
-    found = {key: estimate_from_json(raw) for key, raw in quantities.items()}
-    for name, parameters in document["vehicle"]["effects"].items():
-        found |= {f"effects.{name}.{key}": estimate_from_json(raw) for key, raw in parameters.items()}
-    return found
 
 
 def _compare(key: str, before: Estimate, now: Estimate) -> Comparison:

@@ -17,7 +17,7 @@ from calibration.bench.inertia.inertia import InertiaResult, inertia_about_axis
 from calibration.bench.inertia.plan import HangPlan, Instruments, plan_hang
 from calibration.bench.inertia.recordings import read_swing, write_swing
 from calibration.bench.inertia.rest import check_rest
-from calibration.bench.inertia.rig import Jig, Measured, Rig
+from calibration.bench.inertia.rig import Jig, Rig
 from calibration.bench.inertia.swing import Swing
 from calibration.bench.inertia.swing_fit import SwingFit
 from calibration.bench.instruments.gyro_recorder import GyroRecorder
@@ -269,7 +269,7 @@ def fit_inertia(folder: Path, steps: Mapping[str, Any], plan: InertiaPlan) -> In
     """
     asked = questions(plan.tools)
 
-    def known(step: str, name: str) -> Measured:
+    def known(step: str, name: str) -> Estimate:
         return estimate_of(steps[step][name], asked[name])
 
     inputs: dict[str, Estimate] = {"mass": known("weigh", "mass")}

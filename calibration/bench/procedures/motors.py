@@ -17,7 +17,7 @@ from calibration.bench.motors.clock import ClockFit
 from calibration.bench.motors.files import read_commands, read_tachometer, write_commands, write_edges
 from calibration.bench.motors.monitor import EdgeMonitor, EdgeQuality
 from calibration.bench.motors.propellers import PropellerMap
-from calibration.bench.motors.result import TachometerResult
+from calibration.bench.motors.tachometer_result import TachometerResult
 from calibration.bench.procedures.inertia import PlanError
 from calibration.bench.procedures.motor_recording import (
     MIDDLE,

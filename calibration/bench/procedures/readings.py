@@ -3,8 +3,9 @@
 import re
 from collections.abc import Sequence
 
-from calibration.bench.inertia.rig import Measured, measured
+from calibration.bench.inertia.rig import measured
 from calibration.bench.procedures.operator import AnswerNotUsable, Question
+from calibration.measurement import Estimate
 from onboard.quantity import convert, si_unit
 
 _READING = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-z%][A-Za-z0-9 /%]*)?\s*$")
@@ -47,6 +48,6 @@ def _asked_again(text: str, number: float, question: Question) -> str:
     return f"{message}; measure again, and say the unit"
 
 
-def estimate_of(readings: Sequence[float], question: Question) -> Measured:
+def estimate_of(readings: Sequence[float], question: Question) -> Estimate:
     """The mean of the readings of a question."""
     return measured(readings, question.half_width, question.unit)

@@ -1,24 +1,27 @@
 """The report of a calibration: one HTML page with results, budget, plots, findings and where it all is."""
 
+import math
 from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from calibration.bench.procedures.calibration import Calibration, Estimates, VehicleChange
 from calibration.bench.procedures.compare import Comparison
-from calibration.report_style import grid, page, report_style, section, svg, table
+from calibration.measurement import Contribution, Estimate, Finding, Severity
+from calibration.report_style import MUTED, ORANGE, TRIGGER, grid, page, report_style, section, svg, table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 REPORT_FILE = "report.html"
 
-_COLOURS = {"note": "#6b7480", "warning": "#d2691e", "reject": "#c0392b"}
+_COLOURS = {Severity.NOTE: MUTED, Severity.WARNING: ORANGE, Severity.REJECT: TRIGGER}
 
 
 def write_report(
     folder: Path,
-    result: Mapping[str, Any],
+    calibration: Calibration,
     figures: Mapping[str, "Figure"],
     comparisons: Mapping[str, Sequence[Comparison]],
 ) -> Path:
@@ -26,16 +29,16 @@ def write_report(
 
     Args:
         folder: of the run.
-        result: as :func:`~calibration.bench.procedures.result.load_result` gives it.
+        calibration: its result.
         figures: by title.
         comparisons: with earlier calibrations or a vehicle file, by their name.
     """
     parts = [
-        section("Result", _quantities(result), _how(result)),
-        _findings(result),
+        section("Result", _quantities(calibration.change), _how(calibration)),
+        _findings(calibration.findings),
         *(
             section(f"Uncertainty of {key}", _budget(lines), "The largest comes first: measure it better.")
-            for key, lines in result["budgets"].items()
+            for key, lines in calibration.budgets.items()
             if lines
         ),
         *(section(f"Compared with {name}", _compared(rows)) for name, rows in comparisons.items() if rows),
@@ -43,70 +46,60 @@ def write_report(
     with report_style():
         drawings = [section(title, svg(figure)) for title, figure in figures.items()]
     parts.append(grid(drawings))
-    parts.append(section("Measured by hand", _inputs(result)))
+    parts.append(section("Measured by hand", _inputs(calibration.inputs)))
     parts.append(
-        section("Recordings", _recordings(result), "Beside this page; their SHA-256 is theirs here.")
+        section("Recordings", _recordings(calibration.raw), "Beside this page; their SHA-256 is theirs here.")
     )
-    title = f"{result['kind'].capitalize()} calibration {result['id']}"
+    title = f"{calibration.kind.capitalize()} calibration {calibration.id}"
     path = folder / REPORT_FILE
-    path.write_text(page(title, _subtitle(result), "\n".join(parts)), encoding="utf-8")
+    path.write_text(page(title, _subtitle(calibration), "\n".join(parts)), encoding="utf-8")
     return path
 
 
-def said(raw: Mapping[str, Any]) -> str:
-    """An estimate in words: ``1.70e-05 ± 1.1e-07 kg m2``."""
-    uncertainty = "not known" if raw["u95"] is None else f"{raw['u95']:.2g}"
-    return f"{raw['value']:.5g} ± {uncertainty} {raw['unit']}"
+def _subtitle(calibration: Calibration) -> str:
+    origin = [
+        f"{key} {value}" for key, value in calibration.provenance.items() if value and isinstance(value, str)
+    ]
+    return f"{calibration.made}; " + "; ".join(origin)
 
 
-def _subtitle(result: Mapping[str, Any]) -> str:
-    provenance = result["provenance"]
-    told = [f"{key} {value}" for key, value in provenance.items() if isinstance(value, str) and value]
-    return f"{result['made']}; " + "; ".join(told)
-
-
-def _how(result: Mapping[str, Any]) -> str:
-    parent = f" Follows {result['parent']}." if result["parent"] else ""
+def _how(calibration: Calibration) -> str:
+    parent = f" Follows {calibration.parent}." if calibration.parent else ""
     return f"± is the 95 % interval (GUM).{parent}"
 
 
-def _quantities(result: Mapping[str, Any]) -> str:
-    change = result["vehicle"]
-    rows = [[escape(key), escape(said(raw)), _share(raw)] for key, raw in change["quantities"].items()]
-    for name, parameters in change["effects"].items():
-        rows += [[escape(f"{name}.{key}"), escape(said(raw)), _share(raw)] for key, raw in parameters.items()]
-    if change["thrust_map"] is not None:
-        form = change["thrust_map"]["form"]
-        rows += [
-            [escape(f"thrust map ({form}) {key}"), escape(said(raw)), _share(raw)]
-            for key, raw in change["thrust_map"]["coefficients"].items()
-        ]
+def _quantities(change: VehicleChange) -> str:
+    estimates = {key.removeprefix("effects."): one for key, one in change.estimates.items()}
+    if change.thrust_map is not None:
+        form, coefficients = change.thrust_map
+        estimates |= {f"thrust map ({form}) {key}": one for key, one in coefficients.items()}
+    rows = [[escape(key), escape(str(one)), _share(one)] for key, one in estimates.items()]
     return table(["quantity", "value", "relative"], rows)
 
 
-def _share(raw: Mapping[str, Any]) -> str:
-    if raw["u95"] is None or raw["value"] == 0.0:
+def _share(estimate: Estimate) -> str:
+    if estimate.value == 0.0 or not math.isfinite(estimate.u95):
         return ""
-    return f"{100.0 * abs(raw['u95'] / raw['value']):.2g} %"
+    return f"{100.0 * abs(estimate.u95 / estimate.value):.2g} %"
 
 
-def _findings(result: Mapping[str, Any]) -> str:
-    if not result["findings"]:
+def _findings(findings: Sequence[Finding]) -> str:
+    if not findings:
         return section("What was seen", "<p>Nothing that speaks against these recordings.</p>")
     rows = [
         [
-            f'<span class="badge" style="background:{_COLOURS[one["severity"]]}">{one["severity"]}</span>',
-            escape(one["text"]),
+            f'<span class="badge" style="background:{_COLOURS[one.severity]}">{one.severity.value}</span>',
+            escape(one.text),
         ]
-        for one in result["findings"]
+        for one in findings
     ]
     return section("What was seen", table(["", "finding"], rows))
 
 
-def _budget(lines: Sequence[Mapping[str, Any]]) -> str:
+def _budget(lines: Sequence[Contribution]) -> str:
     rows = [
-        [escape(one["name"]), f"{100.0 * one['share']:.3g} %", escape(one["advice"])]
-        for one in sorted(lines, key=lambda one: -one["share"])
+        [escape(one.name), f"{100.0 * one.share:.3g} %", escape(one.advice)]
+        for one in sorted(lines, key=lambda one: -one.share)
     ]
     return table(["from", "share (k = 1)", "what would help"], rows)
 
@@ -115,8 +108,8 @@ def _compared(rows: Sequence[Comparison]) -> str:
     cells = [
         [
             escape(row.key),
-            escape(said(row.before.to_json())),
-            escape(said(row.now.to_json())),
+            escape(str(row.before)),
+            escape(str(row.now)),
             f"{row.normalised:.2f}",
             "<b>they contradict each other</b>" if row.contradicts else "they agree",
         ]
@@ -125,11 +118,11 @@ def _compared(rows: Sequence[Comparison]) -> str:
     return table(["quantity", "before", "now", "E_n", ""], cells)
 
 
-def _inputs(result: Mapping[str, Any]) -> str:
-    rows = [[escape(name), escape(said(raw))] for name, raw in result["inputs"].items()]
+def _inputs(inputs: Estimates) -> str:
+    rows = [[escape(name), escape(str(one))] for name, one in inputs.items()]
     return table(["quantity", "value"], rows) if rows else "<p>Nothing.</p>"
 
 
-def _recordings(result: Mapping[str, Any]) -> str:
-    rows = [[escape(one["file"]), f"<code>{escape(one['sha256'])}</code>"] for one in result["raw"]]
+def _recordings(raw: Sequence[Mapping[str, str]]) -> str:
+    rows = [[escape(one["file"]), f"<code>{escape(one['sha256'])}</code>"] for one in raw]
     return table(["file", "SHA-256"], rows)

@@ -1,6 +1,6 @@
 """A wizard from its instruments to its report: opens everything, runs, fits, writes, and lets all go."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -14,9 +14,9 @@ from calibration.bench.instruments.motor_stand import MotorStand
 from calibration.bench.instruments.tachometer import Tachometer
 from calibration.bench.procedures import discharge, inertia, motors, thrust
 from calibration.bench.procedures.by_hand import OperatorsHands
-from calibration.bench.procedures.compare import Comparison, compare_results, compare_with_vehicle
-from calibration.bench.procedures.operator import Operator, StepBack, Task
-from calibration.bench.procedures.outcomes import (
+from calibration.bench.procedures.calibration import Calibration, load_calibration, write_calibration
+from calibration.bench.procedures.compare import Comparison, compare_calibrations, compare_with_vehicle
+from calibration.bench.procedures.conclude import (
     inertia_calibration,
     inertia_figures,
     motor_calibration,
@@ -24,8 +24,8 @@ from calibration.bench.procedures.outcomes import (
     thrust_calibration,
     thrust_figures,
 )
+from calibration.bench.procedures.operator import Operator, StepBack, Task
 from calibration.bench.procedures.report import write_report
-from calibration.bench.procedures.result import Calibration, load_result, write_result
 from calibration.bench.procedures.run_book import RunBook
 from calibration.bench.procedures.thrust_recording import ThrustStand
 from onboard.link import DroneLink
@@ -59,12 +59,12 @@ class Concluded:
     """A finished run.
 
     Attributes:
-        result: the document of ``result.json``.
+        calibration: as it was written.
         report: the page.
         comparisons: with the vehicle file and with an earlier fit, by their name.
     """
 
-    result: dict[str, Any]
+    calibration: Calibration
     report: Path
     comparisons: dict[str, list[Comparison]]
 
@@ -206,12 +206,10 @@ def _conclude(
     folder: Path, calibration: Calibration, vehicle: Vehicle, figures: Mapping[str, "Figure"]
 ) -> Concluded:
     """Result and report of a run."""
-    result = write_result(calibration, folder)
-    comparisons: dict[str, Sequence[Comparison]] = {
-        f"the file of {vehicle.name}": compare_with_vehicle(vehicle, result)
-    }
-    if result["parent"] is not None:
-        earlier = load_result(folder / f"result-{result['parent']}.json")
-        comparisons["the fit before"] = compare_results(earlier, result)
-    page = write_report(folder, result, figures, comparisons)
-    return Concluded(result, page, {name: list(rows) for name, rows in comparisons.items()})
+    written = write_calibration(calibration, folder)
+    comparisons = {f"the file of {vehicle.name}": compare_with_vehicle(vehicle, written)}
+    if written.parent is not None:
+        earlier = load_calibration(folder / f"result-{written.parent}.json")
+        comparisons["the fit before"] = compare_calibrations(earlier, written)
+    page = write_report(folder, written, figures, comparisons)
+    return Concluded(written, page, comparisons)

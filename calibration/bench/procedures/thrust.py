@@ -35,7 +35,7 @@ from onboard.gravity import GRAM_FORCE, GRAVITY
 from onboard.vehicle import Vehicle
 
 if TYPE_CHECKING:
-    from calibration.bench.thrust.result import ThrustResult
+    from calibration.bench.thrust.thrust_result import ThrustResult
 
 Show = Callable[[Sequence[Gauge]], None]
 

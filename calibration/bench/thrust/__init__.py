@@ -16,7 +16,7 @@ from calibration.bench.thrust.data import ThrustData
 from calibration.bench.thrust.errors import ThrustTableError
 from calibration.bench.thrust.pwm import applied_duty, exact_set_points
 from calibration.bench.thrust.raw_table import RawTable, to_data, write_raw
-from calibration.bench.thrust.result import ThrustResult, VehicleThrust, imported_json, vehicle_thrust
+from calibration.bench.thrust.thrust_result import ThrustResult, VehicleThrust, imported_json, vehicle_thrust
 from calibration.bench.thrust.units import Units
 
 __all__ = [

@@ -20,7 +20,7 @@ from calibration.bench.thrust.public_tables import (
     read_columns,
 )
 from calibration.bench.thrust.raw_table import RAW_HEADER, RawTable, read_raw, to_data
-from calibration.bench.thrust.result import ThrustResult
+from calibration.bench.thrust.thrust_result import ThrustResult
 from calibration.bench.thrust.units import (
     FORCE_UNITS,
     VOLTAGE_UNITS,

@@ -14,6 +14,7 @@ from calibration.measurement import Finding, Severity
 from onboard.arrays import BoolArray, FloatArray
 from onboard.battery import thrust_from_voltage
 from onboard.gravity import GRAM_FORCE
+from onboard.json_file import as_json
 from onboard.thrust_map import ThrustMap
 
 REPORTED_VOLTAGES = (3.2, 3.5, 3.8)
@@ -85,7 +86,7 @@ class Verification:
             "saturated_below_v": self.saturated_below,
             "worst_relative": self.worst_relative,
             "worst_gf": self.worst_gf,
-            "findings": [finding.to_json() for finding in self.findings],
+            "findings": as_json(self.findings),
         }
 
 

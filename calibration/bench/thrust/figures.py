@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calibration.bench.thrust.compensation import Discharge, Verification
-from calibration.bench.thrust.result import ThrustResult
+from calibration.bench.thrust.thrust_result import ThrustResult
 from calibration.report_style import BLUE, GREEN, MUTED, ORANGE, TRIGGER, new_figure, report_style
 from onboard.gravity import GRAM_FORCE
 

@@ -10,9 +10,9 @@ from calibration.bench.motors.clock import ClockFit
 from calibration.bench.motors.propellers import propeller
 from calibration.bench.motors.records import WindowRecord
 from calibration.bench.procedures.apply import changed_vehicle, write_applied
+from calibration.bench.procedures.calibration import write_calibration
+from calibration.bench.procedures.conclude import motor_calibration
 from calibration.bench.procedures.motors import MotorFits
-from calibration.bench.procedures.outcomes import motor_calibration
-from calibration.bench.procedures.result import write_result
 from calibration.measurement import Estimate
 from onboard.vehicle import load_vehicle
 
@@ -33,8 +33,8 @@ def test_a_motor_without_a_square_in_its_law_is_applied(tmp_path: Path) -> None:
     clock = ClockFit(Estimate(1.0, "1", 1e-5), 60.0)
     result = analyse([first_order_steps(tau)], propeller("bitcraze-2015"), 0.09, 2, clock)
     fits = MotorFits({1: result}, 0.0, [])
-    document = write_result(motor_calibration(fits, "2026-11-22T00:00:00+00:00", {}), tmp_path)
+    written = write_calibration(motor_calibration(fits, "2026-11-22T00:00:00+00:00", {}), tmp_path)
     file = tmp_path / "drone.toml"
-    write_applied(changed_vehicle(load_vehicle("crazyflie21-upgraded"), [document]), file)
+    write_applied(changed_vehicle(load_vehicle("crazyflie21-upgraded"), [written]), file)
     (law,) = load_vehicle(file).effects
     assert law.parameters["a_up"].value == pytest.approx(1.0 / tau, rel=0.15)

@@ -1,24 +1,21 @@
 """Results: read back as written, noticed when changed, applied as a diff, undone, compared."""
 
-import json
 import math
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from calibration.bench.procedures.apply import NothingToUndo, changed_vehicle, undo, write_applied
-from calibration.bench.procedures.compare import compare_results, compare_with_vehicle
-from calibration.bench.procedures.report import write_report
-from calibration.bench.procedures.result import (
+from calibration.bench.procedures.calibration import (
     Calibration,
     ResultFileError,
     VehicleChange,
-    estimate_from_json,
-    load_result,
-    was_rejected,
-    write_result,
+    load_calibration,
+    write_calibration,
 )
+from calibration.bench.procedures.compare import compare_calibrations, compare_with_vehicle
+from calibration.bench.procedures.report import write_report
 from calibration.measurement import Contribution, Estimate, Finding, Severity
 from onboard.vehicle import load_vehicle, vehicle_to_toml
 
@@ -53,45 +50,49 @@ def calibration(inertia: Estimate = INERTIA, findings: tuple[Finding, ...] = ())
         provenance={"drone": "udp://127.0.0.1:1", "operator": "A. <b>Person</b>"},
         raw=[{"file": "raw/x-1.csv.gz", "sha256": "00"}],
         made="2026-11-21T12:00:00+00:00",
+        curve={1.5: Estimate(0.02, "N", 1e-3), 2.0: Estimate(0.05, "N", 1e-3)},
     )
 
 
 def test_a_result_is_read_back_and_names_its_parent(tmp_path: Path) -> None:
-    first = write_result(calibration(), tmp_path)
-    second = write_result(calibration(Estimate(2.8e-5, "kg m2", 1e-7)), tmp_path)
-    assert second["parent"] == first["id"] != second["id"]
-    assert load_result(tmp_path) == second
-    assert load_result(tmp_path / f"result-{first['id']}.json") == first
-    kept = estimate_from_json(first["vehicle"]["quantities"]["body.inertia_xx"])
+    first = write_calibration(calibration(), tmp_path)
+    second = write_calibration(calibration(Estimate(2.8e-5, "kg m2", 1e-7)), tmp_path)
+    assert second.parent == first.id != second.id
+    assert load_calibration(tmp_path).document() == second.document()
+    earlier = load_calibration(tmp_path / f"result-{first.id}.json")
+    assert earlier.document() == first.document()
+    assert earlier.curve.keys() == {1.5, 2.0}
+    assert Calibration.from_document(first.document()).document() == first.document()
+    kept = earlier.change.quantities["body.inertia_xx"]
     assert (kept.value, kept.sigma, kept.dof) == (INERTIA.value, INERTIA.sigma, INERTIA.dof)
     assert kept.interval == INERTIA.interval
 
 
 def test_a_result_that_was_edited_is_noticed(tmp_path: Path) -> None:
-    write_result(calibration(), tmp_path)
+    write_calibration(calibration(), tmp_path)
     file = tmp_path / "result.json"
     file.write_text(file.read_text().replace("2.9e-05", "1.9e-05"))
     with pytest.raises(ResultFileError, match="changed after it was written"):
-        load_result(tmp_path)
+        load_calibration(tmp_path)
 
 
-@pytest.mark.parametrize("content", ["", "[]", "{}", "null"])
+@pytest.mark.parametrize("content", ["", "[]", "{}", "null", '{"schema": "perchhw.calibration/1"}'])
 def test_what_is_no_result_is_refused(tmp_path: Path, content: str) -> None:
     (tmp_path / "result.json").write_text(content)
     with pytest.raises(ResultFileError):
-        load_result(tmp_path)
+        load_calibration(tmp_path)
 
 
 def test_applying_changes_what_was_measured_and_nothing_else(tmp_path: Path) -> None:
     before = load_vehicle(VEHICLE)
-    result = write_result(calibration(), tmp_path)
+    result = write_calibration(calibration(), tmp_path)
     file = tmp_path / "lab.toml"
     file.write_text(vehicle_to_toml(before))
     kept = write_applied(changed_vehicle(before, [result]), file)
     after = load_vehicle(file)
     assert after.body.inertia_xx.value == INERTIA.value
     assert after.body.inertia_xx.sigma == INERTIA.sigma
-    assert result["id"] in after.body.inertia_xx.source
+    assert result.id in after.body.inertia_xx.source
     assert after.body.inertia_yy == before.body.inertia_yy
     assert after.motors.time_constant_up.value == 0.06
     assert after.motors.time_constant_down == before.motors.time_constant_down
@@ -108,7 +109,7 @@ def test_two_applications_are_undone_one_after_the_other(tmp_path: Path) -> None
     file = tmp_path / "lab.toml"
     vehicle, texts = load_vehicle(VEHICLE), []
     for value in (2.5e-5, 2.6e-5, 2.7e-5):
-        result = write_result(calibration(Estimate(value, "kg m2", 1e-7)), tmp_path)
+        result = write_calibration(calibration(Estimate(value, "kg m2", 1e-7)), tmp_path)
         write_applied(changed_vehicle(vehicle, [result]), file)
         texts.append(file.read_text())
     for text in reversed(texts[:-1]):
@@ -117,37 +118,32 @@ def test_two_applications_are_undone_one_after_the_other(tmp_path: Path) -> None
 
 
 def test_a_quantity_that_no_vehicle_has_is_refused(tmp_path: Path) -> None:
-    strange = Calibration(
-        **{
-            **{name: getattr(calibration(), name) for name in Calibration.__dataclass_fields__},
-            "change": VehicleChange(quantities={"body.colour": INERTIA}),
-        }
-    )
+    strange = replace(calibration(), change=VehicleChange(quantities={"body.colour": INERTIA}))
     with pytest.raises(ResultFileError, match=r"body\.colour"):
-        changed_vehicle(load_vehicle(VEHICLE), [write_result(strange, tmp_path)])
+        changed_vehicle(load_vehicle(VEHICLE), [write_calibration(strange, tmp_path)])
 
 
 def test_contradicting_calibrations_are_flagged(tmp_path: Path) -> None:
-    old = write_result(calibration(Estimate(2.0e-5, "kg m2", 1e-7)), tmp_path)
-    near = write_result(calibration(Estimate(2.01e-5, "kg m2", 1e-7)), tmp_path)
-    far = write_result(calibration(Estimate(2.1e-5, "kg m2", 1e-7)), tmp_path)
+    old = write_calibration(calibration(Estimate(2.0e-5, "kg m2", 1e-7)), tmp_path)
+    near = write_calibration(calibration(Estimate(2.01e-5, "kg m2", 1e-7)), tmp_path)
+    far = write_calibration(calibration(Estimate(2.1e-5, "kg m2", 1e-7)), tmp_path)
     key = "body.inertia_xx"
-    agree = {row.key: row for row in compare_results(old, near)}[key]
-    contradict = {row.key: row for row in compare_results(old, far)}[key]
+    agree = {row.key: row for row in compare_calibrations(old, near)}[key]
+    contradict = {row.key: row for row in compare_calibrations(old, far)}[key]
     assert not agree.contradicts
     assert contradict.contradicts
     assert contradict.normalised == pytest.approx(1e-6 / (math.sqrt(2.0) * 1.96e-7), rel=1e-3)
     rows = {row.key for row in compare_with_vehicle(load_vehicle(VEHICLE), far)}
-    assert rows == {"body.inertia_xx", "motors.time_constant_up"}
+    assert rows == {"body.inertia_xx", "motors.time_constant_up", "thrust at 1.5 V", "thrust at 2 V"}
 
 
 def test_the_report_stands_alone_and_shows_names_as_text(tmp_path: Path) -> None:
     finding = Finding("few_cycles", Severity.REJECT, "only 5 cycles < 8: twist further")
-    result: dict[str, Any] = write_result(calibration(findings=(finding,)), tmp_path)
-    assert was_rejected(result) == [finding.text]
-    path = write_report(tmp_path, result, {}, {"the file": compare_results(result, result)})
+    result = write_calibration(calibration(findings=(finding,)), tmp_path)
+    assert result.rejections == [finding.text]
+    path = write_report(tmp_path, result, {}, {"the file": compare_calibrations(result, result)})
     text = path.read_text()
     assert "<b>Person</b>" not in text
     assert "only 5 cycles &lt; 8" in text
     assert "http" not in text.replace("http://www.w3.org", "")
-    assert json.dumps(result["id"])[1:-1] in text
+    assert result.id in text

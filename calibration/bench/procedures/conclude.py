@@ -5,12 +5,12 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from calibration.bench.motors.errors import TachometerError
-from calibration.bench.motors.result import TachometerResult
+from calibration.bench.motors.tachometer_result import TachometerResult
+from calibration.bench.procedures.calibration import Calibration, VehicleChange
 from calibration.bench.procedures.inertia import KIND as BIFILAR
 from calibration.bench.procedures.inertia import InertiaFits
 from calibration.bench.procedures.motors import KIND as TACHOMETER
 from calibration.bench.procedures.motors import MotorFits
-from calibration.bench.procedures.result import Calibration, VehicleChange, estimate_to_json
 from calibration.bench.procedures.thrust import KIND as THRUST
 from calibration.bench.procedures.thrust import thrust_inputs
 from calibration.measurement import Contribution, Estimate
@@ -19,7 +19,7 @@ from onboard.vehicle import EFFECTS
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from calibration.bench.thrust.result import ThrustResult
+    from calibration.bench.thrust.thrust_result import ThrustResult
 
 
 def inertia_calibration(fits: InertiaFits, made: str, provenance: Mapping[str, Any]) -> Calibration:
@@ -130,19 +130,18 @@ def thrust_calibration(
     Raises:
         ThrustTableError: no form that a vehicle file has may be used.
     """
-    from calibration.bench.thrust.result import vehicle_thrust
+    from calibration.bench.thrust.thrust_result import vehicle_thrust
 
     found = vehicle_thrust(result, "thrust run")
     thrust_map = found.thrust_map
-    coefficients = {
-        name: Estimate(one.value, one.unit, one.sigma) for name, one in thrust_map.coefficients.items()
-    }
+    coefficients = {name: Estimate.from_quantity(one) for name, one in thrust_map.coefficients.items()}
     return Calibration(
         kind=THRUST,
         change=VehicleChange(thrust_map=(thrust_map.form.name.lower(), coefficients)),
         budgets={},
         findings=tuple(dict.fromkeys(result.findings)),
-        details={**result.to_json(), "curve": _curve(result)},
+        details=result.to_json(),
+        curve=_curve(result),
         inputs=thrust_inputs(steps),
         provenance=provenance,
         raw=[step["table"] for step in steps.values() if "table" in step],
@@ -175,8 +174,8 @@ def _row(motor: int, result: TachometerResult) -> dict[str, Estimate]:
     }
 
 
-def _curve(result: "ThrustResult") -> list[dict[str, Any]]:
+def _curve(result: "ThrustResult") -> dict[float, Estimate]:
     """Thrust with its uncertainty at round voltages of the range that was measured."""
     low, high = float(result.data.voltage.min()), float(result.data.voltage.max())
     steps = [0.5 * k for k in range(1, 10) if low <= 0.5 * k <= high]
-    return [{"voltage_v": volts, "thrust": estimate_to_json(result.thrust_at(volts))} for volts in steps]
+    return {volts: result.thrust_at(volts) for volts in steps}

@@ -13,6 +13,7 @@ from calibration.measurement import Estimate, Finding, rejected
 from onboard.arrays import FloatArray
 from onboard.battery import voltage_from_thrust
 from onboard.gravity import GRAM_FORCE
+from onboard.json_file import as_json
 from onboard.quantity import Quantity
 from onboard.vehicle.model import ThrustMapDescription
 
@@ -67,22 +68,23 @@ class ThrustResult:
     def to_json(self) -> dict[str, Any]:
         """``{forms, chosen, rms_gf, thrust_min, thrust_max, achievable, findings, ...}``."""
         highest = float(np.max(self.data.voltage))
-        return {
+        document: dict[str, Any] = {
             "schema": "perchhw.thrust/1",
             "source": self.data.source,
-            "forms": {name: report.to_json() for name, report in self.forms.items()},
+            "forms": self.forms,
             "chosen": self.chosen,
             "rms_gf": self.best.fit.rms,
-            "thrust_min": self.thrust_min.to_json(),
-            "thrust_max": self.thrust_max.to_json(),
+            "thrust_min": self.thrust_min,
+            "thrust_max": self.thrust_max,
             "achievable": [
-                {"battery_v": battery, "thrust": most.to_json(), "extrapolated": battery > highest}
+                {"battery_v": battery, "thrust": most, "extrapolated": battery > highest}
                 for battery, most in self.achievable().items()
             ],
             "accepted": self.accepted,
-            "findings": [finding.to_json() for finding in self.findings],
+            "findings": self.findings,
             "warnings": [finding.text for finding in self.findings],
         }
+        return {key: as_json(part) for key, part in document.items()}
 
 
 @dataclass(frozen=True, slots=True)

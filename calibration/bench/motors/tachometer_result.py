@@ -10,6 +10,7 @@ from calibration.bench.motors.propellers import PropellerMap
 from calibration.bench.motors.settling import PAPER_DOWN, PAPER_UP, STANDARD_STEPS, ThrustStep
 from calibration.measurement import Estimate, Finding, rejected
 from onboard.gravity import GRAM_FORCE
+from onboard.json_file import as_json
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,18 +99,18 @@ class TachometerResult:
     def to_json(self) -> dict[str, Any]:
         """``{tau_up, tau_down, speed_law, hover, standard_steps, steps, alternatives, findings, ...}``."""
         directions = {"up": self.up, "down": self.down}
-        return {
+        document: dict[str, Any] = {
             "schema": "perchhw.tachometer/1",
-            "tau_up": None if self.tau_up is None else self.tau_up.to_json(),
-            "tau_down": None if self.tau_down is None else self.tau_down.to_json(),
+            "tau_up": self.tau_up,
+            "tau_down": self.tau_down,
             "speed_law": {name: None if one is None else _law(one) for name, one in directions.items()},
             "hover": self._hover(),
             "propeller": {"name": self.propeller.name, "source": self.propeller.source},
             "standard_steps": [
                 {
                     "step": one.step.label,
-                    "time_63": one.time_63.to_json(),
-                    "first_order": one.first_order.to_json(),
+                    "time_63": one.time_63,
+                    "first_order": one.first_order,
                 }
                 for one in self.standard
             ],
@@ -128,19 +129,20 @@ class TachometerResult:
                 for name, one in directions.items()
                 if one is not None
             },
-            "clock": None if self.clock is None else self.clock.scale.to_json(),
+            "clock": self.clock and self.clock.scale,
             "accepted": self.accepted,
-            "findings": [finding.to_json() for finding in self.findings],
+            "findings": self.findings,
             "warnings": [finding.text for finding in self.findings],
         }
+        return {key: as_json(part) for key, part in document.items()}
 
     def _hover(self) -> dict[str, Any]:
         speed = self.propeller.speed(self.hover_thrust)
         return {
             "thrust_gf": self.hover_thrust / GRAM_FORCE,
             "speed_rad_s": speed,
-            "tau_up": None if self.up is None else self.up.local(speed).to_json(),
-            "tau_down": None if self.down is None else self.down.local(speed).to_json(),
+            "tau_up": self.up and self.up.local(speed),
+            "tau_down": self.down and self.down.local(speed),
         }
 
     def _step(self, step: StepSummary) -> dict[str, Any]:
@@ -160,8 +162,8 @@ class TachometerResult:
 
 def _law(fit: DirectionFit) -> dict[str, Any]:
     return {
-        "a": fit.a.to_json(),
-        "b": fit.b.to_json(),
+        "a": fit.a,
+        "b": fit.b,
         "a_at_bound": fit.a_at_bound,
         "rms_rad_s": fit.fit.rms,
         "samples": int(fit.fit.residuals.size),
