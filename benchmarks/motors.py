@@ -24,12 +24,12 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import numpy as np
 
 from calibration.bench.motors import ClockFit, analyse, fit_clock, propeller
-from calibration.bench.motors.edge_checks import check_edges
+from calibration.bench.motors.checks import check_edges
 from calibration.bench.motors.revolutions import mark_passages
 from calibration.bench.motors.settling import time_to_share
 from calibration.bench.thrust.analysis import questions
 from calibration.bench.thrust.choose import choose, report_forms
-from calibration.bench.thrust.forms import VEHICLE_FORMS
+from calibration.bench.thrust.law import VEHICLE_FORMS
 from calibration.bench.thrust.raw_table import to_data
 from calibration.measurement import Estimate
 from tests.tachometer.rotor import Motor, Sensor, edges, staircase, turn, windows

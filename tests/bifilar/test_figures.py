@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from calibration.bench.inertia import Rig, SwingFit, fit_swing, inertia_about_axis, measured
-from calibration.bench.inertia.plots import budget_figure, swing_figure, trials_figure
+from calibration.bench.inertia.figures import budget_figure, swing_figure, trials_figure
 from calibration.report_style import svg
 from tests.bifilar.world import Hang, record
 

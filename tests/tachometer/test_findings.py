@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from calibration.bench.motors import EdgeMonitor, EdgeRecord, TachometerError, analyse, propeller
-from calibration.bench.motors.edge_checks import check_edges, check_speed
+from calibration.bench.motors.checks import check_commands, check_edges, check_heat, check_speed
 from calibration.bench.motors.mark_pattern import mark_pattern
 from calibration.bench.motors.records import CommandRecord
 from calibration.bench.motors.revolutions import mark_passages, speed_trace
-from calibration.bench.motors.step_checks import check_commands, check_heat
 from calibration.bench.motors.steps import find_steps
 from calibration.measurement import Severity
 from tests.tachometer.rotor import Motor, Run, Sensor, edges, turn

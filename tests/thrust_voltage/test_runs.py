@@ -23,9 +23,10 @@ from calibration.bench.thrust import (
     verify,
     write_raw,
 )
+from calibration.bench.thrust.checks import check_run
 from calibration.bench.thrust.choose import choose, report_forms
 from calibration.bench.thrust.figures import discharge_figure
-from calibration.bench.thrust.forms import CUBIC, FORMS, VEHICLE_FORMS
+from calibration.bench.thrust.law import CUBIC, FORMS, VEHICLE_FORMS
 from calibration.bench.thrust.raw_table import to_data
 from calibration.bench.thrust.shape import shape_problems
 from calibration.measurement import Severity
@@ -172,14 +173,7 @@ def test_curves_that_disagree_are_found() -> None:
         assert code in codes(weaker)
     repeats = tuple("repeat" if k == "point" else k for k in run.kind)
     same = dataclasses.replace(run, kind=repeats, command=np.where(run.pointing, 40960.0, 0.0))
-    loud = np.array([f.code for f in _findings_of_run(dataclasses.replace(same, scale=run.scale))])
-    assert "repeats_differ" in loud
-
-
-def _findings_of_run(run: RawTable) -> list:
-    from calibration.bench.thrust.checks import _check_repeats
-
-    return _check_repeats(run)
+    assert "repeats_differ" in {finding.code for finding in check_run(same)}
 
 
 def test_missing_propeller_shows_against_the_map_so_far() -> None:

@@ -1,127 +1,182 @@
-"""What can be wrong with one recording: thresholds, and the words for them (limits of the bench notes)."""
+"""What can be wrong with a swing, with several of them, and with the inertia that they give (bench notes)."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Sequence
 
 import numpy as np
 
+from calibration.bench.check_table import REJECTED, WARNED, Check, above, below, findings_of
 from calibration.bench.inertia.swing import Swing
 from calibration.bench.inertia.swing_fit import SwingFit
-from calibration.measurement import Finding, Severity
+from calibration.measurement import Finding
 from onboard.arrays import BoolArray, FloatArray
 
-CYCLES_REJECT, CYCLES_WARN = 8.0, 15.0
-AMPLITUDE_REJECT, AMPLITUDE_WARN = math.radians(2.0), math.radians(20.0)
-GAP_WARN = 0.25  # of a period
-LOSS_WARN, LOSS_REJECT = 0.05, 0.20
+AMPLITUDE_LEAST, AMPLITUDE_MOST = math.radians(2.0), math.radians(20.0)
 GYRO_FULL_SCALE = math.radians(2000.0)
 FULL_SCALE_MARGIN = 0.02
 EQUAL_EXTREMES = 3
-SWING_WARN, SWING_REJECT = 0.03, 0.10
-CROSS_WARN = 0.15
-OFF_AXIS_REJECT = math.radians(10.0)
-DAMPING_LOW, DAMPING_HIGH = 0.0005, 0.03
-ESTIMATORS_WARN = 0.003
-RESIDUAL_WARN = 0.05
 BEATING_NEAR = 0.15  # of the torsion's frequency: a second one this near cannot be told from it by eye
-BEATING_WARN = 0.05  # rise of the smoothed amplitude, as a share of the largest
+BEATING_RISE = 0.05  # rise of the smoothed amplitude, as a share of the largest
 _BEATING_SIGMAS = 4.0
 _NOISE_SIGMAS = 3.0
+GYRATION = (12.0, 60.0)  # mm, of a small drone
+PRESET_RATIO = 2.0
 
 
 def check_fit(swing: Swing, fit: SwingFit) -> list[Finding]:
-    """All findings of one recording, in the order of the checks."""
-    return [
-        Finding(code, severity, f"{swing.source}: {text}")
-        for check in (_length, _amplitude, _sampling, _clipping, _other_motion, _axis, _damping, _agreement)
-        for code, severity, text in check(swing, fit)
-    ]
+    """All findings of one recording."""
+    start, period = math.degrees(fit.start_amplitude), fit.period.value
+    crossing = fit.crossing_period
+    apart = None if crossing is None else abs(crossing / period - 1.0)
+    off_axis = None if fit.off_axis is None else math.degrees(fit.off_axis)
+    table = (
+        Check(
+            "few_cycles",
+            fit.cycles,
+            below(reject=8.0, warning=15.0),
+            "{:.1f} cycles (at least {:g})",
+            "record 20 or more",
+        ),
+        Check(
+            "large_amplitude",
+            start,
+            above(warning=math.degrees(AMPLITUDE_MOST)),
+            "starts at {:.1f} deg (limit {:.0f})",
+            "twist by 5 to 12",
+        ),
+        Check(
+            "small_amplitude",
+            start,
+            below(reject=math.degrees(AMPLITUDE_LEAST)),
+            "starts at {:.2f} deg (at least {:.0f})",
+            "twist by 5 to 12",
+        ),
+        _beating(fit),
+        Check(
+            "host_time",
+            fit.clock == "host",
+            WARNED,
+            "stamped by the host on arrival (3 to 10 ms of jitter)",
+            "log the drone's own time",
+        ),
+        Check(
+            "gap",
+            fit.largest_gap / period,
+            above(warning=0.25),
+            "a gap of {:.2f} of a period (limit {:g})",
+            "bring the radio nearer",
+        ),
+        Check(
+            "loss",
+            fit.loss,
+            above(reject=0.20, warning=0.05),
+            "{:.1%} of the samples lost (limit {:.0%})",
+            "bring the radio nearer",
+        ),
+        _clipping(swing, fit),
+        Check(
+            "swing",
+            fit.swing_share,
+            above(reject=0.10, warning=0.03),
+            f"still swinging: a second motion at {fit.swing_frequency:.2f} Hz of {{:.1%}} (limit {{:.0%}})",
+            "damp it with a finger at the suspension",
+        ),
+        Check(
+            "cross_axis",
+            fit.cross,
+            above(warning=0.15),
+            "other axes turn by {:.2f} of the main one (limit {:g})",
+            "let it settle",
+        ),
+        Check(
+            "wrong_axis",
+            off_axis,
+            above(reject=10.0),
+            f"it turns about ({', '.join(f'{part:.2f}' for part in fit.axis)}), "
+            "{:.0f} deg from the axis that was named (limit {:.0f})",
+            "hang the other axis or name this one",
+        ),
+        Check(
+            "damping_high",
+            fit.damping_ratio,
+            above(warning=0.03),
+            "damping {:.3f} (limit {:g})",
+            "it touches something, or a draught: move it",
+        ),
+        Check(
+            "damping_low",
+            fit.damping_ratio,
+            below(warning=0.0005),
+            "damping {:.5f} (at least {:g} in any room)",
+            "frozen or replayed data? Check that the log is live",
+        ),
+        Check(
+            "residual",
+            fit.residual_share,
+            above(warning=0.05),
+            "the fit leaves {:.1%} of the amplitude (limit {:.0%})",
+            "look at the plot",
+        ),
+        Check(
+            "estimators_disagree",
+            apart,
+            above(warning=0.003),
+            "zero crossings and the fit give periods that are {:.2%} apart (limit {:.1%})",
+            "record again",
+        ),
+    )
+    return findings_of(swing.source, table)
 
 
-_Found = Iterator[tuple[str, Severity, str]]
-
-
-def _length(swing: Swing, fit: SwingFit) -> _Found:
-    if fit.cycles < CYCLES_REJECT:
-        text = f"{fit.cycles:.1f} cycles, at least {CYCLES_REJECT:g} needed; record 20 or more"
-        yield "few_cycles", Severity.REJECT, text
-    elif fit.cycles < CYCLES_WARN:
-        text = f"{fit.cycles:.1f} cycles, better {CYCLES_WARN:g} or more; record 20"
-        yield "few_cycles", Severity.WARNING, text
-
-
-def _amplitude(swing: Swing, fit: SwingFit) -> _Found:
-    degrees = math.degrees(fit.start_amplitude)
-    if fit.start_amplitude > AMPLITUDE_WARN:
-        text = (
-            f"starts at {degrees:.1f} deg, better below {math.degrees(AMPLITUDE_WARN):.0f}; twist by 5 to 12"
-        )
-        yield "large_amplitude", Severity.WARNING, text
-    if fit.start_amplitude < AMPLITUDE_REJECT:
-        least = math.degrees(AMPLITUDE_REJECT)
-        text = f"starts at {degrees:.2f} deg, at least {least:.0f} needed; twist by 5 to 12"
-        yield "small_amplitude", Severity.REJECT, text
+def _beating(fit: SwingFit) -> Check:
+    """Two motions that beat: seen as a second line, or as an amplitude that grows."""
     nearness = abs(fit.swing_frequency * fit.period.value - 1.0)
     if fit.second_mode and nearness < BEATING_NEAR:
-        text = (
+        return Check(
+            "beating",
+            nearness,
+            below(warning=BEATING_NEAR),
             f"two motions beat: {1.0 / fit.period.value:.3f} and {fit.swing_frequency:.3f} Hz, "
-            f"{nearness:.0%} apart (limit {BEATING_NEAR:.0%}); choose another string distance"
+            "{:.0%} apart (limit {:.0%})",
+            "choose another string distance",
         )
-        yield "beating", Severity.WARNING, text
-        return
     amplitude, sigma = fit.envelope.amplitude, fit.envelope.sigma
-    if len(amplitude) < 5:
-        return
-    smooth = np.convolve(amplitude, np.full(3, 1.0 / 3.0), mode="valid")
-    rise = smooth - np.minimum.accumulate(smooth)
-    worst = int(np.argmax(rise))
-    noise = _BEATING_SIGMAS * float(np.median(sigma)) / math.sqrt(3.0)
-    if rise[worst] > max(BEATING_WARN * float(np.max(smooth)), noise):
-        share = rise[worst] / float(np.max(smooth))
-        text = (
-            f"the amplitude grows by {share:.0%} until {fit.envelope.time[worst + 1]:.1f} s (limit "
-            f"{BEATING_WARN:.0%}): it was touched, or two motions beat; damp the swing, release again"
-        )
-        yield "beating", Severity.WARNING, text
+    rise, limit = 0.0, BEATING_RISE
+    if len(amplitude) >= 5:
+        smooth = np.convolve(amplitude, np.full(3, 1.0 / 3.0), mode="valid")
+        largest = float(np.max(smooth))
+        noise = _BEATING_SIGMAS * float(np.median(sigma)) / math.sqrt(3.0)
+        rise = float(np.max(smooth - np.minimum.accumulate(smooth))) / largest
+        limit = max(limit, noise / largest)
+    return Check(
+        "beating",
+        rise,
+        above(warning=limit),
+        "the amplitude grows by {:.0%} (limit {:.0%}): it was touched, or two motions beat",
+        "damp the swing, release again",
+    )
 
 
-def _sampling(swing: Swing, fit: SwingFit) -> _Found:
-    if fit.clock == "host":
-        text = "stamped by the host on arrival (3 to 10 ms of jitter); log the drone's own time"
-        yield "host_time", Severity.WARNING, text
-    if fit.largest_gap > GAP_WARN * fit.period.value:
-        text = (
-            f"a gap of {fit.largest_gap:.2f} s, {fit.largest_gap / fit.period.value:.2f} of a period (limit "
-            f"{GAP_WARN:g}); bring the radio nearer"
-        )
-        yield "gap", Severity.WARNING, text
-    if fit.loss is not None and fit.loss > LOSS_WARN:
-        severity = Severity.REJECT if fit.loss > LOSS_REJECT else Severity.WARNING
-        limits = f"limits {LOSS_WARN:.0%}, {LOSS_REJECT:.0%}"
-        text = f"{fit.loss:.1%} of the samples lost ({limits}); bring the radio nearer"
-        yield "loss", severity, text
-
-
-def _clipping(swing: Swing, fit: SwingFit) -> _Found:
-    channel = int(np.argmax(np.abs(fit.axis)))
-    values = swing.gyro[:, channel]
+def _clipping(swing: Swing, fit: SwingFit) -> Check:
+    """Values at the end of the gyro's range, or a top that is flatter than a wave's."""
+    values = swing.gyro[:, int(np.argmax(np.abs(fit.axis)))]
     largest = float(np.max(np.abs(values)))
-    if largest >= (1.0 - FULL_SCALE_MARGIN) * GYRO_FULL_SCALE:
-        text = (
-            f"the gyro reached {largest:.1f} rad/s, within {FULL_SCALE_MARGIN:.0%} of its range "
-            f"({GYRO_FULL_SCALE:.1f}); twist less"
-        )
-        yield "clipping", Severity.REJECT, text
-        return
+    full = (1.0 - FULL_SCALE_MARGIN) * GYRO_FULL_SCALE
+    if largest >= full:
+        meaning = f"the gyro reached {largest:.1f} rad/s of its range of {GYRO_FULL_SCALE:.1f}"
+        return Check("clipping", True, REJECTED, meaning, "twist less")
+    longest = 0
     for extreme in (float(np.max(values)), float(np.min(values))):
         samples, seconds = _longest_run(swing.time, values == extreme)
-        if samples >= EQUAL_EXTREMES and seconds > _flat_top(values, fit):
-            text = (
-                f"{samples} equal samples at the extreme {extreme:.3f} rad/s (limit {EQUAL_EXTREMES}): "
-                "the values are clipped; check scale and type of the log variables"
-            )
-            yield "clipping", Severity.REJECT, text
-            return
+        if seconds > _flat_top(values, fit):
+            longest = max(longest, samples)
+    return Check(
+        "clipping",
+        longest,
+        above(reject=EQUAL_EXTREMES - 1),
+        "{} equal samples at the extreme (limit {}): the values are clipped",
+        "check scale and type of the log variables",
+    )
 
 
 def _longest_run(time: FloatArray, chosen: BoolArray) -> tuple[int, float]:
@@ -145,53 +200,52 @@ def _flat_top(values: FloatArray, fit: SwingFit) -> float:
     return 2.0 * math.sqrt(2.0 * indistinct / largest) * fit.period.value / math.tau
 
 
-def _other_motion(swing: Swing, fit: SwingFit) -> _Found:
-    if fit.swing_share > SWING_WARN:
-        severity = Severity.REJECT if fit.swing_share > SWING_REJECT else Severity.WARNING
-        yield (
-            "swing",
-            severity,
-            f"still swinging: a second motion of {fit.swing_share:.1%} at {fit.swing_frequency:.2f} Hz "
-            f"(limits {SWING_WARN:.0%}, {SWING_REJECT:.0%}); damp it with a finger at the suspension",
-        )
-    if fit.cross > CROSS_WARN:
-        text = f"other axes turn by {fit.cross:.2f} of the main one (limit {CROSS_WARN:g}); let it settle"
-        yield "cross_axis", Severity.WARNING, text
+def check_trials(fits: Sequence[SwingFit], spread: float, fewest: int) -> list[Finding]:
+    """Number of trials, their spread (relative), and whether rejected ones count."""
+    rejected = [fit.source for fit in fits if fit.rejected]
+    table = (
+        Check(
+            "few_trials",
+            len(fits),
+            below(warning=fewest),
+            "{} trial(s), {} needed for a 95 % interval: none is claimed",
+            "record more",
+        ),
+        Check(
+            "spread",
+            spread,
+            above(warning=0.003),
+            "the trials' periods differ by {:.2%} (standard deviation, limit {:.1%})",
+            "look for loose strings or a draught, and hang the drone again",
+        ),
+        Check(
+            "rejected_counts",
+            len(rejected),
+            WARNED,
+            "{} rejected trial(s) count because the operator said so",
+            ", ".join(rejected),
+        ),
+    )
+    return findings_of("", table)
 
 
-def _axis(swing: Swing, fit: SwingFit) -> _Found:
-    if fit.off_axis is not None and fit.off_axis > OFF_AXIS_REJECT:
-        seen = ", ".join(f"{part:.2f}" for part in fit.axis)
-        text = (
-            f"it turns about ({seen}), {math.degrees(fit.off_axis):.0f} deg from the axis that was named "
-            f"(limit {math.degrees(OFF_AXIS_REJECT):.0f}); hang the other axis or name this one"
-        )
-        yield "wrong_axis", Severity.REJECT, text
-
-
-def _damping(swing: Swing, fit: SwingFit) -> _Found:
-    if fit.damping_ratio > DAMPING_HIGH:
-        text = f"damping {fit.damping_ratio:.3f} (limit {DAMPING_HIGH:g}): it touches something, or a draught"
-        yield "damping_high", Severity.WARNING, text
-    if fit.damping_ratio < DAMPING_LOW:
-        text = (
-            f"damping {fit.damping_ratio:.5f} (at least {DAMPING_LOW:g} in any room): frozen or replayed "
-            "data? Check that the log is live"
-        )
-        yield "damping_low", Severity.WARNING, text
-
-
-def _agreement(swing: Swing, fit: SwingFit) -> _Found:
-    if fit.residual_share > RESIDUAL_WARN:
-        limit = f"limit {RESIDUAL_WARN:.0%}"
-        text = f"the fit leaves {fit.residual_share:.1%} of the amplitude ({limit}); look at the plot"
-        yield "residual", Severity.WARNING, text
-    if fit.crossing_period is None:
-        return
-    difference = abs(fit.crossing_period / fit.period.value - 1.0)
-    if difference > ESTIMATORS_WARN:
-        text = (
-            f"zero crossings give {fit.crossing_period:.4f} s, the fit {fit.period.value:.4f} s: "
-            f"{difference:.2%} apart (limit {ESTIMATORS_WARN:.1%}); record again"
-        )
-        yield "estimators_disagree", Severity.WARNING, text
+def check_inertia(inertia: float, mass: float, expected: float | None) -> list[Finding]:
+    """Radius of gyration for `mass` (kg), and the ratio to what was `expected` (kg m2)."""
+    gyration = 1e3 * math.sqrt(inertia / mass)
+    usual = f"({GYRATION[0]:.0f} to {GYRATION[1]:.0f} is usual)"
+    radius = f"{inertia:.3g} kg m2 of {1e3 * mass:.1f} g is a radius of gyration of {{:.1f}} mm {usual}"
+    ratio = None if expected is None else inertia / expected
+    preset = f"{inertia:.3g} kg m2 is {{:.2f}} of what was expected (limit a factor of {PRESET_RATIO:g})"
+    table = (
+        Check("gyration", gyration, above(warning=GYRATION[1]), radius, "check lengths, mass and units"),
+        Check("gyration", gyration, below(warning=GYRATION[0]), radius, "check lengths, mass and units"),
+        Check("preset", ratio, above(warning=PRESET_RATIO), preset, "right axis, right preset, right units?"),
+        Check(
+            "preset",
+            ratio,
+            below(warning=1.0 / PRESET_RATIO),
+            preset,
+            "right axis, right preset, right units?",
+        ),
+    )
+    return findings_of("", table)

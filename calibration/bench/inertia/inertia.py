@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calibration.bench.inertia.checks import check_inertia, check_trials
 from calibration.bench.inertia.errors import RigError
 from calibration.bench.inertia.geometry import small_period
-from calibration.bench.inertia.plausibility import check_inertia, check_trials
 from calibration.bench.inertia.rig import Rig, check_rig
 from calibration.bench.inertia.swing_fit import SwingFit
 from calibration.measurement import (

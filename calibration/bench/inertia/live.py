@@ -7,7 +7,7 @@ from enum import Enum
 
 import numpy as np
 
-from calibration.bench.inertia.checks import AMPLITUDE_REJECT, AMPLITUDE_WARN
+from calibration.bench.inertia.checks import AMPLITUDE_LEAST, AMPLITUDE_MOST
 from calibration.bench.inertia.rest import STILL_RATE
 from calibration.bench.inertia.start import strongest_line
 from calibration.bench.inertia.swing import CLOCK_WRAP_S
@@ -135,17 +135,17 @@ class LiveSwing:
     def _moving(self, now: float, t: FloatArray, gyro: FloatArray, rate: float) -> LiveView:
         """Period and amplitude of the last cycles, which count from the first that are large enough."""
         found = _torsion(t, gyro)
-        if found is None or (not self._released and found[1] < AMPLITUDE_REJECT):
+        if found is None or (not self._released and found[1] < AMPLITUDE_LEAST):
             return LiveView(LiveState.MOVING, 0.0, False, self._phase, None, None, rate, self._samples)
         period, amplitude, share = found
         since = self._analysed if self._released else max(float(t[0]), now - _FEWEST_CYCLES * period)
         self._released = True
         self._phase += (now - since) / period
-        over = self._phase >= self._enough or (self._phase > 1.0 and amplitude < AMPLITUDE_REJECT)
+        over = self._phase >= self._enough or (self._phase > 1.0 and amplitude < AMPLITUDE_LEAST)
         return LiveView(
             LiveState.ENOUGH if over else LiveState.MOVING,
             amplitude,
-            AMPLITUDE_REJECT <= amplitude <= AMPLITUDE_WARN,
+            AMPLITUDE_LEAST <= amplitude <= AMPLITUDE_MOST,
             self._phase,
             period,
             share,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.bench.inertia.pendulum import PendulumSwing
+from calibration.bench.inertia.law import PendulumSwing
 from calibration.bench.inertia.start import DampedSine, strongest_line
 from onboard.arrays import FloatArray
 

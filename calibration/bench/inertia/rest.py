@@ -5,17 +5,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calibration.bench.check_table import Check, above, below, findings_of
 from calibration.bench.inertia.errors import UnusableSwingError
 from calibration.bench.inertia.fit import angle_between
 from calibration.bench.inertia.swing import Swing
-from calibration.measurement import Finding, Severity
+from calibration.measurement import Finding
 from onboard.arrays import Vector
 
 STILL_RATE = 0.02
 """rad/s: drift and motion at rest stay below it."""
 
-TILT_WARN = math.radians(3.0)
-_SECONDS = 5.0
 _FEWEST = 50
 
 
@@ -66,23 +65,35 @@ def check_rest(swing: Swing) -> RestCheck:
 
 
 def _findings(swing: Swing, drift: float, motion: float, tilt: float | None) -> list[Finding]:
-    found = []
-    seconds = float(swing.time[-1] - swing.time[0])
-    if seconds < _SECONDS:
-        text = f"{seconds:.1f} s at rest, at least {_SECONDS:g} needed; wait longer"
-        found.append(Finding("short_rest", Severity.WARNING, f"{swing.source}: {text}"))
-    if drift > STILL_RATE:
-        text = f"the gyro drifts by {drift:.3f} rad/s (limit {STILL_RATE:g}); let it settle or warm up"
-        found.append(Finding("drift", Severity.REJECT, f"{swing.source}: {text}"))
-    if motion > STILL_RATE:
-        text = (
-            f"it still moves with {motion:.3f} rad/s (limit {STILL_RATE:g}); stop it with a finger and wait"
-        )
-        found.append(Finding("moving", Severity.REJECT, f"{swing.source}: {text}"))
-    if tilt is not None and tilt > TILT_WARN:
-        text = (
-            f"the axis hangs {math.degrees(tilt):.1f} deg off the vertical "
-            f"(limit {math.degrees(TILT_WARN):.0f}); move the drone in its loops"
-        )
-        found.append(Finding("tilt", Severity.WARNING, f"{swing.source}: {text}"))
-    return found
+    degrees = None if tilt is None else math.degrees(tilt)
+    table = (
+        Check(
+            "short_rest",
+            float(swing.time[-1] - swing.time[0]),
+            below(warning=5.0),
+            "{:.1f} s at rest (at least {:g})",
+            "wait longer",
+        ),
+        Check(
+            "drift",
+            drift,
+            above(reject=STILL_RATE),
+            "the gyro drifts by {:.3f} rad/s (limit {:g})",
+            "let it settle or warm up",
+        ),
+        Check(
+            "moving",
+            motion,
+            above(reject=STILL_RATE),
+            "it still moves with {:.3f} rad/s (limit {:g})",
+            "stop it with a finger and wait",
+        ),
+        Check(
+            "tilt",
+            degrees,
+            above(warning=3.0),
+            "the axis hangs {:.1f} deg off the vertical (limit {:.0f})",
+            "move the drone in its loops",
+        ),
+    )
+    return findings_of(swing.source, table)

@@ -4,12 +4,20 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from calibration.bench.motors.checks import (
+    check_clock,
+    check_commands,
+    check_direction,
+    check_directions,
+    check_edges,
+    check_heat,
+    check_speed,
+)
 from calibration.bench.motors.clock import RESONATOR_SIGMA, ClockFit
 from calibration.bench.motors.direction import DirectionFit, fit_direction
-from calibration.bench.motors.edge_checks import check_clock, check_edges, check_speed
 from calibration.bench.motors.errors import TachometerError
 from calibration.bench.motors.fit import fit_law
-from calibration.bench.motors.laws import THRUST_FIRST_ORDER
+from calibration.bench.motors.law import THRUST_FIRST_ORDER
 from calibration.bench.motors.propellers import PropellerMap
 from calibration.bench.motors.records import (
     CommandRecord,
@@ -20,12 +28,6 @@ from calibration.bench.motors.records import (
 )
 from calibration.bench.motors.revolutions import mark_passages, speed_trace
 from calibration.bench.motors.settling import time_to_share
-from calibration.bench.motors.step_checks import (
-    check_commands,
-    check_direction,
-    check_directions,
-    check_heat,
-)
 from calibration.bench.motors.steps import Direction, Step, find_steps
 from calibration.bench.motors.tachometer_result import StepSummary, TachometerResult, standard_steps
 from calibration.measurement import Finding, Severity
@@ -101,9 +103,8 @@ def _traces(
 ) -> tuple[list[SpeedTrace], list[Finding]]:
     if isinstance(record, WindowRecord):
         text = (
-            f"{record.name}: speeds averaged over {1e3 * record.window:.0f} ms by the "
-            "instrument, one mark more or "
-            f"less is {2.0 * np.pi / (record.marks * record.window):.0f} rad/s"
+            f"{record.name}: speeds averaged over {1e3 * record.window:.0f} ms by the instrument, one mark "
+            f"more or less is {2.0 * np.pi / (record.marks * record.window):.0f} rad/s"
         )
         return [trace_of_windows(record)], [Finding("window_averaged", Severity.WARNING, text)]
     scaled = record if clock is None else record.scaled(clock.scale.value)

@@ -8,7 +8,7 @@ import numpy as np
 
 from calibration.bench.motors.cluster_covariance import SharedCovariance
 from calibration.bench.motors.fit import LawFit, fit_law
-from calibration.bench.motors.laws import DRAG_ONLY, LAWS, SPEED_LAW, riccati_speed
+from calibration.bench.motors.law import DRAG_ONLY, LAWS, SPEED_LAW, riccati_speed
 from calibration.bench.motors.settling import first_order_constant, local_constant, time_to_share
 from calibration.bench.motors.steps import Direction, Step
 from calibration.measurement import Estimate

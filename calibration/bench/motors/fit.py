@@ -12,7 +12,7 @@ import numpy as np
 
 from calibration.bench.motors.cluster_covariance import SharedCovariance, shared_covariance
 from calibration.bench.motors.errors import TachometerError
-from calibration.bench.motors.laws import Law
+from calibration.bench.motors.law import Law
 from calibration.bench.motors.records import IntArray
 from calibration.bench.motors.steps import Step
 from onboard.arrays import FloatArray

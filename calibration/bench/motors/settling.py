@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.bench.motors.laws import riccati_speed
+from calibration.bench.motors.law import riccati_speed
 
 SETTLED_SHARE = 1.0 - math.exp(-1.0)
 """63 %: what a first-order response has done after its time constant."""

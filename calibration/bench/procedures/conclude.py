@@ -67,7 +67,7 @@ def _number(value: float) -> float | None:
 
 def inertia_figures(fits: InertiaFits) -> dict[str, "Figure"]:
     """Plots of the report, by title: the trials and the budget of each axis, and its first swing."""
-    from calibration.bench.inertia.plots import budget_figure, swing_figure, trials_figure
+    from calibration.bench.inertia.figures import budget_figure, swing_figure, trials_figure
 
     figures: dict[str, Figure] = {}
     for axis, result in fits.results.items():

@@ -11,7 +11,7 @@ from calibration.bench.thrust.convert import thrust_map
 from calibration.bench.thrust.data import FEWEST_POINTS, ThrustData
 from calibration.bench.thrust.errors import ThrustTableError
 from calibration.bench.thrust.fit import FormFit, fit_form, region_rms
-from calibration.bench.thrust.forms import CUBIC, FORMS, VEHICLE_FORMS, Form
+from calibration.bench.thrust.law import CUBIC, FORMS, VEHICLE_FORMS, Form
 from calibration.bench.thrust.pwm import applied_duty
 from calibration.bench.thrust.shape import shape_problems
 from calibration.measurement import coverage_factor

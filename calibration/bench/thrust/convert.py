@@ -4,7 +4,7 @@ import numpy as np
 
 from calibration.bench.thrust.errors import ThrustTableError
 from calibration.bench.thrust.fit import FormFit
-from calibration.bench.thrust.forms import BREAK_GF, CUBIC, TWO_QUADRATICS, TWO_REGION_LOG
+from calibration.bench.thrust.law import BREAK_GF, CUBIC, TWO_QUADRATICS, TWO_REGION_LOG
 from onboard.arrays import FloatArray
 from onboard.gravity import GRAM_FORCE
 from onboard.quantity import Quantity

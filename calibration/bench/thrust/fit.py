@@ -12,7 +12,7 @@ import numpy as np
 
 from calibration.bench.thrust.data import ThrustData
 from calibration.bench.thrust.errors import ThrustTableError
-from calibration.bench.thrust.forms import BREAK_GF, Form
+from calibration.bench.thrust.law import BREAK_GF, Form
 from onboard.arrays import FloatArray
 from onboard.gravity import GRAM_FORCE
 

@@ -7,7 +7,7 @@ its authors' code, one row up to 5 gf and one above (paper errata 1). Here they 
 from pathlib import Path
 
 from calibration.bench.thrust.errors import ThrustTableError
-from calibration.bench.thrust.forms import BREAK_GF
+from calibration.bench.thrust.law import BREAK_GF
 from calibration.bench.thrust.public_tables import numbers
 from onboard.gravity import GRAM_FORCE
 from onboard.quantity import Quantity
