@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from calibration.flights.csv_file import read_header
 from calibration.flights.flight import Flight, FlightFileError, UnusableFlightError
 from calibration.flights.habas import is_habas, load_habas
 from calibration.flights.nanobench import is_nanobench, load_nanobench
@@ -15,6 +14,7 @@ from calibration.flights.perchhw_run import load_run
 from calibration.flights.run_folder import is_run_folder
 from calibration.flights.table import is_table, load_table
 from calibration.flights.usd import is_usd, load_usd
+from onboard.csv_file import read_header
 from onboard.errors import InputError
 
 

@@ -25,7 +25,6 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.flights.csv_file import CsvFile, CsvRow, read_csv
 from calibration.flights.flight import (
     POSE_CHANNELS,
     Flight,
@@ -36,6 +35,7 @@ from calibration.flights.flight import (
     finite_masks,
 )
 from onboard.arrays import BoolArray, FloatArray
+from onboard.csv_file import CsvFile, CsvRow, read_csv
 from onboard.gravity import GRAM_FORCE
 
 TAU_TRUNCATION_S = 0.5e-3
@@ -70,7 +70,7 @@ def load_habas(path: Path) -> Flight:
         FlightFileError: broken; names row and column.
         UnusableFlightError: readable, but the vehicle never left the floor.
     """
-    file = read_csv(path)
+    file = read_csv(path, FlightFileError)
     for name in _SIGNATURE:
         file.index(name)
     error = file.index("Error")

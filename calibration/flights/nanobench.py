@@ -16,8 +16,15 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.flights.csv_file import read_csv
-from calibration.flights.flight import POSE_CHANNELS, Flight, PoseSource, UnusableFlightError, finite_masks
+from calibration.flights.flight import (
+    POSE_CHANNELS,
+    Flight,
+    FlightFileError,
+    PoseSource,
+    UnusableFlightError,
+    finite_masks,
+)
+from onboard.csv_file import read_csv
 from onboard.gravity import GRAVITY
 
 _CHANNELS = {
@@ -49,7 +56,7 @@ def load_nanobench(path: Path) -> Flight:
         FlightFileError: broken; names row and column.
         UnusableFlightError: fewer than two rows.
     """
-    file = read_csv(path)
+    file = read_csv(path, FlightFileError)
     for name in ("t", *_CHANNELS.values()):
         file.index(name)
     if len(file.rows) < 2:

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.flights.csv_file import CsvFile, read_csv
 from calibration.flights.flight import (
     CHANNELS,
     POSE_CHANNELS,
@@ -21,6 +20,7 @@ from calibration.flights.flight import (
 )
 from onboard.app_interface import LandingState
 from onboard.arrays import FloatArray
+from onboard.csv_file import CsvFile, read_csv
 
 _REQUIRED = ("t", *POSE_CHANNELS)
 _ALIASES = {"wx": "gx", "wy": "gy", "wz": "gz"}
@@ -41,7 +41,7 @@ def load_table(path: Path) -> Flight:
         FlightFileError: broken; names row and column.
         UnusableFlightError: fewer than two rows.
     """
-    file = read_csv(path)
+    file = read_csv(path, FlightFileError)
     _check_header(file)
     if len(file.rows) < 2:
         raise UnusableFlightError(path, f"only {len(file.rows)} data rows")

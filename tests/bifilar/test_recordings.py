@@ -77,12 +77,12 @@ def test_units_and_clocks_of_the_other_kinds(tmp_path: Path) -> None:
         ("t,x\n1,2\n", "not a recording of a swing"),
         (f"{OWN}\n1,0,0,0,0,0\n", "row 2: 6 cells"),
         (f"{OWN}\n1,0,0,0,0,0,9\n2,0,zero,0,0,0,9\n", "row 3 column 'gyro_y[rad/s]': 'zero' is not a number"),
-        (f"{OWN}\n1,0,0,nan,0,0,9\n", "row 2 column 'gyro_z[rad/s]': no finite number"),
-        (f"{OWN}\n1,0,0,0,0,,9\n", "row 2 column 'acc_y[m/s2]': no finite number"),
+        (f"{OWN}\n1,0,0,nan,0,0,9\n", "row 2 column 'gyro_z[rad/s]': 'nan' is not a finite number"),
+        (f"{OWN}\n1,0,0,0,0,,9\n", "row 2 column 'acc_y[m/s2]': '' is not a finite number"),
         (f"{OWN}\n1.5,0,0,0,0,0,9\n", "row 2 column 't_ms': not a 24-bit number"),
         (f"{OWN}\n16777216,0,0,0,0,0,9\n", "row 2 column 't_ms': not a 24-bit number"),
         (f"{CLIENT}\n1,2,1,2,3,2\n", "row 2 columns 'gyro.x_x', 'gyro.y_x', 'gyro.z_x': the times differ"),
-        (f"{GROUND}\n0,0,40.0,0.1,,0.3,\n", "row 2 column 'wy': no finite number"),
+        (f"{GROUND}\n0,0,40.0,0.1,,0.3,\n", "row 2 column 'wy': '' is not a finite number"),
     ],
 )
 def test_broken_files_are_told_where(tmp_path: Path, text: str, words: str) -> None:

@@ -56,14 +56,14 @@ def test_reset_splits(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("t_us,edge_count\n1,2\nx,3\n", "row 3: 'x' is not a whole number"),
+        ("t_us,edge_count\n1,2\nx,3\n", "row 3 column 't_us': 'x' is not a whole number"),
         ("t_us,edge_count\n1,2,3\n", "row 2: 3 cells"),
-        ("time,omega\n0,nan\n1,2\n", "row 2: 'nan' is not a number"),
+        ("time,omega\n0,nan\n1,2\n", "row 2 column 'omega': 'nan' is not a finite number"),
         ("time,omega\n0,1\n1,-2\n", "negative speed"),
         ("time,omega\n1,1\n0,2\n", "time goes back"),
         ("time,omega\n1,1\n", "at least two"),
         ("a,b\n1,1\n", "is not of a tachometer"),
-        ("", "is not of a tachometer"),
+        ("", "expected a header"),
     ],
 )
 def test_broken_files_are_named(tmp_path: Path, text: str, message: str) -> None:
@@ -75,9 +75,9 @@ def test_broken_files_are_named(tmp_path: Path, text: str, message: str) -> None
 
 def test_commands_out_of_range_and_missing_file(tmp_path: Path) -> None:
     (tmp_path / "c.csv").write_text("t_us,command\n1,70000\n")
-    with pytest.raises(TachometerError, match="row 2: command 70000"):
+    with pytest.raises(TachometerError, match="row 2 column 'command': 70000"):
         read_commands(tmp_path / "c.csv")
-    with pytest.raises(TachometerError, match="check the name"):
+    with pytest.raises(TachometerError, match="check the path"):
         read_tachometer(tmp_path / "none.csv")
     (tmp_path / "bad.csv.gz").write_bytes(b"not gzip")
     with pytest.raises(TachometerError):

@@ -1,18 +1,15 @@
 """Recordings from files: our own CSV, the authors' ground logs of 2022, and cfclient logs as of 2024."""
 
-import gzip
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TextIO, cast
 
 import numpy as np
 
 from calibration.bench.inertia.errors import SwingFileError
 from calibration.bench.inertia.swing import CLOCK_WRAP_S, Swing
-from calibration.flights.csv_file import CsvFile, CsvRow, read_csv
-from calibration.flights.flight import FlightFileError
 from onboard.arrays import FloatArray, Vector
+from onboard.csv_file import CsvFile, CsvRow, read_csv, write_csv
 
 OWN_HEADER = (
     "t_ms",
@@ -37,17 +34,13 @@ def read_swing(path: str | Path, axis: Vector | None = None) -> Swing:
         SwingFileError: not readable, of no known kind, or broken (names file, row and column).
     """
     path = Path(path)
-    try:
-        table = read_csv(path)
-        for test, reader in _KINDS:
-            if test(table.header):
-                return reader(table, axis)
-        found = ", ".join(table.header[:8])
-    except FlightFileError as error:
-        raise SwingFileError(str(error)) from error
+    table = read_csv(path, SwingFileError)
+    for test, reader in _KINDS:
+        if test(table.header):
+            return reader(table, axis)
     raise SwingFileError(
-        f"{path}: not a recording of a swing (columns {found}, ...); expected {','.join(OWN_HEADER)}, or a "
-        "cfclient log of gyro.x, gyro.y and gyro.z"
+        f"{path}: not a recording of a swing (columns {', '.join(table.header[:8])}, ...); "
+        f"expected {','.join(OWN_HEADER)}, or a cfclient log of gyro.x, gyro.y and gyro.z"
     )
 
 
@@ -62,55 +55,39 @@ def write_swing(path: str | Path, swing: Swing) -> None:
         raise SwingFileError(f"{path}: only recordings stamped by the drone are kept; {swing.source} is not")
     columns = [swing.gyro] if swing.acceleration is None else [swing.gyro, swing.acceleration]
     values = np.column_stack(columns)
-    lines = [",".join(OWN_HEADER[: 1 + values.shape[1]])]
-    lines += [
-        ",".join([str(round(1e3 * float(t))), *(repr(float(v)) for v in row)])
+    rows = (
+        [str(round(1e3 * float(t))), *(repr(float(v)) for v in row)]
         for t, row in zip(swing.time, values, strict=True)
-    ]
+    )
     try:
-        with _create(path) as stream:
-            stream.write("\n".join(lines) + "\n")
+        write_csv(path, OWN_HEADER[: 1 + values.shape[1]], rows)
     except OSError as error:
         raise SwingFileError(f"{path}: {error.strerror}") from error
 
 
-def _create(path: Path) -> TextIO:
-    if path.suffix == ".gz":
-        return cast(TextIO, gzip.open(path, "wt", encoding="utf-8", newline=""))
-    return path.open("w", encoding="utf-8", newline="")
-
-
-def _finite(table: CsvFile, name: str, rows: tuple[CsvRow, ...] | list[CsvRow]) -> FloatArray:
-    values = table.column(name, rows)
-    if not np.isfinite(values).all():
-        row = rows[int(np.argmin(np.isfinite(values)))].number
-        raise SwingFileError(f"{table.path} row {row} column {name!r}: no finite number")
-    return values
-
-
-def _vectors(table: CsvFile, names: tuple[str, ...], rows: tuple[CsvRow, ...] | list[CsvRow]) -> FloatArray:
-    return np.column_stack([_finite(table, name, rows) for name in names])
+def _vectors(table: CsvFile, names: Sequence[str], rows: Sequence[CsvRow] | None = None) -> FloatArray:
+    return np.column_stack([table.finite(name, rows) for name in names])
 
 
 def _own(table: CsvFile, axis: Vector | None) -> Swing:
-    stamps = _finite(table, OWN_HEADER[0], table.rows)
+    stamps = table.finite(OWN_HEADER[0])
     wrong = (stamps < 0.0) | (stamps >= 1e3 * CLOCK_WRAP_S) | (stamps != np.round(stamps))
     if wrong.any():
-        row = table.rows[int(np.argmax(wrong))].number
-        raise SwingFileError(f"{table.path} row {row} column 't_ms': not a 24-bit number of milliseconds")
+        row = table.rows[int(np.argmax(wrong))]
+        raise table.problem(row, OWN_HEADER[0], "not a 24-bit number of milliseconds")
     has_acceleration = set(OWN_HEADER[4:]) <= set(table.header)
     return Swing(
         1e-3 * stamps,
-        _vectors(table, OWN_HEADER[1:4], table.rows),
+        _vectors(table, OWN_HEADER[1:4]),
         str(table.path),
-        _vectors(table, OWN_HEADER[4:], table.rows) if has_acceleration else None,
+        _vectors(table, OWN_HEADER[4:]) if has_acceleration else None,
         "drone",
         axis,
     )
 
 
 def _client(table: CsvFile, axis: Vector | None) -> Swing:
-    times = _vectors(table, _CLIENT[0::2], table.rows)
+    times = _vectors(table, _CLIENT[0::2])
     apart = np.any(times != times[:, :1], axis=1)
     if apart.any():
         row = table.rows[int(np.argmax(apart))].number
@@ -118,17 +95,17 @@ def _client(table: CsvFile, axis: Vector | None) -> Swing:
         raise SwingFileError(
             f"{table.path} row {row} columns {columns}: the times differ; log the three rates in one block"
         )
-    rates = math.pi / 180.0 * _vectors(table, _CLIENT[1::2], table.rows)
+    rates = math.pi / 180.0 * _vectors(table, _CLIENT[1::2])
     return Swing(1e-3 * times[:, 0], rates, str(table.path), None, "drone", axis)
 
 
 def _ground(table: CsvFile, axis: Vector | None) -> Swing:
     error = table.index("Error")
     samples = [row for row in table.rows if not row.cells[error].strip()]
-    time = _finite(table, "t", samples)
+    time = table.finite("t", samples)
     rows = [row for row, t in zip(samples, time, strict=True) if t >= _GROUND_SUMMARY_S]
     rates = _vectors(table, ("wx", "wy", "wz"), rows)
-    return Swing(_finite(table, "t", rows), rates, str(table.path), None, "host", axis)
+    return Swing(table.finite("t", rows), rates, str(table.path), None, "host", axis)
 
 
 _KINDS: tuple[tuple[Callable[[tuple[str, ...]], bool], Callable[[CsvFile, Vector | None], Swing]], ...] = (

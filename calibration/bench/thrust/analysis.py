@@ -16,8 +16,6 @@ from calibration.bench.thrust.public_tables import (
     bitcraze_2015,
     foerster,
     interleaved,
-    numbers,
-    read_columns,
 )
 from calibration.bench.thrust.raw_table import RAW_HEADER, RawTable, read_raw, to_data
 from calibration.bench.thrust.thrust_result import ThrustResult
@@ -29,6 +27,7 @@ from calibration.bench.thrust.units import (
     unit_questions,
 )
 from calibration.measurement import Estimate, Finding, rejected
+from onboard.csv_file import CsvFile, read_csv
 from onboard.vehicle.model import ThrustMapDescription
 
 POINT_HEADER = ("voltage", "thrust")
@@ -47,33 +46,34 @@ def read_table(
     Raises:
         ThrustTableError: not readable, a header that is not known, or a cell that is no number.
     """
-    header, columns, rows = read_columns(path)
-    names = frozenset(header)
+    table = read_csv(path, ThrustTableError, comment="#")
+    names = frozenset(table.header)
     if names >= BITCRAZE_2015:
-        return bitcraze_2015(path, columns, rows)
+        return bitcraze_2015(table)
     if names >= FOERSTER:
-        return foerster(path, columns, rows)
+        return foerster(table)
     if names >= PAPER_COLUMNS:
-        return paper_maps(path, columns, rows)
+        return paper_maps(table)
     if names >= CUBIC_COLUMNS:
-        return bitcraze_maps(path, columns, rows)
-    if header == RAW_HEADER:
-        return read_raw(path, columns, rows, units or Units())
-    if header == POINT_HEADER:
-        return _points(path, columns, rows, units or Units())
+        return bitcraze_maps(table)
+    if table.header == RAW_HEADER:
+        return read_raw(table, units or Units())
+    if table.header == POINT_HEADER:
+        return _points(table, units or Units())
     known = (
         f"{','.join(RAW_HEADER)!r} (a raw run), {','.join(POINT_HEADER)!r} (points), or one of "
         "the public tables"
     )
-    raise ThrustTableError(f"{path}: header {','.join(header)!r} is not of a thrust table; expected {known}")
-
-
-def _points(path: Path, columns: dict[str, list[str]], rows: list[int], units: Units) -> ThrustData:
-    voltage = numbers(path, "voltage", columns["voltage"], rows) * VOLTAGE_UNITS[units.voltage]
-    thrust = (
-        numbers(path, "thrust", columns["thrust"], rows) * FORCE_UNITS[units.force] / float(units.motors or 1)
+    raise ThrustTableError(
+        f"{path}: header {','.join(table.header)!r} is not of a thrust table; expected {known}"
     )
-    return ThrustData(path.name, f"table {path.name}", voltage, thrust, interleaved(voltage.size))
+
+
+def _points(table: CsvFile, units: Units) -> ThrustData:
+    voltage = table.finite("voltage") * VOLTAGE_UNITS[units.voltage]
+    thrust = table.finite("thrust") * FORCE_UNITS[units.force] / float(units.motors or 1)
+    name = table.path.name
+    return ThrustData(name, f"table {name}", voltage, thrust, interleaved(voltage.size))
 
 
 def questions(table: ThrustData | RawTable) -> list[Finding]:

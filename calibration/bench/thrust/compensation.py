@@ -8,11 +8,11 @@ import numpy as np
 
 from calibration.bench.thrust.choose import FULL_DUTY
 from calibration.bench.thrust.errors import ThrustTableError
-from calibration.bench.thrust.public_tables import numbers, read_columns
 from calibration.bench.thrust.pwm import applied_duty
 from calibration.measurement import Finding, Severity
 from onboard.arrays import BoolArray, FloatArray
 from onboard.battery import thrust_from_voltage
+from onboard.csv_file import read_csv, write_csv
 from onboard.gravity import GRAM_FORCE
 from onboard.json_file import as_json
 from onboard.thrust_map import ThrustMap
@@ -96,10 +96,12 @@ def read_discharge(path: Path) -> Discharge:
     Raises:
         ThrustTableError: not readable, other columns, or a cell that is no number.
     """
-    header, columns, rows = read_columns(path)
-    if header != VERIFY_HEADER:
-        raise ThrustTableError(f"{path}: header {','.join(header)!r}; expected {','.join(VERIFY_HEADER)!r}")
-    values = {name: numbers(path, name, columns[name], rows) for name in VERIFY_HEADER}
+    table = read_csv(path, ThrustTableError, comment="#")
+    if table.header != VERIFY_HEADER:
+        raise ThrustTableError(
+            f"{path}: header {','.join(table.header)!r}; expected {','.join(VERIFY_HEADER)!r}"
+        )
+    values = {name: table.finite(name) for name in VERIFY_HEADER}
     if np.any(values["motors"] < 1.0):
         raise ThrustTableError(f"{path}: column 'motors': at least one motor turns")
     return Discharge(
@@ -114,11 +116,18 @@ def read_discharge(path: Path) -> Discharge:
 def write_discharge(path: Path, discharge: Discharge, motors: int) -> None:
     """Write a discharge as :func:`read_discharge` reads it; `motors` turned."""
     columns = (discharge.time, discharge.battery, discharge.asked, discharge.command, discharge.measured)
-    lines = [",".join(VERIFY_HEADER)]
-    for time, battery, asked, command, measured in zip(*columns, strict=True):
-        grams = motors * measured / GRAM_FORCE
-        lines.append(f"{time:.3f},{battery:.4f},{asked / GRAM_FORCE:.4f},{command:.0f},{grams:.4f},{motors}")
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    rows = (
+        (
+            f"{time:.3f}",
+            f"{battery:.4f}",
+            f"{asked / GRAM_FORCE:.4f}",
+            f"{command:.0f}",
+            f"{motors * measured / GRAM_FORCE:.4f}",
+            str(motors),
+        )
+        for time, battery, asked, command, measured in zip(*columns, strict=True)
+    )
+    write_csv(path, VERIFY_HEADER, rows)
 
 
 def verify(discharge: Discharge) -> Verification:

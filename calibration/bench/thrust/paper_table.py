@@ -4,11 +4,9 @@ The paper prints its table under a logarithm. Its numbers are the quadratics f =
 its authors' code, one row up to 5 gf and one above (paper errata 1). Here they never meet a logarithm.
 """
 
-from pathlib import Path
-
 from calibration.bench.thrust.errors import ThrustTableError
 from calibration.bench.thrust.law import BREAK_GF
-from calibration.bench.thrust.public_tables import numbers
+from onboard.csv_file import CsvFile
 from onboard.gravity import GRAM_FORCE
 from onboard.quantity import Quantity
 from onboard.thrust_map import COEFFICIENT_UNITS, ThrustMapForm
@@ -21,23 +19,23 @@ _RELATIVE_SIGMA = 0.02
 """Engineering estimate: the paper states no uncertainty."""
 
 
-def paper_maps(path: Path, columns: dict[str, list[str]], rows: list[int]) -> dict[str, ThrustMapDescription]:
+def paper_maps(table: CsvFile) -> dict[str, ThrustMapDescription]:
     """The maps of the paper's table by motor (``stock``, ``upgraded``), as quadratics.
 
     Raises:
         ThrustTableError: a motor without both rows, or a cell that is no number.
     """
-    values = {name: numbers(path, name, columns[name], rows) for name in ("a", "b", "c")}
+    values = {name: table.finite(name) for name in ("a", "b", "c")}
     maps: dict[str, ThrustMapDescription] = {}
-    for motor in dict.fromkeys(columns["motor"]):
+    for motor in dict.fromkeys(table.text("motor")):
         place: dict[str, int] = {
             region: at
-            for at, (name, region) in enumerate(zip(columns["motor"], columns["region"], strict=True))
+            for at, (name, region) in enumerate(zip(table.text("motor"), table.text("region"), strict=True))
             if name == motor
         }
         if set(place) != {"le5", "gt5"}:
             raise ThrustTableError(
-                f"{path}: motor {motor!r} needs the regions le5 and gt5, has {sorted(place)}"
+                f"{table.path}: motor {motor!r} needs the regions le5 and gt5, has {sorted(place)}"
             )
         numbers_of = {
             f"{prefix}_{name}": (
@@ -54,11 +52,9 @@ def paper_maps(path: Path, columns: dict[str, list[str]], rows: list[int]) -> di
     return maps
 
 
-def bitcraze_maps(
-    path: Path, columns: dict[str, list[str]], rows: list[int]
-) -> dict[str, ThrustMapDescription]:
+def bitcraze_maps(table: CsvFile) -> dict[str, ThrustMapDescription]:
     """Bitcraze's cubics by motor and propeller (``L250`` ...)."""
-    values = {name: numbers(path, name, columns[name], rows) for name in ("c0", "c1", "c2", "c3")}
+    values = {name: table.finite(name) for name in ("c0", "c1", "c2", "c3")}
     return {
         name: _description(
             ThrustMapForm.FIRMWARE_CUBIC,
@@ -67,7 +63,7 @@ def bitcraze_maps(
             f"Bitcraze 2025, crazyflie-firmware platform defaults, {name}; 3 % of spread is an "
             "engineering estimate",
         )
-        for at, name in enumerate(columns["combo"])
+        for at, name in enumerate(table.text("combo"))
     }
 
 

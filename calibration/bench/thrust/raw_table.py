@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from calibration.bench.thrust.data import ThrustData
 from calibration.bench.thrust.errors import ThrustTableError
-from calibration.bench.thrust.public_tables import numbers
 from calibration.bench.thrust.pwm import applied_duty
 from calibration.bench.thrust.units import FORCE_UNITS, VOLTAGE_UNITS, Units
 from onboard.arrays import BoolArray, FloatArray
+from onboard.csv_file import CsvFile, write_csv
 
 IntArray = NDArray[np.int64]
 
@@ -80,34 +80,31 @@ class RawTable:
         return self.units.command16(self.command)
 
 
-def read_raw(path: Path, columns: dict[str, list[str]], rows: list[int], units: Units) -> RawTable:
+def read_raw(table: CsvFile, units: Units) -> RawTable:
     """A raw table from its columns.
 
     Raises:
         ThrustTableError: an unknown kind, a cell that is no number, a command below 0.
     """
-    for row, kind in zip(rows, columns["kind"], strict=True):
+    kinds = table.text("kind")
+    values = {name: table.finite(name) for name in RAW_HEADER if name != "kind"}
+    for row, kind, command, turning in zip(
+        table.rows, kinds, values["command"], values["motors"], strict=True
+    ):
         if kind not in KINDS:
-            raise ThrustTableError(
-                f"{path} row {row} column 'kind': {kind!r}; choose one of {', '.join(KINDS)}"
-            )
-    values = {name: numbers(path, name, columns[name], rows) for name in RAW_HEADER if name != "kind"}
-    bad = np.flatnonzero(values["command"] < 0.0)
-    if bad.size:
-        raise ThrustTableError(
-            f"{path} row {rows[bad[0]]} column 'command': {values['command'][bad[0]]:g} is below 0"
-        )
-    bad = np.flatnonzero(values["motors"] < 1.0)
-    if bad.size:
-        raise ThrustTableError(f"{path} row {rows[bad[0]]} column 'motors': at least one motor turns")
+            raise table.problem(row, "kind", f"{kind!r}; choose one of {', '.join(KINDS)}")
+        if command < 0.0:
+            raise table.problem(row, "command", f"{command:g} is below 0")
+        if turning < 1.0:
+            raise table.problem(row, "motors", "at least one motor turns")
     volts = VOLTAGE_UNITS[units.voltage]
-    motors = values["motors"] if units.motors is None else np.full(len(rows), float(units.motors))
+    motors = values["motors"] if units.motors is None else np.full(len(kinds), float(units.motors))
     return RawTable(
-        name=path.name,
+        name=table.path.name,
         units=units,
         time=values["t_s"],
         block=values["block"],
-        kind=tuple(columns["kind"]),
+        kind=tuple(kinds),
         command=values["command"],
         supply=values["supply_v"] * volts,
         board=values["board_v"] * volts,
@@ -118,9 +115,8 @@ def read_raw(path: Path, columns: dict[str, list[str]], rows: list[int], units: 
 
 def write_raw(path: Path, table: RawTable) -> None:
     """Write a table, in g, V and 16-bit commands."""
-    lines = [",".join(RAW_HEADER)]
-    for index, kind in enumerate(table.kind):
-        cells = (
+    rows = (
+        (
             f"{table.time[index]:.3f}",
             f"{table.block[index]:.0f}",
             kind,
@@ -130,8 +126,9 @@ def write_raw(path: Path, table: RawTable) -> None:
             f"{table.scale[index] / FORCE_UNITS['g']:.4f}",
             f"{table.motors[index]:.0f}",
         )
-        lines.append(",".join(cells))
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        for index, kind in enumerate(table.kind)
+    )
+    write_csv(path, RAW_HEADER, rows)
 
 
 def drift_weights(table: RawTable) -> tuple[FloatArray, IntArray]:
