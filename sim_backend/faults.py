@@ -6,19 +6,21 @@ are the drone's. Times count from the start of the lab (world time, s).
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from onboard.errors import InputError
-from sim_backend.bench.faults import BENCH_HELP
-from sim_backend.bench.faults import PREFIX as BENCH_PREFIX
-from sim_backend.errors import SimulationError
-
-ROOM_PREFIX = "mocap_"
-
-
-class FaultError(SimulationError, InputError):
-    """A fault that does not exist or has a value that cannot be used."""
+from sim_backend.bench.faults import BENCH_RULES
+from sim_backend.fault_values import (
+    CHANCE,
+    TIME,
+    FaultError,
+    FaultRule,
+    FaultRules,
+    fault_values,
+    number,
+    vector,
+)
+from sim_backend.room.settings import ROOM_RULES
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,44 +51,19 @@ class Faults:
     bench: Mapping[str, str] = field(default_factory=dict)
 
 
-def _number(low: float, high: float) -> Callable[[str], float]:
-    def parse(text: str) -> float:
-        value = float(text)
-        if not low <= value <= high:
-            raise ValueError(f"must be between {low:g} and {high:g}")
-        return value
-
-    return parse
-
-
-def _vector(text: str) -> tuple[float, float, float]:
-    parts = [float(part) for part in text.split(",")]
-    if len(parts) != 3 or not all(math.isfinite(part) for part in parts):
-        raise ValueError("must be three numbers X,Y,Z")
-    return (parts[0], parts[1], parts[2])
-
-
-_PARSERS: dict[str, tuple[Callable[[str], object], str]] = {
-    "battery_voltage": (_number(2.0, 4.35), "V: open-circuit voltage of every fresh pack"),
-    "link_loss": (_number(0.0, 1.0), "P: probability that a packet is lost, each way"),
-    "freeze_drone_at": (_number(0.0, math.inf), "S: the firmware hangs and answers nothing any more"),
-    "drone_dies_at": (_number(0.0, math.inf), "S: the drone loses its power"),
-    "gyro_bias": (_vector, "X,Y,Z: bias of the gyro after its calibration, rad/s"),
-}
-
-_ROOM_HELP = {
-    "mocap_freeze_at": "S[:DURATION]: poses repeat exactly while frames go on",
-    "mocap_occlude_at": "S[:DURATION]: no body is seen",
-    "mocap_flip180_at": "S[:DURATION]: bodies appear turned half round about z (default: one frame)",
-    "mocap_drop": "P: probability that a frame is never sent",
-    "mocap_jitter_ms": "MS: extra network delay of each frame, uniform up to this",
-    "mocap_dies_at": "S: the room closes every connection",
+_DRONE_RULES: FaultRules = {
+    "battery_voltage": FaultRule(number(2.0, 4.35), "V: open-circuit voltage of every fresh pack"),
+    "link_loss": FaultRule(CHANCE, "P: probability that a packet is lost, each way"),
+    "freeze_drone_at": FaultRule(TIME, "S: the firmware hangs and answers nothing any more"),
+    "drone_dies_at": FaultRule(TIME, "S: the drone loses its power"),
+    "gyro_bias": FaultRule(vector, "X,Y,Z: bias of the gyro after its calibration, rad/s"),
 }
 
 
 def fault_table() -> dict[str, str]:
     """What each fault takes and does, by name."""
-    return {name: text for name, (_, text) in _PARSERS.items()} | _ROOM_HELP | BENCH_HELP
+    rules = {**_DRONE_RULES, **ROOM_RULES, **BENCH_RULES}
+    return {name: rule.meaning for name, rule in rules.items()}
 
 
 def parse_faults(arguments: Iterable[str]) -> Faults:
@@ -95,24 +72,16 @@ def parse_faults(arguments: Iterable[str]) -> Faults:
     Raises:
         FaultError: not of that form, unknown name, or a value that cannot be used.
     """
-    drone: dict[str, object] = {}
+    drone: dict[str, str] = {}
     room: dict[str, str] = {}
     bench: dict[str, str] = {}
     for argument in arguments:
         name, equals, value = argument.partition("=")
         if not equals:
             raise FaultError(f"--fault {argument}: write NAME=VALUE")
-        if name.startswith(ROOM_PREFIX):
-            room[name] = value
-            continue
-        if name.startswith(BENCH_PREFIX):
-            bench[name] = value
-            continue
-        if name not in _PARSERS:
-            known = ", ".join(fault_table())
-            raise FaultError(f"--fault {argument}: no fault named {name!r}; known: {known}")
-        try:
-            drone[name] = _PARSERS[name][0](value)
-        except ValueError as error:
-            raise FaultError(f"--fault {argument}: {error} ({name}={_PARSERS[name][1]})") from error
-    return Faults(DroneFaults(**drone), room, bench)  # type: ignore[arg-type] # as its parser gives it
+        owner = room if name in ROOM_RULES else bench if name in BENCH_RULES else drone
+        owner[name] = value
+    if unknown := drone.keys() - _DRONE_RULES.keys():
+        known = ", ".join(fault_table())
+        raise FaultError(f"--fault {min(unknown)}: no fault of this name; known: {known}")
+    return Faults(DroneFaults(**fault_values(drone, _DRONE_RULES)), room, bench)

@@ -51,7 +51,7 @@ class RoomRequest:
         return cls(**values | {"subjects": tuple(values["subjects"])})
 
     def settings(self) -> RoomSettings:
-        """For the room server. Raises RoomSettingsError for faults that cannot be used."""
+        """For the room server. Raises FaultError for faults that cannot be used."""
         return RoomSettings(
             subjects=self.subjects,
             host=self.host,

@@ -4,27 +4,28 @@ Times count from the start of the bench in simulated s. The faults of the line (
 act on the tachometer and on the scale alike; the supply has a line that nothing happens to.
 """
 
-import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Self
 
-from sim_backend.bench.errors import BenchInputError
+from sim_backend.fault_values import (
+    CHANCE,
+    NEVER,
+    NO_TIME,
+    TIME,
+    FaultRule,
+    FaultRules,
+    Window,
+    choice,
+    fault_values,
+    flag,
+    integer,
+    number,
+    times,
+    window,
+)
 
 INSTRUMENTS = ("tachometer", "scale", "supply", "balance", "korad")
-NEVER = math.inf
-
-
-@dataclass(frozen=True, slots=True)
-class Window:
-    """A span of bench time (s)."""
-
-    start: float
-    end: float
-
-    def covers(self, time: float) -> bool:
-        """Whether the span includes `time`."""
-        return self.start <= time < self.end
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +84,7 @@ class BenchFaults:
     flip: float = 0.0
     line_ends: str = "lf"
     protocol: int = 1
-    stall: Window = Window(NEVER, NEVER)
+    stall: Window = NO_TIME
     unplug: Unplugging | None = None
     wrong_device: bool = False
     wrap_in: float | None = None
@@ -105,7 +106,7 @@ class BenchFaults:
     lead_resistance: float = 0.03
     on_battery: bool = False
     gauge_error: float | None = None
-    link_loss: Window = Window(NEVER, NEVER)
+    link_loss: Window = NO_TIME
     touch: float = 0.0
     draught: float = 0.0
     swing: float | None = None
@@ -115,116 +116,54 @@ class BenchFaults:
         """Faults by their command-line names: ``{"bench_flip": "0.01", ...}``.
 
         Raises:
-            BenchInputError: an unknown name or a value that cannot be used.
+            FaultError: an unknown name or a value that cannot be used.
         """
-        values: dict[str, object] = {}
-        for name, text in texts.items():
-            if name not in _PARSERS:
-                raise BenchInputError(
-                    f"no fault of the bench is named {name!r}; known: {', '.join(_PARSERS)}"
-                )
-            parse, meaning = _PARSERS[name]
-            try:
-                values[name.removeprefix(PREFIX)] = parse(text)
-            except ValueError as error:
-                raise BenchInputError(f"--fault {name}={text}: {error} ({name}={meaning})") from error
-        return cls(**values)  # type: ignore[arg-type] # each parser gives its field's type
-
-
-PREFIX = "bench_"
-
-
-def _number(low: float, high: float) -> Callable[[str], float]:
-    def parse(text: str) -> float:
-        value = float(text)
-        if not low <= value <= high:
-            raise ValueError(f"must be between {low:g} and {high:g}")
-        return value
-
-    return parse
-
-
-def _integer(*allowed: int) -> Callable[[str], int]:
-    def parse(text: str) -> int:
-        value = int(text)
-        if value not in allowed:
-            raise ValueError(f"must be one of {', '.join(map(str, allowed))}")
-        return value
-
-    return parse
-
-
-def _flag(text: str) -> bool:
-    if text not in ("0", "1"):
-        raise ValueError("must be 1 or 0")
-    return text == "1"
-
-
-def _line_ends(text: str) -> str:
-    if text not in ("lf", "crlf", "mix"):
-        raise ValueError("must be lf, crlf or mix")
-    return text
-
-
-def _times(text: str) -> tuple[float, ...]:
-    return tuple(_TIME(part) for part in text.split(","))
-
-
-def _window(missing: float) -> Callable[[str], Window]:
-    def parse(text: str) -> Window:
-        start, colon, length = text.partition(":")
-        begin = _TIME(start)
-        return Window(begin, begin + (_TIME(length) if colon else missing))
-
-    return parse
+        return cls(**fault_values(texts, BENCH_RULES, PREFIX))
 
 
 def _unplugging(text: str) -> Unplugging:
     instrument, colon, at = text.partition(":")
     if instrument not in INSTRUMENTS or not colon:
         raise ValueError(f"must be {'|'.join(INSTRUMENTS)}:S")
-    return Unplugging(instrument, _TIME(at))
+    return Unplugging(instrument, TIME(at))
 
 
-_TIME = _number(0.0, math.inf)
-_CHANCE = _number(0.0, 1.0)
+PREFIX = "bench_"
 
-_PARSERS: dict[str, tuple[Callable[[str], object], str]] = {
-    "bench_reset_at_open": (_number(0.0, 10.0), "S: opening a port resets its board, silent for S"),
-    "bench_reset_at": (_times, "S[,S...]: tachometer and scale reset"),
-    "bench_cut_line": (_CHANCE, "P: probability that the end of a line is lost"),
-    "bench_merge_line": (_CHANCE, "P: probability that a line's end mark is lost"),
-    "bench_garbage": (_CHANCE, "P: probability that a line has NUL and 0xFF bytes mixed in"),
-    "bench_flip": (_CHANCE, "P: probability that a bit of a byte turns over"),
-    "bench_line_ends": (_line_ends, "lf|crlf|mix: how lines end"),
-    "bench_protocol": (_integer(1, 2), "1|2: lines checked by XOR (default) or by CRC-16"),
-    "bench_stall": (_window(0.3), "S[:DURATION]: nothing arrives, then all at once (default 0.3 s)"),
-    "bench_unplug": (_unplugging, "INSTRUMENT:S: tachometer, scale or supply is pulled out"),
-    "bench_wrong_device": (_flag, "1: the ports of tachometer and scale are mixed up"),
-    "bench_wrap_in": (_number(0.0, 4294.0), "S: micros() wraps round S after each start of a board"),
-    "bench_missed": (_CHANCE, "P: probability that an edge is missed (default 0.003)"),
-    "bench_doubled": (_CHANCE, "P: probability that an edge counts twice (default 0.001)"),
-    "bench_resonator": (_number(-0.02, 0.02), "E: relative error of the boards' clocks"),
-    "bench_blades": (_integer(1, 2, 3, 4), "N: marks that pass in a revolution (default 2)"),
-    "bench_flicker": (_number(50.0, 1000.0), "HZ: the tachometer sees the mains light only"),
-    "bench_overflow_at": (_TIME, "S: the tachometer's buffer overflows once"),
-    "bench_missing_propeller": (_integer(0, 1, 2, 3, 4), "N: motor N has no propeller"),
-    "bench_scale_rate": (_integer(10, 80), "10|80: conversions a second (default 80)"),
-    "bench_scale_stuck_at": (_TIME, "S: the scale repeats one value"),
-    "bench_scale_saturated_at": (_TIME, "S: the scale's converter is at its limit"),
-    "bench_scale_off_at": (_TIME, "S: the scale's converter loses its power"),
-    "bench_inverted": (_flag, "1: thrust pulls the scale instead of pushing it"),
-    "bench_drift": (_number(-20.0, 20.0), "G: drift of the scale while it warms up (default 0.15)"),
-    "bench_current_limit": (_number(0.0, 100.0), "A: the supply never gives more"),
-    "bench_supply_error": (_flag, "1: the supply has an error in its queue"),
-    "bench_lead_resistance": (_number(0.0, 5.0), "OHM: leads from supply to drone (default 0.03)"),
-    "bench_on_battery": (_flag, "1: the drone runs on its battery on the stands, too"),
-    "bench_gauge_error": (_number(-0.1, 0.1), "E: relative error of the drone's battery reading"),
-    "bench_link_loss": (_window(math.inf), "S[:DURATION]: the radio carries nothing"),
-    "bench_touch": (_number(0.0, 0.5), "ZETA: the pendulum rubs, damping ratio"),
-    "bench_draught": (_number(0.0, 10.0), "A: draught at the pendulum, rad/s2 in 1 s"),
-    "bench_swing": (_number(0.0, 1.0), "SHARE: part of a twist that goes into swinging"),
+BENCH_RULES: FaultRules = {
+    "bench_reset_at_open": FaultRule(number(0.0, 10.0), "S: opening a port resets its board, silent for S"),
+    "bench_reset_at": FaultRule(times, "S[,S...]: tachometer and scale reset"),
+    "bench_cut_line": FaultRule(CHANCE, "P: probability that the end of a line is lost"),
+    "bench_merge_line": FaultRule(CHANCE, "P: probability that a line's end mark is lost"),
+    "bench_garbage": FaultRule(CHANCE, "P: probability that a line has NUL and 0xFF bytes mixed in"),
+    "bench_flip": FaultRule(CHANCE, "P: probability that a bit of a byte turns over"),
+    "bench_line_ends": FaultRule(choice("lf", "crlf", "mix"), "lf|crlf|mix: how lines end"),
+    "bench_protocol": FaultRule(integer(1, 2), "1|2: lines checked by XOR (default) or by CRC-16"),
+    "bench_stall": FaultRule(window(0.3), "S[:DURATION]: nothing arrives, then all at once (default 0.3 s)"),
+    "bench_unplug": FaultRule(_unplugging, "INSTRUMENT:S: tachometer, scale or supply is pulled out"),
+    "bench_wrong_device": FaultRule(flag, "1: the ports of tachometer and scale are mixed up"),
+    "bench_wrap_in": FaultRule(number(0.0, 4294.0), "S: micros() wraps round S after each start of a board"),
+    "bench_missed": FaultRule(CHANCE, "P: probability that an edge is missed (default 0.003)"),
+    "bench_doubled": FaultRule(CHANCE, "P: probability that an edge counts twice (default 0.001)"),
+    "bench_resonator": FaultRule(number(-0.02, 0.02), "E: relative error of the boards' clocks"),
+    "bench_blades": FaultRule(integer(1, 2, 3, 4), "N: marks that pass in a revolution (default 2)"),
+    "bench_flicker": FaultRule(number(50.0, 1000.0), "HZ: the tachometer sees the mains light only"),
+    "bench_overflow_at": FaultRule(TIME, "S: the tachometer's buffer overflows once"),
+    "bench_missing_propeller": FaultRule(integer(0, 1, 2, 3, 4), "N: motor N has no propeller"),
+    "bench_scale_rate": FaultRule(integer(10, 80), "10|80: conversions a second (default 80)"),
+    "bench_scale_stuck_at": FaultRule(TIME, "S: the scale repeats one value"),
+    "bench_scale_saturated_at": FaultRule(TIME, "S: the scale's converter is at its limit"),
+    "bench_scale_off_at": FaultRule(TIME, "S: the scale's converter loses its power"),
+    "bench_inverted": FaultRule(flag, "1: thrust pulls the scale instead of pushing it"),
+    "bench_drift": FaultRule(number(-20.0, 20.0), "G: drift of the scale while it warms up (default 0.15)"),
+    "bench_current_limit": FaultRule(number(0.0, 100.0), "A: the supply never gives more"),
+    "bench_supply_error": FaultRule(flag, "1: the supply has an error in its queue"),
+    "bench_lead_resistance": FaultRule(number(0.0, 5.0), "OHM: leads from supply to drone (default 0.03)"),
+    "bench_on_battery": FaultRule(flag, "1: the drone runs on its battery on the stands, too"),
+    "bench_gauge_error": FaultRule(number(-0.1, 0.1), "E: relative error of the drone's battery reading"),
+    "bench_link_loss": FaultRule(window(), "S[:DURATION]: the radio carries nothing"),
+    "bench_touch": FaultRule(number(0.0, 0.5), "ZETA: the pendulum rubs, damping ratio"),
+    "bench_draught": FaultRule(number(0.0, 10.0), "A: draught at the pendulum, rad/s2 in 1 s"),
+    "bench_swing": FaultRule(number(0.0, 1.0), "SHARE: part of a twist that goes into swinging"),
 }
-
-BENCH_HELP = {name: meaning for name, (_, meaning) in _PARSERS.items()}
 """What each fault of the bench takes and does, by name."""

@@ -1,32 +1,29 @@
 """What a simulated room is like: cameras, ports, noise, and the faults it shall show."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Self
 
 from onboard.errors import InputError
 from sim_backend.errors import SimulationError
+from sim_backend.fault_values import (
+    CHANCE,
+    TIME,
+    FaultRule,
+    FaultRules,
+    Window,
+    fault_values,
+    number,
+    window,
+)
 
 
 class RoomSettingsError(SimulationError, InputError):
-    """A setting or fault of the simulated room that cannot be used."""
+    """A setting of the simulated room that cannot be used."""
 
 
 class RoomError(SimulationError):
     """The simulated room cannot be served (a port is taken)."""
-
-
-@dataclass(frozen=True, slots=True)
-class Window:
-    """A span of world time (s); `end` is infinite when the fault stays."""
-
-    start: float
-    end: float = math.inf
-
-    def covers(self, world_time: float) -> bool:
-        """Whether the fault is on at `world_time`."""
-        return self.start <= world_time < self.end
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,61 +48,28 @@ class RoomFaults:
     dies_at: float | None = None
 
     @classmethod
-    def parse(cls, faults: Mapping[str, str], frame_period: float = 0.01) -> Self:
+    def parse(cls, texts: Mapping[str, str]) -> Self:
         """Faults by their command-line names: ``{"mocap_freeze_at": "3.5", ...}``.
 
-        ``mocap_freeze_at=S[:DURATION]``, ``mocap_occlude_at=S[:DURATION]``, ``mocap_flip180_at=S[:DURATION]``
-        (without a duration: one frame), ``mocap_drop=P``, ``mocap_jitter_ms=MS``, ``mocap_dies_at=S``.
-
         Raises:
-            RoomSettingsError: an unknown name or a value that cannot be used.
+            FaultError: an unknown name or a value that cannot be used.
         """
-        unknown = sorted(set(faults) - set(FAULT_NAMES))
-        if unknown:
-            raise RoomSettingsError(f"unknown mocap fault {unknown[0]!r}; known: {', '.join(FAULT_NAMES)}")
-        drop = _number(faults, "mocap_drop", 0.0)
-        if drop > 1.0:
-            raise RoomSettingsError(f"mocap_drop={faults['mocap_drop']}: a probability is 0..1")
-        return cls(
-            freeze=_window(faults, "mocap_freeze_at", math.inf),
-            occlude=_window(faults, "mocap_occlude_at", math.inf),
-            flip180=_window(faults, "mocap_flip180_at", frame_period),
-            drop=drop,
-            jitter=_number(faults, "mocap_jitter_ms", 0.0) / 1000.0,
-            dies_at=_number(faults, "mocap_dies_at", 0.0) if "mocap_dies_at" in faults else None,
-        )
+        return cls(**fault_values(texts, ROOM_RULES))
 
 
-FAULT_NAMES = (
-    "mocap_freeze_at",
-    "mocap_occlude_at",
-    "mocap_flip180_at",
-    "mocap_drop",
-    "mocap_jitter_ms",
-    "mocap_dies_at",
-)
-
-
-def _number(faults: Mapping[str, str], name: str, missing: float) -> float:
-    return _parse(name, faults[name]) if name in faults else missing
-
-
-def _window(faults: Mapping[str, str], name: str, duration: float) -> Window | None:
-    if name not in faults:
-        return None
-    start, colon, length = faults[name].partition(":")
-    begin = _parse(name, start)
-    return Window(begin, begin + (_parse(name, length) if colon else duration))
-
-
-def _parse(name: str, text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError as error:
-        raise RoomSettingsError(f"{name}={text!r}: not a number") from error
-    if not math.isfinite(value) or value < 0.0:
-        raise RoomSettingsError(f"{name}={text}: must be a number of at least 0")
-    return value
+ROOM_RULES: FaultRules = {
+    "mocap_freeze_at": FaultRule(window(), "S[:DURATION]: poses repeat exactly while frames go on", "freeze"),
+    "mocap_occlude_at": FaultRule(window(), "S[:DURATION]: no body is seen", "occlude"),
+    "mocap_flip180_at": FaultRule(
+        window(0.01), "S[:DURATION]: bodies appear turned half round about z (default: one frame)", "flip180"
+    ),
+    "mocap_drop": FaultRule(CHANCE, "P: probability that a frame is never sent", "drop"),
+    "mocap_jitter_ms": FaultRule(
+        number(0.0, scale=1e-3), "MS: extra network delay of each frame, uniform up to this", "jitter"
+    ),
+    "mocap_dies_at": FaultRule(TIME, "S: the room closes every connection", "dies_at"),
+}
+"""What each fault of the room takes and does, by name."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,8 +3,8 @@
 import pytest
 
 from sim_backend.bench.bench import Place
-from sim_backend.bench.errors import BenchInputError
-from sim_backend.bench.faults import BENCH_HELP, BenchFaults, Unplugging, Window
+from sim_backend.bench.faults import BENCH_RULES, BenchFaults, Unplugging
+from sim_backend.fault_values import FaultError, Window
 from sim_backend.faults import DroneFaults, fault_table, parse_faults
 from tests.sim_bench.benches import HANG_Z, Stand
 
@@ -151,22 +151,22 @@ def test_faults_by_name() -> None:
     assert (faults.line_ends, faults.scale_rate, faults.inverted, faults.flicker) == ("mix", 10, True, 100.0)
     assert faults.link_loss.covers(6.9)
     assert not faults.link_loss.covers(7.0)
-    assert set(BENCH_HELP) <= set(fault_table())
+    assert set(BENCH_RULES) <= set(fault_table())
     assert parse_faults(["bench_flip=0.01"]).bench == {"bench_flip": "0.01"}
 
 
-@pytest.mark.parametrize("name", BENCH_HELP)
+@pytest.mark.parametrize("name", BENCH_RULES)
 def test_every_fault_refuses_nonsense_with_its_meaning(name: str) -> None:
-    with pytest.raises(BenchInputError, match=f"{name}=nonsense"):
+    with pytest.raises(FaultError, match=f"{name}=nonsense"):
         BenchFaults.parse({name: "nonsense"})
 
 
 @pytest.mark.parametrize("text", ["-1", "nan", "1e9:x"])
 def test_times_must_be_times(text: str) -> None:
-    with pytest.raises(BenchInputError):
+    with pytest.raises(FaultError):
         BenchFaults.parse({"bench_stall": text})
 
 
 def test_unknown_fault_is_refused() -> None:
-    with pytest.raises(BenchInputError, match="bench_nothing"):
+    with pytest.raises(FaultError, match="bench_nothing"):
         BenchFaults.parse({"bench_nothing": "1"})

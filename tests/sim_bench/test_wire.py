@@ -5,9 +5,10 @@ import re
 import numpy as np
 import pytest
 
-from sim_backend.bench.faults import BenchFaults, Window
+from sim_backend.bench.faults import BenchFaults
 from sim_backend.bench.line_protocol import checksum, line
 from sim_backend.bench.wire import Wire
+from sim_backend.fault_values import Window
 
 TEXT = line(1, "E", 12345, 4_000_000_000, 1200, 1204, 1200, 1204, 1200, 1204, 1200)
 

@@ -5,9 +5,10 @@ import pytest
 
 from mocap_bridge.rotation import angle_between
 from onboard.errors import InputError
+from sim_backend.fault_values import FaultError, Window
 from sim_backend.room.cameras import Cameras
 from sim_backend.room.feed import TruePose
-from sim_backend.room.settings import RoomFaults, RoomSettings, RoomSettingsError, Window
+from sim_backend.room.settings import RoomFaults, RoomSettings, RoomSettingsError
 
 BODIES = {"cf1": TruePose((1.0, 2.0, 1.5), (0.0, 0.0, 0.0, 1.0))}
 
@@ -85,7 +86,7 @@ def test_faults_by_their_names():
     ],
 )
 def test_faults_that_cannot_be_used_are_input_errors(name: str, value: str):
-    with pytest.raises(RoomSettingsError, match=name) as caught:
+    with pytest.raises(FaultError, match=name) as caught:
         RoomFaults.parse({name: value})
     assert isinstance(caught.value, InputError)
 

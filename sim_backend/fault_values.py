@@ -1,0 +1,134 @@
+"""What a fault of the command line takes, ``--fault NAME=VALUE``, and how its text is read."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from onboard.errors import InputError
+from sim_backend.errors import SimulationError
+
+NEVER = math.inf
+
+
+class FaultError(SimulationError, InputError):
+    """A fault that does not exist or has a value that cannot be used."""
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """A span of simulated time (s); `end` is infinite when the fault stays."""
+
+    start: float
+    end: float = NEVER
+
+    def covers(self, time: float) -> bool:
+        """Whether the span includes `time`."""
+        return self.start <= time < self.end
+
+
+class FaultRule(NamedTuple):
+    """One fault.
+
+    Attributes:
+        parse: its value from text; ValueError says what would be right.
+        meaning: for help.
+        field: of the dataclass that holds its value; None where it is the fault's name.
+    """
+
+    parse: Callable[[str], object]
+    meaning: str
+    field: str | None = None
+
+
+NO_TIME = Window(NEVER, NEVER)
+
+FaultRules = Mapping[str, FaultRule]
+
+
+def fault_values(texts: Mapping[str, str], rules: FaultRules, prefix: str = "") -> dict[str, Any]:
+    """Values by field, from texts by the name of the fault; a field has no `prefix`.
+
+    Raises:
+        FaultError: an unknown name or a value that cannot be used.
+    """
+    values = {}
+    for name, text in texts.items():
+        if name not in rules:
+            raise FaultError(f"--fault {name}={text}: no fault named {name!r}; known: {', '.join(rules)}")
+        rule = rules[name]
+        try:
+            values[rule.field or name.removeprefix(prefix)] = rule.parse(text)
+        except ValueError as error:
+            raise FaultError(f"--fault {name}={text}: {error} ({name}={rule.meaning})") from error
+    return values
+
+
+def number(low: float, high: float = math.inf, scale: float = 1.0) -> Callable[[str], float]:
+    """A finite number between `low` and `high`, times `scale`."""
+
+    def parse(text: str) -> float:
+        value = float(text)
+        if not (low <= value <= high and math.isfinite(value)):
+            most = f" and at most {high:g}" if math.isfinite(high) else ""
+            raise ValueError(f"must be at least {low:g}{most}")
+        return scale * value
+
+    return parse
+
+
+def integer(*allowed: int) -> Callable[[str], int]:
+    """One of some whole numbers."""
+
+    def parse(text: str) -> int:
+        value = int(text)
+        if value not in allowed:
+            raise ValueError(f"must be one of {', '.join(map(str, allowed))}")
+        return value
+
+    return parse
+
+
+def choice(*allowed: str) -> Callable[[str], str]:
+    """One of some texts."""
+
+    def parse(text: str) -> str:
+        if text not in allowed:
+            raise ValueError(f"must be one of {', '.join(allowed)}")
+        return text
+
+    return parse
+
+
+def flag(text: str) -> bool:
+    """1 or 0."""
+    return integer(0, 1)(text) == 1
+
+
+TIME = number(0.0)
+"""s from the start."""
+CHANCE = number(0.0, 1.0)
+
+
+def times(text: str) -> tuple[float, ...]:
+    """``S[,S...]``."""
+    return tuple(TIME(part) for part in text.split(","))
+
+
+def window(duration: float = NEVER) -> Callable[[str], Window]:
+    """``S[:DURATION]``; `duration` (s) where the text has none."""
+
+    def parse(text: str) -> Window:
+        start, colon, length = text.partition(":")
+        begin = TIME(start)
+        return Window(begin, begin + (TIME(length) if colon else duration))
+
+    return parse
+
+
+def vector(text: str) -> tuple[float, float, float]:
+    """``X,Y,Z``."""
+    parts = [float(part) for part in text.split(",")]
+    if len(parts) != 3 or not all(math.isfinite(part) for part in parts):
+        raise ValueError("must be three numbers X,Y,Z")
+    return (parts[0], parts[1], parts[2])
