@@ -2,8 +2,9 @@
 
 from io import TextIOWrapper
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
+from onboard.closing import Closing
 from sim_backend.errors import SimulationError
 
 COLUMNS = "t,drone,x,y,z,qx,qy,qz,qw,vx,vy,vz,wx,wy,wz,legs_attached,body_contact"
@@ -15,7 +16,7 @@ class TruthError(SimulationError):
     """The truth file cannot be written."""
 
 
-class TruthRecorder:
+class TruthRecorder(Closing):
     """Appends one row a drone and sample; rows reach the operating system every 0.1 s of world time.
 
     Columns: t [s of world time], drone (its name), position [m] and velocity [m/s] in the world frame,
@@ -51,9 +52,3 @@ class TruthRecorder:
     def close(self) -> None:
         """Write what is left and close the file."""
         self._file.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()

@@ -6,8 +6,6 @@ segment is not in GlobalSegments is occluded.
 """
 
 import socket
-from types import TracebackType
-from typing import Self
 
 from mocap_bridge.datastream.objects import (
     NO_FRAME,
@@ -41,6 +39,7 @@ from mocap_bridge.rotation import continuous, is_rotation, quaternion_from_matri
 from mocap_bridge.timing import CaptureClock, credible_latency
 from mocap_bridge.uri import MocapUri
 from onboard.arrays import Quaternion, Vector
+from onboard.closing import Closing
 from onboard.timebase import Timebase
 
 OPEN_TIMEOUT_S = 0.5
@@ -79,7 +78,7 @@ def open_vicon(uri: MocapUri, clock: Timebase) -> "ViconStream":
     return stream
 
 
-class ViconStream:
+class ViconStream(Closing):
     """An open DataStream connection (a ``PoseStream``)."""
 
     def __init__(self, connection: socket.socket, uri: MocapUri, clock: Timebase) -> None:
@@ -297,11 +296,3 @@ class ViconStream:
         """Close the socket."""
         self._socket.close()
         self._transport.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()

@@ -7,8 +7,6 @@ datagrams, so that an object is missing from a frame is known only when the next
 import dataclasses
 import socket
 from collections import deque
-from types import TracebackType
-from typing import Self
 
 from mocap_bridge.errors import MocapError, PacketError, PoseTimeout, SourceLost, UnknownSubject
 from mocap_bridge.pose import PoseSample, SourceStatistics
@@ -16,6 +14,7 @@ from mocap_bridge.rotation import continuous, quaternion_from_euler_xyz
 from mocap_bridge.tracker_udp import NAME_BYTES, TrackerItem, decode_block
 from mocap_bridge.uri import MocapUri
 from onboard.arrays import Quaternion
+from onboard.closing import Closing
 from onboard.timebase import Timebase
 
 OPEN_TIMEOUT_S = 0.5
@@ -49,7 +48,7 @@ def open_vicon_udp(uri: MocapUri, clock: Timebase) -> "ViconUdpStream":
     return stream
 
 
-class ViconUdpStream:
+class ViconUdpStream(Closing):
     """An open Tracker UDP listener (a ``PoseStream``)."""
 
     def __init__(self, listener: socket.socket, uri: MocapUri, clock: Timebase) -> None:
@@ -181,11 +180,3 @@ class ViconUdpStream:
         """Close the socket."""
         self._socket.close()
         self._transport.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()

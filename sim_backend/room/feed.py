@@ -9,10 +9,11 @@ import socket
 import struct
 from collections import deque
 from collections.abc import Iterable
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 from mocap_bridge.rotation import slerp
 from onboard.arrays import Quaternion, Vector
+from onboard.closing import Closing
 from sim_backend.errors import SimulationError
 
 _HEADER = struct.Struct("<IHHd")
@@ -82,7 +83,7 @@ def decode_feed(data: bytes) -> FeedUpdate:
     return FeedUpdate(world_time, bodies, flags)
 
 
-class FeedSender:
+class FeedSender(Closing):
     """The world's end of the feed. Never blocks: a datagram that cannot go now is given up."""
 
     def __init__(self, port: int, host: str = "127.0.0.1") -> None:
@@ -102,12 +103,6 @@ class FeedSender:
     def close(self) -> None:
         """Close the socket."""
         self._socket.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
 
 class FeedReceiver:

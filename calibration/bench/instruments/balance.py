@@ -5,13 +5,13 @@ underload, ``S I`` busy; ``ES``, ``ET``, ``EL`` are errors.
 """
 
 import math
-from typing import Self
 
 from calibration.bench.instruments.conversation import Conversation
 from calibration.bench.instruments.errors import InstrumentRefused, ScaleUnusable, WrongDevice
 from calibration.bench.instruments.scale import ScaleReading
 from calibration.measurement import Finding, Severity
 from onboard.clock import Clock, monotonic
+from onboard.closing import Closing
 
 BAUD = 9_600
 #: Mass of one unit [kg].
@@ -26,7 +26,7 @@ _REFUSALS = {
 }
 
 
-class Balance:
+class Balance(Closing):
     """An open balance; a context manager and a :class:`~calibration.bench.instruments.scale.Scale`."""
 
     unit, least_span, typed = "kg", 5e-3, False
@@ -90,12 +90,6 @@ class Balance:
     def close(self) -> None:
         """Close it; idempotent."""
         self._conversation.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _mass(self, answer: str) -> tuple[float, bool]:
         fields = answer.split()

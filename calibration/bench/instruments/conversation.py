@@ -1,18 +1,17 @@
 """Question and answer with a device that speaks only when asked: supplies and balances."""
 
-from typing import Self
-
 from calibration.bench.instruments.diagnosis import text_share
 from calibration.bench.instruments.errors import InstrumentTimeout, WrongBaudRate
 from calibration.bench.instruments.transport import IO_TIMEOUT_S, Address, SerialPort
 from onboard.clock import Clock, monotonic
+from onboard.closing import Closing
 
 _ANSWER_BYTES_MAX = 512
 #: A device without line ends has finished when it is silent for so long [s].
 _PAUSE_S = 0.06
 
 
-class Conversation:
+class Conversation(Closing):
     """An open port with one question at a time; a context manager."""
 
     def __init__(self, address: str, default_baud: int, *, clock: Clock = monotonic) -> None:
@@ -78,12 +77,6 @@ class Conversation:
     def close(self) -> None:
         """Close the port; idempotent."""
         self._port.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _discard_old(self) -> None:
         self._rest = b""

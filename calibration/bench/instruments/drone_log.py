@@ -4,7 +4,6 @@ import itertools
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from calibration.bench.instruments.errors import InstrumentLost, MotorsRefused
 from calibration.bench.instruments.mailbox import Mailbox
 from onboard.clock import monotonic
+from onboard.closing import Closing
 from onboard.link import DroneLink, LogSample
 
 PERIOD_MS = 10
@@ -38,7 +38,7 @@ class LogBatch:
     lost: int
 
 
-class DroneLog:
+class DroneLog(Closing):
     """One running log block; a context manager."""
 
     def __init__(self, drone: DroneLink, names: Sequence[str], period_ms: int = PERIOD_MS) -> None:
@@ -112,12 +112,6 @@ class DroneLog:
     def close(self) -> None:
         """End the block; idempotent."""
         self._stream.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _missing(self, stamps: list[int]) -> int:
         """Samples that are missing by the steps between stamps [ms]."""

@@ -5,12 +5,12 @@ The arrival time at the host jitters by 3 to 10 ms (note bench.md, section 1.1),
 
 import math
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calibration.bench.instruments.drone_log import PERIOD_MS, DroneLog, refuse_armed
+from onboard.closing import Closing
 from onboard.gravity import GRAVITY
 from onboard.link import DroneLink
 
@@ -39,7 +39,7 @@ class GyroBatch:
     lost: int
 
 
-class GyroRecorder:
+class GyroRecorder(Closing):
     """A running recording; a context manager. Refuses to start while the motors are armed."""
 
     def __init__(self, drone: DroneLink) -> None:
@@ -80,12 +80,6 @@ class GyroRecorder:
     def close(self) -> None:
         """End the recording; idempotent."""
         self._log.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
 
 def join(batches: list[GyroBatch]) -> GyroBatch:

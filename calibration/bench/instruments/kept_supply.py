@@ -8,13 +8,14 @@ import socket
 import subprocess
 import sys
 import threading
-from typing import Any, Self
+from typing import Any
 
 from calibration.bench.instruments import errors
 from calibration.bench.instruments.errors import InstrumentError, InstrumentLost, InstrumentTimeout
 from calibration.bench.instruments.supply import SupplyReading
 from calibration.bench.instruments.supply_keeper import HANG_S
 from onboard.clock import monotonic
+from onboard.closing import Closing
 
 #: The keeper has to start and to open the port, also on a busy machine [s].
 START_WITHIN_S = 30.0
@@ -26,7 +27,7 @@ _RECEIVE_BYTES = 4096
 _OFF_BY_HAND = "SWITCH THE SUPPLY OFF BY HAND"
 
 
-class KeptSupply:
+class KeptSupply(Closing):
     """A :class:`~calibration.bench.instruments.supply.Supply` and a
     :class:`~calibration.bench.instruments.motor_stand.RemoteCut`; a context manager.
 
@@ -124,12 +125,6 @@ class KeptSupply:
             raise InstrumentError(f"{_OFF_BY_HAND}: {self.device} did not obey ({error})") from error
         finally:
             self._let_go()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _ask(self, what: str, *arguments: float) -> Any:
         with self._asking:

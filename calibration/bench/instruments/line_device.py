@@ -4,8 +4,6 @@ import re
 import threading
 from collections import Counter
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Self
 
 from calibration.bench.instruments.continuity import Continuity, Placed
 from calibration.bench.instruments.diagnosis import no_banner
@@ -21,6 +19,7 @@ from calibration.bench.instruments.protocol import Banner, EventLine, Fault, Kin
 from calibration.bench.instruments.reader import Reader, Reconnect
 from calibration.bench.instruments.transport import IO_TIMEOUT_S, Address, SerialPort
 from onboard.clock import Clock, monotonic
+from onboard.closing import Closing
 
 BAUD = 115_200
 #: A board of the Uno class resets when its port opens and is silent for up to 2.5 s.
@@ -64,7 +63,7 @@ class LinkReport:
         return not any(counts) and not any(self.faults.values()) and not self.events
 
 
-class LineDevice:
+class LineDevice(Closing):
     """An open tachometer or load cell, as lines in their places. A context manager.
 
     Attributes:
@@ -198,14 +197,6 @@ class LineDevice:
         """Stop reading and close the port; idempotent."""
         self._reader.stop()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, _kind: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
-    ) -> None:
-        self.close()
-
     # On the reader's thread.
 
     def _on_bytes(self, data: bytes, receipt: float) -> None:
@@ -246,6 +237,51 @@ class LineDevice:
         self._parser.reset()
         self._heard = self._clock()
         self._reader.write(b"?\n")
+
+
+class LineInstrument(Closing):
+    """What speaks through a line device.
+
+    Args:
+        address, clock, reconnect, handshake_s: as for :class:`LineDevice`, with its errors.
+    """
+
+    kind: Kind
+
+    def __init__(
+        self,
+        address: str,
+        *,
+        clock: Clock = monotonic,
+        reconnect: Reconnect | None = None,
+        handshake_s: float = HANDSHAKE_S,
+    ) -> None:
+        self._clock = clock
+        self._device = LineDevice(
+            address, self.kind, clock=clock, reconnect=reconnect, handshake_s=handshake_s
+        )
+        self._opened()
+
+    def _opened(self) -> None:
+        """Its banner has come."""
+
+    @property
+    def banner(self) -> Banner:
+        """Who it is."""
+        return self._device.banner
+
+    @property
+    def device(self) -> str:
+        """Name of its port now."""
+        return self._device.device
+
+    def check(self) -> None:
+        """Raise InstrumentLost when it is gone or silent; takes nothing, from any thread."""
+        self._device.check()
+
+    def close(self) -> None:
+        """Close it; idempotent."""
+        self._device.close()
 
 
 def _handshake(port: SerialPort, parser: LineParser, clock: Clock, within_s: float) -> Banner:

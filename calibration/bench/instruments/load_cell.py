@@ -5,19 +5,16 @@ when the input is out of range, and needs 10 to 15 min to warm up (note bench.md
 """
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calibration.bench.instruments.errors import ScaleUnusable
-from calibration.bench.instruments.line_device import HANDSHAKE_S, LineDevice, LinkReport
-from calibration.bench.instruments.protocol import RAW_MAX, RAW_MIN, Banner, Kind, LoadLine
-from calibration.bench.instruments.reader import Reconnect
+from calibration.bench.instruments.line_device import LineInstrument, LinkReport
+from calibration.bench.instruments.protocol import RAW_MAX, RAW_MIN, Kind, LoadLine
 from calibration.bench.instruments.scale import ScaleReading
 from calibration.bench.instruments.transport import IO_TIMEOUT_S
 from calibration.measurement import Finding, Severity, rejected
-from onboard.clock import Clock, monotonic
 
 #: The two conversion rates of the amplifier [1/s], and how far its own oscillator may be off.
 RATES, RATE_TOLERANCE = (10.0, 80.0), 0.15
@@ -80,37 +77,16 @@ def check_counts(times: NDArray[np.float64], raw: NDArray[np.int64]) -> tuple[Fi
     return tuple(findings)
 
 
-class LoadCell:
+class LoadCell(LineInstrument):
     """An open load cell; a context manager and a :class:`~calibration.bench.instruments.scale.Scale`."""
 
+    kind = Kind.LOAD_CELL
     unit, least_span, typed = "counts", 100.0, False
 
-    def __init__(
-        self,
-        address: str,
-        *,
-        clock: Clock = monotonic,
-        reconnect: Reconnect | None = None,
-        handshake_s: float = HANDSHAKE_S,
-    ) -> None:
-        """Open it, wait for its banner, let it send; other arguments and errors as for
-        :class:`~calibration.bench.instruments.line_device.LineDevice`."""
-        self._device = LineDevice(
-            address, Kind.LOAD_CELL, clock=clock, reconnect=reconnect, handshake_s=handshake_s
-        )
+    def _opened(self) -> None:
         self._seen: list[LoadBatch] = []
         self._restarts = 0
         self._device.start()
-
-    @property
-    def banner(self) -> Banner:
-        """Who it is."""
-        return self._device.banner
-
-    @property
-    def device(self) -> str:
-        """Name of its port now."""
-        return self._device.device
 
     @property
     def report(self) -> LinkReport:
@@ -163,17 +139,3 @@ class LoadCell:
             said = "".join(f". The board says: {event.text}" for event in report.events[-1:])
             raise ScaleUnusable(f"load cell {self.device}: {findings[0].text}{said}")
         return ScaleReading(float(raw.mean()), findings)
-
-    def check(self) -> None:
-        """Raise InstrumentLost when it is gone or silent; takes nothing, from any thread."""
-        self._device.check()
-
-    def close(self) -> None:
-        """Close it; idempotent."""
-        self._device.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()

@@ -1,12 +1,13 @@
 """A person as an instrument: sets what has no port, reads it, and types the number."""
 
 import math
-from typing import Protocol, Self
+from typing import Protocol
 
 from calibration.bench.instruments.errors import InstrumentInputError
 from calibration.bench.instruments.scale import ScaleReading
 from calibration.bench.instruments.supply import SupplyReading
 from onboard.clock import Clock, monotonic
+from onboard.closing import Closing
 
 DEVICE = "by hand"
 BY_EYE_S = 4.0
@@ -32,7 +33,7 @@ class Person(Protocol):
         """Switch its output."""
 
 
-class ManualScale:
+class ManualScale(Closing):
     """A scale read by a person; a :class:`~calibration.bench.instruments.scale.Scale`."""
 
     unit, least_span, typed, device = "kg", 5e-3, True, DEVICE
@@ -61,14 +62,8 @@ class ManualScale:
     def close(self) -> None:
         """Nothing to close."""
 
-    def __enter__(self) -> Self:
-        return self
 
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-
-class ManualSupply:
+class ManualSupply(Closing):
     """A :class:`~calibration.bench.instruments.supply.Supply` set and read by a person, and by nobody else:
     it cannot be cut when the program dies."""
 
@@ -106,12 +101,6 @@ class ManualSupply:
         """Have the person switch it off, if it is on."""
         if self._on:
             self.switch(on=False)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _read(self) -> None:
         if self._on:

@@ -19,8 +19,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Protocol, Self
+from typing import Protocol
 
 from calibration.bench.instruments.drone_log import DroneLog, LogBatch, refuse_armed
 from calibration.bench.instruments.errors import (
@@ -31,6 +30,7 @@ from calibration.bench.instruments.errors import (
 )
 from calibration.bench.instruments.supply_keeper import HANG_S
 from onboard.clock import Clock, monotonic
+from onboard.closing import Closing
 from onboard.errors import PerchhwError
 from onboard.link import DroneLink, LinkError, reboot
 
@@ -93,7 +93,7 @@ class RemoteCut(Protocol):
         """Our motors do not turn any more: no need to say that we live. InstrumentLost as :meth:`beat`."""
 
 
-class MotorStand:
+class MotorStand(Closing):
     """The motors of one drone on the bench; a context manager. Commands from one thread.
 
     Attributes:
@@ -253,14 +253,6 @@ class MotorStand:
             raise MotorsNotStopped(f"THE MOTORS MAY STILL TURN, cut the power by hand: {report.trouble}")
         if self._remote_cut is not None:
             self._remote_cut.rest()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, _kind: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _apply(self, mode: int, values: Mapping[int, int]) -> None:
         """Write set-points, then the mode. Whatever goes wrong on the way stops the motors."""

@@ -8,9 +8,9 @@ import itertools
 import math
 import re
 import time
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from dataclasses import dataclass
-from typing import Protocol, Self
+from typing import Protocol
 
 from calibration.bench.instruments.conversation import Conversation
 from calibration.bench.instruments.errors import (
@@ -20,6 +20,7 @@ from calibration.bench.instruments.errors import (
     WrongDevice,
 )
 from onboard.clock import Clock, monotonic
+from onboard.closing import Closing
 
 SCPI_BAUD, KORAD_BAUD = 9_600, 9_600
 #: A current within this of the limit, with a voltage below the set one, is current limiting.
@@ -72,7 +73,7 @@ class Supply(Protocol):
         """Switch the output off and let go; idempotent."""
 
 
-class SerialSupply(ABC):
+class SerialSupply(Closing):
     """An open supply; a context manager that switches the output off before it lets go."""
 
     def __init__(self, conversation: Conversation, clock: Clock) -> None:
@@ -140,12 +141,6 @@ class SerialSupply(ABC):
             ) from error
         finally:
             self._conversation.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     _closed = False
 

@@ -11,18 +11,15 @@ Speed is not computed here: blades, missed and doubled edges belong to ``calibra
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calibration.bench.instruments.continuity import Placed
 from calibration.bench.instruments.edge_count import EdgeCount
-from calibration.bench.instruments.line_device import HANDSHAKE_S, LineDevice, LinkReport
-from calibration.bench.instruments.protocol import Banner, EdgeLine, HeartbeatLine, Kind, MarkLine
-from calibration.bench.instruments.reader import Reconnect
+from calibration.bench.instruments.line_device import LineInstrument, LinkReport
+from calibration.bench.instruments.protocol import EdgeLine, HeartbeatLine, Kind, MarkLine
 from calibration.bench.instruments.transport import IO_TIMEOUT_S
-from onboard.clock import Clock, monotonic
 
 _US = 1e-6
 #: A start has arrived at the device by then [s].
@@ -87,38 +84,18 @@ class TachometerReport:
         return self.link.clean and not self.lost_edges and not self.overflow and not self.disordered
 
 
-class Tachometer:
+class Tachometer(LineInstrument):
     """An open tachometer; a context manager."""
 
-    def __init__(
-        self,
-        address: str,
-        *,
-        clock: Clock = monotonic,
-        reconnect: Reconnect | None = None,
-        handshake_s: float = HANDSHAKE_S,
-    ) -> None:
-        """Open it and wait for its banner; arguments and errors as for :class:`LineDevice`."""
-        self._device = LineDevice(
-            address, Kind.TACHOMETER, clock=clock, reconnect=reconnect, handshake_s=handshake_s
-        )
+    kind = Kind.TACHOMETER
+
+    def _opened(self) -> None:
         self._count = EdgeCount()
         self._epoch = 0
         self._kept: list[Placed] = []
-        self._clock = clock
         self._run = (math.inf, math.inf)
         self._last_edge = -1
         self._disordered = 0
-
-    @property
-    def banner(self) -> Banner:
-        """Who it is."""
-        return self._device.banner
-
-    @property
-    def device(self) -> str:
-        """Name of its port now."""
-        return self._device.device
 
     @property
     def report(self) -> TachometerReport:
@@ -157,20 +134,6 @@ class Tachometer:
         here = [one for one in placed if one.epoch == self._epoch]
         self._kept = placed[len(here) :]
         return self._batch(here)
-
-    def check(self) -> None:
-        """Raise InstrumentLost when it is gone or silent; takes nothing, from any thread."""
-        self._device.check()
-
-    def close(self) -> None:
-        """Close it; idempotent."""
-        self._device.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _batch(self, placed: Sequence[Placed]) -> TachometerBatch:
         edges: list[int] = []

@@ -8,6 +8,7 @@ from typing import Self
 import serial
 
 from calibration.bench.instruments.errors import InstrumentInputError, InstrumentLost, InstrumentNotFound
+from onboard.closing import Closing
 
 #: No read and no write blocks longer [s].
 IO_TIMEOUT_S = 1.0
@@ -51,7 +52,7 @@ class Address:
         return cls(device, int(baud))
 
 
-class SerialPort:
+class SerialPort(Closing):
     """An open port; a context manager.
 
     Setting DTR is left to the driver of the operating system: it is set when a port opens (and resets a board
@@ -122,12 +123,6 @@ class SerialPort:
     def close(self) -> None:
         """Close it; idempotent."""
         self._serial.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
 
 def _opening_text(address: Address, error: Exception) -> str:

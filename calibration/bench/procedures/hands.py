@@ -9,10 +9,11 @@ import re
 import socket
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any, Self
+from typing import Any
 
 from calibration.bench.procedures.operator import Gauge, NotConfirmed, Question, Task
 from calibration.errors import CalibrationError
+from onboard.closing import Closing
 from onboard.errors import InputError
 from onboard.quantity import convert
 
@@ -29,7 +30,7 @@ class HandsFailed(CalibrationError):
     """The assistant could not do what it was asked, or is gone."""
 
 
-class Hands:
+class Hands(Closing):
     """An operator whose hands are at the other end of a socket.
 
     Args:
@@ -68,12 +69,6 @@ class Hands:
         """Let go."""
         self._stream.close()
         self._socket.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def begin(self, title: str, number: int) -> None:
         """Say which step begins."""

@@ -101,7 +101,12 @@ class ThrustPlan:
 
 
 def prepare_stand(book: RunBook, stand: ThrustStand) -> None:
-    """The steps before motors turn: the scale against weights, and the drone on it."""
+    """Before motors turn: the operator confirms; the scale against weights, and the drone on it.
+
+    Raises:
+        NotConfirmed: nothing was started. Paused, StepBack: the operator's wish. ScaleUnusable.
+    """
+    book.operator.confirm(SAFETY, UNLOCK_PHRASE)
     book.step("scale", "Check the scale with weights", partial(_check_scale, book, stand))
     book.step("mount", "Put the drone on the stand", partial(_mount, book))
 
@@ -175,7 +180,6 @@ class ThrustWizard:
             NotConfirmed: nothing was started. Paused, StepBack: the operator's wish.
             ScaleUnusable, InstrumentError, LinkError, MotorsRefused: motors stopped, supply off.
         """
-        book.operator.confirm(SAFETY, UNLOCK_PHRASE)
         prepare_stand(book, self._stand)
         for block, voltage in enumerate(self._plan.voltages):
             key = f"sweep-{voltage:g}"
