@@ -7,9 +7,9 @@ from typing import Any
 from calibration.bench.instruments.motor_stand import UNLOCK_PHRASE
 from calibration.bench.motors.propellers import PropellerMap
 from calibration.bench.procedures.apply import changed_vehicle, write_applied
+from calibration.bench.procedures.assistant import Assistant
 from calibration.bench.procedures.calibration import load_calibration
 from calibration.bench.procedures.compare import compare_with_vehicle
-from calibration.bench.procedures.hands import Hands
 from calibration.bench.procedures.inertia import InertiaPlan
 from calibration.bench.procedures.motors import MotorPlan
 from calibration.bench.procedures.sessions import (
@@ -54,23 +54,23 @@ def measure_on_bench(folder: Path, true: Path, seed: int, say: Say) -> dict[str,
     return {"runs": {kind: str(run) for kind, run in runs.items()}, "vehicle": str(vehicle)}
 
 
-Wizard = Callable[[SimulatedLab, Path, Hands], Concluded]
+Wizard = Callable[[SimulatedLab, Path, Assistant], Concluded]
 
 
 def _run(folder: Path, true: Path, seed: int, pace: float, say: Say, wizard: Wizard) -> Path:
     arguments = ["--drone-port", "0", "--vehicle", str(true), "--seed", str(seed), "--pace", str(pace)]
     with SimulatedLab("bench", arguments) as bench:
-        hands = Hands(bench.ready["bench"]["hands"], say, [UNLOCK_PHRASE])
-        with hands:
-            concluded = wizard(bench, folder, hands)
+        assistant = Assistant(bench.ready["bench"]["hands"], say, [UNLOCK_PHRASE])
+        with assistant:
+            concluded = wizard(bench, folder, assistant)
     if rejections := concluded.calibration.rejections:
         raise FlightStackError(f"{folder}: the calibration was rejected: {'; '.join(rejections)}")
     return folder
 
 
 def _inertia(believed: Vehicle) -> Wizard:
-    return lambda bench, folder, hands: measure_inertia(
-        InertiaPlan(believed), bench.drones[0], folder, hands, {"operator": "walk-through"}
+    return lambda bench, folder, assistant: measure_inertia(
+        InertiaPlan(believed), bench.drones[0], folder, assistant, {"operator": "walk-through"}
     )
 
 
@@ -80,21 +80,21 @@ def _motors(believed: Vehicle) -> Wizard:
         raise FlightStackError(f"{believed.name}: no motors.thrust_coefficient, so no thrust from a speed")
     propeller = PropellerMap("vehicle", 0.0, 0.0, coefficient.value, 0.1, coefficient.source)
 
-    def wizard(bench: SimulatedLab, folder: Path, hands: Hands) -> Concluded:
+    def wizard(bench: SimulatedLab, folder: Path, assistant: Assistant) -> Concluded:
         ports = bench.ready["bench"]
         stand = Stand(bench.drones[0], ports["tachometer"], ports["supply"], 3.9)
         plan = MotorPlan(believed, propeller)
-        return measure_motors(plan, stand, folder, hands, {"operator": "walk-through"})
+        return measure_motors(plan, stand, folder, assistant, {"operator": "walk-through"})
 
     return wizard
 
 
 def _thrust(believed: Vehicle) -> Wizard:
-    def wizard(bench: SimulatedLab, folder: Path, hands: Hands) -> Concluded:
+    def wizard(bench: SimulatedLab, folder: Path, assistant: Assistant) -> Concluded:
         ports = bench.ready["bench"]
         plan = ThrustPlan(believed)
         stand = Stand(bench.drones[0], ports["scale"], ports["supply"], plan.voltages[0])
-        return measure_thrust(plan, stand, folder, hands, {"operator": "walk-through"})
+        return measure_thrust(plan, stand, folder, assistant, {"operator": "walk-through"})
 
     return wizard
 

@@ -58,7 +58,7 @@ class FileTable:
             raise self.error(key, f"{rows!r} is not an array of tables: write each under [[{key}]]")
         return [FileTable(self._path, f"{self._full(key)}[{i}]", row) for i, row in enumerate(rows)]
 
-    def given(self, key: str) -> str | None:
+    def optional_text(self, key: str) -> str | None:
         """A text that another file may give instead; None when it is left out."""
         self._read.append(key)
         return self.text(key) if key in self.content else None
@@ -142,10 +142,10 @@ def setup_of(root: FileTable, lab: LabFile | None, policy: str | None = None) ->
     try:
         return flight_setup(
             lab,
-            drone=root.given("drone"),
-            mocap=root.given("mocap"),
-            vehicle=root.given("vehicle"),
-            legs=root.given("legs"),
+            drone=root.optional_text("drone"),
+            mocap=root.optional_text("mocap"),
+            vehicle=root.optional_text("vehicle"),
+            legs=root.optional_text("legs"),
             policy=policy,
         )
     except SetupError as error:

@@ -111,7 +111,7 @@ def load_plan(path: Path, lab: LabFile | None = None) -> CampaignPlan:
     root = FileTable(path, "", read_toml(path, CampaignFileError))
     root.choice("schema", (SCHEMA,))
     grid, stop = root.table("grid"), root.table("stop", required=False)
-    setup = setup_of(root, lab, root.given("policy"))
+    setup = setup_of(root, lab, root.optional_text("policy"))
     plan = CampaignPlan(
         name=root.text("name", default=path.stem),
         drone=setup.drone,

@@ -15,12 +15,12 @@ if TYPE_CHECKING:
     from onboard.vehicle import Vehicle
 
 
-def fit_swings(files: Sequence[Path], given: Mapping[str, str | None], tools: str, estimator: str) -> None:
+def fit_swings(files: Sequence[Path], typed: Mapping[str, str | None], tools: str, estimator: str) -> None:
     """Inertia about one axis from recorded swings.
 
     Args:
         files: recordings.
-        given: axis, mass, string-length and string-distance as typed; the last three may be missing together.
+        typed: axis, mass, string-length and string-distance as typed; the last three may be missing together.
         tools: what measured them.
         estimator: ``paper`` puts the authors' peak estimate beside each period.
 
@@ -34,14 +34,14 @@ def fit_swings(files: Sequence[Path], given: Mapping[str, str | None], tools: st
     from calibration.bench.procedures.inertia import AXES
     from calibration.bench.procedures.operator import AnswerNotUsable
 
-    axis = given["axis"]
+    axis = typed["axis"]
     if axis is None or axis not in AXES:
         raise AnswerNotUsable(f"--axis {axis}: say which body axis hung vertical: x, y or z")
     if estimator not in ("pendulum", "paper"):
         raise AnswerNotUsable(f"--estimator {estimator}: choose pendulum or paper")
     swings = [read_swing(file, AXES[axis]) for file in files]
     fits = [_as_recorded(fit_swing(swing)) for swing in swings]
-    rig = _rig(given, tools)
+    rig = _rig(typed, tools)
     result = None if rig is None else inertia_about_axis(fits, rig)
     counted = [fit.period.value for fit in fits if not fit.rejected]
     period = (
@@ -73,23 +73,23 @@ def _as_recorded(fit: "SwingFit") -> "SwingFit":
     return replace(fit, findings=tuple(milder))
 
 
-def _rig(given: Mapping[str, str | None], tools: str) -> Any:
+def _rig(typed: Mapping[str, str | None], tools: str) -> Any:
     from calibration.bench.inertia.rig import Rig
     from calibration.bench.procedures.inertia import TOOLS, questions
     from calibration.bench.procedures.operator import AnswerNotUsable
     from calibration.bench.procedures.readings import estimate_of, parse_reading
 
     names = {"mass": "mass", "string-length": "string_length", "string-distance": "string_distance_top"}
-    missing = [name for name in names if given[name] is None]
+    missing = [name for name in names if typed[name] is None]
     if len(missing) == len(names):
         return None
     if missing:
         raise AnswerNotUsable(f"--{missing[0]} is missing: mass, string length and string distance together")
     if tools not in TOOLS:
         raise AnswerNotUsable(f"--tools {tools}: choose {' or '.join(TOOLS)}")
-    asked = questions(tools)
+    listed = questions(tools)
     values = {
-        name: estimate_of([parse_reading(str(given[name]), asked[key])], asked[key])
+        name: estimate_of([parse_reading(str(typed[name]), listed[key])], listed[key])
         for name, key in names.items()
     }
     distance = values["string-distance"]

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 Out = Annotated[Path | None, typer.Option(help="Folder of the run; a run that was paused goes on in it.")]
 Drone = Annotated[str | None, typer.Option("--drone", help="URI of the drone: udp://HOST:PORT, radio://...")]
-HandsAddress = Annotated[
+AssistantAddress = Annotated[
     str | None,
     typer.Option("--hands", help="tcp://HOST:PORT of an assistant that does what the wizard asks."),
 ]
@@ -66,19 +66,21 @@ class Helper:
 @contextmanager
 def operator_of(helper: Helper) -> "Iterator[Operator]":
     """Whoever carries out the wizard: a person, or an assistant; with the answers given in advance before."""
-    from calibration.bench.procedures.given import GivenAnswers, read_answers
-    from calibration.bench.procedures.hands import Hands
+    from calibration.bench.procedures.assistant import Assistant
+    from calibration.bench.procedures.prepared_answers import PreparedAnswers, read_answers
     from perchhw.cli.bench_operator import TerminalOperator
 
     # A program that is told to end unwinds as with Ctrl-C, so that motors and supply are switched off.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    given = {} if helper.answers is None else read_answers(helper.answers)
+    answers = {} if helper.answers is None else read_answers(helper.answers)
     if helper.hands is None:
-        yield GivenAnswers(given, TerminalOperator(helper.yes, helper.confirmed))
+        yield PreparedAnswers(answers, TerminalOperator(helper.yes, helper.confirmed))
         return
     screen = progress_console()
-    with Hands(helper.hands, lambda text: screen.print(text, markup=False), helper.confirmed) as assistant:
-        yield GivenAnswers(given, assistant)
+    with Assistant(
+        helper.hands, lambda text: screen.print(text, markup=False), helper.confirmed
+    ) as assistant:
+        yield PreparedAnswers(answers, assistant)
 
 
 def tell(concluded: "Concluded", folder: Path) -> None:

@@ -8,8 +8,8 @@ import typer
 from perchhw.attempt import DEFAULT_VEHICLE
 from perchhw.cli.bench_options import (
     Answers,
+    AssistantAddress,
     Drone,
-    HandsAddress,
     Helper,
     Out,
     Person,
@@ -46,7 +46,7 @@ def bifilar_command(
     jig: Annotated[
         bool, typer.Option("--jig", help="The drone hangs in a jig that weighs something.")
     ] = False,
-    hands: HandsAddress = None,
+    hands: AssistantAddress = None,
     input: Answers = None,
     yes: Yes = False,
     operator: Person = "",

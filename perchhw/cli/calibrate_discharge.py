@@ -8,9 +8,9 @@ import typer
 from perchhw.attempt import DEFAULT_VEHICLE
 from perchhw.cli.bench_options import (
     Answers,
+    AssistantAddress,
     Confirm,
     Drone,
-    HandsAddress,
     Helper,
     NoRemoteCut,
     Out,
@@ -32,7 +32,7 @@ def discharge_command(
     no_remote_cut: NoRemoteCut = False,
     vehicle: Vehicle = DEFAULT_VEHICLE,
     out: Out = None,
-    hands: HandsAddress = None,
+    hands: AssistantAddress = None,
     input: Answers = None,
     yes: Yes = False,
     confirm: Confirm = None,

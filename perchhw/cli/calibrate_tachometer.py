@@ -8,9 +8,9 @@ import typer
 from perchhw.attempt import DEFAULT_VEHICLE
 from perchhw.cli.bench_options import (
     Answers,
+    AssistantAddress,
     Confirm,
     Drone,
-    HandsAddress,
     Helper,
     NoRemoteCut,
     Out,
@@ -50,7 +50,7 @@ def tachometer_command(
     motors: Annotated[str, typer.Option(help="Motors in their order.")] = "1234",
     repeats: Annotated[int, typer.Option(min=1, help="Of the staircase of each motor.")] = 2,
     seed: Annotated[int, typer.Option(min=0, help="Of the order of the steps.")] = 0,
-    hands: HandsAddress = None,
+    hands: AssistantAddress = None,
     input: Answers = None,
     yes: Yes = False,
     confirm: Confirm = None,

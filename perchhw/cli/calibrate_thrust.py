@@ -8,9 +8,9 @@ import typer
 from perchhw.attempt import DEFAULT_VEHICLE
 from perchhw.cli.bench_options import (
     Answers,
+    AssistantAddress,
     Confirm,
     Drone,
-    HandsAddress,
     Helper,
     NoRemoteCut,
     Out,
@@ -43,7 +43,7 @@ def thrust_command(
     vehicle: Vehicle = DEFAULT_VEHICLE,
     out: Out = None,
     seed: Annotated[int, typer.Option(min=0, help="Of the order of the commands.")] = 0,
-    hands: HandsAddress = None,
+    hands: AssistantAddress = None,
     input: Answers = None,
     yes: Yes = False,
     confirm: Confirm = None,

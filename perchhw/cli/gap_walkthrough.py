@@ -31,7 +31,7 @@ def walkthrough_command(
 def _in_words(result: "Walkthrough") -> str:
     document = result.to_json()
     lines = ["hidden change, and what the gap finder says:"]
-    found = result.found["effects"]
+    found = result.identified["effects"]
     for name in dict.fromkeys([*document["hidden"], *found]):
         truth = document["hidden"].get(name, {})
         values = found.get(name, {})

@@ -14,8 +14,8 @@ from perchhw.cli.learn_options import (
     SeedOption,
     SetupOptions,
     SweepOptions,
-    shown,
-    shown_count,
+    progress_count,
+    progress_of,
 )
 from perchhw.cli.learn_report import report, write_report
 from perchhw.cli.option_groups import with_option_groups
@@ -107,7 +107,7 @@ def _sweep(setup: SetupOptions, grid: GridOptions, learning: SweepOptions, out: 
 
     trials = SweepGrid(*grid.ranges(), learning.repeats)
     try:
-        with grid.executor() as executor, shown("learning trials", setup.seed) as show:
+        with grid.executor() as executor, progress_of("learning trials", setup.seed) as show:
             summary = run_sweep(
                 setup.learning_setup(learning.reward),
                 trials,
@@ -184,7 +184,7 @@ def _refined(policy: "Policy", swept: Path, refining: GridOptions) -> "Policy":
 
     settings = read_settings(swept / SWEEP_FILE)["settings"]
     grid = sorted({Condition(speed, angle) for speed, angle, _ in read_pairs(swept / PAIRS_FILE)})
-    with refining.executor() as executor, shown_count("refinement") as show:
+    with refining.executor() as executor, progress_count("refinement") as show:
         return refine_action(
             policy, recorded_setup(settings, str(swept)), grid, executor=executor, on_condition=show
         )
@@ -219,7 +219,7 @@ def _validate(
     approaches = conditions(*grid.ranges())
     flown_by = setup.learning_setup()
     make_folder(out)
-    with grid.executor() as executor, shown("validation", setup.seed) as show:
+    with grid.executor() as executor, progress_of("validation", setup.seed) as show:
         rows = validate_policy(
             loaded, flown_by, approaches, rollouts=rollouts, executor=executor, on_condition=show
         )

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from perchhw.attempt import DEFAULT_VEHICLE
-from perchhw.cli.learn_options import GridOptions, OutOption, SeedOption, shown_count
+from perchhw.cli.learn_options import GridOptions, OutOption, SeedOption, progress_count
 from perchhw.cli.option_groups import with_option_groups
 from perchhw.cli.output import console, emit
 
@@ -51,7 +51,7 @@ def hinge(
 
     k = parse_range(stiffnesses, "--stiffnesses") if stiffnesses else STIFFNESSES
     c = parse_range(dampings, "--dampings") if dampings else (AUTHORS_DAMPING,)
-    with grid.executor() as executor, shown_count("hinges") as show:
+    with grid.executor() as executor, progress_count("hinges") as show:
         result = run_hinge_calibration(
             LearningSetup(vehicle=vehicle, reward="flown", gains="gazebo", sensing=sensing, seed=seed),
             [Hinge(stiffness, damping) for damping in c for stiffness in k],

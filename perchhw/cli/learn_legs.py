@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
-from perchhw.cli.learn_options import FlightOptions, GridOptions, OutOption, SweepOptions, shown
+from perchhw.cli.learn_options import FlightOptions, GridOptions, OutOption, SweepOptions, progress_of
 from perchhw.cli.learn_report import write_report
 from perchhw.cli.option_groups import with_option_groups
 from perchhw.cli.output import console, emit
@@ -46,7 +46,7 @@ def _study(
             rollouts=rollouts,
             executor=executor,
             resume=learning.resume,
-            on_design=lambda design: shown(design, setup.seed),
+            on_design=lambda design: progress_of(design, setup.seed),
         )
     written = {"study": str(out / STUDY_FILE), "landings": str(out / LANDINGS_FILE), **write_report(out)}
     return {**written, **study.document}

@@ -119,7 +119,7 @@ def _progress() -> "Progress":
 
 
 @contextmanager
-def shown(what: str, seed: int) -> "Iterator[Callable[[Row, int, int], None]]":
+def progress_of(what: str, seed: int) -> "Iterator[Callable[[Row, int, int], None]]":
     """Shows rows as they come: a bar, and a line for every row with rollouts that were not finite."""
     from perchhw.learning.sweep_folder import not_finite_report
 
@@ -136,7 +136,7 @@ def shown(what: str, seed: int) -> "Iterator[Callable[[Row, int, int], None]]":
 
 
 @contextmanager
-def shown_count(what: str) -> "Iterator[Callable[[int, int], None]]":
+def progress_count(what: str) -> "Iterator[Callable[[int, int], None]]":
     """Shows how much is done: a bar."""
     with _progress() as bar:
         task = bar.add_task(what, total=None)

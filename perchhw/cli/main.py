@@ -12,7 +12,7 @@ import typer
 
 from onboard.errors import InputError, PerchhwError, SafetyStop
 from perchhw.cli import exit_codes
-from perchhw.cli.output import emit_error, progress_console, settings, told
+from perchhw.cli.output import emit_error, progress_console, settings, written
 
 _GLOBAL_FLAGS = ("--json", "-v", "--verbose")
 
@@ -134,7 +134,7 @@ def _exit_code(error: PerchhwError) -> int:
 
 def _ended_by(message: str, exit_code: int) -> int:
     """Tell the person on stderr, and the script that asked for JSON on stdout."""
-    told(sys.stderr, lambda: progress_console().print(message, style="red", markup=False, soft_wrap=True))
+    written(sys.stderr, lambda: progress_console().print(message, style="red", markup=False, soft_wrap=True))
     emit_error(message.removeprefix("error: "), exit_code)
     return exit_code
 

@@ -45,7 +45,7 @@ def progress_console() -> "Console":
     return Console(file=sys.stderr, highlight=False)
 
 
-def told(stream: TextIO | None, tell: Callable[[], object]) -> bool:
+def written(stream: TextIO | None, tell: Callable[[], object]) -> bool:
     """Tell a result to `stream`; False where its reader is gone (a closed pipe or terminal), or never was.
 
     That changes no exit code. What is told afterwards, also what the interpreter still has to flush, goes
@@ -111,4 +111,4 @@ def emit(result: Any, human: Callable[[], None] | str) -> bool:
         else:
             console().print(human, markup=False, soft_wrap=True)
 
-    return told(sys.stdout, tell)
+    return written(sys.stdout, tell)

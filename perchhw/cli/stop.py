@@ -20,7 +20,7 @@ from onboard.link.stop import StopReport
 from onboard.link.stop_drone import stop_drone
 from onboard.link.stop_note import note_stop
 from perchhw.cli import exit_codes
-from perchhw.cli.output import emit, told
+from perchhw.cli.output import emit, written
 
 LAB_FILE = Path("lab.toml")
 """The lab file of a folder."""
@@ -151,4 +151,4 @@ def _tell(document: dict[str, Any], words: str) -> None:
 
 def _say_beside(words: str) -> None:
     with contextlib.suppress(OSError):  # nobody is left to tell; the exit code says it
-        told(sys.stderr, lambda: sys.stderr.write(words + "\n"))
+        written(sys.stderr, lambda: sys.stderr.write(words + "\n"))

@@ -32,20 +32,20 @@ class Walkthrough:
         rates: landing rates by rollouts: the shipped policy on the ``believed`` and the ``hidden`` vehicle,
             the ``relearned`` one on the hidden vehicle.
         landings: in the lab on the hidden vehicle, ``before`` and ``after`` learning anew.
-        found: what the gap finder named.
+        identified: what the gap finder named.
         folder: of everything.
     """
 
     rates: dict[str, dict[str, dict[str, float]]]
     landings: dict[str, dict[str, Any]]
-    found: dict[str, Any]
+    identified: dict[str, Any]
     folder: Path
 
     def to_json(self) -> dict[str, Any]:
         """By name, with the hidden truth beside what was found."""
         return {
             "hidden": {name: dict(values) for name, values in HIDDEN.items()},
-            "found": self.found,
+            "found": self.identified,
             "landing_rates": self.rates,
             "landings_in_the_lab": self.landings,
             "folder": str(self.folder),
@@ -95,7 +95,7 @@ def run_walkthrough(out: Path, seed: int, say: Callable[[str], None] = lambda te
     result = Walkthrough(
         rates={**before, "relearned": after["hidden"]},
         landings={"before": landings, "after": again},
-        found=found,
+        identified=found,
         folder=out,
     )
     write_json_atomically(out / SUMMARY_FILE, result.to_json())

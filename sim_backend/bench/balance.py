@@ -28,7 +28,7 @@ class Balance:
         """Put a load (g) on it, and let propellers push it (g)."""
         self.load, self.thrust = load, thrust
 
-    def shown(self) -> float:
+    def indication(self) -> float:
         """A reading, g."""
         noise = ERROR_G * float(self._rng.uniform(-1.0, 1.0)) + SHAKE * self.thrust * float(
             self._rng.standard_normal()
@@ -43,4 +43,4 @@ class Balance:
     def _answer(self, command: bytes) -> bytes:
         if command != b"SI":
             return b"ES\r\n"
-        return f"S {'D' if self.thrust else 'S'} {self.shown():10.2f} g\r\n".encode()
+        return f"S {'D' if self.thrust else 'S'} {self.indication():10.2f} g\r\n".encode()

@@ -190,7 +190,7 @@ class Operator:
         return 0.0
 
     def _read_scale(self, request: Request) -> float:
-        self._remembered = 1e-3 * self._bench.balance.shown()
+        self._remembered = 1e-3 * self._bench.balance.indication()
         return 0.0
 
     def _set_supply(self, request: Request) -> float:

@@ -128,7 +128,7 @@ def small_angle_rate(hung: Hung) -> float:
     return math.sqrt(-hung.mass * hung.gravity * bend / hung.inertia)
 
 
-class Swing:
+class SwingMode:
     """One mode of swinging, a damped linear oscillator solved exactly in steps of `dt` (s).
 
     Attributes:
@@ -167,8 +167,8 @@ class BifilarPendulum:
         # Across the plane the body turns with its strings: a compound pendulum, slower by its own inertia.
         across = hung.length + hung.inertia / (hung.mass * hung.length)
         self.swings = (
-            Swing(math.sqrt(hung.gravity / hung.length), dt),
-            Swing(math.sqrt(hung.gravity / across), dt),
+            SwingMode(math.sqrt(hung.gravity / hung.length), dt),
+            SwingMode(math.sqrt(hung.gravity / across), dt),
         )
 
     def set(self, hung: Hung) -> None:

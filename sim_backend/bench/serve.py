@@ -15,10 +15,10 @@ import numpy as np
 
 from onboard.clock import Clock
 from onboard.vehicle import load_vehicle
+from sim_backend.bench.assistant_server import AssistantServer
 from sim_backend.bench.bench import DT, Bench, BenchOptions
 from sim_backend.bench.errors import BenchInputError
 from sim_backend.bench.faults import INSTRUMENTS, BenchFaults
-from sim_backend.bench.hands_server import HandsServer
 from sim_backend.bench.operator import CannotDo, Operator
 from sim_backend.bench.ports import AskedPort, BoardPort, Electronics, Port
 from sim_backend.crazyflie.faults import DatagramFaults
@@ -147,9 +147,9 @@ class ServedBench:
             self.ports[name] = port = Port(electronics[name])
             self._cleanup.callback(port.unplug)
         self.operator = Operator(bench, self.replug)
-        self.hands = HandsServer(self.operator, self.wait_until, settings.host)
-        await self.hands.start()
-        self._cleanup.push_async_callback(self.hands.close)
+        self.assistant = AssistantServer(self.operator, self.wait_until, settings.host)
+        await self.assistant.start()
+        self._cleanup.push_async_callback(self.assistant.close)
         gc.collect()
         gc.freeze()
 
@@ -160,7 +160,7 @@ class ServedBench:
             "ready": True,
             "drones": [self.server.uri],
             "mocap": [],
-            "bench": instruments | {"hands": self.hands.address},
+            "bench": instruments | {"hands": self.assistant.address},
             "pace": self.settings.pace,
             "processes": {"bench": os.getpid()},
         }

@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 
 from calibration.bench.instruments.motor_stand import UNLOCK_PHRASE
+from calibration.bench.procedures.assistant import Assistant
 from calibration.bench.procedures.calibration import load_calibration
 from calibration.bench.procedures.compare import compare_with_vehicle
-from calibration.bench.procedures.hands import Hands
 from calibration.bench.procedures.motors import HAND_PHRASE
 from onboard.vehicle import load_vehicle
 from perchhw.lab_process import SimulatedLab
@@ -115,7 +115,7 @@ def test_a_supply_set_by_hand_is_no_remote_cut(
 class Person:
     """Sits at a terminal, does what it says, and types what they see; works the bench by its hands."""
 
-    def __init__(self, hands: Hands) -> None:
+    def __init__(self, hands: Assistant) -> None:
         self._hands = hands
 
     def answer(self, text: str) -> str | None:
@@ -196,7 +196,7 @@ def test_a_person_sets_the_supply_and_types_what_the_scale_shows(
     served = bench(pace=3)  # somebody must look while the motors turn
     line = [sys.executable, "-m", "perchhw", "calibrate", "thrust", *FEW, "--out", str(tmp_path)]
     line += ["--drone", patient_uri(served.drones[0]), "--scale", "manual://", "--supply", "manual://"]
-    with Hands(served.ready["bench"]["hands"], lambda text: None) as hands:
+    with Assistant(served.ready["bench"]["hands"], lambda text: None) as hands:
         code, shown = at_a_terminal([*line, "--no-remote-cut"], Person(hands))
     assert code == 0, shown
     assert HAND_PHRASE in shown

@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
+from calibration.bench.procedures.assistant import Assistant
 from calibration.bench.procedures.calibration import load_calibration
 from calibration.bench.procedures.compare import compare_with_vehicle
-from calibration.bench.procedures.hands import Hands
 from onboard.vehicle import load_vehicle
 from perchhw.bench_walkthrough.story import BELIEVED
 from tests.bench_commands.conftest import Bench, command, run, serve
@@ -21,7 +21,7 @@ from tests.patience import PATIENCE_S
 
 
 def spin_record(address: str) -> dict[str, Any]:
-    with Hands(address, lambda text: None) as hands:
+    with Assistant(address, lambda text: None) as hands:
         record: dict[str, Any] = hands.request({"ask": "spin_record"})["value"]
     return record
 

@@ -161,7 +161,7 @@ def test_an_instrument(monkeypatch: pytest.MonkeyPatch) -> None:
         scale.begin()
         scale.look(0.1)
         scale.look(0.1)
-        assert scale.read().shown == pytest.approx(0.00725)
+        assert scale.read().indication == pytest.approx(0.00725)
         with pytest.raises(module.InstrumentRefused, match="overload"):
             scale.look(0.1)
     os.close(theirs)

@@ -9,7 +9,7 @@ from calibration.bench.instruments.kept_supply import KeptSupply
 from calibration.bench.instruments.load_cell import LoadCell
 from calibration.bench.instruments.manual import ManualScale, ManualSupply
 from tests.instruments.pty_device import LineBoard, PtyDevice
-from tests.instruments.test_asked_instruments import Somebody, TinyKorad, TinyScpi, balance
+from tests.instruments.test_polled_instruments import Somebody, TinyKorad, TinyScpi, balance
 
 NOBODY = Somebody([])
 
@@ -28,7 +28,7 @@ def test_a_balance_and_a_person_are_scales() -> None:
             with ScaleAddress.of(uri).open(Somebody([0.0015])) as scale:
                 scale.begin()
                 scale.look(0.1)
-                assert scale.read().shown == pytest.approx(1.5e-3)
+                assert scale.read().indication == pytest.approx(1.5e-3)
                 scales.append(scale)
     assert [type(scale) for scale in scales] == [Balance, ManualScale]
 

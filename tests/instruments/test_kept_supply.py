@@ -23,7 +23,7 @@ from calibration.bench.instruments.kept_supply import KeptSupply
 from calibration.bench.instruments.supply_keeper import HANG_S
 from tests.bench_commands.until import until
 from tests.instruments.pty_device import PtyDevice
-from tests.instruments.test_asked_instruments import TinyKorad, TinyScpi
+from tests.instruments.test_polled_instruments import TinyKorad, TinyScpi
 from tests.patience import PATIENCE_S
 
 WIZARD = """

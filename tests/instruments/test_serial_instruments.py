@@ -243,13 +243,13 @@ def test_a_load_cell_is_calibrated_and_read() -> None:
             for load in (1_000, 43_000, 106_000):
                 feeder.counts = load
                 cell.look(1.0)
-                raws.append(shown(cell, 16).shown)
+                raws.append(shown(cell, 16).indication)
             calibration = ScaleCalibration.fit([0.0, 0.02, 0.05], raws, cell.least_span)
             assert calibration.per_kg == pytest.approx(2.1e6, rel=1e-3)
             feeder.counts = 22_000
             cell.look(1.0)
             reading = shown(cell, 80)
-            assert calibration.mass(reading.shown) == pytest.approx(0.010, abs=2e-5)
+            assert calibration.mass(reading.indication) == pytest.approx(0.010, abs=2e-5)
             assert [finding.code for finding in reading.findings] in ([], ["scale_rate"])
 
 

@@ -25,7 +25,7 @@ from tests.sim_bench.benches import HANG_Z, vehicle
 PACE = 3.0
 
 
-class Hands:
+class Assistant:
     """A client of the hands protocol."""
 
     def __init__(self, address: str) -> None:
@@ -71,8 +71,8 @@ def bench() -> Iterator[SimulatedLab]:
 
 
 @pytest.fixture
-def hands(bench: SimulatedLab) -> Iterator[Hands]:
-    with Hands(bench.ready["bench"]["hands"]) as client:
+def hands(bench: SimulatedLab) -> Iterator[Assistant]:
+    with Assistant(bench.ready["bench"]["hands"]) as client:
         yield client
 
 
@@ -84,7 +84,7 @@ def test_ready_line(bench: SimulatedLab) -> None:
     assert all(os.path.exists(bench.ready["bench"][name]) for name in ("tachometer", "scale", "supply"))  # noqa: PTH110
 
 
-def test_hands_answer_in_order_and_survive_nonsense(hands: Hands) -> None:
+def test_hands_answer_in_order_and_survive_nonsense(hands: Assistant) -> None:
     assert hands.raw(b"{]\n")["error"]
     assert hands.raw(b"[1, 2]\n")["error"]
     assert hands.raw(b"\xff\xfe\n")["error"]
@@ -93,13 +93,13 @@ def test_hands_answer_in_order_and_survive_nonsense(hands: Hands) -> None:
 
 
 def test_a_line_without_an_end_is_told_and_hung_up(bench: SimulatedLab) -> None:
-    with Hands(bench.ready["bench"]["hands"]) as endless:
+    with Assistant(bench.ready["bench"]["hands"]) as endless:
         assert "65536" in endless.raw(b"x" * 70_000)["error"]
-    with Hands(bench.ready["bench"]["hands"]) as hands:
+    with Assistant(bench.ready["bench"]["hands"]) as hands:
         assert hands(ask="blades") == {"value": 2, "unit": "1"}
 
 
-def test_hanging_drone_logs_its_pendulum_at_100_hz(bench: SimulatedLab, hands: Hands) -> None:
+def test_hanging_drone_logs_its_pendulum_at_100_hz(bench: SimulatedLab, hands: Assistant) -> None:
     names = ["gyro.x", "gyro.y", "gyro.z", "acc.x", "acc.y", "acc.z"]
     hands(**HANG_Z)
     try:
@@ -131,7 +131,7 @@ def test_hanging_drone_logs_its_pendulum_at_100_hz(bench: SimulatedLab, hands: H
     assert inertia == pytest.approx(truth.inertia_zz.value, rel=0.02)
 
 
-def test_motors_instruments_and_record_end_to_end(bench: SimulatedLab, hands: Hands) -> None:
+def test_motors_instruments_and_record_end_to_end(bench: SimulatedLab, hands: Assistant) -> None:
     ports = bench.ready["bench"]
     hands(do="clamp", motor=2)
     with (
@@ -168,7 +168,7 @@ def test_motors_instruments_and_record_end_to_end(bench: SimulatedLab, hands: Ha
     assert hands(ask="spin_record")["value"]["incidents"] == []
 
 
-def test_scale_and_replug(bench: SimulatedLab, hands: Hands) -> None:
+def test_scale_and_replug(bench: SimulatedLab, hands: Assistant) -> None:
     def mean(device: str) -> float:
         with serial.Serial(device, 115200, timeout=PATIENCE_S) as scale:
             scale.write(b"S")
@@ -258,7 +258,7 @@ def test_replies_wait_for_bench_time_and_lag_is_given_up() -> None:
         served = made.served
         try:
             # Somebody else waits until the end: closing does not wait with them.
-            reader, writer = await asyncio.open_connection(*served.hands.address[6:].split(":"))
+            reader, writer = await asyncio.open_connection(*served.assistant.address[6:].split(":"))
             writer.write(json.dumps(HANG_Z).encode() + b"\n" + b'{"do": "damp"}\n')
             assert json.loads(await reader.readline()) == {"done": True}
             waiting = asyncio.ensure_future(served.wait_until(0.5))

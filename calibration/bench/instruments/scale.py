@@ -16,11 +16,11 @@ class ScaleReading:
     """An averaged reading.
 
     Attributes:
-        shown: mean of what the scale showed, in its unit.
+        indication: mean of what the scale showed, in its unit.
         findings: what is odd about it, though it counts.
     """
 
-    shown: float
+    indication: float
     findings: tuple[Finding, ...] = ()
 
 
@@ -72,10 +72,10 @@ class Scale(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class ScaleCalibration:
-    """Mass from what a scale shows: ``mass = (shown - zero) / per_kg``.
+    """Mass from what a scale shows: ``mass = (indication - zero) / per_kg``.
 
     Attributes:
-        zero: shown without load.
+        zero: indication without load.
         per_kg: slope; its sign is that of the mounting. 1 for a balance that is right.
         nonlinearity: largest distance of a calibration weight from the line [kg]; 0 for two points.
     """
@@ -85,34 +85,34 @@ class ScaleCalibration:
     nonlinearity: float = 0.0
 
     @classmethod
-    def fit(cls, masses: Sequence[float], shown: Sequence[float], least_span: float) -> Self:
+    def fit(cls, masses: Sequence[float], indications: Sequence[float], least_span: float) -> Self:
         """The line through at least two weights.
 
         Args:
             masses: of the weights put on [kg], the empty scale (0) among them.
-            shown: by the scale with each.
+            indications: of the scale with each.
             least_span: see :class:`Scale`.
 
         Raises:
             InstrumentInputError: fewer than two different masses, or a scale that does not follow them.
         """
-        if len(masses) != len(shown) or len(set(masses)) < 2:
+        if len(masses) != len(indications) or len(set(masses)) < 2:
             raise InstrumentInputError(
                 f"a calibration needs at least two different weights with their readings; {len(masses)} "
-                f"masses and {len(shown)} readings were given"
+                f"masses and {len(indications)} readings were given"
             )
-        if not all(math.isfinite(value) for value in (*masses, *shown)):
+        if not all(math.isfinite(value) for value in (*masses, *indications)):
             raise InstrumentInputError("a mass or a reading of the calibration is not a number")
-        slope, zero = np.polyfit(masses, shown, 1)
+        slope, zero = np.polyfit(masses, indications, 1)
         span = (max(masses) - min(masses)) * abs(slope)
         if span < least_span:
             raise InstrumentInputError(
                 f"the scale's reading changes by {span:.2g} between the weights (at least {least_span:g} "
                 "expected): does the weight rest on it, and is the load cell wired (A+ A- E+ E-)?"
             )
-        error = max(abs((one - zero) / slope - mass) for mass, one in zip(masses, shown, strict=True))
+        error = max(abs((one - zero) / slope - mass) for mass, one in zip(masses, indications, strict=True))
         return cls(float(zero), float(slope), float(error))
 
-    def mass(self, shown: float) -> float:
+    def mass(self, indication: float) -> float:
         """Mass [kg]."""
-        return (shown - self.zero) / self.per_kg
+        return (indication - self.zero) / self.per_kg

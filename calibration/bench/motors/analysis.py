@@ -28,7 +28,7 @@ from calibration.bench.motors.records import (
 )
 from calibration.bench.motors.revolutions import mark_passages, speed_trace
 from calibration.bench.motors.settling import time_to_share
-from calibration.bench.motors.steps import Direction, Step, find_steps
+from calibration.bench.motors.steps import Direction, SpeedStep, find_steps
 from calibration.bench.motors.tachometer_result import StepSummary, TachometerResult, standard_steps
 from calibration.measurement import Finding, Severity
 
@@ -122,7 +122,7 @@ def _clock_sigma(records: Sequence[EdgeRecord | WindowRecord], clock: ClockFit |
 
 
 def _direction(
-    steps: Sequence[Step], clock_sigma: float, marks: int
+    steps: Sequence[SpeedStep], clock_sigma: float, marks: int
 ) -> tuple[DirectionFit | None, list[Finding]]:
     if not steps:
         return None, []

@@ -11,7 +11,7 @@ from calibration.bench.motors.direction import DirectionFit, is_low_resolution
 from calibration.bench.motors.mark_pattern import mark_pattern
 from calibration.bench.motors.records import CommandRecord, EdgeRecord, SpeedTrace
 from calibration.bench.motors.revolutions import MarkPassages
-from calibration.bench.motors.steps import Direction, Step, speeds_on_grid
+from calibration.bench.motors.steps import Direction, SpeedStep, speeds_on_grid
 from calibration.measurement import Finding
 from onboard.arrays import FloatArray
 
@@ -204,7 +204,7 @@ def check_direction(fit: DirectionFit, marks: int) -> list[Finding]:
     ]
 
 
-def _check_step(fit: DirectionFit, index: int, step: Step, marks: int) -> list[Finding]:
+def _check_step(fit: DirectionFit, index: int, step: SpeedStep, marks: int) -> list[Finding]:
     law = fit.fit
     inside = slice(step.first, step.last)
     middle = 0.5 * (step.trace.start + step.trace.end)[inside]
@@ -277,7 +277,7 @@ def check_directions(up: DirectionFit | None, down: DirectionFit | None, speed: 
     return findings_of("", [swapped])
 
 
-def check_commands(steps: Sequence[Step], commands: CommandRecord) -> list[Finding]:
+def check_commands(steps: Sequence[SpeedStep], commands: CommandRecord) -> list[Finding]:
     """Whether the speed follows the commands: the same direction, soon after."""
     changes = np.diff(commands.commands, prepend=commands.commands[:1])
     for step in steps:

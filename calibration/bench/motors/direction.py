@@ -10,7 +10,7 @@ from calibration.bench.motors.cluster_covariance import SharedCovariance
 from calibration.bench.motors.fit import LawFit, fit_law
 from calibration.bench.motors.law import DRAG_ONLY, LAWS, SPEED_LAW, riccati_speed
 from calibration.bench.motors.settling import first_order_constant, local_constant, time_to_share
-from calibration.bench.motors.steps import Direction, Step
+from calibration.bench.motors.steps import Direction, SpeedStep
 from calibration.measurement import Estimate
 from onboard.arrays import FloatArray
 
@@ -55,7 +55,7 @@ class DirectionFit:
     a: Estimate
     b: Estimate
     fit: LawFit
-    steps: tuple[Step, ...]
+    steps: tuple[SpeedStep, ...]
     alternatives: tuple[ModelScore, ...]
     covariance: SharedCovariance
     relative_floor: float
@@ -91,7 +91,7 @@ class DirectionFit:
         return Estimate(value, "s", math.hypot(sigma, self.relative_floor * abs(value)), dof)
 
 
-def fit_direction(steps: Sequence[Step], clock_sigma: float) -> DirectionFit:
+def fit_direction(steps: Sequence[SpeedStep], clock_sigma: float) -> DirectionFit:
     """Fit the speed law, and the laws it is compared with, to all steps of one direction.
 
     Args:
@@ -127,7 +127,7 @@ def fit_direction(steps: Sequence[Step], clock_sigma: float) -> DirectionFit:
     )
 
 
-def is_low_resolution(step: Step, a: float, b: float) -> bool:
+def is_low_resolution(step: SpeedStep, a: float, b: float) -> bool:
     """Whether the instrument averages over more than a third of the time constant (bench notes 1.2)."""
     fastest = max(step.before, step.after)
     return step.trace.resolution > local_constant(max(fastest, 1.0), max(a, 0.0), b) / 3.0

@@ -14,7 +14,7 @@ from calibration.bench.motors.cluster_covariance import SharedCovariance, shared
 from calibration.bench.motors.errors import TachometerError
 from calibration.bench.motors.law import Law
 from calibration.bench.motors.records import IntArray
-from calibration.bench.motors.steps import Step
+from calibration.bench.motors.steps import SpeedStep
 from onboard.arrays import FloatArray
 
 _ROBUST_AT = 2.5
@@ -38,7 +38,7 @@ class _Problem:
     sigma: FloatArray
     step_of: IntArray
     slope: FloatArray
-    steps: Sequence[Step]
+    steps: Sequence[SpeedStep]
     law: Law
 
     @property
@@ -109,7 +109,7 @@ class LawFit:
     covariance: SharedCovariance
 
 
-def fit_law(law: Law, steps: Sequence[Step]) -> LawFit:
+def fit_law(law: Law, steps: Sequence[SpeedStep]) -> LawFit:
     """Fit `law` to `steps` (of one direction).
 
     Raises:
@@ -149,7 +149,7 @@ def fit_law(law: Law, steps: Sequence[Step]) -> LawFit:
     return _result(problem, full(solution.x), scale)
 
 
-def _gather(law: Law, steps: Sequence[Step]) -> _Problem:
+def _gather(law: Law, steps: Sequence[SpeedStep]) -> _Problem:
     if not steps:
         raise TachometerError("no step of this direction was found: record steps up and down, 1.5 s each")
 

@@ -41,7 +41,7 @@ class Direction(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class SpeedStep:
     """One step of the speed.
 
     Attributes:
@@ -84,7 +84,7 @@ def _with_gaps(trace: SpeedTrace, at: FloatArray, angle: FloatArray) -> tuple[Fl
     return edges, np.insert(angle, gaps + 2, angle[gaps + 1])
 
 
-def find_steps(trace: SpeedTrace) -> list[Step]:
+def find_steps(trace: SpeedTrace) -> list[SpeedStep]:
     """The steps of a trace, in time order.
 
     A step begins where the speed was settled for 0.15 s and leaves that value, or turns round. Slower changes
@@ -130,10 +130,10 @@ def _onsets(speeds: FloatArray, ends: FloatArray, spacing: float, least: float) 
     return onsets
 
 
-def _cut(trace: SpeedTrace, onsets: list[float]) -> list[Step]:
+def _cut(trace: SpeedTrace, onsets: list[float]) -> list[SpeedStep]:
     middle = 0.5 * (trace.start + trace.end)
     slow = _CREEP * float(np.max(trace.speed))
-    steps: list[Step] = []
+    steps: list[SpeedStep] = []
     for index, onset in enumerate(onsets):
         following = onsets[index + 1] if index + 1 < len(onsets) else np.inf
         previous = onsets[index - 1] if index else -np.inf
@@ -151,7 +151,7 @@ def _cut(trace: SpeedTrace, onsets: list[float]) -> list[Step]:
         after = float(np.median(trace.speed[late[-max(3, late.size // 2) :]]))
         slope = 0.0 if standing else _slope(trace, earlier)
         first, last = int(inside[0]), int(inside[-1]) + 1
-        steps.append(Step(trace, first, last, onset, before, after, standing, slope))
+        steps.append(SpeedStep(trace, first, last, onset, before, after, standing, slope))
     return steps
 
 

@@ -13,7 +13,7 @@ SCALE_READING = Question(
 SUPPLY_READING = Question("supply_voltage", "voltage that the supply shows", "V", "V", (2.5, 4.6), 5e-3)
 
 
-class OperatorsHands:
+class OperatorAsPerson:
     """A :class:`~calibration.bench.instruments.manual.Person`."""
 
     def __init__(self, operator: Operator) -> None:

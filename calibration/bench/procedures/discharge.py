@@ -102,13 +102,13 @@ class DischargeWizard:
         for finding in dict.fromkeys(one for reading in readings for one in reading.findings):
             operator.warn(finding.text)
         time = np.array([reading.time for reading in readings])
-        mass = np.array([calibration.mass(reading.shown) for reading in readings])
+        mass = np.array([calibration.mass(reading.indication) for reading in readings])
         zero = np.interp(time, time[[0, -1]], mass[[0, -1]])
         inside = slice(1, -1)
         discharge = Discharge(
             time=(time - time[1])[inside],
             battery=np.array([reading.board for reading in readings])[inside],
-            asked=np.full(time.size, self._plan.thrust(command))[inside],
+            requested=np.full(time.size, self._plan.thrust(command))[inside],
             measured=((mass - zero) * GRAVITY / MOTORS)[inside],
             command=np.array([reading.command for reading in readings])[inside],
         )

@@ -25,7 +25,7 @@ STILL_S = 0.5
 """Of the tachometer's time without an edge: the rotor stands, or turns slower than once a second."""
 _LOOK_S = 0.1
 
-Step = int
+Level = int
 Progress = Callable[[TachometerBatch, int, int], None]
 
 
@@ -50,22 +50,22 @@ class MotorRecording:
     overflow: int
 
 
-def staircase(rng: np.random.Generator, repeats: int) -> list[Step]:
+def staircase(rng: np.random.Generator, repeats: int) -> list[Level]:
     """PWM steps in random order of rounds, each repeat with every round once; begins and ends at rest."""
-    levels: list[Step] = []
+    levels: list[Level] = []
     for _ in range(repeats):
         for index in rng.permutation(len(_ROUNDS)):
             levels += _ROUNDS[int(index)]
     return levels
 
 
-def duration(levels: Sequence[Step]) -> float:
+def duration(levels: Sequence[Level]) -> float:
     """s that a staircase takes."""
     return sum(REST_S if level == REST else DWELL_S for level in levels)
 
 
 def record_staircase(
-    stand: MotorStand, tachometer: Tachometer, motor: int, levels: Sequence[Step], progress: Progress
+    stand: MotorStand, tachometer: Tachometer, motor: int, levels: Sequence[Level], progress: Progress
 ) -> MotorRecording:
     """Drive one motor through `levels`; the stand must be unlocked. The motor is stopped afterwards.
 

@@ -13,7 +13,7 @@ from calibration.bench.instruments.kept_supply import KeptSupply
 from calibration.bench.instruments.motor_stand import MotorStand
 from calibration.bench.instruments.tachometer import Tachometer
 from calibration.bench.procedures import discharge, inertia, motors, thrust
-from calibration.bench.procedures.by_hand import OperatorsHands
+from calibration.bench.procedures.by_hand import OperatorAsPerson
 from calibration.bench.procedures.calibration import Calibration, load_calibration, write_calibration
 from calibration.bench.procedures.compare import Comparison, compare_calibrations, compare_with_vehicle
 from calibration.bench.procedures.conclude import (
@@ -156,7 +156,7 @@ def _thrust_stand(stand: Stand, operator: Operator, stack: ExitStack) -> ThrustS
     weigher, feed = ScaleAddress.of(stand.instrument), _feed(stand, operator)
     supply = None if feed is None else _powered(feed, stand.voltage, operator, stack)
     link = stack.enter_context(DroneLink.open(stand.drone))
-    scale = weigher.open(OperatorsHands(operator))
+    scale = weigher.open(OperatorAsPerson(operator))
     stack.callback(scale.close)
     driven = stack.enter_context(_motor_stand(link, scale.check, supply, stand))
     return ThrustStand(driven, scale, supply)
@@ -179,7 +179,7 @@ def _motor_stand(
 
 def _powered(feed: SupplyAddress, voltage: float, operator: Operator, stack: ExitStack) -> AnySupply:
     """The open supply, switched on; `stack` switches it off."""
-    supply = feed.open(OperatorsHands(operator))
+    supply = feed.open(OperatorAsPerson(operator))
     stack.callback(supply.close)
     supply.set(voltage, thrust.CURRENT_LIMIT_A)
     supply.switch(on=True)

@@ -134,22 +134,27 @@ def _unit(kept: Json) -> str:
 
 
 def _check_scale(book: RunBook, stand: ThrustStand) -> Json:
-    shown = []
+    indications = []
     for mass in WEIGHTS:
         if mass == 0.0:
             task = Task("remove_weight", "Empty the scale: nothing on it, nothing touches it.")
         else:
             task = Task("put_weight", f"Put {1e3 * mass:g} g in the middle of the scale.", {"mass": mass})
         book.operator.do(task)
-        shown.append(stand.read().shown)
+        indications.append(stand.read().indication)
     book.operator.do(Task("remove_weight", "Take the weight off."))
-    calibration = calibrate_scale(stand.scale, WEIGHTS, shown)
+    calibration = calibrate_scale(stand.scale, WEIGHTS, indications)
     unit = stand.scale.unit
     book.operator.tell(
         f"{abs(calibration.per_kg):.5g} {unit} shown for a kg, linear within "
         f"{1e3 * calibration.nonlinearity:.3f} g"
     )
-    return {"zero": calibration.zero, "counts_per_kg": calibration.per_kg, "unit": unit, "counts": shown}
+    return {
+        "zero": calibration.zero,
+        "counts_per_kg": calibration.per_kg,
+        "unit": unit,
+        "counts": indications,
+    }
 
 
 def _mount(book: RunBook) -> Json:
@@ -210,7 +215,7 @@ class ThrustWizard:
                     limited += 1
                 else:
                     table.add(block, kind, command, reading)
-                mass = calibration.mass(reading.shown) - calibration.mass(idle.shown)
+                mass = calibration.mass(reading.indication) - calibration.mass(idle.indication)
                 show(self._gauges(number, len(rows), mass, reading.limited))
                 if command >= _HOT_SHARE * 65536 or number == len(rows) // 2:
                     motors.stop("cool down")

@@ -45,7 +45,7 @@ class ThrustTable:
 
     def add(self, block: int, kind: str, command: int, reading: "StandReading") -> None:
         """One row."""
-        force = self.calibration.mass(reading.shown) * GRAVITY
+        force = self.calibration.mass(reading.indication) * GRAVITY
         self.rows.append((reading.time, block, kind, command, reading.supply, reading.board, force))
 
     def finished(self, name: str) -> RawTable:
@@ -71,7 +71,7 @@ class StandReading:
 
     Attributes:
         time: s, drone's clock, middle of the average.
-        shown: by the scale, in its unit.
+        indication: by the scale, in its unit.
         supply, board: V at the supply's terminals and, by the drone, at the board.
         command: 0..65535, mean of what the drone gives its motors.
         limited: the supply limited its current.
@@ -79,7 +79,7 @@ class StandReading:
     """
 
     time: float
-    shown: float
+    indication: float
     supply: float
     board: float
     command: float
@@ -124,7 +124,7 @@ class ThrustStand:
         scale = self.scale.read()
         return StandReading(
             time=float(np.mean(samples["time"])),
-            shown=scale.shown,
+            indication=scale.indication,
             supply=supply.voltage,
             board=board,
             command=float(np.mean([samples[f"motor.m{motor}"] for motor in range(1, MOTORS + 1)])),
@@ -166,14 +166,14 @@ class ThrustStand:
         return values | {"time": np.concatenate([batch.times for batch in batches])}
 
 
-def calibrate_scale(scale: Scale, masses: Sequence[float], shown: Sequence[float]) -> ScaleCalibration:
+def calibrate_scale(scale: Scale, masses: Sequence[float], indications: Sequence[float]) -> ScaleCalibration:
     """What a scale shows to mass, from weights that were put on.
 
     Raises:
         ScaleUnusable: not linear within 0.1 g.
         InstrumentInputError: the readings do not follow the weights.
     """
-    calibration = ScaleCalibration.fit(masses, shown, scale.least_span)
+    calibration = ScaleCalibration.fit(masses, indications, scale.least_span)
     limit = _LINEAR_TYPED_KG if scale.typed else _LINEAR_KG
     if calibration.nonlinearity > limit:
         raise ScaleUnusable(

@@ -39,13 +39,13 @@ class Discharge:
     Attributes:
         time: (n,) s.
         battery: (n,) V.
-        asked, measured: (n,) N of one motor.
+        requested, measured: (n,) N of one motor.
         command: (n,) 0..65535.
     """
 
     time: FloatArray
     battery: FloatArray
-    asked: FloatArray
+    requested: FloatArray
     measured: FloatArray
     command: FloatArray
 
@@ -107,7 +107,7 @@ def read_discharge(path: Path) -> Discharge:
     return Discharge(
         time=values["t_s"],
         battery=values["battery_v"],
-        asked=values["asked_gf"] * GRAM_FORCE,
+        requested=values["asked_gf"] * GRAM_FORCE,
         measured=values["scale_g"] / values["motors"] * GRAM_FORCE,
         command=values["command"],
     )
@@ -115,17 +115,17 @@ def read_discharge(path: Path) -> Discharge:
 
 def write_discharge(path: Path, discharge: Discharge, motors: int) -> None:
     """Write a discharge as :func:`read_discharge` reads it; `motors` turned."""
-    columns = (discharge.time, discharge.battery, discharge.asked, discharge.command, discharge.measured)
+    columns = (discharge.time, discharge.battery, discharge.requested, discharge.command, discharge.measured)
     rows = (
         (
             f"{time:.3f}",
             f"{battery:.4f}",
-            f"{asked / GRAM_FORCE:.4f}",
+            f"{requested / GRAM_FORCE:.4f}",
             f"{command:.0f}",
             f"{motors * measured / GRAM_FORCE:.4f}",
             str(motors),
         )
-        for time, battery, asked, command, measured in zip(*columns, strict=True)
+        for time, battery, requested, command, measured in zip(*columns, strict=True)
     )
     write_csv(path, VERIFY_HEADER, rows)
 
@@ -138,14 +138,14 @@ def verify(discharge: Discharge) -> Verification:
     """
     saturated = applied_duty(discharge.command) >= FULL_DUTY - _SAME
     settled = _settled(discharge)
-    judged = settled & ~saturated & (discharge.asked > 0.0)
+    judged = settled & ~saturated & (discharge.requested > 0.0)
     if not np.any(judged):
         raise ThrustTableError(
             "no settled reading without saturation: start with a full battery and less thrust"
         )
-    error = np.abs(discharge.measured - discharge.asked)[judged]
-    asked = discharge.asked[judged]
-    limit = np.maximum(_RELATIVE_LIMIT * asked, _ABSOLUTE_LIMIT_GF * GRAM_FORCE)
+    error = np.abs(discharge.measured - discharge.requested)[judged]
+    requested = discharge.requested[judged]
+    limit = np.maximum(_RELATIVE_LIMIT * requested, _ABSOLUTE_LIMIT_GF * GRAM_FORCE)
     worst_share = float(np.max(error / limit))
     findings: list[Finding] = []
     if worst_share > 1.0:
@@ -161,14 +161,14 @@ def verify(discharge: Discharge) -> Verification:
         below = float(np.max(discharge.battery[saturated]))
         text = (
             f"saturated at and below {below:.2f} V for "
-            f"{np.min(discharge.asked[saturated]) / GRAM_FORCE:.1f} gf: the "
+            f"{np.min(discharge.requested[saturated]) / GRAM_FORCE:.1f} gf: the "
             "battery cannot give more; compensation ends here"
         )
         findings.append(Finding("saturated", Severity.NOTE, text))
     return Verification(
         judged=judged,
         saturated=saturated,
-        worst_relative=float(np.max(error / asked)),
+        worst_relative=float(np.max(error / requested)),
         worst_gf=float(np.max(error)) / GRAM_FORCE,
         worst_share=worst_share,
         saturated_below=below,
@@ -178,7 +178,7 @@ def verify(discharge: Discharge) -> Verification:
 
 def _settled(discharge: Discharge) -> BoolArray:
     """Readings at least half a second after the thrust asked for last changed."""
-    change = np.abs(np.diff(discharge.asked, prepend=discharge.asked[:1])) > _SAME
+    change = np.abs(np.diff(discharge.requested, prepend=discharge.requested[:1])) > _SAME
     since = np.where(change, discharge.time, -np.inf)
     since[0] = discharge.time[0]
     return np.asarray(discharge.time - np.maximum.accumulate(since) >= _SETTLED_AFTER, dtype=np.bool_)

@@ -72,7 +72,7 @@ def discharge_figure(discharge: Discharge, verification: Verification) -> "Figur
     with report_style():
         figure = new_figure(6.4, 3.2)
         axes = figure.add_subplot()
-        axes.plot(discharge.battery, discharge.asked / GRAM_FORCE, color=MUTED, lw=1.2, label="asked for")
+        axes.plot(discharge.battery, discharge.requested / GRAM_FORCE, color=MUTED, lw=1.2, label="asked for")
         measured = discharge.measured / GRAM_FORCE
         held, full = verification.judged, verification.saturated
         axes.plot(discharge.battery[held], measured[held], ".", color=BLUE, label="measured")

@@ -160,7 +160,7 @@ def test_a_balance_is_read_in_any_unit_that_it_may_show() -> None:
             scale.read()
         scale.look(0.1)
         reading = scale.read()
-        assert reading.shown == pytest.approx(0.003)
+        assert reading.indication == pytest.approx(0.003)
         assert [finding.code for finding in reading.findings] == ["unstable"]
 
 
@@ -239,7 +239,7 @@ def test_a_person_reads_a_scale_and_a_supply() -> None:
     scale = ManualScale(somebody)
     scale.begin()
     scale.look(0.1)
-    assert scale.read().shown == 0.060
+    assert scale.read().indication == 0.060
     with pytest.raises(InstrumentInputError, match="read it again"):
         scale.read()
     assert somebody.done.pop() == "look 4 s"

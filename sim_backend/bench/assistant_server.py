@@ -14,7 +14,7 @@ LINE_MAX = 1 << 16
 WaitUntil = Callable[[float], Awaitable[None]]
 
 
-class HandsServer:
+class AssistantServer:
     """Serves an operator.
 
     Args:

@@ -10,7 +10,7 @@ from calibration.bench.procedures.readings import parse_reading
 from onboard.toml_file import read_toml
 
 
-class GivenAnswers:
+class PreparedAnswers:
     """An operator that answers what it was told and passes everything else on.
 
     Args:

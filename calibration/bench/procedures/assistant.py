@@ -22,15 +22,15 @@ REPLY_TIMEOUT_S = 120.0
 """Hanging a drone takes a while."""
 
 
-class HandsAddressError(CalibrationError, InputError):
+class AssistantAddressError(CalibrationError, InputError):
     """``--hands`` is not an address."""
 
 
-class HandsFailed(CalibrationError):
+class AssistantFailed(CalibrationError):
     """The assistant could not do what it was asked, or is gone."""
 
 
-class Hands(Closing):
+class Assistant(Closing):
     """An operator whose hands are at the other end of a socket.
 
     Args:
@@ -40,8 +40,8 @@ class Hands(Closing):
         timeout_s: how long one request may take, s.
 
     Raises:
-        HandsAddressError: not an address.
-        HandsFailed: nobody answers there.
+        AssistantAddressError: not an address.
+        AssistantFailed: nobody answers there.
     """
 
     def __init__(
@@ -53,14 +53,14 @@ class Hands(Closing):
     ) -> None:
         match = _ADDRESS.match(address)
         if match is None:
-            raise HandsAddressError(f"--hands {address!r}: write tcp://HOST:PORT")
+            raise AssistantAddressError(f"--hands {address!r}: write tcp://HOST:PORT")
         self._address = address
         self._say = say
         self._confirmed = tuple(confirmed)
         try:
             self._socket = socket.create_connection((match.group(1), int(match.group(2))), timeout_s)
         except OSError as error:
-            raise HandsFailed(
+            raise AssistantFailed(
                 f"{address}: nobody answers ({error.strerror}); is the bench running?"
             ) from error
         self._stream = self._socket.makefile("rwb")
@@ -113,20 +113,20 @@ class Hands(Closing):
         """One request of the protocol and its reply.
 
         Raises:
-            HandsFailed: it cannot be done, or nobody answers any more.
+            AssistantFailed: it cannot be done, or nobody answers any more.
         """
         try:
             self._stream.write(json.dumps(request).encode() + b"\n")
             self._stream.flush()
             line = self._stream.readline()
         except OSError as error:
-            raise HandsFailed(f"{self._address}: does not answer any more ({error})") from error
+            raise AssistantFailed(f"{self._address}: does not answer any more ({error})") from error
         if not line:
-            raise HandsFailed(f"{self._address}: has closed the connection")
+            raise AssistantFailed(f"{self._address}: has closed the connection")
         try:
             reply: dict[str, Any] = json.loads(line)
         except ValueError as error:
-            raise HandsFailed(f"{self._address}: said {line!r}, which is not JSON") from error
+            raise AssistantFailed(f"{self._address}: said {line!r}, which is not JSON") from error
         if "error" in reply:
-            raise HandsFailed(f"{self._address}: {reply['error']}")
+            raise AssistantFailed(f"{self._address}: {reply['error']}")
         return reply
