@@ -25,7 +25,7 @@ walkthrough: $(VENV)/.dev
 	$(BIN)/perchhw gap walkthrough --out walkthrough-run
 
 # What fails most often, in a minute once compiled: the pure parts, lint, types, layers.
-CHECKED := tests/supervisor tests/onboard tests/flights tests/record tests/label tests/mocap tests/lab_time \
+CHECKED := tests/supervisor tests/onboard tests/flight_files tests/record tests/label tests/mocap tests/lab_time \
 	tests/link/test_replies.py tests/link/test_uri.py tests/campaign/test_plan.py tests/lab_file/test_lab_file.py
 check: $(VENV)/.dev
 	$(PYTEST) --quiet -m "not slow and not soak" $(CHECKED)

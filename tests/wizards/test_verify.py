@@ -69,5 +69,5 @@ def test_a_written_discharge_is_read_back(tmp_path: Path) -> None:
     before = read_discharge(discharge(tmp_path, 0.02))
     write_discharge(tmp_path / "again.csv", before, 4)
     after = read_discharge(tmp_path / "again.csv")
-    for name in ("time", "battery", "asked", "measured", "command"):
+    for name in ("time", "battery", "requested", "measured", "command"):
         np.testing.assert_allclose(getattr(after, name), getattr(before, name), rtol=1e-4)
