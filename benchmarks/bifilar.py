@@ -21,16 +21,13 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from calibration.bench.inertia import (
-    Rig,
-    UnusableSwingError,
-    fit_swing,
-    inertia_about_axis,
-    measured,
-    peak_period,
-    read_swing,
-)
+from calibration.bench.inertia.errors import UnusableSwingError
+from calibration.bench.inertia.fit import fit_swing
 from calibration.bench.inertia.geometry import small_period
+from calibration.bench.inertia.inertia import inertia_about_axis
+from calibration.bench.inertia.paper import peak_period
+from calibration.bench.inertia.recordings import read_swing
+from calibration.bench.inertia.rig import Rig, measured
 from calibration.measurement import Estimate
 from tests.bifilar.damage import damaged
 from tests.bifilar.world import Hang, record

@@ -23,8 +23,10 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
 
-from calibration.bench.motors import ClockFit, analyse, fit_clock, propeller
+from calibration.bench.motors.analysis import analyse
 from calibration.bench.motors.checks import check_edges
+from calibration.bench.motors.clock import ClockFit, fit_clock
+from calibration.bench.motors.propellers import propeller
 from calibration.bench.motors.revolutions import mark_passages
 from calibration.bench.motors.settling import time_to_share
 from calibration.bench.thrust.analysis import questions

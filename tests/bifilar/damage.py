@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration.bench.inertia import Swing
-from calibration.bench.inertia.swing import CLOCK_WRAP_S
+from calibration.bench.inertia.swing import CLOCK_WRAP_S, Swing
 
 
 def damaged(swing: Swing, rng: np.random.Generator) -> Swing:

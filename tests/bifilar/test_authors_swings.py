@@ -6,7 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calibration.bench.inertia import Rig, SwingFit, fit_swing, formula_inertia, peak_period, read_swing
+from calibration.bench.inertia.fit import fit_swing
+from calibration.bench.inertia.inertia import formula_inertia
+from calibration.bench.inertia.paper import peak_period
+from calibration.bench.inertia.recordings import read_swing
+from calibration.bench.inertia.rig import Rig
+from calibration.bench.inertia.swing_fit import SwingFit
 from calibration.measurement import Estimate
 
 MEANS_2022 = {  # s, notes of the bench, section 2.5

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from calibration.bench.inertia import UnusableSwingError, fit_swing
+from calibration.bench.inertia.errors import UnusableSwingError
+from calibration.bench.inertia.fit import fit_swing
 from tests.bifilar.damage import damaged
 from tests.bifilar.world import Hang, record
 

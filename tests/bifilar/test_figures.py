@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 
-from calibration.bench.inertia import Rig, SwingFit, fit_swing, inertia_about_axis, measured
 from calibration.bench.inertia.figures import budget_figure, swing_figure, trials_figure
+from calibration.bench.inertia.fit import fit_swing
+from calibration.bench.inertia.inertia import inertia_about_axis
+from calibration.bench.inertia.rig import Rig, measured
+from calibration.bench.inertia.swing_fit import SwingFit
 from calibration.report_style import svg
 from tests.bifilar.world import Hang, record
 

@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibration.bench.inertia import Swing, UnusableSwingError, check_rest, fit_swing
 from calibration.bench.inertia.checks import check_fit
-from calibration.bench.inertia.swing import CLOCK_WRAP_S
+from calibration.bench.inertia.errors import UnusableSwingError
+from calibration.bench.inertia.fit import fit_swing
+from calibration.bench.inertia.rest import check_rest
+from calibration.bench.inertia.swing import CLOCK_WRAP_S, Swing
 from calibration.measurement import Severity
 from tests.bifilar.world import Hang, record, true_rate
 

@@ -8,18 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calibration.bench.inertia import (
-    InertiaResult,
-    Jig,
-    Rig,
-    RigError,
-    SwingFit,
-    check_rig,
-    fit_swing,
-    inertia_about_axis,
-    measured,
-    unit_doubts,
-)
+from calibration.bench.inertia.errors import RigError
+from calibration.bench.inertia.fit import fit_swing
+from calibration.bench.inertia.inertia import InertiaResult, inertia_about_axis
+from calibration.bench.inertia.rig import Jig, Rig, check_rig, measured, unit_doubts
+from calibration.bench.inertia.swing_fit import SwingFit
 from calibration.measurement import Estimate, combine
 from tests.bifilar.world import Hang, record
 

@@ -6,8 +6,10 @@ import time
 import numpy as np
 import pytest
 
-from calibration.bench.inertia import Rig, SwingFit, fit_swing
+from calibration.bench.inertia.fit import fit_swing
 from calibration.bench.inertia.geometry import small_period
+from calibration.bench.inertia.rig import Rig
+from calibration.bench.inertia.swing_fit import SwingFit
 from calibration.measurement import Estimate
 from tests.bifilar.world import Hang, record
 

@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calibration.bench.inertia import Instruments, LiveState, LiveSwing, LiveView, RigError, Swing, plan_hang
-from calibration.bench.inertia.plan import FORBIDDEN_RATIOS, PERIODS
-from calibration.bench.inertia.swing import CLOCK_WRAP_S
+from calibration.bench.inertia.errors import RigError
+from calibration.bench.inertia.live import LiveState, LiveSwing, LiveView
+from calibration.bench.inertia.plan import FORBIDDEN_RATIOS, PERIODS, Instruments, plan_hang
+from calibration.bench.inertia.swing import CLOCK_WRAP_S, Swing
 from tests.bifilar.world import Hang, record
 
 

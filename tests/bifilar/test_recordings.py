@@ -8,15 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calibration.bench.inertia import (
-    Swing,
-    SwingFileError,
-    UnusableSwingError,
-    fit_swing,
-    read_swing,
-    write_swing,
-)
-from calibration.bench.inertia.recordings import OWN_HEADER
+from calibration.bench.inertia.errors import SwingFileError, UnusableSwingError
+from calibration.bench.inertia.fit import fit_swing
+from calibration.bench.inertia.recordings import OWN_HEADER, read_swing, write_swing
+from calibration.bench.inertia.swing import Swing
 from onboard.errors import InputError
 from tests.bifilar.world import Hang, record
 

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from scipy.interpolate import CubicSpline
 
-from calibration.bench.inertia import Swing
+from calibration.bench.inertia.swing import Swing
 from onboard.arrays import FloatArray
 
 QUANTUM = math.radians(0.061)

@@ -4,8 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from calibration.bench.motors import TachometerResult, analyse, propeller, read_tachometer
+from calibration.bench.motors.analysis import analyse
 from calibration.bench.motors.figures import constants_figure, sizes_figure, steps_figure
+from calibration.bench.motors.files import read_tachometer
+from calibration.bench.motors.propellers import propeller
+from calibration.bench.motors.tachometer_result import TachometerResult
 
 HOVER = 0.0381 * 9.81 / 4.0
 

@@ -7,16 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calibration.bench.motors import (
-    CommandRecord,
-    EdgeRecord,
-    TachometerError,
-    WindowRecord,
-    read_commands,
-    read_tachometer,
-    write_commands,
-    write_edges,
-)
+from calibration.bench.motors.errors import TachometerError
+from calibration.bench.motors.files import read_commands, read_tachometer, write_commands, write_edges
+from calibration.bench.motors.records import CommandRecord, EdgeRecord, WindowRecord
 
 
 @pytest.mark.parametrize("name", ["edges.csv", "edges.csv.gz"])
@@ -98,7 +91,8 @@ def test_any_bytes_are_read_or_refused(tmp_path_factory: pytest.TempPathFactory,
 
 @given(st.lists(st.tuples(st.integers(0, 2**33), st.integers(0, 2**20)), max_size=80))
 def test_any_edges_are_analysed_or_refused(rows: list[tuple[int, int]]) -> None:
-    from calibration.bench.motors import analyse, propeller
+    from calibration.bench.motors.analysis import analyse
+    from calibration.bench.motors.propellers import propeller
 
     times = np.array([t * 1e-6 for t, _ in rows])
     record = EdgeRecord(times, np.array([n for _, n in rows], dtype=np.int64))

@@ -5,10 +5,13 @@ import dataclasses
 import numpy as np
 import pytest
 
-from calibration.bench.motors import EdgeMonitor, EdgeRecord, TachometerError, analyse, propeller
+from calibration.bench.motors.analysis import analyse
 from calibration.bench.motors.checks import check_commands, check_edges, check_heat, check_speed
+from calibration.bench.motors.errors import TachometerError
 from calibration.bench.motors.mark_pattern import mark_pattern
-from calibration.bench.motors.records import CommandRecord
+from calibration.bench.motors.monitor import EdgeMonitor
+from calibration.bench.motors.propellers import propeller
+from calibration.bench.motors.records import CommandRecord, EdgeRecord
 from calibration.bench.motors.revolutions import mark_passages, speed_trace
 from calibration.bench.motors.steps import find_steps
 from calibration.measurement import Severity

@@ -5,8 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from calibration.bench.motors import ClockFit, TachometerResult, analyse, fit_clock, propeller
+from calibration.bench.motors.analysis import analyse
+from calibration.bench.motors.clock import ClockFit, fit_clock
+from calibration.bench.motors.propellers import propeller
 from calibration.bench.motors.settling import first_order_constant, time_to_share
+from calibration.bench.motors.tachometer_result import TachometerResult
 from calibration.measurement import Estimate
 from tests.tachometer.rotor import Motor, Run, Sensor, edges, staircase, turn, windows
 

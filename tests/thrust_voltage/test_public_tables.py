@@ -5,18 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calibration.bench.thrust import (
-    ThrustData,
-    ThrustResult,
-    ThrustTableError,
-    achievable,
-    analyse,
-    imported_json,
-    read_table,
-    vehicle_thrust,
-)
+from calibration.bench.thrust.analysis import analyse, read_table
+from calibration.bench.thrust.compensation import achievable
+from calibration.bench.thrust.data import ThrustData
+from calibration.bench.thrust.errors import ThrustTableError
 from calibration.bench.thrust.figures import curve_figure, validation_figure
 from calibration.bench.thrust.shape import firmware_inverse, inverse
+from calibration.bench.thrust.thrust_result import ThrustResult, imported_json, vehicle_thrust
 from onboard.battery import thrust_from_voltage, voltage_from_thrust
 from onboard.vehicle.file_format import read_thrust_map
 from onboard.vehicle.model import ThrustMapDescription

@@ -8,27 +8,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calibration.bench.thrust import (
-    Discharge,
-    RawTable,
-    ThrustData,
-    ThrustTableError,
-    Units,
-    analyse,
-    applied_duty,
-    exact_set_points,
-    questions,
-    read_discharge,
-    read_table,
-    verify,
-    write_raw,
-)
+from calibration.bench.thrust.analysis import analyse, questions, read_table
 from calibration.bench.thrust.checks import check_run
 from calibration.bench.thrust.choose import choose, report_forms
+from calibration.bench.thrust.compensation import Discharge, read_discharge, verify
+from calibration.bench.thrust.data import ThrustData
+from calibration.bench.thrust.errors import ThrustTableError
 from calibration.bench.thrust.figures import discharge_figure
 from calibration.bench.thrust.law import CUBIC, FORMS, VEHICLE_FORMS
-from calibration.bench.thrust.raw_table import to_data
+from calibration.bench.thrust.pwm import applied_duty, exact_set_points
+from calibration.bench.thrust.raw_table import RawTable, to_data, write_raw
 from calibration.bench.thrust.shape import shape_problems
+from calibration.bench.thrust.units import Units
 from calibration.measurement import Severity
 from onboard.battery import duty_for_thrust
 from onboard.thrust_map import ThrustMap
