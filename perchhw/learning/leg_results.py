@@ -1,6 +1,5 @@
 """What the folder of a leg study holds, read back for its report."""
 
-import csv
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onboard.arrays import BoolArray, FloatArray
+from onboard.csv_file import read_csv
 from onboard.outcome import Outcome
 from perchhw.learning.bands import best_per_condition
 from perchhw.learning.errors import LearningInputError
@@ -21,8 +21,6 @@ LANDINGS_FILE, STUDY_FILE = "landings.csv", "study.json"
 
 SWING, GRAVITY, MOMENTUM, WINDOW = "swing_distance", "gravity_energy", "swing_rate", "window_margin_deg"
 """Columns of ``landings.csv`` that stand for the four factors of the paper's section V.E."""
-
-_NUMBERS = ("angle_deg", SWING, GRAVITY, MOMENTUM, WINDOW)
 
 
 @dataclass(frozen=True)
@@ -98,28 +96,10 @@ def _read_study(path: Path) -> dict[str, Any]:
 
 
 def _read_landings(path: Path) -> Landings:
-    try:
-        with path.open(encoding="utf-8", newline="") as file:
-            rows = list(csv.DictReader(file))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise LearningInputError(f"{path}: cannot be read ({error}): run the study again") from error
-    missing = {"design", "outcome", *_NUMBERS} - (rows[0].keys() if rows else set())
-    if missing:
-        raise LearningInputError(f"{path}: lacks {', '.join(sorted(missing))}: run the study again")
-    numbers = {
-        name: np.array([_number(row[name], path, k, name) for k, row in enumerate(rows)]) for name in _NUMBERS
-    }
+    table = read_csv(path, LearningInputError)
     return Landings(
-        design=np.array([row["design"] for row in rows]),
-        angle_deg=numbers.pop("angle_deg"),
-        success=np.array([row["outcome"] == Outcome.FOUR_LEG.value for row in rows]),
-        factors=numbers,
+        design=np.array(table.text("design")),
+        angle_deg=table.column("angle_deg"),
+        success=np.array(table.text("outcome")) == Outcome.FOUR_LEG.value,
+        factors={name: table.column(name) for name in (SWING, GRAVITY, MOMENTUM, WINDOW)},
     )
-
-
-def _number(cell: str | None, path: Path, index: int, column: str) -> float:
-    try:
-        return float(cell) if cell else float("nan")
-    except ValueError as error:
-        where = f"{path}: line {index + 2}: {column} is {cell!r}, not a number"
-        raise LearningInputError(f"{where}: run the study again") from error

@@ -4,16 +4,15 @@ A pair is the cues at which a flip was triggered and the moment that it used, wi
 reached.
 """
 
-import csv
 import hashlib
-import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from onboard.arrays import FloatArray
+from onboard.arrays import BoolArray, FloatArray
+from onboard.csv_file import CsvFile, CsvRow, read_csv
 from onboard.errors import InputError
 from perchhw.errors import FlightStackError
 
@@ -88,99 +87,52 @@ def load_training_set(
         rate_column: which of our rates decides (our table has several; the authors' has one).
 
     Raises:
-        TrainingSetError: naming file, row and column. The header is line 1.
+        TrainingSetError: naming file, row and column. The header is row 1.
     """
     path = Path(path)
-    content, rows = _read(path)
-    form = _format_of(rows, path, rate_column)
-    plausible = [(line, row) for line, row in rows if _has_plausible_angle(row, form, path, line)]
-    rated = [(line, row, _rate(row, form, path, line)) for line, row in plausible]
-    chosen = [_pair(row, form, path, line, rate) for line, row, rate in rated if rate >= landing_rate_min]
+    table = read_csv(path, TrainingSetError)
+    if not table.rows:
+        raise TrainingSetError(f"{path}: has no rows; give a pairs.csv of perchhw learn sweep")
+    form = _AUTHORS_FORMAT if _AUTHORS_FORMAT.a_rot in table.header else _sweep_format(rate_column)
+    low, high = PLAUSIBLE_ANGLE_DEG
+    angles = table.finite(form.angle)
+    plausible = [row for row, angle in zip(table.rows, angles, strict=True) if low <= angle <= high]
+    rates = table.finite(form.landing_rate, plausible)
+    _require(table, form.landing_rate, plausible, (rates >= 0) & (rates <= 1), "is not a rate from 0 to 1")
+    good = rates >= landing_rate_min
+    chosen = [row for row, taken in zip(plausible, good, strict=True) if taken]
     if not chosen:
         raise TrainingSetError(
             f"{path}: no row has {form.landing_rate} >= {landing_rate_min:g}; lower the limit or sweep more"
         )
-    numbers = np.array(chosen, dtype=np.float64)
-    source: dict[str, str | int | float] = {
-        "table": path.name,
-        "format": form.name,
-        "sha256": hashlib.sha256(content).hexdigest(),
-        "rows": len(rows),
-        "rate_column": form.landing_rate,
-        "landing_rate_min": landing_rate_min,
-        "pairs": len(chosen),
-        "rows_with_implausible_angle": len(rows) - len(plausible),
-    }
-    return TrainingSet(states=numbers[:, :3], a_rot=numbers[:, 3], landing_rate=numbers[:, 4], source=source)
-
-
-def _read(path: Path) -> tuple[bytes, list[tuple[int, dict[str, str]]]]:
-    """The bytes of a table, and its rows by line number."""
-    try:
-        content = path.read_bytes()
-        return content, _numbered_rows(content.decode("utf-8-sig"), path)
-    except OSError as error:
-        raise TrainingSetError(f"{path}: cannot be read ({error.strerror}); check the path") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise TrainingSetError(f"{path}: is not a CSV text file ({error})") from error
-
-
-def _numbered_rows(text: str, path: Path) -> list[tuple[int, dict[str, str]]]:
-    reader = csv.DictReader(text.splitlines())
-    rows = [(reader.line_num, row) for row in reader]
-    if not rows:
-        raise TrainingSetError(f"{path}: has no rows; give a pairs.csv of perchhw learn sweep")
-    return rows
-
-
-def _format_of(rows: list[tuple[int, dict[str, str]]], path: Path, rate_column: str) -> _Format:
-    columns = rows[0][1].keys()
-    form = _AUTHORS_FORMAT if _AUTHORS_FORMAT.a_rot in columns else _sweep_format(rate_column)
-    for column in (form.angle, form.landing_rate, *form.state, form.a_rot):
-        if column not in columns:
-            raise TrainingSetError(f"{path}: line 1: column {column} is missing ({form.name})")
-    return form
-
-
-def _number(row: Mapping[str, str], column: str, path: Path, line: int) -> float:
-    text = row[column]
-    try:
-        value = float(text)
-    except (TypeError, ValueError) as error:
-        raise TrainingSetError(
-            f"{path}: line {line}: {column} is {text!r}, not a number; correct it"
-        ) from error
-    if not math.isfinite(value):
-        raise TrainingSetError(
-            f"{path}: line {line}: {column} is {text!r}, not a usable number; remove the row"
-        )
-    return value
-
-
-def _has_plausible_angle(row: Mapping[str, str], form: _Format, path: Path, line: int) -> bool:
-    low, high = PLAUSIBLE_ANGLE_DEG
-    return low <= _number(row, form.angle, path, line) <= high
-
-
-def _rate(row: Mapping[str, str], form: _Format, path: Path, line: int) -> float:
-    rate = _number(row, form.landing_rate, path, line)
-    if not 0 <= rate <= 1:
-        raise TrainingSetError(
-            f"{path}: line {line}: {form.landing_rate} is {rate:g}, not a rate from 0 to 1"
-        )
-    return rate
-
-
-def _pair(
-    row: Mapping[str, str], form: _Format, path: Path, line: int, rate: float
-) -> tuple[float, float, float, float, float]:
-    tau, flow, d_ceil = (_number(row, column, path, line) for column in form.state)
-    a_rot = _number(row, form.a_rot, path, line) * form.a_rot_factor
-    for column, value, problem in (
+    tau, flow, d_ceil = (table.finite(column, chosen) for column in form.state)
+    a_rot = table.finite(form.a_rot, chosen) * form.a_rot_factor
+    for column, fits, rule in (
         (form.state[0], tau > 0, "must be above 0: the pair was triggered on an approach"),
         (form.state[2], d_ceil > 0, "must be above 0: the drone is below the ceiling"),
         (form.a_rot, a_rot <= 0, "must be negative: it is the signed moment about b_y, nose up"),
     ):
-        if not value:
-            raise TrainingSetError(f"{path}: line {line}: {column} is {row[column]}, but {problem}")
-    return tau, flow * form.theta_x_factor, d_ceil, a_rot, rate
+        _require(table, column, chosen, fits, rule)
+    source: dict[str, str | int | float] = {
+        "table": path.name,
+        "format": form.name,
+        "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
+        "rows": len(table.rows),
+        "rate_column": form.landing_rate,
+        "landing_rate_min": landing_rate_min,
+        "pairs": len(chosen),
+        "rows_with_implausible_angle": len(table.rows) - len(plausible),
+    }
+    return TrainingSet(
+        states=np.column_stack([tau, flow * form.theta_x_factor, d_ceil]),
+        a_rot=a_rot,
+        landing_rate=rates[good],
+        source=source,
+    )
+
+
+def _require(table: CsvFile, column: str, rows: Sequence[CsvRow], fits: BoolArray, rule: str) -> None:
+    """Name the first row whose cell does not fit."""
+    for bad in np.flatnonzero(~fits)[:1]:
+        cell = rows[bad].cells[table.index(column)].strip()
+        raise table.problem(rows[bad], column, f"{cell} {rule}")

@@ -87,7 +87,7 @@ def test_a_broken_leg_study_is_refused(
     broken = Path(shutil.copytree(leg_study, tmp_path / "legs"))
     text = (broken / "landings.csv").read_text()
     (broken / "landings.csv").write_text(text.replace("swing_distance", "swing", 1))
-    with pytest.raises(LearningInputError, match="lacks swing_distance"):
+    with pytest.raises(LearningInputError, match="no column 'swing_distance'"):
         read_leg_study(broken)
     (broken / "study.json").write_text("{}")
     assert run(["learn", "report", str(broken)]) == 2
