@@ -11,7 +11,7 @@ from calibration.bench.thrust.data import ThrustData
 from calibration.bench.thrust.errors import ThrustTableError
 from calibration.bench.thrust.figures import curve_figure, validation_figure
 from calibration.bench.thrust.shape import firmware_inverse, inverse
-from calibration.bench.thrust.thrust_result import ThrustResult, imported_json, vehicle_thrust
+from calibration.bench.thrust.thrust_result import ThrustResult, flyable_map, imported_json
 from onboard.battery import thrust_from_voltage, voltage_from_thrust
 from onboard.vehicle.file_format import read_thrust_map
 from onboard.vehicle.model import ThrustMapDescription
@@ -71,16 +71,14 @@ def test_vehicle_map_gives_the_fitted_curve(folder: Path) -> None:
     result = fitted(folder / "bitcraze_2015_cf20.csv")
     voltage = np.linspace(0.3, 3.0, 30)
     for name in ("firmware_cubic", "two_region_log", "two_quadratic"):
-        compiled = vehicle_thrust(result, "test", name).thrust_map.compiled()
+        compiled = flyable_map(result, name).compiled()
         there = np.array([thrust_from_voltage(compiled, v) for v in voltage]) / GF
         np.testing.assert_allclose(
             there, np.maximum(result.forms[name].fit.thrust_at(voltage), 0.0), atol=1e-9
         )
-        assert all(
-            one.sigma >= 0.0 for one in vehicle_thrust(result, "x", name).thrust_map.coefficients.values()
-        )
+        assert all(one.sigma >= 0.0 for one in flyable_map(result, name).coefficients.values())
     with pytest.raises(ThrustTableError, match="may not fly"):
-        vehicle_thrust(result, "test", "text_log")
+        flyable_map(result, "text_log")
 
 
 def test_every_usable_map_is_smooth_and_invertible(folder: Path) -> None:

@@ -130,10 +130,9 @@ def thrust_calibration(
     Raises:
         ThrustTableError: no form that a vehicle file has may be used.
     """
-    from calibration.bench.thrust.thrust_result import vehicle_thrust
+    from calibration.bench.thrust.thrust_result import flyable_map
 
-    found = vehicle_thrust(result, "thrust run")
-    thrust_map = found.thrust_map
+    thrust_map = flyable_map(result)
     coefficients = {name: Estimate.from_quantity(one) for name, one in thrust_map.coefficients.items()}
     return Calibration(
         kind=THRUST,

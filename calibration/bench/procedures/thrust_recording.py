@@ -50,17 +50,18 @@ class ThrustTable:
 
     def finished(self, name: str) -> RawTable:
         """The table, SI units."""
-        columns = [np.array(column) for column in zip(*self.rows, strict=True)]
+        time, block, kind, *numbers = zip(*self.rows, strict=True)
+        command, supply, board, scale = (np.array(column, dtype=np.float64) for column in numbers)
         return RawTable(
             name=name,
             units=Units(),
-            time=columns[0].astype(np.float64),
-            block=columns[1].astype(np.float64),
-            kind=tuple(str(kind) for kind in columns[2]),
-            command=columns[3].astype(np.float64),
-            supply=columns[4].astype(np.float64),
-            board=columns[5].astype(np.float64),
-            scale=columns[6].astype(np.float64),
+            time=np.array(time),
+            block=np.array(block, dtype=np.float64),
+            kind=kind,
+            command=command,
+            supply=supply,
+            board=board,
+            scale=scale,
             motors=np.full(len(self.rows), float(MOTORS)),
         )
 

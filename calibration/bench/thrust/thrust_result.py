@@ -14,7 +14,6 @@ from onboard.arrays import FloatArray
 from onboard.battery import voltage_from_thrust
 from onboard.gravity import GRAM_FORCE
 from onboard.json_file import as_json
-from onboard.quantity import Quantity
 from onboard.vehicle.model import ThrustMapDescription
 
 
@@ -87,22 +86,8 @@ class ThrustResult:
         return {key: as_json(part) for key, part in document.items()}
 
 
-@dataclass(frozen=True, slots=True)
-class VehicleThrust:
-    """Numbers for the section ``motors`` of a vehicle file."""
-
-    thrust_map: ThrustMapDescription
-    thrust_min: Quantity
-    thrust_max: Quantity
-
-
-def vehicle_thrust(result: ThrustResult, source: str, form: str | None = None) -> VehicleThrust:
-    """What a vehicle file takes, with `source` as provenance.
-
-    Args:
-        result: of a run.
-        source: provenance of every number.
-        form: name of the form; None for the chosen one.
+def flyable_map(result: ThrustResult, form: str | None = None) -> ThrustMapDescription:
+    """The map of a form (None for the chosen one) as a vehicle file takes it.
 
     Raises:
         ThrustTableError: the form is not one that may fly.
@@ -111,19 +96,7 @@ def vehicle_thrust(result: ThrustResult, source: str, form: str | None = None) -
     if name not in result.forms or not result.forms[name].usable:
         usable = ", ".join(one.name for one in result.forms.values() if one.usable)
         raise ThrustTableError(f"form {name!r} may not fly here; choose one of {usable}")
-    described = _map(result.forms[name])
-    coefficients = {
-        key: Quantity(one.value, one.unit, one.sigma, source) for key, one in described.coefficients.items()
-    }
-    return VehicleThrust(
-        thrust_map=ThrustMapDescription(form=described.form, coefficients=coefficients),
-        thrust_min=Quantity(
-            result.thrust_min.value, "N", result.thrust_min.sigma, f"{source}; lowest measured"
-        ),
-        thrust_max=Quantity(
-            result.thrust_max.value, "N", result.thrust_max.sigma, f"{source}; highest measured"
-        ),
-    )
+    return _map(result.forms[name])
 
 
 def _map(report: FormReport) -> ThrustMapDescription:
