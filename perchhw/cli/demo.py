@@ -113,9 +113,9 @@ def _emit(
             for row in rows
         ],
         "policy_crc32": policy_crc32(load_policy(shipped_policy_path(plan.policy))),
-        "run": folder,
-        "report": report,
-        "recording": recording,
+        "run": str(folder),
+        "report": str(report),
+        "recording": None if recording is None else str(recording),
     }
 
     def draw() -> None:

@@ -1,0 +1,38 @@
+"""Data as JSON has it."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from calibration.measurement import Estimate, Finding, Severity
+from onboard.json_file import as_json, write_json_atomically
+
+
+@dataclass(frozen=True)
+class Part:
+    name: str
+    folder: Path
+    estimate: Estimate
+    findings: tuple[Finding, ...]
+
+
+def test_dataclasses_become_tables_and_what_says_it_itself_is_asked(tmp_path: Path) -> None:
+    part = Part("x", Path("a/b"), Estimate(1.0, "m", 0.1, 0.0), (Finding("gap", Severity.NOTE, "a gap"),))
+    expected: dict[str, Any] = {
+        "name": "x",
+        "folder": "a/b",
+        "estimate": {"value": 1.0, "unit": "m", "u95": None},
+        "findings": [{"code": "gap", "severity": "note", "text": "a gap"}],
+    }
+    assert as_json(part) == expected
+    write_json_atomically(tmp_path / "part.json", {"parts": [part]})
+    assert json.loads((tmp_path / "part.json").read_text()) == {"parts": [expected]}
+
+
+def test_a_number_that_json_does_not_have_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        write_json_atomically(tmp_path / "x.json", {"x": float("nan")})
+    assert not (tmp_path / "x.json").exists()
