@@ -334,6 +334,6 @@ def _drive(firmware: "Firmware", output: LandingOutput, stabilizer: Stabilizer) 
         return
     gyro = firmware.sensors.gyro
     omega = (float(gyro[0]), float(gyro[1]), float(gyro[2]))
-    wrench = attitude_control(output.attitude, omega, output.collective, output.yaw, stabilizer.gains)
-    stabilizer.wrench = wrench
-    stabilizer.thrusts = stabilizer.mix(wrench)
+    stabilizer.apply(
+        attitude_control(output.attitude, omega, output.collective, output.yaw, stabilizer.gains)
+    )

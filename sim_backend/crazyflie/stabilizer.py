@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from onboard.arrays import FloatArray, Quaternion, Vector
 from onboard.battery import FULL_RATIO, duty_for_thrust, quantise_pwm
-from onboard.controller import ControllerGains, Wrench, controller_gains, geometric_control
+from onboard.controller import ControllerGains, Wrench, controller_gains, geometric_control, lead_moments
 from onboard.gravity import GRAVITY
 from onboard.jit import kept
 from onboard.mixer import Thrusts, mix
@@ -104,7 +104,7 @@ class Stabilizer:
 
     Attributes:
         gains: of the controller.
-        wrench: last (collective, tau_x, tau_y, tau_z), N and N m.
+        wrench: last (collective, tau_x, tau_y, tau_z), N and N m, as the mixer got it.
         thrusts: last thrusts asked of the motors, N.
         ratios: int64[4], 0..65535, as ``motor.m1`` to ``m4``.
     """
@@ -121,11 +121,13 @@ class Stabilizer:
         self.wrench: Wrench = (0.0, 0.0, 0.0, 0.0)
         self.thrusts: Thrusts = (0.0, 0.0, 0.0, 0.0)
         self.ratios: NDArray[np.int64] = np.zeros(4, dtype=np.int64)
+        self._lagged: Vector = (0.0, 0.0, 0.0)
         self._target: FloatArray = np.zeros(_SIZE)
         self._following = [False, False, False, False]
 
     def stop(self) -> None:
-        """No thrust; forget integrals and positions that followed velocities."""
+        """No thrust; forget integrals, leads and positions that followed velocities."""
+        self._lagged = (0.0, 0.0, 0.0)
         self.wrench = self.thrusts = (0.0, 0.0, 0.0, 0.0)
         self.ratios[:] = 0
         self._target[:] = 0.0
@@ -139,12 +141,13 @@ class Stabilizer:
         if tick_ms % POSITION_PERIOD_MS == 0:
             self._set_target(setpoint, estimator)
         if tick_ms % ATTITUDE_PERIOD_MS == 0:
-            self.wrench = control(estimator.state, gyro, self._target, self.gains)
-            self.thrusts = self.mix(self.wrench)
+            self.apply(control(estimator.state, gyro, self._target, self.gains))
 
-    def mix(self, wrench: Wrench) -> Thrusts:
-        """Thrusts (N) of the motors for a wrench (N, N m)."""
-        return mix(*wrench, self.arm_x, self.arm_y, self.thrust_to_torque, self.thrust_max)
+    def apply(self, wanted: Wrench) -> None:
+        """The control law's wrench (N, N m), once every :data:`ATTITUDE_PERIOD_MS`: lead, then mixer."""
+        dt = ATTITUDE_PERIOD_MS / 1000.0
+        self.wrench, self._lagged = lead_moments(wanted, self._lagged, self.gains, dt)
+        self.thrusts = mix(*self.wrench, self.arm_x, self.arm_y, self.thrust_to_torque, self.thrust_max)
 
     def drive(self, supply: float) -> None:
         """Battery compensation: ratios for the thrusts asked for, at the low-passed supply voltage (V)."""
