@@ -20,7 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onboard.arrays import FloatArray
-from onboard.controller import ControllerGains
+from onboard.controller import ControllerGains, controller_gains
+from onboard.vehicle.model import Vehicle
 
 GYRO_CUTOFF_HZ = 80.0
 """Second-order Butterworth low-pass of the gyro (crazyflie-firmware 2026.08, ``sensors_bmi088_bmp3xx.c``)."""
@@ -35,8 +36,8 @@ PHASE_LIMIT_DEG = 35.0
 DELAY_LIMIT = 0.015
 """deg and s: with less, what a real drone adds (delays, flexible arms, a wrong inertia) may lose the loop."""
 
-LAGS = (0.05, 0.15)
-"""s: shortest and longest motor lag that was measured on a Crazyflie (errata 2, bench notes 1.2)."""
+LAGS = (0.05, 0.075, 0.1, 0.125, 0.15)
+"""s: motor lags, from the shortest to the longest that was measured on a Crazyflie (errata 2, bench 1.2)."""
 
 _FREQUENCIES = np.geomspace(1.0, 300.0, 1000)
 """rad/s, where the loop is looked at: all crossovers of vehicles of this size lie far inside."""
@@ -61,24 +62,36 @@ class AttitudeMargins(NamedTuple):
         return self.phase_deg >= PHASE_LIMIT_DEG and self.delay >= DELAY_LIMIT
 
 
-def attitude_margins(gains: ControllerGains, lag_up: float, lag_down: float) -> AttitudeMargins:
+def attitude_margins(
+    gains: ControllerGains, lag_up: float, lag_down: float, delay: float = 0.0
+) -> AttitudeMargins:
     """Margins of the attitude loop that a law closes with motors of these lags.
 
     Args:
         gains: of the law, with the vehicle's mass and inertia.
         lag_up, lag_down: s, time constants of rising and of falling thrust.
+        delay: s, of the loop beyond :data:`LOOP_DELAY`.
     """
     s = 1j * _FREQUENCIES
     motors = 1.0 / (0.5 * (lag_up + lag_down) * s + 1.0)
     tilt, yaw = _tilt_feedback(s, gains), gains.kr_z + gains.kw_z * s
     axes = ((tilt, gains.inertia_xx), (tilt, gains.inertia_yy), (yaw, gains.inertia_zz))
-    shared = _gyro(s) * _lead(s, gains) * motors * np.exp(-s * LOOP_DELAY)
+    shared = _gyro(s) * _lead(s, gains) * motors * np.exp(-s * (LOOP_DELAY + delay))
     return _least([_margins(feedback * shared / (inertia * s**2)) for feedback, inertia in axes])
 
 
-def margins_over_lags(gains: ControllerGains) -> AttitudeMargins:
-    """The least margins over all motor lags of :data:`LAGS`, asymmetric ones by their mean."""
-    return _least([attitude_margins(gains, lag, lag) for lag in np.linspace(*LAGS, 21).tolist()])
+def vehicle_margins(vehicle: Vehicle) -> AttitudeMargins:
+    """Margins of a vehicle with the law that its file asks for.
+
+    Of its effects ``motor_lag``, ``motor_lag_asymmetry`` and ``command_delay`` count.
+    """
+    up, down = vehicle.motors.time_constant_up.value, vehicle.motors.time_constant_down.value
+    effects = {effect.name: effect.values() for effect in vehicle.effects}
+    scale = effects["motor_lag"]["scale"] if "motor_lag" in effects else 1.0
+    ratio = effects["motor_lag_asymmetry"]["ratio"] if "motor_lag_asymmetry" in effects else 1.0
+    delay = effects["command_delay"]["delay"] if "command_delay" in effects else 0.0
+    apart = math.sqrt(ratio)
+    return attitude_margins(controller_gains(vehicle), scale * up / apart, scale * down * apart, delay)
 
 
 def _least(cases: list[AttitudeMargins]) -> AttitudeMargins:

@@ -1,13 +1,23 @@
 """Margins of the attitude loop: the loops of before, the law's own, and the motors that they assume."""
 
 import cmath
+import dataclasses
 import math
 
+import numpy as np
 import pytest
 
-from onboard.controller import AUTHORS_GAINS, DEFAULT_GAINS, controller_gains
-from onboard.vehicle import known_vehicles, load_vehicle
-from onboard.vehicle.attitude_margins import DELAY_LIMIT, PHASE_LIMIT_DEG, attitude_margins, margins_over_lags
+from onboard.controller import AUTHORS_GAINS, DEFAULT_GAINS, ControllerGains, controller_gains
+from onboard.quantity import Quantity
+from onboard.vehicle import Effect, known_vehicles, load_vehicle
+from onboard.vehicle.attitude_margins import (
+    DELAY_LIMIT,
+    LAGS,
+    PHASE_LIMIT_DEG,
+    AttitudeMargins,
+    attitude_margins,
+    vehicle_margins,
+)
 
 WITHOUT_LEAD = DEFAULT_GAINS._replace(kr_xy=0.012, kw_xy=0.0021, lead_zero=0.0, lead_pole=0.0)
 """The attitude gains before the law had a lead."""
@@ -23,9 +33,9 @@ WITHOUT_LEAD = DEFAULT_GAINS._replace(kr_xy=0.012, kw_xy=0.0021, lead_zero=0.0, 
     ],
 )
 def test_loops_that_were_calculated_elsewhere(
-    gains: object, lag: float, phase_deg: float, delay_ms: float
+    gains: ControllerGains, lag: float, phase_deg: float, delay_ms: float
 ) -> None:
-    margins = attitude_margins(gains, lag, lag)  # type: ignore[arg-type]  # of the table above
+    margins = attitude_margins(gains, lag, lag)
     assert margins.phase_deg == pytest.approx(phase_deg, abs=1.5)
     assert 1e3 * margins.delay == pytest.approx(delay_ms, abs=1.0)
     assert not margins.suffice
@@ -37,17 +47,42 @@ def test_a_loop_that_is_lost_has_a_negative_phase_and_stands_no_delay() -> None:
     assert margins.delay == 0.0
 
 
+def over_all_lags(gains: ControllerGains) -> AttitudeMargins:
+    lags = np.linspace(LAGS[0], LAGS[-1], 41).tolist()
+    cases = [attitude_margins(gains, lag, lag) for lag in lags]
+    return AttitudeMargins(min(case.phase_deg for case in cases), min(case.delay for case in cases))
+
+
 @pytest.mark.parametrize("name", known_vehicles())
 def test_every_known_vehicle_has_the_margins_over_all_lags(name: str) -> None:
     vehicle = load_vehicle(name)
-    gains, motors = controller_gains(vehicle), vehicle.motors
-    margins = margins_over_lags(gains)
+    margins = over_all_lags(controller_gains(vehicle))
     assert margins.phase_deg >= PHASE_LIMIT_DEG
     assert margins.delay >= DELAY_LIMIT
     assert margins.suffice
-    own = attitude_margins(gains, motors.time_constant_up.value, motors.time_constant_down.value)
+    own = vehicle_margins(vehicle)
     assert own.phase_deg >= margins.phase_deg
     assert own.delay >= margins.delay
+
+
+def test_motors_of_75_ms_up_and_141_ms_down_have_the_margins() -> None:
+    assert attitude_margins(DEFAULT_GAINS, 0.075, 0.141).suffice
+    assert not attitude_margins(WITHOUT_LEAD, 0.075, 0.141).suffice
+
+
+def test_effects_of_lag_and_delay_count() -> None:
+    bare = load_vehicle("crazyflie21-upgraded")
+    gains = controller_gains(bare)
+
+    def with_effect(name: str, parameter: str, value: float, unit: str) -> AttitudeMargins:
+        effect = Effect(name=name, parameters={parameter: Quantity(value, unit, 0.0, "test case")})
+        return vehicle_margins(dataclasses.replace(bare, effects=(effect,)))
+
+    assert vehicle_margins(bare) == attitude_margins(gains, 0.05, 0.15)
+    assert with_effect("motor_lag", "scale", 2.0, "1") == attitude_margins(gains, 0.1, 0.3)
+    assert with_effect("motor_lag_asymmetry", "ratio", 4.0, "1") == attitude_margins(gains, 0.025, 0.3)
+    delayed = with_effect("command_delay", "delay", 0.01, "s")
+    assert delayed.delay == pytest.approx(vehicle_margins(bare).delay - 0.01, abs=1e-4)
 
 
 @pytest.mark.parametrize("factor", [0.9, 1.1])
@@ -57,7 +92,7 @@ def test_an_inertia_that_is_10_percent_off_leaves_the_margins(factor: float) -> 
         inertia_yy=factor * DEFAULT_GAINS.inertia_yy,
         inertia_zz=factor * DEFAULT_GAINS.inertia_zz,
     )
-    assert margins_over_lags(gains).suffice
+    assert over_all_lags(gains).suffice
 
 
 def test_more_lag_of_the_loop_costs_the_phase_that_it_has_at_the_crossover() -> None:

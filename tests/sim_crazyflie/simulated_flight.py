@@ -20,9 +20,14 @@ class Flight:
     """One drone in a world of its own, with poses at 100 Hz that arrive 10 ms late."""
 
     def __init__(
-        self, seed: int = 0, faults: DroneFaults | None = None, flashed: Vehicle | None = None
+        self,
+        seed: int = 0,
+        faults: DroneFaults | None = None,
+        flashed: Vehicle | None = None,
+        vehicle: Vehicle | None = None,
     ) -> None:
-        self.world = World(load_vehicle(VEHICLE, LEGS), flashed=flashed, seed=seed, faults=faults)
+        vehicle = vehicle or load_vehicle(VEHICLE, LEGS)
+        self.world = World(vehicle, flashed=flashed, seed=seed, faults=faults)
         self.drone = self.world.drones[0]
         self.firmware = self.drone.firmware
         self.poses = True
