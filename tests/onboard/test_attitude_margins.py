@@ -19,7 +19,9 @@ from onboard.vehicle.attitude_margins import (
     vehicle_margins,
 )
 
-WITHOUT_LEAD = DEFAULT_GAINS._replace(kr_xy=0.012, kw_xy=0.0021, lead_zero=0.0, lead_pole=0.0)
+WITHOUT_LEAD = DEFAULT_GAINS._replace(
+    kr_xy=0.012, kw_xy=0.0021, kr_z=0.003, kw_z=0.001, lead_zero=0.0, lead_pole=0.0
+)
 """The attitude gains before the law had a lead."""
 
 
