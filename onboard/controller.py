@@ -86,9 +86,9 @@ Integral gains are the authors'. The other position gains were chosen by us in s
 lags of 0.05/0.05, 0.05/0.15 and 0.08/0.20 s (up/down), 7 % missing thrust and 10 ms of pose delay, for a step
 of 0.47 m and an approach of 2.5 m/s at 40 deg. Attitude gains and the lead were chosen by the margins: at
 least 35 deg and 15 ms over motor lags of 50 to 150 ms, also with inertias 10 % off
-(:mod:`onboard.vehicle.attitude_margins`); a small kw/kr, with which the tilt follows an approach; and noise of
-the gyro, which the lead makes (lead_zero + 2 ms) / (lead_pole + 2 ms) = 7.2 times as large: yaw, whose
-moments cost the most thrust, is the softest.
+(:mod:`onboard.vehicle.attitude_margins`); by a small kw/kr, with which the tilt follows an approach; and by
+the gyro's noise, which the lead makes (lead_zero + 2 ms) / (lead_pole + 2 ms) = 7.2 times as large: yaw,
+whose moments cost the most thrust, is the softest.
 """
 
 AUTHORS_GAINS = DEFAULT_GAINS._replace(

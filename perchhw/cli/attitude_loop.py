@@ -46,7 +46,7 @@ class AttitudeLoop:
 
     def lines(self) -> list[str]:
         """The same for a person."""
-        lags = ", ".join(f"{1e3 * lag:.0f} ms: {_words(margins)}" for lag, margins in self.by_lag.items())
+        lags = "; ".join(f"{1e3 * lag:.0f} ms: {_words(margins)}" for lag, margins in self.by_lag.items())
         return [
             f"attitude loop: {_words(self.own)}; wanted {_limits()}",
             f"with other motor lags: {lags}",
