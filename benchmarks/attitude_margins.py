@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from onboard import controller
 from onboard.app_interface import LandingState, Parameter, TrajectoryStatus
 from onboard.controller import ControllerGains, controller_gains
 from onboard.landing.state_machine import EndReason
@@ -58,11 +59,10 @@ def rms(rows: list[Any]) -> float:
     return float(np.sqrt(np.mean(np.sum(np.square(rows), axis=1))))
 
 
-def fly(lag: Lag, delay: float, gains: ControllerGains, bundle: bytes, seed: int) -> dict[str, Any]:
-    """Hover and approach of one case."""
+def fly(lag: Lag, delay: float, bundle: bytes, seed: int) -> dict[str, Any]:
+    """Hover and approach of one case, with the default gains as they are now."""
     vehicle = vehicle_with(lag, delay)
     flight = Flight(seed, vehicle=vehicle, flashed=dataclasses.replace(vehicle, effects=()))
-    flight.firmware.stabilizer.gains = gains
     plan = fit_approach(2.5, 50.0, RoomGeometry())
     flight.upload(bundle)
     flight.set_plan(plan)
@@ -117,11 +117,12 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0, help="of the sensors' noise")
     arguments = parser.parse_args()
     bundle = encode_bundle(load_policy(find_policy("default")))
-    law = controller_gains(load_vehicle(VEHICLE, LEGS))
+    law = controller.DEFAULT_GAINS
     cases = []
     for lag in map(lag_of, arguments.lags_ms.split(",")):
         for name, gains in (("lead", law), ("without_lead", without_lead(law))):
-            margins = attitude_margins(gains, *lag)
+            controller.DEFAULT_GAINS = gains
+            margins = attitude_margins(controller_gains(load_vehicle(VEHICLE, LEGS)), *lag)
             for delay_ms in map(float, arguments.delays_ms.split(",")):
                 cases.append(
                     {
@@ -130,7 +131,7 @@ def main() -> None:
                         "gains": name,
                         "margins": {"phase_deg": margins.phase_deg, "delay_s": margins.delay},
                         "delay_s": delay_ms / 1e3,
-                        **fly(lag, delay_ms / 1e3, gains, bundle, arguments.seed),
+                        **fly(lag, delay_ms / 1e3, bundle, arguments.seed),
                     }
                 )
     flown = {name: [case for case in cases if case["gains"] == name] for name in ("lead", "without_lead")}

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from onboard.arrays import FloatArray
 from onboard.controller import ControllerGains, controller_gains
+from onboard.follower import ATTITUDE_PERIOD_MS
 from onboard.vehicle.model import Vehicle
 
 GYRO_CUTOFF_HZ = 80.0
@@ -28,9 +29,6 @@ GYRO_CUTOFF_HZ = 80.0
 
 LOOP_DELAY = 0.002
 """s, from a sample of the gyro to the motors' new command: state of the step before, law at 500 Hz."""
-
-CONTROL_PERIOD = 0.002
-"""s between two runs of the law."""
 
 PHASE_LIMIT_DEG = 35.0
 DELAY_LIMIT = 0.015
@@ -112,10 +110,11 @@ def _gyro(s: ComplexArray) -> ComplexArray:
 
 def _lead(s: ComplexArray, gains: ControllerGains) -> ComplexArray:
     """The lead's difference equations; `back` is one step back."""
-    back = np.exp(-s * CONTROL_PERIOD)
-    share = CONTROL_PERIOD / (gains.lead_pole + CONTROL_PERIOD)
+    dt = ATTITUDE_PERIOD_MS / 1000.0
+    back = np.exp(-s * dt)
+    share = dt / (gains.lead_pole + dt)
     lagged = share / (1.0 - (1.0 - share) * back)
-    gain = (gains.lead_zero - gains.lead_pole) / (gains.lead_pole + CONTROL_PERIOD)
+    gain = (gains.lead_zero - gains.lead_pole) / (gains.lead_pole + dt)
     return np.asarray(1.0 + gain * (1.0 - back * lagged))
 
 
