@@ -27,7 +27,7 @@ REQUEST_TIMEOUT_MS = 20
 MEMORY_TYPE_APP = 0x18
 """Memory type that the firmware reserves for apps (MEM_TYPE_APP)."""
 
-MEMORY_SIZE = 8192
+MEMORY_SIZE = 5120
 """Bytes of the app memory; the bundle is staged from `BUNDLE_ADDRESS` on."""
 
 BUNDLE_ADDRESS = 0
