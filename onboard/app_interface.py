@@ -90,6 +90,13 @@ class EndReason(IntEnum):
     POSE_LOST = 10
 
 
+class Engine(IntEnum):
+    """`Parameter.ENGINE`: which code computes on the drone."""
+
+    REFERENCE = 0
+    C = 1
+
+
 class ValueType(StrEnum):
     """Type of a parameter or log variable, spelled as in the firmware's tables."""
 
@@ -123,6 +130,7 @@ class Parameter(StrEnum):
     STATE = "perch.state"
     VEHICLE_CRC = "perch.vehCrc"
     VERSION = "perch.version"
+    ENGINE = "perch.engine"
 
 
 class Log(StrEnum):
@@ -191,6 +199,7 @@ PARAMETERS: tuple[ParameterEntry, ...] = (
     ParameterEntry(Parameter.STATE, ValueType.UINT8, read_only=True),
     ParameterEntry(Parameter.VEHICLE_CRC, ValueType.UINT32, read_only=True),
     ParameterEntry(Parameter.VERSION, ValueType.UINT8, read_only=True, default=INTERFACE_VERSION),
+    ParameterEntry(Parameter.ENGINE, ValueType.UINT8, read_only=True),
 )
 """Every parameter of the app, in the order of its table of contents."""
 

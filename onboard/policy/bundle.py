@@ -28,7 +28,7 @@ from onboard.policy.model import (
 MAGIC = b"PHPB"
 VERSION = 1
 MAX_BUNDLE_BYTES = 5120
-"""The drone has room for two: what is staged and what is live. 250 vectors leave 258 numbers for the network."""
+"""The drone has room for two, staged and live. 250 vectors leave 258 numbers for the network."""
 ACTIVATION_ELU = 1
 
 # magic, version, header length, bundle length, crc

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from onboard.battery import duty_for_thrust
-from onboard.controller import attitude_control, geometric_control
+from onboard.controller import attitude_control, geometric_control, lead_moments
 from onboard.firmware.library import CoreLibrary, Float32Array, address, vehicle_constants
 from onboard.firmware.structures import Plan
 from onboard.landing.braking import stopping_distance
@@ -134,6 +134,30 @@ def test_level_attitude(core: CoreLibrary) -> None:
 
     wanted = each(one, rows(estimates), rows(collectives), rows(yaws))
     assert np.abs(found - wanted).max() <= 1e-6 * VEHICLES[0].body.arm_x.value
+
+
+def test_lead_of_the_moments(core: CoreLibrary) -> None:
+    """Its memory is the same after it, and what is not a number leaves it alone."""
+    rng = np.random.default_rng(8)
+    wrenches = floats(rng.normal(0.0, 5e-3, (SAMPLE // 3, 4)), 4)
+    wrenches[:9, 1:] = [[NAN, 1e-3, 0.0], [INF, NAN, 1e-3], [0.0, 0.0, -INF]] * 3
+    before = floats(rng.normal(0.0, 5e-3, (len(wrenches), 3)), 3)
+    after, found = before.copy(), np.empty_like(wrenches)
+    constants = vehicle_constants(VEHICLES[0])
+    core.perch_host_lead(
+        constants, len(found), address(wrenches), address(after), rounded(0.002), address(found)
+    )
+    gains = gains32(VEHICLES[0])
+
+    def one(wrench: list[float], lagged: list[float]) -> tuple[float, ...]:
+        leading, memory = lead_moments(tuple(wrench), tuple(lagged), gains, rounded(0.002))
+        return (*leading, *memory)
+
+    wanted = each(one, rows(wrenches), rows(before))
+    both = np.hstack([found, after])
+    assert np.array_equal(np.isfinite(both), np.isfinite(wanted))
+    known = np.isfinite(wanted)
+    assert np.abs(both[known] - wanted[known]).max() <= 1e-6 * VEHICLES[0].body.arm_x.value
 
 
 def random_wrenches(vehicle: Vehicle, seed: int, count: int) -> Float32Array:

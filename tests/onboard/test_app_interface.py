@@ -41,6 +41,7 @@ def test_what_the_drone_answers_is_read_only() -> None:
         Parameter.STATE,
         Parameter.VEHICLE_CRC,
         Parameter.VERSION,
+        Parameter.ENGINE,
     }
     types = {entry.name: entry.type for entry in PARAMETERS}
     assert types[Parameter.POLICY_ACTIVE_CRC] is ValueType.UINT32

@@ -10,6 +10,7 @@ from onboard.supervisor_info import SupervisorInfo
 from onboard.trajectory import ApproachPlan
 from onboard.vehicle import Vehicle, load_vehicle
 from sim_backend.crazyflie.high_level import Command
+from sim_backend.engine_name import EngineName
 from sim_backend.faults import DroneFaults
 from sim_backend.world import World
 
@@ -19,6 +20,9 @@ VEHICLE, LEGS = "crazyflie21-upgraded", "semi-narrow-long"
 class Flight:
     """One drone in a world of its own, with poses at 100 Hz that arrive 10 ms late."""
 
+    engine = EngineName.REFERENCE
+    """What drones run unless a test says otherwise."""
+
     def __init__(
         self,
         seed: int = 0,
@@ -27,7 +31,7 @@ class Flight:
         vehicle: Vehicle | None = None,
     ) -> None:
         vehicle = vehicle or load_vehicle(VEHICLE, LEGS)
-        self.world = World(vehicle, flashed=flashed, seed=seed, faults=faults)
+        self.world = World(vehicle, flashed=flashed, seed=seed, faults=faults, engine=self.engine)
         self.drone = self.world.drones[0]
         self.firmware = self.drone.firmware
         self.poses = True

@@ -79,3 +79,23 @@ perch_wrench perch_attitude_control(const perch_quaternion *quaternion, const pe
   const perch_vector error = attitude_error(quaternion, &up, yaw);
   return with_moments(collective, &error, omega, vehicle);
 }
+
+static float lead(float moment, float *lagged, const perch_vehicle *v, float dt) {
+  const float difference = moment - *lagged;
+  if (!isfinite(difference)) {
+    return moment;
+  }
+  const float per_time = 1.0f / (v->gain_lead_pole + dt);
+  *lagged += dt * per_time * difference;
+  return moment + (v->gain_lead_zero - v->gain_lead_pole) * per_time * difference;
+}
+
+perch_wrench perch_lead_moments(const perch_wrench *wrench, perch_vector *lagged, const perch_vehicle *vehicle,
+                                float dt) {
+  return (perch_wrench){
+      .collective = wrench->collective,
+      .tau_x = lead(wrench->tau_x, &lagged->x, vehicle, dt),
+      .tau_y = lead(wrench->tau_y, &lagged->y, vehicle, dt),
+      .tau_z = lead(wrench->tau_z, &lagged->z, vehicle, dt),
+  };
+}

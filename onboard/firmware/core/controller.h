@@ -22,4 +22,9 @@ perch_wrench perch_geometric_control(const perch_estimate *estimate, const perch
 perch_wrench perch_attitude_control(const perch_quaternion *quaternion, const perch_vector *omega,
                                     float collective, float yaw, const perch_vehicle *vehicle);
 
+/* The wrench whose moments lead by (lead_zero s + 1) / (lead_pole s + 1), `dt` s after the last one: it undoes part
+ * of the motors' lag. `lagged` is its memory, zeros while the motors stand. A moment of NaN passes, and leaves it. */
+perch_wrench perch_lead_moments(const perch_wrench *wrench, perch_vector *lagged, const perch_vehicle *vehicle,
+                                float dt);
+
 #endif

@@ -6,7 +6,7 @@
 
 enum { POLICY_PERIOD_MS = 10 };
 
-/* The landing machine's period, s. */
+/* Period of landing machine and law, s. */
 #define STEP_S 0.002f
 
 void perch_boot(perch_core *core, const perch_vehicle *vehicle) {
@@ -138,8 +138,15 @@ static void step_machine(perch_core *core, const perch_inputs *in) {
 /* Forget what was followed. */
 static void stop(perch_core *core) {
   memset(&core->follower, 0, sizeof core->follower);
+  memset(&core->lagged, 0, sizeof core->lagged);
   memset(&core->outputs.wrench, 0, sizeof core->outputs.wrench);
   memset(core->outputs.thrusts, 0, sizeof core->outputs.thrusts);
+}
+
+/* The control law's wrench, every 2 ms: lead, then mixer. */
+static void apply(perch_core *core, const perch_wrench *wanted) {
+  core->outputs.wrench = perch_lead_moments(wanted, &core->lagged, core->vehicle, STEP_S);
+  perch_mix(&core->outputs.wrench, core->vehicle, core->outputs.thrusts);
 }
 
 static void follow(perch_core *core, const perch_inputs *in, const perch_setpoint *setpoint) {
@@ -151,8 +158,8 @@ static void follow(perch_core *core, const perch_inputs *in, const perch_setpoin
     perch_follow(&core->follower, setpoint, &in->estimate, core->vehicle);
   }
   if (in->tick % PERCH_ATTITUDE_PERIOD_MS == 0) {
-    core->outputs.wrench = perch_track(&core->follower, &in->estimate, core->vehicle);
-    perch_mix(&core->outputs.wrench, core->vehicle, core->outputs.thrusts);
+    const perch_wrench wanted = perch_track(&core->follower, &in->estimate, core->vehicle);
+    apply(core, &wanted);
   }
 }
 
@@ -162,9 +169,9 @@ static void drive(perch_core *core, const perch_inputs *in) {
     memcpy(core->outputs.thrusts, core->output.thrusts, sizeof core->outputs.thrusts);
     return;
   }
-  core->outputs.wrench = perch_attitude_control(&core->landing.attitude, &in->estimate.gyro,
-                                                core->output.collective, 0.0f, core->vehicle);
-  perch_mix(&core->outputs.wrench, core->vehicle, core->outputs.thrusts);
+  const perch_wrench wanted = perch_attitude_control(&core->landing.attitude, &in->estimate.gyro,
+                                                     core->output.collective, 0.0f, core->vehicle);
+  apply(core, &wanted);
 }
 
 static void fly(perch_core *core, const perch_inputs *in) {

@@ -33,7 +33,7 @@ enum {
 typedef struct {
   float thrusts[4]; /* N, M1 to M4 */
   float duties[4];  /* share of the battery voltage, 0..1 */
-  perch_wrench wrench;
+  perch_wrench wrench; /* as the mixer got it */
   perch_motion motion;     /* while `mode` is SETPOINT, or the drone has just been handed over */
   uint8_t mode;            /* a perch_output_mode */
   uint8_t events;          /* of this ms */
@@ -56,6 +56,7 @@ typedef struct {
   perch_landing_output output;
   perch_plan plan;
   perch_follower follower;
+  perch_vector lagged; /* memory of the moments' lead */
   perch_outputs outputs;
 
   perch_request request;

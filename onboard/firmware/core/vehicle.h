@@ -25,6 +25,7 @@ typedef struct {
   float gain_kp_z, gain_kd_z, gain_ki_z;
   float gain_integral_limit;
   float gain_kr_xy, gain_kw_xy, gain_kr_z, gain_kw_z;
+  float gain_lead_zero, gain_lead_pole;
   float gain_tilt_tangent;
   float gain_collective_min, gain_collective_max;
   float gain_mass;
@@ -39,9 +40,9 @@ typedef struct {
   float limit_lateral_limit, limit_hold_clearance, limit_hold_acceleration, limit_descent_speed;
 } perch_vehicle;
 
-enum { PERCH_VEHICLE_CONSTANTS = 58 };
+enum { PERCH_VEHICLE_CONSTANTS = 60 };
 
-_Static_assert(sizeof(perch_vehicle) == 4 * PERCH_VEHICLE_CONSTANTS, "58 float32 without gaps: perch.vehCrc");
+_Static_assert(sizeof(perch_vehicle) == 4 * PERCH_VEHICLE_CONSTANTS, "60 float32 without gaps: perch.vehCrc");
 
 /* What perch.vehCrc reads. */
 uint32_t perch_vehicle_crc(const perch_vehicle *vehicle);

@@ -53,6 +53,13 @@ void perch_host_level(const perch_vehicle *vehicle, uint32_t n, const perch_esti
   }
 }
 
+void perch_host_lead(const perch_vehicle *vehicle, uint32_t n, const perch_wrench *wrenches, perch_vector *lagged,
+                     float dt, perch_wrench *leading) {
+  for (uint32_t i = 0; i < n; i++) {
+    leading[i] = perch_lead_moments(&wrenches[i], &lagged[i], vehicle, dt);
+  }
+}
+
 void perch_host_mix(const perch_vehicle *vehicle, uint32_t n, const perch_wrench *wrenches, float (*thrusts)[4]) {
   for (uint32_t i = 0; i < n; i++) {
     perch_mix(&wrenches[i], vehicle, thrusts[i]);

@@ -28,6 +28,8 @@ void perch_host_control(const perch_vehicle *vehicle, uint32_t n, const perch_es
                         perch_wrench *wrenches);
 void perch_host_level(const perch_vehicle *vehicle, uint32_t n, const perch_estimate *estimates,
                       const float *collectives, const float *yaws, perch_wrench *wrenches);
+void perch_host_lead(const perch_vehicle *vehicle, uint32_t n, const perch_wrench *wrenches, perch_vector *lagged,
+                     float dt, perch_wrench *leading);
 void perch_host_mix(const perch_vehicle *vehicle, uint32_t n, const perch_wrench *wrenches, float (*thrusts)[4]);
 void perch_host_flip(const perch_vehicle *vehicle, uint32_t n, const float *moments, float (*thrusts)[4]);
 void perch_host_duty(const perch_vehicle *vehicle, uint32_t n, const float *thrusts, const float *voltages,
