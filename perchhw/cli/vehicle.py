@@ -86,6 +86,18 @@ def check(file: VehicleArgument) -> None:
 
 
 @app.command()
+def header(vehicle: VehicleArgument, legs: Legs = None) -> None:
+    """Print the C header that a vehicle's firmware is built with; with the CRC of perch.vehCrc."""
+    from onboard.firmware.header import vehicle_header
+    from onboard.vehicle import load_vehicle
+    from onboard.vehicle.onboard_constants import vehicle_crc32
+
+    loaded = load_vehicle(vehicle, legs=legs)
+    text, crc = vehicle_header(loaded), vehicle_crc32(loaded)
+    emit({"vehicle": loaded.name, "crc32": crc, "header": text}, partial(typer.echo, text, nl=False))
+
+
+@app.command()
 def diff(first: VehicleArgument, second: VehicleArgument) -> None:
     """Say what differs between two vehicles: values, uncertainties, and keys that only one has."""
     from onboard.vehicle import load_vehicle
