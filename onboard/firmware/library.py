@@ -108,9 +108,3 @@ def vehicle_constants(vehicle: Vehicle) -> ctypes.Array[c_float]:
     values = [constant.value for constant in onboard_constants(vehicle)]
     return (c_float * len(values))(*values)
 
-
-def address(numbers: Float32Array) -> int:
-    """Where the numbers of an array lie, for a function that takes them one after the other."""
-    if numbers.dtype != np.float32 or not numbers.flags.c_contiguous:
-        raise WrongLayout(f"float32 in C's order is needed, not {numbers.dtype} with {numbers.strides}")
-    return int(numbers.ctypes.data)

@@ -1,6 +1,5 @@
 """The reference on the numbers that the drone has: float32, in the reference's own types."""
 
-import ctypes
 from collections.abc import Iterable
 from typing import Any, TypeVar
 
@@ -46,6 +45,8 @@ def floats(rows: Iterable[Any], width: int) -> Float32Array:
     return np.ascontiguousarray(np.array(list(rows), dtype=np.float32).reshape(-1, width))
 
 
-def numbers_of(structure: ctypes.Structure) -> list[float]:
-    """All floats of a structure that has nothing else."""
-    return np.frombuffer(structure, dtype=np.float32).tolist()
+def address(numbers: Float32Array) -> int:
+    """Where the numbers of an array lie, for a function that takes them one after the other."""
+    assert numbers.dtype == np.float32
+    assert numbers.flags.c_contiguous
+    return int(numbers.ctypes.data)

@@ -10,14 +10,14 @@ import pytest
 
 from onboard.battery import duty_for_thrust
 from onboard.controller import attitude_control, geometric_control, lead_moments
-from onboard.firmware.library import CoreLibrary, Float32Array, address, vehicle_constants
+from onboard.firmware.library import CoreLibrary, Float32Array, vehicle_constants
 from onboard.firmware.structures import Plan
 from onboard.landing.braking import stopping_distance
 from onboard.mixer import flip_thrusts, mix
 from onboard.room import RoomGeometry
 from onboard.trajectory import ApproachPlan, fit_approach, plan_from_velocity, smooth_approach
 from onboard.vehicle import Vehicle
-from tests.firmware.float32 import VEHICLES, floats, gains32, rounded, rounded_all, thrust_map32
+from tests.firmware.float32 import VEHICLES, address, floats, gains32, rounded, rounded_all, thrust_map32
 
 SAMPLE, LONG = 5_000, 1_000_000
 NAN, INF = math.nan, math.inf

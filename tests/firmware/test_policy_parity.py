@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from onboard.cues import optical_flow_cues
-from onboard.firmware.library import CoreLibrary, Float32Array, address
+from onboard.firmware.library import CoreLibrary, Float32Array
 from onboard.policy.action import action_moments
 from onboard.policy.bundle import (
     HEADER_BYTES,
@@ -23,7 +23,7 @@ from onboard.policy.bundle import (
 from onboard.policy.files import load_policy, shipped_policy_path
 from onboard.policy.model import MAX_SUPPORT_VECTORS, ActionLayer, Policy
 from onboard.policy.trigger import trigger_values
-from tests.firmware.float32 import floats
+from tests.firmware.float32 import address, floats
 
 ACTIVE = 1
 SHIPPED = load_policy(shipped_policy_path("default"))
