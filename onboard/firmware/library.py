@@ -107,4 +107,3 @@ def vehicle_constants(vehicle: Vehicle) -> ctypes.Array[c_float]:
     """A ``perch_vehicle``: the constants of a vehicle as float32."""
     values = [constant.value for constant in onboard_constants(vehicle)]
     return (c_float * len(values))(*values)
-
