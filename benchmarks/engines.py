@@ -4,8 +4,8 @@
 
 Each condition (speed 1.5 to 3.5 m/s, angle 30 to 90 deg, those that the policy covers and the room has
 place for) is flown twice in a simulated world, from the floor to 1.5 s after the motors were cut, with the
-same noise. Two flights end alike when they trigger on the same sample and land the same way. Where they do not, the
-trigger values of the samples at which they part tell whether it was a threshold.
+same noise. Two flights end alike when they trigger on the same sample and land the same way. Where they do
+not, the trigger values of the last samples tell whether it was a threshold.
 """
 
 import argparse
