@@ -74,7 +74,7 @@ class Firmware:
         self.engine = make_engine(engine, vehicle)
         self.app: LandingApp | None = None
         if with_app:
-            self.app = LandingApp(vehicle, self.engine, engine, self.params, self._is_flying)
+            self.app = LandingApp(vehicle, self.engine, engine, self.params, self._is_flying, self.tick_ms)
         self._trajectories = RamMemory(MemoryType.TRAJECTORY, TRAJECTORY_SIZE)
         self._tester = MemoryTester()
         app_memory: tuple[Memory, ...] = (self.app.slot.memory,) if self.app else ()
@@ -239,6 +239,9 @@ class Firmware:
         self.setpoint = engine.target if flown or Event.HANDED_OVER in events else setpoint
         self._tell_others(tick, events)
         self.ratios[:] = engine.ratios if self.supervisor.motors_allowed else 0
+        if self.app is not None and self.app.motors_abandoned():
+            self.params["motorPowerSet.enable"] = 0
+            self.motor_override[0] = 0
         if self.motor_override[0]:
             self._override_motors()
         applied_duties(self.ratios, self._duties)

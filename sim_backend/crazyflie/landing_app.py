@@ -7,7 +7,14 @@ engine's, takes what is posted at its next step and answers through the paramete
 from collections.abc import Callable, Iterator
 
 from onboard import app_interface as interface
-from onboard.app_interface import REQUEST_TIMEOUT_MS, LandingState, Log, Parameter, TrajectoryStatus
+from onboard.app_interface import (
+    MOTOR_TOKEN_MS,
+    REQUEST_TIMEOUT_MS,
+    LandingState,
+    Log,
+    Parameter,
+    TrajectoryStatus,
+)
 from onboard.vehicle import Vehicle
 from onboard.vehicle.onboard_constants import vehicle_crc32
 from sim_backend.crazyflie.engine import ApproachRequest, Engine, Event, SnapshotField
@@ -39,6 +46,7 @@ class LandingApp:
         name: which one that is.
         params: the drone's parameters.
         is_flying: what the supervisor says.
+        tick: ms since boot.
 
     Attributes:
         slot: staged and live policy.
@@ -51,7 +59,9 @@ class LandingApp:
         name: EngineName,
         params: ParameterTable,
         is_flying: Callable[[], bool],
+        tick: Callable[[], int],
     ) -> None:
+        self._tick = tick
         self._vehicle_crc = vehicle_crc32(vehicle)
         self._engine = engine
         self._engine_number = int(_ENGINES[name])
@@ -66,6 +76,8 @@ class LandingApp:
         self._request = 0
         self._params[Parameter.VEHICLE_CRC] = self._vehicle_crc
         self._params[Parameter.ENGINE] = self._engine_number
+        self._params[Parameter.OWN_LAW] = 1
+        self._vouched_until: int | None = None
 
     def connect(self) -> None:
         """Listen to the app's parameters; once, the callbacks outlive reboots."""
@@ -74,6 +86,8 @@ class LandingApp:
         write(Parameter.TRAJECTORY_ARM, self._on_trajectory_arm)
         write(Parameter.GO, lambda value: self._engine.ask_go(bool(value)))
         write(Parameter.ABORT, lambda value: self._engine.ask_abort(bool(value)))
+        write(Parameter.OWN_LAW, self._on_own_law)
+        write(Parameter.MOTOR_TOKEN, self._on_motor_token)
         self._params.mirror(Parameter.CEILING_Z, lambda value: self._engine.set_ceiling(float(value)))
 
     @property
@@ -122,6 +136,20 @@ class LandingApp:
     def _on_policy_arm(self, value: Number) -> None:
         if not self._engine.arm_policy(bool(value)) and value:
             self._params[Parameter.POLICY_ARM] = 0
+
+    def _on_own_law(self, value: Number) -> None:
+        """There is no other law here."""
+        self._params[Parameter.OWN_LAW] = 1
+
+    def _on_motor_token(self, value: Number) -> None:
+        self._vouched_until = self._tick() + MOTOR_TOKEN_MS
+
+    def motors_abandoned(self) -> bool:
+        """Whether a host that vouched for the motors of its bench test has fallen silent; told once."""
+        if self._vouched_until is None or self._tick() <= self._vouched_until:
+            return False
+        self._vouched_until = None
+        return True
 
     def _on_trajectory_arm(self, value: Number) -> Iterator[None]:
         """Post a request, and wait for the control loop."""
