@@ -4,6 +4,11 @@ One place for the names, types and enumerations that the link, the simulated dro
 Parameter group ``perch``; log groups ``perch`` (now) and ``perchT`` (snapshot at the trigger). Parameters are
 volatile: after a reboot they have their defaults and there is no policy.
 
+`OWN_LAW` says who flies take-off, hover and level-out, as the planner asks: 1 our law, 0 the firmware's PID.
+The simulated drone has no such PID; there it is always 1.
+`MOTOR_TOKEN` is written again and again by a host whose bench test runs motors through ``motorPowerSet``.
+Once it has been written, the app unsets them as soon as it is not written for `MOTOR_TOKEN_MS`.
+
 Policy upload: write the bundle to the app memory from address 0, read it back, set `POLICY_LENGTH` and
 `POLICY_CRC`, write 1 to `POLICY_COMMIT`, then read `POLICY_STATUS` and `POLICY_ACTIVE_CRC`.
 
@@ -24,10 +29,13 @@ INTERFACE_VERSION = 2
 REQUEST_TIMEOUT_MS = 20
 """Longest wait of a callback for the control loop: other parameters and the link must not starve."""
 
+MOTOR_TOKEN_MS = 250
+"""Motors of a bench test outlive the last write of `Parameter.MOTOR_TOKEN` by this."""
+
 MEMORY_TYPE_APP = 0x18
 """Memory type that the firmware reserves for apps (MEM_TYPE_APP)."""
 
-MEMORY_SIZE = 8192
+MEMORY_SIZE = 5120
 """Bytes of the app memory; the bundle is staged from `BUNDLE_ADDRESS` on."""
 
 BUNDLE_ADDRESS = 0
@@ -90,6 +98,13 @@ class EndReason(IntEnum):
     POSE_LOST = 10
 
 
+class Engine(IntEnum):
+    """`Parameter.ENGINE`: which code computes on the drone."""
+
+    REFERENCE = 0
+    C = 1
+
+
 class ValueType(StrEnum):
     """Type of a parameter or log variable, spelled as in the firmware's tables."""
 
@@ -123,6 +138,9 @@ class Parameter(StrEnum):
     STATE = "perch.state"
     VEHICLE_CRC = "perch.vehCrc"
     VERSION = "perch.version"
+    ENGINE = "perch.engine"
+    OWN_LAW = "perch.ownLaw"
+    MOTOR_TOKEN = "perch.motTok"
 
 
 class Log(StrEnum):
@@ -191,6 +209,9 @@ PARAMETERS: tuple[ParameterEntry, ...] = (
     ParameterEntry(Parameter.STATE, ValueType.UINT8, read_only=True),
     ParameterEntry(Parameter.VEHICLE_CRC, ValueType.UINT32, read_only=True),
     ParameterEntry(Parameter.VERSION, ValueType.UINT8, read_only=True, default=INTERFACE_VERSION),
+    ParameterEntry(Parameter.ENGINE, ValueType.UINT8, read_only=True),
+    ParameterEntry(Parameter.OWN_LAW, ValueType.UINT8),
+    ParameterEntry(Parameter.MOTOR_TOKEN, ValueType.UINT8),
 )
 """Every parameter of the app, in the order of its table of contents."""
 

@@ -2,10 +2,13 @@
 
     F = -kp e_x - kd e_v - ki int(e_x) + m g e_3 + m a_d          collective = F . b3
     M = -kr e_R - kw e_Omega + Omega x J Omega
+    commanded moments = (lead_zero s + 1) / (lead_pole s + 1) M
 
 with the desired body axis b3 along F and the heading from the setpoint's yaw. The desired body rate is zero,
-as in the authors' firmware (SIM@4c815026:crazyflie_control/src/controller_gtc.c). Compiled, no state: the
-position integral is the caller's and goes through :func:`integrate_position_error`.
+as in the authors' firmware (SIM@4c815026:crazyflie_control/src/controller_gtc.c). The lead undoes part of the
+motors' lag, which would otherwise leave the attitude loop no margin
+(:mod:`onboard.vehicle.attitude_margins`). Compiled, no state: the position integral and the lead's memory
+are the caller's and go through :func:`integrate_position_error` and :func:`lead_moments`.
 """
 
 import math
@@ -27,6 +30,7 @@ class ControllerGains(NamedTuple):
         kp_xy, kp_z: N/m. kd_xy, kd_z: N s/m. ki_xy, ki_z: N/(m s).
         integral_limit: m s, bound of each part of the position integral.
         kr_xy, kr_z: N m (per rad of e_R). kw_xy, kw_z: N m s/rad.
+        lead_zero, lead_pole: s, time constants of the lead; equal ones: no lead.
         tilt_tangent: tangent of the largest angle between b3 desired and vertical.
         collective_min, collective_max: N, bounds of the commanded collective.
         mass: kg. inertia_xx, inertia_yy, inertia_zz: kg m2.
@@ -43,6 +47,8 @@ class ControllerGains(NamedTuple):
     kw_xy: float
     kr_z: float
     kw_z: float
+    lead_zero: float
+    lead_pole: float
     tilt_tangent: float
     collective_min: float
     collective_max: float
@@ -60,10 +66,12 @@ DEFAULT_GAINS = ControllerGains(
     kd_z=0.9,
     ki_z=0.1,
     integral_limit=0.3,
-    kr_xy=0.012,
-    kw_xy=0.0021,
-    kr_z=0.003,
-    kw_z=0.001,
+    kr_xy=0.005,
+    kw_xy=0.0007,
+    kr_z=0.001,
+    kw_z=0.0004,
+    lead_zero=0.12,
+    lead_pole=0.015,
     tilt_tangent=math.tan(math.radians(50.0)),
     collective_min=0.0,
     collective_max=0.9 * 4.0 * 0.147,
@@ -74,13 +82,20 @@ DEFAULT_GAINS = ControllerGains(
 )
 """Gains for the 38.1 g vehicle of the paper.
 
-Integral and yaw gains are the authors'. The others were chosen by us in simulation, over motor lags of
-0.05/0.05, 0.05/0.15 and 0.08/0.20 s (up/down), 7 % missing thrust and 10 ms of pose delay, for a step of
-0.47 m and an approach of 2.5 m/s at 40 deg.
+Integral gains are the authors'. The other position gains were chosen by us in simulation, over motor
+lags of 0.05/0.05, 0.05/0.15 and 0.08/0.20 s (up/down), 7 % missing thrust and 10 ms of pose delay, for a step
+of 0.47 m and an approach of 2.5 m/s at 40 deg. Attitude gains and the lead were chosen by the margins: at
+least 35 deg and 15 ms over motor lags of 50 to 150 ms, also with inertias 10 % off
+(:mod:`onboard.vehicle.attitude_margins`); by a small kw/kr, with which the tilt follows an approach; and by
+the gyro's noise, which the lead makes (lead_zero + 2 ms) / (lead_pole + 2 ms) = 7.2 times as large: yaw,
+whose moments cost the most thrust, is the softest.
 """
 
-AUTHORS_GAINS = DEFAULT_GAINS._replace(kd_xy=0.35, kp_z=1.2, kd_z=0.35, kr_xy=0.004, kw_xy=0.0017)
-"""The gains of the authors (SIM@4c815026:crazyflie_launch/config/Model_Types.yaml, CtrlGains)."""
+AUTHORS_GAINS = DEFAULT_GAINS._replace(
+    kd_xy=0.35, kp_z=1.2, kd_z=0.35,
+    kr_xy=0.004, kw_xy=0.0017, kr_z=0.003, kw_z=0.001, lead_zero=0.0, lead_pole=0.0,
+)  # fmt: skip
+"""The gains of the authors (SIM@4c815026:crazyflie_launch/config/Model_Types.yaml, CtrlGains): no lead."""
 
 
 def controller_gains(vehicle: Vehicle) -> ControllerGains:
@@ -236,6 +251,41 @@ def attitude_control(
     error = _attitude_error(quaternion, (0.0, 0.0, 1.0), target_yaw, 1.0)
     tau_x, tau_y, tau_z = _moments(error, omega, gains)
     return (collective, tau_x, tau_y, tau_z)
+
+
+@inner
+def _lead(moment: float, lagged: float, gains: ControllerGains, dt: float) -> tuple[float, float]:
+    """One axis of :func:`lead_moments`: the moment with its lead, and the memory after it."""
+    difference = moment - lagged
+    if not math.isfinite(difference):
+        return moment, lagged
+    per_time = 1.0 / (gains.lead_pole + dt)
+    return (
+        moment + (gains.lead_zero - gains.lead_pole) * per_time * difference,
+        lagged + dt * per_time * difference,
+    )
+
+
+@kernel
+def lead_moments(
+    wrench: Wrench, lagged: Indexable, gains: ControllerGains, dt: float
+) -> tuple[Wrench, Vector]:
+    """The wrench whose moments lead by (lead_zero s + 1) / (lead_pole s + 1), by the backward Euler rule.
+
+    Args:
+        wrench: (collective, tau_x, tau_y, tau_z), N and N m.
+        lagged: memory, N m: the moments so far through the lag of `lead_pole`; zeros while the motors stand.
+        gains: the gains.
+        dt: s since the last call.
+
+    Returns:
+        The wrench for the mixer, and the memory for the next call. A moment that is not a number passes, and
+        leaves its memory.
+    """
+    tau_x, lagged_x = _lead(wrench[1], lagged[0], gains, dt)
+    tau_y, lagged_y = _lead(wrench[2], lagged[1], gains, dt)
+    tau_z, lagged_z = _lead(wrench[3], lagged[2], gains, dt)
+    return (wrench[0], tau_x, tau_y, tau_z), (lagged_x, lagged_y, lagged_z)
 
 
 @kernel

@@ -23,6 +23,7 @@ from onboard.clock import Clock
 from onboard.vehicle import load_vehicle
 from sim_backend.crazyflie.faults import DatagramFaults
 from sim_backend.crazyflie.server import CrazyflieServer
+from sim_backend.engine_name import EngineName, usable_engine
 from sim_backend.faults import Faults
 from sim_backend.lab_description import LabDescription, describe
 from sim_backend.lockstep import LabTraffic, LockStep
@@ -61,6 +62,7 @@ class LabSettings:
         faults: what goes wrong.
         seed: of all random numbers.
         pace: how its time goes.
+        engine: the code that the drones run; None: in C where a compiler is found, else the reference.
         host: local address of everything.
     """
 
@@ -78,6 +80,7 @@ class LabSettings:
     faults: Faults = field(default_factory=Faults)
     seed: int = 0
     pace: Pace = REAL
+    engine: EngineName | None = None
     host: str = "127.0.0.1"
 
 
@@ -111,14 +114,17 @@ class Lab:
         Raises:
             InputError: the vehicle or a fault is not known.
             SimulationError: the vehicle cannot be simulated.
+            NoCompiler: the engine in C is asked for, and there is no compiler.
+            CompilationFailed: it does not compile.
         """
         settings = self.settings
+        self._engine = usable_engine(settings.engine)
         self._vehicle = load_vehicle(settings.vehicle, settings.legs)
         self._flashed = None if settings.flashed is None else load_vehicle(settings.flashed, settings.legs)
         RoomFaults.parse(self.settings.faults.room)  # refuses bad faults here, before a process is started
-        if is_first_start():
+        if is_first_start(self._engine):
             _say("preparing the simulation (once, takes up to half a minute)")
-        warm_up(self._vehicle)
+        warm_up(self._vehicle, self._engine)
 
     async def start(self) -> None:
         """Make everything accept connections.
@@ -149,6 +155,7 @@ class Lab:
             seed=settings.seed,
             faults=settings.faults.drone,
             truth=self._truth,
+            engine=self._engine,
         )
         if settings.with_drones:
             for index, drone in enumerate(self.world.drones):

@@ -4,8 +4,8 @@ A kernel that is compiled (or loaded from the cache) in flight stops the world f
 own flies through everything first: take-off, a setpoint, an approach that is aborted. A flip calls no other
 kernel.
 
-The first time this takes long, so a second process (``python -m sim_backend.warm_up``) compiles what the
-firmware calls while this one compiles the physics; they meet in numba's cache on disk.
+The first time this takes long, so a second process (``python -m sim_backend.warm_up ENGINE``) compiles what
+the firmware calls while this one compiles the physics; they meet in numba's cache on disk.
 """
 
 import contextlib
@@ -17,13 +17,15 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from onboard.app_interface import Parameter
+from onboard.app_interface import BUNDLE_ADDRESS, MEMORY_TYPE_APP, Parameter
 from onboard.gravity import GRAVITY
 from onboard.kernel_cache import is_complete, note_complete
+from onboard.policy.bundle import bundle_crc32, encode_bundle
 from onboard.policy.model import ActionLayer, Policy
 from onboard.vehicle import Vehicle, load_vehicle
 from sim_backend.crazyflie.firmware import Firmware
 from sim_backend.crazyflie.high_level import Command
+from sim_backend.engine_name import EngineName
 from sim_backend.world import World
 
 KERNELS = "flight"
@@ -47,8 +49,8 @@ START = {
 class _Pilot:
     """Flies the drone in simulated time."""
 
-    def __init__(self, vehicle: Vehicle) -> None:
-        self._world = World(vehicle)
+    def __init__(self, vehicle: Vehicle, engine: EngineName) -> None:
+        self._world = World(vehicle, engine=engine)
         self._drone = self._world.drones[0]
         self.firmware = self._drone.firmware
 
@@ -64,48 +66,55 @@ class _Pilot:
         """A client's write of a parameter."""
         _write(self.firmware, name, value, self._world.step)
 
+    def upload(self) -> None:
+        """A client's upload of a policy."""
+        _upload(self.firmware, self._world.step)
+
     def go_to(self, x: float, y: float, z: float) -> None:
         """Go there in a second."""
         payload = struct.pack("<BBB5f", 0, 0, 0, x, y, z, 0.0, 1.0)
         self.firmware.commander.high_level(Command.GO_TO_2, payload)
 
 
-def is_first_start() -> bool:
-    """Whether :func:`warm_up` has yet to compile, because no earlier process has."""
-    return not is_complete(KERNELS)
+def is_first_start(engine: EngineName) -> bool:
+    """Whether :func:`warm_up` has yet to compile for an engine, because no earlier process has."""
+    return not is_complete(f"{KERNELS}-{engine}")
 
 
-def warm_up(vehicle: Vehicle) -> None:
-    """Make a flight of `vehicle` free of compilations in this process."""
-    with _firmware_compiled_beside():
-        pilot = _Pilot(vehicle)  # stands on its legs, by the physics
+def warm_up(vehicle: Vehicle, engine: EngineName = EngineName.REFERENCE) -> None:
+    """Make a flight of `vehicle` free of compilations in this process.
+
+    Raises:
+        NoCompiler, CompilationFailed: of the engine in C.
+    """
+    with _firmware_compiled_beside(engine):
+        pilot = _Pilot(vehicle, engine)  # stands on its legs, by the physics
     _fly_everything(pilot)
-    note_complete(KERNELS)
+    note_complete(f"{KERNELS}-{engine}")
 
 
 @contextlib.contextmanager
-def _firmware_compiled_beside() -> Iterator[None]:
+def _firmware_compiled_beside(engine: EngineName) -> Iterator[None]:
     """Compile what the firmware calls in a process of its own, the first time and where it has a core.
 
     Whatever a process that failed has left out, the flight compiles.
     """
-    if not is_first_start() or len(os.sched_getaffinity(0)) < 2:
+    if not is_first_start(engine) or len(os.sched_getaffinity(0)) < 2:
         yield
         return
-    with subprocess.Popen([sys.executable, "-m", "sim_backend.warm_up"]) as process:
+    with subprocess.Popen([sys.executable, "-m", "sim_backend.warm_up", engine]) as process:
         yield
         process.wait()
 
 
-def compile_firmware() -> None:
+def compile_firmware(engine: EngineName) -> None:
     """A drone that somebody holds in the air is armed and told to fly, with a policy and an approach."""
-    firmware = Firmware(load_vehicle(ANY_VEHICLE), np.random.default_rng(0))
+    firmware = Firmware(load_vehicle(ANY_VEHICLE), np.random.default_rng(0), engine=engine)
     _hold(firmware, 300)
+    _upload(firmware, lambda: _hold(firmware, 10))
     firmware.supervisor.arm(True)
     _hold(firmware, 100)
     firmware.commander.high_level(Command.TAKEOFF_2, struct.pack("<BffBf", 0, HEIGHT, 0.0, 1, 1.0))
-    if firmware.app is not None:
-        firmware.app.slot.load(_policy().compiled(), 1, 0.05)
     for name, value in START.items():
         _write(firmware, name, value, lambda: _hold(firmware, 10))
     _write(firmware, Parameter.TRAJECTORY_ARM, 1, lambda: _hold(firmware, 10))
@@ -130,9 +139,20 @@ def _write(firmware: Firmware, name: str, value: float, go_on: Callable[[], None
         go_on()
 
 
+def _upload(firmware: Firmware, go_on: Callable[[], None]) -> None:
+    """A client's upload of a policy."""
+    bundle = encode_bundle(_policy())
+    memory = next(memory for memory in firmware.memories if memory.type_id == MEMORY_TYPE_APP)
+    memory.write(BUNDLE_ADDRESS, bundle)
+    _write(firmware, Parameter.POLICY_LENGTH, len(bundle), go_on)
+    _write(firmware, Parameter.POLICY_CRC, bundle_crc32(bundle), go_on)
+    _write(firmware, Parameter.POLICY_COMMIT, 1, go_on)
+
+
 def _fly_everything(pilot: _Pilot) -> None:
     firmware, commander = pilot.firmware, pilot.firmware.commander
     pilot.fly(0.3)
+    pilot.upload()
     firmware.supervisor.arm(True)
     pilot.fly(0.1)
     commander.high_level(Command.TAKEOFF_2, struct.pack("<BffBf", 0, HEIGHT, 0.0, 1, 1.0))
@@ -143,9 +163,6 @@ def _fly_everything(pilot: _Pilot) -> None:
     commander.notify_setpoints_stop(0)
     pilot.go_to(x, y, z)
     pilot.fly(0.5)
-    if firmware.app is None:
-        return
-    firmware.app.slot.load(_policy().compiled(), 1, 0.05)
     for name, value in (START | {Parameter.IMPACT_X: x, Parameter.IMPACT_Y: y}).items():
         pilot.write(name, value)
     pilot.write(Parameter.TRAJECTORY_ARM, 1)
@@ -175,4 +192,4 @@ def _policy() -> Policy:
 
 
 if __name__ == "__main__":
-    compile_firmware()
+    compile_firmware(EngineName(sys.argv[1]))

@@ -15,6 +15,7 @@ from onboard.arrays import Quaternion, Vector
 from onboard.room import RoomGeometry
 from onboard.vehicle import Battery, Vehicle
 from sim_backend.crazyflie.firmware import Firmware
+from sim_backend.engine_name import EngineName
 from sim_backend.errors import SimulationError
 from sim_backend.faults import DroneFaults
 from sim_backend.physics.effects.sensors import tracked_attitude, tracked_position
@@ -168,6 +169,7 @@ class World:
         seed: int = 0,
         faults: DroneFaults | None = None,
         truth: TruthRecorder | None = None,
+        engine: EngineName = EngineName.REFERENCE,
     ) -> None:
         """Build the world.
 
@@ -177,6 +179,7 @@ class World:
             flashed: what their firmware was built to believe they are; None: the truth.
             drones, seed, faults: how many, their noise, and what goes wrong.
             truth: records the true states.
+            engine: the code that their firmware runs.
         """
         room = room or RoomGeometry()
         self.ticks = 0
@@ -192,7 +195,7 @@ class World:
         self.drones = [
             Drone(
                 f"cf{i + 1}",
-                Firmware(flashed or vehicle, self._generators[i], gyro_bias=gyro_bias),
+                Firmware(flashed or vehicle, self._generators[i], engine=engine, gyro_bias=gyro_bias),
                 parameters,
                 mark,
                 used,

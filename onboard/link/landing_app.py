@@ -7,7 +7,7 @@ So each request here is followed by its answer, polled until a deadline, and eac
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
-from onboard.app_interface import INTERFACE_VERSION, LandingState, Parameter, TrajectoryStatus
+from onboard.app_interface import INTERFACE_VERSION, Engine, LandingState, Parameter, TrajectoryStatus
 from onboard.link.errors import CommandRefused, LinkTimeout, NoSuchVariable
 from onboard.timebase import WALL, Timebase
 from onboard.trajectory import ApproachPlan
@@ -80,6 +80,19 @@ def check_vehicle(link: "DroneLink", expected_crc: int, vehicle: str) -> None:
             f"those of {vehicle} have {expected_crc:08x}; flash the firmware built for {vehicle}, or name "
             "the vehicle that is flashed (--vehicle)"
         )
+
+
+def engine_of(link: "DroneLink") -> str | None:
+    """Which code computes on the drone: ``c`` or ``reference``; None where the firmware is not ours.
+
+    Raises:
+        LinkTimeout, LinkLost: the link failed.
+    """
+    try:
+        number = int(link.param(Parameter.ENGINE))
+    except NoSuchVariable:
+        return None
+    return Engine(number).name.lower() if number in frozenset(Engine) else None
 
 
 def arm_approach(

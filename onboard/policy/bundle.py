@@ -1,6 +1,6 @@
 """The policy bundle: the binary that the drone gets. Layout and rules: ``docs/policy_bundle.md``.
 
-Little endian, float32, at most 8192 bytes, guarded by a CRC32 in its header. The C firmware and the simulated
+Little endian, float32, at most 5120 bytes, guarded by a CRC32 in its header. The C firmware and the simulated
 drone read the same bytes.
 """
 
@@ -27,7 +27,8 @@ from onboard.policy.model import (
 
 MAGIC = b"PHPB"
 VERSION = 1
-MAX_BUNDLE_BYTES = 8192
+MAX_BUNDLE_BYTES = 5120
+"""The drone has room for two, staged and live. 250 vectors leave 258 numbers for the network."""
 ACTIVATION_ELU = 1
 
 # magic, version, header length, bundle length, crc

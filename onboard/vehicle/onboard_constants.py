@@ -3,7 +3,7 @@
 Everything that the onboard computation takes from the vehicle file, and what follows from it. The firmware
 reports the checksum of its own as ``perch.vehCrc``; a host that believes in another vehicle does not arm it.
 
-``perch.vehCrc`` is the CRC-32 (zlib) of these 56 float32, little endian, without gaps:
+``perch.vehCrc`` is the CRC-32 (zlib) of these 60 float32, little endian, without gaps:
 
 ======  ====================================================================================================
 place   constant
@@ -16,8 +16,8 @@ place   constant
 15-16   most and least thrust of a motor, N
 17-18   time constant of rising and of falling thrust, s
 19      drag torque per thrust, m
-20-37   gains: fields of :class:`onboard.controller.ControllerGains` in their order, SI, tangent of the tilt
-38-57   limits: fields of :class:`onboard.landing.model.LandingLimits` in their order, SI, angles in rad,
+20-39   gains: fields of :class:`onboard.controller.ControllerGains` in their order, SI, tangent of the tilt
+40-59   limits: fields of :class:`onboard.landing.model.LandingLimits` in their order, SI, angles in rad,
         without those that are above (``arm_x``, ``thrust_max``), follow (``weight``) or come with the
         policy (``policy_tau_min``)
 ======  ====================================================================================================

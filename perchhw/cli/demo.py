@@ -7,7 +7,9 @@ import typer
 
 from perchhw.attempt import DEFAULT_POLICY, DEFAULT_VEHICLE
 from perchhw.cli import exit_codes
+from perchhw.cli.engine_option import Engine
 from perchhw.cli.output import FlightDisplay, console, emit, progress_console
+from sim_backend.engine_name import EngineName, usable_engine
 
 if TYPE_CHECKING:
     from perchhw.campaign import AttemptRow, CampaignPlan
@@ -26,6 +28,7 @@ def demo(
     ),
     attempts: Annotated[int, typer.Option(min=1, help="How many approaches to fly.")] = 5,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the lab's noise and of the order.")] = 1,
+    engine: Engine = None,
 ) -> int:
     """Start a simulated lab, upload the shipped policy, fly approaches, label the landings, write a report.
 
@@ -40,7 +43,8 @@ def demo(
     from perchhw.report import write_campaign_report
 
     screen = progress_console()
-    arguments = [*FREE_PORTS, *LOCKSTEP, "--seed", str(seed)]
+    flown_by = usable_engine(engine)
+    arguments = [*FREE_PORTS, *LOCKSTEP, "--seed", str(seed), "--engine", flown_by]
     screen.print("Starting the simulated lab (the first start compiles it, up to half a minute) ...")
     with SimulatedLab("lab", arguments) as lab:
         folder = new_run_folder(out, "demo")
@@ -54,7 +58,7 @@ def demo(
             )
     report = write_campaign_report(folder)
     recording = _recording(rows)
-    _emit(folder, plan, rows, report, recording)
+    _emit(folder, plan, rows, report, recording, flown_by)
     return exit_codes.SAFETY if any(row.outcome == "aborted" for row in rows) else exit_codes.DONE
 
 
@@ -97,7 +101,12 @@ def _recording(rows: "list[AttemptRow]") -> Path | None:
 
 
 def _emit(
-    folder: Path, plan: "CampaignPlan", rows: "list[AttemptRow]", report: Path, recording: Path | None
+    folder: Path,
+    plan: "CampaignPlan",
+    rows: "list[AttemptRow]",
+    report: Path,
+    recording: Path | None,
+    engine: EngineName,
 ) -> None:
     from onboard.policy.files import load_policy, policy_crc32, shipped_policy_path
     from perchhw.campaign.table import attempts_table
@@ -113,6 +122,7 @@ def _emit(
             for row in rows
         ],
         "policy_crc32": policy_crc32(load_policy(shipped_policy_path(plan.policy))),
+        "engine": engine.value,
         "run": str(folder),
         "report": str(report),
         "recording": None if recording is None else str(recording),

@@ -14,6 +14,7 @@ import typer
 
 from perchhw.attempt import DEFAULT_VEHICLE
 from perchhw.cli import exit_codes
+from perchhw.cli.engine_option import Engine
 from perchhw.cli.options import Lab, Legs, Vehicle
 from perchhw.cli.output import emit
 from sim_backend.faults import fault_table, parse_faults
@@ -110,6 +111,7 @@ def lab(
     lab_file: LabFile = None,
     fault: Fault = None,
     pace: LabPace = "real",
+    engine: Engine = None,
     seed: Seed = 0,
     with_parent: WithParent = False,
 ) -> int:
@@ -129,6 +131,7 @@ def lab(
         lab_file=lab_file,
         faults=parse_faults(fault or ()),
         pace=Pace.parse(pace),
+        engine=engine,
         seed=seed,
     )
     return _serve_lab(settings, with_parent)
@@ -144,6 +147,7 @@ def drone(
     truth: Truth = None,
     fault: Fault = None,
     pace: LabPace = "real",
+    engine: Engine = None,
     seed: Seed = 0,
     with_parent: WithParent = False,
 ) -> int:
@@ -161,6 +165,7 @@ def drone(
         truth=truth,
         faults=parse_faults(fault or ()),
         pace=Pace.parse(pace),
+        engine=engine,
         seed=seed,
     )
     return _serve_lab(settings, with_parent)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from perchhw.cli.attitude_loop import attitude_loop
 from perchhw.cli.options import Legs
 from perchhw.cli.output import console, emit
 
@@ -60,18 +61,40 @@ def show(
 
 @app.command()
 def check(file: VehicleArgument) -> None:
-    """Check a vehicle file; exit 2 with every problem, by file and key, when it cannot be used."""
+    """Check a vehicle file; exit 2 with every problem, by file and key, when it cannot be used.
+
+    Says the margins of the attitude loop that the drone's law closes with it, and warns below their limits.
+    """
     from onboard.vehicle import check_vehicle, load_vehicle
 
     problems = check_vehicle(file)
     if problems:
-        emit({"vehicle": file, "usable": False, "quantities": 0, "problems": problems}, "\n".join(problems))
+        document = {"vehicle": file, "usable": False, "quantities": 0, "problems": problems}
+        emit({**document, "attitude_margins": None, "warnings": []}, "\n".join(problems))
         raise typer.Exit(2)
     loaded = load_vehicle(file)
-    emit(
-        {"vehicle": loaded.name, "usable": True, "quantities": len(_quantities(loaded)), "problems": []},
-        f"{file}: fine, {len(_quantities(loaded))} quantities, {len(loaded.effects)} effects",
-    )
+    loop = attitude_loop(loaded)
+    document = {
+        "vehicle": loaded.name,
+        "usable": True,
+        "quantities": len(_quantities(loaded)),
+        "problems": [],
+        **loop.to_json(),
+    }
+    fine = f"{file}: fine, {len(_quantities(loaded))} quantities, {len(loaded.effects)} effects"
+    emit(document, "\n".join([fine, *loop.lines()]))
+
+
+@app.command()
+def header(vehicle: VehicleArgument, legs: Legs = None) -> None:
+    """Print the C header that a vehicle's firmware is built with; with the CRC of perch.vehCrc."""
+    from onboard.firmware.header import vehicle_header
+    from onboard.vehicle import load_vehicle
+    from onboard.vehicle.onboard_constants import vehicle_crc32
+
+    loaded = load_vehicle(vehicle, legs=legs)
+    text, crc = vehicle_header(loaded), vehicle_crc32(loaded)
+    emit({"vehicle": loaded.name, "crc32": crc, "header": text}, partial(typer.echo, text, nl=False))
 
 
 @app.command()

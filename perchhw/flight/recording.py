@@ -36,6 +36,10 @@ class FlightRecord:
         """As :meth:`RunRecorder.event`."""
         self._try(lambda: self._recorder.event(name, t, **fields))
 
+    def update(self, **fields: Any) -> None:
+        """As :meth:`RunRecorder.update`."""
+        self._try(lambda: self._recorder.update(**fields))
+
     def close(self, outcome: str | None = None, **result: Any) -> None:
         """As :meth:`RunRecorder.close`; tried even when the rest is lost, for its files are others."""
         self._closed = True  # a packet that comes now is not of this flight

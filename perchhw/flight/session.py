@@ -10,6 +10,7 @@ from mocap_bridge.correction import AS_TRACKED, PoseCorrection
 from mocap_bridge.sinks.crazyflie import CrazyfliePoseSink
 from onboard.link import DroneLink
 from onboard.link.exclusive import hold
+from onboard.link.landing_app import engine_of
 from onboard.link.power import refuse_flying
 from onboard.timebase import WALL, Queue, Timebase
 from perchhw.flight.actions import CommandRunner
@@ -105,6 +106,7 @@ class SupervisedFlight:
         link = stack.enter_context(DroneLink.open(self.drone, clock=clock))
         readback, events = ReadBack(), clock.queue()
         readback.check_settings(link, self.settings)
+        record.update(engine=engine_of(link))
         bridge = PoseBridge(
             self.mocap,
             CrazyfliePoseSink(link),

@@ -100,7 +100,7 @@ def _state_sources(fw: "Firmware") -> Sources:
 
     sources: Sources = {
         "stateEstimateZ.quat": partial(_packed_attitude, fw),
-        "stabilizer.thrust": lambda: fw.stabilizer.wrench[0] / (4.0 * fw.stabilizer.thrust_max) * FULL_RATIO,
+        "stabilizer.thrust": lambda: fw.engine.wrench[0] / (4.0 * fw.thrust_max) * FULL_RATIO,
         "estimator.rtApnd": lambda: fw.pose_rate,
         "estimator.rtRej": lambda: fw.rejected_rate,
     }
@@ -160,7 +160,7 @@ def _system_sources(fw: "Firmware") -> Sources:
         return int(fw.ratios[index])
 
     def requested(index: int) -> int:
-        return int(fw.stabilizer.ratios[index])
+        return int(fw.engine.ratios[index])
 
     sources: Sources = {
         "pm.vbat": lambda: fw.power.voltage,

@@ -6,17 +6,17 @@ the controller (500 Hz), battery compensation, 8-bit PWM. It needs no sockets an
 :meth:`Firmware.step` is one ms of the drone's life.
 """
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
 from onboard.arrays import FloatArray
 from onboard.battery import FULL_RATIO
 from onboard.gravity import GRAVITY
+from onboard.landing.model import OutputMode
 from onboard.vehicle import Vehicle
 from sim_backend.crazyflie.bindings import log_sources, parameter_setters
 from sim_backend.crazyflie.commander import Commander, Priority
+from sim_backend.crazyflie.engine import Event, Sample, make_engine
 from sim_backend.crazyflie.estimator import Estimator
 from sim_backend.crazyflie.high_level import FlatState, HighLevelCommander
 from sim_backend.crazyflie.interfaces import FirmwareAssertion, Memory
@@ -32,9 +32,10 @@ from sim_backend.crazyflie.memory import (
 from sim_backend.crazyflie.power import PowerManager
 from sim_backend.crazyflie.sensors import InertialSensors
 from sim_backend.crazyflie.setpoint import Setpoint
-from sim_backend.crazyflie.stabilizer import Stabilizer, applied_duties, level_out
+from sim_backend.crazyflie.stabilizer import applied_duties, level_out, motor_ratios
 from sim_backend.crazyflie.supervisor import RATE_HZ, State, Supervisor
 from sim_backend.crazyflie.tables import LogTable, Number, ParameterTable
+from sim_backend.engine_name import EngineName
 
 DT = 0.001
 HIGH_LEVEL_PERIOD_MS = 10
@@ -47,7 +48,9 @@ class Firmware:
     Attributes:
         params, logs: the tables of the real firmware, with our app's groups unless `with_app` is False.
         app: the landing app, or None.
-        supervisor, estimator, high_level, stabilizer, sensors, power: the parts; new ones after each boot.
+        engine: all that is computed between the estimate and the motors.
+        thrust_max: of a motor, N.
+        supervisor, estimator, high_level, sensors, power: the parts; new ones after each boot.
         setpoint: what the controller follows, after the supervisor's override.
         ratios: int64[4], motor ratios 0..65535 as given to the motor drivers.
         running: False while the microcontroller has no power.
@@ -59,6 +62,7 @@ class Firmware:
         vehicle: Vehicle,
         rng: np.random.Generator,
         *,
+        engine: EngineName = EngineName.REFERENCE,
         with_app: bool = True,
         gyro_bias: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> None:
@@ -67,7 +71,10 @@ class Firmware:
         self._gyro_bias = gyro_bias
         self.params = ParameterTable.firmware(with_app)
         self.logs = LogTable.firmware(with_app)
-        self.app = LandingApp(vehicle, self.params, self._is_flying) if with_app else None
+        self.engine = make_engine(engine, vehicle)
+        self.app: LandingApp | None = None
+        if with_app:
+            self.app = LandingApp(vehicle, self.engine, engine, self.params, self._is_flying, self.tick_ms)
         self._trajectories = RamMemory(MemoryType.TRAJECTORY, TRAJECTORY_SIZE)
         self._tester = MemoryTester()
         app_memory: tuple[Memory, ...] = (self.app.slot.memory,) if self.app else ()
@@ -83,6 +90,8 @@ class Firmware:
         self.ratios: NDArray[np.int64] = np.zeros(4, dtype=np.int64)
         self.motor_override = [0, 0, 0, 0, 0]
         self._duties: FloatArray = np.zeros(4)
+        self.thrust_max = vehicle.motors.thrust_max.value
+        self._thrust_map = vehicle.motors.thrust_map_compiled()
         self._console: list[str] = []
         self.boot_count = 0
         self._poses = self._rejected = 0
@@ -214,19 +223,37 @@ class Firmware:
         return setpoint if self.supervisor.motors_allowed else Setpoint()
 
     def _control(self, tick: int, setpoint: Setpoint) -> None:
-        self.setpoint = setpoint
-        stabilizer = self.stabilizer
-        if self.app is None or not self.app.control(self):
-            stabilizer.follow(tick, setpoint, self.estimator, self.sensors.gyro)
-        if self.supervisor.motors_allowed:
-            stabilizer.drive(self.power.supply)
-            self.ratios[:] = stabilizer.ratios
-        else:
-            stabilizer.stop()
-            self.ratios[:] = 0
+        engine = self.engine
+        sample = Sample(
+            tick=tick,
+            estimator=self.estimator,
+            gyro=self.sensors.gyro,
+            setpoint=setpoint,
+            pose_age=None if self.last_pose_tick is None else tick - self.last_pose_tick,
+            voltage=self.power.voltage,
+            flying=self.supervisor.is_flying,
+            levelling=self.supervisor.state is State.WARNING_LEVEL_OUT,
+        )
+        events = engine.step(sample)
+        flown = engine.mode is OutputMode.SETPOINT and not setpoint.is_null
+        self.setpoint = engine.target if flown or Event.HANDED_OVER in events else setpoint
+        self._tell_others(tick, events)
+        self.ratios[:] = engine.ratios if self.supervisor.motors_allowed else 0
+        if self.app is not None and self.app.motors_abandoned():
+            self.params["motorPowerSet.enable"] = 0
+            self.motor_override[0] = 0
         if self.motor_override[0]:
             self._override_motors()
         applied_duties(self.ratios, self._duties)
+
+    def _tell_others(self, tick: int, events: Event) -> None:
+        """What a step of the engine means for the planner and for who asked."""
+        if Event.CUT in events:
+            self.high_level.stop()
+        if Event.HANDED_OVER in events:
+            self.high_level.hold(self.flat_state(), tick * DT)
+        if self.app is not None:
+            self.app.answer(events)
 
     def _override_motors(self) -> None:
         """``motorPowerSet``: it wins in every state, disarmed and locked included, as in the firmware."""
@@ -236,19 +263,14 @@ class Firmware:
         elif mode == 2:
             self.ratios[:] = values[0]
         else:
-            thrust = values[0] / FULL_RATIO * self.stabilizer.thrust_max
-            self.stabilizer.thrusts = (thrust, thrust, thrust, thrust)
-            self.stabilizer.drive(self.power.supply)
-            self.ratios[:] = self.stabilizer.ratios
+            thrust, least = values[0] / FULL_RATIO * self.thrust_max, self._vehicle.motors.thrust_min.value
+            thrusts = (thrust, thrust, thrust, thrust)
+            motor_ratios(thrusts, self.power.supply, self._thrust_map, least, self.ratios)
 
     def flat_state(self) -> FlatState:
         """The estimate as the planner wants it."""
         yaw = self.estimator.roll_pitch_yaw()[2]
         return FlatState(self.estimator.position(), self.estimator.velocity(), yaw=yaw)
-
-    def pose_age(self) -> float:
-        """Time since the last external measurement, s; infinite before the first."""
-        return math.inf if self.last_pose_tick is None else (self._tick - self.last_pose_tick) * DT
 
     def _is_flying(self) -> bool:
         return self.supervisor.is_flying
@@ -272,7 +294,7 @@ class Firmware:
         self._commander = Commander(
             self.high_level.stop, lambda: self.high_level.tell_state(self.flat_state())
         )
-        self.stabilizer = Stabilizer(self._vehicle)
+        self.engine.boot()
         self.setpoint = Setpoint()
         self.ratios[:] = 0
         self._duties[:] = 0.0

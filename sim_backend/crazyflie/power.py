@@ -14,6 +14,9 @@ STATE_PERIOD_MS = 100
 COMPENSATION_GAIN = 0.01
 """Per ms: the low-pass of the voltage that the battery compensation divides by (``stabilizer.c``)."""
 
+FULL_VOLTAGE = 4.2
+"""V: where that low-pass begins."""
+
 _LEVELS_V = (3.00, 3.78, 3.83, 3.87, 3.89, 3.92, 3.96, 4.00, 4.04, 4.10)
 """Voltage at 0 %, 10 % ... 90 % of charge."""
 
@@ -40,7 +43,7 @@ class PowerManager:
     def __init__(self, noise: float, rng: np.random.Generator) -> None:
         """`noise`: standard deviation of one reading, V."""
         self.voltage = 3.7
-        self.supply = 4.2
+        self.supply = FULL_VOLTAGE
         self.low_voltage = 3.2
         self.state = PowerState.BATTERY
         self._noise = noise

@@ -6,19 +6,13 @@ this form is used inside.
 """
 
 from dataclasses import dataclass
-from enum import IntEnum
 
 from onboard.arrays import Vector
+from onboard.follower import Mode
+
+__all__ = ["ZERO", "Mode", "Setpoint"]
 
 ZERO: Vector = (0.0, 0.0, 0.0)
-
-
-class Mode(IntEnum):
-    """How an axis is controlled."""
-
-    DISABLED = 0
-    ABSOLUTE = 1
-    VELOCITY = 2
 
 
 @dataclass(slots=True)

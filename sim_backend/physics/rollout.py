@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from onboard.controller import ControllerGains, geometric_control
+from onboard.arrays import Vector
+from onboard.controller import ControllerGains, geometric_control, lead_moments
 from onboard.cues import optical_flow_cues
 from onboard.mixer import Thrusts, flip_thrusts, mix
 from onboard.rotation import body_z
@@ -112,14 +113,23 @@ def place(state: Any, p: Any, speed: float, angle: float, time_to_ceiling: float
 
 
 @kernel
-def hold_velocity(state: Any, p: Any, vx: float, vz: float, gains: ControllerGains) -> Thrusts:
-    """Motor thrusts (N) of the controller that holds a velocity, without a position loop."""
+def hold_velocity(
+    state: Any, p: Any, vx: float, vz: float, gains: ControllerGains, lagged: Vector, dt: float
+) -> tuple[Thrusts, Vector]:
+    """Motor thrusts (N) of the controller that holds a velocity, without a position loop.
+
+    `lagged` is the memory of :func:`onboard.controller.lead_moments`, returned as it is after `dt` (s).
+    """
     zero = (0.0, 0.0, 0.0)
-    collective, tau_x, tau_y, tau_z = geometric_control(
+    wanted = geometric_control(
         zero, state.velocity, tracked_attitude(state, p), measured_rate(state, p), zero,
         zero, (vx, 0.0, vz), zero, 0.0, gains,
     )  # fmt: skip
-    return mix(collective, tau_x, tau_y, tau_z, p.arm_x, p.arm_y, p.thrust_to_torque, p.thrust_max)
+    wrench, lagged = lead_moments(wanted, lagged, gains, dt)
+    thrusts = mix(
+        wrench[0], wrench[1], wrench[2], wrench[3], p.arm_x, p.arm_y, p.thrust_to_torque, p.thrust_max
+    )
+    return thrusts, lagged
 
 
 @kernel
@@ -199,6 +209,7 @@ def rollout(
     out.d_min = math.inf
     cut = False
     targets = (0.0, 0.0, 0.0, 0.0)
+    lagged = (0.0, 0.0, 0.0)
     count = 0
     end = -1
     while end < 0:
@@ -217,7 +228,7 @@ def rollout(
                     record_trigger(out, state, float(tau), float(theta_x), float(d_ceil), a_rot)
         if count % s.control_steps == 0:
             if out.triggered == 0:
-                targets = hold_velocity(state, p, vx, vz, gains)
+                targets, lagged = hold_velocity(state, p, vx, vz, gains, lagged, s.control_steps * s.dt)
             else:
                 cut = cut or body_z(state.quaternion)[2] <= 0.0
                 targets = (0.0, 0.0, 0.0, 0.0)

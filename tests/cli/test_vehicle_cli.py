@@ -1,5 +1,6 @@
 """``perchhw vehicle``: what scripts and people get from it."""
 
+import dataclasses
 import json
 import tomllib
 from pathlib import Path
@@ -52,6 +53,36 @@ def test_check_of_a_good_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert run(["--json", "vehicle", "check", str(path)]) == 0
     result = document(capsys)
     assert (result["usable"], result["problems"]) == (True, [])
+
+
+def test_check_says_the_margins_of_the_attitude_loop(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["--json", "vehicle", "check", "crazyflie21-upgraded"]) == 0
+    result = document(capsys)
+    margins, limits = result["attitude_margins"], result["attitude_margins"]["limits"]
+    assert (limits["phase_deg"], limits["delay_s"]) == (35.0, 0.015)
+    assert [row["lag_s"] for row in margins["by_lag"]] == [0.05, 0.075, 0.1, 0.125, 0.15]
+    for row in [margins["own"], *margins["by_lag"]]:
+        assert row["phase_deg"] >= 35.0
+        assert row["delay_s"] >= 0.015
+    assert result["warnings"] == []
+    assert run(["vehicle", "check", "crazyflie21-upgraded"]) == 0
+    assert "wanted 35 deg and 15 ms" in " ".join(capsys.readouterr().out.split())
+
+
+def test_check_warns_of_motors_that_are_too_slow_for_the_law(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "slow.toml"
+    vehicle = load_vehicle("crazyflie21-upgraded")
+    slow = dataclasses.replace(vehicle.motors.time_constant_down, value=0.4)
+    motors = dataclasses.replace(vehicle.motors, time_constant_down=slow)
+    path.write_text(vehicle_to_toml(dataclasses.replace(vehicle, motors=motors)), encoding="utf-8")
+    assert run(["--json", "vehicle", "check", str(path)]) == 0
+    warnings = document(capsys)["warnings"]
+    assert len(warnings) == 1
+    assert "with the motor lag of the file" in warnings[0]
+    assert run(["vehicle", "check", str(path)]) == 0
+    assert "warning: the attitude loop" in " ".join(capsys.readouterr().out.split())
 
 
 @pytest.mark.parametrize("as_json", [True, False])

@@ -23,6 +23,7 @@ from perchhw.flight.turnaround import Turnaround
 from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
 from perchhw.record import read_run
 from perchhw.supervisor import FlightState, Phase
+from sim_backend.engine_name import usable_engine
 
 
 def open_lab(*arguments: str) -> SimulatedLab:
@@ -79,6 +80,7 @@ def test_an_attempt_lands_and_its_record_tells_the_whole_story(tmp_path: Path) -
     run = read_run(result.record)
     assert run.info["outcome"] == result.outcome
     assert run.info["triggered"] is True
+    assert run.info["engine"] == usable_engine(None)
     events = [event["phase"] for event in run.events if event["event"] == "phase"]
     assert events[0] == "checking"
     assert events[-1] == "done"

@@ -140,8 +140,8 @@ def fly(
     # The commands of a log at 100 Hz are up to two samples late: softer than on board.
     stiff = controller_gains(believed)
     gains = stiff._replace(
-        kp_xy=0.5 * stiff.kp_xy, kd_xy=0.5 * stiff.kd_xy, kr_xy=0.3 * stiff.kr_xy, kw_xy=0.45 * stiff.kw_xy,
-        kr_z=0.1 * stiff.kr_z, kw_z=0.2 * stiff.kw_z,
+        kp_xy=0.5 * stiff.kp_xy, kd_xy=0.5 * stiff.kd_xy, kr_xy=0.72 * stiff.kr_xy, kw_xy=1.35 * stiff.kw_xy,
+        kr_z=0.3 * stiff.kr_z, kw_z=0.5 * stiff.kw_z,
     )  # fmt: skip
     _fly(state, p, gains, believed.motors.thrust_map_compiled(), setpoints, voltage, out, DT / fine, fine)
     return _record(out[:-1], t[:-1], voltage[:-1], name, shape, ceiling_z)

@@ -51,6 +51,7 @@ def land(
     rows: list[list[float]] = []
     trigger_t: float | None = None
     cut = False
+    lagged = (0.0, 0.0, 0.0)
     count = 0
     while trigger_t is None or state["time"] < trigger_t + seconds_after_trigger:
         tau = (room.ceiling_z - state["position"][2]) / max(state["velocity"][2], 1e-6)
@@ -59,7 +60,7 @@ def land(
             if trigger_t is None and tau <= tau_critical:
                 trigger_t = float(state["time"])
         if trigger_t is None:
-            targets = hold_velocity(state, p, vx, vz, DEFAULT_GAINS)
+            targets, lagged = hold_velocity(state, p, vx, vz, DEFAULT_GAINS, lagged, 1e-3)
         else:
             cut = cut or body_z(state["quaternion"])[2] <= 0.0
             thrusts = (0.0, 0.0, 0.0, 0.0) if cut else flip_thrusts(a_rot, p["arm_x"])

@@ -41,6 +41,7 @@ def test_what_the_drone_answers_is_read_only() -> None:
         Parameter.STATE,
         Parameter.VEHICLE_CRC,
         Parameter.VERSION,
+        Parameter.ENGINE,
     }
     types = {entry.name: entry.type for entry in PARAMETERS}
     assert types[Parameter.POLICY_ACTIVE_CRC] is ValueType.UINT32
@@ -53,5 +54,5 @@ def test_numbers_are_those_of_the_contract() -> None:
     assert LandingState.CUT == 4
     assert {int(status) for status in PolicyStatus} == {0, 1, 16, 17, 18, 19, 20, 21}
     assert {int(status) for status in TrajectoryStatus} == {0, 1, 2, 16, 17, 18}
-    assert (MEMORY_TYPE_APP, MEMORY_SIZE) == (0x18, 8192)
+    assert (MEMORY_TYPE_APP, MEMORY_SIZE) == (0x18, 5120)
     assert (INTERFACE_VERSION, REQUEST_TIMEOUT_MS) == (2, 20)

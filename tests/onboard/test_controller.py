@@ -19,6 +19,7 @@ from onboard.controller import (
     controller_gains,
     geometric_control,
     integrate_position_error,
+    lead_moments,
 )
 from onboard.mixer import mix
 from onboard.trajectory import plan_approach, sample_approach
@@ -28,6 +29,8 @@ Array = NDArray[np.float64]
 ZERO = (0.0, 0.0, 0.0)
 LEVEL = (0.0, 0.0, 0.0, 1.0)
 WEIGHT = DEFAULT_GAINS.mass * GRAVITY
+SHORT = 1e-6
+"""s: a step that is short for every lead."""
 PLACES = np.array([[0.0325, -0.0325], [-0.0325, -0.0325], [-0.0325, 0.0325], [0.0325, 0.0325]])
 
 
@@ -99,14 +102,20 @@ def simulate(
     lag: tuple[float, float] = (0.05, 0.15),
     samples: int = 200,
 ) -> tuple[Array, Array]:
-    """Newton-Euler with rotation matrices, first-order motors and forces at the motors' places."""
+    """Newton-Euler with rotation matrices, first-order motors and forces at the motors' places.
+
+    The lead is taken as the continuous one that its difference equations are in the limit of short steps.
+    """
     inertia = np.array([gains.inertia_xx, gains.inertia_yy, gains.inertia_zz])
 
     def derivative(t: float, s: Array) -> Array:
-        p, v, matrix, omega, thrusts = s[:3], s[3:6], s[6:15].reshape(3, 3), s[15:18], s[18:22]
+        p, v, matrix, omega, thrusts, lagged = (
+            s[:3], s[3:6], s[6:15].reshape(3, 3), s[15:18], s[18:22], s[22:25],
+        )  # fmt: skip
         q = Rotation.from_matrix(matrix).as_quat()
         goal = target(t)
-        wrench = geometric_control(p, v, q, omega, ZERO, goal[0], goal[1], goal[2], 0.0, gains)
+        law = geometric_control(p, v, q, omega, ZERO, goal[0], goal[1], goal[2], 0.0, gains)
+        wrench, after = lead_moments(law, lagged, gains, SHORT)
         wanted = np.array(mix(*wrench, 0.0325, 0.0325, 0.00618, 0.147))
         speed = np.where(wanted > thrusts, 1.0 / lag[0], 1.0 / lag[1])
         torque = np.array(
@@ -124,6 +133,7 @@ def simulate(
                 (matrix @ hat).ravel(),
                 (torque - np.cross(omega, inertia * omega)) / inertia,
                 (wanted - thrusts) * speed,
+                (after - lagged) / SHORT if gains.lead_pole > 0.0 else np.zeros(3),
             ]
         )
 
@@ -139,7 +149,7 @@ def state(
 ) -> Array:
     matrix = np.eye(3) if attitude is None else attitude.as_matrix()
     hover = np.full(4, WEIGHT / 4)
-    return np.concatenate([position, ZERO, matrix.ravel(), omega, hover])
+    return np.concatenate([position, ZERO, matrix.ravel(), omega, hover, ZERO])
 
 
 def hover(_: float) -> tuple[Array, Array, Array]:
@@ -204,6 +214,37 @@ def test_authors_gains_are_the_documented_alternative() -> None:
     assert (AUTHORS_GAINS.kr_xy, AUTHORS_GAINS.kw_xy, AUTHORS_GAINS.kp_z) == (0.004, 0.0017, 1.2)
     _, states = simulate(AUTHORS_GAINS, hover, state(position=(0.1, 0.0, 0.1)), 6.0)
     assert np.linalg.norm(states[-1][:3]) < 0.05
+
+
+def test_equal_time_constants_are_no_lead() -> None:
+    wrench = (0.3, 1e-3, -2e-3, 3e-4)
+    for constant in (0.0, 0.05):
+        gains = DEFAULT_GAINS._replace(lead_zero=constant, lead_pole=constant)
+        assert lead_moments(wrench, (4e-3, 0.0, -1e-3), gains, 0.002)[0] == wrench
+
+
+def test_lead_answers_a_step_first_with_more_and_then_with_the_moment_itself() -> None:
+    gains, dt = DEFAULT_GAINS, 0.002
+    lagged, answers = ZERO, []
+    for _ in range(200):
+        wrench, lagged = lead_moments((0.3, 1e-3, -1e-3, 5e-4), lagged, gains, dt)
+        answers.append(wrench)
+    first = (gains.lead_zero + dt) / (gains.lead_pole + dt)
+    assert answers[0] == pytest.approx((0.3, first * 1e-3, -first * 1e-3, first * 5e-4))
+    # Backward Euler keeps a share of pole / (pole + dt) of the difference a step.
+    share = gains.lead_pole / (gains.lead_pole + dt)
+    assert (answers[10][1] - 1e-3) / (answers[0][1] - 1e-3) == pytest.approx(share**10)
+    assert answers[-1] == pytest.approx((0.3, 1e-3, -1e-3, 5e-4))
+    assert lagged == pytest.approx((1e-3, -1e-3, 5e-4))
+
+
+def test_lead_gets_over_a_moment_that_is_not_a_number() -> None:
+    lagged = (1e-3, 2e-3, 3e-3)
+    wrench, after = lead_moments((0.3, math.nan, math.inf, 3e-3), lagged, DEFAULT_GAINS, 0.002)
+    assert after == pytest.approx(lagged)
+    assert math.isnan(wrench[1])
+    assert wrench[2] == math.inf
+    assert wrench[3] == pytest.approx(3e-3)
 
 
 def test_position_integral_is_bounded_and_deaf_to_nan() -> None:

@@ -188,7 +188,7 @@ def test_a_policy_too_large_for_the_drone_is_refused():
         ActionLayer(np.zeros((after, before), np.float32), np.zeros(after, np.float32))
         for before, after in ((3, 32), (32, 32), (32, 32), (32, 1))
     )
-    with pytest.raises(PolicyBundleError, match="8192") as refusal:
+    with pytest.raises(PolicyBundleError, match="5120") as refusal:
         encode_bundle(replace(small_policy(), layers=wide))
     assert refusal.value.fault is BundleFault.LENGTH
 

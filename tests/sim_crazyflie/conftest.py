@@ -1,10 +1,13 @@
-"""A served firmware with nothing behind it, and a client that sends raw packets to it."""
+"""A served firmware with nothing behind it, and a client that sends raw packets to it; either engine."""
 
 from collections.abc import Iterator
 
 import pytest
 
+from onboard.firmware.compiler import find_compiler
+from sim_backend.engine_name import EngineName
 from tests.sim_crazyflie.minimal_firmware import MinimalFirmware, RawClient, ServedFirmware, serve
+from tests.sim_crazyflie.simulated_flight import Flight
 
 
 @pytest.fixture
@@ -17,3 +20,13 @@ def drone() -> Iterator[ServedFirmware]:
 def client(drone: ServedFirmware) -> Iterator[RawClient]:
     with RawClient(drone.uri) as raw:
         yield raw
+
+
+@pytest.fixture(params=list(EngineName))
+def either_engine(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> EngineName:
+    """What drones run in this test: the drone's own code, and its reference."""
+    engine = EngineName(request.param)
+    if engine is EngineName.C and find_compiler() is None:
+        pytest.skip("no C compiler: the drone's code in C cannot fly")
+    monkeypatch.setattr(Flight, "engine", engine)
+    return engine

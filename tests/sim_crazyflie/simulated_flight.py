@@ -10,6 +10,7 @@ from onboard.supervisor_info import SupervisorInfo
 from onboard.trajectory import ApproachPlan
 from onboard.vehicle import Vehicle, load_vehicle
 from sim_backend.crazyflie.high_level import Command
+from sim_backend.engine_name import EngineName
 from sim_backend.faults import DroneFaults
 from sim_backend.world import World
 
@@ -19,10 +20,18 @@ VEHICLE, LEGS = "crazyflie21-upgraded", "semi-narrow-long"
 class Flight:
     """One drone in a world of its own, with poses at 100 Hz that arrive 10 ms late."""
 
+    engine = EngineName.REFERENCE
+    """What drones run unless a test says otherwise."""
+
     def __init__(
-        self, seed: int = 0, faults: DroneFaults | None = None, flashed: Vehicle | None = None
+        self,
+        seed: int = 0,
+        faults: DroneFaults | None = None,
+        flashed: Vehicle | None = None,
+        vehicle: Vehicle | None = None,
     ) -> None:
-        self.world = World(load_vehicle(VEHICLE, LEGS), flashed=flashed, seed=seed, faults=faults)
+        vehicle = vehicle or load_vehicle(VEHICLE, LEGS)
+        self.world = World(vehicle, flashed=flashed, seed=seed, faults=faults, engine=self.engine)
         self.drone = self.world.drones[0]
         self.firmware = self.drone.firmware
         self.poses = True

@@ -7,6 +7,7 @@ import struct
 import numpy as np
 import pytest
 
+from onboard.app_interface import MOTOR_TOKEN_MS, Parameter
 from onboard.policy.bundle import encode_bundle
 from sim_backend.crazyflie.estimator import P_VELOCITY
 from sim_backend.crazyflie.high_level import Command, PlannerState
@@ -198,6 +199,19 @@ def test_motor_power_set_turns_motors_of_a_disarmed_drone(flight: Flight) -> Non
     flight.write("motorPowerSet.enable", 0)
     flight.run(0.1)
     assert not flight.firmware.ratios.any()
+
+
+def test_motors_of_a_host_that_vouched_for_them_stop_when_it_falls_silent(flight: Flight) -> None:
+    flight.run(0.5)
+    flight.write("motorPowerSet.m1", 20000)
+    flight.write("motorPowerSet.enable", 1)
+    for _ in range(5):
+        flight.write(Parameter.MOTOR_TOKEN, 1)
+        flight.run(0.2)
+        assert flight.firmware.ratios[0] == 20000
+    flight.run(1e-3 * MOTOR_TOKEN_MS - 0.2 + 0.01)
+    assert not flight.firmware.ratios.any()
+    assert flight.firmware.params["motorPowerSet.enable"] == 0
 
 
 def test_pwm_has_eight_bits(hovering: Flight) -> None:

@@ -21,6 +21,8 @@ from sim_backend.warm_up import warm_up
 from tests.sim_crazyflie.simulated_flight import LEGS, VEHICLE, Flight
 from tests.sim_crazyflie.small_policy import small_policy
 
+pytestmark = pytest.mark.usefixtures("either_engine")
+
 BUNDLE = encode_bundle(small_policy())
 PLAN = fit_approach(2.5, 60.0, RoomGeometry())
 STEPS_S = 0.004
@@ -127,7 +129,7 @@ def test_refused_commit_keeps_the_previous_policy(
     assert commit(flight, data, length, crc) is status
     assert flight.param(Parameter.POLICY_ACTIVE_CRC) == zlib.crc32(other)
     assert flight.firmware.app is not None
-    assert flight.firmware.app.slot.live is not None
+    assert flight.firmware.engine.has_policy
 
 
 def test_nothing_is_accepted_while_flying() -> None:
@@ -230,7 +232,7 @@ def test_missed_trigger_brakes_below_the_ceiling_and_hands_back() -> None:
     flight.write(Parameter.GO, 1)
     run_until(flight, LandingState.BRAKE)
     assert flight.firmware.app is not None
-    assert flight.firmware.app.memory["reason"] == EndReason.MISSED_TRIGGER
+    assert flight.firmware.engine.reason is EndReason.MISSED_TRIGGER
     run_until(flight, LandingState.HOLD)
     flight.run(3.0)
     assert not flight.drone.state["ceiling_contact"]
@@ -263,7 +265,7 @@ def test_poses_that_stop_end_the_approach() -> None:
     flight.poses = False
     flight.run(0.3)
     assert flight.firmware.app is not None
-    assert flight.firmware.app.memory["reason"] == EndReason.POSE_LOST
+    assert flight.firmware.engine.reason is EndReason.POSE_LOST
     assert flight.log("perchT.count") == 0
 
 

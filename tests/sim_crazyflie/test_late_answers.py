@@ -16,6 +16,8 @@ from sim_backend.crazyflie.stabilizer import POSITION_PERIOD_MS
 from tests.sim_crazyflie.simulated_flight import LEGS, VEHICLE, Flight
 from tests.sim_crazyflie.test_landing_app import PLAN, give, ready_to_go, run_until, state
 
+pytestmark = pytest.mark.usefixtures("either_engine")
+
 PARAM, READ, WRITE, MISC = 2, 1, 2, 3
 
 

@@ -90,7 +90,7 @@ def test_a_drone_flashed_with_the_map_of_other_motors_misses_its_height() -> Non
         flight = Flight(flashed=replace(true, motors=replace(true.motors, thrust_map=thrust_map)))
         flight.hover(0.8)
         heights.append(flight.position[2])
-        map_thrust = sum(flight.firmware.stabilizer.thrusts)
+        map_thrust = sum(flight.firmware.engine.thrusts)
         weight = true.body.mass.value * GRAVITY
         assert (map_thrust == pytest.approx(weight, rel=0.05)) == (thrust_map is true.motors.thrust_map)
     assert heights[0] == pytest.approx(0.8, abs=0.02)

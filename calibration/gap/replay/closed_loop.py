@@ -16,9 +16,15 @@ from calibration.gap.replay.inputs import PredictionInputs, motor_starts, predic
 from calibration.gap.replay.kernels import TRIMS, Trim, free_step, interpolated
 from calibration.gap.replay.nuisances import Nuisances
 from calibration.gap.replay.windows import longest_stretch
-from onboard.arrays import FloatArray
+from onboard.arrays import FloatArray, Vector
 from onboard.battery import duty_for_thrust
-from onboard.controller import ControllerGains, controller_gains, geometric_control, integrate_position_error
+from onboard.controller import (
+    ControllerGains,
+    controller_gains,
+    geometric_control,
+    integrate_position_error,
+    lead_moments,
+)
 from onboard.mixer import mix
 from onboard.thrust_map import ThrustMap
 from onboard.vehicle import Vehicle
@@ -94,19 +100,24 @@ def _rms(values: FloatArray) -> float:
 @kernel
 def control(
     state: Any, p: Any, gains: ControllerGains, thrust_map: ThrustMap, integral: Any, rate: Any,
-    setpoint: Any, duty: Any,
-) -> None:  # fmt: skip
+    setpoint: Any, lagged: Vector, dt: float, duty: Any,
+) -> Vector:  # fmt: skip
     """Duties of the firmware's controller, mixer and battery compensation, into `duty` (4,).
 
     `setpoint`: position, velocity, acceleration and yaw. `rate`: rad/s, body, less the one that is wanted.
+    `lagged` is the memory of :func:`onboard.controller.lead_moments`, returned as it is after `dt` (s).
     """
-    collective, tx, ty, tz = geometric_control(
+    wanted = geometric_control(
         state.position, state.velocity, state.quaternion, rate, integral,
         setpoint[0:3], setpoint[3:6], setpoint[6:9], setpoint[9], gains,
     )  # fmt: skip
-    wanted = mix(collective, tx, ty, tz, p.arm_x, p.arm_y, p.thrust_to_torque, p.thrust_max)
+    wrench, lagged = lead_moments(wanted, lagged, gains, dt)
+    thrusts = mix(
+        wrench[0], wrench[1], wrench[2], wrench[3], p.arm_x, p.arm_y, p.thrust_to_torque, p.thrust_max
+    )
     for motor in range(4):
-        duty[motor] = duty_for_thrust(wanted[motor], state.battery_voltage, thrust_map, 0.0)
+        duty[motor] = duty_for_thrust(thrusts[motor], state.battery_voltage, thrust_map, 0.0)
+    return lagged
 
 
 @outlined
@@ -116,7 +127,7 @@ def _fly_along(
 ) -> None:  # fmt: skip
     """Fly the model along `path` (n, 10) with a controller every `every` steps; `out`: shape (n, 15)."""
     up, down = decay(p, 0.5 * h)
-    integral = (0.0, 0.0, 0.0)
+    integral = lagged = (0.0, 0.0, 0.0)
     duty, setpoint = np.zeros(4), np.zeros(_SETPOINT)
     count = 0
     for row in range(path.shape[0] - 1):
@@ -129,7 +140,9 @@ def _fly_along(
                 integral = integrate_position_error(
                     integral, state.position, setpoint[0:3], every * h, gains.integral_limit
                 )
-                control(state, p, gains, thrust_map, integral, state.omega, setpoint, duty)
+                lagged = control(
+                    state, p, gains, thrust_map, integral, state.omega, setpoint, lagged, every * h, duty
+                )
             if j == 0:
                 _log(state, duty, out[row])
             targets = commanded(state, p, motor_targets(state, p, duty))

@@ -55,7 +55,7 @@ def _fly(
     """
     up, down = decay(p, 0.5 * _STEP)
     per_sample = 10
-    integral = (0.0, 0.0, 0.0)
+    integral = lagged = (0.0, 0.0, 0.0)
     duty = np.zeros(4)
     count = 0
     for row in range(course.shape[0]):
@@ -67,7 +67,9 @@ def _fly(
                 )
             if count % _CONTROL_STEPS == 0:
                 rate = (state.omega[0], state.omega[1], state.omega[2] - target[10])
-                control(state, p, gains, thrust_map, integral, rate, target, duty)
+                lagged = control(
+                    state, p, gains, thrust_map, integral, rate, target, lagged, _CONTROL_STEPS * _STEP, duty
+                )
             targets = commanded(state, p, motor_targets(state, p, duty))
             if j == 0:
                 _log(state, duty, out[row])

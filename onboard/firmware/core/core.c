@@ -1,0 +1,235 @@
+#include "core.h"
+
+#include <string.h>
+
+#include "battery.h"
+
+enum { POLICY_PERIOD_MS = 10 };
+
+/* Period of landing machine and law, s. */
+#define STEP_S 0.002f
+
+void perch_boot(perch_core *core, const perch_vehicle *vehicle) {
+  const perch_approach nowhere = {0};
+  memset(core, 0, sizeof *core);
+  core->vehicle = vehicle;
+  core->plan = perch_plan_approach(&nowhere);
+  core->outputs.policy.cues.tau = INFINITY;
+  core->outputs.filtered_voltage = PERCH_FULL_VOLTAGE;
+}
+
+/* Cues and policy on the estimate. */
+static void evaluate(perch_core *core, const perch_inputs *in) {
+  perch_policy_sample *sample = &core->outputs.policy;
+  const perch_estimate *e = &in->estimate;
+  const bool idle = core->landing.state == PERCH_IDLE;
+  const float ceiling_z = idle ? core->idle_ceiling_z : core->plan.ceiling_z;
+  sample->cues = perch_optical_flow_cues(e->position.z, e->velocity.x, e->velocity.z, ceiling_z);
+  sample->trigger_value = sample->a_rot = 0.0f;
+  if (core->policy_is_live) {
+    sample->trigger_value = perch_trigger_value(&core->policy, &sample->cues);
+    sample->a_rot = perch_action_moment(&core->policy, &sample->cues);
+  }
+}
+
+static perch_landing_inputs landing_inputs(const perch_core *core, const perch_inputs *in) {
+  const bool withdrawn = perch_setpoint_is_null(&in->setpoint) || in->levelling;
+  return (perch_landing_inputs){
+      .tick = in->tick,
+      .pose_age = in->pose_age,
+      .dt = STEP_S,
+      .position = in->estimate.position,
+      .velocity = in->estimate.velocity,
+      .quaternion = in->estimate.quaternion,
+      .gyro = in->estimate.gyro,
+      .cues = core->outputs.policy.cues,
+      .trigger_value = core->outputs.policy.trigger_value,
+      .a_rot = core->outputs.policy.a_rot,
+      .policy_tau_min = core->policy_is_live ? perch_tau_min(&core->policy) : NAN,
+      .evaluated = core->policy_is_live && in->tick % POLICY_PERIOD_MS == 0,
+      .policy_armed = core->policy_armed,
+      .trajectory_armed = core->trajectory_armed,
+      .go = core->go && !core->landing.go_seen,
+      .abort = core->abort || (withdrawn && core->landing.state != PERCH_IDLE),
+      .flying = in->flying,
+  };
+}
+
+static bool is_same_plan(const perch_plan *a, const perch_plan *b) {
+  return a->x0 == b->x0 && a->y0 == b->y0 && a->z0 == b->z0 && a->t_x == b->t_x && a->t_z == b->t_z &&
+         a->vx == b->vx && a->vz == b->vz && a->ax == b->ax && a->az == b->az && a->tau0 == b->tau0 &&
+         a->impact_x == b->impact_x && a->ceiling_z == b->ceiling_z;
+}
+
+/* Consume the posted request, once the machine has seen the switch as the last one left it. An armed approach
+ * does not change: another plan first disarms, and is armed in the step after. */
+static void take_request(perch_core *core) {
+  const perch_request *request = &core->request;
+  if (core->posted == core->consumed || core->trajectory_armed != core->landing.arm_seen) {
+    return;
+  }
+  if (request->armed && core->landing.state == PERCH_TRAJECTORY_ARMED &&
+      !is_same_plan(&request->plan, &core->plan)) {
+    core->trajectory_armed = false;
+    return;
+  }
+  core->trajectory_armed = request->armed;
+  if (request->armed && core->landing.state == PERCH_IDLE) {
+    core->plan = request->plan;
+  }
+  core->consumed = core->posted;
+}
+
+/* Each flag counts for one step. */
+static uint8_t clear_flags(perch_core *core, const perch_landing_inputs *in) {
+  uint8_t events = 0;
+  if (in->go) {
+    core->go = false;
+    events |= PERCH_GO_TAKEN;
+  }
+  if (core->abort) {
+    core->abort = false;
+    events |= PERCH_ABORT_TAKEN;
+  }
+  return events;
+}
+
+/* Say what the machine makes of the last request, unless one is still to be consumed. */
+static uint8_t answer(perch_core *core) {
+  if (core->posted != core->consumed) {
+    return 0;
+  }
+  core->outputs.trajectory_status = core->landing.trajectory_status;
+  if (core->landing.trajectory_status >= PERCH_TRAJECTORY_REFUSED_TOO_FAR && core->trajectory_armed) {
+    core->trajectory_armed = false;
+    return PERCH_REFUSED;
+  }
+  return 0;
+}
+
+/* What a change of the machine's state means for others. */
+static uint8_t change(perch_core *core, const perch_inputs *in, uint8_t was) {
+  const uint8_t is = core->landing.state;
+  if (is == was) {
+    return 0;
+  }
+  if (is == PERCH_TRAJECTORY_ARMED) {
+    perch_record_begin(&core->recorder);
+  } else if (was == PERCH_APPROACH) {
+    perch_record_end(&core->recorder, in->tick);
+  }
+  if (is == PERCH_CUT || is == PERCH_FAULT) {
+    return PERCH_CUT_MOTORS;
+  }
+  return was == PERCH_HOLD && is == PERCH_IDLE && !perch_setpoint_is_null(&in->setpoint) ? PERCH_HANDED_OVER : 0;
+}
+
+static void step_machine(perch_core *core, const perch_inputs *in) {
+  const uint8_t was = core->landing.state;
+  take_request(core);
+  const perch_landing_inputs inputs = landing_inputs(core, in);
+  core->output = perch_landing_step(&core->landing, &inputs, &core->plan, core->vehicle);
+  if (core->output.mode == PERCH_SETPOINT) {
+    core->outputs.motion = core->output.motion;
+  }
+  core->outputs.events = (uint8_t)(clear_flags(core, &inputs) | answer(core) | change(core, in, was));
+}
+
+/* Forget what was followed. */
+static void stop(perch_core *core) {
+  memset(&core->follower, 0, sizeof core->follower);
+  memset(&core->lagged, 0, sizeof core->lagged);
+  memset(&core->outputs.wrench, 0, sizeof core->outputs.wrench);
+  memset(core->outputs.thrusts, 0, sizeof core->outputs.thrusts);
+}
+
+/* The control law's wrench, every 2 ms: lead, then mixer. */
+static void apply(perch_core *core, const perch_wrench *wanted) {
+  core->outputs.wrench = perch_lead_moments(wanted, &core->lagged, core->vehicle, STEP_S);
+  perch_mix(&core->outputs.wrench, core->vehicle, core->outputs.thrusts);
+}
+
+static void follow(perch_core *core, const perch_inputs *in, const perch_setpoint *setpoint) {
+  if (perch_setpoint_is_null(setpoint)) {
+    stop(core);
+    return;
+  }
+  if (in->tick % PERCH_POSITION_PERIOD_MS == 0) {
+    perch_follow(&core->follower, setpoint, &in->estimate, core->vehicle);
+  }
+  if (in->tick % PERCH_ATTITUDE_PERIOD_MS == 0) {
+    const perch_wrench wanted = perch_track(&core->follower, &in->estimate, core->vehicle);
+    apply(core, &wanted);
+  }
+}
+
+/* Attitude alone, or thrusts past the controller. */
+static void drive(perch_core *core, const perch_inputs *in) {
+  if (core->output.mode == PERCH_THRUSTS) {
+    memcpy(core->outputs.thrusts, core->output.thrusts, sizeof core->outputs.thrusts);
+    return;
+  }
+  const perch_wrench wanted = perch_attitude_control(&core->landing.attitude, &in->estimate.gyro,
+                                                     core->output.collective, 0.0f, core->vehicle);
+  apply(core, &wanted);
+}
+
+static void fly(perch_core *core, const perch_inputs *in) {
+  const perch_output_mode mode = core->output.mode;
+  if (mode == PERCH_OFF || perch_setpoint_is_null(&in->setpoint)) {
+    stop(core); /* the app never runs the motors against a null setpoint */
+  } else if (mode == PERCH_SETPOINT || (core->outputs.events & PERCH_HANDED_OVER)) {
+    /* Handed over, the last hold stays in force until the planner speaks: its setpoint is still an old goal. */
+    const perch_setpoint setpoint = perch_setpoint_of(&core->outputs.motion);
+    follow(core, in, &setpoint);
+  } else if (mode == PERCH_PASS) {
+    follow(core, in, &in->setpoint);
+  } else if (in->tick % PERCH_ATTITUDE_PERIOD_MS == 0) {
+    drive(core, in);
+  }
+}
+
+/* Battery compensation of the thrusts. */
+static void compensate(perch_core *core, float voltage) {
+  perch_outputs *out = &core->outputs;
+  out->filtered_voltage = perch_filter_voltage(out->filtered_voltage, voltage);
+  for (int i = 0; i < 4; i++) {
+    out->duties[i] = perch_duty(core->vehicle, out->thrusts[i], out->filtered_voltage);
+  }
+}
+
+static void record(perch_core *core, const perch_inputs *in) {
+  if (!perch_is_recorded(&core->recorder, in->tick)) {
+    return;
+  }
+  perch_law_sample law = {
+      .estimate = in->estimate,
+      .own_attitude = core->landing.attitude,
+      .voltage = core->outputs.filtered_voltage,
+  };
+  memcpy(law.thrusts, core->outputs.thrusts, sizeof law.thrusts);
+  perch_record(&core->recorder, in->tick, &core->outputs.policy, &law);
+}
+
+static void report(perch_core *core) {
+  perch_outputs *out = &core->outputs;
+  out->mode = (uint8_t)core->output.mode;
+  out->state = core->landing.state;
+  out->reason = core->landing.reason;
+  out->trajectory_armed = core->trajectory_armed;
+  out->policy_armed = core->policy_armed;
+}
+
+void perch_step(perch_core *core, const perch_inputs *in) {
+  core->outputs.events = 0;
+  if (in->tick % PERCH_ATTITUDE_PERIOD_MS == 0) {
+    if (in->tick % POLICY_PERIOD_MS == 0) {
+      evaluate(core, in);
+    }
+    step_machine(core, in);
+  }
+  fly(core, in);
+  compensate(core, in->voltage);
+  record(core, in);
+  report(core);
+}

@@ -1,0 +1,335 @@
+"""The reference as the engine of a simulated drone: the functions of :mod:`onboard`, in double precision.
+
+Landing machine and control law at 500 Hz, the policy at 100 Hz. Where the machine flies, it takes the place
+of the commander's setpoint; a null or levelled-out setpoint aborts an approach.
+"""
+
+import math
+from dataclasses import dataclass
+
+from onboard.app_interface import EndReason, LandingState, PolicyStatus, TrajectoryStatus
+from onboard.arrays import Vector
+from onboard.controller import Wrench, attitude_control
+from onboard.cues import optical_flow_cues
+from onboard.landing.state_machine import (
+    LandingInputs,
+    LandingOutput,
+    OutputMode,
+    landing_limits,
+    landing_step,
+    new_landing_memory,
+)
+from onboard.mixer import Thrusts
+from onboard.policy.action import action_moment
+from onboard.policy.bundle import BundleFault, PolicyBundleError, bundle_crc32, decode_bundle
+from onboard.policy.model import CompiledPolicy
+from onboard.policy.trigger import trigger_value
+from onboard.trajectory import ApproachPlan, plan_from_velocity
+from onboard.vehicle import Vehicle
+from sim_backend.crazyflie.engine import ApproachRequest, Event, Sample, SnapshotField
+from sim_backend.crazyflie.power import COMPENSATION_GAIN, FULL_VOLTAGE
+from sim_backend.crazyflie.setpoint import Mode, Setpoint
+from sim_backend.crazyflie.stabilizer import ATTITUDE_PERIOD_MS, Stabilizer
+
+POLICY_PERIOD_MS = 10
+_NO_PLAN = ApproachPlan(*[math.nan] * 12)
+_CUT = (LandingState.CUT, LandingState.FAULT)
+_REFUSALS = {
+    BundleFault.LENGTH: PolicyStatus.REFUSED_LENGTH,
+    BundleFault.CRC: PolicyStatus.REFUSED_CRC,
+    BundleFault.FORMAT: PolicyStatus.REFUSED_FORMAT,
+    BundleFault.RANGE: PolicyStatus.REFUSED_RANGE,
+    BundleFault.VECTORS: PolicyStatus.REFUSED_VECTORS,
+}
+_SCALARS = {
+    SnapshotField.TAU: "snapshot_tau",
+    SnapshotField.THETA_X: "snapshot_theta_x",
+    SnapshotField.D_CEIL: "snapshot_d_ceil",
+    SnapshotField.TRIGGER_VALUE: "snapshot_trigger_value",
+    SnapshotField.A_ROT: "snapshot_a_rot",
+    SnapshotField.Z: "snapshot_z",
+    SnapshotField.PITCH: "snapshot_pitch",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class _Request:
+    """What a write of ``perch.trjArm`` asks of the control loop."""
+
+    number: int
+    armed: bool
+    plan: ApproachPlan
+
+
+class ReferenceEngine:
+    """An :class:`~sim_backend.crazyflie.engine.Engine`."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._vehicle = vehicle
+        self.boot()
+
+    def boot(self) -> None:
+        """Start anew."""
+        self._stabilizer = Stabilizer(self._vehicle)
+        self.ratios = self._stabilizer.ratios
+        self._supply = FULL_VOLTAGE
+        self._memory = new_landing_memory()
+        self._plan = _NO_PLAN
+        self._limits = landing_limits(self._vehicle)
+        self._policy: CompiledPolicy | None = None
+        self.live_crc = 0
+        self._policy_armed = self._trajectory_armed = self._go = self._abort = False
+        self._request = _Request(0, False, _NO_PLAN)
+        self._consumed = 0
+        self.trajectory_status = TrajectoryStatus.NONE
+        self._idle_ceiling_z = 0.0
+        self.cues: Vector = (math.inf, 0.0, 0.0)
+        self.trigger_value = self.a_rot = 0.0
+        self._output: LandingOutput | None = None
+        self.target = Setpoint()
+
+    @property
+    def thrusts(self) -> Thrusts:
+        """N, M1 to M4."""
+        return self._stabilizer.thrusts
+
+    @property
+    def wrench(self) -> Wrench:
+        """N and N m."""
+        return self._stabilizer.wrench
+
+    @property
+    def mode(self) -> OutputMode:
+        """What the landing machine does."""
+        return OutputMode.PASS if self._output is None else OutputMode(self._output.mode)
+
+    @property
+    def state(self) -> LandingState:
+        """Of the landing machine."""
+        return LandingState(int(self._memory["state"]))
+
+    @property
+    def reason(self) -> EndReason:
+        """Why the last approach ended."""
+        return EndReason(int(self._memory["reason"]))
+
+    @property
+    def snapshot_tick(self) -> int:
+        """When the last flip was triggered, ms."""
+        return round(1000.0 * float(self._memory["snapshot_time"]))
+
+    @property
+    def snapshot_count(self) -> int:
+        """Flips so far."""
+        return int(self._memory["snapshot_count"])
+
+    def snapshot(self, field: SnapshotField) -> float:
+        """One number of the sample that triggered the last flip."""
+        if field in _SCALARS:
+            return float(self._memory[_SCALARS[field]])
+        return float(self._memory["snapshot_velocity"][field - SnapshotField.VX])
+
+    @property
+    def has_policy(self) -> bool:
+        """Whether a policy is live."""
+        return self._policy is not None
+
+    def commit(self, staged: bytes, crc: int, flying: bool) -> PolicyStatus:
+        """Make a staged bundle the live policy."""
+        if flying:
+            return PolicyStatus.REFUSED_FLYING
+        if not staged:
+            return PolicyStatus.REFUSED_LENGTH
+        if bundle_crc32(staged) != crc:
+            return PolicyStatus.REFUSED_CRC
+        try:
+            policy = decode_bundle(staged)
+        except PolicyBundleError as error:
+            return _REFUSALS[error.fault]
+        self._policy, self.live_crc = policy.compiled(), crc
+        self._limits = landing_limits(self._vehicle, float(policy.tau_min))
+        return PolicyStatus.ACTIVE
+
+    def arm_policy(self, on: bool) -> bool:
+        """Arm or disarm the policy."""
+        self._policy_armed = on and self.has_policy
+        return self._policy_armed
+
+    def post(self, armed: bool, approach: ApproachRequest) -> int:
+        """Post a request; one of a plan of NaNs, which nothing accepts, when its numbers make none."""
+        plan = _NO_PLAN
+        if approach.ax > 0.0 and approach.az > 0.0:
+            plan = plan_from_velocity(
+                approach.vx,
+                approach.vz,
+                approach.impact_x,
+                approach.impact_y,
+                approach.ceiling_z,
+                approach.ax,
+                approach.az,
+                approach.tau0,
+            )
+        self._request = _Request(self._request.number + 1, armed, plan)
+        self.trajectory_status = TrajectoryStatus.NONE
+        return self._request.number
+
+    def is_consumed(self, number: int) -> bool:
+        """Whether request `number` was the last that was taken."""
+        return self._consumed == number
+
+    def ask_go(self, on: bool) -> None:
+        """Set the flag `go`."""
+        self._go = on
+
+    def ask_abort(self, on: bool) -> None:
+        """Set the flag `abort`."""
+        self._abort = on
+
+    def set_ceiling(self, ceiling_z: float) -> None:
+        """Height (m) of the ceiling while nothing is armed."""
+        self._idle_ceiling_z = ceiling_z
+
+    def step(self, sample: Sample) -> Event:
+        """One ms."""
+        events = Event.NONE
+        self._supply += COMPENSATION_GAIN * (sample.voltage - self._supply)
+        if sample.tick % ATTITUDE_PERIOD_MS == 0:
+            if sample.tick % POLICY_PERIOD_MS == 0:
+                self._evaluate(sample)
+            events = self._step_machine(sample)
+        self._fly(sample, events)
+        self._stabilizer.drive(self._supply)
+        return events
+
+    def _evaluate(self, sample: Sample) -> None:
+        """Cues and policy on the estimated state."""
+        vx, _, vz = sample.estimator.velocity()
+        idle = self.state is LandingState.IDLE
+        ceiling_z = self._idle_ceiling_z if idle else self._plan.ceiling_z
+        tau, theta_x, d_ceil = optical_flow_cues(sample.estimator.position()[2], vx, vz, ceiling_z)
+        self.cues = (float(tau), float(theta_x), float(d_ceil))
+        self.trigger_value = self.a_rot = 0.0
+        if self._policy is not None:
+            self.trigger_value = float(trigger_value(self._policy, *self.cues))
+            self.a_rot = float(action_moment(self._policy, *self.cues))
+
+    def _step_machine(self, sample: Sample) -> Event:
+        """One step of the landing machine: take what is posted, step, answer."""
+        was = self.state
+        self._take_request()
+        inputs = self._inputs(sample)
+        self._output = landing_step(self._memory, inputs, self._plan, self._limits)
+        if self._output.mode == OutputMode.SETPOINT:
+            self.target = _setpoint(self._output, sample.tick)
+        return self._clear_flags(inputs) | self._answer() | self._change(sample, was)
+
+    def _take_request(self) -> None:
+        """Consume the posted request, once the machine has seen the switch as the last one left it.
+
+        An armed approach does not change: another plan first disarms, and is armed in the step after.
+        """
+        request, state = self._request, self.state
+        if request.number == self._consumed or self._trajectory_armed != bool(self._memory["arm_seen"]):
+            return
+        if request.armed and state is LandingState.TRAJECTORY_ARMED and request.plan != self._plan:
+            self._trajectory_armed = False
+            return
+        self._consumed = request.number
+        self._trajectory_armed = request.armed
+        if request.armed and state is LandingState.IDLE:
+            self._plan = request.plan
+
+    def _inputs(self, sample: Sample) -> LandingInputs:
+        estimator, gyro = sample.estimator, sample.gyro
+        tau, theta_x, d_ceil = self.cues
+        withdrawn = sample.setpoint.is_null or sample.levelling
+        evaluated = self._policy is not None and sample.tick % POLICY_PERIOD_MS == 0
+        return LandingInputs(
+            time=sample.tick / 1000.0,
+            dt=ATTITUDE_PERIOD_MS / 1000.0,
+            position=estimator.position(),
+            velocity=estimator.velocity(),
+            quaternion=estimator.quaternion(),
+            gyro=(float(gyro[0]), float(gyro[1]), float(gyro[2])),
+            pose_age=math.inf if sample.pose_age is None else sample.pose_age / 1000.0,
+            tau=tau,
+            theta_x=theta_x,
+            d_ceil=d_ceil,
+            evaluated=evaluated,
+            trigger_value=self.trigger_value,
+            a_rot=self.a_rot,
+            policy_armed=self._policy_armed,
+            trajectory_armed=self._trajectory_armed,
+            go=self._go and not self._memory["go_seen"],
+            abort=self._abort or (withdrawn and self.state is not LandingState.IDLE),
+            flying=sample.flying,
+        )
+
+    def _clear_flags(self, inputs: LandingInputs) -> Event:
+        """Each flag counts for one step."""
+        events = Event.NONE
+        if inputs.go:
+            self._go = False
+            events |= Event.GO_TAKEN
+        if self._abort:
+            self._abort = False
+            events |= Event.ABORT_TAKEN
+        return events
+
+    def _answer(self) -> Event:
+        """Say what the machine makes of the last request, unless one is still to be consumed."""
+        if self._request.number != self._consumed:
+            return Event.NONE
+        self.trajectory_status = TrajectoryStatus(int(self._memory["trajectory_status"]))
+        if self.trajectory_status >= TrajectoryStatus.REFUSED_TOO_FAR and self._trajectory_armed:
+            self._trajectory_armed = False
+            return Event.REFUSED
+        return Event.NONE
+
+    def _change(self, sample: Sample, was: LandingState) -> Event:
+        """What a change of the machine's state means for others."""
+        state = self.state
+        if state is not was and state in _CUT:
+            return Event.CUT
+        if was is LandingState.HOLD and state is LandingState.IDLE and not sample.setpoint.is_null:
+            return Event.HANDED_OVER
+        return Event.NONE
+
+    def _fly(self, sample: Sample, events: Event) -> None:
+        stabilizer, mode = self._stabilizer, self.mode
+        if mode is OutputMode.OFF or sample.setpoint.is_null:
+            stabilizer.stop()  # never runs the motors against somebody who wants them off
+        elif mode is OutputMode.SETPOINT or Event.HANDED_OVER in events:
+            # Handed over, the last hold stays in force until the planner speaks, 10 ms at most: the setpoint
+            # of this step is still its old goal, perhaps metres away.
+            stabilizer.follow(sample.tick, self.target, sample.estimator, sample.gyro)
+        elif mode is OutputMode.PASS:
+            stabilizer.follow(sample.tick, sample.setpoint, sample.estimator, sample.gyro)
+        elif self._output is not None and sample.tick % ATTITUDE_PERIOD_MS == 0:
+            self._drive(self._output, sample)
+
+    def _drive(self, output: LandingOutput, sample: Sample) -> None:
+        """Attitude control alone, or thrusts past the controller."""
+        stabilizer, gyro = self._stabilizer, sample.gyro
+        if output.mode == OutputMode.THRUSTS:
+            stabilizer.thrusts = output.thrusts
+            return
+        omega = (float(gyro[0]), float(gyro[1]), float(gyro[2]))
+        stabilizer.apply(
+            attitude_control(output.attitude, omega, output.collective, output.yaw, stabilizer.gains)
+        )
+
+
+def _setpoint(output: LandingOutput, tick_ms: int) -> Setpoint:
+    """A complete setpoint of the machine, for the position controller."""
+    return Setpoint(
+        time_ms=tick_ms,
+        mode_x=Mode.ABSOLUTE,
+        mode_y=Mode.ABSOLUTE,
+        mode_z=Mode.ABSOLUTE,
+        mode_yaw=Mode.ABSOLUTE,
+        position=output.position,
+        velocity=output.velocity,
+        acceleration=output.acceleration,
+        yaw=output.yaw,
+    )

@@ -1,0 +1,223 @@
+"""The whole landing app, shell included, on a firmware that is in the test's hands (``shim``)."""
+
+import ctypes
+import struct
+import subprocess
+from ctypes import POINTER, Structure, c_bool, c_char_p, c_float, c_int, c_uint8, c_uint16, c_uint32
+from pathlib import Path
+from typing import Any, ClassVar, NamedTuple, TypeAlias
+
+from onboard.app_interface import ValueType
+from onboard.firmware.compiler import FLAGS, SOURCES, needed_compiler
+from onboard.firmware.header import vehicle_header
+from onboard.vehicle import Vehicle
+
+SHIM = Path(__file__).parent / "shim"
+
+Fields: TypeAlias = list[tuple[str, Any]]
+
+PARAMETER_TYPES = {
+    0x08: ValueType.UINT8, 0x09: ValueType.UINT16, 0x0A: ValueType.UINT32, 0x06: ValueType.FLOAT
+}  # fmt: skip
+LOG_TYPES = {1: ValueType.UINT8, 2: ValueType.UINT16, 3: ValueType.UINT32, 7: ValueType.FLOAT}
+READ_ONLY = 0x40
+FORMATS = {
+    ValueType.UINT8: "<B", ValueType.UINT16: "<H", ValueType.UINT32: "<I", ValueType.FLOAT: "<f"
+}  # fmt: skip
+
+
+class Vector(Structure):
+    """``vector_t`` and ``attitude_t``."""
+
+    _fields_: ClassVar[Fields] = [(name, c_float) for name in "xyz"]
+
+
+class Quaternion(Structure):
+    """``quaternion_t``."""
+
+    _fields_: ClassVar[Fields] = [(name, c_float) for name in "xyzw"]
+
+
+class Sensors(Structure):
+    """``sensorData_t``: g and deg/s."""
+
+    _fields_: ClassVar[Fields] = [("acc", Vector), ("gyro", Vector)]
+
+
+class State(Structure):
+    """``state_t``."""
+
+    _fields_: ClassVar[Fields] = [("quaternion", Quaternion), ("position", Vector), ("velocity", Vector)]
+
+
+class Setpoint(Structure):
+    """``setpoint_t``: deg, legacy sign of pitch."""
+
+    _fields_: ClassVar[Fields] = [
+        ("attitude", Vector),
+        ("rates", Vector),
+        ("quaternion", Quaternion),
+        ("thrust", c_float),
+        ("position", Vector),
+        ("velocity", Vector),
+        ("acceleration", Vector),
+        ("velocity_body", c_bool),
+        *((f"mode_{name}", c_uint32) for name in ("x", "y", "z", "roll", "pitch", "yaw", "quat")),
+    ]
+
+
+class Control(Structure):
+    """``control_t``."""
+
+    _fields_: ClassVar[Fields] = [("forces", c_float * 4), ("mode", c_uint32)]
+
+
+class World(Structure):
+    """``shim_world``."""
+
+    _fields_: ClassVar[Fields] = [
+        ("tick_ms", c_uint32),
+        ("voltage", c_float),
+        ("flying", c_bool),
+        ("armed", c_bool),
+        ("pose_tick", c_uint16),
+        ("motor_override", c_uint8),
+        ("estimator", c_uint8),
+        ("idle_thrust", c_uint32),
+    ]
+
+
+class Asked(Structure):
+    """``shim_asked``."""
+
+    _fields_: ClassVar[Fields] = [
+        *(
+            (name, c_uint32)
+            for name in ("planner_stops", "planner_goals", "priorities_relaxed", "pid_steps", "disarmings")
+        ),
+        ("goal", c_float * 3),
+    ]
+
+
+class Variable(NamedTuple):
+    """A parameter or log variable as the firmware's tables have it."""
+
+    name: str
+    type: ValueType
+    read_only: bool = False
+
+
+def build_shell(folder: Path, vehicle: Vehicle) -> Path:
+    """Compile app, core and shim for one vehicle."""
+    (folder / "perch_vehicle_constants.h").write_text(vehicle_header(vehicle), encoding="utf-8")
+    library = folder / "shell.so"
+    places = (folder, SHIM / "include", SHIM, SOURCES / "core")
+    sources = [
+        str(file)
+        for place in (SOURCES / "core", SOURCES / "app" / "src", SHIM)
+        for file in sorted(place.glob("*.c"))
+    ]
+    flags = [flag for flag in FLAGS if flag != "-std=c11"]
+    command = [needed_compiler(), "-std=gnu11", *flags, "-fPIC", "-shared"]
+    command += [*(f"-I{place}" for place in places), *sources, "-lm", "-o", str(library)]
+    subprocess.run(command, check=True)
+    return library
+
+
+class Shell:
+    """One booted app. The library holds one: load another copy of the file for another app."""
+
+    def __init__(self, library: Path) -> None:
+        self._library = ctypes.CDLL(str(library))
+        self._library.shim_the_world.restype = POINTER(World)
+        self._library.shim_what_was_asked.restype = POINTER(Asked)
+        for name in ("shim_parameter_name", "shim_log_name"):
+            getattr(self._library, name).restype = c_char_p
+        for name in ("shim_write", "shim_parameter_task_waits", "shim_memory_read", "shim_memory_write"):
+            getattr(self._library, name).restype = c_bool
+        self.world: World = self._library.shim_the_world().contents
+        self.asked: Asked = self._library.shim_what_was_asked().contents
+        self.state, self.sensors, self.setpoint, self.control = State(), Sensors(), Setpoint(), Control()
+        self.state.quaternion.w = 1.0
+        self.step_number = 1
+        self._library.shim_boot()
+        self._types = {variable.name: variable.type for variable in self.parameters()}
+        self._log_types = {variable.name: variable.type for variable in self.logs()}
+
+    def parameters(self) -> list[Variable]:
+        """All parameters, in the order of their groups' sources."""
+        return [
+            Variable(name, PARAMETER_TYPES[code & ~READ_ONLY], bool(code & READ_ONLY))
+            for name, code in self._table("shim_parameter_name")
+        ]
+
+    def logs(self) -> list[Variable]:
+        """All log variables."""
+        return [Variable(name, LOG_TYPES[code]) for name, code in self._table("shim_log_name")]
+
+    def _table(self, function: str) -> list[tuple[str, int]]:
+        rows: list[tuple[str, int]] = []
+        code = c_uint8()
+        while (name := getattr(self._library, function)(len(rows), ctypes.byref(code))) is not None:
+            rows.append((name.decode(), code.value))
+        return rows
+
+    def write(self, name: str, value: float) -> bool:
+        """Write a parameter; its callback runs until it ends or waits."""
+        data = struct.pack(FORMATS[self._types[name]], value)
+        return bool(self._library.shim_write(name.encode(), data, c_int(len(data))))
+
+    def set(self, name: str, value: float) -> None:
+        """Write a parameter, and step the control loop until its callback has ended."""
+        assert self.write(name, value)
+        while self._library.shim_parameter_task_waits():
+            self.step()
+
+    def read(self, name: str) -> float:
+        """Value of a parameter."""
+        return self._read("shim_read_parameter", name, self._types[name])
+
+    def log(self, name: str) -> float:
+        """Value of a log variable."""
+        return self._read("shim_read_log", name, self._log_types[name])
+
+    def _read(self, function: str, name: str, kind: ValueType) -> float:
+        data = ctypes.create_string_buffer(8)
+        size = getattr(self._library, function)(name.encode(), data)
+        value: float = struct.unpack(FORMATS[kind], data.raw[:size])[0]
+        return value
+
+    def step(self, milliseconds: int = 1) -> None:
+        """So many turns of the control loop, the parameter task after each, the app's task every 20 ms."""
+        for _ in range(milliseconds):
+            self.world.tick_ms += 1
+            self._library.shim_control(
+                *(ctypes.byref(part) for part in (self.control, self.setpoint, self.sensors, self.state)),
+                c_uint32(self.step_number),
+            )
+            self.step_number += 1
+            self._library.shim_go_on_with_parameters()
+            if self.world.tick_ms % 20 == 0:
+                self._library.shim_go_on_with_app()
+
+    def upload(self, data: bytes) -> None:
+        """Write to the app's memory from 0 on, in packets of 25 bytes."""
+        for start in range(0, len(data), 25):
+            assert self.write_memory(start, data[start : start + 25])
+
+    def write_memory(self, address: int, data: bytes) -> bool:
+        """One packet."""
+        return bool(self._library.shim_memory_write(c_uint32(address), c_uint8(len(data)), data))
+
+    def read_memory(self, address: int, length: int) -> bytes | None:
+        """One packet; None where it is refused."""
+        buffer = ctypes.create_string_buffer(255)
+        if not self._library.shim_memory_read(c_uint32(address), c_uint8(length), buffer):
+            return None
+        return buffer.raw[:length]
+
+    @property
+    def memory_size(self) -> int:
+        """Bytes that the memory says it has."""
+        size: int = self._library.shim_memory_size()
+        return size

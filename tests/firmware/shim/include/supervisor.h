@@ -1,0 +1,5 @@
+#pragma once
+#include <stdbool.h>
+bool supervisorIsFlying(void);
+bool supervisorIsArmed(void);
+bool supervisorRequestArming(bool doArm);

@@ -1,0 +1,60 @@
+/* A firmware in a test's hands: what the landing app asks of the Crazyflie's firmware, and the strings that move it.
+ *
+ * Written from the names and the order of calls alone; no line of the firmware is in it. A task that delays itself
+ * stands still until the test lets it go on, so that nothing depends on the machine's clock. */
+#ifndef PERCH_SHIM_H
+#define PERCH_SHIM_H
+
+#include "crtp_commander_high_level.h"
+#include "stabilizer_types.h"
+
+/* What the rest of the firmware is like, set by the test. */
+typedef struct {
+  uint32_t tick_ms;
+  float voltage;
+  bool flying, armed;
+  uint16_t pose_tick; /* locSrvZ.tick */
+  /* Parameters of the firmware. */
+  uint8_t motor_override; /* motorPowerSet.enable */
+  uint8_t estimator;      /* stabilizer.estimator */
+  uint32_t idle_thrust;   /* powerDist.idleThrust */
+} shim_world;
+
+/* What the app has asked of it. */
+typedef struct {
+  uint32_t planner_stops, planner_goals, priorities_relaxed, pid_steps, disarmings;
+  float goal[3];
+} shim_asked;
+
+shim_world *shim_the_world(void);
+const shim_asked *shim_what_was_asked(void);
+
+/* Start the app: appInit, and its slow task until it first delays itself. */
+void shim_boot(void);
+
+/* One ms of the control loop. */
+void shim_control(control_t *control, const setpoint_t *setpoint, const sensorData_t *sensors,
+                  const state_t *state, stabilizerStep_t step);
+
+/* Write a parameter as a packet does, and run its callback until it ends or waits. False: not there, read-only, of
+ * another size, or the parameter task still waits in another callback. */
+bool shim_write(const char *name, const void *bytes, int size);
+
+/* Read a parameter or log variable; its size in bytes, 0: not there. */
+int shim_read_parameter(const char *name, void *bytes);
+int shim_read_log(const char *name, void *bytes);
+
+/* Names and types, one after the other; NULL after the last. */
+const char *shim_parameter_name(int number, uint8_t *type);
+const char *shim_log_name(int number, uint8_t *type);
+
+/* Let the parameter task, and the app's slow task, go on after a delay. */
+bool shim_parameter_task_waits(void);
+void shim_go_on_with_parameters(void);
+void shim_go_on_with_app(void);
+
+bool shim_memory_read(uint32_t address, uint8_t length, uint8_t *buffer);
+bool shim_memory_write(uint32_t address, uint8_t length, const uint8_t *buffer);
+uint32_t shim_memory_size(void);
+
+#endif

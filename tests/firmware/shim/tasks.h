@@ -1,0 +1,21 @@
+#ifndef PERCH_SHIM_TASKS_H
+#define PERCH_SHIM_TASKS_H
+
+#include <stdbool.h>
+#include <ucontext.h>
+
+typedef struct {
+  ucontext_t context;
+  void *stack;
+  void (*function)(void *);
+  void *argument;
+  bool is_alive;
+} shim_task;
+
+/* Run a function on the task's stack until it ends or delays itself. */
+void shim_start(shim_task *task, void (*function)(void *), void *argument);
+
+/* Let it go on. */
+void shim_go_on(shim_task *task);
+
+#endif

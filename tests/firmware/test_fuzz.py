@@ -1,0 +1,81 @@
+"""The core under the address and undefined-behaviour sanitizers: random bundles, accesses and sequences."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from onboard.app_interface import LandingState
+from onboard.firmware.compiler import FLAGS, SOURCES, find_compiler
+from onboard.firmware.header import vehicle_header
+from tests.firmware.histories import BUNDLE, VEHICLE
+
+SANITIZERS = ("-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno-omit-frame-pointer")
+SAMPLE, LONG = 20_000, 1_000_000
+KINDS = ("bundles", "memory", "sequences")
+FUZZER = Path(__file__).with_name("fuzz") / "fuzz.c"
+
+
+@pytest.fixture(scope="session")
+def fuzzer(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    compiler = find_compiler()
+    if compiler is None:
+        pytest.skip("no C compiler: the drone's code in C cannot be tested")
+    folder, core = tmp_path_factory.mktemp("fuzz"), SOURCES / "core"
+    (folder / "vehicle_constants.h").write_text(vehicle_header(VEHICLE))
+    (folder / "good.bundle").write_bytes(BUNDLE)
+    sources = [str(FUZZER), *map(str, sorted(core.glob("*.c")))]
+    command = [compiler, *FLAGS, *SANITIZERS, f"-I{core}", f"-I{folder}", *sources, "-lm", "-o", "fuzz"]
+    made = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    if made.returncode != 0 and "-lasan" in made.stderr:
+        pytest.skip("this compiler has no sanitizers (Debian: apt install libgcc-12-dev)")
+    assert made.returncode == 0, made.stderr
+    return folder / "fuzz"
+
+
+def fuzz(fuzzer: Path, kind: str, cases: int) -> list[int]:
+    """Steps that ended in each state of the landing machine."""
+    command = [str(fuzzer), kind, str(cases), os.environ.get("SEED", "1"), "good.bundle"]
+    run = subprocess.run(command, cwd=fuzzer.parent, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    return [int(number) for number in run.stdout.split()]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_sample(fuzzer: Path, kind: str) -> None:
+    fuzz(fuzzer, kind, SAMPLE)
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_million_cases(fuzzer: Path, kind: str) -> None:
+    counts = fuzz(fuzzer, kind, LONG)
+    if kind == "sequences":
+        assert all(counts[state] > 0 for state in LandingState), counts
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(1800)
+def test_the_other_tests_under_the_sanitizers() -> None:
+    """Parity and histories once more, in a Python that begins with the sanitizer's library."""
+    compiler = find_compiler()
+    if compiler is None:
+        pytest.skip("no C compiler")
+    said = subprocess.run(
+        [compiler, "-print-file-name=libasan.so"], capture_output=True, text=True, check=True
+    )
+    library = said.stdout.strip()
+    if not Path(library).is_absolute():
+        pytest.skip("this compiler has no sanitizers")
+    environment = os.environ | {
+        "LD_PRELOAD": library,
+        "ASAN_OPTIONS": "detect_leaks=0",
+        "PERCHHW_SANITIZE": " ".join(SANITIZERS),
+    }
+    files = ["test_policy_parity.py", "test_law_parity.py", "test_histories.py"]
+    command = [sys.executable, "-m", "pytest", "-q", *(str(Path(__file__).with_name(name)) for name in files)]
+    run = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stdout + run.stderr
