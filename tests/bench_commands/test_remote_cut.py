@@ -11,6 +11,7 @@ import pytest
 from calibration.bench.instruments.motor_stand import UNLOCK_PHRASE
 from calibration.bench.instruments.supply_keeper import HANG_S
 from calibration.bench.procedures.motors import HAND_PHRASE
+from onboard.app_interface import MOTOR_TOKEN_MS
 from onboard.link.uri import SILENCE_LIMIT
 from perchhw.lab_process import SimulatedLab
 from tests.bench_commands.conftest import Bench, command, run
@@ -68,6 +69,19 @@ def test_without_a_supply_they_run_on_as_the_operator_was_told(bench: Bench, tmp
         begin = spin_record(hands)["spins"][-1]["longest_silence"]
         until(lambda: spin_record(hands)["spins"][-1]["longest_silence"] > begin + 3.0, PATIENCE_S)
         assert turning(hands)
+
+
+@pytest.mark.soak  # the drone's patience is a quarter of a second: a very busy machine stops the wizard first
+def test_our_app_on_the_drone_stops_the_motors_of_a_host_that_died(bench: Bench, tmp_path: Path) -> None:
+    served = bench(pace=1)
+    hands = served.ready["bench"]["hands"]
+    changes = ("--no-remote-cut", "--confirm", HAND_PHRASE, "--drone", served.drones[0])
+    with turning_wizard(served, tmp_path, *changes) as wizard:
+        before = spin_record(hands)["now"]
+        wizard.kill()
+        until(lambda: not turning(hands), PATIENCE_S)
+    last = spin_record(hands)["spins"][-1]
+    assert last["stopped"] - before < 1e-3 * MOTOR_TOKEN_MS + 0.2
 
 
 @pytest.mark.parametrize(

@@ -1,12 +1,13 @@
 """Turns the motors of a clamped drone, and stops them on every way out.
 
 The firmware's parameters ``motorPowerSet.*`` override everything, the supervisor and its emergency stop
-included, and no watchdog of the drone ends them: a host that dies leaves the motors running. So the stand
-stops them itself: at the end of its ``with`` block whatever the reason, when nobody renews within 0.4 s, when
-the drone is silent for 0.35 s (both times :attr:`onboard.link.DroneLink.patience`), when an instrument is
-lost. When the link is lost only the power is left: a supply is switched off, and the drone's processor is
-restarted through its radio chip. And when the host itself dies or hangs, only somebody else can switch the
-supply off: without a :class:`RemoteCut` nothing turns, unless the operator does without.
+included, and no watchdog of the stock firmware ends them: a host that dies leaves the motors running (our app
+on the drone ends that: :mod:`calibration.bench.instruments.motor_token`). So the stand stops them itself: at
+the end of its ``with`` block whatever the reason, when nobody renews within 0.4 s, when the drone is silent
+for 0.35 s (both times :attr:`onboard.link.DroneLink.patience`), when an instrument is lost. When the link is
+lost only the power is left: a supply is switched off, and the drone's processor is restarted through its
+radio chip. And when the host itself dies or hangs, only somebody else can switch the supply off: without a
+:class:`RemoteCut` nothing turns, unless the operator does without.
 
 >>> with MotorStand(drone, remote_cut=kept_supply) as stand:        # doctest: +SKIP
 ...     stand.unlock("props guarded, drone clamped")
@@ -28,6 +29,7 @@ from calibration.bench.instruments.errors import (
     MotorsNotStopped,
     MotorsRefused,
 )
+from calibration.bench.instruments.motor_token import MotorToken
 from calibration.bench.instruments.supply_keeper import HANG_S
 from onboard.clock import Clock, monotonic
 from onboard.closing import Closing
@@ -137,6 +139,7 @@ class MotorStand(Closing):
         self._turning = False
         self._failure: PerchhwError | None = None
         self._renewed = clock()
+        self._token = MotorToken(drone, lambda: self._turning, clock)
         self._closing = threading.Event()
         self._watch = threading.Thread(target=self._watch_motors, name="MotorStand", daemon=True)
         self._watch.start()
@@ -241,6 +244,7 @@ class MotorStand(Closing):
             return
         self._closing.set()
         self._watch.join()
+        self._token.close()
         self._halted = True
         try:
             report = self.stop("the end of the test")
@@ -260,9 +264,10 @@ class MotorStand(Closing):
         if self._halted:
             raise MotorsRefused(f"the motors are locked: unlock them with {UNLOCK_PHRASE!r}")
         self._renewed = self._clock()
-        self._turning = True
         self._off = False
         try:
+            self._token.begin()
+            self._turning = True
             for motor, value in values.items():
                 self._drone.set_param(f"motorPowerSet.m{motor}", value)
             self._raise_failure()
@@ -334,6 +339,7 @@ class MotorStand(Closing):
     def _check_all(self) -> None:
         for check in self._checks:
             check()
+        self._token.check()
 
     def _raise_failure(self) -> None:
         if self._failure is not None:
