@@ -143,9 +143,6 @@ class View(Structure):
     _fields_: ClassVar[Fields] = [
         ("outputs", Outputs),
         ("snapshot", Snapshot),
-        ("own_attitude", Quaternion),
-        ("consumed", c_uint32),
-        ("live_crc", c_uint32),
     ]
 
 

@@ -13,9 +13,6 @@ void perch_host_step(perch_core *core, const perch_inputs *in, perch_view *view)
   perch_step(core, in);
   view->outputs = core->outputs;
   view->snapshot = core->landing.snapshot;
-  view->own_attitude = core->landing.attitude;
-  view->consumed = core->consumed;
-  view->live_crc = perch_live_crc(core);
 }
 
 perch_policy_status perch_host_policy(const perch_bank *bank, uint32_t length, uint32_t n, const perch_cues *cues,

@@ -8,9 +8,6 @@
 typedef struct {
   perch_outputs outputs;
   perch_snapshot snapshot;
-  perch_quaternion own_attitude;
-  uint32_t consumed;
-  uint32_t live_crc;
 } perch_view;
 
 /* Bytes of a core, inputs, view and recorder: what the other side must believe, too. */
