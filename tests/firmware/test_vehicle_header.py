@@ -77,8 +77,6 @@ def test_c_and_the_host_have_the_same_numbers() -> None:
         name = "ARMED_STATUS" if status is app_interface.TrajectoryStatus.ARMED else status.name
         expected[f"PERCH_TRAJECTORY_{name}"] = int(status)
     expected |= {
-        "PERCH_ENGINE_C": int(app_interface.Engine.C),
-        "PERCH_REQUEST_TIMEOUT_MS": app_interface.REQUEST_TIMEOUT_MS,
         "PERCH_INTERFACE_VERSION": app_interface.INTERFACE_VERSION,
         "PERCH_MAX_VECTORS": model.MAX_SUPPORT_VECTORS,
         "PERCH_MAX_LAYERS": model.MAX_LAYERS,

@@ -4,10 +4,6 @@
 
 /* Of the parameters, logs and memory. */
 #define PERCH_INTERFACE_VERSION 2
-/* perch.engine of a drone that runs this code. */
-#define PERCH_ENGINE_C 1
-/* Longest wait (ms) of a parameter's callback for the control loop. */
-#define PERCH_REQUEST_TIMEOUT_MS 20
 
 /* Support vectors of a policy: what the 1 kHz loop has time for (docs/policy_bundle.md). */
 #define PERCH_MAX_VECTORS 250
