@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numba.core.dispatcher import Dispatcher
 
-from onboard.app_interface import LandingState, Parameter, PolicyStatus, TrajectoryStatus
+from onboard.app_interface import Engine, LandingState, Parameter, PolicyStatus, TrajectoryStatus
 from onboard.landing.state_machine import EndReason
 from onboard.policy.bundle import MAX_BUNDLE_BYTES, bundle_crc32, encode_bundle
 from onboard.policy.files import import_authors_policy
@@ -17,6 +17,7 @@ from onboard.room import RoomGeometry
 from onboard.trajectory import ApproachPlan, fit_approach, plan_approach
 from onboard.vehicle import load_vehicle
 from sim_backend.crazyflie.supervisor import State
+from sim_backend.engine_name import EngineName
 from sim_backend.warm_up import warm_up
 from tests.sim_crazyflie.simulated_flight import LEGS, VEHICLE, Flight
 from tests.sim_crazyflie.small_policy import small_policy
@@ -130,6 +131,13 @@ def test_refused_commit_keeps_the_previous_policy(
     assert flight.param(Parameter.POLICY_ACTIVE_CRC) == zlib.crc32(other)
     assert flight.firmware.app is not None
     assert flight.firmware.engine.has_policy
+
+
+def test_the_drone_says_which_code_it_runs(either_engine: EngineName) -> None:
+    flight = Flight()
+    assert Engine(int(flight.param(Parameter.ENGINE))).name.lower() == either_engine
+    flight.firmware.reboot()
+    assert Engine(int(flight.param(Parameter.ENGINE))).name.lower() == either_engine
 
 
 def test_nothing_is_accepted_while_flying() -> None:
