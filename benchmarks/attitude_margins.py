@@ -51,7 +51,10 @@ def vehicle_with(lag: Lag, delay: float) -> Vehicle:
 
 def without_lead(gains: ControllerGains) -> ControllerGains:
     """The gains as they were before the law had a lead, for the 38.1 g vehicle of the paper."""
-    return gains._replace(kr_xy=0.012, kw_xy=0.0021, kr_z=0.003, kw_z=0.001, lead_zero=0.0, lead_pole=0.0)
+    return gains._replace(
+        kp_xy=0.4, kd_xy=0.32,
+        kr_xy=0.012, kw_xy=0.0021, kr_z=0.003, kw_z=0.001, lead_zero=0.0, lead_pole=0.0,
+    )  # fmt: skip
 
 
 def rms(rows: list[Any]) -> float:

@@ -30,6 +30,7 @@ VERBS: dict[str, Verb] = {
         "perchhw.cli.demo", "Fly approaches in a simulated lab, from policy to report.", group=False
     ),
     "sim": Verb("perchhw.cli.sim", "Serve the simulated lab, drone, mocap room or bench until interrupted."),
+    "doctor": Verb("perchhw.cli.doctor", "Say what a flight lacks, and what to do about it.", group=False),
     "fly": Verb("perchhw.cli.fly", "Fly one supervised landing attempt.", group=False),
     "stop": Verb("perchhw.cli.stop", "Cut the motors of drones now, from any terminal.", group=False),
     "campaign": Verb("perchhw.cli.campaign", "Fly a grid of attempts; resume, status, report."),

@@ -140,7 +140,7 @@ def fly(
     # The commands of a log at 100 Hz are up to two samples late: softer than on board.
     stiff = controller_gains(believed)
     gains = stiff._replace(
-        kp_xy=0.5 * stiff.kp_xy, kd_xy=0.5 * stiff.kd_xy, kr_xy=0.72 * stiff.kr_xy, kw_xy=1.35 * stiff.kw_xy,
+        kp_xy=0.5 * stiff.kp_xy, kd_xy=0.5 * stiff.kd_xy, kr_xy=0.655 * stiff.kr_xy, kw_xy=1.05 * stiff.kw_xy,
         kr_z=0.3 * stiff.kr_z, kw_z=0.5 * stiff.kw_z,
     )  # fmt: skip
     _fly(state, p, gains, believed.motors.thrust_map_compiled(), setpoints, voltage, out, DT / fine, fine)

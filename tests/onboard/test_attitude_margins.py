@@ -20,9 +20,10 @@ from onboard.vehicle.attitude_margins import (
 )
 
 WITHOUT_LEAD = DEFAULT_GAINS._replace(
-    kr_xy=0.012, kw_xy=0.0021, kr_z=0.003, kw_z=0.001, lead_zero=0.0, lead_pole=0.0
-)
-"""The attitude gains before the law had a lead."""
+    kp_xy=0.4, kd_xy=0.32,
+    kr_xy=0.012, kw_xy=0.0021, kr_z=0.003, kw_z=0.001, lead_zero=0.0, lead_pole=0.0,
+)  # fmt: skip
+"""The gains before the law had a lead."""
 
 
 @pytest.mark.parametrize(

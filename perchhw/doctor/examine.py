@@ -1,0 +1,29 @@
+"""From readings to lines."""
+
+from perchhw.doctor import drone_checks, host_checks, mocap_checks
+from perchhw.doctor.finding import Finding, judged
+from perchhw.doctor.readings import DroneReadings, Readings
+
+
+def examine(readings: Readings) -> tuple[Finding, ...]:
+    """Every check that applies to what was asked for, in the order in which a person would look."""
+    found = [check(readings) for check in host_checks.CHECKS]
+    drone, mocap = readings.drone, readings.mocap
+    if isinstance(drone, DroneReadings):
+        found += [check(drone, readings) for check in drone_checks.CHECKS]
+    elif drone is not None:
+        found.append(_no_link(drone, readings.drone_uri or ""))
+    if mocap is not None:
+        found += [check(mocap, readings) for check in mocap_checks.CHECKS]
+    return tuple(finding for finding in found if finding is not None)
+
+
+def _no_link(problem: str, uri: str) -> Finding:
+    return judged(
+        "link",
+        False,
+        problem,
+        f"{uri} answers",
+        "nothing works without it",
+        "is it on, its battery charged, the address that of its own configuration?",
+    )
