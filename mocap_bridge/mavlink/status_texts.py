@@ -52,9 +52,6 @@ class StatusTexts:
             for part in _parts(text, LINE_BYTES - len("#65535 ")):
                 self._number = self._number % _NUMBERS + 1
                 self._repeating.append((now, 0, Line(severity, f"#{self._number} {part}", self._number)))
-        while self._once:
-            severity, text = self._once.popleft()
-            yield from (Line(severity, part, 0) for part in _parts(text, LINE_BYTES))
         for _ in range(len(self._repeating)):
             said, count, line = self._repeating.popleft()
             if now >= said + REPEATS_S[count]:
@@ -62,6 +59,9 @@ class StatusTexts:
                 count += 1
             if count < len(REPEATS_S):
                 self._repeating.append((said, count, line))
+        while self._once:
+            severity, text = self._once.popleft()
+            yield from (Line(severity, part, 0) for part in _parts(text, LINE_BYTES))
 
 
 def _parts(text: str, size: int) -> list[str]:

@@ -89,7 +89,7 @@ class MavlinkPoseStream:
             refused = f" ({count} packets refused)" if (count := self.statistics().refused) else ""
             raise PoseTimeout(
                 f"{self._uri}: no MAVLink arrives{refused}; is it sent to this port of this computer? "
-                "Without an address only this computer is heard; name the one to listen on, or 0.0.0.0 for all"
+                "Without an address only this computer is heard: name the one to listen on, or 0.0.0.0"
             )
         offered = tuple(self._systems)
         raise UnknownSubject(

@@ -7,6 +7,7 @@ is lost; who opens it again hears it from the beginning.
 
 import json
 import math
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
@@ -65,7 +66,7 @@ class RecordedPoseStream:
                 if channel.message_encoding != "json":
                     raise SourceUnusable(f"{self._uri}: {self._file} is no record of perchhw")
                 yield 1e-9 * message.log_time, json.loads(message.data)
-        except (McapError, ValueError, EOFError):
+        except (McapError, ValueError, EOFError, struct.error):
             return
 
     def read(self, timeout_s: float) -> PoseSample:

@@ -10,7 +10,7 @@ import threading
 from typing import Any
 
 from mavsdk import ComponentType, Configuration, Mavsdk
-from mavsdk.plugins.action import Action
+from mavsdk.plugins.action import Action, ActionError
 from mavsdk.plugins.telemetry import Telemetry
 
 _lock = threading.Lock()
@@ -47,7 +47,7 @@ def main(port: int) -> None:
                 try:
                     action.arm()
                     tell("arm", answer="done")
-                except Exception as error:
+                except ActionError as error:
                     tell("arm", answer=str(error))
 
 

@@ -1,4 +1,4 @@
-"""ENU and FLU to NED and FRD, held against rotation matrices and against MAVSDK's own arithmetic elsewhere."""
+"""ENU and FLU to NED and FRD, held against rotation matrices."""
 
 import math
 
@@ -19,7 +19,7 @@ coordinate = st.floats(-50.0, 50.0)
 vectors = st.tuples(coordinate, coordinate, coordinate)
 quaternions = (
     st.tuples(*[st.floats(-1.0, 1.0)] * 4)
-    .filter(lambda q: 0.1 < math.hypot(*q))
+    .filter(lambda q: math.hypot(*q) > 0.1)
     .map(lambda q: tuple(v / math.hypot(*q) for v in q))
 )
 
@@ -36,9 +36,7 @@ def test_level_and_facing_east_is_a_yaw_of_ninety_degrees() -> None:
 
 def test_nose_up_is_a_positive_pitch_and_left_turns_lessen_the_yaw() -> None:
     nose_up = (0.0, math.sin(-0.1), 0.0, math.cos(-0.1))  # about the body's left axis, downwards
-    assert euler_zyx(swap_attitude(nose_up))[1] == np.float64(0.2).round(12) or math.isclose(
-        euler_zyx(swap_attitude(nose_up))[1], 0.2
-    )
+    assert math.isclose(euler_zyx(swap_attitude(nose_up))[1], 0.2)
     left = (0.0, 0.0, math.sin(0.1), math.cos(0.1))
     assert math.isclose(euler_zyx(swap_attitude(left))[2], math.pi / 2.0 - 0.2)
 

@@ -45,39 +45,37 @@ def showing(telemetry: MavlinkTelemetry) -> Iterator[None]:
 
 @needs_mavsdk
 def test_mavsdk_sees_the_flight_and_may_not_arm_it() -> None:
-    with MavsdkGround() as ground:
-        with MavlinkTelemetry(MavlinkAddress("127.0.0.1", ground.port, None)) as telemetry:
-            telemetry.set_voltage(3.812)
-            telemetry.set_state(4, armed=True)
-            with showing(telemetry):
-                ground.until("ready")
-                seen = ground.until("position")
-                np.testing.assert_allclose(seen["position"], (-2.5, 1.25, -0.75), atol=1e-6)
-                np.testing.assert_allclose(seen["velocity"], (0.2, 0.1, 0.3), atol=1e-6)
-                w, x, y, z = ground.until("attitude")["wxyz"]
-                axes = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-                ours = Rotation.from_euler("ZYX", (0.4, -0.3, 0.2)).as_matrix()
-                expected = axes @ ours @ np.diag([1.0, -1.0, -1.0])
-                between = Rotation.from_matrix(expected).inv() * Rotation.from_quat((x, y, z, w))
-                assert math.degrees(between.magnitude()) < 1e-3
-                battery = ground.until("battery", lambda line: line["volts"] > 0.0)
-                assert battery["volts"] == pytest.approx(3.812, abs=1e-3)
-                ground.until("armed", lambda line: line["armed"])
-                telemetry.say("link_lost: no answer for 1.0 s", 2, safety=True)
-                ground.until("text", lambda line: line["text"] == "#1 link_lost: no answer for 1.0 s")
-                ground.ask("arm")
-                answer = ground.until("arm")["answer"]
-                assert "DENIED" in answer.upper()
-                assert not telemetry._endpoint.lost
+    axes = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+    ours = Rotation.from_euler("ZYX", (0.4, -0.3, 0.2)).as_matrix()
+    expected = Rotation.from_matrix(axes @ ours @ np.diag([1.0, -1.0, -1.0]))
+    with (
+        MavsdkGround() as ground,
+        MavlinkTelemetry(MavlinkAddress("127.0.0.1", ground.port, None)) as telemetry,
+        showing(telemetry),
+    ):
+        telemetry.set_voltage(3.812)
+        telemetry.set_state(4, armed=True)
+        ground.until("ready")
+        seen = ground.until("position")
+        np.testing.assert_allclose(seen["position"], (-2.5, 1.25, -0.75), atol=1e-6)
+        np.testing.assert_allclose(seen["velocity"], (0.2, 0.1, 0.3), atol=1e-6)
+        w, x, y, z = ground.until("attitude")["wxyz"]
+        assert math.degrees((expected.inv() * Rotation.from_quat((x, y, z, w))).magnitude()) < 1e-3
+        battery = ground.until("battery", lambda line: line["volts"] > 0.0)
+        assert battery["volts"] == pytest.approx(3.812, abs=1e-3)
+        ground.until("armed", lambda line: line["armed"])
+        telemetry.say("link_lost: no answer for 1.0 s", 2, safety=True)
+        ground.until("text", lambda line: line["text"] == "#1 link_lost: no answer for 1.0 s")
+        ground.ask("arm")
+        assert "DENIED" in ground.until("arm")["answer"].upper()
 
 
 @needs_mavsdk
 def test_words_of_the_refusal_reach_whoever_commanded() -> None:
-    with MavsdkGround() as ground:
-        with MavlinkTelemetry(MavlinkAddress("127.0.0.1", ground.port, None)):
-            ground.until("ready")
-            ground.ask("arm")
-            ground.until("text", lambda line: line["text"].startswith("refused COMMAND_LONG 400"))
+    with MavsdkGround() as ground, MavlinkTelemetry(MavlinkAddress("127.0.0.1", ground.port, None)):
+        ground.until("ready")
+        ground.ask("arm")
+        ground.until("text", lambda line: line["text"].startswith("refused COMMAND_LONG 400"))
 
 
 @pytest.mark.parametrize(
