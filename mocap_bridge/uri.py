@@ -69,6 +69,15 @@ SCHEMES: dict[str, MocapScheme] = {
         is_file=True,
         live=False,
     ),
+    **{
+        f"motioncapture+{kind}": MocapScheme(
+            opener="mocap_bridge.sources.motioncapture.open_motioncapture",
+            port=port,
+            example=f"motioncapture+{kind}://192.168.1.10?subject=cf1",
+            needs_host=True,
+        )
+        for kind, port in (("optitrack", 1510), ("qualisys", 22222), ("vicon", 801), ("vrpn", 3883))
+    },
 }
 """Every mocap source, by the scheme of its addresses; ports from the vendor's manuals."""
 
