@@ -57,7 +57,8 @@ class MotionCaptureStream:
         self._uri, self._clock = uri, clock
         self._kind = uri.scheme.removeprefix(PREFIX)
         module = "mocap_bridge.sources.motioncapture_child"
-        self._said = tempfile.TemporaryFile()  # not a pipe: one that nobody empties would stop the child
+        # Not a pipe: one that nobody empties would stop the child.
+        self._said = tempfile.TemporaryFile()  # noqa: SIM115
         self._child = subprocess.Popen(
             [sys.executable, "-m", module, self._kind, json.dumps(_settings(uri)), uri.subject],
             stdin=subprocess.PIPE,

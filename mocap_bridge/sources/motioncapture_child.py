@@ -3,8 +3,8 @@
     python -m mocap_bridge.sources.motioncapture_child TYPE '{"hostname": "..."}' SUBJECT
 
 A line is ``{"t": receipt time, "names": [...], "pose": [x, y, z, qx, qy, qz, qw] or null}``. The library
-never returns from `connect` where nobody answers, and spins when a server ends, so it lives here, where it can be
-killed; and it dies with whoever started it.
+never returns from `connect` where nobody answers, and spins when a server ends, so it lives here, where it
+can be killed; and it dies with whoever started it.
 """
 
 import ctypes
