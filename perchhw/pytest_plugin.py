@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from onboard.link import DroneLink
     from perchhw.lab_process import SimulatedLab
     from perchhw.testing import Lab, SimulatedDrone, StageProcess
+    from perchhw.testing.instant import InstantLab
 
 _CONNECT_TIMEOUT_S = 60.0
 _CLOSE_TIMEOUT_S = 2.0
@@ -60,8 +61,8 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Any:
     """Say in the report of a test that failed where its lab's record is."""
     report = yield
-    lab = getattr(item, "funcargs", {}).get("lab")
-    if lab is not None and report.when == "call" and report.failed:
+    used = getattr(item, "funcargs", {})
+    if ("lab" in used or "instant_lab" in used) and report.when == "call" and report.failed:
         place = _record_of(item)
         item.stash[_FAILED] = place
         report.sections.append(("simulated lab", f"record: {place}"))
@@ -94,8 +95,6 @@ def lab(
 
     ``@pytest.mark.crazyflie(drones=3, seed=7, ...)`` says what it has.
     """
-    import shutil
-
     from perchhw.testing import Lab, StageProcess
 
     options = _options(request.node)
@@ -106,7 +105,14 @@ def lab(
     with ExitStack() as stack:
         stack.callback(lab.close)
         yield lab
-    kept = request.node.stash.get(_FAILED, None)
+    _keep_record(request.node, lab)
+
+
+def _keep_record(item: pytest.Item, lab: "Lab") -> None:
+    """Keep what was recorded of a test that failed."""
+    import shutil
+
+    kept = item.stash.get(_FAILED, None)
     if kept is not None:
         shutil.rmtree(kept, ignore_errors=True)
         shutil.copytree(lab.folder, kept)
@@ -124,6 +130,23 @@ def _options(item: pytest.Item) -> dict[str, Any]:
             f"{item.nodeid}: the marker {_MARKER} knows no {unknown[0]!r}, but {', '.join(sorted(_OPTIONS))}"
         )
     return options
+
+
+@pytest.fixture
+def instant_lab(
+    request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator["InstantLab"]:
+    """A fresh lab in this process, for cflib: time stands still but for packets and ``run_for``, and
+    ``time.sleep`` on the main thread lets the lab's time pass."""
+    import time
+
+    from perchhw.testing.instant import InstantLab
+
+    lab = InstantLab(tmp_path / "instant-lab", **_options(request.node))
+    monkeypatch.setattr(time, "sleep", lab.sleep)
+    yield lab
+    lab.close()
+    _keep_record(request.node, lab)
 
 
 @pytest.fixture

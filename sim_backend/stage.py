@@ -18,24 +18,17 @@ import gc
 import json
 import os
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from onboard.errors import PerchhwError
-from onboard.supervisor_info import SupervisorInfo
 from onboard.vehicle import load_vehicle
+from sim_backend.acts import Acts
 from sim_backend.errors import SimulationError
 from sim_backend.faults import parse_faults
 from sim_backend.lab import Lab, LabSettings
 from sim_backend.warm_up import ANY_VEHICLE, warm_up
-from sim_backend.world import Drone
 
-_UPSIDE_DOWN = (1.0, 0.0, 0.0, 0.0)
-_TUMBLE_RATE = (15.0, 0.0, 0.0)
-_CLEAR_OF_THE_FLOOR = 0.15
 _WAIT_S = 0.005
 _LABS_A_COLLECTION = 32
 
@@ -58,8 +51,8 @@ class Stage:
         self._lab: Lab | None = None
         self._stop = asyncio.Event()
         self._living: asyncio.Task[None] | None = None
-        self._later: set[asyncio.Task[None]] = set()
-        self._loss: list[float] = []
+        self._acts: Acts | None = None
+        self._timekeeper: asyncio.Task[None] | None = None
         self._closed = 0
 
     async def do(self, command: Command) -> dict[str, Any]:
@@ -72,11 +65,11 @@ class Stage:
             case "open":
                 return await self._open(command)
             case "look":
-                return self._look()
+                return self._open_acts.look()
             case "drone":
-                self._act(command)
+                self._open_acts.act(command["index"], command["act"], command.get("value"))
             case "poses":
-                self._pose(command)
+                self._open_acts.pose(command["running"], command["shift"], command["turn"])
             case "close":
                 await self.close()
             case other:
@@ -107,7 +100,8 @@ class Stage:
             await lab.close()
             raise
         self._lab = lab
-        self._loss = [link.loss for link in lab.links]
+        self._acts = Acts(lab.world, lab.links, lab.poses)
+        self._timekeeper = asyncio.create_task(self._keep_time(self._acts))
         self._stop = asyncio.Event()
         self._living = asyncio.create_task(lab.run(self._stop))
         line = lab.ready()
@@ -115,10 +109,9 @@ class Stage:
 
     async def close(self) -> None:
         """End the lab that is open, if there is one."""
-        for task in self._later:
-            task.cancel()
-        self._later.clear()
-        lab, self._lab = self._lab, None
+        if self._timekeeper is not None:
+            self._timekeeper.cancel()
+        lab, self._lab, self._acts = self._lab, None, None
         if lab is None:
             return
         self._stop.set()
@@ -130,97 +123,17 @@ class Stage:
             gc.unfreeze()  # a lab that begins freezes what there is, so that what earlier ones left stays
 
     @property
-    def _open_lab(self) -> Lab:
-        if self._lab is None:
+    def _open_acts(self) -> Acts:
+        if self._acts is None:
             raise StageError("no lab is open")
         if self._living is not None and self._living.done():
             self._living.result()  # why it has ended
-        return self._lab
+        return self._acts
 
-    def _look(self) -> dict[str, Any]:
-        world = self._open_lab.world
-        return {"t": world.time, "dropped": world.dropped, "drones": [_truth(d) for d in world.drones]}
-
-    def _pose(self, command: Command) -> None:
-        poses = self._open_lab.poses
-        if poses is None:
-            raise StageError("this lab sends no poses: it was opened without")
-        poses.running, poses.turn = bool(command["running"]), float(command["turn"])
-        x, y, z = (float(value) for value in command["shift"])
-        poses.shift = (x, y, z)
-
-    def _act(self, command: Command) -> None:
-        lab, index, value = self._open_lab, int(command["index"]), command.get("value")
-        drone = lab.world.drones[index]
-        acts: dict[str, Callable[[], object]] = {
-            "loss": lambda: self._lose(index, float(value or 0.0)),
-            "freeze": lambda: setattr(drone, "frozen", True),
-            "thaw": lambda: self._wake(index),
-            "reboot": drone.firmware.reboot,
-            "brown_out": lambda: self._brown_out(index, float(value or 0.0)),
-            "tumble": lambda: _tumble(drone),
-        }
-        act = acts.get(command["act"])
-        if act is None:
-            raise StageError(f"no act {command['act']!r}; known: {', '.join(acts)}")
-        if self._parked and command["act"] == "tumble":
-            raise StageError("a parked drone cannot tumble: ask for one that flies")
-        act()
-
-    def _lose(self, index: int, probability: float) -> None:
-        self._loss[index] = self._open_lab.links[index].loss = probability
-
-    def _wake(self, index: int) -> None:
-        drone = self._open_lab.world.drones[index]
-        drone.frozen = drone.dead = False
-        self._open_lab.links[index].loss = self._loss[index]
-
-    def _brown_out(self, index: int, seconds: float) -> None:
-        """No power for so long, then a boot."""
-        lab = self._open_lab
-        drone = lab.world.drones[index]
-        drone.dead = True
-        drone.firmware.power_off()
-        until = lab.world.time + seconds
-
-        async def come_back() -> None:
-            while lab.world.time < until:
-                await asyncio.sleep(_WAIT_S)
-            drone.firmware.reboot()
-            self._wake(index)
-
-        task = asyncio.create_task(come_back())
-        self._later.add(task)
-        task.add_done_callback(self._later.discard)
-
-
-def _tumble(drone: Drone) -> None:
-    """Turn it upside down, rolling on: what a hit does to it."""
-    state = drone.state
-    state["quaternion"][:] = _UPSIDE_DOWN
-    state["omega"][:] = _TUMBLE_RATE
-    state["position"][2] = max(float(state["position"][2]), _CLEAR_OF_THE_FLOOR)
-
-
-def _truth(drone: Drone) -> dict[str, Any]:
-    state, firmware = drone.state, drone.firmware
-    info = SupervisorInfo(firmware.supervisor_info())
-    return {
-        "position": np.asarray(state["position"]).tolist(),
-        "velocity": np.asarray(state["velocity"]).tolist(),
-        "quaternion": np.asarray(state["quaternion"]).tolist(),
-        "rates": np.asarray(state["omega"]).tolist(),
-        "motors": firmware.ratios.tolist(),
-        "voltage": float(state["battery_voltage"]),
-        "feet": int(np.asarray(state["foot_attached"]).sum()),
-        "powered": bool(firmware.running),
-        "ready": info.can_arm,
-        "armed": info.is_armed,
-        "flying": info.is_flying,
-        "tumbled": info.is_tumbled,
-        "locked": info.is_locked,
-        "boots": firmware.boot_count,
-    }
+    async def _keep_time(self, acts: Acts) -> None:
+        while True:
+            acts.due()
+            await asyncio.sleep(_WAIT_S)
 
 
 async def serve(parked: bool) -> None:

@@ -24,10 +24,10 @@ def blocks() -> list[str]:
 
 @pytest.mark.slow
 def test_the_page_is_true(pytester: pytest.Pytester) -> None:
-    whole, markers = blocks()
+    whole, markers, instant = blocks()
     assert len(whole.splitlines()) <= 42
-    pytester.makepyfile(test_flight=whole, test_markers=markers)
-    pytester.runpytest_subprocess(*STRICT).assert_outcomes(passed=4)
+    pytester.makepyfile(test_flight=whole, test_markers=markers, test_instant=instant)
+    pytester.runpytest_subprocess(*STRICT).assert_outcomes(passed=5)
 
 
 def test_it_says_all_that_there_is() -> None:

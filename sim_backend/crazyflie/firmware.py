@@ -177,7 +177,7 @@ class Firmware:
         setpoint = self._commanded(tick)
         self._supervise(tick, setpoint)
         self._control(tick, self._overridden(setpoint))
-        self._run_parameter_task()
+        self.run_parameter_task()
         return self._duties
 
     def idle(self, terminal_voltage: float) -> None:
@@ -192,9 +192,9 @@ class Firmware:
             info = self.high_level.info_bits(self._tick * DT)
             self.supervisor.update(self._tick, (0.0, 0.0, 1.0), False, 0, info)
             self._console += self.supervisor.take_console()
-        self._run_parameter_task()
+        self.run_parameter_task()
 
-    def _run_parameter_task(self) -> None:
+    def run_parameter_task(self) -> None:
         """The parameter task runs when the loop above, of higher priority, sleeps."""
         try:
             self.params.run_callback()
