@@ -24,6 +24,7 @@ from typing import Any
 from onboard.errors import PerchhwError
 from onboard.vehicle import load_vehicle
 from sim_backend.acts import Acts
+from sim_backend.engine_name import usable_engine
 from sim_backend.errors import SimulationError
 from sim_backend.faults import parse_faults
 from sim_backend.lab import Lab, LabSettings
@@ -162,7 +163,7 @@ def main() -> None:
     """Entry point of the process."""
     parked = sys.argv[1:] == ["parked"]
     if not parked:
-        warm_up(load_vehicle(ANY_VEHICLE))
+        warm_up(load_vehicle(ANY_VEHICLE), usable_engine(None))
     asyncio.run(serve(parked))
 
 

@@ -15,8 +15,8 @@ from onboard.arrays import Quaternion, Vector
 from onboard.room import RoomGeometry
 from onboard.vehicle import Battery, Vehicle
 from sim_backend.crazyflie.firmware import Firmware
-from sim_backend.engine_name import EngineName
 from sim_backend.crazyflie.interfaces import Localization
+from sim_backend.engine_name import EngineName
 from sim_backend.errors import SimulationError
 from sim_backend.faults import DroneFaults
 from sim_backend.physics.effects.sensors import tracked_attitude, tracked_position

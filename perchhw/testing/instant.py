@@ -20,6 +20,7 @@ from perchhw.testing.lab import TRUTH_FILE, Lab, LabWaitTimeout, SimulatedDrone
 from sim_backend.acts import Acts
 from sim_backend.crazyflie.faults import DatagramFaults
 from sim_backend.crazyflie.server import CrazyflieServer
+from sim_backend.engine_name import usable_engine
 from sim_backend.faults import parse_faults
 from sim_backend.pose_feed import PoseFeed
 from sim_backend.truth import TruthRecorder
@@ -85,9 +86,9 @@ class InstantLab(Lab):
         poses: bool = True,
         faults: Sequence[str] = (),
     ) -> None:
-        described = load_vehicle(vehicle, legs)
+        described, engine = load_vehicle(vehicle, legs), usable_engine(None)
         if (vehicle, legs) not in _prepared:
-            warm_up(described)
+            warm_up(described, engine)
             _prepared.add((vehicle, legs))
         self.lock = threading.RLock()
         self.folder, self.mocap = folder, []
@@ -96,7 +97,15 @@ class InstantLab(Lab):
         self._truth = TruthRecorder(folder / TRUTH_FILE)
         feed = PoseFeed() if poses else None
         wrong = parse_faults(faults).drone
-        self._world = World(described, drones=drones, seed=seed, faults=wrong, truth=self._truth, poses=feed)
+        self._world = World(
+            described,
+            drones=drones,
+            seed=seed,
+            faults=wrong,
+            truth=self._truth,
+            engine=engine,
+            poses=feed,
+        )
         self._links = [
             DatagramFaults(np.random.default_rng((seed, i)), loss=wrong.link_loss) for i in range(drones)
         ]
