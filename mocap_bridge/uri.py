@@ -150,8 +150,9 @@ def parse_mocap_uri(text: str) -> MocapUri:
 
 
 def is_live(text: str) -> bool:
-    """Whether what `text` gives happens now; MocapUriError as :func:`parse_mocap_uri`."""
-    return SCHEMES[parse_mocap_uri(text).scheme].live
+    """Whether what `text` gives happens now; also of what is no address, which others refuse."""
+    scheme = SCHEMES.get(text.partition("://")[0].lower())
+    return scheme is None or scheme.live
 
 
 def _path(text: str, parts: SplitResult, example: str) -> str:
