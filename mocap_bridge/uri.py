@@ -1,10 +1,10 @@
-"""Mocap URIs: ``vicon://HOST[:PORT]?subject=NAME`` and ``vicon-udp://[ADDRESS]:PORT?subject=NAME``.
+"""Mocap URIs, such as ``vicon://HOST[:PORT]?subject=NAME``; every kind is a row of :data:`SCHEMES`.
 
 A simulated lab that keeps its own time adds ``&time=HOST:PORT`` (:mod:`onboard.lab_time`).
 """
 
 from dataclasses import dataclass
-from urllib.parse import parse_qsl, quote, urlsplit
+from urllib.parse import SplitResult, parse_qsl, quote, unquote, urlsplit
 
 from mocap_bridge.errors import MocapUriError
 from onboard.lab_time.address import OPTION as TIME_OPTION
@@ -23,12 +23,20 @@ class MocapScheme:
         port: where the port is left out.
         example: a right one, for messages.
         needs_host: whether the host must be given; else :data:`LOOPBACK` is listened on.
+        subject: what is meant where the URI names no subject; None: it must.
+        options: what else may follow the question mark.
+        is_file: the address is the path of a file, without host and port.
+        live: what it gives happens now; nobody flies by anything else.
     """
 
     opener: str
     port: int
     example: str
     needs_host: bool
+    subject: str | None = None
+    options: tuple[str, ...] = ()
+    is_file: bool = False
+    live: bool = True
 
 
 SCHEMES: dict[str, MocapScheme] = {
@@ -44,6 +52,32 @@ SCHEMES: dict[str, MocapScheme] = {
         example="vicon-udp://:51001?subject=cf1",
         needs_host=False,
     ),
+    "mavlink": MocapScheme(
+        opener="mocap_bridge.sources.mavlink.open_mavlink",
+        port=14551,
+        example="mavlink://:14551?subject=1",
+        needs_host=False,
+        subject="any",
+        options=("key",),
+    ),
+    "file": MocapScheme(
+        opener="mocap_bridge.sources.recording.open_recording",
+        port=0,
+        example="file:///home/me/runs/RUN",
+        needs_host=False,
+        subject="recorded",
+        is_file=True,
+        live=False,
+    ),
+    **{
+        f"motioncapture+{kind}": MocapScheme(
+            opener="mocap_bridge.sources.motioncapture.open_motioncapture",
+            port=port,
+            example=f"motioncapture+{kind}://192.168.1.10?subject=cf1",
+            needs_host=True,
+        )
+        for kind, port in (("optitrack", 1510), ("qualisys", 22222), ("vicon", 801), ("vrpn", 3883))
+    },
 }
 """Every mocap source, by the scheme of its addresses; ports from the vendor's manuals."""
 
@@ -58,16 +92,27 @@ class MocapUri:
             ("0.0.0.0" is all of this computer's).
         port: TCP or UDP port.
         subject: name of the body.
+        path: of the file, where the scheme is of files.
+        options: further options, as (name, value).
     """
 
     scheme: str
     host: str
     port: int
     subject: str
+    path: str = ""
+    options: tuple[tuple[str, str], ...] = ()
+
+    def option(self, name: str) -> str | None:
+        """The value of a further option."""
+        return dict(self.options).get(name)
 
     def __str__(self) -> str:
+        if self.path:
+            return f"{self.scheme}://{quote(self.path)}?subject={quote(self.subject)}"
         host = f"[{self.host}]" if ":" in self.host else self.host
-        return f"{self.scheme}://{host}:{self.port}?subject={quote(self.subject)}"
+        further = "".join(f"&{name}={quote(value)}" for name, value in self.options)
+        return f"{self.scheme}://{host}:{self.port}?subject={quote(self.subject)}{further}"
 
 
 def parse_mocap_uri(text: str) -> MocapUri:
@@ -89,6 +134,9 @@ def parse_mocap_uri(text: str) -> MocapUri:
         known = ", ".join(scheme.example for scheme in SCHEMES.values())
         raise MocapUriError(f"mocap URI {text!r}: unknown scheme {parts.scheme!r}; write one of: {known}")
     example = scheme.example
+    subject = _subject(text, options, scheme)
+    if scheme.is_file:
+        return MocapUri(parts.scheme, "", 0, subject, _path(text, parts, example))
     if parts.username or parts.password or parts.path not in ("", "/") or parts.fragment:
         raise MocapUriError(
             f"mocap URI {text!r}: only host, port and ?subject= are allowed; write e.g. {example}"
@@ -97,17 +145,36 @@ def parse_mocap_uri(text: str) -> MocapUri:
         raise MocapUriError(f"mocap URI {text!r}: the host is missing; write e.g. {example}")
     if port == 0:
         raise MocapUriError(f"mocap URI {text!r}: port 0 is not an address; write e.g. {example}")
-    subject = _subject(text, options, example)
-    return MocapUri(parts.scheme, host or LOOPBACK, port or scheme.port, subject)
+    further = tuple((key, value) for key, value in options if key in scheme.options)
+    return MocapUri(parts.scheme, host or LOOPBACK, port or scheme.port, subject, options=further)
 
 
-def _subject(text: str, options: list[tuple[str, str]], example: str) -> str:
-    unknown = [key for key, _ in options if key not in ("subject", TIME_OPTION)]
+def is_live(text: str) -> bool:
+    """Whether what `text` gives happens now; also of what is no address, which others refuse."""
+    scheme = SCHEMES.get(text.partition("://")[0].lower())
+    return scheme is None or scheme.live
+
+
+def _path(text: str, parts: SplitResult, example: str) -> str:
+    """The path of a file: absolute, or as it is written after two slashes."""
+    path = unquote(parts.netloc + parts.path)
+    if not path or parts.fragment:
+        raise MocapUriError(f"mocap URI {text!r}: the path of a file is missing; write e.g. {example}")
+    return path
+
+
+def _subject(text: str, options: list[tuple[str, str]], scheme: MocapScheme) -> str:
+    known = ("subject", *scheme.options)
+    unknown = [key for key, _ in options if key not in (*known, TIME_OPTION)]
     if unknown:
-        raise MocapUriError(f"mocap URI {text!r}: unknown option {unknown[0]!r}; only subject is known")
+        raise MocapUriError(
+            f"mocap URI {text!r}: unknown option {unknown[0]!r}; only {' and '.join(known)} is known"
+        )
     names = [value for key, value in options if key == "subject"]
+    if not names and scheme.subject is not None:
+        return scheme.subject
     if len(names) != 1 or not names[0]:
-        raise MocapUriError(f"mocap URI {text!r}: name exactly one subject; write e.g. {example}")
+        raise MocapUriError(f"mocap URI {text!r}: name exactly one subject; write e.g. {scheme.example}")
     if len(names[0]) > SUBJECT_NAME_LIMIT or not names[0].isprintable():
         raise MocapUriError(
             f"mocap URI {text!r}: the subject is not a printable name of at most 100 characters"

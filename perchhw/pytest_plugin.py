@@ -10,7 +10,9 @@ is loaded, and no process started, before a test asks for a fixture.
 """
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -19,14 +21,18 @@ if TYPE_CHECKING:
 
     from onboard.link import DroneLink
     from perchhw.lab_process import SimulatedLab
+    from perchhw.testing import Lab, SimulatedDrone, StageProcess
+    from perchhw.testing.instant import InstantLab
 
 _CONNECT_TIMEOUT_S = 60.0
 _CLOSE_TIMEOUT_S = 2.0
 _ROOM_PORTS = ("--vicon-port", "0", "--vicon-udp-port", "0")
+_MARKER = "crazyflie"
+_OPTIONS = frozenset({"drones", "vehicle", "legs", "seed", "poses", "room", "faults", "flies"})
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add ``--crazyflie-uri``."""
+    """Add ``--crazyflie-uri`` and ``--crazyflie-records``."""
     group = parser.getgroup("perchhw", "Crazyflie")
     group.addoption(
         "--crazyflie-uri",
@@ -34,6 +40,125 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         default=None,
         help="run the tests that use a Crazyflie on this one instead of a simulated one (radio://..., usb://, udp://...)",
     )
+    group.addoption(
+        "--crazyflie-records",
+        metavar="DIR",
+        default=None,
+        help="folder for the records of tests that failed in a simulated lab (default: crazyflie-records)",
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Register the marker."""
+    config.addinivalue_line(
+        "markers",
+        f"{_MARKER}(drones=1, vehicle=..., legs=..., seed=0, poses=True, room=False, faults=(), flies=True): "
+        "what the fixtures lab, drone and drones give",
+    )
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Any:
+    """Say in the report of a test that failed where its lab's record is."""
+    report = yield
+    used = getattr(item, "funcargs", {})
+    if ("lab" in used or "instant_lab" in used) and report.when == "call" and report.failed:
+        place = _record_of(item)
+        item.stash[_FAILED] = place
+        report.sections.append(("simulated lab", f"record: {place}"))
+    return report
+
+
+_FAILED = pytest.StashKey[Path]()
+
+
+def _record_of(item: pytest.Item) -> Path:
+    root = item.config.getoption("--crazyflie-records")
+    name = "".join(c if c.isalnum() or c in "-_." else "_" for c in item.nodeid)
+    return (Path(root) if root else item.config.rootpath / "crazyflie-records") / name[-120:]
+
+
+@pytest.fixture(scope="session")
+def _stages() -> Iterator[dict[bool, "StageProcess"]]:
+    """The processes that serve labs, by whether their drones are parked; started when first needed."""
+    stages: dict[bool, StageProcess] = {}
+    yield stages
+    for stage in stages.values():
+        stage.close()
+
+
+@pytest.fixture
+def lab(
+    request: pytest.FixtureRequest, _stages: dict[bool, "StageProcess"], tmp_path: Path
+) -> Iterator["Lab"]:
+    """A fresh simulated lab for this test, in real time: ``drones``, faults of its poses, its time.
+
+    ``@pytest.mark.crazyflie(drones=3, seed=7, ...)`` says what it has.
+    """
+    from perchhw.testing import Lab, StageProcess
+
+    options = _options(request.node)
+    parked = not options.pop("flies", True)
+    if parked not in _stages:
+        _stages[parked] = StageProcess(parked).open()
+    lab = Lab(_stages[parked], tmp_path / "lab", **options)
+    with ExitStack() as stack:
+        stack.callback(lab.close)
+        yield lab
+    _keep_record(request.node, lab)
+
+
+def _keep_record(item: pytest.Item, lab: "Lab") -> None:
+    """Keep what was recorded of a test that failed."""
+    import shutil
+
+    kept = item.stash.get(_FAILED, None)
+    if kept is not None:
+        shutil.rmtree(kept, ignore_errors=True)
+        shutil.copytree(lab.folder, kept)
+
+
+def _options(item: pytest.Item) -> dict[str, Any]:
+    options: dict[str, Any] = {}
+    for marker in reversed(list(item.iter_markers(_MARKER))):  # the nearest one last
+        options.update(marker.kwargs)
+        if marker.args:
+            raise pytest.UsageError(f"{item.nodeid}: the marker {_MARKER} takes names, such as drones=2")
+    unknown = sorted(options.keys() - _OPTIONS)
+    if unknown:
+        raise pytest.UsageError(
+            f"{item.nodeid}: the marker {_MARKER} knows no {unknown[0]!r}, but {', '.join(sorted(_OPTIONS))}"
+        )
+    return options
+
+
+@pytest.fixture
+def instant_lab(
+    request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator["InstantLab"]:
+    """A fresh lab in this process, for cflib: time stands still but for packets and ``run_for``, and
+    ``time.sleep`` on the main thread lets the lab's time pass."""
+    import time
+
+    from perchhw.testing.instant import InstantLab
+
+    lab = InstantLab(tmp_path / "instant-lab", **_options(request.node))
+    monkeypatch.setattr(time, "sleep", lab.sleep)
+    yield lab
+    lab.close()
+    _keep_record(request.node, lab)
+
+
+@pytest.fixture
+def drone(lab: "Lab") -> "SimulatedDrone":
+    """The first drone of a fresh simulated lab: its ``uri``, the truth about it, faults."""
+    return lab.drones[0]
+
+
+@pytest.fixture
+def drones(lab: "Lab") -> list["SimulatedDrone"]:
+    """All drones of a fresh simulated lab."""
+    return lab.drones
 
 
 @pytest.fixture(scope="session")

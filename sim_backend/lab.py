@@ -15,7 +15,7 @@ import sys
 import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -28,6 +28,8 @@ from sim_backend.faults import Faults
 from sim_backend.lab_description import LabDescription, describe
 from sim_backend.lockstep import LabTraffic, LockStep
 from sim_backend.pace import REAL, Pace
+from sim_backend.parked import ParkedWorld
+from sim_backend.pose_feed import PoseFeed
 from sim_backend.real_time import RealTimeFactor
 from sim_backend.room.driven_feed import DrivenFeed
 from sim_backend.room.feed import FeedSender
@@ -56,6 +58,8 @@ class LabSettings:
         drone_port: UDP port of the first drone, the others follow; 0 takes free ones.
         with_drones: serve the drones; without, they rest on their start marks.
         with_room: serve the mocap room.
+        feed_poses: the lab sends the drones their poses, for clients that bring none.
+        parked: the drones never fly, and nothing is compiled; only in real time and without a room.
         vicon_port, vicon_udp_port: of the room; 0 takes free ones.
         truth: CSV file for the true state, or None.
         lab_file: where the lab file of this room is to be; None: in a temporary folder.
@@ -73,6 +77,8 @@ class LabSettings:
     drone_port: int = 19850
     with_drones: bool = True
     with_room: bool = True
+    feed_poses: bool = False
+    parked: bool = False
     vicon_port: int = 18801
     vicon_udp_port: int = 51001
     truth: Path | None = None
@@ -92,6 +98,8 @@ class Lab:
         world: the world, from :meth:`start` on.
         servers: one a drone, in their order.
         room: the room's process, or None.
+        links: the faults of each drone's link; may be changed while it lives.
+        poses: what sends the drones their poses, or None; may be changed while it lives.
     """
 
     def __init__(self, settings: LabSettings, clock: Clock = time.monotonic) -> None:
@@ -99,10 +107,11 @@ class Lab:
         self.servers: list[CrazyflieServer] = []
         self.room: RoomProcess | None = None
         self._clock = clock
-        self._links: list[DatagramFaults] = []
+        self.links: list[DatagramFaults] = []
+        self.poses = PoseFeed() if settings.feed_poses else None
         self._truth: TruthRecorder | None = None
         self._feed: FeedSender | None = None
-        self._traffic = LabTraffic(self.servers, self._links)
+        self._traffic = LabTraffic(self.servers, self.links)
         self._turns = TurnsServer(self._traffic, lambda: self.world.time, self.figures)
         self._factor = RealTimeFactor(clock)
         self._description = LabDescription(settings.lab_file)
@@ -117,14 +126,20 @@ class Lab:
             NoCompiler: the engine in C is asked for, and there is no compiler.
             CompilationFailed: it does not compile.
         """
+        self.load()
+        if self.settings.parked:
+            return
+        if is_first_start(self._engine):
+            _say("preparing the simulation (once, takes up to half a minute)")
+        warm_up(self._vehicle, self._engine)
+
+    def load(self) -> None:
+        """Read the vehicle alone, for a process that has compiled before; errors as :meth:`prepare`."""
         settings = self.settings
         self._engine = usable_engine(settings.engine)
         self._vehicle = load_vehicle(settings.vehicle, settings.legs)
         self._flashed = None if settings.flashed is None else load_vehicle(settings.flashed, settings.legs)
         RoomFaults.parse(self.settings.faults.room)  # refuses bad faults here, before a process is started
-        if is_first_start(self._engine):
-            _say("preparing the simulation (once, takes up to half a minute)")
-        warm_up(self._vehicle, self._engine)
 
     async def start(self) -> None:
         """Make everything accept connections.
@@ -148,7 +163,20 @@ class Lab:
             await self._open_feed(self.room)
         if settings.truth is not None:
             self._truth = TruthRecorder(settings.truth)
-        self.world = World(
+        self.world = self._world()
+        if settings.with_drones:
+            for index, drone in enumerate(self.world.drones):
+                await self._serve(index, drone)
+        await self._turns.start(settings.host)
+        gc.collect()
+        gc.freeze()  # what exists now stays: collections in flight have little to look at
+
+    def _world(self) -> World:
+        settings = self.settings
+        if settings.parked:
+            # To whoever serves it a world like any other, which nothing here tells from one that flies.
+            return cast(World, ParkedWorld(self._vehicle, drones=settings.drones, seed=settings.seed))
+        return World(
             self._vehicle,
             flashed=self._flashed,
             drones=settings.drones,
@@ -156,13 +184,8 @@ class Lab:
             faults=settings.faults.drone,
             truth=self._truth,
             engine=self._engine,
+            poses=self.poses,
         )
-        if settings.with_drones:
-            for index, drone in enumerate(self.world.drones):
-                await self._serve(index, drone)
-        await self._turns.start(settings.host)
-        gc.collect()
-        gc.freeze()  # what exists now stays: collections in flight have little to look at
 
     async def _open_feed(self, room: RoomProcess) -> None:
         host = self.settings.host
@@ -182,7 +205,7 @@ class Lab:
         server = CrazyflieServer(drone.firmware, settings.host, port, radio_id=radio_id, faults=link)
         await server.start()
         self.servers.append(server)
-        self._links.append(link)
+        self.links.append(link)
 
     def ready(self) -> dict[str, Any]:
         """The ready line: addresses, process ids, and the lab file, which is written now."""
@@ -256,7 +279,7 @@ class Lab:
 
     def _talk(self, now: float) -> None:
         """The drones send what has become due; one that hangs or has no power hears and says nothing."""
-        for drone, link, server in zip(self.world.drones, self._links, self.servers, strict=False):
+        for drone, link, server in zip(self.world.drones, self.links, self.servers, strict=False):
             if drone.silent:
                 link.loss = 1.0
             server.poll(now)

@@ -15,6 +15,7 @@ from onboard.arrays import Quaternion, Vector
 from onboard.room import RoomGeometry
 from onboard.vehicle import Battery, Vehicle
 from sim_backend.crazyflie.firmware import Firmware
+from sim_backend.crazyflie.interfaces import Localization
 from sim_backend.engine_name import EngineName
 from sim_backend.errors import SimulationError
 from sim_backend.faults import DroneFaults
@@ -23,6 +24,7 @@ from sim_backend.physics.parameters import PARAMETERS, physics_parameters
 from sim_backend.physics.reset import resting_on_floor
 from sim_backend.physics.state import STATE
 from sim_backend.physics.step import is_finite, step_first
+from sim_backend.pose_feed import PERIOD_TICKS, PoseFeed
 from sim_backend.truth import RATE_HZ, TruthRecorder
 
 Pose = tuple[Vector, Quaternion]
@@ -125,6 +127,11 @@ class Drone:
         self._to_be_placed = False
         self.placements += 1
 
+    @property
+    def localization(self) -> Localization:
+        """Where its poses go when the lab sends them."""
+        return self.firmware.localization
+
     def pose(self) -> tuple[str, Vector, Quaternion]:
         """Name, position (m) and quaternion (x, y, z, w) that the room sees, by the vehicle's effects."""
         position, quaternion = self._past[0] if self._past else self._tracked()
@@ -170,6 +177,7 @@ class World:
         faults: DroneFaults | None = None,
         truth: TruthRecorder | None = None,
         engine: EngineName = EngineName.REFERENCE,
+        poses: PoseFeed | None = None,
     ) -> None:
         """Build the world.
 
@@ -180,12 +188,14 @@ class World:
             drones, seed, faults: how many, their noise, and what goes wrong.
             truth: records the true states.
             engine: the code that their firmware runs.
+            poses: sends the drones their poses; None: their clients do.
         """
         room = room or RoomGeometry()
         self.ticks = 0
         self.dropped = 0.0
         self._faults = faults or DroneFaults()
         self._truth = truth
+        self._poses = poses
         parameters = physics_parameters(vehicle, room)
         used = _charge_used(vehicle.battery, self._faults.battery_voltage)
         bias = (np.array(self._faults.gyro_bias) + parameters["gyro_bias"]).tolist()
@@ -243,6 +253,8 @@ class World:
         if self.ticks % CHECK_PERIOD_TICKS == 0:
             for drone in self.drones:
                 drone.check()
+        if self._poses is not None and self.ticks % PERIOD_TICKS == 0:
+            self._poses.send(self.drones)
         if self._truth is not None and self.ticks % TRUTH_PERIOD_TICKS == 0:
             for drone in self.drones:
                 self._truth.record(self.time, drone.name, drone.state)

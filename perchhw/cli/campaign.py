@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from perchhw.cli.options import Lab
+from perchhw.cli.options import Lab, Mavlink
 from perchhw.cli.output import FlightDisplay, console, emit, progress_console
 
 if TYPE_CHECKING:
@@ -28,6 +28,7 @@ def run(
     out: Annotated[Path | None, typer.Option(help="Campaign folder; default: runs/campaign-NAME.")] = None,
     lab: Lab = None,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before each attempt.")] = False,
+    mavlink: Mavlink = None,
 ) -> int:
     """Fly the attempts of a campaign file, one after another, and write its report; or its test flights.
 
@@ -42,20 +43,21 @@ def run(
     from perchhw.campaign import CampaignStopped, check_approaches, load_plan, run_campaign
     from perchhw.campaign.courses import has_flights
     from perchhw.cli.prompts import confirmation
+    from perchhw.flight.ground_station import ground_station
     from perchhw.flight.turnaround import attempt_after_attempt
     from perchhw.lab import find_lab
     from perchhw.record.folder import slug
     from perchhw.report import write_campaign_report
 
     if has_flights(file):
-        return _fly_courses(file, lab, out, resume, yes)
+        return _fly_courses(file, lab, out, resume, yes, mavlink)
     plan = load_plan(file, find_lab(lab))
     check_approaches(plan)
     folder = out or Path("runs") / f"campaign-{slug(plan.name)}"
-    runner = attempt_after_attempt(confirmation(yes), FlightDisplay(phases=False))
     stopped: str | None = None
     try:
-        with hold(plan.drone), live_table() as show:
+        with hold(plan.drone), ground_station(mavlink) as listener, live_table() as show:
+            runner = attempt_after_attempt(confirmation(yes), FlightDisplay(phases=False), listener=listener)
             run_campaign(plan, folder, runner, resume=resume, retry_aborted=retry_aborted, on_change=show)
     except (CampaignStopped, DroneStopped) as stop:
         stopped = str(stop)
@@ -67,11 +69,17 @@ def run(
     return 3 if stopped else 0
 
 
-def _fly_courses(file: Path, lab: Path | None, out: Path | None, resume: bool, yes: bool) -> int:
+def _fly_courses(
+    file: Path, lab: Path | None, out: Path | None, resume: bool, yes: bool, mavlink: str | None
+) -> int:
     """Fly a campaign of test flights."""
+    from functools import partial
+
     from onboard.link.exclusive import hold
     from perchhw.campaign.courses import flight_rows, fly_plan, load_flight_plan
     from perchhw.cli.prompts import confirmation
+    from perchhw.flight.course import fly_course
+    from perchhw.flight.ground_station import ground_station
     from perchhw.lab import find_lab
     from perchhw.record.folder import slug
 
@@ -79,13 +87,14 @@ def _fly_courses(file: Path, lab: Path | None, out: Path | None, resume: bool, y
     folder = out or Path("runs") / f"campaign-{slug(plan.name)}"
     screen = progress_console()
     screen.print(f"{len(plan.flights)} test flights", markup=False)
-    with hold(plan.drone):
+    with hold(plan.drone), ground_station(mavlink) as listener:
         rows = fly_plan(
             plan,
             folder,
             confirmation(yes),
             resume=resume,
             on_change=lambda rows: screen.print(f"{sum(row.done for row in rows)} of {len(rows)} done"),
+            fly=partial(fly_course, listener=listener),
         )
     stopped = next((row.aborted_by for row in flight_rows(plan, folder) if row.aborted_by), None)
     document: dict[str, Any] = {

@@ -12,7 +12,7 @@ from perchhw.attempt import (
     AttemptResult,
 )
 from perchhw.cli import exit_codes
-from perchhw.cli.options import Lab
+from perchhw.cli.options import Lab, Mavlink
 from perchhw.cli.output import FlightDisplay, emit
 
 app = typer.Typer(add_completion=False)
@@ -50,6 +50,7 @@ def fly(
         bool, typer.Option("--put-back", help="First put the drone back on its start mark and reboot it.")
     ] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask whether it stands there.")] = False,
+    mavlink: Mavlink = None,
 ) -> int:
     """Fly one attempt: check, upload and verify, arm, take off, approach, land upside down, label.
 
@@ -63,6 +64,7 @@ def fly(
     from onboard.link.exclusive import hold
     from perchhw.cli.prompts import confirmation
     from perchhw.flight import fly_attempt
+    from perchhw.flight.ground_station import ground_station
     from perchhw.flight.turnaround import Turnaround
     from perchhw.lab import find_lab, flight_setup
     from perchhw.record import discard_if_empty
@@ -73,10 +75,10 @@ def fly(
     setup.check()
     request = setup.attempt(speed, angle, out)
     try:
-        with hold(setup.drone):
+        with hold(setup.drone), ground_station(mavlink) as listener:
             if put_back:
                 Turnaround(setup.drone, confirmation(yes)).put_back()
-            result = fly_attempt(request, dry_run=dry_run, on_phase=FlightDisplay())
+            result = fly_attempt(request, dry_run=dry_run, on_phase=FlightDisplay(), listener=listener)
     except AttemptInterrupted as interrupted:
         _emit(interrupted.result, dry_run)
         raise

@@ -50,15 +50,17 @@ def _draw_runs(runs: "list[RunSummary]") -> None:
 @app.command()
 def export(
     run: _RunFolder,
-    to: Annotated[str, typer.Option(help="csv or parquet.")] = "csv",
+    to: Annotated[
+        str, typer.Option(help="csv, parquet or ros2 (one MCAP file with ROS 2 messages).")
+    ] = "csv",
     out: Annotated[Path | None, typer.Option(help="Folder to write to; default: export/ in the run.")] = None,
 ) -> int:
-    """Write a run as CSV or Parquet: one file per topic, and flight.* with all channels."""
+    """Write a run for other tools: one file per topic and flight.* with all channels, or a ROS 2 bag."""
     from calibration.flights.run_folder import read_run
     from perchhw.record.export import ExportError, ExportFormat, export_run
 
     if to not in tuple(ExportFormat):
-        raise ExportError(f"--to {to}: not a known format; use csv or parquet")
+        raise ExportError(f"--to {to}: not a known format; use csv, parquet or ros2")
     record = read_run(run)
     files = export_run(record, out or run / "export", ExportFormat(to))
     for note in record.torn:

@@ -39,7 +39,7 @@ VERBS: dict[str, Verb] = {
     "calibrate": Verb("perchhw.cli.calibrate", "Measure inertia, motors and thrust on the bench."),
     "gap": Verb("perchhw.cli.gap", "Find where the model and measured flights disagree."),
     "vehicle": Verb("perchhw.cli.vehicle", "List, show, check and compare vehicle files."),
-    "mocap": Verb("perchhw.cli.mocap", "Watch what a mocap source delivers."),
+    "mocap": Verb("perchhw.cli.mocap", "Watch what a mocap source delivers, or send it on."),
     "log": Verb("perchhw.cli.log", "List, export, label and view recorded flights."),
 }
 

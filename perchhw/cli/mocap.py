@@ -1,23 +1,28 @@
-"""``perchhw mocap``: what a mocap source delivers."""
+"""``perchhw mocap``: what a mocap source delivers, and to whom else."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from perchhw.cli.mocap_send import send
 from perchhw.cli.output import console, emit
 
 if TYPE_CHECKING:
     from mocap_bridge.bridge import BridgeStatus
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help="Motion capture: look at a source.")
+app.command()(send)
 
 
 @app.command()
 def watch(
     uri: Annotated[
         str,
-        typer.Argument(help="vicon://HOST[:PORT]?subject=NAME or vicon-udp://[ADDRESS]:PORT?subject=NAME"),
+        typer.Argument(
+            help="vicon://HOST[:PORT]?subject=NAME, vicon-udp://[ADDRESS]:PORT?subject=NAME, "
+            "mavlink://[ADDRESS]:PORT, file://RUN or motioncapture+TYPE://HOST?subject=NAME"
+        ),
     ],
     seconds: Annotated[float, typer.Option(min=0.1, max=3600.0, help="How long to watch.")] = 5.0,
 ) -> int:

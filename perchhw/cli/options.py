@@ -12,4 +12,11 @@ Lab = Annotated[
 Policy = Annotated[str, typer.Option(help="Policy file, or the name of a shipped policy.")]
 Vehicle = Annotated[str, typer.Option(help="Vehicle file, or the name of a known vehicle.")]
 Legs = Annotated[str | None, typer.Option(help="Leg design instead of the vehicle's own.")]
+Mavlink = Annotated[
+    str | None,
+    typer.Option(
+        metavar="mavlink://HOST:PORT",
+        help="Tell a ground station of the flight; ?key=FILE signs. It cannot command.",
+    ),
+]
 FlightFormat = Annotated[str, typer.Option("--format", help="auto, perchhw, habas, table, nanobench or usd.")]

@@ -53,7 +53,7 @@ app = typer.Typer(
     help="The simulated lab. Prints one JSON line on stdout when everything accepts connections.",
 )
 
-Drones = Annotated[int, typer.Option(min=1, max=9, help="Number of drones: cf1, cf2 ...")]
+Drones = Annotated[int, typer.Option(min=1, max=32, help="Number of drones: cf1, cf2 ...")]
 DronePort = Annotated[
     int, typer.Option(min=0, max=65535, help="UDP port of cf1, the others follow; 0: free ones.")
 ]
@@ -81,6 +81,12 @@ Flashed = Annotated[
     typer.Option(help="Vehicle file that the drones' firmware was built with, if it is not what they are."),
 ]
 Seed = Annotated[int, typer.Option(help="Seed of all random numbers.")]
+FeedPoses = Annotated[
+    bool,
+    typer.Option(
+        "--feed-poses", help="Send the drones their true poses at 100 Hz, for clients that bring none."
+    ),
+]
 BenchPace = Annotated[
     float, typer.Option(help="How many times as fast as real time the bench lives, up to 50.")
 ]
@@ -112,6 +118,7 @@ def lab(
     fault: Fault = None,
     pace: LabPace = "real",
     engine: Engine = None,
+    feed_poses: FeedPoses = False,
     seed: Seed = 0,
     with_parent: WithParent = False,
 ) -> int:
@@ -132,6 +139,7 @@ def lab(
         faults=parse_faults(fault or ()),
         pace=Pace.parse(pace),
         engine=engine,
+        feed_poses=feed_poses,
         seed=seed,
     )
     return _serve_lab(settings, with_parent)
@@ -148,6 +156,7 @@ def drone(
     fault: Fault = None,
     pace: LabPace = "real",
     engine: Engine = None,
+    feed_poses: FeedPoses = False,
     seed: Seed = 0,
     with_parent: WithParent = False,
 ) -> int:
@@ -166,6 +175,7 @@ def drone(
         faults=parse_faults(fault or ()),
         pace=Pace.parse(pace),
         engine=engine,
+        feed_poses=feed_poses,
         seed=seed,
     )
     return _serve_lab(settings, with_parent)

@@ -17,7 +17,7 @@ from perchhw.flight.interrupts import OperatorInterrupts
 from perchhw.flight.loop import OnPhase
 from perchhw.flight.mission import AttemptPlan, plan_attempt
 from perchhw.flight.readback import LANDING_SETTINGS
-from perchhw.flight.recording import FlightRecord
+from perchhw.flight.recording import FlightRecord, RecordListener
 from perchhw.flight.session import Flown, SupervisedFlight
 from perchhw.flight.telemetry import BLOCKS
 from perchhw.lab import correction_of, in_record, limits_of, require_lab
@@ -32,6 +32,7 @@ def fly_attempt(
     dry_run: bool = False,
     limits: SafetyLimits | None = None,
     on_phase: OnPhase | None = None,
+    listener: RecordListener | None = None,
 ) -> AttemptResult:
     """Fly one supervised attempt and label it.
 
@@ -40,6 +41,7 @@ def fly_attempt(
         dry_run: stop after the verified policy upload; the motors never arm.
         limits: safety limits; by default the documented ones and those of the lab file.
         on_phase: called when the phase or the alert changes, for a display.
+        listener: hears what is recorded, for a ground station.
 
     Returns:
         The result. An attempt that a safety rule or the operator ended has the outcome ``aborted``.
@@ -60,7 +62,7 @@ def fly_attempt(
         open_timebase("fly", request.drone, request.mocap) as clock,
         RunRecorder(request.folder, _configuration(request, vehicle, plan), clock) as recorder,
     ):
-        record = FlightRecord(recorder)
+        record = FlightRecord(recorder, listener)
         flight = SupervisedFlight(
             drone=request.drone,
             mocap=request.mocap,

@@ -22,7 +22,7 @@ from perchhw.flight.course_commands import CourseCommands
 from perchhw.flight.loop import OnPhase
 from perchhw.flight.mission import LOWEST_HOVER
 from perchhw.flight.readback import TEST_FLIGHT_SETTINGS
-from perchhw.flight.recording import FlightRecord
+from perchhw.flight.recording import FlightRecord, RecordListener
 from perchhw.flight.session import SupervisedFlight
 from perchhw.flight.telemetry import TEST_FLIGHT_BLOCKS
 from perchhw.lab import correction_of, in_record, limits_of, require_lab
@@ -87,6 +87,7 @@ def fly_course(
     *,
     limits: SafetyLimits | None = None,
     on_phase: OnPhase | None = None,
+    listener: RecordListener | None = None,
 ) -> CourseResult:
     """Check, arm, take off, fly the course, land on the floor, disarm; everything is recorded.
 
@@ -111,7 +112,7 @@ def fly_course(
         open_timebase("test flight", request.drone, request.mocap) as clock,
         RunRecorder(request.folder, _configuration(request, vehicle.name, design), clock) as recorder,
     ):
-        record = FlightRecord(recorder)
+        record = FlightRecord(recorder, listener)
         flight = SupervisedFlight(
             drone=request.drone,
             mocap=request.mocap,

@@ -2,13 +2,23 @@
 
 import logging
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, Protocol
 
 from perchhw.flight.caught import Caught
 from perchhw.record import RunRecorder
 from perchhw.record.recorder import Scalar
 
 _log = logging.getLogger(__name__)
+
+
+class RecordListener(Protocol):
+    """Hears what goes into a record. Must return at once; one that fails is not asked again."""
+
+    def write(self, topic: str, t: float, values: Mapping[str, Scalar]) -> None:
+        """As :meth:`RunRecorder.write`."""
+
+    def event(self, name: str, t: float, fields: Mapping[str, Any]) -> None:
+        """As :meth:`RunRecorder.event`."""
 
 
 class FlightRecord:
@@ -18,23 +28,31 @@ class FlightRecord:
 
     Args:
         recorder: where everything goes.
+        listener: hears it too, also when the record is lost.
 
     Attributes:
         lost: why the record ends early, or None. The supervisor's loop looks at it.
     """
 
-    def __init__(self, recorder: RunRecorder) -> None:
+    def __init__(self, recorder: RunRecorder, listener: RecordListener | None = None) -> None:
         self._recorder = recorder
+        self._listener = listener
         self._closed = False
         self.lost: str | None = None
 
     def write(self, topic: str, t: float, values: Mapping[str, Scalar]) -> None:
         """As :meth:`RunRecorder.write`."""
         self._try(lambda: self._recorder.write(topic, t, values))
+        if (listener := self._listener) is not None:
+            with Caught(self._stop_telling):
+                listener.write(topic, t, values)
 
     def event(self, name: str, t: float, **fields: Any) -> None:
         """As :meth:`RunRecorder.event`."""
         self._try(lambda: self._recorder.event(name, t, **fields))
+        if (listener := self._listener) is not None:
+            with Caught(self._stop_telling):
+                listener.event(name, t, fields)
 
     def update(self, **fields: Any) -> None:
         """As :meth:`RunRecorder.update`."""
@@ -50,6 +68,10 @@ class FlightRecord:
         if self.lost is None and not self._closed:
             with Caught(self._lose):
                 write()
+
+    def _stop_telling(self, error: BaseException) -> None:
+        self._listener = None
+        _log.error("nobody is told of this flight any more; it goes on", exc_info=error)
 
     def _lose(self, error: BaseException) -> None:
         if self.lost is not None or (self._closed and self._recorder.closed):

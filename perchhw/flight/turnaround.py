@@ -7,6 +7,7 @@ from onboard.link.stop_note import StopsSince
 from perchhw.attempt import AttemptRequest, AttemptResult, AttemptRunner
 from perchhw.flight.attempt import fly_attempt
 from perchhw.flight.loop import OnPhase
+from perchhw.flight.recording import RecordListener
 from perchhw.supervisor import SafetyLimits
 
 Confirm = Callable[[str], object]
@@ -52,7 +53,10 @@ class Turnaround:
 
 
 def attempt_after_attempt(
-    confirm: Confirm, on_phase: OnPhase | None = None, limits: SafetyLimits | None = None
+    confirm: Confirm,
+    on_phase: OnPhase | None = None,
+    limits: SafetyLimits | None = None,
+    listener: RecordListener | None = None,
 ) -> AttemptRunner:
     """A runner for campaigns: puts the drone back before every attempt but the very first, then flies it."""
     turnarounds: dict[str, Turnaround] = {}
@@ -62,6 +66,6 @@ def attempt_after_attempt(
             turnarounds[request.drone] = Turnaround(request.drone, confirm)
         if request.index > 0 or request.try_number > 1:
             turnarounds[request.drone].put_back()
-        return fly_attempt(request, limits=limits, on_phase=on_phase)
+        return fly_attempt(request, limits=limits, on_phase=on_phase, listener=listener)
 
     return run

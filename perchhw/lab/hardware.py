@@ -3,6 +3,7 @@
 from ipaddress import ip_address
 from urllib.parse import urlsplit
 
+from mocap_bridge.uri import SCHEMES, is_live
 from onboard.errors import InputError
 from onboard.lab_file import LabFile
 from perchhw.errors import FlightStackError
@@ -12,12 +13,21 @@ class LabRequired(FlightStackError, InputError):
     """A flight on hardware was asked for without a lab file."""
 
 
+class NotLive(FlightStackError, InputError):
+    """A flight was asked for by poses that are not of now."""
+
+
 def require_lab(drone: str, mocap: str, lab: LabFile | None) -> None:
     """Refuse a flight without the lab file of a real room, unless it is simulated on this machine.
 
     Raises:
         LabRequired: the message names the address that is not.
+        NotLive: the poses are a recording.
     """
+    if not is_live(mocap):
+        raise NotLive(
+            f"{mocap} gives poses of another time, and nobody flies by them; see `perchhw mocap watch`"
+        )
     if lab is not None and lab.clock is None:
         return
     for uri in (drone, mocap):
@@ -42,7 +52,8 @@ def on_this_machine(uri: str) -> bool:
     if parts.scheme in ("radio", "usb"):
         return False
     if host is None:
-        return parts.scheme == "vicon-udp"  # the address is one to listen on, and none is given
+        kind = SCHEMES.get(parts.scheme)  # the address is one to listen on, and none is given
+        return kind is not None and not kind.needs_host
     if host == "localhost":
         return True
     try:

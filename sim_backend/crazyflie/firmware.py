@@ -177,10 +177,24 @@ class Firmware:
         setpoint = self._commanded(tick)
         self._supervise(tick, setpoint)
         self._control(tick, self._overridden(setpoint))
-        self._run_parameter_task()
+        self.run_parameter_task()
         return self._duties
 
-    def _run_parameter_task(self) -> None:
+    def idle(self, terminal_voltage: float) -> None:
+        """One ms of a drone that stands: nothing is sensed, estimated or driven, all else lives."""
+        self._terminal_voltage = terminal_voltage
+        if not self.running:
+            return
+        self._tick += 1
+        self.power.step(self._tick, terminal_voltage)
+        self.supervisor.watch(self._tick)
+        if self._tick % SUPERVISOR_PERIOD_MS == 0:
+            info = self.high_level.info_bits(self._tick * DT)
+            self.supervisor.update(self._tick, (0.0, 0.0, 1.0), False, 0, info)
+            self._console += self.supervisor.take_console()
+        self.run_parameter_task()
+
+    def run_parameter_task(self) -> None:
         """The parameter task runs when the loop above, of higher priority, sleeps."""
         try:
             self.params.run_callback()

@@ -1,0 +1,122 @@
+"""Poses of a recorded flight, at the pace at which they came: the topic ``pose`` of a run's ``series.mcap``.
+
+What was recorded is what the judging saw: after the correction from markers to body, and before any verdict.
+A record that was torn by a killed process is played up to where it is whole. After the last pose the source
+is lost; who opens it again hears it from the beginning.
+"""
+
+import json
+import math
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from mcap.exceptions import McapError
+from mcap.reader import McapReader, NonSeekingReader
+
+from mocap_bridge.errors import MocapUriError, PoseTimeout, SourceLost, SourceUnusable
+from mocap_bridge.pose import PoseSample, SourceStatistics
+from mocap_bridge.rotation import continuous
+from mocap_bridge.uri import MocapUri
+from onboard.arrays import Quaternion
+from onboard.timebase import Timebase
+
+SERIES_FILE = "series.mcap"
+TOPIC = "pose"
+_COORDINATES = ("x", "y", "z", "qx", "qy", "qz", "qw")
+
+
+def open_recording(uri: MocapUri, clock: Timebase) -> "RecordedPoseStream":
+    """Open the run folder, or the ``.mcap`` file in it.
+
+    Raises:
+        MocapUriError: there is no such file.
+        SourceUnusable: it holds no poses.
+    """
+    path = Path(uri.path)
+    file = path / SERIES_FILE if path.is_dir() else path
+    if not file.is_file():
+        raise MocapUriError(f"{uri}: there is no {file}; give the folder of a run")
+    return RecordedPoseStream(file, uri, clock)
+
+
+class RecordedPoseStream:
+    """A recording that is played (a ``PoseStream``); the first pose comes at once."""
+
+    def __init__(self, file: Path, uri: MocapUri, clock: Timebase) -> None:
+        self._uri, self._file, self._clock = uri, file, clock
+        self._pause = clock.event()
+        self._stream = file.open("rb")
+        self._messages = self._read_messages(NonSeekingReader(self._stream))
+        self._frames = 0
+        self._last: Quaternion | None = None
+        first = next(self._messages, None)
+        if first is None:
+            self._stream.close()
+            raise SourceUnusable(f"{uri}: {file} has no poses")
+        self._next: tuple[float, dict[str, Any]] | None = first
+        self._shift = clock() - first[0]
+
+    def _read_messages(self, reader: McapReader) -> Iterator[tuple[float, dict[str, Any]]]:
+        """Receipt times (s of the recorded clock) and poses, up to where the record is whole."""
+        try:
+            for _, channel, message in reader.iter_messages(topics=[TOPIC], log_time_order=False):
+                if channel.message_encoding != "json":
+                    raise SourceUnusable(f"{self._uri}: {self._file} is no record of perchhw")
+                yield 1e-9 * message.log_time, json.loads(message.data)
+        except (McapError, ValueError, EOFError, struct.error):
+            return
+
+    def read(self, timeout_s: float) -> PoseSample:
+        """The next pose, when its time has come; see :meth:`PoseStream.read`."""
+        if self._next is None:
+            raise SourceLost(f"{self._uri}: the recording has ended")
+        t, pose = self._next
+        remaining = t + self._shift - self._clock()
+        if remaining > timeout_s:
+            self._pause.wait(timeout_s)
+            raise PoseTimeout(f"{self._uri}: no pose within {timeout_s:.3g} s")
+        if remaining > 0.0:
+            self._pause.wait(remaining)
+        self._next = next(self._messages, None)
+        return self._sample(t, pose)
+
+    def _sample(self, t: float, pose: dict[str, Any]) -> PoseSample:
+        numbers = [pose.get(name) for name in _COORDINATES]
+        seen = all(isinstance(value, int | float) and math.isfinite(value) for value in numbers)
+        self._frames += 1
+        position, quaternion = None, None
+        if seen:
+            x, y, z, qx, qy, qz, qw = (float(value) for value in numbers if value is not None)
+            position = (x, y, z)
+            quaternion = self._last = continuous((qx, qy, qz, qw), self._last)
+        captured = pose.get("capture_time")
+        return PoseSample(
+            subject=self._uri.subject,
+            frame=int(pose.get("frame") or self._frames),
+            capture_time=(captured if isinstance(captured, int | float) else t) + self._shift,
+            receipt_time=t + self._shift,
+            position=position,
+            quaternion=quaternion,
+            occluded=not seen,
+            quality=None,
+            latency=None,
+        )
+
+    def statistics(self) -> SourceStatistics:
+        """What was played so far."""
+        return SourceStatistics(self._frames, (), None, None, 0)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._stream.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()

@@ -1,0 +1,6 @@
+"""What the pytest plugin gives to tests: a lab of simulated Crazyflies, their faults, the truth."""
+
+from perchhw.testing.lab import Lab, LabWaitTimeout, SimulatedDrone
+from perchhw.testing.stage import StageFailed, StageProcess
+
+__all__ = ["Lab", "LabWaitTimeout", "SimulatedDrone", "StageFailed", "StageProcess"]
