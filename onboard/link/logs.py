@@ -172,9 +172,6 @@ class LogStreams:
         self._clock = clock
         self._lock = threading.Lock()
         self._streams: dict[int, LogStream] = {}
-        # From here on port 5 is ours: cflib would complain about every packet of blocks that it does not
-        # know.
-        crazyflie.remove_port_callback(CRTPPort.LOGGING, crazyflie.log._new_packet_cb)
         crazyflie.add_header_callback(self._on_data, CRTPPort.LOGGING, _DATA)
 
     def __contains__(self, name: str) -> bool:
