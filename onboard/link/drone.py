@@ -10,7 +10,7 @@ an error.
 """
 
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Self
 
@@ -148,20 +148,27 @@ class DroneLink:
             self._parameters.write(name, value)
 
     def stream(
-        self, variables: Sequence[str], period_ms: int, callback: Callable[[LogSample], None]
+        self,
+        variables: Sequence[str],
+        period_ms: int,
+        callback: Callable[[LogSample], None],
+        *,
+        halves: Collection[str] = (),
     ) -> LogStream:
         """Let the drone send log variables periodically.
 
         Args:
-            variables: complete names; at most 9 with 26 bytes together.
+            variables: complete names; at most 18 with 26 bytes together. More than 9 must leave less room
+                than the largest of them takes.
             period_ms: 10 to 2540 in steps of 10 [ms].
             callback: gets every sample, on the stream's own thread; it may take its time, but when it falls
                 256 samples behind, the oldest are dropped and counted.
+            halves: those of them to be sent in half precision, 2 bytes each: 11 bits, up to 65504.
 
         Raises:
             NoSuchVariable, LinkInputError, CommandRefused.
         """
-        return self._logs.start(variables, period_ms, callback)
+        return self._logs.start(variables, period_ms, callback, halves)
 
     # Memory and policy
 

@@ -128,6 +128,26 @@ def test_streamed_and_asked_supervisor_information_agree(drone_link: DroneLink) 
     assert arrived[0] == drone_link.supervisor_info()
 
 
+def test_a_long_block_is_right_though_every_request_arrives_twice(network: FaultyNetwork) -> None:
+    """The drone would append the variables of the second packet a second time."""
+    names = [f"stateEstimateZ.{axis}" for axis in ("x", "y", "z", "vx", "vy", "vz")]
+    names += [f"motor.m{motor}" for motor in (1, 2, 3, 4)] + ["pm.state", "acc.z"]
+    came = threading.Event()
+    network.faults = Faults(duplicate=1.0)
+    try:
+        with (
+            patient_link(network.uri) as link,
+            link.stream(names, 10, lambda _sample: came.set(), halves={"motor.m1"}) as stream,
+        ):
+            assert came.wait(PATIENCE_S)
+            assert stream.latest is not None
+            assert stream.latest.values.keys() == set(names)
+            assert stream.latest.values["acc.z"] == pytest.approx(1.0, abs=0.2)
+            assert stream.malformed == 0
+    finally:
+        network.faults = Faults()
+
+
 def test_commands_follow_the_drones_supervisor(crazyflie_uri: str) -> None:
     reboot(crazyflie_uri)
     with patient_link(crazyflie_uri) as link:
