@@ -22,6 +22,7 @@ import numpy as np
 from onboard.clock import Clock
 from onboard.vehicle import load_vehicle
 from sim_backend.crazyflie.faults import DatagramFaults
+from sim_backend.crazyflie.radio_channel import RadioChannel
 from sim_backend.crazyflie.server import CrazyflieServer
 from sim_backend.engine_name import EngineName, usable_engine
 from sim_backend.faults import Faults
@@ -63,6 +64,7 @@ class LabSettings:
         seed: of all random numbers.
         pace: how its time goes.
         engine: the code that the drones run; None: in C where a compiler is found, else the reference.
+        radio: packets take their time, and no more of them pass than a radio carries.
         host: local address of everything.
     """
 
@@ -81,6 +83,7 @@ class LabSettings:
     seed: int = 0
     pace: Pace = REAL
     engine: EngineName | None = None
+    radio: bool = False
     host: str = "127.0.0.1"
 
 
@@ -102,7 +105,7 @@ class Lab:
         self._links: list[DatagramFaults] = []
         self._truth: TruthRecorder | None = None
         self._feed: FeedSender | None = None
-        self._traffic = LabTraffic(self.servers, self._links)
+        self._traffic = LabTraffic(self.servers, self._links, settings.radio)
         self._turns = TurnsServer(self._traffic, lambda: self.world.time, self.figures)
         self._factor = RealTimeFactor(clock)
         self._description = LabDescription(settings.lab_file)
@@ -179,7 +182,8 @@ class Lab:
         )
         port = settings.drone_port + index if settings.drone_port else 0
         radio_id = (RADIO_ID + index) & 0xFF
-        server = CrazyflieServer(drone.firmware, settings.host, port, radio_id=radio_id, faults=link)
+        air = RadioChannel(np.random.default_rng((settings.seed, index, 1))) if settings.radio else None
+        server = CrazyflieServer(drone.firmware, settings.host, port, radio_id=radio_id, faults=link, air=air)
         await server.start()
         self.servers.append(server)
         self._links.append(link)

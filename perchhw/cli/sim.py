@@ -93,6 +93,12 @@ LabPace = Annotated[
         "those who fly in it, never faster; a busy machine changes nothing. FACTOR: so, at most so fast.",
     ),
 ]
+RadioOption = Annotated[
+    bool,
+    typer.Option(
+        "--radio", help="As over a Crazyradio: 350 packets a second each way, latency, the drone's queues."
+    ),
+]
 WithParent = Annotated[
     bool, typer.Option("--with-parent", help="End when standard input ends, as it does when the parent dies.")
 ]
@@ -112,6 +118,7 @@ def lab(
     fault: Fault = None,
     pace: LabPace = "real",
     engine: Engine = None,
+    radio: RadioOption = False,
     seed: Seed = 0,
     with_parent: WithParent = False,
 ) -> int:
@@ -132,6 +139,7 @@ def lab(
         faults=parse_faults(fault or ()),
         pace=Pace.parse(pace),
         engine=engine,
+        radio=radio,
         seed=seed,
     )
     return _serve_lab(settings, with_parent)
@@ -148,6 +156,7 @@ def drone(
     fault: Fault = None,
     pace: LabPace = "real",
     engine: Engine = None,
+    radio: RadioOption = False,
     seed: Seed = 0,
     with_parent: WithParent = False,
 ) -> int:
@@ -166,6 +175,7 @@ def drone(
         faults=parse_faults(fault or ()),
         pace=Pace.parse(pace),
         engine=engine,
+        radio=radio,
         seed=seed,
     )
     return _serve_lab(settings, with_parent)

@@ -105,8 +105,8 @@ BLOCKS: tuple[Block, ...] = (
 )
 """The log blocks of a landing attempt. Variables with an empty topic are watched but not recorded.
 
-They ask for `RADIO_PACKETS` a second, no more than a Crazyradio takes with room to spare: what does not fit
-fills the drone's queue of 200 packets, and every answer then waits behind them.
+They are 260 packets a second, of the 300 that Bitcraze's tests of the radio demand: what does not fit fills
+the drone's queue of 200 packets, and every answer then waits behind them.
 """
 
 TEST_FLIGHT_BLOCKS: tuple[Block, ...] = (
@@ -114,9 +114,6 @@ TEST_FLIGHT_BLOCKS: tuple[Block, ...] = (
     Block(10, {**_fields("gyro", "rates", "x y z", "gx gy gz", _RAD), **_ACCELERATION, **_MOTORS}),
 )
 """The log blocks of a test flight: what the gap finder uses at 100 Hz, nothing of the landing app."""
-
-RADIO_PACKETS = 260
-"""Log packets a second that a flight may ask for, of the 300 that Bitcraze's tests of the radio demand."""
 
 
 _RATE_NEEDS_S = 1.0

@@ -6,16 +6,18 @@ import pytest
 
 from onboard.link import DroneLink
 from onboard.link.drone import LogSample
-from perchhw.flight.telemetry import BLOCKS, RADIO_PACKETS, TEST_FLIGHT_BLOCKS, Block
+from perchhw.flight.telemetry import BLOCKS, TEST_FLIGHT_BLOCKS, Block
 from perchhw.record.topics import TOPICS
 from tests.patience import PATIENCE_S, patient_link
 
+RADIO_PACKETS = 260
+"""A second; Bitcraze's own tests demand 300 log packets a second of the radio."""
 FLIGHTS = {"landing": BLOCKS, "test flight": TEST_FLIGHT_BLOCKS}
 
 
 @pytest.mark.parametrize("blocks", FLIGHTS.values(), ids=list(FLIGHTS))
 def test_a_radio_carries_them(blocks: tuple[Block, ...]) -> None:
-    assert sum(1000 / block.period_ms for block in blocks) <= RADIO_PACKETS <= 300
+    assert sum(1000 / block.period_ms for block in blocks) <= RADIO_PACKETS
 
 
 def test_a_landing_still_brings_every_field_of_the_drones_topics() -> None:
