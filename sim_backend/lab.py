@@ -21,6 +21,7 @@ import numpy as np
 
 from onboard.clock import Clock
 from onboard.vehicle import load_vehicle
+from sim_backend.crazyflie.build import OURS, Build
 from sim_backend.crazyflie.faults import DatagramFaults
 from sim_backend.crazyflie.radio_channel import RadioChannel
 from sim_backend.crazyflie.server import CrazyflieServer
@@ -64,6 +65,7 @@ class LabSettings:
         seed: of all random numbers.
         pace: how its time goes.
         engine: the code that the drones run; None: in C where a compiler is found, else the reference.
+        build: how the drones' firmware was built.
         radio: packets take their time, and no more of them pass than a radio carries.
         host: local address of everything.
     """
@@ -83,6 +85,7 @@ class LabSettings:
     seed: int = 0
     pace: Pace = REAL
     engine: EngineName | None = None
+    build: Build = OURS
     radio: bool = False
     host: str = "127.0.0.1"
 
@@ -157,6 +160,7 @@ class Lab:
             drones=settings.drones,
             seed=settings.seed,
             faults=settings.faults.drone,
+            build=settings.build,
             truth=self._truth,
             engine=self._engine,
         )
