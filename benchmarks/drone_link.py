@@ -10,11 +10,13 @@ import json
 import os
 import platform
 import statistics
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.metadata import version
+from pathlib import Path
 
 import cflib.crtp
 import numpy as np
@@ -146,12 +148,17 @@ def cflib_round(uri: str, driver: type, content: bytes) -> Samples:
 
 
 def link_round(uri: str, content: bytes) -> Samples:
-    """One connection by ``DroneLink``."""
+    """Two connections by ``DroneLink``: the first reads the tables of contents, the second knows them."""
     opened: list[DroneLink] = []
-    connecting = timed(lambda: opened.append(DroneLink.open(uri)))
-    link = opened[0]
+    with tempfile.TemporaryDirectory() as tables:
+        connecting, again = (
+            timed(lambda: opened.append(DroneLink.open(uri, toc_cache=Path(tables)))) for _ in range(2)
+        )
+    opened[0].close()
+    link = opened[1]
     return {
         "connect_ms": [connecting],
+        "connect_again_ms": [again],
         "param_round_trip_ms": [timed(lambda: link.param(PARAMETER)) for _ in range(100)],
         "upload_and_read_back_ms": [timed(lambda: write_and_compare(link, content))],
         "poses_per_s": [pose_rate(link.send_pose)],

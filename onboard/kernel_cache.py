@@ -21,6 +21,8 @@ from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
+from onboard.user_cache import user_cache
+
 try:
     import fcntl
 except ImportError:  # Windows: two processes may compile the same
@@ -118,7 +120,7 @@ def use_cache_of_this_source() -> None:
     """Point numba to the folder of the present source, unless ``NUMBA_CACHE_DIR`` is set already."""
     if VARIABLE in os.environ:
         return
-    parent = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "perchhw"
+    parent = user_cache()
     folder = parent / f"kernels-{_key_of_this_source()}"
     if not folder.exists():
         _make_room(parent)

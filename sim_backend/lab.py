@@ -21,7 +21,9 @@ import numpy as np
 
 from onboard.clock import Clock
 from onboard.vehicle import load_vehicle
+from sim_backend.crazyflie.build import OURS, Build
 from sim_backend.crazyflie.faults import DatagramFaults
+from sim_backend.crazyflie.radio_channel import RadioChannel
 from sim_backend.crazyflie.server import CrazyflieServer
 from sim_backend.engine_name import EngineName, usable_engine
 from sim_backend.faults import Faults
@@ -67,6 +69,8 @@ class LabSettings:
         seed: of all random numbers.
         pace: how its time goes.
         engine: the code that the drones run; None: in C where a compiler is found, else the reference.
+        build: how the drones' firmware was built.
+        radio: packets take their time, and no more of them pass than a radio carries.
         host: local address of everything.
     """
 
@@ -87,6 +91,8 @@ class LabSettings:
     seed: int = 0
     pace: Pace = REAL
     engine: EngineName | None = None
+    build: Build = OURS
+    radio: bool = False
     host: str = "127.0.0.1"
 
 
@@ -111,7 +117,7 @@ class Lab:
         self.poses = PoseFeed() if settings.feed_poses else None
         self._truth: TruthRecorder | None = None
         self._feed: FeedSender | None = None
-        self._traffic = LabTraffic(self.servers, self.links)
+        self._traffic = LabTraffic(self.servers, self.links, settings.radio)
         self._turns = TurnsServer(self._traffic, lambda: self.world.time, self.figures)
         self._factor = RealTimeFactor(clock)
         self._description = LabDescription(settings.lab_file)
@@ -182,6 +188,7 @@ class Lab:
             drones=settings.drones,
             seed=settings.seed,
             faults=settings.faults.drone,
+            build=settings.build,
             truth=self._truth,
             engine=self._engine,
             poses=self.poses,
@@ -202,7 +209,8 @@ class Lab:
         )
         port = settings.drone_port + index if settings.drone_port else 0
         radio_id = (RADIO_ID + index) & 0xFF
-        server = CrazyflieServer(drone.firmware, settings.host, port, radio_id=radio_id, faults=link)
+        air = RadioChannel(np.random.default_rng((settings.seed, index, 1))) if settings.radio else None
+        server = CrazyflieServer(drone.firmware, settings.host, port, radio_id=radio_id, faults=link, air=air)
         await server.start()
         self.servers.append(server)
         self.links.append(link)

@@ -30,14 +30,22 @@ _CATCH_UP_S = 0.05
 class LabTraffic:
     """The packets of a lab, by the sockets of its clients; see :class:`sim_backend.turns.Traffic`.
 
+    Args:
+        servers: of the drones.
+        links: what goes wrong on their links.
+        delayed: packets take time on every link.
+
     Attributes:
         feed: of the lab's room, when it has one that lives in the lab's time.
     """
 
-    def __init__(self, servers: list[CrazyflieServer], links: list[DatagramFaults]) -> None:
+    def __init__(
+        self, servers: list[CrazyflieServer], links: list[DatagramFaults], delayed: bool = False
+    ) -> None:
         self.feed: DrivenFeed | None = None
         self._servers = servers
         self._links = links
+        self._delayed = delayed
         self._known: set[int] = set()
 
     def belongs_to_participant(self, key: str) -> None:
@@ -61,7 +69,7 @@ class LabTraffic:
     @property
     def faulty(self) -> bool:
         """Whether a link loses or delays packets."""
-        return any(link.at_work for link in self._links)
+        return self._delayed or any(link.at_work for link in self._links)
 
     def of_strangers(self) -> int:
         """Packets that came from clients that never took part."""

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from onboard.arrays import Quaternion, Vector
 from onboard.room import RoomGeometry
 from onboard.vehicle import Battery, Vehicle
+from sim_backend.crazyflie.build import OURS, Build
 from sim_backend.crazyflie.firmware import Firmware
 from sim_backend.crazyflie.interfaces import Localization
 from sim_backend.engine_name import EngineName
@@ -175,6 +176,7 @@ class World:
         drones: int = 1,
         seed: int = 0,
         faults: DroneFaults | None = None,
+        build: Build = OURS,
         truth: TruthRecorder | None = None,
         engine: EngineName = EngineName.REFERENCE,
         poses: PoseFeed | None = None,
@@ -186,6 +188,7 @@ class World:
             room: floor and ceiling.
             flashed: what their firmware was built to believe they are; None: the truth.
             drones, seed, faults: how many, their noise, and what goes wrong.
+            build: how their firmware was built.
             truth: records the true states.
             engine: the code that their firmware runs.
             poses: sends the drones their poses; None: their clients do.
@@ -205,7 +208,13 @@ class World:
         self.drones = [
             Drone(
                 f"cf{i + 1}",
-                Firmware(flashed or vehicle, self._generators[i], engine=engine, gyro_bias=gyro_bias),
+                Firmware(
+                    flashed or vehicle,
+                    self._generators[i],
+                    engine=engine,
+                    gyro_bias=gyro_bias,
+                    build=build,
+                ),
                 parameters,
                 mark,
                 used,

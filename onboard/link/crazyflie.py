@@ -3,7 +3,8 @@ up, and keeping it from ending the flight of somebody else."""
 
 import logging
 import threading
-from pathlib import Path
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from cflib.crazyflie import Crazyflie
@@ -72,10 +73,9 @@ class GuardedCrazyflie(Crazyflie):
 
     Args:
         held: the lock of the drone, released when the link is closed.
-        toc_cache: as for :func:`open_crazyflie`.
     """
 
-    def __init__(self, held: Hold, toc_cache: Path | None = None) -> None:
+    def __init__(self, held: Hold) -> None:
         self._held = held
         self._took_over = False
         self._keeps_quiet = False
@@ -86,9 +86,8 @@ class GuardedCrazyflie(Crazyflie):
         self._failure_lock = threading.Lock()
         self._failure_thread: threading.Thread | None = None
         self._closing = False
-        super().__init__(rw_cache=None if toc_cache is None else str(toc_cache))
-        if toc_cache is None:
-            self._toc_cache = _tables_seen
+        super().__init__()
+        self._toc_cache = _tables_seen
         self.packet_received.add_callback(lambda _packet: self.heard.set())
 
     def send_packet(
@@ -164,17 +163,46 @@ class GuardedCrazyflie(Crazyflie):
             self._held.release()
 
 
-def open_crazyflie(
-    uri: str, *, timeout_s: float, clock: Timebase, toc_cache: Path | None = None
-) -> GuardedCrazyflie:
-    """Connect completely: link, tables of contents, memories, and the value of every parameter.
+class BareCrazyflie(GuardedCrazyflie):
+    """One that only carries packets: nothing of cflib asks the drone anything, nor takes its answers.
+
+    Attributes:
+        opened: the driver is connected.
+    """
+
+    def __init__(self, held: Hold) -> None:
+        super().__init__(held)
+        self.opened = threading.Event()
+        self.connection_requested.remove_callback(self.param._connection_requested)
+        self.incoming.cb.clear()
+
+    def _start_connection_setup(self) -> None:
+        self.opened.set()
+
+
+@contextmanager
+def closed_on_error(crazyflie: GuardedCrazyflie, uri: str) -> Iterator[None]:
+    """Close the link when what follows fails."""
+    try:
+        yield
+    except BaseException:
+        if not crazyflie.close_within(_CLOSE_DEADLINE):
+            _log.warning(
+                "cflib did not close %s within %g s; its threads stay until the process ends",
+                uri,
+                _CLOSE_DEADLINE,
+            )
+        raise
+
+
+def open_crazyflie(uri: str, *, timeout_s: float, clock: Timebase) -> GuardedCrazyflie:
+    """Connect as cflib does, completely: link, tables of contents, memories, and the value of every
+    parameter. For clients of cflib; :class:`onboard.link.DroneLink` needs less.
 
     Args:
         uri: ``udp://``, ``radio://`` or ``usb://`` address.
         timeout_s: deadline for all of it, in real time [s].
         clock: the time that the link goes by.
-        toc_cache: folder for tables of contents that were seen before. Only one that this user alone can
-            write to: cflib evaluates names in these files.
 
     Raises:
         LinkInputError: the URI cannot be used.
@@ -185,17 +213,9 @@ def open_crazyflie(
     """
     check_drone_uri(uri)
     install_driver()
-    crazyflie = GuardedCrazyflie(hold(uri), toc_cache)
-    try:
+    crazyflie = GuardedCrazyflie(hold(uri))
+    with closed_on_error(crazyflie, uri):
         _connect(crazyflie, uri, timeout_s, clock)
-    except BaseException:
-        if not crazyflie.close_within(_CLOSE_DEADLINE):
-            _log.warning(
-                "cflib did not close %s within %g s; its threads stay until the process ends",
-                uri,
-                _CLOSE_DEADLINE,
-            )
-        raise
     return crazyflie
 
 
@@ -203,35 +223,41 @@ def _connect(crazyflie: GuardedCrazyflie, uri: str, timeout_s: float, clock: Tim
     finished = threading.Event()
     refusals: list[str] = []
 
-    def on_connection_failed(_uri: str, message: str) -> None:
-        refusals.append(message.strip().splitlines()[0])
+    def refused(_uri: str, message: str) -> None:
+        refusals.append(message)
         finished.set()
 
-    def on_connection_lost(_uri: str, message: str) -> None:
-        on_connection_failed(_uri, message)
-
     crazyflie.fully_connected.add_callback(lambda _uri: finished.set())
-    crazyflie.connection_failed.add_callback(on_connection_failed)
-    crazyflie.connection_lost.add_callback(on_connection_lost)
+    crazyflie.connection_failed.add_callback(refused)
+    crazyflie.connection_lost.add_callback(refused)
     with clock.connecting(), links_live_in(uri, clock):
         crazyflie.open_beside(uri)
         connected = finished.wait(clock.patience(timeout_s))
-    if refusals or not connected:
-        raise _opening_error(uri, timeout_s, refusals, crazyflie.heard.is_set())
-
-
-def _opening_error(uri: str, timeout_s: float, refusals: list[str], heard: bool) -> LinkError:
-    if refusals and heard:
-        return LinkLost(f"{uri} answered, but the connection broke while it was set up: {refusals[0]}")
-    if refusals and refusals[0].startswith(_NOT_OPENED) and uri.startswith("radio://"):
-        reason = refusals[0].removeprefix(_NOT_OPENED)
-        return LinkError(f"cannot open {uri}: {reason}; is a Crazyradio plugged in, and free?")
+    heard = crazyflie.heard.is_set()
     if refusals:
-        return LinkError(f"no drone at {uri}: {refusals[0]}. Is it on, and are address and port right?")
+        raise broken_opening(uri, refusals[0], heard)
+    if not connected:
+        raise late_opening(uri, timeout_s, heard)
+
+
+def broken_opening(uri: str, message: str, heard: bool) -> LinkError:
+    """The error for a link that cflib could not open, or that failed at once, with its message."""
+    refusal = message.strip().splitlines()[0]
+    if heard:
+        return LinkLost(f"{uri} answered, but the connection broke while it was set up: {refusal}")
+    if refusal.startswith(_NOT_OPENED) and uri.startswith("radio://"):
+        reason = refusal.removeprefix(_NOT_OPENED)
+        return LinkError(f"cannot open {uri}: {reason}; is a Crazyradio plugged in, and free?")
+    return LinkError(f"no drone at {uri}: {refusal}. Is it on, and are address and port right?")
+
+
+def late_opening(uri: str, seconds: float, heard: bool) -> LinkTimeout:
+    """The error for a drone that has not answered everything by the deadline."""
     if heard:
         return LinkTimeout(
-            f"{uri} answers, but is not fully connected after {timeout_s:g} s; the link is slow or lossy"
+            f"{uri} answers, but is not fully connected after {seconds:.3g} s; the link is slow or lossy. "
+            "More patience: ?connect_s=SECONDS behind the address"
         )
     return LinkTimeout(
-        f"{uri} did not answer within {timeout_s:g} s; is the drone on, and is this its address?"
+        f"{uri} did not answer within {seconds:.3g} s; is the drone on, and is this its address?"
     )

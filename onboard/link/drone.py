@@ -10,32 +10,30 @@ an error.
 """
 
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Self
 
 from onboard.arrays import Vector
 from onboard.link.commands import Commands
-from onboard.link.crazyflie import GuardedCrazyflie, open_crazyflie
+from onboard.link.connection import Connection, connect
+from onboard.link.crazyflie import closed_on_error
 from onboard.link.driver import ResendingUdpDriver
-from onboard.link.errors import LinkError, LinkLost, LinkTimeout
-from onboard.link.exchange import Exchange
+from onboard.link.errors import LinkLost, LinkTimeout
 from onboard.link.logs import LogSample, LogStream, LogStreams
-from onboard.link.memory import Memories, MemoryInfo
+from onboard.link.memory import Memories
 from onboard.link.parameters import Parameters
 from onboard.link.policy_upload import PolicyUpload
 from onboard.link.power import reboot
 from onboard.link.radio import CflibStopPort
 from onboard.link.stop import StopPath
-from onboard.link.uri import SILENCE_LIMIT, patience, silence_limit
-from onboard.link.variables import log_table, parameter_table
+from onboard.link.table_cache import TableCache
+from onboard.link.uri import SILENCE_LIMIT, check_drone_uri, connect_limit, patience, silence_limit
 from onboard.supervisor_info import SupervisorInfo
 from onboard.timebase import WALL, Timebase
 
 __all__ = ["DroneLink", "LogSample", "LogStream", "reboot"]
 
-#: First CRTP protocol version with the supervisor port (firmware 2025.12).
-PROTOCOL_VERSION_MIN = 12
 _CLOSE_DEADLINE_S = 2.0
 _REPLY_TIMEOUT_S = 2.0
 _WATCH_INTERVAL_S = 0.1
@@ -55,23 +53,19 @@ class DroneLink:
 
     def __init__(
         self,
-        crazyflie: GuardedCrazyflie,
+        connection: Connection,
         uri: str,
         clock: Timebase,
         reply_timeout_s: float,
         transfer_timeout_s: float,
     ) -> None:
         self.uri = uri
-        self._crazyflie = crazyflie
-        self._exchange = Exchange(crazyflie, uri, clock)
-        self._parameters = Parameters(
-            self._exchange, parameter_table(crazyflie.param.toc.toc), reply_timeout_s
-        )
-        memories = [MemoryInfo(m.id, m.type, m.size) for m in crazyflie.mem.mems]
-        self._memories = Memories(self._exchange, memories, transfer_timeout_s, clock)
-        self._logs = LogStreams(
-            crazyflie, self._exchange, log_table(crazyflie.log.toc.toc), reply_timeout_s, clock
-        )
+        self._crazyflie = crazyflie = connection.crazyflie
+        self._exchange = connection.exchange
+        contents = connection.contents
+        self._parameters = Parameters(self._exchange, contents.parameters, reply_timeout_s)
+        self._memories = Memories(self._exchange, contents.memories, transfer_timeout_s, clock)
+        self._logs = LogStreams(crazyflie, self._exchange, contents.logs, reply_timeout_s, clock)
         self._commands = Commands(self._exchange, reply_timeout_s)
         self._policy = PolicyUpload(self._parameters, self._memories, transfer_timeout_s, clock)
         link = crazyflie.link
@@ -86,42 +80,36 @@ class DroneLink:
         cls,
         uri: str,
         *,
-        timeout_s: float = 10.0,
+        timeout_s: float | None = None,
         clock: Timebase = WALL,
         toc_cache: Path | None = None,
         reply_timeout_s: float | None = None,
         transfer_timeout_s: float = 10.0,
     ) -> Self:
-        """Connect, and return when the tables and the value of every parameter are known.
+        """Connect, and return when it is known what the drone has.
 
         Args:
             uri: ``udp://HOST:PORT``, ``radio://...`` or ``usb://...``.
-            timeout_s: deadline for connecting [s]; later for a URI that asks for patience.
+            timeout_s: deadline for connecting [s], by default what the URI says, or 10 s; later for a URI
+                that asks for patience, and where answers are measured to take long.
             clock: the time that the link goes by.
-            toc_cache: folder for tables of contents; makes the next connection faster.
+            toc_cache: folder for tables of contents, which make the next connection faster; only one that
+                this user alone can write to is used. By default in the user's cache.
             reply_timeout_s: deadline of calls that need one answer [s]; 2 s, or the silence that the URI
                 allows where that is longer.
             transfer_timeout_s: deadline of memory transfers and of the drone's verdict on a policy [s].
 
         Raises:
             LinkInputError, DroneInUse, LinkError, LinkTimeout, LinkLost: see
-            :func:`onboard.link.crazyflie.open_crazyflie`.
+            :func:`onboard.link.connection.connect`.
         """
-        timeout_s *= patience(uri)
-        crazyflie = open_crazyflie(uri, timeout_s=timeout_s, clock=clock, toc_cache=toc_cache)
-        try:
-            protocol = crazyflie.platform.get_protocol_version()
-            if protocol < PROTOCOL_VERSION_MIN:
-                raise LinkError(
-                    f"the firmware of {uri} has protocol {protocol}, needed is {PROTOCOL_VERSION_MIN}; "
-                    "update it"
-                )
-            if reply_timeout_s is None:
-                reply_timeout_s = max(_REPLY_TIMEOUT_S, silence_limit(uri))
-            return cls(crazyflie, uri, clock, reply_timeout_s, transfer_timeout_s)
-        except BaseException:
-            crazyflie.close_within(_CLOSE_DEADLINE_S)
-            raise
+        check_drone_uri(uri)
+        limit = connect_limit(uri) if timeout_s is None else timeout_s * patience(uri)
+        connection = connect(uri, timeout_s=limit, clock=clock, tables=TableCache(toc_cache))
+        if reply_timeout_s is None:
+            reply_timeout_s = max(_REPLY_TIMEOUT_S, silence_limit(uri))
+        with closed_on_error(connection.crazyflie, uri):
+            return cls(connection, uri, clock, reply_timeout_s, transfer_timeout_s)
 
     # Parameters and logs
 
@@ -160,20 +148,27 @@ class DroneLink:
             self._parameters.write(name, value)
 
     def stream(
-        self, variables: Sequence[str], period_ms: int, callback: Callable[[LogSample], None]
+        self,
+        variables: Sequence[str],
+        period_ms: int,
+        callback: Callable[[LogSample], None],
+        *,
+        halves: Collection[str] = (),
     ) -> LogStream:
         """Let the drone send log variables periodically.
 
         Args:
-            variables: complete names; at most 9 with 26 bytes together.
+            variables: complete names; at most 18 with 26 bytes together. More than 9 must leave less room
+                than the largest of them takes.
             period_ms: 10 to 2540 in steps of 10 [ms].
             callback: gets every sample, on the stream's own thread; it may take its time, but when it falls
                 256 samples behind, the oldest are dropped and counted.
+            halves: those of them to be sent in half precision, 2 bytes each: 11 bits, up to 65504.
 
         Raises:
             NoSuchVariable, LinkInputError, CommandRefused.
         """
-        return self._logs.start(variables, period_ms, callback)
+        return self._logs.start(variables, period_ms, callback, halves)
 
     # Memory and policy
 

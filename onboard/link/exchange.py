@@ -7,25 +7,23 @@ stale values, and answer a lost reply by waiting for ever.
 
 import logging
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from cflib.crtp.crtpstack import CRTPPacket, CRTPPort
+from cflib.crtp.crtpstack import CRTPPacket
 
 from onboard.link.crazyflie import GuardedCrazyflie
+from onboard.link.deadline import GrowingDeadline
 from onboard.link.errors import LinkLost, LinkTimeout
+from onboard.link.replies import FORGET_AFTER
 from onboard.timebase import Event, Timebase
 
 #: Interval of resending for links without a reliable transport of their own [s].
 RETRY_S = 0.2
-_PORTS = (
-    CRTPPort.PARAM,
-    CRTPPort.MEM,
-    CRTPPort.LOGGING,
-    CRTPPort.SETPOINT_HL,
-    CRTPPort.SUPERVISOR,
-)
+#: Questions under way at once: the drone's queue for what it receives holds five (``radiolink.c``), and a
+#: full one restarts it.
+UNDER_WAY = 4
 _log = logging.getLogger(__name__)
 
 
@@ -36,6 +34,33 @@ class _Waiter:
     accepts: Callable[[bytes], bool]
     event: Event
     reply: bytes | None = None
+
+
+class Question(NamedTuple):
+    """A request, and what its answer begins with.
+
+    Attributes:
+        port: CRTP port.
+        channel: CRTP channel.
+        payload: up to 30 bytes.
+        key: bytes of the payload that the answer repeats.
+        length: least bytes of the answer.
+    """
+
+    port: int
+    channel: int
+    payload: bytes
+    key: int
+    length: int
+
+
+@dataclass(slots=True, eq=False)
+class _Asked:
+    number: int
+    packet: CRTPPacket
+    waiter: _Waiter
+    first_sent: float
+    last_sent: float
 
 
 class Answer(NamedTuple):
@@ -62,9 +87,7 @@ class Exchange:
         self._lost: LinkLost | None = None
         self._closed = False
         self._last_packet = clock()
-        crazyflie.packet_received.add_callback(self._note_packet)
-        for port in _PORTS:
-            crazyflie.add_port_callback(port, self._deliver)
+        crazyflie.packet_received.add_callback(self._deliver)
 
     @property
     def lost(self) -> LinkLost | None:
@@ -137,6 +160,71 @@ class Exchange:
             raise LinkLost(f"the link to {self._uri} broke while waiting: {what}")
         return Answer(waiter.reply, copies)
 
+    def ask_all(
+        self, questions: Sequence[Question], *, time: Timebase, deadline: GrowingDeadline, what: str
+    ) -> list[bytes]:
+        """Send requests, some at once, until all have their answers; these, in the same order.
+
+        Args:
+            questions: no two with the same beginning of an answer.
+            time: what `deadline` and repetitions go by.
+            deadline: when to give up; it is told of these questions, and of each answer.
+            what: what is asked for, for the error message.
+
+        Raises:
+            LinkTimeout: not all answers by the deadline.
+            LinkLost: the link is gone, or went while waiting.
+        """
+        deadline.expect(len(questions))
+        answers = [b""] * len(questions)
+        something, unasked = time.event(), list(enumerate(questions))[::-1]
+        under_way: list[_Asked] = []
+        try:
+            while unasked or under_way:
+                self._check_open()
+                while unasked and len(under_way) < UNDER_WAY:
+                    under_way.append(self._begin(*unasked.pop(), something, time()))
+                now = time()
+                if now >= deadline.at:
+                    late = now - deadline.began
+                    raise LinkTimeout(f"{self._uri} did not answer within {late:.3g} s: {what}")
+                repeat = self._send_again(under_way, now)
+                something.wait(min(repeat, deadline.at - now))
+                something.clear()
+                for asked in [asked for asked in under_way if asked.waiter.reply is not None]:
+                    answers[asked.number] = asked.waiter.reply or b""
+                    deadline.answered(time() - asked.first_sent)
+                    self._end(asked)
+                    under_way.remove(asked)
+        finally:
+            for asked in under_way:
+                self._end(asked)
+        return answers
+
+    def _begin(self, number: int, question: Question, something: Event, now: float) -> _Asked:
+        port, channel, payload, key, length = question
+        start = payload[:key]
+        waiter = _Waiter(port, channel, lambda d: d[:key] == start and len(d) >= length, something)
+        packet = CRTPPacket(port << 4 | channel, payload)
+        with self._lock:
+            self._waiters.append(waiter)
+        self._crazyflie.transmit(packet)
+        return _Asked(number, packet, waiter, now, now)
+
+    def _end(self, asked: _Asked) -> None:
+        with self._lock:
+            self._waiters.remove(asked.waiter)
+
+    def _send_again(self, under_way: list[_Asked], now: float) -> float:
+        """Repeat what the driver does not, or does no longer; seconds until the next is due."""
+        link = self._crazyflie.link
+        period = RETRY_S if link is not None and link.needs_resending else FORGET_AFTER
+        for asked in under_way:
+            if now - asked.last_sent >= period:
+                asked.last_sent = now
+                self._crazyflie.transmit(asked.packet)
+        return min(asked.last_sent for asked in under_way) + period - now
+
     def fail(self, reason: str) -> None:
         """The link is gone: remember why, and end every wait."""
         with self._lock:
@@ -163,10 +251,8 @@ class Exchange:
         if self._closed:
             raise LinkLost(f"the link to {self._uri} was closed")
 
-    def _note_packet(self, _packet: CRTPPacket) -> None:
-        self._last_packet = self._clock()
-
     def _deliver(self, packet: CRTPPacket) -> None:
+        self._last_packet = self._clock()
         payload = bytes(packet.data)
         with self._lock:
             waiters = [w for w in self._waiters if w.port == packet.port and w.channel == packet.channel]

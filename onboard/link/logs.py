@@ -4,8 +4,10 @@ Channel 1: create ``06 id {type, variable u16}*``, start ``03 id period/10ms``, 
 id`` -> ``command id errno``. Channel 2: ``id, time u24 [ms], values``. The 24-bit time wraps after 4.66 h; it
 is unwrapped here.
 
-A stream has at most 26 bytes and 9 variables: then one packet defines its block. More would need the append
-command, which is the only one that must not arrive twice, and over a lossy link no one can promise that.
+Up to 9 variables are defined by one packet; the rest of up to 18 by a second, which appends: ``07 id {type,
+variable u16}*``. It must not take effect twice, and over a lossy link no one can promise that it arrives
+once. So it begins with the largest variable, for which there is no room a second time: the drone then refuses
+the copy (E2BIG) before it appends anything.
 """
 
 import errno
@@ -13,8 +15,8 @@ import logging
 import queue
 import struct
 import threading
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
 from typing import Self
 
 from cflib.crtp.crtpstack import CRTPPacket, CRTPPort
@@ -25,12 +27,15 @@ from onboard.link.exchange import Exchange
 from onboard.link.variables import Variable, find
 from onboard.timebase import Timebase
 
-BLOCK_BYTES, BLOCK_VARIABLES, BLOCKS = 26, 9, 16
+BLOCK_BYTES, BLOCKS = 26, 16
+PACKET_VARIABLES = 9
+BLOCK_VARIABLES = 2 * PACKET_VARIABLES
 PERIOD_STEP_MS, PERIOD_MAX_MS = 10, 2540
 #: Samples kept for a callback that is slow; then the oldest are dropped and counted.
 QUEUE_LIMIT = 256
 _SETTINGS, _DATA = 1, 2
-_DELETE, _START, _STOP, _CREATE = 2, 3, 4, 6
+_DELETE, _START, _STOP, _CREATE, _APPEND = 2, 3, 4, 6, 7
+_HALF = 8
 _TIME_RANGE = 1 << 24
 _log = logging.getLogger(__name__)
 
@@ -172,23 +177,24 @@ class LogStreams:
         self._clock = clock
         self._lock = threading.Lock()
         self._streams: dict[int, LogStream] = {}
-        # From here on port 5 is ours: cflib would complain about every packet of blocks that it does not
-        # know.
-        crazyflie.remove_port_callback(CRTPPort.LOGGING, crazyflie.log._new_packet_cb)
         crazyflie.add_header_callback(self._on_data, CRTPPort.LOGGING, _DATA)
 
     def __contains__(self, name: str) -> bool:
         return name in self._table
 
     def start(
-        self, variables: Sequence[str], period_ms: int, callback: Callable[[LogSample], None]
+        self,
+        variables: Sequence[str],
+        period_ms: int,
+        callback: Callable[[LogSample], None],
+        halves: Collection[str] = (),
     ) -> LogStream:
-        """Define a block on the drone and start it.
+        """Define a block on the drone and start it; `halves` come as FP16, 2 bytes each.
 
         Raises:
             NoSuchVariable, LinkInputError, CommandRefused, LinkTimeout, LinkLost.
         """
-        found = [find(self._table, name, "log variable") for name in variables]
+        found = _in_order([self._find(name, name in halves) for name in variables])
         _check_block(found, period_ms)
         with self._lock:
             free = [block for block in range(1, BLOCKS + 1) if block not in self._streams]
@@ -196,17 +202,24 @@ class LogStreams:
                 raise LinkInputError(f"the drone has room for {BLOCKS} log streams; close one first")
             stream = LogStream(free[0], found, callback, self._clock, self._end)
             self._streams[stream.block] = stream
-        types = b"".join(struct.pack("<BH", v.type_code << 4 | v.type_code, v.ident) for v in found)
+        types = [struct.pack("<BH", v.type_code << 4 | _wanted(v), v.ident) for v in found]
+        first, second = b"".join(types[:PACKET_VARIABLES]), b"".join(types[PACKET_VARIABLES:])
         try:
-            # "Exists" (EEXIST) is a success: the first copy of this request did its work and its answer was
-            # lost.
-            self._command(_CREATE, stream.block, types, allowed=(errno.EEXIST,))
+            # "Exists" and "too big" are a success: the first copy of this request did its work and its
+            # answer was lost.
+            self._command(_CREATE, stream.block, first, allowed=(errno.EEXIST,))
+            if second:
+                self._command(_APPEND, stream.block, second, allowed=(errno.E2BIG,))
             self._command(_START, stream.block, bytes((period_ms // PERIOD_STEP_MS,)))
         except LinkError:
             self._forget(stream)
             stream.stop_delivery()
             raise
         return stream
+
+    def _find(self, name: str, half: bool) -> Variable:
+        variable = find(self._table, name, "log variable")
+        return replace(variable, format="<e") if half else variable
 
     def stop_delivery(self) -> None:
         """Stop all callbacks; the drone's blocks end with the connection."""
@@ -258,12 +271,32 @@ class LogStreams:
             stream.receive(payload)
 
 
+def _wanted(variable: Variable) -> int:
+    """Code of the type that the variable is sent as."""
+    return _HALF if variable.format == "<e" else variable.type_code
+
+
+def _in_order(variables: list[Variable]) -> list[Variable]:
+    """With the largest one first in the second packet; see the module's description."""
+    if len(variables) <= PACKET_VARIABLES:
+        return variables
+    others = list(variables)
+    largest = others.pop(max(range(len(others)), key=lambda index: others[index].size))
+    return [*others[:PACKET_VARIABLES], largest, *others[PACKET_VARIABLES:]]
+
+
 def _check_block(variables: Sequence[Variable], period_ms: int) -> None:
     size = sum(variable.size for variable in variables)
     if not 1 <= len(variables) <= BLOCK_VARIABLES or size > BLOCK_BYTES:
         raise LinkInputError(
             f"a log stream takes 1 to {BLOCK_VARIABLES} variables and {BLOCK_BYTES} bytes; "
             f"{len(variables)} variables with {size} bytes were asked for. Use several streams."
+        )
+    if len(variables) > PACKET_VARIABLES and size + variables[PACKET_VARIABLES].size <= BLOCK_BYTES:
+        raise LinkInputError(
+            f"a log stream of more than {PACKET_VARIABLES} variables leaves less room than its largest one "
+            f"takes, so that the drone cannot add variables twice; this one has {size} of {BLOCK_BYTES} "
+            "bytes. Use several streams."
         )
     if period_ms % PERIOD_STEP_MS != 0 or not PERIOD_STEP_MS <= period_ms <= PERIOD_MAX_MS:
         raise LinkInputError(

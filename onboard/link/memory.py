@@ -1,4 +1,4 @@
-"""Memories, CRTP port 4: chunk by chunk, each acknowledged.
+"""Memories, CRTP port 4: chunk by chunk, each acknowledged, some under way at once.
 
 Channel 1 read: ``id u8, address u32, length u8`` -> ``id, address, status u8, data``. Channel 2 write: ``id
 u8, address u32, data`` -> ``id, address, status``. Status 0 is done, 5 (EIO) refused. Little endian.
@@ -12,12 +12,15 @@ from dataclasses import dataclass
 
 from cflib.crtp.crtpstack import CRTPPort
 
-from onboard.clock import Clock
+from onboard.link.deadline import GrowingDeadline
 from onboard.link.errors import CommandRefused, LinkInputError, LinkTimeout, NoSuchVariable
-from onboard.link.exchange import Exchange
+from onboard.link.exchange import Exchange, Question
+from onboard.timebase import Timebase
 
 _READ, _WRITE = 1, 2
 CHUNK = 24
+_BATCH = 32
+"""Chunks after which the answers are looked at: a refusal is then not asked for a whole transfer long."""
 _HEAD = struct.Struct("<BI")
 
 
@@ -34,12 +37,12 @@ class Memories:
     """Reads and writes the drone's memories, one transfer at a time."""
 
     def __init__(
-        self, exchange: Exchange, known: list[MemoryInfo], transfer_timeout_s: float, clock: Clock
+        self, exchange: Exchange, known: list[MemoryInfo], transfer_timeout_s: float, time: Timebase
     ) -> None:
         self._exchange = exchange
         self._known = known
         self._timeout = transfer_timeout_s
-        self._clock = clock
+        self._time = time
         self._busy = threading.Lock()
 
     def find(self, type_id: int) -> MemoryInfo:
@@ -64,9 +67,10 @@ class Memories:
         """
         memory = self._checked(type_id, address, len(data))
         with self._transfer(f"write {len(data)} bytes to memory 0x{type_id:02x}") as deadline:
-            for offset in range(0, len(data), CHUNK):
-                head = _HEAD.pack(memory.ident, address + offset)
-                self._step(_WRITE, head, data[offset : offset + CHUNK], deadline)
+            starts = range(0, len(data), CHUNK)
+            heads = [_HEAD.pack(memory.ident, address + start) for start in starts]
+            rests = [data[start : start + CHUNK] for start in starts]
+            self._steps(_WRITE, heads, rests, deadline)
 
     def read(self, type_id: int, address: int, length: int) -> bytes:
         """``length`` bytes from ``address`` on.
@@ -75,36 +79,40 @@ class Memories:
             NoSuchVariable, LinkInputError, CommandRefused, LinkTimeout, LinkLost.
         """
         memory = self._checked(type_id, address, length)
-        data = bytearray()
         with self._transfer(f"read {length} bytes from memory 0x{type_id:02x}") as deadline:
-            while len(data) < length:
-                wanted = min(CHUNK, length - len(data))
-                head = _HEAD.pack(memory.ident, address + len(data))
-                chunk = self._step(_READ, head, bytes((wanted,)), deadline)
-                if len(chunk) != wanted:
-                    raise CommandRefused(
-                        f"memory 0x{type_id:02x} gave {len(chunk)} bytes where {wanted} were asked for"
-                    )
-                data += chunk
-        return bytes(data)
+            starts = range(0, length, CHUNK)
+            heads = [_HEAD.pack(memory.ident, address + start) for start in starts]
+            wanted = [bytes((min(CHUNK, length - start),)) for start in starts]
+            chunks = self._steps(_READ, heads, wanted, deadline)
+        for chunk, asked in zip(chunks, wanted, strict=True):
+            if len(chunk) != asked[0]:
+                raise CommandRefused(
+                    f"memory 0x{type_id:02x} gave {len(chunk)} bytes where {asked[0]} were asked for"
+                )
+        return b"".join(chunks)
 
-    def _step(self, channel: int, head: bytes, rest: bytes, deadline: float) -> bytes:
-        ident, address = _HEAD.unpack(head)
-        reply, _ = self._exchange.ask(
-            CRTPPort.MEM,
-            channel,
-            head + rest,
-            accepts=lambda data: data[: len(head)] == head and len(data) > len(head),
-            within=max(0.0, deadline - self._clock()),
-            what=f"{'write' if channel == _WRITE else 'read'} memory {ident} at {address}",
-        )
-        status = reply[len(head)]
-        if status != 0:
-            action = "write to" if channel == _WRITE else "read from"
-            raise CommandRefused(
-                f"the drone refuses to {action} memory {ident} at address {address}: status {status}"
-            )
-        return reply[len(head) + 1 :]
+    def _steps(
+        self, channel: int, heads: list[bytes], rests: list[bytes], deadline: GrowingDeadline
+    ) -> list[bytes]:
+        """One request a chunk, some under way at once; a refusal ends it after at most a batch."""
+        action = "write to" if channel == _WRITE else "read from"
+        questions = [
+            Question(CRTPPort.MEM, channel, head + rest, len(head), len(head) + 1)
+            for head, rest in zip(heads, rests, strict=True)
+        ]
+        chunks = []
+        for start in range(0, len(questions), _BATCH):
+            batch = questions[start : start + _BATCH]
+            what = f"{action} memory at {_HEAD.unpack_from(batch[0].payload)[1]}"
+            for answer in self._exchange.ask_all(batch, time=self._time, deadline=deadline, what=what):
+                ident, address = _HEAD.unpack_from(answer)
+                status, chunk = answer[_HEAD.size], answer[_HEAD.size + 1 :]
+                if status != 0:
+                    raise CommandRefused(
+                        f"the drone refuses to {action} memory {ident} at address {address}: status {status}"
+                    )
+                chunks.append(chunk)
+        return chunks
 
     def _checked(self, type_id: int, address: int, length: int) -> MemoryInfo:
         memory = self.find(type_id)
@@ -115,11 +123,10 @@ class Memories:
         return memory
 
     @contextmanager
-    def _transfer(self, what: str) -> Iterator[float]:
-        deadline = self._clock() + self._timeout
+    def _transfer(self, what: str) -> Iterator[GrowingDeadline]:
         if not self._busy.acquire(timeout=self._timeout):
             raise LinkTimeout(f"another memory transfer was still running after {self._timeout:g} s: {what}")
         try:
-            yield deadline
+            yield GrowingDeadline(self._time(), self._timeout)
         finally:
             self._busy.release()

@@ -40,6 +40,7 @@ FORGET_AFTER = 5.0
 RESEND_MIN, RESEND_MAX = 0.01, 0.1
 #: Before the first round trip was measured [s].
 RESEND_FIRST = 0.05
+_LATE_IN_A_ROW = 3
 
 # Length of the part of the payload that a request and its reply have in common, by header and command byte.
 # Bytes: headers are port << 4 | channel. ``None`` as command stands for "whatever the first byte is".
@@ -115,6 +116,7 @@ class OutstandingRequests:
         self._requests: dict[bytes, _Request] = {}
         self._log_packets: deque[bytes] = deque(maxlen=LOG_MEMORY)
         self._round_trip: float | None = None
+        self._unmeasured = 0  # answers in a row to more than one copy
 
     def __len__(self) -> int:
         return len(self._requests)
@@ -149,6 +151,9 @@ class OutstandingRequests:
             return False
         if request.sends == 1:  # otherwise it is unknown which of the sends was answered (Karn's rule)
             self._measure(now - request.first_sent)
+            self._unmeasured = 0
+        else:
+            self._unmeasured += 1
         return True
 
     def due(self, now: float) -> list[Packet]:
@@ -169,9 +174,9 @@ class OutstandingRequests:
         return min((min(r.due, r.first_sent + FORGET_AFTER) for r in self._requests.values()), default=None)
 
     def _first_interval(self) -> float:
-        if self._round_trip is None:
-            return RESEND_FIRST
-        return min(max(4 * self._round_trip, RESEND_MIN), RESEND_MAX)
+        """Longer when answers come late again and again: then too soon may be why none can be measured."""
+        known = RESEND_FIRST if self._round_trip is None else max(4 * self._round_trip, RESEND_MIN)
+        return min(known * 2.0 ** min(self._unmeasured // _LATE_IN_A_ROW, 4), RESEND_MAX)
 
     def _measure(self, round_trip: float) -> None:
         known = self._round_trip

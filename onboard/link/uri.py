@@ -2,7 +2,8 @@
 
 ``udp://HOST:PORT[?silence_s=SECONDS]``, ``radio://DONGLE/CHANNEL[/RATE[/ADDRESS]]``, ``usb://NUMBER``; the
 last two are cflib's (0.1.34, ``crtp/radiodriver.py`` and ``crtp/usbdriver.py``), which takes a data rate
-that it does not know for 2M and fails on a wrong address with an error of ``struct``.
+that it does not know for 2M and fails on a wrong address with an error of ``struct``. ``connect_s=SECONDS``,
+with udp or radio, is the least time for connecting.
 """
 
 import math
@@ -15,6 +16,8 @@ from onboard.link.errors import LinkInputError
 
 #: No packet for this long although answers were asked for: the link is lost [s].
 SILENCE_LIMIT = 1.0
+#: Least time for connecting, unless the address says another [s].
+CONNECT_LIMIT = 10.0
 #: Example of each known scheme.
 EXAMPLES = {
     "udp": "udp://127.0.0.1:19850",
@@ -57,20 +60,18 @@ def parse_udp_uri(uri: str) -> UdpAddress:
     """Read ``udp://HOST:PORT[?silence_s=SECONDS]``; other query keys are ignored, as cflib appends some.
 
     Raises:
-        LinkInputError: the URI has no host or port, or ``silence_s`` is not a positive number.
+        LinkInputError: the URI has no host or port, or a time in it is not a positive number.
     """
     hint = f"{uri!r} is not a usable drone address; write udp://HOST:PORT, for example {EXAMPLES['udp']}"
     try:
         parts = urlsplit(uri)
         host, port = parts.hostname, parts.port
-        silence_s = float(parse_qs(parts.query).get("silence_s", [SILENCE_LIMIT])[0])
     except ValueError as error:
         raise LinkInputError(f"{hint} ({error})") from error
     if parts.scheme != "udp" or not host or not port or parts.path.strip("/"):
         raise LinkInputError(hint)
-    if not (silence_s > 0 and math.isfinite(silence_s)):
-        raise LinkInputError(f"{uri!r}: silence_s must be more than 0 s and finite, not {silence_s}")
-    return UdpAddress(host, port, silence_s)
+    connect_limit(uri)
+    return UdpAddress(host, port, _seconds(uri, "silence_s") or SILENCE_LIMIT)
 
 
 def _check_radio(uri: str) -> None:
@@ -86,6 +87,8 @@ def _check_radio(uri: str) -> None:
         raise LinkInputError(
             f"{uri!r}: rate_limit must be a whole number of packets per second, not {limit!r}"
         )
+
+    connect_limit(uri)
 
 
 def _check_usb(uri: str) -> None:
@@ -104,7 +107,31 @@ _CHECKS: dict[str, Callable[[str], object]] = {
 
 def silence_limit(uri: str) -> float:
     """Silence of the drone after which its link counts as lost, s."""
-    return parse_udp_uri(uri).silence_s if uri.startswith("udp://") else SILENCE_LIMIT
+    return (_seconds(uri, "silence_s") if uri.startswith("udp://") else None) or SILENCE_LIMIT
+
+
+def connect_limit(uri: str) -> float:
+    """Least time to allow for connecting, s: what the address says, or 10 s, and more for one that may be
+    silent for longer.
+
+    Raises:
+        LinkInputError: it does not say seconds.
+    """
+    return _seconds(uri, "connect_s") or CONNECT_LIMIT * patience(uri)
+
+
+def _seconds(uri: str, key: str) -> float | None:
+    """A time in the query of an address, or None."""
+    values = parse_qs(urlsplit(uri).query, keep_blank_values=True).get(key)
+    if values is None:
+        return None
+    try:
+        seconds = float(values[0])
+    except ValueError:
+        seconds = math.nan
+    if not (seconds > 0 and math.isfinite(seconds)):
+        raise LinkInputError(f"{uri!r}: {key} must be more than 0 s and finite, not {values[0]}")
+    return seconds
 
 
 def patience(uri: str) -> float:

@@ -1,14 +1,27 @@
 """The drone's tables of contents, typed: which parameters and log variables exist, and how they look on the
-wire."""
+wire. The codes of types are the firmware's (``param.h``, ``log.h``)."""
 
 import struct
 from dataclasses import dataclass
-from typing import Any
 
-from cflib.crazyflie.log import LogTocElement
-from cflib.crazyflie.param import ParamTocElement
+from onboard.link.errors import LinkError, LinkInputError, NoSuchVariable
+from onboard.link.table_cache import Rows
 
-from onboard.link.errors import LinkInputError, NoSuchVariable
+_TYPE, _READ_ONLY = 0x0F, 0x40
+_PARAMETER_FORMATS = {
+    0x00: "<b",
+    0x01: "<h",
+    0x02: "<i",
+    0x03: "<q",
+    0x05: "<e",
+    0x06: "<f",
+    0x07: "<d",
+    0x08: "<B",
+    0x09: "<H",
+    0x0A: "<I",
+    0x0B: "<Q",
+}
+_LOG_FORMATS = {1: "<B", 2: "<H", 3: "<I", 4: "<b", 5: "<h", 6: "<i", 7: "<f", 8: "<e"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,26 +76,35 @@ class Variable:
             ) from error
 
 
-def parameter_table(toc: dict[str, dict[str, Any]]) -> dict[str, Variable]:
-    """The parameters by complete name, from cflib's table."""
+def parameter_table(rows: Rows) -> dict[str, Variable]:
+    """The parameters by complete name.
+
+    Raises:
+        LinkError: a type that is not known.
+    """
     return {
-        f"{group}.{name}": Variable(
-            f"{group}.{name}", entry.ident, 0, entry.pytype, entry.access == ParamTocElement.RO_ACCESS
-        )
-        for group, entries in toc.items()
-        for name, entry in entries.items()
+        name: Variable(name, ident, 0, _format(_PARAMETER_FORMATS, code, name), bool(code & _READ_ONLY))
+        for ident, (code, name) in enumerate(rows)
     }
 
 
-def log_table(toc: dict[str, dict[str, Any]]) -> dict[str, Variable]:
-    """The log variables by complete name, from cflib's table."""
+def log_table(rows: Rows) -> dict[str, Variable]:
+    """The log variables by complete name.
+
+    Raises:
+        LinkError: a type that is not known.
+    """
     return {
-        f"{group}.{name}": Variable(
-            f"{group}.{name}", entry.ident, LogTocElement.get_id_from_cstring(entry.ctype), entry.pytype
-        )
-        for group, entries in toc.items()
-        for name, entry in entries.items()
+        name: Variable(name, ident, code & _TYPE, _format(_LOG_FORMATS, code, name))
+        for ident, (code, name) in enumerate(rows)
     }
+
+
+def _format(formats: dict[int, str], code: int, name: str) -> str:
+    try:
+        return formats[code & _TYPE]
+    except KeyError:
+        raise LinkError(f"the drone says that {name} has type {code:#04x}, which is not known") from None
 
 
 def find(table: dict[str, Variable], name: str, kind: str) -> Variable:

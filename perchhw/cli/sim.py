@@ -99,6 +99,25 @@ LabPace = Annotated[
         "those who fly in it, never faster; a busy machine changes nothing. FACTOR: so, at most so fast.",
     ),
 ]
+AutoArm = Annotated[
+    bool, typer.Option("--auto-arm", help="The drone arms by itself, as the stock build does.")
+]
+IdleThrust = Annotated[
+    int,
+    typer.Option(
+        min=0, max=65535, help="Ratio at which motors that may turn idle; the stock build has 7000, ours 0."
+    ),
+]
+Deck = Annotated[
+    list[str] | None,
+    typer.Option(help="Name of an attached deck, such as bcFlow2; nothing that it measures is simulated."),
+]
+RadioOption = Annotated[
+    bool,
+    typer.Option(
+        "--radio", help="As over a Crazyradio: 350 packets a second each way, latency, the drone's queues."
+    ),
+]
 WithParent = Annotated[
     bool, typer.Option("--with-parent", help="End when standard input ends, as it does when the parent dies.")
 ]
@@ -119,10 +138,15 @@ def lab(
     pace: LabPace = "real",
     engine: Engine = None,
     feed_poses: FeedPoses = False,
+    radio: RadioOption = False,
+    auto_arm: AutoArm = False,
+    idle_thrust: IdleThrust = 0,
+    deck: Deck = None,
     seed: Seed = 0,
     with_parent: WithParent = False,
 ) -> int:
     """Drones and mocap room."""
+    from sim_backend.crazyflie.build import Build, known_decks
     from sim_backend.lab import LabSettings
     from sim_backend.pace import Pace
 
@@ -140,6 +164,8 @@ def lab(
         pace=Pace.parse(pace),
         engine=engine,
         feed_poses=feed_poses,
+        radio=radio,
+        build=Build(auto_arm, idle_thrust, known_decks(deck or ())),
         seed=seed,
     )
     return _serve_lab(settings, with_parent)
@@ -157,10 +183,15 @@ def drone(
     pace: LabPace = "real",
     engine: Engine = None,
     feed_poses: FeedPoses = False,
+    radio: RadioOption = False,
+    auto_arm: AutoArm = False,
+    idle_thrust: IdleThrust = 0,
+    deck: Deck = None,
     seed: Seed = 0,
     with_parent: WithParent = False,
 ) -> int:
     """Drones without a mocap room: nobody tells them where they are."""
+    from sim_backend.crazyflie.build import Build, known_decks
     from sim_backend.lab import LabSettings
     from sim_backend.pace import Pace
 
@@ -176,6 +207,8 @@ def drone(
         pace=Pace.parse(pace),
         engine=engine,
         feed_poses=feed_poses,
+        radio=radio,
+        build=Build(auto_arm, idle_thrust, known_decks(deck or ())),
         seed=seed,
     )
     return _serve_lab(settings, with_parent)

@@ -51,6 +51,7 @@ def parameter_setters(fw: "Firmware") -> dict[str, Callable[[Number], None]]:
     bind("hlCommander.vtoff", lambda: fw.high_level, "takeoff_velocity")
     bind("hlCommander.vland", lambda: fw.high_level, "landing_velocity")
     bind("pm.lowVoltage", lambda: fw.power, "low_voltage")
+    bind("powerDist.idleThrust", lambda: fw, "idle_thrust", int)
 
     def set_noise(index: int, value: Number) -> None:
         fw.estimator.noise[index] = value

@@ -15,6 +15,7 @@ from onboard.gravity import GRAVITY
 from onboard.landing.model import OutputMode
 from onboard.vehicle import Vehicle
 from sim_backend.crazyflie.bindings import log_sources, parameter_setters
+from sim_backend.crazyflie.build import OURS, Build
 from sim_backend.crazyflie.commander import Commander, Priority
 from sim_backend.crazyflie.engine import Event, Sample, make_engine
 from sim_backend.crazyflie.estimator import Estimator
@@ -52,6 +53,7 @@ class Firmware:
         thrust_max: of a motor, N.
         supervisor, estimator, high_level, sensors, power: the parts; new ones after each boot.
         setpoint: what the controller follows, after the supervisor's override.
+        idle_thrust: least ratio of a motor that may turn.
         ratios: int64[4], motor ratios 0..65535 as given to the motor drivers.
         running: False while the microcontroller has no power.
         boot_count: boots so far.
@@ -65,7 +67,10 @@ class Firmware:
         engine: EngineName = EngineName.REFERENCE,
         with_app: bool = True,
         gyro_bias: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        build: Build = OURS,
     ) -> None:
+        self._build = build
+        self.idle_thrust = build.idle_thrust
         self._vehicle = vehicle
         self._rng = rng
         self._gyro_bias = gyro_bias
@@ -104,6 +109,7 @@ class Firmware:
         self.params.mirror("memTst.resetW", lambda _: self._tester.reset_write_errors())
         self.logs.bind("memTst.errCntW", lambda: self._tester.write_errors)
         self.logs.bind_all(log_sources(self))
+        build.bind(self.logs)
         if self.app:
             self.logs.bind_all(self.app.log_sources())
             self.app.connect()
@@ -177,6 +183,7 @@ class Firmware:
         setpoint = self._commanded(tick)
         self._supervise(tick, setpoint)
         self._control(tick, self._overridden(setpoint))
+        self._idle_motors()
         self.run_parameter_task()
         return self._duties
 
@@ -220,7 +227,7 @@ class Firmware:
         self.supervisor.update(
             tick,
             (float(acc[0]), float(acc[1]), float(acc[2])),
-            bool(self.ratios.any()),
+            bool((self.ratios > self.idle_thrust).any()),
             setpoint.time_ms,
             self.high_level.info_bits(tick * DT),
         )
@@ -269,6 +276,12 @@ class Firmware:
         if self.app is not None:
             self.app.answer(events)
 
+    def _idle_motors(self) -> None:
+        """Motors that may turn turn at least so fast (``power_distribution_quadrotor.c``)."""
+        if self.idle_thrust and self.supervisor.motors_allowed and not self.motor_override[0]:
+            np.maximum(self.ratios, self.idle_thrust, out=self.ratios)
+            applied_duties(self.ratios, self._duties)
+
     def _override_motors(self) -> None:
         """``motorPowerSet``: it wins in every state, disarmed and locked included, as in the firmware."""
         mode, *values = self.motor_override
@@ -297,7 +310,7 @@ class Firmware:
         self._terminal_voltage = 0.0
         self.params.reset()
         sensing = self._vehicle.sensing
-        self.supervisor = Supervisor()
+        self.supervisor = Supervisor(auto_arm=self._build.auto_arm)
         self.estimator = Estimator()
         self.sensors = InertialSensors(sensing, self._rng)
         self.sensors.gyro_bias[:] = self._gyro_bias
@@ -327,6 +340,7 @@ class Firmware:
 
     def _apply_parameters(self) -> None:
         self.params["system.selftestPassed"] = 1
+        self._build.apply(self.params)
         self.params["stabilizer.estimator"] = 2  # Kalman
         self.params["stabilizer.controller"] = 6 if self.app else 5  # out of tree, Lee
         self.params.take_updates()

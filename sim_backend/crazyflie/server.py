@@ -32,6 +32,8 @@ from sim_backend.crazyflie.ports.platform import PlatformPort
 from sim_backend.crazyflie.ports.radio import Power, Radio
 from sim_backend.crazyflie.ports.setpoint import GenericSetpointPort, RpytPort
 from sim_backend.crazyflie.ports.supervisor import SupervisorCrtpPort
+from sim_backend.crazyflie.radio_channel import RadioChannel
+from sim_backend.crazyflie.reception import Reception
 from sim_backend.errors import SimulationError
 
 #: A full table of contents is asked for and answered within milliseconds, and udp:// clients never resend: a
@@ -81,8 +83,10 @@ class CrazyflieServer:
         *,
         radio_id: int = 0xE7,
         faults: DatagramFaults | None = None,
+        air: RadioChannel | None = None,
     ) -> None:
-        """Port 0 takes a free one; ``radio_id`` is the last byte of the drone's radio address."""
+        """Port 0 takes a free one; ``radio_id`` is the last byte of the drone's radio address; without
+        ``air`` packets take no time."""
         self.radio = Radio(firmware)
         self.dropped = 0
         self.received: Counter[int] = Counter()
@@ -93,6 +97,8 @@ class CrazyflieServer:
         self._requested: Address = (host, port)
         self._radio_id = radio_id
         self._faults = faults
+        self._air = air
+        self._reception = Reception(lambda: air is None or air.has_room, self._work)
         self._socket: socket.socket | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._peer: Address | None = None
@@ -160,6 +166,9 @@ class CrazyflieServer:
         self._now = now
         while self._delayed and self._delayed[0][0] <= now:
             heapq.heappop(self._delayed)[2]()
+        if self._air is not None:
+            self._air.move(now)
+            self._guarded(self._reception.go_on)
         if self.radio.power is not Power.ON:
             return
         self._notice_reboot()
@@ -206,6 +215,9 @@ class CrazyflieServer:
             self._peer = None
             self._last_packet_ms = 0
             self._console.clear()
+            self._reception.clear()
+            if self._air is not None:
+                self._air.forget()
             self._connect_ports()
 
     def _drain(self) -> None:
@@ -219,7 +231,11 @@ class CrazyflieServer:
                 return
             self.received[source[1]] += 1
             self.heard.set()
-            self._pass(partial(self._receive, datagram, source), datagram)
+            receive = partial(self._receive, datagram, source)
+            if self._air is None:
+                self._pass(receive, datagram)
+            else:
+                self._air.up(self._now, partial(self._pass, receive, datagram))
 
     def _pass(self, deliver: Callable[[], None], datagram: bytes) -> None:
         """Deliver one datagram through the faults of the link."""
@@ -248,11 +264,17 @@ class CrazyflieServer:
         self._notice_reboot()
         self._peer = source
         self._touch()
+        self._guarded(partial(self._reception.take, packet))
+
+    def _work(self, packet: Packet) -> None:
         port = self._ports.get(packet.port)
-        if port is None:
-            return
-        try:
+        if port is not None:
             port.handle(packet)
+
+    def _guarded(self, work: Callable[[], None]) -> None:
+        """An assertion of the firmware restarts it."""
+        try:
+            work()
         except FirmwareAssertion as assertion:
             self.assertions.append(str(assertion))
             self._firmware.assert_failed(str(assertion))
@@ -275,7 +297,11 @@ class CrazyflieServer:
             self._transmit(packet.encode(), self._peer)
 
     def _transmit(self, datagram: bytes, address: Address) -> None:
-        self._pass(partial(self._put, datagram, address), datagram)
+        put = partial(self._put, datagram, address)
+        if self._air is None:
+            self._pass(put, datagram)
+        else:
+            self._air.down(self._now, partial(self._pass, put, datagram))
 
     def _put(self, datagram: bytes, address: Address) -> None:
         if self._socket is None:

@@ -181,9 +181,14 @@ class TumbleCheck:
 
 
 class Supervisor:
-    """State machine, latches and timers of one drone; everything is lost at a reboot (make a new one)."""
+    """State machine, latches and timers of one drone; everything is lost at a reboot (make a new one).
 
-    def __init__(self) -> None:
+    Args:
+        auto_arm: arm when the preflight checks have passed, without being asked.
+    """
+
+    def __init__(self, auto_arm: bool = False) -> None:
+        self._auto_arm = auto_arm
         self.state = State.NOT_INITIALIZED
         self.tumble = TumbleCheck()
         self.tumble_check_enabled = True
@@ -291,7 +296,7 @@ class Supervisor:
         Args:
             tick_ms: ms since boot.
             acc_g: accelerometer, body axes, g.
-            motors_turning: whether any motor's ratio is above the idle thrust (0).
+            motors_turning: whether any motor's ratio is above the idle thrust.
             setpoint_time_ms: tick of the setpoint in force.
             high_level: bits 8 to 10, as the high-level commander reports them.
         """
@@ -304,6 +309,8 @@ class Supervisor:
                 self._enter(rule.to, tick_ms)
                 break
         self._tumbled = bool(conditions & Condition.TUMBLED)
+        if self._auto_arm and self.state is State.PREFLIGHT_CHECKS_PASSED:
+            self._armed = True
         self._info = high_level | self._state_bits()
 
     def _state_bits(self) -> SupervisorBits:
@@ -313,6 +320,8 @@ class Supervisor:
             bits |= SupervisorBits.CAN_ARM
         if self._armed:
             bits |= SupervisorBits.ARMED
+        if self._auto_arm:
+            bits |= SupervisorBits.AUTO_ARM
         if self.can_fly:
             bits |= SupervisorBits.CAN_FLY
         if self.is_flying:

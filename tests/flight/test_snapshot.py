@@ -1,6 +1,6 @@
 """The snapshot of the trigger comes in two log blocks; one that is torn is no snapshot."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
 from onboard.app_interface import LOGS, Log, ValueType
@@ -19,7 +19,13 @@ class Blocks:
         self._receivers: list[Callable[[LogSample], None]] = []
         self._time_ms = 0
 
-    def stream(self, variables: Sequence[str], period_ms: int, callback: Callable[[LogSample], None]) -> None:
+    def stream(
+        self,
+        variables: Sequence[str],
+        period_ms: int,
+        callback: Callable[[LogSample], None],
+        halves: Collection[str],
+    ) -> None:
         self._receivers.append(callback)
 
     def send(self, block: Block, count: int, value: float) -> None:

@@ -23,6 +23,8 @@ class Faults:
     duplicate: float = 0.0
     reorder: float = 0.0
     delay: float = 0.0
+    jitter: float = 0.0
+    """Longest delay beyond that, uniform from 0: packets overtake each other."""
     reorder_delay: float = 0.005
 
 
@@ -105,7 +107,7 @@ class FaultyNetwork:
             self._schedule(from_client, data)
 
     def _schedule(self, from_client: bool, data: bytes) -> None:
-        due = time.monotonic() + self.faults.delay
+        due = time.monotonic() + self.faults.delay + self._rng.uniform(0.0, self.faults.jitter)
         if self._rng.random() < self.faults.reorder:
             self.reordered += 1
             due += self.faults.reorder_delay

@@ -361,6 +361,8 @@ def test_stream_limits_are_input_errors(link: DroneLink) -> None:
             link.stream(["pm.vbatMV"], period, lambda _sample: None)
     with pytest.raises(LinkInputError, match="bytes"):
         link.stream(["stateEstimate.x"] * 7, 10, lambda _sample: None)
+    with pytest.raises(LinkInputError, match="twice"):  # 22 bytes: there is room for its largest
+        link.stream(["pm.vbatMV"] * 11, 10, lambda _sample: None)
 
 
 def test_lost_answer_to_a_block_command_is_repaired(tiny: TinyDrone, link: DroneLink) -> None:

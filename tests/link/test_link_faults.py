@@ -6,6 +6,8 @@ import threading
 import time
 import zlib
 from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +16,7 @@ from onboard.link import DroneLink, LinkError, LinkLost, LinkTimeout, reboot
 from onboard.timebase import WallTime
 from tests.link.faulty_network import Faults, FaultyNetwork
 from tests.link.tiny_drone import MEMORY_TYPE, TinyDrone
-from tests.patience import PATIENCE_S, StandingClock, patient_link, until
+from tests.patience import PATIENCE_S, StandingClock, patient_link, patient_uri, until
 
 BUNDLE = bytes(np.random.default_rng(1).integers(0, 256, 5120, dtype=np.uint8))
 BAD_NETWORKS = {
@@ -33,13 +35,20 @@ def network(request: pytest.FixtureRequest, tiny: TinyDrone) -> Iterator[FaultyN
         yield proxy
 
 
+def reads(link: DroneLink, name: str, value: float) -> bool:
+    """Whether the parameter has this value."""
+    return link.param(name) == value
+
+
 def test_bad_network_costs_time_only(network: FaultyNetwork, tiny: TinyDrone) -> None:
     """Connecting, parameters and an upload complete and are right."""
     bundle = BUNDLE if network.faults.delay < 0.002 else BUNDLE[:1200]
     with patient_link(network.uri) as link:
         for step in range(20):
             link.set_param("motion.offset", step)
-            assert link.param("motion.offset") == step == tiny.values["motion.offset"]
+            assert tiny.values["motion.offset"] == step
+            # A second copy of the last answer may come first; nobody can tell it from this one.
+            until(partial(reads, link, "motion.offset", step))
         assert link.upload_policy(bundle) == zlib.crc32(bundle)
         assert link.read_memory(MEMORY_TYPE, 0, len(bundle)) == bundle
         assert link.lost is None
@@ -150,7 +159,7 @@ def test_silent_listener_is_a_timeout_at_the_deadline(tiny: TinyDrone) -> None:
     assert 0.7 <= time.monotonic() - start < 8.0, "10 s are the deadline when none is given"
 
 
-@pytest.mark.parametrize("header", [0xD1, 0x50, 0x42 - 2, 0x20, 0x23, 0x21])
+@pytest.mark.parametrize("header", [0xF1, 0xD1, 0x50, 0x51, 0x40, 0x20])
 def test_drone_that_stops_answering_while_connecting(tiny: TinyDrone, header: int) -> None:
     """Alive but silent on one subject: only the deadline can end this."""
     tiny.drop = lambda request: request[0] & 0xF3 == header
@@ -160,8 +169,32 @@ def test_drone_that_stops_answering_while_connecting(tiny: TinyDrone, header: in
     assert time.monotonic() - start < 8.0, "10 s are the deadline when none is given"
 
 
+BAD_ENOUGH = {
+    "a fifth is lost": Faults(loss=0.2),
+    "jitter of 50 ms": Faults(jitter=0.05),
+    "4 ms each way": Faults(delay=0.004),
+    "30 ms each way": Faults(delay=0.03),
+}
+
+
+@pytest.mark.parametrize("faults", BAD_ENOUGH.values(), ids=list(BAD_ENOUGH))
+def test_connects_over_slow_and_lossy_networks(tiny: TinyDrone, tmp_path: Path, faults: Faults) -> None:
+    with (
+        FaultyNetwork(tiny.port, np.random.default_rng(7), faults) as network,
+        DroneLink.open(patient_uri(network.uri), toc_cache=tmp_path) as link,
+    ):
+        assert link.has_param("ring.solid")
+        assert link.has_log("pm.vbatMV")
+
+
+def test_a_connection_that_comes_too_late_says_how_to_wait_longer(tiny: TinyDrone) -> None:
+    tiny.drop = lambda request: tiny.count(0x40) > 1  # from the details of the memories on
+    with pytest.raises(LinkTimeout, match="connect_s=SECONDS"):
+        DroneLink.open(patient_uri(tiny.uri) + "&connect_s=0.5")
+
+
 def test_drone_that_freezes_while_connecting_is_lost(tiny: TinyDrone) -> None:
-    tiny.drop = lambda request: tiny.count(0x21) > 2  # reads of parameters: tables may be known already
+    tiny.drop = lambda request: tiny.count(0x40) > 1  # from the details of the memories on
     with pytest.raises(LinkLost, match="while it was set up"):
         DroneLink.open(tiny.uri + "?silence_s=0.3", timeout_s=PATIENCE_S)
 

@@ -116,6 +116,19 @@ def test_resend_interval_follows_the_round_trip() -> None:
     assert requests.due(now + 0.081)
 
 
+def test_a_round_trip_longer_than_the_first_interval_is_found_out() -> None:
+    """Else each request of a slow link would leave twice for ever."""
+    requests = OutstandingRequests()
+    resends = []
+    for number in range(20):
+        now = float(number)
+        requests.sending(CRTPPacket(0x2D, b"\x05\0"), now)
+        resends.append(sum(len(requests.due(now + step / 1000)) for step in range(60)))
+        assert requests.accept(b"\x21\x05\0\0\x00", now + 0.06)
+    assert resends[0] == 1
+    assert sum(resends[5:]) == 0
+
+
 def test_a_new_request_with_the_same_key_replaces_the_old_one() -> None:
     requests = OutstandingRequests()
     old, new = CRTPPacket(0x2D, b"\x05\0"), CRTPPacket(0x2D, b"\x05\0")

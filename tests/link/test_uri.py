@@ -7,7 +7,7 @@ import pytest
 
 from onboard.errors import InputError
 from onboard.link import DroneLink, check_drone_uri, reboot
-from onboard.link.uri import parse_udp_uri
+from onboard.link.uri import connect_limit, parse_udp_uri
 
 
 @pytest.mark.parametrize(
@@ -15,6 +15,8 @@ from onboard.link.uri import parse_udp_uri
     [
         "udp://127.0.0.1:19850",
         "udp://[::1]:19850?silence_s=2",
+        "udp://127.0.0.1:19850?connect_s=60&time=127.0.0.1:40000",
+        "radio://0/80/2M/E7E7E7E7E7?connect_s=60",
         "radio://0/80/2M/E7E7E7E7E7",
         "radio://0/80/250K",
         "radio://A1B2C3D4E5/125/1M/e7e7e7e701?rate_limit=100",
@@ -50,6 +52,9 @@ def test_unknown_schemes_name_the_known_ones(uri: str) -> None:
         "udp://h:1?silence_s=-1",
         "udp://h:1?silence_s=nan",
         "udp://h:1?silence_s=inf",
+        "udp://h:1?connect_s=0",
+        "udp://h:1?connect_s=",
+        "radio://0/80/2M?connect_s=soon",
         "radio://",
         "radio://0",
         "radio://0/126/2M",
@@ -79,3 +84,10 @@ def test_the_check_does_not_import_cflib() -> None:
         "check_drone_uri('radio://0/80/2M'); sys.exit('cflib' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
+
+
+def test_the_address_says_how_long_to_wait_for_a_connection() -> None:
+    assert connect_limit("udp://h:1") == 10.0
+    assert connect_limit("radio://0/80/2M?connect_s=60") == 60.0
+    assert connect_limit("udp://h:1?silence_s=3") == 30.0
+    assert connect_limit("udp://h:1?silence_s=3&connect_s=0.5") == 0.5

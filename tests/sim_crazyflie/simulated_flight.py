@@ -9,6 +9,7 @@ from onboard.policy.bundle import bundle_crc32
 from onboard.supervisor_info import SupervisorInfo
 from onboard.trajectory import ApproachPlan
 from onboard.vehicle import Vehicle, load_vehicle
+from sim_backend.crazyflie.build import OURS, Build
 from sim_backend.crazyflie.high_level import Command
 from sim_backend.engine_name import EngineName
 from sim_backend.faults import DroneFaults
@@ -29,9 +30,12 @@ class Flight:
         faults: DroneFaults | None = None,
         flashed: Vehicle | None = None,
         vehicle: Vehicle | None = None,
+        build: Build = OURS,
     ) -> None:
         vehicle = vehicle or load_vehicle(VEHICLE, LEGS)
-        self.world = World(vehicle, flashed=flashed, seed=seed, faults=faults, engine=self.engine)
+        self.world = World(
+            vehicle, flashed=flashed, seed=seed, faults=faults, build=build, engine=self.engine
+        )
         self.drone = self.world.drones[0]
         self.firmware = self.drone.firmware
         self.poses = True

@@ -230,6 +230,7 @@ def test_frozen_drone_is_silent() -> None:
         (("lab", *FREE_PORTS, "--fault", "mocap_freeze_at=x"), 2, "mocap_freeze_at"),
         (("lab", *FREE_PORTS, "--vehicle", "zeppelin"), 2, "zeppelin"),
         (("lab", "--drones", "0"), 2, "drones"),
+        (("drone", "--deck", "flow"), 2, "bcFlow2"),
     ],
 )
 def test_bad_input_is_refused(arguments: tuple[str, ...], code: int, words: str) -> None:
