@@ -11,6 +11,7 @@ from perchhw.cli.output import console, emit, progress_console
 if TYPE_CHECKING:
     from calibration.flights import Flight
     from calibration.gap.landings.outcomes import LandingReport
+    from calibration.gap.landings.outcomes.search import OutcomeSearch
     from onboard.outcome import Outcome
     from onboard.vehicle import Vehicle
 
@@ -26,6 +27,9 @@ def landings_command(
     more: Annotated[list[Path] | None, typer.Argument(metavar="[PATH]...", help="More of --data.")] = None,
     format: FlightFormat = "auto",
     legs: Legs = None,
+    search: Annotated[
+        bool, typer.Option("--search", help="Also look for what the vehicle lacks; takes minutes.")
+    ] = False,
     draws: Annotated[int, typer.Option(min=20, help="Simulated landings a flight.")] = 200,
     out: Annotated[Path | None, typer.Option(help="Folder for landings.json and landings.html.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of all random numbers.")] = 0,
@@ -36,7 +40,13 @@ def landings_command(
 
     from calibration.flights import flight_files, open_flights
     from calibration.gap.data.record import NotUsed
-    from calibration.gap.landings.outcomes import forecast, landing_report, prepare, read_labels
+    from calibration.gap.landings.outcomes import (
+        forecast,
+        landing_report,
+        prepare,
+        read_labels,
+        search_report,
+    )
     from onboard.errors import InputError
     from onboard.vehicle import load_vehicle
 
@@ -49,12 +59,15 @@ def landings_command(
     if not prepared.starts:
         reasons = "; ".join(f"{item.name}: {item.reason}" for item in prepared.unused)
         raise InputError(f"no flight has a trigger to start from: {reasons or 'no flight can be read'}")
+    real = [_outcome(start.flight, labels, model) for start in prepared.starts]
+    refused = tuple(NotUsed(str(item.file), item.reason) for item in unreadable)
     with Progress(console=progress_console(), transient=True) as bar:
         task = bar.add_task("simulating", total=1.0)
         found = forecast(prepared, model, lambda share: bar.update(task, completed=share))
-    real = [_outcome(start.flight, labels, model) for start in prepared.starts]
-    refused = tuple(NotUsed(str(item.file), item.reason) for item in unreadable)
-    report = landing_report(prepared, found, real, model.name, seed, refused)
+        report = landing_report(prepared, found, real, model.name, seed, refused)
+        if search:
+            task = bar.add_task("searching", total=1.0)
+            report = search_report(report, model, lambda share: bar.update(task, completed=share))
     written = None if out is None else _write(report, model, out)
     emit(report.to_json(), lambda: _tell(report, written))
 
@@ -119,7 +132,28 @@ def _tell(report: "LandingReport", page: Path | None) -> None:
                 f"{word}: {count.real} real, {count.expected:.1f} expected "
                 f"(80 %: {low_count} to {high_count}{'' if count.inside else '; outside'})"
             )
+    if report.search is not None:
+        _tell_search(report.search)
     for item in report.unused:
         progress_console().print(f"not judged: {item.name}: {item.reason}", markup=False, soft_wrap=True)
     if page is not None:
         screen.print(f"page: {page}", markup=False, soft_wrap=True)
+
+
+def _tell_search(found: "OutcomeSearch") -> None:
+    from rich.table import Table
+
+    screen = console()
+    columns = ("open", "Brier, left one out", "base", "from the other half", "base", "AUC of four", "values")
+    table = Table(*columns, box=None, pad_edge=False)
+    for fit in found.fits:
+        one, half = fit.left_one_out, fit.halves
+        values = ", ".join(
+            f"{name} {mean:.2f} +- {sigma:.2f}" for name, (mean, sigma, _) in fit.values.items()
+        )
+        scores = (f"{value:.3f}" for value in (one.brier, one.brier_base, half.brier, half.brier_base))
+        table.add_row(fit.name, *scores, "" if one.auc_four is None else f"{one.auc_four:.2f}", values)
+    screen.print(table)
+    for group, (gain, (low, high)) in found.gains.items():
+        verdict = "missing" if group in found.named else "cannot be told"
+        screen.print(f"{group}: {verdict} (Brier {gain:+.3f}, {low:+.3f} to {high:+.3f})", soft_wrap=True)

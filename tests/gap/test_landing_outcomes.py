@@ -30,7 +30,7 @@ from onboard.room import RoomGeometry
 from onboard.vehicle import load_vehicle
 from sim_backend.physics.parameters import physics_parameters
 
-STORED = "crazyflie21-upgraded"
+STORED = "crazyflie21-upgraded-stored"
 DRAWS = 60
 
 

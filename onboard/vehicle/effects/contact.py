@@ -117,9 +117,29 @@ DESCRIPTIONS = (
             ),
         },
         revealed_by="landings whose feet arrive at different speeds, or a leg that is thrown at the ceiling",
-        confused_with=("foot_slip",),
+        confused_with=("foot_slip", "propeller_reach"),
         reference="bond grows with pressure and time of contact (Creton, Leibler, J. Polym. Sci. B 34, 1996)",
         needs=(Needs.LEGS,),
+    ),
+    EffectDescription(
+        name="propeller_reach",
+        domain=Domain.CONTACT,
+        equation="R -> scale R where a propeller meets ceiling or floor",
+        parameters={
+            "scale": EffectParameter(
+                unit="1",
+                low=0.0,
+                high=1.2,
+                typical=0.64,
+                neutral=1.0,
+                practical_minimum=0.2,
+                meaning="share of the propeller's radius that hits",
+                source="two blades at any angle: 2/pi in the mean",
+            )
+        },
+        revealed_by="landings in which propellers touch",
+        confused_with=("pad_capture",),
+        reference="rim of a disc in docs/physics.md, Hull and propellers",
     ),
     EffectDescription(
         name="pad_damping",

@@ -110,7 +110,7 @@ def attempt(effects: Effects, seed: int) -> tuple[bytes, int]:
     """Everything that a rollout leaves behind, and the feet that hold."""
     p = with_pads(effects)
     state, out = new_state(), np.zeros(1, dtype=ROLLOUT)[0]
-    gains = controller_gains(load_vehicle("crazyflie21-upgraded"))
+    gains = controller_gains(load_vehicle("crazyflie21-upgraded-stored"))
     rng = np.random.default_rng(seed)
     rollout(rng, state, p, gains, ThresholdPolicy(0.23, -7e-3), 2.8, 0.8, RolloutSettings(), out)
     motion = state["position"].tobytes() + state["quaternion"].tobytes() + rng.bytes(8)

@@ -27,7 +27,7 @@ ROOM = RoomGeometry()
 
 def windy_vehicle() -> Vehicle:
     """The flying vehicle with a little drag, so that a wind has something to act on."""
-    vehicle = load_vehicle("crazyflie21-upgraded")
+    vehicle = load_vehicle("crazyflie21-upgraded-stored")
     drag = Quantity(0.005, "N s/m", 0.0, "test case")
     return dataclasses.replace(vehicle, air=dataclasses.replace(vehicle.air, drag_x=drag, drag_y=drag))
 

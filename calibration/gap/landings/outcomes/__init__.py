@@ -1,7 +1,7 @@
 """How landings end: from the recorded trigger of each flight to the probabilities of four legs, two, none."""
 
 from calibration.gap.landings.outcomes.dispersion import Dispersion
-from calibration.gap.landings.outcomes.document import LandingReport, landing_report
+from calibration.gap.landings.outcomes.document import LandingReport, landing_report, search_report
 from calibration.gap.landings.outcomes.labels import read_labels
 from calibration.gap.landings.outcomes.predict import Forecast, OutcomeForecast, forecast
 from calibration.gap.landings.outcomes.prepare import Prepared, prepare
@@ -19,4 +19,5 @@ __all__ = [
     "prepare",
     "read_labels",
     "score",
+    "search_report",
 ]

@@ -117,17 +117,36 @@ class Score:
         }
 
 
-def score(probability: FloatArray, real: IntArray, draws: int, rng: np.random.Generator) -> Score:
+def base_rates(real: IntArray, folds: IntArray | None = None) -> FloatArray:
+    """Frequencies (n, 3) of the classes among the flights of other folds (default: all others)."""
+    happened = np.eye(3)[real]
+    groups = np.arange(real.size) if folds is None else folds
+    out = np.empty((real.size, 3))
+    for group in np.unique(groups):
+        own = groups == group
+        out[own] = happened[~own].mean(axis=0) if not own.all() else 1.0 / 3.0
+    return out
+
+
+def score(
+    probability: FloatArray,
+    real: IntArray,
+    draws: int,
+    rng: np.random.Generator,
+    base: FloatArray | None = None,
+) -> Score:
     """Score probabilities.
 
     Args:
         probability: (n, 3), of four legs, two, none. real: (n,), the class that happened.
         draws: landings behind each probability: one that never happened in them is not impossible.
         rng: draws flights.
+        base: what to compare with (n, 3); default: the base rates of all other flights.
     """
     count = len(real)
     happened = np.eye(3)[real]
-    base = (happened.sum(axis=0) - happened) / max(count - 1, 1)
+    if base is None:
+        base = base_rates(real)
     own, by_base = brier(probability, real), brier(base, real)
     drawn = rng.integers(0, count, (REPLICATES, count))
     auc = auc_of(probability[:, 0], real == 0)
