@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 app = typer.Typer(add_completion=False)
 
 SPEEDS = (3.3, 3.35, 3.4)
-ANGLES_DEG = (45.0, 47.5, 50.0)
+ANGLES_DEG = (42.5, 45.0, 47.5)
 """Conditions of the demo: where the shipped policy is predicted to land best (:func:`predicted_rates`)."""
 
 FOUR_LEGS = (Outcome.FOUR_LEG, Outcome.FOUR_LEG_BODY_CONTACT)
