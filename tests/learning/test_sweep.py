@@ -212,7 +212,7 @@ def test_shipped_policy_lands_with_late_and_noisy_cues() -> None:
     rows = validate_policy(policy, setup, grid, rollouts=10, executor=LocalThreads(2))
     assert np.mean([float(row["landing_rate"] or 0) for row in rows]) >= 0.85
     assert min(float(row["trigger_rate"] or 0) for row in rows) >= 0.8
-    # With pads, hinges and propellers as the authors' landings show them it is half of that (docs/learning.md).
+    # With pads, hinges and propellers as the authors' landings show them: half of that (docs/learning.md).
     truer = LearningSetup(sensing="late", seed=3)
     rows = validate_policy(policy, truer, grid, rollouts=30, executor=LocalThreads(2))
     assert np.mean([float(row["landing_rate"] or 0) for row in rows]) == pytest.approx(0.46, abs=0.1)
