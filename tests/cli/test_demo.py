@@ -1,6 +1,7 @@
 """What the demo expects of its landings."""
 
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 
@@ -29,7 +30,15 @@ def test_every_condition_fits_the_room() -> None:
     plan = demo_plan("udp://127.0.0.1:1", "vicon://127.0.0.1:1?subject=cf1", 9, 1)
     for index, (speed, angle_deg) in enumerate(sorted(CONDITIONS)):
         request = AttemptRequest(
-            speed=speed, angle_deg=angle_deg, index=index, folder=None, drone=plan.drone, mocap=plan.mocap,
-            policy=plan.policy, vehicle=plan.vehicle, room=RoomGeometry(), seed=0,
-        )  # fmt: skip
+            speed=speed,
+            angle_deg=angle_deg,
+            index=index,
+            folder=Path("never"),
+            drone=plan.drone,
+            mocap=plan.mocap,
+            policy=plan.policy,
+            vehicle=plan.vehicle,
+            room=RoomGeometry(),
+            seed=0,
+        )
         plan_attempt(request, 0)
