@@ -1,5 +1,7 @@
 """Predicted outcomes of landings, and their scores."""
 
+import dataclasses
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +25,14 @@ from calibration.gap.landings.outcomes.scores import (
     reliability,
     score,
     wilson,
+)
+from calibration.gap.landings.outcomes.search import (
+    LIMITS,
+    Point,
+    held_out,
+    mixture,
+    search_outcomes,
+    tabulate,
 )
 from calibration.gap.report.landings_page import landings_page
 from onboard.outcome import Outcome
@@ -159,3 +169,44 @@ def test_wilson_and_bins() -> None:
     bins = reliability(np.linspace(0.0, 1.0, 12), np.arange(12) >= 6)
     assert sum(one.flights for one in bins) == 12
     assert [one.predicted for one in bins] == sorted(one.predicted for one in bins)
+
+
+def test_pads_are_named_where_they_decide_and_not_where_they_do_not(prepared: Prepared) -> None:
+    """Outcomes drawn from the simulation's own probabilities: nothing hidden, and a limit of 0.9 m/s."""
+    points = [Point(1.6, 8.0, *pads) for pads in [(0.0, 0.0), *product((0.3, 0.6, 0.9, 1.2), (0.1, 0.3))]]
+    points += [point._replace(stiffness=1.0, damping=1.0) for point in points]
+    few = dataclasses.replace(prepared, draws=prepared.draws[:, :30])
+    table = tabulate(few, physics_parameters(load_vehicle(STORED), RoomGeometry()), points)
+    np.testing.assert_allclose(table.sum(axis=2), 1.0)
+    rng = np.random.default_rng(1)
+    named = {}
+    for hidden in (Point(), Point(1.6, 8.0, 0.9, 0.1)):
+        likely = table[points.index(hidden)]
+        found = []
+        for _ in range(8):
+            real = np.array([rng.choice(3, p=p / p.sum()) for p in likely])
+            found.append("pads" in search_outcomes(points, table, real, 30, rng).named)
+        named[hidden] = sum(found)
+    assert named[Point()] == 0
+    assert named[Point(1.6, 8.0, 0.9, 0.1)] >= 5
+
+
+def test_a_mixture_of_limits_is_their_normal_distribution() -> None:
+    assert mixture(0.6, 0.0) @ np.array(LIMITS) == pytest.approx(0.6)
+    shares = mixture(0.75, 0.3)
+    assert shares.sum() == pytest.approx(1.0)
+    assert shares @ np.array(LIMITS) == pytest.approx(0.75, abs=0.02)
+    # Below nothing there is nothing: what a limit under zero would refuse sticks.
+    assert mixture(0.0, 1.0)[0] > 0.5
+
+
+def test_every_flight_is_predicted_from_flights_that_are_not_it() -> None:
+    """A vehicle that is certain of one flight alone must not help to predict that flight."""
+    real = np.array([0, 1, 1, 1])
+    uniform = np.full((4, 3), 1.0 / 3.0)
+    knows = uniform.copy()
+    knows[0] = [1.0, 0.0, 0.0]
+    table = np.stack([uniform, knows])
+    logs = np.log(np.maximum(table[:, np.arange(4), real], 1e-9))
+    left = held_out(table, logs, np.arange(4))
+    assert left[0] == pytest.approx([2.0 / 3.0, 1.0 / 6.0, 1.0 / 6.0])  # both vehicles as likely as before
