@@ -127,7 +127,7 @@ def main() -> None:
     parser.add_argument("--landings", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
-    parameters, _ = LearningSetup().load()
+    parameters, _ = LearningSetup(vehicle="crazyflie21-upgraded-stored").load()
     start, moments = random_triggers(parameters, arguments.landings, arguments.seed)
     ends = {}
     for rate in RATES_KHZ:

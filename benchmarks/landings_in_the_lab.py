@@ -56,6 +56,7 @@ def main() -> None:
     """Fly and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--policy", default="default", help="a shipped policy or a file")
+    parser.add_argument("--vehicle", default=DEFAULT_VEHICLE, help="of the lab and of who flies in it")
     parser.add_argument("--attempts", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0, help="of the conditions and of the lab's noise")
     parser.add_argument("--out", type=Path, default=Path("runs/landings-in-the-lab"))
@@ -66,7 +67,8 @@ def main() -> None:
     fly = attempt_after_attempt(lambda what: None)
     rows = []
     ports = ["--drone-port", "0", "--vicon-port", "0", "--vicon-udp-port", "0"]
-    with SimulatedLab("lab", [*ports, "--seed", str(arguments.seed), "--pace", "lockstep"]) as lab:
+    world = ["--vehicle", arguments.vehicle, "--seed", str(arguments.seed), "--pace", "lockstep"]
+    with SimulatedLab("lab", [*ports, *world]) as lab:
         for index in range(arguments.attempts):
             request = AttemptRequest(
                 speed=0.0,
@@ -76,7 +78,7 @@ def main() -> None:
                 drone=lab.drones[0],
                 mocap=lab.mocap[0],
                 policy=str(path),
-                vehicle=DEFAULT_VEHICLE,
+                vehicle=arguments.vehicle,
                 room=RoomGeometry(),
                 seed=arguments.seed,
             )
@@ -95,6 +97,7 @@ def main() -> None:
     document = {
         "benchmark": "landings_in_the_lab",
         "policy_crc32": policy_crc32(policy),
+        "vehicle": arguments.vehicle,
         "seed": arguments.seed,
         "four_leg_share": outcomes["four_leg"] / len(rows),
         "outcomes": dict(outcomes),

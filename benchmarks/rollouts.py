@@ -139,7 +139,7 @@ def landings(parameters: Any, rules: Rules, count: int, workers: int) -> float:
 
 def our_cases(seconds: float, workers: int) -> dict[str, Callable[[], float]]:
     """What is measured of ours; each repeat takes about `seconds`. Compiles everything."""
-    setup = LearningSetup()
+    setup = LearningSetup(vehicle="crazyflie21-upgraded-stored")
     parameters, rules = setup.load()
     sky = np.array(parameters).reshape(1).copy()
     every = physics_parameters(with_every_effect(setup.load_vehicle()), RoomGeometry())

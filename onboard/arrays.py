@@ -11,3 +11,4 @@ Quaternion: TypeAlias = tuple[float, float, float, float]
 """Scalar-last (x, y, z, w), unit length, body to world."""
 FloatArray: TypeAlias = NDArray[np.float64]
 BoolArray: TypeAlias = NDArray[np.bool_]
+IntArray: TypeAlias = NDArray[np.int64]

@@ -15,6 +15,8 @@ from onboard.room import RoomGeometry
 
 DEFAULT_VEHICLE = "crazyflie21-upgraded"
 """The paper's flying vehicle."""
+STORED_VEHICLE = "crazyflie21-upgraded-stored"
+"""The same as it was believed before its landings were looked at; the authors' simulation builds on it."""
 DEFAULT_POLICY = "default"
 """The policy that comes with the code, trained for it."""
 APPROACH_PARAMETERS = ("ax", "az", "tau0", "impact_x", "impact_y")

@@ -90,7 +90,7 @@ def sweep(
         LearningInputError: the grid, the setup or the folder cannot be used.
 
     >>> import tempfile
-    >>> summary = sweep(tempfile.mkdtemp(), speeds=[2.5], angles_deg=[45.0])
+    >>> summary = sweep(tempfile.mkdtemp(), speeds=[3.0], angles_deg=[37.5])
     >>> summary.rows[0]["landing_rate"] > 0.5
     True
     """

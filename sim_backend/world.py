@@ -35,6 +35,9 @@ LAG_LIMIT_S = 0.05
 """A process that is further behind than this gives up simulated time instead of catching up."""
 AT_REST_M_S = 0.2
 CHECK_PERIOD_TICKS = 10
+PADS = 1
+"""Stream of random numbers for the pads of a drone's feet."""
+
 NOISE_PERIOD_TICKS = 1000
 """Every so often the noise begins anew from the seed and the time, so that it hangs on nothing else."""
 TRUTH_PERIOD_TICKS = 1000 // RATE_HZ
@@ -72,7 +75,13 @@ class Drone:
     """
 
     def __init__(
-        self, name: str, firmware: Firmware, parameters: Any, mark: StartMark, charge_used: float
+        self,
+        name: str,
+        firmware: Firmware,
+        parameters: Any,
+        mark: StartMark,
+        charge_used: float,
+        pads: np.random.Generator,
     ) -> None:
         self.name = name
         self.firmware = firmware
@@ -81,12 +90,14 @@ class Drone:
         self.dead = False
         self.placements = 0
         self._parameters = parameters
+        self._pads = pads
         self._stored_parameters: NDArray[np.void] = np.array([parameters], dtype=PARAMETERS)
         self._at_mark = np.array(
             [resting_on_floor(parameters, mark.x, mark.y, mark.yaw, charge_used)], dtype=STATE
         )
         self._storage: NDArray[np.void] = self._at_mark.copy()
         self.state: Any = self._storage[0]
+        self._draw_pads()
         self._past: deque[Pose] = deque(maxlen=1 + round(float(parameters["pose_delay"]) / DT))
         # Views into the record: fields of a record are slow to look up a thousand times a second.
         self._specific_force = self.state["specific_force"]
@@ -124,6 +135,7 @@ class Drone:
     def place_on_start_mark(self) -> None:
         """The operator's work: back on the mark, upright, still, with a fresh battery."""
         self._storage[0] = self._at_mark[0]
+        self._draw_pads()
         self._past.clear()
         self._to_be_placed = False
         self.placements += 1
@@ -132,6 +144,10 @@ class Drone:
     def localization(self) -> Localization:
         """Where its poses go when the lab sends them."""
         return self.firmware.localization
+
+    def _draw_pads(self) -> None:
+        """How the pads of the next landing differ (effect ``pad_capture``): one draw a placement."""
+        self.state["pad_deviate"] = self._pads.standard_normal()
 
     def pose(self) -> tuple[str, Vector, Quaternion]:
         """Name, position (m) and quaternion (x, y, z, w) that the room sees, by the vehicle's effects."""
@@ -218,6 +234,7 @@ class World:
                 parameters,
                 mark,
                 used,
+                np.random.default_rng((seed, i, 0, PADS)),
             )
             for i, mark in enumerate(start_marks(drones))
         ]

@@ -63,7 +63,7 @@ def test_importing_perchhw_imports_nothing_heavy() -> None:
 def test_a_flight_of_a_notebook_is_the_flight_of_the_command(tmp_path: Path) -> None:
     with SimulatedLab("lab", (*FREE_PORTS, *LOCKSTEP, "--seed", "3")) as lab:
         result = perchhw.fly(lab, 2.5, 52.5, out=tmp_path)
-        assert result.outcome.attached
+        assert result.triggered
     flights, unusable = perchhw.open_flights(result.record)
     assert not unusable
     assert flights[0].trigger is not None

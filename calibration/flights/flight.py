@@ -122,6 +122,7 @@ class Flight:
         commanded_speed: speed asked for (m/s), if known.
         commanded_angle_deg: angle above the horizon asked for (deg), if known.
         ceiling_z: height of the ceiling (m), if known.
+        session: flights of one session were flown in one room, unchanged; empty: unknown.
         aborted_by: rule that aborted the flight, or None.
         finished: whether the file was finished by its writer (False: the writer was killed).
         notes: what the loader found wrong or left out, in words.
@@ -138,6 +139,7 @@ class Flight:
     commanded_speed: float | None = None
     commanded_angle_deg: float | None = None
     ceiling_z: float | None = None
+    session: str = ""
     aborted_by: str | None = None
     finished: bool = True
     notes: tuple[str, ...] = ()

@@ -104,6 +104,7 @@ def load_habas(path: Path) -> Flight:
         commanded_speed=speed,
         commanded_angle_deg=angle,
         ceiling_z=ceiling_z,
+        session=_day(path),
         notes=tuple(log.notes),
     )
 
@@ -234,6 +235,12 @@ def _commanded(path: Path, file: CsvFile, summaries: dict[str, CsvRow]) -> tuple
             return speed, angle
     match = re.search(r"_(\d+\.\d+)_(\d+\.\d+)_", path.name)
     return (float(match[1]), float(match[2])) if match else (None, None)
+
+
+def _day(path: Path) -> str:
+    """Day of the flight (month-day) from the file's name; empty where it has none."""
+    match = re.search(r"_(\d\d-\d\d)_\d\d-\d\d", path.name)
+    return match[1] if match else ""
 
 
 def _trigger(

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from perchhw.cli.gap_landings import landings_command
 from perchhw.cli.gap_suggest import suggest_command
 from perchhw.cli.gap_walkthrough import walkthrough_command
 from perchhw.cli.options import FlightFormat, Legs
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from calibration.gap.report import GapReport
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help="Compare the model with measured flights.")
+app.command("landings")(landings_command)
 app.command("suggest")(suggest_command)
 app.command("walkthrough")(walkthrough_command)
 

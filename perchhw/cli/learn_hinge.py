@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from perchhw.attempt import DEFAULT_VEHICLE
+from perchhw.attempt import STORED_VEHICLE
 from perchhw.cli.learn_options import GridOptions, OutOption, SeedOption, progress_count
 from perchhw.cli.option_groups import with_option_groups
 from perchhw.cli.output import console, emit
@@ -29,7 +29,7 @@ def hinge(
     reference: Annotated[Path, typer.Option(help="The authors' sweep (NL_LR_Trials.csv).")],
     grid: CoarseGrid,
     repeats: Annotated[int, typer.Option(help="Learning trials at each condition.")] = 3,
-    vehicle: Annotated[str, typer.Option(help="Vehicle: a known name or a vehicle file.")] = DEFAULT_VEHICLE,
+    vehicle: Annotated[str, typer.Option(help="Vehicle: a known name or a vehicle file.")] = STORED_VEHICLE,
     stiffnesses: Annotated[str, typer.Option(help="N m/rad, A,B,C; around 0.08 without it.")] = "",
     dampings: Annotated[str, typer.Option(help="N m s/rad, A,B,C; 6.788e-5 (the authors') without it.")] = "",
     sensing: Annotated[

@@ -99,7 +99,7 @@ def _body_points(vehicle: Vehicle) -> FloatArray:
         for z in (body.body_top_z.value, body.body_bottom_z.value)
     ]
     angles = np.linspace(0.0, 2.0 * math.pi, _RIM_POINTS, endpoint=False)
-    radius, height = body.propeller_radius.value, body.propeller_height_z.value
+    radius, height = _reach(vehicle) * body.propeller_radius.value, body.propeller_height_z.value
     rims = [
         (
             sx * body.arm_x.value + radius * math.cos(a),
@@ -111,6 +111,11 @@ def _body_points(vehicle: Vehicle) -> FloatArray:
         for a in angles
     ]
     return np.array(box + rims, dtype=np.float64)
+
+
+def _reach(vehicle: Vehicle) -> float:
+    """Share of the propellers' radius that meets a ceiling (effect ``propeller_reach``)."""
+    return next((e.values()["scale"] for e in vehicle.effects if e.name == "propeller_reach"), 1.0)
 
 
 def _pendulum_hz(mass: float, inertia: float, length: float) -> float:

@@ -37,7 +37,7 @@ def hull_point(p: Any, rot: Rotation, index: int, normal: float) -> Vector:
     # The rim's point nearest to the plane lies along the plane's direction, projected on the disc.
     gx, gy = -normal * rot[6], -normal * rot[7]
     size = math.hypot(gx, gy)
-    scale = p.propeller_radius / size if size > 1e-9 else 0.0
+    scale = p.rim_radius / size if size > 1e-9 else 0.0
     x, y = x + sign_x * p.arm_x, y + sign_y * p.arm_y
     return x + gx * scale, y + gy * scale, p.propeller_height_z
 
@@ -153,7 +153,7 @@ def touches(state: Any, p: Any, rot: Rotation, normal: float) -> bool:
     gx, gy, gz = -normal * rot[6], -normal * rot[7], -normal * rot[8]
     box = abs(gx) * p.body_half_x + abs(gy) * p.body_half_y + max(gz * p.body_top_z, gz * p.body_bottom_z)
     discs = abs(gx) * p.arm_x + abs(gy) * p.arm_y + gz * p.propeller_height_z
-    discs += p.propeller_radius * math.sqrt(gx * gx + gy * gy)
+    discs += p.rim_radius * math.sqrt(gx * gx + gy * gy)
     z = state.position[2]
     gap = p.ceiling_z - z if normal < 0.0 else z
     return max(box, discs) + gx * p.geometric_centre[0] + gy * p.geometric_centre[1] >= gap

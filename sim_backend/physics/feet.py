@@ -15,7 +15,8 @@ ATTACHED = int(FootMode.ATTACHED)
 RELEASED = int(FootMode.RELEASED)
 
 CLEARANCE = 5e-4
-"""m: a foot that was torn off may touch again once its rest position is this far below the ceiling."""
+"""m: a foot that was torn off may touch again, and one that did not stick may stick again, once its rest
+position is this far below the ceiling."""
 
 TOGETHER = 1e-7
 """m: a foot this close to the ceiling touches with the one that is there: left and right stay alike."""
@@ -51,17 +52,29 @@ def ceiling_gap(state: Any, p: Any, rot: Rotation, foot: Vector) -> float:
 
 
 @inner
+def normal_speed(state: Any, rot: Rotation, foot: Vector) -> float:
+    """Speed (m/s) at which a body point moves towards the ceiling."""
+    turn = cross((state.omega[0], state.omega[1], state.omega[2]), foot)
+    return float(state.velocity[2] + to_world(rot, turn[0], turn[1], turn[2])[2])
+
+
+@inner
+def sticks(state: Any, p: Any, rot: Rotation, leg: int, foot: Vector) -> bool:
+    """Whether a foot that touches the ceiling now can adhere: fast enough for its pad (``pad_capture``)."""
+    least = p.capture_speed + p.capture_spread * state.pad_deviate[leg]
+    return least <= 0.0 or normal_speed(state, rot, foot) >= least
+
+
+@inner
 def time_to_touch(state: Any, p: Any, rot: Rotation, horizon: float) -> float:
     """Time (s) until the next free foot meets the ceiling at its present velocity; `horizon` if none does."""
     soonest = horizon
-    w = (state.omega[0], state.omega[1], state.omega[2])
     for leg in range(4):
         if state.foot_mode[leg] != FREE:
             continue
         foot = rest_foot(p, leg)
         gap = ceiling_gap(state, p, rot, foot)
-        turn = cross(w, foot)
-        climb = state.velocity[2] + to_world(rot, turn[0], turn[1], turn[2])[2]
+        climb = normal_speed(state, rot, foot)
         if gap > 0.0 and climb * soonest > gap:
             soonest = gap / climb
     return soonest
@@ -86,13 +99,18 @@ def touch_feet(state: Any, p: Any, rot: Rotation) -> bool:
             continue
         if gap <= TOGETHER:
             state.foot_mode[leg] = PRESSING_CEILING
-            if p.minimum_preload <= 0.0:
+            if not state.foot_refused[leg] and not sticks(state, p, rot, leg, foot):
+                state.foot_refused[leg] = 1
+            if p.minimum_preload <= 0.0 and not state.foot_refused[leg]:
                 state.foot_mode[leg] = ATTACHED
                 state.foot_attached[leg] = 1
             met = True
         elif z <= p.foot_radius:
             state.foot_mode[leg] = PRESSING_FLOOR
+            state.foot_refused[leg] = 0
         else:
+            if gap > CLEARANCE:
+                state.foot_refused[leg] = 0
             continue
         state.foot_anchor[leg, 0], state.foot_anchor[leg, 1], state.foot_anchor[leg, 2] = x, y, z
     return met
@@ -122,7 +140,7 @@ def hold_foot(p: Any, state: Any, leg: int, force: Vector, u: Vector, across: fl
     if push <= 0.0:
         state.foot_mode[leg] = FREE
         return 0.0, 0.0, 0.0
-    if mode == PRESSING_CEILING and push >= p.minimum_preload:
+    if mode == PRESSING_CEILING and push >= p.minimum_preload and not state.foot_refused[leg]:
         state.foot_mode[leg] = ATTACHED
         state.foot_attached[leg] = 1
         return force

@@ -69,7 +69,7 @@ def blocked_below(dx: float, dz: float, radius: float) -> float:
 def window_low(p: Any) -> float:
     """Least tilt (rad) at which a fore foot touches the ceiling before hull and propellers; at most pi."""
     foot_x, foot_z = fore_foot(p)
-    low = blocked_below(p.arm_x + p.propeller_radius - foot_x, p.propeller_height_z - foot_z, p.foot_radius)
+    low = blocked_below(p.arm_x + p.rim_radius - foot_x, p.propeller_height_z - foot_z, p.foot_radius)
     low = max(low, blocked_below(p.body_half_x - foot_x, p.body_top_z - foot_z, p.foot_radius))
     low = max(low, blocked_below(p.body_half_x - foot_x, p.body_bottom_z - foot_z, p.foot_radius))
     return min(max(low, 0.0), math.pi)

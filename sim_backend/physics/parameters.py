@@ -61,6 +61,7 @@ PARAMETERS = np.dtype(
         ("body_top_z", "f8"),
         ("body_bottom_z", "f8"),
         ("propeller_radius", "f8"),
+        ("rim_radius", "f8"),  # m, of the disc that meets a surface
         ("propeller_height_z", "f8"),
         ("restitution", "f8"),
         ("friction", "f8"),
@@ -100,6 +101,7 @@ def physics_parameters(vehicle: Vehicle, room: RoomGeometry) -> Any:
         body.propeller_radius.value,
         body.propeller_height_z.value,
     )
+    p["rim_radius"] = p["propeller_radius"]
     for name in ("thrust_to_torque", "thrust_max", "time_constant_up", "time_constant_down"):
         p[name] = getattr(motors, name).value
     thrust_map = motors.thrust_map_compiled()
@@ -153,7 +155,7 @@ def _set_legs(p: Any, legs: Legs) -> None:
 def _reach(p: Any) -> float:
     z = max(abs(float(p["body_top_z"])), abs(float(p["body_bottom_z"])))
     corner = math.hypot(p["body_half_x"], p["body_half_y"], z)
-    hub = math.hypot(p["arm_x"], p["arm_y"]) + p["propeller_radius"]
+    hub = math.hypot(p["arm_x"], p["arm_y"]) + p["rim_radius"]
     rim = math.hypot(hub, p["propeller_height_z"])
     foot = 0.0
     if p["has_legs"]:

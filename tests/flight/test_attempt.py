@@ -17,7 +17,7 @@ from calibration.flights import open_flight
 from onboard.arrays import FloatArray
 from onboard.errors import InputError, PerchhwError
 from onboard.link import DroneLink
-from perchhw.attempt import AttemptRequest, AttemptResult, Outcome
+from perchhw.attempt import STORED_VEHICLE, AttemptRequest, AttemptResult, Outcome
 from perchhw.flight import fly_attempt
 from perchhw.flight.turnaround import Turnaround
 from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
@@ -63,8 +63,8 @@ def refused(lab: SimulatedLab, folder: Path, **changes: Any) -> AttemptResult:
 @pytest.mark.timeout(300)
 def test_an_attempt_lands_and_its_record_tells_the_whole_story(tmp_path: Path) -> None:
     truth = tmp_path / "truth.csv"
-    with open_lab("--truth", str(truth)) as lab:
-        result = fly_attempt(request(lab, tmp_path / "run"))
+    with open_lab("--truth", str(truth), "--vehicle", STORED_VEHICLE) as lab:  # whose feet always hold
+        result = fly_attempt(request(lab, tmp_path / "run", vehicle=STORED_VEHICLE))
     rows = truth.read_text().splitlines()
     last_row = dict(zip(rows[0].split(","), rows[-1].split(","), strict=True))
     feet = int(last_row["legs_attached"])

@@ -34,7 +34,7 @@ COUNT = 6
 
 @pytest.fixture(scope="module")
 def vehicle() -> Vehicle:
-    return load_vehicle("crazyflie21-upgraded")
+    return load_vehicle("crazyflie21-upgraded-stored")
 
 
 @dataclasses.dataclass(frozen=True)

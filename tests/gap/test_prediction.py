@@ -17,7 +17,7 @@ from onboard.vehicle import load_vehicle
 from tests.gap.simulated_flight import circle, fly, hover, up_and_down, with_noise
 from tests.physics.effects.conftest import with_effects
 
-VEHICLE = load_vehicle("crazyflie21-upgraded")
+VEHICLE = load_vehicle("crazyflie21-upgraded-stored")
 
 
 def without_accelerometer(record: FlightRecord) -> FlightRecord:

@@ -22,7 +22,7 @@ from perchhw.campaign.courses import load_flight_plan
 from perchhw.cli.main import run
 
 ROOM = RoomGeometry()
-VEHICLE = load_vehicle("crazyflie21-upgraded")
+VEHICLE = load_vehicle("crazyflie21-upgraded-stored")
 
 
 @pytest.mark.parametrize("kind", sorted(set(MANOEUVRES) - {"near_ceiling"}))
@@ -161,7 +161,7 @@ def test_of_two_effects_of_which_one_contains_the_other_the_simpler_is_kept() ->
 def test_what_is_written_is_a_campaign_that_can_be_flown(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    arguments = ["--report", str(report(tmp_path)), "--vehicle", "crazyflie21-upgraded"]
+    arguments = ["--report", str(report(tmp_path)), "--vehicle", "crazyflie21-upgraded-stored"]
     assert run(["gap", "suggest", *arguments, "--only", "thrust_steps", "--only", "circles", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     flights, landings = (Path(path) for path in document["campaigns"])

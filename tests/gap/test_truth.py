@@ -146,7 +146,7 @@ def test_torques_turn_the_way_of_the_contract(vehicle: np.ndarray) -> None:
 
 
 def test_a_thrust_map_of_any_vehicle_is_inverted_by_its_controller() -> None:
-    for name in ("crazyflie21-stock", "crazyflie21-upgraded", "crazyflie21plus"):
+    for name in ("crazyflie21-stock", "crazyflie21-upgraded-stored", "crazyflie21plus"):
         p = nominal(name)
         thrust = np.linspace(0.01, float(p["thrust_ceiling"]), 50)
         volts = np.interp(thrust / p["inverse_step"], np.arange(p["inverse"].size), p["inverse"])

@@ -39,7 +39,7 @@ def _rates(level: float, narrow_low: float) -> Rates:
 
 def test_authors_vehicle_is_the_one_in_the_library() -> None:
     """Body link and legs put together here, and by hand in crazyflie21-gazebo."""
-    ours = authors_vehicle("crazyflie21-upgraded", "semi-narrow-long", 0.08, 6.788e-5)
+    ours = authors_vehicle("crazyflie21-upgraded-stored", "semi-narrow-long", 0.08, 6.788e-5)
     theirs = load_vehicle("crazyflie21-gazebo")
     for name in ("mass", "inertia_xx", "inertia_yy", "inertia_zz"):
         assert getattr(ours.body, name).value == pytest.approx(getattr(theirs.body, name).value, rel=2e-3), (
@@ -56,8 +56,8 @@ def test_authors_vehicle_is_the_one_in_the_library() -> None:
 
 
 def test_shorter_and_lighter_legs_change_the_authors_vehicle() -> None:
-    short = authors_vehicle("crazyflie21-upgraded", "narrow-short", 0.08, 0.0)
-    wide = authors_vehicle("crazyflie21-upgraded", "wide-long", 0.08, 0.0)
+    short = authors_vehicle("crazyflie21-upgraded-stored", "narrow-short", 0.08, 0.0)
+    wide = authors_vehicle("crazyflie21-upgraded-stored", "wide-long", 0.08, 0.0)
     assert short.legs is not None
     assert wide.legs is not None
     assert (short.legs.angle_deg.value, wide.legs.angle_deg.value) == (0.0, 50.0)

@@ -22,7 +22,7 @@ from perchhw.learning.sweep import SweepGrid
 pytestmark = pytest.mark.timeout(300)  # the first sweep compiles
 
 GRID = SweepGrid(speeds=(2.0, 3.0), angles_deg=(37.5, 75.0), repeats=2)
-SETUP = LearningSetup(seed=5)
+SETUP = LearningSetup(vehicle="crazyflie21-upgraded-stored", seed=5)
 
 
 def _landings(folder: Path) -> list[dict[str, str]]:

@@ -78,8 +78,9 @@ def test_a_name_replaces_the_preset() -> None:
 
 
 def test_preset_vehicle_draws_all_sigmas_and_only_possible_vehicles() -> None:
-    drawn = _drawn(LearningSetup(domain="vehicle"), 1000)
-    nominal, _ = LearningSetup().load()
+    stored = LearningSetup(vehicle="crazyflie21-upgraded-stored", domain="vehicle")
+    drawn = _drawn(stored, 1000)
+    nominal, _ = stored.load()
     for name in ("mass", "arm_x", "thrust_max", "time_constant_up", "leg_length", "hinge_stiffness"):
         assert np.ptp(drawn[name]) > 0.0, name
         assert np.min(drawn[name]) >= 0.5 * nominal[name], name

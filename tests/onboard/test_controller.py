@@ -201,7 +201,7 @@ def test_tracks_an_approach_to_the_trigger(speed: float, angle_deg: float) -> No
 
 
 def test_gains_scale_so_that_another_vehicle_flies_the_same() -> None:
-    upgraded = controller_gains(load_vehicle("crazyflie21-upgraded"))
+    upgraded = controller_gains(load_vehicle("crazyflie21-upgraded-stored"))
     assert upgraded.mass == pytest.approx(DEFAULT_GAINS.mass)
     assert upgraded.kr_xy == pytest.approx(DEFAULT_GAINS.kr_xy)
     assert upgraded.collective_max == pytest.approx(0.9 * 4 * 0.015 * 9.80665)

@@ -14,7 +14,7 @@ from sim_backend.physics.parameters import physics_parameters
 @pytest.fixture
 def parameters() -> Any:
     """crazyflie21-upgraded under a ceiling at 2.10 m; a fresh record that a test may change."""
-    return physics_parameters(load_vehicle("crazyflie21-upgraded"), RoomGeometry())
+    return physics_parameters(load_vehicle("crazyflie21-upgraded-stored"), RoomGeometry())
 
 
 @pytest.fixture

@@ -31,6 +31,9 @@ CONTACTS: dict[str, tuple[dict[str, float], set[FootMode]]] = {
     "tearing off": ({"adhesion_strength": 0.3}, TORN),
     "pressed until it adheres": ({"minimum_preload": 0.5}, HELD | PRESSED),
     "sliding on the ceiling": ({"minimum_preload": 1e3}, PRESSED),
+    "too slow to stick": ({"capture_speed": 100.0}, PRESSED),
+    "sticking where fast enough": ({"capture_speed": 1.5}, HELD | PRESSED),
+    "adhering with pads that resist a turn": ({"pad_damping": 1e-3}, HELD),
     "sliding on the floor": ({}, {FootMode.PRESSING_FLOOR}),
 }
 """What is changed in the parameters, and what feet then do."""

@@ -107,7 +107,7 @@ def test_battery_sags_under_load_and_empties(parameters: Any) -> None:
 def test_hover_duty_at_the_sagged_voltage_holds_the_weight(parameters: Any) -> None:
     """The duty from the onboard compensation at the present voltage gives the thrust that was asked for."""
     parameters["ceiling_z"] = 1e6
-    vehicle = load_vehicle("crazyflie21-upgraded")
+    vehicle = load_vehicle("crazyflie21-upgraded-stored")
     thrust_map = vehicle.motors.thrust_map_compiled()
     state = approaching(parameters, np.array([0.0, 0.0, 1e5]), STILL)
     hover = float(parameters["mass"] * parameters["gravity"] / 4.0)

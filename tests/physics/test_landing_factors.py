@@ -18,7 +18,7 @@ DESIGNS = ("narrow-short", "narrow-long", "semi-narrow-short", "semi-narrow-long
 
 
 def _parameters(design: str) -> Any:
-    return physics_parameters(load_vehicle("crazyflie21-upgraded", design), RoomGeometry())
+    return physics_parameters(load_vehicle("crazyflie21-upgraded-stored", design), RoomGeometry())
 
 
 def _nose_up(tilt: float) -> list[float]:

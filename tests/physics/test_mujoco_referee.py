@@ -28,7 +28,7 @@ FOUR_LEGS = {
 
 
 def _parameters() -> Any:
-    return physics_parameters(load_vehicle("crazyflie21-upgraded"), RoomGeometry())
+    return physics_parameters(load_vehicle("crazyflie21-upgraded-stored"), RoomGeometry())
 
 
 @cache

@@ -12,6 +12,9 @@ from perchhw.record import RunRecorder
 from tests.label.simulated import land
 from tests.report.recorded import record_landing
 
+STORED = ("--vehicle", "crazyflie21-upgraded-stored")
+"""Feet that always hold: pairs of a small grid suffice to train on."""
+
 
 @pytest.fixture(scope="session")
 def vehicle() -> Vehicle:
@@ -38,7 +41,21 @@ def learned(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("learned") / "runs"
     grid = ["--speeds", "2.0,2.5,3.0", "--angles", "40,50,60", "--repeats", "2"]
     assert (
-        run(["learn", "all", *grid, "--sensing", "realistic", "--rollouts", "6", "--out", str(folder)]) == 0
+        run(
+            [
+                "learn",
+                "all",
+                *STORED,
+                *grid,
+                "--sensing",
+                "realistic",
+                "--rollouts",
+                "6",
+                "--out",
+                str(folder),
+            ]
+        )
+        == 0
     )
     return folder
 

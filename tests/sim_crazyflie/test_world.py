@@ -60,8 +60,9 @@ def test_a_reboot_in_flight_is_followed_by_a_fall_and_then_by_the_operator() -> 
 
 def test_the_operator_takes_a_perched_drone_from_the_ceiling(world: World) -> None:
     drone = world.drones[0]
-    drone.state["position"] = [0.0, 0.0, 2.03]
+    drone.state["position"] = [0.0, 0.0, 2.02]
     drone.state["quaternion"] = [0.0, 1.0, 0.0, 0.0]
+    drone.state["velocity"] = [0.0, 0.0, 2.5]  # slow feet do not stick
     world.run(1.0)
     assert drone.state["foot_attached"].any()
     drone.firmware.reboot()
@@ -69,6 +70,17 @@ def test_the_operator_takes_a_perched_drone_from_the_ceiling(world: World) -> No
     assert drone.state["position"][2] < 0.1
     assert not drone.state["foot_attached"].any()
     assert not drone.state["ceiling_contact"]
+
+
+def test_pads_are_drawn_anew_for_each_placement_and_the_same_for_a_seed() -> None:
+    drawn = []
+    for seed in (5, 5, 6):
+        world = World(load_vehicle(VEHICLE, LEGS), drones=2, seed=seed)
+        first = [float(drone.state["pad_deviate"][0]) for drone in world.drones]
+        world.drones[0].place_on_start_mark()
+        drawn.append((*first, float(world.drones[0].state["pad_deviate"][0])))
+    assert drawn[0] == drawn[1]
+    assert len({*drawn[0], *drawn[2]}) == 6
 
 
 def test_fresh_packs_have_the_faults_voltage() -> None:

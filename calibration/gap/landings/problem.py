@@ -159,7 +159,7 @@ def highest(parameters: Any, row: FloatArray) -> float:
     box = abs(up[0]) * parameters["body_half_x"] + abs(up[1]) * parameters["body_half_y"]
     box += max(up[2] * parameters["body_top_z"], up[2] * parameters["body_bottom_z"])
     disc = abs(up[0]) * parameters["arm_x"] + abs(up[1]) * parameters["arm_y"]
-    disc += up[2] * parameters["propeller_height_z"] + parameters["propeller_radius"] * np.hypot(*up[:2])
+    disc += up[2] * parameters["propeller_height_z"] + parameters["rim_radius"] * np.hypot(*up[:2])
     return float(row[POSITION + 2] + max(foot, box, disc))
 
 

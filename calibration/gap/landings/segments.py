@@ -75,7 +75,7 @@ def landing_of(flight: Flight) -> LandingSegment | NotUsed:
     tracker = samples_of(flight, *_POSE, clock="capture_time")
     if gyro is None or tracker is None:
         return NotUsed(flight.name, "a landing needs gyro and pose")
-    t, rates = _fresh(gyro.t, gyro.values)
+    t, rates = fresh(gyro.t, gyro.values)
     start = _flip_start(t, rates, flight.trigger.t)
     touched = first_contact(t, rates, start)
     if touched is None:
@@ -119,7 +119,7 @@ def _flip_start(t: FloatArray, rates: FloatArray, trigger: float) -> float:
     return float(t[calm[-1]]) if calm.size else trigger
 
 
-def _fresh(t: FloatArray, rates: FloatArray) -> tuple[FloatArray, FloatArray]:
+def fresh(t: FloatArray, rates: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Samples without repeated messages and equal times."""
     new = np.ones(t.size, dtype=np.bool_)
     new[1:] = (np.diff(t) > 5e-4) & np.any(np.diff(rates, axis=0) != 0.0, axis=1)

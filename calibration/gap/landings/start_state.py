@@ -21,7 +21,7 @@ SPIN_UP = 0.4
 """s of commands before the start that the thrusts are brought up with."""
 
 _WINDOW = 0.1  # s of poses
-_LEAD = 0.004  # s from the start to the last gyro sample that shows no contact
+LEAD = 0.004  # s from the start to the last gyro sample that shows no contact
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ def start_state(
         landing: the landing. parameters: of its vehicle.
         commands: times (s) and commanded thrusts (N, (n, 4)); None: unknown, taken as none.
     """
-    start = landing.before - _LEAD
+    start = landing.before - LEAD
     usable = landing.pose_t[landing.pose_t <= (start if landing.tracked else landing.trigger)]
     last = float(usable[-1])
     # At least three poses, however sparse they are.

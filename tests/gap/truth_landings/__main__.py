@@ -32,7 +32,7 @@ def judged(case: str, count: int, seed: int, radio: bool) -> tuple[LandingFindin
         rng = np.random.default_rng(seed)
         flights = [through_the_radio(flight, rng) for flight in flights]
     begin = time.process_time()
-    found = judge_landings(flights, load_vehicle("crazyflie21-upgraded"), np.random.default_rng(seed))
+    found = judge_landings(flights, load_vehicle("crazyflie21-upgraded-stored"), np.random.default_rng(seed))
     return found, time.process_time() - begin
 
 

@@ -36,7 +36,7 @@ def with_effects(effects: Effects, vehicle: Vehicle | None = None) -> Vehicle:
         )
         for name, values in effects.items()
     )
-    return dataclasses.replace(vehicle or load_vehicle("crazyflie21-upgraded"), effects=made)
+    return dataclasses.replace(vehicle or load_vehicle("crazyflie21-upgraded-stored"), effects=made)
 
 
 def typical(name: str) -> dict[str, float]:

@@ -1,0 +1,23 @@
+"""How landings end: from the recorded trigger of each flight to the probabilities of four legs, two, none."""
+
+from calibration.gap.landings.outcomes.dispersion import Dispersion
+from calibration.gap.landings.outcomes.document import LandingReport, landing_report, search_report
+from calibration.gap.landings.outcomes.labels import read_labels
+from calibration.gap.landings.outcomes.predict import Forecast, OutcomeForecast, forecast
+from calibration.gap.landings.outcomes.prepare import Prepared, prepare
+from calibration.gap.landings.outcomes.scores import Score, score
+
+__all__ = [
+    "Dispersion",
+    "Forecast",
+    "LandingReport",
+    "OutcomeForecast",
+    "Prepared",
+    "Score",
+    "forecast",
+    "landing_report",
+    "prepare",
+    "read_labels",
+    "score",
+    "search_report",
+]

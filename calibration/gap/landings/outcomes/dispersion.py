@@ -1,0 +1,110 @@
+"""How far starts and flips scatter about what was recorded, estimated from the flights themselves.
+
+Two sources of one number differ by the errors of both; taken as alike, each has 1/sqrt(2) of the difference.
+The distance to the ceiling scatters as the ceilings do that the contacts imply, less what the time between
+two gyro samples makes of it. Flips scatter as the slopes of measured over predicted rates do.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from calibration.gap.landings.outcomes.starts import TriggerStart
+from onboard.arrays import FloatArray
+
+LEAST = 5
+"""Flights that a standard deviation needs."""
+
+_NORMAL = 1.4826  # standard deviation of a normal distribution over its median absolute deviation
+
+_SANE = 4.0
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Dispersion:
+    """Standard deviations of what differs from the recorded start.
+
+    Attributes:
+        height: m, distance to the ceiling.
+        velocity: m/s, world. attitude: rad, body. rate: rad/s, body.
+        pitch: share of the flip's pitch acceleration. roll: roll acceleration per pitch acceleration.
+    """
+
+    height: float
+    velocity: Vector
+    attitude: Vector
+    rate: Vector
+    pitch: float
+    roll: float
+
+    def to_json(self) -> dict[str, object]:
+        """As a JSON object."""
+        return {
+            key: list(value) if isinstance(value, tuple) else value for key, value in asdict(self).items()
+        }
+
+
+@dataclass(frozen=True)
+class FlipSlopes:
+    """Measured over predicted change of rate in the flips.
+
+    Attributes:
+        pitch: by flight (n,), about b_y. roll: change about b_x over the predicted one about b_y (n,).
+    """
+
+    pitch: FloatArray
+    roll: FloatArray
+
+
+UNKNOWN = Dispersion(0.01, (0.03, 0.03, 0.03), (0.01, 0.01, 0.01), (0.15, 0.15, 0.15), 0.03, 0.03)
+"""Of a start that is known from motion capture (``start_state``), where flights are too few to tell."""
+
+
+def estimate_dispersion(
+    starts: Sequence[TriggerStart], ceilings: FloatArray, speeds: FloatArray, slopes: FlipSlopes
+) -> Dispersion:
+    """Standard deviations over flights.
+
+    Args:
+        starts: all flights.
+        ceilings: m (n,), height that each contact implies, less that of its session; NaN where unseen.
+        speeds: m/s (n,), climb of the highest point at the contact.
+        slopes: of the flips.
+    """
+    wait = np.array([start.contact_error for start in starts])
+    unseen = np.abs(speeds) * wait / np.sqrt(3.0)  # uniform between the samples
+    known = np.isfinite(ceilings)
+    height = UNKNOWN.height
+    if np.count_nonzero(known) >= LEAST:
+        height = float(np.sqrt(max(_sd(ceilings) ** 2 - float(np.mean(unseen[known] ** 2)), 1e-6)))
+    velocities = [s.redundant.velocity for s in starts if s.redundant.velocity is not None]
+    return Dispersion(
+        height=height,
+        velocity=_half(np.array(velocities), UNKNOWN.velocity),
+        attitude=_half(np.array([s.redundant.attitude for s in starts]), UNKNOWN.attitude),
+        rate=_half(np.array([s.redundant.rate for s in starts]), UNKNOWN.rate),
+        pitch=_or(slopes.pitch, UNKNOWN.pitch),
+        roll=_or(slopes.roll, UNKNOWN.roll),
+    )
+
+
+def _half(differences: FloatArray, unknown: Vector) -> Vector:
+    """Standard deviation of one of two sources that differ by `differences` (n, 3)."""
+    if len(differences) < LEAST:
+        return unknown
+    x, y, z = (_or(differences[:, axis] / np.sqrt(2.0), unknown[axis]) for axis in range(3))
+    return x, y, z
+
+
+def _or(values: FloatArray, unknown: float) -> float:
+    return _sd(values) if np.count_nonzero(np.isfinite(values)) >= LEAST else unknown
+
+
+def _sd(values: FloatArray) -> float:
+    """Standard deviation of what lies within _SANE robust ones: a log that jumps once must not widen all."""
+    known = values[np.isfinite(values)]
+    off = np.abs(known - np.median(known))
+    return float(np.std(known[off <= _SANE * _NORMAL * np.median(off)]))

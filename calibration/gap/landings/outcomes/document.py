@@ -1,0 +1,154 @@
+"""What ``perchhw gap landings`` says: predicted and real outcomes, flight by flight, and their score."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from calibration.errors import CalibrationError
+from calibration.gap.data.record import NotUsed
+from calibration.gap.landings.outcomes.dispersion import Dispersion
+from calibration.gap.landings.outcomes.labels import CLASS_NAMES, landing_class
+from calibration.gap.landings.outcomes.predict import OutcomeForecast
+from calibration.gap.landings.outcomes.prepare import Prepared
+from calibration.gap.landings.outcomes.scores import Score, score
+from calibration.gap.landings.outcomes.search import OutcomeSearch, grid, search_outcomes, tabulate
+from onboard.arrays import FloatArray, IntArray
+from onboard.errors import InputError
+from onboard.outcome import Outcome
+from onboard.room import RoomGeometry
+from onboard.vehicle import Vehicle
+from sim_backend.physics.parameters import physics_parameters
+
+SCHEMA = "perchhw.gap_landings/1"
+
+LEAST_FLIGHTS = 4
+"""Fewer classified flights have no score."""
+
+
+class TooFewFlightsError(CalibrationError, InputError):
+    """A search needs more classified flights."""
+
+
+@dataclass(frozen=True)
+class LandingReport:
+    """Predictions beside what happened.
+
+    Attributes:
+        vehicle: name. seed: of the draws.
+        prepared: the flights. forecast: what the vehicle expects of them, in the same order.
+        real: outcome of each, None where nobody classified it.
+        score: of the classified ones; None when there are fewer than LEAST_FLIGHTS.
+        search: which effects are missing; None: not asked.
+        unused: flights that are not judged.
+    """
+
+    vehicle: str
+    seed: int
+    prepared: Prepared
+    forecast: OutcomeForecast
+    real: tuple[Outcome | None, ...]
+    score: Score | None
+    unused: tuple[NotUsed, ...]
+    search: OutcomeSearch | None = None
+
+    @property
+    def dispersion(self) -> Dispersion:
+        """How the starts scatter."""
+        return self.prepared.dispersion
+
+    def to_json(self) -> dict[str, Any]:
+        """The document ``perchhw.gap_landings/1``."""
+        return {
+            "schema": SCHEMA,
+            "vehicle": self.vehicle,
+            "seed": self.seed,
+            "draws": self.forecast.draws,
+            "flights": [self._flight(index) for index in range(len(self.real))],
+            "score": None if self.score is None else self.score.to_json(),
+            "dispersion": self.dispersion.to_json(),
+            "flip": {
+                "pitch_rate_rms_rad_s": _rms(self.prepared.rate_error),
+                "pitch_slope": _mean(self.prepared.slopes.pitch),
+                "roll_per_pitch": _mean(self.prepared.slopes.roll),
+            },
+            **({"effects": None} if self.search is None else self.search.to_json()),
+            "unusable": [{"file": item.name, "reason": item.reason} for item in self.unused],
+        }
+
+    def _flight(self, index: int) -> dict[str, Any]:
+        flight, real = self.forecast.flights[index], self.real[index]
+        shares = {f"p_{name}": float(p) for name, p in zip(CLASS_NAMES, flight.probability, strict=True)}
+        return {
+            "name": flight.name,
+            "real": None if real is None else real.value,
+            **shares,
+            "p_body_contact": flight.body_contact,
+            "ceiling_m": float(self.prepared.ceilings[index]),
+            "contact_s": flight.contact,
+            "contact_measured_s": flight.measured_contact,
+        }
+
+
+def landing_report(
+    prepared: Prepared, found: OutcomeForecast, real: Sequence[Outcome | None], vehicle: str, seed: int,
+    unreadable: Sequence[NotUsed] = (),
+) -> LandingReport:  # fmt: skip
+    """Score a forecast.
+
+    Args:
+        prepared: the flights. found: what the model expects of them.
+        real: outcomes in the order of the starts.
+        vehicle: its name. seed: of the draws; the bootstrap has a stream of its own.
+        unreadable: files that hold no flight.
+    """
+    rows, known = classified(real)
+    scored = None
+    if rows.size >= LEAST_FLIGHTS:
+        rng = np.random.default_rng([seed, 1])
+        scored = score(found.probability[rows], known, found.draws, rng)
+    return LandingReport(vehicle, seed, prepared, found, tuple(real), scored, (*unreadable, *prepared.unused))
+
+
+def classified(real: Sequence[Outcome | None]) -> tuple[IntArray, IntArray]:
+    """Indices (k,) of the flights that have a class, and their classes (k,)."""
+    classes = [None if outcome is None else landing_class(outcome) for outcome in real]
+    rows = [index for index, one in enumerate(classes) if one is not None]
+    return np.array(rows, dtype=np.int64), np.array([classes[row] for row in rows], dtype=np.int64)
+
+
+def search_report(
+    report: LandingReport, vehicle: Vehicle, progress: Callable[[float], None] | None = None
+) -> LandingReport:
+    """The report with a search for what the vehicle lacks.
+
+    Args:
+        report: with at least LEAST_FLIGHTS classified flights.
+        vehicle: the model. progress: called with the share done, 0..1.
+
+    Raises:
+        TooFewFlightsError: fewer.
+    """
+    rows, known = classified(report.real)
+    if rows.size < LEAST_FLIGHTS:
+        raise TooFewFlightsError(
+            f"{rows.size} classified flights with a trigger; a search needs {LEAST_FLIGHTS}: add flights, or "
+            "classify them in labels.csv"
+        )
+    points = grid()
+    parameters = physics_parameters(vehicle, RoomGeometry())
+    table = tabulate(report.prepared, parameters, points, progress)[:, rows]
+    rng = np.random.default_rng([report.seed, 2])
+    found = search_outcomes(points, table, known, report.forecast.draws, rng)
+    return replace(report, search=found)
+
+
+def _rms(values: FloatArray) -> float | None:
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else None
+
+
+def _mean(values: FloatArray) -> float | None:
+    known = values[np.isfinite(values)]
+    return float(np.mean(known)) if known.size else None

@@ -1,0 +1,111 @@
+"""Each flight simulated many times from its recorded trigger: how likely four legs, two, or none hold."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from calibration.gap.landings.outcomes.dispersion import Dispersion
+from calibration.gap.landings.outcomes.kernels import fly_flips
+from calibration.gap.landings.outcomes.prepare import SETTINGS, Prepared
+from calibration.gap.landings.outcomes.starts import TriggerStart
+from onboard.arrays import FloatArray
+from onboard.room import RoomGeometry
+from onboard.vehicle import Vehicle
+from sim_backend.physics.parameters import physics_parameters
+from sim_backend.physics.rollout import ROLLOUT
+from sim_backend.physics.state import new_states
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What the simulation expects of one flight.
+
+    Attributes:
+        name: of the flight.
+        probability: (3,), of four legs, two, none (:mod:`..labels`).
+        body_contact: probability that hull or propellers touch the ceiling.
+        contact: s after the trigger, median of the first contact; None: most never touch.
+        measured_contact: s, from the gyro; None: unseen.
+    """
+
+    name: str
+    probability: FloatArray
+    body_contact: float
+    contact: float | None
+    measured_contact: float | None
+
+
+@dataclass(frozen=True)
+class OutcomeForecast:
+    """All flights, in the order of the starts."""
+
+    flights: tuple[Forecast, ...]
+    draws: int
+
+    @property
+    def probability(self) -> FloatArray:
+        """Probabilities (n, 3)."""
+        return np.array([flight.probability for flight in self.flights])
+
+
+def forecast(
+    prepared: Prepared, vehicle: Vehicle, progress: Callable[[float], None] | None = None
+) -> OutcomeForecast:
+    """Simulate every flight with a vehicle.
+
+    Args:
+        prepared: the flights. vehicle: the model.
+        progress: called with the share of the flights done, 0..1.
+    """
+    return forecast_with(prepared, physics_parameters(vehicle, RoomGeometry()), progress)
+
+
+def forecast_with(
+    prepared: Prepared, parameters: Any, progress: Callable[[float], None] | None = None
+) -> OutcomeForecast:
+    """As :func:`forecast`, with a record of physics parameters; the ceiling is that of each flight."""
+    p = parameters.copy()
+    found = []
+    for index, start in enumerate(prepared.starts):
+        p["ceiling_z"] = prepared.ceilings[index]
+        found.append(_forecast_one(start, prepared, index, p))
+        if progress is not None:
+            progress((index + 1) / len(prepared.starts))
+    return OutcomeForecast(tuple(found), prepared.draws.shape[1])
+
+
+def _forecast_one(start: TriggerStart, prepared: Prepared, index: int, p: Any) -> Forecast:
+    states, flips = scattered(start, prepared.dispersion, prepared.draws[index], p)
+    out = np.zeros(len(states), dtype=ROLLOUT)
+    fly_flips(states, p, flips, SETTINGS, out)
+    four, none = out["feet"] >= 3, out["feet"] == 0
+    shares = np.array([np.mean(four), np.mean(~four & ~none), np.mean(none)])
+    touched = out["impact_time"][out["contact"] > 0]
+    contact = float(np.median(touched)) if 2 * touched.size > len(out) else None
+    body = float(np.mean(out["body_contact"]))
+    return Forecast(start.name, shares, body, contact, prepared.contact(index))
+
+
+def scattered(
+    start: TriggerStart, dispersion: Dispersion, numbers: FloatArray, p: Any
+) -> tuple[Any, FloatArray]:
+    """States (n,) and flip thrusts (N, (n, 4)) about a start, from standard normal numbers (n, ERRORS)."""
+    states = new_states(len(numbers))
+    states[:] = start.state[0]
+    states["position"][:, 2] += dispersion.height * numbers[:, 0]
+    states["velocity"] += np.array(dispersion.velocity) * numbers[:, 1:4]
+    turn = Rotation.from_rotvec(np.array(dispersion.attitude) * numbers[:, 4:7])
+    states["quaternion"] = (Rotation.from_quat(start.state["quaternion"][0]) * turn).as_quat()
+    states["omega"] += np.array(dispersion.rate) * numbers[:, 7:10]
+    states["pad_deviate"] = numbers[:, 12:]
+    # A roll beside the pitch: one front motor gives more, the other less.
+    per_side = float(p["inertia"][0] * p["arm_x"] / (p["inertia"][1] * p["arm_y"]))
+    side = per_side * dispersion.roll * numbers[:, 11]
+    gain = 1.0 + dispersion.pitch * numbers[:, 10]
+    flips = np.outer(gain, start.flip)
+    flips[:, :2] *= (1.0 + side)[:, None]
+    flips[:, 2:] *= (1.0 - side)[:, None]
+    return states, np.clip(flips, 0.0, float(p["thrust_max"]))

@@ -1,0 +1,174 @@
+"""Flights made ready: starts, the log's clock, the ceiling of the day, and how much all of it scatters.
+
+A flip is simulated without a ceiling from its recorded start. The gyro then tells how much later the log's
+clock is than the trigger (rows of a radio log differ in age by up to 20 ms), and how much of the predicted
+rates the vehicle showed. The vehicle's highest point at the moment of the contact is where the ceiling was; a
+flight gets the median of the other flights of its session, so that its own end does not help to predict it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from calibration.flights import Flight
+from calibration.gap.data.record import NotUsed
+from calibration.gap.landings.kernels import COLUMNS, OMEGA
+from calibration.gap.landings.outcomes.dispersion import Dispersion, FlipSlopes, estimate_dispersion
+from calibration.gap.landings.outcomes.kernels import trace_flips
+from calibration.gap.landings.outcomes.starts import TriggerStart, trigger_start
+from calibration.gap.landings.problem import highest
+from onboard.arrays import FloatArray
+from onboard.room import RoomGeometry
+from onboard.vehicle import Vehicle
+from sim_backend.physics.parameters import physics_parameters
+from sim_backend.physics.rollout import RolloutSettings
+
+DRAWS = 200
+"""Landings a flight: a share of 0.5 is then known to 0.035."""
+
+ERRORS = 13
+"""Numbers drawn for a landing: height, velocity (3), attitude (3), rate (3), pitch, roll, pads."""
+
+SETTINGS = RolloutSettings()
+
+CLOCK_RADIO, CLOCK_TRACKED = 0.010, 0.003
+"""s, standard deviations of the clock's offset before the gyro is asked: two rows of a radio log up to 20 ms
+old, one of them the trigger's flag (authors' data, section 1); our own runs have the drone's times."""
+
+_CLOCK_GRID = np.arange(-0.04, 0.0401, 0.002)
+_RATE_ERROR = 1.3  # rad/s, RMS that flips leave with a clock of their own
+_UNSEEN_FLIP = 0.2  # s of a flip that is used where no contact was seen
+_FAR = 1e3  # m: no ceiling
+_LEAST_CEILING = 3  # contacts that tell a session's ceiling
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Flights ready to be simulated with any vehicle.
+
+    Attributes:
+        starts: their triggers.
+        clocks: s (n,), by how much the log is later than the trigger.
+        ceilings: m (n,), of the session, from the contacts of the other flights.
+        slopes: of the flips, with the vehicle that prepared them. rate_error: rad/s (n,), RMS about b_y.
+        dispersion: of starts and flips.
+        draws: standard normal numbers (n, draws, ERRORS), the same for every vehicle that is compared.
+        unused: flights without a start.
+    """
+
+    starts: tuple[TriggerStart, ...]
+    clocks: FloatArray
+    ceilings: FloatArray
+    slopes: FlipSlopes
+    rate_error: FloatArray
+    dispersion: Dispersion
+    draws: FloatArray
+    unused: tuple[NotUsed, ...]
+
+    def contact(self, index: int) -> float | None:
+        """Time (s) from the trigger to the measured contact of a flight; None: unseen."""
+        seen = self.starts[index].contact
+        return None if seen is None else seen + float(self.clocks[index])
+
+
+@dataclass(frozen=True)
+class _Flip:
+    """A flip without a ceiling, laid over the gyro.
+
+    Attributes:
+        clock: s. trace: (steps + 1, COLUMNS). pitch, roll: slopes. error: rad/s, RMS about b_y.
+        ceiling: m, where the contact was, NaN where unseen. climb: m/s of the highest point there.
+    """
+
+    clock: float
+    trace: FloatArray
+    pitch: float
+    roll: float
+    error: float
+    ceiling: float
+    climb: float
+
+
+def prepare(
+    flights: Sequence[Flight], vehicle: Vehicle, rng: np.random.Generator, draws: int = DRAWS
+) -> Prepared:
+    """Starts, clocks, ceilings and dispersion of flights.
+
+    Args:
+        flights: any; those without a start are listed.
+        vehicle: that flew.
+        rng: draws the errors of each landing.
+        draws: landings a flight.
+    """
+    free = physics_parameters(vehicle, RoomGeometry(ceiling_z=_FAR))
+    starts: list[TriggerStart] = []
+    unused: list[NotUsed] = []
+    for flight in flights:
+        found = trigger_start(flight, vehicle, free)
+        if isinstance(found, NotUsed):
+            unused.append(found)
+        else:
+            starts.append(found)
+    flips = [_flip(start, free) for start in starts]
+    implied = np.array([flip.ceiling for flip in flips])
+    ceilings = _ceilings(starts, implied)
+    slopes = FlipSlopes(np.array([flip.pitch for flip in flips]), np.array([flip.roll for flip in flips]))
+    climbs = np.array([flip.climb for flip in flips])
+    return Prepared(
+        starts=tuple(starts),
+        clocks=np.array([flip.clock for flip in flips]),
+        ceilings=ceilings,
+        slopes=slopes,
+        rate_error=np.array([flip.error for flip in flips]),
+        dispersion=estimate_dispersion(starts, implied - ceilings, climbs, slopes),
+        draws=rng.standard_normal((len(starts), draws, ERRORS)),
+        unused=tuple(unused),
+    )
+
+
+def _flip(start: TriggerStart, p: Any) -> _Flip:
+    end = _UNSEEN_FLIP if start.contact is None else start.contact - start.contact_error
+    trace = np.empty((1, round((end + 0.1) / SETTINGS.dt), COLUMNS))
+    trace_flips(start.state.copy(), p, start.flip[None], SETTINGS, trace)
+    rows = (start.gyro_t > 0.0) & (start.gyro_t <= end)
+    t, seen = start.gyro_t[rows], start.gyro[rows]
+    clock = _clock(t, seen[:, 1], trace[0], CLOCK_TRACKED if start.tracked else CLOCK_RADIO)
+    model = _at(trace[0], t + clock)
+    gained, first = model - trace[0, 0, OMEGA + 1], trace[0, 0, OMEGA : OMEGA + 3]
+    size = float(gained @ gained)
+    slope = (seen - first).T @ gained / size if size > 0.0 else np.full(3, np.nan)
+    ceiling = climb = np.nan
+    if start.contact is not None:
+        row = min(max(round((start.contact + clock) / SETTINGS.dt), 1), trace.shape[1] - 2)
+        below, ceiling, above = (highest(p, trace[0, row + k]) for k in (-1, 0, 1))
+        climb = (above - below) / (2.0 * SETTINGS.dt)
+    error = float(np.sqrt(np.mean((seen[:, 1] - model) ** 2))) if t.size else np.nan
+    return _Flip(clock, trace[0], float(slope[1]), float(slope[0]), error, ceiling, climb)
+
+
+def _at(trace: FloatArray, t: FloatArray) -> FloatArray:
+    """Pitch rate (rad/s) of a trace at times (s)."""
+    return np.asarray(np.interp(t, SETTINGS.dt * np.arange(len(trace)), trace[:, OMEGA + 1]))
+
+
+def _clock(t: FloatArray, seen: FloatArray, trace: FloatArray, sigma: float) -> float:
+    """Offset (s) of the log's clock that lays the gyro (rad/s, at `t`) best over the simulated flip."""
+    costs = [
+        float(np.sum((seen - _at(trace, t + offset)) ** 2)) / _RATE_ERROR**2 + (offset / sigma) ** 2
+        for offset in _CLOCK_GRID
+    ]
+    return float(_CLOCK_GRID[int(np.argmin(costs))])
+
+
+def _ceilings(starts: Sequence[TriggerStart], implied: FloatArray) -> FloatArray:
+    """Ceiling (m) of each flight: the median of the others of its session, else where the drone had it."""
+    sessions = np.array([start.session for start in starts])
+    found = np.array([start.reckoned_ceiling for start in starts])
+    for index in range(len(starts)):
+        others = (sessions == sessions[index]) & np.isfinite(implied)
+        others[index] = False
+        if np.count_nonzero(others) >= _LEAST_CEILING:
+            found[index] = float(np.median(implied[others]))
+    return found

@@ -1,0 +1,234 @@
+"""How good probabilities of four legs, two and none are, beside always guessing the base rate.
+
+Brier score: sum over the classes of (p - 1 for the real one, p - 0 for the others)^2, mean over flights; 0 is
+perfect, 2 the worst. Log score: mean of -ln p of what happened. The base rate is what the other flights did
+(left one out): the base rate of all knows the flight that it is judged on. Intervals draw flights again,
+model and base rate on the same flights (paired bootstrap).
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from onboard.arrays import BoolArray, FloatArray, IntArray
+
+REPLICATES = 2000
+"""Sets of flights that are drawn."""
+
+BINS = 5
+"""Of the reliability diagram, of equal count."""
+
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Bin:
+    """Flights of similar probability of four legs.
+
+    Attributes:
+        flights: how many. predicted: their mean probability. real: share that landed on four.
+        interval: 95 % interval (Wilson) of that share.
+    """
+
+    flights: int
+    predicted: float
+    real: float
+    interval: Interval
+
+
+@dataclass(frozen=True)
+class Count:
+    """How many flights ended in a class.
+
+    Attributes:
+        real: flights. expected: by the model.
+        interval: 80 % interval of the number that the model predicts (Poisson binomial).
+    """
+
+    real: int
+    expected: float
+    interval: tuple[int, int]
+
+    @property
+    def inside(self) -> bool:
+        """Whether the real number is one that the model expects."""
+        return self.interval[0] <= self.real <= self.interval[1]
+
+
+@dataclass(frozen=True)
+class Score:
+    """The scores of a set of flights.
+
+    Attributes:
+        flights: scored ones.
+        brier, log: of the model. brier_base, log_base: of the base rate of the other flights.
+        brier_base_in_sample: of the base rate of all.
+        gain: brier - brier_base; negative: the model knows something. gain_interval: 95 %.
+        brier_interval: 95 %.
+        auc_four: probability that a landing on four had a higher probability of it than one that was none;
+            None where all or none landed on four. auc_interval: 95 %.
+        counts: of four, two, none. reliability: of the probability of four legs.
+    """
+
+    flights: int
+    brier: float
+    brier_interval: Interval
+    brier_base: float
+    brier_base_in_sample: float
+    gain: float
+    gain_interval: Interval
+    log: float
+    log_base: float
+    auc_four: float | None
+    auc_interval: Interval | None
+    counts: tuple[Count, Count, Count]
+    reliability: tuple[Bin, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """The ``score`` of the document ``perchhw.gap_landings/1``."""
+        four, two, none = self.counts
+        return {
+            "flights": self.flights,
+            "brier": self.brier,
+            "brier_ci95": list(self.brier_interval),
+            "brier_base_rate": self.brier_base,
+            "brier_base_rate_in_sample": self.brier_base_in_sample,
+            "brier_gain": self.gain,
+            "brier_gain_ci95": list(self.gain_interval),
+            "log_score": self.log,
+            "log_score_base_rate": self.log_base,
+            "auc_four": self.auc_four,
+            "auc_four_ci95": None if self.auc_interval is None else list(self.auc_interval),
+            "four_leg_share_real": four.real / self.flights,
+            "four_leg_share_model": four.expected / self.flights,
+            "two_leg_share_real": two.real / self.flights,
+            "two_leg_share_model": two.expected / self.flights,
+            "none_share_real": none.real / self.flights,
+            "none_share_model": none.expected / self.flights,
+            "counts": {
+                name: {"real": count.real, "expected": count.expected, "interval80": list(count.interval)}
+                for name, count in zip(("four", "two", "none"), self.counts, strict=True)
+            },
+            "reliability": [
+                {"flights": b.flights, "p_four": b.predicted, "real": b.real, "ci95": list(b.interval)}
+                for b in self.reliability
+            ],
+        }
+
+
+def base_rates(real: IntArray, folds: IntArray | None = None) -> FloatArray:
+    """Frequencies (n, 3) of the classes among the flights of other folds (default: all others)."""
+    happened = np.eye(3)[real]
+    groups = np.arange(real.size) if folds is None else folds
+    out = np.empty((real.size, 3))
+    for group in np.unique(groups):
+        own = groups == group
+        out[own] = happened[~own].mean(axis=0) if not own.all() else 1.0 / 3.0
+    return out
+
+
+def score(
+    probability: FloatArray,
+    real: IntArray,
+    draws: int,
+    rng: np.random.Generator,
+    base: FloatArray | None = None,
+) -> Score:
+    """Score probabilities.
+
+    Args:
+        probability: (n, 3), of four legs, two, none. real: (n,), the class that happened.
+        draws: landings behind each probability: one that never happened in them is not impossible.
+        rng: draws flights.
+        base: what to compare with (n, 3); default: the base rates of all other flights.
+    """
+    count = len(real)
+    happened = np.eye(3)[real]
+    if base is None:
+        base = base_rates(real)
+    own, by_base = brier(probability, real), brier(base, real)
+    drawn = rng.integers(0, count, (REPLICATES, count))
+    auc = auc_of(probability[:, 0], real == 0)
+    logs = surprise(probability, real, draws)
+    return Score(
+        flights=count,
+        brier=float(own.mean()),
+        brier_interval=_interval(own[drawn].mean(axis=1)),
+        brier_base=float(by_base.mean()),
+        brier_base_in_sample=float(brier(np.tile(happened.mean(axis=0), (count, 1)), real).mean()),
+        gain=float((own - by_base).mean()),
+        gain_interval=_interval((own - by_base)[drawn].mean(axis=1)),
+        log=float(logs.mean()),
+        log_base=float(surprise(base, real, count).mean()),
+        auc_four=auc,
+        auc_interval=None if auc is None else _auc_interval(probability[:, 0], real == 0, drawn),
+        counts=_counts(probability, real),
+        reliability=reliability(probability[:, 0], real == 0),
+    )
+
+
+def brier(probability: FloatArray, real: IntArray) -> FloatArray:
+    """Brier score (n,) of each flight."""
+    return np.asarray(((probability - np.eye(3)[real]) ** 2).sum(axis=1))
+
+
+def surprise(probability: FloatArray, real: IntArray, draws: int) -> FloatArray:
+    """-ln of the probability of what happened (n,), each class counted once more than it was drawn."""
+    smooth = (probability * draws + 1.0) / (draws + 3.0)
+    return np.asarray(-np.log(smooth[np.arange(len(real)), real]))
+
+
+def auc_of(value: FloatArray, positive: BoolArray) -> float | None:
+    """Probability that a positive has a larger value than another, ties by half; None without both."""
+    yes, no = value[positive], value[~positive]
+    if not yes.size or not no.size:
+        return None
+    difference = yes[:, None] - no[None, :]
+    return float(np.mean((difference > 0.0) + 0.5 * (difference == 0.0)))
+
+
+def count_interval(probability: FloatArray, level: float = 0.8) -> tuple[int, int]:
+    """Central interval of how many of independent events with these probabilities (n,) happen."""
+    mass = np.ones(1)
+    for p in probability:
+        mass = np.convolve(mass, [1.0 - p, p])
+    reached = np.cumsum(mass)
+    tail = 0.5 * (1.0 - level)
+    return int(np.searchsorted(reached, tail)), int(np.searchsorted(reached, 1.0 - tail))
+
+
+def reliability(probability: FloatArray, happened: BoolArray) -> tuple[Bin, ...]:
+    """Bins of equal count, by rising probability."""
+    order = np.argsort(probability, kind="stable")
+    bins = []
+    for rows in np.array_split(order, min(BINS, len(order))):
+        hits, count = int(np.sum(happened[rows])), len(rows)
+        bins.append(Bin(count, float(np.mean(probability[rows])), hits / count, wilson(hits, count)))
+    return tuple(bins)
+
+
+def wilson(hits: int, count: int) -> Interval:
+    """95 % interval of a share (Wilson, 1927)."""
+    z2, share = 1.96**2, hits / count
+    middle = (share + z2 / (2 * count)) / (1 + z2 / count)
+    half = 1.96 / (1 + z2 / count) * float(np.sqrt(share * (1 - share) / count + z2 / (4 * count**2)))
+    return middle - half, middle + half
+
+
+def _counts(probability: FloatArray, real: IntArray) -> tuple[Count, Count, Count]:
+    four, two, none = (
+        Count(int(np.sum(real == k)), float(probability[:, k].sum()), count_interval(probability[:, k]))
+        for k in range(3)
+    )
+    return four, two, none
+
+
+def _interval(values: FloatArray) -> Interval:
+    low, high = np.quantile(values, [0.025, 0.975])
+    return float(low), float(high)
+
+
+def _auc_interval(value: FloatArray, positive: BoolArray, drawn: IntArray) -> Interval:
+    found = [auc_of(value[rows], positive[rows]) for rows in drawn]
+    return _interval(np.array([auc for auc in found if auc is not None]))

@@ -1,0 +1,367 @@
+"""Which legs and pads make landings end as they did: a posterior over a grid of vehicles.
+
+Every vehicle of the grid predicts every flight once (:func:`tabulate`). The probability of what happened, all
+flights together, is a vehicle's likelihood; with every vehicle of the grid as likely beforehand its share is
+its posterior. A prediction is the mean over the posterior (Bayesian model averaging: Hoeting et al., Statist.
+Sci. 14, 382, 1999), so that what a few flights leave open widens it. Flights are predicted from the others:
+one left out, and each half from the other. Nothing maps probabilities to probabilities.
+"""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import combinations, product
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.stats import norm
+
+from calibration.gap.landings.outcomes.predict import forecast_with
+from calibration.gap.landings.outcomes.prepare import Prepared
+from calibration.gap.landings.outcomes.scores import (
+    REPLICATES,
+    Score,
+    auc_of,
+    base_rates,
+    brier,
+    score,
+    surprise,
+)
+from onboard.arrays import BoolArray, FloatArray, IntArray
+from sim_backend.physics.effects.registry import TERMS
+
+Interval = tuple[float, float]
+
+
+class Point(NamedTuple):
+    """A vehicle of the grid: parameters of effects, relative to the vehicle file."""
+
+    stiffness: float = 1.0
+    damping: float = 1.0
+    speed: float = 0.0
+    spread: float = 0.0
+    reach: float = 1.0
+
+
+UNITS = {"stiffness": "1", "damping": "1", "speed": "m/s", "spread": "m/s", "reach": "1"}
+
+EFFECT_OF = {
+    "stiffness": ("leg_stiffness", "scale"),
+    "damping": ("leg_damping", "scale"),
+    "speed": ("pad_capture", "speed"),
+    "spread": ("pad_capture", "spread"),
+    "reach": ("propeller_reach", "scale"),
+}
+"""Effect and parameter that each coordinate stands for."""
+
+HINGES = ((1.0, 1.0), (1.0, 8.0), (1.6, 8.0), (1.6, 16.0))
+"""Stiffness and damping: as filed, and around what the motion after the contact shows (docs)."""
+
+LIMITS = (0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.05, 1.2, 1.5, 2.0)
+"""m/s: least speed of a foot that sticks, at which landings are simulated."""
+
+SPEEDS = tuple(float(value) for value in np.arange(0.1, 1.51, 0.1))
+"""m/s: means of the limit."""
+
+SPREADS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
+"""m/s: standard deviations of the limit from landing to landing."""
+
+REACHES = (1.0, 0.64, 0.3)
+"""Share of the propeller's radius that meets the ceiling: a disc, two blades at any angle, nearly none."""
+
+SPLITS = 20
+"""Ways of cutting the flights into halves: one alone says much about its own luck."""
+
+GROUPS: dict[str, tuple[str, ...]] = {
+    "hinges": ("stiffness", "damping"),
+    "pads": ("speed", "spread"),
+    "propellers": ("reach",),
+}
+"""Coordinates that are open together."""
+
+MODELS: tuple[tuple[str, ...], ...] = tuple(
+    groups for size in range(len(GROUPS) + 1) for groups in combinations(GROUPS, size)
+)
+"""Which groups are open; the rest is as filed."""
+
+
+def grid() -> tuple[Point, ...]:
+    """All vehicles."""
+    pads = [(0.0, 0.0), *product(SPEEDS, SPREADS)]
+    return tuple(Point(*hinge, *pad, reach) for hinge, reach, pad in product(HINGES, REACHES, pads))
+
+
+def with_point(parameters: Any, point: Point) -> Any:
+    """A copy of a record of parameters with the effects of a point, by their own equations."""
+    changed = parameters.copy()
+    values: dict[str, dict[str, float]] = {}
+    for name, value in point._asdict().items():
+        effect, parameter = EFFECT_OF[name]
+        values.setdefault(effect, {})[parameter] = value
+    for effect, given in values.items():
+        TERMS[effect].apply(changed, given)
+    return changed
+
+
+def tabulate(
+    prepared: Prepared,
+    parameters: Any,
+    points: Sequence[Point],
+    progress: Callable[[float], None] | None = None,
+    workers: int = 2,
+) -> FloatArray:
+    """Probabilities (points, flights, 3) of four legs, two, none.
+
+    Landings are simulated with pads of one limit each (:data:`LIMITS`); a spread of limits mixes them.
+
+    Args:
+        prepared: the flights. parameters: of the vehicle file.
+        points: vehicles.
+        progress: called with the share done, 0..1.
+        workers: threads; the result does not depend on them.
+    """
+    bodies = list(dict.fromkeys(point._replace(speed=0.0, spread=0.0) for point in points))
+    needed = [(body, limit) for body in bodies for limit in LIMITS]
+
+    def simulated(one: tuple[Point, float]) -> FloatArray:
+        body, limit = one
+        return forecast_with(prepared, with_point(parameters, body._replace(speed=limit))).probability
+
+    ladders: dict[Point, list[FloatArray]] = {body: [] for body in bodies}
+    with ThreadPoolExecutor(workers) as pool:
+        for index, (one, found) in enumerate(zip(needed, pool.map(simulated, needed), strict=True)):
+            ladders[one[0]].append(found)
+            if progress is not None:
+                progress((index + 1) / len(needed))
+    return np.array(
+        [
+            np.tensordot(
+                mixture(point.speed, point.spread),
+                np.array(ladders[point._replace(speed=0.0, spread=0.0)]),
+                1,
+            )
+            for point in points
+        ]
+    )
+
+
+def mixture(speed: float, spread: float) -> FloatArray:
+    """Shares of :data:`LIMITS` in a normal distribution of limits (m/s); each stands for its surroundings."""
+    limits = np.array(LIMITS)
+    if spread <= 0.0:
+        return np.array([np.interp(speed, limits, row) for row in np.eye(limits.size)])
+    edges = np.concatenate([[-np.inf], 0.5 * (limits[1:] + limits[:-1]), [np.inf]])
+    return np.asarray(np.diff(norm.cdf(edges, speed, spread)))
+
+
+def posterior(logs: FloatArray, rows: BoolArray) -> FloatArray:
+    """Shares (points,) of vehicles after the flights `rows` (n,), from ln p of what happened (points, n)."""
+    total = logs[:, rows].sum(axis=1)
+    weight = np.exp(total - total.max())
+    return np.asarray(weight / weight.sum())
+
+
+def held_out(table: FloatArray, logs: FloatArray, folds: IntArray) -> FloatArray:
+    """Predictions (n, 3) of each flight from those of other folds."""
+    out = np.empty(table.shape[1:])
+    for fold in np.unique(folds):
+        own = folds == fold
+        out[own] = np.tensordot(posterior(logs, ~own), table[:, own], 1)
+    return out
+
+
+@dataclass(frozen=True)
+class HalfScore:
+    """Flights predicted from a half that they are not in, with the base rate of that half beside it.
+
+    Attributes:
+        brier, brier_base: mean over flights and splits.
+        gain: their difference. gain_interval: 95 %, flights drawn again.
+        auc_four: mean over splits; None where a split has no such flights.
+    """
+
+    brier: float
+    brier_base: float
+    gain: float
+    gain_interval: Interval
+    auc_four: float | None
+
+    def to_json(self) -> dict[str, Any]:
+        """As a JSON object."""
+        return {
+            "brier": self.brier,
+            "brier_base_rate": self.brier_base,
+            "brier_gain": self.gain,
+            "brier_gain_ci95": list(self.gain_interval),
+            "auc_four": self.auc_four,
+        }
+
+
+@dataclass(frozen=True)
+class ModelFit:
+    """One model.
+
+    Attributes:
+        groups: what it leaves open.
+        left_one_out: score on flights that it did not see.
+        halves: likewise, each half predicted from the other, SPLITS times.
+        brier: left one out, by flight (n,).
+        values: posterior mean, standard deviation and 95 % interval by coordinate.
+    """
+
+    groups: tuple[str, ...]
+    left_one_out: Score
+    halves: HalfScore
+    brier: FloatArray
+    values: dict[str, tuple[float, float, Interval]]
+
+    @property
+    def name(self) -> str:
+        """In words."""
+        return ", ".join(self.groups) or "as filed"
+
+    def to_json(self) -> dict[str, Any]:
+        """As a JSON object."""
+        return {
+            "model": self.name,
+            "left_one_out": self.left_one_out.to_json(),
+            "halves": self.halves.to_json(),
+            "values": {
+                name: {"value": mean, "sigma": sigma, "unit": UNITS[name], "ci95": list(interval)}
+                for name, (mean, sigma, interval) in self.values.items()
+            },
+        }
+
+
+@dataclass(frozen=True)
+class OutcomeSearch:
+    """What the outcomes say of legs, pads and propellers.
+
+    Attributes:
+        fits: of all models.
+        best: the model with the lowest log score, left one out.
+        gains: mean change of the Brier score by group, from the best model without it to the best with it,
+            left one out, with its 95 % interval (flights drawn again).
+    """
+
+    fits: tuple[ModelFit, ...]
+    best: ModelFit
+    gains: dict[str, tuple[float, Interval]]
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """Groups without which flights are predicted worse beyond chance."""
+        return tuple(group for group, (_, (_, high)) in self.gains.items() if high < 0.0)
+
+    def to_json(self) -> dict[str, Any]:
+        """``effects`` and ``search`` of the document."""
+        values = self.best.values
+        effects: dict[str, dict[str, Any]] = {}
+        for group in self.named:
+            gain, interval = self.gains[group]
+            others = [other for other in GROUPS if other not in self.named and other != group]
+            for coordinate in GROUPS[group]:
+                effect, parameter = EFFECT_OF[coordinate]
+                mean, sigma, between = values.get(coordinate, (getattr(Point(), coordinate), 0.0, (0.0, 0.0)))
+                entry = effects.setdefault(
+                    effect,
+                    {
+                        "name": effect,
+                        "parameters": {},
+                        "error_after": self.best.left_one_out.brier,
+                        "error_before": self.best.left_one_out.brier - gain,
+                        "improvement_ci95": [-interval[1], -interval[0]],
+                        "ambiguous_with": [EFFECT_OF[GROUPS[other][0]][0] for other in others],
+                    },
+                )
+                entry["parameters"][parameter] = {
+                    "value": mean,
+                    "unit": UNITS[coordinate],
+                    "sigma": sigma,
+                    "ci95": list(between),
+                }
+        return {
+            "effects": list(effects.values()),
+            "search": {
+                "best": self.best.name,
+                "models": [fit.to_json() for fit in self.fits],
+                "gains": {
+                    group: {"brier": gain, "ci95": list(interval)}
+                    for group, (gain, interval) in self.gains.items()
+                },
+            },
+        }
+
+
+def search_outcomes(
+    points: Sequence[Point], table: FloatArray, real: IntArray, draws: int, rng: np.random.Generator
+) -> OutcomeSearch:
+    """All models on one table.
+
+    Args:
+        points: vehicles (m). table: (m, n, 3). real: classes (n,).
+        draws: landings behind each probability.
+        rng: draws flights.
+    """
+    logs = np.array([-surprise(one, real, draws) for one in table])
+    fits = tuple(_fit(groups, np.array(points), table, logs, real, draws, rng) for groups in MODELS)
+    drawn = rng.integers(0, real.size, (REPLICATES, real.size))
+    gains = {}
+    for group in GROUPS:
+        without = _best([fit for fit in fits if group not in fit.groups])
+        change = _best([fit for fit in fits if group in fit.groups]).brier - without.brier
+        low, high = np.quantile(change[drawn].mean(axis=1), [0.025, 0.975])
+        gains[group] = (float(change.mean()), (float(low), float(high)))
+    return OutcomeSearch(fits, _best(fits), gains)
+
+
+def _best(fits: Sequence[ModelFit]) -> ModelFit:
+    return min(fits, key=lambda fit: fit.left_one_out.log)
+
+
+def _fit(
+    groups: tuple[str, ...], points: FloatArray, table: FloatArray, logs: FloatArray, real: IntArray,
+    draws: int, rng: np.random.Generator,
+) -> ModelFit:  # fmt: skip
+    filed = np.array(Point())
+    free = {name: Point._fields.index(name) for group in groups for name in GROUPS[group]}
+    shut = np.setdiff1d(np.arange(filed.size), list(free.values()))
+    rows = np.flatnonzero(np.all(points[:, shut] == filed[shut], axis=1))
+    own, own_logs = table[rows], logs[rows]
+    left = held_out(own, own_logs, np.arange(real.size))
+    share = posterior(own_logs, np.ones(real.size, dtype=np.bool_))
+    return ModelFit(
+        groups=groups,
+        left_one_out=score(left, real, draws, rng),
+        halves=_halves(own, own_logs, real, rng),
+        brier=brier(left, real),
+        values={name: _moments(points[rows, axis], share) for name, axis in free.items()},
+    )
+
+
+def _halves(table: FloatArray, logs: FloatArray, real: IntArray, rng: np.random.Generator) -> HalfScore:
+    own, base, areas = np.empty((SPLITS, real.size)), np.empty((SPLITS, real.size)), []
+    for split in range(SPLITS):
+        folds = rng.permutation(np.arange(real.size) % 2)
+        predicted = held_out(table, logs, folds)
+        own[split], base[split] = brier(predicted, real), brier(base_rates(real, folds), real)
+        areas.append(auc_of(predicted[:, 0], real == 0))
+    change = (own - base).mean(axis=0)
+    drawn = rng.integers(0, real.size, (REPLICATES, real.size))
+    low, high = np.quantile(change[drawn].mean(axis=1), [0.025, 0.975])
+    known = [area for area in areas if area is not None]
+    auc = float(np.mean(known)) if known else None
+    interval = (float(low), float(high))
+    return HalfScore(float(own.mean()), float(base.mean()), float(change.mean()), interval, auc)
+
+
+def _moments(value: FloatArray, share: FloatArray) -> tuple[float, float, Interval]:
+    """Mean, standard deviation, and 95 % interval between the points of the grid."""
+    mean = float(share @ value)
+    sigma = float(np.sqrt(share @ (value - mean) ** 2))
+    levels, inverse = np.unique(value, return_inverse=True)
+    reached = np.cumsum(np.bincount(inverse, weights=share))
+    low, high = (
+        float(levels[min(int(np.searchsorted(reached, q)), levels.size - 1)]) for q in (0.025, 0.975)
+    )
+    return mean, sigma, (low, high)

@@ -1,0 +1,216 @@
+"""The state of a flight at its trigger, from what was recorded up to then.
+
+Attitude and rate come from the poses and the gyro before the trigger (`start_state`); velocity and
+distance to the ceiling from the snapshot that the drone stored at the trigger, where it did, because rows of
+a radio log are up to 20 ms old. Thrusts are brought up by the motors' lag from the commands of the approach;
+the commands of the flip may stand one row ahead of its flag, so only rows with all motors running count.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from calibration.flights import Flight, PoseSource, Trigger
+from calibration.gap.data.kinematics import continuous_quaternions
+from calibration.gap.data.record import NotUsed
+from calibration.gap.data.samples import samples_of
+from calibration.gap.landings.segments import (
+    LandingSegment,
+    commanded_thrusts,
+    fresh,
+    landing_of,
+)
+from calibration.gap.landings.start_state import LEAD, start_state
+from onboard.arrays import BoolArray, FloatArray
+from onboard.mixer import flip_thrusts
+from onboard.vehicle import Vehicle
+
+EARLIER = 0.2
+"""s between the window of poses at the trigger and the one that it is compared with."""
+
+_BEFORE, _AFTER = 0.7, 1.2  # s of samples around the trigger that are kept
+_LINE = 0.06  # s of gyro samples that a straight line goes through
+
+
+@dataclass(frozen=True)
+class Redundant:
+    """What two sources say of the same start; their differences show how well it is known.
+
+    Attributes:
+        velocity: m/s (3,), snapshot less poses; None without a snapshot.
+        attitude: rad (3,), body, at the trigger: its own poses less those EARLIER, carried on by the gyro.
+        rate: rad/s (3,), last sample before the trigger less the straight line of those before it.
+    """
+
+    velocity: FloatArray | None
+    attitude: FloatArray
+    rate: FloatArray
+
+
+@dataclass(frozen=True)
+class TriggerStart:
+    """A flight at its trigger.
+
+    Attributes:
+        flight: where it is from.
+        state: states (1,), time 0.
+        flip: thrusts (N, (4,)) that the motors are told until the cut.
+        reckoned_ceiling: m, where the drone believed the ceiling.
+        contact: s after the trigger, middle of the gyro samples around the first contact; None: unseen.
+        contact_error: s, half of what lies between them.
+        gyro_t, gyro: s after the trigger and rad/s, (n,) and (n, 3).
+        redundant: two sources of the same numbers.
+    """
+
+    flight: Flight
+    state: Any
+    flip: FloatArray
+    reckoned_ceiling: float
+    contact: float | None
+    contact_error: float
+    gyro_t: FloatArray
+    gyro: FloatArray
+    redundant: Redundant
+
+    @property
+    def name(self) -> str:
+        """Name of the flight."""
+        return self.flight.name
+
+    @property
+    def tracked(self) -> bool:
+        """Whether motion capture saw it; else poses and times are those of a radio log."""
+        return self.flight.pose_source is not PoseSource.ONBOARD_ESTIMATE
+
+    @property
+    def session(self) -> str:
+        """Flights of one session had the ceiling at the same height."""
+        return self.flight.session
+
+
+def trigger_start(flight: Flight, vehicle: Vehicle, parameters: Any) -> TriggerStart | NotUsed:
+    """The start of one flight, or why there is none.
+
+    Args:
+        flight: with gyro, pose and commands up to the trigger.
+        vehicle: its vehicle. parameters: the physics of it.
+    """
+    if flight.trigger is None:
+        return NotUsed(flight.name, "the policy never fired")
+    if flight.ceiling_z is None:
+        return NotUsed(flight.name, "the ceiling's height is not recorded")
+    at = flight.trigger.t
+    around = _around(flight, at)
+    commands = commanded_thrusts(flight, vehicle)
+    moment = _flip_moment(flight, flight.trigger)
+    if around is None or commands is None or moment is None:
+        return NotUsed(flight.name, "a start needs pose, gyro, motor commands and the flip's moment")
+    approach = _running(commands, at)
+    if approach is None:
+        return NotUsed(flight.name, "no row before the trigger has all motors running")
+    state = start_state(around, parameters, approach).state.copy()
+    redundant = Redundant(
+        _snapshot_difference(flight.trigger.snapshot, state[0]), _wander(around), _jump(around)
+    )
+    _take_snapshot(flight.trigger.snapshot, flight.ceiling_z, state[0])
+    touched = landing_of(flight)
+    seen = None if isinstance(touched, NotUsed) else touched
+    after = around.gyro_t >= at
+    return TriggerStart(
+        flight=flight,
+        state=state,
+        flip=np.array(flip_thrusts(moment, float(parameters["arm_x"]))),
+        reckoned_ceiling=flight.ceiling_z,
+        contact=None if seen is None else seen.contact - at,
+        contact_error=0.0 if seen is None else 0.5 * (seen.after - seen.before),
+        gyro_t=around.gyro_t[after] - at,
+        gyro=around.gyro[after],
+        redundant=redundant,
+    )
+
+
+def _around(flight: Flight, at: float) -> LandingSegment | None:
+    """Gyro and poses around the trigger, as a landing whose contact is the trigger itself."""
+    gyro = samples_of(flight, "gx", "gy", "gz", clock="rates_drone_time")
+    poses = samples_of(flight, "qx", "qy", "qz", "qw", "x", "y", "z", clock="capture_time")
+    if gyro is None or poses is None:
+        return None
+    t, rates = fresh(gyro.t, gyro.values)
+    used = (poses.t > at - _BEFORE) & (poses.t <= at + 1e-9)
+    rows = (t > at - _BEFORE) & (t < at + _AFTER)
+    if np.count_nonzero(used) < 3 or np.count_nonzero(t[rows] <= at) < 4:
+        return None
+    pose = np.hstack([continuous_quaternions(poses.values[used, :4]), poses.values[used, 4:]])
+    tracked = flight.pose_source is not PoseSource.ONBOARD_ESTIMATE
+    end = at + LEAD
+    return LandingSegment(flight, at, end, end, t[rows], rates[rows], poses.t[used], pose, tracked)
+
+
+def _flip_moment(flight: Flight, trigger: Trigger) -> float | None:
+    """a_rot (N m) as the drone stored it, else as it was commanded."""
+    stored = trigger.snapshot.get("a_rot")
+    if stored is not None:
+        return stored
+    if not flight.has("a_rot"):
+        return None
+    t, moment = flight.series("a_rot")
+    rows = moment[t >= trigger.t, 0]
+    return float(np.median(rows)) if rows.size else None
+
+
+def _running(commands: tuple[FloatArray, FloatArray], at: float) -> tuple[FloatArray, FloatArray] | None:
+    """Commands (s; N) up to the last row before the trigger in which all four motors run."""
+    t, thrust = commands
+    rows = np.flatnonzero((t <= at) & (thrust.min(axis=1) > 0.0))
+    return (t[: rows[-1] + 1], thrust[: rows[-1] + 1]) if rows.size else None
+
+
+def _take_snapshot(snapshot: Mapping[str, float], ceiling: float, state: Any) -> None:
+    """Velocity and height as the drone stored them at the trigger; `ceiling` (m) is where it believed it."""
+    for axis, name in enumerate(("vx", "vy", "vz")):
+        if name in snapshot:
+            state["velocity"][axis] = snapshot[name]
+    if "d_ceil" in snapshot:
+        state["position"][2] = ceiling - snapshot["d_ceil"]
+
+
+def _snapshot_difference(snapshot: Mapping[str, float], state: Any) -> FloatArray | None:
+    stored = [snapshot.get(name, np.nan) for name in ("vx", "vy", "vz")]
+    return None if np.isnan([stored[0], stored[2]]).any() else np.array(stored) - state["velocity"]
+
+
+def _wander(around: LandingSegment) -> FloatArray:
+    """Attitude (rad) by the poses at the trigger against that by poses EARLIER and the gyro since."""
+    late = around.pose_t > around.trigger - 0.1
+    early = (around.pose_t > around.trigger - EARLIER - 0.1) & (around.pose_t <= around.trigger - EARLIER)
+    if not late.any() or not early.any():
+        return np.full(3, np.nan)
+    at_trigger = [_carried(around, rows).mean() for rows in (late, early)]
+    return np.asarray((at_trigger[1].inv() * at_trigger[0]).as_rotvec())
+
+
+def _carried(around: LandingSegment, rows: BoolArray) -> Rotation:
+    """Attitudes of poses, turned by the gyro from their time to the trigger."""
+    fine = np.arange(around.trigger - _BEFORE, around.trigger + 1e-3, 1e-3)
+    rates = np.column_stack([np.interp(fine, around.gyro_t, around.gyro[:, i]) for i in range(3)])
+    carried = []
+    for t, quaternion in zip(around.pose_t[rows], around.pose[rows, :4], strict=True):
+        turn = Rotation.from_quat(quaternion)
+        for step in Rotation.from_rotvec(rates[fine >= t] * 1e-3):
+            turn = turn * step
+        carried.append(turn.as_quat())
+    return Rotation.from_quat(np.array(carried))
+
+
+def _jump(around: LandingSegment) -> FloatArray:
+    """Last gyro sample before the trigger less the straight line of those before it (rad/s)."""
+    rows = np.flatnonzero(around.gyro_t <= around.trigger)
+    last, line = rows[-1], rows[rows < rows[-1]]
+    line = line[around.gyro_t[line] >= around.gyro_t[last] - _LINE]
+    if line.size < 2:
+        return np.full(3, np.nan)
+    fit = np.polyfit(around.gyro_t[line] - around.gyro_t[last], around.gyro[line], 1)
+    return np.asarray(around.gyro[last] - fit[1])

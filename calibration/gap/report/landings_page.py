@@ -1,0 +1,223 @@
+"""The page of ``perchhw gap landings``: predicted beside real outcomes, and each flight's motion."""
+
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from calibration.gap.landings.kernels import COLUMNS, OMEGA
+from calibration.gap.landings.outcomes.document import LandingReport
+from calibration.gap.landings.outcomes.kernels import trace_flips
+from calibration.gap.landings.outcomes.labels import CLASS_NAMES, landing_class
+from calibration.gap.landings.outcomes.predict import scattered
+from calibration.gap.landings.outcomes.prepare import SETTINGS
+from calibration.gap.landings.outcomes.scores import Score
+from calibration.report_style import (
+    BLUE,
+    GREEN,
+    INK,
+    MUTED,
+    ORANGE,
+    TRIGGER,
+    new_figure,
+    page,
+    report_style,
+    section,
+    svg,
+    table,
+)
+from onboard.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_COLOURS = (GREEN, ORANGE, TRIGGER)
+_WORDS = ("four legs", "two legs", "none")
+_MOTION = 0.6
+"""s after the trigger that the motion is drawn for."""
+_MOTIONS = 30
+"""Simulated landings whose motion is drawn."""
+_ROW = 4
+"""Panels side by side."""
+
+
+def landings_page(report: LandingReport, parameters: Any) -> str:
+    """The whole page; it loads nothing from elsewhere.
+
+    Args:
+        report: what to show. parameters: physics of its vehicle, for the motions.
+    """
+    with report_style():
+        parts = [section("What the simulation expects, and what happened", svg(outcome_bars(report)), _NOTE)]
+        if report.score is not None:
+            parts.append(section("How good the probabilities are", _scores(report.score)))
+            parts.append(
+                section("Does it happen as often as it is said to", svg(reliability_diagram(report.score)))
+            )
+        parts.append(section("Flights", _flights(report)))
+        parts.append(
+            section("Pitch rate, real and simulated", svg(motions(report, parameters)), _MOTION_NOTE)
+        )
+        parts.append(section("How starts and flips scatter", _dispersion(report)))
+    if report.unused:
+        rows = [[escape(item.name), escape(item.reason)] for item in report.unused]
+        parts.append(section("Not judged", table(["flight", "why not"], rows)))
+    count = len(report.real)
+    title = f"Landings of {report.vehicle}: predicted and real"
+    return page(
+        title,
+        f"{count} flights, {report.forecast.draws} simulated landings each, seed {report.seed}",
+        "".join(parts),
+    )
+
+
+_NOTE = (
+    "Each row is a flight, simulated from its recorded trigger with the measured scatter of the starts. The "
+    "mark on the right is what really happened; the bars below are all flights together."
+)
+_MOTION_NOTE = (
+    "Black: the gyro. Grey: simulated landings. Vertical line: the measured contact. Time from the trigger."
+)
+
+
+def outcome_bars(report: LandingReport) -> "Figure":
+    """Stacked probabilities of each flight with the real outcome, and all flights together."""
+    shares = report.forecast.probability
+    classes = [None if real is None else landing_class(real) for real in report.real]
+    order = np.argsort(shares[:, 0], kind="stable")
+    figure = new_figure(8.6, 1.6 + 0.21 * len(order))
+    axes = figure.add_subplot()
+    names = [_short(report.forecast.flights[k].name) for k in order]
+    at = np.arange(len(order)) + 3.5
+    for position, k in zip(at, order, strict=True):
+        _stack(axes, float(position), shares[k], 0.8)
+        real = classes[k]
+        if real is not None:
+            axes.plot(1.03, position, "s", ms=8, color=_COLOURS[real], clip_on=False)
+    known = [one for one in classes if one is not None]
+    rows = [k for k, one in enumerate(classes) if one is not None]
+    ends = [("real", np.bincount(known, minlength=3) / len(known))] if known else []
+    ends.append(("simulated", shares[rows].mean(axis=0) if known else shares.mean(axis=0)))
+    for position, (_, share) in zip((0.0, 1.2), ends, strict=False):
+        _stack(axes, position, share, 1.0)
+    ticks = [*[p for p, _ in zip((0.0, 1.2), ends, strict=False)], *at]
+    axes.set_yticks(ticks, [*[name for name, _ in ends], *names], fontsize=8)
+    axes.set(xlim=(0.0, 1.0), xlabel="probability")
+    axes.grid(axis="y", visible=False)
+    handles = [axes.barh([0], [0], color=colour) for colour in _COLOURS]
+    axes.legend(handles, _WORDS, ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False)
+    return figure
+
+
+def _stack(axes: Any, y: float, shares: FloatArray, height: float) -> None:
+    left = 0.0
+    for share, colour in zip(shares, _COLOURS, strict=True):
+        axes.barh(y, share, left=left, height=height, color=colour)
+        left += float(share)
+
+
+def _short(name: str) -> str:
+    return name if len(name) <= 34 else f"{name[:33]}…"
+
+
+def reliability_diagram(found: Score) -> "Figure":
+    """Share of real four-leg landings against their probability, with intervals."""
+    figure = new_figure(4.2, 3.6)
+    axes = figure.add_subplot()
+    axes.plot([0, 1], [0, 1], "--", color=MUTED, lw=1)
+    for one in found.reliability:
+        axes.plot([one.predicted] * 2, one.interval, color=BLUE, lw=1.2)
+        axes.plot(one.predicted, one.real, "o", color=BLUE, ms=3 + one.flights**0.5)
+    axes.set(
+        xlim=(-0.02, 1.02), ylim=(-0.02, 1.02), xlabel="probability of four legs", ylabel="share that did"
+    )
+    return figure
+
+
+def motions(report: LandingReport, parameters: Any) -> "Figure":
+    """Pitch rate of each flight: the gyro over simulated landings."""
+    starts = report.prepared.starts
+    rows = -(-len(starts) // _ROW)
+    figure = new_figure(10.4, 1.7 * rows)
+    axes = np.atleast_1d(figure.subplots(rows, _ROW, sharex=True, sharey=True, squeeze=False)).ravel()
+    at = SETTINGS.dt * np.arange(round(_MOTION / SETTINGS.dt) + 1)
+    p = parameters.copy()
+    for index, start in enumerate(starts):
+        panel = axes[index]
+        p["ceiling_z"] = report.prepared.ceilings[index]
+        numbers = report.prepared.draws[index][:_MOTIONS]
+        states, flips = scattered(start, report.dispersion, numbers, p)
+        traces = np.empty((len(states), at.size, COLUMNS))
+        trace_flips(states, p, flips, SETTINGS, traces)
+        panel.plot(at, traces[:, :, OMEGA + 1].T, color=MUTED, lw=0.4, alpha=0.35, rasterized=True)
+        t = start.gyro_t + report.prepared.clocks[index]
+        panel.plot(t[t < _MOTION], start.gyro[t < _MOTION, 1], color=INK, lw=1.1)
+        contact = report.prepared.contact(index)
+        if contact is not None:
+            panel.axvline(contact, color=BLUE, lw=0.8)
+        real = report.real[index]
+        label = "" if real is None else f"\n{real.value}"
+        panel.set_title(f"{_short(start.name)}{label}", fontsize=7, loc="left")
+    for panel in axes[len(starts) :]:
+        panel.set_visible(False)
+    axes[0].set(xlim=(0.0, _MOTION), ylim=(-38.0, 38.0))
+    figure.supylabel("rad/s", fontsize=9)
+    figure.supxlabel("s after the trigger", fontsize=9)
+    return figure
+
+
+def _scores(found: Score) -> str:
+    auc = "none or all" if found.auc_four is None else f"{found.auc_four:.2f}{_interval(found.auc_interval)}"
+    rows = [
+        [
+            "Brier score (0 perfect, 2 worst)",
+            f"<b>{found.brier:.2f}</b>{_interval(found.brier_interval)}",
+            f"{found.brier_base:.2f}; knowing this flight too: {found.brier_base_in_sample:.2f}",
+        ],
+        ["its difference to the base rate", f"{found.gain:+.2f}{_interval(found.gain_interval)}", ""],
+        ["log score (nats)", f"{found.log:.2f}", f"{found.log_base:.2f}"],
+        ["AUC of four legs", auc, "0.50"],
+    ]
+    scores = table(["", "simulation (95 %, flights drawn again)", "base rate of the other flights"], rows)
+    counts = [
+        [
+            word,
+            str(count.real),
+            f"{count.expected:.1f}",
+            f"{count.interval[0]} to {count.interval[1]}{'' if count.inside else ': <b>outside</b>'}",
+        ]
+        for word, count in zip(_WORDS, found.counts, strict=True)
+    ]
+    return scores + table(["outcome", "real", "expected", "80 % of the time it would be"], counts)
+
+
+def _interval(interval: tuple[float, float] | None) -> str:
+    return "" if interval is None else f" ({interval[0]:.2f} to {interval[1]:.2f})"
+
+
+def _flights(report: LandingReport) -> str:
+    rows = []
+    for flight, real in zip(report.to_json()["flights"], report.real, strict=True):
+        shares = [f"{flight[f'p_{name}']:.2f}" for name in (*CLASS_NAMES, "body_contact")]
+        times = [_time(flight["contact_s"]), _time(flight["contact_measured_s"])]
+        rows.append([escape(flight["name"]), "" if real is None else real.value, *shares, *times])
+    header = ["flight", "real", "four", "two", "none", "body contact", "contact, s", "measured, s"]
+    return table(header, rows)
+
+
+def _time(value: float | None) -> str:
+    return "" if value is None else f"{value:.3f}"
+
+
+def _dispersion(report: LandingReport) -> str:
+    found = report.dispersion
+    three = [
+        ("velocity, m/s (world)", found.velocity),
+        ("attitude, rad (body)", found.attitude),
+        ("rate, rad/s (body)", found.rate),
+    ]
+    rows = [["distance to the ceiling, m", f"{found.height:.3f}"]]
+    rows += [[name, ", ".join(f"{value:.3f}" for value in values)] for name, values in three]
+    rows.append(["pitch acceleration of the flip, share", f"{found.pitch:.3f}"])
+    rows.append(["roll acceleration per pitch acceleration", f"{found.roll:.3f}"])
+    return table(["standard deviation, from these flights", ""], rows)

@@ -1,0 +1,159 @@
+"""``perchhw gap landings``: how landings end, predicted from each flight's trigger, beside how they did."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from perchhw.cli.options import FlightFormat, Legs
+from perchhw.cli.output import console, emit, progress_console
+
+if TYPE_CHECKING:
+    from calibration.flights import Flight
+    from calibration.gap.landings.outcomes import LandingReport
+    from calibration.gap.landings.outcomes.search import OutcomeSearch
+    from onboard.outcome import Outcome
+    from onboard.vehicle import Vehicle
+
+
+def landings_command(
+    data: Annotated[
+        list[Path],
+        typer.Option(
+            "--data", help="Flight files, or folders of them; labels.csv (file,outcome) beside them is read."
+        ),
+    ],
+    vehicle: Annotated[str, typer.Option(help="Vehicle file, or the name of a known vehicle: the model.")],
+    more: Annotated[list[Path] | None, typer.Argument(metavar="[PATH]...", help="More of --data.")] = None,
+    format: FlightFormat = "auto",
+    legs: Legs = None,
+    search: Annotated[
+        bool, typer.Option("--search", help="Also look for what the vehicle lacks; takes minutes.")
+    ] = False,
+    draws: Annotated[int, typer.Option(min=20, help="Simulated landings a flight.")] = 200,
+    out: Annotated[Path | None, typer.Option(help="Folder for landings.json and landings.html.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of all random numbers.")] = 0,
+) -> None:
+    """How likely four legs, two or none hold, simulated from each flight's trigger, beside what happened."""
+    import numpy as np
+    from rich.progress import Progress
+
+    from calibration.flights import flight_files, open_flights
+    from calibration.gap.data.record import NotUsed
+    from calibration.gap.landings.outcomes import (
+        forecast,
+        landing_report,
+        prepare,
+        read_labels,
+        search_report,
+    )
+    from onboard.errors import InputError
+    from onboard.vehicle import load_vehicle
+
+    model = load_vehicle(vehicle, legs=legs)
+    if model.legs is None:
+        raise InputError(f"vehicle {vehicle!r} has no legs to land on: choose a design with --legs")
+    flights, unreadable = open_flights(flight_files([*data, *(more or [])]), format)
+    labels = read_labels([flight.source for flight in flights])
+    prepared = prepare(flights, model, np.random.default_rng(seed), draws)
+    if not prepared.starts:
+        reasons = "; ".join(f"{item.name}: {item.reason}" for item in prepared.unused)
+        raise InputError(f"no flight has a trigger to start from: {reasons or 'no flight can be read'}")
+    real = [_outcome(start.flight, labels, model) for start in prepared.starts]
+    refused = tuple(NotUsed(str(item.file), item.reason) for item in unreadable)
+    with Progress(console=progress_console(), transient=True) as bar:
+        task = bar.add_task("simulating", total=1.0)
+        found = forecast(prepared, model, lambda share: bar.update(task, completed=share))
+        report = landing_report(prepared, found, real, model.name, seed, refused)
+        if search:
+            task = bar.add_task("searching", total=1.0)
+            report = search_report(report, model, lambda share: bar.update(task, completed=share))
+    written = None if out is None else _write(report, model, out)
+    emit(report.to_json(), lambda: _tell(report, written))
+
+
+def _outcome(flight: "Flight", labels: "dict[Path, Outcome]", vehicle: "Vehicle") -> "Outcome | None":
+    """What people said of a flight, else what its data show."""
+    from perchhw.label import LabelError, label_flight
+
+    if flight.source in labels:
+        return labels[flight.source]
+    if any(file.parent == flight.source.parent for file in labels):
+        return None  # its neighbours were classified, and it was not
+    try:
+        return label_flight(flight, vehicle).outcome
+    except LabelError:
+        return None
+
+
+def _write(report: "LandingReport", vehicle: "Vehicle", folder: Path) -> Path:
+    import json
+
+    from calibration.gap.report.landings_page import landings_page
+    from onboard.room import RoomGeometry
+    from perchhw.record.folder import OutputFolderError
+    from sim_backend.physics.parameters import physics_parameters
+
+    page = landings_page(report, physics_parameters(vehicle, RoomGeometry()))
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "landings.json").write_text(json.dumps(report.to_json(), indent=1) + "\n", encoding="utf-8")
+        (folder / "landings.html").write_text(page, encoding="utf-8")
+    except OSError as error:
+        raise OutputFolderError(folder, error.strerror) from error
+    return folder / "landings.html"
+
+
+def _tell(report: "LandingReport", page: Path | None) -> None:
+    from rich.table import Table
+
+    screen = console()
+    listed = Table("flight", "real", "four", "two", "none", "body contact", box=None, pad_edge=False)
+    for flight in report.to_json()["flights"]:
+        shares = [f"{flight[key]:.2f}" for key in ("p_four", "p_two", "p_none", "p_body_contact")]
+        listed.add_row(flight["name"], flight["real"] or "", *shares)
+    screen.print(listed)
+    found = report.score
+    if found is None:
+        screen.print("too few classified flights for a score")
+    else:
+        low, high = found.gain_interval
+        screen.print(
+            f"Brier {found.brier:.2f}, base rate {found.brier_base:.2f} (in sample "
+            f"{found.brier_base_in_sample:.2f}); difference {found.gain:+.2f} ({low:+.2f} to {high:+.2f})",
+            soft_wrap=True,
+        )
+        screen.print(f"log score {found.log:.2f}, base rate {found.log_base:.2f}")
+        if found.auc_four is not None:
+            screen.print(f"AUC of four legs {found.auc_four:.2f}")
+        for word, count in zip(("four", "two", "none"), found.counts, strict=True):
+            low_count, high_count = count.interval
+            screen.print(
+                f"{word}: {count.real} real, {count.expected:.1f} expected "
+                f"(80 %: {low_count} to {high_count}{'' if count.inside else '; outside'})"
+            )
+    if report.search is not None:
+        _tell_search(report.search)
+    for item in report.unused:
+        progress_console().print(f"not judged: {item.name}: {item.reason}", markup=False, soft_wrap=True)
+    if page is not None:
+        screen.print(f"page: {page}", markup=False, soft_wrap=True)
+
+
+def _tell_search(found: "OutcomeSearch") -> None:
+    from rich.table import Table
+
+    screen = console()
+    columns = ("open", "Brier, left one out", "base", "from the other half", "base", "AUC of four", "values")
+    table = Table(*columns, box=None, pad_edge=False)
+    for fit in found.fits:
+        one, half = fit.left_one_out, fit.halves
+        values = ", ".join(
+            f"{name} {mean:.2f} +- {sigma:.2f}" for name, (mean, sigma, _) in fit.values.items()
+        )
+        scores = (f"{value:.3f}" for value in (one.brier, one.brier_base, half.brier, half.brier_base))
+        table.add_row(fit.name, *scores, "" if one.auc_four is None else f"{one.auc_four:.2f}", values)
+    screen.print(table)
+    for group, (gain, (low, high)) in found.gains.items():
+        verdict = "missing" if group in found.named else "cannot be told"
+        screen.print(f"{group}: {verdict} (Brier {gain:+.3f}, {low:+.3f} to {high:+.3f})", soft_wrap=True)

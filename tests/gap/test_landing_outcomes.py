@@ -1,0 +1,212 @@
+"""Predicted outcomes of landings, and their scores."""
+
+import dataclasses
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from calibration.flights import flight_files, open_flights
+from calibration.gap.landings.outcomes import (
+    Prepared,
+    forecast,
+    landing_report,
+    prepare,
+    read_labels,
+)
+from calibration.gap.landings.outcomes.labels import LabelsFileError, landing_class
+from calibration.gap.landings.outcomes.scores import (
+    auc_of,
+    brier,
+    count_interval,
+    reliability,
+    score,
+    wilson,
+)
+from calibration.gap.landings.outcomes.search import (
+    LIMITS,
+    Point,
+    held_out,
+    mixture,
+    search_outcomes,
+    tabulate,
+)
+from calibration.gap.report.landings_page import landings_page
+from onboard.outcome import Outcome
+from onboard.room import RoomGeometry
+from onboard.vehicle import load_vehicle
+from sim_backend.physics.parameters import physics_parameters
+
+STORED = "crazyflie21-upgraded-stored"
+DRAWS = 60
+
+
+@pytest.fixture(scope="module")
+def labels(shared_data: Path) -> dict[Path, Outcome]:
+    return read_labels(flight_files([shared_data / "habas2022" / "flights"]))
+
+
+@pytest.fixture(scope="module")
+def prepared(labels: dict[Path, Outcome]) -> Prepared:
+    flights, _ = open_flights(sorted(labels))
+    return prepare(flights, load_vehicle(STORED), np.random.default_rng(0), DRAWS)
+
+
+def real_of(prepared: Prepared, labels: dict[Path, Outcome]) -> list[Outcome]:
+    return [labels[start.flight.source] for start in prepared.starts]
+
+
+def test_the_filed_vehicle_scores_what_was_measured_outside(
+    prepared: Prepared, labels: dict[Path, Outcome]
+) -> None:
+    """Brier 1.00 on 28 flights where the base rate of all gives 0.55; two legs nearly never expected."""
+    found = forecast(prepared, load_vehicle(STORED))
+    report = landing_report(prepared, found, real_of(prepared, labels), STORED, seed=0)
+    assert report.score is not None
+    assert report.score.flights == 28
+    assert report.score.brier == pytest.approx(1.00, abs=0.06)
+    assert report.score.brier_base_in_sample == pytest.approx(0.554, abs=0.001)
+    assert report.score.brier_base == pytest.approx(0.595, abs=0.001)
+    document = report.to_json()["score"]
+    assert document["two_leg_share_real"] == pytest.approx(15 / 28)
+    assert document["two_leg_share_model"] < 0.12
+    assert not report.score.counts[1].inside
+
+
+def test_starts_are_where_the_flights_were(prepared: Prepared) -> None:
+    """The room differs by day, the log lags the trigger by less than two rows, and flips are followed."""
+    by_day = {
+        day: np.median(
+            [c for s, c in zip(prepared.starts, prepared.ceilings, strict=True) if s.session == day]
+        )
+        for day in ("10-26", "10-27")
+    }
+    assert 0.03 < by_day["10-26"] - by_day["10-27"] < 0.09
+    assert abs(float(np.median(prepared.clocks))) < 0.03
+    assert float(np.sqrt(np.nanmean(prepared.rate_error**2))) < 2.2
+    assert prepared.dispersion.height < 0.04
+    assert max(prepared.dispersion.velocity) < 0.2
+    assert np.nanmedian(prepared.slopes.roll) == pytest.approx(-0.15, abs=0.04)
+
+
+def test_the_seed_decides_and_flights_do_not_depend_on_each_other(labels: dict[Path, Outcome]) -> None:
+    flights, _ = open_flights(sorted(labels)[:6])
+    vehicle = load_vehicle(STORED)
+    first = forecast(prepare(flights, vehicle, np.random.default_rng(3), 20), vehicle)
+    again = forecast(prepare(flights, vehicle, np.random.default_rng(3), 20), vehicle)
+    np.testing.assert_array_equal(first.probability, again.probability)
+    np.testing.assert_allclose(first.probability.sum(axis=1), 1.0)
+
+
+def test_the_page_opens_with_the_picture(prepared: Prepared, labels: dict[Path, Outcome]) -> None:
+    vehicle = load_vehicle(STORED)
+    found = forecast(prepared, vehicle)
+    report = landing_report(prepared, found, real_of(prepared, labels), STORED, seed=0)
+    text = landings_page(report, physics_parameters(vehicle, RoomGeometry()))
+    assert text.index("<svg") < text.index("<table")
+    assert "src=" not in text
+    assert "outside" in text
+
+
+def test_labels_that_are_broken_name_the_place(tmp_path: Path) -> None:
+    (tmp_path / "labels.csv").write_text("file,outcome\na.csv,landed\n")
+    with pytest.raises(LabelsFileError, match=r"labels.csv row 2 column 'outcome': 'landed'"):
+        read_labels([tmp_path / "a.csv"])
+    (tmp_path / "labels.csv").write_text("name,outcome\n")
+    with pytest.raises(LabelsFileError, match="no column 'file'"):
+        read_labels([tmp_path / "a.csv"])
+
+
+def test_attempts_that_never_flip_are_no_landing() -> None:
+    assert landing_class(Outcome.NO_TRIGGER) is landing_class(Outcome.ABORTED) is None
+
+
+@given(st.lists(st.integers(0, 2), min_size=4, max_size=40), st.integers(0, 10_000))
+def test_certainty_about_the_truth_scores_nothing_and_the_base_rate_itself(
+    real: list[int], seed: int
+) -> None:
+    classes = np.array(real)
+    rng = np.random.default_rng(seed)
+    perfect = score(np.eye(3)[classes], classes, 100, rng)
+    assert perfect.brier == 0.0
+    assert all(
+        count.real == count.expected == count.interval[0] == count.interval[1] for count in perfect.counts
+    )
+    frequencies = np.bincount(classes, minlength=3) / classes.size
+    guess = score(np.tile(frequencies, (classes.size, 1)), classes, 100, rng)
+    assert guess.brier == pytest.approx(guess.brier_base_in_sample)
+    assert guess.brier == pytest.approx(1.0 - np.sum(frequencies**2))
+    assert guess.gain <= 1e-12  # the base rate of the others knows less
+
+
+def test_brier_of_the_worst_is_two() -> None:
+    assert brier(np.array([[0.0, 1.0, 0.0]]), np.array([0])) == pytest.approx(2.0)
+
+
+def test_auc_orders_and_ties() -> None:
+    value = np.array([0.1, 0.4, 0.4, 0.9])
+    assert auc_of(value, np.array([False, False, True, True])) == pytest.approx(0.875)
+    assert auc_of(value, np.array([True, True, True, True])) is None
+
+
+@given(st.lists(st.floats(0.0, 1.0), min_size=1, max_size=12))
+def test_the_count_interval_is_that_of_many_draws(p: list[float]) -> None:
+    probability = np.array(p)
+    low, high = count_interval(probability)
+    drawn = (np.random.default_rng(0).random((4000, probability.size)) < probability).sum(axis=1)
+    assert np.mean(drawn < low) < 0.1 + 0.02
+    assert np.mean(drawn > high) < 0.1 + 0.02
+    assert np.mean(drawn <= low) > 0.1 - 0.02
+    assert np.mean(drawn >= high) > 0.1 - 0.02
+
+
+def test_wilson_and_bins() -> None:
+    low, high = wilson(5, 10)
+    assert (low, high) == pytest.approx((0.237, 0.763), abs=0.001)
+    bins = reliability(np.linspace(0.0, 1.0, 12), np.arange(12) >= 6)
+    assert sum(one.flights for one in bins) == 12
+    assert [one.predicted for one in bins] == sorted(one.predicted for one in bins)
+
+
+def test_pads_are_named_where_they_decide_and_not_where_they_do_not(prepared: Prepared) -> None:
+    """Outcomes drawn from the simulation's own probabilities: nothing hidden, and a limit of 0.9 m/s."""
+    points = [Point(1.6, 8.0, *pads) for pads in [(0.0, 0.0), *product((0.3, 0.6, 0.9, 1.2), (0.1, 0.3))]]
+    points += [point._replace(stiffness=1.0, damping=1.0) for point in points]
+    few = dataclasses.replace(prepared, draws=prepared.draws[:, :30])
+    table = tabulate(few, physics_parameters(load_vehicle(STORED), RoomGeometry()), points)
+    np.testing.assert_allclose(table.sum(axis=2), 1.0)
+    rng = np.random.default_rng(1)
+    named = {}
+    for hidden in (Point(), Point(1.6, 8.0, 0.9, 0.1)):
+        likely = table[points.index(hidden)]
+        found = []
+        for _ in range(8):
+            real = np.array([rng.choice(3, p=p / p.sum()) for p in likely])
+            found.append("pads" in search_outcomes(points, table, real, 30, rng).named)
+        named[hidden] = sum(found)
+    assert named[Point()] == 0
+    assert named[Point(1.6, 8.0, 0.9, 0.1)] >= 5
+
+
+def test_a_mixture_of_limits_is_their_normal_distribution() -> None:
+    assert mixture(0.6, 0.0) @ np.array(LIMITS) == pytest.approx(0.6)
+    shares = mixture(0.75, 0.3)
+    assert shares.sum() == pytest.approx(1.0)
+    assert shares @ np.array(LIMITS) == pytest.approx(0.75, abs=0.02)
+    # Below nothing there is nothing: what a limit under zero would refuse sticks.
+    assert mixture(0.0, 1.0)[0] > 0.5
+
+
+def test_every_flight_is_predicted_from_flights_that_are_not_it() -> None:
+    """A vehicle that is certain of one flight alone must not help to predict that flight."""
+    real = np.array([0, 1, 1, 1])
+    uniform = np.full((4, 3), 1.0 / 3.0)
+    knows = uniform.copy()
+    knows[0] = [1.0, 0.0, 0.0]
+    table = np.stack([uniform, knows])
+    logs = np.log(np.maximum(table[:, np.arange(4), real], 1e-9))
+    left = held_out(table, logs, np.arange(4))
+    assert left[0] == pytest.approx([2.0 / 3.0, 1.0 / 6.0, 1.0 / 6.0])  # both vehicles as likely as before
