@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 from calibration.errors import CalibrationError
 from calibration.flights import Flight
 from calibration.gap.data import Prepared, prepare_flights
+from calibration.gap.data.duplicates import content_hash
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.signals import CHANNELS, UNITS
 from calibration.gap.data.split import split_flights
@@ -103,6 +104,9 @@ def find_gap(flights: Sequence[Flight], question: Question, progress: Progress =
 
 def _find(flights: Sequence[Flight], question: Question, progress: Progress) -> GapResult:
     rng = np.random.default_rng(question.seed)
+    flights = sorted(
+        flights, key=content_hash
+    )  # what the files are called, and in which order, decides nothing
     prepared = _prepared(flights, question)
     usable = [record for record in prepared.records if record.voltage is not None]
     if not usable:

@@ -55,6 +55,17 @@ def test_report_and_improved_vehicle(flights: Path, tmp_path: Path) -> None:
     assert "<html" in (tmp_path / "report.html").read_text()
 
 
+@pytest.mark.soak
+def test_names_and_order_of_the_files_decide_nothing(flights: Path, tmp_path: Path) -> None:
+    files = sorted((flights / "flights").iterdir())
+    renamed = [Path(shutil.copy(file, tmp_path / f"{n}.csv")) for n, file in enumerate(reversed(files))]
+    _, as_flown = find(tmp_path / "a", *files)
+    _, as_called = find(tmp_path / "b", *renamed)
+    assert as_flown["verdict"] == as_called["verdict"]
+    assert as_flown["effects"] == as_called["effects"]
+    assert as_flown["gap"] == as_called["gap"]
+
+
 def test_one_flight_and_its_copy_confirm_nothing(flights: Path, tmp_path: Path) -> None:
     one = flights / "flights" / "circle_fast_rep1.csv"
     copy = shutil.copy(one, tmp_path / "copy.csv")

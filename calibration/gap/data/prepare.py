@@ -1,7 +1,7 @@
 """Make the record of a flight, or say why it cannot be used."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from calibration.flights import Flight, UnusableFlight, UnusableFlightError
 from calibration.gap.data.duplicates import duplicate_of
@@ -11,7 +11,7 @@ from calibration.gap.data.logged import FULL_SCALE, read_signals
 from calibration.gap.data.phases import LEAST_FLYING_S, free_flight, resting
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.samples import resample, uniform_grid
-from calibration.gap.data.shapes import shapes_of
+from calibration.gap.data.shapes import kinds_of
 
 
 @dataclass(frozen=True)
@@ -37,19 +37,21 @@ def prepare_flights(flights: Sequence[Flight]) -> Prepared:
     """
     records, refused = [], []
     copies = duplicate_of(flights)
-    for flight, copied, shape in zip(flights, copies, shapes_of(flights), strict=True):
+    for flight, copied in zip(flights, copies, strict=True):
         if copied is not None:
             refused.append(UnusableFlight(flight.source, f"holds the same numbers as {copied.source}"))
             continue
         try:
-            records.append(prepare_flight(flight, shape))
+            records.append(prepare_flight(flight))
         except UnusableFlightError as error:
             refused.append(UnusableFlight(error.source, error.reason))
+    kinds = kinds_of(records).tolist()
+    records = [replace(record, shape=f"kind {kind:03d}") for record, kind in zip(records, kinds, strict=True)]
     return Prepared(tuple(records), tuple(refused), limitations(records))
 
 
-def prepare_flight(flight: Flight, shape: str) -> FlightRecord:
-    """The record of one flight.
+def prepare_flight(flight: Flight) -> FlightRecord:
+    """The record of one flight, of a kind of its own.
 
     Raises:
         UnusableFlightError: it cannot be used; names the reason.
@@ -69,7 +71,7 @@ def prepare_flight(flight: Flight, shape: str) -> FlightRecord:
     return FlightRecord(
         name=flight.name,
         source=flight.source,
-        shape=shape,
+        shape="",
         t=t,
         position=poses[:, :3],
         velocity=differentiate(poses[:, :3], float((t[-1] - t[0]) / (t.size - 1))),

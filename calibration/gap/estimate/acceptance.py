@@ -70,7 +70,7 @@ def clustered_errors(fitted: Fitted, training: Training, rng: np.random.Generato
     by_model = np.sqrt(np.diag(fit.covariance))
     errors = {}
     for index, variable in enumerate(fitted.variables):
-        drawn = by_part if fitted.concentrated([variable]) else by_flight
+        drawn = by_part if fitted.few_flights([index]) else by_flight
         low, high = np.quantile(drawn[:, index], [0.16, 0.84])
         errors[variable] = float(max(by_model[index], 0.5 * (high - low)))
     return errors
@@ -82,14 +82,14 @@ def judge(
     """Whether `offered`, which adds the variables `new` to `present`, is to be believed."""
     fitted = [v for v in new if v in offered.variables]
     errors = {v: e for v, e in clustered_errors(offered, training, rng).items() if v in fitted}
-    concentrated = offered.concentrated(fitted)
-    gains = offered.gains(present, concentrated)
+    columns = offered.columns_of(fitted)
+    gains = offered.gains(present, offered.few_kinds(columns))
     far = any(
         abs(offered.model.start_value(v) - _neutral(v)) >= DETECTABLE * errors[v]
         for v in fitted
         if v.rule.neutral is not None
     ) or all(v.rule.neutral is None for v in fitted)
-    lower = lower_bound(gains, training, concentrated, rng)
+    lower = lower_bound(gains, training, offered.few_flights(columns), rng)
     return Judgement(
         gain=float(gains.sum()),
         significant=bool(fitted) and float(gains.sum()) >= LEAST_GAIN and lower > 0.0 and far,
@@ -138,10 +138,10 @@ def stuck(variable: Variable, value: float) -> bool:
     return not at_neutral and (value > variable.rule.high - margin or value < variable.rule.low + margin)
 
 
-def lower_bound(gains: FloatArray, training: Training, concentrated: bool, rng: np.random.Generator) -> float:
+def lower_bound(gains: FloatArray, training: Training, few: bool, rng: np.random.Generator) -> float:
     """2.5 % quantile of the summed gain with flights (or parts, where few flights tell) drawn anew."""
     flights = np.bincount(training.flight_of_part, weights=gains)
-    values = gains[np.abs(gains) > 0.5] if concentrated else flights
+    values = gains[np.abs(gains) > 0.5] if few else flights
     if values.size == 0:
         return 0.0
     drawn = rng.choice(values, size=(_REPEATS, values.size))

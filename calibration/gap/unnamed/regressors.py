@@ -12,7 +12,7 @@ from calibration.gap.data.rotations import matrices
 from onboard.arrays import FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Regressor:
     """A quantity along all flights.
 
