@@ -33,11 +33,6 @@ class Variable(NamedTuple):
     effect: str
     parameter: str
 
-    @property
-    def rule(self) -> EffectParameter:
-        """What is known of it before any flight: bounds, neutral and typical value."""
-        return EFFECTS[self.effect].parameters[self.parameter]
-
 
 @dataclass(frozen=True)
 class Model:
@@ -55,8 +50,16 @@ class Model:
 
     def with_values(self, values: Mapping[Variable, float]) -> "Model":
         """The model with some values changed or added; each kept within its bounds."""
-        bounded = {v: float(np.clip(x, v.rule.low, v.rule.high)) for v, x in values.items()}
+        bounded = {v: float(np.clip(x, self.rule(v).low, self.rule(v).high)) for v, x in values.items()}
         return dataclasses.replace(self, values={**self.values, **bounded})
+
+    def rule(self, variable: Variable) -> EffectParameter:
+        """What is known of a parameter of a vehicle of this size before any flight."""
+        return EFFECTS[variable.effect].parameters[variable.parameter].for_size(self.base.size)
+
+    def change(self, variable: Variable) -> float:
+        """Distance of the present value from the one that does nothing (from 0, where none does)."""
+        return self.start_value(variable) - (self.rule(variable).neutral or 0.0)
 
     def without(self, effect: str) -> "Model":
         """The model without one effect (with what the vehicle file says of it)."""
@@ -73,7 +76,8 @@ class Model:
         for effect in self.base.effects:
             if effect.name == variable.effect:
                 return effect.values()[variable.parameter]
-        return variable.rule.typical if variable.rule.neutral is None else variable.rule.neutral
+        rule = self.rule(variable)
+        return rule.typical if rule.neutral is None else rule.neutral
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -127,9 +131,9 @@ class Model:
             variable: by which; taken towards the middle of its bounds.
             predicted: by this model, shape (n, 7).
         """
-        value = self.start_value(variable)
-        step = max(_SHARE_OF_RANGE * (variable.rule.high - variable.rule.low), 1e-3 * abs(value))
-        if value + step > variable.rule.high:
+        value, rule = self.start_value(variable), self.rule(variable)
+        step = max(_SHARE_OF_RANGE * (rule.high - rule.low), 1e-3 * abs(value))
+        if value + step > rule.high:
             step = -step
         change = (self.with_values({variable: value + step}).predict(records) - predicted) / step
         if variable.effect == "battery_sag":

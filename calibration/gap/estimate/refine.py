@@ -165,7 +165,7 @@ def prior_step(model: Model, variables: Sequence[Variable]) -> Prior:
     """
     mean, precision = np.zeros(len(variables)), np.empty(len(variables))
     for index, v in enumerate(variables):
-        rule = v.rule
+        rule = model.rule(v)
         precision[index] = (rule.high - rule.low) ** -2.0 if rule.spread is None else rule.spread**-2.0
         mean[index] = 0.0 if rule.spread is None else rule.typical - model.start_value(v)
     return Prior(mean, precision)
@@ -246,9 +246,9 @@ def settled(fitted: Fitted, training: Training) -> Fitted:
 def _bounded_step(model: Model, variables: Sequence[Variable], theta: FloatArray) -> FloatArray:
     step = np.empty(len(variables))
     for index, (v, wanted) in enumerate(zip(variables, theta, strict=False)):  # unnamed ones follow
-        extent = v.rule.high - v.rule.low
-        value = model.start_value(v)
-        room = (v.rule.high if wanted > 0.0 else v.rule.low) - value
+        rule, value = model.rule(v), model.start_value(v)
+        extent = rule.high - rule.low
+        room = (rule.high if wanted > 0.0 else rule.low) - value
         # A curved likelihood overshoots: nobody jumps onto a bound, where a variable would be given up.
         most = min(_LONGEST * extent, abs(room) if abs(room) < _NEAR * extent else _TOWARDS * abs(room))
         step[index] = np.clip(wanted, -most, most)

@@ -118,7 +118,7 @@ def _limits(model: Model, records: Sequence[FlightRecord], limit: Variable) -> t
 def _ceilings(model: Model, records: Sequence[FlightRecord]) -> tuple[Model, ...]:
     """Ceiling effects of a free and of a crowded rotor, under the known ceiling or some that may be there."""
     inflow, opening = Variable("ceiling_effect", "inflow"), Variable("ceiling_effect", "opening")
-    starts = [model.with_values({inflow: inflow.rule.typical, opening: share}) for share in _OPENINGS]
+    starts = [model.with_values({inflow: model.rule(inflow).typical, opening: share}) for share in _OPENINGS]
     if model.ceiling_z is not None:
         return tuple(starts)
     heights = [float(r.position[r.flying, 2].max()) for r in records if r.flying.any()]
@@ -152,5 +152,5 @@ def _deepest(candidate: Candidate, base: Model, instants: Instants) -> Model:
     settled = [instants.settled(start, candidate.variables) for start in candidate.starts]
     if candidate.effect == "ceiling_effect" and base.ceiling_z is None:
         settled += [instants.settled(start, candidate.variables, True) for start in candidate.starts[:2]]
-    inside = [one for one in settled if not any(stuck(v, one[1].start_value(v)) for v in candidate.variables)]
+    inside = [one for one in settled if not any(stuck(one[1], v) for v in candidate.variables)]
     return min(inside or settled, key=lambda one: one[0])[1]

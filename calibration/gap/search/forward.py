@@ -140,7 +140,7 @@ def search(
         final=present,
         refused=refused,
         ambiguous=ambiguous,
-        blind=tuple(blind_to(promises)),
+        blind=tuple(blind_to(promises, model)),
         unnamed=tuple(one for one in unnamed if one.term in present.unnamed),
     )
 
@@ -154,8 +154,7 @@ def _far_off(
         effect, variables = promise.candidate.effect, promise.candidate.variables
         if effect in SCALES:
             fitted = refine(present.model, (*present.variables, *variables), training, start=present.estimate)
-            value = fitted.model.start_value(variables[0])
-            if abs(value - (variables[0].rule.neutral or 0.0)) >= _FAR_OFF:
+            if abs(fitted.model.change(variables[0])) >= _FAR_OFF:
                 judgement = judge(present, fitted, variables, training, rng)
                 fits.append(SelectionStep(effect, judgement, fitted))
     best = max(fits, key=lambda step: step.judgement.gain, default=None)
@@ -178,15 +177,15 @@ def _outdone(
     return other.judgement.gain > both
 
 
-def blind_to(promises: Sequence[Promise]) -> list[str]:
+def blind_to(promises: Sequence[Promise], model: Model) -> list[str]:
     """Effects of which not even the ordinary size would have been found in these flights."""
     return [
         promise.candidate.effect
         for promise in promises
         if promise.errors
         and all(
-            DETECTABLE * error > max(abs(v.rule.typical - (v.rule.neutral or 0.0)), v.rule.practical_minimum)
-            for v, error in promise.errors.items()
+            DETECTABLE * error > max(abs(rule.typical - (rule.neutral or 0.0)), rule.practical_minimum)
+            for rule, error in ((model.rule(v), error) for v, error in promise.errors.items())
         )
     ]
 

@@ -71,13 +71,13 @@ def name_effects(found: Search, training: Training, rng: np.random.Generator) ->
         v: x
         for name in order
         for v, x in final.model.values.items()
-        if v.effect == name and (v in final.variables or sizeable(v, x))
+        if v.effect == name and (v in final.variables or sizeable(final.model, v))
     }
     return Named(
         effects=tuple(order),
         model=Model(final.model.base, values, final.model.ceiling_z),
         errors={
-            v: math.hypot(error, SYSTEMATIC * abs(final.model.start_value(v) - (v.rule.neutral or 0.0)))
+            v: math.hypot(error, SYSTEMATIC * abs(final.model.change(v)))
             for v, error in clustered_errors(final, training, rng).items()
         },
         ambiguous={name: _not_ruled_out(name, found, order) for name in order},
@@ -97,14 +97,14 @@ def _doubt(effect: str, final: Fitted, training: Training) -> str | None:
     values = {v: x for v, x in final.model.values.items() if v.effect == effect}
     if effect == LOG_TIMING.effect and not excited(training.regression.weights):
         return "too little was commanded to tell it"
-    if at_bound := [v.parameter for v, x in values.items() if stuck(v, x)]:
+    if at_bound := [v.parameter for v, x in values.items() if stuck(final.model, v)]:
         return AT_BOUND.format(", ".join(at_bound))
     if drifting := [v.parameter for v in values if v in final.variables and drifts(v, final)]:
         return DRIFTS.format(", ".join(drifting))
     if effect == LOG_TIMING.effect:
         half = 0.5 * training.regression.signals.dt
         return None if final.model.values[LOG_TIMING] > half else _small(values)
-    return None if any(sizeable(v, x) for v, x in values.items()) else _small(values)
+    return None if any(sizeable(final.model, v) for v in values) else _small(values)
 
 
 def _small(values: Mapping[Variable, float]) -> str:
