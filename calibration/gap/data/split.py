@@ -8,8 +8,8 @@ from calibration.gap.data.record import FlightRecord
 from onboard.arrays import FloatArray
 
 FEW = 3.2
-"""Flights, counted as the equal ones that tell as much: what fewer show cannot be checked on others. Three are
-few; four are not, though one of them may tell twice as much as another."""
+"""Flights, counted as the equal ones that tell as much: what fewer show cannot be checked on others. Three
+are few; four are not, though one of them may tell twice as much as another."""
 
 _KEPT_BACK = 0.3
 """Share of the flights that no fit sees."""

@@ -22,6 +22,12 @@ _ELSEWHERE = {"pose_delay", "motor_speed_law"}
 """Timing of poses is judged without a vehicle model; the speed law is another form of the motor lag."""
 
 _DYNAMIC = {Domain.ACTUATION, Domain.AIR, Domain.RIGID_BODY, Domain.TIMING}
+_IN_VOLTAGE = {"thrust_scale", "mass_error", "battery_sag"}
+"""What a voltage that was made to carry the vehicle has taken in."""
+
+_WIND_DIRECTIONS, _WIND_SPEEDS = 4, (1.0, 6.0)
+"""Directions and speeds (m/s) from which a wind is sought together with the drag that makes it felt."""
+
 _OPENINGS = (0.9, 0.35)
 """Shares of a rotor's rim through which air can enter."""
 
@@ -34,7 +40,7 @@ class Candidate(NamedTuple):
 
     Attributes:
         effect: its name.
-        variables: parameters to fit.
+        variables: parameters to fit, of other effects too that it cannot be without.
         starts: models to start from; the first is the present one where that has a derivative.
     """
 
@@ -46,8 +52,14 @@ class Candidate(NamedTuple):
 def candidates(model: Model, records: Sequence[FlightRecord]) -> list[Candidate]:
     """Every effect of free flight that this vehicle could have and the model does not search for yet."""
     found = []
+    made = not any(record.voltage_measured for record in records)
     for description in EFFECTS.values():
         if description.domain not in _DYNAMIC or description.name in {*_ELSEWHERE, *model.effects}:
+            continue
+        if made and description.name in _IN_VOLTAGE:
+            continue
+        if description.name == "wind" and not _met(Needs.AIR_FORCE, model):
+            found.append(_wind(model))
             continue
         if any(not _met(need, model) for need in description.needs):
             continue
@@ -103,6 +115,24 @@ def _candidate(description: EffectDescription, model: Model, records: Sequence[F
             # Upwards it does what a scale of thrust does, and would stand in for any error of a thrust map.
             return Candidate(name, tuple(v for v in variables if v.parameter != "z"), (model,))
     return Candidate(name, variables, (model,))
+
+
+def _wind(model: Model) -> Candidate:
+    """Wind together with a drag, where the model has no force of the air yet: it shows by the drag alone."""
+    drags = [Variable("linear_drag", axis) for axis in "xyz"]
+    wind = [Variable("wind", axis) for axis in "xy"]
+    angles = 2.0 * np.pi * np.arange(_WIND_DIRECTIONS) / _WIND_DIRECTIONS
+    starts = tuple(
+        model.with_values(
+            {
+                **{v: model.rule(v).typical for v in drags},
+                **dict(zip(wind, (speed * np.cos(angle), speed * np.sin(angle)), strict=True)),
+            }
+        )
+        for speed in _WIND_SPEEDS
+        for angle in angles
+    )
+    return Candidate("wind", (*drags, *wind), starts)
 
 
 def _limits(model: Model, records: Sequence[FlightRecord], limit: Variable) -> tuple[Model, ...]:

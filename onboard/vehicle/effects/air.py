@@ -13,7 +13,14 @@ _FOERSTER = (
     "Foerster 2015, System Identification of the Crazyflie 2.0, ETH Zurich: matrix of drag over rotor speed"
 )
 
-AIR_FORCES = ("rotor_drag", "body_drag", "inflow_thrust_loss", "translational_lift", "velocity_moment")
+AIR_FORCES = (
+    "rotor_drag",
+    "linear_drag",
+    "body_drag",
+    "inflow_thrust_loss",
+    "translational_lift",
+    "velocity_moment",
+)
 """Effects that depend on the motion through the air, and so on the wind."""
 
 DESCRIPTIONS = (
@@ -36,6 +43,7 @@ DESCRIPTIONS = (
         },
         revealed_by="steady speed: laps in both directions",
         confused_with=(
+            "linear_drag",
             "body_drag",
             "wind",
             "velocity_moment",
@@ -47,6 +55,36 @@ DESCRIPTIONS = (
             "Mahony, Kumar, Corke, IEEE RAM 19(3), 2012; Faessler, Franchi, Scaramuzza, IEEE RA-L 3(2), 2018"
         ),
         needs=(Needs.ROTOR_SPEED,),
+    ),
+    EffectDescription(
+        name="linear_drag",
+        domain=Domain.AIR,
+        equation="f_k = -k u_k along each body axis, beyond the drag of [air]",
+        parameters=same_for(
+            _XYZ,
+            EffectParameter(
+                unit="N s/m",
+                low=0.0,
+                high=0.15,
+                typical=0.0075,
+                neutral=0.0,
+                practical_minimum=0.0011,
+                meaning="drag of the whole vehicle per speed along this body axis",
+                source="rotor drag of Foerster 2015 at 7300 rad/s in all",
+                grows={"mass": 1},
+            ),
+        ),
+        revealed_by="steady speed: laps in both directions; climbs for z",
+        confused_with=(
+            "rotor_drag",
+            "body_drag",
+            "inflow_thrust_loss",
+            "wind",
+            "thrust_tilt",
+            "pose_delay",
+            "pose_rotation",
+        ),
+        reference="Mahony, Kumar, Corke, IEEE RAM 19(3), 2012, at the centre of mass",
     ),
     EffectDescription(
         name="body_drag",
@@ -68,6 +106,7 @@ DESCRIPTIONS = (
         ),
         revealed_by="steady speed at two speeds at least: laps in both directions; climbs for area_z",
         confused_with=(
+            "linear_drag",
             "rotor_drag",
             "inflow_thrust_loss",
             "translational_lift",
@@ -97,6 +136,7 @@ DESCRIPTIONS = (
         },
         revealed_by="steady climbs and descents: vertical steps",
         confused_with=(
+            "linear_drag",
             "thrust_curve",
             "motor_lag",
             "body_drag",
@@ -208,6 +248,7 @@ DESCRIPTIONS = (
         ),
         revealed_by="hover and laps in both directions, with a yaw by 180 deg",
         confused_with=(
+            "linear_drag",
             "rotor_drag",
             "body_drag",
             "thrust_tilt",

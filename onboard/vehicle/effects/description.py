@@ -41,7 +41,7 @@ class EffectParameter:
 
     Attributes:
         unit: SI unit.
-        low, high: bounds within which the value is physically possible for a vehicle of the reference size.
+        low, high: bounds of what is physically possible for a vehicle of the reference size.
         typical: value that an ordinary vehicle may show; the size to test a search with.
         neutral: value at which the parameter does nothing, taken when a file leaves it out; None: must be
             given.
@@ -51,8 +51,8 @@ class EffectParameter:
         source: where the typical value comes from.
         spread: standard deviation about the typical value that is believed before any flight; None: nothing
             is known but the bounds.
-        grows: powers of a vehicle's magnitudes (:class:`~onboard.vehicle.effects.size.Size`) with which all of
-            these grow; empty for a number that is the same for vehicles of any size.
+        grows: powers of a vehicle's magnitudes (:class:`~onboard.vehicle.effects.size.Size`) with which
+            bounds, typical and least size grow; empty for what is the same for vehicles of any size.
     """
 
     unit: str

@@ -149,6 +149,7 @@ DESCRIPTIONS = (
         ),
         revealed_by="hover with a yaw by 180 deg; rest on the floor beforehand for the frame's own tilt",
         confused_with=(
+            "linear_drag",
             "motor_imbalance",
             "rotor_drag",
             "body_drag",
