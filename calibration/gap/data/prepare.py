@@ -11,6 +11,7 @@ from calibration.gap.data.kinematics import continuous_quaternions, differentiat
 from calibration.gap.data.limitations import limitations
 from calibration.gap.data.logged import FULL_SCALE, LoggedSignals, read_signals
 from calibration.gap.data.phases import LEAST_FLYING_S, free_flight, resting
+from calibration.gap.data.plausible import check_plausible
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.samples import grid_interval, resample, uniform_grid
 from calibration.gap.data.shapes import kinds_of
@@ -41,7 +42,9 @@ def prepare_flights(flights: Sequence[Flight]) -> Prepared:
     copies = duplicate_of(flights)
     for flight, copied in zip(flights, copies, strict=True):
         if copied is not None:
-            refused.append(UnusableFlight(flight.source, f"holds the same numbers as {copied.source}"))
+            refused.append(
+                UnusableFlight(flight.source, f"holds the same numbers as {copied.source}, or nearly")
+            )
             continue
         try:
             readable.append((flight, read_signals(flight)))
@@ -51,7 +54,9 @@ def prepare_flights(flights: Sequence[Flight]) -> Prepared:
     intervals = [grid_interval(s.pose, s.motors.samples, s.gyro.samples) for _, s in readable]
     for flight, signals in readable:
         try:
-            records.append(_record(flight, signals, float(np.median(intervals))))
+            record = _record(flight, signals, float(np.median(intervals)))
+            check_plausible(flight, record)
+            records.append(record)
         except UnusableFlightError as error:
             refused.append(UnusableFlight(error.source, error.reason))
     kinds = kinds_of(records).tolist()

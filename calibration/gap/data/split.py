@@ -14,6 +14,9 @@ are few; four are not, though one of them may tell twice as much as another."""
 _KEPT_BACK = 0.3
 """Share of the flights that no fit sees."""
 
+_ENOUGH = 4
+"""Flights of which one can be spared though each reaches somewhere that the others do not."""
+
 _FOLDS = 5
 _LOST = 0.85
 """A flight is not kept back when the others would reach less than this share of a range of excitation."""
@@ -29,7 +32,7 @@ def split_flights(records: Sequence[FlightRecord]) -> tuple[list[int], list[int]
     kind, then single flights of kinds flown several times; but nothing that alone, or as one of two, shows
     an excitation (the fastest, the highest, the lowest flight ...), because an effect that it reveals could
     not be found.
-    A single flight is fitted to and nothing is kept back.
+    Of few flights the most ordinary one is kept back; of fewer than four, none.
     """
     reach = np.array([_excitation(record) for record in records])
     wanted = int(_KEPT_BACK * len(records))
@@ -40,6 +43,8 @@ def split_flights(records: Sequence[FlightRecord]) -> tuple[list[int], list[int]
         rest = [i for i in range(len(records)) if i not in kept and i not in group]
         if len(kept) + len(group) <= wanted and rest and _covers(reach[rest], reach):
             kept.extend(group)
+    if not kept and len(records) >= _ENOUGH:
+        kept.append(_most_ordinary(reach))
     return [i for i in range(len(records)) if i not in kept], sorted(kept)
 
 
@@ -73,6 +78,12 @@ def _groups(records: Sequence[FlightRecord]) -> list[list[int]]:
     if len(kinds) == 1:
         return [[i] for i in range(len(records) - 1, 0, -1)]
     return [*sorted(kinds, key=len), *([group[-1]] for group in kinds if len(group) > 1)]
+
+
+def _most_ordinary(reach: FloatArray) -> int:
+    """The flight that is nearest to the middle of all, whose excitations have shape (flights, 14)."""
+    extent = np.maximum(np.ptp(reach, axis=0), 1e-9)
+    return int(np.argmin(np.abs((reach - np.median(reach, axis=0)) / extent).sum(axis=1)))
 
 
 def _excitation(record: FlightRecord) -> FloatArray:

@@ -15,13 +15,14 @@ from calibration.gap.estimate.refine import Fitted, Training
 from calibration.gap.search.forward import AT_BOUND, DRIFTS, LOG_TIMING, Search
 from calibration.gap.search.rivals import needed
 from onboard.vehicle import EFFECTS, Vehicle, VehicleFileError, vehicle_to_toml
-from onboard.vehicle.effects import AIR_FORCES
 from onboard.vehicle.file_format import parse_vehicle
 
 _REAL = "real, but too small for a name"
 
 FEWEST = 3
 """Flights: what fewer show may be of one of them alone."""
+
+_LAGS = ("motor_lag", "motor_lag_asymmetry")
 
 NINETY_FIVE = 1.96
 """Standard errors to either side of a 95 % interval."""
@@ -91,21 +92,21 @@ def name_effects(found: Search, training: Training, rng: np.random.Generator) ->
         for v, error in clustered_errors(final, training, rng).items()
     }
     doubts = {name: _doubt(name, final, training, errors) for name in order}
-    worthy = [name for name in order if doubts[name] is None]
     confirmed = len(training.records) >= FEWEST
-    order = worthy if confirmed else []
-    minor = [name for name, doubt in doubts.items() if (doubt or "").startswith(_REAL)] if confirmed else []
-    minor = [name for name in minor if name != LOG_TIMING.effect]  # of the log, not of the vehicle
-    values = _values_of(order, final)
-    improved = Model(final.model.base, {**values, **_values_of(minor, final)}, final.model.ceiling_z)
-    if problem := _not_loaded(improved.vehicle()):
-        doubts |= dict.fromkeys(minor, f"{_REAL}; together no vehicle file can say them: {problem}")
-        minor, improved = [], Model(final.model.base, values, final.model.ceiling_z)
+    worthy = [name for name in order if doubts[name] is None]
+    believed = [*worthy, *(name for name in order if (doubts[name] or "").startswith(_REAL))]
+    believed = (
+        [name for name in believed if doubts[name] is None or name != LOG_TIMING.effect] if confirmed else []
+    )
+    while believed and (problem := _not_loaded(_model_of(believed, final).vehicle())):
+        doubts[believed.pop()] = f"no vehicle file can say it: {problem}"
+    order = [name for name in believed if doubts[name] is None]
+    minor = [name for name in believed if name not in order]
     return Named(
         effects=tuple(order),
         minor=tuple(minor),
-        improved=improved,
-        model=Model(final.model.base, values, final.model.ceiling_z),
+        improved=_model_of(believed, final),
+        model=_model_of(order, final),
         errors=errors,
         ambiguous={name: _not_ruled_out(name, found, order) for name in order},
         unconfirmed=() if confirmed else tuple(worthy),
@@ -113,14 +114,15 @@ def name_effects(found: Search, training: Training, rng: np.random.Generator) ->
     )
 
 
-def _values_of(names: Sequence[str], final: Fitted) -> dict[Variable, float]:
-    """What was found of these effects; parameters that were given up stay as they are unless they matter."""
-    return {
+def _model_of(names: Sequence[str], final: Fitted) -> Model:
+    """The vehicle with what was found of these effects; those that were given up count where they matter."""
+    values = {
         v: x
         for name in names
         for v, x in final.model.values.items()
         if v.effect == name and (v in final.variables or sizeable(final.model, v))
     }
+    return Model(final.model.base, values, final.model.ceiling_z)
 
 
 def _not_ruled_out(effect: str, found: Search, named: list[str]) -> tuple[str, ...]:
@@ -142,13 +144,11 @@ def _doubt(effect: str, final: Fitted, training: Training, errors: Mapping[Varia
         half = 0.5 * training.regression.signals.dt
         return None if final.model.values[LOG_TIMING] > half else _small(values)
     large = [v for v in values if sizeable(final.model, v)]
+    if effect in _LAGS:  # no better known than when a line of the log was written
+        half = 0.5 * training.regression.signals.dt / final.model.base.motors.time_constant_up.value
+        large = [v for v in large if abs(final.model.change(v)) > half]
     if not large:
         return _small(values)
-    model = Model(
-        final.model.base, {v: x for v, x in final.model.values.items() if v.effect in (effect, *AIR_FORCES)}
-    )
-    if problem := _not_loaded(model.vehicle()):
-        return f"no vehicle file can say it: {problem}"
     with_neutral = [v for v in large if final.model.rule(v).neutral is not None]
     if with_neutral and all(
         abs(final.model.change(v)) < NINETY_FIVE * errors.get(v, 0.0) for v in with_neutral
