@@ -51,7 +51,7 @@ def prepare_flights(flights: Sequence[Flight]) -> Prepared:
         except UnusableFlightError as error:
             refused.append(UnusableFlight(error.source, error.reason))
     # One interval for all flights, or their noise and their lags would be of different kinds.
-    intervals = [grid_interval(s.pose, s.motors.samples, s.gyro.samples) for _, s in readable]
+    intervals = [grid_interval(s.pose, s.gyro.samples) for _, s in readable]
     for flight, signals in readable:
         try:
             record = _record(flight, signals, float(np.median(intervals)))

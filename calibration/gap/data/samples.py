@@ -91,7 +91,7 @@ def check_rate(flight: Flight, samples: Samples, what: str) -> None:
 
 
 def grid_interval(*channels: Samples) -> float:
-    """Sample interval (s) that suits these channels: that of the slowest, where it is slower than a record's.
+    """Sample interval (s) that suits these measurements: the slowest's, where it is slower than a record's.
 
     Put on a finer grid, its lines would leave images of what it shows at other frequencies.
     """
