@@ -12,7 +12,7 @@ from calibration.errors import CalibrationError
 from calibration.flights import Flight
 from calibration.gap.data import Prepared, prepare_flights
 from calibration.gap.data.duplicates import content_hash
-from calibration.gap.data.record import FlightRecord
+from calibration.gap.data.record import FlightRecord, NotUsed
 from calibration.gap.data.signals import CHANNELS, UNITS
 from calibration.gap.data.split import split_flights
 from calibration.gap.estimate.held_out import HeldOutFlights
@@ -21,7 +21,7 @@ from calibration.gap.estimate.nuisances import NUISANCES
 from calibration.gap.estimate.refine import Training, training_set
 from calibration.gap.landings import LandingFindings, LandingVerdict, judge_landings
 from calibration.gap.replay import PredictionErrors, evaluate
-from calibration.gap.replay.hover_voltage import NeverCarriedError, voltage_for
+from calibration.gap.replay.hover_voltage import of_one_vehicle, voltage_for
 from calibration.gap.report.document import (
     AmbiguousSet,
     FoundEffect,
@@ -108,18 +108,13 @@ def find_gap(flights: Sequence[Flight], question: Question, progress: Progress =
 
 def _find(flights: Sequence[Flight], question: Question, progress: Progress) -> GapResult:
     rng = np.random.default_rng(question.seed)
-    flights = sorted(
-        flights, key=content_hash
-    )  # what the files are called, and in which order, decides nothing
+    flights = sorted(flights, key=content_hash)  # names and order of the files decide nothing
     prepared = _prepared(flights, question)
     progress("sensors")
     sensing = judge_sensing(prepared.records)
-    try:
-        corrected = voltage_for(apply_sensing(prepared.records, sensing), question.vehicle)
-    except NeverCarriedError as error:
-        raise NothingToFindError(str(error)) from error
+    corrected, strange = of_one_vehicle(apply_sensing(prepared.records, sensing), question.vehicle)
     if not corrected:
-        reasons = "; ".join(f"{item.name}: {item.reason}" for item in sensing.broken)
+        reasons = "; ".join(f"{item.name}: {item.reason}" for item in (*sensing.broken, *strange))
         raise NothingToFindError(f"no flight can be used: {reasons}")
     fit_to, kept_back = split_flights(corrected)
     model = Model(question.vehicle, {}, _ceiling(question, corrected))
@@ -155,7 +150,7 @@ def _find(flights: Sequence[Flight], question: Question, progress: Progress) -> 
         unexplained=unexplained(found, names, question.vehicle, left),
         train=tuple(record.name for record in training.records),
         held_out=tuple(corrected[i].name for i in kept_back),
-        unusable=_unusable(question, prepared, sensing),
+        unusable=_unusable(question, prepared, (*sensing.broken, *strange)),
         ambiguous=_ambiguous(effects),
         rejected=tuple(
             Rejected(name=name, reason=reason)
@@ -243,9 +238,11 @@ def _worse(stages: dict[str, PredictionErrors]) -> bool:
     return levels.after > _CLEARLY * levels.before
 
 
-def _unusable(question: Question, prepared: Prepared, sensing: SensingFindings) -> tuple[UnusableFile, ...]:
+def _unusable(
+    question: Question, prepared: Prepared, not_used: Sequence[NotUsed]
+) -> tuple[UnusableFile, ...]:
     refused = [UnusableFile(file=str(item.file), reason=item.reason) for item in prepared.refused]
-    broken = [UnusableFile(file=item.name, reason=item.reason) for item in sensing.broken]
+    broken = [UnusableFile(file=item.name, reason=item.reason) for item in not_used]
     return (*question.unusable, *refused, *broken)
 
 

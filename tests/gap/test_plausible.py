@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from calibration.flights import Flight, open_flights
 from calibration.gap.data import prepare_flights
 from calibration.gap.data.smoothing import as_poses_see, force_from_poses
-from calibration.gap.replay.hover_voltage import NeverCarriedError, with_hover_voltage
+from calibration.gap.replay.hover_voltage import NeverCarriedError, of_one_vehicle, with_hover_voltage
 from calibration.gap.replay.teacher_forcing import teacher_forced
 from onboard.room import RoomGeometry
 from sim_backend.physics.parameters import physics_parameters
@@ -90,3 +90,13 @@ def test_commands_in_another_range_carry_no_vehicle(tmp_path: Path) -> None:
     (record,) = prepare_flights(open_flights([file])[0]).records
     with pytest.raises(NeverCarriedError, match="another range"):
         with_hover_voltage(replace(record, duty=0.02 * record.duty), tunnel.nominal(truth))
+
+
+def test_a_flight_of_another_vehicle_is_refused_by_name(tmp_path: Path) -> None:
+    truth = tunnel.draw(SEED, 0.0)
+    files = tunnel.make_flights(truth, SEED, 4, tmp_path / "own")
+    records = list(prepare_flights(open_flights(files)[0]).records)
+    records[2] = replace(records[2], name="heavy", duty=1.2 * records[2].duty)
+    alike, refused = of_one_vehicle(records, tunnel.nominal(truth))
+    assert len(alike) == 3
+    assert [(one.name, "another vehicle" in one.reason) for one in refused] == [("heavy", True)]
