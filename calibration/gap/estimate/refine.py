@@ -11,7 +11,7 @@ from calibration.gap.data.excitation import excitation_weights
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.signals import PARTS, stack_signals
 from calibration.gap.data.split import FEW, folds
-from calibration.gap.estimate.mixed import FIRST_SPREAD, Prior, held_out_likelihood
+from calibration.gap.estimate.mixed import FIRST_SPREAD, MOST, Prior, held_out_likelihood
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.regression import Estimate, Noise, Regression
 from onboard.arrays import FloatArray
@@ -44,9 +44,6 @@ class UnnamedTerm(ABC):
 
 _ENOUGH = 0.1
 """Standard errors: a step this small ends the iteration."""
-
-_MOST = 0.5
-"""Share of the information about an effect that one fold may have for the others to learn it without."""
 
 _UNNAMED_RANGE = 100.0
 """Range of the coefficient of an unnamed term, in the unit of its channel."""
@@ -147,7 +144,7 @@ class Fitted:
 
     def few_kinds(self, columns: Sequence[int]) -> bool:
         """Whether few flights, or those of one fold, carry most of the information about these columns."""
-        return self.few_flights(columns) or bool(np.any(self._shares(columns, self.folds) > _MOST))
+        return self.few_flights(columns) or bool(np.any(self._shares(columns, self.folds) > MOST))
 
     def _shares(self, columns: Sequence[int], group: np.ndarray) -> FloatArray:
         """Share of the information about each column that each group of parts has, (groups, columns)."""
