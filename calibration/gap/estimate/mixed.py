@@ -150,8 +150,8 @@ def fit_mixed(
 def held_out_likelihood(p: Products, fit: MixedFit, prior: Prior, folds: np.ndarray) -> FloatArray:
     """Marginal log-likelihood of each part with the shared effects fitted on the other folds.
 
-    An effect that one fold tells most of keeps its value there: what the others make of it, on a straight line
-    from nothing, would only leave the likelihood of every other effect to chance.
+    An effect that one fold tells most of keeps its value there: what the others make of it, in a straight
+    line from nothing, would only leave the likelihood of every other effect to chance.
 
     Args:
         p: products.
