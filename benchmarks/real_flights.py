@@ -91,9 +91,10 @@ def splits(folder: Path) -> dict[str, list[str]]:
     from calibration.gap.data import prepare_flights
 
     records = prepare_flights(open_flights(_files(folder))[0]).records
+    shapes = {record.name: "_".join(record.name.split("_")[:2]) for record in records}  # B5_helix_fast_rep1
     named = {
-        f"without {shape}": [record.name for record in records if record.shape != shape]
-        for shape in sorted({record.shape for record in records})
+        f"without {shape}": [name for name, own in shapes.items() if own != shape]
+        for shape in sorted(set(shapes.values()))
     }
     named["even"], named["odd"] = ([record.name for record in records[first::2]] for first in (0, 1))
     return named

@@ -111,13 +111,17 @@ def flight_files(paths: Iterable[str | Path]) -> list[Path]:
 
 
 def _flights_in(folder: Path) -> list[Path]:
+    """Flights in a folder, and tables beside them that are none: opening these says what they lack."""
     found: list[Path] = []
+    odd: list[Path] = []
     for entry in sorted(folder.iterdir()):
         if _detected(entry) is not None:
             found.append(entry)
         elif entry.is_dir():
             found += _flights_in(entry)
-    return found
+        elif entry.name.endswith((".csv", ".csv.gz")):
+            odd.append(entry)
+    return sorted([*found, *odd]) if any(one.parent == folder and one.is_file() for one in found) else found
 
 
 def _detected(path: Path) -> FlightFormat | None:

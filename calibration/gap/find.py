@@ -11,7 +11,8 @@ from threadpoolctl import threadpool_limits
 from calibration.errors import CalibrationError
 from calibration.flights import Flight
 from calibration.gap.data import Prepared, prepare_flights
-from calibration.gap.data.record import FlightRecord
+from calibration.gap.data.duplicates import content_hash
+from calibration.gap.data.record import FlightRecord, NotUsed
 from calibration.gap.data.signals import CHANNELS, UNITS
 from calibration.gap.data.split import split_flights
 from calibration.gap.estimate.held_out import HeldOutFlights
@@ -20,6 +21,7 @@ from calibration.gap.estimate.nuisances import NUISANCES
 from calibration.gap.estimate.refine import Training, training_set
 from calibration.gap.landings import LandingFindings, LandingVerdict, judge_landings
 from calibration.gap.replay import PredictionErrors, evaluate
+from calibration.gap.replay.hover_voltage import of_one_vehicle, voltage_for
 from calibration.gap.report.document import (
     AmbiguousSet,
     FoundEffect,
@@ -32,9 +34,11 @@ from calibration.gap.report.effects import found_effects, landing_effects, landi
 from calibration.gap.report.figures import figures, unexplained, where
 from calibration.gap.report.figures_data import ReportFigures
 from calibration.gap.report.improved_vehicle import improved_vehicle, provenance
-from calibration.gap.report.prediction_figures import prediction_gap
+from calibration.gap.report.prediction_figures import HORIZON, prediction_gap
+from calibration.gap.report.remaining import chance_floor, remaining
 from calibration.gap.search.forward import LOG_TIMING, Progress, Search, search
 from calibration.gap.search.naming import FEWEST, Named, name_effects
+from calibration.gap.search.retest import FAILED, retested
 from calibration.gap.sensors import SensingFindings, apply_sensing, judge_sensing
 from calibration.gap.unnamed.fitted_terms import residual_map
 from onboard.errors import InputError
@@ -45,10 +49,11 @@ class NothingToFindError(CalibrationError, InputError):
     """Not one flight can be held against a model; the message says why."""
 
 
+_CLEARLY = 1.05
+"""Factor on the error of position beyond which a model is worse than another."""
+
 _VERSIONS = ("perchhw", "numpy", "scipy", "numba")
 """Packages whose next version may give other last digits."""
-
-_NO_VOLTAGE = "no battery voltage, so nobody knows what thrust a command meant: log it (pm.vbat, vbat)"
 
 
 @dataclass(frozen=True)
@@ -103,24 +108,28 @@ def find_gap(flights: Sequence[Flight], question: Question, progress: Progress =
 
 def _find(flights: Sequence[Flight], question: Question, progress: Progress) -> GapResult:
     rng = np.random.default_rng(question.seed)
+    flights = sorted(flights, key=content_hash)  # names and order of the files decide nothing
     prepared = _prepared(flights, question)
-    usable = [record for record in prepared.records if record.voltage is not None]
-    if not usable:
-        raise NothingToFindError(f"{_NO_VOLTAGE} (in {len(prepared.records)} flights)")
     progress("sensors")
-    sensing = judge_sensing(usable)
-    corrected = apply_sensing(usable, sensing)
+    sensing = judge_sensing(prepared.records)
+    corrected, strange = of_one_vehicle(apply_sensing(prepared.records, sensing), question.vehicle)
     if not corrected:
-        reasons = "; ".join(f"{item.name}: {item.reason}" for item in sensing.broken)
+        reasons = "; ".join(f"{item.name}: {item.reason}" for item in (*sensing.broken, *strange))
         raise NothingToFindError(f"no flight can be used: {reasons}")
     fit_to, kept_back = split_flights(corrected)
     model = Model(question.vehicle, {}, _ceiling(question, corrected))
     training = training_set([corrected[i] for i in fit_to], model)
     found = search(model, training, rng, progress)
-    names = name_effects(found, training, rng)
     progress("flights that no fit saw")
+    found = retested(found, [corrected[i] for i in kept_back], training)
+    names = name_effects(found, training, rng)
     held_out = [corrected[i] for i in kept_back] or list(training.records)
-    in_the_air = found_effects(names, HeldOutFlights(held_out), rng)
+    stages = _stages(names, held_out)
+    if _worse(stages):
+        names = names.without_any(FAILED)
+        stages = _stages(names, held_out)
+    unseen = HeldOutFlights(held_out)
+    in_the_air = found_effects(names, unseen, rng)
     progress("landings")
     landings = _landings(flights, names, rng)
     effects = [
@@ -128,19 +137,20 @@ def _find(flights: Sequence[Flight], question: Question, progress: Progress) -> 
         *in_the_air,
         *landing_effects(landings.findings if landings else (), question.vehicle),
     ]
-    stages = _stages(names, held_out)
     progress("where it lives")
     maps = residual_map(found.first, training, rng), residual_map(found.final, training, rng)
+    gap, chance = prediction_gap(stages), chance_floor(found.final, training, HORIZON)
+    left = remaining(gap, chance, found.final, maps[1], question.vehicle, bool(effects))
     report = GapReport(
-        verdict=_verdict(effects, found, names, landings),
+        verdict=_verdict(effects, found, names, landings, left),
         vehicle=question.vehicle.name,
         effects=tuple(effects),
-        gap=prediction_gap(stages),
+        gap=gap,
         where=where(maps[0]),
-        unexplained=unexplained(found, names, question.vehicle),
+        unexplained=unexplained(found, names, question.vehicle, left),
         train=tuple(record.name for record in training.records),
         held_out=tuple(corrected[i].name for i in kept_back),
-        unusable=_unusable(question, prepared, sensing),
+        unusable=_unusable(question, prepared, (*sensing.broken, *strange)),
         ambiguous=_ambiguous(effects),
         rejected=tuple(
             Rejected(name=name, reason=reason)
@@ -161,7 +171,7 @@ def _find(flights: Sequence[Flight], question: Question, progress: Progress) -> 
     return GapResult(
         report=report,
         figures=figures(stages, names, held_out, found, training, maps),
-        vehicle=improved_vehicle(question.vehicle, effects, source),
+        vehicle=improved_vehicle(question.vehicle, effects, names, source),
         ceiling_z=names.model.ceiling_z,
     )
 
@@ -183,10 +193,14 @@ def _ceiling(question: Question, records: Sequence[FlightRecord]) -> float | Non
 
 
 def _verdict(
-    effects: Sequence[FoundEffect], found: Search, names: Named, landings: LandingFindings | None
+    effects: Sequence[FoundEffect],
+    found: Search,
+    names: Named,
+    landings: LandingFindings | None,
+    left: Sequence[str],
 ) -> Verdict:
     odd_landings = landings is not None and landings.verdict is LandingVerdict.UNEXPLAINED_GAP
-    if found.unnamed or names.unconfirmed or odd_landings:
+    if found.unnamed or names.unconfirmed or odd_landings or left:
         return Verdict.UNEXPLAINED_GAP
     return Verdict.EFFECTS_FOUND if effects else Verdict.NO_GAP
 
@@ -209,20 +223,26 @@ def _landings(flights: Sequence[Flight], names: Named, rng: np.random.Generator)
 
 def _stages(names: Named, records: Sequence[FlightRecord]) -> dict[str, PredictionErrors]:
     """Predictions before, after each effect, and with all, on flights that no fit saw."""
-    stages = {name: evaluate(records, model.vehicle()) for name, model in names.models().items()}
+    stages = {
+        name: evaluate(voltage_for(records, model.vehicle()), model.vehicle())
+        for name, model in names.models().items()
+    }
     if len(stages) == 1:
         stages["after"] = stages["before"]
     return stages
 
 
-def _unusable(question: Question, prepared: Prepared, sensing: SensingFindings) -> tuple[UnusableFile, ...]:
+def _worse(stages: dict[str, PredictionErrors]) -> bool:
+    """Whether the position of flights kept back is predicted worse with all names than without any."""
+    levels = prediction_gap(stages).overall
+    return levels.after > _CLEARLY * levels.before
+
+
+def _unusable(
+    question: Question, prepared: Prepared, not_used: Sequence[NotUsed]
+) -> tuple[UnusableFile, ...]:
     refused = [UnusableFile(file=str(item.file), reason=item.reason) for item in prepared.refused]
-    refused += [
-        UnusableFile(file=str(record.source), reason=_NO_VOLTAGE)
-        for record in prepared.records
-        if record.voltage is None
-    ]
-    broken = [UnusableFile(file=item.name, reason=item.reason) for item in sensing.broken]
+    broken = [UnusableFile(file=item.name, reason=item.reason) for item in not_used]
     return (*question.unusable, *refused, *broken)
 
 

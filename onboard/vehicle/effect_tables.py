@@ -3,9 +3,8 @@
 from collections.abc import Sequence
 
 from onboard.gravity import GRAVITY
-from onboard.quantity import Quantity
-from onboard.vehicle.effects import AIR_FORCES, EFFECTS, EffectDescription, Needs
-from onboard.vehicle.model import Air, Body, Effect, Motors
+from onboard.vehicle.effects import AIR_FORCES, EFFECTS, Needs, Size
+from onboard.vehicle.model import Air, Battery, Body, Effect, Motors, size_of
 from onboard.vehicle.schema import Measured, Problems, Range, as_table, check_keys, parse_quantities
 
 
@@ -37,20 +36,17 @@ def parse_effects(raw: object, problems: Problems) -> tuple[Effect, ...]:
         ]
         parameters = parse_quantities(table, key, rules, optional, problems)
         if len(problems.messages) == before:
-            _check_bounds(EFFECTS[name], parameters, key, problems)
+            if not parameters:
+                names = ", ".join(EFFECTS[name].parameters)
+                problems.add(key, f"effect {name!r} needs at least one of its parameters: {names}")
             effects.append(Effect(name=name, parameters=parameters))
     return tuple(effects)
 
 
-def _check_bounds(
-    description: EffectDescription, given: dict[str, Quantity], key: str, problems: Problems
-) -> None:
-    """Note an effect without parameters, and values that no vehicle has."""
-    if not given:
-        names = ", ".join(description.parameters)
-        problems.add(key, f"effect {description.name!r} needs at least one of its parameters: {names}")
-    for name, quantity in given.items():
-        rule = description.parameters[name]
+def _check_bounds(effect: Effect, size: Size, key: str, problems: Problems) -> None:
+    """Note values that no vehicle of this size has."""
+    for name, quantity in effect.parameters.items():
+        rule = EFFECTS[effect.name].parameters[name].for_size(size)
         if not rule.low <= quantity.value <= rule.high:
             problems.add(
                 f"{key}.{name}.value",
@@ -63,6 +59,7 @@ def check_effects(
     effects: Sequence[Effect],
     body: Body | None,
     motors: Motors | None,
+    battery: Battery | None,
     has_legs: bool,
     air: Air | None,
     problems: Problems,
@@ -80,6 +77,9 @@ def check_effects(
             missing = _missing(need, names, motors, has_legs, air)
             if missing:
                 problems.add(f"{key}.name", f"{effect.name!r} has nothing to act on: {missing}")
+    if body is not None and motors is not None and battery is not None:
+        for index, effect in enumerate(effects):
+            _check_bounds(effect, size_of(body, motors, battery), f"effects[{index}]", problems)
     if body is not None and motors is not None:
         _check_body(effects, body, motors, problems)
 

@@ -129,7 +129,7 @@ def parse_vehicle(content: Mapping[str, object], file: str) -> Vehicle:
     sensing = parse_section(Sensing, content.get("sensing"), "sensing", problems)
     effects = parse_effects(content.get("effects", []), problems)
     _check_consistency(body, motors, battery, problems)
-    check_effects(effects, body, motors, "legs" in content, air, problems)
+    check_effects(effects, body, motors, battery, "legs" in content, air, problems)
     problems.raise_any()
     if not (name and description and body and motors and battery and air and sensing):
         raise VehicleFileError(f"{file}: cannot be used; run perchhw vehicle check on it")

@@ -10,9 +10,11 @@ from typing import Annotated
 
 import numpy as np
 
+from onboard.gravity import GRAVITY
 from onboard.quantity import Quantity
 from onboard.thrust_map import COEFFICIENT_UNITS, ThrustMap, ThrustMapForm
-from onboard.vehicle.effects import EFFECTS
+from onboard.vehicle.effects import EFFECTS, Size
+from onboard.vehicle.effects.size import REFERENCE
 from onboard.vehicle.schema import Measured, Range
 
 SCHEMA = "perchhw.vehicle/1"
@@ -220,3 +222,22 @@ class Vehicle:
     air: Air
     sensing: Sensing
     effects: tuple[Effect, ...] = ()
+
+    @property
+    def size(self) -> Size:
+        """Magnitudes from which the sizes of effects follow."""
+        return size_of(self.body, self.motors, self.battery)
+
+
+def size_of(body: Body, motors: Motors, battery: Battery) -> Size:
+    """Magnitudes of a vehicle from which the sizes of effects follow."""
+    weight = body.mass.value * GRAVITY
+    known = motors.thrust_coefficient
+    current = battery.motor_current_per_newton.value * weight
+    return Size(
+        mass=body.mass.value,
+        arm=math.hypot(body.arm_x.value, body.arm_y.value),
+        radius=body.propeller_radius.value,
+        rotor_speed=REFERENCE.rotor_speed if known is None else math.sqrt(0.25 * weight / known.value),
+        resistance=REFERENCE.resistance if current == 0.0 else battery.open_circuit_full.value / current,
+    )

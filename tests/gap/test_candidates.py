@@ -1,5 +1,6 @@
 """Which effects are offered to a search, beside those that a model has already."""
 
+from dataclasses import replace
 from functools import cache
 
 from calibration.gap.data.record import FlightRecord
@@ -30,6 +31,15 @@ def test_a_mass_beside_a_scale_of_thrust_would_be_a_claim_about_inertia() -> Non
         assert not {one, other} & offered(AIR.with_values({Variable(one, parameter): 0.9})).keys()
 
 
-def test_wind_is_looked_for_where_there_is_air_to_move_and_only_along_the_floor() -> None:
+def test_wind_is_looked_for_along_the_floor_and_with_a_drag_where_there_is_none() -> None:
     assert offered(AIR)["wind"] == {"x", "y"}
-    assert "wind" not in offered(Model(STOCK))
+    (wind,) = (c for c in candidates(Model(STOCK), records()) if c.effect == "wind")
+    of_wind = [v.parameter for v in wind.variables if v.effect == "wind"]
+    assert of_wind == ["x", "y"]
+    assert {v.effect for v in wind.variables} == {"linear_drag", "wind"}
+
+
+def test_where_no_voltage_was_logged_a_scale_is_no_candidate() -> None:
+    made = [replace(record, voltage_measured=False) for record in records()]
+    names = {c.effect for c in candidates(AIR, made)}
+    assert names.isdisjoint({"thrust_scale", "mass_error", "battery_sag"})

@@ -68,7 +68,10 @@ def test_a_ceiling_is_found_at_its_height_though_nobody_said_it() -> None:
 
 def test_flights_without_forces_leave_every_start_as_it_is() -> None:
     base = Model(STOCK)
-    blind = [dataclasses.replace(record, specific_force=None) for record in records()]
+    blind = [
+        dataclasses.replace(record, specific_force=None, pose_known=np.zeros(record.t.size, dtype=np.bool_))
+        for record in records()
+    ]
     signals = stack_signals(blind)
     instants = Instants(base, blind, signals, np.zeros(signals.measured.shape))
     candidate = next(c for c in candidates(base, blind) if c.effect == "ceiling_effect")

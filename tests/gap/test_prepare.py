@@ -246,20 +246,21 @@ def test_copies_are_found_by_their_numbers(tmp_path: Path) -> None:
     assert "helix_rep1.csv" in prepared.refused[0].reason
 
 
-def test_shapes_come_from_names() -> None:
-    names = ("circle_fast_rep1", "circle_slow_rep2", "B5_helix_mell_rep1", "B5_helix_fast_rep3", "hover 12")
-    prepared = prepare_flights([flight(name, seed) for seed, name in enumerate(names)])
-    assert [r.shape for r in prepared.records] == ["circle", "circle", "b5_helix", "b5_helix", "hover"]
-    alike = prepare_flights([flight(f"flight_{i}", i) for i in range(3)])
-    assert len({record.shape for record in alike.records}) == 3
-    known = replace(flight("log17"), commanded_speed=2.5, commanded_angle_deg=60.0)
-    same = [replace(known, data=flight(seed=i).data) for i in (4, 5)]
-    prepared = prepare_flights([*same, flight(seed=6)])
-    assert [r.shape for r in prepared.records][:2] == ["approach 2.50 m/s 60.0 deg"] * 2
+def test_kinds_come_from_what_was_flown_and_not_from_names() -> None:
+    flights = [flight(f"flight_{i}", i) for i in range(3)]
+    wide = changed(flight("flight_0", 9), x=3.0 * flight(seed=9).data["x"], y=3.0 * flight(seed=9).data["y"])
+    kinds = [record.shape for record in prepare_flights([*flights, wide]).records]
+    assert len(set(kinds[:3])) == 1
+    assert kinds[3] not in kinds[:3]
+    renamed = [replace(one, name=f"other_{i}") for i, one in enumerate([wide, *flights])]
+    again = [record.shape for record in prepare_flights(renamed).records]
+    assert again[0] not in again[1:]
+    assert len(set(again[1:])) == 1
 
 
 def test_limitations_say_what_cannot_be_concluded() -> None:
     flights = [flight("circle_rep1", 1), flight("helix_rep1", 2)]
+    flights[1] = changed(flights[1], x=3.0 * flights[1].data["x"])
     assert prepare_flights(flights).limitations == ()
     assert "one single flight" in prepare_flights(flights[:1]).limitations[0]
     assert "no usable flight" in prepare_flights([]).limitations[0]

@@ -44,7 +44,10 @@ def test_a_hidden_effect_is_named_first_and_measured(tmp_path: Path) -> None:
     names, truth = find(case, "strong", 7, tmp_path)
     assert names.effects[0] == case
     for variable, value in names.model.values.items():
-        if variable.effect == case and abs(truth[case][variable.parameter]) > variable.rule.practical_minimum:
+        if (
+            variable.effect == case
+            and abs(truth[case][variable.parameter]) > names.model.rule(variable).practical_minimum
+        ):
             assert value == pytest.approx(truth[case][variable.parameter], rel=0.06)
 
 

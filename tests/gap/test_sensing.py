@@ -18,8 +18,8 @@ from calibration.flights import PoseSource, flight_files, open_flights
 from calibration.gap.data import differentiate, prepare_flights
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.rotations import integrate_rate, products
+from calibration.gap.data.smoothing import Smoothing
 from calibration.gap.sensors import SensingFindings, apply_sensing, judge_sensing
-from calibration.gap.sensors.acceleration_fit import Smoothing
 from calibration.gap.sensors.pooling import pool
 from onboard.arrays import FloatArray
 from tests.gap.truth import make_flights

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 
 from calibration.gap.data.record import FlightRecord
-from calibration.gap.data.split import split_flights
+from calibration.gap.data.split import folds, split_flights
 from onboard.vehicle import load_vehicle
 from tests.gap.simulated_flight import circle, fly
 
@@ -41,3 +41,17 @@ def test_of_many_high_flights_some_are_kept_back() -> None:
     fit_to, kept_back = split_flights(flights([1.0] * 5 + [0.0] * 5))
     assert len(kept_back) == 3
     assert sum(n < 5 for n in fit_to) >= 2
+
+
+def test_no_flight_is_kept_back_twice() -> None:
+    for kinds in ([0, 0, 1, 1, 1, 1, 2, 2, 3, 3], [0, 1, 1, 2, 2, 2, 2, 2, 2, 2]):
+        records = [
+            dataclasses.replace(circling(), name=f"f{n}", shape=f"s{kind}") for n, kind in enumerate(kinds)
+        ]
+        fit_to, kept_back = split_flights(records)
+        assert sorted([*fit_to, *kept_back]) == list(range(10))
+
+
+def test_a_kind_that_most_flights_are_of_is_spread_over_the_folds() -> None:
+    records = [dataclasses.replace(circling(), shape="one" if n < 6 else f"s{n}") for n in range(8)]
+    assert len(set(folds(records)[:6].tolist())) > 2

@@ -68,8 +68,8 @@ def test_the_derivative_is_what_a_small_change_does() -> None:
 
 def test_values_stay_within_what_is_physical() -> None:
     variable = Variable("rotor_drag", "coefficient")
-    assert Model(STOCK).with_values({variable: -1.0}).values[variable] == variable.rule.low
-    assert Model(STOCK).with_values({variable: 1.0}).values[variable] == variable.rule.high
+    assert Model(STOCK).with_values({variable: -1.0}).values[variable] == Model(STOCK).rule(variable).low
+    assert Model(STOCK).with_values({variable: 1.0}).values[variable] == Model(STOCK).rule(variable).high
 
 
 def test_rows_after_a_loss_of_commands_are_not_judged_until_the_motors_are_known_again() -> None:

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from calibration.gap.data.channels import BY_NAME
+from calibration.gap.data.channels import BY_NAME, attitudes
 from calibration.gap.unnamed.gap_map import gap_map
 from calibration.gap.unnamed.lines import find_lines
 from calibration.gap.unnamed.regressors import regressors
 from calibration.gap.unnamed.structure import Structure, structured
 from calibration.gap.unnamed.term_search import unnamed_terms
-from calibration.gap.unnamed.terms import IntervalTerm, PolynomialTerm, as_signals
+from calibration.gap.unnamed.terms import IntervalTerm, PolynomialTerm, as_signals, interval_term
 from onboard.vehicle import load_vehicle
 from tests.gap.disturbed_motion import DT, SHAPES, Flights, disturbed_flights
 
@@ -45,6 +45,14 @@ def test_the_noise_of_the_tests_moves_with_the_vehicle() -> None:
     force, velocity = flights.residual[:, 0], flights.along("velocity")[:, 0]
     blocks = [values[: values.size // 25 * 25].reshape(-1, 25).mean(axis=1) for values in (force, velocity)]
     assert np.corrcoef(*blocks)[0, 1] > 0.3
+
+
+def test_two_terms_of_one_class_channel_and_regressor_are_told_apart() -> None:
+    flights = disturbed_flights(1, ("hover",) * 2)
+    turns, quantity = attitudes(flights.records), regressors(flights.records)[0]
+    one, other = (interval_term(BY_NAME["force_x"], quantity, (low, None), turns) for low in (0.0, 0.0))
+    assert other not in (one,)
+    assert one in (one,)
 
 
 @pytest.mark.soak

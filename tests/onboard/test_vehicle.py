@@ -239,8 +239,8 @@ def test_every_effect_survives_writing(name: str) -> None:
 
 
 def test_descriptions_of_effects_hold_together() -> None:
-    """CONTRACTS' thirty names, and five of ours; typical and neutral values within the bounds."""
-    assert len(EFFECTS) == 35
+    """CONTRACTS' thirty names, and six of ours; typical and neutral values within the bounds."""
+    assert len(EFFECTS) == 36
     for name, effect in EFFECTS.items():
         assert name == effect.name
         assert effect.equation
@@ -284,7 +284,10 @@ def test_the_documents_name_every_effect_with_its_parameters() -> None:
         ({"name": "mass_error", "relative": quantity(90.0, "%")}, "four motors cannot lift the true mass"),
         ({"name": "inertia_error", "zz": quantity(0.5, "1")}, "no rigid body has these inertias"),
         ({"name": "motor_speed_law", "a_up": quantity(0.0, "1/s")}, "effects[0].b_up: is missing; add b_up"),
-        ({"name": "motor_saturation", "thrust_limit": quantity(-1.0, "N")}, "must be between 0.02 and 1 N"),
+        (
+            {"name": "motor_saturation", "thrust_limit": quantity(-1.0, "N")},
+            "must be between 0.0254 and 1.27 N",
+        ),
     ],
 )
 def test_an_effect_that_cannot_be_is_refused_by_key(effect: dict[str, Any], expected: str) -> None:

@@ -21,10 +21,13 @@ def limitations(records: Sequence[FlightRecord]) -> tuple[str, ...]:
     elif len({r.shape for r in records}) == 1:
         found.append("one trajectory shape only: no unseen shape to confirm an effect on")
     found += _missing(
-        "no battery voltage: battery_sag cannot be judged", records, lambda r: r.voltage is None
+        "no battery voltage: the one at which the model hovers stands for it, so that thrust_scale, "
+        "mass_error and battery_sag cannot be judged; log it (pm.vbat, vbat)",
+        records,
+        lambda r: r.voltage is None,
     )
     found += _missing(
-        "no accelerometer: effects on forces (thrust, drag, mass, surfaces) and pose_offset cannot be judged",
+        "no accelerometer: forces are those that poses show over 0.16 s, and pose_offset cannot be judged",
         records,
         lambda r: r.specific_force is None,
     )

@@ -1,17 +1,20 @@
 """Make the record of a flight, or say why it cannot be used."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from calibration.flights import Flight, UnusableFlight, UnusableFlightError
 from calibration.gap.data.duplicates import duplicate_of
 from calibration.gap.data.kinematics import continuous_quaternions, differentiate
 from calibration.gap.data.limitations import limitations
-from calibration.gap.data.logged import FULL_SCALE, read_signals
+from calibration.gap.data.logged import FULL_SCALE, LoggedSignals, read_signals
 from calibration.gap.data.phases import LEAST_FLYING_S, free_flight, resting
+from calibration.gap.data.plausible import check_plausible
 from calibration.gap.data.record import FlightRecord
-from calibration.gap.data.samples import resample, uniform_grid
-from calibration.gap.data.shapes import shapes_of
+from calibration.gap.data.samples import grid_interval, resample, uniform_grid
+from calibration.gap.data.shapes import kinds_of
 
 
 @dataclass(frozen=True)
@@ -35,27 +38,39 @@ def prepare_flights(flights: Sequence[Flight]) -> Prepared:
     Nothing that a sensing effect explains is corrected here (clock between pose and gyro, turned or shifted
     frame, biases): that is for :mod:`calibration.gap.sensors` to find and to correct.
     """
-    records, refused = [], []
+    records, refused, readable = [], [], []
     copies = duplicate_of(flights)
-    for flight, copied, shape in zip(flights, copies, shapes_of(flights), strict=True):
+    for flight, copied in zip(flights, copies, strict=True):
         if copied is not None:
-            refused.append(UnusableFlight(flight.source, f"holds the same numbers as {copied.source}"))
+            refused.append(
+                UnusableFlight(flight.source, f"holds the same numbers as {copied.source}, or nearly")
+            )
             continue
         try:
-            records.append(prepare_flight(flight, shape))
+            readable.append((flight, read_signals(flight)))
         except UnusableFlightError as error:
             refused.append(UnusableFlight(error.source, error.reason))
+    # One interval for all flights, or their noise and their lags would be of different kinds.
+    intervals = [grid_interval(s.pose, s.gyro.samples) for _, s in readable]
+    for flight, signals in readable:
+        try:
+            record = _record(flight, signals, float(np.median(intervals)))
+            check_plausible(flight, record)
+            records.append(record)
+        except UnusableFlightError as error:
+            refused.append(UnusableFlight(error.source, error.reason))
+    kinds = kinds_of(records).tolist()
+    records = [replace(record, shape=f"kind {kind:03d}") for record, kind in zip(records, kinds, strict=True)]
     return Prepared(tuple(records), tuple(refused), limitations(records))
 
 
-def prepare_flight(flight: Flight, shape: str) -> FlightRecord:
-    """The record of one flight.
+def _record(flight: Flight, signals: LoggedSignals, interval: float) -> FlightRecord:
+    """The record of one flight, with samples `interval` (s) apart.
 
     Raises:
         UnusableFlightError: it cannot be used; names the reason.
     """
-    signals = read_signals(flight)
-    t = uniform_grid(signals.pose, signals.motors.samples, signals.gyro.samples)
+    t = uniform_grid(interval, signals.pose, signals.motors.samples, signals.gyro.samples)
     if t.size < 2 or t[-1] - t[0] < LEAST_FLYING_S:
         raise UnusableFlightError(flight.source, "pose, gyro and motor commands do not overlap in time")
     poses, pose_known = resample(signals.pose, t)
@@ -69,7 +84,7 @@ def prepare_flight(flight: Flight, shape: str) -> FlightRecord:
     return FlightRecord(
         name=flight.name,
         source=flight.source,
-        shape=shape,
+        shape="",
         t=t,
         position=poses[:, :3],
         velocity=differentiate(poses[:, :3], float((t[-1] - t[0]) / (t.size - 1))),

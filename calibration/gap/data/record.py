@@ -30,6 +30,7 @@ class FlightRecord:
         specific_force: m/s2, body, shape (n, 3): the accelerometer; None without one.
         duty: shape (n, 4), share of the battery voltage at each motor, 0..1.
         voltage: V, shape (n,), battery under load; None without it.
+        voltage_measured: False where the voltage was made: the one at which the vehicle hovers.
         flying: shape (n,): in the air, clear of floor and ceiling.
         motors_known: shape (n,): False where the motor commands were lost or made up.
         pose_known, inertial_known: shape (n,): likewise for pose, and for gyro and accelerometer.
@@ -57,6 +58,7 @@ class FlightRecord:
     resting: BoolArray
     pose_source: PoseSource = PoseSource.MOCAP
     ceiling_z: float | None = None
+    voltage_measured: bool = True
     notes: tuple[str, ...] = field(default=())
 
     def __post_init__(self) -> None:

@@ -10,6 +10,7 @@ from onboard.arrays import BoolArray, FloatArray
 INTERVAL_S = 0.01
 """Sample interval of a record: the rate at which a Crazyflie's log and most motion capture can follow."""
 
+_SLOWER = 1.5  # times the record's interval from which a slow channel decides about it
 _SAME_GRID = 0.01  # share of an interval by which sample times may be off a uniform grid
 _WIDEST_GAP = 3.0  # intervals of the channel itself between which it is still interpolated
 _SLOWEST_S = 0.05  # a channel sampled more slowly does not show a quadrotor's motion
@@ -89,23 +90,32 @@ def check_rate(flight: Flight, samples: Samples, what: str) -> None:
         )
 
 
-def uniform_grid(pose: Samples, *others: Samples) -> FloatArray:
-    """A uniform time grid that `pose` and `others` cover; that of the pose, if it is one of about 100 Hz."""
+def grid_interval(*channels: Samples) -> float:
+    """Sample interval (s) that suits these measurements: the slowest's, where it is slower than a record's.
+
+    Put on a finer grid, its lines would leave images of what it shows at other frequencies.
+    """
+    slowest = max(channel.interval for channel in channels)
+    return slowest if slowest > _SLOWER * INTERVAL_S else INTERVAL_S
+
+
+def uniform_grid(interval: float, pose: Samples, *others: Samples) -> FloatArray:
+    """A uniform time grid that `pose` and `others` cover; the pose's own, if that has this `interval`."""
     first = max(float(c.t[0]) for c in (pose, *others))
     last = min(float(c.t[-1]) for c in (pose, *others))
     own = pose.t[(pose.t >= first) & (pose.t <= last)]
-    if _uniform(own):
+    if _uniform(own, interval):
         return own
-    count = max(int(np.floor((last - first) / INTERVAL_S + 1e-9)) + 1, 0)
-    return np.asarray(first + INTERVAL_S * np.arange(count), dtype=np.float64)
+    count = max(int(np.floor((last - first) / interval + 1e-9)) + 1, 0)
+    return np.asarray(first + interval * np.arange(count), dtype=np.float64)
 
 
-def _uniform(t: FloatArray) -> bool:
+def _uniform(t: FloatArray, interval: float) -> bool:
     if t.size < 2:
         return False
     steps = np.diff(t)
     mean = (t[-1] - t[0]) / (t.size - 1)
-    return bool(0.8 * INTERVAL_S < mean < 1.25 * INTERVAL_S) and bool(
+    return bool(0.8 * interval < mean < 1.25 * interval) and bool(
         np.all(np.abs(steps - mean) < _SAME_GRID * mean)
     )
 

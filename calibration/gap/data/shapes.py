@@ -1,33 +1,43 @@
-"""The trajectory's shape from the name of a flight, for holding out shapes that no fit saw."""
+"""Flights of one kind, by what was flown: what must be held out together to be unseen."""
 
-import re
 from collections.abc import Sequence
 
-from calibration.flights.flight import Flight
+import numpy as np
+from scipy.cluster.hierarchy import fcluster, linkage
+from scipy.spatial.distance import squareform
 
-_NOT_SHAPE = {
-    *("slow", "medium", "fast", "speed"),  # how fast
-    *("mell", "mellinger", "pid", "indi", "lee", "brescianini"),  # under which controller
-}
-_REPETITION = re.compile(r"^(rep|run|trial|take|no|seed)?\d*$|^\d{8}t\d{6}z$")
+from calibration.gap.data.record import FlightRecord
+from onboard.arrays import FloatArray
+
+_ALIKE = 0.4
+"""Largest difference of any quantity, as a logarithm, between flights of one kind, on average."""
+
+_APART = 1.0
+"""m between the middles of two flights that makes them as different as a factor of e does."""
+
+_FLOORS = np.array([0.3, 0.3, 0.3, 0.4, 0.4, 0.4, 1.0, 1.0, 0.5, 0.1])
+"""Extents (m), ranges of velocity (m/s), rate (rad/s) and duty below which differences do not count."""
 
 
-def shapes_of(flights: Sequence[Flight]) -> tuple[str, ...]:
-    """One name a flight; flights of one shape share it.
+def kinds_of(records: Sequence[FlightRecord]) -> np.ndarray:
+    """Kind of each flight, 0 .. n-1 in the order in which they first appear, shape (flights,).
 
-    An approach with a known condition is that condition. Otherwise the name without its time, its repetition
-    (``_rep1``, trailing digits), speed and controller words. When nothing but one name is left, every flight
-    is a shape of its own.
+    Flights are of one kind when place, extent, speed, turning and thrust are alike; what their files are
+    called plays no part.
     """
-    shapes = tuple(_shape(flight) for flight in flights)
-    if len(set(shapes)) <= 1:
-        return tuple(f"{shape}#{i + 1}" for i, shape in enumerate(shapes))
-    return shapes
+    if len(records) < 2:
+        return np.zeros(len(records), dtype=int)
+    flown = np.array([_flown(record) for record in records])
+    difference = np.abs(flown[:, None] - flown[None]).max(axis=2)
+    clusters = fcluster(linkage(squareform(difference, checks=False), "average"), _ALIKE, "distance")
+    first = {cluster: number for number, cluster in enumerate(dict.fromkeys(clusters.tolist()))}
+    return np.array([first[cluster] for cluster in clusters.tolist()])
 
 
-def _shape(flight: Flight) -> str:
-    if flight.commanded_speed is not None and flight.commanded_angle_deg is not None:
-        return f"approach {flight.commanded_speed:.2f} m/s {flight.commanded_angle_deg:.1f} deg"
-    words = [w for w in re.split(r"[_\-\s]+", flight.name.lower()) if w]
-    kept = [w for w in words if w not in _NOT_SHAPE and not _REPETITION.match(w)]
-    return "_".join(kept).rstrip("0123456789") or flight.name
+def _flown(record: FlightRecord) -> FloatArray:
+    """Logarithms of the ranges flown, and the middle of the flight in units of :data:`_APART`."""
+    rows = record.flying if record.flying.any() else slice(None)
+    position, velocity, rate = record.position[rows], record.velocity[rows], record.rate[rows]
+    along = np.column_stack([position, velocity, rate, record.duty[rows].mean(axis=1)])
+    low, middle, high = np.nanquantile(along, [0.05, 0.5, 0.95], axis=0)
+    return np.concatenate([np.log(high - low + _FLOORS), middle[:3] / _APART])

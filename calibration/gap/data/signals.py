@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from calibration.gap.data.record import FlightRecord
+from calibration.gap.data.smoothing import force_from_poses
 from onboard.arrays import BoolArray, FloatArray
 
 CHANNELS = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z", "voltage")
@@ -86,10 +87,10 @@ def stack_signals(records: Sequence[FlightRecord]) -> Signals:
 
 def _measured(record: FlightRecord) -> FloatArray:
     part = np.full((record.t.size, len(CHANNELS)), np.nan)
-    if record.specific_force is not None:
-        part[:, FORCE] = record.specific_force
+    poses_alone = record.specific_force is None
+    part[:, FORCE] = force_from_poses(record) if poses_alone else record.specific_force
     part[:-1, TORQUE] = np.diff(record.rate, axis=0) / record.dt
-    if record.voltage is not None:
+    if record.voltage is not None and record.voltage_measured:
         part[:, VOLTAGE] = record.voltage
     return part
 

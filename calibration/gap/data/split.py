@@ -7,11 +7,15 @@ import numpy as np
 from calibration.gap.data.record import FlightRecord
 from onboard.arrays import FloatArray
 
-FEW = 4.0
-"""Flights: what fewer than these show cannot be checked on flights of other shapes."""
+FEW = 3.2
+"""Flights, counted as the equal ones that tell as much: what fewer show cannot be checked on others. Three
+are few; four are not, though one of them may tell twice as much as another."""
 
 _KEPT_BACK = 0.3
 """Share of the flights that no fit sees."""
+
+_ENOUGH = 4
+"""Flights of which one can be spared though each reaches somewhere that the others do not."""
 
 _FOLDS = 5
 _LOST = 0.85
@@ -24,43 +28,62 @@ _REACHING = 2
 def split_flights(records: Sequence[FlightRecord]) -> tuple[list[int], list[int]]:
     """Indices of the flights to fit to, and of those to keep back.
 
-    Whole shapes of trajectories are kept back first, so that what is found must hold on flights of another
-    kind, then single flights of shapes flown several times; but nothing that alone, or as one of two, shows
+    Whole kinds of flights are kept back first, so that what is found must hold on flights of another
+    kind, then single flights of kinds flown several times; but nothing that alone, or as one of two, shows
     an excitation (the fastest, the highest, the lowest flight ...), because an effect that it reveals could
     not be found.
-    A single flight is fitted to and nothing is kept back.
+    Of few flights the most ordinary one is kept back; of fewer than four, none.
     """
     reach = np.array([_excitation(record) for record in records])
     wanted = int(_KEPT_BACK * len(records))
     kept: list[int] = []
     for group in _groups(records):
+        if not set(group).isdisjoint(kept):
+            continue
         rest = [i for i in range(len(records)) if i not in kept and i not in group]
         if len(kept) + len(group) <= wanted and rest and _covers(reach[rest], reach):
             kept.extend(group)
+    if not kept and len(records) >= _ENOUGH:
+        kept.append(_most_ordinary(reach))
     return [i for i in range(len(records)) if i not in kept], sorted(kept)
 
 
 def folds(records: Sequence[FlightRecord]) -> np.ndarray:
-    """Fold of each flight for cross-validation: flights of one shape together, folds of like size."""
-    shapes = sorted({record.shape for record in records})
-    if len(shapes) < 2:
-        return np.arange(len(records)) % _FOLDS
-    sizes = np.zeros(min(_FOLDS, len(shapes)))
-    fold_of = {}
-    for shape in sorted(shapes, key=lambda s: -sum(r.shape == s for r in records)):
-        fold_of[shape] = int(np.argmin(sizes))
-        sizes[fold_of[shape]] += sum(record.shape == shape for record in records)
-    return np.array([fold_of[record.shape] for record in records])
+    """Fold of each flight for cross-validation: flights of one kind together, folds of like size.
+
+    A kind that most flights are of is spread over all folds: held out, it would leave nothing to learn from.
+    """
+    sizes = np.zeros(min(_FOLDS, len(records)))
+    fold_of = np.zeros(len(records), dtype=int)
+    for group in sorted(_kinds(records), key=lambda group: -len(group)):
+        together = [group] if len(group) <= 0.5 * len(records) else [[i] for i in group]
+        for flights in together:
+            fold = int(np.argmin(sizes))
+            fold_of[flights] = fold
+            sizes[fold] += len(flights)
+    return fold_of
+
+
+def _kinds(records: Sequence[FlightRecord]) -> list[list[int]]:
+    """Flights of each kind, in the order in which the kinds first appear."""
+    kinds: dict[str, list[int]] = {}
+    for index, record in enumerate(records):
+        kinds.setdefault(record.shape, []).append(index)
+    return list(kinds.values())
 
 
 def _groups(records: Sequence[FlightRecord]) -> list[list[int]]:
-    """Whole shapes, the rarest first, then the last flight of each shape flown twice or more."""
-    shapes: dict[str, list[int]] = {}
-    for index, record in enumerate(records):
-        shapes.setdefault(record.shape, []).append(index)
-    whole = sorted(shapes.values(), key=len)
-    several = [[group[-1]] for group in shapes.values() if len(group) > 1]
-    return [*whole, *several] if len(shapes) > 1 else [[i] for i in range(len(records) - 1, 0, -1)]
+    """Whole kinds, the rarest first, then the last flight of each kind flown twice or more."""
+    kinds = _kinds(records)
+    if len(kinds) == 1:
+        return [[i] for i in range(len(records) - 1, 0, -1)]
+    return [*sorted(kinds, key=len), *([group[-1]] for group in kinds if len(group) > 1)]
+
+
+def _most_ordinary(reach: FloatArray) -> int:
+    """The flight that is nearest to the middle of all, whose excitations have shape (flights, 14)."""
+    extent = np.maximum(np.ptp(reach, axis=0), 1e-9)
+    return int(np.argmin(np.abs((reach - np.median(reach, axis=0)) / extent).sum(axis=1)))
 
 
 def _excitation(record: FlightRecord) -> FloatArray:

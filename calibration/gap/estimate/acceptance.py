@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.gap.estimate.mixed import bootstrap_theta
-from calibration.gap.estimate.model import Variable
+from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training
 from onboard.arrays import FloatArray
 
@@ -70,7 +70,7 @@ def clustered_errors(fitted: Fitted, training: Training, rng: np.random.Generato
     by_model = np.sqrt(np.diag(fit.covariance))
     errors = {}
     for index, variable in enumerate(fitted.variables):
-        drawn = by_part if fitted.concentrated([variable]) else by_flight
+        drawn = by_part if fitted.few_flights([index]) else by_flight
         low, high = np.quantile(drawn[:, index], [0.16, 0.84])
         errors[variable] = float(max(by_model[index], 0.5 * (high - low)))
     return errors
@@ -82,28 +82,26 @@ def judge(
     """Whether `offered`, which adds the variables `new` to `present`, is to be believed."""
     fitted = [v for v in new if v in offered.variables]
     errors = {v: e for v, e in clustered_errors(offered, training, rng).items() if v in fitted}
-    concentrated = offered.concentrated(fitted)
-    gains = offered.gains(present, concentrated)
-    far = any(
-        abs(offered.model.start_value(v) - _neutral(v)) >= DETECTABLE * errors[v]
-        for v in fitted
-        if v.rule.neutral is not None
-    ) or all(v.rule.neutral is None for v in fitted)
-    lower = lower_bound(gains, training, concentrated, rng)
+    columns = offered.columns_of(fitted)
+    gains = offered.gains(present, offered.few_kinds(columns))
+    model = offered.model
+    with_neutral = [v for v in fitted if model.rule(v).neutral is not None]
+    far = not with_neutral or any(abs(model.change(v)) >= DETECTABLE * errors[v] for v in with_neutral)
+    lower = lower_bound(gains, training, offered.few_flights(columns), rng)
     return Judgement(
         gain=float(gains.sum()),
         significant=bool(fitted) and float(gains.sum()) >= LEAST_GAIN and lower > 0.0 and far,
-        sizeable=any(sizeable(v, offered.model.start_value(v)) for v in fitted),
-        at_bound=tuple(v for v in fitted if stuck(v, offered.model.start_value(v))),
+        sizeable=any(sizeable(model, v) for v in fitted),
+        at_bound=tuple(v for v in fitted if stuck(model, v)),
         drifting=tuple(v for v in fitted if drifts(v, offered)),
         errors=errors,
     )
 
 
-def sizeable(variable: Variable, value: float) -> bool:
+def sizeable(model: Model, variable: Variable) -> bool:
     """Whether a value is far enough from the neutral one to be worth a name."""
-    rule = variable.rule
-    return rule.neutral is None or abs(value - rule.neutral) >= rule.practical_minimum
+    rule = model.rule(variable)
+    return rule.neutral is None or abs(model.change(variable)) >= rule.practical_minimum
 
 
 def drifts(variable: Variable, offered: Fitted) -> bool:
@@ -123,25 +121,22 @@ def drifts(variable: Variable, offered: Fitted) -> bool:
     steps = [score[part, column].sum() / max(information[part].sum(), 1e-300) for part in (quiet, hard)]
     error = np.sqrt(sum(1.0 / max(information[part].sum(), 1e-300) for part in (quiet, hard)))
     difference = abs(steps[1] - steps[0])
-    size = abs(offered.model.start_value(variable) - _neutral(variable))
+    size = abs(offered.model.change(variable))
     return bool(difference > DETECTABLE * error and difference > _DRIFT * size)
 
 
-def _neutral(variable: Variable) -> float:
-    return 0.0 if variable.rule.neutral is None else variable.rule.neutral
-
-
-def stuck(variable: Variable, value: float) -> bool:
+def stuck(model: Model, variable: Variable) -> bool:
     """Whether a value ended at a bound, where it stands in for something else."""
-    margin = min(_AT_BOUND * (variable.rule.high - variable.rule.low), 0.5 * variable.rule.practical_minimum)
-    at_neutral = variable.rule.neutral is not None and abs(value - variable.rule.neutral) < margin
-    return not at_neutral and (value > variable.rule.high - margin or value < variable.rule.low + margin)
+    rule, value = model.rule(variable), model.start_value(variable)
+    margin = min(_AT_BOUND * (rule.high - rule.low), 0.5 * rule.practical_minimum)
+    at_neutral = rule.neutral is not None and abs(value - rule.neutral) < margin
+    return not at_neutral and (value > rule.high - margin or value < rule.low + margin)
 
 
-def lower_bound(gains: FloatArray, training: Training, concentrated: bool, rng: np.random.Generator) -> float:
+def lower_bound(gains: FloatArray, training: Training, few: bool, rng: np.random.Generator) -> float:
     """2.5 % quantile of the summed gain with flights (or parts, where few flights tell) drawn anew."""
     flights = np.bincount(training.flight_of_part, weights=gains)
-    values = gains[np.abs(gains) > 0.5] if concentrated else flights
+    values = gains[np.abs(gains) > 0.5] if few else flights
     if values.size == 0:
         return 0.0
     drawn = rng.choice(values, size=(_REPEATS, values.size))

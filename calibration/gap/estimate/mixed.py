@@ -16,6 +16,9 @@ import numpy as np
 from calibration.gap.estimate.nuisances import NUISANCES
 from onboard.arrays import FloatArray
 
+MOST = 0.5
+"""Share of the information about an effect that one fold may have for the others to learn it without."""
+
 _ROUNDS = 12
 _LEAST = np.array([n.least for n in NUISANCES])
 _MOST = np.array([n.most for n in NUISANCES])
@@ -147,6 +150,9 @@ def fit_mixed(
 def held_out_likelihood(p: Products, fit: MixedFit, prior: Prior, folds: np.ndarray) -> FloatArray:
     """Marginal log-likelihood of each part with the shared effects fitted on the other folds.
 
+    An effect that one fold tells most of keeps its value there: what the others make of it, in a straight
+    line from nothing, would only leave the likelihood of every other effect to chance.
+
     Args:
         p: products.
         fit: of all parts (its spreads are kept).
@@ -157,10 +163,25 @@ def held_out_likelihood(p: Products, fit: MixedFit, prior: Prior, folds: np.ndar
     _, information, score, left, volume = _without_nuisances(p, fit.spread)
     for fold in np.unique(folds):
         out = folds == fold
-        theta = solve(information[~out].sum(axis=0), score[~out].sum(axis=0), prior)
+        theta = _fitted_elsewhere(fit, information, score, prior, out)
         quadratic = left - 2.0 * score @ theta + np.einsum("g,fgh,h->f", theta, information, theta)
         result[out] = (p.constant + volume - 0.5 * quadratic)[out]
     return result
+
+
+def _fitted_elsewhere(
+    fit: MixedFit, information: FloatArray, score: FloatArray, prior: Prior, out: np.ndarray
+) -> FloatArray:
+    """theta from the parts that are not `out`, but for what those that are tell most of."""
+    told = np.einsum("fgg->fg", information)
+    kept = told[out].sum(axis=0) > MOST * told.sum(axis=0)
+    matrix = information[~out].sum(axis=0) + np.diag(prior.precision)
+    right = score[~out].sum(axis=0) + prior.precision * prior.mean
+    theta = fit.theta.copy()
+    free = ~kept
+    rest = right[free] - matrix[np.ix_(free, kept)] @ theta[kept]
+    theta[free] = np.linalg.solve(matrix[np.ix_(free, free)], rest)
+    return theta
 
 
 def bootstrap_theta(

@@ -4,18 +4,20 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import cache, cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.signals import CHANNELS, FORCE, TORQUE, VOLTAGE
+from calibration.gap.data.smoothing import as_poses_see
 from calibration.gap.replay.teacher_forcing import Prediction, teacher_forced
 from onboard.arrays import FloatArray
 from onboard.quantity import Quantity
 from onboard.room import RoomGeometry
 from onboard.vehicle import EFFECTS, Effect, Vehicle
-from onboard.vehicle.effects import EffectParameter
+from onboard.vehicle.effects import EffectParameter, Size
 from sim_backend.physics.parameters import physics_parameters
 
 NO_CEILING = 1e3
@@ -32,11 +34,6 @@ class Variable(NamedTuple):
 
     effect: str
     parameter: str
-
-    @property
-    def rule(self) -> EffectParameter:
-        """What is known of it before any flight: bounds, neutral and typical value."""
-        return EFFECTS[self.effect].parameters[self.parameter]
 
 
 @dataclass(frozen=True)
@@ -55,8 +52,21 @@ class Model:
 
     def with_values(self, values: Mapping[Variable, float]) -> "Model":
         """The model with some values changed or added; each kept within its bounds."""
-        bounded = {v: float(np.clip(x, v.rule.low, v.rule.high)) for v, x in values.items()}
+        bounded = {v: float(np.clip(x, self.rule(v).low, self.rule(v).high)) for v, x in values.items()}
         return dataclasses.replace(self, values={**self.values, **bounded})
+
+    def rule(self, variable: Variable) -> EffectParameter:
+        """What is known of a parameter of a vehicle of this size before any flight."""
+        return _rule(variable, self.size)
+
+    @cached_property
+    def size(self) -> Size:
+        """Magnitudes of the vehicle, with which the bounds of its effects grow."""
+        return self.base.size
+
+    def change(self, variable: Variable) -> float:
+        """Distance of the present value from the one that does nothing (from 0, where none does)."""
+        return self.start_value(variable) - (self.rule(variable).neutral or 0.0)
 
     def without(self, effect: str) -> "Model":
         """The model without one effect (with what the vehicle file says of it)."""
@@ -73,7 +83,8 @@ class Model:
         for effect in self.base.effects:
             if effect.name == variable.effect:
                 return effect.values()[variable.parameter]
-        return variable.rule.typical if variable.rule.neutral is None else variable.rule.neutral
+        rule = self.rule(variable)
+        return rule.typical if rule.neutral is None else rule.neutral
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -108,7 +119,7 @@ class Model:
         # An error of the thrust map says nothing of what the motors draw.
         plain = self.without("thrust_curve")
         drawing = predictions if plain.effects == self.effects else plain._along(records, plain.parameters())
-        return stack_predictions(predictions, [terminal_voltage(p, one) for one in drawing])
+        return stack_predictions(records, predictions, [terminal_voltage(p, one) for one in drawing])
 
     def _along(self, records: Sequence[FlightRecord], p: Any) -> list[Prediction]:
         with ThreadPoolExecutor(WORKERS) as pool:
@@ -127,9 +138,9 @@ class Model:
             variable: by which; taken towards the middle of its bounds.
             predicted: by this model, shape (n, 7).
         """
-        value = self.start_value(variable)
-        step = max(_SHARE_OF_RANGE * (variable.rule.high - variable.rule.low), 1e-3 * abs(value))
-        if value + step > variable.rule.high:
+        value, rule = self.start_value(variable), self.rule(variable)
+        step = max(_SHARE_OF_RANGE * (rule.high - rule.low), 1e-3 * abs(value))
+        if value + step > rule.high:
             step = -step
         change = (self.with_values({variable: value + step}).predict(records) - predicted) / step
         if variable.effect == "battery_sag":
@@ -139,23 +150,32 @@ class Model:
         return change
 
 
+@cache
+def _rule(variable: Variable, size: Size) -> EffectParameter:
+    return EFFECTS[variable.effect].parameters[variable.parameter].for_size(size)
+
+
 def terminal_voltage(p: Any, prediction: Prediction) -> FloatArray:
     """Battery voltage (V) by the vehicle's battery model, shape (n,), from full at the first sample."""
     fallen = p["open_circuit_slope"] * prediction.charge / p["battery_capacity"]
     return np.asarray(p["open_circuit_full"] - fallen - p["battery_resistance"] * prediction.current)
 
 
-def stack_predictions(predictions: Sequence[Prediction], voltages: Sequence[FloatArray]) -> FloatArray:
+def stack_predictions(
+    records: Sequence[FlightRecord], predictions: Sequence[Prediction], voltages: Sequence[FloatArray]
+) -> FloatArray:
     """Predicted signals, shape (n, 7), stacked as :func:`~calibration.gap.data.signals.stack_signals`.
 
     Args:
+        records: the flights; without an accelerometer forces are those that poses show.
         predictions: one per flight.
         voltages: V, predicted at the terminals, shape (n,) per flight.
     """
     parts = []
-    for prediction, voltage in zip(predictions, voltages, strict=True):
+    for record, prediction, voltage in zip(records, predictions, voltages, strict=True):
         part = np.zeros((voltage.size, len(CHANNELS)))
-        part[:, FORCE] = prediction.force
+        seen = record.specific_force is not None
+        part[:, FORCE] = prediction.force if seen else as_poses_see(record, prediction.force)
         part[:-1, TORQUE] = prediction.angular_acceleration
         part[:, VOLTAGE] = voltage
         parts.append(part)

@@ -11,14 +11,14 @@ from calibration.gap.data.excitation import excitation_weights
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.signals import PARTS, stack_signals
 from calibration.gap.data.split import FEW, folds
-from calibration.gap.estimate.mixed import FIRST_SPREAD, Prior, held_out_likelihood
+from calibration.gap.estimate.mixed import FIRST_SPREAD, MOST, Prior, held_out_likelihood
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.regression import Estimate, Noise, Regression
 from onboard.arrays import FloatArray
 from onboard.vehicle import Vehicle
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class UnnamedTerm(ABC):
     """Something that no named effect describes, linear in its values.
 
@@ -62,7 +62,7 @@ class Training:
     Attributes:
         records: the flights.
         regression: their signals.
-        by_shape: fold of each part of a flight; flights of one shape are in one fold.
+        by_shape: fold of each part of a flight; flights of one kind are in one fold.
         by_time: fold of each part, neighbours apart: for effects that one or two flights alone show.
     """
 
@@ -99,6 +99,7 @@ class Fitted:
         estimate: linearised about (nearly) these values.
         held_out: log-likelihood of each part with the shared parameters of the other shapes' flights.
         held_out_in_time: likewise, with those of the other parts of all flights.
+        folds: of each part, by kind of flight, shape (parts,).
         predicted: signals along the flights, shape (n, 7).
         columns: derivative of the signals by each variable, then the columns of the unnamed terms.
         unnamed: terms without a name that are in the model.
@@ -109,6 +110,7 @@ class Fitted:
     estimate: Estimate
     held_out: FloatArray
     held_out_in_time: FloatArray
+    folds: np.ndarray
     predicted: FloatArray
     columns: tuple[FloatArray, ...]
     unnamed: tuple[UnnamedTerm, ...] = ()
@@ -119,29 +121,37 @@ class Fitted:
         others = len(self.columns) - len(self.variables)
         return prior_step(self.model, self.variables).and_of(_unnamed_prior(others))
 
-    def gains(self, over: "Fitted", concentrated: bool) -> FloatArray:
+    def gains(self, over: "Fitted", in_time: bool) -> FloatArray:
         """Gain in held-out log-likelihood of each part over another fit.
 
         Args:
             over: the other fit.
-            concentrated: whether few flights alone tell of what is new: parts are held out then, not shapes.
+            in_time: whether parts of all flights are held out, not kinds of flights: where few flights, or
+                those of one kind, tell of what is new, the others could not have learned it.
         """
-        if concentrated:
+        if in_time:
             return self.held_out_in_time - over.held_out_in_time
         return self.held_out - over.held_out
 
-    def concentrated(self, new: Sequence[Variable]) -> bool:
-        """Whether fewer than :data:`FEW` flights carry the information about the variables `new`."""
-        return self.few_flights([i for i, v in enumerate(self.variables) if v in new])
+    def columns_of(self, variables: Sequence[Variable]) -> list[int]:
+        """Columns of the estimate that belong to these variables."""
+        return [i for i, v in enumerate(self.variables) if v in variables]
 
     def few_flights(self, columns: Sequence[int]) -> bool:
         """Whether fewer than :data:`FEW` flights carry the information about any of these columns."""
-        if not columns:
-            return False
-        information = np.einsum("fgg->fg", self.estimate.fit.information)[:, columns]
-        per_flight = information.reshape(-1, PARTS, len(columns)).sum(axis=1)
-        share = per_flight / np.maximum(per_flight.sum(axis=0), 1e-300)
+        share = self._shares(columns, np.arange(self.folds.size) // PARTS)
         return bool(np.any((share**2).sum(axis=0) > 1.0 / FEW))
+
+    def few_kinds(self, columns: Sequence[int]) -> bool:
+        """Whether few flights, or those of one fold, carry most of the information about these columns."""
+        return self.few_flights(columns) or bool(np.any(self._shares(columns, self.folds) > MOST))
+
+    def _shares(self, columns: Sequence[int], group: np.ndarray) -> FloatArray:
+        """Share of the information about each column that each group of parts has, (groups, columns)."""
+        information = np.einsum("fgg->fg", self.estimate.fit.information)[:, list(columns)]
+        summed = np.zeros((int(group.max()) + 1, len(columns)))
+        np.add.at(summed, group, information)
+        return summed / np.maximum(summed.sum(axis=0), 1e-300)
 
 
 def prior_step(model: Model, variables: Sequence[Variable]) -> Prior:
@@ -152,7 +162,7 @@ def prior_step(model: Model, variables: Sequence[Variable]) -> Prior:
     """
     mean, precision = np.zeros(len(variables)), np.empty(len(variables))
     for index, v in enumerate(variables):
-        rule = v.rule
+        rule = model.rule(v)
         precision[index] = (rule.high - rule.low) ** -2.0 if rule.spread is None else rule.spread**-2.0
         mean[index] = 0.0 if rule.spread is None else rule.typical - model.start_value(v)
     return Prior(mean, precision)
@@ -218,6 +228,7 @@ def refine(
         estimate=estimate,
         held_out=held_out,
         held_out_in_time=in_time,
+        folds=training.by_shape,
         predicted=predicted,
         columns=(*columns, *extra),
         unnamed=tuple(unnamed),
@@ -232,9 +243,9 @@ def settled(fitted: Fitted, training: Training) -> Fitted:
 def _bounded_step(model: Model, variables: Sequence[Variable], theta: FloatArray) -> FloatArray:
     step = np.empty(len(variables))
     for index, (v, wanted) in enumerate(zip(variables, theta, strict=False)):  # unnamed ones follow
-        extent = v.rule.high - v.rule.low
-        value = model.start_value(v)
-        room = (v.rule.high if wanted > 0.0 else v.rule.low) - value
+        rule, value = model.rule(v), model.start_value(v)
+        extent = rule.high - rule.low
+        room = (rule.high if wanted > 0.0 else rule.low) - value
         # A curved likelihood overshoots: nobody jumps onto a bound, where a variable would be given up.
         most = min(_LONGEST * extent, abs(room) if abs(room) < _NEAR * extent else _TOWARDS * abs(room))
         step[index] = np.clip(wanted, -most, most)

@@ -8,12 +8,9 @@ import numpy as np
 from calibration.gap.estimate.held_out import HeldOutFlights, improvement
 from calibration.gap.landings import LandingEffect, LandingFindings
 from calibration.gap.report.document import FoundEffect, FoundParameter, Landings, UnusableFile
-from calibration.gap.search.naming import Named
+from calibration.gap.search.naming import NINETY_FIVE, Named
 from calibration.gap.sensors import SensingEffect
 from onboard.vehicle import EFFECTS, Vehicle
-
-NINETY_FIVE = 1.96
-"""Standard errors to either side of a 95 % interval."""
 
 
 def found_effects(names: Named, flights: HeldOutFlights, rng: np.random.Generator) -> list[FoundEffect]:

@@ -40,15 +40,22 @@ def where(before: GapMap) -> tuple[Where, ...]:
     )[:_PLACES]
 
 
-def unexplained(found: Search, names: Named, vehicle: Vehicle) -> Unexplained:
-    """What has no name; its share is of the residual's variance in the channel where most of it lives."""
+def unexplained(found: Search, names: Named, vehicle: Vehicle, left: Sequence[str]) -> Unexplained:
+    """What has no name; its share is of the residual's variance in the channel where most of it lives.
+
+    Args:
+        found: the search.
+        names: what was named.
+        vehicle: as given.
+        left: what is left when all names are in, in words.
+    """
     structures = [one.structure for one in found.unnamed]
     formula_words = formulas(found.final, vehicle)
     goes_with = [text for f in structures for text in (f.regressor, f.condition, *f.alike)]
     return Unexplained(
         share=max((float(structure.share) for structure in structures), default=0.0),
         channels=tuple(dict.fromkeys(structure.channel.name for structure in structures)),
-        suspects=tuple(dict.fromkeys([*goes_with, *names.unconfirmed])),
+        suspects=tuple(dict.fromkeys([*goes_with, *names.unconfirmed, *left])),
         formula="; ".join(formula_words) or None,
     )
 

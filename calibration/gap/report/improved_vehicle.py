@@ -5,19 +5,20 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from calibration.gap.report.document import FoundEffect
-from calibration.gap.report.effects import NINETY_FIVE
+from calibration.gap.search.naming import NINETY_FIVE, Named
 from onboard.quantity import Quantity
 from onboard.vehicle import Effect, Vehicle, vehicle_to_toml
 
 VEHICLE_FILE = "vehicle.toml"
 
 
-def improved_vehicle(vehicle: Vehicle, effects: Sequence[FoundEffect], source: str) -> Vehicle:
+def improved_vehicle(vehicle: Vehicle, effects: Sequence[FoundEffect], names: Named, source: str) -> Vehicle:
     """A vehicle with effects added, or put in the place of those that it had under the same names.
 
     Args:
         vehicle: as given.
         effects: found; parameters that were not found stay neutral.
+        names: of the search, with the effects that are real and too small for a name.
         source: provenance of the numbers, for the file.
     """
     added = tuple(
@@ -30,9 +31,25 @@ def improved_vehicle(vehicle: Vehicle, effects: Sequence[FoundEffect], source: s
         )
         for effect in effects
     )
-    names = {effect.name for effect in added}
-    kept = tuple(effect for effect in vehicle.effects if effect.name not in names)
-    return dataclasses.replace(vehicle, effects=(*kept, *added))
+    small = tuple(
+        Effect(
+            name=name,
+            parameters={
+                v.parameter: Quantity(
+                    x,
+                    names.improved.rule(v).unit,
+                    names.errors.get(v, 0.0),
+                    f"{source}; too small for a name",
+                )
+                for v, x in names.improved.values.items()
+                if v.effect == name
+            },
+        )
+        for name in names.minor
+    )
+    replaced = {effect.name for effect in (*added, *small)}
+    kept = tuple(effect for effect in vehicle.effects if effect.name not in replaced)
+    return dataclasses.replace(vehicle, effects=(*kept, *added, *small))
 
 
 def provenance(flights: int, held_out: int, seed: int) -> str:

@@ -21,6 +21,9 @@ Stages = Mapping[str, PredictionErrors]
 
 _UNITS = dict(zip(QUANTITIES, ("m", "m/s", "deg", "rad/s"), strict=True))
 _WORDS = dict(zip(QUANTITIES, ("position", "velocity", "attitude", "rate"), strict=True))
+HORIZON = 1.0
+"""s, of the error that stands for the whole gap."""
+
 _CHANNEL_HORIZON = 0.5
 """s: long against the noise, short against what one channel does to another."""
 _GIVEN = "attitude given"
@@ -32,7 +35,7 @@ _CHANNELS = {
 """Channel by the prediction error that shows it, and its unit."""
 
 
-def prediction_gap(stages: Stages, horizon: float = 1.0) -> Gap:
+def prediction_gap(stages: Stages, horizon: float = HORIZON) -> Gap:
     """The gap of first and last stage: position after `horizon` (s) with given attitude, and all else.
 
     Where no flight reaches that far, the longest horizon that one does reach stands for it.

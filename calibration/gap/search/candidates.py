@@ -22,6 +22,12 @@ _ELSEWHERE = {"pose_delay", "motor_speed_law"}
 """Timing of poses is judged without a vehicle model; the speed law is another form of the motor lag."""
 
 _DYNAMIC = {Domain.ACTUATION, Domain.AIR, Domain.RIGID_BODY, Domain.TIMING}
+_IN_VOLTAGE = {"thrust_scale", "mass_error", "battery_sag"}
+"""What a voltage that was made to carry the vehicle has taken in."""
+
+_WIND_DIRECTIONS, _WIND_SPEEDS = 4, (1.0, 6.0)
+"""Directions and speeds (m/s) from which a wind is sought together with the drag that makes it felt."""
+
 _OPENINGS = (0.9, 0.35)
 """Shares of a rotor's rim through which air can enter."""
 
@@ -34,7 +40,7 @@ class Candidate(NamedTuple):
 
     Attributes:
         effect: its name.
-        variables: parameters to fit.
+        variables: parameters to fit, of other effects too that it cannot be without.
         starts: models to start from; the first is the present one where that has a derivative.
     """
 
@@ -46,8 +52,14 @@ class Candidate(NamedTuple):
 def candidates(model: Model, records: Sequence[FlightRecord]) -> list[Candidate]:
     """Every effect of free flight that this vehicle could have and the model does not search for yet."""
     found = []
+    made = not any(record.voltage_measured for record in records)
     for description in EFFECTS.values():
         if description.domain not in _DYNAMIC or description.name in {*_ELSEWHERE, *model.effects}:
+            continue
+        if made and description.name in _IN_VOLTAGE:
+            continue
+        if description.name == "wind" and not _met(Needs.AIR_FORCE, model):
+            found.append(_wind(model))
             continue
         if any(not _met(need, model) for need in description.needs):
             continue
@@ -105,6 +117,24 @@ def _candidate(description: EffectDescription, model: Model, records: Sequence[F
     return Candidate(name, variables, (model,))
 
 
+def _wind(model: Model) -> Candidate:
+    """Wind together with a drag, where the model has no force of the air yet: it shows by the drag alone."""
+    drags = [Variable("linear_drag", axis) for axis in "xyz"]
+    wind = [Variable("wind", axis) for axis in "xy"]
+    angles = 2.0 * np.pi * np.arange(_WIND_DIRECTIONS) / _WIND_DIRECTIONS
+    starts = tuple(
+        model.with_values(
+            {
+                **{v: model.rule(v).typical for v in drags},
+                **dict(zip(wind, (speed * np.cos(angle), speed * np.sin(angle)), strict=True)),
+            }
+        )
+        for speed in _WIND_SPEEDS
+        for angle in angles
+    )
+    return Candidate("wind", (*drags, *wind), starts)
+
+
 def _limits(model: Model, records: Sequence[FlightRecord], limit: Variable) -> tuple[Model, ...]:
     """Limits of thrust that a few or many samples would reach."""
     p = model.parameters()
@@ -118,7 +148,7 @@ def _limits(model: Model, records: Sequence[FlightRecord], limit: Variable) -> t
 def _ceilings(model: Model, records: Sequence[FlightRecord]) -> tuple[Model, ...]:
     """Ceiling effects of a free and of a crowded rotor, under the known ceiling or some that may be there."""
     inflow, opening = Variable("ceiling_effect", "inflow"), Variable("ceiling_effect", "opening")
-    starts = [model.with_values({inflow: inflow.rule.typical, opening: share}) for share in _OPENINGS]
+    starts = [model.with_values({inflow: model.rule(inflow).typical, opening: share}) for share in _OPENINGS]
     if model.ceiling_z is not None:
         return tuple(starts)
     heights = [float(r.position[r.flying, 2].max()) for r in records if r.flying.any()]
@@ -152,5 +182,5 @@ def _deepest(candidate: Candidate, base: Model, instants: Instants) -> Model:
     settled = [instants.settled(start, candidate.variables) for start in candidate.starts]
     if candidate.effect == "ceiling_effect" and base.ceiling_z is None:
         settled += [instants.settled(start, candidate.variables, True) for start in candidate.starts[:2]]
-    inside = [one for one in settled if not any(stuck(v, one[1].start_value(v)) for v in candidate.variables)]
+    inside = [one for one in settled if not any(stuck(one[1], v) for v in candidate.variables)]
     return min(inside or settled, key=lambda one: one[0])[1]

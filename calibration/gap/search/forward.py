@@ -27,6 +27,9 @@ LOG_TIMING = Variable("command_delay", "delay")
 """Always fitted: when a command was logged is never known to the millisecond, and a delay left out makes
 other names. It is an effect only where it is larger than that doubt."""
 
+MADE_SCALE = Variable("thrust_scale", "scale")
+"""Always fitted, and no effect, where no voltage was logged."""
+
 AT_BOUND = "{} ran into its bound: it stands in for something else"
 DRIFTS = "{} depends on how hard the vehicle was flown: it stands in for something else"
 """Why a parameter is not believed."""
@@ -111,7 +114,7 @@ def search(
         rng: for the bootstrap.
         progress: told what is being looked at.
     """
-    first = present = refine(model, (LOG_TIMING,), training)
+    first = present = refine(model, _always(training), training)
     steps: list[SelectionStep] = []
     unnamed: list[FittedTerm] = []
     refused: dict[str, str] = {}
@@ -128,7 +131,9 @@ def search(
             unnamed.append(other)
             present = other.after
         elif step is not None:
-            steps.append(step)
+            present_effects = set(present.model.effects)
+            others = [e for e in step.after.model.effects if e not in {*present_effects, step.effect}]
+            steps += [dataclasses.replace(step, effect=effect) for effect in (step.effect, *others)]
             present = step.after
         else:
             break
@@ -140,9 +145,15 @@ def search(
         final=present,
         refused=refused,
         ambiguous=ambiguous,
-        blind=tuple(blind_to(promises)),
+        blind=tuple(blind_to(promises, model)),
         unnamed=tuple(one for one in unnamed if one.term in present.unnamed),
     )
+
+
+def _always(training: Training) -> tuple[Variable, ...]:
+    """What is fitted whatever is missing: a voltage made to carry one model does not carry the next."""
+    made = not any(record.voltage_measured for record in training.records)
+    return (LOG_TIMING, MADE_SCALE) if made else (LOG_TIMING,)
 
 
 def _far_off(
@@ -154,8 +165,7 @@ def _far_off(
         effect, variables = promise.candidate.effect, promise.candidate.variables
         if effect in SCALES:
             fitted = refine(present.model, (*present.variables, *variables), training, start=present.estimate)
-            value = fitted.model.start_value(variables[0])
-            if abs(value - (variables[0].rule.neutral or 0.0)) >= _FAR_OFF:
+            if abs(fitted.model.change(variables[0])) >= _FAR_OFF:
                 judgement = judge(present, fitted, variables, training, rng)
                 fits.append(SelectionStep(effect, judgement, fitted))
     best = max(fits, key=lambda step: step.judgement.gain, default=None)
@@ -178,15 +188,15 @@ def _outdone(
     return other.judgement.gain > both
 
 
-def blind_to(promises: Sequence[Promise]) -> list[str]:
+def blind_to(promises: Sequence[Promise], model: Model) -> list[str]:
     """Effects of which not even the ordinary size would have been found in these flights."""
     return [
         promise.candidate.effect
         for promise in promises
         if promise.errors
         and all(
-            DETECTABLE * error > max(abs(v.rule.typical - (v.rule.neutral or 0.0)), v.rule.practical_minimum)
-            for v, error in promise.errors.items()
+            DETECTABLE * error > max(abs(rule.typical - (rule.neutral or 0.0)), rule.practical_minimum)
+            for rule, error in ((model.rule(v), error) for v, error in promise.errors.items())
         )
     ]
 
@@ -261,7 +271,8 @@ def _forward(
         fitted_ones = list(pool.map(closely, looked_at))
     fits: list[tuple[float, Candidate, Fitted, Judgement]] = []
     for promise, fitted in zip(looked_at, fitted_ones, strict=True):
-        judgement = judge(present, fitted, promise.candidate.variables, training, rng)
+        own = [v for v in promise.candidate.variables if v.effect == promise.candidate.effect]
+        judgement = judge(present, fitted, own, training, rng)
         fits.append((judgement.gain, promise.candidate, fitted, judgement))
     fits.sort(key=lambda item: _PARSIMONY * len(item[1].variables) - item[0])
     best = max((gain for gain, _, _, judgement in fits if judgement.significant), default=0.0)

@@ -105,7 +105,7 @@ class Instants:
         if self.misfit.shape[0] == 0:
             return 0.0, start
         first = np.array([start.start_value(v) for v in variables])
-        rules = [v.rule for v in variables]
+        rules = [start.rule(v) for v in variables]
         low, high = np.array([r.low for r in rules]), np.array([r.high for r in rules])
         believed = [(i, r.typical, r.spread) for i, r in enumerate(rules) if r.spread is not None]
         scale = np.array([max(abs(x), r.practical_minimum) for x, r in zip(first, rules, strict=True)])

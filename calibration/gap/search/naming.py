@@ -1,7 +1,9 @@
 """From a finished search to names, values and intervals."""
 
+import dataclasses
 import math
-from collections.abc import Mapping
+import tomllib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,10 +14,18 @@ from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training
 from calibration.gap.search.forward import AT_BOUND, DRIFTS, LOG_TIMING, Search
 from calibration.gap.search.rivals import needed
-from onboard.vehicle import EFFECTS
+from onboard.vehicle import EFFECTS, Vehicle, VehicleFileError, vehicle_to_toml
+from onboard.vehicle.file_format import parse_vehicle
+
+_REAL = "real, but too small for a name"
 
 FEWEST = 3
 """Flights: what fewer show may be of one of them alone."""
+
+_LAGS = ("motor_lag", "motor_lag_asymmetry")
+
+NINETY_FIVE = 1.96
+"""Standard errors to either side of a 95 % interval."""
 
 SYSTEMATIC = 0.02
 """Share of an effect that its value may be off by for other reasons than noise: regressors are measured, with
@@ -29,7 +39,9 @@ class Named:
 
     Attributes:
         effects: names, in the order found.
-        model: the base vehicle with these effects alone.
+        minor: effects that are real, but too small for a name: they are in the improved vehicle.
+        model: the base vehicle with the named effects alone.
+        improved: with the minor ones too.
         errors: standard error of each variable: clustered, and :data:`SYSTEMATIC`.
         ambiguous: by effect, those that the flights do not rule out in its place.
         unconfirmed: effects that would have been named, had there been flights to confirm them on.
@@ -37,19 +49,31 @@ class Named:
     """
 
     effects: tuple[str, ...]
+    minor: tuple[str, ...]
     model: Model
+    improved: Model
     errors: dict[Variable, float]
     ambiguous: dict[str, tuple[str, ...]]
     unconfirmed: tuple[str, ...]
     rejected: dict[str, str]
 
+    def without_any(self, reason: str) -> "Named":
+        """The same without a name, each refused for one reason."""
+        refused = {**self.rejected, **dict.fromkeys(self.effects, reason)}
+        model = Model(self.model.base, {}, self.model.ceiling_z)
+        return dataclasses.replace(
+            self, effects=(), minor=(), model=model, improved=model, ambiguous={}, rejected=refused
+        )
+
     def models(self) -> dict[str, Model]:
-        """The model before, and after each effect, under "before", "with <effect>"."""
+        """The model before, after each effect, and with all that is real: "before", "with <effect>" ..."""
         model = Model(self.model.base, {}, self.model.ceiling_z)
         stages = {"before": model}
         for name in self.effects:
             model = model.with_values({v: x for v, x in self.model.values.items() if v.effect == name})
             stages[f"with {name}"] = model
+        if self.minor:
+            stages["with the small ones"] = self.improved
         return stages
 
 
@@ -63,27 +87,42 @@ def name_effects(found: Search, training: Training, rng: np.random.Generator) ->
     order = [step.effect for step in found.steps]
     if LOG_TIMING in final.model.values and needed(final, LOG_TIMING.effect, training):
         order.append(LOG_TIMING.effect)
-    doubts = {name: _doubt(name, final, training) for name in order}
-    worthy = [name for name in order if doubts[name] is None]
-    confirmed = len(training.records) >= FEWEST
-    order = worthy if confirmed else []
-    values = {
-        v: x
-        for name in order
-        for v, x in final.model.values.items()
-        if v.effect == name and (v in final.variables or sizeable(v, x))
+    errors = {
+        v: math.hypot(error, SYSTEMATIC * abs(final.model.change(v)))
+        for v, error in clustered_errors(final, training, rng).items()
     }
+    doubts = {name: _doubt(name, final, training, errors) for name in order}
+    confirmed = len(training.records) >= FEWEST
+    worthy = [name for name in order if doubts[name] is None]
+    believed = [*worthy, *(name for name in order if (doubts[name] or "").startswith(_REAL))]
+    believed = (
+        [name for name in believed if doubts[name] is None or name != LOG_TIMING.effect] if confirmed else []
+    )
+    while believed and (problem := _not_loaded(_model_of(believed, final).vehicle())):
+        doubts[believed.pop()] = f"no vehicle file can say it: {problem}"
+    order = [name for name in believed if doubts[name] is None]
+    minor = [name for name in believed if name not in order]
     return Named(
         effects=tuple(order),
-        model=Model(final.model.base, values, final.model.ceiling_z),
-        errors={
-            v: math.hypot(error, SYSTEMATIC * abs(final.model.start_value(v) - (v.rule.neutral or 0.0)))
-            for v, error in clustered_errors(final, training, rng).items()
-        },
+        minor=tuple(minor),
+        improved=_model_of(believed, final),
+        model=_model_of(order, final),
+        errors=errors,
         ambiguous={name: _not_ruled_out(name, found, order) for name in order},
         unconfirmed=() if confirmed else tuple(worthy),
         rejected={name: doubt for name, doubt in doubts.items() if doubt is not None},
     )
+
+
+def _model_of(names: Sequence[str], final: Fitted) -> Model:
+    """The vehicle with what was found of these effects; those that were given up count where they matter."""
+    values = {
+        v: x
+        for name in names
+        for v, x in final.model.values.items()
+        if v.effect == name and (v in final.variables or sizeable(final.model, v))
+    }
+    return Model(final.model.base, values, final.model.ceiling_z)
 
 
 def _not_ruled_out(effect: str, found: Search, named: list[str]) -> tuple[str, ...]:
@@ -92,23 +131,43 @@ def _not_ruled_out(effect: str, found: Search, named: list[str]) -> tuple[str, .
     return tuple(dict.fromkeys([*rivals, *(name for name in EFFECTS[effect].alike if name not in named)]))
 
 
-def _doubt(effect: str, final: Fitted, training: Training) -> str | None:
+def _doubt(effect: str, final: Fitted, training: Training, errors: Mapping[Variable, float]) -> str | None:
     """Why an effect of the final model gets no name; None where it is large, free and steady."""
     values = {v: x for v, x in final.model.values.items() if v.effect == effect}
     if effect == LOG_TIMING.effect and not excited(training.regression.weights):
         return "too little was commanded to tell it"
-    if at_bound := [v.parameter for v, x in values.items() if stuck(v, x)]:
+    if at_bound := [v.parameter for v, x in values.items() if stuck(final.model, v)]:
         return AT_BOUND.format(", ".join(at_bound))
     if drifting := [v.parameter for v in values if v in final.variables and drifts(v, final)]:
         return DRIFTS.format(", ".join(drifting))
     if effect == LOG_TIMING.effect:
         half = 0.5 * training.regression.signals.dt
         return None if final.model.values[LOG_TIMING] > half else _small(values)
-    return None if any(sizeable(v, x) for v, x in values.items()) else _small(values)
+    large = [v for v in values if sizeable(final.model, v)]
+    if effect in _LAGS:  # no better known than when a line of the log was written
+        half = 0.5 * training.regression.signals.dt / final.model.base.motors.time_constant_up.value
+        large = [v for v in large if abs(final.model.change(v)) > half]
+    if not large:
+        return _small(values)
+    with_neutral = [v for v in large if final.model.rule(v).neutral is not None]
+    if with_neutral and all(
+        abs(final.model.change(v)) < NINETY_FIVE * errors.get(v, 0.0) for v in with_neutral
+    ):
+        return "its interval contains nothing"
+    return None
+
+
+def _not_loaded(vehicle: Vehicle) -> str | None:
+    """Why a vehicle file with these effects would be refused; None where it would not."""
+    try:
+        parse_vehicle(tomllib.loads(vehicle_to_toml(vehicle)), vehicle.name)
+    except VehicleFileError as error:
+        return str(error)
+    return None
 
 
 def _small(values: Mapping[Variable, float]) -> str:
     values_in_words = ", ".join(
         f"{v.parameter} = {x:.3g} {EFFECTS[v.effect].parameters[v.parameter].unit}" for v, x in values.items()
     )
-    return f"real, but too small to matter ({values_in_words})"
+    return f"{_REAL} ({values_in_words})"

@@ -55,8 +55,8 @@ def without(final: Fitted, effect: str, training: Training) -> Fitted:
 
 def needed(final: Fitted, effect: str, training: Training) -> bool:
     """Whether the flights get less likely when an effect is taken out and the others are fitted anew."""
-    concentrated = final.concentrated(_variables(final, effect))
-    gains = final.gains(without(final, effect, training), concentrated)
+    in_time = final.few_kinds(final.columns_of(_variables(final, effect)))
+    gains = final.gains(without(final, effect, training), in_time)
     return float(gains.sum()) >= LEAST_GAIN
 
 
@@ -84,8 +84,8 @@ def _rival(final: Fitted, effect: str, reduced: Fitted, candidate: Candidate, tr
         for start in candidate.starts
     ]
     other = max(fits, key=lambda fit: float(fit.held_out_in_time.sum()))
-    concentrated = final.concentrated(_variables(final, effect))
-    leads = np.bincount(training.flight_of_part, weights=final.gains(other, concentrated))
+    in_time = final.few_kinds(final.columns_of(_variables(final, effect)))
+    leads = np.bincount(training.flight_of_part, weights=final.gains(other, in_time))
     error = float(np.sqrt(leads.size) * leads.std(ddof=1)) if leads.size > 1 else float("inf")
     richer = len(candidate.variables) > len(_variables(final, effect))
     return Rival(candidate.effect, float(leads.sum()), error, richer, other)

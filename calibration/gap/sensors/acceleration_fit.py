@@ -15,16 +15,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.signal import savgol_coeffs
 
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.rotations import cross_matrices, matrices
+from calibration.gap.data.smoothing import Smoothing
 from calibration.gap.sensors.attitude_fit import AttitudeFit
 from calibration.gap.sensors.knots import hats
-from onboard.arrays import BoolArray, FloatArray
+from onboard.arrays import FloatArray
 from onboard.gravity import GRAVITY
 
-_HALF_WIDTH_S = 0.08
 _OFFSET_PRIOR_M = 0.3
 _BIAS_PRIOR = 1.0  # m/s2
 _BLOCK_S = 0.5
@@ -46,38 +45,6 @@ class AccelerationFit:
     bias_covariance: FloatArray
     rotation: FloatArray
     rotation_covariance: FloatArray
-
-
-class Smoothing:
-    """The two filters, which are the same but for two integrations."""
-
-    def __init__(self, dt: float) -> None:
-        self.half = max(round(_HALF_WIDTH_S / dt), 2)
-        self._second = savgol_coeffs(2 * self.half + 1, 2, deriv=2, delta=dt, use="dot")
-        # Summed by parts twice, weights on positions become weights on their second differences, and the
-        # second difference of a position under linearly interpolated acceleration is (1, 4, 1) / 6 of it.
-        twice = np.cumsum(np.cumsum(self._second))[:-2]
-        self._weights = np.convolve(twice, np.array([1.0, 4.0, 1.0]) / 6.0) * dt * dt
-
-    def second_derivative(self, values: FloatArray) -> FloatArray:
-        """Of a position-like quantity, shape (n, ...); the first and last `half` rows are no use."""
-        return _correlate(values, self._second)
-
-    def mean(self, values: FloatArray) -> FloatArray:
-        """Of an acceleration-like quantity, with the weights that match."""
-        return _correlate(values, self._weights)
-
-    def reach(self, known: BoolArray) -> BoolArray:
-        """Where all that the filters see is known."""
-        bad = np.convolve(~known, np.ones(2 * self.half + 1), mode="same") > 0.5
-        bad[: self.half] = bad[-self.half :] = True
-        return ~bad
-
-
-def _correlate(values: FloatArray, weights: FloatArray) -> FloatArray:
-    flat = values.reshape(values.shape[0], -1)
-    columns = [np.convolve(column, weights[::-1], mode="same") for column in flat.T]
-    return np.column_stack(columns).reshape(values.shape)
 
 
 def fit_acceleration(

@@ -7,7 +7,7 @@ import numpy as np
 
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.rotations import conjugates, integrate_rate, matrices, products, rotation_vectors
-from calibration.gap.sensors.acceleration_fit import Smoothing
+from calibration.gap.data.smoothing import Smoothing
 from calibration.gap.sensors.correction import align, best_values
 from calibration.gap.sensors.flight_estimates import FlightSensing, pool_flights
 from onboard.arrays import FloatArray

@@ -17,7 +17,7 @@ _OFFERED = 3
 """Places, and lines, that are made into terms in a round."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FittedTerm:
     """A term without a name that came into the model.
 
@@ -82,8 +82,8 @@ def without_superfluous(present: Fitted, found: Sequence[FittedTerm], training: 
             continue
         reduced = refine(present.model, present.variables, training, start=present.estimate, unnamed=rest)
         columns = list(range(len(present.columns)))[-len(one.term.columns) :]
-        concentrated = _own_phase(one.structure) or present.few_flights(columns)
-        if float(present.gains(reduced, concentrated).sum()) < _least_gain(one.structure):
+        in_time = _own_phase(one.structure) or present.few_kinds(columns)
+        if float(present.gains(reduced, in_time).sum()) < _least_gain(one.structure):
             present = reduced
     return present
 
@@ -101,7 +101,7 @@ def _offer(
     columns = list(range(len(fitted.columns)))[-len(term.columns) :]
     if structure.line is None and fitted.few_flights(columns):
         return None  # it may be of those flights alone, and nobody knows a physics that says otherwise
-    gains = fitted.gains(present, _own_phase(structure))
+    gains = fitted.gains(present, _own_phase(structure) or fitted.few_kinds(columns))
     total = float(gains.sum())
     if total < _least_gain(structure):
         return None

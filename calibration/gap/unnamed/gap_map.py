@@ -47,7 +47,7 @@ _LEVEL = 0.05
 """Family-wise level of :attr:`GapMap.chance`."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Cell:
     """One channel against one regressor.
 
@@ -72,7 +72,7 @@ class Cell:
     errors: FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class GapMap:
     """Every channel against every regressor.
 

@@ -12,7 +12,7 @@ from calibration.gap.data.rotations import matrices
 from onboard.arrays import FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Regressor:
     """A quantity along all flights.
 
@@ -93,7 +93,7 @@ def _along(record: FlightRecord) -> FloatArray:
             np.linalg.norm(velocity, axis=1),
             velocity[:, 2],
             unknown
-            if record.voltage is None
+            if record.voltage is None or not record.voltage_measured
             else _recent_mean(record.voltage[:, None], _VOLTAGE_MEAN, record.dt),
             duty.mean(axis=1),
             np.ptp(duty, axis=1),

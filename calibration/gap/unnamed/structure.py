@@ -23,7 +23,7 @@ _ALIKE = 0.7
 """Share, in units of the best one's, from which another regressor may be meant."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Structure:
     """Structure in one channel.
 

@@ -17,7 +17,7 @@ from onboard.arrays import FloatArray
 from onboard.vehicle import Vehicle
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class IntervalTerm(UnnamedTerm):
     """A constant while a regressor is between `low` and `high` (None: open); one column."""
 
@@ -31,7 +31,7 @@ class IntervalTerm(UnnamedTerm):
         return f"{_number(values[0] * _scale(self.channel, vehicle))} {_unit(self.channel)} where {where}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PolynomialTerm(UnnamedTerm):
     """Powers 1, 2 ... of a regressor about `centre`; one column each, times the power of the unit."""
 
@@ -48,7 +48,7 @@ class PolynomialTerm(UnnamedTerm):
         return f"({summed}) {_unit(self.channel)}, u = {self.quantity.symbol}{about}{unit}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LineTerm(UnnamedTerm):
     """A sinusoid of `frequency` (Hz), with a phase and an amplitude of its own in each flight.
 

@@ -81,6 +81,7 @@ DESCRIPTIONS = (
                 practical_minimum=0.01,
                 meaning="resistance of cell, leads and connector beyond the vehicle file's",
                 source="sigma of the resistance of crazyflie21-upgraded (authors_data 2)",
+                grows={"resistance": 1},
             )
         },
         revealed_by="voltage that drops with the current: a long discharge, vertical steps",
@@ -243,6 +244,7 @@ DESCRIPTIONS = (
                 practical_minimum=0.003,
                 meaning="most that a rotor really gives",
                 source="quadratic map at 2.5 V of a sagging pack: 12.5 gf (errata 1)",
+                grows={"mass": 1},
             )
         },
         revealed_by="thrust at the upper end: fast climbs, a nearly empty battery",

@@ -13,7 +13,14 @@ _FOERSTER = (
     "Foerster 2015, System Identification of the Crazyflie 2.0, ETH Zurich: matrix of drag over rotor speed"
 )
 
-AIR_FORCES = ("rotor_drag", "body_drag", "inflow_thrust_loss", "translational_lift", "velocity_moment")
+AIR_FORCES = (
+    "rotor_drag",
+    "linear_drag",
+    "body_drag",
+    "inflow_thrust_loss",
+    "translational_lift",
+    "velocity_moment",
+)
 """Effects that depend on the motion through the air, and so on the wind."""
 
 DESCRIPTIONS = (
@@ -31,10 +38,12 @@ DESCRIPTIONS = (
                 practical_minimum=1.5e-07,
                 meaning="force per rotor speed and in-plane velocity",
                 source=_FOERSTER,
+                grows={"mass": 1, "rotor_speed": -1},
             )
         },
         revealed_by="steady speed: laps in both directions",
         confused_with=(
+            "linear_drag",
             "body_drag",
             "wind",
             "velocity_moment",
@@ -46,6 +55,36 @@ DESCRIPTIONS = (
             "Mahony, Kumar, Corke, IEEE RAM 19(3), 2012; Faessler, Franchi, Scaramuzza, IEEE RA-L 3(2), 2018"
         ),
         needs=(Needs.ROTOR_SPEED,),
+    ),
+    EffectDescription(
+        name="linear_drag",
+        domain=Domain.AIR,
+        equation="f_k = -k u_k along each body axis, beyond the drag of [air]",
+        parameters=same_for(
+            _XYZ,
+            EffectParameter(
+                unit="N s/m",
+                low=0.0,
+                high=0.15,
+                typical=0.0075,
+                neutral=0.0,
+                practical_minimum=0.0011,
+                meaning="drag of the whole vehicle per speed along this body axis",
+                source="rotor drag of Foerster 2015 at 7300 rad/s in all",
+                grows={"mass": 1},
+            ),
+        ),
+        revealed_by="steady speed: laps in both directions; climbs for z",
+        confused_with=(
+            "rotor_drag",
+            "body_drag",
+            "inflow_thrust_loss",
+            "wind",
+            "thrust_tilt",
+            "pose_delay",
+            "pose_rotation",
+        ),
+        reference="Mahony, Kumar, Corke, IEEE RAM 19(3), 2012, at the centre of mass",
     ),
     EffectDescription(
         name="body_drag",
@@ -62,10 +101,12 @@ DESCRIPTIONS = (
                 practical_minimum=0.001,
                 meaning="drag coefficient times area",
                 source="engineering estimate: 75 mm square, a third of it solid, coefficient 1.2 to 1.5",
+                grows={"mass": 1},
             ),
         ),
         revealed_by="steady speed at two speeds at least: laps in both directions; climbs for area_z",
         confused_with=(
+            "linear_drag",
             "rotor_drag",
             "inflow_thrust_loss",
             "translational_lift",
@@ -90,10 +131,12 @@ DESCRIPTIONS = (
                 practical_minimum=1.5e-07,
                 meaning="loss of thrust per rotor speed and climb",
                 source=_FOERSTER,
+                grows={"mass": 1, "rotor_speed": -1},
             )
         },
         revealed_by="steady climbs and descents: vertical steps",
         confused_with=(
+            "linear_drag",
             "thrust_curve",
             "motor_lag",
             "body_drag",
@@ -194,8 +237,8 @@ DESCRIPTIONS = (
             _XYZ,
             EffectParameter(
                 unit="m/s",
-                low=-10.0,
-                high=10.0,
+                low=-30.0,
+                high=30.0,
                 typical=0.3,
                 neutral=0.0,
                 practical_minimum=0.1,
@@ -205,6 +248,7 @@ DESCRIPTIONS = (
         ),
         revealed_by="hover and laps in both directions, with a yaw by 180 deg",
         confused_with=(
+            "linear_drag",
             "rotor_drag",
             "body_drag",
             "thrust_tilt",
@@ -229,6 +273,7 @@ DESCRIPTIONS = (
                 practical_minimum=1e-05,
                 meaning="moment per speed; positive raises the leading edge",
                 source="rotor drag of Foerster 2015 at 8200 rad/s in all, 14 mm above the centre of mass",
+                grows={"mass": 1, "arm": 1},
             ),
         ),
         revealed_by="steady speed: laps in both directions",
@@ -255,6 +300,7 @@ DESCRIPTIONS = (
                 practical_minimum=1e-06,
                 meaning="damping of the turn about this body axis",
                 source="inflow loss of Foerster 2015 on 32.5 mm arms at 8200 rad/s in all",
+                grows={"mass": 1, "arm": 2},
             ),
         ),
         revealed_by="fast turns of the body: attitude doublets and chirps of several amplitudes",

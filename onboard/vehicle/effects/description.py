@@ -6,10 +6,11 @@ be checked against and what a search for a missing effect needs to know.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from onboard.quantity import Quantity
+from onboard.vehicle.effects.size import Size
 
 
 class Domain(StrEnum):
@@ -40,7 +41,7 @@ class EffectParameter:
 
     Attributes:
         unit: SI unit.
-        low, high: bounds within which the value is physically possible for a small quadrotor.
+        low, high: bounds of what is physically possible for a vehicle of the reference size.
         typical: value that an ordinary vehicle may show; the size to test a search with.
         neutral: value at which the parameter does nothing, taken when a file leaves it out; None: must be
             given.
@@ -50,6 +51,8 @@ class EffectParameter:
         source: where the typical value comes from.
         spread: standard deviation about the typical value that is believed before any flight; None: nothing
             is known but the bounds.
+        grows: powers of a vehicle's magnitudes (:class:`~onboard.vehicle.effects.size.Size`) with which
+            bounds, typical and least size grow; empty for what is the same for vehicles of any size.
     """
 
     unit: str
@@ -61,6 +64,20 @@ class EffectParameter:
     meaning: str
     source: str
     spread: float | None = None
+    grows: Mapping[str, float] = field(default_factory=dict)
+
+    def for_size(self, size: Size) -> "EffectParameter":
+        """The same for a vehicle of another size."""
+        if not self.grows:
+            return self
+        ratio = size.ratio(self.grows)
+        return replace(
+            self,
+            low=ratio * self.low,
+            high=ratio * self.high,
+            typical=ratio * self.typical,
+            practical_minimum=ratio * self.practical_minimum,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

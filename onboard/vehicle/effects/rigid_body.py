@@ -19,6 +19,7 @@ _ROTOR_INERTIA = {
         practical_minimum=5e-09,
         meaning="one rotor with its propeller about its axis",
         source="engineering estimate: 0.35 g propeller of 45 mm as a plate, and rotor of the motor",
+        grows={"mass": 1, "radius": 2},
     )
 }
 
@@ -117,6 +118,7 @@ DESCRIPTIONS = (
                 practical_minimum=0.0003,
                 meaning="centre of mass from the middle between the rotors",
                 source="engineering estimate: a battery that is 10 mm off its place",
+                grows={"arm": 1},
             ),
         ),
         revealed_by="changing collective thrust: vertical steps; yaw by 180 deg against a wind",
@@ -147,6 +149,7 @@ DESCRIPTIONS = (
         ),
         revealed_by="hover with a yaw by 180 deg; rest on the floor beforehand for the frame's own tilt",
         confused_with=(
+            "linear_drag",
             "motor_imbalance",
             "rotor_drag",
             "body_drag",
@@ -193,6 +196,7 @@ DESCRIPTIONS = (
                 practical_minimum=0.02,
                 meaning="pull per stretch",
                 source="engineering estimate: soft rubber thread",
+                grows={"mass": 1},
             ),
             "damping": EffectParameter(
                 unit="N s/m",
@@ -203,6 +207,7 @@ DESCRIPTIONS = (
                 practical_minimum=0.02,
                 meaning="pull per rate of stretch",
                 source="engineering estimate",
+                grows={"mass": 1},
             ),
         },
         revealed_by="places far from the string's end and near it",

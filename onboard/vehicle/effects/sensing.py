@@ -26,6 +26,7 @@ DESCRIPTIONS = (
             "motor_lag",
             "command_delay",
             "rotor_drag",
+            "linear_drag",
             "body_drag",
         ),
         reference="pure delay",
@@ -50,6 +51,7 @@ DESCRIPTIONS = (
         revealed_by="rest on the floor, hover with a yaw by 180 deg, turns about every axis",
         confused_with=(
             "rotor_drag",
+            "linear_drag",
             "body_drag",
             "wind",
             "thrust_tilt",

@@ -111,6 +111,7 @@ SYMMETRIC = {
     "motor_speed_law": typical("motor_speed_law"),
     "command_delay": {"delay": 0.004},
     "rotor_drag": {"coefficient": 1e-6},
+    "linear_drag": {"x": 0.004, "y": 0.004, "z": 0.002},
     "body_drag": {"area_x": 0.003, "area_y": 0.003, "area_z": 0.005},
     "inflow_thrust_loss": {"coefficient": 7.5e-7},
     "translational_lift": {"inflow": 1.0},

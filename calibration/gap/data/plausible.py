@@ -1,0 +1,63 @@
+"""Channels that hold something else than they should: rates in deg/s or in the world frame, millivolts."""
+
+import numpy as np
+
+from calibration.flights.flight import Flight, UnusableFlightError
+from calibration.gap.data.record import FlightRecord
+from calibration.gap.data.rotations import conjugates, matrices, products, rotation_vectors
+from onboard.arrays import FloatArray
+
+_WINDOW_S = 0.1
+_TURNING = 0.15
+"""rad/s rms of the tracked body; below, nothing is said about its gyro."""
+
+_DEGREES = np.degrees(1.0)
+_LIKE = (0.7, 1.4)
+"""Share of an expected factor within which one is recognised."""
+
+_HALF = 0.5
+_MOST_VOLTS = 100.0
+
+
+def check_plausible(flight: Flight, record: FlightRecord) -> None:
+    """Refuse a flight whose gyro or voltage are in another unit or frame.
+
+    Raises:
+        UnusableFlightError: they are; the message says what to convert.
+    """
+    if record.voltage is not None and float(np.nanmedian(record.voltage)) > _MOST_VOLTS:
+        volts = float(np.nanmedian(record.voltage))
+        raise UnusableFlightError(
+            flight.source, f"battery voltage of {volts:.0f} V: it seems to be in mV; divide it by 1000"
+        )
+    body, world, gyro = _rates(record)
+    power = float(np.mean(np.sum(body**2, axis=1))) if body.size else 0.0
+    if power < _TURNING**2:
+        return
+    factor = float(np.mean(np.sum(body * gyro, axis=1))) / power
+    if _LIKE[0] < factor / _DEGREES < _LIKE[1]:
+        raise UnusableFlightError(
+            flight.source,
+            f"the gyro shows {factor:.0f} times the rate of the tracked body: it seems to be in deg/s; "
+            "convert it to rad/s",
+        )
+    missed, alike = (float(np.mean(np.sum((gyro - rate) ** 2, axis=1))) for rate in (body, world))
+    if alike < _HALF**2 * missed and missed > _HALF**2 * _TURNING**2:
+        raise UnusableFlightError(
+            flight.source,
+            "the gyro follows the rate in the world frame, not in the body's: turn it into the body frame",
+        )
+
+
+def _rates(record: FlightRecord) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Rates (rad/s) of the tracked attitude in body and world frame, and of the gyro, means over 0.1 s."""
+    turns = rotation_vectors(products(conjugates(record.attitude[:-1]), record.attitude[1:])) / record.dt
+    world = np.einsum("nij,nj->ni", matrices(record.attitude[:-1]), turns)
+    known = record.flying & record.pose_known & record.inertial_known
+    together = np.hstack([turns, world, 0.5 * (record.rate[1:] + record.rate[:-1])])
+    together[~(known[1:] & known[:-1])] = np.nan
+    window = max(1, round(_WINDOW_S / record.dt))
+    count = together.shape[0] // window * window
+    means = together[:count].reshape(-1, window, 9).mean(axis=1)
+    means = means[np.isfinite(means).all(axis=1)]
+    return means[:, :3], means[:, 3:6], means[:, 6:]

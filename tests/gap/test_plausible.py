@@ -1,0 +1,102 @@
+"""Channels in another unit or frame are refused by name, and near-copies are found."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from calibration.flights import Flight, open_flights
+from calibration.gap.data import prepare_flights
+from calibration.gap.data.smoothing import as_poses_see, force_from_poses
+from calibration.gap.replay.hover_voltage import NeverCarriedError, of_one_vehicle, with_hover_voltage
+from calibration.gap.replay.teacher_forcing import teacher_forced
+from onboard.room import RoomGeometry
+from sim_backend.physics.parameters import physics_parameters
+from tests.gap.truth.campaign import make_flights
+from tests.truth import tunnel
+
+SEED = 4
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory: pytest.TempPathFactory) -> Flight:
+    folder = tmp_path_factory.mktemp("flights")
+    files = make_flights("none", "medium", 3, 2, out=folder / "flights", answer=folder / "answer.json")
+    return open_flights(files[:1])[0][0]
+
+
+def reason(flight: Flight, **data: np.ndarray) -> str:
+    prepared = prepare_flights([replace(flight, data={**flight.data, **data})])
+    return prepared.refused[0].reason if prepared.refused else ""
+
+
+def test_a_sound_flight_is_not_refused(flight: Flight) -> None:
+    assert reason(flight) == ""
+
+
+def test_a_gyro_in_degrees_is_refused_by_name(flight: Flight) -> None:
+    assert "deg/s" in reason(flight, **{k: np.degrees(flight.data[k]) for k in ("gx", "gy", "gz")})
+
+
+def test_millivolts_are_refused_by_name(flight: Flight) -> None:
+    assert "mV" in reason(flight, vbat=1000.0 * flight.data["vbat"])
+
+
+def test_rates_in_the_world_frame_are_refused_by_name(flight: Flight) -> None:
+    heading = Rotation.from_euler("z", 1.2)
+    quaternion = np.column_stack([flight.data[k] for k in ("qx", "qy", "qz", "qw")])
+    attitude = heading * Rotation.from_quat(quaternion)
+    rate = np.column_stack([flight.data[k] for k in ("gx", "gy", "gz")])
+    turned = dict(zip(("qx", "qy", "qz", "qw"), attitude.as_quat().T, strict=True))
+    assert reason(flight, **turned) == ""
+    world = dict(zip(("gx", "gy", "gz"), attitude.apply(rate).T, strict=True))
+    assert "world frame" in reason(flight, **turned, **world)
+
+
+def test_a_copy_that_was_cut_and_rounded_is_found(flight: Flight) -> None:
+    keep = slice(300, None)
+    cut = replace(
+        flight,
+        t=flight.t[keep],
+        data={k: np.round(v[keep] + 1e-5, 4) for k, v in flight.data.items()},
+        valid={k: v[keep] for k, v in flight.valid.items()},
+    )
+    (refused,) = prepare_flights([flight, cut]).refused
+    assert "same numbers" in refused.reason
+
+
+def test_forces_of_poses_are_those_of_the_model_seen_alike(tmp_path: Path) -> None:
+    truth = tunnel.draw(SEED, 0.0)
+    calm = truth._replace(linear=0.0, square=0.0)
+    (file,) = tunnel.make_flights(calm, SEED, 1, tmp_path)
+    (record,) = prepare_flights(open_flights([file])[0]).records
+    vehicle = tunnel.nominal(calm)
+    record = with_hover_voltage(record, vehicle)
+    assert record.dt == pytest.approx(0.02)
+    assert not record.voltage_measured
+    assert record.voltage is not None
+    assert record.voltage.mean() == pytest.approx(tunnel.FULL_VOLTAGE, rel=0.01)
+    predicted = teacher_forced(record, physics_parameters(vehicle, RoomGeometry(ceiling_z=1e3))).force
+    left = (force_from_poses(record) - as_poses_see(record, predicted))[record.flying]
+    assert np.nanstd(left, axis=0).max() < 0.25
+    assert np.abs(np.nanmean(left, axis=0)).max() < 0.05
+
+
+def test_commands_in_another_range_carry_no_vehicle(tmp_path: Path) -> None:
+    truth = tunnel.draw(SEED, 0.0)
+    (file,) = tunnel.make_flights(truth, SEED, 1, tmp_path)
+    (record,) = prepare_flights(open_flights([file])[0]).records
+    with pytest.raises(NeverCarriedError, match="another range"):
+        with_hover_voltage(replace(record, duty=0.02 * record.duty), tunnel.nominal(truth))
+
+
+def test_a_flight_of_another_vehicle_is_refused_by_name(tmp_path: Path) -> None:
+    truth = tunnel.draw(SEED, 0.0)
+    files = tunnel.make_flights(truth, SEED, 4, tmp_path / "own")
+    records = list(prepare_flights(open_flights(files)[0]).records)
+    records[2] = replace(records[2], name="heavy", duty=1.2 * records[2].duty)
+    alike, refused = of_one_vehicle(records, tunnel.nominal(truth))
+    assert len(alike) == 3
+    assert [(one.name, "another vehicle" in one.reason) for one in refused] == [("heavy", True)]

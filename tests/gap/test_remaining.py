@@ -1,0 +1,77 @@
+"""What is left with all names in the model: errors, places and means that keep a verdict from being given."""
+
+import numpy as np
+
+from calibration.gap.estimate.mixed import FIRST_SPREAD, MixedFit, Products
+from calibration.gap.estimate.model import Model
+from calibration.gap.estimate.nuisances import NUISANCES
+from calibration.gap.estimate.refine import Fitted
+from calibration.gap.estimate.regression import Estimate, Noise
+from calibration.gap.report.document import Gap, Levels
+from calibration.gap.report.remaining import remaining
+from calibration.gap.unnamed.gap_map import GapMap
+from onboard.vehicle import load_vehicle
+
+VEHICLE = load_vehicle("crazyflie21-stock")
+NONE = np.zeros((0, 0))
+PARTS, FLIGHTS = 4, 6
+NO_MAP = GapMap((), (), NONE, NONE, NONE, ())
+
+
+def gap(before: float, after: float) -> Gap:
+    levels = Levels(before=before, after=after, noise_floor=0.02, unit="m")
+    return Gap(metric="position error", overall=levels)
+
+
+def fitted(per_part: np.ndarray) -> Fitted:
+    """A fit of which only the nuisances are looked at."""
+    nothing = np.zeros((per_part.shape[0], 0))
+    square = np.zeros((per_part.shape[0], 0, 0))
+    mixed = MixedFit(np.zeros(0), NONE, FIRST_SPREAD, per_part, square, nothing)
+    zeros = np.zeros(per_part.shape[0])
+    q = len(NUISANCES)
+    products = Products(
+        np.zeros((zeros.size, q, q)), np.zeros((zeros.size, q, 0)), square,
+        np.zeros((zeros.size, q)), nothing, zeros, zeros,
+    )  # fmt: skip
+    estimate = Estimate(mixed, products, Noise(np.zeros((7, 16)), np.ones(7)), np.zeros((0, 7)))
+    return Fitted(Model(VEHICLE), (), estimate, zeros, zeros, zeros.astype(int), np.zeros((0, 7)), ())
+
+
+def left(levels: Gap, per_part: np.ndarray, named: bool) -> tuple[str, ...]:
+    return remaining(levels, 0.0, fitted(per_part), NO_MAP, VEHICLE, named)
+
+
+def quiet() -> np.ndarray:
+    rng = np.random.default_rng(1)
+    return 0.01 * rng.standard_normal((PARTS * FLIGHTS, len(NUISANCES)))
+
+
+def test_errors_below_twice_the_floor_leave_nothing() -> None:
+    assert left(gap(0.039, 0.039), quiet(), False) == ()
+
+
+def test_an_error_without_a_name_is_left() -> None:
+    (sentence,) = left(gap(0.7, 0.7), quiet(), False)
+    assert "0.7 m" in sentence
+
+
+def test_a_name_must_close_half_of_what_lies_above_the_floor() -> None:
+    assert left(gap(1.0, 0.3), quiet(), True) == ()
+    (sentence,) = left(gap(1.58, 1.49), quiet(), True)
+    assert "6%" in sentence
+
+
+def test_a_force_that_all_flights_share_is_no_nuisance() -> None:
+    shared = quiet()
+    shared[:, 1] += 3.0
+    (sentence,) = left(gap(0.03, 0.03), shared, False)
+    assert sentence.startswith("force bias x: 3")
+
+
+def test_a_small_or_scattered_mean_is_one() -> None:
+    small, scattered = quiet(), quiet()
+    small[:, 3] += 0.5
+    scattered[:, 3] += np.repeat([9.0, -9.0, 9.0, -9.0, 9.0, 2.0], PARTS)
+    assert left(gap(0.03, 0.03), small, False) == ()
+    assert left(gap(0.03, 0.03), scattered, False) == ()
