@@ -195,7 +195,13 @@ class World:
         self.drones = [
             Drone(
                 f"cf{i + 1}",
-                Firmware(flashed or vehicle, self._generators[i], engine=engine, gyro_bias=gyro_bias),
+                Firmware(
+                    flashed or vehicle,
+                    self._generators[i],
+                    engine=engine,
+                    gyro_bias=gyro_bias,
+                    policy_weight=self._faults.policy_weight,
+                ),
                 parameters,
                 mark,
                 used,

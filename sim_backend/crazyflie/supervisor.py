@@ -8,6 +8,7 @@ brushed Crazyflie 2.1 has neither. The build modelled: ``CONFIG_MOTORS_REQUIRE_A
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum, IntEnum, IntFlag, auto
 
@@ -183,7 +184,9 @@ class TumbleCheck:
 class Supervisor:
     """State machine, latches and timers of one drone; everything is lost at a reboot (make a new one)."""
 
-    def __init__(self) -> None:
+    def __init__(self, may_arm: Callable[[], bool] = lambda: True) -> None:
+        """`may_arm`: whether the app lets anybody arm."""
+        self._may_arm = may_arm
         self.state = State.NOT_INITIALIZED
         self.tumble = TumbleCheck()
         self.tumble_check_enabled = True
@@ -216,7 +219,7 @@ class Supervisor:
         """Arm or disarm; whether the request was accepted. Arming needs passed preflight checks."""
         if on == self._armed:
             return True
-        if on and self.state is not State.PREFLIGHT_CHECKS_PASSED:
+        if on and not (self.state is State.PREFLIGHT_CHECKS_PASSED and self._may_arm()):
             return False
         self._armed = on
         return True
