@@ -34,6 +34,7 @@ SETTLE_TIMEOUT_S = 10.0
 FLIP_TIMEOUT_S = 1.0
 """The flip of a drone that does not turn is cut after 0.5 s."""
 
+_RESET = "kalman.resetEstimation"
 _STATE = ("x", "y", "z", "vx", "vy", "vz")
 _ENDED = frozenset(LandingState) - {LandingState.IDLE, LandingState.TRAJECTORY_ARMED, LandingState.APPROACH}
 
@@ -88,19 +89,19 @@ def rehearse(drone: str, plan: ApproachPlan, policy: Policy, vehicle: Vehicle) -
 
 @contextmanager
 def _rehearsing(link: "DroneLink") -> Iterator[None]:
-    """The mode, until the end of the block; then the drone knows neither approach nor poses any more."""
-    link.set_param(Parameter.REHEARSE, 1)
-    if link.param(Parameter.REHEARSE) != 1:
-        raise RehearsalRefused(
-            "the drone does not rehearse: it must be disarmed, on the ground, with all motors still "
-            "and its landing app idle; disarm it, or reboot it"
-        )
+    """The mode, until the end of the block; then the drone forgets where it believes to be."""
     try:
-        link.set_param("kalman.resetEstimation", 1)
+        link.set_param(Parameter.REHEARSE, 1)
+        if link.param(Parameter.REHEARSE) != 1:
+            raise RehearsalRefused(
+                "the drone does not rehearse: it must be disarmed, on the ground, with all motors still "
+                "and its landing app idle; disarm it, or reboot it"
+            )
+        link.set_param(_RESET, 1)
         yield
     finally:
         link.set_param(Parameter.REHEARSE, 0)
-        link.set_param("kalman.resetEstimation", 1)
+    link.set_param(_RESET, 1)
 
 
 class _Drone:
