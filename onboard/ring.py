@@ -87,6 +87,21 @@ def decode_header(data: bytes) -> Any:
     return header
 
 
+def is_complete(header: Any) -> bool:
+    """Whether something was recorded, and the recorder has stopped."""
+    return bool(header["begun"] > 0 and header["state"] == RecorderState.OFF)
+
+
+def check_complete(header: Any) -> None:
+    """Refuse what is not :func:`is_complete`.
+
+    Raises:
+        RingError: it records still, or has recorded nothing.
+    """
+    if not is_complete(header):
+        raise RingError("the drone has no complete recording: it records still, or no approach was armed")
+
+
 def decode_ring(data: bytes) -> Ring:
     """What a stopped recorder holds.
 
@@ -97,9 +112,8 @@ def decode_ring(data: bytes) -> Ring:
         RingError: it records still, has recorded nothing, or is another layout.
     """
     header = decode_header(data)
+    check_complete(header)
     begun = int(header["begun"])
-    if begun == 0 or header["state"] != RecorderState.OFF:
-        raise RingError("the drone has no complete recording: it records still, or no approach was armed")
     held = min(begun, PERIODS)
     places = np.arange(begun - held, begun) % PERIODS
     periods = np.frombuffer(data, PERIOD, count=PERIODS, offset=HEADER.itemsize)[places]

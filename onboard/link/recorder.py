@@ -2,9 +2,20 @@
 
 from typing import TYPE_CHECKING
 
-from onboard.app_interface import MEMORY_TYPE_APP, RECORD_ADDRESS, RecorderState
+from onboard.app_interface import MEMORY_TYPE_APP, RECORD_ADDRESS
 from onboard.link.landing_app import poll
-from onboard.ring import HEADER, PERIOD, PERIODS, RING_BYTES, Ring, RingError, decode_header, decode_ring
+from onboard.ring import (
+    HEADER,
+    PERIOD,
+    PERIODS,
+    RING_BYTES,
+    Ring,
+    RingError,
+    check_complete,
+    decode_header,
+    decode_ring,
+    is_complete,
+)
 from onboard.timebase import WALL, Timebase
 
 if TYPE_CHECKING:
@@ -27,7 +38,10 @@ def read_ring(link: "DroneLink", time: Timebase = WALL, within: float = STOP_TIM
             its layout is another.
         NoSuchVariable, CommandRefused, LinkTimeout, LinkLost: as for :meth:`DroneLink.read_memory`.
     """
-    header = poll(lambda: _read(link, 0, HEADER.itemsize), _has_stopped, time, within)
+    header = poll(
+        lambda: _read(link, 0, HEADER.itemsize), lambda data: is_complete(decode_header(data)), time, within
+    )
+    check_complete(decode_header(header))
     held = min(int(decode_header(header)["begun"]), PERIODS)
     periods = [_read(link, HEADER.itemsize + i * PERIOD.itemsize, PERIOD.itemsize) for i in range(held)]
     if _read(link, 0, HEADER.itemsize) != header:
@@ -39,8 +53,3 @@ def read_ring(link: "DroneLink", time: Timebase = WALL, within: float = STOP_TIM
 
 def _read(link: "DroneLink", offset: int, length: int) -> bytes:
     return link.read_memory(MEMORY_TYPE_APP, RECORD_ADDRESS + offset, length)
-
-
-def _has_stopped(data: bytes) -> bool:
-    header = decode_header(data)
-    return bool(header["begun"] > 0 and header["state"] == RecorderState.OFF)

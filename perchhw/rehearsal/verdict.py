@@ -109,8 +109,7 @@ class Verdict:
         reason: why the drone's approach ended.
         trigger_sample_difference: samples (10 ms) by which the reference triggers later than the drone; None
             where one of them does not.
-        trigger_value_difference: largest of all samples.
-        a_rot_difference_n_m: at the drone's trigger; None where there is none in the ring.
+        trigger_value_difference, a_rot_difference_n_m: largest of all samples.
         force_difference_n: largest of a motor in the flip; None where one of them has none.
         input_difference: the drone's inputs against the ideal approach at the same heights. Largest of the
             climb up to the trigger: ``position_m`` (along x and y), ``velocity_m_s``; at the trigger:
@@ -121,7 +120,7 @@ class Verdict:
     reason: EndReason
     trigger_sample_difference: int | None
     trigger_value_difference: float
-    a_rot_difference_n_m: float | None
+    a_rot_difference_n_m: float
     force_difference_n: float | None
     input_difference: dict[str, float] | None
 
@@ -143,14 +142,13 @@ def judge(ring: Ring, reason: EndReason, plan: ApproachPlan, policy: Policy, veh
     """
     reference = replay(ring, plan, policy, vehicle)
     at = _trigger_of(ring, reason)
-    samples = a_rot = force = None
+    samples = force = None
     if at is not None and reference.trigger is not None:
         samples = reference.trigger - at
-    if at is not None:
-        a_rot = abs(float(ring.periods["a_rot"][at]) - float(reference.a_rots[at]))
     if at is not None and reference.thrusts is not None:
         force = float(np.abs(ring.periods["law"]["thrusts"][at] - np.asarray(reference.thrusts)).max())
     value = _largest(ring.periods["trigger_value"], reference.trigger_values)
+    a_rot = _largest(ring.periods["a_rot"], reference.a_rots)
     return Verdict(
         tuple(_failures(reason, at, reference, samples, value, a_rot, force)),
         reason,
@@ -181,7 +179,7 @@ def _failures(
     reference: Replay,
     samples: int | None,
     value: float,
-    a_rot: float | None,
+    a_rot: float,
     force: float | None,
 ) -> Iterator[str]:
     if reason is not EndReason.TRIGGERED:

@@ -1,17 +1,23 @@
 """The verdict: what passes, and what must not."""
 
+import json
+import sys
+from collections import Counter
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from onboard.app_interface import EndReason
+from onboard.app_interface import EndReason, Parameter, PolicyStatus
 from onboard.policy.bundle import decode_bundle, encode_bundle
-from onboard.ring import Ring
+from onboard.policy.model import Float32Array, Policy
+from onboard.ring import Ring, decode_ring
 from perchhw.rehearsal.verdict import A_ROT_BOUND, FORCE_BOUND, TRIGGER_VALUE_BOUND, judge
 from sim_backend.crazyflie.policy_slot import with_a_weight_changed
 from sim_backend.faults import DroneFaults
 from tests.rehearsal.desk import PLAN, POLICY, TRUE, Desk
+from tests.sim_crazyflie.simulated_flight import Flight
 
 TRIGGERED = EndReason.TRIGGERED
 
@@ -26,10 +32,25 @@ def test_a_drone_that_computes_as_the_reference_passes(ring: Ring) -> None:
     assert verdict.passed
     assert verdict.trigger_sample_difference == 0
     assert verdict.trigger_value_difference <= TRIGGER_VALUE_BOUND
-    assert verdict.a_rot_difference_n_m is not None
     assert verdict.a_rot_difference_n_m <= A_ROT_BOUND
     assert verdict.force_difference_n is not None
     assert verdict.force_difference_n <= FORCE_BOUND
+
+
+def test_a_flight_is_judged_as_a_rehearsal_is() -> None:
+    flight = Flight(seed=1)
+    assert flight.upload(encode_bundle(POLICY)) == PolicyStatus.ACTIVE
+    flight.fly_to_start(PLAN)
+    flight.set_plan(PLAN)
+    for name in (Parameter.TRAJECTORY_ARM, Parameter.POLICY_ARM, Parameter.GO):
+        flight.write(name, 1)
+    flight.run(PLAN.impact_time + 1.0)
+    assert flight.log("perch.reason") == TRIGGERED
+    flown = decode_ring(flight.firmware.engine.record())
+    verdict = judge(flown, TRIGGERED, PLAN, POLICY, TRUE)
+    assert verdict.failures == ()
+    assert verdict.input_difference is not None
+    assert verdict.input_difference["velocity_m_s"] < 0.4
 
 
 def test_what_the_drone_got_is_told_apart_from_what_it_made_of_it(ring: Ring) -> None:
@@ -53,6 +74,40 @@ def test_one_support_vector_changed_fails(ring: Ring) -> None:
     coefficients[np.argmax(coefficients)] *= np.float32(1.001)
     verdict = judge(ring, TRIGGERED, PLAN, replace(POLICY, dual_coefficients=coefficients), TRUE)
     assert not verdict.passed
+
+
+def with_each_number_changed(factor: float) -> Iterator[tuple[str, Policy]]:
+    """The policy with one number times `factor`, for each of its network and of its support vectors."""
+    by = np.float32(factor)
+    for place, layer in enumerate(POLICY.layers):
+        for name in ("weights", "bias"):
+            for values in _each(getattr(layer, name), by):
+                layers = list(POLICY.layers)
+                layers[place] = replace(layer, **{name: values})
+                yield "network", replace(POLICY, layers=tuple(layers))
+    for name in ("dual_coefficients", "support_vectors"):
+        for values in _each(getattr(POLICY, name), by):
+            yield "trigger", replace(POLICY, **{name: values})
+
+
+def _each(values: Float32Array, by: np.float32) -> Iterator[Float32Array]:
+    for place in np.ndindex(values.shape):
+        changed = values.copy()
+        changed[place] *= by
+        yield changed
+
+
+@pytest.mark.soak
+def test_how_many_numbers_have_a_part_in_the_approach(ring: Ring, capsys: pytest.CaptureFixture[str]) -> None:
+    """Support vectors far from this approach have none; a checksum is what covers them."""
+    noticed, all_ = Counter[str](), Counter[str]()
+    for part, policy in with_each_number_changed(1.01):
+        all_[part] += 1
+        noticed[part] += not judge(ring, TRIGGERED, PLAN, policy, TRUE).passed
+    with capsys.disabled():
+        sys.stdout.write(json.dumps({"noticed": noticed, "of": all_}) + "\n")
+    assert noticed["network"] > 0.9 * all_["network"]
+    assert noticed["trigger"] > 0.7 * all_["trigger"]
 
 
 def test_no_trigger_is_a_fail(ring: Ring) -> None:
