@@ -9,6 +9,14 @@ The simulated drone has no such PID; there it is always 1.
 `MOTOR_TOKEN` is written again and again by a host whose bench test runs motors through ``motorPowerSet``.
 Once it has been written, the app unsets them as soon as it is not written for `MOTOR_TOKEN_MS`.
 
+`REHEARSE` switches a rehearsal on the desk: landing machine, policy and law compute as in flight, on poses
+that the host sends, and nothing turns. It is taken only while the supervisor is neither armed nor flying, no
+motor has a thrust and the landing machine is IDLE; otherwise it reads back 0. While it is on the drone cannot
+be armed, and a thrust that is seen ends it. However it ends, all switches are off then, and the machine IDLE.
+
+The recorder runs from the arming of an approach until 0.3 s after its end, and is read from `RECORD_ADDRESS`
+on.
+
 Policy upload: write the bundle to the app memory from address 0, read it back, set `POLICY_LENGTH` and
 `POLICY_CRC`, write 1 to `POLICY_COMMIT`, then read `POLICY_STATUS` and `POLICY_ACTIVE_CRC`.
 
@@ -36,9 +44,12 @@ MEMORY_TYPE_APP = 0x18
 """Memory type that the firmware reserves for apps (MEM_TYPE_APP)."""
 
 MEMORY_SIZE = 5120
-"""Bytes of the app memory; the bundle is staged from `BUNDLE_ADDRESS` on."""
+"""Bytes of the app memory that can be written; the bundle is staged from `BUNDLE_ADDRESS` on."""
 
 BUNDLE_ADDRESS = 0
+
+RECORD_ADDRESS = 0x10000
+"""Where the recorder begins in the app memory, to be read only: :mod:`onboard.ring`."""
 
 
 class PolicyStatus(IntEnum):
@@ -98,6 +109,14 @@ class EndReason(IntEnum):
     POSE_LOST = 10
 
 
+class RecorderState(IntEnum):
+    """What the drone's recorder does (:mod:`onboard.ring`); only that of one that is OFF is complete."""
+
+    OFF = 0
+    RUNS = 1
+    ENDS = 2
+
+
 class Engine(IntEnum):
     """`Parameter.ENGINE`: which code computes on the drone."""
 
@@ -141,6 +160,7 @@ class Parameter(StrEnum):
     ENGINE = "perch.engine"
     OWN_LAW = "perch.ownLaw"
     MOTOR_TOKEN = "perch.motTok"
+    REHEARSE = "perch.rehearse"
 
 
 class Log(StrEnum):
@@ -212,6 +232,7 @@ PARAMETERS: tuple[ParameterEntry, ...] = (
     ParameterEntry(Parameter.ENGINE, ValueType.UINT8, read_only=True),
     ParameterEntry(Parameter.OWN_LAW, ValueType.UINT8),
     ParameterEntry(Parameter.MOTOR_TOKEN, ValueType.UINT8),
+    ParameterEntry(Parameter.REHEARSE, ValueType.UINT8),
 )
 """Every parameter of the app, in the order of its table of contents."""
 

@@ -33,6 +33,7 @@ class DroneFaults:
         freeze_drone_at: the firmware stops and answers nothing any more; the motors keep their command.
         drone_dies_at: the drone loses its power at this time: motors off, radio silent.
         gyro_bias: bias that the gyro develops after its calibration, about x, y, z, rad/s.
+        policy_weight: factor of one weight of each policy that goes live, which no checksum shows.
     """
 
     battery_voltage: float | None = None
@@ -40,6 +41,7 @@ class DroneFaults:
     freeze_drone_at: float = math.inf
     drone_dies_at: float = math.inf
     gyro_bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    policy_weight: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +58,9 @@ _DRONE_RULES: FaultRules = {
     "link_loss": FaultRule(CHANCE, "P: probability that a packet is lost, each way"),
     "freeze_drone_at": FaultRule(TIME, "S: the firmware hangs and answers nothing any more"),
     "drone_dies_at": FaultRule(TIME, "S: the drone loses its power"),
+    "policy_weight": FaultRule(
+        number(0.0, 2.0), "F: one weight of each policy that goes live is F times what it was"
+    ),
     "gyro_bias": FaultRule(vector, "X,Y,Z: bias of the gyro after its calibration, rad/s"),
 }
 

@@ -230,6 +230,7 @@ class World:
                     engine=engine,
                     gyro_bias=gyro_bias,
                     build=build,
+                    policy_weight=self._faults.policy_weight,
                 ),
                 parameters,
                 mark,

@@ -29,6 +29,7 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "perch_arm_policy": (c_bool, (_CORE, c_bool)),
     "perch_ask_go": (None, (_CORE, c_bool)),
     "perch_ask_abort": (None, (_CORE, c_bool)),
+    "perch_rehearse": (c_bool, (_CORE, c_bool, c_bool)),
     "perch_set_ceiling": (None, (_CORE, c_float)),
     "perch_commit": (c_uint32, (_CORE, c_uint32, c_uint32, c_bool)),
     "perch_live_crc": (c_uint32, (_CORE,)),

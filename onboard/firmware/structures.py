@@ -94,6 +94,7 @@ class Inputs(Structure):
         ("voltage", c_float),
         ("flying", c_bool),
         ("levelling", c_bool),
+        ("thrust_seen", c_bool),
         ("setpoint", Setpoint),
     ]
 
@@ -119,6 +120,7 @@ class Outputs(Structure):
         ("trajectory_status", c_uint8),
         ("trajectory_armed", c_bool),
         ("policy_armed", c_bool),
+        ("rehearses", c_bool),
         ("policy", PolicySample),
         ("filtered_voltage", c_float),
     ]

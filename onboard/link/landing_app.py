@@ -129,7 +129,7 @@ def arm_approach(
     )
     before_switch()
     link.set_param(Parameter.TRAJECTORY_ARM, 1)
-    status = _poll(
+    status = poll(
         lambda: int(link.param(Parameter.TRAJECTORY_STATUS)),
         lambda value: value != TrajectoryStatus.NONE,
         time,
@@ -165,7 +165,7 @@ def release(
         LinkTimeout, LinkLost: the link failed.
     """
     link.set_params({Parameter.POLICY_ARM: 0, Parameter.TRAJECTORY_ARM: 0})
-    state = _poll(lambda: _state(link), lambda value: value not in _IN_COMMAND, time, within)
+    state = poll(lambda: _state(link), lambda value: value not in _IN_COMMAND, time, within)
     if state is not None and state in _IN_COMMAND:
         raise CommandRefused(
             f"the landing app did not hand the drone over within {within:g} s, its state is {state.name}"
@@ -187,8 +187,8 @@ def _expect_switches(link: "DroneLink", on: bool) -> None:
             raise CommandRefused(f"the drone does not switch the {what} {wanted}: {name} reads {found}")
 
 
-def _poll(ask: Callable[[], T], done: Callable[[T], bool], time: Timebase, within: float) -> T:
-    """Ask until the answer is final or the deadline is over; the last answer. The one place that waits."""
+def poll(ask: Callable[[], T], done: Callable[[T], bool], time: Timebase, within: float) -> T:
+    """Ask until the answer is final or `within` s are over; the last answer. The one place that waits."""
     deadline = time() + within
     pause = time.event()
     while not done(answer := ask()) and time() < deadline:

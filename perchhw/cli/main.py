@@ -32,6 +32,11 @@ VERBS: dict[str, Verb] = {
     "sim": Verb("perchhw.cli.sim", "Serve the simulated lab, drone, mocap room or bench until interrupted."),
     "doctor": Verb("perchhw.cli.doctor", "Say what a flight lacks, and what to do about it.", group=False),
     "fly": Verb("perchhw.cli.fly", "Fly one supervised landing attempt.", group=False),
+    "rehearse": Verb(
+        "perchhw.cli.rehearse",
+        "Rehearse an approach on the desk: the drone computes, nothing turns.",
+        group=False,
+    ),
     "stop": Verb("perchhw.cli.stop", "Cut the motors of drones now, from any terminal.", group=False),
     "campaign": Verb("perchhw.cli.campaign", "Fly a grid of attempts; resume, status, report."),
     "policy": Verb("perchhw.cli.policy", "Show, import, export, evaluate, upload and verify policies."),

@@ -3,15 +3,17 @@
 from perchhw.lab.find import LAB_FILE, clock_of, drones_of, find_lab, read_lab
 from perchhw.lab.flying import correction_of, in_record, limits_of
 from perchhw.lab.hardware import LabRequired, on_this_machine, require_lab
-from perchhw.lab.setup import FlightSetup, SetupError, flight_setup
+from perchhw.lab.setup import DeskSetup, FlightSetup, SetupError, desk_setup, flight_setup
 
 __all__ = [
     "LAB_FILE",
+    "DeskSetup",
     "FlightSetup",
     "LabRequired",
     "SetupError",
     "clock_of",
     "correction_of",
+    "desk_setup",
     "drones_of",
     "find_lab",
     "flight_setup",

@@ -30,6 +30,17 @@ class SetupError(FlightStackError, InputError):
 
 
 @dataclass(frozen=True, kw_only=True)
+class DeskSetup:
+    """What drone it is, and the room of its approaches; see :class:`perchhw.attempt.AttemptRequest`."""
+
+    drone: str
+    vehicle: str
+    legs: str | None
+    policy: str
+    room: RoomGeometry
+
+
+@dataclass(frozen=True, kw_only=True)
 class FlightSetup:
     """What flies where; see :class:`perchhw.attempt.AttemptRequest`."""
 
@@ -94,28 +105,50 @@ def flight_setup(
     drone = drone or _only_drone(lab)
     known = None if lab is None else lab.drone(drone)
     mocap = mocap or _mocap(lab, known)
-    if lab is None:
-        room = RoomGeometry()
-    else:
-        room = lab.room.geometry()
+    if lab is not None:
         _check_subject(lab, known, mocap)
-        if known is None and vehicle is None:
-            raise SetupError(
-                "vehicle",
-                f"{lab.file} has no drone {drone}; add it there under [[drones]], or give its vehicle too",
-            )
-        if known is not None:
-            vehicle = vehicle or lab.beside(known.vehicle)
-            legs = legs or known.legs
-            policy = policy or (None if known.policy is None else lab.beside(known.policy))
+    desk = desk_setup(lab, drone=drone, vehicle=vehicle, legs=legs, policy=policy)
     return FlightSetup(
         drone=drone,
         mocap=mocap,
+        vehicle=desk.vehicle,
+        legs=desk.legs,
+        policy=desk.policy,
+        room=desk.room if ceiling is None else _under(desk.room, ceiling),
+        lab=lab,
+    )
+
+
+def desk_setup(
+    lab: LabFile | None,
+    *,
+    drone: str | None = None,
+    vehicle: str | None = None,
+    legs: str | None = None,
+    policy: str | None = None,
+) -> DeskSetup:
+    """As :func:`flight_setup`, for who needs no poses.
+
+    Raises:
+        SetupError: nothing says which drone or which vehicle.
+    """
+    drone = drone or _only_drone(lab)
+    known = None if lab is None else lab.drone(drone)
+    if lab is not None and known is None and vehicle is None:
+        raise SetupError(
+            "vehicle",
+            f"{lab.file} has no drone {drone}; add it there under [[drones]], or give its vehicle too",
+        )
+    if lab is not None and known is not None:
+        vehicle = vehicle or lab.beside(known.vehicle)
+        legs = legs or known.legs
+        policy = policy or (None if known.policy is None else lab.beside(known.policy))
+    return DeskSetup(
+        drone=drone,
         vehicle=vehicle or DEFAULT_VEHICLE,
         legs=legs,
         policy=policy or DEFAULT_POLICY,
-        room=room if ceiling is None else _under(room, ceiling),
-        lab=lab,
+        room=RoomGeometry() if lab is None else lab.room.geometry(),
     )
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from onboard.app_interface import EndReason, LandingState, PolicyStatus, TrajectoryStatus
+from onboard.app_interface import RECORD_ADDRESS, EndReason, LandingState, PolicyStatus, TrajectoryStatus
 from onboard.arrays import Vector
 from onboard.battery import FULL_RATIO
 from onboard.controller import Wrench
@@ -15,9 +15,10 @@ from onboard.firmware.structures import Setpoint as CSetpoint
 from onboard.firmware.structures import Vector as CVector
 from onboard.landing.model import OutputMode
 from onboard.mixer import Thrusts
+from onboard.ring import RING_BYTES
 from onboard.vehicle import Vehicle
 from sim_backend.crazyflie.engine import ApproachRequest, Event, Sample, SnapshotField
-from sim_backend.crazyflie.setpoint import Mode, Setpoint
+from sim_backend.crazyflie.setpoint import Setpoint, complete_setpoint
 
 _WORD = ctypes.sizeof(ctypes.c_float)
 
@@ -72,15 +73,11 @@ class CEngine:
     def target(self) -> Setpoint:
         """What is tracked in mode SETPOINT, and in the step of a hand-over."""
         motion = self._view.outputs.motion
-        return Setpoint(
-            time_ms=self._inputs.tick,
-            mode_x=Mode.ABSOLUTE,
-            mode_y=Mode.ABSOLUTE,
-            mode_z=Mode.ABSOLUTE,
-            mode_yaw=Mode.ABSOLUTE,
-            position=_vector(motion.position),
-            velocity=_vector(motion.velocity),
-            acceleration=_vector(motion.acceleration),
+        return complete_setpoint(
+            self._inputs.tick,
+            _vector(motion.position),
+            _vector(motion.velocity),
+            _vector(motion.acceleration),
         )
 
     @property
@@ -177,6 +174,22 @@ class CEngine:
         """Set the flag `abort`."""
         self._library.perch_ask_abort(self._core, on)
 
+    def rehearse(self, on: bool, at_rest: bool) -> bool:
+        """Begin or end a rehearsal."""
+        self._view.outputs.rehearses = self._library.perch_rehearse(self._core, on, at_rest)
+        return self.rehearses
+
+    @property
+    def rehearses(self) -> bool:
+        """Whether a rehearsal is on."""
+        return bool(self._view.outputs.rehearses)
+
+    def record(self) -> bytes:
+        """The recorder as the ground reads it."""
+        image = ctypes.create_string_buffer(RING_BYTES)
+        self._library.perch_memory_read(self._core, RECORD_ADDRESS, RING_BYTES, image)
+        return image.raw
+
     def set_ceiling(self, ceiling_z: float) -> None:
         """Height (m) of the ceiling while nothing is armed."""
         self._library.perch_set_ceiling(self._core, ceiling_z)
@@ -189,6 +202,7 @@ class CEngine:
         inputs.voltage = sample.voltage
         inputs.flying = sample.flying
         inputs.levelling = sample.levelling
+        inputs.thrust_seen = sample.thrust_seen
         with np.errstate(over="ignore"):  # an estimate that diverges becomes infinite, as on the drone
             self._estimate[:10] = state[:10]
             self._estimate[10:] = sample.gyro

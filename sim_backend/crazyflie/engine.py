@@ -35,6 +35,8 @@ class Event(IntFlag):
     """The planner shall stay where the drone is."""
     CUT = 16
     """The motors were cut: the planner's plan shall be dropped."""
+    REHEARSAL_ENDED = 32
+    """All switches are off again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +52,7 @@ class Sample:
         voltage: of the battery, as measured, V.
         flying: what the supervisor says.
         levelling: whether the supervisor replaced the setpoint.
+        thrust_seen: whether a motor had a thrust in the ms before, whoever gave it.
     """
 
     tick: int
@@ -60,6 +63,7 @@ class Sample:
     voltage: float
     flying: bool
     levelling: bool
+    thrust_seen: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,6 +201,22 @@ class Engine(Protocol):
 
     def ask_abort(self, on: bool) -> None:
         """Set the flag `abort`; it counts once."""
+        ...
+
+    def rehearse(self, on: bool, at_rest: bool) -> bool:
+        """Begin or end a rehearsal; says whether it is on now.
+
+        `at_rest`: the supervisor is neither armed nor flying, and no motor has a thrust.
+        """
+        ...
+
+    @property
+    def rehearses(self) -> bool:
+        """Whether a rehearsal is on."""
+        ...
+
+    def record(self) -> bytes:
+        """The recorder as the ground reads it (:mod:`onboard.ring`)."""
         ...
 
     def set_ceiling(self, ceiling_z: float) -> None:

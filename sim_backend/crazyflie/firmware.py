@@ -68,6 +68,7 @@ class Firmware:
         with_app: bool = True,
         gyro_bias: tuple[float, float, float] = (0.0, 0.0, 0.0),
         build: Build = OURS,
+        policy_weight: float = 1.0,
     ) -> None:
         self._build = build
         self.idle_thrust = build.idle_thrust
@@ -79,7 +80,16 @@ class Firmware:
         self.engine = make_engine(engine, vehicle)
         self.app: LandingApp | None = None
         if with_app:
-            self.app = LandingApp(vehicle, self.engine, engine, self.params, self._is_flying, self.tick_ms)
+            self.app = LandingApp(
+                vehicle,
+                self.engine,
+                engine,
+                self.params,
+                self._is_flying,
+                self._at_rest,
+                self.tick_ms,
+                policy_weight,
+            )
         self._trajectories = RamMemory(MemoryType.TRAJECTORY, TRAJECTORY_SIZE)
         self._tester = MemoryTester()
         app_memory: tuple[Memory, ...] = (self.app.slot.memory,) if self.app else ()
@@ -254,12 +264,13 @@ class Firmware:
             voltage=self.power.voltage,
             flying=self.supervisor.is_flying,
             levelling=self.supervisor.state is State.WARNING_LEVEL_OUT,
+            thrust_seen=bool(self.ratios.any()),
         )
         events = engine.step(sample)
         flown = engine.mode is OutputMode.SETPOINT and not setpoint.is_null
         self.setpoint = engine.target if flown or Event.HANDED_OVER in events else setpoint
         self._tell_others(tick, events)
-        self.ratios[:] = engine.ratios if self.supervisor.motors_allowed else 0
+        self.ratios[:] = engine.ratios if self.supervisor.motors_allowed and not self._rehearses() else 0
         if self.app is not None and self.app.motors_abandoned():
             self.params["motorPowerSet.enable"] = 0
             self.motor_override[0] = 0
@@ -302,6 +313,13 @@ class Firmware:
     def _is_flying(self) -> bool:
         return self.supervisor.is_flying
 
+    def _rehearses(self) -> bool:
+        return self.app is not None and self.app.rehearses
+
+    def _at_rest(self) -> bool:
+        supervisor = self.supervisor
+        return not (supervisor.is_armed or supervisor.is_flying or self.ratios.any())
+
     def _boot(self) -> None:
         self.boot_count += 1
         self.running = True
@@ -310,7 +328,7 @@ class Firmware:
         self._terminal_voltage = 0.0
         self.params.reset()
         sensing = self._vehicle.sensing
-        self.supervisor = Supervisor(auto_arm=self._build.auto_arm)
+        self.supervisor = Supervisor(self._build.auto_arm, lambda: not self._rehearses())
         self.estimator = Estimator()
         self.sensors = InertialSensors(sensing, self._rng)
         self.sensors.gyro_bias[:] = self._gyro_bias

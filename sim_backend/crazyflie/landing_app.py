@@ -34,6 +34,13 @@ _SNAPSHOT = {
     Log.SNAPSHOT_Z: SnapshotField.Z,
     Log.SNAPSHOT_PITCH: SnapshotField.PITCH,
 }
+_SWITCHES = (
+    Parameter.REHEARSE,
+    Parameter.TRAJECTORY_ARM,
+    Parameter.POLICY_ARM,
+    Parameter.GO,
+    Parameter.ABORT,
+)
 _ENGINES = {EngineName.REFERENCE: interface.Engine.REFERENCE, EngineName.C: interface.Engine.C}
 
 
@@ -46,10 +53,13 @@ class LandingApp:
         name: which one that is.
         params: the drone's parameters.
         is_flying: what the supervisor says.
+        at_rest: whether it is neither armed nor flying, and no motor has a thrust.
         tick: ms since boot.
+        policy_weight: factor that a fault puts on a weight of the policy (:class:`PolicySlot`).
 
     Attributes:
         slot: staged and live policy.
+        rehearses: whether a rehearsal is on: then nothing turns, and nothing is armed.
     """
 
     def __init__(
@@ -59,14 +69,17 @@ class LandingApp:
         name: EngineName,
         params: ParameterTable,
         is_flying: Callable[[], bool],
+        at_rest: Callable[[], bool],
         tick: Callable[[], int],
+        policy_weight: float = 1.0,
     ) -> None:
         self._tick = tick
+        self._at_rest = at_rest
         self._vehicle_crc = vehicle_crc32(vehicle)
         self._engine = engine
         self._engine_number = int(_ENGINES[name])
         self._params = params
-        self.slot = PolicySlot(params, engine, is_flying)
+        self.slot = PolicySlot(params, engine, is_flying, policy_weight)
         self.boot()
 
     def boot(self) -> None:
@@ -78,6 +91,7 @@ class LandingApp:
         self._params[Parameter.ENGINE] = self._engine_number
         self._params[Parameter.OWN_LAW] = 1
         self._vouched_until: int | None = None
+        self.rehearses = False
 
     def connect(self) -> None:
         """Listen to the app's parameters; once, the callbacks outlive reboots."""
@@ -88,6 +102,7 @@ class LandingApp:
         write(Parameter.ABORT, lambda value: self._engine.ask_abort(bool(value)))
         write(Parameter.OWN_LAW, self._on_own_law)
         write(Parameter.MOTOR_TOKEN, self._on_motor_token)
+        write(Parameter.REHEARSE, self._on_rehearse)
         self._params.mirror(Parameter.CEILING_Z, lambda value: self._engine.set_ceiling(float(value)))
 
     @property
@@ -110,7 +125,7 @@ class LandingApp:
             Log.D_CEIL: lambda: engine.cues[2],
             Log.TRIGGER_VALUE: lambda: engine.trigger_value,
             Log.A_ROT: lambda: engine.a_rot,
-            Log.POLICY_CRC: lambda: engine.live_crc,
+            Log.POLICY_CRC: lambda: self.slot.crc,
             Log.POLICY_STATUS: lambda: int(self.slot.status),
             Log.SNAPSHOT_TICK: lambda: engine.snapshot_tick,
             Log.SNAPSHOT_COUNT: lambda: engine.snapshot_count & 0xFF,
@@ -125,6 +140,10 @@ class LandingApp:
             self._params[Parameter.ABORT] = 0
         if Event.REFUSED in events:
             self._params[Parameter.TRAJECTORY_ARM] = 0
+        if Event.REHEARSAL_ENDED in events:
+            self.rehearses = False
+            for name in _SWITCHES:
+                self._params[name] = 0
         self._say(Parameter.STATE, int(self._engine.state))
         self._say(Parameter.TRAJECTORY_STATUS, int(self._engine.trajectory_status))
 
@@ -143,6 +162,11 @@ class LandingApp:
 
     def _on_motor_token(self, value: Number) -> None:
         self._vouched_until = self._tick() + MOTOR_TOKEN_MS
+
+    def _on_rehearse(self, value: Number) -> None:
+        self.rehearses = self._engine.rehearse(bool(value), self._at_rest())
+        if not self.rehearses:
+            self._params[Parameter.REHEARSE] = 0
 
     def motors_abandoned(self) -> bool:
         """Whether a host that vouched for the motors of its bench test has fallen silent; told once."""

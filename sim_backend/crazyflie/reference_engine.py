@@ -5,7 +5,7 @@ of the commander's setpoint; a null or levelled-out setpoint aborts an approach.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from onboard.app_interface import EndReason, LandingState, PolicyStatus, TrajectoryStatus
 from onboard.arrays import Vector
@@ -24,11 +24,12 @@ from onboard.policy.action import action_moment
 from onboard.policy.bundle import BundleFault, PolicyBundleError, bundle_crc32, decode_bundle
 from onboard.policy.model import CompiledPolicy
 from onboard.policy.trigger import trigger_value
+from onboard.ring import RingRecorder
 from onboard.trajectory import ApproachPlan, plan_from_velocity
 from onboard.vehicle import Vehicle
 from sim_backend.crazyflie.engine import ApproachRequest, Event, Sample, SnapshotField
 from sim_backend.crazyflie.power import COMPENSATION_GAIN, FULL_VOLTAGE
-from sim_backend.crazyflie.setpoint import Mode, Setpoint
+from sim_backend.crazyflie.setpoint import Setpoint, complete_setpoint
 from sim_backend.crazyflie.stabilizer import ATTITUDE_PERIOD_MS, Stabilizer
 
 POLICY_PERIOD_MS = 10
@@ -87,6 +88,8 @@ class ReferenceEngine:
         self.trigger_value = self.a_rot = 0.0
         self._output: LandingOutput | None = None
         self.target = Setpoint()
+        self.rehearses = self._rehearsed = False
+        self._recorder = RingRecorder()
 
     @property
     def thrusts(self) -> Thrusts:
@@ -189,8 +192,43 @@ class ReferenceEngine:
         """Height (m) of the ceiling while nothing is armed."""
         self._idle_ceiling_z = ceiling_z
 
+    def rehearse(self, on: bool, at_rest: bool) -> bool:
+        """Begin or end a rehearsal."""
+        self.rehearses = on and at_rest and (self.rehearses or self.state is LandingState.IDLE)
+        return self.rehearses
+
+    def record(self) -> bytes:
+        """The recorder as the ground reads it."""
+        return self._recorder.image()
+
     def step(self, sample: Sample) -> Event:
         """One ms."""
+        ended = self._watch_rehearsal(sample)
+        if not self.rehearses:
+            return self._compute(sample) | ended
+        events = self._compute(_as_in_flight(sample))
+        self._stabilizer.thrusts = (0.0, 0.0, 0.0, 0.0)
+        self.ratios[:] = 0
+        return events & ~(Event.HANDED_OVER | Event.CUT)
+
+    def _watch_rehearsal(self, sample: Sample) -> Event:
+        """It ends where somebody flies or a motor has a thrust; what was armed for it is forgotten."""
+        begun = self._rehearsed or self.rehearses
+        if sample.flying or sample.thrust_seen:
+            self.rehearses = False
+        self._rehearsed = self.rehearses
+        if self.rehearses or not begun:
+            return Event.NONE
+        self._recorder.end(sample.tick)
+        self._memory["state"] = LandingState.IDLE
+        self._memory["trajectory_status"] = self._memory["arm_seen"] = 0
+        self.trajectory_status = TrajectoryStatus.NONE
+        self._consumed = self._request.number
+        self._policy_armed = self._trajectory_armed = self._go = self._abort = False
+        return Event.REHEARSAL_ENDED
+
+    def _compute(self, sample: Sample) -> Event:
+        """One ms of a drone that flies, or rehearses."""
         events = Event.NONE
         self._supply += COMPENSATION_GAIN * (sample.voltage - self._supply)
         if sample.tick % ATTITUDE_PERIOD_MS == 0:
@@ -199,7 +237,22 @@ class ReferenceEngine:
             events = self._step_machine(sample)
         self._fly(sample, events)
         self._stabilizer.drive(self._supply)
+        if self._recorder.records(sample.tick):
+            self._record(sample)
         return events
+
+    def _record(self, sample: Sample) -> None:
+        estimator, memory = sample.estimator, self._memory
+        x, y, z = sample.gyro
+        own = memory["attitude"]
+        self._recorder.record(
+            sample.tick,
+            (self.cues, self.trigger_value, self.a_rot),
+            (estimator.position(), estimator.velocity(), estimator.quaternion(), (x, y, z)),
+            (own[0], own[1], own[2], own[3]),
+            self._supply,
+            self.thrusts,
+        )
 
     def _evaluate(self, sample: Sample) -> None:
         """Cues and policy on the estimated state."""
@@ -289,6 +342,10 @@ class ReferenceEngine:
     def _change(self, sample: Sample, was: LandingState) -> Event:
         """What a change of the machine's state means for others."""
         state = self.state
+        if state is not was and state is LandingState.TRAJECTORY_ARMED:
+            self._recorder.begin()
+        elif state is not was and was is LandingState.APPROACH:
+            self._recorder.end(sample.tick)
         if state is not was and state in _CUT:
             return Event.CUT
         if was is LandingState.HOLD and state is LandingState.IDLE and not sample.setpoint.is_null:
@@ -320,16 +377,12 @@ class ReferenceEngine:
         )
 
 
+def _as_in_flight(sample: Sample) -> Sample:
+    """What a drone has that flies and stays where it believes to be."""
+    here = complete_setpoint(sample.tick, sample.estimator.position())
+    return replace(sample, flying=True, levelling=False, setpoint=here)
+
+
 def _setpoint(output: LandingOutput, tick_ms: int) -> Setpoint:
     """A complete setpoint of the machine, for the position controller."""
-    return Setpoint(
-        time_ms=tick_ms,
-        mode_x=Mode.ABSOLUTE,
-        mode_y=Mode.ABSOLUTE,
-        mode_z=Mode.ABSOLUTE,
-        mode_yaw=Mode.ABSOLUTE,
-        position=output.position,
-        velocity=output.velocity,
-        acceleration=output.acceleration,
-        yaw=output.yaw,
-    )
+    return complete_setpoint(tick_ms, output.position, output.velocity, output.acceleration, output.yaw)

@@ -55,3 +55,24 @@ class Setpoint:
             or self.mode_yaw
             or self.mode_quat
         )
+
+
+def complete_setpoint(
+    time_ms: int,
+    position: Vector,
+    velocity: Vector = (0.0, 0.0, 0.0),
+    acceleration: Vector = (0.0, 0.0, 0.0),
+    yaw: float = 0.0,
+) -> Setpoint:
+    """A setpoint with everything that the position controller tracks: m, m/s, m/s2, rad."""
+    return Setpoint(
+        time_ms=time_ms,
+        mode_x=Mode.ABSOLUTE,
+        mode_y=Mode.ABSOLUTE,
+        mode_z=Mode.ABSOLUTE,
+        mode_yaw=Mode.ABSOLUTE,
+        position=position,
+        velocity=velocity,
+        acceleration=acceleration,
+        yaw=yaw,
+    )

@@ -8,6 +8,7 @@ brushed Crazyflie 2.1 has neither. The build modelled: ``CONFIG_MOTORS_REQUIRE_A
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum, IntEnum, IntFlag, auto
 
@@ -185,10 +186,12 @@ class Supervisor:
 
     Args:
         auto_arm: arm when the preflight checks have passed, without being asked.
+        may_arm: whether the app lets anybody arm.
     """
 
-    def __init__(self, auto_arm: bool = False) -> None:
+    def __init__(self, auto_arm: bool = False, may_arm: Callable[[], bool] = lambda: True) -> None:
         self._auto_arm = auto_arm
+        self._may_arm = may_arm
         self.state = State.NOT_INITIALIZED
         self.tumble = TumbleCheck()
         self.tumble_check_enabled = True
@@ -221,7 +224,7 @@ class Supervisor:
         """Arm or disarm; whether the request was accepted. Arming needs passed preflight checks."""
         if on == self._armed:
             return True
-        if on and self.state is not State.PREFLIGHT_CHECKS_PASSED:
+        if on and not (self.state is State.PREFLIGHT_CHECKS_PASSED and self._may_arm()):
             return False
         self._armed = on
         return True
@@ -309,7 +312,7 @@ class Supervisor:
                 self._enter(rule.to, tick_ms)
                 break
         self._tumbled = bool(conditions & Condition.TUMBLED)
-        if self._auto_arm and self.state is State.PREFLIGHT_CHECKS_PASSED:
+        if self._auto_arm and self._may_arm() and self.state is State.PREFLIGHT_CHECKS_PASSED:
             self._armed = True
         self._info = high_level | self._state_bits()
 

@@ -34,7 +34,19 @@ APPROACHES = (
 )
 """Sound ones first; the last three are none."""
 
-WRITES = ("commit", "spoilt commit", "policy on", "policy off", "arm", "disarm", "go", "abort", "ceiling")
+WRITES = (
+    "commit",
+    "spoilt commit",
+    "policy on",
+    "policy off",
+    "arm",
+    "disarm",
+    "go",
+    "abort",
+    "ceiling",
+    "rehearse",
+    "rehearse off",
+)
 MOTIONS = (
     "hover", "plan", "stay", "climb", "rise fast", "fall", "flip", "tilt", "beside", "impossible",
     "estimate lost", "gyro lost", "attitude lost", "reset", "at the ceiling",
@@ -148,6 +160,8 @@ def write(engine: Engine, stretch: Stretch) -> Any:
         "go": lambda: engine.ask_go(True),
         "abort": lambda: engine.ask_abort(True),
         "ceiling": lambda: engine.set_ceiling(2.5),
+        "rehearse": lambda: engine.rehearse(True, not stretch.flying),
+        "rehearse off": lambda: engine.rehearse(False, not stretch.flying),
     }
     return answers[stretch.write]() if stretch.write is not None else None
 
@@ -203,7 +217,7 @@ def told(engine: Engine, events: Event) -> Told:
     """What must be the same: the decisions of a step."""
     return (
         engine.state, engine.reason, engine.trajectory_status, engine.mode, events, engine.snapshot_count,
-        engine.has_policy,
+        engine.has_policy, engine.rehearses,
     )  # fmt: skip
 
 

@@ -81,6 +81,7 @@ class World(Structure):
         ("flying", c_bool),
         ("armed", c_bool),
         ("pose_tick", c_uint16),
+        ("motors", c_uint16 * 4),
         ("motor_override", c_uint8),
         ("estimator", c_uint8),
         ("idle_thrust", c_uint32),

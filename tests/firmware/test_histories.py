@@ -4,6 +4,7 @@ import json
 import os
 import sys
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -40,6 +41,7 @@ STRETCHES = st.builds(
     flying=_MOSTLY,
     levelling=_MOSTLY.map(lambda mostly: not mostly),
 )
+DESK = (LANDING[0], Stretch(20, "rehearse", flying=False))
 BEGUN = (LANDING[0], LANDING[1], LANDING[2], Stretch(700, "go", motion="plan"))
 HISTORIES = st.tuples(
     st.sampled_from([(), LANDING[:1], LANDING[:3], BEGUN, LANDING]),
@@ -96,6 +98,14 @@ ENDS = {
     "disarmed": ([*BEGUN, Stretch(50, "disarm", motion="plan")], (LandingState.BRAKE, EndReason.DISARMED)),
     "estimate lost": ([*BEGUN, Stretch(9, motion="gyro lost")], (LandingState.BRAKE, EndReason.BAD_ESTIMATE)),
     "not flying": ([*BEGUN, Stretch(9, flying=False)], (LandingState.CUT, EndReason.NOT_FLYING)),
+    "rehearsed": (
+        [*DESK, *(replace(stretch, flying=False, setpoint="null") for stretch in LANDING[1:])],
+        (LandingState.FLIP, EndReason.TRIGGERED),
+    ),
+    "a rehearsal that ends in a flight": (
+        [*DESK, *(replace(s, flying=False) for s in BEGUN[1:]), Stretch(50, flying=True)],
+        (LandingState.IDLE, EndReason.NONE),
+    ),
     "contact": ([*BEGUN, Stretch(9, motion="at the ceiling")], (LandingState.CUT, EndReason.CONTACT)),
 }
 

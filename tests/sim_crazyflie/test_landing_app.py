@@ -9,10 +9,18 @@ import numpy as np
 import pytest
 from numba.core.dispatcher import Dispatcher
 
-from onboard.app_interface import Engine, LandingState, Parameter, PolicyStatus, TrajectoryStatus
+from onboard.app_interface import (
+    RECORD_ADDRESS,
+    Engine,
+    LandingState,
+    Parameter,
+    PolicyStatus,
+    TrajectoryStatus,
+)
 from onboard.landing.state_machine import EndReason
-from onboard.policy.bundle import MAX_BUNDLE_BYTES, bundle_crc32, encode_bundle
+from onboard.policy.bundle import bundle_crc32, encode_bundle
 from onboard.policy.files import import_authors_policy
+from onboard.ring import RING_BYTES
 from onboard.room import RoomGeometry
 from onboard.trajectory import ApproachPlan, fit_approach, plan_approach
 from onboard.vehicle import load_vehicle
@@ -90,7 +98,7 @@ def test_commit_makes_the_policy_live_and_readable() -> None:
     assert flight.log("perch.polStat") == PolicyStatus.ACTIVE
     assert flight.param(Parameter.POLICY_COMMIT) == 0
     memory = flight.firmware.memories[1]
-    assert (memory.type_id, memory.size) == (0x18, MAX_BUNDLE_BYTES)
+    assert (memory.type_id, memory.size) == (0x18, RECORD_ADDRESS + RING_BYTES)
     assert memory.read(0, len(BUNDLE)) == BUNDLE
 
 

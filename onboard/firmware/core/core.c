@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "battery.h"
+#include "rehearsal.h"
 
 enum { POLICY_PERIOD_MS = 10 };
 
@@ -218,10 +219,11 @@ static void report(perch_core *core) {
   out->reason = core->landing.reason;
   out->trajectory_armed = core->trajectory_armed;
   out->policy_armed = core->policy_armed;
+  out->rehearses = core->rehearsed;
 }
 
-void perch_step(perch_core *core, const perch_inputs *in) {
-  core->outputs.events = 0;
+/* One ms of a drone that flies, or rehearses. */
+static void compute(perch_core *core, const perch_inputs *in) {
   if (in->tick % PERCH_ATTITUDE_PERIOD_MS == 0) {
     if (in->tick % POLICY_PERIOD_MS == 0) {
       evaluate(core, in);
@@ -231,5 +233,18 @@ void perch_step(perch_core *core, const perch_inputs *in) {
   fly(core, in);
   compensate(core, in->voltage);
   record(core, in);
+}
+
+void perch_step(perch_core *core, const perch_inputs *in) {
+  core->outputs.events = 0;
+  const uint8_t ended = perch_watch_rehearsal(core, in);
+  if (core->rehearsed) {
+    const perch_inputs inputs = perch_as_in_flight(in);
+    compute(core, &inputs);
+    perch_keep_still(&core->outputs);
+  } else {
+    compute(core, in);
+  }
+  core->outputs.events |= ended;
   report(core);
 }

@@ -17,6 +17,7 @@ typedef struct {
   float voltage; /* of the battery, as measured, V */
   bool flying;   /* says the supervisor */
   bool levelling; /* the supervisor has replaced the setpoint */
+  bool thrust_seen; /* a motor has a thrust, whoever gave it */
   perch_setpoint setpoint; /* after the supervisor's say */
 } perch_inputs;
 
@@ -27,6 +28,7 @@ enum {
   PERCH_REFUSED = 4,      /* arming: the switch is off again */
   PERCH_HANDED_OVER = 8,  /* the planner shall stay where the drone is */
   PERCH_CUT_MOTORS = 16,  /* the planner's plan shall be dropped */
+  PERCH_REHEARSAL_ENDED = 32, /* all switches are off again */
 };
 
 /* What the drone shall do, and what there is to say about it. */
@@ -39,7 +41,7 @@ typedef struct {
   uint8_t events;          /* of this ms */
   uint8_t state, reason;
   uint8_t trajectory_status; /* NONE while a request waits */
-  bool trajectory_armed, policy_armed;
+  bool trajectory_armed, policy_armed, rehearses;
   perch_policy_sample policy; /* of the last evaluation */
   float filtered_voltage;     /* V */
 } perch_outputs;
@@ -63,6 +65,8 @@ typedef struct {
   volatile uint32_t posted, consumed;
   volatile bool policy_armed, go, abort;
   bool trajectory_armed;
+  volatile bool rehearses;
+  bool rehearsed; /* in the step before */
   float idle_ceiling_z;
 
   volatile bool policy_is_live;
@@ -89,6 +93,10 @@ bool perch_arm_policy(perch_core *core, bool on);
 /* Flags: they count once. */
 void perch_ask_go(perch_core *core, bool on);
 void perch_ask_abort(perch_core *core, bool on);
+
+/* Begin a rehearsal (rehearsal.h), or end it. `at_rest`: the supervisor is neither armed nor flying, and no motor
+ * has a thrust. Says whether it is on now. */
+bool perch_rehearse(perch_core *core, bool on, bool at_rest);
 
 /* Height (m) of the ceiling for the cues while nothing is armed. */
 void perch_set_ceiling(perch_core *core, float ceiling_z);

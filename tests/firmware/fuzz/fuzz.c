@@ -146,7 +146,7 @@ static void random_request(void) {
     approach.vz = random_float(4.0f);
     approach.az = random_float(4.0f);
   }
-  switch (below(6)) {
+  switch (below(7)) {
     case 0:
       perch_post(&core, below(4) != 0, &approach);
       break;
@@ -162,6 +162,9 @@ static void random_request(void) {
     case 4:
       random_commit();
       break;
+    case 5:
+      perch_rehearse(&core, core.rehearses ? below(20) != 0 : below(3) == 0, below(20) != 0);
+      break;
     default:
       perch_set_ceiling(&core, random_float(3.0f));
       break;
@@ -173,6 +176,7 @@ static void wild_sample(perch_inputs *in) {
   in->pose_age = below(100) == 0 ? PERCH_NO_POSE : below(40);
   in->flying = below(200) != 0;
   in->levelling = below(300) == 0;
+  in->thrust_seen = below(300) == 0;
   in->voltage = below(100) == 0 ? random_float(5.0f) : 3.9f;
   if (below(20) == 0) {
     in->estimate.position = random_vector(2.0f);
@@ -235,13 +239,18 @@ static void random_sample(perch_inputs *in) {
     in->tick += below(10) == 0 ? below(2000) : 0;
   }
   in->tick++;
+  in->thrust_seen = false;
   if (mood == WILD) {
     wild_sample(in);
-    return;
+  } else {
+    calm_sample(in);
   }
-  calm_sample(in);
   if (mood == LOST && core.landing.state != PERCH_APPROACH) {
     in->estimate.position.x = NAN;
+  }
+  if (core.rehearses && below(1000) != 0) { /* nobody flies on the desk */
+    in->flying = in->thrust_seen = false;
+    memset(&in->setpoint, 0, sizeof in->setpoint);
   }
 }
 
@@ -254,7 +263,9 @@ static void check_outputs(const perch_inputs *in, uint32_t number) {
     require(out->duties[i] >= 0.0f && out->duties[i] <= 1.0f, "a duty beyond 0 to 1", number);
     require(!(silent && out->mode == PERCH_OFF) || out->duties[i] == 0.0f, "motors run that are cut", number);
     require(!perch_setpoint_is_null(&in->setpoint) || out->duties[i] == 0.0f, "motors run unasked", number);
+    require(!out->rehearses || (out->duties[i] == 0.0f && out->thrusts[i] == 0.0f), "motors run on the desk", number);
   }
+  require(!out->rehearses || !(in->flying || in->thrust_seen), "a rehearsal in flight", number);
   require(out->state != PERCH_FLIP || isfinite(core.landing.snapshot.a_rot), "a flip of NaN", number);
   require(core.recorder.state <= PERCH_RECORD_ENDS, "an unknown state of the recorder", number);
 }

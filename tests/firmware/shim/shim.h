@@ -14,6 +14,7 @@ typedef struct {
   float voltage;
   bool flying, armed;
   uint16_t pose_tick; /* locSrvZ.tick */
+  uint16_t motors[4]; /* motor.m1 to m4 */
   /* Parameters of the firmware. */
   uint8_t motor_override; /* motorPowerSet.enable */
   uint8_t estimator;      /* stabilizer.estimator */

@@ -48,10 +48,15 @@ __attribute__((constructor)) static void firmware_tables(void) {
   const shim_parameter estimator = {"estimator", PARAM_UINT8, &world->estimator, 0};
   const shim_parameter idle = {"idleThrust", PARAM_UINT32, &world->idle_thrust, 0};
   const shim_log pose = {"tick", LOG_UINT16, &world->pose_tick, false};
+  const shim_log motors[] = {{"m1", LOG_UINT16, &world->motors[0], false},
+                             {"m2", LOG_UINT16, &world->motors[1], false},
+                             {"m3", LOG_UINT16, &world->motors[2], false},
+                             {"m4", LOG_UINT16, &world->motors[3], false}};
   shim_add_parameters("motorPowerSet", &override, 1);
   shim_add_parameters("stabilizer", &estimator, 1);
   shim_add_parameters("powerDist", &idle, 1);
   shim_add_logs("locSrvZ", &pose, 1);
+  shim_add_logs("motor", motors, 4);
 }
 
 const shim_parameter *shim_find_parameter(const char *name) {

@@ -5,6 +5,7 @@
 #include "commander.h"
 #include "controller_pid.h"
 #include "crtp_commander_high_level.h"
+#include "desk.h"
 #include "pm.h"
 #include "shell.h"
 #include "supervisor.h"
@@ -46,6 +47,7 @@ static perch_inputs inputs_from(const setpoint_t *setpoint, const sensorData_t *
       .voltage = pmGetBatteryVoltage(),
       .flying = supervisorIsFlying(),
       .levelling = perch_is_level_out(setpoint),
+      .thrust_seen = perch_is_on_the_desk() && perch_sees_thrust(),
       .setpoint = perch_setpoint_from(setpoint),
   };
 }
@@ -87,6 +89,10 @@ void controllerOutOfTree(control_t *control, const setpoint_t *setpoint, const s
   tell_planner(perch.outputs.events);
   perch_answer_ground(perch.outputs.events);
 
+  if (perch_is_on_the_desk()) {
+    perch_stay_on_the_desk(control);
+    return;
+  }
   if (is_delegated() && !(perch.outputs.events & PERCH_HANDED_OVER)) {
     controllerPid(control, setpoint, sensors, state, stabilizerStep);
     return;

@@ -5,6 +5,7 @@
 
 #include "FreeRTOS.h"
 #include "bench_motors.h"
+#include "desk.h"
 #include "shell.h"
 #include "supervisor.h"
 #include "task.h"
@@ -46,6 +47,12 @@ static void on_ceiling(void) { perch_set_ceiling(&perch, perch_ground.ceiling_z)
 
 static void on_motor_token(void) { perch_vouch(); }
 
+static void on_rehearse(void) {
+  if (!perch_switch_rehearsal(perch_ground.rehearse != 0)) {
+    perch_ground.rehearse = 0;
+  }
+}
+
 void perch_answer_ground(uint8_t events) {
   if (events & PERCH_REFUSED) {
     perch_ground.trajectory_arm = 0;
@@ -55,6 +62,11 @@ void perch_answer_ground(uint8_t events) {
   }
   if (events & PERCH_ABORT_TAKEN) {
     perch_ground.abort = 0;
+  }
+  if (events & PERCH_REHEARSAL_ENDED) {
+    perch_note_rehearsal_ended();
+    perch_ground.rehearse = perch_ground.trajectory_arm = perch_ground.policy_arm = 0;
+    perch_ground.go = perch_ground.abort = 0;
   }
 }
 
@@ -83,4 +95,5 @@ PARAM_ADD(PARAM_UINT8 | PARAM_RONLY, version, &perch_ground.version)
 PARAM_ADD(PARAM_UINT8 | PARAM_RONLY, engine, &perch_ground.engine)
 PARAM_ADD(PARAM_UINT8, ownLaw, &perch_ground.own_law)
 PARAM_ADD_WITH_CALLBACK(PARAM_UINT8, motTok, &perch_ground.motor_token, &on_motor_token)
+PARAM_ADD_WITH_CALLBACK(PARAM_UINT8, rehearse, &perch_ground.rehearse, &on_rehearse)
 PARAM_GROUP_STOP(perch)

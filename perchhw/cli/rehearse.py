@@ -1,0 +1,100 @@
+"""``perchhw rehearse``: an approach on the desk, computed by the drone, judged by the reference."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from perchhw.attempt import DEFAULT_POLICY, DEFAULT_VEHICLE
+from perchhw.cli import exit_codes
+from perchhw.cli.options import Lab
+from perchhw.cli.output import emit
+
+if TYPE_CHECKING:
+    from perchhw.rehearsal.session import Rehearsal
+
+app = typer.Typer(add_completion=False)
+
+_DEFAULT = "Default: that of the lab file"
+
+
+@app.command()
+def rehearse(
+    drone: Annotated[str | None, typer.Option(help=f"URI of the drone. {_DEFAULT}.")] = None,
+    speed: Annotated[float, typer.Option(help="Speed on the approach line, m/s.")] = 2.5,
+    angle: Annotated[float, typer.Option(help="Angle of the approach line above the horizon, deg.")] = 50.0,
+    policy: Annotated[
+        str | None,
+        typer.Option(help=f"Policy file, or name of a shipped one. {_DEFAULT}, or {DEFAULT_POLICY!r}."),
+    ] = None,
+    vehicle: Annotated[
+        str | None,
+        typer.Option(help=f"Vehicle file, or name of a known one. {_DEFAULT}, or {DEFAULT_VEHICLE!r}."),
+    ] = None,
+    lab: Lab = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Keep verdict and recording in a new folder inside this one.")
+    ] = None,
+) -> int:
+    """Rehearse an approach on the desk, propellers off: the drone computes it, and nothing turns.
+
+    The drone gets policy and approach, and poses of a flight that nobody flies. What it recorded of its
+    trigger is held against the reference on the same inputs: same sample, same moment, same forces.
+
+    Exit codes: 0 passed, 1 failed, 2 input that cannot be used, 3 the drone is armed, flies or a motor turns,
+    130 interrupted.
+    """
+    from onboard.policy.files import find_policy, load_policy
+    from onboard.trajectory import fit_approach
+    from onboard.vehicle import load_vehicle
+    from perchhw.lab import desk_setup, find_lab
+    from perchhw.rehearsal.record import save_rehearsal
+    from perchhw.rehearsal.session import rehearse as rehearse_on
+
+    setup = desk_setup(find_lab(lab), drone=drone, vehicle=vehicle, policy=policy)
+    plan = fit_approach(speed, angle, setup.room)
+    loaded = load_policy(find_policy(setup.policy))
+    rehearsal = rehearse_on(setup.drone, plan, loaded, load_vehicle(setup.vehicle, setup.legs))
+    document = _document(rehearsal)
+    if out is not None:
+        document["record"] = str(save_rehearsal(out, rehearsal.ring, document))
+    emit(document, _in_words(document))
+    return exit_codes.DONE if rehearsal.verdict.passed else exit_codes.FAILED
+
+
+def _document(rehearsal: "Rehearsal") -> dict[str, Any]:
+    verdict = rehearsal.verdict
+    return {
+        "pass": verdict.passed,
+        "failures": list(verdict.failures),
+        "engine": rehearsal.engine,
+        "policy_crc32": rehearsal.policy_crc32,
+        "reason": verdict.reason.name.lower(),
+        "trigger_sample_difference": verdict.trigger_sample_difference,
+        "trigger_value_difference": verdict.trigger_value_difference,
+        "a_rot_difference_n_m": verdict.a_rot_difference_n_m,
+        "force_difference_n": verdict.force_difference_n,
+        "input_difference": verdict.input_difference,
+        "loop_us": None,
+    }
+
+
+def _in_words(document: dict[str, Any]) -> str:
+    lines = [f"rehearsal {'passed' if document['pass'] else 'FAILED'} (engine {document['engine']})"]
+    lines += [f"  {failure}" for failure in document["failures"]]
+    if document["pass"]:
+        lines.append(
+            "  drone and reference trigger on the same sample: "
+            f"moment within {document['a_rot_difference_n_m']:.1e} N m, "
+            f"forces within {document['force_difference_n']:.1e} N"
+        )
+    away = document["input_difference"]
+    if away is not None:
+        lines.append(
+            f"  inputs against the ideal approach: {100.0 * away['position_m']:.1f} cm, "
+            f"{away['velocity_m_s']:.2f} m/s; at the trigger tau {1000.0 * away['tau_s']:+.0f} ms, "
+            f"theta_x {away['theta_x_1_s']:+.2f} 1/s"
+        )
+    if "record" in document:
+        lines.append(f"record: {document['record']}")
+    return "\n".join(lines)

@@ -1,0 +1,151 @@
+"""One rehearsal over the link: switch it on, fly the approach in the drone's head, read what it recorded."""
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from onboard.app_interface import EndReason, LandingState, Log, Parameter
+from onboard.errors import SafetyStop
+from onboard.lab_time import open_timebase
+from onboard.landing.model import landing_limits
+from onboard.link.exclusive import hold
+from onboard.link.landing_app import arm_approach, check_vehicle, engine_of, poll
+from onboard.link.power import refuse_flying
+from onboard.link.recorder import read_ring
+from onboard.policy.bundle import encode_bundle
+from onboard.policy.model import Policy
+from onboard.ring import Ring
+from onboard.timebase import Timebase
+from onboard.trajectory import ApproachPlan
+from onboard.vehicle import Vehicle
+from onboard.vehicle.onboard_constants import vehicle_crc32
+from perchhw.errors import FlightStackError
+from perchhw.rehearsal.poses import ApproachPoses
+from perchhw.rehearsal.verdict import Verdict, judge
+
+if TYPE_CHECKING:
+    from onboard.link import DroneLink, LogSample
+
+SETTLED_M, SETTLED_M_S = 0.05, 0.1
+"""How near the approach's start, and how still, the drone believes to be before the approach is armed."""
+SETTLE_TIMEOUT_S = 10.0
+FLIP_TIMEOUT_S = 1.0
+"""The flip of a drone that does not turn is cut after 0.5 s."""
+
+_RESET = "kalman.resetEstimation"
+_STATE = ("x", "y", "z", "vx", "vy", "vz")
+_ENDED = frozenset(LandingState) - {LandingState.IDLE, LandingState.TRAJECTORY_ARMED, LandingState.APPROACH}
+
+
+class RehearsalRefused(FlightStackError, SafetyStop):
+    """The drone does not rehearse now; nothing was armed."""
+
+
+class RehearsalFailed(FlightStackError):
+    """The rehearsal came to no end that could be judged."""
+
+
+@dataclass(frozen=True)
+class Rehearsal:
+    """What came of a rehearsal.
+
+    Attributes:
+        engine: the code that computed on the drone, ``c`` or ``reference``.
+        policy_crc32: of the policy, as the drone reads it back.
+        ring: what the drone recorded.
+        verdict: what is to be said about it.
+    """
+
+    engine: str | None
+    policy_crc32: int
+    ring: Ring
+    verdict: Verdict
+
+
+def rehearse(drone: str, plan: ApproachPlan, policy: Policy, vehicle: Vehicle) -> Rehearsal:
+    """Rehearse an approach on the drone at `drone` (URI), whose firmware was built for `vehicle`.
+
+    Raises:
+        RehearsalRefused, DroneIsFlying: the drone is armed, flies, or a motor turns.
+        RehearsalFailed: no end of the approach.
+        CommandRefused: the firmware was built for another vehicle, or refuses approach or policy.
+        LinkError: the link failed, or the firmware is not ours.
+    """
+    from onboard.link import DroneLink
+
+    with hold(drone), open_timebase("rehearse", drone) as time:
+        refuse_flying(drone, time)
+        with DroneLink.open(drone, clock=time) as link:
+            check_vehicle(link, vehicle_crc32(vehicle), vehicle.name)
+            engine = engine_of(link)
+            crc = link.upload_policy(encode_bundle(policy))
+            time.event().wait(max(0.0, time.slot() - time()))
+            with _rehearsing(link):
+                ring, reason = _fly(link, plan, landing_limits(vehicle).smoothing, time)
+    return Rehearsal(engine, crc, ring, judge(ring, reason, plan, policy, vehicle))
+
+
+@contextmanager
+def _rehearsing(link: "DroneLink") -> Iterator[None]:
+    """The mode, until the end of the block; then the drone forgets where it believes to be."""
+    try:
+        link.set_param(Parameter.REHEARSE, 1)
+        if link.param(Parameter.REHEARSE) != 1:
+            raise RehearsalRefused(
+                "the drone does not rehearse: it must be disarmed, on the ground, with all motors still "
+                "and its landing app idle; disarm it, or reboot it"
+            )
+        link.set_param(_RESET, 1)
+        yield
+    finally:
+        link.set_param(Parameter.REHEARSE, 0)
+    link.set_param(_RESET, 1)
+
+
+class _Drone:
+    """What the drone said last."""
+
+    def __init__(self, link: "DroneLink") -> None:
+        self.state, self.reason = LandingState.IDLE, EndReason.NONE
+        self._estimate: tuple[float, ...] = (math.nan,) * 6
+        names = tuple(f"stateEstimate.{name}" for name in _STATE)
+        link.stream((*names, Log.STATE, Log.REASON), 10, self._take)
+
+    def _take(self, sample: "LogSample") -> None:
+        values = sample.values
+        self._estimate = tuple(values[f"stateEstimate.{name}"] for name in _STATE)
+        self.state, self.reason = LandingState(int(values[Log.STATE])), EndReason(int(values[Log.REASON]))
+
+    def is_at_start(self, plan: ApproachPlan) -> bool:
+        """Whether it believes to stand still where the approach begins."""
+        near = math.dist(self._estimate[:3], (plan.x0, plan.y0, plan.z0)) <= SETTLED_M
+        return near and math.hypot(*self._estimate[3:]) <= SETTLED_M_S
+
+
+def _fly(link: "DroneLink", plan: ApproachPlan, smoothing: float, time: Timebase) -> tuple[Ring, EndReason]:
+    """The approach from its arming to what was recorded."""
+    told = _Drone(link)
+    with ApproachPoses(link, plan, smoothing, time) as poses:
+        if not poll(lambda: told.is_at_start(plan), bool, time, SETTLE_TIMEOUT_S):
+            raise RehearsalFailed(
+                f"the drone does not believe within {SETTLE_TIMEOUT_S:g} s the poses that it is sent; "
+                "does somebody else send it poses, or does it lie tilted?"
+            )
+        arm_approach(link, plan, time)
+        link.set_param(Parameter.GO, 1)
+        poses.go()
+        within = plan.impact_time + 2.0 * smoothing + FLIP_TIMEOUT_S
+        state = poll(lambda: told.state, lambda state: state in _ENDED, time, within)
+        if state not in _ENDED:
+            _check_still_on(link)
+            raise RehearsalFailed(f"the drone's approach did not end within {within:.1f} s: {state.name}")
+        ring = read_ring(link, time)
+    _check_still_on(link)
+    return ring, told.reason
+
+
+def _check_still_on(link: "DroneLink") -> None:
+    if link.param(Parameter.REHEARSE) != 1:
+        raise RehearsalRefused("the drone ended the rehearsal: a motor had a thrust, or it was flown")

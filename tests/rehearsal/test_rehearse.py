@@ -1,0 +1,148 @@
+"""``perchhw rehearse`` against a simulated lab, over its sockets."""
+
+import csv
+import json
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from onboard.app_interface import Parameter
+from onboard.firmware.compiler import find_compiler
+from onboard.lab_time import open_timebase
+from onboard.link import DroneLink
+from perchhw.cli.main import run
+from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
+from perchhw.rehearsal.record import COLUMNS
+from sim_backend.engine_name import EngineName
+from tests.patience import PATIENCE_S, patient_uri, until
+from tests.sim_crazyflie.served_flight import ServedFlight, serve_flight
+from tests.sim_crazyflie.simulated_flight import Flight
+
+pytestmark = pytest.mark.timeout(240)
+
+
+@contextmanager
+def lab(engine: EngineName, *arguments: str) -> Iterator[SimulatedLab]:
+    if engine is EngineName.C and find_compiler() is None:
+        pytest.skip("no C compiler: the drone's code in C cannot rehearse")
+    with SimulatedLab(
+        "lab", (*FREE_PORTS, *LOCKSTEP, "--seed", "3", "--engine", engine, *arguments)
+    ) as served:
+        yield served
+
+
+def rehearse(uri: str, capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, dict[str, Any]]:
+    capsys.readouterr()
+    code = run(["rehearse", "--drone", uri, "--json", *arguments])
+    return code, json.loads(capsys.readouterr().out)
+
+
+@pytest.mark.parametrize("engine", EngineName)
+def test_the_papers_approach_passes_and_nothing_moves(
+    engine: EngineName, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    truth = tmp_path / "truth.csv"
+    with lab(engine, "--truth", str(truth)) as served:
+        code, said = rehearse(served.drones[0], capsys, "--out", str(tmp_path / "out"))
+        uri = served.drones[0]
+        with open_timebase("test", uri) as time, DroneLink.open(uri, clock=time) as link:
+            assert link.param(Parameter.REHEARSE) == 0
+    assert (code, said["pass"], said["failures"]) == (0, True, [])
+    assert (said["engine"], said["reason"], said["loop_us"]) == (engine, "triggered", None)
+    assert said["trigger_sample_difference"] == 0
+    assert said["a_rot_difference_n_m"] <= 1e-8
+    assert said["force_difference_n"] <= 1e-6
+    assert 0.0 < said["input_difference"]["position_m"] < 0.3
+    with truth.open() as file:
+        heights = [float(row["z"]) for row in csv.DictReader(file)]
+    assert len(heights) > 300
+    assert max(heights) - min(heights) < 1e-3
+    with (Path(said["record"]) / "ring.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert tuple(rows[0]) == COLUMNS
+    assert len(rows) == 140
+    assert json.loads((Path(said["record"]) / "verdict.json").read_text())["pass"] is True
+
+
+def test_a_lab_in_lock_step_gives_the_same_numbers_again(capsys: pytest.CaptureFixture[str]) -> None:
+    said = []
+    for _ in range(2):
+        with lab(EngineName.REFERENCE) as served:
+            said.append(rehearse(served.drones[0], capsys))
+    assert said[0] == said[1]
+
+
+@pytest.mark.parametrize("engine", EngineName)
+def test_one_weight_changed_in_the_drones_memory_fails(
+    engine: EngineName, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with lab(engine, "--fault", "policy_weight=1.01") as served:
+        code, said = rehearse(served.drones[0], capsys)
+    assert (code, said["pass"]) == (1, False)
+    assert any("moment differs" in failure for failure in said["failures"])
+
+
+def test_an_approach_on_which_the_policy_does_not_fire_fails(capsys: pytest.CaptureFixture[str]) -> None:
+    with lab(EngineName.REFERENCE) as served:
+        code, said = rehearse(served.drones[0], capsys, "--speed", "0.5", "--angle", "30")
+    assert (code, said["pass"], said["trigger_sample_difference"]) == (1, False, None)
+    assert any("the drone did not trigger" in failure for failure in said["failures"])
+
+
+@contextmanager
+def on_the_desk() -> Iterator[ServedFlight]:
+    with serve_flight(Flight(seed=1)) as served:
+        yield served
+
+
+def test_an_armed_drone_is_refused_by_safety(capsys: pytest.CaptureFixture[str]) -> None:
+    with on_the_desk() as served:
+        served.call(served.flight.arm)
+        code, said = rehearse(patient_uri(served.uri), capsys)
+        assert served.call(lambda: served.flight.firmware.supervisor.is_armed), "and left as it was"
+    assert code == 3
+    assert "it must be disarmed, on the ground, with all motors still" in said["error"]
+
+
+def test_an_interrupt_switches_the_mode_off() -> None:
+    with on_the_desk() as served:
+
+        def rehearses() -> bool:
+            app = served.flight.firmware.app
+            return app is not None and app.rehearses
+
+        command = [sys.executable, "-m", "perchhw", "rehearse", "--drone", patient_uri(served.uri)]
+        with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+            until(lambda: served.call(rehearses))
+            process.send_signal(signal.SIGINT)
+            assert process.wait(PATIENCE_S) == 130
+        assert not served.call(rehearses)
+
+
+def test_a_drone_of_another_vehicle_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    with on_the_desk() as served:
+        code, said = rehearse(patient_uri(served.uri), capsys, "--vehicle", "crazyflie21-stock")
+    assert code == 1
+    assert "was built for another vehicle" in said["error"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((), "--drone: missing"),
+        (("--drone", "carrier-pigeon://1"), "carrier-pigeon"),
+        (("--drone", "udp://127.0.0.1:9", "--angle", "120"), "angle"),
+        (("--drone", "udp://127.0.0.1:9", "--policy", "nobodys"), "nobodys"),
+    ],
+)
+def test_what_cannot_be_used_is_named(
+    arguments: tuple[str, ...], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["rehearse", "--json", *arguments]) == 2
+    assert words in json.loads(capsys.readouterr().out)["error"]
