@@ -1,7 +1,7 @@
 """``perchhw rehearse``: an approach on the desk, computed by the drone, judged by the reference."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -48,53 +48,36 @@ def rehearse(
     from onboard.trajectory import fit_approach
     from onboard.vehicle import load_vehicle
     from perchhw.lab import desk_setup, find_lab
-    from perchhw.rehearsal.record import save_rehearsal
+    from perchhw.rehearsal.record import save_rehearsal, verdict_document
     from perchhw.rehearsal.session import rehearse as rehearse_on
 
     setup = desk_setup(find_lab(lab), drone=drone, vehicle=vehicle, policy=policy)
     plan = fit_approach(speed, angle, setup.room)
     loaded = load_policy(find_policy(setup.policy))
     rehearsal = rehearse_on(setup.drone, plan, loaded, load_vehicle(setup.vehicle, setup.legs))
-    document = _document(rehearsal)
+    document, words = verdict_document(rehearsal), _in_words(rehearsal)
     if out is not None:
-        document["record"] = str(save_rehearsal(out, rehearsal.ring, document))
-    emit(document, _in_words(document))
+        document["record"] = str(save_rehearsal(out, rehearsal))
+        words += f"\nrecord: {document['record']}"
+    emit(document, words)
     return exit_codes.DONE if rehearsal.verdict.passed else exit_codes.FAILED
 
 
-def _document(rehearsal: "Rehearsal") -> dict[str, Any]:
+def _in_words(rehearsal: "Rehearsal") -> str:
     verdict = rehearsal.verdict
-    return {
-        "pass": verdict.passed,
-        "failures": list(verdict.failures),
-        "engine": rehearsal.engine,
-        "policy_crc32": rehearsal.policy_crc32,
-        "reason": verdict.reason.name.lower(),
-        "trigger_sample_difference": verdict.trigger_sample_difference,
-        "trigger_value_difference": verdict.trigger_value_difference,
-        "a_rot_difference_n_m": verdict.a_rot_difference_n_m,
-        "force_difference_n": verdict.force_difference_n,
-        "input_difference": verdict.input_difference,
-        "loop_us": None,
-    }
-
-
-def _in_words(document: dict[str, Any]) -> str:
-    lines = [f"rehearsal {'passed' if document['pass'] else 'FAILED'} (engine {document['engine']})"]
-    lines += [f"  {failure}" for failure in document["failures"]]
-    if document["pass"]:
+    lines = [f"rehearsal {'passed' if verdict.passed else 'FAILED'} (engine {rehearsal.engine})"]
+    lines += [f"  {failure}" for failure in verdict.failures]
+    if verdict.passed:
         lines.append(
             "  drone and reference trigger on the same sample: "
-            f"moment within {document['a_rot_difference_n_m']:.1e} N m, "
-            f"forces within {document['force_difference_n']:.1e} N"
+            f"moment within {verdict.a_rot_difference_n_m:.1e} N m, "
+            f"forces within {verdict.force_difference_n:.1e} N"
         )
-    away = document["input_difference"]
+    away = verdict.input_difference
     if away is not None:
         lines.append(
             f"  inputs against the ideal approach: {100.0 * away['position_m']:.1f} cm, "
             f"{away['velocity_m_s']:.2f} m/s; at the trigger tau {1000.0 * away['tau_s']:+.0f} ms, "
             f"theta_x {away['theta_x_1_s']:+.2f} 1/s"
         )
-    if "record" in document:
-        lines.append(f"record: {document['record']}")
     return "\n".join(lines)

@@ -2,13 +2,17 @@
 
 import csv
 import json
+import math
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from onboard.ring import SECOND_SAMPLE_MS, Ring
 from perchhw.record.folder import OutputFolderError, new_run_folder
+
+if TYPE_CHECKING:
+    from perchhw.rehearsal.session import Rehearsal
 
 VERDICT_FILE, RING_FILE = "verdict.json", "ring.csv"
 
@@ -31,17 +35,41 @@ def ring_rows(ring: Ring) -> list[list[float]]:
     return rows
 
 
-def save_rehearsal(parent: Path, ring: Ring, document: dict[str, Any]) -> Path:
+def verdict_document(rehearsal: "Rehearsal") -> dict[str, Any]:
+    """The verdict for a script; a difference that is no finite number is null, and `failures` says so."""
+    verdict = rehearsal.verdict
+    away = verdict.input_difference
+    return {
+        "pass": verdict.passed,
+        "failures": list(verdict.failures),
+        "engine": rehearsal.engine,
+        "policy_crc32": rehearsal.policy_crc32,
+        "reason": verdict.reason.name.lower(),
+        "trigger_sample_difference": verdict.trigger_sample_difference,
+        "trigger_value_difference": _finite(verdict.trigger_value_difference),
+        "a_rot_difference_n_m": _finite(verdict.a_rot_difference_n_m),
+        "force_difference_n": _finite(verdict.force_difference_n),
+        "input_difference": None if away is None else {name: _finite(value) for name, value in away.items()},
+        "loop_us": None,
+    }
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None
+
+
+def save_rehearsal(parent: Path, rehearsal: "Rehearsal") -> Path:
     """Write verdict and ring to a new folder in `parent`, and give it.
 
     Raises:
         OutputFolderError: it cannot be written.
     """
     folder = new_run_folder(parent, "rehearsal")
+    document = json.dumps(verdict_document(rehearsal), indent=2, allow_nan=False)
     try:
-        (folder / VERDICT_FILE).write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
+        (folder / VERDICT_FILE).write_text(document + "\n", encoding="utf-8")
         with (folder / RING_FILE).open("w", newline="", encoding="utf-8") as file:
-            csv.writer(file).writerows([COLUMNS, *ring_rows(ring)])
+            csv.writer(file).writerows([COLUMNS, *ring_rows(rehearsal.ring)])
     except OSError as error:
         raise OutputFolderError(folder, error.strerror) from error
     return folder

@@ -5,6 +5,7 @@ import sys
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +14,8 @@ from onboard.app_interface import EndReason, Parameter, PolicyStatus
 from onboard.policy.bundle import decode_bundle, encode_bundle
 from onboard.policy.model import Float32Array, Policy
 from onboard.ring import Ring, decode_ring
+from perchhw.rehearsal.record import save_rehearsal
+from perchhw.rehearsal.session import Rehearsal
 from perchhw.rehearsal.verdict import A_ROT_BOUND, FORCE_BOUND, TRIGGER_VALUE_BOUND, judge
 from sim_backend.crazyflie.policy_slot import with_a_weight_changed
 from sim_backend.faults import DroneFaults
@@ -137,6 +140,20 @@ def test_a_force_that_differs_is_a_fail(ring: Ring, by: float) -> None:
     periods["law"]["thrusts"][at, 1, 2] += by
     verdict = judge(replace(ring, periods=periods), TRIGGERED, PLAN, POLICY, TRUE)
     assert any("force differs" in failure for failure in verdict.failures)
+
+
+def test_a_verdict_on_what_is_no_number_can_be_written(ring: Ring, tmp_path: Path) -> None:
+    periods = ring.periods.copy()
+    at = ring.ticks.tolist().index(ring.end_tick)
+    periods["law"]["thrusts"][at] = periods["a_rot"][at - 3] = np.nan
+    periods["law"]["estimate"]["velocity"][at] = np.nan
+    spoilt = replace(ring, periods=periods)
+    verdict = judge(spoilt, TRIGGERED, PLAN, POLICY, TRUE)
+    folder = save_rehearsal(tmp_path, Rehearsal("c", 1, spoilt, verdict))
+    said = json.loads((folder / "verdict.json").read_text())
+    assert said["pass"] is False
+    assert (said["a_rot_difference_n_m"], said["input_difference"]["velocity_m_s"]) == (None, None)
+    assert any("moment differs by inf N m" in failure for failure in said["failures"])
 
 
 def test_the_changed_weight_is_one() -> None:
