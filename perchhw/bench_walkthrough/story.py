@@ -5,9 +5,9 @@ from pathlib import Path
 
 from onboard.quantity import Quantity
 from onboard.vehicle import Effect, ThrustMapDescription, Vehicle, load_vehicle, vehicle_to_toml
-from perchhw.attempt import DEFAULT_VEHICLE
+from perchhw.attempt import STORED_VEHICLE
 
-BELIEVED = DEFAULT_VEHICLE
+BELIEVED = STORED_VEHICLE
 """The vehicle file before the bench: of the host, of the policy, and of the drone's firmware."""
 
 INERTIA = {"xx": 1.25, "yy": 1.25, "zz": 1.20}

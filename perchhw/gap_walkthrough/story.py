@@ -6,10 +6,11 @@ from pathlib import Path
 
 from onboard.quantity import Quantity
 from onboard.vehicle import EFFECTS, Effect, Vehicle, load_vehicle, vehicle_to_toml
-from perchhw.attempt import DEFAULT_VEHICLE
+from perchhw.attempt import STORED_VEHICLE
 
-BELIEVED = DEFAULT_VEHICLE
-"""The vehicle file that everybody but the simulated drone believes."""
+BELIEVED = STORED_VEHICLE
+"""The vehicle file that everybody but the simulated drone believes: its feet always hold, so that
+what lands is decided by what is hidden here."""
 
 HIDDEN: Mapping[str, Mapping[str, float]] = {
     "thrust_scale": {"scale": 0.9},

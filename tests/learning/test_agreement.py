@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from perchhw.attempt import STORED_VEHICLE
 from perchhw.learning.agreement import agreement, median_of_best
 from perchhw.learning.bands import best_per_condition
 from perchhw.learning.errors import LearningInputError
@@ -52,7 +53,13 @@ def test_the_authors_two_sweeps_agree_as_little_as_the_documentation_says(shared
 def test_their_simulation_stands_for_their_sweep(shared_data: Path, tmp_path: Path) -> None:
     theirs = read_reference(shared_data / "habas2022" / "sweeps" / "NL_LR_Trials.csv").rates
     ours = best_per_condition(run_sweep(GAZEBO, COARSE, tmp_path / "gazebo").rows)
-    paper = best_per_condition(run_sweep(LearningSetup(sensing="perfect"), COARSE, tmp_path / "paper").rows)
+    paper = best_per_condition(
+        run_sweep(
+            LearningSetup(vehicle=STORED_VEHICLE, sensing="perfect"),
+            COARSE,
+            tmp_path / "paper",
+        ).rows
+    )
     close, far = agreement(ours, theirs), agreement(paper, theirs)
     # One sweep of theirs against another is 0.17 to 0.19 apart; 25 conditions leave a standard error of 0.03.
     assert close.conditions == 25

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from perchhw.attempt import STORED_VEHICLE
 from perchhw.cli.main import run
 from perchhw.learning.errors import LearningInputError
 from perchhw.learning.grid import Condition
@@ -15,7 +16,7 @@ from perchhw.learning.sweep import SweepGrid, run_sweep
 from sim_backend.physics.rollout import End
 from sim_backend.physics.step import is_finite
 
-SETUP = LearningSetup(seed=7)
+SETUP = LearningSetup(vehicle=STORED_VEHICLE, seed=7)
 CONDITION = Condition(2.5, 50.0)
 
 BLOWS_UP = LearningSetup(randomise=("legs.damping=1e300",))

@@ -5,6 +5,7 @@ import pytest
 
 from onboard.policy.files import load_policy, shipped_policy_path
 from onboard.policy.model import CompiledPolicy
+from perchhw.attempt import STORED_VEHICLE
 from perchhw.learning.executor import LocalThreads
 from perchhw.learning.grid import conditions
 from perchhw.learning.refine import (
@@ -18,7 +19,7 @@ from perchhw.learning.trigger_policy import TrainingError
 from perchhw.learning.validate import validate_policy
 
 GRID = tuple(conditions((2.0, 2.5, 3.0), (35.0, 50.0)))
-SETUP = LearningSetup(sensing="realistic")
+SETUP = LearningSetup(vehicle=STORED_VEHICLE, sensing="realistic")
 
 
 def _mean_rate(policy: object) -> float:

@@ -15,7 +15,7 @@ from sim_backend.engine_name import EngineName
 from sim_backend.faults import DroneFaults
 from sim_backend.world import World
 
-VEHICLE, LEGS = "crazyflie21-upgraded", "semi-narrow-long"
+VEHICLE, LEGS = "crazyflie21-upgraded-stored", "semi-narrow-long"  # feet that always hold
 
 
 class Flight:

@@ -35,6 +35,6 @@ def test_a_motor_without_a_square_in_its_law_is_applied(tmp_path: Path) -> None:
     fits = MotorFits({1: result}, 0.0, [])
     written = write_calibration(motor_calibration(fits, "2026-11-22T00:00:00+00:00", {}), tmp_path)
     file = tmp_path / "drone.toml"
-    write_applied(changed_vehicle(load_vehicle("crazyflie21-upgraded"), [written]), file)
+    write_applied(changed_vehicle(load_vehicle("crazyflie21-upgraded-stored"), [written]), file)
     (law,) = load_vehicle(file).effects
     assert law.parameters["a_up"].value == pytest.approx(1.0 / tau, rel=0.15)
