@@ -68,6 +68,8 @@ class LineDevice(Closing):
 
     Attributes:
         banner: who it is; the newest one.
+        patience: how many times a second it may be silent; more than 1 for one that is simulated on a busy
+            machine (:attr:`onboard.link.DroneLink.patience`).
     """
 
     def __init__(
@@ -103,6 +105,7 @@ class LineDevice(Closing):
         except InstrumentError:
             port.close()
             raise
+        self.patience = 1.0
         self._continuity = Continuity()
         self._box: Mailbox[Placed] = Mailbox(_LINES_MAX)
         self._marks: dict[str, Placed] = {}
@@ -171,7 +174,7 @@ class LineDevice(Closing):
         self._check_silence()
 
     def _check_silence(self) -> None:
-        if not self._reader.away and self._clock() - self._heard > SILENCE_MAX_S:
+        if not self._reader.away and self._clock() - self._heard > self.patience * SILENCE_MAX_S:
             raise InstrumentLost(
                 f"{self.device}: no heartbeat for {self._clock() - self._heard:.1f} s. The device hangs or "
                 "its cable is loose (a motor that stands still does not stop the heartbeat)"
@@ -274,6 +277,10 @@ class LineInstrument(Closing):
     def device(self) -> str:
         """Name of its port now."""
         return self._device.device
+
+    def wait_as_long_as(self, patience: float) -> None:
+        """Its silence may last so many seconds."""
+        self._device.patience = patience
 
     def check(self) -> None:
         """Raise InstrumentLost when it is gone or silent; takes nothing, from any thread."""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from calibration.bench.instruments.addresses import AnySupply, ScaleAddress, SupplyAddress
 from calibration.bench.instruments.gyro_recorder import GyroRecorder
 from calibration.bench.instruments.kept_supply import KeptSupply
+from calibration.bench.instruments.line_device import LineInstrument
 from calibration.bench.instruments.motor_stand import MotorStand
 from calibration.bench.instruments.tachometer import Tachometer
 from calibration.bench.procedures import discharge, inertia, motors, thrust
@@ -106,6 +107,7 @@ def measure_motors(
         supply = None if feed is None else _powered(feed, stand.voltage, operator, stack)
         link = stack.enter_context(DroneLink.open(stand.drone))
         tachometer = stack.enter_context(Tachometer(stand.instrument))
+        tachometer.wait_as_long_as(link.patience)
         driven = stack.enter_context(_motor_stand(link, tachometer.check, supply, stand))
         _until_done(book, motors.MotorWizard(plan, driven, tachometer).run)
     fits = motors.fit_motors(folder, book.steps, plan)
@@ -158,6 +160,8 @@ def _thrust_stand(stand: Stand, operator: Operator, stack: ExitStack) -> ThrustS
     link = stack.enter_context(DroneLink.open(stand.drone))
     scale = weigher.open(OperatorAsPerson(operator))
     stack.callback(scale.close)
+    if isinstance(scale, LineInstrument):
+        scale.wait_as_long_as(link.patience)
     driven = stack.enter_context(_motor_stand(link, scale.check, supply, stand))
     return ThrustStand(driven, scale, supply)
 
