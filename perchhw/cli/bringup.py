@@ -104,13 +104,12 @@ def _runner(
 ) -> "Callable[[], tuple[Finding, ...]]":
     """What flies, turns or watches in `step`."""
     from perchhw.bringup.flights import Flights
-    from perchhw.bringup.motors import motors
     from perchhw.bringup.tilt import tilt
 
     screen = progress_console()
     flights = Flights(setup, out, speed, angle, None if step in ("motors", "tilt") else FlightDisplay())
     steps: dict[str, Callable[[], tuple[Finding, ...]]] = {
-        "motors": lambda: motors(setup.drone, phrase or _phrase(), _eyes(saw)),
+        "motors": lambda: _motors(setup.drone, phrase, saw),
         "tilt": lambda: tilt(setup, lambda request: screen.print(f"{request}.", markup=False)),
         "hover": flights.hover,
         "step": flights.step,
@@ -118,6 +117,16 @@ def _runner(
         "landing": flights.landing,
     }
     return steps[step]
+
+
+def _motors(drone: str, phrase: str | None, saw: str | None) -> "tuple[Finding, ...]":
+    import signal
+
+    from perchhw.bringup.motors import motors
+
+    # A program that is told to end unwinds as with Ctrl-C, so that the motors are stopped.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    return motors(drone, phrase or _phrase(), _eyes(saw))
 
 
 def _phrase() -> str:
