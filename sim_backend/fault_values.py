@@ -132,3 +132,11 @@ def vector(text: str) -> tuple[float, float, float]:
     if len(parts) != 3 or not all(math.isfinite(part) for part in parts):
         raise ValueError("must be three numbers X,Y,Z")
     return (parts[0], parts[1], parts[2])
+
+
+def motor_pair(text: str) -> tuple[int, int]:
+    """``A,B``: two different motors, 1 to 4."""
+    parts = [integer(1, 2, 3, 4)(part) for part in text.split(",")]
+    if len(parts) != 2 or parts[0] == parts[1]:
+        raise ValueError("must be two different motors A,B")
+    return parts[0], parts[1]

@@ -12,13 +12,18 @@ from dataclasses import dataclass, field
 from sim_backend.bench.faults import BENCH_RULES
 from sim_backend.fault_values import (
     CHANCE,
+    NO_TIME,
     TIME,
     FaultError,
     FaultRule,
     FaultRules,
+    Window,
     fault_values,
+    integer,
+    motor_pair,
     number,
     vector,
+    window,
 )
 from sim_backend.room.settings import ROOM_RULES
 
@@ -34,6 +39,9 @@ class DroneFaults:
         drone_dies_at: the drone loses its power at this time: motors off, radio silent.
         gyro_bias: bias that the gyro develops after its calibration, about x, y, z, rad/s.
         policy_weight: factor of one weight of each policy that goes live, which no checksum shows.
+        motors_swapped: two motors (1..4) whose connectors are exchanged.
+        propeller_reversed: motor (1..4) with the wrong kind of propeller, which lifts nothing; 0: none.
+        held_at: while a person holds the drone: half of the time nose down, then left side down, by 30 deg.
     """
 
     battery_voltage: float | None = None
@@ -42,6 +50,9 @@ class DroneFaults:
     drone_dies_at: float = math.inf
     gyro_bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
     policy_weight: float = 1.0
+    motors_swapped: tuple[int, int] | None = None
+    propeller_reversed: int = 0
+    held_at: Window = NO_TIME
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +71,13 @@ _DRONE_RULES: FaultRules = {
     "drone_dies_at": FaultRule(TIME, "S: the drone loses its power"),
     "policy_weight": FaultRule(
         number(0.0, 2.0), "F: one weight of each policy that goes live is F times what it was"
+    ),
+    "motors_swapped": FaultRule(motor_pair, "A,B: the connectors of motors A and B (1 to 4) are exchanged"),
+    "propeller_reversed": FaultRule(
+        integer(1, 2, 3, 4), "N: the propeller of motor N is of the other direction and lifts nothing"
+    ),
+    "held_at": FaultRule(
+        window(2.0), "S[:DURATION]: a person holds the drone, nose down, then left side down, by 30 deg"
     ),
     "gyro_bias": FaultRule(vector, "X,Y,Z: bias of the gyro after its calibration, rad/s"),
 }

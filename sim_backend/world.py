@@ -20,6 +20,7 @@ from sim_backend.crazyflie.interfaces import Localization
 from sim_backend.engine_name import EngineName
 from sim_backend.errors import SimulationError
 from sim_backend.faults import DroneFaults
+from sim_backend.hands import WIRED, Wiring, attitude_in_hand, hold_in_hand, wiring_of
 from sim_backend.physics.effects.sensors import tracked_attitude, tracked_position
 from sim_backend.physics.parameters import PARAMETERS, physics_parameters
 from sim_backend.physics.reset import resting_on_floor
@@ -72,6 +73,7 @@ class Drone:
         frozen: the firmware hangs (fault).
         dead: no power any more (fault).
         placements: how often the operator put it on its mark.
+        held: attitude in which a person holds it; None: nobody does.
     """
 
     def __init__(
@@ -82,6 +84,7 @@ class Drone:
         mark: StartMark,
         charge_used: float,
         pads: np.random.Generator,
+        wiring: Wiring = WIRED,
     ) -> None:
         self.name = name
         self.firmware = firmware
@@ -89,6 +92,8 @@ class Drone:
         self.frozen = False
         self.dead = False
         self.placements = 0
+        self.held: Quaternion | None = None
+        self._wiring = None if wiring == WIRED else wiring
         self._parameters = parameters
         self._pads = pads
         self._stored_parameters: NDArray[np.void] = np.array([parameters], dtype=PARAMETERS)
@@ -116,6 +121,11 @@ class Drone:
         if not self.frozen:
             voltage = float(self.state["battery_voltage"])
             self._duties = self.firmware.step(self._specific_force, self._rates, voltage)
+            if self._wiring is not None:
+                self._duties = self._wiring.delivered(self._duties)
+        if self.held is not None:
+            hold_in_hand(self.state, self.held)
+            return
         step_first(self._storage, self._stored_parameters, self._duties, DT)
         if self._past.maxlen != 1:
             self._past.append(self._tracked())
@@ -236,6 +246,7 @@ class World:
                 mark,
                 used,
                 np.random.default_rng((seed, i, 0, PADS)),
+                wiring_of(self._faults),
             )
             for i, mark in enumerate(start_marks(drones))
         ]
@@ -288,6 +299,7 @@ class World:
 
     def _strike(self) -> None:
         """Faults that have a time."""
+        self._hold()
         if self.time >= self._faults.freeze_drone_at:
             for drone in self.drones:
                 drone.frozen = True
@@ -296,6 +308,14 @@ class World:
                 if not drone.dead:
                     drone.dead = True
                     drone.firmware.power_off()
+
+    def _hold(self) -> None:
+        """A person holds the drones, and puts them back on their marks."""
+        attitude = attitude_in_hand(self._faults.held_at, self.time)
+        for drone in self.drones:
+            if drone.held is not None and attitude is None:
+                drone.place_on_start_mark()
+            drone.held = attitude
 
 
 def _charge_used(battery: Battery, open_circuit: float | None) -> float:

@@ -58,11 +58,11 @@ def doctor(
         "missing": missing,
         "findings": [finding.to_json() for finding in findings],
     }
-    emit(document, "\n".join(map(_in_words, findings)))
+    emit(document, "\n".join(map(in_words, findings)))
     return exit_codes.FAILED if missing else exit_codes.DONE
 
 
-def _in_words(finding: "Finding") -> str:
+def in_words(finding: "Finding") -> str:
     """One line; why and what to do where something is missing."""
     line = f"{finding.verdict.value:8}{finding.what}: {finding.measured} (wanted: {finding.wanted})"
     return f"{line}\n        {finding.why}\n        -> {finding.remedy}" if finding.remedy else line

@@ -37,6 +37,9 @@ VERBS: dict[str, Verb] = {
         "Rehearse an approach on the desk: the drone computes, nothing turns.",
         group=False,
     ),
+    "bringup": Verb(
+        "perchhw.cli.bringup", "Climb the ladder to the first flight, step by step.", group=False
+    ),
     "stop": Verb("perchhw.cli.stop", "Cut the motors of drones now, from any terminal.", group=False),
     "campaign": Verb("perchhw.cli.campaign", "Fly a grid of attempts; resume, status, report."),
     "policy": Verb("perchhw.cli.policy", "Show, import, export, evaluate, upload and verify policies."),

@@ -1,0 +1,141 @@
+"""The steps that fly: under the same supervisor as every test flight and every attempt."""
+
+import dataclasses
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from onboard.outcome import Outcome
+from onboard.policy.files import find_policy, load_policy, save_policy
+from onboard.policy.model import Policy
+from onboard.vehicle import load_vehicle
+from perchhw.attempt import AttemptResult
+from perchhw.bringup.flown import Window, hover_findings, step_findings
+from perchhw.doctor.finding import Finding, judged
+from perchhw.flight import fly_attempt
+from perchhw.flight.course import CourseRequest, fly_course
+from perchhw.flight.loop import OnPhase
+from perchhw.lab.setup import FlightSetup
+from perchhw.record import discard_if_empty, new_run_folder, read_run
+
+HOVER_S = 20.0
+GENTLE_CLIMB = 1.2
+"""m/s of climb of the approach that must miss: at up to 1.6 m/s braking ends below the ceiling."""
+_FLIGHT_WHY = "what the supervisor ends is not ready for the next step"
+_FLIGHT_REMEDY = "perchhw log view shows the record; docs/safety.md the rule"
+
+
+@dataclass(frozen=True)
+class Flights:
+    """Flies steps of the ladder.
+
+    Attributes:
+        setup: what flies where.
+        out: folder for the records.
+        speed, angle_deg: of the first landing (m/s, deg).
+        on_phase: for a display.
+    """
+
+    setup: FlightSetup
+    out: Path
+    speed: float
+    angle_deg: float
+    on_phase: OnPhase | None = None
+
+    def hover(self) -> tuple[Finding, ...]:
+        """20 s in one place: thrust, imbalance, vibration against the vehicle file."""
+        vehicle = load_vehicle(self.setup.vehicle, self.setup.legs)
+        return self._course(
+            "hover",
+            "long_discharge",
+            {"seconds": HOVER_S},
+            lambda window, course: hover_findings(window, course, vehicle),
+        )
+
+    def step(self) -> tuple[Finding, ...]:
+        """Steps to all sides, each levelled out."""
+        return self._course("step", "attitude_doublets", {"repeats": 1.0}, step_findings)
+
+    def approach(self) -> tuple[Finding, ...]:
+        """An approach with a policy that cannot fire: it must brake, and hand back."""
+        speed = min(self.speed, GENTLE_CLIMB / math.sin(math.radians(self.angle_deg)))
+        folder = new_run_folder(self.out, "bringup-policy")
+        file = folder / "silent.policy.json"
+        save_policy(silent(load_policy(find_policy(self.setup.policy))), file)
+        result = self._attempt(dataclasses.replace(self.setup, policy=str(file)), speed)
+        return (
+            _flight(result.aborted_by, result.record),
+            judged(
+                "missed_trigger",
+                result.outcome is Outcome.NO_TRIGGER and not result.triggered and result.fell is None,
+                result.fell or result.outcome.value,
+                Outcome.NO_TRIGGER.value,
+                "a trigger that does not come must end in a brake below the ceiling and a landing",
+                "do not go on: read the record, and docs/flying.md on what it should have done",
+            ),
+        )
+
+    def landing(self) -> tuple[Finding, ...]:
+        """The first landing."""
+        result = self._attempt(self.setup, self.speed)
+        return (
+            _flight(result.aborted_by, result.record),
+            judged(
+                "landed",
+                result.outcome.attached,
+                result.fell or result.outcome.value,
+                "it hangs from the ceiling",
+                "it is what all of this was for",
+                "clean the pads and the ceiling, look at trigger and label: perchhw log label",
+            ),
+        )
+
+    def _course(
+        self, name: str, kind: str, parameters: dict[str, float], judge: Callable[..., tuple[Finding, ...]]
+    ) -> tuple[Finding, ...]:
+        setup = self.setup
+        request = CourseRequest(
+            kind=kind,
+            parameters=parameters,
+            folder=new_run_folder(self.out, f"bringup-{name}"),
+            drone=setup.drone,
+            mocap=setup.mocap,
+            vehicle=setup.vehicle,
+            legs=setup.legs,
+            room=setup.room,
+            lab=setup.lab,
+        )
+        try:
+            result = fly_course(request, on_phase=self.on_phase)
+        finally:
+            discard_if_empty(request.folder)
+        if result.interrupted:
+            raise KeyboardInterrupt
+        flight = _flight(result.aborted_by, result.record)
+        if flight.missing:
+            return (flight,)
+        course = request.course()
+        return (flight, *judge(Window.of(read_run(result.record), course), course))
+
+    def _attempt(self, setup: FlightSetup, speed: float) -> AttemptResult:
+        request = setup.attempt(speed, self.angle_deg, self.out)
+        try:
+            return fly_attempt(request, on_phase=self.on_phase)
+        finally:
+            discard_if_empty(request.folder)
+
+
+def silent(policy: Policy) -> Policy:
+    """The same policy, whose trigger value is negative everywhere: a kernel is at most 1."""
+    never = -(1.0 + float(np.sum(policy.dual_coefficients, dtype=np.float64)))
+    return dataclasses.replace(policy, name=f"{policy.name}, silent", intercept=np.float32(never))
+
+
+def _flight(aborted_by: str | None, record: Path) -> Finding:
+    measured = f"ended by {aborted_by}" if aborted_by is not None else "to its end"
+    return judged(
+        "flight", aborted_by is None, f"{measured} ({record})", "to its end", _FLIGHT_WHY, _FLIGHT_REMEDY
+    )

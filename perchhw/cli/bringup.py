@@ -1,0 +1,184 @@
+"""``perchhw bringup``: the ladder to the first flight."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from perchhw.attempt import DEFAULT_POLICY, DEFAULT_VEHICLE
+from perchhw.cli import exit_codes
+from perchhw.cli.options import Lab
+from perchhw.cli.output import FlightDisplay, emit, progress_console
+
+if TYPE_CHECKING:
+    from perchhw.bringup.passes import Passes
+    from perchhw.doctor import Finding
+    from perchhw.lab.setup import FlightSetup
+
+app = typer.Typer(add_completion=False)
+
+_DEFAULT = "Default: that of the lab file"
+_ON_ITS_MARK = "Put the drone upright on its start mark facing +x"
+
+
+@app.command()
+def bringup(
+    step: Annotated[
+        str | None,
+        typer.Argument(help="motors, tilt, hover, step, approach or landing; none: show what has passed."),
+    ] = None,
+    lab: Lab = None,
+    drone: Annotated[str | None, typer.Option(help=f"URI of the drone. {_DEFAULT}.")] = None,
+    mocap: Annotated[str | None, typer.Option(help=f"URI of the poses. {_DEFAULT}.")] = None,
+    policy: Annotated[
+        str | None,
+        typer.Option(help=f"Policy file, or name of a shipped one. {_DEFAULT}, or {DEFAULT_POLICY!r}."),
+    ] = None,
+    vehicle: Annotated[
+        str | None,
+        typer.Option(help=f"Vehicle file, or name of a known one. {_DEFAULT}, or {DEFAULT_VEHICLE!r}."),
+    ] = None,
+    speed: Annotated[float, typer.Option(help="Of the first landing, on the approach line, m/s.")] = 2.5,
+    angle: Annotated[float, typer.Option(help="Of the approach line above the horizon, deg.")] = 50.0,
+    out: Annotated[Path, typer.Option(help="Folder for the records.")] = Path("runs"),
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask whether the drone stands ready.")] = False,
+    confirm: Annotated[
+        str | None, typer.Option(help="motors: the phrase that unlocks them, typed in advance.")
+    ] = None,
+    saw: Annotated[
+        str | None, typer.Option(help='motors: what was seen to turn, "1 ccw,2 cw,3 ccw,4 cw".')
+    ] = None,
+) -> int:
+    """Climb the ladder to the first flight: motors, tilt, hover, step, approach, landing.
+
+    Each step is refused until the one below has passed today, on this drone as this vehicle, and until the
+    doctor finds nothing missing. A step that does not pass takes back what stood on it.
+
+    Exit codes: 0 passed (or the ladder shown), 1 not passed, 2 input that cannot be used, 3 refused.
+    """
+    from datetime import datetime
+
+    from onboard.link.exclusive import hold
+    from onboard.vehicle import load_vehicle
+    from onboard.vehicle.onboard_constants import vehicle_crc32
+    from perchhw.bringup.climb import climb, doctors_look
+    from perchhw.bringup.passes import STEPS, Passes, passes_file
+    from perchhw.lab import find_lab, flight_setup
+
+    if step is not None and step not in STEPS:
+        raise typer.BadParameter(f"{step!r} is no step; the steps are {', '.join(STEPS)}")
+    setup = flight_setup(find_lab(lab), drone=drone, mocap=mocap, vehicle=vehicle, policy=policy)
+    setup.check()
+    crc = vehicle_crc32(load_vehicle(setup.vehicle, setup.legs))
+    passes = Passes(setup.drone, crc, datetime.now().astimezone().date(), passes_file())
+    if step is None:
+        _show(passes)
+        return exit_codes.DONE
+    passes.require(step)
+    run = _runner(step, setup, out, speed, angle, yes, confirm, saw)
+    with hold(setup.drone):
+        if step not in ("motors", "tilt"):
+            _put_back(setup.drone, yes)
+        findings = climb(step, passes, lambda: doctors_look(setup, out), run)
+    _tell(step, findings)
+    return exit_codes.FAILED if any(one.missing for one in findings) else exit_codes.DONE
+
+
+def _put_back(drone: str, yes: bool) -> None:
+    from perchhw.cli.prompts import confirmation
+    from perchhw.flight.turnaround import Turnaround
+
+    Turnaround(drone, confirmation(yes), _ON_ITS_MARK).put_back()
+
+
+def _runner(
+    step: str,
+    setup: "FlightSetup",
+    out: Path,
+    speed: float,
+    angle: float,
+    yes: bool,
+    phrase: str | None,
+    saw: str | None,
+) -> "Callable[[], tuple[Finding, ...]]":
+    """What flies, turns or watches in `step`."""
+    from perchhw.bringup.flights import Flights
+    from perchhw.bringup.tilt import tilt
+
+    screen = progress_console()
+    flights = Flights(setup, out, speed, angle, None if step in ("motors", "tilt") else FlightDisplay())
+    steps: dict[str, Callable[[], tuple[Finding, ...]]] = {
+        "motors": lambda: _motors(setup.drone, phrase, saw),
+        "tilt": lambda: tilt(setup, lambda request: screen.print(f"{request}.", markup=False)),
+        "hover": flights.hover,
+        "step": flights.step,
+        "approach": flights.approach,
+        "landing": flights.landing,
+    }
+    return steps[step]
+
+
+def _motors(drone: str, phrase: str | None, saw: str | None) -> "tuple[Finding, ...]":
+    import signal
+
+    from perchhw.bringup.motors import motors
+
+    # A program that is told to end unwinds as with Ctrl-C, so that the motors are stopped.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    return motors(drone, phrase or _phrase(), _eyes(saw))
+
+
+def _phrase() -> str:
+    from calibration.bench.instruments.motor_stand import UNLOCK_PHRASE
+
+    return _answer(
+        "Take the propellers OFF and hold the drone fast. If this program dies, nothing but the "
+        f"app on the drone stops the motors, after 0.25 s. Type {UNLOCK_PHRASE!r}: "
+    )
+
+
+def _eyes(saw: str | None) -> Callable[[int], str]:
+    """What the operator saw: given in advance, or asked."""
+    if saw is not None:
+        answers = saw.split(",")
+        return lambda motor: answers[motor - 1] if motor <= len(answers) else ""
+    return lambda _motor: _answer(
+        "Which motor turned (1 front right, 2 back right, 3 back left, 4 front left), and which way seen "
+        "from above, cw or ccw? "
+    )
+
+
+def _answer(question: str) -> str:
+    from perchhw.cli.prompts import NobodyToAsk
+
+    try:
+        return progress_console().input(question, markup=False)
+    except (EOFError, OSError) as error:
+        raise NobodyToAsk("nobody answers: give --confirm and --saw") from error
+
+
+def _show(passes: "Passes") -> None:
+    from perchhw.bringup.passes import STEPS
+
+    passed = passes.passed
+    following = next((step for step in STEPS if step not in passed), None)
+    document = {
+        "drone": passes.drone,
+        "vehicle_crc32": f"{passes.vehicle_crc:08x}",
+        "day": passes.day.isoformat(),
+        "passed": list(passed),
+        "next": following,
+    }
+    words = [f"{'passed' if step in passed else '-':8}{step}" for step in STEPS]
+    words.append("the ladder is climbed" if following is None else f"next: perchhw bringup {following}")
+    emit(document, "\n".join(words))
+
+
+def _tell(step: str, findings: "tuple[Finding, ...]") -> None:
+    from perchhw.cli.doctor import in_words
+
+    passed = not any(one.missing for one in findings)
+    document = {"step": step, "pass": passed, "findings": [one.to_json() for one in findings]}
+    lines = [f"{step} {'passed' if passed else 'FAILED'}", *map(in_words, findings)]
+    emit(document, "\n".join(lines))
