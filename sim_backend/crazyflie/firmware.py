@@ -32,6 +32,7 @@ from sim_backend.crazyflie.memory import (
 )
 from sim_backend.crazyflie.power import PowerManager
 from sim_backend.crazyflie.sensors import InertialSensors
+from sim_backend.crazyflie.services import CommanderService, LocalizationService
 from sim_backend.crazyflie.setpoint import Setpoint
 from sim_backend.crazyflie.stabilizer import applied_duties, level_out, motor_ratios
 from sim_backend.crazyflie.supervisor import RATE_HZ, State, Supervisor
@@ -53,6 +54,7 @@ class Firmware:
         thrust_max: of a motor, N.
         supervisor, estimator, high_level, sensors, power: the parts; new ones after each boot.
         setpoint: what the controller follows, after the supervisor's override.
+        setpoints: what clients ask for, and who may overwrite whom.
         idle_thrust: least ratio of a motor that may turn.
         ratios: int64[4], motor ratios 0..65535 as given to the motor drivers.
         running: False while the microcontroller has no power.
@@ -100,8 +102,8 @@ class Firmware:
             self._tester,
             DeckMemory(),
         )
-        self.localization = _LocalizationService(self)
-        self.commander = _CommanderService(self)
+        self.localization = LocalizationService(self)
+        self.commander = CommanderService(self)
         self.ratios: NDArray[np.int64] = np.zeros(4, dtype=np.int64)
         self.motor_override = [0, 0, 0, 0, 0]
         self._duties: FloatArray = np.zeros(4)
@@ -109,7 +111,7 @@ class Firmware:
         self._thrust_map = vehicle.motors.thrust_map_compiled()
         self._console: list[str] = []
         self.boot_count = 0
-        self._poses = self._rejected = 0
+        self.poses_received = self._rejected = 0
         self._boot()
         self._setters = parameter_setters(self)
         for name, setter in self._setters.items():
@@ -227,8 +229,8 @@ class Firmware:
             # first 10 ms starts from where it was last told.
             planned = self.high_level.setpoint(self.flat_state(), tick * DT)
             if planned is not None:
-                self._commander.set(planned, Priority.HIGH_LEVEL, tick)
-        return self._commander.setpoint if can_fly else Setpoint()
+                self.setpoints.set(planned, Priority.HIGH_LEVEL, tick)
+        return self.setpoints.setpoint if can_fly else Setpoint()
 
     def _supervise(self, tick: int, setpoint: Setpoint) -> None:
         if tick % SUPERVISOR_PERIOD_MS:
@@ -243,7 +245,7 @@ class Firmware:
         )
         self._console += self.supervisor.take_console()
         if tick % 1000 == 0:
-            self.pose_rate, self._poses = self._poses, 0
+            self.pose_rate, self.poses_received = self.poses_received, 0
             self.rejected_rate = self.estimator.rejected - self._rejected
             self._rejected = self.estimator.rejected
 
@@ -336,7 +338,7 @@ class Firmware:
         self._trajectories.clear()
         self._tester.reset_write_errors()
         self.high_level = HighLevelCommander(self._trajectories.data)
-        self._commander = Commander(
+        self.setpoints = Commander(
             self.high_level.stop, lambda: self.high_level.tell_state(self.flat_state())
         )
         self.engine.boot()
@@ -347,7 +349,7 @@ class Firmware:
         self.last_pose: tuple[float, ...] = (0.0,) * 7
         self.last_pose_tick: int | None = None
         self.pose_rate = self.rejected_rate = 0
-        self._poses = self._rejected = 0
+        self.poses_received = self._rejected = 0
         self._console = [
             "SYS: ----------------------------\n",
             "SYS: Crazyflie 2.1 (simulated by perchhw) is up and running!\n",
@@ -370,56 +372,3 @@ def _fail_assert(value: Number) -> None:
     """``system.doAssert``: an assert that fails on request."""
     if value:
         raise FirmwareAssertion("system.c: doAssert")
-
-
-class _CommanderService:
-    """``CommanderPort``: hands setpoints to the parts of the present boot."""
-
-    def __init__(self, firmware: Firmware) -> None:
-        self._fw = firmware
-
-    def high_level(self, command: int, payload: bytes) -> int:
-        """Port 8."""
-        return self._fw.high_level.command(command, payload, self._fw.tick_ms() * DT)
-
-    def setpoint_generic(self, payload: bytes) -> None:
-        """Port 7, channel 0."""
-        self._fw._commander.generic(payload, self._fw.tick_ms())
-
-    def setpoint_rpyt(self, payload: bytes) -> None:
-        """Port 3."""
-        self._fw._commander.rpyt(payload, self._fw.tick_ms())
-
-    def notify_setpoints_stop(self, remain_valid_ms: int) -> None:
-        """Port 7, channel 1; the firmware ignores the time."""
-        self._fw._commander.relax()
-
-
-class _LocalizationService:
-    """``Localization``: external measurements into the estimator, unchecked, with the echo logs."""
-
-    def __init__(self, firmware: Firmware) -> None:
-        self._fw = firmware
-
-    def external_position(self, x: float, y: float, z: float) -> None:
-        """Position, m."""
-        self._note((x, y, z, *self._fw.last_pose[3:]))
-        self._fw.estimator.external_position(x, y, z)
-
-    def external_pose(self, x: float, y: float, z: float, qx: float, qy: float, qz: float, qw: float) -> None:
-        """Pose, m and quaternion."""
-        self._note((x, y, z, qx, qy, qz, qw))
-        self._fw.estimator.external_pose(x, y, z, qx, qy, qz, qw)
-
-    def emergency_stop(self) -> None:
-        """Legacy path."""
-        self._fw.supervisor.emergency_stop()
-
-    def emergency_stop_watchdog(self) -> None:
-        """Legacy path."""
-        self._fw.supervisor.kick_emergency_stop_watchdog()
-
-    def _note(self, pose: tuple[float, ...]) -> None:
-        self._fw.last_pose = pose
-        self._fw.last_pose_tick = self._fw.tick_ms()
-        self._fw._poses += 1
