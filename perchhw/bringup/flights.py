@@ -25,7 +25,10 @@ HOVER_S = 20.0
 GENTLE_CLIMB = 1.2
 """m/s of climb of the approach that must miss: at up to 1.6 m/s braking ends below the ceiling."""
 _FLIGHT_WHY = "what the supervisor ends is not ready for the next step"
-_FLIGHT_REMEDY = "perchhw log view shows the record; docs/safety.md the rule"
+_FLIGHT_REMEDY = (
+    "did it turn over as it took off: exchanged motors, or a propeller of the wrong direction; else "
+    "perchhw log view shows the record, and docs/safety.md the rule"
+)
 
 
 @dataclass(frozen=True)
