@@ -57,7 +57,7 @@ class Passes:
             if below not in passed:
                 raise StepRefused(
                     f"{step} is refused: {below} has not passed on this drone today; "
-                    f"first `perchhw bringup {below}`"
+                    f"first `perchhw bringup --step {below}`"
                 )
 
     def begin(self, step: str) -> None:

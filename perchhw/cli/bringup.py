@@ -26,7 +26,7 @@ _ON_ITS_MARK = "Put the drone upright on its start mark facing +x"
 def bringup(
     step: Annotated[
         str | None,
-        typer.Argument(help="motors, tilt, hover, step, approach or landing; none: show what has passed."),
+        typer.Option(help="motors, tilt, hover, step, approach or landing; none: show what has passed."),
     ] = None,
     lab: Lab = None,
     drone: Annotated[str | None, typer.Option(help=f"URI of the drone. {_DEFAULT}.")] = None,
@@ -171,7 +171,9 @@ def _show(passes: "Passes") -> None:
         "next": following,
     }
     words = [f"{'passed' if step in passed else '-':8}{step}" for step in STEPS]
-    words.append("the ladder is climbed" if following is None else f"next: perchhw bringup {following}")
+    words.append(
+        "the ladder is climbed" if following is None else f"next: perchhw bringup --step {following}"
+    )
     emit(document, "\n".join(words))
 
 

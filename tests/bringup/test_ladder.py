@@ -30,9 +30,10 @@ class Ladder:
     def __init__(self, lab: SimulatedLab, capsys: pytest.CaptureFixture[str]) -> None:
         self.lab, self._capsys = lab, capsys
 
-    def __call__(self, *arguments: str) -> tuple[int, Any]:
+    def __call__(self, step: str | None = None, *arguments: str) -> tuple[int, Any]:
         self._capsys.readouterr()
-        code = run(["--json", "bringup", *arguments, *self.where, "--yes"])
+        which = [] if step is None else ["--step", step]
+        code = run(["--json", "bringup", *which, *arguments, *self.where, "--yes"])
         return code, json.loads(self._capsys.readouterr().out)
 
     @property
@@ -128,5 +129,5 @@ def test_motors_turn_one_by_one_and_what_was_seen_is_judged(capsys: pytest.Captu
 
 
 def test_a_step_that_does_not_exist_is_wrong_usage(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["bringup", "flip"]) == 2
+    assert run(["bringup", "--step", "flip"]) == 2
     assert "motors, tilt, hover" in capsys.readouterr().err
