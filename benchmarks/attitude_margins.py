@@ -17,6 +17,8 @@ delay is past them.
 import argparse
 import dataclasses
 import json
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -32,6 +34,9 @@ from onboard.room import RoomGeometry
 from onboard.trajectory import fit_approach
 from onboard.vehicle import Effect, Vehicle, load_vehicle
 from onboard.vehicle.attitude_margins import attitude_margins
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
 from tests.sim_crazyflie.simulated_flight import LEGS, VEHICLE, Flight
 
 LOST_RATE = 1.0

@@ -16,6 +16,8 @@ from onboard.app_interface import Parameter
 from onboard.firmware.compiler import find_compiler
 from onboard.lab_time import open_timebase
 from onboard.link import DroneLink
+from onboard.vehicle import load_vehicle
+from perchhw.attempt import DEFAULT_VEHICLE
 from perchhw.cli.main import run
 from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
 from perchhw.rehearsal.record import COLUMNS
@@ -102,7 +104,7 @@ def test_an_approach_on_which_the_policy_does_not_fire_fails(capsys: pytest.Capt
 
 @contextmanager
 def on_the_desk() -> Iterator[ServedFlight]:
-    with serve_flight(Flight(seed=1)) as served:
+    with serve_flight(Flight(seed=1, vehicle=load_vehicle(DEFAULT_VEHICLE))) as served:
         yield served
 
 
