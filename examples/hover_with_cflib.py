@@ -35,15 +35,18 @@ class ExternalPose:
         self._crazyflie.extpos.send_extpose(*position, *quaternion)
 
 
-def wait(drone: SyncCrazyflie, holds: Callable[[float, float, int], bool]) -> float:
-    """Read x, z (m) and the supervisor's bits until they fit, at most 20 s of the drone's time; gives z."""
+def wait(drone: SyncCrazyflie, holds: Callable[[float, float, int], bool], samples: int = 1) -> float:
+    """Read x, z (m) and the supervisor's bits every 20 ms, until they have fitted so many times in a row, at
+    most 20 s of the drone's time; gives z."""
     config = LogConfig("hover", period_in_ms=20)
     for name in VARIABLES:
         config.add_variable(name, "float")
+    fitted = 0
     with SyncLogger(drone, config) as log:
         for _, (_, values, _) in zip(range(1000), log, strict=False):
             x, z, bits = (values[name] for name in VARIABLES)
-            if holds(x, z, int(bits)):
+            fitted = fitted + 1 if holds(x, z, int(bits)) else 0
+            if fitted == samples:
                 return float(z)
     raise SystemExit(f"the drone did not get there: {values}")
 
@@ -56,7 +59,9 @@ with (
 ):
     wait(drone, lambda x, z, bits: abs(x + 2.5) < 0.02 and bool(bits & SupervisorBits.CAN_ARM))
     drone.cf.supervisor.send_arming_request(True)
-    wait(drone, lambda x, z, bits: bool(bits & SupervisorBits.CAN_FLY))
+    # The drone's planner learns where it is within 10 ms of being allowed to fly; a take-off before that is
+    # refused unheard, or begins at the origin.
+    wait(drone, lambda x, z, bits: bool(bits & SupervisorBits.CAN_FLY), samples=5)
     drone.cf.high_level_commander.takeoff(HEIGHT, 1.5)
     height = wait(drone, lambda x, z, bits: abs(z - HEIGHT) < 0.02)
     print(f"hovers at {height:.2f} m")

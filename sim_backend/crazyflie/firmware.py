@@ -243,6 +243,9 @@ class Firmware:
             setpoint.time_ms,
             self.high_level.info_bits(tick * DT),
         )
+        # A radio needs longer than this step to tell that flying is allowed and to bring a command. Here both
+        # can happen between two steps, and the planner would still refuse it.
+        self.high_level.block(not self.supervisor.can_fly)
         self._console += self.supervisor.take_console()
         if tick % 1000 == 0:
             self.pose_rate, self.poses_received = self.poses_received, 0

@@ -88,6 +88,13 @@ def test_high_level_commands_are_refused_while_it_may_not_fly(flight: Flight) ->
     assert flight.position[2] < 0.1
 
 
+def test_a_take_off_in_the_moment_that_flying_is_allowed_is_not_refused(flight: Flight) -> None:
+    flight.run(1.0)
+    assert flight.firmware.supervisor.arm(True)
+    flight.run(1.0, until=lambda: flight.info.can_fly)
+    assert flight.takeoff(0.5) == 0
+
+
 def test_the_high_level_commander_hovers_on_when_the_host_is_gone(hovering: Flight) -> None:
     hovering.run(5.0)  # nobody sends anything but poses
     assert hovering.info.is_flying

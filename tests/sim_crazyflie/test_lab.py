@@ -84,6 +84,7 @@ class Telemetry:
 
     def __init__(self, cf: Crazyflie, *names: str) -> None:
         self.values: dict[str, float] = {}
+        self._stamp = 0
         self._changed = threading.Condition()
         config = LogConfig("test", 20)
         for name in names:
@@ -92,15 +93,21 @@ class Telemetry:
         config.data_received_cb.add_callback(self._take)
         config.start()
 
-    def _take(self, _stamp: int, data: dict[str, float], _config: LogConfig) -> None:
+    def _take(self, stamp: int, data: dict[str, float], _config: LogConfig) -> None:
         with self._changed:
-            self.values = data
+            self.values, self._stamp = data, stamp
             self._changed.notify_all()
 
     def wait(self, what: str, condition: Any, seconds: float = PATIENCE_S) -> None:
         with self._changed:
             reached = self._changed.wait_for(lambda: bool(self.values) and condition(self.values), seconds)
         assert reached, f"{what}: not within {seconds} s, last {self.values}"
+
+    def pass_time(self, milliseconds: int) -> None:
+        """Wait so long by the drone's clock."""
+        with self._changed:
+            end = self._stamp + milliseconds
+            assert self._changed.wait_for(lambda: self._stamp >= end, PATIENCE_S)
 
     def hold(self, what: str, condition: Any, seconds: float) -> None:
         with self._changed:
@@ -147,9 +154,11 @@ def test_unmodified_cflib_takes_off_on_poses_from_the_room(tmp_path: Path) -> No
             telemetry.wait("may arm", lambda v: int(v["supervisor.info"]) & 1)
             cf.supervisor.send_arming_request(True)
             telemetry.wait("ready to fly", lambda v: int(v["supervisor.info"]) & 8)
+            telemetry.pass_time(100)  # its planner learns within 10 ms where it is
             cf.high_level_commander.takeoff(0.5, 1.5)
             telemetry.wait("half a metre", lambda v: abs(v["stateEstimate.z"] - 0.5) < 0.03)
             telemetry.wait("flying", lambda v: int(v["supervisor.info"]) & 16)
+            assert telemetry.values["stateEstimate.x"] == pytest.approx(-2.5, abs=0.05)
             telemetry.hold("half a metre", lambda v: abs(v["stateEstimate.z"] - 0.5) < 0.03, 1.0)
             true_z = float(truth_file.read_text(encoding="ascii").splitlines()[-2].split(",")[4])
             assert true_z == pytest.approx(0.5, abs=0.03)
