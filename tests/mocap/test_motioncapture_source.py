@@ -1,10 +1,10 @@
 """The library motioncapture in its child: the same poses as ours, and no way to hang us."""
 
+import contextlib
 import importlib.util
 import os
-import subprocess
 import sys
-import time
+from pathlib import Path
 
 import pytest
 
@@ -15,6 +15,7 @@ from mocap_bridge.sources import motioncapture as source
 from onboard.timebase import WALL
 from sim_backend.room.settings import RoomFaults
 from tests.mocap.moving_room import MovingRoom
+from tests.patience import PATIENCE_S, until
 
 needs_library = pytest.mark.skipif(
     importlib.util.find_spec("motioncapture") is None, reason="motioncapture is not installed"
@@ -59,27 +60,27 @@ def test_a_server_that_ends_leaves_no_child_behind_and_is_found_again() -> None:
         port = room.vicon_port
         bridge = PoseBridge(by_library(room), sink=None)
         bridge.start()
-        assert bridge.wait_for(lambda status: status.health.good > 10, 60.0)
-        children = child_processes()
-        assert len(children) == 1
+        assert bridge.wait_for(lambda status: status.health.good > 10, PATIENCE_S)
+        until(lambda: len(child_processes()) == 1)  # none for a moment, when a busy machine lost the stream
+        children, before = child_processes(), bridge.status().reconnects
     try:
-        assert bridge.wait_for(lambda status: status.reconnects == 1, 60.0)
-        deadline = time.monotonic() + 60.0
-        while children & child_processes():
-            assert time.monotonic() < deadline
-            time.sleep(0.01)
+        assert bridge.wait_for(lambda status: status.reconnects > before, PATIENCE_S)
+        until(lambda: not children & child_processes())
         with MovingRoom(vicon_port=port):
-            assert bridge.wait_for(lambda status: status.connected, 60.0)
+            assert bridge.wait_for(lambda status: status.connected, PATIENCE_S)
     finally:
         bridge.stop()
 
 
 def child_processes() -> set[str]:
     """Process ids of our children that run the library."""
-    shown = subprocess.run(
-        ["ps", "-o", "pid,args", "--ppid", str(os.getpid())], capture_output=True, text=True, check=True
-    ).stdout.splitlines()
-    return {line.split()[0] for line in shown if "motioncapture_child" in line}
+    found = set()
+    for process in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(FileNotFoundError, ProcessLookupError):  # it has ended meanwhile
+            parent = (process / "stat").read_text().rpartition(")")[2].split()[1]
+            if parent == str(os.getpid()) and b"motioncapture_child" in (process / "cmdline").read_bytes():
+                found.add(process.name)
+    return found
 
 
 @needs_library
