@@ -81,6 +81,10 @@ PARAMETERS = np.dtype(
     align=True,
 )
 
+_NO_EFFECTS = np.zeros(1, dtype=PARAMETERS)
+for _field in FIELDS:
+    _NO_EFFECTS[_field.name] = _field.default
+
 _QUADRANTS = np.array([[1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]])
 
 
@@ -90,7 +94,7 @@ def physics_parameters(vehicle: Vehicle, room: RoomGeometry) -> Any:
     Raises:
         SimulationError: the vehicle has an effect that the physics has no equation for.
     """
-    p = np.zeros(1, dtype=PARAMETERS)[0]
+    p = _NO_EFFECTS.copy()[0]
     body, motors, battery = vehicle.body, vehicle.motors, vehicle.battery
     p["mass"] = body.mass.value
     p["inertia"] = [body.inertia_xx.value, body.inertia_yy.value, body.inertia_zz.value]
@@ -123,15 +127,13 @@ def physics_parameters(vehicle: Vehicle, room: RoomGeometry) -> Any:
 
 
 def _prepare_effects(p: Any, vehicle: Vehicle) -> None:
-    """What effects start from: places of the rotors, and parameters that do nothing."""
+    """What effects start from: places of the rotors, and hover."""
     p["hub"][:, :2] = _QUADRANTS * (p["arm_x"], p["arm_y"])
     p["hub"][:, 2] = p["propeller_height_z"]
     p["hover_thrust"] = 0.25 * p["mass"] * p["gravity"]
     coefficient = vehicle.motors.thrust_coefficient
     if coefficient is not None:
         p["thrust_per_speed2"], p["speed2_per_thrust"] = coefficient.value, 1.0 / coefficient.value
-    for field in FIELDS:
-        p[field.name] = field.default
 
 
 def _set_legs(p: Any, legs: Legs) -> None:

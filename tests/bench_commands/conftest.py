@@ -36,6 +36,13 @@ def bench(true_file: Path) -> Iterator[Bench]:
         one.close()
 
 
+@pytest.fixture(scope="module")
+def still_bench(true_file: Path) -> Iterator[SimulatedLab]:
+    """A bench for everything that is refused before anything turns, and is held to that."""
+    with serve(true_file) as served:
+        yield served
+
+
 def serve(vehicle: Path, *arguments: str, pace: float = PACE) -> SimulatedLab:
     """``perchhw sim bench`` with that drone, not yet open."""
     return SimulatedLab(

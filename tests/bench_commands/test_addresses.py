@@ -87,11 +87,10 @@ def forget_sweep(folder: Path) -> None:
     ],
 )
 def test_what_is_no_instrument_is_told_before_anything_turns(
-    bench: Bench, tmp_path: Path, scale: str, supply: str, words: str
+    still_bench: SimulatedLab, tmp_path: Path, scale: str, supply: str, words: str
 ) -> None:
-    served = bench()
-    assert words in run(thrust(served, tmp_path, scale, supply), expected=2)["error"]
-    assert spin_record(served.ready["bench"]["hands"])["spins"] == []
+    assert words in run(thrust(still_bench, tmp_path, scale, supply), expected=2)["error"]
+    assert spin_record(still_bench.ready["bench"]["hands"])["spins"] == []
 
 
 @pytest.mark.parametrize(
@@ -103,13 +102,12 @@ def test_what_is_no_instrument_is_told_before_anything_turns(
     ],
 )
 def test_a_supply_set_by_hand_is_no_remote_cut(
-    bench: Bench, tmp_path: Path, kind: str, further: tuple[str, ...], asked_for: str
+    still_bench: SimulatedLab, tmp_path: Path, kind: str, further: tuple[str, ...], asked_for: str
 ) -> None:
-    served = bench()
-    line = command(kind, served, tmp_path, *further)
+    line = command(kind, still_bench, tmp_path, *further)
     line[line.index("--supply") + 1] = "manual://"
     assert asked_for in run(line, expected=3)["error"]
-    assert spin_record(served.ready["bench"]["hands"])["spins"] == []
+    assert spin_record(still_bench.ready["bench"]["hands"])["spins"] == []
 
 
 class Person:

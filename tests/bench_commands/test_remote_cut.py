@@ -93,12 +93,11 @@ def test_our_app_on_the_drone_stops_the_motors_of_a_host_that_died(bench: Bench,
     ],
 )
 def test_a_battery_needs_the_flag_and_the_operators_word(
-    bench: Bench, tmp_path: Path, further: tuple[str, ...], asked_for: str
+    still_bench: SimulatedLab, tmp_path: Path, further: tuple[str, ...], asked_for: str
 ) -> None:
-    served = bench()
-    line = command("tachometer", served, tmp_path)
+    line = command("tachometer", still_bench, tmp_path)
     at = line.index("--supply")
     said = run([*line[:at], *line[at + 2 :], *further], expected=3)
     assert asked_for in said["error"]
     assert UNLOCK_PHRASE in line
-    assert spin_record(served.ready["bench"]["hands"])["spins"] == []
+    assert spin_record(still_bench.ready["bench"]["hands"])["spins"] == []

@@ -15,6 +15,7 @@ from calibration.bench.procedures.calibration import load_calibration
 from calibration.bench.procedures.compare import compare_with_vehicle
 from onboard.vehicle import load_vehicle
 from perchhw.bench_walkthrough.story import BELIEVED
+from perchhw.lab_process import SimulatedLab
 from tests.bench_commands.conftest import Bench, command, run, serve
 from tests.bench_commands.until import until
 from tests.patience import PATIENCE_S
@@ -129,13 +130,12 @@ def test_motors_stop_at_ctrl_c(bench: Bench, tmp_path: Path) -> None:
     assert last["stopped"] - last["last_command"] < 4.0
 
 
-def test_nothing_turns_without_the_operators_word(bench: Bench, tmp_path: Path) -> None:
-    served = bench()
-    line = command("tachometer", served, tmp_path)
+def test_nothing_turns_without_the_operators_word(still_bench: SimulatedLab, tmp_path: Path) -> None:
+    line = command("tachometer", still_bench, tmp_path)
     cut = line.index("--confirm")
     said = run(line[:cut] + line[cut + 2 :], expected=3)
     assert "props guarded" in said["error"]
-    assert spin_record(served.ready["bench"]["hands"])["spins"] == []
+    assert spin_record(still_bench.ready["bench"]["hands"])["spins"] == []
 
 
 def steps(folder: Path) -> dict[str, Any]:

@@ -17,6 +17,7 @@ def found_in(speed: float, seed: int, folder: Path) -> tuple[tunnel.Truth, GapRe
     return truth, find_gap(flights, Question(vehicle=tunnel.nominal(truth)))
 
 
+@pytest.mark.soak  # a quarter of a minute; benchmarks/gap_wind.py judges eight such sets
 def test_wind_is_named_with_direction_and_speed(tmp_path: Path) -> None:
     truth, found = found_in(6.0, 21, tmp_path)
     effects = {effect.name: effect for effect in found.report.effects}

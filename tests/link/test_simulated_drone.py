@@ -62,8 +62,8 @@ def test_opens_and_uploads_over_a_bad_network(network: FaultyNetwork) -> None:
             assert link.param("ring.effect") == 7
     finally:
         network.faults = Faults()
-    assert network.lost > 5
-    assert network.doubled > 5
+    assert network.lost > 0
+    assert network.doubled > 0
 
 
 @pytest.mark.parametrize("reason", REFUSED)

@@ -30,6 +30,10 @@ from sim_backend.physics.jit import kernel
 FAR = 0.01
 """R^2 / (8 opening^2 d^2) below which a series takes the place of two square roots: 3.5 radii and more."""
 
+_FAR_SHARES = 0.5 * FAR * (1.0 + np.polynomial.chebyshev.chebpts1(30))
+# Values there to the coefficients of the polynomial of third degree that is nearest to them.
+_FAR_FIT = np.linalg.pinv(np.vander(_FAR_SHARES / FAR, 4, increasing=True)) / FAR ** np.arange(4)[:, None]
+
 
 @kernel
 def inflow_gain(inflow: float, reach2: float, gap: float) -> float:
@@ -60,10 +64,8 @@ def ceiling_gain(p: Any, gap: float, facing: float) -> float:
 
 def _far_series(inflow: float) -> FloatArray:
     """Coefficients of T/T0 - 1 over the first four powers of reach2/gap^2, good to 1e-12 below `FAR`."""
-    share = FAR * np.polynomial.chebyshev.chebpts1(30) * 0.5 + 0.5 * FAR
-    gain = np.array([inflow_gain(inflow, float(s), 1.0) for s in share])
-    fit = np.polynomial.Polynomial.fit(share, (gain - 1.0) / share, 3, domain=[0.0, FAR])
-    return np.asarray(fit.convert().coef)
+    gain = np.array([inflow_gain(inflow, share, 1.0) for share in _FAR_SHARES.tolist()])
+    return np.asarray(_FAR_FIT @ ((gain - 1.0) / _FAR_SHARES))
 
 
 def _apply(p: Any, values: Mapping[str, float]) -> None:
