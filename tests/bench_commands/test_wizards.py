@@ -104,6 +104,7 @@ def test_motors_are_measured_within_their_intervals(bench: Bench, tmp_path: Path
     assert spin_record(served.ready["bench"]["hands"])["incidents"] == []
 
 
+@pytest.mark.soak  # the same wizard measures with typed values in test_addresses
 def test_thrust_is_measured_within_its_band(bench: Bench, tmp_path: Path, true_file: Path) -> None:
     run(command("thrust", bench(), tmp_path, "--levels", "8", "--voltages", "3.9"))
     rows = compare_with_vehicle(load_vehicle(true_file), load_calibration(tmp_path))

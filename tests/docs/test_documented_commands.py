@@ -60,6 +60,7 @@ def test_console_lines_run(page: Path, lab: SimulatedLab, tmp_path: Path) -> Non
     run_console_lines(page, addresses, tmp_path)
 
 
+@pytest.mark.soak  # tests/bench_commands works the same wizard with the same options, killed and resumed
 @pytest.mark.timeout(240)
 @pytest.mark.parametrize("page", [p for p in PAGES if BENCH in console_lines(p)], ids=lambda page: page.name)
 def test_console_lines_run_on_the_bench(page: Path, tmp_path: Path) -> None:

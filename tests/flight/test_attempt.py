@@ -234,6 +234,7 @@ def test_ctrl_c_in_the_air_lands_stops_the_motors_and_exits_130(phase: str, tmp_
     assert_landed_softly(truth)
 
 
+@pytest.mark.soak  # the road of Ctrl-C, which flies below
 def test_a_display_that_closes_in_the_air_lands_the_drone(tmp_path: Path) -> None:
     """``perchhw fly ... 2>&1 | head``."""
     truth = tmp_path / "truth.csv"

@@ -102,6 +102,7 @@ def test_a_factor_is_a_limit() -> None:
         assert time.monotonic() - begin >= 0.9
 
 
+@pytest.mark.soak
 def test_a_factor_gives_the_flight_of_lock_step_however_long_it_was_waited_for() -> None:
     flights = []
     for pace, wait_s in (("lockstep", 0.0), ("10", 0.5)):
