@@ -13,7 +13,7 @@ import numpy as np
 
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.replay.closed_loop import control
-from calibration.gap.replay.kernels import keep
+from calibration.gap.replay.kernels import interpolated, keep
 from onboard.arrays import FloatArray
 from onboard.controller import ControllerGains, controller_gains, integrate_position_error
 from onboard.manoeuvres.course import RATE, Course
@@ -56,11 +56,15 @@ def _fly(
     up, down = decay(p, 0.5 * _STEP)
     per_sample = 10
     integral = lagged = (0.0, 0.0, 0.0)
-    duty = np.zeros(4)
+    duty, target = np.zeros(4), np.zeros(_SETPOINT)
     count = 0
     for row in range(course.shape[0]):
-        target = course[row]
+        here = min(row, course.shape[0] - 2)
         for j in range(per_sample):
+            # The firmware's planner moves the setpoint at each of its steps. One that stands between two rows
+            # and then jumps is a jolt for the lead of the moments, at the very instant that is logged.
+            for i in range(_SETPOINT):
+                target[i] = interpolated(course, here, row - here + j / per_sample, i)
             if count % _POSITION_STEPS == 0:
                 integral = integrate_position_error(
                     integral, state.position, target[0:3], _POSITION_STEPS * _STEP, gains.integral_limit
@@ -114,7 +118,7 @@ def fly_course(
     state["quaternion"] = from_yaw(float(course.yaw[0]))
     state["thrust"] = p["mass"] * p["gravity"] / 4.0
     setpoints = np.column_stack(
-        (course.position, course.velocity, course.acceleration, course.yaw, course.yaw_rate)
+        (course.position, course.velocity, course.acceleration, np.unwrap(course.yaw), course.yaw_rate)
     )
     disturbance = np.column_stack(
         (_coloured(rng, count, *TORQUE_DISTURBANCE), _coloured(rng, count, *FORCE_DISTURBANCE))
