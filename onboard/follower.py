@@ -1,9 +1,11 @@
 """From a commander's setpoint to the wrench that tracks it: take-off, hover, level-out and approach.
 
-The position loop runs at 100 Hz (:func:`follow`), the attitude loop at 500 Hz (:func:`track`), as in the
-firmware (``stabilizer_types.h``). Each axis has a mode. One that is given as a velocity follows a position
-that moves with it, at most :data:`LEASH` ahead of the drone. What the drone remembers is one record,
-:data:`FOLLOWER_MEMORY`; zeros while the motors stand. Compiled; nothing is checked.
+Both loops run at 500 Hz: :func:`follow` says what to track, :func:`track` how. Setpoints come less often, 100
+a second from the planner and 50 or fewer from a host; in between they move on with their own velocity and
+acceleration. A setpoint that stood still and then jumped would be a jolt, which the lead of the moments makes
+several times as large, and always at the same instant of the logs. Each axis has a mode. One that is given as
+a velocity follows a position that moves with it, at most :data:`LEASH` ahead of the drone. What the drone
+remembers is one record, :data:`FOLLOWER_MEMORY`; zeros while the motors stand. Compiled; nothing is checked.
 """
 
 import math
@@ -19,8 +21,7 @@ from onboard.gravity import GRAVITY
 from onboard.jit import inner, kernel
 from onboard.rotation import Indexable, body_z, euler_angles
 
-POSITION_PERIOD_MS = 10
-ATTITUDE_PERIOD_MS = 2
+CONTROL_PERIOD_MS = 2
 
 LEASH = 0.3
 """m: how far a position that follows a velocity setpoint may run ahead."""
@@ -28,7 +29,10 @@ LEASH = 0.3
 LEAST_UPRIGHT = 0.3
 """b3.z of an asked tilt: beyond 73 deg its sideways acceleration grows no more."""
 
-_DT = POSITION_PERIOD_MS / 1000.0
+MOST_AGE = 0.1
+"""s for which a setpoint moves on by itself; one that nobody renews stands after that."""
+
+_DT = CONTROL_PERIOD_MS / 1000.0
 
 
 class Mode(IntEnum):
@@ -55,6 +59,7 @@ class FollowerSetpoint(NamedTuple):
         roll, pitch, yaw: rad. rates: rad/s about the body axes.
         quaternion: body to world.
         thrust: 0 to 65535, of four motors at their most; counts where z is disabled.
+        age: s since it was given.
     """
 
     modes: tuple[int, int, int]
@@ -72,6 +77,7 @@ class FollowerSetpoint(NamedTuple):
     rates: Vector
     quaternion: Quaternion
     thrust: float
+    age: float
 
 
 FOLLOWER_MEMORY = np.dtype(
@@ -90,7 +96,7 @@ FOLLOWER_MEMORY = np.dtype(
         ],
     )
 )
-"""What is tracked until the next position step, and what that step needs of this one.
+"""What is tracked, and what the next step needs of this one.
 
 SI, world frame, rates about the body axes; `integral` is the position integral (m s). `tracked` is 0 for an
 axis without a position or velocity error: only its acceleration acts. `following` and `following_yaw` are 1
@@ -105,27 +111,36 @@ def new_follower_memory() -> Any:
 
 @inner
 def _follow_axis(
-    memory: Any, i: int, mode: int, here: float, position: float, velocity: float, acceleration: float
+    memory: Any,
+    i: int,
+    mode: int,
+    here: float,
+    position: float,
+    velocity: float,
+    acceleration: float,
+    age: float,
 ) -> None:
     memory.tracked[i] = 1 if mode != _DISABLED else 0
     memory.acceleration[i] = acceleration if mode == _ABSOLUTE else 0.0
-    memory.velocity[i] = velocity
     if mode == _VELOCITY:
         start = memory.position[i] if memory.following[i] == 1 else here
         memory.position[i] = min(max(start + velocity * _DT, here - LEASH), here + LEASH)
+        memory.velocity[i] = velocity
     else:
-        memory.position[i] = position
+        gained = memory.acceleration[i] * age
+        memory.position[i] = position + (velocity + 0.5 * gained) * age
+        memory.velocity[i] = velocity + gained
     memory.following[i] = 1 if mode == _VELOCITY else 0
 
 
 @inner
-def _follow_heading(memory: Any, setpoint: FollowerSetpoint, yaw: float) -> None:
+def _follow_heading(memory: Any, setpoint: FollowerSetpoint, yaw: float, age: float) -> None:
     for i in range(3):
         memory.rates[i] = setpoint.rates[i]
     if setpoint.mode_quaternion == _ABSOLUTE:
         memory.yaw = euler_angles(setpoint.quaternion)[2]
     elif setpoint.mode_yaw == _ABSOLUTE:
-        memory.yaw = setpoint.yaw
+        memory.yaw = setpoint.yaw + setpoint.rates[2] * age
     else:
         start = memory.yaw if memory.following_yaw == 1 else yaw
         memory.yaw = start + setpoint.rates[2] * _DT
@@ -190,7 +205,7 @@ def follow(
     gains: ControllerGains,
     thrust_max: float,
 ) -> None:
-    """One step of the position loop, every :data:`POSITION_PERIOD_MS`: what to track until the next one.
+    """What to track, every :data:`CONTROL_PERIOD_MS`.
 
     Args:
         memory: record of :data:`FOLLOWER_MEMORY`, changed in place.
@@ -200,6 +215,7 @@ def follow(
         thrust_max: N, most thrust of a motor.
     """
     roll, pitch, yaw = euler_angles(quaternion)
+    age = min(setpoint.age, MOST_AGE)
     velocity = setpoint.velocity
     if setpoint.velocity_body:
         c, s = math.cos(yaw), math.sin(yaw)
@@ -213,8 +229,9 @@ def follow(
             setpoint.position[i],
             velocity[i],
             setpoint.acceleration[i],
+            age,
         )
-    _follow_heading(memory, setpoint, yaw)
+    _follow_heading(memory, setpoint, yaw, age)
     if setpoint.modes[0] == _DISABLED:
         _follow_tilt(memory, setpoint, roll, pitch, gains, thrust_max)
     for i in range(3):
@@ -230,7 +247,7 @@ def track(
     gyro: Indexable,
     gains: ControllerGains,
 ) -> Wrench:
-    """One step of the attitude loop, every :data:`ATTITUDE_PERIOD_MS`: the wrench (N, N m), without its lead.
+    """The wrench (N, N m) that tracks it, every :data:`CONTROL_PERIOD_MS`, without its lead.
 
     Args:
         memory: record of :data:`FOLLOWER_MEMORY`, as :func:`follow` left it.

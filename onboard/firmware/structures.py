@@ -81,6 +81,7 @@ class Setpoint(Structure):
         ("rates", Vector),
         ("quaternion", Quaternion),
         ("thrust", c_float),
+        ("age", c_float),
     ]
 
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from onboard.arrays import FloatArray
 from onboard.controller import ControllerGains, controller_gains
-from onboard.follower import ATTITUDE_PERIOD_MS
+from onboard.follower import CONTROL_PERIOD_MS
 from onboard.vehicle.model import Vehicle
 
 GYRO_CUTOFF_HZ = 80.0
@@ -110,7 +110,7 @@ def _gyro(s: ComplexArray) -> ComplexArray:
 
 def _lead(s: ComplexArray, gains: ControllerGains) -> ComplexArray:
     """The lead's difference equations; `back` is one step back."""
-    dt = ATTITUDE_PERIOD_MS / 1000.0
+    dt = CONTROL_PERIOD_MS / 1000.0
     back = np.exp(-s * dt)
     share = dt / (gains.lead_pole + dt)
     lagged = share / (1.0 - (1.0 - share) * back)

@@ -206,14 +206,14 @@ class CEngine:
         with np.errstate(over="ignore"):  # an estimate that diverges becomes infinite, as on the drone
             self._estimate[:10] = state[:10]
             self._estimate[10:] = sample.gyro
-            self._take_setpoint(sample.setpoint)
+            self._take_setpoint(sample.setpoint, sample.tick)
         self._library.perch_host_step(self._core, inputs, self._view)
         outputs = self._view.outputs
         for i in range(4):
             self.ratios[i] = int(outputs.duties[i] * FULL_RATIO)
         return Event(outputs.events)
 
-    def _take_setpoint(self, s: Setpoint) -> None:
+    def _take_setpoint(self, s: Setpoint, tick: int) -> None:
         c = self._inputs.setpoint
         c.mode[0], c.mode[1], c.mode[2] = s.mode_x, s.mode_y, s.mode_z
         c.mode_roll, c.mode_pitch, c.mode_yaw = s.mode_roll, s.mode_pitch, s.mode_yaw
@@ -228,6 +228,7 @@ class CEngine:
             *s.rates,
             *s.quaternion,
             s.thrust,
+            1e-3 * (tick - s.time_ms),
         )
 
 

@@ -30,7 +30,7 @@ from onboard.vehicle import Vehicle
 from sim_backend.crazyflie.engine import ApproachRequest, Event, Sample, SnapshotField
 from sim_backend.crazyflie.power import COMPENSATION_GAIN, FULL_VOLTAGE
 from sim_backend.crazyflie.setpoint import Setpoint, complete_setpoint
-from sim_backend.crazyflie.stabilizer import ATTITUDE_PERIOD_MS, Stabilizer
+from sim_backend.crazyflie.stabilizer import CONTROL_PERIOD_MS, Stabilizer
 
 POLICY_PERIOD_MS = 10
 _NO_PLAN = ApproachPlan(*[math.nan] * 12)
@@ -231,7 +231,7 @@ class ReferenceEngine:
         """One ms of a drone that flies, or rehearses."""
         events = Event.NONE
         self._supply += COMPENSATION_GAIN * (sample.voltage - self._supply)
-        if sample.tick % ATTITUDE_PERIOD_MS == 0:
+        if sample.tick % CONTROL_PERIOD_MS == 0:
             if sample.tick % POLICY_PERIOD_MS == 0:
                 self._evaluate(sample)
             events = self._step_machine(sample)
@@ -299,7 +299,7 @@ class ReferenceEngine:
         evaluated = self._policy is not None and sample.tick % POLICY_PERIOD_MS == 0
         return LandingInputs(
             time=sample.tick / 1000.0,
-            dt=ATTITUDE_PERIOD_MS / 1000.0,
+            dt=CONTROL_PERIOD_MS / 1000.0,
             position=estimator.position(),
             velocity=estimator.velocity(),
             quaternion=estimator.quaternion(),
@@ -362,7 +362,7 @@ class ReferenceEngine:
             stabilizer.follow(sample.tick, self.target, sample.estimator, sample.gyro)
         elif mode is OutputMode.PASS:
             stabilizer.follow(sample.tick, sample.setpoint, sample.estimator, sample.gyro)
-        elif self._output is not None and sample.tick % ATTITUDE_PERIOD_MS == 0:
+        elif self._output is not None and sample.tick % CONTROL_PERIOD_MS == 0:
             self._drive(self._output, sample)
 
     def _drive(self, output: LandingOutput, sample: Sample) -> None:

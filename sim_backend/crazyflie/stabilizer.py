@@ -13,8 +13,7 @@ from onboard.arrays import FloatArray, Vector
 from onboard.battery import FULL_RATIO, duty_for_thrust, quantise_pwm
 from onboard.controller import Wrench, controller_gains, lead_moments
 from onboard.follower import (
-    ATTITUDE_PERIOD_MS,
-    POSITION_PERIOD_MS,
+    CONTROL_PERIOD_MS,
     FollowerSetpoint,
     follow,
     new_follower_memory,
@@ -28,8 +27,7 @@ from sim_backend.crazyflie.estimator import Estimator
 from sim_backend.crazyflie.setpoint import Mode, Setpoint
 
 __all__ = [
-    "ATTITUDE_PERIOD_MS",
-    "POSITION_PERIOD_MS",
+    "CONTROL_PERIOD_MS",
     "Stabilizer",
     "applied_duties",
     "level_out",
@@ -111,16 +109,16 @@ class Stabilizer:
         if setpoint.is_null:
             self.stop()
             return
-        if tick_ms % POSITION_PERIOD_MS == 0:
+        if tick_ms % CONTROL_PERIOD_MS == 0:
             position, quaternion = estimator.position(), estimator.quaternion()
-            follow(self._memory, _asked(setpoint), position, quaternion, self.gains, self.thrust_max)
-        if tick_ms % ATTITUDE_PERIOD_MS == 0:
+            asked = _asked(setpoint, tick_ms)
+            follow(self._memory, asked, position, quaternion, self.gains, self.thrust_max)
             x = estimator.state
             self.apply(track(self._memory, x[0:3], x[3:6], x[6:10], gyro, self.gains))
 
     def apply(self, wanted: Wrench) -> None:
-        """The control law's wrench (N, N m), once every :data:`ATTITUDE_PERIOD_MS`: lead, then mixer."""
-        dt = ATTITUDE_PERIOD_MS / 1000.0
+        """The control law's wrench (N, N m), once every :data:`CONTROL_PERIOD_MS`: lead, then mixer."""
+        dt = CONTROL_PERIOD_MS / 1000.0
         self.wrench, self._lagged = lead_moments(wanted, self._lagged, self.gains, dt)
         self.thrusts = mix(*self.wrench, self.arm_x, self.arm_y, self.thrust_to_torque, self.thrust_max)
 
@@ -129,7 +127,7 @@ class Stabilizer:
         motor_ratios(self.thrusts, supply, self.thrust_map, self.thrust_min, self.ratios)
 
 
-def _asked(setpoint: Setpoint) -> FollowerSetpoint:
+def _asked(setpoint: Setpoint, tick_ms: int) -> FollowerSetpoint:
     """A firmware's setpoint as the law takes it."""
     return FollowerSetpoint(
         modes=(int(setpoint.mode_x), int(setpoint.mode_y), int(setpoint.mode_z)),
@@ -147,4 +145,5 @@ def _asked(setpoint: Setpoint) -> FollowerSetpoint:
         rates=setpoint.rates,
         quaternion=setpoint.quaternion,
         thrust=setpoint.thrust,
+        age=1e-3 * (tick_ms - setpoint.time_ms),
     )

@@ -54,6 +54,7 @@ class Setpoint(Structure):
     """``setpoint_t``: deg, legacy sign of pitch."""
 
     _fields_: ClassVar[Fields] = [
+        ("timestamp", c_uint32),
         ("attitude", Vector),
         ("rates", Vector),
         ("quaternion", Quaternion),

@@ -11,7 +11,16 @@ from scipy.spatial.transform import Rotation
 from onboard.arrays import Quaternion, Vector
 from onboard.battery import FULL_RATIO
 from onboard.controller import DEFAULT_GAINS, geometric_control
-from onboard.follower import LEASH, FollowerSetpoint, Mode, follow, new_follower_memory, track
+from onboard.follower import (
+    CONTROL_PERIOD_MS,
+    LEASH,
+    MOST_AGE,
+    FollowerSetpoint,
+    Mode,
+    follow,
+    new_follower_memory,
+    track,
+)
 from onboard.gravity import GRAVITY
 
 ZERO: Vector = (0.0, 0.0, 0.0)
@@ -40,6 +49,7 @@ def asked(**fields: Any) -> FollowerSetpoint:
         rates=ZERO,
         quaternion=LEVEL,
         thrust=0.0,
+        age=0.0,
     )
     return absolute._replace(**fields)
 
@@ -47,7 +57,7 @@ def asked(**fields: Any) -> FollowerSetpoint:
 def followed(
     setpoint: FollowerSetpoint, position: Vector = ZERO, attitude: Quaternion = LEVEL, steps: int = 1
 ) -> Any:
-    """Memory after some position steps in one place."""
+    """Memory after some steps in one place."""
     memory = new_follower_memory()
     for _ in range(steps):
         follow(memory, setpoint, position, attitude, DEFAULT_GAINS, THRUST_MAX)
@@ -67,20 +77,49 @@ def test_a_position_setpoint_is_what_the_controller_tracks(
     memory = followed(setpoint, at)
     wrench = track(memory, at, moving, LEVEL, (0.1, 0.2, 0.3), DEFAULT_GAINS)
     limit = DEFAULT_GAINS.integral_limit
-    x, y, z = (min(max(0.01 * (at[i] - position[i]), -limit), limit) for i in range(3))
+    x, y, z = (min(max(0.002 * (at[i] - position[i]), -limit), limit) for i in range(3))
     assert wrench == geometric_control(
         at, moving, LEVEL, (0.1, 0.2, 0.3), (x, y, z), position, velocity, (0.1, -0.2, 0.3), yaw,
         DEFAULT_GAINS,
     )  # fmt: skip
 
 
-@given(vectors, st.integers(1, 60))
+@given(vectors, vectors, vectors, st.floats(0.0, 3.0))
+def test_between_two_setpoints_the_last_one_moves_on_for_a_while(
+    position: Vector, velocity: Vector, acceleration: Vector, age: float
+) -> None:
+    memory = followed(
+        asked(position=position, velocity=velocity, acceleration=acceleration, rates=(0.0, 0.0, 0.5), age=age)
+    )
+    t = min(age, MOST_AGE)
+    for i in range(3):
+        there = position[i] + velocity[i] * t + 0.5 * acceleration[i] * t * t
+        assert memory.position[i] == pytest.approx(there, abs=1e-12)
+        assert memory.velocity[i] == pytest.approx(velocity[i] + acceleration[i] * t, abs=1e-12)
+    assert memory.yaw == pytest.approx(0.5 * t)
+
+
+@given(vectors, st.integers(1, 300))
 def test_a_position_that_follows_a_velocity_stays_on_its_leash(velocity: Vector, steps: int) -> None:
     setpoint = asked(modes=(VELOCITY, VELOCITY, VELOCITY), velocity=velocity)
     memory = followed(setpoint, (1.0, 2.0, 3.0), steps=steps)
     for i, here in enumerate((1.0, 2.0, 3.0)):
-        ahead = min(max(0.01 * steps * velocity[i], -LEASH), LEASH)
+        ahead = min(max(0.002 * steps * velocity[i], -LEASH), LEASH)
         assert memory.position[i] - here == pytest.approx(ahead, abs=1e-9)
+
+
+def test_a_drone_on_its_course_feels_no_jolt_where_a_setpoint_comes() -> None:
+    velocity = (1.5, -0.8, 0.4)
+    memory = new_follower_memory()
+    for ms in range(0, 200, CONTROL_PERIOD_MS):
+        given = 1e-3 * (ms - ms % 20)
+        here = tuple(1e-3 * ms * v for v in velocity)
+        setpoint = asked(
+            position=tuple(given * v for v in velocity), velocity=velocity, age=1e-3 * ms - given
+        )
+        follow(memory, setpoint, here, LEVEL, DEFAULT_GAINS, THRUST_MAX)
+        wrench = track(memory, here, velocity, LEVEL, ZERO, DEFAULT_GAINS)
+        assert wrench == pytest.approx((DEFAULT_GAINS.mass * GRAVITY, 0.0, 0.0, 0.0), abs=1e-12)
 
 
 def test_a_velocity_of_the_body_points_along_its_heading() -> None:
@@ -120,7 +159,7 @@ def test_a_tilt_that_is_held_needs_no_moment(roll: float, pitch: float, yaw: flo
 def test_a_heading_follows_its_rate_from_where_the_drone_points() -> None:
     turning = asked(mode_yaw=VELOCITY, rates=(0.0, 0.0, 0.5))
     turned = quaternion_of(Rotation.from_euler("z", 0.3))
-    memory = followed(turning, attitude=turned, steps=20)
+    memory = followed(turning, attitude=turned, steps=100)
     assert memory.yaw == pytest.approx(0.3 + 0.1)
     assert track(memory, ZERO, ZERO, turned, (0.0, 0.0, 0.5), DEFAULT_GAINS)[3] > 0.0
 

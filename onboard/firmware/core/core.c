@@ -155,10 +155,8 @@ static void follow(perch_core *core, const perch_inputs *in, const perch_setpoin
     stop(core);
     return;
   }
-  if (in->tick % PERCH_POSITION_PERIOD_MS == 0) {
+  if (in->tick % PERCH_CONTROL_PERIOD_MS == 0) {
     perch_follow(&core->follower, setpoint, &in->estimate, core->vehicle);
-  }
-  if (in->tick % PERCH_ATTITUDE_PERIOD_MS == 0) {
     const perch_wrench wanted = perch_track(&core->follower, &in->estimate, core->vehicle);
     apply(core, &wanted);
   }
@@ -185,7 +183,7 @@ static void fly(perch_core *core, const perch_inputs *in) {
     follow(core, in, &setpoint);
   } else if (mode == PERCH_PASS) {
     follow(core, in, &in->setpoint);
-  } else if (in->tick % PERCH_ATTITUDE_PERIOD_MS == 0) {
+  } else if (in->tick % PERCH_CONTROL_PERIOD_MS == 0) {
     drive(core, in);
   }
 }
@@ -224,7 +222,7 @@ static void report(perch_core *core) {
 
 /* One ms of a drone that flies, or rehearses. */
 static void compute(perch_core *core, const perch_inputs *in) {
-  if (in->tick % PERCH_ATTITUDE_PERIOD_MS == 0) {
+  if (in->tick % PERCH_CONTROL_PERIOD_MS == 0) {
     if (in->tick % POLICY_PERIOD_MS == 0) {
       evaluate(core, in);
     }

@@ -2,10 +2,11 @@
 
 #include "rotation.h"
 
-#define DT 0.01f              /* s, of the position loop */
+#define DT 0.002f             /* s, of both loops */
 #define LEASH 0.3f            /* m that a position may run ahead */
 #define FULL_THRUST 65535.0f  /* of a setpoint */
 #define LEAST_UPRIGHT 0.3f    /* of b3.z: a tilt that is asked for is not calculated beyond 73 deg */
+#define MOST_AGE 0.1f         /* s that a setpoint moves on by itself */
 
 bool perch_setpoint_is_null(const perch_setpoint *s) {
   return s->thrust == 0.0f && !(s->mode[0] || s->mode[1] || s->mode[2] || s->mode_roll || s->mode_pitch ||
@@ -24,25 +25,27 @@ perch_setpoint perch_setpoint_of(const perch_motion *motion) {
 }
 
 static void follow_axis(perch_follower *f, int i, perch_mode mode, float here, float position, float velocity,
-                        float acceleration) {
+                        float acceleration, float age) {
   f->tracked[i] = mode != PERCH_MODE_DISABLED;
   f->acceleration[i] = mode == PERCH_MODE_ABSOLUTE ? acceleration : 0.0f;
-  f->velocity[i] = velocity;
   if (mode == PERCH_MODE_VELOCITY) {
     const float start = f->following[i] ? f->position[i] : here;
     f->position[i] = perch_clamp(start + velocity * DT, here - LEASH, here + LEASH);
+    f->velocity[i] = velocity;
   } else {
-    f->position[i] = position;
+    const float gained = f->acceleration[i] * age;
+    f->position[i] = position + (velocity + 0.5f * gained) * age;
+    f->velocity[i] = velocity + gained;
   }
   f->following[i] = mode == PERCH_MODE_VELOCITY;
 }
 
-static void follow_heading(perch_follower *f, const perch_setpoint *setpoint, float yaw) {
+static void follow_heading(perch_follower *f, const perch_setpoint *setpoint, float yaw, float age) {
   f->rates = setpoint->rates;
   if (setpoint->mode_quaternion == PERCH_MODE_ABSOLUTE) {
     f->yaw = perch_euler_angles(&setpoint->quaternion).z;
   } else if (setpoint->mode_yaw == PERCH_MODE_ABSOLUTE) {
-    f->yaw = setpoint->yaw;
+    f->yaw = setpoint->yaw + setpoint->rates.z * age;
   } else {
     f->yaw = (f->following_yaw ? f->yaw : yaw) + setpoint->rates.z * DT;
   }
@@ -92,16 +95,17 @@ void perch_follow(perch_follower *f, const perch_setpoint *s, const perch_estima
                   const perch_vehicle *vehicle) {
   const perch_vector *here = &estimate->position;
   const perch_vector angles = perch_euler_angles(&estimate->quaternion);
+  const float age = s->age < MOST_AGE ? s->age : MOST_AGE;
   perch_vector velocity = s->velocity;
   if (s->velocity_body) {
     const float cosine = cosf(angles.z), sine = sinf(angles.z);
     velocity.x = cosine * s->velocity.x - sine * s->velocity.y;
     velocity.y = sine * s->velocity.x + cosine * s->velocity.y;
   }
-  follow_axis(f, 0, (perch_mode)s->mode[0], here->x, s->position.x, velocity.x, s->acceleration.x);
-  follow_axis(f, 1, (perch_mode)s->mode[1], here->y, s->position.y, velocity.y, s->acceleration.y);
-  follow_axis(f, 2, (perch_mode)s->mode[2], here->z, s->position.z, velocity.z, s->acceleration.z);
-  follow_heading(f, s, angles.z);
+  follow_axis(f, 0, (perch_mode)s->mode[0], here->x, s->position.x, velocity.x, s->acceleration.x, age);
+  follow_axis(f, 1, (perch_mode)s->mode[1], here->y, s->position.y, velocity.y, s->acceleration.y, age);
+  follow_axis(f, 2, (perch_mode)s->mode[2], here->z, s->position.z, velocity.z, s->acceleration.z, age);
+  follow_heading(f, s, angles.z, age);
   if (s->mode[0] == PERCH_MODE_DISABLED) {
     follow_tilt(f, s, &angles, vehicle);
   }

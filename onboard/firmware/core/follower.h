@@ -1,13 +1,14 @@
 /* From a commander's setpoint to what the controller tracks: take-off, hover, level-out, approach.
  *
- * Position loop 100 Hz, attitude loop 500 Hz (sim_backend/crazyflie/stabilizer.py). An axis that is given as a
- * velocity follows a position that moves with it, at most 0.3 m ahead of the drone. */
+ * Both loops 500 Hz (onboard/follower.py). Between two setpoints the last one moves on with its velocity and
+ * acceleration, for at most 0.1 s: no jolts for the lead of the moments. An axis that is given as a velocity
+ * follows a position that moves with it, at most 0.3 m ahead of the drone. */
 #ifndef PERCH_FOLLOWER_H
 #define PERCH_FOLLOWER_H
 
 #include "controller.h"
 
-enum { PERCH_POSITION_PERIOD_MS = 10, PERCH_ATTITUDE_PERIOD_MS = 2 };
+enum { PERCH_CONTROL_PERIOD_MS = 2 };
 
 typedef enum { PERCH_MODE_DISABLED = 0, PERCH_MODE_ABSOLUTE = 1, PERCH_MODE_VELOCITY = 2 } perch_mode;
 
@@ -22,6 +23,7 @@ typedef struct {
   perch_vector rates;
   perch_quaternion quaternion;
   float thrust; /* 0..65535, where z is DISABLED */
+  float age;    /* s since it was given */
 } perch_setpoint;
 
 typedef struct {
@@ -38,11 +40,11 @@ bool perch_setpoint_is_null(const perch_setpoint *setpoint);
 /* The setpoint of a motion at heading 0. */
 perch_setpoint perch_setpoint_of(const perch_motion *motion);
 
-/* One position step (100 Hz). */
+/* What to track, at 500 Hz. */
 void perch_follow(perch_follower *follower, const perch_setpoint *setpoint, const perch_estimate *estimate,
                   const perch_vehicle *vehicle);
 
-/* One attitude step (500 Hz). */
+/* The wrench that tracks it, at 500 Hz. */
 perch_wrench perch_track(const perch_follower *follower, const perch_estimate *estimate,
                          const perch_vehicle *vehicle);
 

@@ -32,9 +32,10 @@ bool controllerOutOfTreeTest(void) { return controllerPidTest() && perch.vehicle
 
 static perch_inputs inputs_from(const setpoint_t *setpoint, const sensorData_t *sensors, const state_t *state,
                                 stabilizerStep_t step) {
+  const uint32_t now_ms = (uint32_t)xTaskGetTickCount();
   return (perch_inputs){
       .tick = step,
-      .pose_age = perch_pose_age((uint32_t)xTaskGetTickCount()),
+      .pose_age = perch_pose_age(now_ms),
       .estimate =
           {
               .position = {state->position.x, state->position.y, state->position.z},
@@ -48,7 +49,7 @@ static perch_inputs inputs_from(const setpoint_t *setpoint, const sensorData_t *
       .flying = supervisorIsFlying(),
       .levelling = perch_is_level_out(setpoint),
       .thrust_seen = perch_is_on_the_desk() && perch_sees_thrust(),
-      .setpoint = perch_setpoint_from(setpoint),
+      .setpoint = perch_setpoint_from(setpoint, now_ms),
   };
 }
 

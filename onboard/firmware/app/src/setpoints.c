@@ -5,7 +5,7 @@
 
 static perch_vector metres(float x, float y, float z) { return (perch_vector){x, y, z}; }
 
-perch_setpoint perch_setpoint_from(const setpoint_t *s) {
+perch_setpoint perch_setpoint_from(const setpoint_t *s, uint32_t now_ms) {
   return (perch_setpoint){
       .mode = {(uint8_t)s->mode.x, (uint8_t)s->mode.y, (uint8_t)s->mode.z},
       .mode_roll = (uint8_t)s->mode.roll,
@@ -24,6 +24,7 @@ perch_setpoint perch_setpoint_from(const setpoint_t *s) {
       .quaternion = {s->attitudeQuaternion.x, s->attitudeQuaternion.y, s->attitudeQuaternion.z,
                      s->attitudeQuaternion.w},
       .thrust = s->thrust,
+      .age = 1e-3f * (float)(now_ms - s->timestamp),
   };
 }
 

@@ -50,8 +50,8 @@ void perch_watch_bench_motors(void);
 /* Milliseconds since the last external pose, or PERCH_NO_POSE; for the control loop. */
 uint32_t perch_pose_age(uint32_t now_ms);
 
-/* A setpoint of the firmware in the core's units and signs. */
-perch_setpoint perch_setpoint_from(const setpoint_t *setpoint);
+/* A setpoint of the firmware in the core's units and signs, at a tick of the system (ms). */
+perch_setpoint perch_setpoint_from(const setpoint_t *setpoint, uint32_t now_ms);
 
 /* Whether the supervisor has put level-out in the setpoint's place. */
 bool perch_is_level_out(const setpoint_t *setpoint);

@@ -17,6 +17,7 @@ typedef struct { float normalizedForces[4]; control_mode_t controlMode; } contro
 typedef enum { modeDisable = 0, modeAbs, modeVelocity } stab_mode_t;
 typedef struct { stab_mode_t x, y, z, roll, pitch, yaw, quat; } setpoint_mode_t;
 typedef struct {
+  uint32_t timestamp;
   attitude_t attitude, attitudeRate;
   quaternion_t attitudeQuaternion;
   float thrust;
