@@ -35,6 +35,48 @@ class Acts:
         self._loss = [link.loss for link in links]
         self._later: list[tuple[float, Callable[[], None]]] = []
 
+    def do(self, command: dict[str, Any]) -> dict[str, Any]:
+        """Carry out a command as :mod:`sim_backend.stage` lists them, and give its answer.
+
+        Raises:
+            SimulationError: it cannot be; the message says why.
+        """
+        match command.get("do"):
+            case "look":
+                return self.look()
+            case "drone":
+                self.act(command["index"], command["act"], command.get("value"))
+            case "poses":
+                self.pose(command["running"], command["shift"], command["turn"])
+            case "log":
+                self._world.drones[command["index"]].firmware.logs.inject(command["name"], command["value"])
+            case "sensor":
+                self.disturb(command["index"], command["sensor"], command["offset"])
+            case other:
+                raise ActError(f"no command {other!r}")
+        return {}
+
+    def disturb(self, index: int, sensor: str, offset: list[float]) -> None:
+        """From now on, until the drone boots, a sensor shows `offset` too much: gyro (three rad/s, body),
+        accelerometer (three m/s2, body) or voltage (one V).
+
+        Raises:
+            ActError: no such sensor, or a drone that does not look at it.
+        """
+        drone = self._world.drones[index]
+        if sensor == "voltage":
+            (drone.firmware.power.offset,) = offset
+            return
+        if isinstance(drone, ParkedDrone):
+            raise ActError(f"a parked drone does not look at its {sensor}: ask for one that flies")
+        x, y, z = offset
+        if sensor == "gyro":
+            drone.firmware.sensors.offset(gyro=(x, y, z))
+        elif sensor == "accelerometer":
+            drone.firmware.sensors.offset(acc=(x, y, z))
+        else:
+            raise ActError(f"no sensor {sensor!r}; known: gyro, accelerometer, voltage")
+
     def act(self, index: int, what: str, value: float | None) -> None:
         """Do `what` to the drone at `index`: loss (of packets, a probability), freeze, thaw, reboot,
         brown_out (s), tumble.

@@ -8,6 +8,8 @@ each with one on standard output. It ends with its input.
     {"do": "look"}      -> {"t": s, "dropped": s, "drones": [{"position": [x, y, z], ...}]}
     {"do": "drone", "index": 0, "act": "loss", "value": 0.1}   (or freeze, thaw, reboot, brown_out, tumble)
     {"do": "poses", "running": true, "shift": [0, 0, 0], "turn": 0.0}
+    {"do": "log", "index": 0, "name": "pm.vbat", "value": 3.1}     (or null: as the drone has it)
+    {"do": "sensor", "index": 0, "sensor": "gyro", "offset": [0.1, 0, 0]}      (or accelerometer, voltage)
     {"do": "close"}
 
 What cannot be done is answered with ``{"error": "why"}``, and what was open stays as it was.
@@ -65,17 +67,10 @@ class Stage:
         match command.get("do"):
             case "open":
                 return await self._open(command)
-            case "look":
-                return self._open_acts.look()
-            case "drone":
-                self._open_acts.act(command["index"], command["act"], command.get("value"))
-            case "poses":
-                self._open_acts.pose(command["running"], command["shift"], command["turn"])
             case "close":
                 await self.close()
-            case other:
-                raise StageError(f"no command {other!r}")
-        return {}
+                return {}
+        return self._open_acts.do(command)
 
     async def _open(self, command: Command) -> dict[str, Any]:
         await self.close()

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from perchhw.testing import Lab, LabWaitTimeout, StageFailed, StageProcess
+from perchhw.testing import Lab, LabWaitTimeout, SimulatedDrone, StageFailed, StageProcess
 from tests.conftest import REPOSITORY
 
 pytest_plugins = ["pytester"]
@@ -38,6 +38,8 @@ def test_it_says_all_that_there_is() -> None:
     for name, value in vars(Lab).items():
         if not name.startswith("_") and callable(value) and name not in ("look", "ask", "note", "close"):
             assert f"lab.{name}(" in PAGE
+    for name in vars(SimulatedDrone):
+        assert name.startswith("_") or f"{name}" in PAGE
 
 
 @pytest.fixture(scope="module")

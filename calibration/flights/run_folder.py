@@ -104,16 +104,23 @@ def _read_events(path: Path) -> tuple[tuple[dict[str, Any], ...], str | None]:
         return (), f"{path.name}: missing"
     lines = path.read_bytes().split(b"\n")
     tail = lines.pop()  # empty when the last line was written completely
-    events = []
-    for number, line in enumerate(lines, start=1):
-        try:
-            event = json.loads(line)
-        except (ValueError, RecursionError) as error:
-            raise RunFolderError(f"{path} line {number}: not JSON ({error}): {REMEDY}") from error
-        if not isinstance(event, dict) or "event" not in event or not isinstance(event.get("t"), int | float):
-            raise RunFolderError(
-                f"{path} line {number}: an event needs the keys t (a number) and event: {REMEDY}"
-            )
-        events.append(_restored(event))
+    events = [read_event(path, number, line) for number, line in enumerate(lines, start=1)]
     torn = f"{path.name}: {len(tail)} bytes of a torn event at the end left out" if tail else None
     return tuple(events), torn
+
+
+def read_event(path: Path, number: int, line: bytes) -> dict[str, Any]:
+    """The event of line `number` of ``events.jsonl``.
+
+    Raises:
+        RunFolderError: damaged.
+    """
+    try:
+        event = json.loads(line)
+    except (ValueError, RecursionError) as error:
+        raise RunFolderError(f"{path} line {number}: not JSON ({error}): {REMEDY}") from error
+    if not isinstance(event, dict) or "event" not in event or not isinstance(event.get("t"), int | float):
+        raise RunFolderError(
+            f"{path} line {number}: an event needs the keys t (a number) and event: {REMEDY}"
+        )
+    return _restored(event)

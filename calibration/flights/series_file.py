@@ -93,10 +93,43 @@ def read_series(path: Path) -> tuple[dict[str, Series], str | None]:
         RunFolderError: damaged elsewhere than at its end.
         OSError: cannot be read.
     """
-    data = path.read_bytes()
-    if data[: len(_MAGIC)] != _MAGIC[: len(data)]:
+    series, note = _read(path, _SeriesFile(path.read_bytes()))
+    return series, note and f"{path.name}: {note}"
+
+
+class GrowingSeries:
+    """``series.mcap`` while its writer goes on: at each look the messages that came since the last.
+
+    Args:
+        path: of the file, which need not be there yet.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._data = bytearray()
+        self._file = _SeriesFile(self._data)
+
+    def read(self) -> dict[str, Series]:
+        """The new messages by topic; a message that is not complete waits for the next look.
+
+        Raises:
+            RunFolderError: damaged.
+            OSError: cannot be read.
+        """
+        if not self._path.exists():
+            return {}
+        with self._path.open("rb") as stream:
+            stream.seek(len(self._data))
+            self._data += stream.read()
+        series, _ = _read(self._path, self._file)
+        self._file.times, self._file.messages = {}, {}
+        return series
+
+
+def _read(path: Path, file: "_SeriesFile") -> tuple[dict[str, Series], str | None]:
+    """What `file` finds from its position on, and its note."""
+    if not file.begins_well:
         raise RunFolderError(f"{path} is not an MCAP file (byte 0): {REMEDY}")
-    file = _SeriesFile(data)
     try:
         note = file.read()
     except _Damage as damage:
@@ -105,18 +138,18 @@ def read_series(path: Path) -> tuple[dict[str, Series], str | None]:
         name: Series(name, np.array(times, dtype=np.float64), tuple(file.messages[name]))
         for name, times in file.times.items()
     }
-    return series, note and f"{path.name}: {note}"
+    return series, note
 
 
 class _SeriesFile:
-    """One pass over the bytes of a file.
+    """One pass over the bytes of a file, which may be taken up again when there are more.
 
     Attributes:
         position: of the record that is looked at, or of the first that is not there any more.
         times: s, by topic. messages: by topic.
     """
 
-    def __init__(self, data: bytes) -> None:
+    def __init__(self, data: bytes | bytearray) -> None:
         self.position = len(_MAGIC)
         self.times: dict[str, list[float]] = {}
         self.messages: dict[str, list[dict[str, Any]]] = {}
@@ -124,8 +157,13 @@ class _SeriesFile:
         self._schemas: dict[int, Schema] = {}
         self._topics: dict[int, _Topic] = {}
 
+    @property
+    def begins_well(self) -> bool:
+        """Whether the first bytes, as far as they are there, are those of MCAP."""
+        return self._data[: len(_MAGIC)] == _MAGIC[: len(self._data)]
+
     def read(self) -> str | None:
-        """All messages; a note as :func:`read_series` gives it."""
+        """All messages from the position on; a note as :func:`read_series` gives it."""
         for opcode, content in self._records():
             try:
                 if opcode == Opcode.DATA_END:
@@ -136,7 +174,7 @@ class _SeriesFile:
         lost = len(self._data) - min(self.position, len(self._data))
         return f"not finished by its writer; {lost} bytes of a torn message at the end left out"
 
-    def _records(self) -> Iterator[tuple[int, bytes]]:
+    def _records(self) -> Iterator[tuple[int, bytes | bytearray]]:
         data = self._data
         while self.position + _RECORD_HEAD.size <= len(data):
             opcode, length = _RECORD_HEAD.unpack_from(data, self.position)
@@ -149,7 +187,7 @@ class _SeriesFile:
             yield opcode, data[start : start + length]
             self.position = start + length
 
-    def _take(self, opcode: int, content: bytes) -> None:
+    def _take(self, opcode: int, content: bytes | bytearray | bytearray) -> None:
         if opcode == Opcode.MESSAGE:
             self._message(content)
         elif opcode == Opcode.CHANNEL:
@@ -165,7 +203,7 @@ class _SeriesFile:
         elif opcode != Opcode.HEADER or self.position != len(_MAGIC):
             raise _Damage(f"a {_name(opcode)} where none belongs")
 
-    def _message(self, content: bytes) -> None:
+    def _message(self, content: bytes | bytearray) -> None:
         channel, _, log_time, _ = _MESSAGE_HEAD.unpack_from(content)
         topic = self._topics[channel]
         values = json.loads(content[_MESSAGE_HEAD.size :])
@@ -175,7 +213,7 @@ class _SeriesFile:
         self.times.setdefault(topic.name, []).append(log_time / 1e9)
         self.messages.setdefault(topic.name, []).append(restored)
 
-    def _end_of_data(self, content: bytes) -> str | None:
+    def _end_of_data(self, content: bytes | bytearray) -> str | None:
         written = _parsed(DataEnd, content).data_section_crc
         if written and written != zlib.crc32(memoryview(self._data)[: self.position]):
             raise _Damage("the CRC of the messages before is wrong: one or more of them are damaged")
@@ -198,7 +236,7 @@ class _SeriesFile:
 _Record = TypeVar("_Record", Schema, Channel, Metadata, DataEnd, Footer)
 
 
-def _parsed(kind: type[_Record], content: bytes) -> _Record:
+def _parsed(kind: type[_Record], content: bytes | bytearray) -> _Record:
     """A record by the library, which does not mind bytes that are left over."""
     stream = ReadDataStream(BytesIO(content))
     record: _Record = kind.read(stream)

@@ -37,9 +37,13 @@ class MavlinkTelemetry:
     Args:
         address: where to.
         clock: the clock by which is sent: the machine's, also where a lab keeps its own.
+
+    Attributes:
+        sent: messages so far, those that are lost on the way among them.
     """
 
     def __init__(self, address: MavlinkAddress, clock: Clock = monotonic) -> None:
+        self.sent = 0
         self._endpoint = MavlinkEndpoint(SYSTEM, COMPONENT, key=address.key, ipv6=":" in address.host)
         self._to = (address.host, address.port)
         self._clock = clock
@@ -49,7 +53,7 @@ class MavlinkTelemetry:
         self._rates: Vector = (0.0, 0.0, 0.0)
         self._begin: float | None = None
         self._voltage = math.nan
-        self._poses_good = False
+        self._poses_good: bool | None = None
         self._armed = False
         self._state = MESSAGES.MAV_STATE_STANDBY
         self._next_heartbeat = self._next_status = -math.inf
@@ -145,7 +149,13 @@ class MavlinkTelemetry:
             self._begin = t
         return round(1000.0 * (t - self._begin)) % _BOOT_MS
 
+    @property
+    def lost(self) -> int:
+        """Messages that found nobody on this computer, or no room."""
+        return self._endpoint.lost
+
     def _send(self, message: Any) -> None:
+        self.sent += 1
         self._endpoint.send(message, self._to)
 
     def __enter__(self) -> Self:
@@ -168,13 +178,14 @@ def heartbeat(state: int, armed: bool) -> Any:
     )
 
 
-def status(voltage: float, poses_good: bool, armed: bool) -> Sequence[Any]:
-    """SYS_STATUS and BATTERY_STATUS. `voltage` (V) is NaN while nobody knows it; charge and current never
-    are known."""
+def status(voltage: float, poses_good: bool | None, armed: bool) -> Sequence[Any]:
+    """SYS_STATUS and BATTERY_STATUS. `voltage` (V) is NaN while nobody knows it, `poses_good` None where
+    nobody judges motion capture; charge and current never are known."""
     poses, battery = MESSAGES.MAV_SYS_STATUS_SENSOR_VISION_POSITION, MESSAGES.MAV_SYS_STATUS_SENSOR_BATTERY
     motors = MESSAGES.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
     known = math.isfinite(voltage) and 0.0 <= voltage < 65.0
     millivolts = round(1000.0 * voltage) if known else _UNKNOWN_MV
+    poses = 0 if poses_good is None else poses
     present = poses | battery | motors
     health = motors | (poses if poses_good else 0) | (battery if known else 0)
     enabled = present if armed else poses | battery

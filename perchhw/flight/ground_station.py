@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from mocap_bridge.health import Verdict
-from onboard.supervisor_info import SupervisorInfo
+from onboard.supervisor_info import SupervisorBits, SupervisorInfo
 from perchhw.flight.recording import RecordListener
 from perchhw.record.recorder import Scalar
 from perchhw.supervisor import Phase
@@ -36,6 +36,12 @@ _SAFETY_EVENTS = frozenset(
     }
 )
 """Events of the supervisor that are told word for word."""
+_FINDINGS = {
+    SupervisorBits.TUMBLED: "the drone has tumbled",
+    SupervisorBits.CRASHED: "the drone has crashed: it flies again after a recovery command",
+    SupervisorBits.LOCKED: "the drone is locked: only a reboot helps",
+}
+"""What the supervisor on board finds of a drone that others fly; in our flights the phases tell it."""
 
 
 @contextmanager
@@ -64,8 +70,8 @@ class GroundStation:
 
     def __init__(self, telemetry: "MavlinkTelemetry") -> None:
         self._telemetry = telemetry
-        self._phase = Phase.CHECKING
-        self._armed = False
+        self._phase: Phase | None = None
+        self._drone = SupervisorInfo(0)
         self._aborted_by: str | None = None
         self._alert: str | None = None
 
@@ -103,12 +109,18 @@ class GroundStation:
         self._tell_state()
 
     def _tell_state(self) -> None:
-        state = _STANDBY if self._phase in _ON_THE_GROUND else _ACTIVE
+        self._telemetry.set_state(self._state(), self._drone.is_armed)
+
+    def _state(self) -> int:
+        """The MAV_STATE, by the flight's phase; of a drone that others fly, by its own supervisor."""
+        if self._phase is None:
+            in_trouble = self._drone.is_tumbled or self._drone.is_crashed or self._drone.is_locked
+            return _IN_TROUBLE if in_trouble else _ACTIVE if self._drone.is_flying else _STANDBY
         if self._phase is Phase.STOPPING:
-            state = _STOPPING
-        elif self._aborted_by is not None and state == _ACTIVE:
-            state = _IN_TROUBLE
-        self._telemetry.set_state(state, self._armed)
+            return _STOPPING
+        if self._phase in _ON_THE_GROUND:
+            return _STANDBY
+        return _ACTIVE if self._aborted_by is None else _IN_TROUBLE
 
     def _estimate(self, t: float, values: Mapping[str, Scalar]) -> None:
         where = [values.get(name) for name in ("x", "y", "z", "vx", "vy", "vz")]
@@ -134,7 +146,11 @@ class GroundStation:
 
     def _supervisor(self, t: float, values: Mapping[str, Scalar]) -> None:
         if (numbers := _numbers([values.get("bits")])) is not None:
-            self._armed = SupervisorInfo(int(numbers[0])).is_armed
+            before, self._drone = self._drone, SupervisorInfo(int(numbers[0]))
+            if self._phase is None:
+                for finding, words in _FINDINGS.items():
+                    if self._drone.bits & finding and not before.bits & finding:
+                        self._telemetry.say(words, CRITICAL, safety=True)
             self._tell_state()
 
 

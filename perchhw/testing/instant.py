@@ -173,13 +173,7 @@ class InstantLab(Lab):
     def ask(self, do: str, **values: Any) -> dict[str, Any]:
         """What a :class:`perchhw.testing.Lab` asks its process."""
         with self.lock:
-            if do == "look":
-                return self._acts.look()
-            if do == "drone":
-                self._acts.act(values["index"], values["act"], values["value"])
-            elif do == "poses":
-                self._acts.pose(values["running"], list(values["shift"]), values["turn"])
-        return {}
+            return self._acts.do({"do": do, **values})
 
     def close(self) -> None:
         """End this lab; its record is complete then."""

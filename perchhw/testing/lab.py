@@ -152,6 +152,33 @@ class SimulatedDrone:
         """Something hits it: it is upside down, and rolls at 15 rad/s."""
         self._act("tumble")
 
+    def set_log(self, variable: str, value: float) -> None:
+        """From now on clients that log `variable` (``group.name``) are told `value`; the drone itself goes by
+        what it has."""
+        self._lab.note("log", drone=self.name, variable=variable, value=value)
+        self._lab.ask("log", index=self._index, name=variable, value=value)
+
+    def release_log(self, variable: str) -> None:
+        """Clients that log `variable` are told again what the drone has."""
+        self._lab.note("log", drone=self.name, variable=variable, value=None)
+        self._lab.ask("log", index=self._index, name=variable, value=None)
+
+    def offset_gyro(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> None:
+        """From now on, until it boots, its gyro shows so much too much, rad/s about the body's axes."""
+        self._offset("gyro", x, y, z)
+
+    def offset_accelerometer(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> None:
+        """From now on, until it boots, its accelerometer shows so much too much, m/s2, body's axes."""
+        self._offset("accelerometer", x, y, z)
+
+    def offset_voltage(self, volts: float) -> None:
+        """From now on, until it boots, it measures so much too much of its battery: a low one by -0.8."""
+        self._offset("voltage", volts)
+
+    def _offset(self, sensor: str, *offset: float) -> None:
+        self._lab.note("sensor", drone=self.name, sensor=sensor, offset=offset)
+        self._lab.ask("sensor", index=self._index, sensor=sensor, offset=list(offset))
+
     def _act(self, what: str, value: float | None = None) -> None:
         self._lab.note(what, drone=self.name, value=value)
         self._lab.ask("drone", index=self._index, act=what, value=value)

@@ -38,6 +38,7 @@ class PowerManager:
         voltage: last measurement, V.
         supply: low-passed voltage for the battery compensation, V.
         low_voltage: threshold ``pm.lowVoltage``, V.
+        offset: what its measurements show too much, V.
     """
 
     def __init__(self, noise: float, rng: np.random.Generator) -> None:
@@ -45,6 +46,7 @@ class PowerManager:
         self.voltage = 3.7
         self.supply = FULL_VOLTAGE
         self.low_voltage = 3.2
+        self.offset = 0.0
         self.state = PowerState.BATTERY
         self._noise = noise
         self._rng = rng
@@ -53,7 +55,8 @@ class PowerManager:
     def step(self, tick_ms: int, terminal_voltage: float) -> None:
         """Advance by one ms with the true terminal voltage, V."""
         if tick_ms % MEASUREMENT_PERIOD_MS == 0:
-            self.voltage = terminal_voltage + self._noise * float(self._rng.standard_normal())
+            noise = self._noise * float(self._rng.standard_normal())
+            self.voltage = terminal_voltage + noise + self.offset
         self.supply += COMPENSATION_GAIN * (self.voltage - self.supply)
         if tick_ms % STATE_PERIOD_MS == 0:
             if self.voltage > self.low_voltage:

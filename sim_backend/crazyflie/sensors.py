@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from onboard.arrays import FloatArray
+from onboard.arrays import FloatArray, Vector
 from onboard.jit import kept
 from onboard.vehicle import Sensing
 
@@ -65,13 +65,15 @@ class InertialSensors:
     Attributes:
         acc: filtered specific force (3,), m/s2, body.
         gyro: filtered body rate (3,), rad/s.
-        gyro_bias: injected bias (3,), rad/s.
+        gyro_bias: injected bias (3,), rad/s; set before it samples.
     """
 
     def __init__(self, sensing: Sensing, rng: np.random.Generator) -> None:
         self.acc: FloatArray = np.zeros(3)
         self.gyro: FloatArray = np.zeros(3)
         self.gyro_bias: FloatArray = np.zeros(3)
+        self._gyro_offset: FloatArray = np.zeros(3)
+        self._acc_offset: FloatArray = np.zeros(3)
         self._sensing = sensing
         self._rng = rng
         self._acc_filter = butterworth(ACCELEROMETER_CUTOFF_HZ, SAMPLE_RATE_HZ)
@@ -118,8 +120,21 @@ class InertialSensors:
             self.gyro,
         )
 
+    def offset(self, gyro: Vector | None = None, acc: Vector | None = None) -> None:
+        """From the next sample on the gyro shows so much too much [rad/s], the accelerometer so much [m/s2];
+        None leaves it as it is."""
+        for noise, offset, wanted in (
+            (self._gyro_noise, self._gyro_offset, gyro),
+            (self._acc_noise, self._acc_offset, acc),
+        ):
+            if wanted is not None:
+                noise += np.tile(np.array(wanted) - offset, noise.size // 3)
+                offset[:] = wanted
+
     def _draw(self) -> None:
         noise = self._rng.standard_normal((2, _BLOCK, 3))
-        self._acc_noise = (noise[0] * self._sensing.accelerometer_noise.value).ravel()
-        self._gyro_noise = (noise[1] * self._sensing.gyro_noise.value + self.gyro_bias).ravel()
+        self._acc_noise = (noise[0] * self._sensing.accelerometer_noise.value + self._acc_offset).ravel()
+        self._gyro_noise = (
+            noise[1] * self._sensing.gyro_noise.value + self.gyro_bias + self._gyro_offset
+        ).ravel()
         self._index = 0

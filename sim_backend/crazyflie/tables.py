@@ -291,6 +291,7 @@ class LogTable:
         )
         self._by_name = {entry.full_name: entry for entry in self.entries}
         self._sources: dict[int, Callable[[], Number]] = {}
+        self._injected: dict[int, Number] = {}
 
     @classmethod
     def firmware(cls, with_app: bool = True) -> Self:
@@ -325,11 +326,24 @@ class LogTable:
         for name, source in sources.items():
             self.bind(name, source)
 
+    def inject(self, name: str, value: Number | None) -> None:
+        """Show clients `value` for ``group.name`` from now on, whatever its source gives; None ends that.
+
+        Raises:
+            NoSuchVariable: there is none.
+        """
+        ident = self.entry(name).ident
+        self._injected.pop(ident, None)
+        if value is not None:
+            self._injected[ident] = value
+
     def __getitem__(self, name: str) -> Number:
-        """Value of ``group.name`` as its source gives it."""
+        """Value of ``group.name``; see :meth:`value`."""
         return self.value(self.entry(name).ident)
 
     def value(self, ident: int) -> Number:
-        """Value of a variable as its source gives it; 0 without a source."""
+        """Value of a variable: the injected one, else as its source gives it, 0 without a source."""
+        if ident in self._injected:
+            return self._injected[ident]
         source = self._sources.get(ident)
         return 0 if source is None else source()

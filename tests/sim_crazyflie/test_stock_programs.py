@@ -4,8 +4,9 @@ Stock cflib, its own UDP driver, nothing of ours in between; what they did is re
 """
 
 import math
+import queue
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import cflib.crtp
@@ -18,9 +19,11 @@ from cflib.crazyflie.syncCrazyflie import SyncCrazyflie
 from cflib.crazyflie.syncLogger import SyncLogger
 from cflib.positioning.motion_commander import MotionCommander
 from cflib.positioning.position_hl_commander import PositionHlCommander
+from cflib.utils.multiranger import Multiranger
 from cflib.utils.reset_estimator import reset_estimator
 
 from perchhw.testing import Lab, SimulatedDrone, StageProcess
+from tests.patience import PATIENCE_S
 
 pytestmark = pytest.mark.slow
 
@@ -127,6 +130,77 @@ def test_logging_beside_the_truth(lab: Lab, scf: SyncCrazyflie) -> None:
         for _, (_, values, _) in zip(range(200), log, strict=False):
             seen = [values[f"kalman.state{axis}"] for axis in "XYZ"]
     assert math.dist(seen, drone.position) < 0.01
+
+
+def test_a_ramp_of_thrust_that_does_not_lift_it(lab: Lab, scf: SyncCrazyflie) -> None:
+    drone, commander = lab.drones[0], scf.cf.commander
+    arm(lab, drone, scf.cf)
+    commander.send_setpoint(0.0, 0.0, 0.0, 0)  # unlocks the thrust
+    turned = []
+    for thrust in (*range(10_000, 25_001, 2_500), *range(22_500, 9_999, -2_500)):
+        commander.send_setpoint(0.0, 0.0, 0.0, thrust)
+        lab.run_for(0.1)
+        turned.append(sum(drone.motors) / 4)
+    assert turned.index(max(turned)) == 6
+    assert max(turned) > 2.0 * turned[0]
+    commander.send_setpoint(0.0, 0.0, 0.0, 0)
+    lab.wait_until(lambda: drone.motors == (0, 0, 0, 0), within=2.0)
+    assert highest(lab) < 0.1
+
+
+def test_a_circle_of_hover_setpoints(lab: Lab, scf: SyncCrazyflie) -> None:
+    drone, commander = lab.drones[0], scf.cf.commander
+    arm(lab, drone, scf.cf)
+
+    def send(vx: float, yaw_rate: float, heights: Sequence[float]) -> None:
+        for z in heights:
+            commander.send_hover_setpoint(vx, 0.0, yaw_rate, z)
+            lab.run_for(0.1)
+
+    send(0.0, 0.0, [0.04 * i for i in range(1, 11)])
+    send(0.0, 0.0, [0.4] * 10)
+    x, y, _ = drone.position
+    send(0.5, 144.0, [0.4] * 12)  # half a circle of 0.2 m radius
+    assert drone.position[2] == pytest.approx(0.4, abs=0.1)
+    assert math.dist(drone.position[:2], (x, y)) == pytest.approx(0.4, abs=0.15)
+    send(0.0, 0.0, [0.4 - 0.04 * i for i in range(11)])
+    commander.send_stop_setpoint()
+    commander.send_notify_setpoint_stop()
+    lab.wait_until(lambda: drone.motors == (0, 0, 0, 0), within=2.0)
+
+
+def test_a_hand_pushes_it_away(lab: Lab, scf: SyncCrazyflie) -> None:
+    drone = lab.drones[0]
+    for side in ("front", "back", "left", "right", "up"):
+        drone.set_log(f"range.{side}", 32766)  # nothing in sight
+    arm(lab, drone, scf.cf)
+    with MotionCommander(scf, default_height=0.5) as commander, Multiranger(scf) as ranger:
+        lab.wait_until(lambda: drone.position[2] > 0.4, within=5.0)
+        x = drone.position[0]
+        drone.set_log("range.front", 150)
+        lab.wait_until(lambda: ranger.front is not None and ranger.front < 0.2, within=5.0)
+        commander.start_linear_motion(-0.5, 0.0, 0.0)
+        lab.wait_until(lambda: drone.position[0] < x - 0.2, within=5.0)
+        drone.set_log("range.front", 32766)
+        lab.wait_until(lambda: ranger.front is None, within=5.0)
+        commander.stop()
+    lab.wait_until(lambda: drone.position[2] < 0.15, within=5.0)
+
+
+def test_parameters_are_listed_watched_and_set(lab: Lab, scf: SyncCrazyflie) -> None:
+    parameters, heard = scf.cf.param, queue.SimpleQueue[tuple[str, str]]()
+    parameters.add_update_callback(group="ring", cb=lambda name, value: heard.put((name, value)))
+    listed = {f"{group}.{name}" for group, names in parameters.toc.toc.items() for name in names}
+    assert {"ring.effect", "stabilizer.estimator", "kalman.pNAcc_xy"} <= listed
+    before = parameters.get_value("ring.effect")
+    parameters.set_value("ring.effect", "10")
+    while heard.get(timeout=PATIENCE_S) != ("ring.effect", "10"):
+        pass
+    assert parameters.get_value("ring.effect") == "10" != before
+    lab.drones[0].reboot()
+    with SyncCrazyflie(lab.drones[0].uri, cf=Crazyflie()) as again:
+        again.wait_for_params()
+        assert again.cf.param.get_value("ring.effect") == before
 
 
 @pytest.mark.parametrize("lab", [4], indirect=True)
