@@ -19,7 +19,9 @@ STORED_VEHICLE = "crazyflie21-upgraded-stored"
 """The same as it was believed before its landings were looked at; the authors' simulation builds on it."""
 DEFAULT_POLICY = "default"
 """The policy that comes with the code, trained for it."""
-APPROACH_PARAMETERS = ("ax", "az", "tau0", "impact_x", "impact_y")
+SHAPE = ("ax", "az", "tau0")
+"""What fixes the shape of an approach: all three, or none."""
+APPROACH_PARAMETERS = (*SHAPE, "impact_x", "impact_y")
 """What :attr:`AttemptRequest.approach` may hold; :mod:`perchhw.flight.mission` says what they mean."""
 
 

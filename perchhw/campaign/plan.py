@@ -18,10 +18,13 @@ from onboard.policy.files import find_policy, load_policy
 from onboard.room import RoomGeometry
 from onboard.toml_file import read_toml
 from onboard.vehicle import load_vehicle
-from perchhw.attempt import APPROACH_PARAMETERS
+from perchhw.attempt import APPROACH_PARAMETERS, SHAPE
 from perchhw.campaign.file_table import SCHEMA, CampaignFileError, FileTable, check_names, room_of, setup_of
 
 ORDERS = ("shuffled", "grid")
+
+Condition = tuple[float, float]
+"""A speed (m/s) and an angle (deg)."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +35,57 @@ class Slot:
     speed: float
     angle_deg: float
     repeat: int
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """A condition that cannot be flown.
+
+    Attributes:
+        speed: m/s.
+        angle_deg: deg.
+        reason: why, with numbers.
+        ceiling: height of the lowest ceiling (m, to a centimetre) under which it fits in this room; None: no
+            ceiling that a room may have would do.
+    """
+
+    speed: float
+    angle_deg: float
+    reason: str
+    ceiling: float | None
+
+    @property
+    def condition(self) -> Condition:
+        """Speed and angle."""
+        return self.speed, self.angle_deg
+
+    @property
+    def remedy(self) -> str:
+        """What would let it fly, in a few words."""
+        return self.reason if self.ceiling is None else f"needs a ceiling of {self.ceiling:.2f} m"
+
+
+@dataclass(frozen=True)
+class Seat:
+    """A drone of a campaign: its address, and that of its poses."""
+
+    drone: str
+    mocap: str
+
+
+@dataclass(frozen=True)
+class Day:
+    """How the flights of a campaign follow each other: what a person does between them, and for how long.
+
+    The defaults are engineering estimates of one person beside the cage.
+
+    Attributes:
+        turnaround_s: from the end of a flight to the next one, s: fetch the drone, put it on its mark.
+        new_pack_s: as much longer with a new battery pack, s.
+    """
+
+    turnaround_s: float = 60.0
+    new_pack_s: float = 60.0
 
 
 @dataclass(frozen=True)
@@ -53,6 +107,10 @@ class CampaignPlan:
         aborted_in_a_row: that many aborted attempts in a row stop the campaign.
         attempts: fly only so many, from the beginning of the order; None for all.
         lab: the lab file, or None.
+        file: where it was read.
+        skipped: what of the grid is left out, because it does not fit.
+        day: how its flights follow each other.
+        others: further drones, which fly in turn with the first.
     """
 
     name: str
@@ -71,14 +129,26 @@ class CampaignPlan:
     aborted_in_a_row: int
     attempts: int | None = None
     lab: LabFile | None = None
+    file: Path = Path()
+    skipped: tuple[Misfit, ...] = ()
+    day: Day = Day()
+    others: tuple[Seat, ...] = ()
+
+    @property
+    def drones(self) -> tuple[Seat, ...]:
+        """All drones, in the order of their turns."""
+        return Seat(self.drone, self.mocap), *self.others
+
+    def conditions(self) -> list[Condition]:
+        """What of the grid is to be flown: angles within speeds."""
+        skipped = {misfit.condition for misfit in self.skipped}
+        grid = [(speed, angle) for speed in self.speeds for angle in self.angles_deg]
+        return [condition for condition in grid if condition not in skipped]
 
     def slots(self) -> list[Slot]:
         """All attempts in flying order: each condition `repeats` times."""
         conditions = [
-            (speed, angle, repeat)
-            for repeat in range(1, self.repeats + 1)
-            for speed in self.speeds
-            for angle in self.angles_deg
+            (*condition, repeat) for repeat in range(1, self.repeats + 1) for condition in self.conditions()
         ]
         if self.order == "shuffled":
             order = np.random.default_rng(self.seed).permutation(len(conditions))
@@ -90,12 +160,15 @@ class CampaignPlan:
         return int(np.random.SeedSequence([self.seed, slot, try_number]).generate_state(1)[0])
 
     def fixed_part(self) -> dict[str, Any]:
-        """What must not change when a campaign is resumed: everything but the URIs, the stop rule and
-        what of the lab file is not the room.
+        """What must not change when a campaign is resumed: everything but the URIs, the stop rule, the day
+        and what of the lab file is not the room.
         """
         part = dataclasses.asdict(dataclasses.replace(self, lab=None))
-        for key in ("drone", "mocap", "aborted_in_a_row", "lab"):
+        for key in ("drone", "mocap", "aborted_in_a_row", "lab", "file", "day", "others"):
             del part[key]
+        part["skipped"] = [misfit.condition for misfit in self.skipped]
+        for key in [key for key in ("skipped",) if not part[key]]:
+            del part[key]  # as it was written before there was such a thing
         return part
 
 
@@ -111,6 +184,7 @@ def load_plan(path: Path, lab: LabFile | None = None) -> CampaignPlan:
     root = FileTable(path, "", read_toml(path, CampaignFileError))
     root.choice("schema", (SCHEMA,))
     grid, stop = root.table("grid"), root.table("stop", required=False)
+    day = root.table("day", required=False)
     setup = setup_of(root, lab, root.optional_text("policy"))
     plan = CampaignPlan(
         name=root.text("name", default=path.stem),
@@ -129,8 +203,13 @@ def load_plan(path: Path, lab: LabFile | None = None) -> CampaignPlan:
         aborted_in_a_row=stop.integer("aborted_in_a_row", default=3, minimum=1),
         attempts=stop.integer("attempts", default=0, minimum=0) or None,
         lab=lab,
+        file=path,
+        day=Day(
+            turnaround_s=day.at_least("turnaround_s", Day.turnaround_s, 0.0),
+            new_pack_s=day.at_least("new_pack_s", Day.new_pack_s, 0.0),
+        ),
     )
-    for table in (root, grid, stop):
+    for table in (root, grid, stop, day):
         table.refuse_unread()
     check_names(
         root,
@@ -149,4 +228,7 @@ def load_plan(path: Path, lab: LabFile | None = None) -> CampaignPlan:
 def _approach(table: FileTable) -> dict[str, float]:
     values = {key: table.number(key, 0.0) for key in APPROACH_PARAMETERS if key in table.content}
     table.refuse_unread()
+    missing = [key for key in SHAPE if key not in values]
+    if 0 < len(missing) < len(SHAPE):
+        raise table.error(missing[0], f"missing; give all of {', '.join(SHAPE)}, or none")
     return values

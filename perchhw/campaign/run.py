@@ -66,18 +66,6 @@ def run_campaign(
             store.close()
 
 
-def check_approaches(plan: CampaignPlan) -> None:
-    """See that every approach of the grid fits the room, before the first one is flown.
-
-    Raises:
-        InputError: one does not; the message says which and why.
-    """
-    from perchhw.flight.mission import plan_attempt
-
-    for slot in plan.slots():
-        plan_attempt(request_of(plan, slot, Path(), try_number=1), 0, False)
-
-
 def _store(plan: CampaignPlan, folder: Path, resume: bool, retry_aborted: bool) -> CampaignStore:
     if not (resume and exists(folder)):
         return CampaignStore.create(folder, plan)

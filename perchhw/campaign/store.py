@@ -10,14 +10,14 @@ import json
 import sqlite3
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from calibration.flights.run_folder import RunFolderError, is_run_folder, read_info
 from onboard.errors import InputError
 from perchhw.attempt import AttemptResult, Outcome
-from perchhw.campaign.plan import CampaignPlan, Slot
+from perchhw.campaign.plan import CampaignPlan, Misfit, Slot
 from perchhw.errors import FlightStackError
 from perchhw.record.folder import discard_if_empty, utc_now
 
@@ -108,6 +108,8 @@ class CampaignStore:
                 store._connection.execute(statement)
             store._connection.execute("INSERT INTO facts VALUES ('plan', ?)", (_plan_text(plan),))
             store._connection.execute("INSERT INTO facts VALUES ('name', ?)", (plan.name,))
+            skipped = json.dumps([asdict(misfit) for misfit in plan.skipped])
+            store._connection.execute("INSERT INTO facts VALUES ('skipped', ?)", (skipped,))
             store._connection.executemany(
                 _PLAN_ATTEMPT, [(s.number, s.speed, s.angle_deg, s.repeat, 1) for s in plan.slots()]
             )
@@ -133,9 +135,14 @@ class CampaignStore:
         """The campaign's name."""
         return str(self._fact("name"))
 
-    def _fact(self, key: str) -> str:
+    @property
+    def skipped(self) -> list[Misfit]:
+        """What of the grid was left out at the start, and why."""
+        return [Misfit(**values) for values in json.loads(self._fact("skipped", default="[]"))]
+
+    def _fact(self, key: str, default: str = "") -> str:
         row = self._connection.execute("SELECT value FROM facts WHERE key = ?", (key,)).fetchone()
-        return str(row[0])
+        return default if row is None else str(row[0])
 
     def check_plan(self, plan: CampaignPlan) -> None:
         """Check that `plan` is the one the campaign was started with.

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from perchhw.cli.campaign_plan import plan as plan_command
 from perchhw.cli.options import Lab, Mavlink
 from perchhw.cli.output import FlightDisplay, console, emit, progress_console
 
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from perchhw.campaign import AttemptRow
 
 app = typer.Typer(add_completion=False)
+app.command("plan")(plan_command)
 
 _CampaignFolder = Annotated[Path, typer.Argument(help="Folder of a campaign.")]
 
@@ -24,6 +26,9 @@ def run(
     resume: Annotated[bool, typer.Option("--resume", help="Continue where the campaign stopped.")] = False,
     retry_aborted: Annotated[
         bool, typer.Option("--retry-aborted", help="With --resume: fly aborted attempts again.")
+    ] = False,
+    skip_unflyable: Annotated[
+        bool, typer.Option("--skip-unflyable", help="Leave out what does not fit the room; it is recorded.")
     ] = False,
     out: Annotated[Path | None, typer.Option(help="Campaign folder; default: runs/campaign-NAME.")] = None,
     lab: Lab = None,
@@ -40,7 +45,7 @@ def run(
     """
     from onboard.link.errors import DroneStopped
     from onboard.link.exclusive import hold
-    from perchhw.campaign import CampaignStopped, check_approaches, load_plan, run_campaign
+    from perchhw.campaign import CampaignStopped, check_approaches, flyable_part, load_plan, run_campaign
     from perchhw.campaign.courses import has_flights
     from perchhw.cli.prompts import confirmation
     from perchhw.flight.ground_station import ground_station
@@ -52,7 +57,10 @@ def run(
     if has_flights(file):
         return _fly_courses(file, lab, out, resume, yes, mavlink)
     plan = load_plan(file, find_lab(lab))
-    check_approaches(plan)
+    if skip_unflyable:
+        plan = flyable_part(plan)
+    else:
+        check_approaches(plan)
     folder = out or Path("runs") / f"campaign-{slug(plan.name)}"
     stopped: str | None = None
     try:
@@ -65,7 +73,7 @@ def run(
     except KeyboardInterrupt:
         progress_console().print(f"continue with --resume; the records are in {folder}", markup=False)
         raise
-    _emit_rows(folder, _rows(folder), write_campaign_report(folder), stopped)
+    _emit_rows(folder, write_campaign_report(folder), stopped)
     return 3 if stopped else 0
 
 
@@ -147,7 +155,7 @@ def live_table() -> "Iterator[Callable[[list[AttemptRow]], None]]":
 @app.command()
 def status(folder: _CampaignFolder) -> int:
     """What of a campaign was flown, how it ended, and what is left."""
-    _emit_rows(folder, _rows(folder), None)
+    _emit_rows(folder, None)
     return 0
 
 
@@ -156,25 +164,18 @@ def report(folder: _CampaignFolder) -> int:
     """Write the report of a campaign."""
     from perchhw.report import write_campaign_report
 
-    rows = _rows(folder)
-    _emit_rows(folder, rows, write_campaign_report(folder))
+    _emit_rows(folder, write_campaign_report(folder))
     return 0
 
 
-def _rows(folder: Path) -> "list[AttemptRow]":
+def _emit_rows(folder: Path, report: Path | None, stopped: str | None = None) -> None:
     from contextlib import closing
 
     from perchhw.campaign import CampaignStore
-
-    with closing(CampaignStore.open(folder)) as store:
-        return store.rows()
-
-
-def _emit_rows(
-    folder: Path, rows: "list[AttemptRow]", report: Path | None, stopped: str | None = None
-) -> None:
     from perchhw.campaign.table import attempts_table, outcome_counts
 
+    with closing(CampaignStore.open(folder)) as store:
+        rows, skipped = store.rows(), store.skipped
     counts = outcome_counts(rows)
     document: dict[str, Any] = {
         "campaign": folder,
@@ -182,12 +183,16 @@ def _emit_rows(
         "done": sum(counts.values()),
         "outcomes": counts,
         "attempts": rows,
+        "skipped": skipped,
         "report": report,
         "stopped": stopped,
     }
 
     def draw() -> None:
         console().print(attempts_table(rows))
+        for misfit in skipped:
+            left_out = f"left out: {misfit.speed:g} m/s at {misfit.angle_deg:g} deg {misfit.remedy}"
+            console().print(left_out, markup=False, soft_wrap=True)
         if report is not None:
             console().print(f"report: {report}", markup=False)
 
