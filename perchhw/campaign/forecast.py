@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from onboard.trajectory import ApproachPlan
 from perchhw.campaign.packs import PackModel, air_time
-from perchhw.campaign.plan import CampaignPlan, Condition
+from perchhw.campaign.plan import ADAPTIVE, CampaignPlan, Condition
 from perchhw.supervisor import Timing
 
 CONNECTING = 3.0
@@ -36,7 +36,7 @@ class Forecast:
 def forecast(plan: CampaignPlan, approaches: Mapping[Condition, ApproachPlan]) -> Forecast:
     """What the attempts of `plan` cost, of which every condition is in `approaches`."""
     model = PackModel.for_plan(plan, approaches.values())
-    flights = [air_time(approaches[condition]) for condition in _conditions(plan)]
+    flights = _air_times(plan, approaches)
     changes = _changes(flights, model, len(plan.drones))
     timing = Timing()
     ground = CONNECTING + timing.checks_hold + UPLOADING + timing.settle + timing.disarm_hold
@@ -50,8 +50,12 @@ def forecast(plan: CampaignPlan, approaches: Mapping[Condition, ApproachPlan]) -
     )
 
 
-def _conditions(plan: CampaignPlan) -> list[Condition]:
-    return [(slot.speed, slot.angle_deg) for slot in plan.slots()]
+def _air_times(plan: CampaignPlan, approaches: Mapping[Condition, ApproachPlan]) -> list[float]:
+    """Of all attempts in flying order, s; the mean of the grid for each that is chosen on the day."""
+    if plan.order != ADAPTIVE:
+        return [air_time(approaches[slot.condition]) for slot in plan.slots()]
+    each = [air_time(approaches[condition]) for condition in plan.conditions()]
+    return [sum(each) / len(each)] * plan.most_attempts if each else []
 
 
 def _changes(flights: Sequence[float], model: PackModel, drones: int) -> list[int]:

@@ -21,7 +21,8 @@ from onboard.vehicle import load_vehicle
 from perchhw.attempt import APPROACH_PARAMETERS, SHAPE
 from perchhw.campaign.file_table import SCHEMA, CampaignFileError, FileTable, check_names, room_of, setup_of
 
-ORDERS = ("shuffled", "grid")
+ADAPTIVE = "adaptive"
+ORDERS = ("shuffled", "grid", ADAPTIVE)
 
 Condition = tuple[float, float]
 """A speed (m/s) and an angle (deg)."""
@@ -35,6 +36,11 @@ class Slot:
     speed: float
     angle_deg: float
     repeat: int
+
+    @property
+    def condition(self) -> Condition:
+        """Speed and angle."""
+        return self.speed, self.angle_deg
 
 
 @dataclass(frozen=True)
@@ -98,14 +104,16 @@ class CampaignPlan:
         policy: policy file or name of a shipped policy.
         vehicle, legs: vehicle file or name; leg design or None.
         seed: seed of the order and of the attempts.
-        order: ``shuffled`` (by the seed) or ``grid`` (angles within speeds within repeats).
+        order: ``shuffled`` (by the seed), ``grid`` (angles within speeds within repeats), or ``adaptive``
+            (each where it tells most; see :mod:`perchhw.campaign.adaptive`).
         speeds: m/s, ascending, no value twice.
         angles_deg: deg, likewise.
-        repeats: attempts per condition.
+        repeats: attempts per condition; on average and at most, where the order is adaptive.
         room: ceiling and flight volume.
         approach: further parameters of the approach.
         aborted_in_a_row: that many aborted attempts in a row stop the campaign.
         attempts: fly only so many, from the beginning of the order; None for all.
+        map_error: an adaptive campaign is done when the expected error of its map is as small.
         lab: the lab file, or None.
         file: where it was read.
         skipped: what of the grid is left out, because it does not fit.
@@ -128,6 +136,7 @@ class CampaignPlan:
     approach: dict[str, float]
     aborted_in_a_row: int
     attempts: int | None = None
+    map_error: float = 0.0
     lab: LabFile | None = None
     file: Path = Path()
     skipped: tuple[Misfit, ...] = ()
@@ -145,8 +154,16 @@ class CampaignPlan:
         grid = [(speed, angle) for speed in self.speeds for angle in self.angles_deg]
         return [condition for condition in grid if condition not in skipped]
 
+    @property
+    def most_attempts(self) -> int:
+        """So many attempts are flown, or fewer where the order is adaptive."""
+        every = len(self.conditions()) * self.repeats
+        return every if self.attempts is None else min(every, self.attempts)
+
     def slots(self) -> list[Slot]:
-        """All attempts in flying order: each condition `repeats` times."""
+        """All attempts in flying order, each condition `repeats` times; none where that is adaptive."""
+        if self.order == ADAPTIVE:
+            return []
         conditions = [
             (*condition, repeat) for repeat in range(1, self.repeats + 1) for condition in self.conditions()
         ]
@@ -164,7 +181,7 @@ class CampaignPlan:
         and what of the lab file is not the room.
         """
         part = dataclasses.asdict(dataclasses.replace(self, lab=None))
-        for key in ("drone", "mocap", "aborted_in_a_row", "lab", "file", "day", "others"):
+        for key in ("drone", "mocap", "aborted_in_a_row", "lab", "file", "day", "others", "map_error"):
             del part[key]
         part["skipped"] = [misfit.condition for misfit in self.skipped]
         for key in [key for key in ("skipped",) if not part[key]]:
@@ -202,6 +219,7 @@ def load_plan(path: Path, lab: LabFile | None = None) -> CampaignPlan:
         approach=_approach(root.table("approach", required=False)),
         aborted_in_a_row=stop.integer("aborted_in_a_row", default=3, minimum=1),
         attempts=stop.integer("attempts", default=0, minimum=0) or None,
+        map_error=_map_error(root, stop),
         lab=lab,
         file=path,
         day=Day(
@@ -223,6 +241,12 @@ def load_plan(path: Path, lab: LabFile | None = None) -> CampaignPlan:
     )
     setup.check()
     return plan
+
+
+def _map_error(root: FileTable, stop: FileTable) -> float:
+    if "map_error" in stop.content and root.content.get("order") != ADAPTIVE:
+        raise stop.error("map_error", f'only a campaign with order = "{ADAPTIVE}" ends by it')
+    return stop.at_least("map_error", 0.0, 0.0)
 
 
 def _approach(table: FileTable) -> dict[str, float]:

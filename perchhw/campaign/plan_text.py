@@ -5,7 +5,7 @@ from itertools import groupby
 
 from perchhw.campaign.fit import Fit, row_of
 from perchhw.campaign.forecast import Forecast
-from perchhw.campaign.plan import CampaignPlan, Misfit
+from perchhw.campaign.plan import ADAPTIVE, CampaignPlan, Misfit
 
 FITS, MISFIT = "o", "x"
 _WIDTH = 78
@@ -50,9 +50,11 @@ def highest(fit: Fit) -> list[str]:
 
 def cost_text(plan: CampaignPlan, cost: Forecast) -> str:
     """Attempts, time and packs."""
+    flown, in_air = _duration(cost.duration), _duration(cost.air_time)
+    most = "at most " if plan.order == ADAPTIVE else ""
     lines = [
-        f"{cost.attempts} attempts in {_duration(cost.duration)}, {_duration(cost.air_time)} of it in the air"
-        f", {plan.day.turnaround_s:g} s between two flights",
+        f"{most}{cost.attempts} attempts in {flown}, {in_air} of it in the air, "
+        f"{plan.day.turnaround_s:g} s between two flights",
         f"{cost.packs} battery pack{'s' if cost.packs > 1 else ''}",
     ]
     if cost.new_pack_before:

@@ -9,7 +9,8 @@ from pathlib import Path
 from onboard.errors import InputError, PerchhwError, SafetyStop
 from onboard.link.errors import DroneStopped
 from perchhw.attempt import AttemptRequest, AttemptResult, AttemptRunner, Outcome
-from perchhw.campaign.plan import CampaignPlan, Slot
+from perchhw.campaign.adaptive import AdaptiveOrder
+from perchhw.campaign.plan import ADAPTIVE, CampaignPlan, Slot
 from perchhw.campaign.store import AttemptRow, CampaignError, CampaignStore, exists
 from perchhw.errors import FlightStackError
 from perchhw.record.folder import discard_if_empty, make_folder, new_run_folder
@@ -86,7 +87,8 @@ def _fly_all(
 ) -> list[AttemptRow]:
     aborted_in_a_row = 0
     on_change(store.rows())
-    while (row := store.next_planned()) is not None:
+    choice = AdaptiveOrder(plan) if plan.order == ADAPTIVE else None
+    while (row := _next_row(store, choice)) is not None:
         result = _fly_one(plan, store, row, runner, on_change)
         on_change(store.rows())
         if result.halt is not None:
@@ -98,6 +100,15 @@ def _fly_all(
                 f"{result.aborted_by or 'an unnamed rule'}; put that right and continue with --resume"
             )
     return store.rows()
+
+
+def _next_row(store: CampaignStore, choice: AdaptiveOrder | None) -> AttemptRow | None:
+    """What was planned already, in flying order; then what the campaign chooses to fly next."""
+    row = store.next_planned()
+    if row is not None or choice is None:
+        return row
+    slot = choice.next(store.rows())
+    return None if slot is None else store.plan_next(slot)
 
 
 def _fly_one(

@@ -17,7 +17,7 @@ from typing import Any
 from calibration.flights.run_folder import RunFolderError, is_run_folder, read_info
 from onboard.errors import InputError
 from perchhw.attempt import AttemptResult, Outcome
-from perchhw.campaign.plan import CampaignPlan, Misfit, Slot
+from perchhw.campaign.plan import CampaignPlan, Condition, Misfit, Slot
 from perchhw.errors import FlightStackError
 from perchhw.record.folder import discard_if_empty, utc_now
 
@@ -106,10 +106,14 @@ class CampaignStore:
             store._connection.execute("BEGIN IMMEDIATE")
             for statement in _SCHEMA.split(";\n"):
                 store._connection.execute(statement)
-            store._connection.execute("INSERT INTO facts VALUES ('plan', ?)", (_plan_text(plan),))
-            store._connection.execute("INSERT INTO facts VALUES ('name', ?)", (plan.name,))
-            skipped = json.dumps([asdict(misfit) for misfit in plan.skipped])
-            store._connection.execute("INSERT INTO facts VALUES ('skipped', ?)", (skipped,))
+            facts = {
+                "plan": _plan_text(plan),
+                "name": plan.name,
+                "planned": json.dumps(plan.most_attempts),
+                "conditions": json.dumps(plan.conditions()),
+                "skipped": json.dumps([asdict(misfit) for misfit in plan.skipped]),
+            }
+            store._connection.executemany("INSERT INTO facts VALUES (?, ?)", list(facts.items()))
             store._connection.executemany(
                 _PLAN_ATTEMPT, [(s.number, s.speed, s.angle_deg, s.repeat, 1) for s in plan.slots()]
             )
@@ -134,6 +138,16 @@ class CampaignStore:
     def name(self) -> str:
         """The campaign's name."""
         return str(self._fact("name"))
+
+    @property
+    def planned(self) -> int:
+        """How many attempts the campaign has at most."""
+        return int(json.loads(self._fact("planned", default="0"))) or len({row.slot for row in self.rows()})
+
+    @property
+    def conditions(self) -> list[Condition]:
+        """The conditions of its grid; none where it was started before they were kept."""
+        return [(speed, angle) for speed, angle in json.loads(self._fact("conditions", default="[]"))]
 
     @property
     def skipped(self) -> list[Misfit]:
@@ -168,6 +182,13 @@ class CampaignStore:
         query = "SELECT * FROM attempts WHERE state = 'planned' ORDER BY slot LIMIT 1"
         found = self._connection.execute(query).fetchone()
         return None if found is None else self._row(found)
+
+    def plan_next(self, slot: Slot) -> AttemptRow:
+        """Plan one more attempt than were planned at the start."""
+        with self._connection:
+            values = (slot.number, slot.speed, slot.angle_deg, slot.repeat, 1)
+            self._connection.execute(_PLAN_ATTEMPT, values)
+        return next(row for row in self.rows() if row.slot == slot.number)
 
     def start(self, row: AttemptRow, record: Path) -> None:
         """The attempt of `row` begins; its record will be the folder `record`."""

@@ -13,6 +13,7 @@ from perchhw.cli.output import FlightDisplay, console, emit, progress_console
 
 if TYPE_CHECKING:
     from perchhw.campaign import AttemptRow
+    from perchhw.campaign.adaptive import FlownMap
 
 app = typer.Typer(add_completion=False)
 app.command("plan")(plan_command)
@@ -172,16 +173,19 @@ def _emit_rows(folder: Path, report: Path | None, stopped: str | None = None) ->
     from contextlib import closing
 
     from perchhw.campaign import CampaignStore
+    from perchhw.campaign.adaptive import flown_map
     from perchhw.campaign.table import attempts_table, outcome_counts
 
     with closing(CampaignStore.open(folder)) as store:
-        rows, skipped = store.rows(), store.skipped
+        rows, skipped, planned = store.rows(), store.skipped, store.planned
+        found = flown_map(rows, store.conditions) if store.conditions else None
     counts = outcome_counts(rows)
     document: dict[str, Any] = {
         "campaign": folder,
-        "planned": len({row.slot for row in rows}),
+        "planned": planned,
         "done": sum(counts.values()),
         "outcomes": counts,
+        "map": None if found is None else _map_document(found),
         "attempts": rows,
         "skipped": skipped,
         "report": report,
@@ -197,3 +201,23 @@ def _emit_rows(folder: Path, report: Path | None, stopped: str | None = None) ->
             console().print(f"report: {report}", markup=False)
 
     emit(document, draw)
+
+
+def _map_document(found: "FlownMap") -> dict[str, Any]:
+    """Landing rates by condition, with what is expected between and around what was flown."""
+    known = found.known
+    columns = zip(found.conditions, found.flown, found.landed, known.rate, known.deviation, strict=True)
+    return {
+        "expected_error": known.error,
+        "conditions": [
+            {
+                "speed": speed,
+                "angle_deg": angle,
+                "flown": flown,
+                "landed": landed,
+                "rate": float(rate),
+                "deviation": float(deviation),
+            }
+            for (speed, angle), flown, landed, rate, deviation in columns
+        ],
+    }
