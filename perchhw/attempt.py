@@ -44,6 +44,7 @@ class AttemptRequest:
         seed: seed of everything random in this attempt.
         try_number: 1 for the first try; higher when an earlier try was interrupted.
         approach: further parameters of the approach (:data:`APPROACH_PARAMETERS`).
+        operator, note: who flies, and what is to be remembered of it; both are kept with the record.
     """
 
     speed: float
@@ -60,6 +61,8 @@ class AttemptRequest:
     seed: int = 0
     try_number: int = 1
     approach: dict[str, float] = field(default_factory=dict)
+    operator: str | None = None
+    note: str | None = None
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,8 @@ Its keys are described in ``docs/campaigns.md``; a key that is not is an error.
 """
 
 import dataclasses
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from onboard.room import RoomGeometry
 from onboard.toml_file import read_toml
 from onboard.vehicle import load_vehicle
 from perchhw.attempt import APPROACH_PARAMETERS, SHAPE
+from perchhw.campaign.aborts import AbortKind
 from perchhw.campaign.file_table import SCHEMA, CampaignFileError, FileTable, check_names, room_of, setup_of
 
 ADAPTIVE = "adaptive"
@@ -26,6 +28,22 @@ ORDERS = ("shuffled", "grid", ADAPTIVE)
 
 Condition = tuple[float, float]
 """A speed (m/s) and an angle (deg)."""
+
+
+_MAY_CHANGE = (
+    "drone",
+    "mocap",
+    "others",
+    "lab",
+    "file",
+    "day",
+    "aborted_in_a_row",
+    "aborts",
+    "map_error",
+    "operator",
+    "note",
+)
+"""Of a plan, when its campaign is resumed."""
 
 
 @dataclass(frozen=True)
@@ -112,6 +130,7 @@ class CampaignPlan:
         room: ceiling and flight volume.
         approach: further parameters of the approach.
         aborted_in_a_row: that many aborted attempts in a row stop the campaign.
+        aborts: so many of a kind (:class:`perchhw.campaign.aborts.AbortKind`) in one run stop it as well.
         attempts: fly only so many, from the beginning of the order; None for all.
         map_error: an adaptive campaign is done when the expected error of its map is as small.
         lab: the lab file, or None.
@@ -119,6 +138,7 @@ class CampaignPlan:
         skipped: what of the grid is left out, because it does not fit.
         day: how its flights follow each other.
         others: further drones, which fly in turn with the first.
+        operator, note: who flies, and what is to be remembered of it; kept with every attempt.
     """
 
     name: str
@@ -142,6 +162,9 @@ class CampaignPlan:
     skipped: tuple[Misfit, ...] = ()
     day: Day = Day()
     others: tuple[Seat, ...] = ()
+    aborts: Mapping[str, int] = field(default_factory=dict)
+    operator: str | None = None
+    note: str | None = None
 
     @property
     def drones(self) -> tuple[Seat, ...]:
@@ -177,11 +200,11 @@ class CampaignPlan:
         return int(np.random.SeedSequence([self.seed, slot, try_number]).generate_state(1)[0])
 
     def fixed_part(self) -> dict[str, Any]:
-        """What must not change when a campaign is resumed: everything but the URIs, the stop rule, the day
-        and what of the lab file is not the room.
+        """What must not change when a campaign is resumed: everything but the URIs, the stop rules, the
+        day, who flies, and what of the lab file is not the room.
         """
         part = dataclasses.asdict(dataclasses.replace(self, lab=None))
-        for key in ("drone", "mocap", "aborted_in_a_row", "lab", "file", "day", "others", "map_error"):
+        for key in _MAY_CHANGE:
             del part[key]
         part["skipped"] = [misfit.condition for misfit in self.skipped]
         for key in [key for key in ("skipped",) if not part[key]]:
@@ -220,6 +243,7 @@ def load_plan(path: Path, lab: LabFile | None = None) -> CampaignPlan:
         aborted_in_a_row=stop.integer("aborted_in_a_row", default=3, minimum=1),
         attempts=stop.integer("attempts", default=0, minimum=0) or None,
         map_error=_map_error(root, stop),
+        aborts=_aborts(stop.table("aborts", required=False)),
         lab=lab,
         file=path,
         day=Day(
@@ -241,6 +265,12 @@ def load_plan(path: Path, lab: LabFile | None = None) -> CampaignPlan:
     )
     setup.check()
     return plan
+
+
+def _aborts(table: FileTable) -> dict[str, int]:
+    limits = {kind.value: table.integer(kind, 0, 0) for kind in AbortKind}
+    table.refuse_unread()
+    return {kind: limit for kind, limit in limits.items() if limit}
 
 
 def _map_error(root: FileTable, stop: FileTable) -> float:

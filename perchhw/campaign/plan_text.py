@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from itertools import groupby
 
-from perchhw.campaign.fit import Fit, row_of
 from perchhw.campaign.forecast import Forecast
+from perchhw.campaign.grid_fit import GridFit, row_of
 from perchhw.campaign.plan import ADAPTIVE, CampaignPlan, Misfit
 
 FITS, MISFIT = "o", "x"
@@ -12,7 +12,7 @@ _WIDTH = 78
 _WIDE, _NARROW = 6, 2
 
 
-def plan_text(plan: CampaignPlan, fit: Fit, cost: Forecast) -> str:
+def plan_text(plan: CampaignPlan, fit: GridFit, cost: Forecast) -> str:
     """Everything that ``perchhw campaign plan`` tells a person."""
     head = f"{plan.name}: {len(plan.conditions())} conditions, {_times(plan.repeats)} each, {plan.order}"
     blocks = [head, *grid_picture(plan, fit)]
@@ -25,7 +25,7 @@ def plan_text(plan: CampaignPlan, fit: Fit, cost: Forecast) -> str:
     return "\n".join([*blocks, "", cost_text(plan, cost)])
 
 
-def grid_picture(plan: CampaignPlan, fit: Fit) -> list[str]:
+def grid_picture(plan: CampaignPlan, fit: GridFit) -> list[str]:
     """The grid as lines of text: speeds to the right, angles upwards, a mark for each condition."""
     misfits = {misfit.condition for misfit in fit.misfits}
     wide = 8 + _WIDE * len(plan.speeds) <= _WIDTH
@@ -42,7 +42,7 @@ def grid_picture(plan: CampaignPlan, fit: Fit) -> list[str]:
     return [*lines, f"{'':6} +{'-' * width * len(labels)}", f"{'':8}{axis} m/s"]
 
 
-def highest(fit: Fit) -> list[str]:
+def highest(fit: GridFit) -> list[str]:
     """The ceiling under which everything fits that height can make fit, as a line."""
     ceilings = [misfit.ceiling for misfit in fit.misfits if misfit.ceiling is not None]
     return [f"under {max(ceilings):.2f} m all of these would fit"] if len(ceilings) > 1 else []

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from perchhw.cli.campaign_plan import plan as plan_command
-from perchhw.cli.options import Lab, Mavlink
+from perchhw.cli.options import Lab, Mavlink, Note, Operator
 from perchhw.cli.output import FlightDisplay, console, emit, progress_console
 
 if TYPE_CHECKING:
     from perchhw.campaign import AttemptRow
     from perchhw.campaign.adaptive import FlownMap
+    from perchhw.campaign.courses import FlightPlan
 
 app = typer.Typer(add_completion=False)
 app.command("plan")(plan_command)
@@ -34,6 +35,8 @@ def run(
     out: Annotated[Path | None, typer.Option(help="Campaign folder; default: runs/campaign-NAME.")] = None,
     lab: Lab = None,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before each attempt.")] = False,
+    operator: Operator = None,
+    note: Note = None,
     mavlink: Mavlink = None,
 ) -> int:
     """Fly the attempts of a campaign file, one after another, and write its report; or its test flights.
@@ -41,13 +44,15 @@ def run(
     What the file leaves out of drone, mocap, vehicle, legs, policy and room is as in the lab file.
 
     Exit codes: 0 all attempts are done, 2 the file or folder cannot be used, 3 the drone must be looked at
-    (too many attempts in a row or a test flight aborted, stopped by others, a stop not confirmed), 130
+    (too many attempts or a test flight aborted, stopped by others, a stop not confirmed), 130
     interrupted (continue with --resume).
     """
+    from dataclasses import replace
+
     from onboard.link.errors import DroneStopped
     from onboard.link.exclusive import hold
     from perchhw.campaign import CampaignStopped, check_approaches, flyable_part, load_plan, run_campaign
-    from perchhw.campaign.courses import has_flights
+    from perchhw.campaign.courses import has_flights, load_flight_plan
     from perchhw.cli.prompts import confirmation
     from perchhw.flight.ground_station import ground_station
     from perchhw.flight.turnaround import attempt_after_attempt
@@ -56,8 +61,9 @@ def run(
     from perchhw.report import write_campaign_report
 
     if has_flights(file):
-        return _fly_courses(file, lab, out, resume, yes, mavlink)
-    plan = load_plan(file, find_lab(lab))
+        flights = replace(load_flight_plan(file, find_lab(lab)), operator=operator, note=note)
+        return _fly_courses(flights, out, resume, yes, mavlink)
+    plan = replace(load_plan(file, find_lab(lab)), operator=operator, note=note)
     if skip_unflyable:
         plan = flyable_part(plan)
     else:
@@ -78,21 +84,17 @@ def run(
     return 3 if stopped else 0
 
 
-def _fly_courses(
-    file: Path, lab: Path | None, out: Path | None, resume: bool, yes: bool, mavlink: str | None
-) -> int:
+def _fly_courses(plan: "FlightPlan", out: Path | None, resume: bool, yes: bool, mavlink: str | None) -> int:
     """Fly a campaign of test flights."""
     from functools import partial
 
     from onboard.link.exclusive import hold
-    from perchhw.campaign.courses import flight_rows, fly_plan, load_flight_plan
+    from perchhw.campaign.courses import flight_rows, fly_plan
     from perchhw.cli.prompts import confirmation
     from perchhw.flight.course import fly_course
     from perchhw.flight.ground_station import ground_station
-    from perchhw.lab import find_lab
     from perchhw.record.folder import slug
 
-    plan = load_flight_plan(file, find_lab(lab))
     folder = out or Path("runs") / f"campaign-{slug(plan.name)}"
     screen = progress_console()
     screen.print(f"{len(plan.flights)} test flights", markup=False)

@@ -11,8 +11,8 @@ from perchhw.cli.output import emit
 
 if TYPE_CHECKING:
     from perchhw.campaign import CampaignPlan
-    from perchhw.campaign.fit import Fit
     from perchhw.campaign.forecast import Forecast
+    from perchhw.campaign.grid_fit import GridFit
 
 
 def plan(
@@ -43,8 +43,8 @@ def plan(
     return exit_codes.FAILED if fit.misfits else exit_codes.DONE
 
 
-def _document(campaign: "CampaignPlan", fit: "Fit", cost: "Forecast") -> dict[str, Any]:
-    from perchhw.campaign.fit import row_of
+def _document(campaign: "CampaignPlan", fit: "GridFit", cost: "Forecast") -> dict[str, Any]:
+    from perchhw.campaign.grid_fit import row_of
 
     rows = {f"grid.{key}": row_of(campaign.file, key) for key in ("speeds", "angles_deg")}
     return {

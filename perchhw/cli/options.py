@@ -19,4 +19,6 @@ Mavlink = Annotated[
         help="Tell a ground station of the flight; ?key=FILE signs. It cannot command.",
     ),
 ]
+Operator = Annotated[str | None, typer.Option(metavar="NAME", help="Who flies; kept with every record.")]
+Note = Annotated[str | None, typer.Option(metavar="TEXT", help="What to remember; kept with every record.")]
 FlightFormat = Annotated[str, typer.Option("--format", help="auto, perchhw, habas, table, nanobench or usd.")]

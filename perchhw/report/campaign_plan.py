@@ -5,14 +5,14 @@ from html import escape
 from pathlib import Path
 
 from perchhw.campaign import CampaignPlan
-from perchhw.campaign.fit import Fit
 from perchhw.campaign.forecast import Forecast
+from perchhw.campaign.grid_fit import GridFit
 from perchhw.campaign.plan import Misfit
 from perchhw.campaign.plan_text import cost_text
 from perchhw.report.style import GREEN, INK, TRIGGER, new_figure, page, report_style, section, svg, table
 
 
-def write_campaign_plan(plan: CampaignPlan, fit: Fit, cost: Forecast, file: Path) -> Path:
+def write_campaign_plan(plan: CampaignPlan, fit: GridFit, cost: Forecast, file: Path) -> Path:
     """Write the page to `file`; it loads nothing from elsewhere."""
     with report_style():
         body = section("The grid", _grid(plan, fit), "The number at a cross: the ceiling it needs, m.")
@@ -31,7 +31,7 @@ def misfit_section(misfits: Sequence[Misfit]) -> str:
     return section("What does not fit", table(["m/s", "deg", "remedy", "why"], rows)) if rows else ""
 
 
-def _grid(plan: CampaignPlan, fit: Fit) -> str:
+def _grid(plan: CampaignPlan, fit: GridFit) -> str:
     """A dot for what fits, a cross for what does not."""
     figure = new_figure(7.0, 4.6)
     axes = figure.add_subplot()

@@ -18,6 +18,7 @@ from perchhw.attempt import Outcome
 from perchhw.campaign.store import CampaignError, CampaignStore, exists
 from perchhw.record.listing import find_runs
 from perchhw.report.campaign_plan import misfit_section
+from perchhw.report.campaign_remarks import remarks_section
 from perchhw.report.run_report import REPORT_FILE, write_run_report
 from perchhw.report.style import (
     MUTED,
@@ -79,6 +80,7 @@ def write_campaign_report(folder: Path) -> Path:
     path = folder / REPORT_FILE
     with report_style():
         body = _body(attempts, folder, damaged) + misfit_section(skipped)
+    body += remarks_section(attempt.record for attempt in attempts if attempt.record is not None)
     path.write_text(page(title, _subtitle(attempts, planned), body), encoding="utf-8")
     return path
 

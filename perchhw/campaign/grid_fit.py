@@ -19,7 +19,7 @@ _STEP = 0.01
 
 
 @dataclass(frozen=True)
-class Fit:
+class GridFit:
     """A campaign's grid held against its room.
 
     Attributes:
@@ -31,7 +31,7 @@ class Fit:
     misfits: tuple[Misfit, ...]
 
 
-def fit_grid(plan: CampaignPlan) -> Fit:
+def fit_grid(plan: CampaignPlan) -> GridFit:
     """Plan the approach of every condition of the grid.
 
     Raises:
@@ -48,7 +48,7 @@ def fit_grid(plan: CampaignPlan) -> Fit:
             approaches[condition] = found
         else:
             misfits.append(Misfit(*condition, str(found), _lowest_ceiling(plan, condition)))
-    return Fit(approaches, tuple(misfits))
+    return GridFit(approaches, tuple(misfits))
 
 
 def check_approaches(plan: CampaignPlan) -> None:
