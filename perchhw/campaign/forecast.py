@@ -35,7 +35,7 @@ class Forecast:
 
 def forecast(plan: CampaignPlan, approaches: Mapping[Condition, ApproachPlan]) -> Forecast:
     """What the attempts of `plan` cost, of which every condition is in `approaches`."""
-    model = PackModel.for_plan(plan, approaches.values())
+    model = PackModel.for_plan(plan)
     flights = _air_times(plan, approaches)
     changes = _changes(flights, model, len(plan.drones))
     timing = Timing()

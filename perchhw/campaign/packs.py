@@ -4,12 +4,11 @@ A pack at rest must have what the preflight check demands, and under the load of
 the flight demand (docs/safety.md).
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 from onboard.battery import battery_current, open_circuit_voltage, terminal_voltage
 from onboard.gravity import GRAVITY
-from onboard.trajectory import ApproachPlan
+from onboard.trajectory import ACCELERATION_Z_CHOICES, ApproachPlan
 from onboard.vehicle import Vehicle, load_vehicle
 from perchhw.campaign.plan import CampaignPlan
 from perchhw.lab import limits_of
@@ -50,10 +49,10 @@ class PackModel:
         )
 
     @classmethod
-    def for_plan(cls, plan: CampaignPlan, approaches: Iterable[ApproachPlan]) -> "PackModel":
-        """The model of the vehicle of a campaign that flies `approaches`."""
+    def for_plan(cls, plan: CampaignPlan) -> "PackModel":
+        """The model of the vehicle of a campaign."""
         limits = limits_of(plan.lab, plan.room, plan.drone)
-        climb = max((float(approach.az) for approach in approaches), default=0.0)
+        climb = plan.approach.get("az", max(ACCELERATION_Z_CHOICES))
         return cls.of(load_vehicle(plan.vehicle, plan.legs), limits, climb)
 
     def after(self, at_rest: float, air_time: float) -> float:

@@ -4,16 +4,16 @@ Its keys are described in ``docs/campaigns.md``; a key that is not is an error.
 """
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from mocap_bridge.uri import parse_mocap_uri
 from onboard.lab_file import LabFile
-from onboard.link import check_drone_uri
+from onboard.manoeuvres import HOVER, manoeuvre
 from onboard.policy.bundle import encode_bundle
 from onboard.policy.files import find_policy, load_policy
 from onboard.room import RoomGeometry
@@ -21,7 +21,8 @@ from onboard.toml_file import read_toml
 from onboard.vehicle import load_vehicle
 from perchhw.attempt import APPROACH_PARAMETERS, SHAPE
 from perchhw.campaign.aborts import AbortKind
-from perchhw.campaign.file_table import SCHEMA, CampaignFileError, FileTable, check_names, room_of, setup_of
+from perchhw.campaign.file_table import SCHEMA, CampaignFileError, FileTable, check_names, room_of
+from perchhw.campaign.seats import Seat, setups_of
 
 ADAPTIVE = "adaptive"
 ORDERS = ("shuffled", "grid", ADAPTIVE)
@@ -90,14 +91,6 @@ class Misfit:
 
 
 @dataclass(frozen=True)
-class Seat:
-    """A drone of a campaign: its address, and that of its poses."""
-
-    drone: str
-    mocap: str
-
-
-@dataclass(frozen=True)
 class Day:
     """How the flights of a campaign follow each other: what a person does between them, and for how long.
 
@@ -106,10 +99,12 @@ class Day:
     Attributes:
         turnaround_s: from the end of a flight to the next one, s: fetch the drone, put it on its mark.
         new_pack_s: as much longer with a new battery pack, s.
+        warm_up_s: hover for so long before the first attempt of each drone, in every run of the campaign, s.
     """
 
     turnaround_s: float = 60.0
     new_pack_s: float = 60.0
+    warm_up_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -212,9 +207,9 @@ class CampaignPlan:
         return part
 
 
-def load_plan(path: Path, lab: LabFile | None = None) -> CampaignPlan:
+def load_plan(path: Path, lab: LabFile | None = None, drones: Sequence[str] = ()) -> CampaignPlan:
     """Read and check a campaign file; what it leaves out of drone, mocap, vehicle, legs, policy and room is
-    as in the lab file.
+    as in the lab file. `drones` are flown instead of those that it names.
 
     Raises:
         LabRequired: it is to be flown on hardware, and there is no lab file.
@@ -225,7 +220,7 @@ def load_plan(path: Path, lab: LabFile | None = None) -> CampaignPlan:
     root.choice("schema", (SCHEMA,))
     grid, stop = root.table("grid"), root.table("stop", required=False)
     day = root.table("day", required=False)
-    setup = setup_of(root, lab, root.optional_text("policy"))
+    setup, *others = setups_of(root, lab, drones)
     plan = CampaignPlan(
         name=root.text("name", default=path.stem),
         drone=setup.drone,
@@ -243,12 +238,14 @@ def load_plan(path: Path, lab: LabFile | None = None) -> CampaignPlan:
         aborted_in_a_row=stop.integer("aborted_in_a_row", default=3, minimum=1),
         attempts=stop.integer("attempts", default=0, minimum=0) or None,
         map_error=_map_error(root, stop),
+        others=tuple(Seat(other.drone, other.mocap) for other in others),
         aborts=_aborts(stop.table("aborts", required=False)),
         lab=lab,
         file=path,
         day=Day(
             turnaround_s=day.at_least("turnaround_s", Day.turnaround_s, 0.0),
             new_pack_s=day.at_least("new_pack_s", Day.new_pack_s, 0.0),
+            warm_up_s=day.at_least("warm_up_s", Day.warm_up_s, 0.0),
         ),
     )
     for table in (root, grid, stop, day):
@@ -256,14 +253,16 @@ def load_plan(path: Path, lab: LabFile | None = None) -> CampaignPlan:
     check_names(
         root,
         {
-            "drone": lambda: check_drone_uri(plan.drone),
-            "mocap": lambda: parse_mocap_uri(plan.mocap),
             "policy": lambda: encode_bundle(load_policy(find_policy(plan.policy))),
             "vehicle": lambda: load_vehicle(plan.vehicle),
             "legs": lambda: load_vehicle(plan.vehicle, plan.legs),
         },
     )
-    setup.check()
+    if plan.day.warm_up_s > 0.0:
+        hover = partial(manoeuvre(HOVER).course, {"seconds": plan.day.warm_up_s}, plan.room)
+        check_names(day, {"warm_up_s": hover})
+    for each in (setup, *others):
+        each.check()
     return plan
 
 

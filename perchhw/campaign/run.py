@@ -8,11 +8,12 @@ from pathlib import Path
 
 from onboard.errors import InputError, PerchhwError, SafetyStop
 from onboard.link.errors import DroneStopped
-from perchhw.attempt import AttemptRequest, AttemptResult, AttemptRunner, Outcome
+from perchhw.attempt import AttemptRequest, AttemptResult, AttemptRunner, Outcome, WarmUpAborted
 from perchhw.campaign.aborts import AbortCount, AbortKind, abort_kind
 from perchhw.campaign.adaptive import AdaptiveOrder
 from perchhw.campaign.plan import ADAPTIVE, CampaignPlan, Slot
 from perchhw.campaign.store import AttemptRow, CampaignError, CampaignStore, exists
+from perchhw.campaign.turns import Turns
 from perchhw.errors import FlightStackError
 from perchhw.record.folder import discard_if_empty, make_folder, new_run_folder
 
@@ -88,10 +89,11 @@ def _fly_all(
     plan: CampaignPlan, store: CampaignStore, runner: AttemptRunner, on_change: OnChange
 ) -> list[AttemptRow]:
     aborts = AbortCount(plan.aborted_in_a_row, plan.aborts)
+    turns = Turns(plan, [row.record for row in store.rows() if row.record is not None])
     on_change(store.rows())
     choice = AdaptiveOrder(plan) if plan.order == ADAPTIVE else None
     while (row := _next_row(store, choice)) is not None:
-        result, kind = _fly_one(plan, store, row, runner, on_change)
+        result, kind = _fly_one(plan, store, row, runner, turns, on_change)
         on_change(store.rows())
         if result.halt is not None:
             raise CampaignStopped(f"stopped: {result.halt}, then continue with --resume")
@@ -114,7 +116,12 @@ def _next_row(store: CampaignStore, choice: AdaptiveOrder | None) -> AttemptRow 
 
 
 def _fly_one(
-    plan: CampaignPlan, store: CampaignStore, row: AttemptRow, runner: AttemptRunner, on_change: OnChange
+    plan: CampaignPlan,
+    store: CampaignStore,
+    row: AttemptRow,
+    runner: AttemptRunner,
+    turns: Turns,
+    on_change: OnChange,
 ) -> tuple[AttemptResult, AbortKind | None]:
     """Fly the attempt of `row`, with its state committed before and after; what came of it, and by what kind
     of thing it was aborted, if it was.
@@ -125,7 +132,9 @@ def _fly_one(
     try:
         store.start(row, record)
         on_change(store.rows())
-        result, kind = _result(request_of(plan, row.place, record, row.try_number), runner)
+        request = turns.prepared(request_of(plan, row.place, record, row.try_number), row.place)
+        result, kind = _result(request, runner)
+        turns.flown(request)
         store.finish(row, result)
         ended = True
     finally:  # whatever ends an attempt early (Ctrl-C, a bug): its record says whether it is planned again
@@ -140,6 +149,8 @@ def _result(request: AttemptRequest, runner: AttemptRunner) -> tuple[AttemptResu
         result = runner(request)
     except (InputError, DroneStopped):
         raise
+    except WarmUpAborted as error:
+        raise CampaignStopped(f"stopped: {error}; put that right and continue with --resume") from error
     except PerchhwError as error:
         result = AttemptResult(
             Outcome.ABORTED, triggered=False, trigger=None, aborted_by=str(error), record=request.folder

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from perchhw.cli.campaign_plan import plan as plan_command
-from perchhw.cli.options import Lab, Mavlink, Note, Operator
+from perchhw.cli.options import Drones, Lab, Mavlink, Note, Operator
 from perchhw.cli.output import FlightDisplay, console, emit, progress_console
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ def run(
     ] = False,
     out: Annotated[Path | None, typer.Option(help="Campaign folder; default: runs/campaign-NAME.")] = None,
     lab: Lab = None,
+    drone: Drones = None,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before each attempt.")] = False,
     operator: Operator = None,
     note: Note = None,
@@ -50,9 +51,9 @@ def run(
     from dataclasses import replace
 
     from onboard.link.errors import DroneStopped
-    from onboard.link.exclusive import hold
     from perchhw.campaign import CampaignStopped, check_approaches, flyable_part, load_plan, run_campaign
     from perchhw.campaign.courses import has_flights, load_flight_plan
+    from perchhw.campaign.seats import hold_all
     from perchhw.cli.prompts import confirmation
     from perchhw.flight.ground_station import ground_station
     from perchhw.flight.turnaround import attempt_after_attempt
@@ -63,7 +64,7 @@ def run(
     if has_flights(file):
         flights = replace(load_flight_plan(file, find_lab(lab)), operator=operator, note=note)
         return _fly_courses(flights, out, resume, yes, mavlink)
-    plan = replace(load_plan(file, find_lab(lab)), operator=operator, note=note)
+    plan = replace(load_plan(file, find_lab(lab), drone or ()), operator=operator, note=note)
     if skip_unflyable:
         plan = flyable_part(plan)
     else:
@@ -71,7 +72,7 @@ def run(
     folder = out or Path("runs") / f"campaign-{slug(plan.name)}"
     stopped: str | None = None
     try:
-        with hold(plan.drone), ground_station(mavlink) as listener, live_table() as show:
+        with hold_all(plan.drones), ground_station(mavlink) as listener, live_table() as show:
             runner = attempt_after_attempt(confirmation(yes), FlightDisplay(phases=False), listener=listener)
             run_campaign(plan, folder, runner, resume=resume, retry_aborted=retry_aborted, on_change=show)
     except (CampaignStopped, DroneStopped) as stop:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from perchhw.cli import exit_codes
-from perchhw.cli.options import Lab
+from perchhw.cli.options import Drones, Lab
 from perchhw.cli.output import emit
 
 if TYPE_CHECKING:
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 def plan(
     file: Annotated[Path, typer.Argument(help="Campaign file (TOML) with a grid.")],
     lab: Lab = None,
+    drone: Drones = None,
     out: Annotated[Path | None, typer.Option(help="Page to write (HTML).")] = None,
 ) -> int:
     """Show what a campaign will fly: the grid, all that does not fit, duration, packs. Connects to nothing.
@@ -30,7 +31,7 @@ def plan(
     from perchhw.campaign.plan_text import plan_text
     from perchhw.lab import find_lab
 
-    campaign = load_plan(file, find_lab(lab))
+    campaign = load_plan(file, find_lab(lab), drone or ())
     fit = fit_grid(campaign)
     cost = forecast(replace(campaign, skipped=fit.misfits), fit.approaches)
     text, document = plan_text(campaign, fit, cost), _document(campaign, fit, cost)
@@ -52,6 +53,7 @@ def _document(campaign: "CampaignPlan", fit: "GridFit", cost: "Forecast") -> dic
         "campaign": campaign.name,
         "file": campaign.file,
         "order": campaign.order,
+        "drones": [seat.drone for seat in campaign.drones],
         "ceiling_m": campaign.room.ceiling_z,
         "conditions": [
             {

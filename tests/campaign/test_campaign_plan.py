@@ -87,7 +87,7 @@ def test_packs_follow_the_voltage_model(paper: Path) -> None:
     fit = fit_grid(plan)
     cost = forecast(plan, fit.approaches)
     assert cost.attempts == 38 * 3
-    model = PackModel.for_plan(plan, fit.approaches.values())
+    model = PackModel.for_plan(plan)
     first, each = cost.new_pack_before[0], cost.air_time / cost.attempts
     assert (
         model.after(model.full, each * (first - 2))
