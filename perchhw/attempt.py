@@ -9,9 +9,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from onboard.errors import SafetyStop
 from onboard.lab_file import LabFile
 from onboard.outcome import Outcome as Outcome
 from onboard.room import RoomGeometry
+from perchhw.errors import FlightStackError
 
 DEFAULT_VEHICLE = "crazyflie21-upgraded"
 """The paper's flying vehicle."""
@@ -19,7 +21,9 @@ STORED_VEHICLE = "crazyflie21-upgraded-stored"
 """The same as it was believed before its landings were looked at; the authors' simulation builds on it."""
 DEFAULT_POLICY = "default"
 """The policy that comes with the code, trained for it."""
-APPROACH_PARAMETERS = ("ax", "az", "tau0", "impact_x", "impact_y")
+SHAPE = ("ax", "az", "tau0")
+"""What fixes the shape of an approach: all three, or none."""
+APPROACH_PARAMETERS = (*SHAPE, "impact_x", "impact_y")
 """What :attr:`AttemptRequest.approach` may hold; :mod:`perchhw.flight.mission` says what they mean."""
 
 
@@ -42,6 +46,9 @@ class AttemptRequest:
         seed: seed of everything random in this attempt.
         try_number: 1 for the first try; higher when an earlier try was interrupted.
         approach: further parameters of the approach (:data:`APPROACH_PARAMETERS`).
+        new_pack: why the drone gets a charged battery before the attempt, in words; None: it does not.
+        warm_up_s: hover for so long first, s.
+        operator, note: who flies, and what is to be remembered of it; both are kept with the record.
     """
 
     speed: float
@@ -58,6 +65,10 @@ class AttemptRequest:
     seed: int = 0
     try_number: int = 1
     approach: dict[str, float] = field(default_factory=dict)
+    new_pack: str | None = None
+    warm_up_s: float = 0.0
+    operator: str | None = None
+    note: str | None = None
 
 
 @dataclass(frozen=True)
@@ -93,6 +104,10 @@ class AttemptInterrupted(KeyboardInterrupt):
     def __init__(self, result: AttemptResult) -> None:
         super().__init__()
         self.result = result
+
+
+class WarmUpAborted(FlightStackError, SafetyStop):
+    """The drone did not hover as it should before its first attempt: none follows."""
 
 
 AttemptRunner = Callable[[AttemptRequest], AttemptResult]

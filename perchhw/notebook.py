@@ -181,15 +181,15 @@ def fly_campaign(
         PerchhwError: file, folder or drone cannot be used.
         KeyboardInterrupt: Ctrl-C; the drone was stopped and the attempt is planned again.
     """
-    from onboard.link.exclusive import hold
     from perchhw.campaign import CampaignStopped, check_approaches, load_plan, run_campaign
+    from perchhw.campaign.seats import hold_all
     from perchhw.flight.turnaround import attempt_after_attempt
     from perchhw.report import write_campaign_report
 
     plan = load_plan(Path(file), _lab_file(lab))
     check_approaches(plan)
     try:
-        with hold(plan.drone):
+        with hold_all(plan.drones):
             rows = run_campaign(plan, Path(folder), attempt_after_attempt(confirm), resume=resume)
     except CampaignStopped:
         write_campaign_report(Path(folder))

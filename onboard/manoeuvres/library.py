@@ -345,6 +345,8 @@ MANOEUVRES: dict[str, Manoeuvre] = {
     )
 }
 """Every kind of test flight, by name."""
+HOVER = "long_discharge"
+"""The kind that stays in one place for some seconds."""
 
 
 def manoeuvre(kind: str) -> Manoeuvre:

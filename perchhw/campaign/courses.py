@@ -47,6 +47,8 @@ class FlightPlan:
     room: RoomGeometry
     flights: tuple[PlannedFlight, ...]
     lab: LabFile | None = None
+    operator: str | None = None
+    note: str | None = None
 
     def request(self, number: int, folder: Path) -> CourseRequest:
         """What is flown as flight `number`, from 0."""
@@ -61,6 +63,8 @@ class FlightPlan:
             legs=self.legs,
             room=self.room,
             lab=self.lab,
+            operator=self.operator,
+            note=self.note,
         )
 
 

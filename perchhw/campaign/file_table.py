@@ -88,6 +88,13 @@ class FileTable:
             raise self.error(key, f"{value} is not finite")
         return value
 
+    def at_least(self, key: str, default: float, minimum: float) -> float:
+        """A finite number from `minimum` on."""
+        value = self.number(key, default)
+        if value < minimum:
+            raise self.error(key, f"{value:g} is less than {minimum:g}")
+        return value
+
     def numbers(self, key: str, fits: Callable[[float], bool], expected: str) -> tuple[float, ...]:
         """A list of numbers or a range ``"first:last:step"`` (both ends included)."""
         given = self._get(key, (list, str), f"a list or first:last:step of {expected}")

@@ -4,24 +4,47 @@ Its keys are described in ``docs/campaigns.md``; a key that is not is an error.
 """
 
 import dataclasses
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from mocap_bridge.uri import parse_mocap_uri
 from onboard.lab_file import LabFile
-from onboard.link import check_drone_uri
+from onboard.manoeuvres import HOVER, manoeuvre
 from onboard.policy.bundle import encode_bundle
 from onboard.policy.files import find_policy, load_policy
 from onboard.room import RoomGeometry
 from onboard.toml_file import read_toml
 from onboard.vehicle import load_vehicle
-from perchhw.attempt import APPROACH_PARAMETERS
-from perchhw.campaign.file_table import SCHEMA, CampaignFileError, FileTable, check_names, room_of, setup_of
+from perchhw.attempt import APPROACH_PARAMETERS, SHAPE
+from perchhw.campaign.aborts import AbortKind
+from perchhw.campaign.file_table import SCHEMA, CampaignFileError, FileTable, check_names, room_of
+from perchhw.campaign.seats import Seat, setups_of
 
-ORDERS = ("shuffled", "grid")
+ADAPTIVE = "adaptive"
+ORDERS = ("shuffled", "grid", ADAPTIVE)
+
+Condition = tuple[float, float]
+"""A speed (m/s) and an angle (deg)."""
+
+
+_MAY_CHANGE = (
+    "drone",
+    "mocap",
+    "others",
+    "lab",
+    "file",
+    "day",
+    "aborted_in_a_row",
+    "aborts",
+    "map_error",
+    "operator",
+    "note",
+)
+"""Of a plan, when its campaign is resumed."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +55,56 @@ class Slot:
     speed: float
     angle_deg: float
     repeat: int
+
+    @property
+    def condition(self) -> Condition:
+        """Speed and angle."""
+        return self.speed, self.angle_deg
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """A condition that cannot be flown.
+
+    Attributes:
+        speed: m/s.
+        angle_deg: deg.
+        reason: why, with numbers.
+        ceiling: height of the lowest ceiling (m, to a centimetre) under which it fits in this room; None: no
+            ceiling that a room may have would do.
+    """
+
+    speed: float
+    angle_deg: float
+    reason: str
+    ceiling: float | None
+
+    @property
+    def condition(self) -> Condition:
+        """Speed and angle."""
+        return self.speed, self.angle_deg
+
+    @property
+    def remedy(self) -> str:
+        """What would let it fly, in a few words."""
+        return self.reason if self.ceiling is None else f"needs a ceiling of {self.ceiling:.2f} m"
+
+
+@dataclass(frozen=True)
+class Day:
+    """How the flights of a campaign follow each other: what a person does between them, and for how long.
+
+    The defaults are engineering estimates of one person beside the cage.
+
+    Attributes:
+        turnaround_s: from the end of a flight to the next one, s: fetch the drone, put it on its mark.
+        new_pack_s: as much longer with a new battery pack, s.
+        warm_up_s: hover for so long before the first attempt of each drone, in every run of the campaign, s.
+    """
+
+    turnaround_s: float = 60.0
+    new_pack_s: float = 60.0
+    warm_up_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -44,15 +117,23 @@ class CampaignPlan:
         policy: policy file or name of a shipped policy.
         vehicle, legs: vehicle file or name; leg design or None.
         seed: seed of the order and of the attempts.
-        order: ``shuffled`` (by the seed) or ``grid`` (angles within speeds within repeats).
+        order: ``shuffled`` (by the seed), ``grid`` (angles within speeds within repeats), or ``adaptive``
+            (each where it tells most; see :mod:`perchhw.campaign.adaptive`).
         speeds: m/s, ascending, no value twice.
         angles_deg: deg, likewise.
-        repeats: attempts per condition.
+        repeats: attempts per condition; on average and at most, where the order is adaptive.
         room: ceiling and flight volume.
         approach: further parameters of the approach.
         aborted_in_a_row: that many aborted attempts in a row stop the campaign.
+        aborts: so many of a kind (:class:`perchhw.campaign.aborts.AbortKind`) in one run stop it as well.
         attempts: fly only so many, from the beginning of the order; None for all.
+        map_error: an adaptive campaign is done when the expected error of its map is as small.
         lab: the lab file, or None.
+        file: where it was read.
+        skipped: what of the grid is left out, because it does not fit.
+        day: how its flights follow each other.
+        others: further drones, which fly in turn with the first.
+        operator, note: who flies, and what is to be remembered of it; kept with every attempt.
     """
 
     name: str
@@ -70,15 +151,39 @@ class CampaignPlan:
     approach: dict[str, float]
     aborted_in_a_row: int
     attempts: int | None = None
+    map_error: float = 0.0
     lab: LabFile | None = None
+    file: Path = Path()
+    skipped: tuple[Misfit, ...] = ()
+    day: Day = Day()
+    others: tuple[Seat, ...] = ()
+    aborts: Mapping[str, int] = field(default_factory=dict)
+    operator: str | None = None
+    note: str | None = None
+
+    @property
+    def drones(self) -> tuple[Seat, ...]:
+        """All drones, in the order of their turns."""
+        return Seat(self.drone, self.mocap), *self.others
+
+    def conditions(self) -> list[Condition]:
+        """What of the grid is to be flown: angles within speeds."""
+        skipped = {misfit.condition for misfit in self.skipped}
+        grid = [(speed, angle) for speed in self.speeds for angle in self.angles_deg]
+        return [condition for condition in grid if condition not in skipped]
+
+    @property
+    def most_attempts(self) -> int:
+        """So many attempts are flown, or fewer where the order is adaptive."""
+        every = len(self.conditions()) * self.repeats
+        return every if self.attempts is None else min(every, self.attempts)
 
     def slots(self) -> list[Slot]:
-        """All attempts in flying order: each condition `repeats` times."""
+        """All attempts in flying order, each condition `repeats` times; none where that is adaptive."""
+        if self.order == ADAPTIVE:
+            return []
         conditions = [
-            (speed, angle, repeat)
-            for repeat in range(1, self.repeats + 1)
-            for speed in self.speeds
-            for angle in self.angles_deg
+            (*condition, repeat) for repeat in range(1, self.repeats + 1) for condition in self.conditions()
         ]
         if self.order == "shuffled":
             order = np.random.default_rng(self.seed).permutation(len(conditions))
@@ -90,18 +195,21 @@ class CampaignPlan:
         return int(np.random.SeedSequence([self.seed, slot, try_number]).generate_state(1)[0])
 
     def fixed_part(self) -> dict[str, Any]:
-        """What must not change when a campaign is resumed: everything but the URIs, the stop rule and
-        what of the lab file is not the room.
+        """What must not change when a campaign is resumed: everything but the URIs, the stop rules, the
+        day, who flies, and what of the lab file is not the room.
         """
         part = dataclasses.asdict(dataclasses.replace(self, lab=None))
-        for key in ("drone", "mocap", "aborted_in_a_row", "lab"):
+        for key in _MAY_CHANGE:
             del part[key]
+        part["skipped"] = [misfit.condition for misfit in self.skipped]
+        for key in [key for key in ("skipped",) if not part[key]]:
+            del part[key]  # as it was written before there was such a thing
         return part
 
 
-def load_plan(path: Path, lab: LabFile | None = None) -> CampaignPlan:
+def load_plan(path: Path, lab: LabFile | None = None, drones: Sequence[str] = ()) -> CampaignPlan:
     """Read and check a campaign file; what it leaves out of drone, mocap, vehicle, legs, policy and room is
-    as in the lab file.
+    as in the lab file. `drones` are flown instead of those that it names.
 
     Raises:
         LabRequired: it is to be flown on hardware, and there is no lab file.
@@ -111,7 +219,8 @@ def load_plan(path: Path, lab: LabFile | None = None) -> CampaignPlan:
     root = FileTable(path, "", read_toml(path, CampaignFileError))
     root.choice("schema", (SCHEMA,))
     grid, stop = root.table("grid"), root.table("stop", required=False)
-    setup = setup_of(root, lab, root.optional_text("policy"))
+    day = root.table("day", required=False)
+    setup, *others = setups_of(root, lab, drones)
     plan = CampaignPlan(
         name=root.text("name", default=path.stem),
         drone=setup.drone,
@@ -128,25 +237,51 @@ def load_plan(path: Path, lab: LabFile | None = None) -> CampaignPlan:
         approach=_approach(root.table("approach", required=False)),
         aborted_in_a_row=stop.integer("aborted_in_a_row", default=3, minimum=1),
         attempts=stop.integer("attempts", default=0, minimum=0) or None,
+        map_error=_map_error(root, stop),
+        others=tuple(Seat(other.drone, other.mocap) for other in others),
+        aborts=_aborts(stop.table("aborts", required=False)),
         lab=lab,
+        file=path,
+        day=Day(
+            turnaround_s=day.at_least("turnaround_s", Day.turnaround_s, 0.0),
+            new_pack_s=day.at_least("new_pack_s", Day.new_pack_s, 0.0),
+            warm_up_s=day.at_least("warm_up_s", Day.warm_up_s, 0.0),
+        ),
     )
-    for table in (root, grid, stop):
+    for table in (root, grid, stop, day):
         table.refuse_unread()
     check_names(
         root,
         {
-            "drone": lambda: check_drone_uri(plan.drone),
-            "mocap": lambda: parse_mocap_uri(plan.mocap),
             "policy": lambda: encode_bundle(load_policy(find_policy(plan.policy))),
             "vehicle": lambda: load_vehicle(plan.vehicle),
             "legs": lambda: load_vehicle(plan.vehicle, plan.legs),
         },
     )
-    setup.check()
+    if plan.day.warm_up_s > 0.0:
+        hover = partial(manoeuvre(HOVER).course, {"seconds": plan.day.warm_up_s}, plan.room)
+        check_names(day, {"warm_up_s": hover})
+    for each in (setup, *others):
+        each.check()
     return plan
+
+
+def _aborts(table: FileTable) -> dict[str, int]:
+    limits = {kind.value: table.integer(kind, 0, 0) for kind in AbortKind}
+    table.refuse_unread()
+    return {kind: limit for kind, limit in limits.items() if limit}
+
+
+def _map_error(root: FileTable, stop: FileTable) -> float:
+    if "map_error" in stop.content and root.content.get("order") != ADAPTIVE:
+        raise stop.error("map_error", f'only a campaign with order = "{ADAPTIVE}" ends by it')
+    return stop.at_least("map_error", 0.0, 0.0)
 
 
 def _approach(table: FileTable) -> dict[str, float]:
     values = {key: table.number(key, 0.0) for key in APPROACH_PARAMETERS if key in table.content}
     table.refuse_unread()
+    missing = [key for key in SHAPE if key not in values]
+    if 0 < len(missing) < len(SHAPE):
+        raise table.error(missing[0], f"missing; give all of {', '.join(SHAPE)}, or none")
     return values

@@ -8,9 +8,12 @@ from pathlib import Path
 
 from onboard.errors import InputError, PerchhwError, SafetyStop
 from onboard.link.errors import DroneStopped
-from perchhw.attempt import AttemptRequest, AttemptResult, AttemptRunner, Outcome
-from perchhw.campaign.plan import CampaignPlan, Slot
+from perchhw.attempt import AttemptRequest, AttemptResult, AttemptRunner, Outcome, WarmUpAborted
+from perchhw.campaign.aborts import AbortCount, AbortKind, abort_kind
+from perchhw.campaign.adaptive import AdaptiveOrder
+from perchhw.campaign.plan import ADAPTIVE, CampaignPlan, Slot
 from perchhw.campaign.store import AttemptRow, CampaignError, CampaignStore, exists
+from perchhw.campaign.turns import Turns
 from perchhw.errors import FlightStackError
 from perchhw.record.folder import discard_if_empty, make_folder, new_run_folder
 
@@ -45,8 +48,9 @@ def run_campaign(
     the reason. The streak of aborted attempts begins at zero in every run of this function.
 
     Raises:
-        CampaignStopped: ``plan.aborted_in_a_row`` attempts in a row were aborted, or after one nobody may
-            go on before a person has looked (it was stopped by others, or its stop was not confirmed).
+        CampaignStopped: ``plan.aborted_in_a_row`` attempts in a row were aborted, or as many of a kind as
+            ``plan.aborts`` says, or after one nobody may go on before a person has looked (it was stopped by
+            others, or its stop was not confirmed).
         CampaignError: the folder cannot be used.
         OutputFolderError: the folder cannot be written.
         DroneStopped: somebody stopped the drone between two attempts; the next one is planned still.
@@ -64,18 +68,6 @@ def run_campaign(
             ) from error
         finally:
             store.close()
-
-
-def check_approaches(plan: CampaignPlan) -> None:
-    """See that every approach of the grid fits the room, before the first one is flown.
-
-    Raises:
-        InputError: one does not; the message says which and why.
-    """
-    from perchhw.flight.mission import plan_attempt
-
-    for slot in plan.slots():
-        plan_attempt(request_of(plan, slot, Path(), try_number=1), 0, False)
 
 
 def _store(plan: CampaignPlan, folder: Path, resume: bool, retry_aborted: bool) -> CampaignStore:
@@ -96,51 +88,76 @@ def _store(plan: CampaignPlan, folder: Path, resume: bool, retry_aborted: bool) 
 def _fly_all(
     plan: CampaignPlan, store: CampaignStore, runner: AttemptRunner, on_change: OnChange
 ) -> list[AttemptRow]:
-    aborted_in_a_row = 0
+    aborts = AbortCount(plan.aborted_in_a_row, plan.aborts)
+    turns = Turns(plan, [row.record for row in store.rows() if row.record is not None])
     on_change(store.rows())
-    while (row := store.next_planned()) is not None:
-        result = _fly_one(plan, store, row, runner, on_change)
+    choice = AdaptiveOrder(plan) if plan.order == ADAPTIVE else None
+    while (row := _next_row(store, choice)) is not None:
+        result, kind = _fly_one(plan, store, row, runner, turns, on_change)
         on_change(store.rows())
         if result.halt is not None:
             raise CampaignStopped(f"stopped: {result.halt}, then continue with --resume")
-        aborted_in_a_row = aborted_in_a_row + 1 if result.outcome is Outcome.ABORTED else 0
-        if aborted_in_a_row >= plan.aborted_in_a_row:
+        reached = aborts.ended(kind)
+        if reached is not None:
             raise CampaignStopped(
-                f"stopped: {aborted_in_a_row} attempts in a row were aborted, the last one by "
-                f"{result.aborted_by or 'an unnamed rule'}; put that right and continue with --resume"
+                f"stopped: {reached}, the last one by {result.aborted_by or 'an unnamed rule'}; put that "
+                "right and continue with --resume"
             )
     return store.rows()
 
 
+def _next_row(store: CampaignStore, choice: AdaptiveOrder | None) -> AttemptRow | None:
+    """What was planned already, in flying order; then what the campaign chooses to fly next."""
+    row = store.next_planned()
+    if row is not None or choice is None:
+        return row
+    slot = choice.next(store.rows())
+    return None if slot is None else store.plan_next(slot)
+
+
 def _fly_one(
-    plan: CampaignPlan, store: CampaignStore, row: AttemptRow, runner: AttemptRunner, on_change: OnChange
-) -> AttemptResult:
-    """Fly the attempt of `row`, with its state committed before and after."""
+    plan: CampaignPlan,
+    store: CampaignStore,
+    row: AttemptRow,
+    runner: AttemptRunner,
+    turns: Turns,
+    on_change: OnChange,
+) -> tuple[AttemptResult, AbortKind | None]:
+    """Fly the attempt of `row`, with its state committed before and after; what came of it, and by what kind
+    of thing it was aborted, if it was.
+    """
     name = f"{row.slot:03d}-try{row.try_number}-{row.speed:g}ms-{row.angle_deg:g}deg"
     record = new_run_folder(store.folder / "attempts", name)
     ended = False
     try:
         store.start(row, record)
         on_change(store.rows())
-        result = _result(request_of(plan, row.place, record, row.try_number), runner)
+        request = turns.prepared(request_of(plan, row.place, record, row.try_number), row.place)
+        result, kind = _result(request, runner)
+        turns.flown(request)
         store.finish(row, result)
         ended = True
     finally:  # whatever ends an attempt early (Ctrl-C, a bug): its record says whether it is planned again
         if not ended:
             store.recover()
             discard_if_empty(record)
-    return result
+    return result, kind
 
 
-def _result(request: AttemptRequest, runner: AttemptRunner) -> AttemptResult:
+def _result(request: AttemptRequest, runner: AttemptRunner) -> tuple[AttemptResult, AbortKind | None]:
     try:
-        return runner(request)
+        result = runner(request)
     except (InputError, DroneStopped):
         raise
+    except WarmUpAborted as error:
+        raise CampaignStopped(f"stopped: {error}; put that right and continue with --resume") from error
     except PerchhwError as error:
-        return AttemptResult(
+        result = AttemptResult(
             Outcome.ABORTED, triggered=False, trigger=None, aborted_by=str(error), record=request.folder
         )
+        return result, abort_kind(str(error), error)
+    aborted = result.outcome is Outcome.ABORTED
+    return result, abort_kind(result.aborted_by or "") if aborted else None
 
 
 def request_of(plan: CampaignPlan, slot: Slot, record: Path, try_number: int) -> AttemptRequest:
@@ -160,6 +177,8 @@ def request_of(plan: CampaignPlan, slot: Slot, record: Path, try_number: int) ->
         seed=plan.attempt_seed(slot.number, try_number),
         try_number=try_number,
         approach=dict(plan.approach),
+        operator=plan.operator,
+        note=plan.note,
     )
 
 

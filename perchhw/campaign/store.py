@@ -10,14 +10,14 @@ import json
 import sqlite3
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from calibration.flights.run_folder import RunFolderError, is_run_folder, read_info
 from onboard.errors import InputError
 from perchhw.attempt import AttemptResult, Outcome
-from perchhw.campaign.plan import CampaignPlan, Slot
+from perchhw.campaign.plan import CampaignPlan, Condition, Misfit, Slot
 from perchhw.errors import FlightStackError
 from perchhw.record.folder import discard_if_empty, utc_now
 
@@ -106,8 +106,14 @@ class CampaignStore:
             store._connection.execute("BEGIN IMMEDIATE")
             for statement in _SCHEMA.split(";\n"):
                 store._connection.execute(statement)
-            store._connection.execute("INSERT INTO facts VALUES ('plan', ?)", (_plan_text(plan),))
-            store._connection.execute("INSERT INTO facts VALUES ('name', ?)", (plan.name,))
+            facts = {
+                "plan": _plan_text(plan),
+                "name": plan.name,
+                "planned": json.dumps(plan.most_attempts),
+                "conditions": json.dumps(plan.conditions()),
+                "skipped": json.dumps([asdict(misfit) for misfit in plan.skipped]),
+            }
+            store._connection.executemany("INSERT INTO facts VALUES (?, ?)", list(facts.items()))
             store._connection.executemany(
                 _PLAN_ATTEMPT, [(s.number, s.speed, s.angle_deg, s.repeat, 1) for s in plan.slots()]
             )
@@ -133,9 +139,24 @@ class CampaignStore:
         """The campaign's name."""
         return str(self._fact("name"))
 
-    def _fact(self, key: str) -> str:
+    @property
+    def planned(self) -> int:
+        """How many attempts the campaign has at most."""
+        return int(json.loads(self._fact("planned", default="0"))) or len({row.slot for row in self.rows()})
+
+    @property
+    def conditions(self) -> list[Condition]:
+        """The conditions of its grid; none where it was started before they were kept."""
+        return [(speed, angle) for speed, angle in json.loads(self._fact("conditions", default="[]"))]
+
+    @property
+    def skipped(self) -> list[Misfit]:
+        """What of the grid was left out at the start, and why."""
+        return [Misfit(**values) for values in json.loads(self._fact("skipped", default="[]"))]
+
+    def _fact(self, key: str, default: str = "") -> str:
         row = self._connection.execute("SELECT value FROM facts WHERE key = ?", (key,)).fetchone()
-        return str(row[0])
+        return default if row is None else str(row[0])
 
     def check_plan(self, plan: CampaignPlan) -> None:
         """Check that `plan` is the one the campaign was started with.
@@ -161,6 +182,13 @@ class CampaignStore:
         query = "SELECT * FROM attempts WHERE state = 'planned' ORDER BY slot LIMIT 1"
         found = self._connection.execute(query).fetchone()
         return None if found is None else self._row(found)
+
+    def plan_next(self, slot: Slot) -> AttemptRow:
+        """Plan one more attempt than were planned at the start."""
+        with self._connection:
+            values = (slot.number, slot.speed, slot.angle_deg, slot.repeat, 1)
+            self._connection.execute(_PLAN_ATTEMPT, values)
+        return next(row for row in self.rows() if row.slot == slot.number)
 
     def start(self, row: AttemptRow, record: Path) -> None:
         """The attempt of `row` begins; its record will be the folder `record`."""

@@ -7,13 +7,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from perchhw.cli.options import Lab, Mavlink
+from perchhw.cli.campaign_plan import plan as plan_command
+from perchhw.cli.options import Drones, Lab, Mavlink, Note, Operator
 from perchhw.cli.output import FlightDisplay, console, emit, progress_console
 
 if TYPE_CHECKING:
     from perchhw.campaign import AttemptRow
+    from perchhw.campaign.adaptive import FlownMap
+    from perchhw.campaign.courses import FlightPlan
 
 app = typer.Typer(add_completion=False)
+app.command("plan")(plan_command)
 
 _CampaignFolder = Annotated[Path, typer.Argument(help="Folder of a campaign.")]
 
@@ -25,9 +29,15 @@ def run(
     retry_aborted: Annotated[
         bool, typer.Option("--retry-aborted", help="With --resume: fly aborted attempts again.")
     ] = False,
+    skip_unflyable: Annotated[
+        bool, typer.Option("--skip-unflyable", help="Leave out what does not fit the room; it is recorded.")
+    ] = False,
     out: Annotated[Path | None, typer.Option(help="Campaign folder; default: runs/campaign-NAME.")] = None,
     lab: Lab = None,
+    drone: Drones = None,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before each attempt.")] = False,
+    operator: Operator = None,
+    note: Note = None,
     mavlink: Mavlink = None,
 ) -> int:
     """Fly the attempts of a campaign file, one after another, and write its report; or its test flights.
@@ -35,13 +45,15 @@ def run(
     What the file leaves out of drone, mocap, vehicle, legs, policy and room is as in the lab file.
 
     Exit codes: 0 all attempts are done, 2 the file or folder cannot be used, 3 the drone must be looked at
-    (too many attempts in a row or a test flight aborted, stopped by others, a stop not confirmed), 130
+    (too many attempts or a test flight aborted, stopped by others, a stop not confirmed), 130
     interrupted (continue with --resume).
     """
+    from dataclasses import replace
+
     from onboard.link.errors import DroneStopped
-    from onboard.link.exclusive import hold
-    from perchhw.campaign import CampaignStopped, check_approaches, load_plan, run_campaign
-    from perchhw.campaign.courses import has_flights
+    from perchhw.campaign import CampaignStopped, check_approaches, flyable_part, load_plan, run_campaign
+    from perchhw.campaign.courses import has_flights, load_flight_plan
+    from perchhw.campaign.seats import hold_all
     from perchhw.cli.prompts import confirmation
     from perchhw.flight.ground_station import ground_station
     from perchhw.flight.turnaround import attempt_after_attempt
@@ -50,13 +62,17 @@ def run(
     from perchhw.report import write_campaign_report
 
     if has_flights(file):
-        return _fly_courses(file, lab, out, resume, yes, mavlink)
-    plan = load_plan(file, find_lab(lab))
-    check_approaches(plan)
+        flights = replace(load_flight_plan(file, find_lab(lab)), operator=operator, note=note)
+        return _fly_courses(flights, out, resume, yes, mavlink)
+    plan = replace(load_plan(file, find_lab(lab), drone or ()), operator=operator, note=note)
+    if skip_unflyable:
+        plan = flyable_part(plan)
+    else:
+        check_approaches(plan)
     folder = out or Path("runs") / f"campaign-{slug(plan.name)}"
     stopped: str | None = None
     try:
-        with hold(plan.drone), ground_station(mavlink) as listener, live_table() as show:
+        with hold_all(plan.drones), ground_station(mavlink) as listener, live_table() as show:
             runner = attempt_after_attempt(confirmation(yes), FlightDisplay(phases=False), listener=listener)
             run_campaign(plan, folder, runner, resume=resume, retry_aborted=retry_aborted, on_change=show)
     except (CampaignStopped, DroneStopped) as stop:
@@ -65,25 +81,21 @@ def run(
     except KeyboardInterrupt:
         progress_console().print(f"continue with --resume; the records are in {folder}", markup=False)
         raise
-    _emit_rows(folder, _rows(folder), write_campaign_report(folder), stopped)
+    _emit_rows(folder, write_campaign_report(folder), stopped)
     return 3 if stopped else 0
 
 
-def _fly_courses(
-    file: Path, lab: Path | None, out: Path | None, resume: bool, yes: bool, mavlink: str | None
-) -> int:
+def _fly_courses(plan: "FlightPlan", out: Path | None, resume: bool, yes: bool, mavlink: str | None) -> int:
     """Fly a campaign of test flights."""
     from functools import partial
 
     from onboard.link.exclusive import hold
-    from perchhw.campaign.courses import flight_rows, fly_plan, load_flight_plan
+    from perchhw.campaign.courses import flight_rows, fly_plan
     from perchhw.cli.prompts import confirmation
     from perchhw.flight.course import fly_course
     from perchhw.flight.ground_station import ground_station
-    from perchhw.lab import find_lab
     from perchhw.record.folder import slug
 
-    plan = load_flight_plan(file, find_lab(lab))
     folder = out or Path("runs") / f"campaign-{slug(plan.name)}"
     screen = progress_console()
     screen.print(f"{len(plan.flights)} test flights", markup=False)
@@ -147,7 +159,7 @@ def live_table() -> "Iterator[Callable[[list[AttemptRow]], None]]":
 @app.command()
 def status(folder: _CampaignFolder) -> int:
     """What of a campaign was flown, how it ended, and what is left."""
-    _emit_rows(folder, _rows(folder), None)
+    _emit_rows(folder, None)
     return 0
 
 
@@ -156,39 +168,59 @@ def report(folder: _CampaignFolder) -> int:
     """Write the report of a campaign."""
     from perchhw.report import write_campaign_report
 
-    rows = _rows(folder)
-    _emit_rows(folder, rows, write_campaign_report(folder))
+    _emit_rows(folder, write_campaign_report(folder))
     return 0
 
 
-def _rows(folder: Path) -> "list[AttemptRow]":
+def _emit_rows(folder: Path, report: Path | None, stopped: str | None = None) -> None:
     from contextlib import closing
 
     from perchhw.campaign import CampaignStore
-
-    with closing(CampaignStore.open(folder)) as store:
-        return store.rows()
-
-
-def _emit_rows(
-    folder: Path, rows: "list[AttemptRow]", report: Path | None, stopped: str | None = None
-) -> None:
+    from perchhw.campaign.adaptive import flown_map
     from perchhw.campaign.table import attempts_table, outcome_counts
 
+    with closing(CampaignStore.open(folder)) as store:
+        rows, skipped, planned = store.rows(), store.skipped, store.planned
+        found = flown_map(rows, store.conditions) if store.conditions else None
     counts = outcome_counts(rows)
     document: dict[str, Any] = {
         "campaign": folder,
-        "planned": len({row.slot for row in rows}),
+        "planned": planned,
         "done": sum(counts.values()),
         "outcomes": counts,
+        "map": None if found is None else _map_document(found),
         "attempts": rows,
+        "skipped": skipped,
         "report": report,
         "stopped": stopped,
     }
 
     def draw() -> None:
         console().print(attempts_table(rows))
+        for misfit in skipped:
+            left_out = f"left out: {misfit.speed:g} m/s at {misfit.angle_deg:g} deg {misfit.remedy}"
+            console().print(left_out, markup=False, soft_wrap=True)
         if report is not None:
             console().print(f"report: {report}", markup=False)
 
     emit(document, draw)
+
+
+def _map_document(found: "FlownMap") -> dict[str, Any]:
+    """Landing rates by condition, with what is expected between and around what was flown."""
+    known = found.known
+    columns = zip(found.conditions, found.flown, found.landed, known.rate, known.deviation, strict=True)
+    return {
+        "expected_error": known.error,
+        "conditions": [
+            {
+                "speed": speed,
+                "angle_deg": angle,
+                "flown": flown,
+                "landed": landed,
+                "rate": float(rate),
+                "deviation": float(deviation),
+            }
+            for (speed, angle), flown, landed, rate, deviation in columns
+        ],
+    }

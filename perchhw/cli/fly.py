@@ -12,7 +12,7 @@ from perchhw.attempt import (
     AttemptResult,
 )
 from perchhw.cli import exit_codes
-from perchhw.cli.options import Lab, Mavlink
+from perchhw.cli.options import Lab, Mavlink, Note, Operator
 from perchhw.cli.output import FlightDisplay, emit
 
 app = typer.Typer(add_completion=False)
@@ -50,6 +50,8 @@ def fly(
         bool, typer.Option("--put-back", help="First put the drone back on its start mark and reboot it.")
     ] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask whether it stands there.")] = False,
+    operator: Operator = None,
+    note: Note = None,
     mavlink: Mavlink = None,
 ) -> int:
     """Fly one attempt: check, upload and verify, arm, take off, approach, land upside down, label.
@@ -61,6 +63,8 @@ def fly(
     Exit codes: 0 landed (or the dry run passed), 1 not landed, 2 input that cannot be used, 3 a safety rule
     refused or ended it, 130 interrupted: landed by the first Ctrl-C, motors cut by the second.
     """
+    from dataclasses import replace
+
     from onboard.link.exclusive import hold
     from perchhw.cli.prompts import confirmation
     from perchhw.flight import fly_attempt
@@ -73,7 +77,7 @@ def fly(
         find_lab(lab), drone=drone, mocap=mocap, vehicle=vehicle, legs=legs, policy=policy, ceiling=ceiling
     )
     setup.check()
-    request = setup.attempt(speed, angle, out)
+    request = replace(setup.attempt(speed, angle, out), operator=operator, note=note)
     try:
         with hold(setup.drone), ground_station(mavlink) as listener:
             if put_back:

@@ -19,4 +19,10 @@ Mavlink = Annotated[
         help="Tell a ground station of the flight; ?key=FILE signs. It cannot command.",
     ),
 ]
+Drones = Annotated[
+    list[str] | None,
+    typer.Option("--drone", help="Fly this drone instead of the file's; several take turns."),
+]
+Operator = Annotated[str | None, typer.Option(metavar="NAME", help="Who flies; kept with every record.")]
+Note = Annotated[str | None, typer.Option(metavar="TEXT", help="What to remember; kept with every record.")]
 FlightFormat = Annotated[str, typer.Option("--format", help="auto, perchhw, habas, table, nanobench or usd.")]

@@ -109,6 +109,8 @@ def _configuration(request: AttemptRequest, vehicle: Vehicle, plan: AttemptPlan)
         "seed": request.seed,
         "approach": {name: float(value) for name, value in plan.approach._asdict().items()},
         "dry_run": plan.mission.dry_run,
+        "operator": request.operator,
+        "note": request.note,
     }
 
 

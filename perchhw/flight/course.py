@@ -46,6 +46,7 @@ class CourseRequest:
         legs: leg design, or None for that of the vehicle.
         room: ceiling and flight volume.
         lab: the lab file: limits, start mark, correction of the poses; None: a simulated room.
+        operator, note: who flies, and what is to be remembered of it; both are kept with the record.
     """
 
     kind: str
@@ -57,6 +58,8 @@ class CourseRequest:
     parameters: Mapping[str, float] = field(default_factory=dict)
     room: RoomGeometry = field(default_factory=RoomGeometry)
     lab: LabFile | None = None
+    operator: str | None = None
+    note: str | None = None
 
     def course(self) -> Course:
         """What is flown.
@@ -151,5 +154,7 @@ def _configuration(request: CourseRequest, vehicle: str, legs: str | None) -> di
         "vehicle": vehicle,
         "legs": legs,
         "ceiling_z": request.room.ceiling_z,
+        "operator": request.operator,
+        "note": request.note,
         **in_record(request.lab, request.room),
     }

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from onboard.errors import InputError
 from onboard.lab_file import room_problem
 from onboard.trajectory import ApproachPlan, fit_approach, plan_approach, start_outside
-from perchhw.attempt import APPROACH_PARAMETERS, AttemptRequest
+from perchhw.attempt import APPROACH_PARAMETERS, SHAPE, AttemptRequest
 from perchhw.errors import FlightStackError
 from perchhw.supervisor import Mission
 
@@ -79,7 +79,7 @@ def _approach(request: AttemptRequest) -> ApproachPlan:
         return fit_approach(
             request.speed, request.angle_deg, request.room, impact_x=impact_x, impact_y=impact_y
         )
-    missing = {"ax", "az", "tau0"} - given.keys()
+    missing = set(SHAPE) - given.keys()
     if missing:
         raise ApproachNotPossible(
             f"approach gives {', '.join(sorted(given))} but not {', '.join(sorted(missing))}: "

@@ -8,12 +8,14 @@ from perchhw.attempt import AttemptRequest, AttemptResult, AttemptRunner
 from perchhw.flight.attempt import fly_attempt
 from perchhw.flight.loop import OnPhase
 from perchhw.flight.recording import RecordListener
+from perchhw.flight.warm_up import warm_up
 from perchhw.supervisor import SafetyLimits
 
 Confirm = Callable[[str], object]
 """Asks the operator to do something and returns when it is done."""
 
 OFF_THE_CEILING = "Take the drone off the ceiling, put it upright on its start mark facing +x"
+UPRIGHT = "Put the drone upright on its start mark facing +x"
 
 
 class Turnaround:
@@ -32,8 +34,11 @@ class Turnaround:
         self._drone, self._confirm, self._request = drone, confirm, request
         self._stops = StopsSince(drone)
 
-    def put_back(self) -> None:
+    def put_back(self, request: str | None = None) -> None:
         """Have the operator put the drone on its start mark, then reboot it.
+
+        Args:
+            request: what the operator is asked this time; None: the usual.
 
         The reboot clears what a landing leaves behind: the tumble lock, the emergency-stop watchdog that bit
         when the host stopped kicking it, the triggered landing app. In the simulated lab the reboot is also
@@ -46,7 +51,7 @@ class Turnaround:
             LinkError: the drone did not answer to the reboot.
         """
         self._stops.check()
-        self._confirm(self._request)
+        self._confirm(request or self._request)
         self._stops.check()
         reboot(self._drone)
         self._stops.check()  # from here on the flight sees that the drone is locked
@@ -58,14 +63,32 @@ def attempt_after_attempt(
     limits: SafetyLimits | None = None,
     listener: RecordListener | None = None,
 ) -> AttemptRunner:
-    """A runner for campaigns: puts the drone back before every attempt but the very first, then flies it."""
+    """A runner for campaigns: puts the drone back before every attempt but the very first, then flies it.
+
+    Before the first attempt of a drone that is to warm up it hovers, and is put back once more.
+    """
     turnarounds: dict[str, Turnaround] = {}
+    before: str | None = None
 
     def run(request: AttemptRequest) -> AttemptResult:
+        nonlocal before
         if request.drone not in turnarounds:
             turnarounds[request.drone] = Turnaround(request.drone, confirm)
-        if request.index > 0 or request.try_number > 1:
-            turnarounds[request.drone].put_back()
+        turnaround = turnarounds[request.drone]
+        if request.index > 0 or request.try_number > 1 or request.new_pack is not None:
+            turnaround.put_back(_what_to_do(request, before))
+        before = request.drone
+        if request.warm_up_s > 0.0:
+            warm_up(request, on_phase, listener)
+            turnaround.put_back(UPRIGHT)
         return fly_attempt(request, limits=limits, on_phase=on_phase, listener=listener)
 
     return run
+
+
+def _what_to_do(request: AttemptRequest, before: str | None) -> str:
+    """What the operator does before the attempt of `request`, after one of the drone `before`."""
+    what = OFF_THE_CEILING
+    if before not in (None, request.drone):
+        what = f"Take {before} out of the room, put {request.drone} upright on its start mark facing +x"
+    return what if request.new_pack is None else f"{what}, with a charged battery ({request.new_pack})"

@@ -17,6 +17,8 @@ from calibration.flights.run_folder import RunFolderError, is_run_folder, read_i
 from perchhw.attempt import Outcome
 from perchhw.campaign.store import CampaignError, CampaignStore, exists
 from perchhw.record.listing import find_runs
+from perchhw.report.campaign_plan import misfit_section
+from perchhw.report.campaign_remarks import remarks_section
 from perchhw.report.run_report import REPORT_FILE, write_run_report
 from perchhw.report.style import (
     MUTED,
@@ -57,7 +59,7 @@ def write_campaign_report(folder: Path) -> Path:
     """
     if exists(folder):
         with closing(CampaignStore.open(folder)) as store:
-            title, rows = f"Campaign {store.name}", store.rows()
+            title, rows, skipped = f"Campaign {store.name}", store.rows(), store.skipped
         attempts = [
             _Attempt(r.speed, r.angle_deg, r.outcome, r.trigger, r.aborted_by, r.record)
             for r in rows
@@ -66,7 +68,7 @@ def write_campaign_report(folder: Path) -> Path:
         planned = len({r.slot for r in rows})
     else:
         title, attempts = f"Attempts in {folder.name}", _attempts_of_runs(folder)
-        planned = len(attempts)
+        planned, skipped = len(attempts), []
     damaged: list[str] = []
     for index, attempt in enumerate(attempts):
         if attempt.record is not None and is_run_folder(attempt.record):
@@ -77,7 +79,8 @@ def write_campaign_report(folder: Path) -> Path:
                 attempts[index] = replace(attempt, record=None)
     path = folder / REPORT_FILE
     with report_style():
-        body = _body(attempts, folder, damaged)
+        body = _body(attempts, folder, damaged) + misfit_section(skipped)
+    body += remarks_section(attempt.record for attempt in attempts if attempt.record is not None)
     path.write_text(page(title, _subtitle(attempts, planned), body), encoding="utf-8")
     return path
 

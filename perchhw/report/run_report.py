@@ -68,7 +68,18 @@ def _facts(run: RunRecord) -> str:
     for name in ("aborted_by", "error"):
         if info.get(name):
             rows.append([name.replace("_", " "), escape(str(info[name]))])
-    for name in ("drone", "mocap", "vehicle", "legs", "policy", "policy_crc32", "ceiling_z", "seed"):
+    for name in (
+        "operator",
+        "note",
+        "drone",
+        "mocap",
+        "vehicle",
+        "legs",
+        "policy",
+        "policy_crc32",
+        "ceiling_z",
+        "seed",
+    ):
         if config.get(name) is not None:
             rows.append([name.replace("_", " "), escape(str(config[name]))])
     facts = table(["", ""], rows)

@@ -84,7 +84,8 @@ def test_a_campaign_killed_in_flight_resumes_without_losing_or_repeating(tmp_pat
         first.kill()
         first.communicate()
 
-        second = campaign("run", str(file), "--yes", "--resume", "--out", str(folder))
+        remark = ("--operator", "Ada", "--note", "new pads")
+        second = campaign("run", str(file), "--yes", "--resume", "--out", str(folder), *remark)
         output, errors = second.communicate()
     assert second.returncode == 0, errors
     document = json.loads(output)
@@ -93,4 +94,6 @@ def test_a_campaign_killed_in_flight_resumes_without_losing_or_repeating(tmp_pat
     assert all(row["outcome"] != "aborted" for row in done), document
     interrupted = [row for row in document["attempts"] if row["state"] == "interrupted"]
     assert [row["slot"] for row in interrupted] == [1]
+    config = json.loads((Path(done[1]["record"]) / "run.json").read_text())["config"]
+    assert (config["operator"], config["note"]) == ("Ada", "new pads")
     assert (folder / "report.html").is_file()

@@ -1,0 +1,71 @@
+"""How long a campaign takes, and how many battery packs."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from onboard.trajectory import ApproachPlan
+from perchhw.campaign.packs import PackModel, air_time
+from perchhw.campaign.plan import ADAPTIVE, CampaignPlan, Condition
+from perchhw.supervisor import Timing
+
+CONNECTING = 3.0
+"""s, from the start of an attempt to its first check: link, parameters, logs (docs/link.md)."""
+UPLOADING = 1.5
+"""s, from the checks to the motors: upload, read-back and arming, as seen in the simulated lab."""
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What a campaign costs, as planned.
+
+    Attributes:
+        attempts: how many are flown; at most, where the campaign may end earlier.
+        duration: from the first connection to the end of the last attempt, s.
+        air_time: of it with motors turning, s.
+        packs: battery packs, all drones together, that are full when put in.
+        new_pack_before: attempts (from 0) before which one is put in, beyond the first of each drone.
+    """
+
+    attempts: int
+    duration: float
+    air_time: float
+    packs: int
+    new_pack_before: tuple[int, ...]
+
+
+def forecast(plan: CampaignPlan, approaches: Mapping[Condition, ApproachPlan]) -> Forecast:
+    """What the attempts of `plan` cost, of which every condition is in `approaches`."""
+    model = PackModel.for_plan(plan)
+    flights = _air_times(plan, approaches)
+    changes = _changes(flights, model, len(plan.drones))
+    timing = Timing()
+    ground = CONNECTING + timing.checks_hold + UPLOADING + timing.settle + timing.disarm_hold
+    between = plan.day.turnaround_s * max(0, len(flights) - 1) + plan.day.new_pack_s * len(changes)
+    return Forecast(
+        attempts=len(flights),
+        duration=sum(flights) + ground * len(flights) + between,
+        air_time=sum(flights),
+        packs=min(len(flights), len(plan.drones)) + len(changes),
+        new_pack_before=tuple(changes),
+    )
+
+
+def _air_times(plan: CampaignPlan, approaches: Mapping[Condition, ApproachPlan]) -> list[float]:
+    """Of all attempts in flying order, s; the mean of the grid for each that is chosen on the day."""
+    if plan.order != ADAPTIVE:
+        return [air_time(approaches[slot.condition]) for slot in plan.slots()]
+    each = [air_time(approaches[condition]) for condition in plan.conditions()]
+    return [sum(each) / len(each)] * plan.most_attempts if each else []
+
+
+def _changes(flights: Sequence[float], model: PackModel, drones: int) -> list[int]:
+    """Attempts before which the drone whose turn it is needs a new pack."""
+    at_rest = [model.full] * drones
+    changes = []
+    for number, seconds in enumerate(flights):
+        drone = number % drones
+        if not model.enough(at_rest[drone]):
+            changes.append(number)
+            at_rest[drone] = model.full
+        at_rest[drone] = model.after(at_rest[drone], seconds)
+    return changes

@@ -1,0 +1,82 @@
+"""``perchhw campaign plan``: what a campaign will fly, what does not fit, how long it takes."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from perchhw.cli import exit_codes
+from perchhw.cli.options import Drones, Lab
+from perchhw.cli.output import emit
+
+if TYPE_CHECKING:
+    from perchhw.campaign import CampaignPlan
+    from perchhw.campaign.forecast import Forecast
+    from perchhw.campaign.grid_fit import GridFit
+
+
+def plan(
+    file: Annotated[Path, typer.Argument(help="Campaign file (TOML) with a grid.")],
+    lab: Lab = None,
+    drone: Drones = None,
+    out: Annotated[Path | None, typer.Option(help="Page to write (HTML).")] = None,
+) -> int:
+    """Show what a campaign will fly: the grid, all that does not fit, duration, packs. Connects to nothing.
+
+    Exit codes: 0 everything fits, 1 something does not, 2 the file cannot be used.
+    """
+    from dataclasses import replace
+
+    from perchhw.campaign import fit_grid, forecast, load_plan
+    from perchhw.campaign.plan_text import plan_text
+    from perchhw.lab import find_lab
+
+    campaign = load_plan(file, find_lab(lab), drone or ())
+    fit = fit_grid(campaign)
+    cost = forecast(replace(campaign, skipped=fit.misfits), fit.approaches)
+    text, document = plan_text(campaign, fit, cost), _document(campaign, fit, cost)
+    if out is not None:
+        from perchhw.report.campaign_plan import write_campaign_plan
+
+        document["page"] = write_campaign_plan(campaign, fit, cost, out)
+        text += f"\npage: {out}"
+    emit(document, text)
+    return exit_codes.FAILED if fit.misfits else exit_codes.DONE
+
+
+def _document(campaign: "CampaignPlan", fit: "GridFit", cost: "Forecast") -> dict[str, Any]:
+    from perchhw.campaign.grid_fit import row_of
+
+    rows = {f"grid.{key}": row_of(campaign.file, key) for key in ("speeds", "angles_deg")}
+    return {
+        "schema": "perchhw.campaign_plan/1",
+        "campaign": campaign.name,
+        "file": campaign.file,
+        "order": campaign.order,
+        "drones": [seat.drone for seat in campaign.drones],
+        "ceiling_m": campaign.room.ceiling_z,
+        "conditions": [
+            {
+                "speed": speed,
+                "angle_deg": angle,
+                "fits": (speed, angle) in fit.approaches,
+                "repeats": campaign.repeats,
+            }
+            for speed, angle in campaign.conditions()
+        ],
+        "misfits": [
+            {
+                "speed": misfit.speed,
+                "angle_deg": misfit.angle_deg,
+                "keys": rows,
+                "reason": misfit.reason,
+                "ceiling_m": misfit.ceiling,
+            }
+            for misfit in fit.misfits
+        ],
+        "attempts": cost.attempts,
+        "duration_s": cost.duration,
+        "air_time_s": cost.air_time,
+        "packs": cost.packs,
+        "new_pack_before": cost.new_pack_before,
+    }
