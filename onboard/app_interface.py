@@ -31,6 +31,11 @@ happened.
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 
+AVERAGED_MS = 10
+"""`Log.MEAN_M1` to `MEAN_M4` are the means of the motor ratios that the law gave in so long a time. Steps of
+2 ms that were logged one by one would tell what happens to coincide with the log: each correction of the
+estimate by a pose, and none of its answers (aliasing)."""
+
 INTERFACE_VERSION = 2
 """Value of `Parameter.VERSION`; a host refuses any other."""
 
@@ -175,6 +180,10 @@ class Log(StrEnum):
     A_ROT = "perch.aRot"
     POLICY_CRC = "perch.polCrc"
     POLICY_STATUS = "perch.polStat"
+    MEAN_M1 = "perch.m1"
+    MEAN_M2 = "perch.m2"
+    MEAN_M3 = "perch.m3"
+    MEAN_M4 = "perch.m4"
     SNAPSHOT_TICK = "perchT.tick"
     SNAPSHOT_TAU = "perchT.tau"
     SNAPSHOT_THETA_X = "perchT.thetaX"
@@ -246,6 +255,10 @@ LOGS: tuple[LogEntry, ...] = (
     LogEntry(Log.A_ROT, ValueType.FLOAT),
     LogEntry(Log.POLICY_CRC, ValueType.UINT32),
     LogEntry(Log.POLICY_STATUS, ValueType.UINT8),
+    LogEntry(Log.MEAN_M1, ValueType.UINT16),
+    LogEntry(Log.MEAN_M2, ValueType.UINT16),
+    LogEntry(Log.MEAN_M3, ValueType.UINT16),
+    LogEntry(Log.MEAN_M4, ValueType.UINT16),
     LogEntry(Log.SNAPSHOT_TICK, ValueType.UINT32),
     LogEntry(Log.SNAPSHOT_TAU, ValueType.FLOAT),
     LogEntry(Log.SNAPSHOT_THETA_X, ValueType.FLOAT),

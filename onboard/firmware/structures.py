@@ -1,7 +1,6 @@
 """The core's structures as ctypes has them: the fields of ``core/*.h``, in their order and types."""
 
-import ctypes
-from ctypes import Structure, c_bool, c_float, c_uint8, c_uint32
+from ctypes import Structure, c_bool, c_float, c_uint8, c_uint16, c_uint32
 from typing import Any, ClassVar, TypeAlias
 
 Fields: TypeAlias = list[tuple[str, Any]]
@@ -112,6 +111,7 @@ class Outputs(Structure):
     _fields_: ClassVar[Fields] = [
         ("thrusts", c_float * 4),
         ("duties", c_float * 4),
+        ("mean_ratios", c_uint16 * 4),
         ("wrench", Wrench),
         ("motion", Motion),
         ("mode", c_uint8),
@@ -177,7 +177,7 @@ class Recorder(Structure):
         ("begun", c_uint32),
         ("last_tick", c_uint32),
         ("stop_tick", c_uint32),
-        ("period_bytes", ctypes.c_uint16),
+        ("period_bytes", c_uint16),
         ("periods", c_uint8),
         ("state", c_uint8),
         ("period", Period * PERIODS),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 from mocap_bridge.bridge import BridgeStatus, PoseBridge
 from mocap_bridge.health import Verdict
 from mocap_bridge.pose import PoseSample
-from onboard.app_interface import EndReason, LandingState
+from onboard.app_interface import EndReason, LandingState, Log, Parameter
 from onboard.arrays import Quaternion
 from onboard.gravity import GRAVITY
 from onboard.supervisor_info import SupervisorInfo
@@ -49,6 +49,15 @@ class Block(NamedTuple):
     period_ms: int
     variables: dict[str, Field]
 
+    def averaged(self) -> "Block":
+        """The same with the mean motor ratios of our law in the place of those of an instant."""
+        return self._replace(
+            variables={
+                name.replace("motor.", "perch.") if field.topic == "motors" else name: field
+                for name, field in self.variables.items()
+            }
+        )
+
 
 _MOTION = {
     **_fields("stateEstimateZ", "estimate", "x y z vx vy vz", "x y z vx vy vz", 1e-3),
@@ -57,6 +66,9 @@ _MOTION = {
 """mm and mm/s as int16: the room may be 65 m wide, and what is beyond comes back at the other end."""
 
 _MOTORS = _fields("motor", "motors", "m1 m2 m3 m4", "m1 m2 m3 m4")
+
+_MEAN_AGE_MS = 4
+"""By so much a mean over five steps (:data:`onboard.app_interface.AVERAGED_MS`) is older than the last."""
 
 _POWER = {"pm.vbat": Field("power", "vbat", half=True), "pm.state": Field("power", "state")}
 
@@ -161,10 +173,14 @@ class Telemetry:
         self._first: dict[int, _Latest] = {}
         self._lock = threading.Lock()
         self._trigger_written = False
+        self._averaged = False
 
     def start(self) -> None:
         """Open all log blocks on the drone."""
+        self._averaged = self._link.has_log(Log.MEAN_M1) and self._link.param(Parameter.OWN_LAW) == 1
         for index, block in enumerate(self._blocks):
+            if self._averaged:
+                block = block.averaged()
             halves = {name for name, field in block.variables.items() if field.half}
             receive = self._receiver(index, block)
             self._link.stream(tuple(block.variables), block.period_ms, receive, halves=halves)
@@ -192,7 +208,9 @@ class Telemetry:
         for topic, fields in by_topic.items():
             if topic in ("", "trigger"):
                 continue
-            self._flight_record.write(topic, receipt_time, {**fields, "drone_time_ms": drone_time_ms})
+            age = _MEAN_AGE_MS if topic == "motors" and self._averaged else 0
+            stamped = {**fields, "drone_time_ms": drone_time_ms - age}
+            self._flight_record.write(topic, receipt_time - 1e-3 * age, stamped)
 
     def value(self, topic: str, name: str) -> float | None:
         """The newest value of a field, or ``None`` when it never came."""

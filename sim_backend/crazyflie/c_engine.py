@@ -1,6 +1,7 @@
 """The drone's own code in C as the engine of a simulated drone: single precision, as it flies."""
 
 import ctypes
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -57,6 +58,11 @@ class CEngine:
         """N, M1 to M4."""
         m1, m2, m3, m4 = self._view.outputs.thrusts
         return (m1, m2, m3, m4)
+
+    @property
+    def mean_ratios(self) -> Sequence[int]:
+        """(4,), 0..65535, of the last 10 ms."""
+        return tuple(self._view.outputs.mean_ratios)
 
     @property
     def wrench(self) -> Wrench:

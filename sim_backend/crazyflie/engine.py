@@ -5,6 +5,7 @@ battery compensation. The simulated firmware gives it one sample a ms and, from 
 flags and staged bundles; what comes out are motor ratios, and what there is to say.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 from typing import Protocol
@@ -100,6 +101,11 @@ class Engine(Protocol):
 
     ratios: NDArray[np.int64]
     """(4,), 0..65535: what the motors are to get."""
+
+    @property
+    def mean_ratios(self) -> Sequence[int]:
+        """(4,), 0..65535: `ratios`, averaged over the last 10 ms."""
+        ...
 
     @property
     def thrusts(self) -> Thrusts:

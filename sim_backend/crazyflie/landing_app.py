@@ -22,6 +22,8 @@ from sim_backend.crazyflie.policy_slot import PolicySlot
 from sim_backend.crazyflie.tables import Number, ParameterTable
 from sim_backend.engine_name import EngineName
 
+_MEANS = (Log.MEAN_M1, Log.MEAN_M2, Log.MEAN_M3, Log.MEAN_M4)
+
 _SNAPSHOT = {
     Log.SNAPSHOT_TAU: SnapshotField.TAU,
     Log.SNAPSHOT_THETA_X: SnapshotField.THETA_X,
@@ -117,6 +119,9 @@ class LandingApp:
         def of_snapshot(field: SnapshotField) -> Callable[[], Number]:
             return lambda: engine.snapshot(field)
 
+        def mean_ratio(motor: int) -> Callable[[], Number]:
+            return lambda: engine.mean_ratios[motor]
+
         return {
             Log.STATE: lambda: int(engine.state),
             Log.REASON: lambda: int(engine.reason),
@@ -130,6 +135,7 @@ class LandingApp:
             Log.SNAPSHOT_TICK: lambda: engine.snapshot_tick,
             Log.SNAPSHOT_COUNT: lambda: engine.snapshot_count & 0xFF,
             **{log: of_snapshot(field) for log, field in _SNAPSHOT.items()},
+            **{log: mean_ratio(motor) for motor, log in enumerate(_MEANS)},
         }
 
     def answer(self, events: Event) -> None:

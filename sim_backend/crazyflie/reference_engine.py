@@ -5,9 +5,12 @@ of the commander's setpoint; a null or levelled-out setpoint aborts an approach.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from onboard.app_interface import EndReason, LandingState, PolicyStatus, TrajectoryStatus
+import numpy as np
+
+from onboard.app_interface import AVERAGED_MS, EndReason, LandingState, PolicyStatus, TrajectoryStatus
 from onboard.arrays import Vector
 from onboard.controller import Wrench, attitude_control
 from onboard.cues import optical_flow_cues
@@ -90,6 +93,12 @@ class ReferenceEngine:
         self.target = Setpoint()
         self.rehearses = self._rehearsed = False
         self._recorder = RingRecorder()
+        self._recent_ratios = np.zeros((AVERAGED_MS // CONTROL_PERIOD_MS, 4))
+
+    @property
+    def mean_ratios(self) -> Sequence[int]:
+        """(4,), 0..65535, of the last 10 ms."""
+        return tuple(int(mean) for mean in self._recent_ratios.mean(axis=0))
 
     @property
     def thrusts(self) -> Thrusts:
@@ -203,13 +212,16 @@ class ReferenceEngine:
 
     def step(self, sample: Sample) -> Event:
         """One ms."""
-        ended = self._watch_rehearsal(sample)
-        if not self.rehearses:
-            return self._compute(sample) | ended
-        events = self._compute(_as_in_flight(sample))
-        self._stabilizer.thrusts = (0.0, 0.0, 0.0, 0.0)
-        self.ratios[:] = 0
-        return events & ~(Event.HANDED_OVER | Event.CUT)
+        events = self._watch_rehearsal(sample)
+        if self.rehearses:
+            events |= self._compute(_as_in_flight(sample)) & ~(Event.HANDED_OVER | Event.CUT)
+            self._stabilizer.thrusts = (0.0, 0.0, 0.0, 0.0)
+            self.ratios[:] = 0
+        else:
+            events |= self._compute(sample)
+        if sample.tick % CONTROL_PERIOD_MS == 0:
+            self._recent_ratios[sample.tick // CONTROL_PERIOD_MS % len(self._recent_ratios)] = self.ratios
+        return events
 
     def _watch_rehearsal(self, sample: Sample) -> Event:
         """It ends where somebody flies or a motor has a thrust; what was armed for it is forgotten."""

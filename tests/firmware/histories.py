@@ -212,6 +212,9 @@ def samples(history: list[Stretch], seed: int) -> Iterator[tuple[Stretch | None,
 STEP_MS = 2
 """Period of landing machine and law."""
 
+MEAN = 12
+"""Of 65535: largest difference of a mean motor ratio; the thrusts' 1e-5 N are 5 of them."""
+
 JUMP = 0.01
 """m/s2: where a planned acceleration jumps, the rounding of the time may cost one engine a step."""
 
@@ -279,6 +282,7 @@ def compare(history: list[Stretch], seed: int) -> Compared:
             jumped = sample.tick
         if sample.tick - jumped < FORGOTTEN_MS:
             continue
+        assert np.abs(np.subtract(c.mean_ratios, reference.mean_ratios)).max() <= MEAN
         thrusts = np.abs(np.subtract(c.thrusts, reference.thrusts))
         if np.isfinite(reference.thrusts).all():
             force[reference.mode] = max(force.get(reference.mode, 0.0), float(thrusts.max()))

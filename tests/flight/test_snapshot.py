@@ -19,6 +19,10 @@ class Blocks:
         self._receivers: list[Callable[[LogSample], None]] = []
         self._time_ms = 0
 
+    def has_log(self, name: str) -> bool:
+        """As a drone without our app."""
+        return False
+
     def stream(
         self,
         variables: Sequence[str],

@@ -13,6 +13,7 @@ from onboard.app_interface import (
     RECORD_ADDRESS,
     Engine,
     LandingState,
+    Log,
     Parameter,
     PolicyStatus,
     TrajectoryStatus,
@@ -357,3 +358,19 @@ def compiled_signatures() -> dict[str, int]:
                     function = value.py_func
                     found[f"{function.__module__}.{function.__qualname__}"] = len(value.signatures)
     return found
+
+
+def test_a_log_of_the_motors_is_their_mean_over_its_interval() -> None:
+    flight = Flight(seed=3)
+    flight.run(1.0)
+    flight.arm()
+    flight.run(1.0, until=lambda: flight.info.can_fly)
+    flight.takeoff(0.5)
+    flight.run(0.7)
+    given = []
+    for _ in range(5):
+        flight.run(0.002)
+        given.append([flight.log(f"motor.m{motor}req") for motor in range(1, 5)])
+    means = [flight.log(name) for name in (Log.MEAN_M1, Log.MEAN_M2, Log.MEAN_M3, Log.MEAN_M4)]
+    assert means == pytest.approx(np.mean(given, axis=0), abs=2.0)
+    assert np.ptp(given, axis=0).max() > 20.0, "a mean of the same numbers would show nothing"

@@ -8,6 +8,7 @@
 enum { POLICY_PERIOD_MS = 10 };
 
 /* Period of landing machine and law, s. */
+#define FULL_RATIO 65535.0f
 #define STEP_S 0.002f
 
 void perch_boot(perch_core *core, const perch_vehicle *vehicle) {
@@ -210,6 +211,20 @@ static void record(perch_core *core, const perch_inputs *in) {
   perch_record(&core->recorder, in->tick, &core->outputs.policy, &law);
 }
 
+/* Mean of the law's last steps, as motor ratios. */
+static void average(perch_core *core, uint32_t tick) {
+  perch_outputs *out = &core->outputs;
+  float *newest = core->recent_duties[tick / PERCH_CONTROL_PERIOD_MS % PERCH_AVERAGED_STEPS];
+  memcpy(newest, out->duties, sizeof out->duties);
+  for (int motor = 0; motor < 4; motor++) {
+    float sum = 0.0f;
+    for (int step = 0; step < PERCH_AVERAGED_STEPS; step++) {
+      sum += core->recent_duties[step][motor];
+    }
+    out->mean_ratios[motor] = (uint16_t)(sum * (FULL_RATIO / PERCH_AVERAGED_STEPS));
+  }
+}
+
 static void report(perch_core *core) {
   perch_outputs *out = &core->outputs;
   out->mode = (uint8_t)core->output.mode;
@@ -242,6 +257,9 @@ void perch_step(perch_core *core, const perch_inputs *in) {
     perch_keep_still(&core->outputs);
   } else {
     compute(core, in);
+  }
+  if (in->tick % PERCH_CONTROL_PERIOD_MS == 0) {
+    average(core, in->tick);
   }
   core->outputs.events |= ended;
   report(core);

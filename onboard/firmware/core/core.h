@@ -9,6 +9,8 @@
 #include "landing.h"
 #include "recorder.h"
 
+enum { PERCH_AVERAGED_STEPS = 5 }; /* of the law, so 10 ms */
+
 /* What the control loop has in this ms. */
 typedef struct {
   uint32_t tick;     /* ms since boot */
@@ -35,6 +37,7 @@ enum {
 typedef struct {
   float thrusts[4]; /* N, M1 to M4 */
   float duties[4];  /* share of the battery voltage, 0..1 */
+  uint16_t mean_ratios[4]; /* duties of the last 10 ms, 0..65535: what a log of 100 Hz can tell without aliases */
   perch_wrench wrench; /* as the mixer got it */
   perch_motion motion;     /* while `mode` is SETPOINT, or the drone has just been handed over */
   uint8_t mode;            /* a perch_output_mode */
@@ -59,6 +62,7 @@ typedef struct {
   perch_plan plan;
   perch_follower follower;
   perch_vector lagged; /* memory of the moments' lead */
+  float recent_duties[PERCH_AVERAGED_STEPS][4];
   perch_outputs outputs;
 
   perch_request request;
