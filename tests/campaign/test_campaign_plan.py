@@ -1,6 +1,7 @@
 """``campaign plan``: every misfit at once, the ceiling that would do, time and packs; connects to nothing."""
 
 import json
+import re
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -23,6 +24,7 @@ from perchhw.campaign import (
 from perchhw.campaign.packs import PackModel
 from perchhw.cli.main import run
 from tests.campaign.stand_in import fly
+from tests.conftest import REPOSITORY
 
 PAPER = """schema = "perchhw.campaign/1"
 name = "paper"
@@ -144,3 +146,29 @@ def test_the_verb_draws_the_grid_and_writes_the_page(
     document: dict[str, Any] = json.loads(text)
     assert (code, document["misfits"], document["attempts"]) == (0, [], 96)
     assert all(condition["fits"] for condition in document["conditions"])
+
+
+def blocks(kind: str) -> list[str]:
+    page = (REPOSITORY / "docs" / "campaigns.md").read_text(encoding="utf-8")
+    return re.findall(rf"```{kind}\n(.*?)```", page, re.DOTALL)
+
+
+def test_the_files_and_the_plan_of_the_page_are_real(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    every_key, paper, drones = blocks("toml")
+    Path("every_key.toml").write_text(every_key)
+    plan = load_plan(Path("every_key.toml"))
+    assert (plan.order, plan.map_error, plan.aborts, plan.day.warm_up_s) == (
+        "adaptive",
+        0.1,
+        {"link": 2, "battery": 1},
+        20.0,
+    )
+    alone = "\n".join(line for line in paper.splitlines() if not line.startswith(("drone", "mocap")))
+    Path("turns.toml").write_text(f"{alone}\n{drones}")
+    assert len(load_plan(Path("turns.toml")).drones) == 2
+    Path("paper.toml").write_text(paper)
+    _, text = planned(Path("paper.toml"), capsys=capsys)
+    assert text == blocks("text")[0]
