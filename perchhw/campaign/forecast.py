@@ -3,9 +3,13 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from onboard.manoeuvres import manoeuvre
 from onboard.trajectory import ApproachPlan
-from perchhw.campaign.packs import PackModel, air_time
-from perchhw.campaign.plan import ADAPTIVE, CampaignPlan, Condition
+from onboard.vehicle import load_vehicle
+from perchhw.campaign.courses import FlightPlan
+from perchhw.campaign.packs import TO_THE_START, PackModel, air_time
+from perchhw.campaign.plan import ADAPTIVE, CampaignPlan, Condition, Day
+from perchhw.lab import limits_of
 from perchhw.supervisor import Timing
 
 CONNECTING = 3.0
@@ -20,32 +24,45 @@ class Forecast:
 
     Attributes:
         attempts: how many are flown; at most, where the campaign may end earlier.
-        duration: from the first connection to the end of the last attempt, s.
-        air_time: of it with motors turning, s.
+        duration_s: from the first connection to the end of the last attempt, s.
+        air_time_s: of it with motors turning, s.
         packs: battery packs, all drones together, that are full when put in.
         new_pack_before: attempts (from 0) before which one is put in, beyond the first of each drone.
     """
 
     attempts: int
-    duration: float
-    air_time: float
+    duration_s: float
+    air_time_s: float
     packs: int
     new_pack_before: tuple[int, ...]
 
 
 def forecast(plan: CampaignPlan, approaches: Mapping[Condition, ApproachPlan]) -> Forecast:
     """What the attempts of `plan` cost, of which every condition is in `approaches`."""
-    model = PackModel.for_plan(plan)
-    flights = _air_times(plan, approaches)
-    changes = _changes(flights, model, len(plan.drones))
+    return _cost(_air_times(plan, approaches), PackModel.for_plan(plan), len(plan.drones), plan.day)
+
+
+def forecast_courses(plan: FlightPlan) -> Forecast:
+    """What the test flights of `plan` cost."""
+    courses = (manoeuvre(f.kind).course(f.parameters, plan.room) for f in plan.flights)
+    limits = limits_of(plan.lab, plan.room, plan.drone)
+    model = PackModel.of(load_vehicle(plan.vehicle, plan.legs), limits, climb=0.0)
+    timing = Timing()
+    around = TO_THE_START + timing.land
+    return _cost([course.duration + around for course in courses], model, 1, Day())
+
+
+def _cost(flights: Sequence[float], model: PackModel, drones: int, day: Day) -> Forecast:
+    """What flights cost of which each takes so many seconds in the air."""
+    changes = _changes(flights, model, drones)
     timing = Timing()
     ground = CONNECTING + timing.checks_hold + UPLOADING + timing.settle + timing.disarm_hold
-    between = plan.day.turnaround_s * max(0, len(flights) - 1) + plan.day.new_pack_s * len(changes)
+    between = day.turnaround_s * max(0, len(flights) - 1) + day.new_pack_s * len(changes)
     return Forecast(
         attempts=len(flights),
-        duration=sum(flights) + ground * len(flights) + between,
-        air_time=sum(flights),
-        packs=min(len(flights), len(plan.drones)) + len(changes),
+        duration_s=sum(flights) + ground * len(flights) + between,
+        air_time_s=sum(flights),
+        packs=min(len(flights), drones) + len(changes),
         new_pack_before=tuple(changes),
     )
 

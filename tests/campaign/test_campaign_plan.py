@@ -90,7 +90,7 @@ def test_packs_follow_the_voltage_model(paper: Path) -> None:
     cost = forecast(plan, fit.approaches)
     assert cost.attempts == 38 * 3
     model = PackModel.for_plan(plan)
-    first, each = cost.new_pack_before[0], cost.air_time / cost.attempts
+    first, each = cost.new_pack_before[0], cost.air_time_s / cost.attempts
     assert (
         model.after(model.full, each * (first - 2))
         > model.least
@@ -98,7 +98,7 @@ def test_packs_follow_the_voltage_model(paper: Path) -> None:
     )
     assert cost.packs == 1 + len(cost.new_pack_before)
     slow = forecast(replace(plan, day=replace(plan.day, turnaround_s=120.0)), fit.approaches)
-    assert slow.duration - cost.duration == pytest.approx(60.0 * 113)
+    assert slow.duration_s - cost.duration_s == pytest.approx(60.0 * 113)
 
 
 def test_the_part_that_fits_is_flown_and_what_was_left_out_is_kept(paper: Path, tmp_path: Path) -> None:
@@ -146,6 +146,17 @@ def test_the_verb_draws_the_grid_and_writes_the_page(
     document: dict[str, Any] = json.loads(text)
     assert (code, document["misfits"], document["attempts"]) == (0, [], 96)
     assert all(condition["fits"] for condition in document["conditions"])
+
+
+def test_test_flights_are_planned_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "courses.toml"
+    flights = '[[flight]]\nkind = "circles"\ntimes = 2\n\n[[flight]]\nkind = "long_discharge"\n'
+    file.write_text(PAPER[: PAPER.index("[grid]")] + flights)
+    code, text = planned(file, "--json", capsys=capsys)
+    document = json.loads(text)
+    assert (code, document["attempts"], document["misfits"]) == (0, 3, [])
+    assert 150.0 < document["air_time_s"] < document["duration_s"]
+    assert "  circles, 2 times\n" in planned(file, capsys=capsys)[1]
 
 
 def blocks(kind: str) -> list[str]:
