@@ -2,20 +2,25 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from onboard.manoeuvres import manoeuvre
 from onboard.trajectory import ApproachPlan
 from onboard.vehicle import load_vehicle
-from perchhw.campaign.courses import FlightPlan
 from perchhw.campaign.packs import TO_THE_START, PackModel, air_time
 from perchhw.campaign.plan import ADAPTIVE, CampaignPlan, Condition, Day
 from perchhw.lab import limits_of
 from perchhw.supervisor import Timing
 
+if TYPE_CHECKING:
+    from perchhw.campaign.courses import FlightPlan
+
 CONNECTING = 3.0
 """s, from the start of an attempt to its first check: link, parameters, logs (docs/link.md)."""
 UPLOADING = 1.5
 """s, from the checks to the motors: upload, read-back and arming, as seen in the simulated lab."""
+AROUND_A_COURSE = TO_THE_START + Timing().land
+"""s in the air before and after a test flight's course."""
 
 
 @dataclass(frozen=True)
@@ -39,30 +44,32 @@ class Forecast:
 
 def forecast(plan: CampaignPlan, approaches: Mapping[Condition, ApproachPlan]) -> Forecast:
     """What the attempts of `plan` cost, of which every condition is in `approaches`."""
-    return _cost(_air_times(plan, approaches), PackModel.for_plan(plan), len(plan.drones), plan.day)
+    flights, model = _air_times(plan, approaches), PackModel.for_plan(plan)
+    return _cost(flights, model, plan.day, drones=min(len(plan.drones), len(flights)))
 
 
-def forecast_courses(plan: FlightPlan) -> Forecast:
+def forecast_courses(plan: "FlightPlan") -> Forecast:
     """What the test flights of `plan` cost."""
     courses = (manoeuvre(f.kind).course(f.parameters, plan.room) for f in plan.flights)
     limits = limits_of(plan.lab, plan.room, plan.drone)
     model = PackModel.of(load_vehicle(plan.vehicle, plan.legs), limits, climb=0.0)
-    timing = Timing()
-    around = TO_THE_START + timing.land
-    return _cost([course.duration + around for course in courses], model, 1, Day())
+    return _cost([course.duration + AROUND_A_COURSE for course in courses], model, Day(), drones=1)
 
 
-def _cost(flights: Sequence[float], model: PackModel, drones: int, day: Day) -> Forecast:
-    """What flights cost of which each takes so many seconds in the air."""
-    changes = _changes(flights, model, drones)
+def _cost(flights: Sequence[float], model: PackModel, day: Day, drones: int) -> Forecast:
+    """What flights cost of which each takes so many seconds in the air, and the warm-ups before them."""
+    hover = day.warm_up_s + AROUND_A_COURSE if day.warm_up_s > 0.0 else 0.0
+    hovers = drones if day.warm_up_s > 0.0 else 0
+    changes = _changes(flights, model, drones, hover)
     timing = Timing()
     ground = CONNECTING + timing.checks_hold + UPLOADING + timing.settle + timing.disarm_hold
-    between = day.turnaround_s * max(0, len(flights) - 1) + day.new_pack_s * len(changes)
+    air_time, starts = sum(flights) + hovers * hover, len(flights) + hovers
+    between = day.turnaround_s * max(0, starts - 1) + day.new_pack_s * len(changes)
     return Forecast(
         attempts=len(flights),
-        duration_s=sum(flights) + ground * len(flights) + between,
-        air_time_s=sum(flights),
-        packs=min(len(flights), drones) + len(changes),
+        duration_s=air_time + ground * starts + between,
+        air_time_s=air_time,
+        packs=drones + len(changes),
         new_pack_before=tuple(changes),
     )
 
@@ -75,9 +82,9 @@ def _air_times(plan: CampaignPlan, approaches: Mapping[Condition, ApproachPlan])
     return [sum(each) / len(each)] * plan.most_attempts if each else []
 
 
-def _changes(flights: Sequence[float], model: PackModel, drones: int) -> list[int]:
-    """Attempts before which the drone whose turn it is needs a new pack."""
-    at_rest = [model.full] * drones
+def _changes(flights: Sequence[float], model: PackModel, drones: int, hover: float) -> list[int]:
+    """Attempts before which the drone whose turn it is needs a new pack; each hovered for `hover` s first."""
+    at_rest = [model.after(model.full, hover)] * drones
     changes = []
     for number, seconds in enumerate(flights):
         drone = number % drones

@@ -60,11 +60,11 @@ def highest(fit: GridFit) -> list[str]:
 def cost_text(cost: Forecast, day: Day, at_most: bool = False) -> str:
     """Attempts, time and packs."""
     flown, in_air = _duration(cost.duration_s), _duration(cost.air_time_s)
-    most, several = "at most " if at_most else "", "s" if cost.attempts > 1 else ""
+    most, several = "at most " if at_most else "", "" if cost.attempts == 1 else "s"
     lines = [
         f"{most}{cost.attempts} attempt{several} in {flown}, {in_air} of it in the air, "
         f"{day.turnaround_s:g} s between two flights",
-        f"{cost.packs} battery pack{'s' if cost.packs > 1 else ''}",
+        f"{cost.packs} battery pack{'' if cost.packs == 1 else 's'}",
     ]
     if cost.new_pack_before:
         lines[-1] += f"; a new one before attempt {', '.join(str(n + 1) for n in cost.new_pack_before)}"

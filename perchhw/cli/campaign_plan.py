@@ -29,8 +29,9 @@ def plan(
 
     Exit codes: 0 everything fits, 1 something does not, 2 the file cannot be used.
     """
-    from perchhw.campaign import fit_grid, forecast, load_plan
+    from perchhw.campaign import fit_grid, load_plan
     from perchhw.campaign.courses import has_flights
+    from perchhw.campaign.forecast import forecast
     from perchhw.campaign.plan_text import plan_text
     from perchhw.lab import find_lab
 

@@ -17,10 +17,10 @@ from perchhw.campaign import (
     check_approaches,
     fit_grid,
     flyable_part,
-    forecast,
     load_plan,
     run_campaign,
 )
+from perchhw.campaign.forecast import forecast
 from perchhw.campaign.packs import PackModel
 from perchhw.cli.main import run
 from tests.campaign.stand_in import fly
@@ -99,6 +99,9 @@ def test_packs_follow_the_voltage_model(paper: Path) -> None:
     assert cost.packs == 1 + len(cost.new_pack_before)
     slow = forecast(replace(plan, day=replace(plan.day, turnaround_s=120.0)), fit.approaches)
     assert slow.duration_s - cost.duration_s == pytest.approx(60.0 * 113)
+    warm = forecast(replace(plan, day=replace(plan.day, warm_up_s=300.0)), fit.approaches)
+    assert warm.air_time_s - cost.air_time_s > 300.0
+    assert warm.new_pack_before[0] < first
 
 
 def test_the_part_that_fits_is_flown_and_what_was_left_out_is_kept(paper: Path, tmp_path: Path) -> None:
