@@ -2,16 +2,25 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
+from onboard.manoeuvres import manoeuvre
 from onboard.trajectory import ApproachPlan
-from perchhw.campaign.packs import PackModel, air_time
-from perchhw.campaign.plan import ADAPTIVE, CampaignPlan, Condition
+from onboard.vehicle import load_vehicle
+from perchhw.campaign.packs import TO_THE_START, PackModel, air_time
+from perchhw.campaign.plan import ADAPTIVE, CampaignPlan, Condition, Day
+from perchhw.lab import limits_of
 from perchhw.supervisor import Timing
+
+if TYPE_CHECKING:
+    from perchhw.campaign.courses import FlightPlan
 
 CONNECTING = 3.0
 """s, from the start of an attempt to its first check: link, parameters, logs (docs/link.md)."""
 UPLOADING = 1.5
 """s, from the checks to the motors: upload, read-back and arming, as seen in the simulated lab."""
+AROUND_A_COURSE = TO_THE_START + Timing().land
+"""s in the air before and after a test flight's course."""
 
 
 @dataclass(frozen=True)
@@ -20,32 +29,47 @@ class Forecast:
 
     Attributes:
         attempts: how many are flown; at most, where the campaign may end earlier.
-        duration: from the first connection to the end of the last attempt, s.
-        air_time: of it with motors turning, s.
+        duration_s: from the first connection to the end of the last attempt, s.
+        air_time_s: of it with motors turning, s.
         packs: battery packs, all drones together, that are full when put in.
         new_pack_before: attempts (from 0) before which one is put in, beyond the first of each drone.
     """
 
     attempts: int
-    duration: float
-    air_time: float
+    duration_s: float
+    air_time_s: float
     packs: int
     new_pack_before: tuple[int, ...]
 
 
 def forecast(plan: CampaignPlan, approaches: Mapping[Condition, ApproachPlan]) -> Forecast:
     """What the attempts of `plan` cost, of which every condition is in `approaches`."""
-    model = PackModel.for_plan(plan)
-    flights = _air_times(plan, approaches)
-    changes = _changes(flights, model, len(plan.drones))
+    flights, model = _air_times(plan, approaches), PackModel.for_plan(plan)
+    return _cost(flights, model, plan.day, drones=min(len(plan.drones), len(flights)))
+
+
+def forecast_courses(plan: "FlightPlan") -> Forecast:
+    """What the test flights of `plan` cost."""
+    courses = (manoeuvre(f.kind).course(f.parameters, plan.room) for f in plan.flights)
+    limits = limits_of(plan.lab, plan.room, plan.drone)
+    model = PackModel.of(load_vehicle(plan.vehicle, plan.legs), limits, climb=0.0)
+    return _cost([course.duration + AROUND_A_COURSE for course in courses], model, Day(), drones=1)
+
+
+def _cost(flights: Sequence[float], model: PackModel, day: Day, drones: int) -> Forecast:
+    """What flights cost of which each takes so many seconds in the air, and the warm-ups before them."""
+    hover = day.warm_up_s + AROUND_A_COURSE if day.warm_up_s > 0.0 else 0.0
+    hovers = drones if day.warm_up_s > 0.0 else 0
+    changes = _changes(flights, model, drones, hover)
     timing = Timing()
     ground = CONNECTING + timing.checks_hold + UPLOADING + timing.settle + timing.disarm_hold
-    between = plan.day.turnaround_s * max(0, len(flights) - 1) + plan.day.new_pack_s * len(changes)
+    air_time, starts = sum(flights) + hovers * hover, len(flights) + hovers
+    between = day.turnaround_s * max(0, starts - 1) + day.new_pack_s * len(changes)
     return Forecast(
         attempts=len(flights),
-        duration=sum(flights) + ground * len(flights) + between,
-        air_time=sum(flights),
-        packs=min(len(flights), len(plan.drones)) + len(changes),
+        duration_s=air_time + ground * starts + between,
+        air_time_s=air_time,
+        packs=drones + len(changes),
         new_pack_before=tuple(changes),
     )
 
@@ -58,9 +82,9 @@ def _air_times(plan: CampaignPlan, approaches: Mapping[Condition, ApproachPlan])
     return [sum(each) / len(each)] * plan.most_attempts if each else []
 
 
-def _changes(flights: Sequence[float], model: PackModel, drones: int) -> list[int]:
-    """Attempts before which the drone whose turn it is needs a new pack."""
-    at_rest = [model.full] * drones
+def _changes(flights: Sequence[float], model: PackModel, drones: int, hover: float) -> list[int]:
+    """Attempts before which the drone whose turn it is needs a new pack; each hovered for `hover` s first."""
+    at_rest = [model.after(model.full, hover)] * drones
     changes = []
     for number, seconds in enumerate(flights):
         drone = number % drones

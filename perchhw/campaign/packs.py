@@ -16,8 +16,10 @@ from perchhw.supervisor import SafetyLimits, Timing
 
 MARGIN = 0.02
 """V above the limits at which a pack is changed: the drone measures to half a percent."""
-SHORTEST_MOVE = 2.0
+_SHORTEST_MOVE = 2.0
 """s. A move between hovers takes no less (perchhw.supervisor.hovering)."""
+TO_THE_START = Timing().take_off + 2.0 * Timing().hover_hold + _SHORTEST_MOVE
+"""s in the air until an approach or a course begins."""
 
 
 @dataclass(frozen=True)
@@ -66,5 +68,4 @@ class PackModel:
 
 def air_time(approach: ApproachPlan) -> float:
     """How long the motors turn in an attempt, s: take-off, hovers, the way to the start, the approach."""
-    timing = Timing()
-    return timing.take_off + 2.0 * timing.hover_hold + SHORTEST_MOVE + float(approach.impact_time)
+    return TO_THE_START + float(approach.impact_time)

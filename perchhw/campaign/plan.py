@@ -121,7 +121,7 @@ class CampaignPlan:
             (each where it tells most; see :mod:`perchhw.campaign.adaptive`).
         speeds: m/s, ascending, no value twice.
         angles_deg: deg, likewise.
-        repeats: attempts per condition; on average and at most, where the order is adaptive.
+        repeats: attempts per condition; where the order is adaptive, their mean at most.
         room: ceiling and flight volume.
         approach: further parameters of the approach.
         aborted_in_a_row: that many aborted attempts in a row stop the campaign.

@@ -1,11 +1,13 @@
 """A campaign's plan in words: a picture of the grid in text, what does not fit, time and packs."""
 
+from collections import Counter
 from collections.abc import Iterator
 from itertools import groupby
 
+from perchhw.campaign.courses import FlightPlan
 from perchhw.campaign.forecast import Forecast
 from perchhw.campaign.grid_fit import GridFit, row_of
-from perchhw.campaign.plan import ADAPTIVE, CampaignPlan, Misfit
+from perchhw.campaign.plan import ADAPTIVE, CampaignPlan, Day, Misfit
 
 FITS, MISFIT = "o", "x"
 _WIDTH = 78
@@ -22,7 +24,14 @@ def plan_text(plan: CampaignPlan, fit: GridFit, cost: Forecast) -> str:
         blocks += ["", f"{plan.file}: {what} under {plan.room.ceiling_z:.2f} m ([grid], {rows}):"]
         blocks += [f"  {line}" for line in _by_speed(fit.misfits)]
         blocks += [*highest(fit), "fly the others with --skip-unflyable"]
-    return "\n".join([*blocks, "", cost_text(plan, cost)])
+    return "\n".join([*blocks, "", cost_text(cost, plan.day, at_most=plan.order == ADAPTIVE)])
+
+
+def flights_text(plan: FlightPlan, cost: Forecast) -> str:
+    """What ``perchhw campaign plan`` tells of test flights, each of which fits."""
+    kinds = Counter(flight.kind for flight in plan.flights)
+    lines = [f"  {kind}" + (f", {times} times" if times > 1 else "") for kind, times in kinds.items()]
+    return "\n".join([f"{plan.name}: test flights, all of which fit", *lines, "", cost_text(cost, Day())])
 
 
 def grid_picture(plan: CampaignPlan, fit: GridFit) -> list[str]:
@@ -48,14 +57,14 @@ def highest(fit: GridFit) -> list[str]:
     return [f"under {max(ceilings):.2f} m all of these would fit"] if len(ceilings) > 1 else []
 
 
-def cost_text(plan: CampaignPlan, cost: Forecast) -> str:
+def cost_text(cost: Forecast, day: Day, at_most: bool = False) -> str:
     """Attempts, time and packs."""
-    flown, in_air = _duration(cost.duration), _duration(cost.air_time)
-    most = "at most " if plan.order == ADAPTIVE else ""
+    flown, in_air = _duration(cost.duration_s), _duration(cost.air_time_s)
+    most, several = "at most " if at_most else "", "" if cost.attempts == 1 else "s"
     lines = [
-        f"{most}{cost.attempts} attempts in {flown}, {in_air} of it in the air, "
-        f"{plan.day.turnaround_s:g} s between two flights",
-        f"{cost.packs} battery pack{'s' if cost.packs > 1 else ''}",
+        f"{most}{cost.attempts} attempt{several} in {flown}, {in_air} of it in the air, "
+        f"{day.turnaround_s:g} s between two flights",
+        f"{cost.packs} battery pack{'' if cost.packs == 1 else 's'}",
     ]
     if cost.new_pack_before:
         lines[-1] += f"; a new one before attempt {', '.join(str(n + 1) for n in cost.new_pack_before)}"

@@ -14,10 +14,10 @@ import numpy as np
 from onboard.arrays import FloatArray
 from perchhw.campaign.plan import Condition
 
-LENGTHS = (0.2, 0.4, 1.0)
-"""Length scales along each axis, in widths of the grid: from a step to hardly any change."""
-AMPLITUDES = (2.0, 4.0)
-"""Standard deviations of the logit: rates of 0.12 to 0.88, and of 0.02 to 0.98, are within one of them."""
+LENGTHS = (0.3, 0.8, 2.0)
+"""Length scales along each axis, in widths of the grid: from a shore to hardly any change."""
+AMPLITUDES = (1.5, 4.0)
+"""Standard deviations of the logit: rates of 0.2 to 0.8, and of 0.02 to 0.98, are within one of them."""
 _OFFSET = 1.5
 """Standard deviation of the logit of the mean rate."""
 _JITTER = 1e-6

@@ -104,9 +104,7 @@ def _setup(
 ) -> FlightSetup:
     shared = root.optional_text("mocap")
     if shared is not None and asked.mocap is None and not single:
-        raise root.error(
-            "mocap", "belongs to one drone; name each one's under [[drones]], or give a lab file"
-        )
+        raise root.error("mocap", "belongs to one drone; name each under [[drones]], or give a lab file")
     try:
         return flight_setup(
             lab,

@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,8 +12,11 @@ from perchhw.attempt import AttemptRequest
 from perchhw.campaign.packs import PackModel
 from perchhw.campaign.plan import CampaignPlan, Slot
 
-_AT_REST = 0.5
-"""s at the end of a record, after the motors were cut, in which the pack recovers and is measured."""
+_RECOVERY = 1.0
+"""s after the motors' last command: propellers coast, and the voltage comes back as they slow down."""
+_READINGS = 2
+"""So many say what the voltage is at rest."""
+_MOTORS = ("m1", "m2", "m3", "m4")
 
 
 class Turns:
@@ -49,22 +53,50 @@ class Turns:
         self._measure(request.folder)
 
     def _measure(self, record: Path) -> None:
-        at_rest = pack_at_rest(record)
-        if at_rest is not None:
-            self._at_rest[at_rest[0]] = at_rest[1]
+        use = pack_use(record)
+        if use is None:
+            return
+        before = self._at_rest.get(use.drone, self._model.full)
+        self._at_rest[use.drone] = (
+            self._model.after(before, use.air_time) if use.at_rest is None else use.at_rest
+        )
 
 
-def pack_at_rest(record: Path) -> tuple[str, float] | None:
-    """Drone, and voltage (V) of its pack at the end of a flight; None where the record does not tell it."""
+class PackUse(NamedTuple):
+    """What a record says of a pack.
+
+    Attributes:
+        drone: whose it is.
+        air_time: how long the motors turned, s.
+        at_rest: its voltage afterwards, V; None: the record ends too early.
+    """
+
+    drone: str
+    air_time: float
+    at_rest: float | None
+
+
+def pack_use(record: Path) -> PackUse | None:
+    """How a flight used its pack; None where the record does not tell it."""
     if not is_run_folder(record):
         return None
     try:
         drone = read_info(record / "run.json")["config"].get("drone")
-        power = read_run(record).series.get("power")
+        series = read_run(record).series
     except RunFolderError:
         return None
-    if drone is None or power is None or not power.t.size:
+    if drone is None or "power" not in series:
         return None
-    voltage = power.numbers("vbat")[power.t >= power.t[-1] - _AT_REST]
+    turning = np.zeros(0)
+    if "motors" in series:
+        motors = series["motors"]
+        turning = motors.t[np.any([motors.numbers(name) > 0.0 for name in _MOTORS], axis=0)]
+    power = series["power"]
+    since = turning[-1] + _RECOVERY if turning.size else -np.inf
+    voltage = power.numbers("vbat")[power.t >= since]
     voltage = voltage[np.isfinite(voltage)]
-    return (str(drone), float(np.median(voltage))) if voltage.size else None
+    return PackUse(
+        str(drone),
+        float(np.ptp(turning)) if turning.size else 0.0,
+        float(np.median(voltage)) if voltage.size >= _READINGS else None,
+    )

@@ -1,5 +1,6 @@
 """``perchhw campaign plan``: what a campaign will fly, what does not fit, how long it takes."""
 
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,6 +10,9 @@ from perchhw.cli import exit_codes
 from perchhw.cli.options import Drones, Lab
 from perchhw.cli.output import emit
 
+SCHEMA = "perchhw.campaign_plan/1"
+"""Of the JSON document."""
+
 if TYPE_CHECKING:
     from perchhw.campaign import CampaignPlan
     from perchhw.campaign.forecast import Forecast
@@ -16,21 +20,23 @@ if TYPE_CHECKING:
 
 
 def plan(
-    file: Annotated[Path, typer.Argument(help="Campaign file (TOML) with a grid.")],
+    file: Annotated[Path, typer.Argument(help="Campaign file (TOML).")],
     lab: Lab = None,
     drone: Drones = None,
-    out: Annotated[Path | None, typer.Option(help="Page to write (HTML).")] = None,
+    out: Annotated[Path | None, typer.Option(help="Page to write (HTML), of a grid.")] = None,
 ) -> int:
     """Show what a campaign will fly: the grid, all that does not fit, duration, packs. Connects to nothing.
 
     Exit codes: 0 everything fits, 1 something does not, 2 the file cannot be used.
     """
-    from dataclasses import replace
-
-    from perchhw.campaign import fit_grid, forecast, load_plan
+    from perchhw.campaign import fit_grid, load_plan
+    from perchhw.campaign.courses import has_flights
+    from perchhw.campaign.forecast import forecast
     from perchhw.campaign.plan_text import plan_text
     from perchhw.lab import find_lab
 
+    if has_flights(file):
+        return _plan_flights(file, lab)
     campaign = load_plan(file, find_lab(lab), drone or ())
     fit = fit_grid(campaign)
     cost = forecast(replace(campaign, skipped=fit.misfits), fit.approaches)
@@ -44,12 +50,26 @@ def plan(
     return exit_codes.FAILED if fit.misfits else exit_codes.DONE
 
 
+def _plan_flights(file: Path, lab: Path | None) -> int:
+    """The plan of a campaign of test flights; one that does not fit is an error of the file."""
+    from perchhw.campaign.courses import load_flight_plan
+    from perchhw.campaign.forecast import forecast_courses
+    from perchhw.campaign.plan_text import flights_text
+    from perchhw.lab import find_lab
+
+    campaign = load_flight_plan(file, find_lab(lab))
+    cost = forecast_courses(campaign)
+    head = {"schema": SCHEMA, "campaign": campaign.name, "file": file, "drones": [campaign.drone]}
+    emit({**head, "misfits": [], **asdict(cost)}, flights_text(campaign, cost))
+    return exit_codes.DONE
+
+
 def _document(campaign: "CampaignPlan", fit: "GridFit", cost: "Forecast") -> dict[str, Any]:
     from perchhw.campaign.grid_fit import row_of
 
     rows = {f"grid.{key}": row_of(campaign.file, key) for key in ("speeds", "angles_deg")}
     return {
-        "schema": "perchhw.campaign_plan/1",
+        "schema": SCHEMA,
         "campaign": campaign.name,
         "file": campaign.file,
         "order": campaign.order,
@@ -74,9 +94,5 @@ def _document(campaign: "CampaignPlan", fit: "GridFit", cost: "Forecast") -> dic
             }
             for misfit in fit.misfits
         ],
-        "attempts": cost.attempts,
-        "duration_s": cost.duration,
-        "air_time_s": cost.air_time,
-        "packs": cost.packs,
-        "new_pack_before": cost.new_pack_before,
+        **asdict(cost),
     }

@@ -7,7 +7,7 @@ from pathlib import Path
 from perchhw.campaign import CampaignPlan
 from perchhw.campaign.forecast import Forecast
 from perchhw.campaign.grid_fit import GridFit
-from perchhw.campaign.plan import Misfit
+from perchhw.campaign.plan import ADAPTIVE, Misfit
 from perchhw.campaign.plan_text import cost_text
 from perchhw.report.style import GREEN, INK, TRIGGER, new_figure, page, report_style, section, svg, table
 
@@ -17,7 +17,8 @@ def write_campaign_plan(plan: CampaignPlan, fit: GridFit, cost: Forecast, file: 
     with report_style():
         body = section("The grid", _grid(plan, fit), "The number at a cross: the ceiling it needs, m.")
     body += misfit_section(fit.misfits)
-    words = "".join(f"<p>{escape(line)}</p>" for line in cost_text(plan, cost).splitlines())
+    told = cost_text(cost, plan.day, at_most=plan.order == ADAPTIVE).splitlines()
+    words = "".join(f"<p>{escape(line)}</p>" for line in told)
     planned = len(plan.conditions())
     subtitle = f"{planned - len(fit.misfits)} of {planned} conditions fit under {plan.room.ceiling_z:.2f} m"
     file.parent.mkdir(parents=True, exist_ok=True)

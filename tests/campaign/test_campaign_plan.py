@@ -1,6 +1,7 @@
 """``campaign plan``: every misfit at once, the ceiling that would do, time and packs; connects to nothing."""
 
 import json
+import re
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -16,13 +17,14 @@ from perchhw.campaign import (
     check_approaches,
     fit_grid,
     flyable_part,
-    forecast,
     load_plan,
     run_campaign,
 )
+from perchhw.campaign.forecast import forecast
 from perchhw.campaign.packs import PackModel
 from perchhw.cli.main import run
 from tests.campaign.stand_in import fly
+from tests.conftest import REPOSITORY
 
 PAPER = """schema = "perchhw.campaign/1"
 name = "paper"
@@ -88,7 +90,7 @@ def test_packs_follow_the_voltage_model(paper: Path) -> None:
     cost = forecast(plan, fit.approaches)
     assert cost.attempts == 38 * 3
     model = PackModel.for_plan(plan)
-    first, each = cost.new_pack_before[0], cost.air_time / cost.attempts
+    first, each = cost.new_pack_before[0], cost.air_time_s / cost.attempts
     assert (
         model.after(model.full, each * (first - 2))
         > model.least
@@ -96,7 +98,10 @@ def test_packs_follow_the_voltage_model(paper: Path) -> None:
     )
     assert cost.packs == 1 + len(cost.new_pack_before)
     slow = forecast(replace(plan, day=replace(plan.day, turnaround_s=120.0)), fit.approaches)
-    assert slow.duration - cost.duration == pytest.approx(60.0 * 113)
+    assert slow.duration_s - cost.duration_s == pytest.approx(60.0 * 113)
+    warm = forecast(replace(plan, day=replace(plan.day, warm_up_s=300.0)), fit.approaches)
+    assert warm.air_time_s - cost.air_time_s > 300.0
+    assert warm.new_pack_before[0] < first
 
 
 def test_the_part_that_fits_is_flown_and_what_was_left_out_is_kept(paper: Path, tmp_path: Path) -> None:
@@ -144,3 +149,40 @@ def test_the_verb_draws_the_grid_and_writes_the_page(
     document: dict[str, Any] = json.loads(text)
     assert (code, document["misfits"], document["attempts"]) == (0, [], 96)
     assert all(condition["fits"] for condition in document["conditions"])
+
+
+def test_test_flights_are_planned_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "courses.toml"
+    flights = '[[flight]]\nkind = "circles"\ntimes = 2\n\n[[flight]]\nkind = "long_discharge"\n'
+    file.write_text(PAPER[: PAPER.index("[grid]")] + flights)
+    code, text = planned(file, "--json", capsys=capsys)
+    document = json.loads(text)
+    assert (code, document["attempts"], document["misfits"]) == (0, 3, [])
+    assert 150.0 < document["air_time_s"] < document["duration_s"]
+    assert "  circles, 2 times\n" in planned(file, capsys=capsys)[1]
+
+
+def blocks(kind: str) -> list[str]:
+    page = (REPOSITORY / "docs" / "campaigns.md").read_text(encoding="utf-8")
+    return re.findall(rf"```{kind}\n(.*?)```", page, re.DOTALL)
+
+
+def test_the_files_and_the_plan_of_the_page_are_real(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    every_key, paper, drones = blocks("toml")
+    Path("every_key.toml").write_text(every_key)
+    plan = load_plan(Path("every_key.toml"))
+    assert (plan.order, plan.map_error, plan.aborts, plan.day.warm_up_s) == (
+        "adaptive",
+        0.1,
+        {"link": 2, "battery": 1},
+        20.0,
+    )
+    alone = "\n".join(line for line in paper.splitlines() if not line.startswith(("drone", "mocap")))
+    Path("turns.toml").write_text(f"{alone}\n{drones}")
+    assert len(load_plan(Path("turns.toml")).drones) == 2
+    Path("paper.toml").write_text(paper)
+    _, text = planned(Path("paper.toml"), capsys=capsys)
+    assert text == blocks("text")[0]

@@ -9,7 +9,8 @@ import pytest
 from perchhw.attempt import AttemptRequest, AttemptResult, Outcome
 from perchhw.campaign import CampaignFileError, CampaignPlan, CampaignStopped, load_plan, run_campaign
 from perchhw.campaign.packs import PackModel
-from perchhw.campaign.turns import pack_at_rest
+from perchhw.campaign.run import request_of
+from perchhw.campaign.turns import PackUse, Turns, pack_use
 from perchhw.flight.course import CourseRequest, CourseResult
 from perchhw.flight.turnaround import attempt_after_attempt
 from perchhw.record import RunRecorder
@@ -50,6 +51,7 @@ class Packs:
         self.volts[request.drone] = after = before - self.fall
         with RunRecorder(request.folder, {"drone": request.drone}, clock=lambda: 0.0) as recorder:
             for t, volts in ((0.0, before), (4.0, before - 0.8), (9.0, after), (9.4, after)):
+                recorder.write("motors", t, dict.fromkeys(("m1", "m2", "m3", "m4"), 3e4 * (t == 4.0)))
                 recorder.write("power", t, {"vbat": volts})
             recorder.close(outcome=Outcome.TWO_LEG, triggered=True, trigger=None)
         return AttemptResult(Outcome.TWO_LEG, True, None, None, request.folder)
@@ -84,10 +86,22 @@ def test_packs_are_remembered_over_a_stop(tmp_path: Path) -> None:
     assert {request.drone for request in flights.requests} == {FIRST}
 
 
-def test_a_record_without_voltage_says_nothing_of_the_pack(tmp_path: Path) -> None:
-    assert pack_at_rest(tmp_path / "none") is None
-    RunRecorder(tmp_path / "r", {"drone": FIRST}, clock=lambda: 0.0).close()
-    assert pack_at_rest(tmp_path / "r") is None
+def test_a_pack_is_measured_at_rest_or_reckoned(tmp_path: Path) -> None:
+    assert pack_use(tmp_path / "none") is None
+    RunRecorder(tmp_path / "empty", {"drone": FIRST}, clock=lambda: 0.0).close()
+    assert pack_use(tmp_path / "empty") is None
+    with RunRecorder(tmp_path / "landed", {"drone": FIRST}, clock=lambda: 0.0) as recorder:
+        for t in range(1, 11):
+            recorder.write("motors", float(t), dict.fromkeys(("m1", "m2", "m3", "m4"), 3e4))
+            recorder.write("power", t + 0.05, {"vbat": 3.4})
+        recorder.close()
+    assert pack_use(tmp_path / "landed") == PackUse(FIRST, 9.0, None)  # no reading without load
+
+    plan = plan_of(tmp_path, GRID + DRONES)
+    model, turns = PackModel.for_plan(plan), Turns(plan, [tmp_path / "landed"] * 40)
+    slot = plan.slots()[0]
+    asked = turns.prepared(request_of(plan, slot, tmp_path / "next", 1), slot).new_pack
+    assert f"rests at {model.after(model.full, 40 * 9.0):.2f} V" in str(asked)
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from onboard.link import DroneLink
+from perchhw.campaign.turns import pack_use
 from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
 
 CAMPAIGN = """
@@ -21,6 +22,18 @@ order = "grid"
 [grid]
 speeds = [2.25, 2.5]
 angles_deg = [52.5]
+"""
+
+TURNS = """
+schema = "perchhw.campaign/1"
+order = "grid"
+
+[grid]
+speeds = [2.25]
+angles_deg = [50.0, 52.5]
+
+[day]
+warm_up_s = 5
 """
 
 
@@ -97,3 +110,23 @@ def test_a_campaign_killed_in_flight_resumes_without_losing_or_repeating(tmp_pat
     config = json.loads((Path(done[1]["record"]) / "run.json").read_text())["config"]
     assert (config["operator"], config["note"]) == ("Ada", "new pads")
     assert (folder / "report.html").is_file()
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(300)
+def test_two_drones_warm_up_and_fly_in_turn_as_long_as_forecast(tmp_path: Path) -> None:
+    with SimulatedLab("lab", (*FREE_PORTS, *LOCKSTEP, "--drones", "2", "--seed", "6")) as lab:
+        file, folder = tmp_path / "turns.toml", tmp_path / "campaign"
+        file.write_text(TURNS)
+        drones = [word for uri in lab.drones for word in ("--drone", uri)]
+        options = ["--lab", lab.ready["lab"], *drones]
+        output, errors = campaign("run", str(file), *options, "--yes", "--out", str(folder)).communicate()
+        planned, _ = campaign("plan", str(file), *options).communicate()
+    document = json.loads(output)
+    assert [row["aborted_by"] for row in document["attempts"]] == [None, None], errors
+    flown = [pack_use(Path(row["record"])) for row in document["attempts"]]
+    assert [use.drone for use in flown if use is not None] == lab.drones
+    hovers = [pack_use(record) for record in sorted((folder / "warm-ups").iterdir())]
+    in_the_air = sum(use.air_time for use in [*flown, *hovers] if use is not None)
+    assert in_the_air == pytest.approx(json.loads(planned)["air_time_s"], rel=0.25)
+    assert [use.drone for use in hovers if use is not None and use.air_time > 5.0] == lab.drones
