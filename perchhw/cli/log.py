@@ -8,6 +8,7 @@ import typer
 from perchhw.attempt import DEFAULT_POLICY, DEFAULT_VEHICLE
 from perchhw.cli.options import FlightFormat, Legs, Policy
 from perchhw.cli.output import console, emit, progress_console
+from perchhw.cli.view import view
 
 if TYPE_CHECKING:
     from calibration.flights import Flight
@@ -163,22 +164,7 @@ def _in_words(evidence: dict[str, Any]) -> str:
     return f"aborted by {evidence['aborted_by']}" if evidence.get("aborted_by") else "never triggered"
 
 
-@app.command()
-def view(
-    run: _RunFolder,
-    out: Annotated[Path | None, typer.Option(help="File to write; default: flight.rrd in the run.")] = None,
-    open_viewer: Annotated[bool, typer.Option("--open", help="Open it in the Rerun viewer.")] = False,
-) -> int:
-    """Write a run as a Rerun recording (.rrd), to be opened with `rerun FILE`."""
-    from calibration.flights.perchhw_run import load_run
-    from perchhw.view.rerun_recording import open_in_viewer, write_rrd
-
-    flight = load_run(run)
-    path = write_rrd(run, _vehicle_of(flight, None, None), out or run / "flight.rrd")
-    emit({"run": str(run), "recording": str(path)}, str(path))
-    if open_viewer:
-        open_in_viewer(path)
-    return 0
+app.command()(view)
 
 
 @app.command()

@@ -49,6 +49,7 @@ VERBS: dict[str, Verb] = {
     "vehicle": Verb("perchhw.cli.vehicle", "List, show, check and compare vehicle files."),
     "mocap": Verb("perchhw.cli.mocap", "Watch what a mocap source delivers, or send it on."),
     "mavlink": Verb("perchhw.cli.mavlink", "Tell a ground station of a drone or of a record."),
+    "view": Verb("perchhw.cli.view", "Show a flight, while it is flown or afterwards.", group=False),
     "log": Verb("perchhw.cli.log", "List, export, label and view recorded flights."),
 }
 

@@ -214,7 +214,7 @@ def test_a_folder_that_cannot_be_written_is_named(
         code, _, errors = call(capsys, *command, "--out", out)
         assert code == 2, command
         assert f"{out}: cannot be written" in errors, command
-    code, _, errors = call(capsys, "log", "view", landing, "--out", out / "x.rrd")
+    code, _, errors = call(capsys, "log", "view", landing, "--save", out / "x.rrd")
     assert code == 2
     assert f"{out}: cannot be written" in errors
 
