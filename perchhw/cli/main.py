@@ -13,6 +13,7 @@ import typer
 from onboard.errors import InputError, PerchhwError, SafetyStop
 from perchhw.cli import exit_codes
 from perchhw.cli.output import emit_error, progress_console, settings, written
+from perchhw.cli.view_option import complete_view_option
 
 _GLOBAL_FLAGS = ("--json", "-v", "--verbose")
 
@@ -118,7 +119,7 @@ def hoist_global_flags(arguments: Sequence[str]) -> list[str]:
 
 def run(arguments: Sequence[str]) -> int:
     """Run one command line and give its exit code."""
-    ordered = hoist_global_flags(arguments)
+    ordered = hoist_global_flags(complete_view_option(arguments))
     called = next((a for a in ordered if not a.startswith("-")), None)
     settings.as_json, settings.emitted = "--json" in ordered, False
     try:

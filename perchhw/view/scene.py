@@ -57,8 +57,8 @@ class Scene:
         if self._plan is not None:
             _draw_reference(canvas, self._plan)
         for entity, colour, radius in (
-            ("room/trail", BLUE, 0.006),
-            ("room/estimate", PURPLE, 0.012),
+            ("room/trail", BLUE, 0.004),
+            ("room/estimate", PURPLE, 0.005),
             ("room/target", ORANGE, 0.025),
             ("room/trigger", VERMILION, 0.03),
         ):
