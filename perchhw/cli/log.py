@@ -52,16 +52,16 @@ def _draw_runs(runs: "list[RunSummary]") -> None:
 def export(
     run: _RunFolder,
     to: Annotated[
-        str, typer.Option(help="csv, parquet or ros2 (one MCAP file with ROS 2 messages).")
+        str, typer.Option(help="csv, parquet, foxglove or ros2 (one MCAP file with messages of theirs).")
     ] = "csv",
     out: Annotated[Path | None, typer.Option(help="Folder to write to; default: export/ in the run.")] = None,
 ) -> int:
-    """Write a run for other tools: one file per topic and flight.* with all channels, or a ROS 2 bag."""
+    """Write a run for other tools: one file per topic and flight.* with all channels, or one MCAP file."""
     from calibration.flights.run_folder import read_run
     from perchhw.record.export import ExportError, ExportFormat, export_run
 
     if to not in tuple(ExportFormat):
-        raise ExportError(f"--to {to}: not a known format; use csv, parquet or ros2")
+        raise ExportError(f"--to {to}: not a known format; use {', '.join(ExportFormat)}")
     record = read_run(run)
     files = export_run(record, out or run / "export", ExportFormat(to))
     for note in record.torn:

@@ -14,6 +14,7 @@ from calibration.flights.run_folder import RunRecord, Series
 from onboard.errors import InputError
 from perchhw.errors import FlightStackError
 from perchhw.record.folder import make_folder
+from perchhw.record.foxglove import write_foxglove
 from perchhw.record.ros2_bag import write_ros2_bag
 
 Table = tuple[list[str], Iterable[Sequence[Any]]]
@@ -25,6 +26,7 @@ class ExportFormat(StrEnum):
     CSV = "csv"
     PARQUET = "parquet"
     ROS2 = "ros2"
+    FOXGLOVE = "foxglove"
 
 
 class ExportError(FlightStackError, InputError):
@@ -36,7 +38,7 @@ def export_run(run: RunRecord, out: Path, format: ExportFormat) -> list[Path]:
 
     ``<topic>.<format>`` holds the messages of a topic (``t`` in s on the run's clock, then its fields).
     ``flight.<format>`` holds all channels on one time column, empty where a channel has no sample; as CSV it
-    is of the flight format ``table``. With ``ros2`` it is one file (:mod:`perchhw.record.ros2_bag`).
+    is of the flight format ``table``. With ``ros2`` or ``foxglove`` it is one MCAP file.
 
     Raises:
         ExportError: Parquet without pyarrow.
@@ -44,6 +46,8 @@ def export_run(run: RunRecord, out: Path, format: ExportFormat) -> list[Path]:
     """
     if format is ExportFormat.ROS2:
         return [write_ros2_bag(run, out)]
+    if format is ExportFormat.FOXGLOVE:
+        return [write_foxglove(run, out)]
     write = _writer(format)
     make_folder(out)
     written = []

@@ -14,7 +14,7 @@ from calibration.flights.run_folder import RunRecord
 from onboard.arrays import FloatArray
 from onboard.policy.model import Policy
 from onboard.policy.trigger import trigger_values
-from perchhw.view.palette import BLUE, GREY, ORANGE, SKY, VERMILION
+from perchhw.record.palette import BLUE, GREY, ORANGE, SKY, VERMILION
 from perchhw.view.plots import knows_ceiling
 from perchhw.view.timeline import Canvas
 

@@ -10,8 +10,8 @@ from onboard.errors import PerchhwError
 from onboard.policy.bundle import policy_crc32
 from onboard.policy.files import find_policy, load_policy
 from onboard.policy.model import Policy
-from onboard.vehicle import Vehicle, load_vehicle
-from perchhw.attempt import DEFAULT_VEHICLE
+from onboard.vehicle import Vehicle
+from perchhw.record.shapes import vehicle_of
 from perchhw.view.cue_space import CueSpace
 from perchhw.view.plots import Plots
 from perchhw.view.scene import Scene
@@ -68,7 +68,7 @@ def follow(
         VehicleFileError: the vehicle of the run is not known here.
     """
     news = run.look()
-    view = FlightView(stream, news.info, vehicle_of(news), policy_of(news))
+    view = FlightView(stream, news.info, vehicle_of(news.config), policy_of(news))
     view.add(news)
     while not run.closed and not over():
         stream.flush()
@@ -76,11 +76,6 @@ def follow(
         view.add(run.look())
     view.add(run.look())
     stream.flush()
-
-
-def vehicle_of(run: RunRecord) -> Vehicle:
-    """The vehicle that flew, or the usual one where the record names none."""
-    return load_vehicle(run.config.get("vehicle") or DEFAULT_VEHICLE, run.config.get("legs"))
 
 
 def policy_of(run: RunRecord) -> Policy | None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from calibration.flights.run_folder import RunRecord
 from calibration.flights.series_file import Series
 from onboard.arrays import FloatArray
-from perchhw.view.palette import AXES, BLUE, FOUR, GREEN, ORANGE, PURPLE, VERMILION, Colour
+from perchhw.record.palette import AXES, BLUE, FOUR, GREEN, ORANGE, PURPLE, VERMILION, Colour
 from perchhw.view.timeline import Canvas
 
 

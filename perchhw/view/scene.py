@@ -3,7 +3,6 @@
 World frame, m (ENU, z up). Nothing is known of a room but its walls and its ceiling, so no more is drawn.
 """
 
-import itertools
 from typing import Any
 
 import numpy as np
@@ -15,14 +14,19 @@ from onboard.arrays import FloatArray
 from onboard.room import RoomGeometry
 from onboard.trajectory import ApproachPlan, sample_approach
 from onboard.vehicle import Vehicle
-from perchhw.label import landing_geometry
-from perchhw.view.palette import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION
+from perchhw.record.palette import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION
+from perchhw.record.shapes import (
+    approach_of,
+    approach_path,
+    cage_shape,
+    room_of,
+    vehicle_shape,
+)
 from perchhw.view.timeline import Canvas
 
 DRONE = "room/drone"
 BESIDE = "room/beside"
 """Goes along with the drone without turning: where it is seen from near."""
-_REFERENCE_STEP_S = 0.02
 _TRAIL_STEP_S = 0.02
 _AFTER_TRIGGER = frozenset(LandingState) - {
     LandingState.IDLE,
@@ -44,18 +48,19 @@ class Scene:
         import rerun as rr
 
         self._canvas = canvas
-        self._plan = _approach(config)
+        self._plan = approach_of(config)
         self._approach_began: float | None = None
         self._approach_over = False
         self._trail_until = -np.inf
         self._poses = (np.empty(0), np.empty((0, 3)))
         canvas.static("room", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
-        room = _room(config)
+        room = room_of(config)
         if room is not None:
             _draw_room(canvas, room)
         _draw_vehicle(canvas, vehicle)
         if self._plan is not None:
-            _draw_reference(canvas, self._plan)
+            path = rr.LineStrips3D([approach_path(self._plan)], colors=[ORANGE], radii=0.005)
+            canvas.static("room/reference_path", path)
         for entity, colour, radius in (
             ("room/trail", BLUE, 0.004),
             ("room/estimate", PURPLE, 0.005),
@@ -121,73 +126,24 @@ def _rows(series: Series, *names: str) -> tuple[FloatArray, FloatArray]:
     return series.t[known], rows[known]
 
 
-def _approach(config: dict[str, Any]) -> ApproachPlan | None:
-    given = config.get("approach")
-    if not isinstance(given, dict) or given.keys() != set(ApproachPlan._fields):
-        return None
-    return ApproachPlan(**{name: float(value) for name, value in given.items()})
-
-
-def _room(config: dict[str, Any]) -> RoomGeometry | None:
-    given = config.get("room")
-    if isinstance(given, dict) and given.keys() == set(RoomGeometry.__dataclass_fields__):
-        return RoomGeometry(**{name: float(value) for name, value in given.items()})
-    ceiling_z = config.get("ceiling_z")
-    return None if ceiling_z is None else RoomGeometry(ceiling_z=float(ceiling_z))
-
-
 def _draw_room(canvas: Canvas, room: RoomGeometry) -> None:
-    """The cage as lines, floor and ceiling as planes; the ceiling with its tilt."""
     import rerun as rr
 
-    corners = [(x, y) for x, y in itertools.product((room.x_min, room.x_max), (room.y_min, room.y_max))]
-    floor = [(x, y, room.floor_z) for x, y in corners]
-    ceiling = [(x, y, room.ceiling_at(x, y)) for x, y in corners]
-    around = (0, 1, 3, 2, 0)
-    strips = [[low, high] for low, high in zip(floor, ceiling, strict=True)]
-    strips += [[level[i] for i in around] for level in (floor, ceiling)]
-    canvas.static("room/cage", rr.LineStrips3D(strips, colors=[GREY], radii=0.006))
-    for name, plane, colour in (("ceiling", ceiling, (*BLUE, 70)), ("floor", floor, (*GREY, 40))):
-        mesh = rr.Mesh3D(
-            vertex_positions=plane, triangle_indices=[[0, 1, 3], [0, 3, 2]], albedo_factor=colour
-        )
+    cage = cage_shape(room)
+    canvas.static("room/cage", rr.LineStrips3D(cage.edges, colors=[GREY], radii=0.006))
+    for name, plane, colour in (("ceiling", cage.ceiling, (*BLUE, 70)), ("floor", cage.floor, (*GREY, 40))):
+        mesh = rr.Mesh3D(vertex_positions=plane, triangle_indices=cage.triangles, albedo_factor=colour)
         canvas.static(f"room/{name}", mesh)
 
 
-def _draw_reference(canvas: Canvas, plan: ApproachPlan) -> None:
-    """The path of the approach from its start to the impact point."""
-    import rerun as rr
-
-    times = np.arange(0.0, plan.impact_time + _REFERENCE_STEP_S, _REFERENCE_STEP_S)
-    path = [sample_approach(plan, min(float(t), plan.impact_time))[0] for t in times]
-    canvas.static("room/reference_path", rr.LineStrips3D([path], colors=[ORANGE], radii=0.005))
-
-
 def _draw_vehicle(canvas: Canvas, vehicle: Vehicle) -> None:
-    """Arms, propellers and legs, in the body frame (FLU); the front is coloured."""
+    """The front is coloured."""
     import rerun as rr
 
-    body = vehicle.body
-    motors = np.array(
-        [
-            (sx * body.arm_x.value, sy * body.arm_y.value, body.propeller_height_z.value)
-            for sx, sy in ((1, -1), (-1, -1), (-1, 1), (1, 1))
-        ]
-    )
-    arms = rr.LineStrips3D([[motors[0], motors[2]], [motors[1], motors[3]]], colors=[GREY], radii=0.003)
-    canvas.static(f"{DRONE}/arms", arms)
-    angles = np.linspace(0.0, 2.0 * np.pi, 33)
-    rim = body.propeller_radius.value * np.column_stack([np.cos(angles), np.sin(angles), np.zeros(33)])
-    rims = rr.LineStrips3D(
-        [rim + motor for motor in motors], colors=[VERMILION, GREY, GREY, VERMILION], radii=0.0015
-    )
+    shape = vehicle_shape(vehicle)
+    canvas.static(f"{DRONE}/arms", rr.LineStrips3D(shape.arms, colors=[GREY], radii=0.003))
+    rims = rr.LineStrips3D(shape.rims, colors=[VERMILION, GREY, GREY, VERMILION], radii=0.0015)
     canvas.static(f"{DRONE}/propellers", rims)
-    legs = vehicle.legs
-    if legs is None:
-        return
-    feet = landing_geometry(vehicle).feet
-    sides = np.sign(feet[:, :2]) * (legs.hip_x.value, legs.hip_y.value)
-    hips = np.column_stack([sides, np.full(4, legs.hip_z.value)])
-    strips = [[hip, foot] for hip, foot in zip(hips, feet, strict=True)]
-    canvas.static(f"{DRONE}/legs", rr.LineStrips3D(strips, colors=[GREEN], radii=0.002))
-    canvas.static(f"{DRONE}/feet", rr.Points3D(feet, colors=[GREEN], radii=legs.foot_radius.value))
+    if shape.legs:
+        canvas.static(f"{DRONE}/legs", rr.LineStrips3D(shape.legs, colors=[GREEN], radii=0.002))
+        canvas.static(f"{DRONE}/feet", rr.Points3D(shape.feet, colors=[GREEN], radii=shape.foot_radius))
