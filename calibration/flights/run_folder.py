@@ -8,9 +8,12 @@ and says what it left out.
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from calibration.flights.series_file import NOT_FINITE, REMEDY, RunFolderError, Series, read_series
+
+if TYPE_CHECKING:
+    import pandas
 
 _NUMBERS, _TEXTS = ("speed_m_s", "angle_deg", "ceiling_z"), ("vehicle", "legs")
 """Keys of the configuration that readers use."""
@@ -46,6 +49,25 @@ class RunRecord:
     def closed(self) -> bool:
         """Whether the writer finished the record."""
         return bool(self.info["closed"])
+
+    def to_pandas(self, rate_hz: float | None = None) -> "pandas.DataFrame":
+        """All channels as a table with the time (s, on the run's clock) as index.
+
+        Args:
+            rate_hz: of one clock for all channels (:mod:`calibration.flights.resample`); None: the rows as
+                they were received, each with what it brought.
+
+        Returns:
+            A column a channel, NaN where there is no value; ``attrs["units"]`` has the units by column.
+
+        Raises:
+            RunFolderError: pandas is not installed.
+            UnusableFlightError: no message in the record.
+            ResampleError: not a rate.
+        """
+        from calibration.flights.data_frame import data_frame
+
+        return data_frame(self, rate_hz)
 
 
 def is_run_folder(path: Path) -> bool:

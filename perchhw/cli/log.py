@@ -55,6 +55,7 @@ def export(
         str, typer.Option(help="csv, parquet, foxglove or ros2 (one MCAP file with messages of theirs).")
     ] = "csv",
     out: Annotated[Path | None, typer.Option(help="Folder to write to; default: export/ in the run.")] = None,
+    rate: Annotated[float, typer.Option(help="Rate of resampled.*, all channels on one clock, Hz.")] = 100.0,
 ) -> int:
     """Write a run for other tools: one file per topic and flight.* with all channels, or one MCAP file."""
     from calibration.flights.run_folder import read_run
@@ -63,7 +64,7 @@ def export(
     if to not in tuple(ExportFormat):
         raise ExportError(f"--to {to}: not a known format; use {', '.join(ExportFormat)}")
     record = read_run(run)
-    files = export_run(record, out or run / "export", ExportFormat(to))
+    files = export_run(record, out or run / "export", ExportFormat(to), rate)
     for note in record.torn:
         progress_console().print(note, style="yellow", markup=False)
     emit(

@@ -4,7 +4,8 @@ World frame, m (ENU, z up); the vehicle in its body frame (FLU).
 """
 
 import itertools
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -101,16 +102,24 @@ def approach_path(plan: ApproachPlan) -> FloatArray:
 
 
 def approach_of(config: dict[str, Any]) -> ApproachPlan | None:
-    """The approach that a run's configuration holds, or None."""
-    given = config.get("approach")
-    if not isinstance(given, dict) or given.keys() != set(ApproachPlan._fields):
-        return None
-    return ApproachPlan(**{name: float(value) for name, value in given.items()})
+    """The approach that a run's configuration holds; None where it holds none that can be read."""
+    numbers = _numbers(config.get("approach"), ApproachPlan._fields)
+    return None if numbers is None else ApproachPlan(**numbers)
 
 
 def room_of(config: dict[str, Any]) -> RoomGeometry | None:
     """The room that a run's configuration holds; with the height of the ceiling alone, the usual walls."""
-    given, ceiling_z = config.get("room"), config.get("ceiling_z")
-    if isinstance(given, dict) and given.keys() == set(RoomGeometry.__dataclass_fields__):
-        return RoomGeometry(**{name: float(value) for name, value in given.items()})
+    numbers = _numbers(config.get("room"), tuple(field.name for field in fields(RoomGeometry)))
+    if numbers is not None:
+        return RoomGeometry(**numbers)
+    ceiling_z = config.get("ceiling_z")
     return None if ceiling_z is None else RoomGeometry(ceiling_z=float(ceiling_z))
+
+
+def _numbers(given: Any, names: tuple[str, ...]) -> dict[str, float] | None:
+    """The finite numbers `names` of an object that holds them and no others."""
+    if not isinstance(given, dict) or given.keys() != set(names):
+        return None
+    if not all(isinstance(value, int | float) and math.isfinite(value) for value in given.values()):
+        return None
+    return {name: float(value) for name, value in given.items()}

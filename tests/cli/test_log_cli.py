@@ -145,7 +145,8 @@ def test_export_is_complete_and_reads_back(
     code, document, _ = call(capsys, "log", "export", landing, "--out", tmp_path)
     assert code == 0
     files = {Path(f).name for f in document["files"]}
-    assert files == {f"{n}.csv" for n in ("pose", "rates", "estimate", "cues", "power", "trigger", "flight")}
+    topics = ("pose", "rates", "estimate", "cues", "power", "trigger")
+    assert files == {f"{name}.csv" for name in (*topics, "flight", "resampled")}
     with (tmp_path / "rates.csv").open() as stream:
         rows = list(csv.DictReader(stream))
     assert list(rows[0]) == ["t", "gx", "gy", "gz"]
