@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 _NUMBERS, _TEXTS = ("speed_m_s", "angle_deg", "ceiling_z"), ("vehicle", "legs")
 """Keys of the configuration that readers use."""
+_LARGEST = 1e6
 
 __all__ = ["RunFolderError", "RunRecord", "Series", "is_run_folder", "read_info", "read_run"]
 
@@ -113,6 +114,8 @@ def read_info(path: Path) -> dict[str, Any]:
             value = info["config"].get(key)
             if value is not None and not isinstance(value, kind):
                 raise RunFolderError(f"{path} key 'config.{key}': {value!r} is no {word}: {REMEDY}")
+            if isinstance(value, int | float) and not abs(value) < _LARGEST:
+                raise RunFolderError(f"{path} key 'config.{key}': {value!r} cannot be: {REMEDY}")
     return info
 
 

@@ -24,7 +24,7 @@ from perchhw.record.folder import make_folder
 from perchhw.record.foxglove_types import ERROR, INFO, LINE_STRIP, TYPES, WARNING, json_schema
 from perchhw.record.shapes import approach_of, approach_path, cage_shape, room_of, vehicle_of, vehicle_shape
 from perchhw.record.topics import TOPICS, Field, Topic
-from perchhw.record.wall_time import NANOSECOND, wall_clock
+from perchhw.record.wall_time import NANOSECOND, begin_of, wall_clock
 from perchhw.record.words import Level, in_words, level_of
 
 FILE = "foxglove.mcap"
@@ -95,8 +95,7 @@ def _stamped(values: dict[str, Any], time_ns: int) -> dict[str, Any]:
 
 def _messages(run: RunRecord, vehicle: Vehicle) -> Iterator[_Message]:
     name = split_subject(str(run.config.get("mocap") or ""))[1] or NAME
-    begin = float(run.info["clock_at_start"])
-    yield from _drawings(run, vehicle, name, begin)
+    yield from _drawings(run, vehicle, name, begin_of(run))
     yield from _poses(run, name)
     yield from _numbers(run)
     for event in run.events:

@@ -4,7 +4,6 @@ World frame, m (ENU, z up); the vehicle in its body frame (FLU).
 """
 
 import itertools
-import math
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -19,6 +18,8 @@ from perchhw.label import landing_geometry
 
 _PATH_STEP_S = 0.02
 _RIM_POINTS = 33
+_LARGEST = 1e3
+"""m, s. No room and no approach is larger; a number that is does not come from one."""
 
 
 @dataclass(frozen=True)
@@ -113,13 +114,13 @@ def room_of(config: dict[str, Any]) -> RoomGeometry | None:
     if numbers is not None:
         return RoomGeometry(**numbers)
     ceiling_z = config.get("ceiling_z")
-    return None if ceiling_z is None else RoomGeometry(ceiling_z=float(ceiling_z))
+    return None if ceiling_z is None or not abs(ceiling_z) < _LARGEST else RoomGeometry(ceiling_z=ceiling_z)
 
 
 def _numbers(given: Any, names: tuple[str, ...]) -> dict[str, float] | None:
-    """The finite numbers `names` of an object that holds them and no others."""
+    """The numbers `names` of an object that holds them and no others, all of a room's size."""
     if not isinstance(given, dict) or given.keys() != set(names):
         return None
-    if not all(isinstance(value, int | float) and math.isfinite(value) for value in given.values()):
+    if not all(isinstance(value, int | float) and abs(value) < _LARGEST for value in given.values()):
         return None
     return {name: float(value) for name, value in given.items()}

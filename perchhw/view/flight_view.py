@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from calibration.flights.growing_run import GrowingRun
 from calibration.flights.run_folder import RunRecord
@@ -12,6 +12,7 @@ from onboard.policy.files import find_policy, load_policy
 from onboard.policy.model import Policy
 from onboard.vehicle import Vehicle
 from perchhw.record.shapes import vehicle_of
+from perchhw.record.wall_time import begin_of
 from perchhw.view.cue_space import CueSpace
 from perchhw.view.plots import Plots
 from perchhw.view.scene import Scene
@@ -30,16 +31,15 @@ class FlightView:
 
     Args:
         stream: the recording.
-        info: content of the run's ``run.json``.
+        run: the run that is drawn; what it holds by now comes by :meth:`add`.
         vehicle: its geometry is drawn.
         policy: whose trigger is drawn, or None.
     """
 
     def __init__(
-        self, stream: "rerun.RecordingStream", info: dict[str, Any], vehicle: Vehicle, policy: Policy | None
+        self, stream: "rerun.RecordingStream", run: RunRecord, vehicle: Vehicle, policy: Policy | None
     ) -> None:
-        canvas = Canvas(stream, float(info.get("clock_at_start") or 0.0))
-        config = info["config"]
+        canvas, config = Canvas(stream, begin_of(run)), run.config
         parts = (Scene(canvas, config, vehicle), CueSpace(canvas, policy), Plots(canvas), Words(canvas))
         self._parts = parts
 
@@ -68,7 +68,7 @@ def follow(
         VehicleFileError: the vehicle of the run is not known here.
     """
     news = run.look()
-    view = FlightView(stream, news.info, vehicle_of(news.config), policy_of(news))
+    view = FlightView(stream, news, vehicle_of(news.config), policy_of(news))
     view.add(news)
     while not run.closed and not over():
         stream.flush()

@@ -147,6 +147,6 @@ def test_a_record_without_its_beginning_is_refused_by_name(
     assert run.info["clock_at_start"] == BEGIN
     for key in ("started_utc", "clock_at_start"):
         broken = {**run.info, key: None}
-        with pytest.raises(RunFolderError, match=r"run\.json keys started_utc and clock_at_start"):
+        with pytest.raises(RunFolderError, match=rf"run\.json key '{key}': None is no"):
             export_run(type(run)(run.folder, broken, run.series, run.events, ()), tmp_path, format)
     assert list(tmp_path.iterdir()) == []
