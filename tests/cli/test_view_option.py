@@ -21,7 +21,7 @@ def test_a_view_that_stands_alone_is_a_window(given: str, completed: str) -> Non
     assert complete_view_option(given.split()) == completed.split()
 
 
-@pytest.mark.parametrize("verb", [("fly",), ("campaign", "run")])
+@pytest.mark.parametrize("verb", [("fly",), ("campaign", "run"), ("rehearse",)])
 def test_the_verbs_that_fly_have_it(verb: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
     assert perchhw([*verb, "--help"]) == 0
     assert "--view" in capsys.readouterr().out
