@@ -8,12 +8,16 @@ and says what it left out.
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from calibration.flights.series_file import NOT_FINITE, REMEDY, RunFolderError, Series, read_series
 
+if TYPE_CHECKING:
+    import pandas
+
 _NUMBERS, _TEXTS = ("speed_m_s", "angle_deg", "ceiling_z"), ("vehicle", "legs")
 """Keys of the configuration that readers use."""
+_LARGEST = 1e6
 
 __all__ = ["RunFolderError", "RunRecord", "Series", "is_run_folder", "read_info", "read_run"]
 
@@ -46,6 +50,25 @@ class RunRecord:
     def closed(self) -> bool:
         """Whether the writer finished the record."""
         return bool(self.info["closed"])
+
+    def to_pandas(self, rate_hz: float | None = None) -> "pandas.DataFrame":
+        """All channels as a table with the time (s, on the run's clock) as index.
+
+        Args:
+            rate_hz: of one clock for all channels (:mod:`calibration.flights.resample`); None: the rows as
+                they were received, each with what it brought.
+
+        Returns:
+            A column a channel, NaN where there is no value; ``attrs["units"]`` has the units by column.
+
+        Raises:
+            RunFolderError: pandas is not installed.
+            UnusableFlightError: no message in the record.
+            ResampleError: not a rate.
+        """
+        from calibration.flights.data_frame import data_frame
+
+        return data_frame(self, rate_hz)
 
 
 def is_run_folder(path: Path) -> bool:
@@ -91,6 +114,8 @@ def read_info(path: Path) -> dict[str, Any]:
             value = info["config"].get(key)
             if value is not None and not isinstance(value, kind):
                 raise RunFolderError(f"{path} key 'config.{key}': {value!r} is no {word}: {REMEDY}")
+            if isinstance(value, int | float) and not abs(value) < _LARGEST:
+                raise RunFolderError(f"{path} key 'config.{key}': {value!r} cannot be: {REMEDY}")
     return info
 
 

@@ -10,6 +10,7 @@ import typer
 from perchhw.cli.campaign_plan import plan as plan_command
 from perchhw.cli.options import Drones, Lab, Mavlink, Note, Operator
 from perchhw.cli.output import FlightDisplay, console, emit, progress_console
+from perchhw.cli.view_option import LiveView, ViewKind, live_view
 
 if TYPE_CHECKING:
     from perchhw.campaign import AttemptRow
@@ -39,6 +40,7 @@ def run(
     operator: Operator = None,
     note: Note = None,
     mavlink: Mavlink = None,
+    view: LiveView = None,
 ) -> int:
     """Fly the attempts of a campaign file, one after another, and write its report; or its test flights.
 
@@ -63,7 +65,7 @@ def run(
 
     if has_flights(file):
         flights = replace(load_flight_plan(file, find_lab(lab)), operator=operator, note=note)
-        return _fly_courses(flights, out, resume, yes, mavlink)
+        return _fly_courses(flights, out, resume, yes, mavlink, view)
     plan = replace(load_plan(file, find_lab(lab), drone or ()), operator=operator, note=note)
     if skip_unflyable:
         plan = flyable_part(plan)
@@ -72,7 +74,12 @@ def run(
     folder = out or Path("runs") / f"campaign-{slug(plan.name)}"
     stopped: str | None = None
     try:
-        with hold_all(plan.drones), ground_station(mavlink) as listener, live_table() as show:
+        with (
+            hold_all(plan.drones),
+            ground_station(mavlink) as listener,
+            live_table() as show,
+            live_view(view, folder),
+        ):
             runner = attempt_after_attempt(confirmation(yes), FlightDisplay(phases=False), listener=listener)
             run_campaign(plan, folder, runner, resume=resume, retry_aborted=retry_aborted, on_change=show)
     except (CampaignStopped, DroneStopped) as stop:
@@ -85,7 +92,14 @@ def run(
     return 3 if stopped else 0
 
 
-def _fly_courses(plan: "FlightPlan", out: Path | None, resume: bool, yes: bool, mavlink: str | None) -> int:
+def _fly_courses(
+    plan: "FlightPlan",
+    out: Path | None,
+    resume: bool,
+    yes: bool,
+    mavlink: str | None,
+    view: ViewKind | None,
+) -> int:
     """Fly a campaign of test flights."""
     from functools import partial
 
@@ -99,7 +113,7 @@ def _fly_courses(plan: "FlightPlan", out: Path | None, resume: bool, yes: bool, 
     folder = out or Path("runs") / f"campaign-{slug(plan.name)}"
     screen = progress_console()
     screen.print(f"{len(plan.flights)} test flights", markup=False)
-    with hold(plan.drone), ground_station(mavlink) as listener:
+    with hold(plan.drone), ground_station(mavlink) as listener, live_view(view, folder):
         rows = fly_plan(
             plan,
             folder,

@@ -121,13 +121,12 @@ def _recording(rows: "list[AttemptRow]") -> Path | None:
     """The last landing as a Rerun recording beside its record, when rerun-sdk is installed."""
     from importlib.util import find_spec
 
-    from onboard.vehicle import load_vehicle
-    from perchhw.view.rerun_recording import write_rrd
+    from perchhw.view.show import write_rrd
 
     landed = [row.record for row in rows if row.record is not None and row.triggered]
     if not landed or find_spec("rerun") is None:
         return None
-    return write_rrd(landed[-1], load_vehicle(DEFAULT_VEHICLE), landed[-1] / "flight.rrd")
+    return write_rrd(landed[-1], landed[-1] / "flight.rrd")
 
 
 @dataclass(frozen=True)

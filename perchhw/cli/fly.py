@@ -14,6 +14,7 @@ from perchhw.attempt import (
 from perchhw.cli import exit_codes
 from perchhw.cli.options import Lab, Mavlink, Note, Operator
 from perchhw.cli.output import FlightDisplay, emit
+from perchhw.cli.view_option import LiveView, live_view
 
 app = typer.Typer(add_completion=False)
 
@@ -53,6 +54,7 @@ def fly(
     operator: Operator = None,
     note: Note = None,
     mavlink: Mavlink = None,
+    view: LiveView = None,
 ) -> int:
     """Fly one attempt: check, upload and verify, arm, take off, approach, land upside down, label.
 
@@ -79,7 +81,7 @@ def fly(
     setup.check()
     request = replace(setup.attempt(speed, angle, out), operator=operator, note=note)
     try:
-        with hold(setup.drone), ground_station(mavlink) as listener:
+        with hold(setup.drone), ground_station(mavlink) as listener, live_view(view, request.folder):
             if put_back:
                 Turnaround(setup.drone, confirmation(yes)).put_back()
             result = fly_attempt(request, dry_run=dry_run, on_phase=FlightDisplay(), listener=listener)

@@ -8,6 +8,7 @@ import typer
 from perchhw.attempt import DEFAULT_POLICY, DEFAULT_VEHICLE
 from perchhw.cli.options import FlightFormat, Legs, Policy
 from perchhw.cli.output import console, emit, progress_console
+from perchhw.cli.view import view
 
 if TYPE_CHECKING:
     from calibration.flights import Flight
@@ -51,18 +52,19 @@ def _draw_runs(runs: "list[RunSummary]") -> None:
 def export(
     run: _RunFolder,
     to: Annotated[
-        str, typer.Option(help="csv, parquet or ros2 (one MCAP file with ROS 2 messages).")
+        str, typer.Option(help="csv, parquet, foxglove or ros2 (one MCAP file with messages of theirs).")
     ] = "csv",
     out: Annotated[Path | None, typer.Option(help="Folder to write to; default: export/ in the run.")] = None,
+    rate: Annotated[float, typer.Option(help="Rate of resampled.*, all channels on one clock, Hz.")] = 100.0,
 ) -> int:
-    """Write a run for other tools: one file per topic and flight.* with all channels, or a ROS 2 bag."""
+    """Write a run for other tools: one file per topic and flight.* with all channels, or one MCAP file."""
     from calibration.flights.run_folder import read_run
     from perchhw.record.export import ExportError, ExportFormat, export_run
 
     if to not in tuple(ExportFormat):
-        raise ExportError(f"--to {to}: not a known format; use csv, parquet or ros2")
+        raise ExportError(f"--to {to}: not a known format; use {', '.join(ExportFormat)}")
     record = read_run(run)
-    files = export_run(record, out or run / "export", ExportFormat(to))
+    files = export_run(record, out or run / "export", ExportFormat(to), rate)
     for note in record.torn:
         progress_console().print(note, style="yellow", markup=False)
     emit(
@@ -163,22 +165,7 @@ def _in_words(evidence: dict[str, Any]) -> str:
     return f"aborted by {evidence['aborted_by']}" if evidence.get("aborted_by") else "never triggered"
 
 
-@app.command()
-def view(
-    run: _RunFolder,
-    out: Annotated[Path | None, typer.Option(help="File to write; default: flight.rrd in the run.")] = None,
-    open_viewer: Annotated[bool, typer.Option("--open", help="Open it in the Rerun viewer.")] = False,
-) -> int:
-    """Write a run as a Rerun recording (.rrd), to be opened with `rerun FILE`."""
-    from calibration.flights.perchhw_run import load_run
-    from perchhw.view.rerun_recording import open_in_viewer, write_rrd
-
-    flight = load_run(run)
-    path = write_rrd(run, _vehicle_of(flight, None, None), out or run / "flight.rrd")
-    emit({"run": str(run), "recording": str(path)}, str(path))
-    if open_viewer:
-        open_in_viewer(path)
-    return 0
+app.command()(view)
 
 
 @app.command()

@@ -13,6 +13,7 @@ import typer
 from onboard.errors import InputError, PerchhwError, SafetyStop
 from perchhw.cli import exit_codes
 from perchhw.cli.output import emit_error, progress_console, settings, written
+from perchhw.cli.view_option import complete_view_option
 
 _GLOBAL_FLAGS = ("--json", "-v", "--verbose")
 
@@ -49,6 +50,7 @@ VERBS: dict[str, Verb] = {
     "vehicle": Verb("perchhw.cli.vehicle", "List, show, check and compare vehicle files."),
     "mocap": Verb("perchhw.cli.mocap", "Watch what a mocap source delivers, or send it on."),
     "mavlink": Verb("perchhw.cli.mavlink", "Tell a ground station of a drone or of a record."),
+    "view": Verb("perchhw.cli.view", "Show a flight, while it is flown or afterwards.", group=False),
     "log": Verb("perchhw.cli.log", "List, export, label and view recorded flights."),
 }
 
@@ -117,7 +119,7 @@ def hoist_global_flags(arguments: Sequence[str]) -> list[str]:
 
 def run(arguments: Sequence[str]) -> int:
     """Run one command line and give its exit code."""
-    ordered = hoist_global_flags(arguments)
+    ordered = hoist_global_flags(complete_view_option(arguments))
     called = next((a for a in ordered if not a.startswith("-")), None)
     settings.as_json, settings.emitted = "--json" in ordered, False
     try:

@@ -9,6 +9,7 @@ from perchhw.attempt import DEFAULT_POLICY, DEFAULT_VEHICLE
 from perchhw.cli import exit_codes
 from perchhw.cli.options import Lab
 from perchhw.cli.output import emit
+from perchhw.cli.view_option import LiveView, live_view
 
 if TYPE_CHECKING:
     from perchhw.rehearsal.session import Rehearsal
@@ -35,6 +36,7 @@ def rehearse(
     out: Annotated[
         Path | None, typer.Option(help="Keep verdict and recording in a new folder inside this one.")
     ] = None,
+    view: LiveView = None,
 ) -> int:
     """Rehearse an approach on the desk, propellers off: the drone computes it, and nothing turns.
 
@@ -44,20 +46,50 @@ def rehearse(
     Exit codes: 0 passed, 1 failed, 2 input that cannot be used, 3 the drone is armed, flies or a motor turns,
     130 interrupted.
     """
+    from dataclasses import asdict
+
+    from onboard.policy.bundle import policy_crc32
     from onboard.policy.files import find_policy, load_policy
     from onboard.trajectory import fit_approach
     from onboard.vehicle import load_vehicle
     from perchhw.lab import desk_setup, find_lab
+    from perchhw.record import discard_if_empty, new_run_folder
     from perchhw.rehearsal.record import save_rehearsal, verdict_document
     from perchhw.rehearsal.session import rehearse as rehearse_on
+    from perchhw.rehearsal.watched import record_in
 
     setup = desk_setup(find_lab(lab), drone=drone, vehicle=vehicle, policy=policy)
     plan = fit_approach(speed, angle, setup.room)
     loaded = load_policy(find_policy(setup.policy))
-    rehearsal = rehearse_on(setup.drone, plan, loaded, load_vehicle(setup.vehicle, setup.legs))
+    design = load_vehicle(setup.vehicle, setup.legs)
+    folder, open_record = None, None
+    if view is not None:
+        out = out or Path("runs")
+        folder = new_run_folder(out, "rehearsal")
+        open_record = record_in(
+            folder,
+            {
+                "speed_m_s": speed,
+                "angle_deg": angle,
+                "drone": setup.drone,
+                "policy": setup.policy,
+                "policy_crc32": f"{policy_crc32(loaded):08x}",
+                "vehicle": setup.vehicle,
+                "legs": setup.legs,
+                "ceiling_z": float(plan.ceiling_z),
+                "room": asdict(setup.room),
+                "approach": {name: float(value) for name, value in plan._asdict().items()},
+            },
+        )
+    try:
+        with live_view(view, folder or Path()):
+            rehearsal = rehearse_on(setup.drone, plan, loaded, design, open_record)
+    finally:
+        if folder is not None:
+            discard_if_empty(folder)
     document, words = verdict_document(rehearsal), _in_words(rehearsal)
     if out is not None:
-        document["record"] = str(save_rehearsal(out, rehearsal))
+        document["record"] = str(save_rehearsal(out, rehearsal, folder))
         words += f"\nrecord: {document['record']}"
     emit(document, words)
     return exit_codes.DONE if rehearsal.verdict.passed else exit_codes.FAILED

@@ -3,20 +3,43 @@
 import csv
 import importlib
 import importlib.util
+import math
 from collections.abc import Callable, Iterable, Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from calibration.flights import Flight, UnusableFlightError
+from calibration.flights.flight import CHANNELS
 from calibration.flights.perchhw_run import flight_from_run
+from calibration.flights.resample import GAP_PERIODS, RATE_HZ, Resampled, resample
 from calibration.flights.run_folder import RunRecord, Series
 from onboard.errors import InputError
 from perchhw.errors import FlightStackError
 from perchhw.record.folder import make_folder
+from perchhw.record.foxglove import write_foxglove
 from perchhw.record.ros2_bag import write_ros2_bag
+from perchhw.record.topics import TOPICS
 
-Table = tuple[list[str], Iterable[Sequence[Any]]]
+
+class Column(NamedTuple):
+    """A column of a table: its name, unit and meaning."""
+
+    name: str
+    unit: str
+    meaning: str
+
+
+class Table(NamedTuple):
+    """Columns and rows, and what is to be said of the whole."""
+
+    columns: list[Column]
+    rows: Iterable[Sequence[Any]]
+    about: dict[str, str]
+
+
+_TIME = Column("t", "s", "time on the run's clock")
+_CLOCK = {"clock": "the run's monotonic clock; run.json has clock_at_start beside started_utc"}
 
 
 class ExportFormat(StrEnum):
@@ -25,42 +48,49 @@ class ExportFormat(StrEnum):
     CSV = "csv"
     PARQUET = "parquet"
     ROS2 = "ros2"
+    FOXGLOVE = "foxglove"
 
 
 class ExportError(FlightStackError, InputError):
     """The export cannot be made; the message says what to install or change."""
 
 
-def export_run(run: RunRecord, out: Path, format: ExportFormat) -> list[Path]:
+def export_run(run: RunRecord, out: Path, format: ExportFormat, rate_hz: float = RATE_HZ) -> list[Path]:
     """Write `run` into the folder `out` and give the files.
 
     ``<topic>.<format>`` holds the messages of a topic (``t`` in s on the run's clock, then its fields).
     ``flight.<format>`` holds all channels on one time column, empty where a channel has no sample; as CSV it
-    is of the flight format ``table``. With ``ros2`` it is one file (:mod:`perchhw.record.ros2_bag`).
+    is of the flight format ``table``. ``resampled.<format>`` is the same on one clock of `rate_hz`
+    (:mod:`calibration.flights.resample`). Columns of Parquet carry ``unit`` and ``meaning``. With ``ros2`` or
+    ``foxglove`` it is one MCAP file.
 
     Raises:
         ExportError: Parquet without pyarrow.
+        ResampleError: not a rate.
         OutputFolderError: `out` cannot be written.
     """
     if format is ExportFormat.ROS2:
         return [write_ros2_bag(run, out)]
+    if format is ExportFormat.FOXGLOVE:
+        return [write_foxglove(run, out)]
     write = _writer(format)
     make_folder(out)
     written = []
     for series in run.series.values():
         path = out / f"{series.topic}.{format}"
-        write(path, *_topic_table(series))
+        write(path, _topic_table(series))
         written.append(path)
     try:
         flight = flight_from_run(run)
     except UnusableFlightError:
         return written
-    path = out / f"flight.{format}"
-    write(path, *_flight_table(flight))
-    return [*written, path]
+    whole, resampled = out / f"flight.{format}", out / f"resampled.{format}"
+    write(whole, _flight_table(flight))
+    write(resampled, _resampled_table(resample(flight, rate_hz)))
+    return [*written, whole, resampled]
 
 
-def _writer(format: ExportFormat) -> Callable[[Path, list[str], Iterable[Sequence[Any]]], None]:
+def _writer(format: ExportFormat) -> Callable[[Path, Table], None]:
     if format is ExportFormat.CSV:
         return _write_csv
     if importlib.util.find_spec("pyarrow") is None:
@@ -74,7 +104,12 @@ def _topic_table(series: Series) -> Table:
         [float(t), *(message.get(name) for name in names)]
         for t, message in zip(series.t, series.messages, strict=True)
     )
-    return ["t", *names], rows
+    fields = {field.name: field for field in TOPICS[series.topic].fields} if series.topic in TOPICS else {}
+    columns = [
+        Column(name, fields[name].unit, fields[name].meaning) if name in fields else Column(name, "", "")
+        for name in names
+    ]
+    return Table([_TIME, *columns], rows, _CLOCK)
 
 
 def _flight_table(flight: Flight) -> Table:
@@ -88,22 +123,42 @@ def _flight_table(flight: Flight) -> Table:
         ]
         for i in range(flight.t.size)
     )
-    return ["t", *names], rows
+    return Table([_TIME, *_channels(names)], rows, _CLOCK)
 
 
-def _write_csv(path: Path, names: list[str], rows: Iterable[Sequence[Any]]) -> None:
+def _resampled_table(resampled: Resampled) -> Table:
+    columns = list(resampled.data.values())
+    rows = (
+        [float(t), *(None if math.isnan(c[i]) else float(c[i]) for c in columns)]
+        for i, t in enumerate(resampled.t)
+    )
+    rule = f"linear between a channel's samples, none where they are more than {GAP_PERIODS:g} periods apart"
+    about = {**_CLOCK, "rate_hz": f"{resampled.rate_hz:g}", "interpolation": rule}
+    return Table([_TIME, *_channels(list(resampled.data))], rows, about)
+
+
+def _channels(names: list[str]) -> list[Column]:
+    return [Column(name, CHANNELS[name].unit, CHANNELS[name].meaning) for name in names]
+
+
+def _write_csv(path: Path, table: Table) -> None:
     with path.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream)
-        writer.writerow(names)
-        writer.writerows(["" if value is None else value for value in row] for row in rows)
+        writer.writerow([column.name for column in table.columns])
+        writer.writerows(["" if value is None else value for value in row] for row in table.rows)
 
 
-def _write_parquet(path: Path, names: list[str], rows: Iterable[Sequence[Any]]) -> None:
+def _write_parquet(path: Path, table: Table) -> None:
     pyarrow = importlib.import_module("pyarrow")  # optional, and without types
     parquet = importlib.import_module("pyarrow.parquet")
-    columns: list[list[Any]] = [[] for _ in names]
-    for row in rows:
-        for column, value in zip(columns, row, strict=True):
-            column.append(float(value) if isinstance(value, int) and not isinstance(value, bool) else value)
-    table = pyarrow.table(dict(zip(names, (pyarrow.array(c) for c in columns), strict=True)))
-    parquet.write_table(table, path)
+    values: list[list[Any]] = [[] for _ in table.columns]
+    for row in table.rows:
+        for into, value in zip(values, row, strict=True):
+            into.append(float(value) if isinstance(value, int) and not isinstance(value, bool) else value)
+    arrays = [pyarrow.array(column) for column in values]
+    fields = [
+        pyarrow.field(column.name, array.type, metadata={"unit": column.unit, "meaning": column.meaning})
+        for column, array in zip(table.columns, arrays, strict=True)
+    ]
+    schema = pyarrow.schema(fields, metadata=table.about)
+    parquet.write_table(pyarrow.Table.from_arrays(arrays, schema=schema), path)

@@ -1,8 +1,9 @@
 """Write a run's record so that a killed process loses nothing that was written.
 
 Every message and every event is one ``write`` to the operating system, without a buffer in the process:
-after SIGKILL the kernel still has all of it. (A power failure may lose what the kernel had not yet put on the
-disk.) ``series.mcap`` is unchunked, because a chunk lives in the process until it is full.
+after SIGKILL the kernel still has all of it. A thread has the kernel put it on the disk every two seconds, so
+a power failure loses no more than these. ``series.mcap`` is unchunked, because a chunk lives in the process
+until it is full.
 """
 
 import json
@@ -30,6 +31,7 @@ from perchhw.record.folder import (
     make_folder,
     utc_now,
 )
+from perchhw.record.sync import PeriodicSync, Sync
 from perchhw.record.topics import TOPICS
 
 Scalar = float | int | str | bool | None
@@ -48,6 +50,11 @@ class _UnbufferedFile:
     def __init__(self, path: Path) -> None:
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
         self._position = 0
+
+    @property
+    def descriptor(self) -> int:
+        """Of the open file."""
+        return self._descriptor
 
     def write(self, data: bytes | bytearray | memoryview) -> int:
         view = memoryview(data)
@@ -73,15 +80,19 @@ class RunRecorder:
             ``speed_m_s``, ``angle_deg``, ``ceiling_z``, ``vehicle``, ``legs``, ``policy_crc32``, ``seed``,
             ``drone``, ``mocap``. Must be JSON.
         clock: the monotonic clock of the flight (s).
+        sync: puts a file on the disk; in a thread of its own, so that no writer waits for it.
 
     Raises:
         RecordError: the folder already holds a record.
         OutputFolderError: it cannot be written.
     """
 
-    def __init__(self, folder: Path, config: Mapping[str, Any], clock: Clock = monotonic) -> None:
+    def __init__(
+        self, folder: Path, config: Mapping[str, Any], clock: Clock = monotonic, sync: Sync = os.fsync
+    ) -> None:
         self.folder = folder
         self._clock = clock
+        self._sync_file = sync
         self._lock = threading.Lock()
         self._closed = False
         self._sequence = dict.fromkeys(TOPICS, 0)
@@ -120,6 +131,7 @@ class RunRecorder:
         # Makes the writer put schemas and channels into the file: those of a run without a message would come
         # after its CRC had been computed, which would then be wrong.
         self._writer.add_metadata("perchhw.run", {"schema": self._info["schema"]})
+        self._sync = PeriodicSync((self._stream.descriptor, self._events.descriptor), self._sync_file)
 
     def _register(self, name: str) -> int:
         schema = json.dumps(TOPICS[name].json_schema()).encode()
@@ -178,6 +190,7 @@ class RunRecorder:
                 return
             self._closed = True
             self._writer.finish()
+            self._sync.stop()
             self._stream.close()
             self._events.close()
             ended = {"closed": True, "ended_utc": utc_now().isoformat(), "clock_at_end": self._clock()}
@@ -187,6 +200,11 @@ class RunRecorder:
     def _require_open(self) -> None:
         if self._closed:
             raise RecordError(f"the record {self.folder} is closed")
+        if (problem := self._sync.problem) is not None:
+            raise RecordError(
+                f"{self.folder}: the disk does not take the record ({problem.strerror}); what it took until "
+                "now can be read; look at the disk before the next flight"
+            ) from problem
 
     def __enter__(self) -> Self:
         return self

@@ -5,7 +5,6 @@ from when the run began, on the clock of the flight.
 """
 
 from collections.abc import Iterator
-from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,6 +16,7 @@ from onboard.lab_file import split_subject
 from perchhw.record.folder import make_folder
 from perchhw.record.ros2_types import encode, schema_name, schema_text
 from perchhw.record.topics import TOPICS
+from perchhw.record.wall_time import NANOSECOND, wall_clock
 
 WORLD = "world"
 NAME = "cf1"
@@ -47,10 +47,11 @@ def write_ros2_bag(run: RunRecord, out: Path) -> Path:
 
     Raises:
         OutputFolderError: `out` cannot be written.
+        RunFolderError: the record does not say when it began.
     """
+    clock = wall_clock(run)
     make_folder(out)
     path = out / "ros2.mcap"
-    begin = datetime.fromisoformat(run.info["started_utc"]).timestamp() - float(run.info["clock_at_start"])
     name = split_subject(str(run.config.get("mocap") or ""))[1] or NAME
     channels: dict[str, int] = {}
     schemas: dict[str, int] = {}
@@ -58,7 +59,7 @@ def write_ros2_bag(run: RunRecord, out: Path) -> Path:
         writer = Writer(stream)
         writer.start(profile="ros2", library="perchhw")
         for message in sorted(_messages(run, name), key=lambda message: message.t):
-            time_ns = round(1e9 * (begin + message.t))
+            time_ns = clock(message.t)
             kind = message.kind
             if kind not in schemas:
                 text = schema_text(kind).encode()
@@ -72,7 +73,7 @@ def write_ros2_bag(run: RunRecord, out: Path) -> Path:
 
 
 def _stamped(message: _Message, time_ns: int) -> dict[str, Any]:
-    stamp = {"sec": time_ns // 1_000_000_000, "nanosec": time_ns % 1_000_000_000}
+    stamp = {"sec": time_ns // NANOSECOND, "nanosec": time_ns % NANOSECOND}
     if message.kind == "tf2_msgs/TFMessage":
         header = {"header": {"stamp": stamp, "frame_id": WORLD}}
         return {"transforms": [{**transform, **header} for transform in message.values["transforms"]]}

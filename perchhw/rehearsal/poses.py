@@ -1,5 +1,6 @@
 """Poses of an approach that nobody flies, as motion capture would send them."""
 
+from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
@@ -36,9 +37,18 @@ class ApproachPoses:
         plan: the approach.
         smoothing: see :func:`ideal_state`.
         time: clock and pauses.
+        on_pose: told of every position that was sent (m).
     """
 
-    def __init__(self, link: "DroneLink", plan: ApproachPlan, smoothing: float, time: Timebase) -> None:
+    def __init__(
+        self,
+        link: "DroneLink",
+        plan: ApproachPlan,
+        smoothing: float,
+        time: Timebase,
+        on_pose: Callable[[Vector], None] | None = None,
+    ) -> None:
+        self._on_pose = on_pose
         self._link = link
         self._plan = plan
         self._smoothing = smoothing
@@ -63,9 +73,12 @@ class ApproachPoses:
         due = self._time()
         while not self._ended.wait(max(0.0, due - self._time())):
             try:
-                self._link.send_pose(self._position(), LEVEL)
+                position = self._position()
+                self._link.send_pose(position, LEVEL)
             except LinkLost:
                 return  # who waits for the drone's answers hears why
+            if self._on_pose is not None:
+                self._on_pose(position)
             due += PERIOD_S
 
     def _position(self) -> Vector:

@@ -58,13 +58,13 @@ def _finite(value: float | None) -> float | None:
     return value if value is not None and math.isfinite(value) else None
 
 
-def save_rehearsal(parent: Path, rehearsal: "Rehearsal") -> Path:
-    """Write verdict and ring to a new folder in `parent`, and give it.
+def save_rehearsal(parent: Path, rehearsal: "Rehearsal", folder: Path | None = None) -> Path:
+    """Write verdict and ring to `folder`, or to a new one in `parent`, and give it.
 
     Raises:
         OutputFolderError: it cannot be written.
     """
-    folder = new_run_folder(parent, "rehearsal")
+    folder = folder or new_run_folder(parent, "rehearsal")
     document = json.dumps(verdict_document(rehearsal), indent=2, allow_nan=False)
     try:
         (folder / VERDICT_FILE).write_text(document + "\n", encoding="utf-8")

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -24,6 +24,7 @@ from onboard.vehicle.onboard_constants import vehicle_crc32
 from perchhw.errors import FlightStackError
 from perchhw.rehearsal.poses import ApproachPoses
 from perchhw.rehearsal.verdict import Verdict, judge
+from perchhw.rehearsal.watched import CUES, OpenRecord, RehearsalRecord
 
 if TYPE_CHECKING:
     from onboard.link import DroneLink, LogSample
@@ -64,8 +65,18 @@ class Rehearsal:
     verdict: Verdict
 
 
-def rehearse(drone: str, plan: ApproachPlan, policy: Policy, vehicle: Vehicle) -> Rehearsal:
+def rehearse(
+    drone: str,
+    plan: ApproachPlan,
+    policy: Policy,
+    vehicle: Vehicle,
+    open_record: OpenRecord | None = None,
+) -> Rehearsal:
     """Rehearse an approach on the drone at `drone` (URI), whose firmware was built for `vehicle`.
+
+    Args:
+        drone, plan, policy, vehicle: what is rehearsed.
+        open_record: opens a record of it, for a view that follows; the drone then sends its cues too.
 
     Raises:
         RehearsalRefused, DroneIsFlying: the drone is armed, flies, or a motor turns.
@@ -82,8 +93,8 @@ def rehearse(drone: str, plan: ApproachPlan, policy: Policy, vehicle: Vehicle) -
             engine = engine_of(link)
             crc = link.upload_policy(encode_bundle(policy))
             _await_slot(time)
-            with _rehearsing(link):
-                ring, reason = _fly(link, plan, landing_limits(vehicle).smoothing, time)
+            with _rehearsing(link), open_record(time) if open_record else nullcontext() as record:
+                ring, reason = _fly(link, plan, landing_limits(vehicle).smoothing, time, record)
     return Rehearsal(engine, crc, ring, judge(ring, reason, plan, policy, vehicle))
 
 
@@ -107,16 +118,21 @@ def _rehearsing(link: "DroneLink") -> Iterator[None]:
 class _Drone:
     """What the drone said last."""
 
-    def __init__(self, link: "DroneLink") -> None:
+    def __init__(self, link: "DroneLink", record: RehearsalRecord | None) -> None:
+        self._record = record
         self.state, self.reason = LandingState.IDLE, EndReason.NONE
         self._estimate: tuple[float, ...] = (math.nan,) * 6
         names = tuple(f"stateEstimate.{name}" for name in _STATE)
         link.stream((*names, Log.STATE, Log.REASON), 10, self._take)
+        if record is not None:
+            link.stream(tuple(CUES), 10, record.take_cues)
 
     def _take(self, sample: "LogSample") -> None:
         values = sample.values
         self._estimate = tuple(values[f"stateEstimate.{name}"] for name in _STATE)
         self.state, self.reason = LandingState(int(values[Log.STATE])), EndReason(int(values[Log.REASON]))
+        if self._record is not None:
+            self._record.take_state(self._estimate, self.state)
 
     def is_at_start(self, plan: ApproachPlan) -> bool:
         """Whether it believes to stand still where the approach begins."""
@@ -124,10 +140,16 @@ class _Drone:
         return near and math.hypot(*self._estimate[3:]) <= SETTLED_M_S
 
 
-def _fly(link: "DroneLink", plan: ApproachPlan, smoothing: float, time: Timebase) -> tuple[Ring, EndReason]:
+def _fly(
+    link: "DroneLink",
+    plan: ApproachPlan,
+    smoothing: float,
+    time: Timebase,
+    record: RehearsalRecord | None,
+) -> tuple[Ring, EndReason]:
     """The approach from its arming to what was recorded."""
-    told = _Drone(link)
-    with ApproachPoses(link, plan, smoothing, time) as poses:
+    told = _Drone(link, record)
+    with ApproachPoses(link, plan, smoothing, time, None if record is None else record.take_pose) as poses:
         if not poll(lambda: told.is_at_start(plan), bool, time, SETTLE_TIMEOUT_S):
             raise RehearsalFailed(
                 f"the drone does not believe within {SETTLE_TIMEOUT_S:g} s the poses that it is sent; "

@@ -1,5 +1,1 @@
-"""Views of a flight in Rerun."""
-
-from perchhw.view.rerun_recording import ViewError, open_in_viewer, write_rrd
-
-__all__ = ["ViewError", "open_in_viewer", "write_rrd"]
+"""Views of a flight in Rerun, live and recorded: ``docs/view.md``."""

@@ -145,7 +145,8 @@ def test_export_is_complete_and_reads_back(
     code, document, _ = call(capsys, "log", "export", landing, "--out", tmp_path)
     assert code == 0
     files = {Path(f).name for f in document["files"]}
-    assert files == {f"{n}.csv" for n in ("pose", "rates", "estimate", "cues", "power", "trigger", "flight")}
+    topics = ("pose", "rates", "estimate", "cues", "power", "trigger")
+    assert files == {f"{name}.csv" for name in (*topics, "flight", "resampled")}
     with (tmp_path / "rates.csv").open() as stream:
         rows = list(csv.DictReader(stream))
     assert list(rows[0]) == ["t", "gx", "gy", "gz"]
@@ -214,7 +215,7 @@ def test_a_folder_that_cannot_be_written_is_named(
         code, _, errors = call(capsys, *command, "--out", out)
         assert code == 2, command
         assert f"{out}: cannot be written" in errors, command
-    code, _, errors = call(capsys, "log", "view", landing, "--out", out / "x.rrd")
+    code, _, errors = call(capsys, "log", "view", landing, "--save", out / "x.rrd")
     assert code == 2
     assert f"{out}: cannot be written" in errors
 

@@ -10,17 +10,24 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from onboard.app_interface import Parameter
+from calibration.flights.run_folder import read_run
+from onboard.app_interface import LandingState, Parameter
 from onboard.firmware.compiler import find_compiler
 from onboard.lab_time import open_timebase
 from onboard.link import DroneLink
+from onboard.policy.files import find_policy, load_policy
+from onboard.trajectory import fit_approach
 from onboard.vehicle import load_vehicle
 from perchhw.attempt import DEFAULT_VEHICLE
 from perchhw.cli.main import run
+from perchhw.lab import desk_setup
 from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
-from perchhw.rehearsal.record import COLUMNS
+from perchhw.rehearsal.record import COLUMNS, save_rehearsal
+from perchhw.rehearsal.session import rehearse as rehearse_in_session
+from perchhw.rehearsal.watched import record_in
 from sim_backend.engine_name import EngineName
 from tests.patience import PATIENCE_S, patient_uri, until
 from tests.sim_crazyflie.served_flight import ServedFlight, serve_flight
@@ -72,17 +79,37 @@ def test_the_papers_approach_passes_and_nothing_moves(
     assert json.loads((Path(said["record"]) / "verdict.json").read_text())["pass"] is True
 
 
-def test_a_lab_in_lock_step_gives_the_same_verdict_again(capsys: pytest.CaptureFixture[str]) -> None:
+def rehearse_on_record(uri: str, folder: Path) -> tuple[int, dict[str, Any]]:
+    """As the command does with ``--view``, but for the viewer."""
+    setup = desk_setup(None, drone=uri, vehicle=None, policy=None)
+    plan = fit_approach(2.5, 50.0, setup.room)
+    policy, vehicle = load_policy(find_policy(setup.policy)), load_vehicle(setup.vehicle, setup.legs)
+    rehearsal = rehearse_in_session(setup.drone, plan, policy, vehicle, record_in(folder, {}))
+    save_rehearsal(folder.parent, rehearsal, folder)
+    return int(not rehearsal.verdict.passed), json.loads((folder / "verdict.json").read_text())
+
+
+def test_a_lab_in_lock_step_gives_the_same_verdict_again_also_on_record(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Poses and answers of one ms may come to the drone in either order: its inputs move by a ms at most."""
     said, inputs = [], []
-    for _ in range(2):
+    for on_record in (False, True):
         with lab(EngineName.REFERENCE) as served:
-            code, document = rehearse(served.drones[0], capsys)
+            uri = served.drones[0]
+            code, document = rehearse_on_record(uri, tmp_path / "run") if on_record else rehearse(uri, capsys)
         inputs.append(document.pop("input_difference"))
         del document["force_difference_n"]
         said.append((code, document))
     assert said[0] == said[1]
     assert inputs[0] == pytest.approx(inputs[1], rel=0.1, abs=0.01)
+    run = read_run(tmp_path / "run")
+    cues, poses = run.series["cues"], run.series["pose"]
+    assert {LandingState.APPROACH, LandingState.FLIP} <= set(cues.numbers("state"))
+    assert np.nanmax(cues.numbers("trigger_value")) >= 0.0  # it fired
+    assert np.diff(poses.t) == pytest.approx(0.01, abs=0.002)
+    assert run.series["estimate"].numbers("z").max() > 1.0
+    assert run.closed
 
 
 @pytest.mark.parametrize("engine", [EngineName.C, pytest.param(EngineName.REFERENCE, marks=pytest.mark.soak)])

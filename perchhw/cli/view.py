@@ -1,0 +1,72 @@
+"""``perchhw view``: a flight in the Rerun viewer, while it is flown or afterwards."""
+
+import math
+import os
+import signal
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from perchhw.cli.output import emit
+
+app = typer.Typer(add_completion=False)
+
+_NICE = 10
+"""What is looked at yields to what flies."""
+
+
+@app.command()
+def view(
+    run: Annotated[
+        Path, typer.Argument(help="A run folder, or a folder whose newest run is meant, as of a campaign.")
+    ] = Path("runs"),
+    web: Annotated[
+        bool, typer.Option("--web", help="Serve it to a browser on this machine instead of opening a window.")
+    ] = False,
+    port: Annotated[
+        int | None, typer.Option(help="With --web: port of the page; default: 9090, or a free one.")
+    ] = None,
+    save: Annotated[
+        Path | None, typer.Option(help="Write a recording (.rrd) instead, to be opened with `rerun FILE`.")
+    ] = None,
+    wait: Annotated[float, typer.Option(help="How long the run may take to begin, s.")] = 0.0,
+    linger: Annotated[
+        float | None,
+        typer.Option(
+            help="How long to wait for the next run, or serve on, when one has ended, s. "
+            "Default: with --web until interrupted, else 0."
+        ),
+    ] = None,
+) -> int:
+    """Show a run in Rerun: the room, the optical-flow space, cues, motors, health and what happened.
+
+    A run that is being flown is followed as its record grows; drone and flight do not notice. Everything is
+    served on 127.0.0.1 only.
+    """
+    from calibration.flights.growing_run import GrowingRun
+    from perchhw.view.errors import ViewError, require_rerun
+    from perchhw.view.show import Show, newest_run, write_rrd
+    from perchhw.view.viewer import open_desktop_viewer, open_web_viewer
+
+    require_rerun()
+    if save is not None:
+        if web or port is not None:
+            raise ViewError("--save writes a file, --web serves a page: give one of them")
+        folder = newest_run(run) or run
+        emit({"run": str(folder), "file": str(write_rrd(folder, save))}, str(save))
+        return 0
+    if newest_run(run) is None and wait <= 0.0:
+        raise ViewError(f"{run}: no run here to show; give a run folder, or --wait for one")
+    if (shown := newest_run(run)) is not None:
+        GrowingRun(shown).look()  # what is damaged is told before anything opens
+    os.nice(_NICE)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C: the page is not left behind
+    viewer = open_web_viewer(port) if web else open_desktop_viewer()
+    try:
+        emit({"run": str(run), "url": viewer.page}, f"view: {viewer.page}" if viewer.page else "view: opened")
+        Show(run, viewer).run(wait, linger if linger is not None else (math.inf if web else 0.0))
+    finally:
+        if web:
+            viewer.end()
+    return 0

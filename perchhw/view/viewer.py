@@ -1,0 +1,160 @@
+"""The Rerun viewer as a process of its own, on the desktop or for a browser; it listens on loopback only."""
+
+import importlib.util
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+import urllib.parse
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from perchhw.view.errors import ViewError
+
+LOOPBACK = "127.0.0.1"
+WEB_PORT = 9090
+_START_S = 60.0
+_LOOK_S = 0.05
+
+
+@dataclass(frozen=True)
+class Viewer:
+    """A viewer that takes recordings.
+
+    Attributes:
+        feed: where recordings are sent to.
+        page: what a browser opens; None on the desktop.
+        process: the viewer.
+    """
+
+    feed: str
+    page: str | None
+    process: "subprocess.Popen[bytes]"
+
+    @property
+    def closed(self) -> bool:
+        """Whether somebody has closed it.
+
+        Raises:
+            ViewError: it ended by itself.
+        """
+        code = self.process.poll()
+        if code:
+            raise ViewError(
+                f"the Rerun viewer has failed (code {code}); without a screen use --web or --save"
+            )
+        return code is not None
+
+    def end(self) -> None:
+        """Close it."""
+        self.process.terminate()
+        with suppress(subprocess.TimeoutExpired):
+            self.process.wait(timeout=5.0)
+            return
+        self.process.kill()
+        self.process.wait()
+
+
+def open_desktop_viewer() -> Viewer:
+    """Open the viewer's window; it stays open when this process ends.
+
+    Raises:
+        ViewError: it does not start, for example without a screen.
+    """
+    port = _free_port()
+    process = _start(["--port", str(port), "--expect-data-soon"], (port,), "without a screen use --web")
+    return Viewer(_feed(port), None, process)
+
+
+def open_web_viewer(port: int | None = None) -> Viewer:
+    """Serve the viewer to a browser on this machine.
+
+    Args:
+        port: of the page; None: 9090, or a free one where that is taken.
+
+    Raises:
+        ViewError: it does not start.
+    """
+    feed = _free_port()
+    if port is None:
+        port = WEB_PORT if _is_free(WEB_PORT) else _free_port()
+    elif not _is_free(port):
+        raise ViewError(f"--port {port}: taken by another program; give another one")
+    process = _start(
+        ["--serve-web", "--port", str(feed), "--web-viewer-port", str(port)], (feed, port), "see above"
+    )
+    query = urllib.parse.urlencode({"url": _feed(feed)})
+    return Viewer(_feed(feed), f"http://{LOOPBACK}:{port}/?{query}", process)
+
+
+def _start(arguments: Sequence[str], ports: Sequence[int], remedy: str) -> "subprocess.Popen[bytes]":
+    """Start the viewer, and wait until it takes connections on `ports`."""
+    process = subprocess.Popen(
+        [_program(), "--bind", LOOPBACK, *arguments],
+        stdin=subprocess.DEVNULL,
+        stdout=sys.stderr.fileno(),
+        env=_quiet_environment(),
+        start_new_session=True,
+    )
+    deadline = time.monotonic() + _START_S
+    while not all(_answers(port) for port in ports):
+        if process.poll() is not None:
+            raise ViewError(f"the Rerun viewer ended at once (code {process.returncode}): {remedy}")
+        if time.monotonic() > deadline:
+            process.kill()
+            raise ViewError(f"the Rerun viewer did not start within {_START_S:g} s: {remedy}")
+        time.sleep(_LOOK_S)
+    return process
+
+
+def _program() -> str:
+    """The viewer that came with rerun-sdk, itself: a wrapper around it would leave it behind when ended."""
+    package = importlib.util.find_spec("rerun_cli")
+    if package is not None and package.origin is not None:
+        bundled = Path(package.origin).parent / "rerun"
+        if bundled.is_file():
+            return str(bundled)
+    found = shutil.which("rerun")
+    if found is None:
+        raise ViewError("the program rerun is not found: pip install 'perchhw[view]'")
+    return found
+
+
+def _quiet_environment() -> dict[str, str]:
+    """The environment with a configuration in which Rerun tells nobody that it is used (on Linux)."""
+    folder = Path(tempfile.gettempdir()) / f"perchhw-rerun-{os.getuid()}"
+    environment = {**os.environ, "XDG_CONFIG_HOME": str(folder), "RUST_LOG": "error"}
+    quiet = [_program(), "analytics", "disable"]
+    subprocess.run(quiet, env=environment, capture_output=True, check=False, timeout=_START_S)
+    return environment
+
+
+def _feed(port: int) -> str:
+    return f"rerun+http://{LOOPBACK}:{port}/proxy"
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind((LOOPBACK, 0))
+        return int(probe.getsockname()[1])
+
+
+def _is_free(port: int) -> bool:
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((LOOPBACK, port))
+        except OSError:
+            return False
+    return True
+
+
+def _answers(port: int) -> bool:
+    with suppress(OSError), socket.create_connection((LOOPBACK, port), timeout=1.0):
+        return True
+    return False
