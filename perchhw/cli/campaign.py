@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from perchhw.cli.campaign_plan import plan as plan_command
-from perchhw.cli.options import Drones, Lab, Mavlink, Note, Operator
+from perchhw.cli.options import AcceptMismatch, Drones, Lab, Mavlink, Note, Operator
 from perchhw.cli.output import FlightDisplay, console, emit, progress_console
 
 if TYPE_CHECKING:
@@ -38,6 +38,7 @@ def run(
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before each attempt.")] = False,
     operator: Operator = None,
     note: Note = None,
+    accept_mismatch: AcceptMismatch = False,
     mavlink: Mavlink = None,
 ) -> int:
     """Fly the attempts of a campaign file, one after another, and write its report; or its test flights.
@@ -64,7 +65,8 @@ def run(
     if has_flights(file):
         flights = replace(load_flight_plan(file, find_lab(lab)), operator=operator, note=note)
         return _fly_courses(flights, out, resume, yes, mavlink)
-    plan = replace(load_plan(file, find_lab(lab), drone or ()), operator=operator, note=note)
+    plan = load_plan(file, find_lab(lab), drone or ())
+    plan = replace(plan, operator=operator, note=note, accept_mismatch=accept_mismatch)
     if skip_unflyable:
         plan = flyable_part(plan)
     else:

@@ -12,7 +12,7 @@ from perchhw.attempt import (
     AttemptResult,
 )
 from perchhw.cli import exit_codes
-from perchhw.cli.options import Lab, Mavlink, Note, Operator
+from perchhw.cli.options import AcceptMismatch, Lab, Mavlink, Note, Operator
 from perchhw.cli.output import FlightDisplay, emit
 
 app = typer.Typer(add_completion=False)
@@ -52,6 +52,7 @@ def fly(
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask whether it stands there.")] = False,
     operator: Operator = None,
     note: Note = None,
+    accept_mismatch: AcceptMismatch = False,
     mavlink: Mavlink = None,
 ) -> int:
     """Fly one attempt: check, upload and verify, arm, take off, approach, land upside down, label.
@@ -77,7 +78,9 @@ def fly(
         find_lab(lab), drone=drone, mocap=mocap, vehicle=vehicle, legs=legs, policy=policy, ceiling=ceiling
     )
     setup.check()
-    request = replace(setup.attempt(speed, angle, out), operator=operator, note=note)
+    request = replace(
+        setup.attempt(speed, angle, out), operator=operator, note=note, accept_mismatch=accept_mismatch
+    )
     try:
         with hold(setup.drone), ground_station(mavlink) as listener:
             if put_back:
@@ -102,6 +105,8 @@ def _emit(result: AttemptResult, dry_run: bool) -> None:
         "trigger": result.trigger,
         "aborted_by": result.aborted_by,
         "fell": result.fell,
+        "accepted_mismatches": result.accepted_mismatches,
+        "not_compared": result.not_compared,
         "record": str(result.record),
     }
     emit(document, _in_words(document, dry_run))
@@ -109,6 +114,9 @@ def _emit(result: AttemptResult, dry_run: bool) -> None:
 
 def _in_words(document: dict[str, Any], dry_run: bool) -> str:
     record = f"record: {document['record']}"
+    for key, words in (("not_compared", "not compared"), ("accepted_mismatches", "mismatch, accepted")):
+        for sentence in reversed(document[key]):
+            record = f"{words}: {sentence}\n{record}"
     if document["fell"] is not None:
         record = f"{document['fell']}\n{record}"
     if document["aborted_by"] is not None:

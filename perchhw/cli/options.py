@@ -25,4 +25,11 @@ Drones = Annotated[
 ]
 Operator = Annotated[str | None, typer.Option(metavar="NAME", help="Who flies; kept with every record.")]
 Note = Annotated[str | None, typer.Option(metavar="TEXT", help="What to remember; kept with every record.")]
+AcceptMismatch = Annotated[
+    bool,
+    typer.Option(
+        "--accept-mismatch",
+        help="Fly also what does not belong together (policy, vehicle, ceiling, drone); the record says so.",
+    ),
+]
 FlightFormat = Annotated[str, typer.Option("--format", help="auto, perchhw, habas, table, nanobench or usd.")]
