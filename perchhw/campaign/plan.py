@@ -220,7 +220,7 @@ def load_plan(path: Path, lab: LabFile | None = None, drones: Sequence[str] = ()
             vehicle or kind of address that does not exist.
     """
     root = FileTable(path, "", read_toml(path, CampaignFileError))
-    root.choice("schema", (SCHEMA,))
+    root.schema(SCHEMA)
     grid, stop = root.table("grid"), root.table("stop", required=False)
     day = root.table("day", required=False)
     setup, *others = setups_of(root, lab, drones)

@@ -20,6 +20,7 @@ import numpy as np
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import IndexType, Writer
 
+from calibration.flights.run_folder import SCHEMA
 from onboard.clock import Clock, monotonic
 from onboard.json_file import write_json_atomically
 from perchhw.errors import FlightStackError
@@ -87,7 +88,7 @@ class RunRecorder:
         self._sequence = dict.fromkeys(TOPICS, 0)
         make_folder(folder)
         self._info: dict[str, Any] = {
-            "schema": "perchhw.run/1",
+            "schema": SCHEMA,
             "config": dict(config),
             "versions": _versions(),
             "started_utc": utc_now().isoformat(),
