@@ -54,8 +54,11 @@ def run(
     from onboard.link.errors import DroneStopped
     from perchhw.campaign import CampaignStopped, check_approaches, flyable_part, load_plan, run_campaign
     from perchhw.campaign.courses import has_flights, load_flight_plan
+    from perchhw.campaign.plan import Slot
+    from perchhw.campaign.run import request_of
     from perchhw.campaign.seats import hold_all
     from perchhw.cli.prompts import confirmation
+    from perchhw.flight.fit import check_fit
     from perchhw.flight.ground_station import ground_station
     from perchhw.flight.turnaround import attempt_after_attempt
     from perchhw.lab import find_lab
@@ -67,6 +70,7 @@ def run(
         return _fly_courses(flights, out, resume, yes, mavlink)
     plan = load_plan(file, find_lab(lab), drone or ())
     plan = replace(plan, operator=operator, note=note, accept_mismatch=accept_mismatch)
+    check_fit(request_of(plan, Slot(0, plan.speeds[0], plan.angles_deg[0], 1), Path(), try_number=1))
     if skip_unflyable:
         plan = flyable_part(plan)
     else:

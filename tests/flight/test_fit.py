@@ -112,6 +112,17 @@ def test_nobody_is_asked_before_it_fits(tmp_path: Path) -> None:
     assert not (tmp_path / "run").exists()
 
 
+def test_a_campaign_is_refused_before_its_folder_is_made(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, out = tmp_path / "c.toml", tmp_path / "out"
+    where = f'drone = "{REQUEST.drone}"\nmocap = "{REQUEST.mocap}"\nlegs = "wide-long"'
+    file.write_text(f'schema = "perchhw.campaign/1"\n{where}\n[grid]\nspeeds = [2.5]\nangles_deg = [50.0]\n')
+    assert run(["campaign", "run", str(file), "--out", str(out), "--yes"]) == 2
+    assert "trained for semi-narrow-long legs" in capsys.readouterr().err
+    assert not out.exists()
+
+
 @pytest.fixture(scope="module")
 def stock_lab() -> Any:
     with SimulatedLab("lab", (*FREE_PORTS, *LOCKSTEP, "--vehicle", "crazyflie21-stock")) as lab:
