@@ -6,12 +6,11 @@ from typing import Annotated, Any
 import typer
 
 from perchhw.attempt import (
-    DEFAULT_POLICY,
-    DEFAULT_VEHICLE,
     AttemptInterrupted,
     AttemptResult,
 )
 from perchhw.cli import exit_codes
+from perchhw.cli.lab_options import LabDrone, LabLegs, LabMocap, LabPolicy, LabVehicle
 from perchhw.cli.options import AcceptMismatch, Lab, Mavlink, Note, Operator
 from perchhw.cli.output import FlightDisplay, emit
 
@@ -25,21 +24,11 @@ def fly(
     speed: Annotated[float, typer.Option(help="Speed on the approach line, m/s.")],
     angle: Annotated[float, typer.Option(help="Angle of the approach line above the horizon, deg.")],
     lab: Lab = None,
-    drone: Annotated[str | None, typer.Option(help=f"URI of the drone. {_DEFAULT}.")] = None,
-    mocap: Annotated[
-        str | None, typer.Option(help=f"URI of the poses: vicon://HOST[:PORT]?subject=NAME. {_DEFAULT}.")
-    ] = None,
-    policy: Annotated[
-        str | None,
-        typer.Option(help=f"Policy file, or name of a shipped one. {_DEFAULT}, or {DEFAULT_POLICY!r}."),
-    ] = None,
-    vehicle: Annotated[
-        str | None,
-        typer.Option(help=f"Vehicle file, or name of a known one. {_DEFAULT}, or {DEFAULT_VEHICLE!r}."),
-    ] = None,
-    legs: Annotated[
-        str | None, typer.Option(help=f"Leg design. {_DEFAULT}, or of the vehicle itself.")
-    ] = None,
+    drone: LabDrone = None,
+    mocap: LabMocap = None,
+    policy: LabPolicy = None,
+    vehicle: LabVehicle = None,
+    legs: LabLegs = None,
     ceiling: Annotated[
         float | None,
         typer.Option(help=f"Height of the ceiling over x = y = 0, m. {_DEFAULT}, or of the simulated room."),

@@ -50,6 +50,9 @@ VERBS: dict[str, Verb] = {
     "mocap": Verb("perchhw.cli.mocap", "Watch what a mocap source delivers, or send it on."),
     "mavlink": Verb("perchhw.cli.mavlink", "Tell a ground station of a drone or of a record."),
     "log": Verb("perchhw.cli.log", "List, export, label and view recorded flights."),
+    "completion": Verb(
+        "perchhw.cli.completion", "Print a script that makes bash, zsh or fish complete perchhw.", group=False
+    ),
 }
 
 

@@ -164,3 +164,16 @@ def test_the_library_refuses_hardware_as_the_command_line_does(folder: Path) -> 
     with pytest.raises(LabRequired):
         fly_course(CourseRequest(kind="vertical_steps", **where))
     assert not (folder / "run").exists()
+
+
+def test_an_option_beats_the_environment_which_beats_the_lab_file(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "elsewhere.toml").write_text(LAB)
+    monkeypatch.setenv("PERCHHW_LAB", "elsewhere.toml")
+    monkeypatch.setenv("PERCHHW_LEGS", "short")
+    assert "there is no design 'short'" in error_of(capsys, FLY)
+    assert "there is no design 'long'" in error_of(capsys, [*FLY, "--legs", "long"])
+    monkeypatch.setenv("PERCHHW_DRONE", "nowhere://1")
+    assert "nowhere://1" in error_of(capsys, FLY)
+    assert "elsewhere://2" in error_of(capsys, [*FLY, "--drone", "elsewhere://2"])
