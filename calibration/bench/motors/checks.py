@@ -19,7 +19,7 @@ BAD_EDGE_SHARE = 0.02
 SPEED_RANGE = (1500.0, 3200.0)
 """rad/s that the fastest step of a 7x16 mm motor reaches (bench notes 1.2)."""
 REACH_MARGIN = 1.1
-"""A motor that is faster than the vehicle file says by more is worth a look: 10 % in speed are 21 % in thrust."""
+"""Faster than the vehicle file says by more is worth a look: 10 % in speed are 21 % in thrust."""
 HOT_SHARE = 0.8
 _MAINS = (100.0, 120.0)
 """Hz at which lamps flicker on 50 and 60 Hz mains."""
