@@ -139,10 +139,15 @@ def combine(contributions: Sequence[Contribution]) -> tuple[float, float]:
     return total, (total**4 / spread if spread > 0.0 else math.inf)
 
 
-def normalised_difference(first: Estimate, second: Estimate) -> float:
-    """E_n of two estimates of one quantity in one unit: above 1 they contradict each other (ISO 13528)."""
+def normalised_difference(first: Estimate, second: Estimate) -> float | None:
+    """E_n of two estimates of one quantity in one unit: above 1 they contradict each other (ISO 13528).
+
+    None where nobody knows how far off one of them may be: nothing agrees with it, nor contradicts it.
+    """
     width = math.hypot(first.u95, second.u95)
     difference = abs(first.value - second.value)
+    if not math.isfinite(width):
+        return None
     if width == 0.0:
         return 0.0 if difference == 0.0 else math.inf
     return difference / width

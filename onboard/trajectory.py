@@ -7,6 +7,8 @@ impact point. World frame; x is the direction of flight.
 
 import itertools
 import math
+from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple, TypeAlias
 
 from onboard.arrays import Vector
@@ -24,6 +26,17 @@ ACCELERATION_X_CHOICES = (1.0, 1.5, 2.0, 3.0)
 
 ACCELERATION_Z_CHOICES = (3.1, 3.5)
 """m/s2. The authors' default, and the most that they flew."""
+
+_CHOICES = tuple(itertools.product(TAU0_CHOICES, ACCELERATION_Z_CHOICES, ACCELERATION_X_CHOICES))
+"""The last one is the least demanding: it has the shortest run-up."""
+
+SPEED_MAX, CLIMB_MIN = 10.0, 0.05
+"""m/s. Slower than the one, and climbing at least as fast as the other, is an approach."""
+
+_SPEEDS = tuple(0.05 * step for step in range(1, 200))
+_ANGLES = tuple(0.5 * step for step in range(1, 181))
+_HEIGHTS = tuple(0.01 * step for step in range(100, 401))
+"""m/s, deg and m: what is offered instead of what does not fit."""
 
 
 class ApproachError(OnboardError, InputError):
@@ -98,12 +111,27 @@ def approach_is_sound(plan: ApproachPlan, start_z_min: float) -> bool:
     )
 
 
+def _velocity_problem(speed: float, angle_deg: float) -> str | None:
+    """What is wrong with a speed (m/s) and an angle (deg) in any room, or None."""
+    if not speed > 0.0:
+        return f"speed {speed:g} m/s; give a speed of more than 0"
+    if not speed < SPEED_MAX:
+        return f"speed {speed:g} m/s is too fast; give a speed of less than {SPEED_MAX:g} m/s"
+    if not (0.0 < angle_deg <= 90.0):
+        return f"angle {angle_deg:g} deg; give an angle of more than 0 and at most 90"
+    if not _velocity(speed, angle_deg)[1] >= CLIMB_MIN:
+        least = math.degrees(math.asin(min(1.0, CLIMB_MIN / speed)))
+        climb = _velocity(speed, angle_deg)[1]
+        return (
+            f"{speed:g} m/s at {angle_deg:g} deg climbs at {climb:.3g} m/s, too slowly to reach the ceiling; "
+            f"climb at {CLIMB_MIN:g} m/s or more"
+            + (f", at {speed:g} m/s from {least + 0.01:.2f} deg on" if speed > CLIMB_MIN else "")
+        )
+    return None
+
+
 def _velocity(speed: float, angle_deg: float) -> tuple[float, float]:
     """(v_x, v_z) in m/s of a flight at `speed` and `angle_deg` above the horizon."""
-    if not (0.0 < speed < 10.0):
-        raise ApproachError(f"approach: speed {speed} m/s; give a speed of more than 0 and less than 10")
-    if not (0.0 < angle_deg <= 90.0):
-        raise ApproachError(f"approach: angle {angle_deg} deg; give an angle of more than 0 and at most 90")
     angle = math.radians(angle_deg)
     vx = 0.0 if angle_deg == 90.0 else speed * math.cos(angle)
     return vx, speed * math.sin(angle)
@@ -134,6 +162,9 @@ def plan_approach(
     Raises:
         ApproachError: the numbers make no approach, or it would start below the floor.
     """
+    problem = _velocity_problem(speed, angle_deg)
+    if problem is not None:
+        raise ApproachError(f"approach: {problem}")
     vx, vz = _velocity(speed, angle_deg)
     if not (ax > 0.0 and az > 0.0):
         raise ApproachError(f"approach: accelerations {ax}, {az} m/s2; both must be more than 0")
@@ -163,24 +194,51 @@ def fit_approach(
     `wall_margin` (m) the distance of the start from the side walls.
 
     Raises:
-        ApproachError: none of the choices fits; the message gives the run-up that the least demanding needs.
+        ApproachError: none of the choices fits; the message gives the run-up that the least demanding needs,
+            and the nearest speed, angle and height of the ceiling that fit.
     """
-    vx, vz = _velocity(speed, angle_deg)
     ceiling = room.ceiling_at(impact_x, impact_y)
     if not 0.0 < ceiling < 100.0:
         raise ApproachError(f"approach: the ceiling is at {ceiling} m; give a height between 0 and 100 m")
-    for tau0, az, ax in itertools.product(TAU0_CHOICES, ACCELERATION_Z_CHOICES, ACCELERATION_X_CHOICES):
+
+    def shortest(speed: float, angle_deg: float, ceiling: float = ceiling) -> tuple[ApproachPlan, str | None]:
+        """The approach with the shortest run-up, and where it starts when that is outside."""
+        vx, vz = _velocity(speed, angle_deg)
+        *_, (tau0, az, ax) = _CHOICES
+        plan = plan_from_velocity(vx, vz, impact_x, impact_y, ceiling, ax, az, tau0)
+        under = room if ceiling == room.ceiling_at(impact_x, impact_y) else replace(room, ceiling_z=ceiling)
+        return plan, start_outside(plan, under, start_z_min, wall_margin)
+
+    def fits(speed: float, angle_deg: float, ceiling: float = ceiling) -> bool:
+        return _velocity_problem(speed, angle_deg) is None and shortest(speed, angle_deg, ceiling)[1] is None
+
+    problem = _velocity_problem(speed, angle_deg)
+    if problem is not None:
+        raise ApproachError(f"approach: {problem}{_what_fits(speed, angle_deg, fits)}")
+    vx, vz = _velocity(speed, angle_deg)
+    for tau0, az, ax in _CHOICES:
         plan = plan_from_velocity(vx, vz, impact_x, impact_y, ceiling, ax, az, tau0)
         outside = start_outside(plan, room, start_z_min, wall_margin)
         if approach_is_sound(plan, start_z_min) and outside is None:
             return plan
+    plan, outside = shortest(speed, angle_deg)
+    higher = next((h for h in _HEIGHTS if h > ceiling and fits(speed, angle_deg, h)), None)
     raise ApproachError(
-        f"approach: {speed} m/s at {angle_deg} deg does not fit the room: with tau0 {tau0} s, ax {ax} and "
-        f"az {az} m/s2 it would start at {outside}; fly slower or at another angle"
-        if outside is not None
-        else f"approach: {speed} m/s at {angle_deg} deg climbs at {vz:.3g} m/s; give a speed and an angle "
-        "that climb at 0.05 m/s or more"
+        f"approach: {speed} m/s at {angle_deg} deg does not fit the room: with tau0 {plan.tau0} s, ax "
+        f"{plan.ax} and az {plan.az} m/s2 it would start at {outside}{_what_fits(speed, angle_deg, fits)}"
+        + ("" if higher is None else f"; or under a ceiling at {higher:.2f} m")
     )
+
+
+def _what_fits(speed: float, angle_deg: float, fits: Callable[[float, float], bool]) -> str:
+    """The nearest speed and the nearest angle that fit, as the end of a sentence; empty when none does."""
+    speeds = sorted(_SPEEDS, key=lambda v: abs(v - speed)) if 0.0 < speed < math.inf else ()
+    angles = sorted(_ANGLES, key=lambda a: abs(a - angle_deg)) if 0.0 < angle_deg < math.inf else ()
+    slower = next((v for v in speeds if fits(v, angle_deg)), None)
+    other = next((a for a in angles if fits(speed, a)), None)
+    found = [f"{slower:g} m/s at {angle_deg:g} deg"] if slower is not None else []
+    found += [f"{speed:g} m/s at {other:g} deg"] if other is not None else []
+    return f". What fits: {', or '.join(found)}" if found else ""
 
 
 def start_outside(

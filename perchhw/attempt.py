@@ -49,6 +49,7 @@ class AttemptRequest:
         new_pack: why the drone gets a charged battery before the attempt, in words; None: it does not.
         warm_up_s: hover for so long first, s.
         operator, note: who flies, and what is to be remembered of it; both are kept with the record.
+        accept_mismatch: fly policy, vehicle, room and drone also where they do not belong together.
     """
 
     speed: float
@@ -69,6 +70,7 @@ class AttemptRequest:
     warm_up_s: float = 0.0
     operator: str | None = None
     note: str | None = None
+    accept_mismatch: bool = False
 
 
 @dataclass(frozen=True)
@@ -76,13 +78,15 @@ class AttemptResult:
     """What came of an attempt.
 
     Attributes:
-        outcome: landing outcome.
+        outcome: landing outcome; of a dry run always ``aborted``, also when it passed (`aborted_by` is None).
         triggered: whether the policy fired on the drone.
         trigger: the trigger snapshot (fields of the ``trigger`` topic), or None when it never fired.
         aborted_by: name of the rule that ended the attempt, or None.
         record: the run folder.
         halt: why nobody may go to the drone, or fly it again, before a person has looked; or None.
         fell: how the motors came to be cut before the drone was down, without a trigger, in words, or None.
+        accepted_mismatches: what does not belong together and was flown all the same, in words.
+        not_compared: what of it nobody could compare, in words.
     """
 
     outcome: Outcome
@@ -92,6 +96,8 @@ class AttemptResult:
     record: Path
     halt: str | None = None
     fell: str | None = None
+    accepted_mismatches: tuple[str, ...] = ()
+    not_compared: tuple[str, ...] = ()
 
 
 class AttemptInterrupted(KeyboardInterrupt):

@@ -11,10 +11,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from calibration.flights.series_file import NOT_FINITE, REMEDY, RunFolderError, Series, read_series
+from onboard.schema import schema_problem
 
 if TYPE_CHECKING:
     import pandas
 
+SCHEMA = "perchhw.run/1"
 _NUMBERS, _TEXTS = ("speed_m_s", "angle_deg", "ceiling_z"), ("vehicle", "legs")
 """Keys of the configuration that readers use."""
 _LARGEST = 1e6
@@ -98,7 +100,7 @@ def read_info(path: Path) -> dict[str, Any]:
     """The content of a ``run.json``.
 
     Raises:
-        RunFolderError: not JSON, or not of a run.
+        RunFolderError: not JSON, not of a run, or of another version than this program reads.
     """
     try:
         info = json.loads(path.read_bytes())
@@ -107,6 +109,9 @@ def read_info(path: Path) -> dict[str, Any]:
     for key in ("config", "closed"):
         if not isinstance(info, dict) or key not in info:
             raise RunFolderError(f"{path} has no key {key!r}: not a run of perchhw")
+    problem = schema_problem(info.get("schema"), SCHEMA)
+    if problem is not None:
+        raise RunFolderError(f"{path} key 'schema': {problem}")
     if not isinstance(info["config"], dict):
         raise RunFolderError(f"{path} key 'config': {info['config']!r} is not an object")
     for keys, kind, word in ((_NUMBERS, int | float, "number"), (_TEXTS, str, "text")):

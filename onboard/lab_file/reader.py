@@ -23,6 +23,7 @@ from onboard.lab_file.model import (
 )
 from onboard.quantity import Quantity
 from onboard.room import RoomGeometry
+from onboard.schema import schema_problem
 from onboard.toml_file import read_toml
 from onboard.vehicle.schema import (
     Measured,
@@ -59,8 +60,9 @@ def parse_lab(content: Mapping[str, object], file: str, limits: Mapping[str, Bou
         LabFileError: with every problem found, one a line.
     """
     problems = Problems(file, LabFileError)
-    if content.get("schema") != SCHEMA:
-        problems.add("schema", f'must be "{SCHEMA}", not {content.get("schema")!r}')
+    problem = schema_problem(content.get("schema"), SCHEMA)
+    if problem is not None:
+        problems.add("schema", problem)
         problems.raise_any()
     check_keys(content, "", _TABLES, problems)
     room = _room(content.get("room"), problems)

@@ -18,6 +18,7 @@ import shlex
 import sys
 import threading
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -137,12 +138,14 @@ def _lock(path: Path) -> int:
 
 
 def _holder(path: Path) -> str:
-    """Who holds the lock, from its file, in words."""
-    note = ""
+    """Who holds the lock and since when, from its file, in words."""
+    note, since = "", None
     with contextlib.suppress(OSError):  # just given back
-        note = path.read_text(errors="replace")[:_NOTE_MAX]
+        note, since = path.read_text(errors="replace")[:_NOTE_MAX], path.stat().st_mtime
     process, _, command = "".join(c for c in note if c.isprintable()).partition(" ")
-    return f"process {process} ({command})" if process.isdecimal() else "another process"
+    if not process.isdecimal() or since is None:
+        return "another process"
+    return f"process {process} ({command}) since {datetime.fromtimestamp(since):%Y-%m-%d %H:%M:%S}"
 
 
 def _command() -> str:

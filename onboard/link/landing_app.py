@@ -72,14 +72,26 @@ def check_vehicle(link: "DroneLink", expected_crc: int, vehicle: str) -> None:
     Raises:
         CommandRefused: the constants differ. NoSuchVariable: another firmware. LinkTimeout, LinkLost.
     """
+    other = other_vehicle(link, expected_crc, vehicle)
+    if other is not None:
+        raise CommandRefused(other)
+
+
+def other_vehicle(link: "DroneLink", expected_crc: int, vehicle: str) -> str | None:
+    """What is wrong when the firmware was built for another vehicle; arguments as :func:`check_vehicle`.
+
+    Raises:
+        NoSuchVariable: another firmware. LinkTimeout, LinkLost.
+    """
     check_interface(link.param)
     flashed = int(link.param(Parameter.VEHICLE_CRC))
-    if flashed != expected_crc:
-        raise CommandRefused(
-            f"the drone's firmware was built for another vehicle: its constants have CRC {flashed:08x}, "
-            f"those of {vehicle} have {expected_crc:08x}; flash the firmware built for {vehicle}, or name "
-            "the vehicle that is flashed (--vehicle)"
-        )
+    if flashed == expected_crc:
+        return None
+    return (
+        f"the drone's firmware was built for another vehicle: its constants have CRC {flashed:08x}, "
+        f"those of {vehicle} have {expected_crc:08x}; flash the firmware built for {vehicle}, or name "
+        "the vehicle that is flashed (--vehicle)"
+    )
 
 
 def engine_of(link: "DroneLink") -> str | None:

@@ -27,6 +27,7 @@ from onboard.policy.model import (
     PolicyError,
 )
 from onboard.policy.trigger_region import tau_range
+from onboard.schema import schema_problem
 
 __all__ = [
     "ActionLayer",
@@ -121,13 +122,14 @@ def load_policy(path: str | Path) -> Policy:
         return decode_bundle(path.read_bytes(), name=path.stem, provenance={"bundle": path.name})
     document = JsonTable.from_file(path)
     schema = document.value("schema") if "schema" in document else None
-    if schema != SCHEMA:
+    problem = schema_problem(schema, SCHEMA)
+    if problem is not None:
         hint = (
             "; import it first: perchhw policy import FILE --out NAME.policy.json"
-            if "trigger" in document and "scaler" in document
-            else "; give a file that perchhw learn or perchhw policy import wrote"
+            if schema is None and "trigger" in document and "scaler" in document
+            else "; perchhw learn and perchhw policy import write such files"
         )
-        raise document.error("schema", f"is {schema!r}, expected {SCHEMA!r}{hint}")
+        raise document.error("schema", f"{problem}{hint}")
     return _policy_from(document)
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from onboard.gravity import GRAVITY
 from onboard.quantity import Quantity
+from onboard.schema import schema_problem
 from onboard.thrust_map import COEFFICIENT_UNITS, ThrustMapForm
 from onboard.toml_file import quantity_line, read_toml, toml_key, toml_text
 from onboard.vehicle.effect_tables import check_effects, parse_effects
@@ -55,8 +56,9 @@ _SECTIONS = (
 
 
 def _check_schema(content: Mapping[str, object], schema: str, problems: Problems) -> None:
-    if content.get("schema") != schema:
-        problems.add("schema", f'must be "{schema}", not {content.get("schema")!r}')
+    problem = schema_problem(content.get("schema"), schema)
+    if problem is not None:
+        problems.add("schema", problem)
         problems.raise_any()
 
 

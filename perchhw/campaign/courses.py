@@ -112,7 +112,7 @@ def load_flight_plan(path: Path, lab: LabFile | None = None) -> FlightPlan:
         LabRequired: it is to be flown on hardware, and there is no lab file.
     """
     root = FileTable(path, "", read_toml(path, CampaignFileError))
-    root.choice("schema", (SCHEMA,))
+    root.schema(SCHEMA)
     tables = root.tables("flight")
     setup = setup_of(root, lab)
     plan = FlightPlan(

@@ -9,6 +9,7 @@ from typing import Any
 from onboard.errors import InputError
 from onboard.lab_file import LabFile
 from onboard.room import RoomGeometry
+from onboard.schema import schema_problem
 from perchhw.attempt import APPROACH_PARAMETERS
 from perchhw.errors import FlightStackError
 from perchhw.lab import FlightSetup, SetupError, flight_setup
@@ -73,6 +74,13 @@ class FileTable:
         if value not in choices:
             raise self.error(key, f"{value!r} is not one of {', '.join(choices)}")
         return value
+
+    def schema(self, wanted: str) -> None:
+        """Refuse a file of another kind or version."""
+        self._read.append("schema")
+        problem = schema_problem(self.content.get("schema"), wanted)
+        if problem is not None:
+            raise self.error("schema", problem)
 
     def integer(self, key: str, default: int, minimum: int) -> int:
         """A whole number from `minimum` on."""

@@ -43,6 +43,7 @@ _MAY_CHANGE = (
     "map_error",
     "operator",
     "note",
+    "accept_mismatch",
 )
 """Of a plan, when its campaign is resumed."""
 
@@ -134,6 +135,7 @@ class CampaignPlan:
         day: how its flights follow each other.
         others: further drones, which fly in turn with the first.
         operator, note: who flies, and what is to be remembered of it; kept with every attempt.
+        accept_mismatch: fly policy, vehicle, room and drone also where they do not belong together.
     """
 
     name: str
@@ -160,6 +162,7 @@ class CampaignPlan:
     aborts: Mapping[str, int] = field(default_factory=dict)
     operator: str | None = None
     note: str | None = None
+    accept_mismatch: bool = False
 
     @property
     def drones(self) -> tuple[Seat, ...]:
@@ -217,7 +220,7 @@ def load_plan(path: Path, lab: LabFile | None = None, drones: Sequence[str] = ()
             vehicle or kind of address that does not exist.
     """
     root = FileTable(path, "", read_toml(path, CampaignFileError))
-    root.choice("schema", (SCHEMA,))
+    root.schema(SCHEMA)
     grid, stop = root.table("grid"), root.table("stop", required=False)
     day = root.table("day", required=False)
     setup, *others = setups_of(root, lab, drones)

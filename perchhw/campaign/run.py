@@ -179,6 +179,7 @@ def request_of(plan: CampaignPlan, slot: Slot, record: Path, try_number: int) ->
         approach=dict(plan.approach),
         operator=plan.operator,
         note=plan.note,
+        accept_mismatch=plan.accept_mismatch,
     )
 
 

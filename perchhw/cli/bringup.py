@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from perchhw.attempt import DEFAULT_POLICY, DEFAULT_VEHICLE
 from perchhw.cli import exit_codes
+from perchhw.cli.lab_options import LabDrone, LabMocap, LabPolicy, LabVehicle
 from perchhw.cli.options import Lab
 from perchhw.cli.output import FlightDisplay, emit, progress_console
 
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 app = typer.Typer(add_completion=False)
 
-_DEFAULT = "Default: that of the lab file"
 _ON_ITS_MARK = "Put the drone upright on its start mark facing +x"
 
 
@@ -29,16 +28,10 @@ def bringup(
         typer.Option(help="motors, tilt, hover, step, approach or landing; none: show what has passed."),
     ] = None,
     lab: Lab = None,
-    drone: Annotated[str | None, typer.Option(help=f"URI of the drone. {_DEFAULT}.")] = None,
-    mocap: Annotated[str | None, typer.Option(help=f"URI of the poses. {_DEFAULT}.")] = None,
-    policy: Annotated[
-        str | None,
-        typer.Option(help=f"Policy file, or name of a shipped one. {_DEFAULT}, or {DEFAULT_POLICY!r}."),
-    ] = None,
-    vehicle: Annotated[
-        str | None,
-        typer.Option(help=f"Vehicle file, or name of a known one. {_DEFAULT}, or {DEFAULT_VEHICLE!r}."),
-    ] = None,
+    drone: LabDrone = None,
+    mocap: LabMocap = None,
+    policy: LabPolicy = None,
+    vehicle: LabVehicle = None,
     speed: Annotated[float, typer.Option(help="Of the first landing, on the approach line, m/s.")] = 2.5,
     angle: Annotated[float, typer.Option(help="Of the approach line above the horizon, deg.")] = 50.0,
     out: Annotated[Path, typer.Option(help="Folder for the records.")] = Path("runs"),

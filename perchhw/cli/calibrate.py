@@ -104,7 +104,8 @@ def compare(
 
 def _comparison_text(rows: "list[Comparison]") -> str:
     return "\n".join(
-        f"{row.key}: {row.before} before, {row.now} now, "
-        f"E_n {row.normalised:.2f}" + (": they contradict each other" if row.contradicts else "")
+        f"{row.key}: {row.before} before, {row.now} now"
+        + ("" if row.normalised is None else f", E_n {row.normalised:.2f}")
+        + f": {row.verdict}"
         for row in rows
     )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from perchhw.cli.campaign_plan import plan as plan_command
-from perchhw.cli.options import Drones, Lab, Mavlink, Note, Operator
+from perchhw.cli.options import AcceptMismatch, Drones, Lab, Mavlink, Note, Operator
 from perchhw.cli.output import FlightDisplay, console, emit, progress_console
 from perchhw.cli.view_option import LiveView, ViewKind, live_view
 
@@ -39,6 +39,7 @@ def run(
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before each attempt.")] = False,
     operator: Operator = None,
     note: Note = None,
+    accept_mismatch: AcceptMismatch = False,
     mavlink: Mavlink = None,
     view: LiveView = None,
 ) -> int:
@@ -55,8 +56,11 @@ def run(
     from onboard.link.errors import DroneStopped
     from perchhw.campaign import CampaignStopped, check_approaches, flyable_part, load_plan, run_campaign
     from perchhw.campaign.courses import has_flights, load_flight_plan
+    from perchhw.campaign.plan import Slot
+    from perchhw.campaign.run import request_of
     from perchhw.campaign.seats import hold_all
     from perchhw.cli.prompts import confirmation
+    from perchhw.flight.fit import check_fit
     from perchhw.flight.ground_station import ground_station
     from perchhw.flight.turnaround import attempt_after_attempt
     from perchhw.lab import find_lab
@@ -66,7 +70,9 @@ def run(
     if has_flights(file):
         flights = replace(load_flight_plan(file, find_lab(lab)), operator=operator, note=note)
         return _fly_courses(flights, out, resume, yes, mavlink, view)
-    plan = replace(load_plan(file, find_lab(lab), drone or ()), operator=operator, note=note)
+    plan = load_plan(file, find_lab(lab), drone or ())
+    plan = replace(plan, operator=operator, note=note, accept_mismatch=accept_mismatch)
+    check_fit(request_of(plan, Slot(0, plan.speeds[0], plan.angles_deg[0], 1), Path(), try_number=1))
     if skip_unflyable:
         plan = flyable_part(plan)
     else:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from perchhw.cli import exit_codes
+from perchhw.cli.lab_options import LabDrone, LabMocap, LabVehicle
 from perchhw.cli.options import Lab
 from perchhw.cli.output import emit
 
@@ -18,15 +19,9 @@ app = typer.Typer(add_completion=False)
 @app.command()
 def doctor(
     lab: Lab = None,
-    drone: Annotated[
-        str | None, typer.Option(help="URI of the drone. Default: that of the lab file.")
-    ] = None,
-    mocap: Annotated[
-        str | None, typer.Option(help="URI of the poses. Default: that of the lab file.")
-    ] = None,
-    vehicle: Annotated[
-        str | None, typer.Option(help="Vehicle file, or name of a known one. Default: that of the lab file.")
-    ] = None,
+    drone: LabDrone = None,
+    mocap: LabMocap = None,
+    vehicle: LabVehicle = None,
     out: Annotated[Path, typer.Option(help="Folder where records will go.")] = Path("runs"),
     seconds: Annotated[float, typer.Option(min=0.5, max=60.0, help="How long to listen.")] = 2.0,
 ) -> int:

@@ -6,13 +6,12 @@ from typing import Annotated, Any
 import typer
 
 from perchhw.attempt import (
-    DEFAULT_POLICY,
-    DEFAULT_VEHICLE,
     AttemptInterrupted,
     AttemptResult,
 )
 from perchhw.cli import exit_codes
-from perchhw.cli.options import Lab, Mavlink, Note, Operator
+from perchhw.cli.lab_options import LabDrone, LabLegs, LabMocap, LabPolicy, LabVehicle
+from perchhw.cli.options import AcceptMismatch, Lab, Mavlink, Note, Operator
 from perchhw.cli.output import FlightDisplay, emit
 from perchhw.cli.view_option import LiveView, live_view
 
@@ -26,21 +25,11 @@ def fly(
     speed: Annotated[float, typer.Option(help="Speed on the approach line, m/s.")],
     angle: Annotated[float, typer.Option(help="Angle of the approach line above the horizon, deg.")],
     lab: Lab = None,
-    drone: Annotated[str | None, typer.Option(help=f"URI of the drone. {_DEFAULT}.")] = None,
-    mocap: Annotated[
-        str | None, typer.Option(help=f"URI of the poses: vicon://HOST[:PORT]?subject=NAME. {_DEFAULT}.")
-    ] = None,
-    policy: Annotated[
-        str | None,
-        typer.Option(help=f"Policy file, or name of a shipped one. {_DEFAULT}, or {DEFAULT_POLICY!r}."),
-    ] = None,
-    vehicle: Annotated[
-        str | None,
-        typer.Option(help=f"Vehicle file, or name of a known one. {_DEFAULT}, or {DEFAULT_VEHICLE!r}."),
-    ] = None,
-    legs: Annotated[
-        str | None, typer.Option(help=f"Leg design. {_DEFAULT}, or of the vehicle itself.")
-    ] = None,
+    drone: LabDrone = None,
+    mocap: LabMocap = None,
+    policy: LabPolicy = None,
+    vehicle: LabVehicle = None,
+    legs: LabLegs = None,
     ceiling: Annotated[
         float | None,
         typer.Option(help=f"Height of the ceiling over x = y = 0, m. {_DEFAULT}, or of the simulated room."),
@@ -53,6 +42,7 @@ def fly(
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask whether it stands there.")] = False,
     operator: Operator = None,
     note: Note = None,
+    accept_mismatch: AcceptMismatch = False,
     mavlink: Mavlink = None,
     view: LiveView = None,
 ) -> int:
@@ -79,7 +69,9 @@ def fly(
         find_lab(lab), drone=drone, mocap=mocap, vehicle=vehicle, legs=legs, policy=policy, ceiling=ceiling
     )
     setup.check()
-    request = replace(setup.attempt(speed, angle, out), operator=operator, note=note)
+    request = replace(
+        setup.attempt(speed, angle, out), operator=operator, note=note, accept_mismatch=accept_mismatch
+    )
     try:
         with hold(setup.drone), ground_station(mavlink) as listener, live_view(view, request.folder):
             if put_back:
@@ -104,6 +96,8 @@ def _emit(result: AttemptResult, dry_run: bool) -> None:
         "trigger": result.trigger,
         "aborted_by": result.aborted_by,
         "fell": result.fell,
+        "accepted_mismatches": result.accepted_mismatches,
+        "not_compared": result.not_compared,
         "record": str(result.record),
     }
     emit(document, _in_words(document, dry_run))
@@ -111,6 +105,9 @@ def _emit(result: AttemptResult, dry_run: bool) -> None:
 
 def _in_words(document: dict[str, Any], dry_run: bool) -> str:
     record = f"record: {document['record']}"
+    for key, words in (("not_compared", "not compared"), ("accepted_mismatches", "mismatch, accepted")):
+        for sentence in reversed(document[key]):
+            record = f"{words}: {sentence}\n{record}"
     if document["fell"] is not None:
         record = f"{document['fell']}\n{record}"
     if document["aborted_by"] is not None:

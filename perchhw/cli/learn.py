@@ -140,6 +140,7 @@ def _train(
     from dataclasses import replace
 
     from onboard.policy.files import policy_crc32, save_policy
+    from perchhw.learning.setup import trained_on
     from perchhw.learning.sweep_folder import (
         PAIRS_FILE,
         SWEEP_FILE,
@@ -149,6 +150,7 @@ def _train(
     )
     from perchhw.learning.train import train_policy
     from perchhw.learning.training_set import load_training_set
+    from perchhw.trained_for import TRAINED_FOR
 
     table = pairs or out / PAIRS_FILE
     training_set = load_training_set(table, landing_rate_min=landing_rate_min)
@@ -159,6 +161,9 @@ def _train(
         document = read_settings(swept)
         kept = {key: document[key] for key in ("settings", "versions", "result") if key in document}
         policy = replace(policy, provenance={**policy.provenance, "sweep": kept})
+        trained = trained_on(document["settings"])
+        if trained is not None:
+            policy = replace(policy, provenance={**policy.provenance, TRAINED_FOR: trained.document()})
     if refining is not None:
         policy = _refined(policy, table.parent, refining)
     save_policy(policy, out / POLICY_FILE)

@@ -5,9 +5,16 @@ from typing import Annotated
 
 import typer
 
-DroneUri = Annotated[str, typer.Option(help="URI of the drone: udp://HOST:PORT, radio://..., usb://...")]
+from perchhw.cli.environment import DRONE_VARIABLE, LAB_VARIABLE
+
+DroneUri = Annotated[
+    str, typer.Option(envvar=DRONE_VARIABLE, help="URI of the drone: udp://HOST:PORT, radio://..., usb://...")
+]
 Lab = Annotated[
-    Path | None, typer.Option(help="Lab file; default: lab.toml in the working folder, where there is one.")
+    Path | None,
+    typer.Option(
+        envvar=LAB_VARIABLE, help="Lab file; default: lab.toml in the working folder, where there is one."
+    ),
 ]
 Policy = Annotated[str, typer.Option(help="Policy file, or the name of a shipped policy.")]
 Vehicle = Annotated[str, typer.Option(help="Vehicle file, or the name of a known vehicle.")]
@@ -25,4 +32,11 @@ Drones = Annotated[
 ]
 Operator = Annotated[str | None, typer.Option(metavar="NAME", help="Who flies; kept with every record.")]
 Note = Annotated[str | None, typer.Option(metavar="TEXT", help="What to remember; kept with every record.")]
+AcceptMismatch = Annotated[
+    bool,
+    typer.Option(
+        "--accept-mismatch",
+        help="Fly also what does not belong together (policy, vehicle, ceiling, drone); the record says so.",
+    ),
+]
 FlightFormat = Annotated[str, typer.Option("--format", help="auto, perchhw, habas, table, nanobench or usd.")]

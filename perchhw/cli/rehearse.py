@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from perchhw.attempt import DEFAULT_POLICY, DEFAULT_VEHICLE
 from perchhw.cli import exit_codes
+from perchhw.cli.lab_options import LabDrone, LabPolicy, LabVehicle
 from perchhw.cli.options import Lab
 from perchhw.cli.output import emit
 from perchhw.cli.view_option import LiveView, live_view
@@ -16,22 +16,14 @@ if TYPE_CHECKING:
 
 app = typer.Typer(add_completion=False)
 
-_DEFAULT = "Default: that of the lab file"
-
 
 @app.command()
 def rehearse(
-    drone: Annotated[str | None, typer.Option(help=f"URI of the drone. {_DEFAULT}.")] = None,
+    drone: LabDrone = None,
     speed: Annotated[float, typer.Option(help="Speed on the approach line, m/s.")] = 2.5,
     angle: Annotated[float, typer.Option(help="Angle of the approach line above the horizon, deg.")] = 50.0,
-    policy: Annotated[
-        str | None,
-        typer.Option(help=f"Policy file, or name of a shipped one. {_DEFAULT}, or {DEFAULT_POLICY!r}."),
-    ] = None,
-    vehicle: Annotated[
-        str | None,
-        typer.Option(help=f"Vehicle file, or name of a known one. {_DEFAULT}, or {DEFAULT_VEHICLE!r}."),
-    ] = None,
+    policy: LabPolicy = None,
+    vehicle: LabVehicle = None,
     lab: Lab = None,
     out: Annotated[
         Path | None, typer.Option(help="Keep verdict and recording in a new folder inside this one.")

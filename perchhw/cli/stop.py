@@ -20,6 +20,7 @@ from onboard.link.stop import StopReport
 from onboard.link.stop_drone import stop_drone
 from onboard.link.stop_note import note_stop
 from perchhw.cli import exit_codes
+from perchhw.cli.environment import DRONE_VARIABLE, LAB_VARIABLE
 from perchhw.cli.output import emit, written
 
 LAB_FILE = Path("lab.toml")
@@ -42,7 +43,10 @@ def stop(
         typer.Option(help="URI of the drone; may be repeated. Goes before --lab."),
     ] = None,
     lab: Annotated[
-        Path | None, typer.Option(help="Lab file whose drones are all stopped. Default: lab.toml, here.")
+        Path | None,
+        typer.Option(
+            envvar=LAB_VARIABLE, help="Lab file whose drones are all stopped. Default: lab.toml, here."
+        ),
     ] = None,
 ) -> int:
     """Cut the motors of drones now, and repeat it until each says that it is locked (until it is rebooted).
@@ -68,8 +72,8 @@ def stop(
 
 
 def drones_to_stop(drone: list[str] | None, lab: Path | None) -> tuple[list[str], str]:
-    """The URIs that were given, or else those of the lab file: the one given, or that of this folder; and why
-    these are not sure to be all, else an empty text.
+    """The URIs that were given, or else those of the lab file: the one given, or that of this folder; with
+    them that of the environment. And why they are not sure to be all, else an empty text.
 
     Raises:
         LinkInputError: neither is there.
@@ -79,10 +83,13 @@ def drones_to_stop(drone: list[str] | None, lab: Path | None) -> tuple[list[str]
         return list(dict.fromkeys(drone)), ""
     from onboard.lab_file import drone_addresses
 
+    usual = [uri] if (uri := os.environ.get(DRONE_VARIABLE)) else []
     if lab is None and not LAB_FILE.exists():
+        if usual:
+            return usual, ""
         raise LinkInputError(f"no drone to stop: give --drone URI, or --lab FILE (here is no {LAB_FILE})")
     found = drone_addresses(lab or LAB_FILE)
-    return found.uris, found.doubt
+    return list(dict.fromkeys([*found.uris, *usual])), found.doubt
 
 
 def _stopped(uri: str) -> tuple[dict[str, Any], int]:

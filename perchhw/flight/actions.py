@@ -176,7 +176,8 @@ class LandingCommands(CommandRunner):
         readback: where the switches go, as they were read back.
         plan: what is flown.
         bundle: the policy bundle to upload.
-        vehicle: what the host believes the drone to be; its firmware must have been built for it.
+        vehicle: what the host believes the drone to be; its firmware must have been built for it. None: it
+            may be another one.
     """
 
     def __init__(
@@ -187,7 +188,7 @@ class LandingCommands(CommandRunner):
         readback: ReadBack,
         plan: AttemptPlan,
         bundle: bytes,
-        vehicle: Vehicle,
+        vehicle: Vehicle | None,
     ) -> None:
         super().__init__(link, events, clock)
         self._readback = readback
@@ -199,7 +200,8 @@ class LandingCommands(CommandRunner):
         link = self._link
         match order.command:
             case UploadPolicy():
-                check_vehicle(link, vehicle_crc32(self._vehicle), self._vehicle.name)
+                if self._vehicle is not None:
+                    check_vehicle(link, vehicle_crc32(self._vehicle), self._vehicle.name)
                 return link.upload_policy(self._bundle)
             case ArmApproach():
                 self._arm_approach(order)

@@ -6,17 +6,19 @@ from calibration.flights import open_flight
 from mocap_bridge.uri import parse_mocap_uri
 from onboard.errors import PerchhwError
 from onboard.lab_time import open_timebase
+from onboard.link import DroneLink
 from onboard.link.uri import check_drone_uri
 from onboard.policy.bundle import bundle_crc32, encode_bundle
 from onboard.policy.files import find_policy, load_policy
-from onboard.timebase import Timebase
+from onboard.timebase import Queue, Timebase
 from onboard.vehicle import Vehicle, load_vehicle
 from perchhw.attempt import AttemptInterrupted, AttemptRequest, AttemptResult, Outcome
 from perchhw.flight.actions import LandingCommands
+from perchhw.flight.fit import Fit, fit_of
 from perchhw.flight.interrupts import OperatorInterrupts
 from perchhw.flight.loop import OnPhase
 from perchhw.flight.mission import AttemptPlan, plan_attempt
-from perchhw.flight.readback import LANDING_SETTINGS
+from perchhw.flight.readback import LANDING_SETTINGS, ReadBack
 from perchhw.flight.recording import FlightRecord, RecordListener
 from perchhw.flight.session import Flown, SupervisedFlight
 from perchhw.flight.telemetry import BLOCKS
@@ -24,6 +26,9 @@ from perchhw.lab import correction_of, in_record, limits_of, require_lab
 from perchhw.label import label_flight
 from perchhw.record import RunRecorder
 from perchhw.supervisor import FlightState, SafetyLimits
+
+DRY_RUN_PASSED = "dry_run_passed"
+"""Outcome in the record of a dry run whose checks and upload passed; nothing was flown."""
 
 
 def fly_attempt(
@@ -55,14 +60,26 @@ def fly_attempt(
     parse_mocap_uri(request.mocap)
     require_lab(request.drone, request.mocap, request.lab)
     vehicle = load_vehicle(request.vehicle, request.legs)
-    bundle = encode_bundle(load_policy(find_policy(request.policy)))
+    policy = load_policy(find_policy(request.policy))
+    fit = fit_of(request, policy, vehicle)
+    fit.require(request.accept_mismatch)
+    bundle = encode_bundle(policy)
     plan = plan_attempt(request, bundle_crc32(bundle), dry_run)
     limits = limits or limits_of(request.lab, request.room, request.drone)
     with (
         open_timebase("fly", request.drone, request.mocap) as clock,
-        RunRecorder(request.folder, _configuration(request, vehicle, plan), clock) as recorder,
+        RunRecorder(request.folder, _configuration(request, vehicle, plan, fit), clock) as recorder,
     ):
         record = FlightRecord(recorder, listener)
+
+        def prepared(link: DroneLink, events: Queue, readback: ReadBack) -> LandingCommands:
+            refused = fit.ask_drone(link, vehicle, request.accept_mismatch)
+            if refused is not None:
+                readback.refuse(refused)
+            record.update(accepted_mismatches=fit.mismatches)
+            flashed = None if request.accept_mismatch else vehicle
+            return LandingCommands(link, events, clock, readback, plan, bundle, flashed)
+
         flight = SupervisedFlight(
             drone=request.drone,
             mocap=request.mocap,
@@ -70,9 +87,7 @@ def fly_attempt(
             limits=limits,
             blocks=BLOCKS,
             settings=LANDING_SETTINGS,
-            commands=lambda link, events, readback: LandingCommands(
-                link, events, clock, readback, plan, bundle, vehicle
-            ),
+            commands=prepared,
             record=record,
             clock=clock,
             on_phase=on_phase,
@@ -85,13 +100,13 @@ def fly_attempt(
             record.close(outcome=Outcome.ABORTED, aborted_by=str(error))
             raise
         with OperatorInterrupts() as late:  # a landing that was flown is labelled
-            result = _conclude(request, vehicle, flown, record, clock)
+            result = _conclude(request, vehicle, fit, flown, record, clock)
     if flown.interrupted or late.count > 0:
         raise AttemptInterrupted(result)
     return result
 
 
-def _configuration(request: AttemptRequest, vehicle: Vehicle, plan: AttemptPlan) -> dict[str, Any]:
+def _configuration(request: AttemptRequest, vehicle: Vehicle, plan: AttemptPlan, fit: Fit) -> dict[str, Any]:
     """What ``run.json`` says about the attempt."""
     return {
         "speed_m_s": request.speed,
@@ -111,12 +126,14 @@ def _configuration(request: AttemptRequest, vehicle: Vehicle, plan: AttemptPlan)
         "dry_run": plan.mission.dry_run,
         "operator": request.operator,
         "note": request.note,
+        "not_compared": fit.unknown,
     }
 
 
 def _conclude(
     request: AttemptRequest,
     vehicle: Vehicle,
+    fit: Fit,
     flown: Flown,
     record: FlightRecord,
     clock: Timebase,
@@ -131,12 +148,22 @@ def _conclude(
             aborted_by = _why_no_label(state, error)
         else:
             outcome, evidence = label.outcome, label.evidence
-    record.event("labelled", clock(), outcome=outcome, evidence=evidence)
+    dry_run_passed = aborted_by is None and not state.armed
+    told = DRY_RUN_PASSED if dry_run_passed else outcome
+    record.event("labelled", clock(), outcome=told, evidence=evidence)
     result = AttemptResult(
-        outcome, state.triggered, trigger, aborted_by, request.folder, _halt(state), state.fell
+        outcome=outcome,
+        triggered=state.triggered,
+        trigger=trigger,
+        aborted_by=aborted_by,
+        record=request.folder,
+        halt=_halt(state),
+        fell=state.fell,
+        accepted_mismatches=fit.mismatches,
+        not_compared=fit.unknown,
     )
     record.close(
-        outcome=outcome,
+        outcome=told,
         triggered=state.triggered,
         trigger=trigger,
         aborted_by=aborted_by,

@@ -41,6 +41,11 @@ class ReadBack:
         self.parameters_ok = not problems
         self.parameters_problem = "; ".join(problems) or None
 
+    def refuse(self, problem: str) -> None:
+        """Count `problem` as one more that the parameters have."""
+        self.parameters_ok = False
+        self.parameters_problem = "; ".join(filter(None, (self.parameters_problem, problem)))
+
     def switches_are(self, on: bool | None) -> None:
         """Both switches read back as `on`; None while that is not known."""
         self.policy_armed = self.trajectory_armed = on

@@ -4,6 +4,7 @@ import logging
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
+from onboard.errors import PerchhwError
 from perchhw.flight.caught import Caught
 from perchhw.record import RunRecorder
 from perchhw.record.recorder import Scalar
@@ -76,5 +77,10 @@ class FlightRecord:
     def _lose(self, error: BaseException) -> None:
         if self.lost is not None or (self._closed and self._recorder.closed):
             return  # another thread has told it, or it was still writing when the record was closed
-        self.lost = f"{type(error).__name__}: {error}"
-        _log.error("the record ends here; the flight goes on to a landing", exc_info=error)
+        ours = isinstance(error, PerchhwError)
+        self.lost = str(error) if ours else f"{type(error).__name__}: {error}"
+        _log.error(
+            "the record ends here (%s); the flight goes on to a landing",
+            self.lost,
+            exc_info=None if ours else error,
+        )

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from onboard.arrays import BoolArray, FloatArray
 from onboard.csv_file import read_csv
 from onboard.outcome import Outcome
+from onboard.schema import schema_problem
 from perchhw.learning.bands import best_per_condition
 from perchhw.learning.errors import LearningInputError
 from perchhw.learning.results import RateMap
@@ -90,8 +91,13 @@ def _read_study(path: Path) -> dict[str, Any]:
         study = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise LearningInputError(f"{path}: cannot be read ({error}): run perchhw learn legs") from error
-    if not isinstance(study, dict) or study.get("schema") != SCHEMA or not study.get("designs"):
-        raise LearningInputError(f"{path}: is not a leg study of this version ({SCHEMA}): run it again")
+    if not isinstance(study, dict):
+        raise LearningInputError(f"{path}: is no leg study: run it again")
+    problem = schema_problem(study.get("schema"), SCHEMA)
+    if problem is not None:
+        raise LearningInputError(f"{path}: schema {problem}; run the study again")
+    if not study.get("designs"):
+        raise LearningInputError(f"{path}: has no designs: run the study again")
     return study
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from onboard.controller import AUTHORS_GAINS, ControllerGains, controller_gains
 from onboard.quantity import Quantity
 from onboard.room import RoomGeometry
-from onboard.vehicle import Vehicle, load_vehicle, vehicle_to_toml
+from onboard.vehicle import Vehicle, VehicleFileError, load_vehicle, vehicle_to_toml
 from onboard.vehicle.file_format import parse_vehicle
 from perchhw.learning.domain_randomisation import VEHICLE, DomainRandomisation, domain_randomisation
 from perchhw.learning.ephe import EpheSettings
@@ -22,6 +22,7 @@ from perchhw.learning.errors import LearningInputError
 from perchhw.learning.reward import reward_weights
 from perchhw.learning.trial import Rules
 from perchhw.learning.vehicle_pool import acting, all_draws, parse_draws, vehicle_pool
+from perchhw.trained_for import TrainedFor, trained_for
 from sim_backend.physics.parameters import physics_parameters
 from sim_backend.physics.rollout import RolloutSettings
 
@@ -147,6 +148,19 @@ def recorded_setup(settings: Mapping[str, Any], where: str) -> LearningSetup:
             f"{where}: vehicle {setup.vehicle!r} has changed since the sweep: sweep again"
         )
     return setup
+
+
+def trained_on(settings: Mapping[str, Any]) -> TrainedFor | None:
+    """What a policy is trained for that learns from a sweep with these settings.
+
+    None where the sweep's vehicle is not there any more as it was: such a policy does not say it.
+    """
+    try:
+        setup = recorded_setup(settings, "sweep")
+        domain = domain_randomisation(setup.domain)
+    except (LearningInputError, VehicleFileError):
+        return None
+    return trained_for(setup.load_vehicle(), mass=domain.mass, inertia_yy=domain.inertia_yy)
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from onboard.schema import schema_problem
 from perchhw.learning.errors import LearningInputError
 
 SCHEMA = "perchhw.sweep/1"
@@ -152,10 +153,11 @@ def read_settings(path: Path) -> dict[str, Any]:
         raise LearningInputError(
             f"{path}: cannot be read ({error}): restore it, or sweep into another folder"
         ) from error
-    if not isinstance(document, dict) or document.get("schema") != SCHEMA:
-        raise LearningInputError(
-            f"{path}: is not a sweep of this version ({SCHEMA}): restore it, or sweep into another folder"
-        )
+    if not isinstance(document, dict):
+        raise LearningInputError(f"{path}: is no sweep: restore it, or sweep into another folder")
+    problem = schema_problem(document.get("schema"), SCHEMA)
+    if problem is not None:
+        raise LearningInputError(f"{path}: schema {problem}; restore the sweep, or sweep into another folder")
     for part in ("settings", "versions"):
         if not isinstance(document.get(part, {}), dict):
             raise LearningInputError(f"{path}: {part} is no table: restore it, or sweep into another folder")

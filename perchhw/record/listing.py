@@ -15,7 +15,7 @@ class RunSummary:
         started_utc: wall time of the start (ISO 8601).
         speed: commanded speed (m/s).
         angle_deg: commanded angle (deg).
-        outcome: landing outcome.
+        outcome: landing outcome; ``dry_run_passed`` where nothing was to fly, ``flown`` for a test flight.
         triggered: whether the policy fired.
         aborted_by: rule that ended the run early.
         closed: whether the writer finished the record.
@@ -41,14 +41,17 @@ def summarise_run(folder: Path) -> RunSummary:
         raise RunFolderError(f"{folder} is not a run folder: it needs run.json and series.mcap")
     info = read_info(folder / "run.json")
     config = info["config"]
+    outcome, aborted_by = info.get("outcome"), info.get("aborted_by")
+    if outcome == "aborted" and aborted_by is None and config.get("dry_run"):
+        outcome = "dry_run_passed"  # records of before this outcome had its name
     return RunSummary(
         folder=folder,
         started_utc=info.get("started_utc"),
         speed=config.get("speed_m_s"),
         angle_deg=config.get("angle_deg"),
-        outcome=info.get("outcome"),
+        outcome=outcome,
         triggered=info.get("triggered"),
-        aborted_by=info.get("aborted_by"),
+        aborted_by=aborted_by,
         closed=bool(info["closed"]),
     )
 

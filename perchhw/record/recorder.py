@@ -10,8 +10,10 @@ import json
 import math
 import os
 import platform
+import shutil
 import threading
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import TracebackType
@@ -21,6 +23,7 @@ import numpy as np
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import IndexType, Writer
 
+from calibration.flights.run_folder import SCHEMA
 from onboard.clock import Clock, monotonic
 from onboard.json_file import write_json_atomically
 from perchhw.errors import FlightStackError
@@ -34,11 +37,28 @@ from perchhw.record.folder import (
 from perchhw.record.sync import PeriodicSync, Sync
 from perchhw.record.topics import TOPICS
 
+SPACE = 100_000_000
+"""Bytes that must be free before a flight: ten times the record of the longest one (a minute)."""
+
 Scalar = float | int | str | bool | None
 
 
 class RecordError(FlightStackError):
     """The record cannot be written, or was asked to hold what its schema does not have."""
+
+
+def require_space(folder: Path) -> None:
+    """Refuse a folder on a disk that would be full before a flight is over.
+
+    Raises:
+        RecordError: with the figure.
+    """
+    free = shutil.disk_usage(folder).free
+    if free < SPACE:
+        raise RecordError(
+            f"{folder}: disk_free: {free / 1e6:.0f} MB, need at least {SPACE / 1e6:.0f} MB for the record "
+            "of a flight: make room, or give a folder on another disk (--out)"
+        )
 
 
 class _UnbufferedFile:
@@ -83,7 +103,7 @@ class RunRecorder:
         sync: puts a file on the disk; in a thread of its own, so that no writer waits for it.
 
     Raises:
-        RecordError: the folder already holds a record.
+        RecordError: the folder already holds a record, or its disk is nearly full.
         OutputFolderError: it cannot be written.
     """
 
@@ -97,8 +117,9 @@ class RunRecorder:
         self._closed = False
         self._sequence = dict.fromkeys(TOPICS, 0)
         make_folder(folder)
+        require_space(folder)
         self._info: dict[str, Any] = {
-            "schema": "perchhw.run/1",
+            "schema": SCHEMA,
             "config": dict(config),
             "versions": _versions(),
             "started_utc": utc_now().isoformat(),
@@ -152,7 +173,7 @@ class RunRecorder:
             values: fields of the topic; any may be left out. Infinite and NaN numbers are kept.
 
         Raises:
-            RecordError: unknown topic or field, or the record is closed.
+            RecordError: unknown topic or field, or the record is closed or cannot be written.
         """
         known = TOPICS.get(topic)
         if known is None:
@@ -162,7 +183,7 @@ class RunRecorder:
             raise RecordError(f"topic {topic!r} has no field {', '.join(sorted(unknown))}")
         data = json.dumps({k: _encode(v) for k, v in values.items()}, separators=(",", ":")).encode()
         time_ns = _nanoseconds(t)
-        with self._lock:
+        with self._lock, self._writing():
             self._require_open()
             self._sequence[topic] += 1
             self._writer.add_message(
@@ -172,30 +193,40 @@ class RunRecorder:
     def event(self, name: str, t: float, **fields: Any) -> None:
         """Append one event (a line of ``events.jsonl``) at time `t` (s) on the recorder's clock."""
         line = json.dumps({"t": t, "event": name, **{k: _encode(v) for k, v in fields.items()}}) + "\n"
-        with self._lock:
+        with self._lock, self._writing():
             self._require_open()
             self._events.write(line.encode())
 
     def update(self, **fields: Any) -> None:
         """Put further facts into ``run.json`` while the run goes on (for example the active policy's crc)."""
-        with self._lock:
+        with self._lock, self._writing():
             self._require_open()
             self._info.update(fields)
             write_json_atomically(self.folder / RUN_FILE, self._info)
 
     def close(self, outcome: str | None = None, **result: Any) -> None:
         """Finish the files; `outcome` and further results go into ``run.json``. May be called twice."""
-        with self._lock:
+        with self._lock, self._writing(), ExitStack() as rest:  # of it as much as the disk takes
             if self._closed:
                 return
             self._closed = True
-            self._writer.finish()
-            self._sync.stop()
-            self._stream.close()
-            self._events.close()
             ended = {"closed": True, "ended_utc": utc_now().isoformat(), "clock_at_end": self._clock()}
             self._info.update(ended, outcome=outcome, **result)
-            write_json_atomically(self.folder / RUN_FILE, self._info)
+            rest.callback(write_json_atomically, self.folder / RUN_FILE, self._info)
+            rest.callback(self._events.close)
+            rest.callback(self._stream.close)
+            rest.callback(self._sync.stop)
+            self._writer.finish()
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        """What the disk refuses is an error of ours."""
+        try:
+            yield
+        except OSError as error:
+            raise RecordError(
+                f"{self.folder}: cannot be written any more ({error.strerror}): make room on its disk"
+            ) from error
 
     def _require_open(self) -> None:
         if self._closed:

@@ -68,6 +68,10 @@ def _facts(run: RunRecord) -> str:
     for name in ("aborted_by", "error"):
         if info.get(name):
             rows.append([name.replace("_", " "), escape(str(info[name]))])
+    for sentence in info.get("accepted_mismatches") or ():
+        rows.append(["mismatch, accepted", escape(str(sentence))])
+    for sentence in config.get("not_compared") or ():
+        rows.append(["not compared", escape(str(sentence))])
     for name in (
         "operator",
         "note",

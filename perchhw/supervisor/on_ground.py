@@ -7,23 +7,29 @@ from perchhw.supervisor.events import Arm, TakeOff, UploadPolicy
 from perchhw.supervisor.observation import Admitted
 from perchhw.supervisor.rules import GROUND_RULES, PREFLIGHT_RULES, policy_known
 from perchhw.supervisor.state import Context, FlightState, Phase, Step
-from perchhw.supervisor.violation import first_violation
+from perchhw.supervisor.violation import Violation, all_violations
 
 
 def checking(state: FlightState, o: Admitted, context: Context) -> Step:
-    """Until all preflight rules hold."""
-    violation = first_violation(PREFLIGHT_RULES, o, context.limits)
-    if violation is not None and elapsed(state, context) > context.timing.checks_deadline:
-        return abort(state, str(violation), context)
-    waiting = "the preflight checks" if violation is None else str(violation)
-    state, passed = held(
-        replace(state, waiting_for=waiting), violation is None, context.timing.checks_hold, context
-    )
+    """Until all preflight rules hold; the attempt that ends here names every one that does not."""
+    violations = all_violations(PREFLIGHT_RULES, o, context.limits)
+    if violations and elapsed(state, context) > context.timing.checks_deadline:
+        return abort(state, "; ".join(map(str, violations)), context)
+    state = replace(state, waiting_for=_in_short(violations))
+    state, passed = held(state, not violations, context.timing.checks_hold, context)
     if not passed:
         return Step(state)
     if context.mission.test_flight:
         return _ready(state, context)
     return order(enter(state, Phase.UPLOADING, context, "the policy upload"), UploadPolicy())
+
+
+def _in_short(violations: tuple[Violation, ...]) -> str:
+    """What the checks wait for, on one line."""
+    if not violations:
+        return "the preflight checks"
+    more = f" (and {len(violations) - 1} more)" if len(violations) > 1 else ""
+    return f"{violations[0]}{more}"
 
 
 def _ready(state: FlightState, context: Context) -> Step:

@@ -129,7 +129,7 @@ def parameters_as_needed(o: Admitted, limits: SafetyLimits) -> Violation | None:
     if o.parameters_problem is not None:
         measured = f"{measured} ({o.parameters_problem})"
     return Violation(
-        "parameters", measured, "controller, estimator, idle thrust and motor override as needed"
+        "parameters", measured, "controller, estimator, idle thrust, motor override and vehicle as needed"
     )
 
 

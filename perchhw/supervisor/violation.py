@@ -41,6 +41,16 @@ def at_least(rule: str, value: float | None, limit: float, unit: str) -> Violati
     return None
 
 
+def all_violations(rules: tuple[Rule, ...], o: Admitted, limits: SafetyLimits) -> tuple[Violation, ...]:
+    """Those of `rules` that do not hold, in their order; of several with one name the first."""
+    found: dict[str, Violation] = {}
+    for rule in rules:
+        violation = rule(o, limits)
+        if violation is not None:
+            found.setdefault(violation.rule, violation)
+    return tuple(found.values())
+
+
 def first_violation(rules: tuple[Rule, ...], o: Admitted, limits: SafetyLimits) -> Violation | None:
     """The first of `rules` that does not hold, or ``None`` when all do."""
     for rule in rules:

@@ -49,7 +49,7 @@ def test_a_file_is_read(file: Path) -> None:
         ("radius = 0.5", "diameter = 0.5", r"key flight\[0\].diameter: unknown; known are"),
         ("times = 2", "times = 0", r"key flight\[0\].times: 0 is less than 1"),
         ("udp://127", "foo://127", "key drone: 'foo://127.0.0.1:19850' is not a drone address"),
-        ("schema", "[grid]\nspeeds = [2.0]\n[stop]\nschema", "key schema: missing"),
+        ("schema", "[grid]\nspeeds = [2.0]\n[stop]\nschema", "key schema: is missing"),
         ('drone = "udp', 'seed = 1\ndrone = "udp', "key seed: unknown"),
     ],
 )

@@ -62,7 +62,7 @@ def test_a_range_includes_both_ends(campaign_file: Path) -> None:
         ("repeats = 2", "[room]\nceiling_z = -2", "key room.ceiling_z: -2 is not a height"),
         ("repeats = 2", "[approach]\ntau = 0.5", "key approach.tau: unknown; known are ax, az, impact_x"),
         ("repeats = 2", "[stop]\naborted_in_a_row = 0", "key stop.aborted_in_a_row: 0 is less than 1"),
-        ("campaign/1", "campaign/9", "key schema: 'perchhw.campaign/9' is not one of perchhw.campaign/1"),
+        ("campaign/1", "campaign/9", 'key schema: is "perchhw.campaign/9", newer'),
         ('drone = "udp://127.0.0.1:19850"', "", "key drone: missing; give it, or a lab file that has it"),
         (
             "udp://127",

@@ -14,6 +14,7 @@ from onboard.link.errors import DroneStopped
 from onboard.link.stop_note import StopsSince, note_stop
 from perchhw.cli import stop
 from perchhw.cli.main import run
+from perchhw.cli.stop import drones_to_stop
 from tests.link.clients import connected_elsewhere
 from tests.link.tiny_drone import TinyDrone
 from tests.patience import patient_link, until
@@ -228,3 +229,15 @@ def test_a_lab_file_that_names_no_drone_at_all_is_wrong_usage(
     (tmp_path / "lab.toml").write_text("drones = \n")
     assert run(["stop", "--lab", str(tmp_path / "lab.toml")]) == 2
     assert "no address of a drone" in capsys.readouterr().err
+
+
+def test_the_drone_of_the_environment_is_stopped_beside_those_of_the_lab_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with TinyDrone() as usual, TinyDrone() as other:
+        monkeypatch.setenv("PERCHHW_DRONE", usual.uri)
+        assert drones_to_stop(None, None) == ([usual.uri], "")
+        Path("lab.toml").write_text(f'[[drones]]\nuri = "{other.uri}"\n')
+        assert run(["stop"]) == 0
+        assert usual.supervisor_bits & other.supervisor_bits & LOCKED

@@ -77,8 +77,12 @@ def test_an_approach_must_fit_the_room_of_the_lab_file(
     [
         ("--ceiling", "nan", "--ceiling: is nan m; give a number from 1 to 4 m"),
         ("--ceiling", "100", "--ceiling: is 100 m; it must be 1 to 4 m"),
-        ("--speed", "nan", "speed nan m/s; give a speed of more than 0 and less than 10"),
-        ("--speed", "1e9", "speed 1000000000.0 m/s; give a speed"),
+        ("--speed", "nan", "speed nan m/s; give a speed of more than 0"),
+        (
+            "--speed",
+            "1e9",
+            "speed 1e+09 m/s is too fast; give a speed of less than 10 m/s. What fits: 3.35",
+        ),
         ("--angle", "inf", "angle inf deg; give an angle of more than 0 and at most 90"),
     ],
 )
@@ -160,3 +164,16 @@ def test_the_library_refuses_hardware_as_the_command_line_does(folder: Path) -> 
     with pytest.raises(LabRequired):
         fly_course(CourseRequest(kind="vertical_steps", **where))
     assert not (folder / "run").exists()
+
+
+def test_an_option_beats_the_environment_which_beats_the_lab_file(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "elsewhere.toml").write_text(LAB)
+    monkeypatch.setenv("PERCHHW_LAB", "elsewhere.toml")
+    monkeypatch.setenv("PERCHHW_LEGS", "short")
+    assert "there is no design 'short'" in error_of(capsys, FLY)
+    assert "there is no design 'long'" in error_of(capsys, [*FLY, "--legs", "long"])
+    monkeypatch.setenv("PERCHHW_DRONE", "nowhere://1")
+    assert "nowhere://1" in error_of(capsys, FLY)
+    assert "elsewhere://2" in error_of(capsys, [*FLY, "--drone", "elsewhere://2"])

@@ -164,7 +164,7 @@ def test_a_subject_put_into_a_uri_comes_out_again(address: str, subject: str, ot
 @pytest.mark.parametrize(
     ("old", "new", "key", "remedy"),
     [
-        ('schema = "perchhw.lab/1"', "", "schema", 'must be "perchhw.lab/1"'),
+        ('schema = "perchhw.lab/1"', "", "schema", 'is missing; a file of this kind says "perchhw.lab/1"'),
         ("x_min = -3.0", "", "room.x_min", "is missing; add x_min"),
         ("x_min = -3.0", "x_mim = -3.0", "room.x_mim", "did you mean 'x_min'"),
         ("x_min = -3.0", "x_min = '3 m'", "room.x_min", "must be a number in m or a table"),

@@ -18,6 +18,7 @@ from onboard.link import (
 from onboard.link.exclusive import hold
 from onboard.link.machine_files import drone_key
 from onboard.link.stop_drone import stop_drone
+from perchhw.cli.main import run
 from tests.link.clients import connected_elsewhere, first_line, start_client
 from tests.link.tiny_drone import TinyDrone
 from tests.patience import patient_link
@@ -30,11 +31,39 @@ def test_a_second_process_is_refused_before_its_first_packet(tiny: TinyDrone) ->
     assert issubclass(DroneInUse, InputError)
     with connected_elsewhere(tiny.uri) as client:
         seen = len(tiny.requests)
-        with pytest.raises(DroneInUse, match=rf"in use by process {client.pid} \(.*perchhw stop --drone"):
+        with pytest.raises(
+            DroneInUse,
+            match=rf"by process {client.pid} \(.*\) since 20[-0-9]+ [:0-9]+: .*perchhw stop --drone",
+        ):
             DroneLink.open(tiny.uri.replace("127.0.0.1", "localhost") + "?silence_s=9")
         with pytest.raises(DroneInUse):
             reboot(tiny.uri)
         assert not {r[0] & 0xF3 for r in tiny.requests[seen:]} - {0xF3}  # the pings of the first
+
+
+@pytest.mark.parametrize(
+    "verb",
+    [
+        ("fly", "--mocap", "vicon://127.0.0.1:9?subject=cf1", "--speed", "2.5", "--angle", "50"),
+        ("policy", "upload", "default"),
+        ("rehearse",),
+        ("bringup", "--mocap", "vicon://127.0.0.1:9?subject=cf1", "--step", "motors", "--confirm", "x"),
+    ],
+    ids=lambda verb: verb[0],
+)
+def test_whatever_arms_or_writes_is_refused_while_another_process_has_the_drone(
+    verb: tuple[str, ...],
+    tiny: TinyDrone,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    with connected_elsewhere(tiny.uri) as client:
+        code = run([*verb, "--drone", tiny.uri])
+        said = capsys.readouterr().err
+        assert (code, f"in use by process {client.pid}" in said) == (2, True), said
 
 
 def test_a_drone_that_is_given_back_is_free(tiny: TinyDrone) -> None:

@@ -75,7 +75,7 @@ def edited(tmp_path, change):
     ("change", "words"),
     [
         (lambda d: d.pop("schema"), r"schema.*perchhw\.policy/1"),
-        (lambda d: d.update(schema="perchhw.policy/2"), r"perchhw\.policy/2.*expected"),
+        (lambda d: d.update(schema="perchhw.policy/2"), r"perchhw\.policy/2.*newer"),
         (lambda d: d.pop("scaler"), "scaler is missing"),
         (lambda d: d["trigger"].pop("gamma"), r"trigger\.gamma is missing"),
         (lambda d: d["trigger"].update(gama=2), r"trigger\.gama is not known"),

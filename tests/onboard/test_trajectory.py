@@ -2,10 +2,12 @@
 
 import itertools
 import math
+import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from onboard.room import RoomGeometry
@@ -94,7 +96,10 @@ def test_grid_starts_inside_the_room_or_is_refused(speed: float, angle_deg: floa
     """The paper's grid; with at most 3.5 m/s2 and 0.3 s, climbs above 2.6 m/s need more height."""
     climb = speed * math.sin(math.radians(angle_deg))
     if 0.3 * climb + climb**2 / 7.0 > ROOM.ceiling_z - 0.4:
-        with pytest.raises(ApproachError, match="fly slower or at another angle"):
+        with pytest.raises(
+            ApproachError,
+            match=r"What fits: [\d.]+ m/s at",
+        ):
             fit_approach(float(speed), float(angle_deg), ROOM)
         return
     approach = fit_approach(float(speed), float(angle_deg), ROOM)
@@ -179,7 +184,7 @@ def test_rounding_off_changes_neither_the_hover_nor_the_line_of_constant_velocit
         ),
         ({"y_min": 0.0}, "{x}, y = 0.00 m (from 0.25 to 0.75 m), {z}{margin}y is less than 0.25 m"),
         ({"y_max": 0.2}, "{x}, y = 0.00 m (from -0.75 to -0.05 m), {z}{margin}y is more than -0.05 m"),
-        ({"ceiling_z": 1.5}, "{x}, {y}, z = 0.29 m (from 0.40 to 1.50 m){margin}z is less than 0.40 m;"),
+        ({"ceiling_z": 1.5}, "{x}, {y}, z = 0.29 m (from 0.40 to 1.50 m){margin}z is less than 0.40 m."),
     ],
 )
 def test_a_room_that_is_too_small_names_the_axis_and_the_bound(changes: dict[str, float], said: str) -> None:
@@ -213,11 +218,17 @@ def test_a_start_is_outside_exactly_where_the_room_does_not_hold_it(room: RoomGe
 @pytest.mark.parametrize(
     ("speed", "angle_deg", "ceiling", "said"),
     [
-        (math.nan, 55.0, 2.1, "approach: speed nan m/s; give a speed"),
-        (10.0, 55.0, 2.1, "approach: speed 10.0 m/s; give a speed"),
+        (math.nan, 55.0, 2.1, "approach: speed nan m/s; give a speed of more than 0"),
+        (
+            10.0,
+            55.0,
+            2.1,
+            r"speed 10 m/s is too fast; .* less than 10 m/s\. What fits: 3.1 m",
+        ),
         (2.5, math.nan, 2.1, "approach: angle nan deg; give an angle"),
         (2.5, 90.1, 2.1, "approach: angle 90.1 deg; give an angle"),
         (0.05, 10.0, 2.1, "climb at 0.05 m/s or more"),
+        (2.5, 0.87, 2.1, r"climbs at 0.038 m/s, .* at 2.5 m/s from 1.16 deg on"),
         (2.5, 55.0, math.nan, "approach: the ceiling is at nan m; give a height"),
         (2.5, 55.0, 100.0, "approach: the ceiling is at 100.0 m; give a height"),
     ],
@@ -225,3 +236,17 @@ def test_a_start_is_outside_exactly_where_the_room_does_not_hold_it(room: RoomGe
 def test_what_is_absurd_is_named(speed: float, angle_deg: float, ceiling: float, said: str) -> None:
     with pytest.raises(ApproachError, match=said):
         fit_approach(speed, angle_deg, RoomGeometry(ceiling_z=ceiling))
+
+
+@settings(max_examples=30)
+@given(st.floats(0.1, 20.0), st.floats(0.5, 90.0), st.floats(1.2, 3.0))
+def test_what_is_offered_instead_fits(speed: float, angle_deg: float, ceiling: float) -> None:
+    room = RoomGeometry(ceiling_z=ceiling)
+    try:
+        fit_approach(speed, angle_deg, room)
+    except ApproachError as error:
+        offered = str(error).partition("What fits: ")[2]
+        for number, angle in re.findall(r"([\d.]+) m/s at ([\d.]+) deg", offered):
+            fit_approach(float(number), float(angle), room)
+        for height in re.findall(r"under a ceiling at ([\d.]+) m", offered):
+            fit_approach(speed, angle_deg, replace(room, ceiling_z=float(height)))

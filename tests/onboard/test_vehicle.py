@@ -151,7 +151,7 @@ def test_battery_meets_what_the_flights_show() -> None:
         (lambda c: c.update(body=3), "body: must be a table"),
         (lambda c: c.pop("battery"), "battery: must be a table"),
         (lambda c: c.update(bodyy={}), "bodyy: unknown key; did you mean 'body'"),
-        (lambda c: c.update(schema="perchhw.vehicle/2"), 'schema: must be "perchhw.vehicle/1"'),
+        (lambda c: c.update(schema="perchhw.vehicle/2"), 'schema: is "perchhw.vehicle/2", newer'),
         (lambda c: c.update(name=""), "name: must be text"),
         (lambda c: c["motors"].pop("thrust_map"), "motors.thrust_map: is missing"),
         (lambda c: c["motors"]["thrust_map"].update(name="nope"), "thrust_map: there is no map 'nope'"),

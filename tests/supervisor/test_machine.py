@@ -333,14 +333,19 @@ def test_a_failed_command_is_an_abort(phase: Phase, command: Command, answer: li
     assert "no answer" in (after.aborted_by or "")
 
 
-def test_checks_that_never_pass_end_with_the_rule_that_failed() -> None:
+def test_checks_that_never_pass_end_with_every_rule_that_failed() -> None:
+    waits = set()
+
     def flat(o: Observation, now: float, state: FlightState) -> Observation:
-        return replace(o, battery_voltage=3.5)
+        waits.add(state.waiting_for)
+        return replace(o, battery_voltage=3.5, parameters_ok=False, pose_verdict=Verdict.STALE)
 
     attempt = SimulatedAttempt(fault=flat)
     state = attempt.run()
     assert attempt.commands == []
-    assert (state.aborted_by or "").startswith("battery_at_rest: 3.5 V")
+    named = [sentence.partition(":")[0] for sentence in (state.aborted_by or "").split("; ")]
+    assert named == ["battery_at_rest", "parameters", "pose"]
+    assert "battery_at_rest: 3.5 V, need at least 3.8 V (and 2 more)" in waits
 
 
 def test_checks_must_hold_without_a_break() -> None:

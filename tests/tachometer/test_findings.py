@@ -14,7 +14,9 @@ from calibration.bench.motors.propellers import propeller
 from calibration.bench.motors.records import CommandRecord, EdgeRecord
 from calibration.bench.motors.revolutions import mark_passages, speed_trace
 from calibration.bench.motors.steps import find_steps
+from calibration.bench.procedures.motors import MotorPlan
 from calibration.measurement import Severity
+from onboard.vehicle import load_vehicle
 from tests.tachometer.rotor import Motor, Run, Sensor, edges, turn
 
 PROPELLER = propeller("bitcraze-2015")
@@ -42,6 +44,17 @@ def test_wrong_blades_show_against_the_expected_speed() -> None:
     assert check_speed("x", 3600.0, 2400.0)[0].code == "blade_count"
     assert check_speed("x", 2500.0, 2400.0) == []
     assert check_speed("x", 3600.0, None)[0].code == "speed_range"
+
+
+def test_a_motor_as_fast_as_its_file_says_is_no_wonder() -> None:
+    plan = MotorPlan(load_vehicle("crazyflie21-upgraded"), PROPELLER)
+    reach = plan.reach(3.7)
+    assert reach is not None
+    assert 3500.0 < reach < 3800.0
+    assert check_speed("x", 3601.0, None, reach) == []
+    assert "by the vehicle file up to" in check_speed("x", 4200.0, None, reach)[0].text
+    assert check_speed("x", 2500.0, None, plan.reach(2.0)) == []
+    assert check_speed("x", 3300.0, None, plan.reach(2.0))[0].code == "speed_range"
 
 
 def test_bad_edges_are_counted(run: Run) -> None:

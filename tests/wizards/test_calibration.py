@@ -147,3 +147,17 @@ def test_the_report_stands_alone_and_shows_names_as_text(tmp_path: Path) -> None
     assert "only 5 cycles &lt; 8" in text
     assert "http" not in text.replace("http://www.w3.org", "")
     assert result.id in text
+
+
+def test_where_no_uncertainty_is_known_nothing_agrees_and_nothing_is_written(tmp_path: Path) -> None:
+    few = replace(INERTIA, dof=0.5)  # two swings
+    write_calibration(calibration(few), tmp_path)
+    result = load_calibration(tmp_path)
+    row, known = compare_calibrations(calibration(), result)[:2]
+    assert (row.normalised, row.contradicts, row.to_json()["comparable"]) == (None, False, False)
+    assert "nobody can say" in row.verdict
+    assert known.verdict == "they agree"
+    page = write_report(tmp_path, result, {}, {"before": [row]}).read_text()
+    assert "they agree" not in page
+    with pytest.raises(ResultFileError, match=r"uncertainty of body\.inertia_xx.*more trials"):
+        changed_vehicle(load_vehicle(VEHICLE), [result])

@@ -46,6 +46,7 @@ def analyse(
     expected_speed: float | None = None,
     commands: CommandRecord | None = None,
     overflow: int = 0,
+    reach: float | None = None,
 ) -> TachometerResult:
     """Fit the speed law to all steps of all recordings of one motor.
 
@@ -55,9 +56,10 @@ def analyse(
         hover_thrust: N per motor, where local time constants are given.
         marks: marks per revolution (blades); a window recording brings its own.
         clock: comparison of the instrument's clock with the host's; edges are corrected by it.
-        expected_speed: rad/s at the highest command by the vehicle file, if known.
+        expected_speed: rad/s that somebody expects at the highest command, if known.
         commands: on the instrument's clock; checks the directions.
         overflow: edges that the instrument dropped.
+        reach: rad/s that the vehicle file gives at the highest command and voltage, if known.
 
     Raises:
         TachometerError: no steps at all, or too few samples.
@@ -77,7 +79,7 @@ def analyse(
             f"{names}: no step was found; record a staircase of at least six steps up and down"
         )
     highest = max(max(step.before, step.after) for step in steps)
-    findings += check_speed(steps[0].trace.name, highest, expected_speed)
+    findings += check_speed(steps[0].trace.name, highest, expected_speed, reach)
     for trace in traces:
         findings += check_heat(trace)
     if commands is not None:

@@ -1,6 +1,7 @@
 """Put a calibration into a vehicle file, as a change that can be read before and undone after."""
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -35,7 +36,8 @@ def changed_vehicle(vehicle: Vehicle, calibrations: Sequence[Calibration]) -> Ve
         calibrations: in their order.
 
     Raises:
-        ResultFileError: a calibration names a quantity that vehicle files do not have.
+        ResultFileError: a calibration names a quantity that vehicle files lack, or claims no uncertainty
+            of one.
     """
     for calibration in calibrations:
         vehicle = _apply_one(vehicle, calibration)
@@ -45,6 +47,12 @@ def changed_vehicle(vehicle: Vehicle, calibrations: Sequence[Calibration]) -> Ve
 def _apply_one(vehicle: Vehicle, calibration: Calibration) -> Vehicle:
     source = f"{calibration.kind} calibration {calibration.id}, {calibration.made[:10]}"
     change = calibration.change
+    unknown = [key for key, estimate in change.estimates.items() if not math.isfinite(estimate.u95)]
+    if unknown:
+        raise ResultFileError(
+            f"calibration {calibration.id}: nobody knows the uncertainty of {', '.join(unknown)}, and a "
+            "vehicle file says one of every number: measure again with more trials (4 or more of a swing)"
+        )
     for key, estimate in change.quantities.items():
         section_name, _, name = key.partition(".")
         section: Any = getattr(vehicle, section_name, None)

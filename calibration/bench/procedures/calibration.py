@@ -17,6 +17,7 @@ from calibration.errors import CalibrationError
 from calibration.measurement import Contribution, Estimate, Finding, Severity
 from onboard.errors import InputError
 from onboard.json_file import as_json, write_json_atomically
+from onboard.schema import schema_problem
 
 SCHEMA = "perchhw.calibration/1"
 RESULT_FILE = "result.json"
@@ -211,8 +212,11 @@ def load_calibration(path: Path) -> Calibration:
         raise ResultFileError(f"{file}: cannot be read ({error.strerror}); give a run's folder") from error
     except ValueError as error:
         raise ResultFileError(f"{file}: is not JSON ({error})") from error
-    if not isinstance(document, dict) or document.get("schema") != SCHEMA:
+    if not isinstance(document, dict):
         raise ResultFileError(f"{file}: is not the result of a calibration (schema {SCHEMA})")
+    problem = schema_problem(document.get("schema"), SCHEMA)
+    if problem is not None:
+        raise ResultFileError(f"{file}: schema {problem}; give a run's folder")
     try:
         calibration = Calibration.from_document(document)
     except (KeyError, TypeError, ValueError, AttributeError) as error:

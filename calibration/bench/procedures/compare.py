@@ -18,27 +18,35 @@ class Comparison:
     Attributes:
         key: of the quantity.
         before, now: estimates.
-        normalised: E_n (ISO 13528); above 1 they contradict each other.
+        normalised: E_n (ISO 13528); above 1 they contradict each other. None: an uncertainty is not known.
     """
 
     key: str
     before: Estimate
     now: Estimate
-    normalised: float
+    normalised: float | None
 
     @property
     def contradicts(self) -> bool:
         """Whether the difference is larger than both uncertainties allow."""
-        return self.normalised > 1.0
+        return self.normalised is not None and self.normalised > 1.0
+
+    @property
+    def verdict(self) -> str:
+        """In words."""
+        if self.normalised is None:
+            return "nobody can say: an uncertainty is not known"
+        return "they contradict each other" if self.contradicts else "they agree"
 
     def to_json(self) -> dict[str, Any]:
-        """By name; an infinite E_n (both exact) is None."""
+        """By name; an E_n that is infinite (both exact) or that nobody knows is None."""
         return {
             "key": self.key,
             "before": self.before.to_json(),
             "now": self.now.to_json(),
-            "en": self.normalised if math.isfinite(self.normalised) else None,
+            "en": None if self.normalised is None or math.isinf(self.normalised) else self.normalised,
             "contradicts": self.contradicts,
+            "comparable": self.normalised is not None,
         }
 
 

@@ -32,6 +32,7 @@ from calibration.bench.procedures.operator import Gauge, Light, Operator, Questi
 from calibration.bench.procedures.run_book import Json, RunBook
 from calibration.errors import CalibrationError
 from calibration.measurement import Estimate, Finding, Severity, rejected
+from onboard.battery import FULL_RATIO, thrust_from_voltage
 from onboard.gravity import GRAVITY
 from onboard.vehicle import Vehicle
 
@@ -97,6 +98,14 @@ class MotorPlan:
     def hover_thrust(self) -> float:
         """N per motor."""
         return self.vehicle.body.mass.value * GRAVITY / 4.0
+
+    def reach(self, motor_voltage: float) -> float | None:
+        """rad/s that the vehicle file gives at a motor voltage (V); None where it does not say it."""
+        motors = self.vehicle.motors
+        if motors.thrust_coefficient is None:
+            return None
+        thrust = thrust_from_voltage(motors.thrust_map_compiled(), motor_voltage)
+        return math.sqrt(max(thrust, 0.0) / motors.thrust_coefficient.value)
 
 
 def confirm_no_remote_cut(operator: Operator, wanted: bool) -> None:
@@ -326,16 +335,18 @@ def fit_motors(folder: Path, steps: Mapping[str, Any], plan: MotorPlan) -> Motor
         if not kept:
             continue
         clock = kept["clock"]
+        commands = read_commands(folder / kept["commands"]["file"])
+        volts = [voltage for _, voltage in kept["voltage"]]
         results[motor] = analyse(
             [read_tachometer(folder / kept["edges"]["file"])],
             plan.propeller,
             plan.hover_thrust,
             blades,
             ClockFit(Estimate(clock["scale"], "1", clock["sigma"], clock["dof"]), clock["span"]),
-            commands=read_commands(folder / kept["commands"]["file"]),
+            commands=commands,
             overflow=kept["overflow"],
+            reach=plan.reach(max(volts) * float(commands.commands.max()) / FULL_RATIO),
         )
         raw += [kept["edges"], kept["commands"]]
-        volts = [voltage for _, voltage in kept["voltage"]]
         sag = max(sag, 1.0 - min(volts) / max(volts))
     return MotorFits(results, sag, raw)

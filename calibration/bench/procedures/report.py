@@ -110,8 +110,8 @@ def _compared(rows: Sequence[Comparison]) -> str:
             escape(row.key),
             escape(str(row.before)),
             escape(str(row.now)),
-            f"{row.normalised:.2f}",
-            "<b>they contradict each other</b>" if row.contradicts else "they agree",
+            "" if row.normalised is None else f"{row.normalised:.2f}",
+            f"<b>{row.verdict}</b>" if row.contradicts else row.verdict,
         ]
         for row in rows
     ]

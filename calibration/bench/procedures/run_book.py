@@ -15,6 +15,7 @@ from calibration.bench.procedures.operator import Operator, StepAgain, StepBack,
 from calibration.errors import CalibrationError
 from onboard.errors import InputError
 from onboard.json_file import write_json_atomically
+from onboard.schema import schema_problem
 
 STATE_FILE = "state.json"
 RAW_FOLDER = "raw"
@@ -65,6 +66,9 @@ class RunBook:
                 f"{self._path}: is damaged ({error}); move the folder away, recordings in "
                 f"{RAW_FOLDER}/ can be read with --from-log"
             ) from error
+        problem = schema_problem(state.get("schema"), SCHEMA)
+        if problem is not None:
+            raise RunBookError(f"{self._path}: schema {problem}; give another folder with --out")
         if not same_kind:
             raise RunBookError(f"{self._path}: is a {state['kind']} run; give another folder with --out")
         different = [key for key in {*kept, *settings} if kept.get(key) != settings.get(key)]

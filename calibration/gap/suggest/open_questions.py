@@ -9,6 +9,7 @@ from typing import Any
 from calibration.errors import CalibrationError
 from calibration.gap.suggest.hypothesis import Hypothesis
 from onboard.errors import InputError
+from onboard.schema import schema_problem
 from onboard.vehicle import EFFECTS, Vehicle
 
 SCHEMA = "perchhw.gap/1"
@@ -59,8 +60,11 @@ def read_questions(path: Path) -> OpenQuestions:
         raise GapReportError(f"{path}: cannot be read ({error.strerror}); give a report.json") from error
     except ValueError as error:
         raise GapReportError(f"{path}: is not JSON ({error}); give a report.json of `gap find`") from error
-    if not isinstance(document, dict) or document.get("schema") != SCHEMA:
+    if not isinstance(document, dict):
         raise GapReportError(f"{path}: is not a report of `gap find` (schema {SCHEMA}); give its report.json")
+    problem = schema_problem(document.get("schema"), SCHEMA)
+    if problem is not None:
+        raise GapReportError(f"{path}: schema {problem}; give a report.json of `gap find`")
     try:
         return _questions(document)
     except (KeyError, TypeError, AttributeError) as error:
