@@ -40,6 +40,7 @@ VERBS: dict[str, Verb] = {
     "bringup": Verb(
         "perchhw.cli.bringup", "Climb the ladder to the first flight, step by step.", group=False
     ),
+    "check": Verb("perchhw.cli.check", "Fly the morning's question: the same drone as yesterday?"),
     "stop": Verb("perchhw.cli.stop", "Cut the motors of drones now, from any terminal.", group=False),
     "campaign": Verb("perchhw.cli.campaign", "Fly a grid of attempts; resume, status, report."),
     "policy": Verb("perchhw.cli.policy", "Show, import, export, evaluate, upload and verify policies."),

@@ -74,10 +74,8 @@ def _map_sigma(vehicle: Vehicle) -> float:
 def _effect(vehicle: Vehicle, name: str, keys: tuple[str, ...], neutral: float) -> list[float]:
     """Parameters of an effect of the vehicle file; `neutral` where it has none."""
     effect = next((one for one in vehicle.effects if one.name == name), None)
-    return [neutral if effect is None else effect.parameters[key].value for key in keys]
+    return [neutral if effect is None else effect.values()[key] for key in keys]
 
 
 def _relative(quantity: Quantity) -> float:
     return quantity.sigma / quantity.value if quantity.value else 0.0
-
-

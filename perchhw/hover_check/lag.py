@@ -78,9 +78,7 @@ def _window_errors(modelled: FloatArray, measured: FloatArray, width: int) -> Fl
     apart = np.eye(width) - line @ np.linalg.pinv(line)
     shape = (count, width, 2)
     turned = np.einsum("ij,wja->wia", apart, measured[: count * width].reshape(shape))
-    model = np.einsum(
-        "ij,swja->swia", apart, modelled[:, : count * width].reshape(len(SCALES), *shape)
-    )
+    model = np.einsum("ij,swja->swia", apart, modelled[:, : count * width].reshape(len(SCALES), *shape))
     gain = (model * turned).sum(axis=(1, 2)) / (model**2).sum(axis=(1, 2))
     return np.asarray(((turned - gain[:, None, None] * model) ** 2).sum(axis=(2, 3)))
 

@@ -103,7 +103,7 @@ def flight_sensing(windows: CheckWindows) -> FlightSensing:
     prepared = prepare_flights([open_flight(windows.run.folder)])
     flights, broken = estimate_flights(prepared.records)
     if not flights:
-        reasons = [one.reason for one in (*prepared.refused, *broken)]
+        reasons = [one.reason for one in prepared.refused] + [one.reason for one in broken]
         why = "; ".join(reasons) or "poses and gyro cannot be compared"
         raise RecordTooShort(f"{windows.run.folder}: {why}; fly the check again")
     return flights[0]

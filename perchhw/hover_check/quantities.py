@@ -1,5 +1,6 @@
-"""What a check holds: each quantity with its repeatability from day to day, and what would settle a change."""
+"""What a check holds: each quantity, how it repeats from day to day, and what would settle a change."""
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -32,7 +33,8 @@ _PROPELLER: Final = "exchange that propeller, then that motor; centre battery an
 _MOCAP: Final = "perchhw mocap calibrate, and perchhw mocap watch"
 _PERCENT: Final = (100.0, "%")
 _MS: Final = (1e3, "ms")
-_DEG: Final = (57.29577951308232, "deg")
+_DEG: Final = (math.degrees(1.0), "deg")
+_DEG_S: Final = (math.degrees(1.0), "deg/s")
 
 HELD: Final = (
     HeldQuantity(
@@ -55,7 +57,7 @@ HELD: Final = (
     HeldQuantity(
         "motor_lag",
         "time constants of the motors, of those of the vehicle file",
-        0.07,
+        0.1,
         "perchhw calibrate tachometer",
         _PERCENT,
     ),
@@ -71,7 +73,7 @@ HELD: Final = (
         "gyro above 30 Hz, rms",
         0.12,
         "balance or exchange propellers one after another; is everything glued on?",
-        _DEG[:1] + ("deg/s",),
+        _DEG_S,
         more_is_wrong=True,
         relative=True,
     ),
@@ -88,9 +90,7 @@ HELD: Final = (
     HeldQuantity(
         "mocap_missing", "share of the frames that never came", 0.003, _MOCAP, _PERCENT, more_is_wrong=True
     ),
-    HeldQuantity(
-        "mocap_longest_gap", "longest time without a pose", 0.006, _MOCAP, _MS, more_is_wrong=True
-    ),
+    HeldQuantity("mocap_longest_gap", "longest time without a pose", 0.006, _MOCAP, _MS, more_is_wrong=True),
     HeldQuantity("mocap_age", "age of the poses at receipt", 0.001, _MOCAP, _MS, more_is_wrong=True),
     HeldQuantity("mocap_jitter", "of that age, 95 of 100 poses", 0.001, _MOCAP, _MS, more_is_wrong=True),
     HeldQuantity("mocap_latency", "delay of the poses that nobody reports", 0.0015, _MOCAP, _MS),
@@ -110,7 +110,7 @@ HELD: Final = (
             f"bias of the gyro about {axis}",
             0.003,
             "restart the drone on a table that stands still; warm it up first",
-            _DEG[:1] + ("deg/s",),
+            _DEG_S,
         )
         for axis in "xyz"
     ),

@@ -14,7 +14,6 @@ from scipy.signal import butter, freqz, welch
 from calibration.measurement import Estimate
 from onboard.arrays import FloatArray
 from onboard.vehicle import Vehicle
-from perchhw.hover_check.lag import GYRO_CUTOFF_HZ
 from perchhw.hover_check.windows import CheckWindows
 
 ACCELEROMETER_CUTOFF_HZ = 30.0
