@@ -48,7 +48,7 @@ VERBS: dict[str, Verb] = {
     "calibrate": Verb("perchhw.cli.calibrate", "Measure inertia, motors and thrust on the bench."),
     "gap": Verb("perchhw.cli.gap", "Find where the model and measured flights disagree."),
     "vehicle": Verb("perchhw.cli.vehicle", "List, show, check and compare vehicle files."),
-    "mocap": Verb("perchhw.cli.mocap", "Watch what a mocap source delivers, or send it on."),
+    "mocap": Verb("perchhw.cli.mocap", "Watch a mocap source, send it on, measure the room."),
     "mavlink": Verb("perchhw.cli.mavlink", "Tell a ground station of a drone or of a record."),
     "log": Verb("perchhw.cli.log", "List, export, label and view recorded flights."),
 }

@@ -6,6 +6,7 @@ placed at their capture time, gyro samples at the drone's own time, less the 2.8
 """
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -83,7 +84,7 @@ def sensing(windows: CheckWindows) -> Sensing:
     Raises:
         RecordTooShort: the flight cannot be analysed; the message says why.
     """
-    found = flight_sensing(windows)
+    found = flight_sensing(windows.run.folder)
     values, errors = found.values, found.errors
     error = float(np.hypot(errors["pose_delay"][0], CLOCKS_S / np.sqrt(3.0)))
     delay = float(values["pose_delay"][0]) + GYRO_FILTER_S
@@ -94,18 +95,18 @@ def sensing(windows: CheckWindows) -> Sensing:
     )
 
 
-def flight_sensing(windows: CheckWindows) -> FlightSensing:
-    """The estimates as they come, errors among them.
+def flight_sensing(record: Path) -> FlightSensing:
+    """The estimates of a run folder as they come, errors among them.
 
     Raises:
         RecordTooShort: as :func:`sensing`.
     """
-    prepared = prepare_flights([open_flight(windows.run.folder)])
+    prepared = prepare_flights([open_flight(record)])
     flights, broken = estimate_flights(prepared.records)
     if not flights:
         reasons = [one.reason for one in prepared.refused] + [one.reason for one in broken]
         why = "; ".join(reasons) or "poses and gyro cannot be compared"
-        raise RecordTooShort(f"{windows.run.folder}: {why}; fly the check again")
+        raise RecordTooShort(f"{record}: {why}; fly the check again")
     return flights[0]
 
 
