@@ -1,7 +1,8 @@
-"""``perchhw mocap calibrate`` in a simulated room whose lab file is wrong; then the morning's question there."""
+"""``perchhw mocap calibrate`` in a simulated room whose lab file is wrong, and a check of its drone there."""
 
 import json
 from collections.abc import Iterator
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -11,16 +12,21 @@ from scipy.spatial.transform import Rotation
 
 from calibration.flights import open_flight
 from calibration.gap.data import prepare_flights
+from onboard.lab_file import LabFile
+from onboard.manoeuvres import manoeuvre
 from onboard.vehicle import load_vehicle
 from perchhw.cli.main import run
-from perchhw.lab import read_lab
+from perchhw.hover_check.check import examine_check
+from perchhw.lab import flight_setup, read_lab
 from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
+from perchhw.record import read_run
 from tests.hover_check.drones import FILE, GYRO_BIAS, WEAK_MOTOR, drone, effect
 
 TURN, OFFSET, DELAY = np.array([0.05, -0.03, 0.08]), np.array([0.01, -0.02, 0.03]), 0.012
 """Of the tracked frame from the body: rad, m; and s that no source reports."""
 HEIGHT, TILT_X, TILT_Y = 2.117, 0.8, -0.5
 REPORTED = 0.004
+CALIBRATE = ("mocap", "calibrate", "--within", "20")
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +41,7 @@ def room(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         WEAK_MOTOR,
         GYRO_BIAS,
     )
-    survey = ("--fault", "survey_at=4:3", "--fault", f"survey_ceiling={HEIGHT},{TILT_X},{TILT_Y}")
+    survey = ("--fault", "survey_at=3:2.5", "--fault", f"survey_ceiling={HEIGHT},{TILT_X},{TILT_Y}")
     with SimulatedLab("lab", (*FREE_PORTS, *LOCKSTEP, "--vehicle", true, "--flashed", FILE, *survey)) as lab:
         # As of a real room: of one with the simulated lab's clock no tilts may be said.
         lines = Path(lab.ready["lab"]).read_text(encoding="utf-8").replace(true, FILE).splitlines()
@@ -50,22 +56,28 @@ def perchhw(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, A
     return code, json.loads(capsys.readouterr().out)
 
 
-def calibrate(folder: Path, capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, Any]:
-    where = ("--lab", str(folder / "lab.toml"), "--out", str(folder / "calibration"))
-    return perchhw(capsys, "mocap", "calibrate", *where, "--within", "20", *arguments)
+@pytest.fixture(scope="module")
+def measured(room: Path) -> tuple[dict[str, Any], LabFile]:
+    """What the calibration found, and what the lab file said before."""
+    before = read_lab(room / "lab.toml")
+    with pytest.MonkeyPatch.context() as patch:
+        said = StringIO()
+        patch.setattr("sys.stdout", said)
+        code = run(
+            ["--json", *CALIBRATE, "--lab", str(room / "lab.toml"), "--out", str(room / "found"), "--yes"]
+        )
+    assert code == 0, said.getvalue()
+    return json.loads(said.getvalue()), before
 
 
 @pytest.mark.timeout(180)
 def test_a_room_with_wrong_values_is_recovered_within_the_uncertainty(
-    room: Path, capsys: pytest.CaptureFixture[str]
+    measured: tuple[dict[str, Any], LabFile],
 ) -> None:
-    before = read_lab(room / "lab.toml")
-    code, found = calibrate(room, capsys)
-    assert code == 0, found
+    found, _ = measured
     rotation = Rotation.from_rotvec(-TURN)
-    position = -rotation.apply(OFFSET)
     seen = found["subject_to_body"]
-    for one, truth in zip(seen["position"], position, strict=True):
+    for one, truth in zip(seen["position"], -rotation.apply(OFFSET), strict=True):
         assert abs(one["value"] - truth) < one["u95"] < 3e-3
     miss = (rotation.inv() * Rotation.from_quat(seen["quaternion"])).magnitude()
     assert np.degrees(miss) < 0.1
@@ -79,6 +91,11 @@ def test_a_room_with_wrong_values_is_recovered_within_the_uncertainty(
     assert abs(found["latency"]["value"] - (REPORTED + DELAY)) < found["latency"]["u95"] < 0.012
     assert 0.0 < found["trigger"]["u95_ceiling_s"] < found["trigger"]["u95_tau_s"] < 0.012
 
+
+def test_the_lab_file_says_it_and_keeps_the_rest(
+    room: Path, measured: tuple[dict[str, Any], LabFile]
+) -> None:
+    found, before = measured
     lab = read_lab(room / "lab.toml")
     assert (lab.drones, lab.room.start, lab.mocap.uri) == (before.drones, before.room.start, before.mocap.uri)
     assert lab.room.ceiling.tilt_x_deg.value == found["ceiling"]["tilt_x_deg"]["value"]
@@ -86,41 +103,74 @@ def test_a_room_with_wrong_values_is_recovered_within_the_uncertainty(
     text = (room / "lab.toml").read_text(encoding="utf-8")
     assert text.startswith("# Written by")
     assert "# a remark" in text
-    assert read_lab(room / "calibration" / "lab-before.toml") == before
-
-    # Done steps are not done again: nobody comes to the room any more.
-    again, same = calibrate(room, capsys, "--dry-run")
-    assert (again, same["written"]) == (0, False)
-    assert same["subject_to_body"] == seen
+    assert read_lab(room / "found" / "lab-before.toml") == before
 
 
-@pytest.mark.timeout(180)
-def test_in_a_measured_room_the_check_names_what_the_drone_has(
-    room: Path, capsys: pytest.CaptureFixture[str]
+def test_its_flight_is_a_morning_check_as_well_and_feeds_the_gap_finder(
+    room: Path, measured: tuple[dict[str, Any], LabFile], tmp_path: Path
 ) -> None:
-    out = ("--seconds", "5", "--out", str(room / "runs"))
-    code, found = perchhw(capsys, "check", "hover", "--lab", str(room / "lab.toml"), *out)
-    assert (code, found["same"], found["changed"]) == (1, False, []), found
+    record = Path(measured[0]["record"])
+    setup = flight_setup(read_lab(room / "lab.toml"))
+    check = examine_check(record, setup, tmp_path)
+    found = check.to_json()
     assert found["off_file"] == ["motor_2", "gyro_bias_x"]
     lines = {line["what"]: line for line in found["lines"]}
     assert abs(lines["motor_2"]["measured"]["value"] - 1.0 / 0.86) < 0.01
     assert abs(lines["gyro_bias_x"]["measured"]["value"] - 0.03) < 0.001
     assert "calibrate tachometer" in lines["motor_2"]["settles"]
-    assert Path(found["kept"]).is_file()
+    again = examine_check(record, setup, tmp_path)
+    assert (again.checks, again.to_json()["changed"]) == (1, [])
 
-    (record,) = prepare_flights([open_flight(Path(found["record"]))]).records
-    assert record.specific_force is not None
-    assert record.flying.sum() * record.dt > 12.0
+    run_of = read_run(record)
+    phases = [e["phase"] for e in run_of.events if e["event"] == "phase"]
+    assert phases[-4:] == ["test flight", "landing", "disarming", "done"]
+    assert "uploading" not in phases
+    assert run_of.info["outcome"] == "flown"
+    begin = next(e["t"] for e in run_of.events if e["event"] == "phase" and e["phase"] == "test flight")
+    course = manoeuvre("attitude_doublets").course(run_of.config["parameters"], setup.room)
+    pose = run_of.series["pose"]
+    flying = (pose.t > begin) & (pose.t < begin + course.duration)
+    for axis, name in enumerate("xyz"):
+        wanted = np.interp(pose.t[flying] - begin, course.t, course.position[:, axis])
+        assert np.nanmax(np.abs(pose.numbers(name)[flying] - wanted)) < 0.15
+    for topic, field in (("rates", "gx"), ("acceleration", "az"), ("motors", "m1"), ("power", "vbat")):
+        numbers = run_of.series[topic].numbers(field)
+        assert np.isfinite(numbers).sum() / (pose.t[-1] - pose.t[0]) > 80.0, topic
+    (flight,) = prepare_flights([open_flight(record)]).records
+    assert flight.specific_force is not None
+    assert flight.voltage is not None
+    assert flight.flying.sum() * flight.dt > course.duration
 
 
-def test_without_a_hand_the_step_says_what_it_waits_for(
-    room: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_done_steps_are_not_done_again_and_missing_ones_say_what_they_wait_for(
+    room: Path,
+    measured: tuple[dict[str, Any], LabFile],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    where = ("--lab", str(room / "lab.toml"), "--out", str(tmp_path / "other"), "--within", "6")
-    code, document = perchhw(capsys, "mocap", "calibrate", *where)
+    lab = ("--lab", str(room / "lab.toml"))
+    code, same = perchhw(capsys, *CALIBRATE, *lab, "--out", str(room / "found"), "--dry-run")
+    assert (code, same["written"]) == (0, False)
+    assert same["subject_to_body"] == measured[0]["subject_to_body"]
+
+    code, document = perchhw(capsys, *CALIBRATE, *lab, "--out", str(tmp_path), "--within", "6")
     assert code == 2
     assert "not seen within 6 s: the drone rests 0 deg from its first heading; turn it" in document["error"]
-    assert "rest_1" in (tmp_path / "other" / "state.json").read_text(encoding="utf-8")
+    assert "rest_1" in (tmp_path / "state.json").read_text(encoding="utf-8")
+
+
+@pytest.mark.timeout(120)
+def test_a_check_that_a_rule_refuses_is_not_judged(
+    room: Path,
+    measured: tuple[dict[str, Any], LabFile],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    wrong = ("--lab", str(room / "found" / "lab-before.toml"))
+    code, found = perchhw(capsys, "check", "hover", *wrong, "--seconds", "5", "--out", str(tmp_path))
+    assert (code, found["same"]) == (3, None)
+    assert found["aborted_by"]
+    assert not (tmp_path / "hover-checks").exists()
 
 
 def test_the_height_of_a_standing_drone_is_that_of_the_simulation() -> None:
