@@ -190,7 +190,7 @@ def joined_with_flight(
             raise GeometryRefused(
                 f"the flight shows the body {what} by {factor * value[axis]:+.1f} {unit} about its "
                 f"{'xyz'[axis]} axis from where the rests had it, {ratios.max():.1f} standard uncertainties: "
-                "were both rests on the same mark, nose along x in the first, the heights right? Begin anew"
+                "were both rests on the same mark, nose along x in the first, the heights right? Do them anew"
             )
     rotation = rests.rotation * Rotation.from_rotvec(-left)
     matrix = rotation.as_matrix()

@@ -70,7 +70,7 @@ def calibrate(
     from perchhw.lab import find_lab, flight_setup
     from perchhw.lab.flying import LIMITS
     from perchhw.mocap_calibration.result import room_found, with_markers
-    from perchhw.mocap_calibration.steps import Survey
+    from perchhw.mocap_calibration.steps import FLIGHT, RESTS, TOUCH_STEPS, Survey, forgotten_if_refused
 
     before = find_lab(lab)
     if before is None:
@@ -86,11 +86,14 @@ def calibrate(
     source = f"perchhw mocap calibrate, {datetime.now(UTC):%Y-%m-%d}"
     with hold(setup.drone):
         first, second, touches = survey.places()
-        rests = from_rests(first, second, Standing(height, HEIGHT_SIGMA, plate=1e-3 * plate_mm))
-        ceiling = ceiling_plane(touches, 1e-3 * marker_radius_mm)
+        with forgotten_if_refused(book, *RESTS, FLIGHT):
+            rests = from_rests(first, second, Standing(height, HEIGHT_SIGMA, plate=1e-3 * plate_mm))
+        with forgotten_if_refused(book, *TOUCH_STEPS):
+            ceiling = ceiling_plane(touches, 1e-3 * marker_radius_mm)
         corrected = flight_setup(with_markers(before, rests, source), drone=setup.drone)
         record = survey.flight(corrected, out, confirmation(yes), FlightDisplay())
-    found = room_found(rests, ceiling, record, speed, angle)
+    with forgotten_if_refused(book, *RESTS, FLIGHT):
+        found = room_found(rests, ceiling, record, speed, angle)
     if not dry_run:
         shutil.copyfile(before.file, out / "lab-before.toml")
         put_measured(Path(before.file), found.lab(before, source), LIMITS)

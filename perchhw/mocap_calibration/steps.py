@@ -1,5 +1,7 @@
 """The steps of the calibration, each kept in the run's book once it is done."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -7,10 +9,11 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from calibration.bench.procedures.operator import Task
+from calibration.bench.procedures.operator import StepAgain, StepBack, StepSkipped, Task
 from calibration.bench.procedures.run_book import RunBook
 from calibration.errors import CalibrationError
 from calibration.room.ceiling_plane import TOUCHES
+from calibration.room.errors import GeometryRefused
 from calibration.room.marker_body import HEADINGS_APART_DEG, Rest, rests_apart_deg
 from onboard.arrays import FloatArray
 from onboard.errors import SafetyStop
@@ -22,6 +25,10 @@ from perchhw.hover_check.check import fly_check
 from perchhw.lab.setup import FlightSetup
 from perchhw.mocap_calibration.watch import SubjectWatch
 
+RESTS = ("rest_1", "rest_2")
+TOUCH_STEPS = tuple(f"touch_{number}" for number in range(1, TOUCHES + 1))
+FLIGHT = "flight"
+"""Names of the steps in the book."""
 TOUCHES_APART_M = 0.3
 """m between two touches, for the program to see that it is another."""
 FLIGHT_S = 5.0
@@ -30,6 +37,16 @@ _FLOWN_ON = "Put the drone upright on its start mark facing +x"
 
 class CalibrationFlightEnded(CalibrationError, SafetyStop):
     """A safety rule ended the flight of a calibration."""
+
+
+@contextmanager
+def forgotten_if_refused(book: RunBook, *keys: str) -> Iterator[None]:
+    """Take these steps back when what they measured is refused, so that they are done anew."""
+    try:
+        yield
+    except GeometryRefused:
+        book.forget(*keys)
+        raise
 
 
 @dataclass(frozen=True)
@@ -53,18 +70,26 @@ class Survey:
 
         Raises:
             GeometryRefused: a step was not done within its time.
+            Paused: the operator goes on later.
         """
+        while True:
+            try:
+                return self._places()
+            except StepBack:  # the book has forgotten the last step
+                self.book.restart()
+
+    def _places(self) -> tuple[Rest, Rest, FloatArray]:
         with open_timebase("mocap calibrate", self.setup.mocap) as time:
             with SubjectWatch(self.setup.mocap, time) as drone:
                 first = self._rest(
                     drone,
-                    "rest_1",
+                    RESTS[0],
                     "Put the drone on a level plate, its centre over a mark, its nose along +x, and let go",
                     None,
                 )
                 second = self._rest(
                     drone,
-                    "rest_2",
+                    RESTS[1],
                     "Turn it by half a turn, its centre over the same mark, and let go",
                     first,
                 )
@@ -90,7 +115,7 @@ class Survey:
                 )
             return {"record": str(flown.record)}
 
-        return Path(self.book.step("flight", "Hover and small tilts", fly)["record"])
+        return Path(self.book.step(FLIGHT, "Hover and small tilts", fly)["record"])
 
     def _rest(self, watch: SubjectWatch, key: str, request: str, other: Rest | None) -> Rest:
         def refuse(rest: Rest) -> str | None:
@@ -102,10 +127,17 @@ class Survey:
             )
 
         def work() -> dict[str, Any]:
-            self.book.operator.do(Task(key, request))
+            self._ask(Task(key, request))
             return _kept(watch.rest(self.within, refuse))
 
         return _rest_of(self.book.step(key, request, work))
+
+    def _ask(self, task: Task) -> None:
+        try:
+            self.book.operator.do(task)
+        except StepSkipped as skipped:
+            self.book.operator.warn("No step can be left out: all of them are needed.")
+            raise StepAgain("it is needed") from skipped
 
     def _touch(self, watch: SubjectWatch, number: int, before: list[FloatArray]) -> FloatArray:
         def refuse(rest: Rest) -> str | None:
@@ -120,10 +152,10 @@ class Survey:
         )
 
         def work() -> dict[str, Any]:
-            self.book.operator.do(Task("touch", request))
+            self._ask(Task("touch", request))
             return _kept(watch.rest(self.within, refuse))
 
-        return _rest_of(self.book.step(f"touch_{number}", request, work)).position
+        return _rest_of(self.book.step(TOUCH_STEPS[number - 1], request, work)).position
 
 
 def _kept(rest: Rest) -> dict[str, Any]:

@@ -142,10 +142,9 @@ def test_its_flight_is_a_morning_check_as_well_and_feeds_the_gap_finder(
     assert flight.flying.sum() * flight.dt > course.duration
 
 
-def test_done_steps_are_not_done_again_and_missing_ones_say_what_they_wait_for(
+def test_done_steps_are_not_done_again(
     room: Path,
     measured: tuple[dict[str, Any], LabFile],
-    tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     lab = ("--lab", str(room / "lab.toml"))
@@ -153,12 +152,42 @@ def test_done_steps_are_not_done_again_and_missing_ones_say_what_they_wait_for(
     assert (code, same["written"]) == (0, False)
     assert same["subject_to_body"] == measured[0]["subject_to_body"]
 
+
+@pytest.mark.soak
+def test_a_missing_step_says_what_it_waits_for(
+    room: Path,
+    measured: tuple[dict[str, Any], LabFile],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    lab = ("--lab", str(room / "lab.toml"))
     code, document = perchhw(capsys, *CALIBRATE, *lab, "--out", str(tmp_path), "--within", "6")
     assert code == 2
     assert "not seen within 6 s: the drone rests 0 deg from its first heading; turn it" in document["error"]
     assert "rest_1" in (tmp_path / "state.json").read_text(encoding="utf-8")
 
 
+def test_rests_that_cannot_be_used_are_forgotten_and_the_touches_kept(
+    room: Path,
+    measured: tuple[dict[str, Any], LabFile],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    state = json.loads((room / "found" / "state.json").read_text(encoding="utf-8"))
+    askew = Rotation.from_rotvec([0.4, 0.0, 0.0]) * Rotation.from_quat(
+        state["steps"]["rest_2"]["result"]["quaternion"]
+    )
+    state["steps"]["rest_2"]["result"]["quaternion"] = askew.as_quat().tolist()
+    (tmp_path / "state.json").write_text(json.dumps(state), encoding="utf-8")
+    lab = ("--lab", str(room / "lab.toml"))
+    code, document = perchhw(capsys, *CALIBRATE, *lab, "--out", str(tmp_path))
+    assert code == 2
+    assert "level plate both times" in document["error"]
+    left = json.loads((tmp_path / "state.json").read_text(encoding="utf-8"))["steps"]
+    assert list(left) == ["touch_1", "touch_2", "touch_3", "touch_4"]
+
+
+@pytest.mark.soak
 @pytest.mark.timeout(120)
 def test_a_check_that_a_rule_refuses_is_not_judged(
     room: Path,
