@@ -71,7 +71,7 @@ def hover(
         _tell_aborted(flown)
         return exit_codes.SAFETY
     check = examine_check(flown.record, setup, out, begins_anew=begin_anew)
-    emit(check, _table(check))
+    emit(check, in_words(check))
     return exit_codes.DONE if check.same else exit_codes.FAILED
 
 
@@ -84,8 +84,9 @@ def _tell_aborted(flown: "CourseResult") -> None:
     )
 
 
-def _table(check: "HoverCheck") -> str:
-    lines = [_in_words(line) for line in check.lines]
+def in_words(check: "HoverCheck") -> str:
+    """A line a quantity, what to do about those that changed, and the answer."""
+    lines = [_line(line) for line in check.lines]
     if check.rotors:
         each = ", ".join(f"M{number} {rotor.rate_hz:.0f} Hz" for number, rotor in enumerate(check.rotors, 1))
         sigma = max(rotor.sigma_hz for rotor in check.rotors)
@@ -100,7 +101,7 @@ def _folding(check: "HoverCheck") -> str:
     return ", ".join(f"{name} at {one.folded_hz:.0f} Hz {one.gyro or 0.0:.2g} rad/s" for name, one in levels)
 
 
-def _in_words(line: "Line") -> str:
+def _line(line: "Line") -> str:
     held = line.held
     factor, unit = held.shown
     said = [f"{_number(line.measured, factor)} {unit}"]

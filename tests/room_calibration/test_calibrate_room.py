@@ -15,6 +15,7 @@ from calibration.gap.data import prepare_flights
 from onboard.lab_file import LabFile
 from onboard.manoeuvres import manoeuvre
 from onboard.vehicle import load_vehicle
+from perchhw.cli.check import in_words
 from perchhw.cli.main import run
 from perchhw.hover_check.check import examine_check
 from perchhw.lab import flight_setup, read_lab
@@ -118,6 +119,10 @@ def test_its_flight_is_a_morning_check_as_well_and_feeds_the_gap_finder(
     assert abs(lines["motor_2"]["measured"]["value"] - 1.0 / 0.86) < 0.01
     assert abs(lines["gyro_bias_x"]["measured"]["value"] - 0.03) < 0.001
     assert "calibrate tachometer" in lines["motor_2"]["settles"]
+    said = in_words(check)
+    assert "off_file motor_2: 116" in said
+    assert "-> exchange that propeller" in said
+    assert "not as its vehicle file says: motor_2, gyro_bias_x" in said
     again = examine_check(record, setup, tmp_path)
     assert (again.checks, again.to_json()["changed"]) == (1, [])
 
@@ -151,6 +156,11 @@ def test_done_steps_are_not_done_again(
     code, same = perchhw(capsys, *CALIBRATE, *lab, "--out", str(room / "found"), "--dry-run")
     assert (code, same["written"]) == (0, False)
     assert same["subject_to_body"] == measured[0]["subject_to_body"]
+    assert run([*CALIBRATE, *lab, "--out", str(room / "found"), "--dry-run", "--yes"]) == 0
+    said = capsys.readouterr().out
+    height = same["ceiling"]["height"]
+    assert f"ceiling: {height['value']:.4f} ± {height['u95']:.4f} m" in said
+    assert "not written: " in said
 
 
 @pytest.mark.soak
