@@ -60,6 +60,7 @@ def hover(
     from perchhw.cli.prompts import confirmation
     from perchhw.flight.turnaround import Turnaround
     from perchhw.hover_check.check import examine_check, fly_check
+    from perchhw.hover_check.ended import examine_ended
     from perchhw.lab import find_lab, flight_setup
 
     setup = flight_setup(find_lab(lab), drone=drone, mocap=mocap, vehicle=vehicle, legs=legs)
@@ -68,20 +69,23 @@ def hover(
         Turnaround(setup.drone, confirmation(yes), _ON_ITS_MARK).put_back()
         flown = fly_check(setup, out, seconds, FlightDisplay())
     if flown.aborted_by is not None:
-        _tell_aborted(flown)
+        _tell_aborted(flown, examine_ended(flown.record, setup, out))
         return exit_codes.SAFETY
     check = examine_check(flown.record, setup, out, begins_anew=begin_anew)
     emit(check, in_words(check))
     return exit_codes.DONE if check.same else exit_codes.FAILED
 
 
-def _tell_aborted(flown: "CourseResult") -> None:
-    document = {"same": None, "aborted_by": flown.aborted_by, "record": str(flown.record)}
-    emit(
-        document,
-        f"not judged: the flight was ended by {flown.aborted_by}\nrecord: {flown.record}\n"
-        "perchhw bringup --step hover says more; docs/safety.md has the rule",
-    )
+def _tell_aborted(flown: "CourseResult", lines: "tuple[Line, ...]") -> None:
+    document = {
+        "same": None,
+        "aborted_by": flown.aborted_by,
+        "lines": [line.to_json() for line in lines],
+        "record": str(flown.record),
+    }
+    said = [*map(_line, lines), f"not judged: the flight was ended by {flown.aborted_by}"]
+    said += [f"record: {flown.record}", "perchhw bringup --step hover says more; docs/safety.md has the rule"]
+    emit(document, "\n".join(said))
 
 
 def in_words(check: "HoverCheck") -> str:

@@ -131,7 +131,7 @@ def examine_check(record: Path, setup: FlightSetup, out: Path, *, begins_anew: b
     """
     vehicle = load_vehicle(setup.vehicle, setup.legs)
     measured, rotors = measure(record, vehicle, setup.room)
-    history = History.of(out, setup.drone, vehicle)
+    history = History.of(out, setup.drone, setup.mocap, vehicle)
     before = () if begins_anew else history.before()
     lines = judge(measured, expected(vehicle), [one.values for one in before])
     kept = history.keep(datetime.now(UTC), record, lines, begins_anew=begins_anew)

@@ -1,19 +1,18 @@
 """What the vehicle file, and a good motion capture, let a check expect."""
 
-import dataclasses
 import math
 
 from calibration.measurement import Estimate
-from onboard.battery import thrust_from_voltage, voltage_from_thrust
-from onboard.gravity import GRAVITY
 from onboard.quantity import Quantity
-from onboard.thrust_map import COEFFICIENT_UNITS
 from onboard.vehicle import Vehicle
 from perchhw.hover_check.lag import GYRO_CUTOFF_HZ
 from perchhw.hover_check.vibration import ACCELEROMETER_CUTOFF_HZ, noise_in_band
 
 MOTOR_TO_MOTOR = 0.04
 """Standard deviation of the thrust of motors of one kind: 3 to 5 % (effect ``motor_imbalance``)."""
+MAP = 0.03
+"""Standard deviation of a motor's thrust about its map (``thrust_maps.toml``). The coefficients' own sigmas,
+taken as independent, would say 10 %: they are those of one fit, whose covariance nobody kept."""
 TURN = math.radians(1.0)
 """rad: markers are put on within 2 deg."""
 COASTING_S = 0.03
@@ -30,15 +29,13 @@ def expected(vehicle: Vehicle) -> dict[str, Estimate]:
     imbalance = _effect(vehicle, "motor_imbalance", ("m1", "m2", "m3", "m4"), 1.0)
     bias = _effect(vehicle, "gyro_bias", ("x", "y", "z"), 0.0)
     lag = 0.5 * (_relative(motors.time_constant_up) + _relative(motors.time_constant_down))
-    resistance = battery.resistance
-    source = math.hypot(_relative(resistance), _relative(battery.motor_current_per_newton))
     gyro = noise_in_band(sensing.gyro_noise.value, GYRO_CUTOFF_HZ)
     force = noise_in_band(sensing.accelerometer_noise.value, ACCELEROMETER_CUTOFF_HZ)
     late = Estimate(0.5 * LATE_S, "s", 0.5 * LATE_S / math.sqrt(3.0))
     values = {
-        "thrust": Estimate(1.0, "1", math.hypot(_relative(vehicle.body.mass), _map_sigma(vehicle))),
+        "thrust": Estimate(1.0, "1", math.hypot(_relative(vehicle.body.mass), MAP)),
         "motor_lag": Estimate(1.0, "1", lag),
-        "battery_resistance": Estimate(resistance.value, "ohm", resistance.value * source),
+        "battery_resistance": Estimate.from_quantity(battery.resistance),
         "vibration_gyro": Estimate(gyro, "rad/s", gyro * _relative(sensing.gyro_noise)),
         "vibration_accelerometer": Estimate(force, "m/s2", force * _relative(sensing.accelerometer_noise)),
         "mocap_missing": Estimate(0.0, "1", _SHARE_MISSING),
@@ -53,22 +50,6 @@ def expected(vehicle: Vehicle) -> dict[str, Estimate]:
         values[f"mocap_turn_{axis}"] = Estimate(0.0, "rad", TURN)
         values[f"gyro_bias_{axis}"] = Estimate(value, "rad/s", 0.005)
     return values
-
-
-def _map_sigma(vehicle: Vehicle) -> float:
-    """Relative standard uncertainty of the map's thrust at the hover; its coefficients as independent."""
-    description = vehicle.motors.thrust_map
-    thrust = 0.25 * vehicle.body.mass.value * GRAVITY
-    voltage = voltage_from_thrust(description.compiled(), thrust)
-    squares = 0.0
-    for name in COEFFICIENT_UNITS[description.form]:
-        coefficient = description.coefficients[name]
-        moved = dataclasses.replace(coefficient, value=coefficient.value + coefficient.sigma)
-        other = dataclasses.replace(
-            description, coefficients={**description.coefficients, name: moved}
-        ).compiled()
-        squares += (thrust_from_voltage(other, voltage) / thrust - 1.0) ** 2
-    return math.sqrt(squares)
 
 
 def _effect(vehicle: Vehicle, name: str, keys: tuple[str, ...], neutral: float) -> list[float]:

@@ -9,9 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from onboard.json_file import write_json_atomically
+from onboard.lab_file import split_subject
 from onboard.vehicle import Vehicle, vehicle_to_toml
 from perchhw.errors import FlightStackError
 from perchhw.hover_check.judge import Line, LineVerdict
+from perchhw.lab.hardware import on_this_machine
 from perchhw.record.folder import make_folder, slug
 
 SCHEMA = "perchhw.hover_check/1"
@@ -45,10 +47,15 @@ class History:
     vehicle_crc: int
 
     @classmethod
-    def of(cls, out: Path, drone: str, vehicle: Vehicle) -> "History":
-        """Of the drone with this address, beside the records in `out`."""
-        address = drone.partition("?")[0]  # what follows is the clock of a simulated lab
-        return cls(out / FOLDER / slug(address), zlib.crc32(vehicle_to_toml(vehicle).encode()))
+    def of(cls, out: Path, drone: str, mocap: str, vehicle: Vehicle) -> "History":
+        """Of the drone with this address, beside the records in `out`.
+
+        A simulated drone has another port in each lab: it is known by the subject of its poses.
+        """
+        name = drone.partition("?")[0]  # what follows is the clock of a simulated lab
+        if on_this_machine(drone):
+            name = f"simulated-{split_subject(mocap)[1] or name}"
+        return cls(out / FOLDER / slug(name), zlib.crc32(vehicle_to_toml(vehicle).encode()))
 
     def before(self) -> tuple[EarlierCheck, ...]:
         """The last checks that found nothing changed, oldest first, from the newest beginning on.

@@ -33,11 +33,8 @@ def lab_of(vehicle: str, *arguments: str) -> SimulatedLab:
 @pytest.mark.soak
 @pytest.mark.timeout(1500)
 def test_twenty_mornings_of_drones_that_are_the_same_accuse_none_and_changed_ones_are_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from perchhw.hover_check import history
-
-    monkeypatch.setattr(history, "slug", lambda _: "cf1")  # the ports of the labs are not the same
     mornings = Mornings(tmp_path / "runs", capsys)
     for seed in range(4):
         with lab_of(FILE, "--seed", str(seed)) as lab:
@@ -66,3 +63,6 @@ def test_twenty_mornings_of_drones_that_are_the_same_accuse_none_and_changed_one
     with lab_of(drone(tmp_path, resistance=("0.23", "0.46"))) as lab:
         code, found = mornings.check(lab, "--seconds", "10")
     assert (code, found["aborted_by"].split(":")[0]) == (3, "battery_in_flight")
+    (battery,) = found["lines"]
+    assert (battery["what"], battery["verdict"]) == ("battery_resistance", "changed")
+    assert abs(battery["measured"]["value"] - 0.46) < battery["measured"]["u95"]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from onboard.arrays import FloatArray
+from perchhw.hover_check.ended import resistance_aloft
 from perchhw.hover_check.lag import _modelled_rates, motor_lag
 from perchhw.hover_check.poses import stream
 from perchhw.hover_check.thrust import hover_thrust
@@ -34,6 +35,15 @@ def test_one_weak_motor_is_told_from_a_centre_of_mass_and_leaves_the_thrust_alon
 def test_resistance_comes_from_the_fall_at_take_off_and_not_from_the_discharge(resistance: float) -> None:
     found = hover_thrust(windows(resistance=resistance), VEHICLE).resistance
     assert abs(found.value - resistance) < found.u95 < 0.05
+
+
+@pytest.mark.parametrize("resistance", [0.23, 0.46])
+def test_a_flight_that_was_ended_still_tells_its_battery(resistance: float) -> None:
+    run = windows(resistance=resistance).run
+    found = resistance_aloft(run, VEHICLE)
+    assert found is not None
+    assert abs(found.value - resistance) < found.u95
+    assert resistance_aloft(replace(run, events=()), VEHICLE) is None
 
 
 def test_vibration_is_what_is_above_30_hz() -> None:

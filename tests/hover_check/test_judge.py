@@ -15,6 +15,7 @@ from perchhw.hover_check.quantities import HELD
 from tests.hover_check.numbers import VEHICLE
 
 BY_NAME = {held.what: held for held in HELD}
+ROOM = "vicon://192.168.1.10?subject=cf1"
 MORNING = datetime(2026, 11, 23, 7, tzinfo=UTC)
 
 
@@ -71,7 +72,7 @@ def test_limits_follow_the_drones_own_scatter_once_there_are_many_days() -> None
 
 
 def test_against_the_file_alone() -> None:
-    lines = judge(measured({"motor_2": 1.18, "thrust": 1.05}), expected(VEHICLE), [])
+    lines = judge(measured({"motor_2": 1.18, "thrust": 1.03}), expected(VEHICLE), [])
     assert [(line.held.what, line.verdict) for line in lines] == [
         ("thrust", LineVerdict.SAME),
         ("motor_2", LineVerdict.OFF_FILE),
@@ -88,7 +89,7 @@ def keep(history: History, values: dict[str, float], number: int, *, begins_anew
 
 
 def test_a_changed_day_does_not_count_until_it_is_meant(tmp_path: Path) -> None:
-    history = History.of(tmp_path, "radio://0/80/2M/E7E7E7E7E7", VEHICLE)
+    history = History.of(tmp_path, "radio://0/80/2M/E7E7E7E7E7", ROOM, VEHICLE)
     for number in range(3):
         keep(history, {"thrust": 1.0}, number)
     keep(history, {"thrust": 1.2}, 3)
@@ -96,14 +97,16 @@ def test_a_changed_day_does_not_count_until_it_is_meant(tmp_path: Path) -> None:
     keep(history, {"thrust": 1.2}, 4, begins_anew=True)
     keep(history, {"thrust": 1.21}, 5)
     assert [one.values["thrust"] for one in history.before()] == [1.2, 1.21]
-    assert History.of(tmp_path, "radio://0/90/2M/E7E7E7E7E7", VEHICLE).before() == ()
+    assert History.of(tmp_path, "radio://0/90/2M/E7E7E7E7E7", ROOM, VEHICLE).before() == ()
     lighter = replace(VEHICLE, body=replace(VEHICLE.body, mass=replace(VEHICLE.body.mass, value=0.03)))
-    assert History.of(tmp_path, "radio://0/80/2M/E7E7E7E7E7", lighter).before() == ()
+    assert History.of(tmp_path, "radio://0/80/2M/E7E7E7E7E7", ROOM, lighter).before() == ()
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"schema": "perchhw.hover_check/0"}', '{"values": 3}'])
 def test_a_damaged_day_is_named(text: str, tmp_path: Path) -> None:
-    history = History.of(tmp_path, "udp://127.0.0.1:19850?time=127.0.0.1:5", VEHICLE)
+    simulated = "udp://127.0.0.1:19850?time=127.0.0.1:5", "vicon://127.0.0.1:18801?subject=cf1"
+    history = History.of(tmp_path, *simulated, VEHICLE)
+    assert history.folder.name == "simulated-cf1"
     keep(history, {"thrust": 1.0}, 0)
     file = history.folder / "20261124T000000.json"
     file.write_text(text, encoding="utf-8")
