@@ -59,44 +59,35 @@ def calibrate(
     from datetime import UTC, datetime
 
     from calibration.bench.procedures.run_book import RunBook
-    from calibration.room.ceiling_plane import ceiling_plane
-    from calibration.room.marker_body import Standing, from_rests
-    from calibration.room.standing import HEIGHT_SIGMA, standing_height
     from onboard.lab_file import LabFileError, put_measured
-    from onboard.link.exclusive import hold
-    from onboard.vehicle import load_vehicle
     from perchhw.cli.bench_operator import TerminalOperator
     from perchhw.cli.prompts import confirmation
     from perchhw.lab import find_lab, flight_setup
     from perchhw.lab.flying import LIMITS
-    from perchhw.mocap_calibration.result import room_found, with_markers
-    from perchhw.mocap_calibration.steps import FLIGHT, RESTS, TOUCH_STEPS, Survey, forgotten_if_refused
+    from perchhw.mocap_calibration.session import CalibrationPlan, calibrate_room
 
     before = find_lab(lab)
     if before is None:
         raise LabFileError("no lab file to write into: give --lab FILE, or begin one after docs/lab_file.md")
     setup = flight_setup(before, drone=drone)
     setup.check()
-    height = 1e-3 * rest_height_mm if rest_height_mm is not None else None
-    if height is None:
-        height = standing_height(load_vehicle(setup.vehicle, setup.legs))
-    settings = {"lab": before.file, "drone": setup.drone.partition("?")[0], "wand": wand}
-    book = RunBook(out, "mocap calibrate", settings, TerminalOperator(yes))
-    survey = Survey(book, setup, wand, within)
-    source = f"perchhw mocap calibrate, {datetime.now(UTC):%Y-%m-%d}"
-    with hold(setup.drone):
-        first, second, touches = survey.places()
-        with forgotten_if_refused(book, *RESTS, FLIGHT):
-            rests = from_rests(first, second, Standing(height, HEIGHT_SIGMA, plate=1e-3 * plate_mm))
-        with forgotten_if_refused(book, *TOUCH_STEPS):
-            ceiling = ceiling_plane(touches, 1e-3 * marker_radius_mm)
-        corrected = flight_setup(with_markers(before, rests, source), drone=setup.drone)
-        record = survey.flight(corrected, out, confirmation(yes), FlightDisplay())
-    with forgotten_if_refused(book, *RESTS, FLIGHT):
-        found = room_found(rests, ceiling, record, speed, angle)
+    plan = CalibrationPlan(
+        lab=before,
+        setup=setup,
+        wand=wand,
+        marker_radius=1e-3 * marker_radius_mm,
+        plate=1e-3 * plate_mm,
+        rest_height=None if rest_height_mm is None else 1e-3 * rest_height_mm,
+        within=within,
+        speed=speed,
+        angle_deg=angle,
+        source=f"perchhw mocap calibrate, {datetime.now(UTC):%Y-%m-%d}",
+    )
+    book = RunBook(out, "mocap calibrate", plan.settings(), TerminalOperator(yes))
+    found, record = calibrate_room(plan, book, confirmation(yes), FlightDisplay())
     if not dry_run:
         shutil.copyfile(before.file, out / "lab-before.toml")
-        put_measured(Path(before.file), found.lab(before, source), LIMITS)
+        put_measured(Path(before.file), found.lab(before, plan.source), LIMITS)
     document = found.to_json() | {"lab": before.file, "written": not dry_run, "record": str(record)}
     emit(document, _in_words(found, document))
     return exit_codes.DONE
