@@ -58,13 +58,13 @@ def calibrate(
     """
     from datetime import UTC, datetime
 
-    from calibration.bench.procedures.run_book import RunBook
+    from calibration.bench.procedures.run_book import RunBook, RunBookError
     from onboard.lab_file import LabFileError, put_measured
     from perchhw.cli.bench_operator import TerminalOperator
     from perchhw.cli.prompts import confirmation
     from perchhw.lab import find_lab, flight_setup
     from perchhw.lab.flying import LIMITS
-    from perchhw.mocap_calibration.session import CalibrationPlan, calibrate_room
+    from perchhw.mocap_calibration.session import WRITTEN, CalibrationPlan, calibrate_room
 
     before = find_lab(lab)
     if before is None:
@@ -84,10 +84,16 @@ def calibrate(
         source=f"perchhw mocap calibrate, {datetime.now(UTC):%Y-%m-%d}",
     )
     book = RunBook(out, "mocap calibrate", plan.settings(), TerminalOperator(yes))
+    if WRITTEN in book.steps and not dry_run:
+        raise RunBookError(
+            f"{out}: this calibration is finished and written; give another --out for a new one, or "
+            "--dry-run to read it again"
+        )
     found, record = calibrate_room(plan, book, confirmation(yes), FlightDisplay())
     if not dry_run:
         shutil.copyfile(before.file, out / "lab-before.toml")
         put_measured(Path(before.file), found.lab(before, plan.source), LIMITS)
+        book.step(WRITTEN, "Written", lambda: {"lab": before.file})
     document = found.to_json() | {"lab": before.file, "written": not dry_run, "record": str(record)}
     emit(document, _in_words(found, document))
     return exit_codes.DONE

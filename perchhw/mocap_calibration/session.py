@@ -16,6 +16,9 @@ from perchhw.lab.setup import FlightSetup, flight_setup
 from perchhw.mocap_calibration.result import RoomFound, room_found, with_markers
 from perchhw.mocap_calibration.steps import FLIGHT, RESTS, TOUCH_STEPS, Survey, forgotten_if_refused
 
+WRITTEN = "written"
+"""Step of the book after which a calibration is over."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrationPlan:

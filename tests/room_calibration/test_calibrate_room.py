@@ -153,6 +153,9 @@ def test_done_steps_are_not_done_again(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     lab = ("--lab", str(room / "lab.toml"))
+    code, refused = perchhw(capsys, *CALIBRATE, *lab, "--out", str(room / "found"))
+    assert code == 2
+    assert "is finished and written; give another --out" in refused["error"]
     code, same = perchhw(capsys, *CALIBRATE, *lab, "--out", str(room / "found"), "--dry-run")
     assert (code, same["written"]) == (0, False)
     assert same["subject_to_body"] == measured[0]["subject_to_body"]
@@ -184,6 +187,7 @@ def test_rests_that_cannot_be_used_are_forgotten_and_the_touches_kept(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     state = json.loads((room / "found" / "state.json").read_text(encoding="utf-8"))
+    del state["steps"]["written"]
     askew = Rotation.from_rotvec([0.4, 0.0, 0.0]) * Rotation.from_quat(
         state["steps"]["rest_2"]["result"]["quaternion"]
     )
