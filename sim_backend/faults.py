@@ -26,6 +26,7 @@ from sim_backend.fault_values import (
     window,
 )
 from sim_backend.room.settings import ROOM_RULES
+from sim_backend.survey import CeilingTruth, ceiling_truth
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +42,8 @@ class DroneFaults:
         policy_weight: factor of one weight of each policy that goes live, which no checksum shows.
         motors_swapped: two motors (1..4) whose connectors are exchanged.
         propeller_reversed: motor (1..4) with the wrong kind of propeller, which lifts nothing; 0: none.
+        survey_at: a person surveys the room from then on (:mod:`sim_backend.survey`).
+        survey_ceiling: the plane that is touched then; None: the room's.
         held_at: while a person holds the drone: half of the time nose down, then left side down, by 30 deg.
     """
 
@@ -53,6 +56,8 @@ class DroneFaults:
     motors_swapped: tuple[int, int] | None = None
     propeller_reversed: int = 0
     held_at: Window = NO_TIME
+    survey_at: Window = NO_TIME
+    survey_ceiling: CeilingTruth | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +83,14 @@ _DRONE_RULES: FaultRules = {
     ),
     "held_at": FaultRule(
         window(2.0), "S[:DURATION]: a person holds the drone, nose down, then left side down, by 30 deg"
+    ),
+    "survey_at": FaultRule(
+        window(4.0),
+        "S[:DURATION]: a person turns the drone by half a turn, then touches the ceiling at four points "
+        "with the subject 'wand', each for DURATION",
+    ),
+    "survey_ceiling": FaultRule(
+        ceiling_truth, "H,X,Y: height and tilts along x and y (m, deg) of the ceiling that is touched"
     ),
     "gyro_bias": FaultRule(vector, "X,Y,Z: bias of the gyro after its calibration, rad/s"),
 }

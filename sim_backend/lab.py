@@ -26,6 +26,7 @@ from sim_backend.crazyflie.faults import DatagramFaults
 from sim_backend.crazyflie.radio_channel import RadioChannel
 from sim_backend.crazyflie.server import CrazyflieServer
 from sim_backend.engine_name import EngineName, usable_engine
+from sim_backend.fault_values import NO_TIME
 from sim_backend.faults import Faults
 from sim_backend.lab_description import LabDescription, describe
 from sim_backend.lockstep import LabTraffic, LockStep
@@ -37,6 +38,7 @@ from sim_backend.room.driven_feed import DrivenFeed
 from sim_backend.room.feed import FeedSender
 from sim_backend.room.settings import RoomFaults
 from sim_backend.room_process import RoomProcess, RoomRequest
+from sim_backend.survey import WAND
 from sim_backend.truth import TruthRecorder
 from sim_backend.turns import TurnsServer
 from sim_backend.warm_up import is_first_start, warm_up
@@ -155,8 +157,9 @@ class Lab:
         """
         settings = self.settings
         names = tuple(f"cf{i + 1}" for i in range(settings.drones))
+        surveyed = (WAND,) if settings.faults.drone.survey_at is not NO_TIME else ()
         request = RoomRequest(
-            names,
+            (*names, *surveyed),
             settings.vicon_port,
             settings.vicon_udp_port,
             settings.seed,
@@ -283,7 +286,7 @@ class Lab:
             self.world.pass_time(now - self._started)
         self._talk(now)
         if self._feed is not None:
-            self._feed.send(self.world.time, [drone.pose() for drone in self.world.drones])
+            self._feed.send(self.world.time, self.world.seen())
 
     def _talk(self, now: float) -> None:
         """The drones send what has become due; one that hangs or has no power hears and says nothing."""

@@ -148,7 +148,7 @@ class LockStep:
         frames = int((now - settings.latency) / settings.period + 1e-6)
         due = frames > self._frames or settings.faults.jitter > 0.0
         self._frames = frames
-        feed.send(now, [drone.pose() for drone in self._world.drones], answer=due)
+        feed.send(now, self._world.seen(), answer=due)
         if due:
             await feed.dealt_with(now)
 

@@ -4,6 +4,7 @@ An operator belongs to it: a drone that is rebooted and lies, stands or hangs st
 mark with a fresh battery. That is how campaigns reset in simulation, as a person does in the laboratory.
 """
 
+import math
 from collections import deque
 from dataclasses import dataclass
 from typing import Any
@@ -27,6 +28,7 @@ from sim_backend.physics.reset import resting_on_floor
 from sim_backend.physics.state import STATE
 from sim_backend.physics.step import is_finite, step_first
 from sim_backend.pose_feed import PERIOD_TICKS, PoseFeed
+from sim_backend.survey import Survey
 from sim_backend.truth import RATE_HZ, TruthRecorder
 
 Pose = tuple[Vector, Quaternion]
@@ -74,6 +76,7 @@ class Drone:
         dead: no power any more (fault).
         placements: how often the operator put it on its mark.
         held: attitude in which a person holds it; None: nobody does.
+        turned: whether a person who surveys the room has turned it.
     """
 
     def __init__(
@@ -93,6 +96,7 @@ class Drone:
         self.dead = False
         self.placements = 0
         self.held: Quaternion | None = None
+        self.turned = False
         self._wiring = None if wiring == WIRED else wiring
         self._parameters = parameters
         self._pads = pads
@@ -142,12 +146,20 @@ class Drone:
         """Whether its radio answers nothing any more."""
         return self.frozen or self.dead
 
+    def stand_turned(self, survey: Survey) -> None:
+        """On its mark, with another heading."""
+        self.place_on_start_mark()
+        half = 0.5 * (self.mark.yaw + survey.heading)
+        self.state["quaternion"] = (0.0, 0.0, math.sin(half), math.cos(half))
+        self.state["position"][:2] += survey.aside
+        self.turned = True
+
     def place_on_start_mark(self) -> None:
         """The operator's work: back on the mark, upright, still, with a fresh battery."""
         self._storage[0] = self._at_mark[0]
         self._draw_pads()
         self._past.clear()
-        self._to_be_placed = False
+        self._to_be_placed = self.turned = False
         self.placements += 1
 
     @property
@@ -230,6 +242,7 @@ class World:
         bias = (np.array(self._faults.gyro_bias) + parameters["gyro_bias"]).tolist()
         gyro_bias = (bias[0], bias[1], bias[2])
         self._seed = seed
+        self._survey = Survey(self._faults.survey_at, self._faults.survey_ceiling, room, seed)
         self._generators = [np.random.default_rng((seed, i, 0)) for i in range(drones)]
         self.drones = [
             Drone(
@@ -309,8 +322,19 @@ class World:
                     drone.dead = True
                     drone.firmware.power_off()
 
+    def seen(self) -> list[tuple[str, Vector, Quaternion]]:
+        """What the room's cameras look at: name, position (m) and quaternion of each body."""
+        wand = self._survey.wand(self.time)
+        return [drone.pose() for drone in self.drones] + ([] if wand is None else [wand])
+
     def _hold(self) -> None:
-        """A person holds the drones, and puts them back on their marks."""
+        """A person holds or turns the drones, and puts them back on their marks."""
+        turned = self._survey.turns(self.time)
+        for drone in self.drones:
+            if turned and not drone.turned:
+                drone.stand_turned(self._survey)
+            elif drone.turned and not turned:
+                drone.place_on_start_mark()
         attitude = attitude_in_hand(self._faults.held_at, self.time)
         for drone in self.drones:
             if drone.held is not None and attitude is None:

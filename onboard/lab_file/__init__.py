@@ -13,6 +13,7 @@ from onboard.lab_file.bounds import (
     bounds_of,
     room_problem,
 )
+from onboard.lab_file.measured import put_measured
 from onboard.lab_file.model import (
     SCHEMA,
     Ceiling,
@@ -51,6 +52,7 @@ __all__ = [
     "lab_to_toml",
     "parse_lab",
     "plain",
+    "put_measured",
     "read_lab_file",
     "room_problem",
     "split_subject",

@@ -42,18 +42,25 @@ def lab_to_toml(lab: LabFile) -> str:
     lines = [f"schema = {toml_text(SCHEMA)}"]
     lines += [] if lab.clock is None else [f"clock = {toml_text(lab.clock)}"]
     lines += ["", "[room]", *_lines(lab.room)]
-    lines += [f"ceiling = {_inline(lab.room.ceiling)}", f"start = {_inline(lab.room.start)}"]
+    measured = measured_lines(lab)
+    lines += [*measured["room"], f"start = {_inline(lab.room.start)}"]
     for drone in lab.drones:
         lines += ["", "[[drones]]", *_drone_lines(drone)]
     mocap = lab.mocap
     lines += ["", "[mocap]", f"uri = {toml_text(mocap.uri)}", f"subject = {toml_text(mocap.subject)}"]
-    position = ", ".join(_number(part) for part in mocap.subject_to_body.position)
-    quaternion = ", ".join(repr(part) for part in mocap.subject_to_body.quaternion)
-    lines.append(f"subject_to_body = {{ position = [{position}], quaternion = [{quaternion}] }}")
-    lines += _lines(mocap)
+    lines += measured["mocap"]
     if lab.limits:
         lines += ["", "[limits]", *(f"{toml_key(key)} = {_number(q)}" for key, q in lab.limits.items())]
     return "\n".join(lines) + "\n"
+
+
+def measured_lines(lab: LabFile) -> dict[str, list[str]]:
+    """The lines of a lab file that `perchhw mocap calibrate` measures, by table."""
+    mocap = lab.mocap
+    position = ", ".join(_number(part) for part in mocap.subject_to_body.position)
+    quaternion = ", ".join(repr(part) for part in mocap.subject_to_body.quaternion)
+    body = f"subject_to_body = {{ position = [{position}], quaternion = [{quaternion}] }}"
+    return {"room": [f"ceiling = {_inline(lab.room.ceiling)}"], "mocap": [body, *_lines(mocap)]}
 
 
 def _drone_lines(drone: LabDrone) -> Iterable[str]:

@@ -124,6 +124,8 @@ def _vertical_steps(b: CourseBuilder, v: Values, room: RoomGeometry) -> None:
 
 
 def _doublets(b: CourseBuilder, v: Values, room: RoomGeometry) -> None:
+    if v["seconds"] > 0.0:
+        b.hold(v["seconds"])
     for _ in _repeats(v):
         for axis in (X, Y):
             for size in (0.5 * v["acceleration"], v["acceleration"]):
@@ -260,7 +262,11 @@ MANOEUVRES: dict[str, Manoeuvre] = {
         ),
         Manoeuvre(
             "attitude_doublets",
-            {"acceleration": Rule(3.0, 1.0, 9.0, "m/s2, sideways"), "repeats": _count(3)},
+            {
+                "acceleration": Rule(3.0, 1.0, 9.0, "m/s2, sideways"),
+                "repeats": _count(3),
+                "seconds": Rule(0.0, 0.0, 600.0, "s, of hover before"),
+            },
             _doublets,
         ),
         Manoeuvre(

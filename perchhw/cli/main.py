@@ -41,6 +41,7 @@ VERBS: dict[str, Verb] = {
     "bringup": Verb(
         "perchhw.cli.bringup", "Climb the ladder to the first flight, step by step.", group=False
     ),
+    "check": Verb("perchhw.cli.check", "Fly the morning's question: the same drone as yesterday?"),
     "stop": Verb("perchhw.cli.stop", "Cut the motors of drones now, from any terminal.", group=False),
     "campaign": Verb("perchhw.cli.campaign", "Fly a grid of attempts; resume, status, report."),
     "policy": Verb("perchhw.cli.policy", "Show, import, export, evaluate, upload and verify policies."),
@@ -48,7 +49,7 @@ VERBS: dict[str, Verb] = {
     "calibrate": Verb("perchhw.cli.calibrate", "Measure inertia, motors and thrust on the bench."),
     "gap": Verb("perchhw.cli.gap", "Find where the model and measured flights disagree."),
     "vehicle": Verb("perchhw.cli.vehicle", "List, show, check and compare vehicle files."),
-    "mocap": Verb("perchhw.cli.mocap", "Watch what a mocap source delivers, or send it on."),
+    "mocap": Verb("perchhw.cli.mocap", "Watch a mocap source, send it on, measure the room."),
     "mavlink": Verb("perchhw.cli.mavlink", "Tell a ground station of a drone or of a record."),
     "view": Verb("perchhw.cli.view", "Show a flight, while it is flown or afterwards.", group=False),
     "log": Verb("perchhw.cli.log", "List, export, label and view recorded flights."),

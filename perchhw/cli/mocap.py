@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from perchhw.cli.mocap_calibrate import calibrate
 from perchhw.cli.mocap_send import send
 from perchhw.cli.output import console, emit
 
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help="Motion capture: look at a source.")
 app.command()(send)
+app.command()(calibrate)
 
 
 @app.command()

@@ -121,6 +121,12 @@ class RunBook:
             self._state["steps"].popitem()
             self._save()
 
+    def forget(self, *keys: str) -> None:
+        """Take steps back, whose results cannot be used; their recordings stay."""
+        for key in keys:
+            self._state["steps"].pop(key, None)
+        self._save()
+
     def restart(self) -> None:
         """Count the steps from one again, before a wizard runs from its start."""
         self._begun = 0

@@ -1,0 +1,129 @@
+"""``perchhw check``: the morning's question."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from perchhw.attempt import DEFAULT_VEHICLE
+from perchhw.cli import exit_codes
+from perchhw.cli.options import Lab
+from perchhw.cli.output import FlightDisplay, emit
+
+if TYPE_CHECKING:
+    from calibration.measurement import Estimate
+    from perchhw.flight.course import CourseResult
+    from perchhw.hover_check.check import HoverCheck
+    from perchhw.hover_check.judge import Line
+
+app = typer.Typer(add_completion=False, no_args_is_help=True, help="Is it the same drone as yesterday?")
+
+_DEFAULT = "Default: that of the lab file"
+_ON_ITS_MARK = "Put the drone upright on its start mark facing +x, with a full pack"
+
+
+@app.callback()
+def _group() -> None:
+    """Keeps `hover` a verb of its own beside those that may come."""
+
+
+@app.command()
+def hover(
+    lab: Lab = None,
+    drone: Annotated[str | None, typer.Option(help=f"URI of the drone. {_DEFAULT}.")] = None,
+    mocap: Annotated[str | None, typer.Option(help=f"URI of the poses. {_DEFAULT}.")] = None,
+    vehicle: Annotated[
+        str | None,
+        typer.Option(help=f"Vehicle file, or name of a known one. {_DEFAULT}, or {DEFAULT_VEHICLE!r}."),
+    ] = None,
+    legs: Annotated[
+        str | None, typer.Option(help=f"Leg design. {_DEFAULT}, or of the vehicle itself.")
+    ] = None,
+    seconds: Annotated[float, typer.Option(min=5.0, max=120.0, help="Of hover.")] = 60.0,
+    out: Annotated[Path, typer.Option(help="Folder for the records; earlier checks are there.")] = Path(
+        "runs"
+    ),
+    begin_anew: Annotated[
+        bool,
+        typer.Option(
+            "--begin-anew", help="What was changed was meant: the days are counted from this check."
+        ),
+    ] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask whether the drone stands ready.")] = False,
+) -> int:
+    """Hover, tilt a little, land; then hold thrust, motors, lag, vibration and mocap against file and days.
+
+    Exit codes: 0 the same drone, 1 something changed or is not as the vehicle file says, 2 input that cannot
+    be used, 3 a safety rule refused or ended it, 130 interrupted.
+    """
+    from onboard.link.exclusive import hold
+    from perchhw.cli.prompts import confirmation
+    from perchhw.flight.turnaround import Turnaround
+    from perchhw.hover_check.check import examine_check, fly_check
+    from perchhw.hover_check.ended import examine_ended
+    from perchhw.lab import find_lab, flight_setup
+
+    setup = flight_setup(find_lab(lab), drone=drone, mocap=mocap, vehicle=vehicle, legs=legs)
+    setup.check()
+    with hold(setup.drone):
+        Turnaround(setup.drone, confirmation(yes), _ON_ITS_MARK).put_back()
+        flown = fly_check(setup, out, seconds, FlightDisplay())
+    if flown.aborted_by is not None:
+        _tell_aborted(flown, examine_ended(flown.record, setup, out))
+        return exit_codes.SAFETY
+    check = examine_check(flown.record, setup, out, begins_anew=begin_anew)
+    emit(check, in_words(check))
+    return exit_codes.DONE if check.same else exit_codes.FAILED
+
+
+def _tell_aborted(flown: "CourseResult", lines: "tuple[Line, ...]") -> None:
+    document = {
+        "same": None,
+        "aborted_by": flown.aborted_by,
+        "lines": [line.to_json() for line in lines],
+        "record": str(flown.record),
+    }
+    said = [*map(_line, lines), f"not judged: the flight was ended by {flown.aborted_by}"]
+    said += [f"record: {flown.record}", "perchhw bringup --step hover says more; docs/safety.md has the rule"]
+    emit(document, "\n".join(said))
+
+
+def in_words(check: "HoverCheck") -> str:
+    """A line a quantity, what to do about those that changed, and the answer."""
+    lines = [_line(line) for line in check.lines]
+    if check.rotors:
+        each = ", ".join(f"M{number} {rotor.rate_hz:.0f} Hz" for number, rotor in enumerate(check.rotors, 1))
+        sigma = max(rotor.sigma_hz for rotor in check.rotors)
+        lines.append(f"rotors  {each}, each +-{2.0 * sigma:.0f} Hz: {_folding(check)}")
+    return "\n".join([*lines, "", check.verdict, f"record: {check.record}"])
+
+
+def _folding(check: "HoverCheck") -> str:
+    levels = [(f"M{n}", one) for n, one in enumerate(check.rotors, 1) if one.told]
+    if not levels:
+        return "a log of 100 Hz folds their lines to anywhere, and none can be told from the others"
+    return ", ".join(f"{name} at {one.folded_hz:.0f} Hz {one.gyro or 0.0:.2g} rad/s" for name, one in levels)
+
+
+def _line(line: "Line") -> str:
+    held = line.held
+    factor, unit = held.shown
+    said = [f"{_number(line.measured, factor)} {unit}"]
+    if line.expected is not None and line.ratio is not None:
+        said.append(f"file {_number(line.expected, factor)}, E_n {line.ratio:.2f}")
+    if line.days is not None:
+        low, high = factor * line.days.low, factor * line.days.high
+        said.append(f"{line.days.count} checks {low:.4g} to {high:.4g}")
+    text = f"{line.verdict.value:9}{held.what}: {'; '.join(said)}"
+    if line.to_json()["settles"] is None:
+        return text
+    return f"{text}\n         {held.meaning}\n         -> {held.settles}"
+
+
+def _number(estimate: "Estimate", factor: float) -> str:
+    return f"{_tidy(factor * estimate.value):.4g} ± {_tidy(factor * estimate.u95):.2g}"
+
+
+def _tidy(value: float) -> float:
+    """Without what is left of a computation that has no more to say."""
+    return 0.0 if abs(value) < 1e-9 else value

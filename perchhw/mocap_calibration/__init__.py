@@ -1,0 +1,1 @@
+"""``perchhw mocap calibrate``: the room is measured, not typed."""

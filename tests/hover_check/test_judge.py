@@ -1,0 +1,114 @@
+"""The same drone or not: file, days, and what is kept."""
+
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calibration.measurement import Estimate
+from perchhw.hover_check.expected import expected
+from perchhw.hover_check.history import History, HistoryError
+from perchhw.hover_check.judge import LineVerdict, against_days, in_words, judge
+from perchhw.hover_check.quantities import HELD
+from tests.hover_check.numbers import VEHICLE
+
+BY_NAME = {held.what: held for held in HELD}
+ROOM = "vicon://192.168.1.10?subject=cf1"
+MORNING = datetime(2026, 11, 23, 7, tzinfo=UTC)
+
+
+def day(rng: np.random.Generator, **changed: float) -> dict[str, float]:
+    """A morning's figures of a drone that is as its file says, but for `changed`."""
+    truth = {held.what: 0.0 for held in HELD} | {k: e.value for k, e in expected(VEHICLE).items()}
+    truth |= {"mocap_rate": 100.0, **changed}
+    return {
+        held.what: truth[held.what]
+        + held.repeats * (abs(truth[held.what]) if held.relative else 1.0) * rng.standard_normal()
+        for held in HELD
+    }
+
+
+def measured(values: dict[str, float]) -> dict[str, Estimate]:
+    return {what: Estimate(value, "1", 0.1 * BY_NAME[what].repeats) for what, value in values.items()}
+
+
+def changes(values: dict[str, float], before: list[dict[str, float]]) -> list[str]:
+    lines = judge(measured(values), expected(VEHICLE), before)
+    return [line.held.what for line in lines if line.verdict is LineVerdict.CHANGED]
+
+
+def test_a_drone_that_repeats_as_it_does_is_rarely_accused_and_a_changed_one_is_named() -> None:
+    rng = np.random.default_rng(11)
+    accused = mornings = 0
+    for _ in range(40):
+        before: list[dict[str, float]] = []
+        for _ in range(6):
+            today = day(rng)
+            if before:
+                mornings += 1
+                accused += bool(changes(today, before))
+            before.append(today)
+        assert "thrust" in changes(day(rng, thrust=1.09), before)
+        assert "battery_resistance" in changes(day(rng, battery_resistance=0.46), before)
+        assert "mocap_latency" in changes(day(rng, mocap_latency=0.03), before)
+    assert mornings == 200
+    assert accused <= 12  # 21 lines, 0.27 % each on either side
+
+
+def test_less_vibration_is_no_change_and_more_is() -> None:
+    before = [{"vibration_gyro": 0.01}] * 4
+    assert changes({"vibration_gyro": 0.001}, before) == []
+    assert changes({"vibration_gyro": 0.02}, before) == ["vibration_gyro"]
+
+
+def test_limits_follow_the_drones_own_scatter_once_there_are_many_days() -> None:
+    held = BY_NAME["thrust"]
+    rng = np.random.default_rng(2)
+    few, many = against_days(held, np.array([1.0])), against_days(held, 1.0 + 0.002 * rng.standard_normal(80))
+    assert few.high - 1.0 > 0.05
+    assert 0.006 < many.high - 1.0 < 0.02
+
+
+def test_against_the_file_alone() -> None:
+    lines = judge(measured({"motor_2": 1.18, "thrust": 1.03}), expected(VEHICLE), [])
+    assert [(line.held.what, line.verdict) for line in lines] == [
+        ("thrust", LineVerdict.SAME),
+        ("motor_2", LineVerdict.OFF_FILE),
+    ]
+    assert "motor_2" in in_words(lines, None)
+    assert "tachometer" in lines[1].to_json()["settles"]
+    assert "but not as its vehicle file says" in in_words(lines, "yesterday")
+
+
+def keep(history: History, values: dict[str, float], number: int, *, begins_anew: bool = False) -> None:
+    before = () if begins_anew else history.before()
+    lines = judge(measured(values), expected(VEHICLE), [one.values for one in before])
+    history.keep(MORNING + timedelta(days=number), Path("run"), lines, begins_anew=begins_anew)
+
+
+def test_a_changed_day_does_not_count_until_it_is_meant(tmp_path: Path) -> None:
+    history = History.of(tmp_path, "radio://0/80/2M/E7E7E7E7E7", ROOM, VEHICLE)
+    for number in range(3):
+        keep(history, {"thrust": 1.0}, number)
+    keep(history, {"thrust": 1.2}, 3)
+    assert [one.values["thrust"] for one in history.before()] == [1.0] * 3
+    keep(history, {"thrust": 1.2}, 4, begins_anew=True)
+    keep(history, {"thrust": 1.21}, 5)
+    assert [one.values["thrust"] for one in history.before()] == [1.2, 1.21]
+    assert History.of(tmp_path, "radio://0/90/2M/E7E7E7E7E7", ROOM, VEHICLE).before() == ()
+    lighter = replace(VEHICLE, body=replace(VEHICLE.body, mass=replace(VEHICLE.body.mass, value=0.03)))
+    assert History.of(tmp_path, "radio://0/80/2M/E7E7E7E7E7", ROOM, lighter).before() == ()
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"schema": "perchhw.hover_check/0"}', '{"values": 3}'])
+def test_a_damaged_day_is_named(text: str, tmp_path: Path) -> None:
+    simulated = "udp://127.0.0.1:19850?time=127.0.0.1:5", "vicon://127.0.0.1:18801?subject=cf1"
+    history = History.of(tmp_path, *simulated, VEHICLE)
+    assert history.folder.name == "simulated-cf1"
+    keep(history, {"thrust": 1.0}, 0)
+    file = history.folder / "20261124T000000.json"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(HistoryError, match=r"20261124T000000\.json: is no check that can be read"):
+        history.before()
