@@ -29,15 +29,15 @@ class Forecast:
 
     Attributes:
         attempts: how many are flown; at most, where the campaign may end earlier.
-        duration_s: from the first connection to the end of the last attempt, s.
-        air_time_s: of it with motors turning, s.
+        duration: from the first connection to the end of the last attempt, s.
+        air_time: of it with motors turning, s.
         packs: battery packs, all drones together, that are full when put in.
         new_pack_before: attempts (from 0) before which one is put in, beyond the first of each drone.
     """
 
     attempts: int
-    duration_s: float
-    air_time_s: float
+    duration: float
+    air_time: float
     packs: int
     new_pack_before: tuple[int, ...]
 
@@ -67,8 +67,8 @@ def _cost(flights: Sequence[float], model: PackModel, day: Day, drones: int) -> 
     between = day.turnaround_s * max(0, starts - 1) + day.new_pack_s * len(changes)
     return Forecast(
         attempts=len(flights),
-        duration_s=air_time + ground * starts + between,
-        air_time_s=air_time,
+        duration=air_time + ground * starts + between,
+        air_time=air_time,
         packs=drones + len(changes),
         new_pack_before=tuple(changes),
     )

@@ -59,7 +59,7 @@ def highest(fit: GridFit) -> list[str]:
 
 def cost_text(cost: Forecast, day: Day, at_most: bool = False) -> str:
     """Attempts, time and packs."""
-    flown, in_air = _duration(cost.duration_s), _duration(cost.air_time_s)
+    flown, in_air = _duration(cost.duration), _duration(cost.air_time)
     most, several = "at most " if at_most else "", "" if cost.attempts == 1 else "s"
     lines = [
         f"{most}{cost.attempts} attempt{several} in {flown}, {in_air} of it in the air, "

@@ -1,7 +1,8 @@
 """Whose turn it is, and what is done first: the drones of a campaign, their packs and their warm-ups."""
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,6 +17,8 @@ _RECOVERY = 1.0
 """s after the motors' last command: propellers coast, and the voltage comes back as they slow down."""
 _READINGS = 2
 """So many say what the voltage is at rest."""
+_LOOKED_BACK = 20
+"""Records of each drone: more attempts than a pack is good for."""
 _MOTORS = ("m1", "m2", "m3", "m4")
 
 
@@ -27,12 +30,12 @@ class Turns:
         records: what it has flown so far, in flying order: the packs are still in the drones.
     """
 
-    def __init__(self, plan: CampaignPlan, records: Iterable[Path] = ()) -> None:
+    def __init__(self, plan: CampaignPlan, records: Sequence[Path] = ()) -> None:
         self._plan, self._model = plan, PackModel.for_plan(plan)
         self._at_rest: dict[str, float] = {}
         self._warm: set[str] = set()
-        for record in records:
-            self._measure(record)
+        for use in _since_measured(records, {seat.drone for seat in plan.drones}):
+            self._note(use)
 
     def prepared(self, request: AttemptRequest, slot: Slot) -> AttemptRequest:
         """The request with the drone whose turn it is, its warm-up, and a new pack where it needs one."""
@@ -50,12 +53,11 @@ class Turns:
         self._warm.add(request.drone)
         if request.new_pack is not None:
             self._at_rest.pop(request.drone, None)
-        self._measure(request.folder)
+        use = pack_use(request.folder)
+        if use is not None:
+            self._note(use)
 
-    def _measure(self, record: Path) -> None:
-        use = pack_use(record)
-        if use is None:
-            return
+    def _note(self, use: "PackUse") -> None:
         before = self._at_rest.get(use.drone, self._model.full)
         self._at_rest[use.drone] = (
             self._model.after(before, use.air_time) if use.at_rest is None else use.at_rest
@@ -74,6 +76,18 @@ class PackUse(NamedTuple):
     drone: str
     air_time: float
     at_rest: float | None
+
+
+def _since_measured(records: Sequence[Path], drones: set[str]) -> list[PackUse]:
+    """The last flights of each of `drones`, in their order, from one on after which its pack was measured."""
+    uses: list[PackUse] = []
+    for record in islice(reversed(records), _LOOKED_BACK * len(drones)):
+        use = pack_use(record)
+        if use is not None:
+            uses.insert(0, use)
+        if drones <= {use.drone for use in uses if use.at_rest is not None}:
+            break
+    return uses
 
 
 def pack_use(record: Path) -> PackUse | None:

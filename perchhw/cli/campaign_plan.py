@@ -1,6 +1,6 @@
 """``perchhw campaign plan``: what a campaign will fly, what does not fit, how long it takes."""
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -29,9 +29,8 @@ def plan(
 
     Exit codes: 0 everything fits, 1 something does not, 2 the file cannot be used.
     """
-    from perchhw.campaign import fit_grid, load_plan
+    from perchhw.campaign import fit_grid, forecast, load_plan
     from perchhw.campaign.courses import has_flights
-    from perchhw.campaign.forecast import forecast
     from perchhw.campaign.plan_text import plan_text
     from perchhw.lab import find_lab
 
@@ -60,8 +59,18 @@ def _plan_flights(file: Path, lab: Path | None) -> int:
     campaign = load_flight_plan(file, find_lab(lab))
     cost = forecast_courses(campaign)
     head = {"schema": SCHEMA, "campaign": campaign.name, "file": file, "drones": [campaign.drone]}
-    emit({**head, "misfits": [], **asdict(cost)}, flights_text(campaign, cost))
+    emit({**head, "misfits": [], **_cost(cost)}, flights_text(campaign, cost))
     return exit_codes.DONE
+
+
+def _cost(cost: "Forecast") -> dict[str, Any]:
+    return {
+        "attempts": cost.attempts,
+        "duration_s": cost.duration,
+        "air_time_s": cost.air_time,
+        "packs": cost.packs,
+        "new_pack_before": cost.new_pack_before,
+    }
 
 
 def _document(campaign: "CampaignPlan", fit: "GridFit", cost: "Forecast") -> dict[str, Any]:
@@ -94,5 +103,5 @@ def _document(campaign: "CampaignPlan", fit: "GridFit", cost: "Forecast") -> dic
             }
             for misfit in fit.misfits
         ],
-        **asdict(cost),
+        **_cost(cost),
     }

@@ -90,7 +90,7 @@ def test_packs_follow_the_voltage_model(paper: Path) -> None:
     cost = forecast(plan, fit.approaches)
     assert cost.attempts == 38 * 3
     model = PackModel.for_plan(plan)
-    first, each = cost.new_pack_before[0], cost.air_time_s / cost.attempts
+    first, each = cost.new_pack_before[0], cost.air_time / cost.attempts
     assert (
         model.after(model.full, each * (first - 2))
         > model.least
@@ -98,9 +98,9 @@ def test_packs_follow_the_voltage_model(paper: Path) -> None:
     )
     assert cost.packs == 1 + len(cost.new_pack_before)
     slow = forecast(replace(plan, day=replace(plan.day, turnaround_s=120.0)), fit.approaches)
-    assert slow.duration_s - cost.duration_s == pytest.approx(60.0 * 113)
+    assert slow.duration - cost.duration == pytest.approx(60.0 * 113)
     warm = forecast(replace(plan, day=replace(plan.day, warm_up_s=300.0)), fit.approaches)
-    assert warm.air_time_s - cost.air_time_s > 300.0
+    assert warm.air_time - cost.air_time > 300.0
     assert warm.new_pack_before[0] < first
 
 
