@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from perchhw.attempt import DEFAULT_VEHICLE
 from perchhw.cli import exit_codes
+from perchhw.cli.lab_options import LabDrone, LabLegs, LabMocap, LabVehicle
 from perchhw.cli.options import Lab
 from perchhw.cli.output import FlightDisplay, emit
 
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help="Is it the same drone as yesterday?")
 
-_DEFAULT = "Default: that of the lab file"
 _ON_ITS_MARK = "Put the drone upright on its start mark facing +x, with a full pack"
 
 
@@ -30,15 +29,10 @@ def _group() -> None:
 @app.command()
 def hover(
     lab: Lab = None,
-    drone: Annotated[str | None, typer.Option(help=f"URI of the drone. {_DEFAULT}.")] = None,
-    mocap: Annotated[str | None, typer.Option(help=f"URI of the poses. {_DEFAULT}.")] = None,
-    vehicle: Annotated[
-        str | None,
-        typer.Option(help=f"Vehicle file, or name of a known one. {_DEFAULT}, or {DEFAULT_VEHICLE!r}."),
-    ] = None,
-    legs: Annotated[
-        str | None, typer.Option(help=f"Leg design. {_DEFAULT}, or of the vehicle itself.")
-    ] = None,
+    drone: LabDrone = None,
+    mocap: LabMocap = None,
+    vehicle: LabVehicle = None,
+    legs: LabLegs = None,
     seconds: Annotated[float, typer.Option(min=5.0, max=120.0, help="Of hover.")] = 60.0,
     out: Annotated[Path, typer.Option(help="Folder for the records; earlier checks are there.")] = Path(
         "runs"

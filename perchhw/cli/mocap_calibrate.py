@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from perchhw.cli import exit_codes
+from perchhw.cli.lab_options import LabDrone
 from perchhw.cli.options import Lab
 from perchhw.cli.output import FlightDisplay, emit
 
@@ -16,9 +17,7 @@ if TYPE_CHECKING:
 
 def calibrate(
     lab: Lab = None,
-    drone: Annotated[
-        str | None, typer.Option(help="URI of the drone. Default: that of the lab file.")
-    ] = None,
+    drone: LabDrone = None,
     wand: Annotated[str, typer.Option(help="Subject whose origin is the marker that touches.")] = "wand",
     marker_radius_mm: Annotated[float, typer.Option(min=0.0, max=50.0, help="Of that marker.")] = 7.0,
     plate_mm: Annotated[

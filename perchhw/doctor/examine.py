@@ -12,18 +12,15 @@ def examine(readings: Readings) -> tuple[Finding, ...]:
     if isinstance(drone, DroneReadings):
         found += [check(drone, readings) for check in drone_checks.CHECKS]
     elif drone is not None:
-        found.append(_no_link(drone, readings.drone_uri or ""))
+        found.append(_no_link(drone, readings))
     if mocap is not None:
         found += [check(mocap, readings) for check in mocap_checks.CHECKS]
     return tuple(finding for finding in found if finding is not None)
 
 
-def _no_link(problem: str, uri: str) -> Finding:
-    return judged(
-        "link",
-        False,
-        problem,
-        f"{uri} answers",
-        "nothing works without it",
-        "is it on, its battery charged, the address that of its own configuration?",
-    )
+def _no_link(problem: str, readings: Readings) -> Finding:
+    uri = readings.drone_uri or ""
+    remedy = "is it on, its battery charged, the address that of its own configuration?"
+    if uri.startswith("radio:") and not readings.host.usb:
+        remedy = "plug in a Crazyradio first: no drone was asked"
+    return judged("link", False, problem, f"{uri} answers", "nothing works without it", remedy)

@@ -155,3 +155,10 @@ def test_the_page_has_a_row_for_every_line() -> None:
     usb = with_host(lab_problem="describe the room")
     lines = examine(dataclasses.replace(usb, drone_uri="radio://0/80/2M"))
     assert rows == [finding.what for finding in lines]
+
+
+def test_without_a_dongle_nobody_asks_whether_the_drone_is_on() -> None:
+    silent = dataclasses.replace(ALL, drone_uri="radio://0/80/2M", drone="cannot open: no Crazyradio")
+    assert missing(silent)["link"].remedy == "plug in a Crazyradio first: no drone was asked"
+    by_network = dataclasses.replace(silent, drone_uri="udp://h:1")
+    assert "is it on" in missing(by_network)["link"].remedy
