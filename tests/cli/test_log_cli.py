@@ -75,7 +75,10 @@ def test_label_names_broken_files_and_goes_on(
 ) -> None:
     table, run_folder, list_folder = tmp_path / "b.csv", tmp_path / "damaged", tmp_path / "list"
     table.write_text("t,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n1,0,oops,0,0,0,0,1\n")
-    for folder, text in ((run_folder, "{"), (list_folder, '{"config": [], "closed": true}')):
+    for folder, text in (
+        (run_folder, "{"),
+        (list_folder, '{"schema": "perchhw.run/1", "config": [], "closed": true}'),
+    ):
         folder.mkdir()
         (folder / "run.json").write_text(text)
         (folder / "series.mcap").write_bytes(b"")
