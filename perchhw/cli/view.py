@@ -3,6 +3,7 @@
 import math
 import os
 import signal
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
@@ -47,7 +48,7 @@ def view(
     from calibration.flights.growing_run import GrowingRun
     from perchhw.view.errors import ViewError, require_rerun
     from perchhw.view.show import Show, newest_run, write_rrd
-    from perchhw.view.viewer import open_desktop_viewer, open_web_viewer
+    from perchhw.view.viewer import open_desktop_viewer, web_viewer
 
     require_rerun()
     if save is not None:
@@ -62,11 +63,7 @@ def view(
         GrowingRun(shown).look()  # what is damaged is told before anything opens
     os.nice(_NICE)
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C: the page is not left behind
-    viewer = open_web_viewer(port) if web else open_desktop_viewer()
-    try:
+    with web_viewer(port) if web else nullcontext(open_desktop_viewer()) as viewer:
         emit({"run": str(run), "url": viewer.page}, f"view: {viewer.page}" if viewer.page else "view: opened")
         Show(run, viewer).run(wait, linger if linger is not None else (math.inf if web else 0.0))
-    finally:
-        if web:
-            viewer.end()
     return 0

@@ -6,17 +6,17 @@ import shutil
 import socket
 import subprocess
 import sys
-import tempfile
 import time
 import urllib.parse
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from onboard.user_cache import user_cache
 from perchhw.view.errors import ViewError
+from perchhw.view.page import LOOPBACK, guarded_page
 
-LOOPBACK = "127.0.0.1"
 WEB_PORT = 9090
 _START_S = 60.0
 _LOOK_S = 0.05
@@ -71,8 +71,9 @@ def open_desktop_viewer() -> Viewer:
     return Viewer(_feed(port), None, process)
 
 
-def open_web_viewer(port: int | None = None) -> Viewer:
-    """Serve the viewer to a browser on this machine.
+@contextmanager
+def web_viewer(port: int | None = None) -> Iterator[Viewer]:
+    """Serve the viewer to a browser on this machine until the end of the block.
 
     Args:
         port: of the page; None: 9090, or a free one where that is taken.
@@ -80,22 +81,26 @@ def open_web_viewer(port: int | None = None) -> Viewer:
     Raises:
         ViewError: it does not start.
     """
-    feed = _free_port()
+    feed, original = _free_port(), _free_port()
     if port is None:
         port = WEB_PORT if _is_free(WEB_PORT) else _free_port()
     elif not _is_free(port):
         raise ViewError(f"--port {port}: taken by another program; give another one")
-    process = _start(
-        ["--serve-web", "--port", str(feed), "--web-viewer-port", str(port)], (feed, port), "see above"
-    )
-    query = urllib.parse.urlencode({"url": _feed(feed)})
-    return Viewer(_feed(feed), f"http://{LOOPBACK}:{port}/?{query}", process)
+    arguments = ["--serve-web", "--port", str(feed), "--web-viewer-port", str(original)]
+    process = _start(arguments, (feed, original), "see above")
+    page = f"http://{LOOPBACK}:{port}/?{urllib.parse.urlencode({'url': _feed(feed)})}"
+    viewer = Viewer(_feed(feed), page, process)
+    try:
+        with guarded_page(port, original, feed):
+            yield viewer
+    finally:
+        viewer.end()
 
 
 def _start(arguments: Sequence[str], ports: Sequence[int], remedy: str) -> "subprocess.Popen[bytes]":
     """Start the viewer, and wait until it takes connections on `ports`."""
     process = subprocess.Popen(
-        [_program(), "--bind", LOOPBACK, *arguments],
+        [program(), "--bind", LOOPBACK, *arguments],
         stdin=subprocess.DEVNULL,
         stdout=sys.stderr.fileno(),
         env=_quiet_environment(),
@@ -112,8 +117,12 @@ def _start(arguments: Sequence[str], ports: Sequence[int], remedy: str) -> "subp
     return process
 
 
-def _program() -> str:
-    """The viewer that came with rerun-sdk, itself: a wrapper around it would leave it behind when ended."""
+def program() -> str:
+    """The viewer that came with rerun-sdk, itself: a wrapper around it would leave it behind when ended.
+
+    Raises:
+        ViewError: there is none.
+    """
     package = importlib.util.find_spec("rerun_cli")
     if package is not None and package.origin is not None:
         bundled = Path(package.origin).parent / "rerun"
@@ -127,9 +136,8 @@ def _program() -> str:
 
 def _quiet_environment() -> dict[str, str]:
     """The environment with a configuration in which Rerun tells nobody that it is used (on Linux)."""
-    folder = Path(tempfile.gettempdir()) / f"perchhw-rerun-{os.getuid()}"
-    environment = {**os.environ, "XDG_CONFIG_HOME": str(folder), "RUST_LOG": "error"}
-    quiet = [_program(), "analytics", "disable"]
+    environment = {**os.environ, "XDG_CONFIG_HOME": str(user_cache() / "rerun"), "RUST_LOG": "error"}
+    quiet = [program(), "analytics", "disable"]
     subprocess.run(quiet, env=environment, capture_output=True, check=False, timeout=_START_S)
     return environment
 

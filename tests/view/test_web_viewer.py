@@ -1,4 +1,4 @@
-"""The page of a view: served on loopback only, and gone when the verb ends."""
+"""The page of a view: on loopback only, fed with one run after another, and gone when the verb ends."""
 
 import json
 import signal
@@ -7,44 +7,68 @@ import subprocess
 import sys
 import urllib.request
 from pathlib import Path
+from urllib.parse import parse_qs, urlsplit
 
 import pytest
+from rerun.chunk import RrdReader
 
+from perchhw.view.viewer import program
+from tests.patience import until
 from tests.view.flown import record
 
-LISTENING = "0A"
+LISTENING, LOOPBACK = "0A", "0100007F"
+A_RECORD = 200_000
+"""Bytes: most of a recording of :mod:`tests.view.flown`, which has 270,000; twice as much needs two."""
 
 
 def listening_addresses(port: int) -> set[str]:
     """Local addresses, in hexadecimal as the kernel prints them, on which somebody listens at `port`."""
-    lines = [line.split() for name in ("tcp", "tcp6") for line in _kernel_table(name)]
+    lines = [
+        line.split()
+        for name in ("tcp", "tcp6")
+        for line in Path(f"/proc/net/{name}").read_text().splitlines()[1:]
+    ]
     local = [(fields[1].rsplit(":", 1), fields[3]) for fields in lines]
     return {address for (address, number), state in local if state == LISTENING and int(number, 16) == port}
 
 
-def _kernel_table(name: str) -> list[str]:
-    return Path(f"/proc/net/{name}").read_text().splitlines()[1:]
-
-
+@pytest.mark.slow
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads the kernel's table of sockets")
-def test_the_page_is_on_loopback_only_and_ends_with_the_verb(tmp_path: Path) -> None:
-    record(tmp_path / "20260101T000000Z-run")
+def test_two_attempts_of_a_campaign_reach_another_client_over_loopback(tmp_path: Path) -> None:
+    runs = [tmp_path / "attempts" / f"20260101T00000{i}Z-try" for i in range(2)]
+    record(runs[0])
+    saved = tmp_path / "saved.rrd"
     command = [sys.executable, "-m", "perchhw", "--json", "view", str(tmp_path), "--web"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as viewer:
         assert viewer.stdout is not None
-        said = json.loads(viewer.stdout.readline())
+        url = urlsplit(json.loads(viewer.stdout.readline())["url"])
+        feed = parse_qs(url.query)["url"][0]
+        ports = {port for port in (url.port, urlsplit(feed).port) if port is not None}
+        client = subprocess.Popen(
+            [program(), "--bind", "127.0.0.1", "--port", "auto", "--save", str(saved), feed],
+            stderr=subprocess.DEVNULL,
+        )
         try:
-            assert said["run"] == str(tmp_path)
-            page = said["url"].split("/?")[0]
-            port = int(page.rsplit(":", 1)[1])
-            with urllib.request.urlopen(page, timeout=60) as answer:
+            assert [listening_addresses(port) for port in ports] == [{LOOPBACK}] * 2
+            with urllib.request.urlopen(f"http://{url.netloc}/", timeout=60) as answer:
                 assert b"rerun" in answer.read().lower()
-            assert listening_addresses(port) == {"0100007F"}  # 127.0.0.1
-            feed = int(said["url"].split("%3A")[-1].split("%2F")[0])
-            assert listening_addresses(feed) == {"0100007F"}
+                rules = dict(
+                    rule.split(" ", 1) for rule in answer.headers["Content-Security-Policy"].split("; ")
+                )
+            assert (
+                rules["default-src"] == "'none'"
+            )  # the browser refuses what Rerun's page asks of the internet
+            assert not any("http" in rule.replace("http://127.0.0.1:", "") for rule in rules.values())
+            until(lambda: saved.exists() and saved.stat().st_size > A_RECORD)
+            record(runs[1])
+            until(lambda: saved.stat().st_size > 2 * A_RECORD)
         finally:
             viewer.send_signal(signal.SIGTERM)
-        assert viewer.wait(timeout=120) == 130
-    for closed in (port, feed):
+            assert viewer.wait(timeout=120) == 130
+            assert client.wait(timeout=120) == 0
+    for closed in ports:
         with socket.socket() as probe:
             assert probe.connect_ex(("127.0.0.1", closed)) != 0
+    reader = RrdReader(saved)
+    assert {store.recording_id for store in reader.recordings()} == {run.name for run in runs}
+    assert len(reader.blueprints()) == 2
