@@ -23,8 +23,8 @@ SCALES = np.geomspace(0.4, 3.0, 25)
 _DT, _FINE = 0.01, 5
 SAMPLING = 0.2
 """Half of what the result may be off where commands are seen each 10 ms as they are at that instant (firmware
-without our law): a step of theirs may have come at any time in between. In the simulation 0.8 to 1.05 was found
-for 1 from instants, 1.05 from the means over 10 ms that our law logs."""
+without our law): a step of theirs may have come at any time in between. In the simulation 0.8 to 1.05 was
+found for 1 from instants, 1.05 from the means over 10 ms that our law logs."""
 _WINDOW_S = 0.55
 """Half of what a doublet takes: each has one of the two quick turns."""
 
