@@ -63,14 +63,15 @@ def vibration(windows: CheckWindows, vehicle: Vehicle, each: FloatArray) -> Vibr
     Raises:
         RecordTooShort: nothing of gyro or accelerometer.
     """
-    t, rates = windows.on_grid("rates", windows.hover, 1.0 / _LOG_HZ, "gx", "gy", "gz")
-    _, forces = windows.on_grid("acceleration", windows.hover, 1.0 / _LOG_HZ, "ax", "ay", "az")
+    axes = (("rates", ("gx", "gy", "gz")), ("acceleration", ("ax", "ay", "az")))
+    rates, forces = windows.on_grid(windows.hover, 1.0 / _LOG_HZ, *axes)
+    seconds = len(rates) / _LOG_HZ
     frequencies, gyro = _spectrum(rates)
     _, accelerometer = _spectrum(forces)
     band = (frequencies >= BAND_HZ[0]) & (frequencies <= BAND_HZ[1])
     return Vibration(
-        gyro=_rms(gyro[band], t[-1], "rad/s"),
-        accelerometer=_rms(accelerometer[band], t[-1], "m/s2"),
+        gyro=_rms(gyro[band], seconds, "rad/s"),
+        accelerometer=_rms(accelerometer[band], seconds, "m/s2"),
         strongest_hz=float(frequencies[band][np.argmax(gyro[band])]),
         rotors=_rotors(vehicle, each, frequencies, gyro),
     )

@@ -68,17 +68,24 @@ class CheckWindows:
         return series.t[rows], values[rows]
 
     def on_grid(
-        self, topic: str, span: tuple[float, float], dt: float, *names: str
-    ) -> tuple[FloatArray, FloatArray]:
-        """Values at a uniform interval `dt` (s) of the drone's own clock, linear between what came.
+        self, span: tuple[float, float], dt: float, *asked: tuple[str, tuple[str, ...]]
+    ) -> list[FloatArray]:
+        """Values of several topics at the same instants, `dt` (s) apart on the drone's own clock.
+
+        Args:
+            span: begin and end, s on the record's clock.
+            dt: s.
+            asked: topic and names of its fields, each.
 
         Returns:
-            Times from 0 (n,) and values (n, len(names)).
+            Values (n, len(names)) for each topic, linear between what came.
         """
-        _, rows = self.columns(topic, span, *names, "drone_time_ms")
-        own = (rows[:, -1] - rows[0, -1]) * 1e-3
-        grid = np.arange(0.0, own[-1] + 0.5 * dt, dt)
-        return grid, np.column_stack([np.interp(grid, own, column) for column in rows[:, :-1].T])
+        rows = [self.columns(topic, span, *names, "drone_time_ms")[1] for topic, names in asked]
+        begin, end = max(one[0, -1] for one in rows), min(one[-1, -1] for one in rows)
+        grid = np.arange(begin, end + 0.5, 1e3 * dt)
+        return [
+            np.column_stack([np.interp(grid, one[:, -1], column) for column in one[:, :-1].T]) for one in rows
+        ]
 
 
 def mean_of(values: FloatArray, blocks: int = 8) -> tuple[float, float]:

@@ -97,9 +97,7 @@ def _doublets(scale: float) -> CheckWindows:
     motors = series(
         "motors", t, **{f"m{i + 1}": column for i, column in enumerate(commands.T)}, drone_time_ms=1e3 * t
     )
-    volts = still.run.series["power"].numbers("vbat")[
-        int(100 * still.hover[1]) - 200 : int(100 * still.hover[1])
-    ]
+    volts = still.run.series["power"].numbers("vbat")[int(100 * still.doublets[0]) :]
     rates = _rates(commands, float(volts.mean()), scale)
     gyro = series("rates", t, gx=rates[:, 0], gy=rates[:, 1], gz=0.0, drone_time_ms=1e3 * t)
     run = replace(still.run, series={**still.run.series, "motors": motors, "rates": gyro})
