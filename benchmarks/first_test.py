@@ -2,10 +2,10 @@
 
     python benchmarks/first_test.py [--wheel perchhw-0.1.0-py3-none-any.whl]
 
-Makes a virtual environment, installs the wheel (built from what is committed here unless given) and pytest
-into it, and runs the first file of docs/pytest.md twice, at first with nothing compiled. Needs pip's
-registry; what pip has downloaded before comes from its cache. Wall seconds and processor seconds of all child
-processes. Prints one JSON document.
+Makes a virtual environment, installs the wheel and pytest into it, and runs the first file of docs/pytest.md
+twice, at first with nothing compiled. The wheel is built of what is committed here unless one is given. Needs
+pip's registry; what pip has downloaded before comes from its cache. Seconds by the clock on the wall, and of
+the processors for all child processes. Prints one JSON document.
 """
 
 import argparse

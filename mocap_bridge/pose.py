@@ -7,7 +7,7 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from mocap_bridge.errors import MocapUriError
-from mocap_bridge.uri import SCHEMES, MocapUri, parse_mocap_uri
+from mocap_bridge.uri import SCHEMES, MocapUri, parse_mocap_uri, scheme_of
 from onboard.arrays import Quaternion, Vector
 from onboard.timebase import WALL, Timebase
 
@@ -100,7 +100,7 @@ def open_pose_stream(uri: str | MocapUri, clock: Timebase = WALL) -> PoseStream:
         UnknownSubject: the source is alive and does not have the subject; the message lists those it has.
     """
     parsed = uri if isinstance(uri, MocapUri) else parse_mocap_uri(uri)
-    scheme = SCHEMES.get(parsed.scheme)
+    scheme = scheme_of(parsed.scheme)
     if scheme is None:
         raise MocapUriError(f"no source for scheme {parsed.scheme!r}; known: {', '.join(SCHEMES)}")
     module, _, function = scheme.opener.rpartition(".")

@@ -79,7 +79,10 @@ SCHEMES: dict[str, MocapScheme] = {
         for kind, port in (("optitrack", 1510), ("qualisys", 22222), ("vicon", 801), ("vrpn", 3883))
     },
 }
-"""Every mocap source, by the scheme of its addresses; ports from the vendor's manuals."""
+"""Every mocap source of ours, by the scheme of its addresses; ports from the vendor's manuals."""
+
+ENTRY_POINTS = "perchhw.mocap"
+"""Group of the entry points by which other packages bring theirs: ``SCHEME = "module:a_mocap_scheme"``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +90,7 @@ class MocapUri:
     """A parsed mocap address.
 
     Attributes:
-        scheme: one of :data:`SCHEMES`.
+        scheme: one of :data:`SCHEMES`, or of an installed package.
         host: the server; where none is needed the local address to listen on, the loopback unless given
             ("0.0.0.0" is all of this computer's).
         port: TCP or UDP port.
@@ -115,6 +118,30 @@ class MocapUri:
         return f"{self.scheme}://{host}:{self.port}?subject={quote(self.subject)}{further}"
 
 
+def scheme_of(name: str) -> MocapScheme | None:
+    """The kind of address with this scheme, ours or that of an installed package; None: nobody's.
+
+    Raises:
+        MocapUriError: the package that brings it is broken.
+    """
+    if name in SCHEMES:
+        return SCHEMES[name]
+    from importlib.metadata import entry_points
+
+    for point in entry_points(group=ENTRY_POINTS, name=name):
+        package = point.dist.name if point.dist is not None else point.module
+        try:
+            scheme = point.load()
+        except (ImportError, AttributeError) as error:
+            raise MocapUriError(f"mocap source {name!r} of the package {package}: {error}") from error
+        if not isinstance(scheme, MocapScheme):
+            raise MocapUriError(
+                f"mocap source {name!r} of the package {package}: {point.value} is no MocapScheme"
+            )
+        return scheme
+    return None
+
+
 def parse_mocap_uri(text: str) -> MocapUri:
     """Parse `text`.
 
@@ -129,7 +156,7 @@ def parse_mocap_uri(text: str) -> MocapUri:
     except ValueError as error:
         example = SCHEMES["vicon"].example
         raise MocapUriError(f"mocap URI {text!r}: {error}; write e.g. {example}") from error
-    scheme = SCHEMES.get(parts.scheme)
+    scheme = scheme_of(parts.scheme)
     if scheme is None:
         known = ", ".join(scheme.example for scheme in SCHEMES.values())
         raise MocapUriError(f"mocap URI {text!r}: unknown scheme {parts.scheme!r}; write one of: {known}")
@@ -151,7 +178,7 @@ def parse_mocap_uri(text: str) -> MocapUri:
 
 def is_live(text: str) -> bool:
     """Whether what `text` gives happens now; also of what is no address, which others refuse."""
-    scheme = SCHEMES.get(text.partition("://")[0].lower())
+    scheme = scheme_of(text.partition("://")[0].lower())
     return scheme is None or scheme.live
 
 

@@ -3,7 +3,7 @@
 from ipaddress import ip_address
 from urllib.parse import urlsplit
 
-from mocap_bridge.uri import SCHEMES, is_live
+from mocap_bridge.uri import is_live, scheme_of
 from onboard.errors import InputError
 from onboard.lab_file import LabFile
 from perchhw.errors import FlightStackError
@@ -52,7 +52,7 @@ def on_this_machine(uri: str) -> bool:
     if parts.scheme in ("radio", "usb"):
         return False
     if host is None:
-        kind = SCHEMES.get(parts.scheme)  # the address is one to listen on, and none is given
+        kind = scheme_of(parts.scheme)  # the address is one to listen on, and none is given
         return kind is not None and not kind.needs_host
     if host == "localhost":
         return True

@@ -7,6 +7,7 @@ import re
 import socket
 import sys
 import threading
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
@@ -18,7 +19,7 @@ import pytest
 from calibration.bench.instruments import addresses
 from calibration.bench.instruments.errors import InstrumentInputError
 from calibration.flights import FORMATS, formats, open_flight
-from mocap_bridge.errors import PoseTimeout, SourceLost
+from mocap_bridge.errors import MocapUriError, PoseTimeout, SourceLost
 from mocap_bridge.pose import open_pose_stream
 from mocap_bridge.uri import SCHEMES, parse_mocap_uri
 from onboard.manoeuvres import library as manoeuvres
@@ -26,6 +27,7 @@ from onboard.quantity import Quantity
 from onboard.room import RoomGeometry
 from onboard.vehicle import EFFECTS, Effect, check_vehicle, load_vehicle, vehicle_to_toml
 from onboard.vehicle.effects import rigid_body
+from perchhw.cli.main import run as run_perchhw
 from sim_backend.physics.effects.registry import TERMS
 from sim_backend.physics.parameters import physics_parameters
 from tests.conftest import REPOSITORY
@@ -139,6 +141,47 @@ def test_a_mocap_source_that_is_silent_or_taken(json_udp: int) -> None:
         taken.bind(("127.0.0.1", json_udp))
         with pytest.raises(SourceLost, match="in use"):
             open_pose_stream(f"json-udp://:{json_udp}?subject=cf1")
+
+
+@pytest.fixture
+def another_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The module of the page installed as somebody else's package; gives its folder."""
+    code, row = blocks("A mocap source")
+    named = row.replace("mocap_bridge.sources.json_udp.", "json_udp.")
+    text = f"{code}\n\nfrom mocap_bridge.uri import MocapScheme\n\nSCHEME = {named}"
+    (tmp_path / "json_udp.py").write_text(text, encoding="utf-8")
+    (points,) = re.findall(r"```toml\n(.*?)```", PAGE.split("\n## A mocap source\n")[1], re.DOTALL)[:1]
+    ((group, entries),) = tomllib.loads(points)["project"]["entry-points"].items()
+    installed = tmp_path / "their_mocap-1.0.dist-info"
+    installed.mkdir()
+    (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: their-mocap\nVersion: 1.0\n")
+    lines = [f"{name} = {target}" for name, target in entries.items()]
+    (installed / "entry_points.txt").write_text("\n".join((f"[{group}]", *lines)))
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "json_udp", raising=False)
+    return tmp_path
+
+
+def test_a_mocap_source_of_another_package(another_package: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    stop = send(port, {"frame": 7, "cf1": [0.1, 0.2, 1.5, 0.0, 0.0, 0.0, 1.0]})
+    try:
+        run_perchhw(["--json", "mocap", "watch", f"json-udp://:{port}?subject=cf1", "--seconds", "0.5"])
+    finally:
+        stop.set()
+    assert json.loads(capsys.readouterr().out)["last_pose"]["position"] == [0.1, 0.2, 1.5]
+
+
+def test_a_broken_mocap_package_is_told(another_package: Path) -> None:
+    (another_package / "json_udp.py").write_text("SCHEME = 'json'")
+    with pytest.raises(MocapUriError, match=r"their-mocap: json_udp:SCHEME is no MocapScheme"):
+        parse_mocap_uri("json-udp://?subject=cf1")
+    sys.modules.pop("json_udp")
+    (another_package / "json_udp.py").write_text("import a_vendor_sdk")
+    with pytest.raises(MocapUriError, match="their-mocap: No module named 'a_vendor_sdk'"):
+        parse_mocap_uri("json-udp://?subject=cf1")
 
 
 def test_an_instrument(monkeypatch: pytest.MonkeyPatch) -> None:
