@@ -157,13 +157,12 @@ def test_a_circle_of_hover_setpoints(lab: Lab, scf: SyncCrazyflie) -> None:
             commander.send_hover_setpoint(vx, 0.0, yaw_rate, z)
             lab.run_for(0.1)
 
-    send(0.0, 0.0, [0.04 * i for i in range(1, 11)])
-    send(0.0, 0.0, [0.4] * 10)
+    send(0.0, 0.0, [0.1, 0.2, 0.3, *([0.4] * 9)])
     x, y, _ = drone.position
     send(0.5, 144.0, [0.4] * 12)  # half a circle of 0.2 m radius
     assert drone.position[2] == pytest.approx(0.4, abs=0.1)
     assert math.dist(drone.position[:2], (x, y)) == pytest.approx(0.4, abs=0.15)
-    send(0.0, 0.0, [0.4 - 0.04 * i for i in range(11)])
+    send(0.0, 0.0, [0.3, 0.2, 0.1, 0.0])
     commander.send_stop_setpoint()
     commander.send_notify_setpoint_stop()
     lab.wait_until(lambda: drone.motors == (0, 0, 0, 0), within=2.0)
@@ -174,8 +173,8 @@ def test_a_hand_pushes_it_away(lab: Lab, scf: SyncCrazyflie) -> None:
     for side in ("front", "back", "left", "right", "up"):
         drone.set_log(f"range.{side}", 32766)  # nothing in sight
     arm(lab, drone, scf.cf)
-    with MotionCommander(scf, default_height=0.5) as commander, Multiranger(scf) as ranger:
-        lab.wait_until(lambda: drone.position[2] > 0.4, within=5.0)
+    with MotionCommander(scf, default_height=0.3) as commander, Multiranger(scf) as ranger:
+        lab.wait_until(lambda: drone.position[2] > 0.25, within=5.0)
         x = drone.position[0]
         drone.set_log("range.front", 150)
         lab.wait_until(lambda: ranger.front is not None and ranger.front < 0.2, within=5.0)
