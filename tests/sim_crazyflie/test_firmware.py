@@ -95,6 +95,19 @@ def test_a_take_off_in_the_moment_that_flying_is_allowed_is_not_refused(flight: 
     assert flight.takeoff(0.5) == 0
 
 
+@pytest.mark.parametrize(("wait_s", "x"), [(0.005, 0.0), (0.011, -2.5)])
+def test_a_take_off_within_10_ms_of_may_fly_goes_to_the_origin(
+    flight: Flight, wait_s: float, x: float
+) -> None:
+    flight.run(1.0)
+    assert flight.firmware.supervisor.arm(True)
+    flight.run(1.0, until=lambda: flight.info.can_fly)
+    flight.run(wait_s)
+    assert flight.takeoff(0.5) == 0
+    flight.run(2.0)
+    assert flight.position[0] == pytest.approx(x, abs=0.4)
+
+
 def test_the_high_level_commander_hovers_on_when_the_host_is_gone(hovering: Flight) -> None:
     hovering.run(5.0)  # nobody sends anything but poses
     assert hovering.info.is_flying
