@@ -34,23 +34,23 @@ ON_ANY_DRONE = """
 """
 
 
-def test_the_plugin_loads_nothing_heavy() -> None:
-    program = "import json, sys, perchhw.pytest_plugin; print(json.dumps(sorted(sys.modules)))"
+def loaded_by(module: str) -> set[str]:
+    """Packages that a process has loaded which imports this module."""
+    program = f"import json, sys, {module}; print(json.dumps(sorted(sys.modules)))"
     output = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
     ).stdout
-    loaded = {name.split(".")[0] for name in json.loads(output)}
-    assert not loaded & {
-        "cflib",
-        "numpy",
-        "numba",
-        "scipy",
-        "typer",
-        "rich",
-        "onboard",
-        "sim_backend",
-        "mcap",
-    }
+    return {name.split(".")[0] for name in json.loads(output)}
+
+
+def test_the_plugin_loads_nothing_heavy() -> None:
+    heavy = {"cflib", "numpy", "numba", "scipy", "typer", "rich", "onboard", "sim_backend", "mcap"}
+    assert not loaded_by("perchhw.pytest_plugin") & heavy
+
+
+def test_a_lab_needs_nothing_of_learning_reports_and_mavlink() -> None:
+    theirs = {"torch", "sklearn", "joblib", "matplotlib", "pymavlink", "mcap", "typer", "rich"}
+    assert not loaded_by("sim_backend.stage") & theirs
 
 
 def test_strict_projects_get_no_warning(pytester: pytest.Pytester) -> None:
