@@ -1,11 +1,12 @@
-"""Time that a fresh simulated drone costs a test, until it answers its first packet.
+"""Time that a fresh simulated drone costs a test until it answers, and that a whole flight costs.
 
     python benchmarks/fresh_drone.py [--repeats 20]
 
 Three ways to one: a lab of the plugin's fixture ``lab`` (one process serves one lab after another; `parked`
 with ``flies=False``), the lab in the test's own process (`instant`), and, as the peer, a process for every
 test (``perchhw sim drone``). Seconds by the clock on the wall; a ratio is the peer's median over that of
-`lab`. Prints one JSON document. Kernels are compiled before anything is timed.
+`lab`. `flight` is take-off, hover and landing by cflib at ``perchhw://``, the fastest of three. Kernels are
+compiled before anything is timed. Prints one JSON document.
 """
 
 import argparse
@@ -18,6 +19,10 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
+
+import cflib.crtp
+from cflib.crazyflie import Crazyflie
+from cflib.crazyflie.syncCrazyflie import SyncCrazyflie
 
 from onboard.link.in_process import InProcessDriver
 from perchhw.lab_process import SimulatedLab
@@ -63,6 +68,26 @@ def of_process() -> None:
         answers(lab.drones[0])
 
 
+def flight(folder: Path) -> dict[str, float]:
+    """Fly at the pace of the computation; wall s to connect and to fly, lab s of the flight."""
+    cflib.crtp.init_drivers()
+    lab = InstantLab(folder)
+    drone, begin = lab.drones[0], time.perf_counter()
+    with SyncCrazyflie(drone.uri, cf=Crazyflie(rw_cache=str(folder / "cache"))) as scf:
+        connected, lab_begin = time.perf_counter(), lab.time
+        lab.wait_until(lambda: drone.ready, within=10.0)
+        scf.cf.supervisor.send_arming_request(True)
+        lab.wait_until(lambda: drone.armed, within=5.0)
+        lab.run_for(0.2)
+        scf.cf.high_level_commander.takeoff(0.5, 1.5)
+        lab.run_for(3.0)
+        scf.cf.high_level_commander.land(0.0, 1.5)
+        lab.wait_until(lambda: drone.position[2] < 0.1, within=5.0)
+        flown, lab_flown = time.perf_counter(), lab.time
+    lab.close()
+    return {"connect_s": connected - begin, "wall_s": flown - connected, "lab_s": lab_flown - lab_begin}
+
+
 def timed(once: Callable[[], None], repeats: int) -> dict[str, float]:
     """Median and slowest, s, after one that does not count."""
     once()
@@ -89,6 +114,7 @@ def main() -> None:
         with StageProcess(parked=True) as stage:
             parked = timed(of_stage(stage, folder / "parked"), repeats)
         instant = timed(lambda: in_process(folder / "instant"), repeats)
+        flown = min((flight(folder / "flight") for _ in range(3)), key=lambda took: took["wall_s"])
     process = timed(of_process, max(1, repeats // 4))
     document = {
         "benchmark": "fresh_drone",
@@ -97,6 +123,7 @@ def main() -> None:
         "instant": instant,
         "process_for_every_test": process,
         "ratio": process["median_s"] / lab["median_s"],
+        "flight": flown,
         "repeats": repeats,
         "cores": len(os.sched_getaffinity(0)),
         "load_average_before": load,
