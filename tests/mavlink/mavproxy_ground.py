@@ -13,7 +13,8 @@ from typing import Self
 
 import pytest
 
-from tests.mavlink.ground import PATIENCE_S, free_port
+from tests.mavlink.ground import free_port
+from tests.patience import PATIENCE_S
 
 PROGRAM = Path(sys.executable).with_name("mavproxy.py")
 
@@ -50,6 +51,7 @@ class MavproxyGround:
         )
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
+        self.until("Waiting for heartbeat")  # what is said once must not come before it listens
         return self
 
     def _read(self) -> None:
