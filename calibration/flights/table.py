@@ -59,8 +59,18 @@ def load_table(path: Path) -> Flight:
         data=data,
         valid=finite_masks(data),
         trigger=trigger,
+        ceiling_z=_ceiling(data),
         notes=notes,
     )
+
+
+def _ceiling(data: dict[str, FloatArray]) -> float | None:
+    """Height of the ceiling (m) where the table has the distance to it."""
+    if "d_ceil" not in data:
+        return None
+    height = data["z"] + data["d_ceil"]
+    known = height[np.isfinite(height)]
+    return float(np.median(known)) if known.size else None
 
 
 def _channel(name: str) -> str:

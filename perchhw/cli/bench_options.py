@@ -1,7 +1,7 @@
 """Options that the bench wizards share, and what they do with them."""
 
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -83,8 +83,8 @@ def operator_of(helper: Helper) -> "Iterator[Operator]":
         yield PreparedAnswers(answers, assistant)
 
 
-def tell(concluded: "Concluded", folder: Path) -> None:
-    """Tell what came of a run."""
+def tell(concluded: "Concluded", folder: Path, also: Mapping[str, str] | None = None) -> None:
+    """Tell what came of a run; `also` has more words, by their key in the details."""
     calibration = concluded.calibration
     change = calibration.change
     document: dict[str, Any] = {
@@ -96,11 +96,13 @@ def tell(concluded: "Concluded", folder: Path) -> None:
         "findings": calibration.findings,
         "rejected": calibration.rejections,
         "compared": concluded.comparisons,
+        **{key: calibration.details[key] for key in also or {}},
     }
     lines = [f"{key.removeprefix('effects.')}: {one}" for key, one in change.estimates.items()]
     if change.thrust_map is not None:
         lines.append(f"thrust map: {change.thrust_map[0]}")
     lines += [f"! {text}" for text in calibration.rejections]
+    lines += [*(also or {}).values()]
     lines += [
         f"report: {concluded.report}",
         f"next: perchhw calibrate apply {folder} --vehicle FILE --out NEW.toml",

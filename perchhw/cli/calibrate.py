@@ -7,6 +7,7 @@ import typer
 
 from perchhw.cli.bench_walkthrough import walkthrough_command
 from perchhw.cli.calibrate_bifilar import bifilar_command
+from perchhw.cli.calibrate_capture import capture_command
 from perchhw.cli.calibrate_discharge import discharge_command, verify_command
 from perchhw.cli.calibrate_tachometer import tachometer_command
 from perchhw.cli.calibrate_thrust import thrust_command
@@ -17,11 +18,12 @@ if TYPE_CHECKING:
     from calibration.bench.procedures.compare import Comparison
 
 app = typer.Typer(
-    add_completion=False, no_args_is_help=True, help="Measure inertia, motors and thrust on the bench."
+    add_completion=False, no_args_is_help=True, help="Measure inertia, motors, thrust and pads on the bench."
 )
 app.command("bifilar")(bifilar_command)
 app.command("tachometer")(tachometer_command)
 app.command("thrust")(thrust_command)
+app.command("capture")(capture_command)
 app.command("discharge")(discharge_command)
 app.command("verify")(verify_command)
 app.command("walkthrough")(walkthrough_command)

@@ -132,6 +132,8 @@ def _tell(report: "LandingReport", page: Path | None) -> None:
                 f"{word}: {count.real} real, {count.expected:.1f} expected "
                 f"(80 %: {low_count} to {high_count}{'' if count.inside else '; outside'})"
             )
+    if report.prepared.roll is not None:
+        screen.print(f"roll in the flips, not refuted: {', '.join(report.prepared.roll.left) or 'nothing'}")
     if report.search is not None:
         _tell_search(report.search)
     for item in report.unused:

@@ -1,6 +1,7 @@
 """``perchhw learn``: sweep, train, validate, or all three, and the leg study."""
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -39,6 +40,14 @@ RolloutsOption = Annotated[int, typer.Option(min=1, help="Attempts at each condi
 _OUT = Path("runs/learn")
 
 
+@dataclass(frozen=True)
+class _Chosen:
+    """Which pairs train a policy: :func:`perchhw.learning.training_set.load_training_set`."""
+
+    landing_rate_min: float = 0.8
+    share_of_best: float = 0.0
+
+
 @app.command()
 @with_option_groups
 def sweep(setup: SetupOptions, grid: GridOptions, learning: SweepOptions, out: OutOption = _OUT) -> None:
@@ -52,12 +61,17 @@ def train(
     out: OutOption = _OUT,
     pairs: Annotated[Path | None, typer.Option(help="Table of pairs; default: pairs.csv in --out.")] = None,
     landing_rate_min: Annotated[float, typer.Option(help="Pairs below are left out.")] = 0.8,
+    share_of_best: Annotated[
+        float,
+        typer.Option(min=0.0, max=1.0, help="So are pairs below this share of the best at their condition."),
+    ] = 0.0,
     name: Annotated[str, typer.Option(help="Name of the policy.")] = "trained",
     seed: SeedOption = 0,
     refine: RefineOption = False,
 ) -> None:
     """Train the trigger and the action policy on the pairs of a sweep."""
-    result = _train(out, pairs, landing_rate_min, name, seed, GridOptions() if refine else None)
+    chosen = _Chosen(landing_rate_min, share_of_best)
+    result = _train(out, pairs, chosen, name, seed, GridOptions() if refine else None)
     emit(result, _training_text(result))
 
 
@@ -87,7 +101,7 @@ def everything(
 ) -> None:
     """Sweep, train, validate, and write the report."""
     swept = _sweep(setup, grid, learning, out)
-    trained = _train(out, None, 0.8, "trained", setup.seed, grid if refine else None)
+    trained = _train(out, None, _Chosen(), "trained", setup.seed, grid if refine else None)
     validated = _validate(setup, grid, None, rollouts, out)
     reported = write_report(out)
 
@@ -132,7 +146,7 @@ def _sweep(setup: SetupOptions, grid: GridOptions, learning: SweepOptions, out: 
 def _train(
     out: Path,
     pairs: Path | None,
-    landing_rate_min: float,
+    chosen: _Chosen,
     name: str,
     seed: int,
     refining: GridOptions | None,
@@ -153,7 +167,9 @@ def _train(
     from perchhw.trained_for import TRAINED_FOR
 
     table = pairs or out / PAIRS_FILE
-    training_set = load_training_set(table, landing_rate_min=landing_rate_min)
+    training_set = load_training_set(
+        table, landing_rate_min=chosen.landing_rate_min, share_of_best=chosen.share_of_best
+    )
     make_folder(out)
     policy = train_policy(training_set, name=name, seed=seed).policy
     swept = table.parent / SWEEP_FILE

@@ -75,7 +75,11 @@ _AUTHORS_FORMAT = _Format(
 
 
 def load_training_set(
-    path: str | Path, *, landing_rate_min: float = LANDING_RATE_MIN, rate_column: str = "landing_rate"
+    path: str | Path,
+    *,
+    landing_rate_min: float = LANDING_RATE_MIN,
+    rate_column: str = "landing_rate",
+    share_of_best: float = 0.0,
 ) -> TrainingSet:
     """Read the pairs that reach a landing rate: our ``pairs.csv`` or the authors' ``training_set_NL.csv``.
 
@@ -85,6 +89,8 @@ def load_training_set(
         path: CSV with a header.
         landing_rate_min: lowest rate to train on.
         rate_column: which of our rates decides (our table has several; the authors' has one).
+        share_of_best: lowest rate, as a share of the best at the same speed and angle: where few conditions
+            reach a high rate, each still teaches what is best there. 0: as it comes.
 
     Raises:
         TrainingSetError: naming file, row and column. The header is row 1.
@@ -100,6 +106,8 @@ def load_training_set(
     rates = table.finite(form.landing_rate, plausible)
     _require(table, form.landing_rate, plausible, (rates >= 0) & (rates <= 1), "is not a rate from 0 to 1")
     good = rates >= landing_rate_min
+    if share_of_best > 0.0:
+        good &= rates >= share_of_best * _best_of_condition(table, plausible, form.angle, rates)
     chosen = [row for row, taken in zip(plausible, good, strict=True) if taken]
     if not chosen:
         raise TrainingSetError(
@@ -120,6 +128,7 @@ def load_training_set(
         "rows": len(table.rows),
         "rate_column": form.landing_rate,
         "landing_rate_min": landing_rate_min,
+        "share_of_best": share_of_best,
         "pairs": len(chosen),
         "rows_with_implausible_angle": len(table.rows) - len(plausible),
     }
@@ -129,6 +138,15 @@ def load_training_set(
         landing_rate=rates[good],
         source=source,
     )
+
+
+def _best_of_condition(table: CsvFile, rows: Sequence[CsvRow], angle: str, rates: FloatArray) -> FloatArray:
+    """The highest rate (n,) at the speed and angle of each row."""
+    conditions = np.column_stack([table.finite("speed_m_s", rows), table.finite(angle, rows)])
+    _, group = np.unique(conditions, axis=0, return_inverse=True)
+    best = np.zeros(group.max() + 1)
+    np.maximum.at(best, group, rates)
+    return best[group]
 
 
 def _require(table: CsvFile, column: str, rows: Sequence[CsvRow], fits: BoolArray, rule: str) -> None:

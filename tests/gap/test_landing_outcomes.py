@@ -1,7 +1,5 @@
 """Predicted outcomes of landings, and their scores."""
 
-import dataclasses
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -28,11 +26,8 @@ from calibration.gap.landings.outcomes.scores import (
 )
 from calibration.gap.landings.outcomes.search import (
     LIMITS,
-    Point,
     held_out,
     mixture,
-    search_outcomes,
-    tabulate,
 )
 from calibration.gap.report.landings_page import landings_page
 from onboard.outcome import Outcome
@@ -171,24 +166,17 @@ def test_wilson_and_bins() -> None:
     assert [one.predicted for one in bins] == sorted(one.predicted for one in bins)
 
 
-def test_pads_are_named_where_they_decide_and_not_where_they_do_not(prepared: Prepared) -> None:
-    """Outcomes drawn from the simulation's own probabilities: nothing hidden, and a limit of 0.9 m/s."""
-    points = [Point(1.6, 8.0, *pads) for pads in [(0.0, 0.0), *product((0.3, 0.6, 0.9, 1.2), (0.1, 0.3))]]
-    points += [point._replace(stiffness=1.0, damping=1.0) for point in points]
-    few = dataclasses.replace(prepared, draws=prepared.draws[:, :30])
-    table = tabulate(few, physics_parameters(load_vehicle(STORED), RoomGeometry()), points)
-    np.testing.assert_allclose(table.sum(axis=2), 1.0)
-    rng = np.random.default_rng(1)
-    named = {}
-    for hidden in (Point(), Point(1.6, 8.0, 0.9, 0.1)):
-        likely = table[points.index(hidden)]
-        found = []
-        for _ in range(8):
-            real = np.array([rng.choice(3, p=p / p.sum()) for p in likely])
-            found.append("pads" in search_outcomes(points, table, real, 30, rng).named)
-        named[hidden] = sum(found)
-    assert named[Point()] == 0
-    assert named[Point(1.6, 8.0, 0.9, 0.1)] >= 5
+def test_what_could_roll_the_authors_flips(prepared: Prepared) -> None:
+    """Neither a product of inertia nor motors nor the centre of mass (docs/gap_landings.md)."""
+    found = prepared.roll
+    assert found is not None
+    assert "gyro turned against the propellers" in found.left
+    refuted = {cause.name: cause.refuted_by for cause in found.causes}
+    assert refuted["inertia_products"] == ("yaw_rad_s",)
+    assert refuted["com_offset"] == ("hover_roll",)
+    assert refuted["motor_imbalance"] == ("hover_twist",)
+    gain, error = found.measured["approach_roll_per_pitch"]
+    assert gain < -2.5 * error  # roll in approaches too: not the flip alone
 
 
 def test_a_mixture_of_limits_is_their_normal_distribution() -> None:

@@ -31,6 +31,14 @@ def test_the_rate_that_decides_can_be_chosen(tmp_path):
     assert len(load_training_set(path, landing_rate_min=0.85).a_rot) == 1
 
 
+def test_each_condition_teaches_what_is_best_there(tmp_path):
+    rows = ["2.5,45,0,0.23,4.0,0.4,-0.006,0.9,0.7", "2.5,45,1,0.2,4.0,0.4,-0.005,0.5,0.5"]
+    rows += ["1.5,80,0,0.25,1.0,0.3,-0.007,0.4,0.4", "1.5,80,1,0.24,1.0,0.3,-0.008,0.3,0.3"]
+    pairs = load_training_set(table(tmp_path, *rows), landing_rate_min=0.25, share_of_best=0.8)
+    np.testing.assert_allclose(pairs.landing_rate, [0.9, 0.4])
+    assert pairs.source["share_of_best"] == 0.8
+
+
 def test_the_authors_table(shared_data):
     pairs = load_training_set(shared_data / "habas2022/policy/training_set_NL.csv")
     assert pairs.source["rows"] == 1046

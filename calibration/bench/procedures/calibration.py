@@ -79,7 +79,7 @@ class Calibration:
     """Everything that a run says.
 
     Attributes:
-        kind: "bifilar", "tachometer" or "thrust".
+        kind: "bifilar", "tachometer", "thrust" or "capture".
         change: what it changes in a vehicle file.
         budgets: contributions to the uncertainty, by the key of the quantity.
         findings: what the checks have seen.

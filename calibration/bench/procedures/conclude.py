@@ -19,7 +19,11 @@ from onboard.vehicle import EFFECTS
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from calibration.bench.capture.fit import CaptureFit
     from calibration.bench.thrust.thrust_result import ThrustResult
+
+CAPTURE = "capture"
+"""Kind of the calibration of pads."""
 
 
 def inertia_calibration(fits: InertiaFits, made: str, provenance: Mapping[str, Any]) -> Calibration:
@@ -146,6 +150,42 @@ def thrust_calibration(
         raw=[step["table"] for step in steps.values() if "table" in step],
         made=made,
     )
+
+
+def capture_calibration(
+    fit: "CaptureFit", raw: Mapping[str, str], made: str, provenance: Mapping[str, Any]
+) -> Calibration:
+    """The effect `pad_capture`, and which drops come next."""
+    from calibration.bench.capture.advice import next_drops
+    from calibration.bench.capture.checks import check_fit
+
+    details = {
+        "method": "probit fit to counts by speed, 95 % limits from the profile likelihood",
+        "drops": fit.drops.rows(),
+        "speed_ci95": list(fit.speed_interval),
+        "spread_ci95": list(fit.spread_interval),
+        "separated": fit.drops.separated,
+        "misfit_probability": fit.misfit,
+        **next_drops(fit).to_json(),
+    }
+    return Calibration(
+        kind=CAPTURE,
+        change=VehicleChange(effects={"pad_capture": fit.estimates}),
+        budgets={},
+        findings=check_fit(fit),
+        details=details,
+        inputs={},
+        provenance=provenance,
+        raw=[raw],
+        made=made,
+    )
+
+
+def capture_figures(fit: "CaptureFit") -> dict[str, "Figure"]:
+    """The plot of the report: shares that stuck, and the curve."""
+    from calibration.bench.capture.figures import capture_figure
+
+    return {"Which drops stuck": capture_figure(fit)}
 
 
 def _within_bounds(key: str, estimate: Estimate) -> Estimate:

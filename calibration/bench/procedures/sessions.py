@@ -1,9 +1,11 @@
 """A wizard from its instruments to its report: opens everything, runs, fits, writes, and lets all go."""
 
+import shutil
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +20,9 @@ from calibration.bench.procedures.by_hand import OperatorAsPerson
 from calibration.bench.procedures.calibration import Calibration, load_calibration, write_calibration
 from calibration.bench.procedures.compare import Comparison, compare_calibrations, compare_with_vehicle
 from calibration.bench.procedures.conclude import (
+    CAPTURE,
+    capture_calibration,
+    capture_figures,
     inertia_calibration,
     inertia_figures,
     motor_calibration,
@@ -34,6 +39,8 @@ from onboard.vehicle import Vehicle
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from calibration.bench.capture.fit import CaptureFit
 
 
 @dataclass(frozen=True)
@@ -151,6 +158,23 @@ def measure_discharge(plan: discharge.DischargePlan, stand: Stand, folder: Path,
         ready = _thrust_stand(stand, operator, stack)
         _until_done(book, discharge.DischargeWizard(plan, ready).run)
     return discharge.join_discharges(folder, book.steps)
+
+
+def conclude_capture(
+    fit: "CaptureFit", table: Path, vehicle: Vehicle, folder: Path, operator: Operator,
+    provenance: Mapping[str, Any],
+) -> Concluded:  # fmt: skip
+    """Result and report of drops; their table is kept in the run.
+
+    Raises:
+        RunBookError: the folder holds another kind of run.
+    """
+    book = RunBook(folder, CAPTURE, {}, operator)
+    kept = book.keep_raw(
+        "drops", partial(shutil.copyfile, table), ".csv.gz" if table.suffix == ".gz" else ".csv"
+    )
+    calibration = capture_calibration(fit, kept, _now(), provenance)
+    return _conclude(folder, calibration, vehicle, capture_figures(fit))
 
 
 def _thrust_stand(stand: Stand, operator: Operator, stack: ExitStack) -> ThrustStand:

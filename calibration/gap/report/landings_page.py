@@ -11,6 +11,7 @@ from calibration.gap.landings.outcomes.kernels import trace_flips
 from calibration.gap.landings.outcomes.labels import CLASS_NAMES, landing_class
 from calibration.gap.landings.outcomes.predict import scattered
 from calibration.gap.landings.outcomes.prepare import SETTINGS
+from calibration.gap.landings.outcomes.roll import REFUTED, RollEvidence
 from calibration.gap.landings.outcomes.scores import Score
 from calibration.report_style import (
     BLUE,
@@ -59,6 +60,8 @@ def landings_page(report: LandingReport, parameters: Any) -> str:
             section("Pitch rate, real and simulated", svg(motions(report, parameters)), _MOTION_NOTE)
         )
         parts.append(section("How starts and flips scatter", _dispersion(report)))
+        if report.prepared.roll is not None:
+            parts.append(section("Why flips roll", _roll(report.prepared.roll), _ROLL_NOTE))
     if report.unused:
         rows = [[escape(item.name), escape(item.reason)] for item in report.unused]
         parts.append(section("Not judged", table(["flight", "why not"], rows)))
@@ -77,6 +80,12 @@ _NOTE = (
 )
 _MOTION_NOTE = (
     "Black: the gyro. Grey: simulated landings. Vertical line: the measured contact. Time from the trigger."
+)
+
+
+_ROLL_NOTE = (
+    "What each cause of the measured roll would do, beside what was measured (and its standard error); "
+    f"more than {REFUTED:g} standard errors apart refutes it."
 )
 
 
@@ -221,3 +230,14 @@ def _dispersion(report: LandingReport) -> str:
     rows.append(["pitch acceleration of the flip, share", f"{found.pitch:.3f}"])
     rows.append(["roll acceleration per pitch acceleration", f"{found.roll:.3f}"])
     return table(["standard deviation, from these flights", ""], rows)
+
+
+def _roll(found: RollEvidence) -> str:
+    rows = [["measured", "", *(f"{v:+.3f} &plusmn; {s:.3f}" for v, s in found.measured.values()), ""]]
+    for cause in found.causes:
+        would = [
+            f"{cause.predicted[name]:+.3f}" if name in cause.predicted else "" for name in found.measured
+        ]
+        verdict = "refuted by " + ", ".join(cause.refuted_by) if cause.refuted_by else "not refuted"
+        rows.append([escape(cause.name), f"{cause.value:.3g} {escape(cause.unit)}", *would, escape(verdict)])
+    return table(["cause", "size that it needs", *found.measured, ""], rows)

@@ -46,6 +46,7 @@ def write_campaign(
         )
         log = fly(CASES[case], attempt, noise or Noise(), rng)
         outcomes.append({name: float(log.pop(name)) for name in ("feet", "hull", "touch")})
+        del log["trigger"]  # these tables leave it to the reader
         _write(folder / f"landing-{number:02d}.csv", log, every)
     sealed = {"case": case, "drone": asdict(CASES[case]), "outcomes": outcomes}
     answer.write_text(json.dumps(sealed, indent=1), encoding="utf-8")

@@ -1,22 +1,22 @@
 """Forces of the ceiling on the vehicle in the world frame, by penalties, for steps of 50 us.
 
 Written from docs/physics.md ("Legs", "Hull and propellers"): a rod with a torsional hinge at the hip, stiff
-along its axis; feet that hold, need a push, slide or tear off; a hull that bounces. Everything is explicit
-and in world coordinates.
+along its axis; feet that hold, need a push or a speed, slide or tear off; a hull that bounces. Everything is
+explicit and in world coordinates.
 """
 
 import numpy as np
 from numba import njit
 
-FREE, PRESSED, HELD, TORN = 0, 1, 2, 3
+FREE, PRESSED, HELD, TORN, REFUSED = 0, 1, 2, 3, 4
 CLEAR = 5e-4  # m, after which a torn foot may touch again
 HULL_STIFFNESS = 3e4  # N/m
 
 # Order of the numbers of a vehicle in the compiled code.
 (
     MASS, IXX, IYY, IZZ, LEG, K, C, STOP, ROD_K, ROD_C, ADHESION, PRELOAD, RESTITUTION, HULL_MU, FOOT_MU,
-    FOOT_R, CEILING, ROTOR_R,
-) = range(18)  # fmt: skip
+    FOOT_R, CEILING, ROTOR_R, CAPTURE,
+) = range(19)  # fmt: skip
 
 
 @njit(cache=True)
@@ -72,10 +72,19 @@ def feet(n, x, v, R, spin, hips, rests, mode, anchors, total):
             mode[k] = FREE
         if mode[k] == FREE and gap <= 0.0:
             anchors[k] = tip
-            mode[k] = HELD if n[PRELOAD] <= 0.0 else PRESSED
+            climb = v[2] + _cross(spin, tip - x)[2]
+            if climb < n[CAPTURE]:
+                mode[k] = REFUSED
+            else:
+                mode[k] = HELD if n[PRELOAD] <= 0.0 else PRESSED
         if mode[k] == FREE or mode[k] == TORN:
             continue
         force = leg_pull(n, hip, v + _cross(spin, arm), spin, anchors[k], rest)
+        if mode[k] == REFUSED:
+            if force[2] >= 0.0:
+                mode[k] = TORN  # until it is clear of the ceiling; the same push cannot catch later
+                continue
+            slide(n, force, anchors[k])
         if mode[k] == PRESSED:
             if -force[2] >= n[PRELOAD]:
                 mode[k] = HELD

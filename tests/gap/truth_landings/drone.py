@@ -35,6 +35,8 @@ class Drone:
     rod_damping: float = 5.0
     adhesion: float = 1e9
     preload: float = 0.0
+    capture: float = 0.0
+    capture_spread: float = 0.0
     restitution: float = 0.3
     hull_friction: float = 0.5
     foot_friction: float = 1.0

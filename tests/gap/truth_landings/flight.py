@@ -115,7 +115,8 @@ def numbers(drone: Drone, ceiling: float) -> np.ndarray:
     return np.array(
         [drone.mass, *drone.inertia, drone.leg, drone.stiffness, drone.damping, drone.stop,
          drone.rod_stiffness, drone.rod_damping, drone.adhesion, drone.preload, drone.restitution,
-         drone.hull_friction, drone.foot_friction, drone.foot_radius, ceiling, drone.propeller_radius]
+         drone.hull_friction, drone.foot_friction, drone.foot_radius, ceiling, drone.propeller_radius,
+         drone.capture]
     )  # fmt: skip
 
 
@@ -153,7 +154,10 @@ def held_velocity(drone: Drone, v: np.ndarray, goal: np.ndarray, R: np.ndarray, 
 
 
 def fly(drone: Drone, attempt: Attempt, noise: Noise, rng: np.random.Generator) -> dict[str, np.ndarray]:
-    """The log of an attempt by column, 200 rows a second; ``feet``, ``hull``, ``touch`` (s) are the truth."""
+    """The log of an attempt by column, 200 rows a second.
+
+    ``feet``, ``hull``, ``touch`` and ``trigger`` (s; NaN: never) are the truth.
+    """
     n = numbers(drone, attempt.ceiling)
     goal = attempt.speed * np.array([np.cos(attempt.angle), 0.0, np.sin(attempt.angle)])
     x = np.array([0.0, 0.0, attempt.ceiling]) - attempt.before * goal
@@ -179,7 +183,7 @@ def fly(drone: Drone, attempt: Attempt, noise: Noise, rng: np.random.Generator) 
     inertia = np.array(drone.inertia)
     fade = np.exp(-CONTROL_STEPS * H / np.array([noise.torque_time, noise.force_time]))
     flipping = cut = hit = False
-    touch = np.nan
+    touch = trigger = np.nan
     rows: list[list[float]] = []
     ticks = round((attempt.before + attempt.after) / (CONTROL_STEPS * H))
     piece = CONTROL_STEPS // 2  # control every two, a row of the log every five
@@ -187,6 +191,8 @@ def fly(drone: Drone, attempt: Attempt, noise: Noise, rng: np.random.Generator) 
     for _ in range(ticks):
         w = (R.T @ L) / inertia
         flipping = flipping or attempt.ceiling - x[2] <= attempt.tau * p[2] / drone.mass
+        if flipping and np.isnan(trigger):
+            trigger = elapsed * H
         cut = cut or (flipping and R[2, 2] <= 0.0)
         if not flipping:
             wish = held_velocity(drone, p / drone.mass, goal, R, w)
@@ -220,6 +226,7 @@ def fly(drone: Drone, attempt: Attempt, noise: Noise, rng: np.random.Generator) 
     data["feet"] = np.array(float(np.sum(mode == contact.HELD)))
     data["hull"] = np.array(float(hit))
     data["touch"] = np.array(touch)
+    data["trigger"] = np.array(trigger)
     return data
 
 

@@ -72,6 +72,7 @@ class LandingReport:
                 "pitch_rate_rms_rad_s": _rms(self.prepared.rate_error),
                 "pitch_slope": _mean(self.prepared.slopes.pitch),
                 "roll_per_pitch": _mean(self.prepared.slopes.roll),
+                "roll": None if self.prepared.roll is None else self.prepared.roll.to_json(),
             },
             **({"effects": None} if self.search is None else self.search.to_json()),
             "unusable": [{"file": item.name, "reason": item.reason} for item in self.unused],

@@ -17,6 +17,7 @@ from calibration.gap.data.record import NotUsed
 from calibration.gap.landings.kernels import COLUMNS, OMEGA
 from calibration.gap.landings.outcomes.dispersion import Dispersion, FlipSlopes, estimate_dispersion
 from calibration.gap.landings.outcomes.kernels import trace_flips
+from calibration.gap.landings.outcomes.roll import RollEvidence, roll_evidence
 from calibration.gap.landings.outcomes.starts import TriggerStart, trigger_start
 from calibration.gap.landings.problem import highest
 from onboard.arrays import FloatArray
@@ -55,6 +56,7 @@ class Prepared:
         slopes: of the flips, with the vehicle that prepared them. rate_error: rad/s (n,), RMS about b_y.
         dispersion: of starts and flips.
         draws: standard normal numbers (n, draws, ERRORS), the same for every vehicle that is compared.
+        roll: why flips roll; None where flips are too few to ask.
         unused: flights without a start.
     """
 
@@ -65,6 +67,7 @@ class Prepared:
     rate_error: FloatArray
     dispersion: Dispersion
     draws: FloatArray
+    roll: RollEvidence | None
     unused: tuple[NotUsed, ...]
 
     def contact(self, index: int) -> float | None:
@@ -124,6 +127,7 @@ def prepare(
         rate_error=np.array([flip.error for flip in flips]),
         dispersion=estimate_dispersion(starts, implied - ceilings, climbs, slopes),
         draws=rng.standard_normal((len(starts), draws, ERRORS)),
+        roll=roll_evidence(starts, vehicle, rng),
         unused=tuple(unused),
     )
 

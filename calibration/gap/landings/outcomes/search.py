@@ -69,6 +69,10 @@ SPREADS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
 REACHES = (1.0, 0.64, 0.3)
 """Share of the propeller's radius that meets the ceiling: a disc, two blades at any angle, nearly none."""
 
+LEAST_GAIN = 0.05
+"""Of the Brier score: what predicts flights better by less is not named, however sure. Where nearly all feet
+hold anyway, a vehicle that is a little surer of it gains 0.02 for certain."""
+
 SPLITS = 20
 """Ways of cutting the flights into halves: one alone says much about its own luck."""
 
@@ -242,16 +246,22 @@ class OutcomeSearch:
         best: the model with the lowest log score, left one out.
         gains: mean change of the Brier score by group, from the best model without it to the best with it,
             left one out, with its 95 % interval (flights drawn again).
+        spared: likewise without the flight that speaks most for the group: no name rests on one flight.
     """
 
     fits: tuple[ModelFit, ...]
     best: ModelFit
     gains: dict[str, tuple[float, Interval]]
+    spared: dict[str, float]
 
     @property
     def named(self) -> tuple[str, ...]:
-        """Groups without which flights are predicted worse beyond chance."""
-        return tuple(group for group, (_, (_, high)) in self.gains.items() if high < 0.0)
+        """Groups without which flights are predicted worse, beyond chance and by enough to matter."""
+        return tuple(
+            group
+            for group, (_, (_, high)) in self.gains.items()
+            if high < 0.0 and self.spared[group] <= -LEAST_GAIN
+        )
 
     def to_json(self) -> dict[str, Any]:
         """``effects`` and ``search`` of the document."""
@@ -286,7 +296,7 @@ class OutcomeSearch:
                 "best": self.best.name,
                 "models": [fit.to_json() for fit in self.fits],
                 "gains": {
-                    group: {"brier": gain, "ci95": list(interval)}
+                    group: {"brier": gain, "ci95": list(interval), "without_best_flight": self.spared[group]}
                     for group, (gain, interval) in self.gains.items()
                 },
             },
@@ -306,13 +316,14 @@ def search_outcomes(
     logs = np.array([-surprise(one, real, draws) for one in table])
     fits = tuple(_fit(groups, np.array(points), table, logs, real, draws, rng) for groups in MODELS)
     drawn = rng.integers(0, real.size, (REPLICATES, real.size))
-    gains = {}
+    gains, spared = {}, {}
     for group in GROUPS:
         without = _best([fit for fit in fits if group not in fit.groups])
         change = _best([fit for fit in fits if group in fit.groups]).brier - without.brier
         low, high = np.quantile(change[drawn].mean(axis=1), [0.025, 0.975])
         gains[group] = (float(change.mean()), (float(low), float(high)))
-    return OutcomeSearch(fits, _best(fits), gains)
+        spared[group] = float(np.sort(change)[1:].mean())
+    return OutcomeSearch(fits, _best(fits), gains, spared)
 
 
 def _best(fits: Sequence[ModelFit]) -> ModelFit:
@@ -356,12 +367,11 @@ def _halves(table: FloatArray, logs: FloatArray, real: IntArray, rng: np.random.
 
 
 def _moments(value: FloatArray, share: FloatArray) -> tuple[float, float, Interval]:
-    """Mean, standard deviation, and 95 % interval between the points of the grid."""
+    """Mean, standard deviation, 95 % interval: a point of the grid stands for all half-way to the next."""
     mean = float(share @ value)
     sigma = float(np.sqrt(share @ (value - mean) ** 2))
     levels, inverse = np.unique(value, return_inverse=True)
     reached = np.cumsum(np.bincount(inverse, weights=share))
-    low, high = (
-        float(levels[min(int(np.searchsorted(reached, q)), levels.size - 1)]) for q in (0.025, 0.975)
-    )
-    return mean, sigma, (low, high)
+    edges = np.concatenate([levels[:1], 0.5 * (levels[1:] + levels[:-1]), levels[-1:]])
+    first, last = (min(int(np.searchsorted(reached, q)), levels.size - 1) for q in (0.025, 0.975))
+    return mean, sigma, (float(edges[first]), float(edges[last + 1]))

@@ -1,0 +1,1 @@
+"""Pads on the bench."""

@@ -1,0 +1,121 @@
+"""Judge hidden pads by `gap landings --search`: names, values, false claims. One line of JSON each.
+
+python -m tests.gap.truth_landings.judge --seeds 8 --pads 3
+
+Every seed has its own landings, flown healthy, with the hinges alone changed, and with pads of drawn limits
+besides; they share one table of predictions, since nothing differs before the first touch.
+"""
+
+import argparse
+import json
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from calibration.flights import flight_files, open_flights
+from calibration.gap.landings.outcomes import Prepared, prepare, read_labels
+from calibration.gap.landings.outcomes.document import classified
+from calibration.gap.landings.outcomes.search import OutcomeSearch, Point, grid, search_outcomes, tabulate
+from onboard.outcome import Outcome
+from onboard.room import RoomGeometry
+from onboard.vehicle import load_vehicle
+from sim_backend.physics.parameters import physics_parameters
+from tests.gap.truth_landings.drone import Drone
+from tests.gap.truth_landings.outcomes import write_outcomes
+
+VEHICLE = "crazyflie21-upgraded-stored"
+HEALTHY = Drone()
+HINGES = Drone(stiffness=1.6 * HEALTHY.stiffness, damping=8.0 * HEALTHY.damping)
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What was hidden, how the landings ended, and what the search said."""
+
+    hidden: Drone
+    counts: tuple[int, ...]
+    found: OutcomeSearch
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        return self.found.named
+
+    @property
+    def speed(self) -> tuple[float, float, float]:
+        """Limit of the pads (m/s) and its 95 % interval, where it was named."""
+        mean, _, (low, high) = self.found.best.values["speed"]
+        return mean, low, high
+
+
+def judge(
+    hidden: Sequence[Drone], count: int, seed: int, points: Sequence[Point], draws: int
+) -> list[Judged]:
+    """Fly `count` landings with each hidden drone, and search."""
+    parameters = physics_parameters(load_vehicle(VEHICLE), RoomGeometry())
+    prepared: Prepared | None = None
+    table = np.empty(0)
+    verdicts = []
+    for drone in hidden:
+        with tempfile.TemporaryDirectory() as folder:
+            write_outcomes(drone, count, seed, Path(folder) / "f", Path(folder) / "answer.json")
+            flights, _ = open_flights(flight_files([Path(folder) / "f"]))
+            labels = read_labels([flight.source for flight in flights])
+        outcomes: Mapping[str, Outcome] = {flight.name: labels[flight.source] for flight in flights}
+        if prepared is None:
+            prepared = prepare(flights, load_vehicle(VEHICLE), np.random.default_rng(seed), draws)
+            table = tabulate(prepared, parameters, points)
+        rows, real = classified([outcomes[start.name] for start in prepared.starts])
+        found = search_outcomes(points, table[:, rows], real, draws, np.random.default_rng([seed, 1]))
+        verdicts.append(Judged(drone, tuple(np.bincount(real, minlength=3).tolist()), found))
+    return verdicts
+
+
+def drawn(seed: int, pads: int) -> list[Drone]:
+    """Nothing hidden, hinges alone, and `pads` drones with limits of 0.4 to 1.1 m/s."""
+    rng = np.random.default_rng([seed, 9])
+    limits = [(rng.uniform(0.4, 1.1), rng.uniform(0.15, 0.45)) for _ in range(pads)]
+    stiffness, damping = HINGES.stiffness, HINGES.damping
+    return [
+        HEALTHY,
+        HINGES,
+        *(Drone(stiffness=stiffness, damping=damping, capture=v, capture_spread=s) for v, s in limits),
+    ]
+
+
+def line(seed: int, one: Judged) -> dict[str, Any]:
+    values = {name: [mean, *interval] for name, (mean, _, interval) in one.found.best.values.items()}
+    return {
+        "seed": seed,
+        "hidden": {
+            "hinges": one.hidden.stiffness > HEALTHY.stiffness,
+            "speed": one.hidden.capture,
+            "spread": one.hidden.capture_spread,
+        },
+        "four_two_none": one.counts,
+        "named": one.named,
+        "values": values,
+        "gains": {group: [gain, *interval] for group, (gain, interval) in one.found.gains.items()},
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--count", type=int, default=30)
+    parser.add_argument("--seeds", type=int, default=2)
+    parser.add_argument("--first", type=int, default=1)
+    parser.add_argument("--pads", type=int, default=3)
+    parser.add_argument("--draws", type=int, default=100)
+    chosen = parser.parse_args()
+    for seed in range(chosen.first, chosen.first + chosen.seeds):
+        for one in judge(drawn(seed, chosen.pads), chosen.count, seed, grid(), chosen.draws):
+            sys.stdout.write(json.dumps(line(seed, one)) + "\n")
+            sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()
