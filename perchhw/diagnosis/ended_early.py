@@ -45,7 +45,7 @@ def diagnose_ended(run: RunRecord, aborted_by: str) -> Diagnosis:
     if known is None:
         known = _by_rules(aborted_by)
     found, numbers = known
-    if found.cause in _DRIFTING and (bias := gyro_bias(run)) is not None and bias > GYRO_BIAS_RAD_S:
+    if found.cause in _DRIFTING and (bias := _gyro_bias(run)) is not None and bias > GYRO_BIAS_RAD_S:
         words = f"the gyro read {bias:.2f} rad/s while the drone stood still; {found.words}"
         found = RuleWords(
             Cause.GYRO_BIASED, words, "reboot the drone where it stands still, and let it warm up first"
@@ -198,14 +198,12 @@ def _limit(demanded: str) -> str:
     return f"{demanded} needed"
 
 
-def gyro_bias(run: RunRecord) -> float | None:
+def _gyro_bias(run: RunRecord) -> float | None:
     """Mean rate (rad/s) that the gyro reported before the motors were armed, or None."""
-    armed = next((e["t"] for e in run.events if e["event"] == "phase" and e.get("phase") == "arming"), None)
+    phases = [e for e in run.events if e["event"] == "phase"]
+    armed = next((e["t"] for e in phases if e.get("phase") in ("arming", "done")), None)
     rates = run.series.get("rates")
-    if rates is None or armed is None:
+    if rates is None or armed is None or not (still := rates.t < armed).any():
         return None
-    still = rates.t < armed
-    means = (
-        [float(np.nanmean(rates.numbers(name)[still])) for name in ("gx", "gy", "gz")] if still.any() else []
-    )
-    return float(np.linalg.norm(means)) if means else None
+    means = [float(np.nanmean(rates.numbers(name)[still])) for name in ("gx", "gy", "gz")]
+    return float(np.linalg.norm(means))

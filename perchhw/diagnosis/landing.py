@@ -104,8 +104,8 @@ def _what_happened(outcome: Outcome, flip: Flip, pair: str | None) -> tuple[str,
 
 
 def _deviation(flip: Flip) -> _Why | None:
-    """What of the flip was not as it should be: the room first, then when, then how strong."""
-    return _ceiling(flip) or _sensing(flip) or _timing(flip) or _strength(flip)
+    """What of the flip was not as it should be: what was seen first, then when, then how strong."""
+    return _sensing(flip) or _ceiling(flip) or _timing(flip) or _strength(flip)
 
 
 def _ceiling(flip: Flip) -> _Why | None:
@@ -237,6 +237,7 @@ def _values(flip: Flip, pair: str | None) -> dict[str, Number]:
         "delivered_share": flip.delivered,
         "estimate_late_ms": None if flip.estimate_late_s is None else flip.estimate_late_s * 1e3,
         "climb_m_s": flip.climb_m_s,
+        "touch_after_s": None if touch is None else touch.after_s,
         "turn_deg": None if touch is None else touch.turn_deg,
         "feet_margin_m": None if touch is None else touch.feet_margin_m,
         "ceiling_error_m": None if touch is None else touch.ceiling_error_m,

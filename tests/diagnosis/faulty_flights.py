@@ -85,6 +85,10 @@ def _scaled(factor: float) -> Callable[[Policy], Policy]:
     return scaled
 
 
+_BEYOND = (Cause.CEILING_ELSEWHERE, Cause.CEILING_NOT_REACHED)
+"""A drone that does not even get to where it believes the ceiling cannot know that it is higher still."""
+
+
 def faults(rng: np.random.Generator) -> dict[str, Fault]:
     """Every kind of fault, with its strength and time drawn from `rng`."""
     strikes = f"{rng.uniform(2.5, 7.6):.3f}"
@@ -95,7 +99,7 @@ def faults(rng: np.random.Generator) -> dict[str, Fault]:
         "fires late": Fault((Cause.FLIP_LATE,), policy=_shifted(-shift)),
         "turns weakly": Fault((Cause.FLIP_WEAK,), policy=_scaled(rng.uniform(0.4, 0.6))),
         "turns strongly": Fault((Cause.FLIP_STRONG,), policy=_scaled(rng.uniform(1.4, 1.6))),
-        "ceiling higher": Fault((Cause.CEILING_ELSEWHERE,), ceiling_z=2.1 - rng.uniform(0.08, 0.15)),
+        "ceiling higher": Fault(_BEYOND, ceiling_z=2.1 - rng.uniform(0.08, 0.15)),
         "ceiling lower": Fault((Cause.CEILING_ELSEWHERE,), ceiling_z=2.1 + rng.uniform(0.08, 0.15)),
         "other weight": Fault((Cause.OTHER_POLICY_COMPUTED,), ("policy_weight=0.5",)),
         "occluded": Fault((Cause.MOCAP_OCCLUDED,), (f"mocap_occlude_at={strikes}:2.0",)),
