@@ -37,6 +37,7 @@ section { margin: 0 0 16px; min-width: 0; }
 .scroll { overflow-x: auto; }
 table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
 th, td { text-align: left; padding: 4px 12px 4px 0; border-bottom: 1px solid #edf0f2; vertical-align: top; }
+th, td { overflow-wrap: normal; } table:not(.many) td:last-child { overflow-wrap: anywhere; }
 th { color: #6b7480; font-weight: 600; } td.n { text-align: right; padding-right: 20px; }
 span.n { white-space: nowrap; }
 .badge { color: #fff; border-radius: 4px; padding: 1px 8px; font-size: 13px; white-space: nowrap; }
@@ -50,7 +51,7 @@ svg { max-width: 100%; height: auto; display: block; }
   table.many thead { display: none; }
   table.many, table.many tbody, table.many tr, table.many td { display: block; width: 100%; }
   table.many tr { border-bottom: 2px solid #d5dade; padding: 6px 0; }
-  table.many td { border: 0; padding: 1px 0; } table.many td:empty { display: none; }
+  table.many td { border: 0; padding: 1px 0; overflow-wrap: anywhere; } table.many td:empty { display: none; }
   table.many td::before { content: attr(data-label) " "; color: #6b7480; font-weight: 600; }
 }
 @media print {

@@ -8,6 +8,7 @@ from rich.table import Table
 
 from perchhw.attempt import Outcome
 from perchhw.campaign.store import AttemptRow
+from perchhw.diagnosis.diagnose import kept_sentence
 
 _STYLES = {
     Outcome.FOUR_LEG: "green",
@@ -25,7 +26,7 @@ def attempts_table(rows: list[AttemptRow], around_now: bool = False) -> Table:
     """One line per try; with `around_now` only the last ones flown and the next ones planned."""
     shown = _window(rows) if around_now else rows
     table = Table(
-        "#", "m/s", "deg", "try", "state", "outcome", "trigger tau", "why aborted", title=progress(rows)
+        "#", "m/s", "deg", "try", "state", "outcome", "trigger tau", "what happened", title=progress(rows)
     )
     for row in shown:
         outcome = "" if row.outcome is None else f"[{_STYLES[row.outcome]}]{row.outcome.value}[/]"
@@ -38,7 +39,7 @@ def attempts_table(rows: list[AttemptRow], around_now: bool = False) -> Table:
             f"[bold]{row.state}[/]" if row.state == "running" else row.state,
             outcome,
             "" if tau is None else f"{tau:.3f} s",
-            escape(_shortened(row.aborted_by or "")),
+            escape(_shortened(kept_sentence(row.record) or row.aborted_by or "")),
         )
     return table
 

@@ -144,6 +144,8 @@ def _by_pose(run: RunRecord, aborted_by: str, t: float) -> tuple[RuleWords, dict
     words = WORDS[cause]
     if cause is Cause.MOCAP_SILENT and (share := frames_share(run)) is not None and share < _MANY_FRAMES:
         words = f"only {share:.0%} of the frames of motion capture came"
+    elif "age_ms" in counts:
+        words += f", {counts['age_ms']} ms after their capture"
     elif counts and cause is not Cause.MOCAP_SILENT:
         words += f" ({', '.join(f'{count} frames {name}' for name, count in counts.items())})"
     if broken.rule == "pose_age":

@@ -7,8 +7,10 @@ import numpy as np
 from calibration.flights.run_folder import RunRecord
 from perchhw.diagnosis.finding import Cause
 
-WINDOW_S = 0.6
+_WINDOW_S = 0.6
 """Longer than the time without poses after which an attempt is ended."""
+_OLD_S = 0.025
+"""Age of a pose at its receipt; in a sound room it is 9 ms."""
 _CAUSES = {
     "occluded": Cause.MOCAP_OCCLUDED,
     "frozen": Cause.MOCAP_FROZEN,
@@ -37,12 +39,15 @@ def mocap_fault(run: RunRecord, t: float) -> tuple[Cause, dict[str, int]]:
     pose = run.series.get("pose")
     if pose is None:
         return Cause.MOCAP_SILENT, {}
-    near = (pose.t > t - WINDOW_S) & (pose.t <= t)
+    near = (pose.t > t - _WINDOW_S) & (pose.t <= t)
     verdicts = pose.texts("verdict")
     counts = Counter((verdicts[k] or "").lower() for k in np.flatnonzero(near))
     refused = {name: count for name, count in counts.items() if name in _CAUSES}
     if refused:
         return _CAUSES[max(refused, key=lambda name: refused[name])], refused
+    age = (pose.t - pose.numbers("capture_time"))[near]
+    if np.isfinite(age).any() and np.nanmedian(age) > _OLD_S:
+        return Cause.MOCAP_LATE, {"age_ms": round(1e3 * float(np.nanmedian(age)))}
     return Cause.MOCAP_SILENT, {"frames": int(near.sum())}
 
 

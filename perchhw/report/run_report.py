@@ -44,15 +44,24 @@ def write_run_report(run_folder: Path) -> Path:
         RunFolderError: the record cannot be read.
         OutputFolderError: the folder cannot be written.
     """
-    run = read_run(run_folder)
-    path = run_folder / REPORT_FILE
+    write_run_page(read_run(run_folder))
+    return run_folder / REPORT_FILE
+
+
+def write_run_page(run: RunRecord) -> Diagnosis:
+    """As :func:`write_run_report`, of a record that was already read; gives what the page says.
+
+    Raises:
+        OutputFolderError: the folder cannot be written.
+    """
+    found = diagnose_run(run)
     with report_style():
-        text = _page(run)
+        text = _page(run, found)
     try:
-        path.write_text(text, encoding="utf-8")
+        (run.folder / REPORT_FILE).write_text(text, encoding="utf-8")
     except OSError as error:
-        raise OutputFolderError(run_folder, error.strerror) from error
-    return path
+        raise OutputFolderError(run.folder, error.strerror) from error
+    return found
 
 
 def report_flight(run_folder: Path) -> None:
@@ -65,11 +74,10 @@ def report_flight(run_folder: Path) -> None:
         _log.warning("no report of %s: %s", run_folder, error)
 
 
-def _page(run: RunRecord) -> str:
+def _page(run: RunRecord, found: Diagnosis) -> str:
     config, info = run.config, run.info
     speed, angle = config.get("speed_m_s"), config.get("angle_deg")
     title = "Landing attempt" if speed is None else f"Landing attempt: {speed:g} m/s at {angle:g} deg"
-    found = diagnose_run(run)
     body = section("What happened", _said(run, found), "; ".join(run.torn))
     try:
         flight = flight_from_run(run)
