@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from calibration.flights import Flight, Trigger
 from onboard.app_interface import LandingState
 from onboard.arrays import FloatArray
+from onboard.gravity import GRAVITY
 from onboard.policy.action import action_moments
 from onboard.policy.model import Policy
 from onboard.policy.trigger import trigger_values
@@ -33,8 +34,9 @@ _BLOW_RAD_S = 2.0
 _BLOW_M_S2 = 45.0
 """Downward acceleration that only a ceiling causes: motors that push down while upside down give 2 g."""
 _NEAR_CEILING_M = 0.35
-_AIR = 0.81
-"""Share of the motors' moment that turns the body; 0.78 to 0.83 in flips of the simulated lab."""
+_FOUND = 1.15
+"""What the flips of the simulated lab deliver by this arithmetic (1.10 to 1.21); 1.0 where no delay of radio
+and cameras is between the trigger and the poses."""
 _QUARTER_TURN = math.pi / 2.0
 
 
@@ -107,15 +109,17 @@ def measure_flip(flight: Flight, trigger: Trigger, vehicle: Vehicle, policy: Pol
     begins = None if policy is None else region_begins(flight, trigger, policy)
     asked = None if policy is None or begins is None else _moment(policy, begins[1])
     motion = _motion(flight)
+    touch = None if motion is None else _touchdown(flight, trigger.t, motion, geometry)
+    free_s = math.inf if touch is None else touch.after_s
     return Flip(
         tau_s=seen.get("tau"),
         region_tau_s=None if begins is None else float(begins[1][0]),
         late_s=None if begins is None else trigger.t - begins[0],
         commanded=seen["a_rot"] / asked if asked and "a_rot" in seen else None,
-        delivered=None if motion is None else _delivered(motion, trigger, vehicle),
+        delivered=None if motion is None else _delivered(motion, trigger, vehicle, free_s),
         estimate_late_s=None if motion is None else _estimate_late(motion, trigger),
         climb_m_s=seen.get("vz"),
-        touch=None if motion is None else _touchdown(flight, trigger.t, motion, geometry),
+        touch=touch,
         gap_m=None if motion is None else _least_gap(flight, trigger.t, motion, geometry),
     )
 
@@ -176,11 +180,13 @@ def _motion(flight: Flight) -> Motion | None:
     return Motion(captured, pose[:, 0], turn, rotations)
 
 
-def _delivered(motion: Motion, trigger: Trigger, vehicle: Vehicle) -> float | None:
+def _delivered(motion: Motion, trigger: Trigger, vehicle: Vehicle, free_s: float) -> float | None:
     """Moment that turned the body as a share of the commanded one, from how long a quarter turn took.
 
-    Half of the moment comes from motors that speed up, half from motors that slow down, each with its own
-    lag; the air takes a fifth.
+    None where the ceiling was met before it, `free_s` after the trigger.
+
+    The front motors go from hover to nothing and the rear ones from hover to what the moment asks for, each
+    with its lag (:func:`onboard.mixer.flip_thrusts`).
     """
     t, turn, moment = motion.t, motion.turn, -trigger.snapshot.get("a_rot", 0.0)
     over = np.flatnonzero((t > trigger.t) & (turn >= _QUARTER_TURN))
@@ -189,15 +195,26 @@ def _delivered(motion: Motion, trigger: Trigger, vehicle: Vehicle) -> float | No
     k = int(over[0])
     share = (_QUARTER_TURN - turn[k - 1]) / (turn[k] - turn[k - 1])
     took = float(t[k - 1] + share * (t[k] - t[k - 1]) - trigger.t)
+    if took > free_s:
+        return None
+    expected = _expected_turn(took, moment, vehicle)
     begin = float(np.interp(trigger.t, t, turn))
-    up, down = vehicle.motors.time_constant_up.value, vehicle.motors.time_constant_down.value
-    unit = 0.5 * (_lagged_turn(took, up) + _lagged_turn(took, down)) / vehicle.body.inertia_yy.value
-    return (_QUARTER_TURN - begin) / (moment * unit * _AIR) if unit > 0.0 else None
+    return (_QUARTER_TURN - begin) / (expected * _FOUND) if expected > 0.0 else None
 
 
-def _lagged_turn(t: float, lag: float) -> float:
-    """Double integral (s2) over `t` s of a moment of 1 that builds up with the time constant `lag` (s)."""
-    return t * t / 2.0 - lag * t + lag * lag * (1.0 - math.exp(-t / lag))
+def _expected_turn(t: float, moment: float, vehicle: Vehicle) -> float:
+    """Turn (rad) that the commanded `moment` (N m) gives in `t` s from a hover, without any air."""
+    motors, arm = vehicle.motors, vehicle.body.arm_x.value
+    hover, rear = vehicle.body.mass.value * GRAVITY / 4.0, moment / (2.0 * arm)
+    down = motors.time_constant_down.value
+    lag = motors.time_constant_up.value if rear > hover else down
+    impulse = rear * t * t / 2.0 + (hover - rear) * _fading(t, lag) - hover * _fading(t, down)
+    return 2.0 * arm * impulse / vehicle.body.inertia_yy.value
+
+
+def _fading(t: float, lag: float) -> float:
+    """Double integral (s2) over `t` s of what is 1 at first and fades with the time constant `lag` (s)."""
+    return lag * t - lag * lag * (1.0 - math.exp(-t / lag))
 
 
 def _estimate_late(motion: Motion, trigger: Trigger) -> float | None:

@@ -20,7 +20,7 @@ from perchhw.label.pose import REST_WINDOW_S
 LATE_S = 0.015
 """The drone asks its policy every 10 ms; a flip that began by more before or after the region is off."""
 WEAK, STRONG = 0.8, 1.25
-"""Share of the wanted moment; flips of the simulated lab deliver 0.94 to 1.05 of what is commanded."""
+"""Share of the wanted moment; flips of the simulated lab deliver 0.95 to 1.06 of what is commanded."""
 WEAK_MOTORS = 0.85
 ESTIMATE_LATE_S = 0.025
 """Motion capture and estimate are 10 ms behind in a sound room."""

@@ -85,7 +85,7 @@ def _scaled(factor: float) -> Callable[[Policy], Policy]:
     return scaled
 
 
-_BEYOND = (Cause.CEILING_ELSEWHERE, Cause.CEILING_NOT_REACHED)
+_BEYOND = (Cause.CEILING_ELSEWHERE, Cause.CEILING_NOT_REACHED, Cause.REGION_MISSED)
 """A drone that does not even get to where it believes the ceiling cannot know that it is higher still."""
 
 
