@@ -8,7 +8,7 @@ from rich.table import Table
 
 from perchhw.attempt import Outcome
 from perchhw.campaign.store import AttemptRow
-from perchhw.diagnosis.diagnose import kept_sentence
+from perchhw.record.listing import kept_sentence
 
 _STYLES = {
     Outcome.FOUR_LEG: "green",

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from calibration.flights import UnusableFlightError
 from calibration.flights.perchhw_run import flight_from_run
-from calibration.flights.run_folder import RunRecord, read_info, read_run
+from calibration.flights.run_folder import RunRecord, read_run
 from onboard.json_file import write_json_atomically
 from onboard.policy.files import find_policy, load_policy, policy_crc32
 from onboard.policy.model import Policy, PolicyError
@@ -41,14 +41,6 @@ def keep_diagnosis(folder: Path) -> Diagnosis:
     except OSError as error:
         raise OutputFolderError(folder, error.strerror) from error
     return found
-
-
-def kept_sentence(folder: Path | None) -> str | None:
-    """The sentence that :func:`keep_diagnosis` put into the record `folder`, or None."""
-    if folder is None or not (folder / RUN_FILE).is_file():
-        return None
-    kept = read_info(folder / RUN_FILE).get("diagnosis")
-    return str(kept["sentence"]) if isinstance(kept, dict) and "sentence" in kept else None
 
 
 def diagnose(run: RunRecord, vehicle: Vehicle | None, judge: Judge) -> Diagnosis:

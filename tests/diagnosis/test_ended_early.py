@@ -6,9 +6,9 @@ import pytest
 
 from mocap_bridge.health import Verdict
 from perchhw.diagnosis import Cause, diagnose_run, keep_diagnosis
-from perchhw.diagnosis.diagnose import kept_sentence
 from perchhw.diagnosis.ended_early import broken_rules
 from perchhw.diagnosis.rules import RULES
+from perchhw.record.listing import kept_sentence
 from perchhw.supervisor import Observation, SafetyLimits
 from perchhw.supervisor.descent import DESCENT_RULES
 from perchhw.supervisor.observation import Admitted
