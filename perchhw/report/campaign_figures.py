@@ -12,9 +12,9 @@ import numpy as np
 
 from onboard.policy.model import Policy
 from perchhw.attempt import Outcome
-from perchhw.diagnosis.flip import CUES, values_of
-from perchhw.report.cue_space import REGION_COLOUR
+from perchhw.diagnosis.flip import CUES
 from perchhw.report.style import BLUE, INK, MUTED, OUTCOME_COLOURS, OUTCOME_MARKERS, by_width, new_figure, svg
+from perchhw.report.trigger_plane import draw_region
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,7 +23,6 @@ Rates = Mapping[tuple[float, float], float]
 """Landing rates by speed (m/s) and angle (deg)."""
 _MOST_LABELLED = 30
 """Conditions whose figures still fit beside their dots."""
-_GRID = 120
 
 
 @dataclass(frozen=True)
@@ -128,19 +127,9 @@ def trigger_states(attempts: Sequence[ShownAttempt], policy: Policy | None) -> s
     middle = float(np.median(states[:, 2]))
     tau = (min(0.18, 0.9 * states[:, 0].min()), max(0.32, 1.1 * states[:, 0].max()))
     flow = (0.0, max(6.0, 1.2 * states[:, 1].max()))
-    if policy is not None:
-        grid = np.meshgrid(np.linspace(*tau, _GRID), np.linspace(*flow, _GRID))
-        cues = np.column_stack([part.ravel() for part in (*grid, np.full_like(grid[0], middle))])
-        inside = values_of(policy, cues).reshape(grid[0].shape) >= 0.0
-        axes.contourf(*grid, inside, levels=[0.5, 1.5], colors=[REGION_COLOUR], alpha=0.25, hatches=["//"])
-        axes.plot([], [], "s", color=REGION_COLOUR, alpha=0.5, label=f"region at {middle:.2f} m")
+    draw_region(axes, policy, middle, tau, flow)
     _by_outcome(axes, [a.outcome for a in fired], states[:, 0], states[:, 1])
-    axes.set(
-        xlabel=r"$\tau$ at the trigger (s)",
-        ylabel=r"$\theta_x$ at the trigger (1/s)",
-        xlim=tau[::-1],
-        ylim=flow,
-    )
+    axes.set(xlabel=r"$\tau$ at the trigger (s)", ylabel=r"$\theta_x$ at the trigger (1/s)")
     axes.legend(frameon=False, fontsize=7.5)
     return svg(figure, f"Trigger states of {len(fired)} attempts on the trigger region, by outcome")
 

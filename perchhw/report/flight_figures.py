@@ -12,11 +12,10 @@ from onboard.app_interface import LandingState
 from onboard.policy.model import Policy
 from onboard.trajectory import ApproachPlan, sample_approach
 from perchhw.diagnosis.flip import CUES, approach_cues, values_of
-from perchhw.report.cue_space import REGION_COLOUR
 from perchhw.report.style import BLUE, GREEN, INK, MUTED, ORANGE, TRIGGER, by_width, new_figure, svg
+from perchhw.report.trigger_plane import draw_region
 
 _BEFORE_S = 1.0
-_GRID = 120
 _DUTY = 65535.0
 _PHASE_FILLS = ("#dce8f4", "#f0e6d6")
 
@@ -39,25 +38,13 @@ def trigger_region(flight: Flight, policy: Policy | None) -> str | None:
     axes = figure.add_subplot()
     tau = (0.9 * min(at[0], 0.2), 1.25 * max(at[0], 0.3))
     flow = (max(0.0, min(0.3, cues[:, 1].min() - 0.3)), max(6.0, 1.4 * at[1]))
-    if policy is not None:
-        grid = np.meshgrid(np.linspace(*tau, _GRID), np.linspace(*flow, _GRID))
-        states = np.column_stack([part.ravel() for part in (*grid, np.full_like(grid[0], at[2]))])
-        values = values_of(policy, states).reshape(grid[0].shape)
-        axes.contourf(
-            *grid, values >= 0.0, levels=[0.5, 1.5], colors=[REGION_COLOUR], alpha=0.25, hatches=["//"]
-        )
-        axes.plot([], [], "s", color=REGION_COLOUR, alpha=0.5, label=f"region at {at[2]:.2f} m")
+    draw_region(axes, policy, float(at[2]), tau, flow)
     axes.plot(cues[:, 0], cues[:, 1], ".-", color=BLUE, ms=3, lw=1, label="cues")
     axes.plot(
         at[0], at[1], "D" if fired else "o", ms=7, mfc="none", mec=TRIGGER, mew=1.8,
         label="trigger" if fired else "nearest",
     )  # fmt: skip
-    axes.set(
-        xlabel=r"$\tau$ (s), time to contact",
-        ylabel=r"$\theta_x$ (1/s), optical flow",
-        xlim=tau[::-1],
-        ylim=flow,
-    )
+    axes.set(xlabel=r"$\tau$ (s), time to contact", ylabel=r"$\theta_x$ (1/s), optical flow")
     axes.legend(frameon=False, fontsize=8)
     what = "the trigger" if fired else "the nearest state"
     return svg(

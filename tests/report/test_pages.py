@@ -37,6 +37,7 @@ def test_pages_are_for_everybody(shown: Path, name: str) -> None:
     assert '<meta name="viewport"' in text
     assert "@media print" in text
     assert "<script" not in text
+    assert "url(http" not in text
     assert_self_contained(page, path.parent)
     for programmers_words in ("CommandDone", "Order(", "GoTo(", "=None"):
         assert programmers_words not in page.text, programmers_words
@@ -47,6 +48,10 @@ def test_a_flight_opens_with_what_happened_and_its_picture(shown: Path) -> None:
     headings = ["What happened", "The flight", "Cues against the trigger region", "Time line"]
     places = [page.text.index(heading) for heading in headings]
     assert places == sorted(places)
+    assert page.svgs == 6  # the picture (for two widths), trigger region, cues, rates, battery
+    assert "Landing attempt: 3 m/s at 70 deg" in page.text
+    assert "phase: flipping" in page.text
+    assert re.search(r"a_rot \(N mm\).*-6\.000", page.text, re.DOTALL)
     assert "Next: " in page.text
     assert re.search(r"touched first at \d+ deg", page.text)
     picture = next(
@@ -59,6 +64,9 @@ def test_a_flight_opens_with_what_happened_and_its_picture(shown: Path) -> None:
 def test_a_campaign_opens_with_rates_beside_their_prediction(shown: Path) -> None:
     page = Page(shown / "report.html")
     text = (shown / "report.html").read_text()
+    assert page.svgs == 7  # rates (for two widths), triggers, batteries, paths, order (for two widths)
+    assert "3 of 3 attempts flown" in page.text
+    assert page.references.count("run-0/report.html") == 1
     assert page.text.index("Landing rates") < page.text.index("Outcomes")
     assert "predicted by the simulation" in text
     drawn = re.findall(r"<!-- (.*?) -->", text)
