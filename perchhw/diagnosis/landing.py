@@ -77,30 +77,31 @@ def diagnose_landing(
 
 def _what_happened(outcome: Outcome, flip: Flip, pair: str | None) -> tuple[str, Cause]:
     """What the body did, and the cause that this alone names."""
-    feet_first = flip.touch is not None and flip.touch.feet_margin_m >= 0.0
-    touched = "" if flip.touch is None else f" at {flip.touch.turn_deg:.0f} deg"
-    first = f"the {'feet' if feet_first else 'body'} touched first{touched}"
+    first = _first_touch(flip)
     match outcome:
         case Outcome.FOUR_LEG:
-            return (
-                f"it landed on four legs; {first}" if touched else "it landed on four legs",
-                Cause.FOUR_LEGS,
-            )
+            return f"it landed on four legs{first}", Cause.FOUR_LEGS
         case Outcome.FOUR_LEG_BODY_CONTACT:
-            what = f"it hangs on four legs, but the body met the ceiling too; {first}"
+            what = f"it hangs on four legs, but the body met the ceiling too{first}"
             return what, Cause.FOUR_LEGS_BODY_CONTACT
         case Outcome.TWO_LEG | Outcome.TWO_LEG_BODY_CONTACT:
-            names = "two legs" if pair is None else f"its {pair} legs"
-            return f"it hangs on {names} only; {first}", Cause.TWO_LEGS
-    if flip.touch is None and flip.gap_m is not None and flip.gap_m > -BEYOND_CEILING_M:
-        missing = max(flip.gap_m, 0.0) * 1e3
-        what = f"it did not get hold of the ceiling: at the top it stayed {missing:.0f} mm below"
-        return what, Cause.CEILING_NOT_REACHED
-    if flip.touch is None:
+            return f"it hangs on {'two' if pair is None else f'its {pair}'} legs only{first}", Cause.TWO_LEGS
+    if flip.touch is not None:
+        held = Cause.FEET_LET_GO if flip.touch.feet_margin_m >= 0.0 else Cause.BODY_FIRST
+        return f"it did not hold{first}", held
+    if flip.gap_m is None or flip.gap_m <= -BEYOND_CEILING_M:
         return "it flipped and fell", Cause.CEILING_NOT_REACHED
-    if feet_first:
-        return f"{first} and did not hold", Cause.FEET_LET_GO
-    return f"{first}, and it fell", Cause.BODY_FIRST
+    missing = max(flip.gap_m, 0.0) * 1e3
+    what = f"it did not get hold of the ceiling: at the top it stayed {missing:.0f} mm below"
+    return what, Cause.CEILING_NOT_REACHED
+
+
+def _first_touch(flip: Flip) -> str:
+    """What met the ceiling first and at which turn; nothing where the record does not show it."""
+    if flip.touch is None:
+        return ""
+    what = "feet" if flip.touch.feet_margin_m >= 0.0 else "body"
+    return f"; the {what} touched first at {flip.touch.turn_deg:.0f} deg"
 
 
 def _deviation(flip: Flip) -> _Why | None:

@@ -60,13 +60,13 @@ def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
     return max(0.0, centre - half), min(1.0, centre + half)
 
 
-def landing_rates(attempts: Sequence[ShownAttempt], predicted: Rates | None) -> str:
+def landing_rates(attempts: Sequence[ShownAttempt], predicted: Rates) -> str:
     """Landing rate at each condition with its interval; beside it what the simulation predicted."""
     flown = Counter((a.speed, a.angle_deg) for a in attempts)
     landed = Counter((a.speed, a.angle_deg) for a in attempts if a.outcome.success)
     labels = {c: _rate_words(landed[c], n) for c, n in flown.items()}
     rates = {c: landed[c] / n for c, n in flown.items()}
-    wanted = {c: p for c, p in (predicted or {}).items() if c in rates}
+    wanted = {c: p for c, p in predicted.items() if c in rates}
     said = ", ".join(f"{s:g} m/s {a:g} deg {landed[s, a]} of {n}" for (s, a), n in sorted(flown.items())[:12])
     alt = f"Landing rates by speed and angle: {said}"
     panels = [("flown", rates, labels)]

@@ -1,6 +1,5 @@
 """The report of a campaign, or of any folder of runs: outcomes by speed and angle, triggers, paths."""
 
-import csv
 from collections import Counter
 from contextlib import closing
 from dataclasses import replace
@@ -14,6 +13,7 @@ import numpy as np
 from calibration.flights import Flight, UnusableFlightError
 from calibration.flights.perchhw_run import flight_from_run
 from calibration.flights.run_folder import RunFolderError, RunRecord, is_run_folder, read_info, read_run
+from onboard.csv_file import read_csv
 from perchhw.attempt import Outcome
 from perchhw.campaign.store import CampaignError, CampaignStore, exists
 from perchhw.diagnosis.diagnose import judge_of
@@ -161,7 +161,7 @@ def _body(seen: list[_Seen], folder: Path, damaged: list[str]) -> str:
     attempts = [one.attempt for one in seen]
     flights = [one.run for one in seen if one.run is not None]
     policy = next((judge.flown for run in flights if (judge := judge_of(run)).flown is not None), None)
-    predicted = predicted_rates(folder / PREDICTION_FILE)
+    predicted = predicted_rates(folder / PREDICTION_FILE, damaged)
     note = "Four legs without body contact, with its 95 % interval (Wilson)."
     body = section("Landing rates", landing_rates(attempts, predicted), note)
     panels = [section("Outcomes", _counts(attempts), "Colours and shapes mean the same in all figures.")]
@@ -174,7 +174,7 @@ def _body(seen: list[_Seen], folder: Path, damaged: list[str]) -> str:
             panels.append(section(title, drawing, below))
     order = order_of_events(attempts)
     body += grid(panels) + section("One after another", (order or "") + _aborts(attempts))
-    unreadable = "".join(section("Damaged record", escape(reason)) for reason in damaged)
+    unreadable = "".join(section("Cannot be read", escape(reason)) for reason in damaged)
     return body + section("Attempts", _attempt_table(attempts, folder)) + unreadable
 
 
@@ -202,20 +202,17 @@ def _aborts(attempts: list[ShownAttempt]) -> str:
     return table(["attempt", "after", "what ended it"], rows) if rows else "<p>None was ended early.</p>"
 
 
-def predicted_rates(path: Path) -> dict[tuple[float, float], float] | None:
-    """Predicted landing rates by speed and angle, or None where the folder has no usable prediction."""
+def predicted_rates(path: Path, damaged: list[str]) -> dict[tuple[float, float], float]:
+    """Predicted landing rates by speed and angle, if there are any; what is wrong goes to `damaged`."""
     if not path.is_file():
-        return None
-    with path.open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
+        return {}
     try:
-        return {
-            (float(row["speed_m_s"]), float(row["angle_deg"])): float(row["landing_rate"])
-            for row in rows
-            if row["landing_rate"]
-        }
-    except (KeyError, ValueError):
-        return None
+        file = read_csv(path, CampaignError)
+        columns = [file.finite(name) for name in ("speed_m_s", "angle_deg", "landing_rate")]
+    except CampaignError as error:
+        damaged.append(str(error))
+        return {}
+    return {(float(speed), float(angle)): float(rate) for speed, angle, rate in zip(*columns, strict=True)}
 
 
 def _paths(seen: list[_Seen]) -> str | None:

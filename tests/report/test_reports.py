@@ -9,6 +9,7 @@ from perchhw.attempt import AttemptRequest, AttemptResult, Outcome
 from perchhw.campaign import CampaignError, load_plan, run_campaign
 from perchhw.report import write_campaign_report, write_run_report
 from perchhw.report.campaign_figures import wilson_interval
+from perchhw.report.campaign_report import PREDICTION_FILE
 from tests.campaign.stand_in import fly
 from tests.report.page import Page, assert_self_contained
 
@@ -41,9 +42,11 @@ def test_a_damaged_record_is_named_and_the_others_are_shown(runs: Path, tmp_path
     data = bytearray(series.read_bytes())
     data[len(data) // 2] ^= 0x01
     series.write_bytes(data)
+    (folder / PREDICTION_FILE).write_text("speed_m_s,angle_deg,landing_rate\n3.0,70.0,high\n")
     page = Page(write_campaign_report(folder))
     assert_self_contained(page, folder)
-    assert "Damaged record" in page.text
+    assert page.text.count("Cannot be read") == 2
+    assert "prediction.csv row 2 column 'landing_rate'" in page.text
     assert "run-0/series.mcap byte" in page.text
     assert page.references.count("run-0/report.html") == 0
     assert page.references.count("run-1/report.html") == 1
