@@ -39,9 +39,17 @@ def attempts_table(rows: list[AttemptRow], around_now: bool = False) -> Table:
             f"[bold]{row.state}[/]" if row.state == "running" else row.state,
             outcome,
             "" if tau is None else f"{tau:.3f} s",
-            escape(_shortened(kept_sentence(row.record) or row.aborted_by or "")),
+            escape(_why(row, around_now)),
         )
     return table
+
+
+def _why(row: AttemptRow, in_short: bool) -> str:
+    """What kept an attempt from its landing; nothing of one that landed as it should."""
+    if row.outcome is Outcome.FOUR_LEG:
+        return ""
+    why = kept_sentence(row.record) or row.aborted_by or ""
+    return _shortened(why) if in_short else why
 
 
 def progress(rows: Iterable[AttemptRow]) -> str:
