@@ -165,6 +165,7 @@ def fly(folder: Path, seed: int, name: str) -> Told:
             policy=policy,
             vehicle=DEFAULT_VEHICLE,
             room=RoomGeometry(ceiling_z=fault.ceiling_z),
+            accept_mismatch=True,
         )
         with suppress(AttemptInterrupted):
             fly_attempt(request, on_phase=on_phase)
