@@ -41,6 +41,7 @@ soak: $(VENV)/.dev
 	$(PYTEST) -m soak --hypothesis-profile soak
 	$(BIN)/python -m tests.lab_time.same_flight --busy 16 --flights 5 --seed $(SEED)
 	$(BIN)/python -m tests.flight.faulty_attempts --attempts 200 --seed $(SEED)
+	$(BIN)/python -m tests.diagnosis.faulty_flights --flights 200 --seed $(SEED)
 	$(BIN)/python -m tests.flight.stop_proof --stops 1000 --drones 7 --seed $(SEED)
 	$(BIN)/python -m tests.mutation
 	$(BIN)/python benchmarks/gap.py
@@ -49,6 +50,7 @@ soak: $(VENV)/.dev
 soak-sample: $(VENV)/.dev
 	$(BIN)/python -m tests.lab_time.same_flight --busy 4 --flights 1 --seed $(SEED)
 	$(BIN)/python -m tests.flight.faulty_attempts --attempts 3 --seed $(SEED)
+	$(BIN)/python -m tests.diagnosis.faulty_flights --flights 3 --seed $(SEED)
 	$(BIN)/python -m tests.flight.stop_proof --stops 10 --seed $(SEED)
 	$(BIN)/python -m tests.mutation --sample 30 --seed $(SEED)
 

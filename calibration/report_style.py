@@ -21,24 +21,49 @@ RASTER_DPI = 160
 
 _CSS = """
 :root { color-scheme: light; }
+* { box-sizing: border-box; }
 body { font: 15px/1.5 system-ui, sans-serif; color: #1d232b; background: #f4f5f7; margin: 0; }
+body { overflow-wrap: anywhere; }
 main { max-width: 1080px; margin: 0 auto; padding: 28px 24px 48px; }
 h1 { font-size: 25px; margin: 0 0 2px; } h2 { font-size: 17px; margin: 0 0 8px; }
 h3 { font-size: 14px; margin: 14px 0 4px; } small { color: #6b7480; }
 p.sub { color: #6b7480; margin: 0 0 18px; }
+p.said { font-size: 17px; margin: 8px 0 4px; }
 section { background: #fff; border: 1px solid #e1e4e8; border-radius: 8px; padding: 16px 18px; }
-section { margin: 0 0 16px; }
-.grid { display: grid; grid-template-columns: repeat(auto-fit, minmax(470px, 1fr)); }
+section { margin: 0 0 16px; min-width: 0; }
+.grid { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(470px, 100%), 1fr)); }
 .grid { gap: 16px; align-items: start; }
 .grid section { margin: 0; } .grid + section, section + .grid { margin-top: 16px; }
 .scroll { overflow-x: auto; }
 table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
 th, td { text-align: left; padding: 4px 12px 4px 0; border-bottom: 1px solid #edf0f2; vertical-align: top; }
+th, td { overflow-wrap: normal; } table:not(.many) td:last-child { overflow-wrap: anywhere; }
 th { color: #6b7480; font-weight: 600; } td.n { text-align: right; padding-right: 20px; }
+span.n { white-space: nowrap; }
 .badge { color: #fff; border-radius: 4px; padding: 1px 8px; font-size: 13px; white-space: nowrap; }
 .note { color: #6b7480; font-size: 13px; margin: 6px 0 0; }
+summary { cursor: pointer; color: #2067b0; }
 svg { max-width: 100%; height: auto; display: block; }
+.narrow { display: none; }
+@media (max-width: 640px) {
+  main { padding: 16px 8px 32px; } section { padding: 12px 10px; }
+  .broad { display: none; } .narrow { display: block; }
+  table.many thead { display: none; }
+  table.many, table.many tbody, table.many tr, table.many td { display: block; width: 100%; }
+  table.many tr { border-bottom: 2px solid #d5dade; padding: 6px 0; }
+  table.many td { border: 0; padding: 1px 0; overflow-wrap: anywhere; } table.many td:empty { display: none; }
+  table.many td::before { content: attr(data-label) " "; color: #6b7480; font-weight: 600; }
+}
+@media print {
+  body { background: #fff; } main { max-width: none; padding: 0; }
+  section { border: 0; padding: 0; break-inside: avoid; } .grid { display: block; }
+  .grid section { margin: 0 0 12px; } .scroll { overflow: visible; }
+  * { -webkit-print-color-adjust: exact; print-color-adjust: exact; }
+}
 """
+
+_MANY_COLUMNS = 5
+"""A table with as many is a list of cards where the page is narrow."""
 
 
 def page(title: str, subtitle: str, body: str) -> str:
@@ -64,10 +89,18 @@ def grid(sections: list[str]) -> str:
 
 
 def table(header: list[str], rows: list[list[str]]) -> str:
-    """An HTML table; cells are HTML, the header is text."""
-    head = "".join(f"<th>{escape(cell)}</th>" for cell in header)
-    body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+    """An HTML table; cells are HTML, the header is text. On a narrow page rows of a wide one are cards."""
+    names = [escape(cell) for cell in header]
+    head = "".join(f"<th>{name}</th>" for name in names)
+    kind = ' class="many"' if len(header) >= _MANY_COLUMNS else ""
+    body = "".join(f"<tr>{_cells(row, names if kind else [])}</tr>" for row in rows)
+    return f"<table{kind}><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _cells(row: list[str], names: list[str]) -> str:
+    if not names:
+        return "".join(f"<td>{cell}</td>" for cell in row)
+    return "".join(f'<td data-label="{name}">{cell}</td>' for name, cell in zip(names, row, strict=False))
 
 
 def new_figure(width: float, height: float) -> "Figure":
@@ -97,9 +130,20 @@ def report_style() -> Iterator[None]:
         yield
 
 
-def svg(figure: "Figure") -> str:
-    """The figure as inline SVG."""
+def svg(figure: "Figure", alt: str = "") -> str:
+    """The figure as inline SVG; `alt` says what it shows to who cannot see it."""
+    import matplotlib
+
     stream = io.StringIO()
-    figure.savefig(stream, format="svg", dpi=RASTER_DPI, metadata={"Date": None, "Creator": None})
+    # Of figures on one page that show the same in two sizes, one is hidden: they must not share their parts.
+    salt = f"perchhw {alt} {figure.get_size_inches()}"
+    with matplotlib.rc_context({"svg.hashsalt": salt}):
+        figure.savefig(stream, format="svg", dpi=RASTER_DPI, metadata={"Date": None, "Creator": None})
     text = stream.getvalue()
-    return text[text.index("<svg") :]
+    text = text[text.index("<svg") :]
+    return f'<svg role="img" aria-label="{escape(alt)}"{text[4:]}' if alt else text
+
+
+def by_width(broad: str, narrow: str) -> str:
+    """Two drawings of the same: one for a broad page and for print, one for a narrow page."""
+    return f'<div class="broad">{broad}</div><div class="narrow">{narrow}</div>'

@@ -87,6 +87,7 @@ class AttemptResult:
         fell: how the motors came to be cut before the drone was down, without a trigger, in words, or None.
         accepted_mismatches: what does not belong together and was flown all the same, in words.
         not_compared: what of it nobody could compare, in words.
+        diagnosis: what happened and why, as in ``run.json``, or None where the record does not tell.
     """
 
     outcome: Outcome
@@ -98,6 +99,7 @@ class AttemptResult:
     fell: str | None = None
     accepted_mismatches: tuple[str, ...] = ()
     not_compared: tuple[str, ...] = ()
+    diagnosis: dict[str, Any] | None = None
 
 
 class AttemptInterrupted(KeyboardInterrupt):

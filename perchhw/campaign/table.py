@@ -8,6 +8,7 @@ from rich.table import Table
 
 from perchhw.attempt import Outcome
 from perchhw.campaign.store import AttemptRow
+from perchhw.record.listing import kept_sentence
 
 _STYLES = {
     Outcome.FOUR_LEG: "green",
@@ -25,7 +26,7 @@ def attempts_table(rows: list[AttemptRow], around_now: bool = False) -> Table:
     """One line per try; with `around_now` only the last ones flown and the next ones planned."""
     shown = _window(rows) if around_now else rows
     table = Table(
-        "#", "m/s", "deg", "try", "state", "outcome", "trigger tau", "why aborted", title=progress(rows)
+        "#", "m/s", "deg", "try", "state", "outcome", "trigger tau", "what happened", title=progress(rows)
     )
     for row in shown:
         outcome = "" if row.outcome is None else f"[{_STYLES[row.outcome]}]{row.outcome.value}[/]"
@@ -38,9 +39,17 @@ def attempts_table(rows: list[AttemptRow], around_now: bool = False) -> Table:
             f"[bold]{row.state}[/]" if row.state == "running" else row.state,
             outcome,
             "" if tau is None else f"{tau:.3f} s",
-            escape(_shortened(row.aborted_by or "")),
+            escape(_why(row, around_now)),
         )
     return table
+
+
+def _why(row: AttemptRow, in_short: bool) -> str:
+    """What kept an attempt from its landing; nothing of one that landed as it should."""
+    if row.outcome is Outcome.FOUR_LEG:
+        return ""
+    why = kept_sentence(row.record) or row.aborted_by or ""
+    return _shortened(why) if in_short else why
 
 
 def progress(rows: Iterable[AttemptRow]) -> str:

@@ -49,7 +49,7 @@ def demo(
     from perchhw.flight.turnaround import attempt_after_attempt
     from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
     from perchhw.record import new_run_folder
-    from perchhw.report import write_campaign_report
+    from perchhw.report.campaign_report import PREDICTION_FILE, write_campaign_report
 
     screen = progress_console()
     flown_by = usable_engine(engine)
@@ -65,9 +65,9 @@ def demo(
                 attempt_after_attempt(confirmation(yes=True), FlightDisplay(phases=False)),
                 on_change=show,
             )
+    rates = predicted_rates({(row.speed, row.angle_deg) for row in rows}, seed, folder / PREDICTION_FILE)
     report = write_campaign_report(folder)
     recording = _recording(rows)
-    rates = predicted_rates({(row.speed, row.angle_deg) for row in rows}, seed)
     _emit(Flown(folder, plan, rows, rates, report, recording, flown_by))
     return exit_codes.SAFETY if any(row.outcome == "aborted" for row in rows) else exit_codes.DONE
 
@@ -97,11 +97,15 @@ def demo_plan(drone: str, mocap: str, attempts: int, seed: int) -> "CampaignPlan
     )
 
 
-def predicted_rates(conditions: Iterable[tuple[float, float]], seed: int) -> dict[tuple[float, float], float]:
+def predicted_rates(
+    conditions: Iterable[tuple[float, float]], seed: int, keep: Path | None = None
+) -> dict[tuple[float, float], float]:
     """Probability of three or four legs of the shipped policy, by speed (m/s) and angle (deg).
 
-    Simulated with the vehicle and the fresh cues of the lab; the body may touch or not.
+    Simulated with the vehicle and the fresh cues of the lab; the body may touch or not. `keep` is the file in
+    which the report looks for them.
     """
+    from onboard.csv_file import write_csv
     from onboard.policy.files import load_policy, shipped_policy_path
     from perchhw.learning.grid import Condition
     from perchhw.learning.setup import LearningSetup
@@ -111,6 +115,9 @@ def predicted_rates(conditions: Iterable[tuple[float, float]], seed: int) -> dic
     grid = [Condition(speed, angle) for speed, angle in sorted(conditions)]
     setup = LearningSetup(vehicle=DEFAULT_VEHICLE, domain="none", sensing="perfect", seed=seed)
     rows = validate_policy(policy, setup, grid, rollouts=PREDICTIONS)
+    if keep is not None:
+        header = ("speed_m_s", "angle_deg", "landing_rate", "four_leg_rate")
+        write_csv(keep, header, [[str(row[name]) for name in header] for row in rows])
     return {
         (condition.speed, condition.angle_deg): float(row["four_leg_rate"] or 0.0)
         for condition, row in zip(grid, rows, strict=True)

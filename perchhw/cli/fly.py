@@ -64,6 +64,7 @@ def fly(
     from perchhw.flight.turnaround import Turnaround
     from perchhw.lab import find_lab, flight_setup
     from perchhw.record import discard_if_empty
+    from perchhw.report.run_report import report_flight
 
     setup = flight_setup(
         find_lab(lab), drone=drone, mocap=mocap, vehicle=vehicle, legs=legs, policy=policy, ceiling=ceiling
@@ -81,6 +82,7 @@ def fly(
         _emit(interrupted.result, dry_run)
         raise
     finally:
+        report_flight(request.folder)
         discard_if_empty(request.folder)
     _emit(result, dry_run)
     if result.aborted_by is not None:
@@ -98,6 +100,7 @@ def _emit(result: AttemptResult, dry_run: bool) -> None:
         "fell": result.fell,
         "accepted_mismatches": result.accepted_mismatches,
         "not_compared": result.not_compared,
+        "diagnosis": result.diagnosis,
         "record": str(result.record),
     }
     emit(document, _in_words(document, dry_run))
@@ -108,6 +111,8 @@ def _in_words(document: dict[str, Any], dry_run: bool) -> str:
     for key, words in (("not_compared", "not compared"), ("accepted_mismatches", "mismatch, accepted")):
         for sentence in reversed(document[key]):
             record = f"{words}: {sentence}\n{record}"
+    if (diagnosis := document["diagnosis"]) is not None:
+        record = f"{diagnosis['sentence']}\nnext: {diagnosis['next']}\n{record}"
     if document["fell"] is not None:
         record = f"{document['fell']}\n{record}"
     if document["aborted_by"] is not None:

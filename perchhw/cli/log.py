@@ -1,4 +1,4 @@
-"""``perchhw log``: list, export, label, view and replay recorded flights."""
+"""``perchhw log``: list, export, label, report, view and replay recorded flights."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -163,6 +163,24 @@ def _in_words(evidence: dict[str, Any]) -> str:
     if "n_feet" in evidence:
         return f"{evidence['n_feet']} feet hold"
     return f"aborted by {evidence['aborted_by']}" if evidence.get("aborted_by") else "never triggered"
+
+
+@app.command()
+def report(run: _RunFolder) -> int:
+    """Write report.html of one flight into its folder, and say what happened, why, and what to do next."""
+    from calibration.flights.run_folder import read_run
+    from perchhw.report.run_report import REPORT_FILE, write_run_page
+
+    record = read_run(run)
+    found = write_run_page(record)
+    for note in record.torn:
+        progress_console().print(note, style="yellow", markup=False)
+    path = run / REPORT_FILE
+    emit(
+        {"run": str(run), "report": str(path), "diagnosis": found.to_json()},
+        f"{found.in_words()}\nreport: {path}",
+    )
+    return 0
 
 
 app.command()(view)

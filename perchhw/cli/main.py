@@ -52,7 +52,7 @@ VERBS: dict[str, Verb] = {
     "mocap": Verb("perchhw.cli.mocap", "Watch a mocap source, send it on, measure the room."),
     "mavlink": Verb("perchhw.cli.mavlink", "Tell a ground station of a drone or of a record."),
     "view": Verb("perchhw.cli.view", "Show a flight, while it is flown or afterwards.", group=False),
-    "log": Verb("perchhw.cli.log", "List, export, label and view recorded flights."),
+    "log": Verb("perchhw.cli.log", "List, export, label, report and view recorded flights."),
     "completion": Verb(
         "perchhw.cli.completion", "Print a script that makes bash, zsh or fish complete perchhw.", group=False
     ),

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calibration.flights.run_folder import RunFolderError, is_run_folder, read_info
+from perchhw.record.folder import RUN_FILE
 
 
 @dataclass(frozen=True)
@@ -73,3 +74,11 @@ def find_runs(root: Path) -> tuple[list[RunSummary], list[str]]:
         except RunFolderError as error:
             broken.append(str(error))
     return runs, broken
+
+
+def kept_sentence(folder: Path | None) -> str | None:
+    """What the record `folder` says of what happened and why, or None where it was not explained."""
+    if folder is None or not (folder / RUN_FILE).is_file():
+        return None
+    kept = read_info(folder / RUN_FILE).get("diagnosis")
+    return str(kept["sentence"]) if isinstance(kept, dict) and "sentence" in kept else None

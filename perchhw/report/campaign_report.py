@@ -1,28 +1,38 @@
 """The report of a campaign, or of any folder of runs: outcomes by speed and angle, triggers, paths."""
 
-import math
 from collections import Counter
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from datetime import UTC, datetime
 from html import escape
-from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from calibration.flights import UnusableFlightError
-from calibration.flights.perchhw_run import load_run
-from calibration.flights.run_folder import RunFolderError, is_run_folder, read_info
+from calibration.flights import Flight, UnusableFlightError
+from calibration.flights.perchhw_run import flight_from_run
+from calibration.flights.run_folder import RunFolderError, RunRecord, is_run_folder, read_info, read_run
+from onboard.csv_file import read_csv
 from perchhw.attempt import Outcome
 from perchhw.campaign.store import CampaignError, CampaignStore, exists
+from perchhw.diagnosis.diagnose import judge_of
 from perchhw.record.listing import find_runs
+from perchhw.report.campaign_figures import (
+    ShownAttempt,
+    batteries,
+    landing_rates,
+    order_of_events,
+    trigger_states,
+    wilson_interval,
+)
 from perchhw.report.campaign_plan import misfit_section
 from perchhw.report.campaign_remarks import remarks_section
-from perchhw.report.run_report import REPORT_FILE, write_run_report
+from perchhw.report.run_report import REPORT_FILE, write_run_page
 from perchhw.report.style import (
     MUTED,
     OUTCOME_COLOURS,
+    OUTCOME_MARKERS,
     badge,
     grid,
     new_figure,
@@ -33,19 +43,10 @@ from perchhw.report.style import (
     table,
 )
 
+PREDICTION_FILE = "prediction.csv"
+"""Rates that the simulation predicts, beside the attempts; columns as in ``validation.csv``."""
 _APPROACH_S, _LANDING_S = 1.2, 0.5
-
-
-@dataclass(frozen=True)
-class _Attempt:
-    """One finished attempt as the report shows it."""
-
-    speed: float
-    angle_deg: float
-    outcome: Outcome
-    trigger: dict[str, Any] | None
-    aborted_by: str | None
-    record: Path | None
+_NO_TIME = datetime.max.replace(tzinfo=UTC)
 
 
 def write_campaign_report(folder: Path) -> Path:
@@ -60,32 +61,75 @@ def write_campaign_report(folder: Path) -> Path:
     if exists(folder):
         with closing(CampaignStore.open(folder)) as store:
             title, rows, skipped = f"Campaign {store.name}", store.rows(), store.skipped
+        done = [r for r in rows if r.state == "done" and r.outcome is not None]
         attempts = [
-            _Attempt(r.speed, r.angle_deg, r.outcome, r.trigger, r.aborted_by, r.record)
-            for r in rows
-            if r.state == "done" and r.outcome is not None
+            ShownAttempt(r.speed, r.angle_deg, r.outcome, r.trigger, r.aborted_by, r.record)
+            for r in done
+            if r.outcome is not None
         ]
         planned = len({r.slot for r in rows})
     else:
         title, attempts = f"Attempts in {folder.name}", _attempts_of_runs(folder)
         planned, skipped = len(attempts), []
     damaged: list[str] = []
-    for index, attempt in enumerate(attempts):
-        if attempt.record is not None and is_run_folder(attempt.record):
-            try:
-                write_run_report(attempt.record)
-            except RunFolderError as error:
-                damaged.append(str(error))
-                attempts[index] = replace(attempt, record=None)
+    looked_at = [_look(attempt, damaged) for attempt in attempts]
     path = folder / REPORT_FILE
     with report_style():
-        body = _body(attempts, folder, damaged) + misfit_section(skipped)
-    body += remarks_section(attempt.record for attempt in attempts if attempt.record is not None)
+        body = _body(_in_order(looked_at), folder, damaged) + misfit_section(skipped)
+    body += remarks_section(one.run.folder for one in looked_at if one.run is not None)
     path.write_text(page(title, _subtitle(attempts, planned), body), encoding="utf-8")
     return path
 
 
-def _attempts_of_runs(folder: Path) -> list[_Attempt]:
+def _look(attempt: ShownAttempt, damaged: list[str]) -> "_Seen":
+    """Write the report of an attempt's run and take from its record what the campaign's page shows."""
+    if attempt.record is None or not is_run_folder(attempt.record):
+        return _Seen(attempt, None, None)
+    try:
+        run = read_run(attempt.record)
+        found = write_run_page(run)
+    except RunFolderError as error:
+        damaged.append(str(error))
+        return _Seen(replace(attempt, record=None), None, None)
+    power = run.series.get("power")
+    volts = np.empty(0) if power is None else power.numbers("vbat")
+    volts = volts[np.isfinite(volts)]
+    battery = (float(volts[:20].max()), float(volts.min())) if volts.size else None
+    started = run.info.get("started_utc")
+    return _Seen(
+        replace(attempt, said=found.sentence, battery=battery),
+        run,
+        datetime.fromisoformat(started) if isinstance(started, str) else None,
+    )
+
+
+class _Seen(NamedTuple):
+    """An attempt, its record and when it began; None where there is none that can be read."""
+
+    attempt: ShownAttempt
+    run: RunRecord | None
+    started: datetime | None
+
+
+def _in_order(seen: list[_Seen]) -> list[_Seen]:
+    """The attempts as they were flown, with the minutes since the first began."""
+    begun = [one.started for one in seen if one.started is not None]
+    if not begun:
+        return seen
+    first = min(begun)
+    timed = [
+        one._replace(
+            attempt=replace(
+                one.attempt,
+                minutes=None if one.started is None else (one.started - first).total_seconds() / 60.0,
+            )
+        )
+        for one in seen
+    ]
+    return sorted(timed, key=lambda one: one.started or _NO_TIME)
+
+
+def _attempts_of_runs(folder: Path) -> list[ShownAttempt]:
     runs, _ = find_runs(folder) if folder.is_dir() else ([], [])
     attempts = []
     for run in runs:
@@ -93,13 +137,13 @@ def _attempts_of_runs(folder: Path) -> list[_Attempt]:
             continue
         trigger = read_info(run.folder / "run.json").get("trigger")
         outcome = Outcome(run.outcome)
-        attempts.append(_Attempt(run.speed, run.angle_deg, outcome, trigger, run.aborted_by, run.folder))
+        attempts.append(ShownAttempt(run.speed, run.angle_deg, outcome, trigger, run.aborted_by, run.folder))
     if not attempts:
         raise CampaignError(f"{folder} holds neither a campaign nor a finished attempt")
     return attempts
 
 
-def _subtitle(attempts: list[_Attempt], planned: int) -> str:
+def _subtitle(attempts: list[ShownAttempt], planned: int) -> str:
     done = len(attempts)
     if done == 0:
         return f"0 of {planned} attempts flown"
@@ -111,107 +155,103 @@ def _subtitle(attempts: list[_Attempt], planned: int) -> str:
     )
 
 
-def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
-    """95 % interval of a rate (Wilson 1927): stays within 0 and 1 also for few trials."""
-    z = 1.959964
-    centre = (successes + z * z / 2) / (trials + z * z)
-    half = z / (trials + z * z) * math.sqrt(successes * (trials - successes) / trials + z * z / 4)
-    return max(0.0, centre - half), min(1.0, centre + half)
-
-
-def _body(attempts: list[_Attempt], folder: Path, damaged: list[str]) -> str:
-    if not attempts:
+def _body(seen: list[_Seen], folder: Path, damaged: list[str]) -> str:
+    if not seen:
         return section("Attempts", "None was flown yet.")
+    attempts = [one.attempt for one in seen]
+    flights = [one.run for one in seen if one.run is not None]
+    policy = next((judge.flown for run in flights if (judge := judge_of(run)).flown is not None), None)
+    predicted = predicted_rates(folder / PREDICTION_FILE, damaged)
+    note = "Four legs without body contact, with its 95 % interval (Wilson)."
+    body = section("Landing rates", landing_rates(attempts, predicted), note)
+    panels = [section("Outcomes", _counts(attempts), "Colours and shapes mean the same in all figures.")]
+    for title, drawing, below in (
+        ("Where the policy fired", trigger_states(attempts, policy), ""),
+        ("Batteries", batteries(attempts), ""),
+        ("Last approach to the ceiling", _paths(seen), "From 1.2 s before to 0.5 s after the trigger."),
+    ):
+        if drawing is not None:
+            panels.append(section(title, drawing, below))
+    order = order_of_events(attempts)
+    body += grid(panels) + section("One after another", (order or "") + _aborts(attempts))
+    unreadable = "".join(section("Cannot be read", escape(reason)) for reason in damaged)
+    return body + section("Attempts", _attempt_table(attempts, folder)) + unreadable
+
+
+def _counts(attempts: list[ShownAttempt]) -> str:
     counts = Counter(a.outcome for a in attempts)
     rows = [
         [badge(outcome), str(counts[outcome]), f"{counts[outcome] / len(attempts):.0%}"]
         for outcome in Outcome
         if counts[outcome]
     ]
-    panels = [
-        section(
-            "Outcomes", table(["outcome", "attempts", "share"], rows), "The colours mean the same below."
-        ),
-        section("By speed and angle", _outcome_map(attempts)),
+    return table(["outcome", "attempts", "share"], rows)
+
+
+def _aborts(attempts: list[ShownAttempt]) -> str:
+    """The attempts that a rule, a person or a failure ended, in words."""
+    rows = [
+        [
+            str(number),
+            "" if a.minutes is None else f'<span class="n">{a.minutes:.1f} min</span>',
+            escape(a.said or a.aborted_by or "ended for an unknown reason"),
+        ]
+        for number, a in enumerate(attempts)
+        if a.outcome is Outcome.ABORTED
     ]
-    triggers = _trigger_map(attempts)
-    if triggers is not None:
-        panels.append(section("Where the policy fired", triggers))
-    paths = _paths(attempts)
-    if paths is not None:
-        panels.append(
-            section("Last approach to the ceiling", paths, "From 1.2 s before to 0.5 s after the trigger.")
-        )
-    unreadable = "".join(section("Damaged record", escape(reason)) for reason in damaged)
-    return grid(panels) + section("Attempts", _attempt_table(attempts, folder)) + unreadable
+    return table(["attempt", "after", "what ended it"], rows) if rows else "<p>None was ended early.</p>"
 
 
-def _outcome_map(attempts: list[_Attempt]) -> str:
-    """Each attempt as a dot at its condition; repeats of a condition stand side by side."""
-    figure = new_figure(5.2, 4.0)
-    axes = figure.add_subplot()
-    speeds = sorted({a.speed for a in attempts})
-    angles = sorted({a.angle_deg for a in attempts})
-    repeats = max(Counter((a.speed, a.angle_deg) for a in attempts).values())
-    gap = min((b - a for a, b in pairwise(speeds)), default=0.5) / (repeats + 1)
-    seen: Counter[tuple[float, float]] = Counter()
-    for attempt in attempts:
-        condition = (attempt.speed, attempt.angle_deg)
-        offset = (seen[condition] - (repeats - 1) / 2) * gap
-        seen[condition] += 1
-        colour = OUTCOME_COLOURS[attempt.outcome]
-        axes.plot(attempt.speed + offset, attempt.angle_deg, "o", ms=9, color=colour, mec="white")
-    axes.set(xlabel="speed (m/s)", ylabel="approach angle (deg)", xticks=speeds, yticks=angles)
-    axes.margins(0.15)
-    return svg(figure)
+def predicted_rates(path: Path, damaged: list[str]) -> dict[tuple[float, float], float]:
+    """Predicted landing rates by speed and angle, if there are any; what is wrong goes to `damaged`."""
+    if not path.is_file():
+        return {}
+    try:
+        file = read_csv(path, CampaignError)
+        columns = [file.finite(name) for name in ("speed_m_s", "angle_deg", "landing_rate")]
+    except CampaignError as error:
+        damaged.append(str(error))
+        return {}
+    return {(float(speed), float(angle)): float(rate) for speed, angle, rate in zip(*columns, strict=True)}
 
 
-def _trigger_map(attempts: list[_Attempt]) -> str | None:
-    """Trigger states in optical-flow space, by outcome."""
-    fired = [a for a in attempts if a.trigger and {"tau", "theta_x"} <= a.trigger.keys()]
-    if not fired:
-        return None
-    figure = new_figure(5.2, 4.0)
-    axes = figure.add_subplot()
-    for a in fired:
-        state = a.trigger or {}
-        axes.plot(state["tau"], state["theta_x"], "o", ms=8, color=OUTCOME_COLOURS[a.outcome], mec="white")
-    axes.set(xlabel=r"$\tau$ at the trigger (s)", ylabel=r"$\theta_x$ at the trigger (1/s)")
-    axes.margins(0.15)
-    return svg(figure)
-
-
-def _paths(attempts: list[_Attempt]) -> str | None:
+def _paths(seen: list[_Seen]) -> str | None:
     """Side views of all attempts around the trigger, by outcome."""
-    figure = new_figure(5.2, 4.0)
+    figure = new_figure(5.2, 4.2)
     axes = figure.add_subplot()
-    drawn = False
-    for attempt in attempts:
-        if attempt.record is None or not is_run_folder(attempt.record):
-            continue
-        try:
-            flight = load_run(attempt.record)
-        except UnusableFlightError:
-            continue
-        if flight.trigger is None or not flight.has("x", "z"):
+    drawn = 0
+    for one in seen:
+        flight = _flight(one.run)
+        if flight is None or flight.trigger is None or not flight.has("x", "z"):
             continue
         t, position = flight.series("x", "z")
         after = t - flight.trigger.t
         near = (after > -_APPROACH_S) & (after < _LANDING_S)
+        outcome = one.attempt.outcome
         axes.plot(
-            position[near, 0], position[near, 1], color=OUTCOME_COLOURS[attempt.outcome], lw=1.2, alpha=0.8
-        )
+            position[near, 0], position[near, 1], color=OUTCOME_COLOURS[outcome], lw=1.2, alpha=0.8,
+            marker=OUTCOME_MARKERS[outcome], ms=5, markevery=[-1],
+        )  # fmt: skip
         if flight.ceiling_z is not None:
             axes.axhline(flight.ceiling_z, color=MUTED, lw=2)
-        drawn = True
+        drawn += 1
     if not drawn:
         return None
     axes.set(xlabel="x (m)", ylabel="z (m)")
     axes.set_aspect("equal", adjustable="datalim")
-    return svg(figure)
+    return svg(figure, f"Paths of {drawn} attempts around the trigger, by outcome")
 
 
-def _attempt_table(attempts: list[_Attempt], folder: Path) -> str:
+def _flight(run: RunRecord | None) -> Flight | None:
+    if run is None:
+        return None
+    try:
+        return flight_from_run(run)
+    except UnusableFlightError:
+        return None
+
+
+def _attempt_table(attempts: list[ShownAttempt], folder: Path) -> str:
     rows = []
     for number, attempt in enumerate(attempts):
         state = attempt.trigger or {}
@@ -223,24 +263,11 @@ def _attempt_table(attempts: list[_Attempt], folder: Path) -> str:
                 badge(attempt.outcome),
                 _number(state.get("tau"), "{:.3f}"),
                 _number(state.get("theta_x"), "{:.2f}"),
-                _number(state.get("d_ceil"), "{:.3f}"),
-                _number(state.get("a_rot"), "{:.2f}", 1e3),
-                escape(attempt.aborted_by or ""),
+                escape(attempt.said or attempt.aborted_by or ""),
                 _link(attempt.record, folder),
             ]
         )
-    header = [
-        "#",
-        "m/s",
-        "deg",
-        "outcome",
-        "tau (s)",
-        "theta_x (1/s)",
-        "d_ceil (m)",
-        "a_rot (N mm)",
-        "aborted by",
-        "",
-    ]
+    header = ["#", "m/s", "deg", "outcome", "tau (s)", "theta_x (1/s)", "what happened", ""]
     return table(header, rows)
 
 

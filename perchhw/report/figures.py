@@ -5,40 +5,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calibration.flights import Flight, Trigger
+from calibration.flights import Flight
 from onboard.arrays import BoolArray, FloatArray
 from onboard.rotation import to_matrices
-from perchhw.report.style import BLUE, GREEN, INK, MUTED, ORANGE, TRIGGER, new_figure, svg
+from perchhw.report.style import BLUE, INK, MUTED, ORANGE, TRIGGER, new_figure, svg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_APPROACH_S = 2.5
 _DRAWN_HALF_LENGTH_M = 0.05
-
-
-def side_view(flight: Flight, ceiling_z: float | None) -> str | None:
-    """Path in x and z with the ceiling, the body drawn as a stroke around the trigger."""
-    if not flight.has("x", "z", "qw"):
-        return None
-    t, pose = flight.series("x", "y", "z", "qx", "qy", "qz", "qw")
-    figure = new_figure(10.4, 3.5)
-    axes = figure.add_subplot()
-    axes.plot(pose[:, 0], pose[:, 2], color=BLUE, lw=1.3, label="path")
-    if ceiling_z is not None:
-        x = (pose[:, 0].min() - 0.2, pose[:, 0].max() + 0.2)
-        axes.fill_between(x, ceiling_z, ceiling_z + 0.07, color="#c9ced4", lw=0)
-        axes.text(x[0], ceiling_z + 0.035, f" ceiling {ceiling_z:.3f} m", va="center", color=INK, fontsize=8)
-    if flight.trigger is not None:
-        draw_bodies(axes, t - flight.trigger.t, pose)
-        k = int(np.argmin(np.abs(t - flight.trigger.t)))
-        axes.plot(pose[k, 0], pose[k, 2], "o", ms=6, color=TRIGGER, zorder=5, label="trigger")
-    axes.plot(pose[-1, 0], pose[-1, 2], "s", ms=5, color=GREEN, zorder=5, label="end")
-    axes.set_aspect("equal")
-    axes.set(xlabel="x (m)", ylabel="z (m)")
-    axes.set_ylim(bottom=min(0.0, pose[:, 2].min()))
-    axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
-    return svg(figure)
 
 
 def draw_bodies(axes: "Axes", after: FloatArray, pose: FloatArray) -> None:
@@ -69,31 +44,7 @@ def cues_over_time(flight: Flight) -> str | None:
     bottom.axhline(0.0, color=MUTED, lw=1, ls="--")
     bottom.set(ylabel="trigger value", xlabel=_time_label(flight))
     _mark_trigger(flight, t0, top, bottom)
-    return svg(figure)
-
-
-def optical_flow_path(flight: Flight) -> str | None:
-    """The way through optical-flow space: tau and theta_x, coloured by the distance to the ceiling."""
-    if not flight.has("tau", "theta_x", "d_ceil"):
-        return None
-    t, cues = flight.series("tau", "theta_x", "d_ceil")
-    near = (cues[:, 0] > 0.0) & (cues[:, 0] < 1.0)
-    if flight.trigger is not None:
-        near &= (t <= flight.trigger.t + 0.02) & (t > flight.trigger.t - _APPROACH_S)
-    if not near.any():
-        return None
-    figure = new_figure(5.2, 4.0)
-    axes = figure.add_subplot()
-    axes.plot(cues[near, 0], cues[near, 1], color="#c9ced4", lw=1, zorder=1)
-    dots = axes.scatter(cues[near, 0], cues[near, 1], c=cues[near, 2], s=12, cmap="viridis", zorder=2)
-    figure.colorbar(dots, ax=axes, label=r"$d_{ceil}$ (m)")
-    if flight.trigger is not None:
-        tau, flow = (_at_trigger(flight, flight.trigger, name) for name in ("tau", "theta_x"))
-        axes.plot(tau, flow, "o", ms=8, mfc="none", mec=TRIGGER, mew=2, zorder=3, label="trigger")
-        axes.legend(frameon=False)
-    axes.set(xlabel=r"$\tau$ (s)", ylabel=r"$\theta_x$ (1/s)")
-    axes.invert_xaxis()
-    return svg(figure)
+    return svg(figure, "Time to contact and trigger value; the policy fires at a value of 0")
 
 
 def rates_in_flip(flight: Flight) -> str | None:
@@ -105,26 +56,13 @@ def rates_in_flip(flight: Flight) -> str | None:
     near = window(t)
     figure = new_figure(5.2, 3.4)
     axes = figure.add_subplot()
-    for k, (axis, colour) in enumerate(zip("xyz", (MUTED, BLUE, ORANGE), strict=True)):
-        axes.plot(t[near] - t0, rates[near, k], color=colour, lw=1.2, label=rf"$\omega_{axis}$")
+    looks = zip("xyz", (MUTED, BLUE, ORANGE), (":", "-", "--"), strict=True)
+    for k, (axis, colour, line) in enumerate(looks):
+        axes.plot(t[near] - t0, rates[near, k], line, color=colour, lw=1.2, label=rf"$\omega_{axis}$")
     axes.set(xlabel=_time_label(flight), ylabel="rate (rad/s)")
     axes.legend(frameon=False, ncols=3)
     _mark_trigger(flight, t0, axes)
-    return svg(figure)
-
-
-def battery(flight: Flight) -> str | None:
-    """Battery voltage over the flight."""
-    if not flight.has("vbat"):
-        return None
-    t, volts = flight.series("vbat")
-    figure = new_figure(5.2, 3.4)
-    axes = figure.add_subplot()
-    t0 = flight.t[0] if flight.trigger is None else flight.trigger.t
-    axes.plot(t - t0, volts[:, 0], color=GREEN, lw=1)
-    axes.set(xlabel=_time_label(flight), ylabel="battery (V)")
-    _mark_trigger(flight, t0, axes)
-    return svg(figure)
+    return svg(figure, "Body rates about the three axes around the flip")
 
 
 def _window(flight: Flight, before: float, after: float) -> tuple[float, Callable[[FloatArray], BoolArray]]:
@@ -143,11 +81,3 @@ def _mark_trigger(flight: Flight, t0: float, *panels: "Axes") -> None:
     if flight.trigger is not None:
         for axes in panels:
             axes.axvline(flight.trigger.t - t0, color=TRIGGER, lw=1.2)
-
-
-def _at_trigger(flight: Flight, trigger: Trigger, name: str) -> float:
-    """The channel at the trigger: from the snapshot, else the last sample before it."""
-    if name in trigger.snapshot:
-        return trigger.snapshot[name]
-    t, values = flight.series(name)
-    return float(values[max(0, int(np.searchsorted(t, trigger.t, side="right")) - 1), 0])

@@ -1,15 +1,25 @@
 """The report of one run: a page that shows how the approach, the trigger and the landing went."""
 
+import logging
 from html import escape
 from pathlib import Path
 from typing import Any
 
 from calibration.flights import Flight, UnusableFlightError
 from calibration.flights.perchhw_run import flight_from_run
-from calibration.flights.run_folder import RunRecord, read_run
+from calibration.flights.run_folder import RunRecord, is_run_folder, read_run
+from onboard.errors import PerchhwError
 from perchhw.attempt import Outcome
+from perchhw.diagnosis.diagnose import diagnose_run, judge_of, vehicle_of
+from perchhw.diagnosis.finding import Diagnosis
+from perchhw.record.folder import OutputFolderError
 from perchhw.report import figures
+from perchhw.report.event_words import time_line
+from perchhw.report.flight_figures import phases, power, tracking, trigger_region
+from perchhw.report.flight_picture import flight_picture, moments
 from perchhw.report.style import badge, grid, page, report_style, section, table
+
+_log = logging.getLogger(__name__)
 
 REPORT_FILE = "report.html"
 
@@ -32,29 +42,67 @@ def write_run_report(run_folder: Path) -> Path:
 
     Raises:
         RunFolderError: the record cannot be read.
+        OutputFolderError: the folder cannot be written.
     """
-    run = read_run(run_folder)
-    path = run_folder / REPORT_FILE
+    write_run_page(read_run(run_folder))
+    return run_folder / REPORT_FILE
+
+
+def write_run_page(run: RunRecord) -> Diagnosis:
+    """As :func:`write_run_report`, of a record that was already read; gives what the page says.
+
+    Raises:
+        OutputFolderError: the folder cannot be written.
+    """
+    found = diagnose_run(run)
     with report_style():
-        path.write_text(_page(run), encoding="utf-8")
-    return path
+        text = _page(run, found)
+    try:
+        (run.folder / REPORT_FILE).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise OutputFolderError(run.folder, error.strerror) from error
+    return found
 
 
-def _page(run: RunRecord) -> str:
+def report_flight(run_folder: Path) -> None:
+    """The report of a flight that has just ended; what it fails of costs no result. No record: none."""
+    if not is_run_folder(run_folder):
+        return
+    try:
+        write_run_report(run_folder)
+    except PerchhwError as error:
+        _log.warning("no report of %s: %s", run_folder, error)
+
+
+def _page(run: RunRecord, found: Diagnosis) -> str:
     config, info = run.config, run.info
     speed, angle = config.get("speed_m_s"), config.get("angle_deg")
     title = "Landing attempt" if speed is None else f"Landing attempt: {speed:g} m/s at {angle:g} deg"
-    body = section("Outcome", _facts(run), "; ".join(run.torn))
+    body = section("What happened", _said(run, found), "; ".join(run.torn))
     try:
         flight = flight_from_run(run)
     except UnusableFlightError as error:
         body += section("Flight", escape(str(error)))
-        return page(title, _subtitle(run), body)
-    body += _figures(flight, config.get("ceiling_z"))
-    evidence = info.get("evidence")
-    if evidence:
-        body += section("Evidence of the label", _evidence(evidence))
-    return page(title, _subtitle(run), body + section("Events", _events(run)))
+    else:
+        body += _figures(run, flight, found)
+    body += section("Time line", (phases(run) or "") + _events(run))
+    body += section("What was flown", _facts(run))
+    if evidence := info.get("evidence"):
+        body += section("Evidence of the label", _folded("show", _evidence(evidence)))
+    return page(title, _subtitle(run), body)
+
+
+def _said(run: RunRecord, found: Diagnosis) -> str:
+    """The outcome, the diagnosis, and what to do next."""
+    outcome = run.info.get("outcome")
+    shown = badge(Outcome(outcome) if outcome in tuple(Outcome) else None)
+    said = f'<p class="said">{shown} {escape(found.sentence)}.</p><p><b>Next:</b> {escape(found.next)}.</p>'
+    numbers = [[escape(name), escape(_short(value))] for name, value in found.values.items()]
+    return said + (_folded("the numbers behind it", table(["", ""], numbers)) if numbers else "")
+
+
+def _folded(title: str, content: str) -> str:
+    return f"<details><summary>{escape(title)}</summary>{content}</details>"
 
 
 def _subtitle(run: RunRecord) -> str:
@@ -63,8 +111,7 @@ def _subtitle(run: RunRecord) -> str:
 
 def _facts(run: RunRecord) -> str:
     info, config = run.info, run.config
-    outcome = info.get("outcome")
-    rows = [["outcome", badge(Outcome(outcome) if outcome in tuple(Outcome) else None)]]
+    rows = []
     for name in ("aborted_by", "error"):
         if info.get(name):
             rows.append([name.replace("_", " "), escape(str(info[name]))])
@@ -97,16 +144,25 @@ def _trigger(trigger: dict[str, Any]) -> str:
     return table(header, [[f"{trigger[name] * scale:.3f}" for name, _, scale in shown]])
 
 
-def _figures(flight: Flight, ceiling_z: float | None) -> str:
-    side = figures.side_view(flight, ceiling_z)
-    body = "" if side is None else section("Side view", side, "Strokes: fore-aft axis, dot at the nose.")
+def _figures(run: RunRecord, flight: Flight, found: Diagnosis) -> str:
+    touch = found.values.get("touch_after_s")
+    touch_t = None if flight.trigger is None or not isinstance(touch, float) else flight.trigger.t + touch
+    picture = flight_picture(flight, vehicle_of(run), touch_t)
+    body = "" if picture is None else section("The flight", picture, _legend(flight, touch_t))
     panels = [
+        ("Cues against the trigger region", trigger_region(flight, judge_of(run).region)),
         ("Towards the trigger", figures.cues_over_time(flight)),
-        ("Optical-flow space", figures.optical_flow_path(flight)),
+        ("Tracking", tracking(flight, run.config.get("approach"))),
         ("Rates during the flip", figures.rates_in_flip(flight)),
-        ("Battery", figures.battery(flight)),
+        ("Thrust and battery", power(flight)),
     ]
     return body + grid([section(title, drawing) for title, drawing in panels if drawing is not None])
+
+
+def _legend(flight: Flight, touch_t: float | None) -> str:
+    shown = enumerate(moments(flight, touch_t), start=1)
+    words = ", ".join(f"{number} {moment.words}" for number, moment in shown)
+    return f"{words}. The drone is drawn to scale from its side; its fore legs are the thick ones."
 
 
 def _evidence(evidence: dict[str, Any]) -> str:
@@ -124,10 +180,5 @@ def _short(value: Any) -> str:
 
 
 def _events(run: RunRecord) -> str:
-    start = run.info.get("clock_at_start", 0.0)
-    rows = []
-    for event in run.events:
-        rest = {k: v for k, v in event.items() if k not in ("t", "event") and v is not None}
-        words = ", ".join(f"{k} {_short(v)}" for k, v in rest.items() if not isinstance(v, dict | list))
-        rows.append([f"{event['t'] - start:.3f}", escape(str(event["event"])), escape(words[:200])])
-    return table(["s", "event", ""], rows)
+    rows = [[f'<span class="n">{t:.2f}</span>', escape(words)] for t, words in time_line(run)]
+    return table(["s", "what happened"], rows)

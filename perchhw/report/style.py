@@ -7,6 +7,7 @@ from calibration.report_style import (
     MUTED,
     ORANGE,
     TRIGGER,
+    by_width,
     grid,
     new_figure,
     page,
@@ -24,8 +25,10 @@ __all__ = [
     "MUTED",
     "ORANGE",
     "OUTCOME_COLOURS",
+    "OUTCOME_MARKERS",
     "TRIGGER",
     "badge",
+    "by_width",
     "grid",
     "new_figure",
     "page",
@@ -37,17 +40,32 @@ __all__ = [
 
 OUTCOME_COLOURS: dict[Outcome, str] = {
     Outcome.FOUR_LEG: "#1a7f4b",
-    Outcome.FOUR_LEG_BODY_CONTACT: "#8ab34a",
-    Outcome.TWO_LEG: "#d9a514",
-    Outcome.TWO_LEG_BODY_CONTACT: "#d97b29",
+    Outcome.FOUR_LEG_BODY_CONTACT: "#5f8a2a",
+    Outcome.TWO_LEG: "#9c7408",
+    Outcome.TWO_LEG_BODY_CONTACT: "#b85c12",
     Outcome.FAILURE: "#c0392b",
     Outcome.NO_TRIGGER: "#7d4ea8",
     Outcome.ABORTED: "#7a7f87",
 }
 
 
+OUTCOME_MARKERS: dict[Outcome, str] = {
+    Outcome.FOUR_LEG: "o",
+    Outcome.FOUR_LEG_BODY_CONTACT: "D",
+    Outcome.TWO_LEG: "s",
+    Outcome.TWO_LEG_BODY_CONTACT: "^",
+    Outcome.FAILURE: "X",
+    Outcome.NO_TRIGGER: "P",
+    Outcome.ABORTED: "v",
+}
+"""A shape for each, so that nobody needs the colours."""
+_SHAPES = {"o": "●", "D": "◆", "s": "■", "^": "▲", "X": "✖", "P": "✚", "v": "▼"}
+
+
 def badge(outcome: Outcome | None) -> str:
-    """The outcome as a coloured label."""
+    """The outcome as a coloured label with its shape."""
     if outcome is None:
         return '<span class="badge" style="background:#aab1ba">none</span>'
-    return f'<span class="badge" style="background:{OUTCOME_COLOURS[outcome]}">{outcome.value}</span>'
+    shape = _SHAPES[OUTCOME_MARKERS[outcome]]
+    colour = OUTCOME_COLOURS[outcome]
+    return f'<span class="badge" style="background:{colour}">{shape} {outcome.value}</span>'

@@ -18,6 +18,7 @@ from onboard.arrays import FloatArray
 from onboard.errors import InputError, PerchhwError
 from onboard.link import DroneLink
 from perchhw.attempt import STORED_VEHICLE, AttemptRequest, AttemptResult, Outcome
+from perchhw.diagnosis import Cause, diagnose_run
 from perchhw.flight import fly_attempt
 from perchhw.flight.turnaround import Turnaround
 from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
@@ -50,6 +51,13 @@ def request(lab: SimulatedLab, folder: Path, **changes: Any) -> AttemptRequest:
     return AttemptRequest(**{**values, **changes})
 
 
+def told(result: AttemptResult) -> str:
+    """The cause that the attempt's diagnosis names."""
+    assert result.diagnosis is not None
+    assert result.diagnosis == read_run(result.record).info["diagnosis"]
+    return str(result.diagnosis["code"])
+
+
 def refused(lab: SimulatedLab, folder: Path, **changes: Any) -> AttemptResult:
     """An attempt that must not arm: the record must show that it never did."""
     phases: list[Phase] = []
@@ -72,6 +80,7 @@ def test_an_attempt_lands_and_its_record_tells_the_whole_story(tmp_path: Path) -
     assert feet in held, f"labelled {result.outcome}, but {feet} feet hold"
     assert result.triggered, result
     assert result.outcome.attached, result
+    assert told(result).startswith("four_legs" if feet > 2 else "two_legs")
     assert result.trigger is not None
     assert 0.05 < result.trigger["tau"] < 0.4
     assert result.trigger["trigger_value"] >= 0.0
@@ -102,6 +111,7 @@ def test_a_dry_run_uploads_the_policy_and_never_arms(lab: SimulatedLab, tmp_path
         request(lab, tmp_path / "run"), dry_run=True, on_phase=lambda state: phases.append(state.phase)
     )
     assert result.aborted_by is None
+    assert told(result) == "dry_run"
     assert phases == [Phase.CHECKING, Phase.UPLOADING, Phase.DONE]
 
 
@@ -137,12 +147,14 @@ def test_a_flat_battery_does_not_arm(tmp_path: Path) -> None:
     with open_lab("--fault", "battery_voltage=3.6") as lab:
         result = refused(lab, tmp_path / "run")
     assert "battery_at_rest" in str(result.aborted_by)
+    assert told(result) == "battery_low"
 
 
 def test_frozen_poses_do_not_arm(tmp_path: Path) -> None:
     with open_lab("--fault", "mocap_freeze_at=0") as lab:
         result = refused(lab, tmp_path / "run")
     assert "pose" in str(result.aborted_by)
+    assert told(result) == "mocap_frozen"
 
 
 def fly_in_child(lab: SimulatedLab, folder: Path) -> "subprocess.Popen[str]":
@@ -185,6 +197,7 @@ def test_a_drone_or_room_that_dies_on_the_approach_ends_the_attempt(victim: str,
     assert died.is_set()
     assert result.outcome is Outcome.ABORTED, result
     assert ("pose" if victim == "room" else "link") in str(result.aborted_by)
+    assert told(result) == ("mocap_silent" if victim == "room" else "link_lost")
     run = read_run(tmp_path / "run")
     assert run.info["closed"] is True
     killed_at = next(e["t"] for e in run.events if e["event"] == "phase" and e["phase"] == "approaching")
@@ -199,6 +212,7 @@ def test_a_flight_killed_on_the_approach_loses_nothing_but_its_last_instant(tmp_
         process.kill()
         process.communicate()
     run = read_run(only_run(tmp_path))
+    assert diagnose_run(run).cause is Cause.PROCESS_KILLED
     approaching = next(e["t"] for e in run.events if e.get("phase") == "approaching")
     assert approaching - float(run.series["pose"].t[-1]) < 0.05
 
@@ -272,6 +286,7 @@ def test_a_trigger_that_does_not_come_ends_on_the_floor(tmp_path: Path) -> None:
     with open_lab("--truth", str(truth)) as lab:
         result = fly_attempt(request(lab, tmp_path / "run", speed=1.5, angle_deg=88.0))
     assert (result.outcome, result.aborted_by, result.triggered) == (Outcome.NO_TRIGGER, None, False)
+    assert told(result) == "region_missed"
     assert_landed_softly(truth)
 
 

@@ -1,0 +1,128 @@
+"""From one run's record to one finding: what happened, why, and what to do next."""
+
+from pathlib import Path
+
+from calibration.flights import UnusableFlightError
+from calibration.flights.perchhw_run import flight_from_run
+from calibration.flights.run_folder import RunRecord, read_run
+from onboard.json_file import write_json_atomically
+from onboard.policy.files import find_policy, load_policy, policy_crc32
+from onboard.policy.model import Policy, PolicyError
+from onboard.vehicle import Vehicle, VehicleFileError, load_vehicle
+from perchhw.attempt import DEFAULT_POLICY, DEFAULT_VEHICLE, Outcome
+from perchhw.diagnosis.ended_early import diagnose_ended, where_it_ended
+from perchhw.diagnosis.finding import Cause, Diagnosis
+from perchhw.diagnosis.landing import Judge, diagnose_landing
+from perchhw.diagnosis.no_trigger import diagnose_no_trigger
+from perchhw.label import LabelError
+from perchhw.label.landing_label import MISSED_TRIGGER_RULES
+from perchhw.record.folder import RUN_FILE, OutputFolderError
+
+_AGAIN = "fly it again"
+_UNTOLD = "the record does not tell why"
+
+
+def diagnose_run(run: RunRecord) -> Diagnosis:
+    """The finding of a run, with vehicle and policy as its record names them."""
+    return diagnose(run, vehicle_of(run), judge_of(run))
+
+
+def keep_diagnosis(folder: Path) -> Diagnosis:
+    """The finding of the run `folder`, put into its ``run.json`` too.
+
+    Raises:
+        RunFolderError: the record cannot be read.
+        OutputFolderError: it cannot be written.
+    """
+    run = read_run(folder)
+    found = diagnose_run(run)
+    try:
+        write_json_atomically(folder / RUN_FILE, {**run.info, "diagnosis": found.to_json()})
+    except OSError as error:
+        raise OutputFolderError(folder, error.strerror) from error
+    return found
+
+
+def diagnose(run: RunRecord, vehicle: Vehicle | None, judge: Judge) -> Diagnosis:
+    """The finding of a run.
+
+    Args:
+        run: its record.
+        vehicle: what flew; None: unknown, then a landing is told without its flip.
+        judge: policies to hold the flip against.
+    """
+    info = run.info
+    if info.get("error"):
+        return Diagnosis(
+            Cause.INTERNAL_ERROR,
+            f"the flight program failed: {info['error']}",
+            "keep the record and report it",
+        )
+    if not run.closed and not any(e.get("phase") == "done" for e in run.events):
+        return _killed(run)
+    if info.get("record_lost"):
+        return Diagnosis(
+            Cause.RECORD_LOST,
+            f"the record was lost: {info['record_lost']}",
+            "make room on the disk, fly again",
+        )
+    aborted_by = info.get("aborted_by")
+    if aborted_by is not None and aborted_by not in MISSED_TRIGGER_RULES:
+        return diagnose_ended(run, str(aborted_by))
+    if run.config.get("dry_run"):
+        return Diagnosis(
+            Cause.DRY_RUN, "the dry run passed: checks, upload and read-back", "fly it without --dry-run"
+        )
+    return _flown(run, vehicle, judge)
+
+
+def _killed(run: RunRecord) -> Diagnosis:
+    phase, _ = where_it_ended(run)
+    where = "before its first phase" if phase is None else f"while {phase}"
+    sentence = f"the flight program was killed {where}: the record ends there"
+    remedy = "see that the drone is at rest and reboot it, then fly again (a campaign: --resume)"
+    return Diagnosis(Cause.PROCESS_KILLED, sentence, remedy, {"phase": phase})
+
+
+def _flown(run: RunRecord, vehicle: Vehicle | None, judge: Judge) -> Diagnosis:
+    """What no rule ended: a landing, a trigger that never came, or a flight without a policy."""
+    outcome = Outcome(run.info["outcome"]) if run.info.get("outcome") in tuple(Outcome) else None
+    if outcome is None or outcome is Outcome.ABORTED:
+        return Diagnosis(Cause.FLOWN, "flown to its end", "look at its report (perchhw log report RUN)")
+    try:
+        flight = flight_from_run(run)
+        if flight.trigger is None:
+            return diagnose_no_trigger(flight, judge.region)
+        if vehicle is not None:
+            return diagnose_landing(flight, flight.trigger, outcome, vehicle, judge)
+    except (UnusableFlightError, LabelError) as error:
+        return Diagnosis(Cause.FLOWN, f"{outcome.value}; {_UNTOLD} ({error})", _AGAIN)
+    return Diagnosis(Cause.FLOWN, f"{outcome.value}; its vehicle file is not at hand", _AGAIN)
+
+
+def vehicle_of(run: RunRecord) -> Vehicle | None:
+    """The vehicle that the record names, or None where its file is not at hand."""
+    try:
+        return load_vehicle(run.config.get("vehicle") or DEFAULT_VEHICLE, run.config.get("legs"))
+    except VehicleFileError:
+        return None
+
+
+def judge_of(run: RunRecord) -> Judge:
+    """The policy that flew, and the one whose region counts: the shipped one where it is for this vehicle."""
+    flown, shipped = _policy_of(run), load_policy(find_policy(DEFAULT_POLICY))
+    setup = shipped.provenance.get("sweep", {}).get("settings", {})
+    fits = all(run.config.get(name) == setup.get(name) for name in ("vehicle", "legs"))
+    return Judge(flown, shipped if fits else flown)
+
+
+def _policy_of(run: RunRecord) -> Policy | None:
+    """The policy that the record names, unless its file is gone or has changed since."""
+    name, crc = run.config.get("policy"), run.config.get("policy_crc32")
+    if not isinstance(name, str):
+        return None
+    try:
+        policy = load_policy(find_policy(name))
+    except (PolicyError, OSError):
+        return None
+    return policy if f"{policy_crc32(policy):08x}" == crc else None

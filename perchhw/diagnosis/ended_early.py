@@ -1,0 +1,211 @@
+"""A flight that a rule, a person or a failure ended: which, with its value against its limit."""
+
+import re
+from typing import NamedTuple
+
+import numpy as np
+
+from calibration.flights.run_folder import RunRecord
+from perchhw.diagnosis.finding import Cause, Diagnosis, Number
+from perchhw.diagnosis.mocap import REMEDIES, WORDS, frames_share, mocap_fault
+from perchhw.diagnosis.rules import BROKE_OFF, FENCES, RULES, RuleWords
+from perchhw.supervisor.machine import STOPPED_BY_OTHERS
+
+_BROKEN = re.compile(r"^(?P<rule>[a-z_]+): (?P<measured>.*), need (?P<demanded>.*)$")
+_POSE_RULES = ("pose", "pose_age")
+_DRIFTING = (Cause.OFF_PATH, Cause.ESTIMATE_WRONG, Cause.START_NOT_REACHED)
+GYRO_BIAS_RAD_S = 0.03
+"""Mean rate of a drone that stands still; a calibrated gyro is below 0.01."""
+_MANY_FRAMES = 0.9
+_PREFLIGHT = ("checking", "uploading", "ready")
+_LOOK = "look at the time line of the report (perchhw log report RUN)"
+
+
+class Broken(NamedTuple):
+    """One rule of ``aborted_by``, taken apart; a text that names no rule has empty parts."""
+
+    rule: str
+    measured: str
+    demanded: str
+
+
+def broken_rules(aborted_by: str) -> list[Broken]:
+    """The rules that a reason names; one that names none gives its whole text as the measured part."""
+    found = []
+    for part in re.split(r"; (?=[a-z_]+: )", aborted_by):
+        match = _BROKEN.match(part)
+        found.append(Broken(**match.groupdict()) if match else Broken("", part, ""))
+    return found
+
+
+def diagnose_ended(run: RunRecord, aborted_by: str) -> Diagnosis:
+    """The finding of an attempt that ended for the reason `aborted_by`."""
+    phase, t = where_it_ended(run)
+    known = _by_word(aborted_by) or _by_pose(run, aborted_by, t)
+    if known is None:
+        known = _by_rules(aborted_by)
+    found, numbers = known
+    if found.cause in _DRIFTING and (bias := _gyro_bias(run)) is not None and bias > GYRO_BIAS_RAD_S:
+        words = f"the gyro read {bias:.2f} rad/s while the drone stood still; {found.words}"
+        found = RuleWords(
+            Cause.GYRO_BIASED, words, "reboot the drone where it stands still, and let it warm up first"
+        )
+        numbers = {**numbers, "gyro_bias_rad_s": bias}
+    place = "before take-off" if phase in _PREFLIGHT else f"while {phase}"
+    sentence = f"ended {place}: {found.words}" if phase else f"ended: {found.words}"
+    fell = run.info.get("fell")
+    if fell:
+        sentence += "; its motors were cut before it was down"
+    return Diagnosis(found.cause, sentence, found.next, {"phase": phase, **numbers})
+
+
+def where_it_ended(run: RunRecord) -> tuple[str | None, float]:
+    """The phase in which the reason came up, and when (s)."""
+    phase: str | None = None
+    for event in run.events:
+        if event["event"] == "phase":
+            if event.get("aborted_by"):
+                return phase, float(event["t"])
+            phase = str(event.get("phase"))
+    return phase, float(run.events[-1]["t"]) if run.events else 0.0
+
+
+def _by_word(aborted_by: str) -> tuple[RuleWords, dict[str, Number]] | None:
+    """Reasons that are no rule with a limit."""
+    if aborted_by.endswith(STOPPED_BY_OTHERS):
+        words = "somebody else stopped the drone (perchhw stop, or its own supervisor)"
+        return RuleWords(
+            Cause.STOPPED_BY_OTHERS, words, "ask who stopped it and why, then reboot the drone"
+        ), {}
+    for start, cause, words, remedy in _WORDS:
+        if aborted_by.startswith(start):
+            return RuleWords(cause, words.format(_after_colon(aborted_by)), remedy), {}
+    if " failed: " in aborted_by:
+        command, _, why = aborted_by.partition(" failed: ")
+        return RuleWords(Cause.COMMAND_FAILED, f"the order {command} failed ({why})", "perchhw doctor"), {}
+    return None
+
+
+_WORDS = (
+    ("operator", Cause.OPERATOR, "the operator stopped it", "fly again when you are ready"),
+    ("link_lost", Cause.LINK_LOST, "the link to the drone was lost ({})", RULES["link_lost"].next),
+    ("record_lost", Cause.RECORD_LOST, "the record could not be written ({})", "make room on the disk"),
+    (
+        "internal_error",
+        Cause.INTERNAL_ERROR,
+        "an error of perchhw itself ({})",
+        "keep the record and report it: events.jsonl has the traceback",
+    ),
+    (
+        "stop_unconfirmed",
+        Cause.LINK_LOST,
+        "the stop was not confirmed ({})",
+        "keep away from the drone and cut its power",
+    ),
+    (
+        "drone_state: locked",
+        Cause.STOPPED_BY_OTHERS,
+        "the drone is locked",
+        "find out who stopped it, then reboot it on its start mark",
+    ),
+    (
+        "the start of the approach was not reached",
+        Cause.START_NOT_REACHED,
+        "the drone never hovered steadily at the start of the approach",
+        "look at hover and mocap: what moves the drone?",
+    ),
+    (
+        "no steady hover",
+        Cause.START_NOT_REACHED,
+        "the drone never hovered steadily after take-off",
+        "look at thrust, pack and mocap",
+    ),
+    ("the drone did not arm within", Cause.NOT_READY, "the drone did not arm", "perchhw doctor --drone URI"),
+    (
+        "disarming: the drone did not confirm",
+        Cause.LINK_LOST,
+        "the drone did not confirm that it was disarmed",
+        RULES["link_lost"].next,
+    ),
+)  # fmt: skip
+
+
+def _after_colon(text: str) -> str:
+    return text.partition(": ")[2]
+
+
+def _by_pose(run: RunRecord, aborted_by: str, t: float) -> tuple[RuleWords, dict[str, Number]] | None:
+    """Poses that were refused or stayed away, told apart by their verdicts in the record."""
+    broken, *others = broken_rules(aborted_by)
+    lost = aborted_by.startswith("drone_broke_off: pose_lost")
+    if broken.rule not in _POSE_RULES and not lost:
+        return None
+    cause, counts = mocap_fault(run, t)
+    words = WORDS[cause]
+    if cause is Cause.MOCAP_SILENT and (share := frames_share(run)) is not None and share < _MANY_FRAMES:
+        words = f"only {share:.0%} of the frames of motion capture came"
+    elif "age_ms" in counts:
+        words += f", {counts['age_ms']} ms after their capture"
+    elif counts and cause is not Cause.MOCAP_SILENT:
+        words += f" ({', '.join(f'{count} frames {name}' for name, count in counts.items())})"
+    if broken.rule == "pose_age":
+        words += f"; its last good pose was {broken.measured} old, {_limit(broken.demanded)}"
+    if lost:
+        words = f"the drone broke off because it had no poses: {words}"
+    words = "; ".join((words, *_in_words(_apart(others))))
+    return RuleWords(cause, words, REMEDIES[cause]), dict(counts)
+
+
+def _by_rules(aborted_by: str) -> tuple[RuleWords, dict[str, Number]]:
+    """Every rule that the reason names, in words; the cause is that of the first."""
+    if aborted_by.startswith("drone_broke_off: "):
+        reason = re.split(r"[ (]", _after_colon(aborted_by))[0]
+        unknown = RuleWords(Cause.DRONE_ENDED_IT, f"the drone broke off its approach ({reason})", _LOOK)
+        return BROKE_OFF.get(reason, unknown), {}
+    first, *others = broken_rules(aborted_by)
+    broken = [first, *(_apart(others) if _meaning(first).cause is Cause.LINK_LOST else others)]
+    meanings = [_meaning(one) for one in broken]
+    words = "; ".join(_in_words(broken))
+    numbers: dict[str, Number] = {one.rule: one.measured for one in broken if one.rule}
+    nexts = list(dict.fromkeys(meaning.next for meaning in meanings))
+    return RuleWords(meanings[0].cause, words, "; ".join(nexts)), numbers
+
+
+def _apart(others: list[Broken]) -> list[Broken]:
+    """Broken rules that are more than a consequence of poses or values that stay away."""
+    return [one for one in others if one.measured != "unknown" and one.rule not in _POSE_RULES]
+
+
+def _in_words(broken: list[Broken]) -> list[str]:
+    return [_with_limit(_meaning(one).words, one) for one in broken]
+
+
+def _meaning(broken: Broken) -> RuleWords:
+    if broken.rule in RULES:
+        return RULES[broken.rule]
+    if broken.rule.startswith("fence_"):
+        return FENCES
+    words = broken.rule.replace("_", " ") if broken.rule else broken.measured
+    return RuleWords(Cause.RULE if broken.rule else Cause.NOT_BEGUN, words, _LOOK)
+
+
+def _with_limit(words: str, broken: Broken) -> str:
+    return f"{words}: {broken.measured}, {_limit(broken.demanded)}" if broken.rule else words
+
+
+def _limit(demanded: str) -> str:
+    """``at most 35 deg`` as a limit in words."""
+    if demanded.startswith(("at most", "at least")):
+        return f"{demanded} allowed" if demanded.startswith("at most") else f"{demanded} needed"
+    return f"{demanded} needed"
+
+
+def _gyro_bias(run: RunRecord) -> float | None:
+    """Mean rate (rad/s) that the gyro reported before the motors were armed, or None."""
+    phases = [e for e in run.events if e["event"] == "phase"]
+    armed = next((e["t"] for e in phases if e.get("phase") in ("arming", "done")), None)
+    rates = run.series.get("rates")
+    if rates is None or armed is None or not (still := rates.t < armed).any():
+        return None
+    means = [float(np.nanmean(rates.numbers(name)[still])) for name in ("gx", "gy", "gz")]
+    return float(np.linalg.norm(means))

@@ -1,0 +1,180 @@
+"""The picture that a flight's report opens with: its path, and the drone at the moments that count."""
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from calibration.flights import Flight
+from onboard.app_interface import LandingState
+from onboard.arrays import BoolArray, FloatArray
+from onboard.rotation import to_matrices
+from onboard.vehicle import Vehicle
+from perchhw.report.style import BLUE, INK, MUTED, TRIGGER, by_width, new_figure, svg
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_ZOOM_BEFORE_S, _ZOOM_AFTER_S = 0.03, 0.3
+_GHOST_S = 0.04
+"""Time between the drones drawn faintly in the close view."""
+_MARGIN_M = 0.12
+_CEILING_M = 0.06
+"""Thickness of the drawn ceiling."""
+
+
+class Moment(NamedTuple):
+    """A moment of a flight, in words, at a time (s)."""
+
+    words: str
+    t: float
+
+
+def moments(flight: Flight, touch_t: float | None) -> list[Moment]:
+    """The moments that the drone is drawn at, in order; `touch_t` (s) is that of the first blow, if known."""
+    found: list[Moment] = []
+    if flight.has("landing_state"):
+        t, state = flight.series("landing_state")
+        begun = t[state[:, 0] == LandingState.APPROACH]
+        if begun.size:
+            found.append(Moment("start of the approach", float(begun[0])))
+    if flight.trigger is not None:
+        found.append(Moment("trigger", flight.trigger.t))
+        cut = _first_state(flight, LandingState.CUT)
+        if cut is not None:
+            found.append(Moment("motors cut", cut))
+    if touch_t is not None:
+        found.append(Moment("first touch", touch_t))
+    t, _ = flight.series("z")
+    return [*sorted(found, key=lambda moment: moment.t), Moment("end of the record", float(t[-1]))]
+
+
+def _first_state(flight: Flight, wanted: LandingState) -> float | None:
+    if not flight.has("landing_state"):
+        return None
+    t, state = flight.series("landing_state")
+    hits = t[state[:, 0] == wanted]
+    return float(hits[0]) if hits.size else None
+
+
+def flight_picture(flight: Flight, vehicle: Vehicle | None, touch_t: float | None) -> str | None:
+    """Path in x and z under the ceiling with the drone at its moments, as inline SVG; None without poses."""
+    if not flight.has("x", "z", "qw"):
+        return None
+    shown = moments(flight, touch_t)
+    words = ", ".join(f"{number} {moment.words}" for number, moment in enumerate(shown, start=1))
+    alt = f"Side view of the path under the ceiling with the drone at: {words}"
+    return by_width(*(_drawn(flight, vehicle, shown, broad, alt) for broad in (True, False)))
+
+
+def _drawn(flight: Flight, vehicle: Vehicle | None, shown: list[Moment], broad: bool, alt: str) -> str:
+    zoomed = flight.trigger is not None
+    figure = new_figure(10.4, 3.9) if broad else new_figure(5.2, 7.4 if zoomed else 3.6)
+    if not zoomed:
+        panels = [figure.add_subplot()]
+    elif broad:
+        panels = list(figure.subplots(1, 2, width_ratios=(1.45, 1.0)))
+    else:
+        panels = list(figure.subplots(2, 1, height_ratios=(0.8, 1.0)))
+    _path(panels[0], flight, vehicle, shown)
+    panels[0].set_title("the flight", loc="left", fontsize=10)
+    if zoomed:
+        _path(panels[1], flight, vehicle, shown, _near_ceiling(flight, shown))
+        panels[1].set_title("at the ceiling", loc="left", fontsize=10)
+    return svg(figure, f"{alt}{'' if broad else ' (narrow)'}")
+
+
+def _near_ceiling(flight: Flight, shown: list[Moment]) -> BoolArray:
+    """Which poses the close view shows: from shortly before the motors are cut until the body is caught."""
+    t, _ = flight.series("z")
+    late = [moment.t for moment in shown[:-1] if moment.words in ("motors cut", "first touch")]
+    begin = min(late, default=0.0 if flight.trigger is None else flight.trigger.t) - _ZOOM_BEFORE_S
+    return (t > begin) & (t < begin + _ZOOM_BEFORE_S + _ZOOM_AFTER_S)
+
+
+def _path(
+    axes: "Axes",
+    flight: Flight,
+    vehicle: Vehicle | None,
+    shown: list[Moment],
+    near: BoolArray | None = None,
+) -> None:
+    t, pose = flight.series("x", "y", "z", "qx", "qy", "qz", "qw")
+    if near is not None:
+        t, pose = t[near], pose[near]
+    if not t.size:
+        return
+    axes.plot(pose[:, 0], pose[:, 2], color=BLUE, lw=1.3, label="path")
+    low, high = pose[:, 0].min() - _MARGIN_M, pose[:, 0].max() + _MARGIN_M
+    if flight.ceiling_z is not None:
+        z = flight.ceiling_z
+        axes.fill_between([low, high], z, z + _CEILING_M, color="#c9ced4", lw=0)
+        axes.text(low, z + _CEILING_M / 2, f" ceiling {z:.2f} m", va="center", fontsize=8, color=INK)
+    if near is not None and vehicle is not None:
+        for wanted in np.arange(t[0], t[-1], _GHOST_S):
+            k = int(np.argmin(np.abs(t - wanted)))
+            draw_drone(axes, pose[k, [0, 2]], to_matrices(pose[k : k + 1, 3:].copy())[0], vehicle, 0.18)
+    for number, moment in enumerate(shown, start=1):
+        if not t[0] <= moment.t <= t[-1]:
+            continue
+        k = int(np.argmin(np.abs(t - moment.t)))
+        rotation = to_matrices(pose[k : k + 1, 3:].copy())[0]
+        place = pose[k, [0, 2]]
+        if vehicle is not None:
+            draw_drone(axes, place, rotation, vehicle)
+        colour = TRIGGER if moment.words == "trigger" else INK
+        axes.annotate(
+            str(number), (place[0], place[1]), xytext=(-15, 7), textcoords="offset points", color=colour,
+            fontsize=9, fontweight="bold", zorder=7,
+            bbox={"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.8},
+        )  # fmt: skip
+        axes.plot(*place, "D" if moment.words == "trigger" else ".", color=colour, ms=5, zorder=6)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set(xlabel="x (m)", ylabel="z (m)")
+
+
+def draw_drone(
+    axes: "Axes", place: FloatArray, rotation: FloatArray, vehicle: Vehicle, alpha: float = 1.0
+) -> None:
+    """The drone from its side, to scale: hull, the two visible rotors, fore (thick) and hind legs.
+
+    Args:
+        axes: of x and z.
+        place: x and z of its origin (m), shape (2,).
+        rotation: body to world, shape (3, 3).
+        vehicle: for its sizes.
+        alpha: 1 for a drone in ink, less for a faint one.
+    """
+    body, legs = vehicle.body, vehicle.legs
+    half, top, bottom = body.body_half_x.value, body.body_top_z.value, body.body_bottom_z.value
+    hull = np.array([(-half, bottom), (half, bottom), (half, top), (-half, top), (-half, bottom)])
+    axes.fill(*_world(hull, place, rotation), color=INK, alpha=0.8 * alpha, lw=0, zorder=4)
+    height, arm, radius = body.propeller_height_z.value, body.arm_x.value, body.propeller_radius.value
+    axes.plot(
+        *_world(np.array([(-arm, 0.0), (arm, 0.0)]), place, rotation),
+        color=INK,
+        alpha=alpha,
+        lw=1.0,
+        zorder=4,
+    )
+    for side in (1.0, -1.0):
+        rotor = np.array([(side * arm - radius, height), (side * arm + radius, height)])
+        axes.plot(*_world(rotor, place, rotation), color=MUTED, alpha=alpha, lw=1.4, zorder=4)
+        if legs is None:
+            continue
+        reach = legs.length.value * np.sin(legs.angle) / np.sqrt(2.0)
+        hip = (side * legs.hip_x.value, legs.hip_z.value)
+        foot = (side * (legs.hip_x.value + reach), legs.hip_z.value - legs.length.value * np.cos(legs.angle))
+        axes.plot(
+            *_world(np.array([hip, foot]), place, rotation),
+            color=INK,
+            alpha=alpha,
+            lw=1.8 if side > 0.0 else 0.9,
+            zorder=4,
+        )
+
+
+def _world(points: FloatArray, place: FloatArray, rotation: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Points (n, 2) of body x and z in the world's x and z."""
+    x = place[0] + points[:, 0] * rotation[0, 0] + points[:, 1] * rotation[0, 2]
+    z = place[1] + points[:, 0] * rotation[2, 0] + points[:, 1] * rotation[2, 2]
+    return x, z

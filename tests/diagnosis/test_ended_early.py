@@ -1,0 +1,146 @@
+"""What ended an attempt is named as what it was, with its value against its limit."""
+
+import json
+
+import pytest
+
+from mocap_bridge.health import Verdict
+from perchhw.diagnosis import Cause, diagnose_run, keep_diagnosis
+from perchhw.diagnosis.ended_early import broken_rules
+from perchhw.diagnosis.rules import RULES
+from perchhw.record.listing import kept_sentence
+from perchhw.supervisor import Observation, SafetyLimits
+from perchhw.supervisor.descent import DESCENT_RULES
+from perchhw.supervisor.observation import Admitted
+from perchhw.supervisor.rules import APPROACH_RULES, HOVER_RULES, PREFLIGHT_RULES, TEST_FLIGHT_RULES
+from tests.diagnosis.conftest import Ended
+
+STALE = "drone_broke_off: pose_lost (pose: STALE (refused so far: 16 of a kind), need OK)"
+OTHERS = "drone_can_fly: no, need yes; stopped by others: perchhw stop, or the drone's own supervisor"
+
+
+@pytest.mark.parametrize(
+    ("aborted_by", "cause", "said"),
+    [
+        ("battery_at_rest: 3.7 V, need at least 3.8 V", Cause.BATTERY_LOW, "3.7 V, at least 3.8 V needed"),
+        ("battery_in_flight: 2.6 V, need at least 2.72 V", Cause.BATTERY_LOW, "under load: 2.6 V"),
+        ("link_silence: 0.6 s, need at most 0.5 s", Cause.LINK_LOST, "0.6 s, at most 0.5 s allowed"),
+        ("link_lost: no packet for 1.04 s", Cause.LINK_LOST, "no packet for 1.04 s"),
+        ("tilt_in_hover: 38.3 deg, need at most 35 deg", Cause.TUMBLED, "tipped over: 38.3 deg"),
+        ("drone_state: tumbled, need upright and unlocked (reboot)", Cause.TUMBLED, "tumbled"),
+        ("drone_state: locked, need upright and unlocked (reboot)", Cause.STOPPED_BY_OTHERS, "locked"),
+        (OTHERS, Cause.STOPPED_BY_OTHERS, "somebody else stopped the drone"),
+        ("operator", Cause.OPERATOR, "the operator stopped it"),
+        ("corridor_distance: 0.7 m, need at most 0.6 m", Cause.OFF_PATH, "0.7 m, at most 0.6 m allowed"),
+        ("fence_x_max: -0.2 m to stop in, need at least 0 m to stop in", Cause.LEFT_ROOM, "too near"),
+        ("drone_broke_off: tilt", Cause.TUMBLED, "broke off: it tilted too far"),
+        ("drone_broke_off: abort", Cause.DRONE_ENDED_IT, "broke off its approach (abort)"),
+        ("UploadPolicy failed: refused", Cause.COMMAND_FAILED, "order UploadPolicy failed (refused)"),
+        ("record_lost: disk full", Cause.RECORD_LOST, "disk full"),
+        ("approach: no answer from the drone", Cause.NOT_BEGUN, "no answer from the drone"),
+    ],
+)
+def test_reasons_in_words(ended: Ended, aborted_by: str, cause: Cause, said: str) -> None:
+    found = diagnose_run(ended(aborted_by))
+    assert (found.cause, found.values["phase"]) == (cause, "approaching")
+    assert found.sentence.startswith("ended while approaching: ")
+    assert said in found.sentence
+    assert found.next
+
+
+@pytest.mark.parametrize(
+    ("verdict", "cause"),
+    [
+        (Verdict.OCCLUDED, Cause.MOCAP_OCCLUDED),
+        (Verdict.FROZEN, Cause.MOCAP_FROZEN),
+        (Verdict.JUMPED, Cause.MOCAP_JUMPED),
+        (Verdict.FLIPPED, Cause.MOCAP_JUMPED),
+        (Verdict.LATE, Cause.MOCAP_LATE),
+    ],
+)
+def test_poses_are_told_apart_by_what_was_refused(ended: Ended, verdict: Verdict, cause: Cause) -> None:
+    found = diagnose_run(ended(STALE, verdicts=verdict.name))
+    assert found.cause is cause
+    assert found.values[verdict.value] == 30
+    assert "(30 frames" in found.sentence
+
+
+def test_poses_that_are_old_or_stay_away(ended: Ended) -> None:
+    assert diagnose_run(ended("pose: COASTING, need OK", age=0.04)).cause is Cause.MOCAP_LATE
+
+
+def test_frames_that_stay_away(ended: Ended) -> None:
+    found = diagnose_run(ended("pose_age: 0.31 s, need at most 0.3 s"))
+    assert found.cause is Cause.MOCAP_SILENT
+    assert "0.31 s old, at most 0.3 s allowed" in found.sentence
+
+
+def test_a_biased_gyro_is_found_behind_what_it_causes(ended: Ended) -> None:
+    reason = "the start of the approach was not reached within 14.6 s"
+    found = diagnose_run(ended(reason, bias=0.2))
+    assert found.cause is Cause.GYRO_BIASED
+    assert found.values["gyro_bias_rad_s"] == pytest.approx(0.2)
+
+
+def test_a_start_that_is_not_reached(ended: Ended) -> None:
+    reason = "the start of the approach was not reached within 14.6 s"
+    assert diagnose_run(ended(reason)).cause is Cause.START_NOT_REACHED
+
+
+def test_all_failing_rules_are_said_at_once(ended: Ended) -> None:
+    reason = (
+        "tilt_on_ground: 30 deg, need at most 10 deg; battery_at_rest: 3.6 V, need at least 3.8 V; "
+        "drone_can_arm: no, need yes"
+    )
+    found = diagnose_run(ended(reason))
+    for said in ("does not stand upright: 30 deg", "not charged: 3.6 V", "do not let it arm: no"):
+        assert said in found.sentence
+    assert "start mark" in found.next
+    assert "charge" in found.next
+
+
+def test_consequences_of_a_silent_room_are_not_told_as_causes(ended: Ended) -> None:
+    reason = (
+        "pose: LOST, need OK; inside_room: unknown, need known; battery_at_rest: 3.6 V, need at least 3.8 V"
+    )
+    found = diagnose_run(ended(reason))
+    assert found.cause is Cause.MOCAP_SILENT
+    assert "room" not in found.sentence
+    assert "3.6 V" in found.sentence
+
+
+def test_every_rule_of_the_supervisor_has_words() -> None:
+    nothing, limits = Admitted(Observation()), SafetyLimits()
+    rules = {*PREFLIGHT_RULES, *HOVER_RULES, *APPROACH_RULES, *TEST_FLIGHT_RULES, *DESCENT_RULES}
+    broken = [violation for rule in rules if (violation := rule(nothing, limits)) is not None]
+    names = {violation.rule for violation in broken} - {"pose"}
+    assert len(names) > 15
+    assert not {name for name in names if name not in RULES and not name.startswith("fence_")}
+    for violation in broken:
+        parts = broken_rules(str(violation))[0]
+        assert (parts.rule, parts.measured, parts.demanded) == (
+            violation.rule,
+            violation.measured,
+            violation.demanded,
+        )
+
+
+def test_what_a_killed_process_leaves(ended: Ended) -> None:
+    folder = ended(None).folder
+    info = json.loads((folder / "run.json").read_text())
+    (folder / "run.json").write_text(json.dumps({**info, "closed": False, "outcome": None}))
+    events = (folder / "events.jsonl").read_text()
+    (folder / "events.jsonl").write_text(events[: events.index('"braking"') - 20])
+    found = keep_diagnosis(folder)
+    assert found.cause is Cause.PROCESS_KILLED
+    assert "while approaching" in found.sentence
+    assert kept_sentence(folder) == found.sentence
+    assert json.loads((folder / "run.json").read_text())["diagnosis"]["code"] == "process_killed"
+
+
+def test_a_dry_run_and_a_lost_record(ended: Ended) -> None:
+    run = ended(None, record_lost="no space left")
+    assert diagnose_run(run).cause is Cause.RECORD_LOST
+    run.info["record_lost"] = None
+    run.config["dry_run"] = True
+    assert diagnose_run(run).cause is Cause.DRY_RUN

@@ -1,0 +1,27 @@
+"""A fault of a whole flight in the simulated lab is named; ``make soak`` flies 200 of all kinds."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from perchhw.diagnosis import Cause
+from tests.conftest import REPOSITORY
+from tests.diagnosis.faulty_flights import faults, fly
+
+SAMPLE = "fires late"
+
+
+@pytest.mark.soak  # tests/flight/test_attempt.py names eight causes in flights that it flies anyway
+@pytest.mark.timeout(300)
+def test_the_fault_is_named(tmp_path: Path) -> None:
+    told = fly(tmp_path, 3, SAMPLE)
+    assert told.right, told
+
+
+def test_every_cause_is_documented_and_most_are_flown() -> None:
+    page = (REPOSITORY / "docs" / "reports.md").read_text(encoding="utf-8")
+    assert not [cause.value for cause in Cause if f"`{cause.value}`" not in page]
+    kinds = faults(np.random.default_rng(0))
+    assert f"one of {len(kinds)} known faults" in page
+    assert len({cause for fault in kinds.values() for cause in fault.causes}) >= 18

@@ -1,0 +1,148 @@
+"""Landings and misses are explained as what the simulation did; flips are measured as they were commanded."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calibration.flights import Trigger
+from calibration.flights.perchhw_run import flight_from_run
+from calibration.flights.run_folder import read_run
+from onboard.policy.action import action_moments
+from onboard.policy.files import find_policy, load_policy
+from onboard.policy.model import Policy
+from onboard.policy.trigger import trigger_values
+from onboard.vehicle import Vehicle
+from perchhw.attempt import Outcome
+from perchhw.diagnosis import Cause, diagnose
+from perchhw.diagnosis.flip import measure_flip
+from perchhw.diagnosis.landing import Judge
+from perchhw.diagnosis.no_trigger import diagnose_no_trigger
+from tests.label.simulated import Landing, land
+from tests.report.recorded import record_landing
+
+ATTACHED = {
+    Outcome.FOUR_LEG: Cause.FOUR_LEGS,
+    Outcome.FOUR_LEG_BODY_CONTACT: Cause.FOUR_LEGS_BODY_CONTACT,
+    Outcome.TWO_LEG: Cause.TWO_LEGS,
+    Outcome.TWO_LEG_BODY_CONTACT: Cause.TWO_LEGS,
+}
+MISSED = (Cause.BODY_FIRST, Cause.FEET_LET_GO, Cause.CEILING_NOT_REACHED)
+
+
+@pytest.fixture(scope="module")
+def policy() -> Policy:
+    return load_policy(find_policy("default"))
+
+
+@pytest.fixture(scope="module")
+def landings(vehicle: Vehicle) -> list[Landing]:
+    rng = np.random.default_rng(11)
+    taus = (0.14, 0.18, 0.22, 0.25, 0.28, 0.4)
+    return [land(vehicle, 2.5, 60.0, tau, -6e-3, rng) for tau in taus]
+
+
+def test_the_cause_is_what_the_simulation_did(
+    landings: list[Landing], vehicle: Vehicle, tmp_path: Path
+) -> None:
+    told = []
+    for number, landing in enumerate(landings):
+        run = read_run(record_landing(landing, tmp_path / str(number), vehicle, 2.5, 60.0))
+        found = diagnose(run, vehicle, Judge(None, None))
+        told.append(found.cause)
+        expected = ATTACHED.get(landing.truth)
+        assert found.cause is expected if expected else found.cause in MISSED, (landing.truth, found)
+        if found.cause is Cause.TWO_LEGS:
+            assert found.values["pair"] in ("fore", "hind")
+            assert f"its {found.values['pair']} legs only" in found.sentence
+    assert told[0] is Cause.BODY_FIRST  # far too late: it is still upright at the ceiling
+    assert told[-1] is Cause.CEILING_NOT_REACHED  # far too early
+    assert Cause.TWO_LEGS in told
+
+
+def test_a_flip_is_measured(landings: list[Landing], vehicle: Vehicle, tmp_path: Path) -> None:
+    run = read_run(record_landing(landings[3], tmp_path / "run", vehicle, 2.5, 60.0))
+    flight = flight_from_run(run)
+    assert flight.trigger is not None
+    snapshot = {**flight.trigger.snapshot, "a_rot": -6e-3}
+    trigger = Trigger(flight.trigger.t, snapshot)
+    flip = measure_flip(flight, trigger, vehicle, None)
+    assert flip.delivered == pytest.approx(1.0 / 1.15, abs=0.03)  # no delays in this simulation
+    more = measure_flip(flight, Trigger(trigger.t, {**snapshot, "a_rot": -9e-3}), vehicle, None)
+    assert more.delivered is not None
+    assert flip.delivered is not None
+    assert more.delivered < 0.75 * flip.delivered
+    assert flip.touch is not None
+    assert flip.touch.ceiling_error_m == pytest.approx(0.0, abs=0.03)
+
+
+@pytest.mark.parametrize(("shift", "cause"), [(0.05, Cause.FLIP_LATE), (-0.05, Cause.FLIP_EARLY)])
+def test_a_region_elsewhere_makes_a_flip_late_or_early(
+    landings: list[Landing], vehicle: Vehicle, policy: Policy, tmp_path: Path, shift: float, cause: Cause
+) -> None:
+    failed = next(one for one in landings if one.truth is Outcome.FAILURE and one.flight.trigger is not None)
+    run = read_run(record_landing(failed, tmp_path / "run", vehicle, 2.5, 60.0))
+    flight = flight_from_run(run)
+    assert flight.trigger is not None
+    seen = flight.trigger.snapshot
+    # A region that begins `shift` before the recorded trigger, whatever the flow there.
+    around = replace(
+        policy,
+        scaler_mean=np.array([seen["tau"] + shift - 0.012, seen["theta_x"], seen["d_ceil"]], np.float32),
+        scaler_std=np.array([0.012, 50.0, 50.0], np.float32),
+        support_vectors=np.zeros((1, 3), np.float32),
+        dual_coefficients=np.ones(1, np.float32),
+        gamma=np.float32(1.0),
+        intercept=np.float32(-np.exp(-1.0)),
+    )
+    found = diagnose(run, vehicle, Judge(None, around))
+    assert found.cause is cause
+    late = found.values["late_ms"]
+    assert isinstance(late, float)
+    assert late == pytest.approx(1e3 * shift, abs=15.0)
+    assert f"{abs(late):.0f} ms {'late' if shift > 0 else 'early'}: tau" in found.sentence
+
+
+def test_a_drone_that_computes_something_else_is_named(
+    landings: list[Landing], vehicle: Vehicle, policy: Policy, tmp_path: Path
+) -> None:
+    run = read_run(record_landing(landings[3], tmp_path / "run", vehicle, 2.5, 60.0))
+    snapshot = run.series["trigger"].messages[0]
+    state = np.array([[snapshot[name] for name in ("tau", "theta_x", "d_ceil")]], np.float32)
+    snapshot["trigger_value"] = float(trigger_values(policy.compiled(), state)[0])
+    moment = float(action_moments(policy.compiled(), state)[0])
+    snapshot["a_rot"] = moment
+    assert diagnose(run, vehicle, Judge(policy, None)).cause is not Cause.OTHER_POLICY_COMPUTED
+    snapshot["a_rot"] = 0.9 * moment
+    found = diagnose(run, vehicle, Judge(policy, None))
+    assert found.cause is Cause.OTHER_POLICY_COMPUTED
+    assert f"its policy gives {moment * 1e3:.2f}" in found.sentence
+
+
+def test_a_trigger_that_never_came(
+    landings: list[Landing], vehicle: Vehicle, policy: Policy, tmp_path: Path
+) -> None:
+    run = read_run(record_landing(landings[-1], tmp_path / "run", vehicle, 2.5, 60.0))
+    flight = replace(flight_from_run(run), trigger=None)
+    assert diagnose_no_trigger(replace(flight, commanded_speed=4.0), policy).cause is Cause.TOO_SLOW
+    _, cues = flight.series("tau", "theta_x", "d_ceil")
+    flow = float(cues[-1, 1])  # the region is around the last state, but at 2.1 times its flow
+    away = replace(
+        policy,
+        scaler_mean=np.array([cues[-1, 0], 2.1 * flow, cues[-1, 2]], np.float32),
+        scaler_std=np.array([0.05, 0.5 * flow, 0.2], np.float32),
+        support_vectors=np.zeros((1, 3), np.float32),
+        dual_coefficients=np.ones(1, np.float32),
+        gamma=np.float32(1.0),
+        intercept=np.float32(-np.exp(-1.0)),
+        tau_min=np.float32(cues[-1, 0] - 0.05),
+        tau_max=np.float32(cues[-1, 0] + 0.05),
+    )
+    found = diagnose_no_trigger(flight, away)
+    assert found.cause is Cause.REGION_MISSED
+    assert "theta_x was" in found.sentence
+    assert f"below the region, which begins at {1.6 * flow:.1f}" in found.sentence
+    data = {name: values for name, values in flight.data.items() if name != "tau"}
+    valid = {name: mask for name, mask in flight.valid.items() if name != "tau"}
+    assert diagnose_no_trigger(replace(flight, data=data, valid=valid), policy).cause is Cause.NO_CUES
