@@ -79,7 +79,9 @@ def run_console_lines(page: Path, addresses: dict[str, str], folder: Path) -> No
         program, *arguments = shlex.split(here)
         assert program == "perchhw", f"{page.name}: teach this test how to run {line!r}"
         done = perchhw(*arguments, folder=folder)
-        assert done.returncode == 0, f"{page.name}: {line}\n{done.stdout}{done.stderr}"
+        # A flight that is flown may fail to land (the demo prints how likely that is); nothing else may fail.
+        allowed = {0, 1} if "outcome: " in done.stdout and "aborted" not in done.stdout else {0}
+        assert done.returncode in allowed, f"{page.name}: {line}\n{done.stdout}{done.stderr}"
 
 
 def test_the_readme_shows_the_two_commands_first() -> None:
