@@ -79,10 +79,10 @@ def test_a_display_that_fails_ends_no_flight(place: str, error: type[BaseExcepti
     """A console whose pipe has closed raises ``SystemExit``."""
     injection = Injection(place, Phase.TAKING_OFF, always=True, error=error)
     stepped = fly(tmp_path / "run", injection)
-    assert injection.thrown
+    assert injection.thrown == 1
     assert at_rest(stepped)
     assert stepped.state.phase is Phase.DONE
-    assert stepped.state.aborted_by is None
+    assert "no FlyCourse" in str(stepped.state.aborted_by), "as without a display"
 
 
 def test_a_library_that_gives_up_the_process_does_not_give_up_the_drone(tmp_path: Path) -> None:

@@ -64,6 +64,11 @@ def test_attempts_are_counted_and_begin_anew(capsys: pytest.CaptureFixture[str])
     ]
 
 
+def read_all(descriptor: int) -> None:
+    with os.fdopen(descriptor, "rb") as stream:
+        stream.read()
+
+
 def test_a_stderr_that_takes_nothing_holds_nobody_up(monkeypatch: pytest.MonkeyPatch) -> None:
     """Neither phases nor what is logged: a pipe that nobody reads is full after 64 kB."""
     reader, writer = os.pipe()
@@ -83,7 +88,7 @@ def test_a_stderr_that_takes_nothing_holds_nobody_up(monkeypatch: pytest.MonkeyP
         with Lines() as lines:
             threading.Thread(target=tell, args=(lines,), daemon=True).start()
             assert told.wait(60.0)
-            drain = threading.Thread(target=lambda: os.fdopen(reader, "rb").read(), daemon=True)
+            drain = threading.Thread(target=read_all, args=(reader,), daemon=True)
             drain.start()
     finally:
         logging.getLogger().removeHandler(handler)
