@@ -40,7 +40,8 @@ class OperatorInterrupts:
     nothing is installed and the caller's own handling stays.
 
     Attributes:
-        count: signals so far, as if all were Ctrl-C. The supervisor's loop looks at it; nobody is called and no queue is filled.
+        count: signals so far, as if all were Ctrl-C. The supervisor's loop looks at it; nobody is called and
+            no queue is filled.
     """
 
     def __init__(self) -> None:

@@ -56,7 +56,8 @@ class Display(ABC):
         self._watch.write(topic, t, values)
 
     def event(self, name: str, t: float, fields: Mapping[str, Any]) -> None:
-        """A listener of a flight's record; the supervisor's state says all that is shown."""
+        """A listener of a flight's record."""
+        self._watch.event(name, t, fields)
 
     @abstractmethod
     def begin(self, folder: Path, condition: str, attempt: int | None = None) -> None:

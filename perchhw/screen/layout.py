@@ -125,7 +125,7 @@ def _readings(s: Snapshot, width: int) -> list[Text]:
     for first in range(0, len(cells), columns):
         row = Text()
         for label, value, style in cells[first : first + columns]:
-            room = width // columns - _LABEL - 1
+            room = max(1, width // columns - _LABEL - 1)
             row.append(f"{label:<{_LABEL}}", "dim").append(f"{value[:room]:<{room}} ", style)
         found.append(row)
     return found

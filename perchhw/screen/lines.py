@@ -1,4 +1,4 @@
-"""Without a terminal: a line on stderr per change, written by a thread that may wait where the flight may not."""
+"""Without a terminal: a line on stderr per change, by a thread that may wait where the flight may not."""
 
 import queue
 import threading

@@ -132,9 +132,9 @@ class Screen(Display):
         except subprocess.TimeoutExpired:
             self._child.kill()
             said = self._child.communicate()[1]
+        restore(self._keyboard, self._settings)
         if self._child.returncode != 0:
             os.write(sys.stderr.fileno(), LEAVE)
-        restore(self._keyboard, self._settings)
         return said.decode(errors="replace").strip().rpartition("\n")[2]
 
     # Of a flight
@@ -152,6 +152,8 @@ class Screen(Display):
         self._watch, self._folder = FlightWatch(), folder
         self._fixed = self._fixed.with_changes(condition=condition, attempt=attempt)
         self._watching = True
+        if self._instead is not None:
+            self._instead.begin(folder, condition, attempt)
 
     def between(self, last: bool = False) -> None:
         """Ask for what was marked, then wait if the operator wants a pause."""

@@ -13,12 +13,13 @@ import termios
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
 import pyte
 
-_WITHIN_S = 60.0
+_WITHIN_S = 15.0
 
 
 class Terminal:
@@ -45,8 +46,7 @@ class Terminal:
         self._screen = pyte.Screen(columns, lines)
         self._stream = pyte.ByteStream(self._screen)
         self._lock = threading.Lock()
-        self._reading = threading.Event()
-        self._reading.set()
+        self._written_at = time.monotonic()
         self.raw = b""
         line = shlex.join([sys.executable, "-m", module, *arguments])
         name = shlex.quote(os.ttyname(theirs))  # the first terminal that a session's leader opens is its own
@@ -61,13 +61,13 @@ class Terminal:
 
     def _read(self) -> None:
         while not self._ended:
-            self._reading.wait()
             ready, _, _ = select.select([self._ours], [], [], 0.05)
             if not ready:
                 continue
             read = os.read(self._ours, 1 << 16)
             with self._lock:
                 self.raw += read
+                self._written_at = time.monotonic()
                 self._stream.feed(read)
 
     def shown(self) -> list[str]:
@@ -97,13 +97,10 @@ class Terminal:
         os.write(self._ours, keys.encode())
         return now
 
-    def block(self) -> None:
-        """The terminal takes nothing any more."""
-        self._reading.clear()
-
-    def unblock(self) -> None:
-        """It does again."""
-        self._reading.set()
+    def silent_for(self, seconds: float) -> bool:
+        """Nothing was written to it for so long (s)."""
+        with self._lock:
+            return time.monotonic() - self._written_at > seconds
 
     def restored(self) -> bool:
         """The settings are those of before, the cursor is seen, the alternate screen was left."""
@@ -119,8 +116,8 @@ class Terminal:
 
     def children(self) -> list[int]:
         """Process ids of the command's own children."""
-        with open(f"/proc/{self.process.pid}/task/{self.process.pid}/children") as stream:
-            return [int(pid) for pid in stream.read().split()]
+        file = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children")
+        return [int(pid) for pid in file.read_text().split()]
 
     def __enter__(self) -> Self:
         return self
@@ -131,7 +128,6 @@ class Terminal:
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGKILL)
             self.process.wait()
-        self.unblock()
         self._ended = True
         self._thread.join()
         os.close(self._ours)

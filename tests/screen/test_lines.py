@@ -1,4 +1,4 @@
-"""What the operator reads without a terminal: each phase and each alert once, in order; nobody waits for it."""
+"""What the operator reads without a terminal: each phase and alert once, in order; nobody waits for it."""
 
 import logging
 import os
