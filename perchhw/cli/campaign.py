@@ -11,7 +11,6 @@ from perchhw.cli.output import console, emit, progress_console
 from perchhw.cli.view_option import LiveView, ViewKind, live_view
 
 if TYPE_CHECKING:
-    from perchhw.campaign import AttemptRow
     from perchhw.campaign.adaptive import FlownMap
     from perchhw.campaign.courses import FlightPlan
 

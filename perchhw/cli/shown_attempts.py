@@ -15,6 +15,7 @@ from perchhw.screen.display import Display, Progress
 if TYPE_CHECKING:
     from perchhw.campaign import AttemptRow, CampaignPlan
     from perchhw.campaign.courses import FlightPlan, FlightRow
+    from perchhw.campaign.forecast import Forecast
     from perchhw.flight.recording import RecordListener
 
 
@@ -27,12 +28,13 @@ def run_shown(
     **options: Any,
 ) -> "list[AttemptRow]":
     """As :func:`perchhw.campaign.run_campaign` with its `options`; all rows."""
-    from perchhw.campaign import run_campaign
+    from perchhw.campaign import fit_grid, forecast, run_campaign
     from perchhw.flight.turnaround import attempt_after_attempt
 
     def begin(request: AttemptRequest) -> None:
         again = f", try {request.try_number}" if request.try_number > 1 else ""
-        condition = f"{request.speed:g} m/s, {request.angle_deg:g} deg{again}"
+        whose = f", {request.drone}" if len(plan.drones) > 1 else ""
+        condition = f"{request.speed:g} m/s, {request.angle_deg:g} deg{again}{whose}"
         display.begin(request.folder, condition, request.index + 1)
 
     runner = attempt_after_attempt(
@@ -47,30 +49,35 @@ def run_shown(
         display.between()
         return runner(request)
 
+    cost = forecast(plan, fit_grid(plan).approaches)
+
     def show(rows: "list[AttemptRow]") -> None:
-        display.progress(progress_of(rows))
+        display.progress(progress_of(rows, cost))
 
     rows = run_campaign(plan, folder, run, on_change=show, **options)
     display.between(last=True)
     return rows
 
 
-def progress_of(rows: "list[AttemptRow]") -> Progress:
-    """Counts so far, and what the rest will take when it goes on as fast: operator and all."""
+def progress_of(rows: "list[AttemptRow]", cost: "Forecast") -> Progress:
+    """Counts so far; the time that the rest takes when it goes on as fast, operator and all, and before that is
+    known as planned; packs that are still to be put in.
+    """
     from perchhw.campaign.table import outcome_counts
 
     counts = outcome_counts(rows)
-    slots = len({row.slot for row in rows})
+    left = cost.attempts - sum(counts.values())
     done = [row for row in rows if row.state == "done" and row.started_utc and row.ended_utc]
-    left_s = None
+    left_s = cost.duration * left / max(1, cost.attempts)
     if len(done) > 1:
         began = min(datetime.fromisoformat(str(row.started_utc)) for row in done)
         ended = max(datetime.fromisoformat(str(row.ended_utc)) for row in done)
-        left_s = (ended - began).total_seconds() / len(done) * (slots - len(done))
+        left_s = (ended - began).total_seconds() / len(done) * left
     return Progress(
-        attempts=slots,
+        attempts=cost.attempts,
         outcomes=tuple((outcome.value, count) for outcome, count in counts.items()),
         time_left_s=left_s,
+        packs_left=sum(attempt >= sum(counts.values()) for attempt in cost.new_pack_before),
     )
 
 

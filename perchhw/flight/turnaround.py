@@ -67,8 +67,8 @@ def attempt_after_attempt(
 ) -> AttemptRunner:
     """A runner for campaigns: puts the drone back before every attempt but the very first, then flies it.
 
-    Before the first attempt of a drone that is to warm up it hovers, and is put back once more. `begin` is told
-    before either flight, the others are as for :func:`fly_attempt`.
+    Before the first attempt of a drone that is to warm up it hovers, and is put back once more. `begin` is
+    told before either flight, the others are as for :func:`fly_attempt`.
     """
     turnarounds: dict[str, Turnaround] = {}
     before: str | None = None

@@ -144,7 +144,7 @@ def _left(s: Snapshot) -> Text:
     left = s.attempts - sum(count for _, count in s.outcomes)
     words = [f"{left} attempts"]
     words += [] if s.time_left_s is None else [f"about {max(1, round(s.time_left_s / 60.0))} min"]
-    words += [] if s.packs_left is None else [f"{s.packs_left} packs"]
+    words += [] if s.packs_left is None else [f"{s.packs_left} new packs"]
     return Text("left            ", "dim").append(", ".join(words), "")
 
 

@@ -84,7 +84,7 @@ def test_everything_that_is_known_is_on_it(width: int) -> None:
     ):
         assert shown in text, shown
     if width > 40:
-        assert "about 12 min, 2 packs" in text
+        assert "about 12 min, 2 new packs" in text
 
 
 @pytest.mark.parametrize("width", [40, 80, 120])
