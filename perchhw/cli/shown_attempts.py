@@ -60,8 +60,8 @@ def run_shown(
 
 
 def progress_of(rows: "list[AttemptRow]", cost: "Forecast") -> Progress:
-    """Counts so far; the time that the rest takes when it goes on as fast, operator and all, and before that is
-    known as planned; packs that are still to be put in.
+    """Counts so far; the time that the rest takes when it goes on as fast, operator and all, and before that
+    is known as planned; packs that are still to be put in.
     """
     from perchhw.campaign.table import outcome_counts
 
