@@ -73,6 +73,7 @@ class Screen(Display):
         self._logged: list[str] = []
         self._answers: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
         self._closing = False
+        self._cut = False
         self._instead: Lines | None = None
         self._stack = ExitStack()
         self._unsent = b""
@@ -94,7 +95,7 @@ class Screen(Display):
             for number, handler in (
                 (signal.SIGTERM, signal.default_int_handler),
                 (signal.SIGHUP, signal.default_int_handler),
-                (CUT, signal.default_int_handler),
+                (CUT, self._cut_between_flights),
                 (LAND, _nothing),
             )
             if number is not None and signal.getsignal(number) is not signal.SIG_IGN
@@ -124,6 +125,10 @@ class Screen(Display):
         for number, handler in self._handlers.items():
             signal.signal(number, handler)
         signal.signal(signal.SIGINT, before)
+
+    def _cut_between_flights(self, _number: int, _frame: FrameType | None) -> None:
+        """A key that is held must not end the program anywhere, only where it waits for the operator."""
+        self._cut = True
 
     def _leave(self) -> str:
         """End the child, put the terminal back; what the child said last."""
@@ -156,7 +161,13 @@ class Screen(Display):
             self._instead.begin(folder, condition, attempt)
 
     def between(self, last: bool = False) -> None:
-        """Ask for what was marked, then wait if the operator wants a pause."""
+        """Ask for what was marked, then wait if the operator wants a pause.
+
+        Raises:
+            KeyboardInterrupt: a key has asked for a stop since the last flight, and another was to follow.
+        """
+        if self._cut and not last:
+            raise KeyboardInterrupt
         while self._marks:
             mark = self._marks[0]
             self._note(mark, self._ask(f"Note on {mark.phase}:", words=True))
@@ -195,6 +206,8 @@ class Screen(Display):
         self._show_question(question, number, words)
         try:
             while self._instead is None:
+                if self._cut:
+                    raise KeyboardInterrupt
                 try:
                     answer = self._answers.get(timeout=PERIOD_S)
                 except queue.Empty:

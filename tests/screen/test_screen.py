@@ -107,7 +107,7 @@ def test_a_terminal_that_takes_nothing(opened: Open, tmp_path: Path) -> None:
     terminal.wait(lambda: find(tmp_path, "longest"))
     assert find(tmp_path, "longest")["longest"] < 2.0
     shown = terminal.text()
-    terminal.process.send_signal(signal.SIGTERM)
+    terminal.press("   ")  # nothing flies: there is no next attempt
     terminal.wait(lambda: not terminal.children(), what="the end of a screen that is stuck")
     assert terminal.text() == shown
     terminal.press("\x11")
