@@ -152,7 +152,7 @@ def _eyes(saw: str | None) -> Callable[[int], str]:
 
 
 def _answer(question: str) -> str:
-    from perchhw.screen.display import NobodyToAsk
+    from perchhw.errors import NobodyToAsk
 
     try:
         return progress_console().input(question, markup=False)

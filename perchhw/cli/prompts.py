@@ -2,11 +2,15 @@
 
 import sys
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
-from perchhw.screen.display import Display, NobodyToAsk
+from perchhw.errors import NobodyToAsk
+
+if TYPE_CHECKING:
+    from perchhw.screen.display import Display
 
 
-def confirmation(yes: bool, display: Display) -> Callable[[str], None]:
+def confirmation(yes: bool, display: "Display") -> Callable[[str], None]:
     """Something that asks the operator to do what it is told and returns when it is done.
 
     Args:

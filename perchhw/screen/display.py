@@ -9,15 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from onboard.errors import InputError
-from perchhw.errors import FlightStackError
 from perchhw.record.recorder import Scalar
 from perchhw.screen.watch import FlightWatch
 from perchhw.supervisor import FlightState, Observation
-
-
-class NobodyToAsk(FlightStackError, InputError):
-    """A verb would have to ask, but there is no terminal."""
 
 
 @dataclass(frozen=True, kw_only=True)

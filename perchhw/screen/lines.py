@@ -8,7 +8,8 @@ from types import TracebackType
 from typing import NamedTuple, Self
 
 from perchhw.cli.output import progress_console
-from perchhw.screen.display import Display, NobodyToAsk, Progress, log_to
+from perchhw.errors import NobodyToAsk
+from perchhw.screen.display import Display, Progress, log_to
 from perchhw.supervisor import FlightState
 
 _FLUSHED_WITHIN_S = 2.0

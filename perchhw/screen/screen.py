@@ -22,10 +22,11 @@ from pathlib import Path
 from types import FrameType, TracebackType
 from typing import Any, Self
 
+from perchhw.errors import NobodyToAsk
 from perchhw.flight.caught import Caught
 from perchhw.operator_signals import CUT, LAND
 from perchhw.record.notes import add_note
-from perchhw.screen.display import Display, NobodyToAsk, Progress, log_to
+from perchhw.screen.display import Display, Progress, log_to
 from perchhw.screen.keys import NOBODY
 from perchhw.screen.lines import Lines
 from perchhw.screen.snapshot import Snapshot

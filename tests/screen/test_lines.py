@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from perchhw.cli.prompts import confirmation
-from perchhw.screen.display import NobodyToAsk, Progress
+from perchhw.errors import NobodyToAsk
+from perchhw.screen.display import Progress
 from perchhw.screen.lines import Lines
 from perchhw.supervisor import FlightState, Phase
 
