@@ -134,14 +134,7 @@ class Flights:
             discard_if_empty(request.folder)
 
     def _shown(self, folder: Path, what: str) -> dict[str, Any]:
-        if self.display is None:
-            return {}
-        self.display.begin(folder, what)
-        return {
-            "on_phase": self.display.phase,
-            "on_look": self.display.look,
-            "listener": self.display,
-        }
+        return {} if self.display is None else self.display.shows(folder, what)
 
 
 def silent(policy: Policy) -> Policy:

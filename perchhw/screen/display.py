@@ -53,6 +53,11 @@ class Display(ABC):
         """A listener of a flight's record."""
         self._watch.event(name, t, fields)
 
+    def shows(self, folder: Path, condition: str) -> dict[str, Any]:
+        """Begin, and give what a flight's function takes to be shown here."""
+        self.begin(folder, condition)
+        return {"on_phase": self.phase, "on_look": self.look, "listener": self}
+
     @abstractmethod
     def begin(self, folder: Path, condition: str, attempt: int | None = None) -> None:
         """A flight begins, with its record in `folder`; number `attempt` from 1, where there are several."""
