@@ -48,7 +48,7 @@ def lab() -> Iterator[SimulatedLab]:
 
 
 @pytest.mark.timeout(240)
-def test_space_locks_and_l_lands(lab: SimulatedLab, tmp_path: Path) -> None:
+def test_space_locks_the_drone(lab: SimulatedLab, tmp_path: Path) -> None:
     with fly(lab, tmp_path / "space") as terminal:
         rows = terminal.until("waits for the first hover")
         assert "2.5 m/s, 50 deg" in rows[0]
@@ -61,6 +61,10 @@ def test_space_locks_and_l_lands(lab: SimulatedLab, tmp_path: Path) -> None:
         assert link.supervisor_info().is_locked
     assert "EmergencyStop" in orders(the_only(tmp_path / "space"))
 
+
+@pytest.mark.soak
+@pytest.mark.timeout(240)
+def test_l_lands_however_often_and_the_prompt_has_its_place(lab: SimulatedLab, tmp_path: Path) -> None:
     with fly(lab, tmp_path / "land", "--put-back") as terminal:
         rows = terminal.until("press Enter")
         assert rows[-3].startswith("Take the drone off the ceiling")
