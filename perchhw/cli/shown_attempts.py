@@ -69,7 +69,7 @@ def progress_of(rows: "list[AttemptRow]", cost: "Forecast") -> Progress:
     counts = outcome_counts(rows)
     left = cost.attempts - sum(counts.values())
     done = [row for row in rows if row.state == "done" and row.started_utc and row.ended_utc]
-    left_s = cost.duration_s * left / max(1, cost.attempts)
+    left_s = cost.duration * left / max(1, cost.attempts)
     if len(done) > 1:
         began = min(datetime.fromisoformat(str(row.started_utc)) for row in done)
         ended = max(datetime.fromisoformat(str(row.ended_utc)) for row in done)
