@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,9 +18,9 @@ from perchhw.bringup.flown import Window, hover_findings, step_findings
 from perchhw.doctor.finding import Finding, judged
 from perchhw.flight import fly_attempt
 from perchhw.flight.course import CourseRequest, fly_course
-from perchhw.flight.loop import OnPhase
 from perchhw.lab.setup import FlightSetup
 from perchhw.record import discard_if_empty, new_run_folder, read_run
+from perchhw.screen.display import Display
 
 HOVER_S = 20.0
 GENTLE_CLIMB = 1.2
@@ -39,14 +40,14 @@ class Flights:
         setup: what flies where.
         out: folder for the records.
         speed, angle_deg: of the first landing (m/s, deg).
-        on_phase: for a display.
+        display: where they are shown.
     """
 
     setup: FlightSetup
     out: Path
     speed: float
     angle_deg: float
-    on_phase: OnPhase | None = None
+    display: Display | None = None
 
     def hover(self) -> tuple[Finding, ...]:
         """20 s in one place: thrust, imbalance, vibration against the vehicle file."""
@@ -112,7 +113,7 @@ class Flights:
             lab=setup.lab,
         )
         try:
-            result = fly_course(request, on_phase=self.on_phase)
+            result = fly_course(request, **self._shown(request.folder, name))
         finally:
             discard_if_empty(request.folder)
         if result.interrupted:
@@ -126,9 +127,14 @@ class Flights:
     def _attempt(self, setup: FlightSetup, speed: float) -> AttemptResult:
         request = setup.attempt(speed, self.angle_deg, self.out)
         try:
-            return fly_attempt(request, on_phase=self.on_phase)
+            return fly_attempt(
+                request, **self._shown(request.folder, f"{speed:.2g} m/s, {self.angle_deg:g} deg")
+            )
         finally:
             discard_if_empty(request.folder)
+
+    def _shown(self, folder: Path, what: str) -> dict[str, Any]:
+        return {} if self.display is None else self.display.shows(folder, what)
 
 
 def silent(policy: Policy) -> Policy:

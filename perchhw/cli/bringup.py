@@ -1,6 +1,7 @@
 """``perchhw bringup``: the ladder to the first flight."""
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,12 +10,13 @@ import typer
 from perchhw.cli import exit_codes
 from perchhw.cli.lab_options import LabDrone, LabMocap, LabPolicy, LabVehicle
 from perchhw.cli.options import Lab
-from perchhw.cli.output import FlightDisplay, emit, progress_console
+from perchhw.cli.output import emit, progress_console
 
 if TYPE_CHECKING:
     from perchhw.bringup.passes import Passes
     from perchhw.doctor import Finding
     from perchhw.lab.setup import FlightSetup
+    from perchhw.screen.display import Display
 
 app = typer.Typer(add_completion=False)
 
@@ -69,20 +71,27 @@ def bringup(
         _show(passes)
         return exit_codes.DONE
     passes.require(step)
-    run = _runner(step, setup, out, speed, angle, yes, confirm, saw)
-    with hold(setup.drone):
-        if step not in ("motors", "tilt"):
-            _put_back(setup.drone, yes)
+    with hold(setup.drone), _display(step, setup.drone) as display:
+        if display is not None:
+            _put_back(setup.drone, yes, display)
+        run = _runner(step, setup, out, speed, angle, display, confirm, saw)
         findings = climb(step, passes, lambda: doctors_look(setup, out), run)
     _tell(step, findings)
     return exit_codes.FAILED if any(one.missing for one in findings) else exit_codes.DONE
 
 
-def _put_back(drone: str, yes: bool) -> None:
+def _display(step: str, drone: str) -> "AbstractContextManager[Display | None]":
+    """Where the steps that fly are shown; the others ask the operator as they go."""
+    from perchhw.screen.display import flight_display
+
+    return nullcontext() if step in ("motors", "tilt") else flight_display(f"bringup {step}", drone)
+
+
+def _put_back(drone: str, yes: bool, display: "Display") -> None:
     from perchhw.cli.prompts import confirmation
     from perchhw.flight.turnaround import Turnaround
 
-    Turnaround(drone, confirmation(yes), _ON_ITS_MARK).put_back()
+    Turnaround(drone, confirmation(yes, display), _ON_ITS_MARK).put_back()
 
 
 def _runner(
@@ -91,7 +100,7 @@ def _runner(
     out: Path,
     speed: float,
     angle: float,
-    yes: bool,
+    display: "Display | None",
     phrase: str | None,
     saw: str | None,
 ) -> "Callable[[], tuple[Finding, ...]]":
@@ -100,7 +109,7 @@ def _runner(
     from perchhw.bringup.tilt import tilt
 
     screen = progress_console()
-    flights = Flights(setup, out, speed, angle, None if step in ("motors", "tilt") else FlightDisplay())
+    flights = Flights(setup, out, speed, angle, display)
     steps: dict[str, Callable[[], tuple[Finding, ...]]] = {
         "motors": lambda: _motors(setup.drone, phrase, saw),
         "tilt": lambda: tilt(setup, lambda request: screen.print(f"{request}.", markup=False)),
@@ -143,7 +152,7 @@ def _eyes(saw: str | None) -> Callable[[int], str]:
 
 
 def _answer(question: str) -> str:
-    from perchhw.cli.prompts import NobodyToAsk
+    from perchhw.errors import NobodyToAsk
 
     try:
         return progress_console().input(question, markup=False)

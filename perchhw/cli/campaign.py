@@ -1,7 +1,5 @@
 """``perchhw campaign``: fly a grid of attempts; resume, status, report."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,11 +7,10 @@ import typer
 
 from perchhw.cli.campaign_plan import plan as plan_command
 from perchhw.cli.options import AcceptMismatch, Drones, Lab, Mavlink, Note, Operator
-from perchhw.cli.output import FlightDisplay, console, emit, progress_console
+from perchhw.cli.output import console, emit, progress_console
 from perchhw.cli.view_option import LiveView, ViewKind, live_view
 
 if TYPE_CHECKING:
-    from perchhw.campaign import AttemptRow
     from perchhw.campaign.adaptive import FlownMap
     from perchhw.campaign.courses import FlightPlan
 
@@ -54,18 +51,18 @@ def run(
     from dataclasses import replace
 
     from onboard.link.errors import DroneStopped
-    from perchhw.campaign import CampaignStopped, check_approaches, flyable_part, load_plan, run_campaign
+    from perchhw.campaign import CampaignStopped, check_approaches, flyable_part, load_plan
     from perchhw.campaign.courses import has_flights, load_flight_plan
     from perchhw.campaign.plan import Slot
     from perchhw.campaign.run import request_of
     from perchhw.campaign.seats import hold_all
-    from perchhw.cli.prompts import confirmation
+    from perchhw.cli.shown_attempts import run_shown
     from perchhw.flight.fit import check_fit
     from perchhw.flight.ground_station import ground_station
-    from perchhw.flight.turnaround import attempt_after_attempt
     from perchhw.lab import find_lab
     from perchhw.record.folder import slug
     from perchhw.report import write_campaign_report
+    from perchhw.screen.display import flight_display
 
     if has_flights(file):
         flights = replace(load_flight_plan(file, find_lab(lab)), operator=operator, note=note)
@@ -83,11 +80,10 @@ def run(
         with (
             hold_all(plan.drones),
             ground_station(mavlink) as listener,
-            live_table() as show,
             live_view(view, folder),
+            flight_display(f"campaign {plan.name}", plan.drone) as display,
         ):
-            runner = attempt_after_attempt(confirmation(yes), FlightDisplay(phases=False), listener=listener)
-            run_campaign(plan, folder, runner, resume=resume, retry_aborted=retry_aborted, on_change=show)
+            run_shown(plan, folder, display, yes, listener, resume=resume, retry_aborted=retry_aborted)
     except (CampaignStopped, DroneStopped) as stop:
         stopped = str(stop)
         progress_console().print(stopped, style="red", markup=False)
@@ -107,27 +103,20 @@ def _fly_courses(
     view: ViewKind | None,
 ) -> int:
     """Fly a campaign of test flights."""
-    from functools import partial
-
     from onboard.link.exclusive import hold
-    from perchhw.campaign.courses import flight_rows, fly_plan
-    from perchhw.cli.prompts import confirmation
-    from perchhw.flight.course import fly_course
+    from perchhw.campaign.courses import flight_rows
+    from perchhw.cli.shown_attempts import fly_courses_shown
     from perchhw.flight.ground_station import ground_station
     from perchhw.record.folder import slug
+    from perchhw.screen.display import flight_display
 
     folder = out or Path("runs") / f"campaign-{slug(plan.name)}"
-    screen = progress_console()
-    screen.print(f"{len(plan.flights)} test flights", markup=False)
-    with hold(plan.drone), ground_station(mavlink) as listener, live_view(view, folder):
-        rows = fly_plan(
-            plan,
-            folder,
-            confirmation(yes),
-            resume=resume,
-            on_change=lambda rows: screen.print(f"{sum(row.done for row in rows)} of {len(rows)} done"),
-            fly=partial(fly_course, listener=listener),
-        )
+    with (
+        hold(plan.drone),
+        ground_station(mavlink) as listener,
+        flight_display(f"campaign {plan.name}", plan.drone) as display,
+    ):
+        rows = fly_courses_shown(plan, folder, display, yes, listener, resume=resume)
     stopped = next((row.aborted_by for row in flight_rows(plan, folder) if row.aborted_by), None)
     document: dict[str, Any] = {
         "campaign": folder,
@@ -151,29 +140,6 @@ def _fly_courses(
     )
     emit(document, "\n".join(lines))
     return 3 if stopped else 0
-
-
-@contextmanager
-def live_table() -> "Iterator[Callable[[list[AttemptRow]], None]]":
-    """A table that redraws itself on a terminal; a line per change elsewhere (both on stderr)."""
-    from perchhw.campaign.table import attempts_table, progress
-
-    screen = progress_console()
-    if not screen.is_terminal:
-        shown = ""
-
-        def show(rows: "list[AttemptRow]") -> None:
-            nonlocal shown
-            if progress(rows) != shown:
-                shown = progress(rows)
-                screen.print(shown, markup=False)
-
-        yield show
-        return
-    from rich.live import Live
-
-    with Live(console=screen, auto_refresh=False) as live:
-        yield lambda rows: live.update(attempts_table(rows, around_now=True), refresh=True)
 
 
 @app.command()

@@ -8,7 +8,7 @@ import typer
 from perchhw.cli import exit_codes
 from perchhw.cli.lab_options import LabDrone, LabLegs, LabMocap, LabVehicle
 from perchhw.cli.options import Lab
-from perchhw.cli.output import FlightDisplay, emit
+from perchhw.cli.output import emit
 
 if TYPE_CHECKING:
     from calibration.measurement import Estimate
@@ -56,12 +56,13 @@ def hover(
     from perchhw.hover_check.check import examine_check, fly_check
     from perchhw.hover_check.ended import examine_ended
     from perchhw.lab import find_lab, flight_setup
+    from perchhw.screen.display import flight_display
 
     setup = flight_setup(find_lab(lab), drone=drone, mocap=mocap, vehicle=vehicle, legs=legs)
     setup.check()
-    with hold(setup.drone):
-        Turnaround(setup.drone, confirmation(yes), _ON_ITS_MARK).put_back()
-        flown = fly_check(setup, out, seconds, FlightDisplay())
+    with hold(setup.drone), flight_display("check hover", setup.drone) as display:
+        Turnaround(setup.drone, confirmation(yes, display), _ON_ITS_MARK).put_back()
+        flown = fly_check(setup, out, seconds, display)
     if flown.aborted_by is not None:
         _tell_aborted(flown, examine_ended(flown.record, setup, out))
         return exit_codes.SAFETY

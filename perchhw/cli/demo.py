@@ -10,7 +10,7 @@ import typer
 from perchhw.attempt import DEFAULT_POLICY, DEFAULT_VEHICLE, Outcome
 from perchhw.cli import exit_codes
 from perchhw.cli.engine_option import Engine
-from perchhw.cli.output import FlightDisplay, console, emit, progress_console
+from perchhw.cli.output import console, emit, progress_console
 from sim_backend.engine_name import EngineName, usable_engine
 
 if TYPE_CHECKING:
@@ -43,13 +43,11 @@ def demo(
     may fail. Exit codes say whether the attempts were flown, not how they ended: 0 every one was, 3 some were
     aborted by a safety rule.
     """
-    from perchhw.campaign import run_campaign
-    from perchhw.cli.campaign import live_table
-    from perchhw.cli.prompts import confirmation
-    from perchhw.flight.turnaround import attempt_after_attempt
+    from perchhw.cli.shown_attempts import run_shown
     from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
     from perchhw.record import new_run_folder
     from perchhw.report.campaign_report import PREDICTION_FILE, write_campaign_report
+    from perchhw.screen.display import flight_display
 
     screen = progress_console()
     flown_by = usable_engine(engine)
@@ -58,13 +56,8 @@ def demo(
     with SimulatedLab("lab", arguments) as lab:
         folder = new_run_folder(out, "demo")
         plan = demo_plan(lab.drones[0], lab.mocap[0], attempts, seed)
-        with live_table() as show:
-            rows = run_campaign(
-                plan,
-                folder,
-                attempt_after_attempt(confirmation(yes=True), FlightDisplay(phases=False)),
-                on_change=show,
-            )
+        with flight_display("demo", plan.drone) as display:
+            rows = run_shown(plan, folder, display, yes=True)
     rates = predicted_rates({(row.speed, row.angle_deg) for row in rows}, seed, folder / PREDICTION_FILE)
     report = write_campaign_report(folder)
     recording = _recording(rows)

@@ -12,7 +12,7 @@ from perchhw.attempt import (
 from perchhw.cli import exit_codes
 from perchhw.cli.lab_options import LabDrone, LabLegs, LabMocap, LabPolicy, LabVehicle
 from perchhw.cli.options import AcceptMismatch, Lab, Mavlink, Note, Operator
-from perchhw.cli.output import FlightDisplay, emit
+from perchhw.cli.output import emit
 from perchhw.cli.view_option import LiveView, live_view
 
 app = typer.Typer(add_completion=False)
@@ -60,11 +60,12 @@ def fly(
     from onboard.link.exclusive import hold
     from perchhw.cli.prompts import confirmation
     from perchhw.flight import fly_attempt
-    from perchhw.flight.ground_station import ground_station
+    from perchhw.flight.ground_station import Listeners, ground_station
     from perchhw.flight.turnaround import Turnaround
     from perchhw.lab import find_lab, flight_setup
     from perchhw.record import discard_if_empty
     from perchhw.report.run_report import report_flight
+    from perchhw.screen.display import flight_display
 
     setup = flight_setup(
         find_lab(lab), drone=drone, mocap=mocap, vehicle=vehicle, legs=legs, policy=policy, ceiling=ceiling
@@ -74,10 +75,23 @@ def fly(
         setup.attempt(speed, angle, out), operator=operator, note=note, accept_mismatch=accept_mismatch
     )
     try:
-        with hold(setup.drone), ground_station(mavlink) as listener, live_view(view, request.folder):
+        with (
+            hold(setup.drone),
+            ground_station(mavlink) as listener,
+            live_view(view, request.folder),
+            flight_display("fly", setup.drone) as display,
+        ):
             if put_back:
-                Turnaround(setup.drone, confirmation(yes)).put_back()
-            result = fly_attempt(request, dry_run=dry_run, on_phase=FlightDisplay(), listener=listener)
+                Turnaround(setup.drone, confirmation(yes, display)).put_back()
+            display.begin(request.folder, f"{speed:g} m/s, {angle:g} deg")
+            result = fly_attempt(
+                request,
+                dry_run=dry_run,
+                on_phase=display.phase,
+                on_look=display.look,
+                listener=Listeners(listener, display),
+            )
+            display.between(last=True)
     except AttemptInterrupted as interrupted:
         _emit(interrupted.result, dry_run)
         raise

@@ -1,13 +1,16 @@
 """``perchhw mocap``: what a mocap source delivers, and to whom else."""
 
+import math
+import sys
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from perchhw.cli.mocap_calibrate import calibrate
 from perchhw.cli.mocap_send import send
-from perchhw.cli.output import console, emit
+from perchhw.cli.output import console, emit, progress_console, written
 
 if TYPE_CHECKING:
     from mocap_bridge.bridge import BridgeStatus
@@ -43,11 +46,22 @@ def watch(
         open_timebase("mocap watch", uri) as time,
         PoseBridge(uri, sink=None, clock=time, on_sample=note_age) as bridge,
     ):
-        bridge.wait_for(lambda _: False, seconds)
-        status = bridge.status()
+        for second in range(1, math.ceil(seconds) + 1):
+            bridge.wait_for(lambda _: False, min(1.0, seconds - second + 1))
+            status = bridge.status()
+            if second < seconds:
+                written(sys.stderr, partial(_say, second, status))
     result = summary(uri, seconds, status, ages)
     emit(result, _table(result))
     return 0 if result["ok"] else 1
+
+
+def _say(second: int, status: "BridgeStatus") -> None:
+    """Where it stands after so many seconds, in a line."""
+    pose = None if status.last_sample is None else status.last_sample.position
+    where = "" if pose is None else " at ({:.3f}, {:.3f}, {:.3f}) m".format(*pose)
+    line = f"{second} s: {status.verdict.name.lower()}, {status.rate_hz:.0f} Hz{where}"
+    progress_console().print(line, markup=False, soft_wrap=True)
 
 
 def summary(uri: str, seconds: float, status: "BridgeStatus", ages: list[float]) -> dict[str, Any]:

@@ -9,7 +9,7 @@ import typer
 from perchhw.cli import exit_codes
 from perchhw.cli.lab_options import LabDrone
 from perchhw.cli.options import Lab
-from perchhw.cli.output import FlightDisplay, emit
+from perchhw.cli.output import emit
 
 if TYPE_CHECKING:
     from perchhw.mocap_calibration.result import RoomFound
@@ -64,6 +64,7 @@ def calibrate(
     from perchhw.lab import find_lab, flight_setup
     from perchhw.lab.flying import LIMITS
     from perchhw.mocap_calibration.session import WRITTEN, CalibrationPlan, calibrate_room
+    from perchhw.screen.lines import Lines
 
     before = find_lab(lab)
     if before is None:
@@ -88,7 +89,8 @@ def calibrate(
             f"{out}: this calibration is finished and written; give another --out for a new one, or "
             "--dry-run to read it again"
         )
-    found, record = calibrate_room(plan, book, confirmation(yes), FlightDisplay())
+    with Lines() as lines:  # the steps before the flight are asked for in lines, too
+        found, record = calibrate_room(plan, book, confirmation(yes, lines), lines)
     if not dry_run:
         shutil.copyfile(before.file, out / "lab-before.toml")
         put_measured(Path(before.file), found.lab(before, plan.source), LIMITS)

@@ -9,15 +9,13 @@ import json
 import os
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TextIO
 
 from onboard.json_file import as_json
 
 if TYPE_CHECKING:
     from rich.console import Console
-
-    from perchhw.supervisor import FlightState
 
 
 @dataclass
@@ -64,29 +62,6 @@ def written(stream: TextIO | None, tell: Callable[[], object]) -> bool:
         os.close(nowhere)
         return False
     return True
-
-
-@dataclass
-class FlightDisplay:
-    """Says on stderr where a flight stands: each phase and each alert once, as long as it is the same.
-
-    Attributes:
-        phases: whether phases are said; alerts always are.
-    """
-
-    phases: bool = True
-    _phase: str | None = field(default=None, init=False)
-    _alert: str | None = field(default=None, init=False)
-
-    def __call__(self, state: "FlightState") -> None:
-        """Say what is new: an alert with a bell and in red, because the operator must know it at once."""
-        if state.alert is not None and state.alert != self._alert:
-            console = progress_console()
-            console.bell()
-            console.print(state.alert, style="bold white on red", markup=False, soft_wrap=True)
-        if self.phases and state.phase.value != self._phase:
-            progress_console().print(f"  {state.phase.value}")
-        self._phase, self._alert = state.phase.value, state.alert
 
 
 def emit_error(message: str, exit_code: int) -> None:

@@ -2,21 +2,20 @@
 
 import sys
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
-from onboard.errors import InputError
-from perchhw.cli.output import progress_console
-from perchhw.errors import FlightStackError
+from perchhw.errors import NobodyToAsk
 
-
-class NobodyToAsk(FlightStackError, InputError):
-    """A verb would have to ask, but there is no terminal."""
+if TYPE_CHECKING:
+    from perchhw.screen.display import Display
 
 
-def confirmation(yes: bool) -> Callable[[str], None]:
+def confirmation(yes: bool, display: "Display") -> Callable[[str], None]:
     """Something that asks the operator to do what it is told and returns when it is done.
 
     Args:
         yes: answer for the operator (``--yes``).
+        display: where the operator is asked.
 
     Raises:
         NobodyToAsk: at once, when it would have to ask without a terminal; or from what is returned, when
@@ -26,15 +25,4 @@ def confirmation(yes: bool) -> Callable[[str], None]:
         raise NobodyToAsk(
             "this would ask the operator before each attempt, but there is no terminal: add --yes"
         )
-    screen = progress_console()
-
-    def confirm(request: str) -> None:
-        if yes:
-            screen.print(f"{request}.", style="dim", markup=False)
-        else:
-            try:
-                screen.input(f"{request}, then press Enter. ", markup=False)
-            except (EOFError, OSError) as error:  # Ctrl-D, or the terminal has gone
-                raise NobodyToAsk("nobody answers any more: the drone was left as it is") from error
-
-    return confirm
+    return (lambda request: display.say(f"{request}.")) if yes else display.confirm

@@ -49,6 +49,7 @@ def rehearse(
     from perchhw.rehearsal.record import save_rehearsal, verdict_document
     from perchhw.rehearsal.session import rehearse as rehearse_on
     from perchhw.rehearsal.watched import record_in
+    from perchhw.screen.lines import Lines
 
     setup = desk_setup(find_lab(lab), drone=drone, vehicle=vehicle, policy=policy)
     plan = fit_approach(speed, angle, setup.room)
@@ -74,8 +75,8 @@ def rehearse(
             },
         )
     try:
-        with live_view(view, folder or Path()):
-            rehearsal = rehearse_on(setup.drone, plan, loaded, design, open_record)
+        with live_view(view, folder or Path()), Lines() as lines:
+            rehearsal = rehearse_on(setup.drone, plan, loaded, design, open_record, lines.say)
     finally:
         if folder is not None:
             discard_if_empty(folder)

@@ -21,7 +21,7 @@ from perchhw.flight.actions import LandingCommands
 from perchhw.flight.caught import Caught
 from perchhw.flight.fit import Fit, fit_of
 from perchhw.flight.interrupts import OperatorInterrupts
-from perchhw.flight.loop import OnPhase
+from perchhw.flight.loop import OnLook, OnPhase
 from perchhw.flight.mission import AttemptPlan, plan_attempt
 from perchhw.flight.readback import LANDING_SETTINGS, ReadBack
 from perchhw.flight.recording import FlightRecord, RecordListener
@@ -43,6 +43,7 @@ def fly_attempt(
     dry_run: bool = False,
     limits: SafetyLimits | None = None,
     on_phase: OnPhase | None = None,
+    on_look: OnLook | None = None,
     listener: RecordListener | None = None,
 ) -> AttemptResult:
     """Fly one supervised attempt and label it.
@@ -52,6 +53,7 @@ def fly_attempt(
         dry_run: stop after the verified policy upload; the motors never arm.
         limits: safety limits; by default the documented ones and those of the lab file.
         on_phase: called when the phase or the alert changes, for a display.
+        on_look: called with every look of the supervisor, for a display.
         listener: hears what is recorded, for a ground station.
 
     Returns:
@@ -97,6 +99,7 @@ def fly_attempt(
             record=record,
             clock=clock,
             on_phase=on_phase,
+            on_look=on_look,
             correction=correction_of(request.lab),
         )
         try:

@@ -19,7 +19,7 @@ from onboard.outcome import Outcome
 from onboard.room import RoomGeometry
 from onboard.vehicle import load_vehicle
 from perchhw.flight.course_commands import CourseCommands
-from perchhw.flight.loop import OnPhase
+from perchhw.flight.loop import OnLook, OnPhase
 from perchhw.flight.mission import LOWEST_HOVER
 from perchhw.flight.readback import TEST_FLIGHT_SETTINGS
 from perchhw.flight.recording import FlightRecord, RecordListener
@@ -90,6 +90,7 @@ def fly_course(
     *,
     limits: SafetyLimits | None = None,
     on_phase: OnPhase | None = None,
+    on_look: OnLook | None = None,
     listener: RecordListener | None = None,
 ) -> CourseResult:
     """Check, arm, take off, fly the course, land on the floor, disarm; everything is recorded.
@@ -127,6 +128,7 @@ def fly_course(
             record=record,
             clock=clock,
             on_phase=on_phase,
+            on_look=on_look,
             correction=correction_of(request.lab),
         )
         try:

@@ -61,6 +61,27 @@ def ground_station(uri: str | None) -> Iterator[RecordListener | None]:
         yield GroundStation(telemetry)
 
 
+class Listeners:
+    """Several listeners as one.
+
+    Args:
+        listeners: in the order in which they hear; None is nobody.
+    """
+
+    def __init__(self, *listeners: RecordListener | None) -> None:
+        self._listeners = [listener for listener in listeners if listener is not None]
+
+    def write(self, topic: str, t: float, values: Mapping[str, Scalar]) -> None:
+        """To each."""
+        for listener in self._listeners:
+            listener.write(topic, t, values)
+
+    def event(self, name: str, t: float, fields: Mapping[str, Any]) -> None:
+        """To each."""
+        for listener in self._listeners:
+            listener.event(name, t, fields)
+
+
 class GroundStation:
     """Turns topics and events of a record into telemetry (a ``RecordListener``).
 

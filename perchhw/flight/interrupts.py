@@ -1,5 +1,8 @@
 """Ctrl-C, SIGTERM and a terminal that closes: the first asks for a landing, the second cuts the motors.
 
+Who watches the flight from another process (the keys of its screen) asks for either by a signal of its own,
+however often.
+
 Whatever the program does: Python runs a signal's handler in the main thread, between two of its instructions;
 one that is stuck in a call or holds a lock would keep it waiting. So the handler does nothing. The
 interpreter itself writes the signal's number to a socket, without a lock, and a thread that has nothing else
@@ -13,9 +16,12 @@ from collections.abc import Callable
 from types import FrameType, TracebackType
 from typing import Any, Self
 
+from perchhw.operator_signals import CUT, LAND
+
 _SIGNALS = {
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 }  # Windows has no SIGHUP
+_HEARD = _SIGNALS | {number for number in (LAND, CUT) if number is not None}
 
 
 def _noted(_number: int, _frame: FrameType | None) -> None:
@@ -34,7 +40,8 @@ class OperatorInterrupts:
     nothing is installed and the caller's own handling stays.
 
     Attributes:
-        count: signals so far. The supervisor's loop looks at it; nobody is called and no queue is filled.
+        count: signals so far, as if all were Ctrl-C. The supervisor's loop looks at it; nobody is called and
+            no queue is filled.
     """
 
     def __init__(self) -> None:
@@ -50,24 +57,26 @@ class OperatorInterrupts:
         """From now on the second signal calls `trigger`, which must return at once."""
         self._stop = trigger
 
-    def note(self) -> None:
-        """What every signal does."""
-        self.count += 1
+    def _note(self, number: int) -> None:
+        if number == LAND:
+            self.count = max(self.count, 1)
+            return
+        self.count = max(self.count + 1, 2 if number == CUT else 1)
         if self.count > 1 and self._stop is not None:
             self._stop()
 
     def _listen(self) -> None:
         while numbers := self._read_end.recv(64):
             for number in numbers:
-                if number in _SIGNALS:
-                    self.note()
+                if number in _HEARD:
+                    self._note(number)
 
     def __enter__(self) -> Self:
         self._thread.start()
         if threading.current_thread() is threading.main_thread():
             self._previous_wakeup = signal.set_wakeup_fd(self._write_end.fileno(), warn_on_full_buffer=False)
             self._previous = {
-                number: signal.signal(number, _noted) for number in _SIGNALS if not _outlives_terminal(number)
+                number: signal.signal(number, _noted) for number in _HEARD if not _outlives_terminal(number)
             }
         return self
 

@@ -54,6 +54,7 @@ WATCHED_PHASES = frozenset(Phase) - {
 """Phases in which a host that dies must stop the drone. The watchdog cannot be called off once kicked."""
 
 OnPhase = Callable[[FlightState], None]
+OnLook = Callable[[FlightState, Observation], None]
 _T = TypeVar("_T")
 _log = logging.getLogger(__name__)
 
@@ -68,6 +69,8 @@ class FlightLoop:
         events: where answers to orders come.
         mission, limits: what the supervisor works towards, and within what.
         on_phase: called when the phase or the alert changes, for a display.
+        on_look: called with every look of the supervisor, for a display. Both must return at once; one that
+            fails is not called again, and the flight goes on.
         state: where the flight stands.
     """
 
@@ -83,6 +86,7 @@ class FlightLoop:
     mission: Mission
     limits: SafetyLimits
     on_phase: OnPhase | None
+    on_look: OnLook | None = None
     state: FlightState = field(init=False)
 
     def __post_init__(self) -> None:
@@ -185,6 +189,10 @@ class FlightLoop:
             self._safely(lambda: self.bridge.set_in_flight(self.state.phase in WATCHED_PHASES), None)
         if (self.state.phase, self.state.alert) != (before.phase, before.alert):
             self._announce()
+        on_look = self.on_look
+        if on_look is not None and isinstance(event, Tick):
+            with Caught(self._stop_showing):
+                on_look(self.state, event.observation)
 
     def _step(self, event: Event) -> tuple[FlightState, tuple[Order, ...]]:
         now = self._now()
@@ -223,9 +231,15 @@ class FlightLoop:
         self.record.write("supervisor", now, {"state": state.phase.value})
         on_phase = self.on_phase
         if on_phase is not None:
-            self._safely(lambda: on_phase(state), None)
+            with Caught(self._stop_showing):
+                on_phase(state)
 
     # Errors of ours
+
+    def _stop_showing(self, error: BaseException) -> None:
+        """Nobody sees the flight any more; that is no reason to end it."""
+        self.on_phase = self.on_look = None
+        _log.error("the display of this flight failed; the flight goes on", exc_info=error)
 
     def _now(self) -> float:
         """The time; without a clock it goes on by a tick a call, so that deadlines come."""

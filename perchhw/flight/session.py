@@ -17,7 +17,7 @@ from perchhw.flight.actions import CommandRunner
 from perchhw.flight.caught import Caught
 from perchhw.flight.interrupts import OperatorInterrupts
 from perchhw.flight.kicker import WatchdogKicker
-from perchhw.flight.loop import FlightLoop, OnPhase
+from perchhw.flight.loop import FlightLoop, OnLook, OnPhase
 from perchhw.flight.readback import ReadBack
 from perchhw.flight.recording import FlightRecord
 from perchhw.flight.telemetry import Block, Telemetry, pose_recorder
@@ -61,6 +61,7 @@ class SupervisedFlight:
         clock: time of the flight.
         on_phase: called when the phase or the alert changes, for a display.
         correction: of the poses, before anything else sees them.
+        on_look: called with every look of the supervisor, for a display.
     """
 
     drone: str
@@ -74,6 +75,7 @@ class SupervisedFlight:
     clock: Timebase
     on_phase: OnPhase | None
     correction: PoseCorrection = AS_TRACKED
+    on_look: OnLook | None = None
 
     def run(self) -> Flown:
         """Fly until the supervisor is done. What fails once it is does not cost the result.
@@ -132,6 +134,7 @@ class SupervisedFlight:
             mission=replace(self.mission, arm_at=clock.slot()),
             limits=self.limits,
             on_phase=self.on_phase,
+            on_look=self.on_look,
         )
         interrupts.stop_by(lambda: _cut_motors(loop))
         state = loop.run()

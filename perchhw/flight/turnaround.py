@@ -6,7 +6,7 @@ from onboard.link import reboot
 from onboard.link.stop_note import StopsSince
 from perchhw.attempt import AttemptRequest, AttemptResult, AttemptRunner
 from perchhw.flight.attempt import fly_attempt
-from perchhw.flight.loop import OnPhase
+from perchhw.flight.loop import OnLook, OnPhase
 from perchhw.flight.recording import RecordListener
 from perchhw.flight.warm_up import warm_up
 from perchhw.supervisor import SafetyLimits
@@ -62,10 +62,13 @@ def attempt_after_attempt(
     on_phase: OnPhase | None = None,
     limits: SafetyLimits | None = None,
     listener: RecordListener | None = None,
+    on_look: OnLook | None = None,
+    begin: Callable[[AttemptRequest], object] = lambda _request: None,
 ) -> AttemptRunner:
     """A runner for campaigns: puts the drone back before every attempt but the very first, then flies it.
 
-    Before the first attempt of a drone that is to warm up it hovers, and is put back once more.
+    Before the first attempt of a drone that is to warm up it hovers, and is put back once more. `begin` is
+    told before either flight, the others are as for :func:`fly_attempt`.
     """
     turnarounds: dict[str, Turnaround] = {}
     before: str | None = None
@@ -79,9 +82,11 @@ def attempt_after_attempt(
             turnaround.put_back(_what_to_do(request, before))
         before = request.drone
         if request.warm_up_s > 0.0:
+            begin(request)
             warm_up(request, on_phase, listener)
             turnaround.put_back(UPRIGHT)
-        return fly_attempt(request, limits=limits, on_phase=on_phase, listener=listener)
+        begin(request)
+        return fly_attempt(request, limits=limits, on_phase=on_phase, on_look=on_look, listener=listener)
 
     return run
 

@@ -12,7 +12,6 @@ from onboard.manoeuvres import manoeuvre
 from onboard.room import RoomGeometry
 from onboard.vehicle import Vehicle, load_vehicle
 from perchhw.flight.course import CourseRequest, CourseResult, fly_course
-from perchhw.flight.loop import OnPhase
 from perchhw.hover_check.expected import expected
 from perchhw.hover_check.history import History
 from perchhw.hover_check.judge import Line, LineVerdict, in_words, judge
@@ -23,6 +22,7 @@ from perchhw.hover_check.vibration import RotorLine, vibration
 from perchhw.hover_check.windows import CheckWindows
 from perchhw.lab.setup import FlightSetup
 from perchhw.record import discard_if_empty, new_run_folder, read_run
+from perchhw.screen.display import Display
 
 KIND = "attitude_doublets"
 """After the hover: what a hover alone excites is too little to tell lag and delay."""
@@ -80,7 +80,7 @@ class HoverCheck:
         }
 
 
-def fly_check(setup: FlightSetup, out: Path, seconds: float, on_phase: OnPhase | None) -> CourseResult:
+def fly_check(setup: FlightSetup, out: Path, seconds: float, display: Display) -> CourseResult:
     """Hover `seconds` over the start mark, tilt a little to all sides, land.
 
     Raises:
@@ -99,7 +99,7 @@ def fly_check(setup: FlightSetup, out: Path, seconds: float, on_phase: OnPhase |
         lab=setup.lab,
     )
     try:
-        result = fly_course(request, on_phase=on_phase)
+        result = fly_course(request, **display.shows(request.folder, "hover"))
     finally:
         discard_if_empty(request.folder)
     if result.interrupted:

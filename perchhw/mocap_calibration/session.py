@@ -10,11 +10,11 @@ from calibration.room.standing import HEIGHT_SIGMA, standing_height
 from onboard.lab_file import LabFile
 from onboard.link.exclusive import hold
 from onboard.vehicle import load_vehicle
-from perchhw.flight.loop import OnPhase
 from perchhw.flight.turnaround import Confirm
 from perchhw.lab.setup import FlightSetup, flight_setup
 from perchhw.mocap_calibration.result import RoomFound, room_found, with_markers
 from perchhw.mocap_calibration.steps import FLIGHT, RESTS, TOUCH_STEPS, Survey, forgotten_if_refused
+from perchhw.screen.display import Display
 
 WRITTEN = "written"
 """Step of the book after which a calibration is over."""
@@ -59,7 +59,7 @@ class CalibrationPlan:
 
 
 def calibrate_room(
-    plan: CalibrationPlan, book: RunBook, confirm: Confirm, on_phase: OnPhase | None
+    plan: CalibrationPlan, book: RunBook, confirm: Confirm, display: Display
 ) -> tuple[RoomFound, Path]:
     """Go through the steps that the book does not have yet; gives what was found, and the flight's record.
 
@@ -76,7 +76,7 @@ def calibrate_room(
         with forgotten_if_refused(book, *TOUCH_STEPS):
             ceiling = ceiling_plane(touches, plan.marker_radius)
         corrected = flight_setup(with_markers(plan.lab, rests, plan.source), drone=plan.setup.drone)
-        record = survey.flight(corrected, book.folder, confirm, on_phase)
+        record = survey.flight(corrected, book.folder, confirm, display)
     with forgotten_if_refused(book, *RESTS, FLIGHT):
         found = room_found(rests, ceiling, record, plan.speed, plan.angle_deg)
     return found, record

@@ -19,11 +19,11 @@ from onboard.arrays import FloatArray
 from onboard.errors import SafetyStop
 from onboard.lab_file import with_subject
 from onboard.lab_time import open_timebase
-from perchhw.flight.loop import OnPhase
 from perchhw.flight.turnaround import Confirm, Turnaround
 from perchhw.hover_check.check import fly_check
 from perchhw.lab.setup import FlightSetup
 from perchhw.mocap_calibration.watch import SubjectWatch
+from perchhw.screen.display import Display
 
 RESTS = ("rest_1", "rest_2")
 TOUCH_STEPS = tuple(f"touch_{number}" for number in range(1, TOUCHES + 1))
@@ -99,7 +99,7 @@ class Survey:
                     touches.append(self._touch(wand, number, touches))
         return first, second, np.array(touches)
 
-    def flight(self, setup: FlightSetup, out: Path, confirm: Confirm, on_phase: OnPhase | None) -> Path:
+    def flight(self, setup: FlightSetup, out: Path, confirm: Confirm, display: Display) -> Path:
         """A hover with small quick tilts, with `setup` of what the rests said; gives its record.
 
         Raises:
@@ -108,7 +108,7 @@ class Survey:
 
         def fly() -> dict[str, Any]:
             Turnaround(setup.drone, confirm, _FLOWN_ON).put_back()
-            flown = fly_check(setup, out, FLIGHT_S, on_phase)
+            flown = fly_check(setup, out, FLIGHT_S, display)
             if flown.aborted_by is not None:
                 raise CalibrationFlightEnded(
                     f"the flight was ended by {flown.aborted_by} ({flown.record}); rests and touches are kept"

@@ -1,7 +1,7 @@
 """One rehearsal over the link: switch it on, fly the approach in the drone's head, read what it recorded."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -71,12 +71,14 @@ def rehearse(
     policy: Policy,
     vehicle: Vehicle,
     open_record: OpenRecord | None = None,
+    on_step: Callable[[str], object] = lambda _step: None,
 ) -> Rehearsal:
     """Rehearse an approach on the drone at `drone` (URI), whose firmware was built for `vehicle`.
 
     Args:
         drone, plan, policy, vehicle: what is rehearsed.
         open_record: opens a record of it, for a view that follows; the drone then sends its cues too.
+        on_step: told what begins, in words.
 
     Raises:
         RehearsalRefused, DroneIsFlying: the drone is armed, flies, or a motor turns.
@@ -87,14 +89,16 @@ def rehearse(
     from onboard.link import DroneLink
 
     with hold(drone), open_timebase("rehearse", drone) as time:
+        on_step("connecting")
         refuse_flying(drone, time)
         with DroneLink.open(drone, clock=time) as link:
             check_vehicle(link, vehicle_crc32(vehicle), vehicle.name)
             engine = engine_of(link)
+            on_step("uploading the policy")
             crc = link.upload_policy(encode_bundle(policy))
             _await_slot(time)
             with _rehearsing(link), open_record(time) if open_record else nullcontext() as record:
-                ring, reason = _fly(link, plan, landing_limits(vehicle).smoothing, time, record)
+                ring, reason = _fly(link, plan, landing_limits(vehicle).smoothing, time, record, on_step)
     return Rehearsal(engine, crc, ring, judge(ring, reason, plan, policy, vehicle))
 
 
@@ -146,8 +150,10 @@ def _fly(
     smoothing: float,
     time: Timebase,
     record: RehearsalRecord | None,
+    on_step: Callable[[str], object],
 ) -> tuple[Ring, EndReason]:
     """The approach from its arming to what was recorded."""
+    on_step("waiting for the drone to believe its poses")
     told = _Drone(link, record)
     with ApproachPoses(link, plan, smoothing, time, None if record is None else record.take_pose) as poses:
         if not poll(lambda: told.is_at_start(plan), bool, time, SETTLE_TIMEOUT_S):
@@ -156,6 +162,7 @@ def _fly(
                 "does somebody else send it poses, or does it lie tilted?"
             )
         _await_slot(time)  # the instant of belief depends on which thread looked first
+        on_step(f"approaching on the desk, {plan.impact_time:.1f} s")
         arm_approach(link, plan, time)
         link.set_param(Parameter.GO, 1)
         poses.go()
@@ -164,6 +171,7 @@ def _fly(
         if state not in _ENDED:
             _check_still_on(link)
             raise RehearsalFailed(f"the drone's approach did not end within {within:.1f} s: {state.name}")
+        on_step("reading what the drone recorded")
         ring = read_ring(link, time)
     _check_still_on(link)
     return ring, told.reason

@@ -28,7 +28,19 @@ DRONE, MOCAP = "udp://127.0.0.1:19850", "vicon://127.0.0.1:18801?subject=cf1"
 def console_lines(page: Path) -> list[str]:
     """Commands after ``$`` in the page's console blocks."""
     blocks = re.findall(r"```console\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
-    return [line[2:] for block in blocks for line in block.splitlines() if line.startswith("$ ")]
+    lines = [line.strip() for block in blocks for line in block.splitlines()]
+    return [line[2:] for line in lines if line.startswith("$ ")]
+
+
+def run_here(page: Path) -> set[str]:
+    """Those that are not run by CI as they stand, and are no servers."""
+    return set(console_lines(page)) - RUN_BY_CI - {LAB, BENCH}
+
+
+def files(page: Path) -> dict[str, str]:
+    """Files that the page shows: blocks whose first line is a comment with a name."""
+    blocks = re.findall(r"```toml\n# (\w+\.toml)\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    return dict(blocks)
 
 
 def synopses(page: Path) -> list[str]:
@@ -52,7 +64,7 @@ def lab() -> Iterator[SimulatedLab]:
 @pytest.mark.timeout(240)
 @pytest.mark.parametrize(
     "page",
-    [p for p in PAGES if console_lines(p) and BENCH not in console_lines(p)],
+    [p for p in PAGES if run_here(p) and BENCH not in console_lines(p)],
     ids=lambda page: page.name,
 )
 def test_console_lines_run(page: Path, lab: SimulatedLab, tmp_path: Path) -> None:
@@ -70,8 +82,10 @@ def test_console_lines_run_on_the_bench(page: Path, tmp_path: Path) -> None:
 
 
 def run_console_lines(page: Path, addresses: dict[str, str], folder: Path) -> None:
+    for name, content in files(page).items():
+        (folder / name).write_text(content, encoding="utf-8")
     for line in console_lines(page):
-        if line in RUN_BY_CI or line in (LAB, BENCH):
+        if line not in run_here(page):
             continue
         here = line
         for shown, real in addresses.items():

@@ -240,6 +240,7 @@ def fly(folder: Path, injection: Injection) -> Stepped:
             ),
             limits=SafetyLimits(),
             on_phase=trap("on_phase", lambda _state: None),
+            on_look=trap("on_look", lambda _state, _observation: None),
         )
         injection.state = lambda: loop.state
         state = loop.run()

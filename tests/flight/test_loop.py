@@ -22,8 +22,8 @@ PLACES = (
     "kicker.beat",
     "kicker.problem",
     "events.get",
-    "on_phase()",
 )
+DISPLAYS = ("on_phase()", "on_look()")
 STOP_PLACES = ("link.stop_path", "stop_path.trigger", "stop_path.report")
 SOFT = 1.5
 """m/s; a drone whose motors stop at the height of the hover hits the floor with 3 m/s."""
@@ -42,7 +42,7 @@ def test_the_loop_calls_nothing_else(tmp_path: Path) -> None:
     assert stepped.fastest_fall < SOFT
     assert stepped.state.phase is Phase.DONE
     used = injection.touched - {"recorder.close", "clock.event"}
-    assert used == {*PLACES}
+    assert used == {*PLACES, *DISPLAYS}
 
 
 @pytest.mark.parametrize("phase", [Phase.TAKING_OFF, Phase.LANDING])
@@ -73,10 +73,20 @@ def test_a_part_that_fails_for_ever_ends_on_the_floor(place: str, tmp_path: Path
     assert stepped.state.aborted_by is not None
 
 
-@pytest.mark.parametrize("place", ["on_phase()", "telemetry.observe"])
-def test_a_library_that_gives_up_the_process_does_not_give_up_the_drone(place: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("error", [Injected, SystemExit])
+@pytest.mark.parametrize("place", DISPLAYS)
+def test_a_display_that_fails_ends_no_flight(place: str, error: type[BaseException], tmp_path: Path) -> None:
     """A console whose pipe has closed raises ``SystemExit``."""
-    injection = Injection(place, Phase.MOVING_TO_START, error=SystemExit)
+    injection = Injection(place, Phase.TAKING_OFF, always=True, error=error)
+    stepped = fly(tmp_path / "run", injection)
+    assert injection.thrown == 1
+    assert at_rest(stepped)
+    assert stepped.state.phase is Phase.DONE
+    assert "no FlyCourse" in str(stepped.state.aborted_by), "as without a display"
+
+
+def test_a_library_that_gives_up_the_process_does_not_give_up_the_drone(tmp_path: Path) -> None:
+    injection = Injection("telemetry.observe", Phase.MOVING_TO_START, error=SystemExit)
     stepped = fly(tmp_path / "run", injection)
     assert injection.thrown
     assert at_rest(stepped)
