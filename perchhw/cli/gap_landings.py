@@ -41,6 +41,7 @@ def landings_command(
     from calibration.flights import flight_files, open_flights
     from calibration.gap.data.record import NotUsed
     from calibration.gap.landings.outcomes import (
+        LABELS_FILE,
         forecast,
         landing_report,
         prepare,
@@ -53,7 +54,8 @@ def landings_command(
     model = load_vehicle(vehicle, legs=legs)
     if model.legs is None:
         raise InputError(f"vehicle {vehicle!r} has no legs to land on: choose a design with --legs")
-    flights, unreadable = open_flights(flight_files([*data, *(more or [])]), format)
+    files = [file for file in flight_files([*data, *(more or [])]) if file.name != LABELS_FILE]
+    flights, unreadable = open_flights(files, format)
     labels = read_labels([flight.source for flight in flights])
     prepared = prepare(flights, model, np.random.default_rng(seed), draws)
     if not prepared.starts:

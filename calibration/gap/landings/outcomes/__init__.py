@@ -2,12 +2,13 @@
 
 from calibration.gap.landings.outcomes.dispersion import Dispersion
 from calibration.gap.landings.outcomes.document import LandingReport, landing_report, search_report
-from calibration.gap.landings.outcomes.labels import read_labels
+from calibration.gap.landings.outcomes.labels import LABELS_FILE, read_labels
 from calibration.gap.landings.outcomes.predict import Forecast, OutcomeForecast, forecast
 from calibration.gap.landings.outcomes.prepare import Prepared, prepare
 from calibration.gap.landings.outcomes.scores import Score, score
 
 __all__ = [
+    "LABELS_FILE",
     "Dispersion",
     "Forecast",
     "LandingReport",
