@@ -5,6 +5,8 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from tests.conftest import REPOSITORY
+
 _CLIENT = """
 import sys
 from onboard.errors import PerchhwError
@@ -23,7 +25,11 @@ link.close()
 def start_client(uri: str) -> "subprocess.Popen[str]":
     """A process that connects, says so in a line, and closes when its standard input does."""
     return subprocess.Popen(
-        [sys.executable, "-c", _CLIENT, uri], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", _CLIENT, uri],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd=REPOSITORY,  # of which `tests` is a package
     )
 
 

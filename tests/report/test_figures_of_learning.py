@@ -91,4 +91,4 @@ def test_a_broken_leg_study_is_refused(
         read_leg_study(broken)
     (broken / "study.json").write_text("{}")
     assert run(["learn", "report", str(broken)]) == 2
-    assert "not a leg study of this version" in capsys.readouterr().err
+    assert "schema is missing" in capsys.readouterr().err

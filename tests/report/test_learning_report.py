@@ -169,7 +169,7 @@ def test_parts_that_do_not_belong_together_are_named(copy_of_learned: Path) -> N
     [
         ("pairs.csv", None, "has no pairs.csv"),
         ("pairs.csv", "a,b\n1,2\n", "line 1: the columns"),
-        ("sweep.json", "{}", "not a sweep of this version"),
+        ("sweep.json", "{}", "schema is missing"),
         ("training.json", "[", "is not JSON"),
         ("policy.policy.json", "{}", "schema"),
     ],

@@ -49,11 +49,13 @@ class Terminal:
         self._written_at = time.monotonic()
         self.raw = b""
         line = shlex.join([sys.executable, "-m", module, *arguments])
+        # Who runs tests in parallel tells them the width of another terminal.
+        inherited = {name: value for name, value in os.environ.items() if name not in ("COLUMNS", "LINES")}
         name = shlex.quote(os.ttyname(theirs))  # the first terminal that a session's leader opens is its own
         self.process = subprocess.Popen(
             ["sh", "-c", f"exec {line} <{name} >{name} 2>{name}"],
             start_new_session=True,
-            env={**os.environ, "TERM": "xterm-256color", "LANG": "C.UTF-8", **(environment or {})},
+            env={**inherited, "TERM": "xterm-256color", "LANG": "C.UTF-8", **(environment or {})},
         )
         self._ended = False
         self._thread = threading.Thread(target=self._read, daemon=True)

@@ -45,7 +45,7 @@ def test_a_day_at_120_columns(opened: Open, tmp_path: Path) -> None:
     terminal = opened(columns=120, lines=30)
     rows = terminal.until("attempt 1 of 2, 2.5 m/s, 50 deg")
     terminal.until(" Hz, age 10 ms")
-    rows = terminal.shown()
+    rows = terminal.until("waits for the checks")
     assert rows[1].startswith("▶ check ○ upload ○ arm ○ take-off ○ to start")
     assert "waits for the checks" in rows[2]
     for reading in ("3.92 V", "silent 10 ms", "age 10 ms, OK", "2.0 cm", "1a2b3c4d"):

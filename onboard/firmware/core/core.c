@@ -214,14 +214,14 @@ static void record(perch_core *core, const perch_inputs *in) {
 /* Mean of the law's last steps, as motor ratios. */
 static void average(perch_core *core, uint32_t tick) {
   perch_outputs *out = &core->outputs;
-  float *newest = core->recent_duties[tick / PERCH_CONTROL_PERIOD_MS % PERCH_AVERAGED_STEPS];
-  memcpy(newest, out->duties, sizeof out->duties);
+  uint16_t *newest = core->recent_ratios[tick / PERCH_CONTROL_PERIOD_MS % PERCH_AVERAGED_STEPS];
   for (int motor = 0; motor < 4; motor++) {
-    float sum = 0.0f;
+    newest[motor] = (uint16_t)(out->duties[motor] * FULL_RATIO);
+    uint32_t sum = 0;
     for (int step = 0; step < PERCH_AVERAGED_STEPS; step++) {
-      sum += core->recent_duties[step][motor];
+      sum += core->recent_ratios[step][motor];
     }
-    out->mean_ratios[motor] = (uint16_t)(sum * (FULL_RATIO / PERCH_AVERAGED_STEPS));
+    out->mean_ratios[motor] = (uint16_t)(sum / PERCH_AVERAGED_STEPS);
   }
 }
 

@@ -62,7 +62,7 @@ typedef struct {
   perch_plan plan;
   perch_follower follower;
   perch_vector lagged; /* memory of the moments' lead */
-  float recent_duties[PERCH_AVERAGED_STEPS][4];
+  uint16_t recent_ratios[PERCH_AVERAGED_STEPS][4];
   perch_outputs outputs;
 
   perch_request request;
