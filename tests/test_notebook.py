@@ -15,7 +15,7 @@ from tests.conftest import REPOSITORY
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("module", [perchhw, perchhw.notebook])
+@pytest.mark.parametrize("module", [perchhw, pytest.param(perchhw.notebook, marks=pytest.mark.soak)])
 def test_the_examples_of_the_docstrings_run(module: object) -> None:
     done = doctest.testmod(module)  # type: ignore[arg-type]
     assert done.attempted >= 3

@@ -19,9 +19,8 @@ def discharge(served: SimulatedLab, vehicle: Path, out: Path, *further: str) -> 
     return [*line, "--hands", ports["hands"], "--out", str(out), "--confirm", UNLOCK_PHRASE, *further]
 
 
-@pytest.mark.parametrize(
-    ("gauge_error", "code"), [pytest.param(0.0, 0, marks=pytest.mark.soak), pytest.param(0.04, 1)]
-)
+@pytest.mark.soak  # what a discharge means is tested without a bench too (tests/thrust_voltage)
+@pytest.mark.parametrize(("gauge_error", "code"), [(0.0, 0), (0.04, 1)])
 def test_compensation_holds_when_the_drone_reads_its_voltage_right(
     bench: Bench, tmp_path: Path, true_file: Path, gauge_error: float, code: int
 ) -> None:

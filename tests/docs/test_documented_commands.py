@@ -64,7 +64,12 @@ def lab() -> Iterator[SimulatedLab]:
 @pytest.mark.timeout(240)
 @pytest.mark.parametrize(
     "page",
-    [p for p in PAGES if run_here(p) and BENCH not in console_lines(p)],
+    [
+        # Three flights; docs/flight_day.md shows the same command line, and its flights are flown here.
+        pytest.param(p, marks=pytest.mark.soak) if p.name == "flying.md" else p
+        for p in PAGES
+        if run_here(p) and BENCH not in console_lines(p)
+    ],
     ids=lambda page: page.name,
 )
 def test_console_lines_run(page: Path, lab: SimulatedLab, tmp_path: Path) -> None:

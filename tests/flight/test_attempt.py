@@ -182,7 +182,7 @@ def only_run(folder: Path) -> Path:
     return run
 
 
-@pytest.mark.parametrize("victim", ["lab", "room"])
+@pytest.mark.parametrize("victim", ["lab", pytest.param("room", marks=pytest.mark.soak)])
 def test_a_drone_or_room_that_dies_on_the_approach_ends_the_attempt(victim: str, tmp_path: Path) -> None:
     with open_lab() as lab:
         processes = lab.ready["processes"]

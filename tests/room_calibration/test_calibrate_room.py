@@ -216,6 +216,7 @@ def test_a_check_that_a_rule_refuses_is_not_judged(
     assert not (tmp_path / "hover-checks").exists()
 
 
+@pytest.mark.soak
 def test_the_height_of_a_standing_drone_is_that_of_the_simulation() -> None:
     from calibration.room.standing import HEIGHT_SIGMA, standing_height
     from onboard.room import RoomGeometry
