@@ -116,6 +116,7 @@ def test_a_drone_that_is_put_together_wrongly_fails_the_hover(
         assert climb("step")[0] == 3
 
 
+@pytest.mark.soak  # motors of a bench are watched on the wall clock, 0.4 s: not beside the other tests
 @pytest.mark.timeout(120)
 def test_motors_turn_one_by_one_and_what_was_seen_is_judged(capsys: pytest.CaptureFixture[str]) -> None:
     with ladder(capsys) as climb:

@@ -140,6 +140,7 @@ def test_hidden_hinge_costs_least_where_it_is(soft: Campaign, vehicle: Vehicle) 
     assert costs[4] > 10.0 * costs[2]
 
 
+@pytest.mark.soak
 def test_soft_hinge_is_named_and_measured(soft_findings: LandingFindings) -> None:
     assert soft_findings.verdict is LandingVerdict.EFFECTS_FOUND
     finding = soft_findings.findings[0]
