@@ -22,7 +22,7 @@ def test_the_examples_of_the_docstrings_run(module: object) -> None:
     assert done.failed == 0
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_examples_of_the_page_run() -> None:
     done = doctest.testfile(str(REPOSITORY / "docs" / "python.md"), module_relative=False)
     assert done.attempted >= 8

@@ -63,6 +63,7 @@ def in_the_air(folder: Path) -> bool:
     return bool(records) and "taking off" in records[0].read_text()
 
 
+@pytest.mark.soak
 @pytest.mark.timeout(240)
 def test_a_campaign_does_not_fly_a_drone_again_that_somebody_stopped(tmp_path: Path) -> None:
     with SimulatedLab("lab", (*FREE_PORTS, *LOCKSTEP, "--seed", "6")) as lab:

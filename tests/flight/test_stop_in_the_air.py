@@ -37,6 +37,7 @@ def test_a_stop_packet_of_the_host_locks_the_drone(air: Airborne, lab: Simulated
     assert stop.confirmed
 
 
+@pytest.mark.soak  # of which continuous integration runs a sample
 @pytest.mark.timeout(300)
 def test_without_its_packets_nothing_stops_the_drone_and_the_operator_is_told(air: Airborne) -> None:
     """What the proof rests on: neither watchdog nor closing setpoint is left."""

@@ -261,8 +261,9 @@ def test_motors_are_off_after_any_exception(drone: DroneLink, error: type[BaseEx
         witness.close()
 
 
-def test_motors_stop_when_nobody_renews(drone: DroneLink) -> None:
-    with unlocked(drone) as stand:
+def test_motors_stop_when_nobody_renews(drone_uri: str) -> None:
+    # Patience is waited for here.
+    with patient_link(drone_uri, silence_s=10.0) as drone, unlocked(drone) as stand:
         stand.spin({1: pwm(60)})
         start = monotonic()
         until(lambda: stand.stopped is not None)

@@ -54,6 +54,7 @@ def found() -> Study:
     return Study(pairs, trends(pairs))
 
 
+@pytest.mark.soak
 def test_higher_speed_helps(found: Study) -> None:
     """From 2.5 m/s less below: 0.05 to 0.5 by design; narrow-long, at its best at any speed, about 0."""
     numbers = found.trends["speed"].numbers

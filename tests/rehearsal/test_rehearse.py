@@ -89,6 +89,7 @@ def rehearse_on_record(uri: str, folder: Path) -> tuple[int, dict[str, Any]]:
     return int(not rehearsal.verdict.passed), json.loads((folder / "verdict.json").read_text())
 
 
+@pytest.mark.soak
 def test_a_lab_in_lock_step_gives_the_same_verdict_again_also_on_record(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
