@@ -159,6 +159,7 @@ def test_an_override_that_somebody_left_on_is_switched_off(drone: DroneLink) -> 
 
 
 def test_armed_motors_refuse_a_recording_and_the_stand(drone: DroneLink) -> None:
+    until(lambda: drone.supervisor_info().can_arm)  # it may have booted a moment ago
     drone.arm()
     try:
         until(lambda: drone.supervisor_info().is_armed)  # the bits are up to 40 ms old
