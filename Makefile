@@ -49,10 +49,10 @@ soak: $(VENV)/.dev
 # A sample of them, another one with each SEED.
 soak-sample: $(VENV)/.dev
 	$(BIN)/python -m tests.lab_time.same_flight --busy 4 --flights 1 --seed $(SEED)
-	$(BIN)/python -m tests.flight.faulty_attempts --attempts 3 --seed $(SEED)
-	$(BIN)/python -m tests.diagnosis.faulty_flights --flights 3 --seed $(SEED)
-	$(BIN)/python -m tests.flight.stop_proof --stops 10 --seed $(SEED)
-	$(BIN)/python -m tests.mutation --sample 30 --seed $(SEED)
+	$(BIN)/python -m tests.flight.faulty_attempts --attempts 2 --seed $(SEED)
+	$(BIN)/python -m tests.diagnosis.faulty_flights --flights 2 --seed $(SEED)
+	$(BIN)/python -m tests.flight.stop_proof --stops 4 --seed $(SEED)
+	$(BIN)/python -m tests.mutation --sample 20 --seed $(SEED)
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .
