@@ -183,7 +183,7 @@ def _straight_laps(b: CourseBuilder, v: Values, room: RoomGeometry) -> None:
     x, y, z = v["x"], v["y"], v["height"]
     half, speed = 0.5 * v["length"], v["speed"]
     for _ in _repeats(v):
-        for axis, reach in ((X, half), (Y, min(half, 0.45 * (room.y_max - room.y_min) - 0.15))):
+        for axis, reach in ((X, half), (Y, min(half, 0.4 * (room.y_max - room.y_min) - 0.15))):
             there = (x + axis[0] * reach, y + axis[1] * reach, z)
             back = (x - axis[0] * reach, y - axis[1] * reach, z)
             # Of the polynomial: peak speed 1.875 of the mean, peak acceleration 5.77 of length / time^2.
