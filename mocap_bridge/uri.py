@@ -63,7 +63,7 @@ SCHEMES: dict[str, MocapScheme] = {
     "file": MocapScheme(
         opener="mocap_bridge.sources.recording.open_recording",
         port=0,
-        example="file:///home/me/runs/RUN",
+        example="file:///data/runs/RUN",
         needs_host=False,
         subject="recorded",
         is_file=True,

@@ -6,9 +6,7 @@ Frame numbers are counted here, because MAVLink has none for poses: what is lost
 """
 
 import math
-from collections import deque
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from mocap_bridge.errors import MocapError, MocapUriError, PoseTimeout, UnknownSubject
 from mocap_bridge.mavlink.address import read_key
@@ -17,6 +15,7 @@ from mocap_bridge.mavlink.frames import quaternion_from_euler_zyx, swap_attitude
 from mocap_bridge.mavlink.refusal import timesync_answer
 from mocap_bridge.pose import PoseSample, SourceStatistics
 from mocap_bridge.rotation import continuous
+from mocap_bridge.sources.queued import QueuedStream
 from mocap_bridge.timing import CaptureClock
 from mocap_bridge.uri import MocapUri
 from onboard.arrays import Quaternion, Vector
@@ -57,7 +56,7 @@ def open_mavlink(uri: MocapUri, clock: Timebase) -> "MavlinkPoseStream":
     return stream
 
 
-class MavlinkPoseStream:
+class MavlinkPoseStream(QueuedStream):
     """An open listener (a ``PoseStream``)."""
 
     def __init__(self, uri: MocapUri, clock: Timebase) -> None:
@@ -69,10 +68,8 @@ class MavlinkPoseStream:
             listen=(uri.host, uri.port),
             ipv6=":" in uri.host,
         )
-        self._uri = uri
-        self._clock = clock
+        super().__init__(uri, clock)
         self._capture = CaptureClock()
-        self._samples: deque[PoseSample] = deque()
         self._systems: dict[str, None] = {}
         self._chosen: tuple[int, str] | None = None
         self._last: Quaternion | None = None
@@ -97,14 +94,6 @@ class MavlinkPoseStream:
             f"{', '.join(offered)}",
             offered,
         )
-
-    def read(self, timeout_s: float) -> PoseSample:
-        """The next pose; see :meth:`PoseStream.read`."""
-        deadline = self._clock() + timeout_s
-        while not self._samples:
-            if not self._receive(deadline):
-                raise PoseTimeout(f"{self._uri}: no pose within {timeout_s:.3g} s")
-        return self._samples.popleft()
 
     def _receive(self, deadline: float) -> bool:
         """Take what has arrived, waiting for it until `deadline`; False when that has passed."""
@@ -169,14 +158,6 @@ class MavlinkPoseStream:
     def close(self) -> None:
         """Close the socket."""
         self._endpoint.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def _odometry(message: Any) -> Pose | None:

@@ -12,13 +12,12 @@ import selectors
 import subprocess
 import sys
 import tempfile
-from collections import deque
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
-from mocap_bridge.errors import MocapError, PoseTimeout, SourceLost, SourceUnusable, UnknownSubject
+from mocap_bridge.errors import MocapError, SourceLost, SourceUnusable, UnknownSubject
 from mocap_bridge.pose import PoseSample, SourceStatistics
 from mocap_bridge.rotation import continuous
+from mocap_bridge.sources.queued import QueuedStream
 from mocap_bridge.uri import MocapUri
 from onboard.arrays import Quaternion
 from onboard.timebase import Timebase
@@ -50,11 +49,11 @@ def open_motioncapture(uri: MocapUri, clock: Timebase) -> "MotionCaptureStream":
     return stream
 
 
-class MotionCaptureStream:
+class MotionCaptureStream(QueuedStream):
     """A running child (a ``PoseStream``)."""
 
     def __init__(self, uri: MocapUri, clock: Timebase) -> None:
-        self._uri, self._clock = uri, clock
+        super().__init__(uri, clock)
         self._kind = uri.scheme.removeprefix(PREFIX)
         module = "mocap_bridge.sources.motioncapture_child"
         # Not a pipe: one that nobody empties would stop the child.
@@ -69,7 +68,6 @@ class MotionCaptureStream:
         self._selector = selectors.DefaultSelector()
         self._selector.register(self._output, selectors.EVENT_READ)
         self._rest = b""
-        self._samples: deque[PoseSample] = deque()
         self._names: dict[str, None] = {}
         self._last: Quaternion | None = None
         self._frames = 0
@@ -91,14 +89,6 @@ class MotionCaptureStream:
             f"{', '.join(map(repr, offered)) or 'none'}",
             offered,
         )
-
-    def read(self, timeout_s: float) -> PoseSample:
-        """The next frame; see :meth:`PoseStream.read`."""
-        deadline = self._clock() + timeout_s
-        while not self._samples:
-            if not self._receive(deadline):
-                raise PoseTimeout(f"{self._uri}: no frame within {timeout_s:.3g} s")
-        return self._samples.popleft()
 
     def _receive(self, deadline: float) -> bool:
         """Take what the child has printed, waiting for it until `deadline`; False when that has passed."""
@@ -169,14 +159,6 @@ class MotionCaptureStream:
         for pipe in (self._child.stdin, self._child.stdout, self._said):
             if pipe is not None:
                 pipe.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def _settings(uri: MocapUri) -> dict[str, str]:

@@ -11,10 +11,10 @@ from collections import deque
 from mocap_bridge.errors import MocapError, PacketError, PoseTimeout, SourceLost, UnknownSubject
 from mocap_bridge.pose import PoseSample, SourceStatistics
 from mocap_bridge.rotation import continuous, quaternion_from_euler_xyz
+from mocap_bridge.sources.queued import QueuedStream
 from mocap_bridge.tracker_udp import NAME_BYTES, TrackerItem, decode_block
 from mocap_bridge.uri import MocapUri
 from onboard.arrays import Quaternion
-from onboard.closing import Closing
 from onboard.timebase import Timebase
 
 OPEN_TIMEOUT_S = 0.5
@@ -48,18 +48,16 @@ def open_vicon_udp(uri: MocapUri, clock: Timebase) -> "ViconUdpStream":
     return stream
 
 
-class ViconUdpStream(Closing):
+class ViconUdpStream(QueuedStream):
     """An open Tracker UDP listener (a ``PoseStream``)."""
 
     def __init__(self, listener: socket.socket, uri: MocapUri, clock: Timebase) -> None:
+        super().__init__(uri, clock)
         self._socket = listener
-        self._uri = uri
         # Tracker cuts names; a longer one in the URI means the cut one on the wire.
         self._key = uri.subject.encode()[:NAME_BYTES].decode("utf-8", "replace")
-        self._clock = clock
         self._transport = clock.transport(f"tracker:{uri.port}")
         self._seen: dict[str, None] = {}
-        self._samples: deque[PoseSample] = deque()
         self._open_frame: int | None = None
         self._open_receipt = 0.0
         self._answered = False
@@ -97,14 +95,6 @@ class ViconUdpStream(Closing):
             " Only this computer is heard; from another one, name the address to listen on: "
             f"{dataclasses.replace(self._uri, host=ANY_ADDRESS)}"
         )
-
-    def read(self, timeout_s: float) -> PoseSample:
-        """The next frame; see :meth:`PoseStream.read`."""
-        deadline = self._clock() + timeout_s
-        while not self._samples:
-            if not self._receive(deadline):
-                raise PoseTimeout(f"UDP port {self._uri.port}: no frame within {timeout_s:.3g} s")
-        return self._samples.popleft()
 
     def _receive(self, deadline: float) -> bool:
         """Take in one datagram; False at the deadline."""

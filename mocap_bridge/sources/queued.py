@@ -1,0 +1,35 @@
+"""A source that may bring several samples at once: they wait in a queue until they are read."""
+
+from abc import abstractmethod
+from collections import deque
+
+from mocap_bridge.errors import PoseTimeout
+from mocap_bridge.pose import PoseSample
+from mocap_bridge.uri import MocapUri
+from onboard.closing import Closing
+from onboard.timebase import Timebase
+
+
+class QueuedStream(Closing):
+    """What such sources share (of a ``PoseStream``).
+
+    Args:
+        uri: for messages.
+        clock: of deadlines and receipt times.
+    """
+
+    def __init__(self, uri: MocapUri, clock: Timebase) -> None:
+        self._uri, self._clock = uri, clock
+        self._samples: deque[PoseSample] = deque()
+
+    @abstractmethod
+    def _receive(self, deadline: float) -> bool:
+        """Queue what has arrived, waiting for it until `deadline`; False when that has passed."""
+
+    def read(self, timeout_s: float) -> PoseSample:
+        """The next sample; see :meth:`PoseStream.read`."""
+        deadline = self._clock() + timeout_s
+        while not self._samples:
+            if not self._receive(deadline):
+                raise PoseTimeout(f"{self._uri}: no pose within {timeout_s:.3g} s")
+        return self._samples.popleft()
