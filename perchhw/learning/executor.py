@@ -7,6 +7,7 @@ order of the work nor who does it can change a result.
 
 import os
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -38,7 +39,7 @@ class Executor(Protocol):
 
 @dataclass(frozen=True)
 class LocalThreads:
-    """Threads of this process, by joblib.
+    """Threads of this process.
 
     The kernels release the interpreter lock, so that threads use all cores with one copy of the compiled
     code; docs/learning.md has the comparison with processes.
@@ -50,17 +51,14 @@ class LocalThreads:
     workers: int = 0
 
     def spread(self, work: Callable[[Task], Result], tasks: Sequence[Task]) -> Iterator[tuple[Task, Result]]:
-        """See :class:`Executor`.
-
-        Raises:
-            LearningInputError: joblib is not installed.
-        """
-        try:
-            from joblib import Parallel, delayed
-        except ImportError as error:
-            raise LearningInputError("learning needs joblib: pip install 'perchhw[learn]'") from error
-        parallel = Parallel(n_jobs=self._threads(), backend="threading", return_as="generator_unordered")
-        yield from parallel(delayed(_with_task)(work, task) for task in tasks)
+        """See :class:`Executor`."""
+        with ThreadPoolExecutor(self._threads()) as threads:
+            under_way = {threads.submit(work, task): task for task in tasks}
+            try:
+                for done in as_completed(under_way):
+                    yield under_way.pop(done), done.result()
+            finally:
+                threads.shutdown(wait=False, cancel_futures=True)
 
     def _threads(self) -> int:
         return self.workers or os.cpu_count() or 1
@@ -72,10 +70,6 @@ class LocalThreads:
 
 ALL_CORES = LocalThreads()
 """All cores of this machine."""
-
-
-def _with_task(work: Callable[[Task], Result], task: Task) -> tuple[Task, Result]:
-    return task, work(task)
 
 
 @contextmanager

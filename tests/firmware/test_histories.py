@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from onboard.app_interface import EndReason, LandingState
@@ -128,7 +128,7 @@ def test_they_come_through_every_state_and_reason() -> None:
     assert {reason for _, reason in ends} >= set(EndReason) - {EndReason.NONE}
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=25)
 @given(history=HISTORIES, seed=st.integers(0, 1000))
 def test_any_history(core: CoreLibrary, history: list[Stretch], seed: int) -> None:
     check(compare(history, seed))
