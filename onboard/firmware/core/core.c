@@ -178,8 +178,7 @@ static void fly(perch_core *core, const perch_inputs *in) {
   const perch_output_mode mode = core->output.mode;
   if (mode == PERCH_OFF || perch_setpoint_is_null(&in->setpoint)) {
     stop(core); /* the app never runs the motors against a null setpoint */
-  } else if (mode == PERCH_SETPOINT || (core->outputs.events & PERCH_HANDED_OVER)) {
-    /* Handed over, the last hold stays in force until the planner speaks: its setpoint is still an old goal. */
+  } else if (mode == PERCH_SETPOINT) {
     const perch_setpoint setpoint = perch_setpoint_of(&core->outputs.motion);
     follow(core, in, &setpoint);
   } else if (mode == PERCH_PASS) {
