@@ -58,7 +58,6 @@ typedef struct {
 typedef struct {
   const perch_vehicle *vehicle;
   perch_landing_memory landing;
-  perch_landing_output output;
   perch_plan plan;
   perch_follower follower;
   perch_vector lagged; /* memory of the moments' lead */
