@@ -77,7 +77,7 @@ class CEngine:
 
     @property
     def target(self) -> Setpoint:
-        """What is tracked in mode SETPOINT, and in the step of a hand-over."""
+        """What is tracked in mode SETPOINT."""
         motion = self._view.outputs.motion
         return complete_setpoint(
             self._inputs.tick,

@@ -273,7 +273,7 @@ class Firmware:
         )
         events = engine.step(sample)
         flown = engine.mode is OutputMode.SETPOINT and not setpoint.is_null
-        self.setpoint = engine.target if flown or Event.HANDED_OVER in events else setpoint
+        self.setpoint = engine.target if flown else setpoint
         self._tell_others(tick, events)
         self.ratios[:] = engine.ratios if self.supervisor.motors_allowed and not self._rehearses() else 0
         if self.app is not None and self.app.motors_abandoned():

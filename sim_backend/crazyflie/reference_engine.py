@@ -247,7 +247,7 @@ class ReferenceEngine:
             if sample.tick % POLICY_PERIOD_MS == 0:
                 self._evaluate(sample)
             events = self._step_machine(sample)
-        self._fly(sample, events)
+        self._fly(sample)
         self._stabilizer.drive(self._supply)
         if self._recorder.records(sample.tick):
             self._record(sample)
@@ -364,13 +364,11 @@ class ReferenceEngine:
             return Event.HANDED_OVER
         return Event.NONE
 
-    def _fly(self, sample: Sample, events: Event) -> None:
+    def _fly(self, sample: Sample) -> None:
         stabilizer, mode = self._stabilizer, self.mode
         if mode is OutputMode.OFF or sample.setpoint.is_null:
             stabilizer.stop()  # never runs the motors against somebody who wants them off
-        elif mode is OutputMode.SETPOINT or Event.HANDED_OVER in events:
-            # Handed over, the last hold stays in force until the planner speaks, 10 ms at most: the setpoint
-            # of this step is still its old goal, perhaps metres away.
+        elif mode is OutputMode.SETPOINT:
             stabilizer.follow(sample.tick, self.target, sample.estimator, sample.gyro)
         elif mode is OutputMode.PASS:
             stabilizer.follow(sample.tick, sample.setpoint, sample.estimator, sample.gyro)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from onboard.app_interface import AVERAGED_MS
 from onboard.landing.model import OutputMode
 from onboard.policy.bundle import bundle_crc32, encode_bundle
 from onboard.policy.files import load_policy, shipped_policy_path
@@ -212,8 +213,14 @@ def samples(history: list[Stretch], seed: int) -> Iterator[tuple[Stretch | None,
 STEP_MS = 2
 """Period of landing machine and law."""
 
+FORCE = 1e-5
+"""N: largest difference of a motor's thrust. The law's is 1e-6, its lead multiplies a moment's by up to 7."""
+
 MEAN = 12
 """Of 65535: largest difference of a mean motor ratio; the thrusts' 1e-5 N are 5 of them."""
+
+EDGES = (VEHICLE.motors.thrust_min.value, VEHICLE.motors.thrust_map_compiled().coefficients[6])
+"""N: the least thrust, and the one between the map's rows: there the ratio that a thrust needs jumps."""
 
 JUMP = 0.01
 """m/s2: where a planned acceleration jumps, the rounding of the time may cost one engine a step."""
@@ -242,7 +249,7 @@ class Compared:
         explained: whether that was a threshold which the reference crosses itself when its numbers move by
             the rounding of float32, or the clock by a millionth of a second. Engines of which one crosses it
             a step later go on together; others part there.
-        force: largest difference of a motor's thrust, N, and in which mode, until one of them crossed a
+        force: largest difference of a motor's thrust, N, in each mode, until one of them crossed a
             threshold a step later: from then on they hold a place of different instants. Likewise for a while
             after the planned acceleration jumped a step later.
     """
@@ -253,24 +260,53 @@ class Compared:
     force: dict[OutputMode, float]
 
 
+@dataclass
+class Motors:
+    """The motors of two engines, step by step.
+
+    Attributes:
+        force: as in `Compared`.
+        edge: ms, int64[4]: when each thrust was last so near to one of `EDGES` that the engines may take
+            different sides of it.
+    """
+
+    force: dict[OutputMode, float] = field(default_factory=dict)
+    edge: np.ndarray = field(default_factory=lambda: np.full(4, -AVERAGED_MS))
+
+    def watch(self, reference: Engine, tick: int) -> None:
+        """Each ms: how near to an edge."""
+        near = np.abs(np.subtract.outer(reference.thrusts, EDGES)) <= FORCE
+        self.edge[near.any(axis=1)] = tick
+
+    def compare(self, reference: Engine, c: Engine, tick: int) -> None:
+        """The thrusts of this ms and the mean ratios, which remember an edge."""
+        mean = np.abs(np.subtract(c.mean_ratios, reference.mean_ratios))
+        assert mean[tick - self.edge >= AVERAGED_MS].max(initial=0) <= MEAN
+        if np.isfinite(reference.thrusts).all():
+            most = float(np.abs(np.subtract(c.thrusts, reference.thrusts)).max())
+            self.force[reference.mode] = max(self.force.get(reference.mode, 0.0), most)
+        else:
+            assert np.array_equal(np.isfinite(c.thrusts), np.isfinite(reference.thrusts))
+
+
 def compare(history: list[Stretch], seed: int) -> Compared:
     """Both engines through one history."""
-    reference, c = ReferenceEngine(VEHICLE), CEngine(VEHICLE)
+    reference, c, motors = ReferenceEngine(VEHICLE), CEngine(VEHICLE), Motors()
     difference, parted, jumped = None, -STEP_MS, -FORGOTTEN_MS
     visited: list[tuple[Any, Any]] = []
-    force: dict[OutputMode, float] = {}
     for stretch, sample in samples(history, seed):
         if stretch is not None:
             wanted_answer, answer = write(reference, stretch), write(c, stretch)
             assert answer == wanted_answer, f"{stretch}: {answer}, not {wanted_answer}"
         wanted, found = told(reference, reference.step(sample)), told(c, c.step(sample))
+        motors.watch(reference, sample.tick)
         if wanted != found and sample.tick > parted + STEP_MS:
             difference = f"{sample.tick} ms: {found}, not {wanted}"
             if found not in nearly(reference_before(history, seed, sample.tick), sample):
-                return Compared(tuple(visited), difference, False, force)
+                return Compared(tuple(visited), difference, False, motors.force)
             parted = sample.tick
         if sample.tick == parted + STEP_MS and wanted[:4] != found[:4]:
-            return Compared(tuple(visited), difference, True, force)
+            return Compared(tuple(visited), difference, True, motors.force)
         if sample.tick - parted < STEP_MS:
             continue
         if not visited or visited[-1] != (reference.state, reference.reason):
@@ -282,13 +318,8 @@ def compare(history: list[Stretch], seed: int) -> Compared:
             jumped = sample.tick
         if sample.tick - jumped < FORGOTTEN_MS:
             continue
-        assert np.abs(np.subtract(c.mean_ratios, reference.mean_ratios)).max() <= MEAN
-        thrusts = np.abs(np.subtract(c.thrusts, reference.thrusts))
-        if np.isfinite(reference.thrusts).all():
-            force[reference.mode] = max(force.get(reference.mode, 0.0), float(thrusts.max()))
-        else:
-            assert np.array_equal(np.isfinite(c.thrusts), np.isfinite(reference.thrusts))
-    return Compared(tuple(visited), difference, True, force)
+        motors.compare(reference, c, sample.tick)
+    return Compared(tuple(visited), difference, True, motors.force)
 
 
 def reference_before(history: list[Stretch], seed: int, tick: int) -> ReferenceEngine:

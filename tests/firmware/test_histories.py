@@ -16,6 +16,7 @@ from onboard.firmware.library import CoreLibrary
 from onboard.landing.model import OutputMode
 from tests.firmware.histories import (
     APPROACHES,
+    FORCE,
     LANDING,
     MOTIONS,
     POSE_AGES,
@@ -25,9 +26,6 @@ from tests.firmware.histories import (
     Stretch,
     compare,
 )
-
-FORCE = 1e-5
-"""N: largest difference of a motor's thrust. The law's is 1e-6, its lead multiplies a moment's by up to 7."""
 
 _MOSTLY = st.sampled_from([True] * 5 + [False])
 STRETCHES = st.builds(
@@ -75,6 +73,10 @@ ENDS = {
             Stretch(900, "disarm", motion="stay"),
         ],
         (LandingState.IDLE, EndReason.ABORT),
+    ),
+    "handed over before it has slowed down": (
+        [*BEGUN, Stretch(8, "disarm", motion="fall"), Stretch(8)],
+        (LandingState.IDLE, EndReason.DISARMED),
     ),
     "lost in a hold": (
         [

@@ -126,15 +126,17 @@ static uint8_t change(perch_core *core, const perch_inputs *in, uint8_t was) {
   return was == PERCH_HOLD && is == PERCH_IDLE && !perch_setpoint_is_null(&in->setpoint) ? PERCH_HANDED_OVER : 0;
 }
 
-static void step_machine(perch_core *core, const perch_inputs *in) {
+static perch_landing_output step_machine(perch_core *core, const perch_inputs *in) {
   const uint8_t was = core->landing.state;
   take_request(core);
   const perch_landing_inputs inputs = landing_inputs(core, in);
-  core->output = perch_landing_step(&core->landing, &inputs, &core->plan, core->vehicle);
-  if (core->output.mode == PERCH_SETPOINT) {
-    core->outputs.motion = core->output.motion;
+  const perch_landing_output output = perch_landing_step(&core->landing, &inputs, &core->plan, core->vehicle);
+  core->outputs.mode = (uint8_t)output.mode;
+  if (output.mode == PERCH_SETPOINT) {
+    core->outputs.motion = output.motion;
   }
   core->outputs.events = (uint8_t)(clear_flags(core, &inputs) | answer(core) | change(core, in, was));
+  return output;
 }
 
 /* Forget what was followed. */
@@ -152,40 +154,36 @@ static void apply(perch_core *core, const perch_wrench *wanted) {
 }
 
 static void follow(perch_core *core, const perch_inputs *in, const perch_setpoint *setpoint) {
-  if (perch_setpoint_is_null(setpoint)) {
-    stop(core);
-    return;
-  }
-  if (in->tick % PERCH_CONTROL_PERIOD_MS == 0) {
-    perch_follow(&core->follower, setpoint, &in->estimate, core->vehicle);
-    const perch_wrench wanted = perch_track(&core->follower, &in->estimate, core->vehicle);
-    apply(core, &wanted);
-  }
-}
-
-/* Attitude alone, or thrusts past the controller. */
-static void drive(perch_core *core, const perch_inputs *in) {
-  if (core->output.mode == PERCH_THRUSTS) {
-    memcpy(core->outputs.thrusts, core->output.thrusts, sizeof core->outputs.thrusts);
-    return;
-  }
-  const perch_wrench wanted = perch_attitude_control(&core->landing.attitude, &in->estimate.gyro,
-                                                     core->output.collective, 0.0f, core->vehicle);
+  perch_follow(&core->follower, setpoint, &in->estimate, core->vehicle);
+  const perch_wrench wanted = perch_track(&core->follower, &in->estimate, core->vehicle);
   apply(core, &wanted);
 }
 
-static void fly(perch_core *core, const perch_inputs *in) {
-  const perch_output_mode mode = core->output.mode;
-  if (mode == PERCH_OFF || perch_setpoint_is_null(&in->setpoint)) {
-    stop(core); /* the app never runs the motors against a null setpoint */
-  } else if (mode == PERCH_SETPOINT || (core->outputs.events & PERCH_HANDED_OVER)) {
-    /* Handed over, the last hold stays in force until the planner speaks: its setpoint is still an old goal. */
-    const perch_setpoint setpoint = perch_setpoint_of(&core->outputs.motion);
-    follow(core, in, &setpoint);
-  } else if (mode == PERCH_PASS) {
-    follow(core, in, &in->setpoint);
-  } else if (in->tick % PERCH_CONTROL_PERIOD_MS == 0) {
-    drive(core, in);
+static void level(perch_core *core, const perch_inputs *in, float collective) {
+  const perch_wrench wanted = perch_attitude_control(&core->landing.attitude, &in->estimate.gyro, collective, 0.0f,
+                                                     core->vehicle);
+  apply(core, &wanted);
+}
+
+/* One step of the law, as the landing machine wants it. */
+static void fly(perch_core *core, const perch_inputs *in, const perch_landing_output *output) {
+  switch (output->mode) {
+    case PERCH_PASS:
+      follow(core, in, &in->setpoint);
+      break;
+    case PERCH_SETPOINT: {
+      const perch_setpoint setpoint = perch_setpoint_of(&output->motion);
+      follow(core, in, &setpoint);
+      break;
+    }
+    case PERCH_LEVEL:
+      level(core, in, output->collective);
+      break;
+    case PERCH_THRUSTS: /* past the controller */
+      memcpy(core->outputs.thrusts, output->thrusts, sizeof core->outputs.thrusts);
+      break;
+    case PERCH_OFF:
+      break;
   }
 }
 
@@ -227,7 +225,6 @@ static void average(perch_core *core, uint32_t tick) {
 
 static void report(perch_core *core) {
   perch_outputs *out = &core->outputs;
-  out->mode = (uint8_t)core->output.mode;
   out->state = core->landing.state;
   out->reason = core->landing.reason;
   out->trajectory_armed = core->trajectory_armed;
@@ -235,15 +232,30 @@ static void report(perch_core *core) {
   out->rehearses = core->rehearsed;
 }
 
+/* Whether nothing may turn: the app never runs the motors against a null setpoint. */
+static bool is_off(const perch_core *core, const perch_inputs *in) {
+  return core->outputs.mode == PERCH_OFF || perch_setpoint_is_null(&in->setpoint);
+}
+
+/* Landing machine and law. */
+static void step_all(perch_core *core, const perch_inputs *in) {
+  if (in->tick % POLICY_PERIOD_MS == 0) {
+    evaluate(core, in);
+  }
+  const perch_landing_output output = step_machine(core, in);
+  if (!is_off(core, in)) {
+    fly(core, in, &output);
+  }
+}
+
 /* One ms of a drone that flies, or rehearses. */
 static void compute(perch_core *core, const perch_inputs *in) {
   if (in->tick % PERCH_CONTROL_PERIOD_MS == 0) {
-    if (in->tick % POLICY_PERIOD_MS == 0) {
-      evaluate(core, in);
-    }
-    step_machine(core, in);
+    step_all(core, in);
   }
-  fly(core, in);
+  if (is_off(core, in)) {
+    stop(core);
+  }
   compensate(core, in->voltage);
   record(core, in);
 }

@@ -39,7 +39,7 @@ typedef struct {
   float duties[4];  /* share of the battery voltage, 0..1 */
   uint16_t mean_ratios[4]; /* duties of the last 10 ms, 0..65535: what a log of 100 Hz can tell without aliases */
   perch_wrench wrench; /* as the mixer got it */
-  perch_motion motion;     /* while `mode` is SETPOINT, or the drone has just been handed over */
+  perch_motion motion;     /* while `mode` is SETPOINT */
   uint8_t mode;            /* a perch_output_mode */
   uint8_t events;          /* of this ms */
   uint8_t state, reason;
@@ -58,7 +58,6 @@ typedef struct {
 typedef struct {
   const perch_vehicle *vehicle;
   perch_landing_memory landing;
-  perch_landing_output output;
   perch_plan plan;
   perch_follower follower;
   perch_vector lagged; /* memory of the moments' lead */

@@ -94,7 +94,7 @@ void controllerOutOfTree(control_t *control, const setpoint_t *setpoint, const s
     perch_stay_on_the_desk(control);
     return;
   }
-  if (is_delegated() && !(perch.outputs.events & PERCH_HANDED_OVER)) {
+  if (is_delegated()) {
     controllerPid(control, setpoint, sensors, state, stabilizerStep);
     return;
   }
