@@ -197,7 +197,7 @@ def main() -> None:
     content = bytes(np.random.default_rng(1).integers(0, 256, POLICY_BYTES, dtype=np.uint8))
     with SimulatedLab("drone", ("--drone-port", "0")) as simulated:
         uri = arguments.uri or simulated.drones[0]
-        install_driver()
+        install_driver(for_everybody=True)
         ways = measure(uri, arguments.repeats, content)
     document = {
         "benchmark": "drone_link",

@@ -142,6 +142,13 @@ def scheme_of(name: str) -> MocapScheme | None:
     return None
 
 
+def _installed() -> list[str]:
+    """Schemes that installed packages bring."""
+    from importlib.metadata import entry_points
+
+    return sorted(entry_points(group=ENTRY_POINTS).names)
+
+
 def parse_mocap_uri(text: str) -> MocapUri:
     """Parse `text`.
 
@@ -158,8 +165,10 @@ def parse_mocap_uri(text: str) -> MocapUri:
         raise MocapUriError(f"mocap URI {text!r}: {error}; write e.g. {example}") from error
     scheme = scheme_of(parts.scheme)
     if scheme is None:
-        known = ", ".join(scheme.example for scheme in SCHEMES.values())
-        raise MocapUriError(f"mocap URI {text!r}: unknown scheme {parts.scheme!r}; write one of: {known}")
+        known = [scheme.example for scheme in SCHEMES.values()] + [f"{name}://..." for name in _installed()]
+        raise MocapUriError(
+            f"mocap URI {text!r}: unknown scheme {parts.scheme!r}; write one of: {', '.join(known)}"
+        )
     example = scheme.example
     subject = _subject(text, options, scheme)
     if scheme.is_file:

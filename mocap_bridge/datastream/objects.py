@@ -17,6 +17,8 @@ STREAM_CLOCK_HZ = 135_000_000
 NO_FRAME = 0xFFFFFFFF
 Z_UP = 0
 Y_UP = 1
+# Timecode's standard of 25 frames a second.
+TIMECODE_PAL, TIMECODE_PAL_HZ = 0, 25
 
 
 class ObjectEnums(NamedTuple):
@@ -182,10 +184,46 @@ class Reconstruction(NamedTuple):
     trajectory: int
 
 
+class LabeledReconstruction(NamedTuple):
+    """A marker of a subject, by its number there: radius (mm), position (mm), covariance, trajectory id."""
+
+    subject: int
+    marker: int
+    radius: float
+    position: Vector
+    covariance: Matrix
+    trajectory: int
+
+
+class LabeledReconstructions(NamedTuple):
+    """All markers that belong to subjects; a hidden one is absent."""
+
+    markers: tuple[LabeledReconstruction, ...]
+
+
 class UnlabeledReconstructions(NamedTuple):
     """All markers that belong to no subject."""
 
     markers: tuple[Reconstruction, ...]
+
+
+class CameraInfo(NamedTuple):
+    """A camera: frame period in ticks of STREAM_CLOCK_HZ, type, name, resolution (pixels), its number for
+    users."""
+
+    camera: int
+    period_ticks: int
+    type: str
+    display_type: str
+    name: str
+    resolution_x: int
+    resolution_y: int
+    aspect_ratio: float
+    circularity_threshold: float
+    tracks_centroids: int
+    is_video: int
+    user_id: int
+    marker_velocity: float
 
 
 class HardwareFrameInfo(NamedTuple):
@@ -204,7 +242,7 @@ StreamObject = (
     ObjectEnums | RequestFrame | RequestNextFrame | Contents | StreamInfo | SubjectInfo | FrameInfo |
     GlobalSegments | LocalSegments | LightweightSegments | LatencyInfo | FrameRateInfo | Timecode |
     ApplicationInfo | ObjectQuality | SubjectHealth | SubjectTopology | SubjectScale |
-    UnlabeledReconstructions | HardwareFrameInfo | Ping
+    LabeledReconstructions | UnlabeledReconstructions | CameraInfo | HardwareFrameInfo | Ping
 )  # fmt: skip
 
 
@@ -220,14 +258,17 @@ _SEGMENT = Record(Segment, _U32, _U32, Numbers(6, "f"), _NAME)
 _POSES = Many(Record(SegmentPose, _U32, _VECTOR, _MATRIX))
 _LIGHT = Many(Record(LightweightSegment, _U32, _VECTOR_F32, _VECTOR_F32))
 _RECONSTRUCTIONS = Many(Record(Reconstruction, _F64, _VECTOR, _MATRIX, _U32))
+_LABELED = Many(Record(LabeledReconstruction, _U32, _U32, _F64, _VECTOR, _MATRIX, _U32))
 
 LAYOUTS: dict[int, Record] = {
     1: Record(StreamInfo, _I64),
     2: Record(SubjectInfo, _U32, _NAME, Many(_SEGMENT), Many(_pair(_U32, _NAME)), Many(_pair(_U32, _U32))),
     5: Record(FrameInfo, _U32),
+    6: Record(LabeledReconstructions, _LABELED),
     7: Record(UnlabeledReconstructions, _RECONSTRUCTIONS),
     8: Record(LocalSegments, _U32, _POSES),
     9: Record(GlobalSegments, _U32, _POSES),
+    14: Record(CameraInfo, _U32, _U64, _NAME, _NAME, _NAME, _U32, _U32, _F64, _F64, _U8, _U8, _U32, _F64),
     23: Record(Timecode, _U8, _U8, _U8, _U8, _U16, _U16, _I32, _U32, _U8),
     26: Record(LatencyInfo, Many(_pair(_NAME, _F64))),
     28: Record(SubjectTopology, _U32, _POSES),

@@ -51,6 +51,7 @@ _RECEIVE_BUFFER = 1 << 20
 
 _install_lock = threading.Lock()
 _times: dict[str, Timebase] = {}
+_for_everybody = False
 
 
 @dataclass(slots=True)
@@ -65,10 +66,17 @@ class DriverStatistics:
     unsent: int = 0
 
 
-def install_driver() -> None:
+def install_driver(for_everybody: bool = False) -> None:
     """Make cflib use :class:`ResendingUdpDriver` for ``udp://`` and :class:`GuardedRadioDriver` for
-    ``radio://``; other schemes keep cflib's. Idempotent."""
+    ``radio://``; other schemes keep cflib's. Idempotent.
+
+    ``udp://`` links that our own code does not open stay with cflib's driver unless it is `for_everybody`:
+    cflib's ``SyncCrazyflie.open_link`` waits for ever for a link that is reported lost while it is set up,
+    which cflib's driver never does.
+    """
+    global _for_everybody
     with _install_lock:
+        _for_everybody = _for_everybody or for_everybody
         classes = cflib.crtp.CLASSES
         if UdpDriver not in classes:
             cflib.crtp.init_drivers()
@@ -80,7 +88,7 @@ def install_driver() -> None:
 
 @contextmanager
 def links_live_in(uri: str, time: Timebase) -> Iterator[None]:
-    """Links to `uri` that cflib opens meanwhile, by URI alone, go by `time`."""
+    """Links to `uri` that cflib opens meanwhile, by URI alone, are ours and go by `time`."""
     _times[uri] = time
     try:
         yield
@@ -122,12 +130,14 @@ class ResendingUdpDriver(CRTPDriver):
         """Open the socket and start receiving; sends nothing.
 
         Raises:
-            WrongUriType: not a ``udp://`` URI (cflib then tries its next driver).
+            WrongUriType: not a ``udp://`` URI, or a link of somebody else (cflib then tries its next driver).
             LinkInputError: the URI is malformed.
             LinkError: the host name does not resolve.
         """
         if not uri.startswith("udp://"):
             raise WrongUriType("not a udp:// URI")
+        if not (_for_everybody or uri in _times):
+            raise WrongUriType("opened by cflib's user, who is not asked to take this driver")
         address = parse_udp_uri(uri)
         udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:

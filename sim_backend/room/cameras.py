@@ -9,6 +9,7 @@ import numpy as np
 from mocap_bridge.rotation import multiply, normalised
 from onboard.arrays import Quaternion, Vector
 from sim_backend.room.feed import TruePose
+from sim_backend.room.markers import markers_of, reflections
 from sim_backend.room.settings import RoomSettings
 
 _HALF_TURN_ABOUT_Z: Quaternion = (0.0, 0.0, 1.0, 0.0)
@@ -23,11 +24,12 @@ class SeenBody(NamedTuple):
 
 
 class CameraFrame(NamedTuple):
-    """One frame: counter, exposure time (local clock, s), all known bodies."""
+    """One frame: counter, exposure time (local clock, s), all known bodies, markers of none (m, world)."""
 
     number: int
     exposure_time: float
     bodies: tuple[SeenBody, ...]
+    unlabelled: tuple[Vector, ...] = ()
 
 
 class Cameras:
@@ -37,6 +39,7 @@ class Cameras:
         self._settings = settings
         self.rng = rng
         self._last: tuple[SeenBody, ...] = ()
+        self._unlabelled: tuple[Vector, ...] = ()
 
     def expose(
         self, number: int, exposure_time: float, bodies: dict[str, TruePose], world_time: float | None
@@ -45,13 +48,20 @@ class Cameras:
         faults = self._settings.faults
         now = -math.inf if world_time is None else world_time
         if faults.freeze is not None and faults.freeze.covers(now) and self._last:
-            return CameraFrame(number, exposure_time, self._last)
+            return CameraFrame(number, exposure_time, self._last, self._unlabelled)
         hidden = faults.occlude is not None and faults.occlude.covers(now)
         flipped = faults.flip180 is not None and faults.flip180.covers(now)
         self._last = tuple(
             self._see(name, None if hidden else bodies.get(name), flipped) for name in self._settings.subjects
         )
-        return CameraFrame(number, exposure_time, self._last)
+        unfitted = [
+            marker
+            for body in self._last
+            if body.pose is None and body.name in bodies and not hidden
+            for marker in markers_of(bodies[body.name])
+        ]
+        self._unlabelled = (*unfitted, *reflections(faults.reflections))
+        return CameraFrame(number, exposure_time, self._last, self._unlabelled)
 
     def _see(self, name: str, true_pose: TruePose | None, flipped: bool) -> SeenBody:
         if true_pose is None or (

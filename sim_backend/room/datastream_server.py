@@ -12,30 +12,12 @@ from collections import Counter
 
 from mocap_bridge.datastream.objects import (
     OBJECT_IDS,
-    STREAM_CLOCK_HZ,
-    Z_UP,
-    ApplicationInfo,
     Contents,
-    FrameInfo,
-    FrameRateInfo,
-    GlobalSegments,
-    HardwareFrameInfo,
-    LatencyInfo,
-    LocalSegments,
     ObjectEnums,
-    ObjectQuality,
     Ping,
     RequestFrame,
     RequestNextFrame,
-    Segment,
-    SegmentPose,
-    StreamInfo,
     StreamObject,
-    SubjectHealth,
-    SubjectInfo,
-    SubjectScale,
-    SubjectTopology,
-    UnlabeledReconstructions,
 )
 from mocap_bridge.datastream.packet import (
     PacketBuffer,
@@ -45,70 +27,27 @@ from mocap_bridge.datastream.packet import (
     join_blocks,
 )
 from mocap_bridge.errors import PacketError
-from mocap_bridge.rotation import matrix_from_quaternion
-from sim_backend.room.cameras import CameraFrame, SeenBody
+from sim_backend.room.cameras import CameraFrame
+from sim_backend.room.frame_objects import FRAME_OBJECTS, frame_objects
 
-SEGMENT = 1
-_IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 _CONTENTS_ID = OBJECT_IDS[Contents]
-_SENT = (
-    StreamInfo, ApplicationInfo, SubjectInfo, SubjectTopology, SubjectScale, SubjectHealth, ObjectQuality,
-    FrameInfo, HardwareFrameInfo, LatencyInfo, FrameRateInfo, LocalSegments, GlobalSegments,
-    UnlabeledReconstructions,
-)  # fmt: skip
-SUPPORTED_IDS = tuple(sorted({OBJECT_IDS[kind] for kind in _SENT} | {OBJECT_IDS[Ping], _CONTENTS_ID}))
+SUPPORTED_IDS = tuple(sorted({OBJECT_IDS[kind] for kind in FRAME_OBJECTS} | {OBJECT_IDS[Ping], _CONTENTS_ID}))
 # A client that does not read: frames are left out for it rather than queued without end.
 _BACKLOG_BYTES = 256 * 1024
 
 
-def frame_objects(frame: CameraFrame, rate_hz: float, latency: float) -> list[StreamObject]:
-    """All objects of a frame; subjects are numbered from 0 in the order of the frame's bodies."""
-    objects: list[StreamObject] = [StreamInfo(round(STREAM_CLOCK_HZ / rate_hz)), ApplicationInfo(Z_UP)]
-    for subject, body in enumerate(frame.bodies):
-        objects += [
-            SubjectInfo(subject, body.name, (Segment(0, SEGMENT, (0.0,) * 6, body.name),), (), ()),
-            SubjectTopology(subject, (SegmentPose(SEGMENT, (0.0, 0.0, 0.0), _IDENTITY),)),
-            SubjectScale(subject, ((SEGMENT, (1.0, 1.0, 1.0)),)),
-            SubjectHealth(subject, 0.2, 1.0),
-            ObjectQuality(subject, body.quality),
-        ]
-    number = frame.number & 0xFFFFFFFF
-    objects += [
-        FrameInfo(number),
-        HardwareFrameInfo(number),
-        LatencyInfo((("Data Processed", latency),)),
-        FrameRateInfo((("Hardware", rate_hz),)),
-        UnlabeledReconstructions(()),
-    ]
-    for subject, body in enumerate(frame.bodies):
-        segments = _segments(body)
-        objects += [LocalSegments(subject, segments), GlobalSegments(subject, segments)]
-    return objects
-
-
-def _segments(body: SeenBody) -> tuple[SegmentPose, ...]:
-    if body.pose is None:
-        return ()
-    x, y, z = body.pose.position
-    return (
-        SegmentPose(
-            SEGMENT, (1000.0 * x, 1000.0 * y, 1000.0 * z), matrix_from_quaternion(body.pose.quaternion)
-        ),
-    )
-
-
 class _EncodedFrame:
-    """A frame's blocks, encoded once; packets are put together per set of wanted ids, once each."""
+    """A frame, put together and encoded once for each set of wanted ids."""
 
     def __init__(self, objects: list[StreamObject]) -> None:
-        self._blocks = [(OBJECT_IDS[type(item)], encode_block(item)) for item in objects]
+        self._objects = [(OBJECT_IDS[type(item)], item) for item in objects]
         self._packets: dict[frozenset[int], bytes] = {}
 
     def packet(self, wanted: frozenset[int]) -> bytes:
         """The packet for a client that wants these ids."""
         if wanted not in self._packets:
-            chosen = [(object_id, block) for object_id, block in self._blocks if object_id in wanted]
-            blocks = [block for _, block in chosen]
+            chosen = [(object_id, item) for object_id, item in self._objects if object_id in wanted]
+            blocks = [encode_block(item) for _, item in chosen]
             if _CONTENTS_ID in wanted:
                 counts = Counter(object_id for object_id, _ in chosen)
                 blocks.insert(0, encode_block(Contents(tuple(sorted(counts.items())), ())))

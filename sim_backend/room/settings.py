@@ -13,6 +13,7 @@ from sim_backend.fault_values import (
     FaultRules,
     Window,
     fault_values,
+    integer,
     number,
     window,
 )
@@ -38,6 +39,7 @@ class RoomFaults:
         jitter: extra delay of each frame on the network, uniform in 0..jitter (s); not in the reported
         latency.
         dies_at: the room closes every connection and stops serving.
+        reflections: so many unlabelled markers belong to nobody.
     """
 
     freeze: Window | None = None
@@ -46,6 +48,7 @@ class RoomFaults:
     drop: float = 0.0
     jitter: float = 0.0
     dies_at: float | None = None
+    reflections: int = 0
 
     @classmethod
     def parse(cls, texts: Mapping[str, str]) -> Self:
@@ -68,6 +71,9 @@ ROOM_RULES: FaultRules = {
         number(0.0, scale=1e-3), "MS: extra network delay of each frame, uniform up to this", "jitter"
     ),
     "mocap_dies_at": FaultRule(TIME, "S: the room closes every connection", "dies_at"),
+    "mocap_reflections": FaultRule(
+        integer(*range(1, 10)), "N: unlabelled markers on the floor that belong to nobody", "reflections"
+    ),
 }
 """What each fault of the room takes and does, by name."""
 
@@ -83,7 +89,7 @@ class RoomSettings:
         position_noise: standard deviation per axis (m); real Vicon: 14-21 um static
             (NanoBench flights, measured).
         rotation_noise: standard deviation per axis (rad); 0.2 mrad in the same flights.
-        occlusion: probability that a body is missing from a frame.
+        occlusion: probability that a body's fit fails in a frame: it is missing, its markers are unlabelled.
         host: local address of all sockets.
         vicon_port: TCP port of the DataStream server; 0 takes a free one.
         vicon_udp_port: UDP port that the Tracker object stream is sent to; 0 takes a free one.

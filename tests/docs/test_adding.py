@@ -182,6 +182,8 @@ def test_a_broken_mocap_package_is_told(another_package: Path) -> None:
     (another_package / "json_udp.py").write_text("import a_vendor_sdk")
     with pytest.raises(MocapUriError, match="their-mocap: No module named 'a_vendor_sdk'"):
         parse_mocap_uri("json-udp://?subject=cf1")
+    with pytest.raises(MocapUriError, match=r"unknown scheme 'json-tcp'; .*, json-udp://\.\.\."):
+        parse_mocap_uri("json-tcp://?subject=cf1")
 
 
 def test_an_instrument(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -41,8 +41,13 @@ def opened(uri: str, time: Timebase = WALL) -> tuple[ResendingUdpDriver, Errors]
     return driver, errors
 
 
+@pytest.fixture(autouse=True)
+def _installed_for_one_test(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("onboard.link.driver._for_everybody", False)
+
+
 def test_installs_itself_before_cflibs_driver_once() -> None:
-    install_driver()
+    install_driver(for_everybody=True)
     cflib.crtp.init_drivers()  # as any user of cflib does
     install_driver()
     classes = cflib.crtp.CLASSES
@@ -54,6 +59,18 @@ def test_installs_itself_before_cflibs_driver_once() -> None:
         link.close()
 
 
+def test_a_stock_client_beside_our_links_keeps_cflibs_driver() -> None:
+    """Lost while it connects, a link of ours would leave cflib's ``SyncCrazyflie`` waiting for ever."""
+    install_driver()
+    with TinyDrone() as drone:
+        with links_live_in(drone.uri, WALL):
+            ours = cflib.crtp.get_link_driver(drone.uri)
+        stock = cflib.crtp.get_link_driver(drone.uri)
+        assert (type(ours), type(stock)) == (ResendingUdpDriver, UdpDriver)
+        ours.close()
+        stock.close()
+
+
 def test_other_schemes_are_left_to_cflib() -> None:
     with pytest.raises(WrongUriType):
         ResendingUdpDriver().connect("radio://0/80/2M", None, None)
@@ -61,7 +78,7 @@ def test_other_schemes_are_left_to_cflib() -> None:
 
 def test_unmodified_cflib_connects_and_writes_memory_with_every_reply_doubled() -> None:
     """Over cflib's own driver the second acknowledgement deadlocks the second write."""
-    install_driver()
+    install_driver(for_everybody=True)
     with TinyDrone() as drone:
         drone.copies = lambda _reply: 2
         crazyflie, connected, written = Crazyflie(), threading.Event(), threading.Semaphore(0)
@@ -85,7 +102,7 @@ def test_unmodified_cflib_connects_and_writes_memory_with_every_reply_doubled() 
 
 @pytest.mark.parametrize("header", [0xF1, 0xD1, 0x51, 0x50, 0x40, 0x20, 0x23, 0x21])
 def test_every_request_of_the_connection_is_repeated_when_lost(header: int) -> None:
-    install_driver()
+    install_driver(for_everybody=True)
     lost: list[bytes] = []
 
     def lose_first(request: bytes) -> bool:

@@ -5,11 +5,12 @@ import socket
 import pytest
 
 from onboard.link import DroneLink
-from onboard.link.driver import ResendingUdpDriver
+from onboard.link.driver import ResendingUdpDriver, links_live_in
 from onboard.link.errors import LinkInputError
 from onboard.link.stop import LONGEST_S, SILENT_S, StopPath
 from onboard.link.stop_drone import stop_drone
 from onboard.link.stop_ports import UdpStopPort
+from onboard.timebase import WALL
 from tests.link.tiny_drone import TinyDrone
 from tests.patience import PATIENCE_S, until
 
@@ -114,7 +115,8 @@ def test_a_stop_leaves_while_every_lock_of_the_link_is_held(tiny: TinyDrone, lin
 
 def test_a_stop_goes_on_over_a_link_that_was_lost(tiny: TinyDrone) -> None:
     driver = ResendingUdpDriver()
-    driver.connect(tiny.uri, None, None)
+    with links_live_in(tiny.uri, WALL):
+        driver.connect(tiny.uri, None, None)
     path = StopPath(driver.stop_port())
     tiny.drop = lambda request: request[:2] == STOP and stops(tiny) <= 3
     driver._fail("as if the drone had fallen silent")

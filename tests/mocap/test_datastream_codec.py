@@ -10,10 +10,13 @@ from mocap_bridge.datastream.objects import (
     LAYOUTS,
     OBJECT_IDS,
     ApplicationInfo,
+    CameraInfo,
     Contents,
     FrameInfo,
     FrameRateInfo,
     GlobalSegments,
+    LabeledReconstruction,
+    LabeledReconstructions,
     LatencyInfo,
     LightweightSegment,
     LightweightSegments,
@@ -41,7 +44,7 @@ from mocap_bridge.datastream.packet import (
     encode_packet,
 )
 from mocap_bridge.errors import PacketError
-from tests.mocap.vectors import DATASTREAM_PACKET, DATASTREAM_SHA256
+from tests.mocap.vectors import CAMERA_FIELDS, DATASTREAM_PACKET, DATASTREAM_SHA256, LABELED_FIELDS
 
 COUNTING = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0)
 
@@ -72,6 +75,24 @@ GOLDEN_OBJECTS = [
     RequestFrame(1),
     RequestNextFrame(1),
 ]
+
+
+@pytest.mark.parametrize(
+    ("item", "fields"),
+    [
+        (
+            CameraInfo(3, 1350000, "Vero", "Vero v2.2", "east", 2048, 1088, 1.0, 0.4, 1, 0, 4, 5.5),
+            CAMERA_FIELDS,
+        ),
+        (
+            LabeledReconstructions((LabeledReconstruction(7, 2, 4.5, (0.5, 1.5, 2.5), COUNTING, 11),)),
+            LABELED_FIELDS,
+        ),
+    ],
+)
+def test_cameras_and_labelled_markers_have_the_bytes_of_vicons_serializers(item, fields):
+    assert encode_packet([item]).endswith(fields)
+    assert decode_packet(encode_packet([item])) == [item]
 
 
 def test_the_vector_is_the_one_that_was_recorded():

@@ -1,13 +1,16 @@
 import math
+from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from mocap_bridge.rotation import angle_between
 from onboard.errors import InputError
 from sim_backend.fault_values import FaultError, Window
 from sim_backend.room.cameras import Cameras
 from sim_backend.room.feed import TruePose
+from sim_backend.room.markers import LAYOUT
 from sim_backend.room.settings import RoomFaults, RoomSettings, RoomSettingsError
 
 BODIES = {"cf1": TruePose((1.0, 2.0, 1.5), (0.0, 0.0, 0.0, 1.0))}
@@ -57,6 +60,26 @@ def test_unknown_bodies_are_not_seen_and_missing_ones_are_occluded():
     assert [(body.name, body.pose is None) for body in frame.bodies] == [("cf1", False), ("cf2", True)]
 
 
+def test_a_body_whose_fit_fails_leaves_its_markers_and_a_hidden_one_nothing():
+    """What a client fits to these markers is the body."""
+    pose = TruePose((1.0, 2.0, 0.5), (0.0, 0.0, 0.6, 0.8))
+    failing = Cameras(RoomSettings(occlusion=1.0), np.random.default_rng(4))
+    frame = failing.expose(1, 0.0, {"cf1": pose}, 0.0)
+    assert frame.bodies[0].pose is None
+    turned, distance = Rotation.align_vectors(np.array(frame.unlabelled) - pose.position, LAYOUT)
+    assert distance < 1e-12
+    np.testing.assert_allclose(turned.as_quat(), pose.quaternion, atol=1e-12)
+    hidden = RoomFaults(occlude=Window(0.0, 1.0), reflections=3)
+    frame = Cameras(RoomSettings(faults=hidden), np.random.default_rng(4)).expose(1, 0.0, {"cf1": pose}, 0.5)
+    assert len(frame.unlabelled) == 3
+    assert all(height == 0.01 for _, _, height in frame.unlabelled)
+
+
+def test_no_two_distances_of_the_markers_are_alike():
+    distances = sorted(math.dist(a, b) for a, b in combinations(LAYOUT, 2))
+    assert min(far - near for near, far in pairwise(distances)) > 5e-4
+
+
 def test_faults_by_their_names():
     faults = RoomFaults.parse(
         {
@@ -66,9 +89,10 @@ def test_faults_by_their_names():
             "mocap_drop": "0.1",
             "mocap_jitter_ms": "20",
             "mocap_dies_at": "9",
+            "mocap_reflections": "2",
         }
     )
-    assert faults == RoomFaults(Window(3.5), Window(2.0, 2.5), Window(4.0, 4.01), 0.1, 0.02, 9.0)
+    assert faults == RoomFaults(Window(3.5), Window(2.0, 2.5), Window(4.0, 4.01), 0.1, 0.02, 9.0, 2)
     assert RoomFaults.parse({}) == RoomFaults()
 
 

@@ -7,14 +7,18 @@ import pytest
 from mocap_bridge.bridge import PoseBridge
 from mocap_bridge.datastream.objects import (
     OBJECT_IDS,
+    CameraInfo,
     Contents,
     FrameInfo,
     GlobalSegments,
+    LabeledReconstructions,
     ObjectEnums,
     Ping,
     RequestFrame,
     RequestNextFrame,
     SubjectInfo,
+    Timecode,
+    UnlabeledReconstructions,
 )
 from mocap_bridge.datastream.packet import PacketBuffer, decode_packet, encode_packet
 from mocap_bridge.errors import SourceLost
@@ -22,6 +26,7 @@ from mocap_bridge.health import Verdict
 from mocap_bridge.pose import open_pose_stream
 from onboard.lab_time import open_timebase
 from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
+from sim_backend.room.markers import LAYOUT
 from sim_backend.room.settings import RoomError, RoomFaults, RoomSettings
 from tests.mocap.moving_room import MovingRoom
 from tests.patience import PATIENCE_S
@@ -111,6 +116,32 @@ def test_a_client_gets_only_what_it_wants_and_may_want_more_later():
         assert [type(item) for item in got] == [Contents, SubjectInfo, FrameInfo, GlobalSegments]
         assert got[0].counts == ((2, 1), (5, 1), (9, 1))
         client.close()
+
+
+def test_markers_timecode_and_cameras_are_there_for_who_wants_them():
+    wanted = (CameraInfo, SubjectInfo, GlobalSegments, Timecode, LabeledReconstructions)
+    ids = tuple(OBJECT_IDS[kind] for kind in (*wanted, UnlabeledReconstructions, FrameInfo))
+    with MovingRoom(rate_hz=200.0, faults=RoomFaults(reflections=2)) as room:
+        client = RawClient(room.vicon_port)
+        client.receive()
+        client.send(ObjectEnums(ids), RequestFrame(1))
+        for _ in range(200):
+            got = collections.defaultdict(list)
+            for item in client.receive():
+                got[type(item)].append(item)
+            if got[GlobalSegments] and got[GlobalSegments][0].segments:
+                break
+        client.close()
+    assert len({camera.name for camera in got[CameraInfo]}) == 8
+    (subject,), (segments,), (labelled,) = got[SubjectInfo], got[GlobalSegments], got[LabeledReconstructions]
+    assert [name for _, name in subject.markers] == ["cf1_1", "cf1_2", "cf1_3", "cf1_4"]
+    rotation = np.reshape(segments.segments[0].rotation, (3, 3))
+    places = 1e3 * np.array(LAYOUT) @ rotation.T + segments.segments[0].position
+    np.testing.assert_allclose([marker.position for marker in labelled.markers], places, atol=1e-9)
+    assert len(got[UnlabeledReconstructions][0].markers) == 2
+    (time,), (frame,) = got[Timecode], got[FrameInfo]
+    seconds = (time.hours * 60 + time.minutes) * 60 + time.seconds
+    assert (seconds * 25 + time.frames) * 8 + time.subframe == frame.frame_id
 
 
 def test_pings_are_echoed_and_garbage_ends_only_its_own_connection():
