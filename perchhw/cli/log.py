@@ -7,8 +7,9 @@ import typer
 
 from perchhw.attempt import DEFAULT_POLICY, DEFAULT_VEHICLE
 from perchhw.cli.options import FlightFormat, Legs, Policy
-from perchhw.cli.output import console, emit, progress_console
+from perchhw.cli.output import emit
 from perchhw.cli.view import view
+from perchhw.consoles import console, progress_console
 
 if TYPE_CHECKING:
     from calibration.flights import Flight
