@@ -129,7 +129,7 @@ def _vehicle_of(flight: "Flight", vehicle: str | None, legs: str | None) -> "Veh
     from onboard.vehicle import load_vehicle
 
     if vehicle is None and flight.format == "perchhw":
-        config = read_info(flight.source / "run.json")["config"]
+        config = read_info(flight.source)["config"]
         vehicle, legs = config.get("vehicle"), legs or config.get("legs")
     return load_vehicle(vehicle or DEFAULT_VEHICLE, legs)
 
