@@ -10,7 +10,7 @@ it, but not the delay, which comes on top of the loop's own. The flights are tho
 without its sockets and clock: sensor noise, estimator, 8-bit PWM and all. A case is lost when the body
 turns at more than 1 rad/s (rms) in the hover, or when its approach does not end in a flip.
 
-`margins` are calculated (`onboard.vehicle.attitude_margins`) for no delay: a loop should be lost where the
+`margins` are calculated (`onboard.attitude_margins`) for no delay: a loop should be lost where the
 delay is past them.
 """
 
@@ -25,6 +25,7 @@ import numpy as np
 
 from onboard import controller
 from onboard.app_interface import LandingState, Parameter, TrajectoryStatus
+from onboard.attitude_margins import attitude_margins
 from onboard.controller import ControllerGains, controller_gains
 from onboard.landing.state_machine import EndReason
 from onboard.policy.bundle import encode_bundle
@@ -33,7 +34,6 @@ from onboard.quantity import Quantity
 from onboard.room import RoomGeometry
 from onboard.trajectory import fit_approach
 from onboard.vehicle import Effect, Vehicle, load_vehicle
-from onboard.vehicle.attitude_margins import attitude_margins
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 

@@ -7,7 +7,7 @@
 with the desired body axis b3 along F and the heading from the setpoint's yaw. The desired body rate is zero,
 as in the authors' firmware (SIM@4c815026:crazyflie_control/src/controller_gtc.c). The lead undoes part of the
 motors' lag, which would otherwise leave the attitude loop no margin
-(:mod:`onboard.vehicle.attitude_margins`). Compiled, no state: the position integral and the lead's memory
+(:mod:`onboard.attitude_margins`). Compiled, no state: the position integral and the lead's memory
 are the caller's and go through :func:`integrate_position_error` and :func:`lead_moments`.
 """
 
@@ -86,7 +86,7 @@ Integral gains are the authors'. The other position gains were chosen by us in s
 0.05/0.05, 0.05/0.15 and 0.08/0.20 s (up/down), 7 % missing thrust and 10 ms of pose delay, for a step of
 0.47 m and an approach of 2.5 m/s at 40 deg. Attitude gains and the lead were chosen by the margins: at least
 35 deg and 15 ms over motor lags of 50 to 150 ms, also with inertias 10 % off
-(:mod:`onboard.vehicle.attitude_margins`); by approaches that end, at the trigger, as those of a law without
+(:mod:`onboard.attitude_margins`); by approaches that end, at the trigger, as those of a law without
 lead did, for which the shipped policy lands; and by the gyro's noise, which the lead makes
 (lead_zero + 2 ms) / (lead_pole + 2 ms) = 6.3 times as large: yaw, whose moments cost the most thrust, is the
 softest.

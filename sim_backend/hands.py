@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 from onboard.arrays import FloatArray, Quaternion
 from onboard.gravity import GRAVITY
 from sim_backend.fault_values import Window
-from sim_backend.faults import DroneFaults
+from sim_backend.lab_faults import DroneFaults
 
 HELD_HEIGHT = 1.0
 """m above the floor."""

@@ -27,8 +27,8 @@ from sim_backend.crazyflie.radio_channel import RadioChannel
 from sim_backend.crazyflie.server import CrazyflieServer
 from sim_backend.engine_name import EngineName, usable_engine
 from sim_backend.fault_values import NO_TIME
-from sim_backend.faults import Faults
 from sim_backend.lab_description import LabDescription, describe
+from sim_backend.lab_faults import Faults
 from sim_backend.lockstep import LabTraffic, LockStep
 from sim_backend.pace import REAL, Pace
 from sim_backend.parked import ParkedWorld

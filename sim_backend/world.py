@@ -20,8 +20,8 @@ from sim_backend.crazyflie.firmware import Firmware
 from sim_backend.crazyflie.interfaces import Localization
 from sim_backend.engine_name import EngineName
 from sim_backend.errors import SimulationError
-from sim_backend.faults import DroneFaults
 from sim_backend.hands import WIRED, Wiring, attitude_in_hand, hold_in_hand, wiring_of
+from sim_backend.lab_faults import DroneFaults
 from sim_backend.physics.effects.sensors import tracked_attitude, tracked_position
 from sim_backend.physics.parameters import PARAMETERS, physics_parameters
 from sim_backend.physics.reset import resting_on_floor

@@ -3,7 +3,14 @@
 from pathlib import Path
 from typing import Any
 
-from calibration.flights.run_folder import RunFolderError, RunRecord, read_event, read_info
+from calibration.flights.run_folder import (
+    EVENTS_FILE,
+    SERIES_FILE,
+    RunFolderError,
+    RunRecord,
+    read_event,
+    read_info,
+)
 from calibration.flights.series_file import GrowingSeries
 
 
@@ -20,7 +27,7 @@ class GrowingRun:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.closed = False
-        self._series = GrowingSeries(folder / "series.mcap")
+        self._series = GrowingSeries(folder / SERIES_FILE)
         self._events_read = 0
         self._lines_read = 0
 
@@ -31,7 +38,7 @@ class GrowingRun:
             RunFolderError: damaged, or not a run.
         """
         try:
-            info = read_info(self.folder / "run.json")  # before the rest: what was closed does not grow
+            info = read_info(self.folder)  # before the rest: what was closed does not grow
             series, events = self._series.read(), self._new_events()
         except OSError as error:
             raise RunFolderError(f"{self.folder}: cannot be read ({error.strerror})") from error
@@ -39,7 +46,7 @@ class GrowingRun:
         return RunRecord(self.folder, info, series, tuple(events), ())
 
     def _new_events(self) -> list[dict[str, Any]]:
-        path = self.folder / "events.jsonl"
+        path = self.folder / EVENTS_FILE
         if not path.exists():
             return []
         with path.open("rb") as stream:

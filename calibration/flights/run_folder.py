@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     import pandas
 
 SCHEMA = "perchhw.run/1"
+RUN_FILE, SERIES_FILE, EVENTS_FILE = "run.json", "series.mcap", "events.jsonl"
 _NUMBERS, _TEXTS = ("speed_m_s", "angle_deg", "ceiling_z"), ("vehicle", "legs")
 """Keys of the configuration that readers use."""
 _LARGEST = 1e6
@@ -75,7 +76,7 @@ class RunRecord:
 
 def is_run_folder(path: Path) -> bool:
     """Whether `path` is a run folder."""
-    return (path / "run.json").is_file() and (path / "series.mcap").is_file()
+    return (path / RUN_FILE).is_file() and (path / SERIES_FILE).is_file()
 
 
 def read_run(folder: Path) -> RunRecord:
@@ -87,21 +88,22 @@ def read_run(folder: Path) -> RunRecord:
     if not is_run_folder(folder):
         raise RunFolderError(f"{folder} is not a run folder: it needs run.json and series.mcap")
     try:
-        info = read_info(folder / "run.json")
-        series, torn_series = read_series(folder / "series.mcap")
-        events, torn_events = _read_events(folder / "events.jsonl")
+        info = read_info(folder)
+        series, torn_series = read_series(folder / SERIES_FILE)
+        events, torn_events = _read_events(folder / EVENTS_FILE)
     except OSError as error:
         raise RunFolderError(f"{folder}: cannot be read ({error.strerror})") from error
     torn = tuple(note for note in (torn_series, torn_events) if note)
     return RunRecord(folder, info, series, events, torn)
 
 
-def read_info(path: Path) -> dict[str, Any]:
-    """The content of a ``run.json``.
+def read_info(folder: Path) -> dict[str, Any]:
+    """The content of the ``run.json`` of a run.
 
     Raises:
         RunFolderError: not JSON, not of a run, or of another version than this program reads.
     """
+    path = folder / RUN_FILE
     try:
         info = json.loads(path.read_bytes())
     except (ValueError, RecursionError) as error:

@@ -10,8 +10,7 @@ import math
 import struct
 from collections.abc import Iterator
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from mcap.exceptions import McapError
 from mcap.reader import McapReader, NonSeekingReader
@@ -21,6 +20,7 @@ from mocap_bridge.pose import PoseSample, SourceStatistics
 from mocap_bridge.rotation import continuous
 from mocap_bridge.uri import MocapUri
 from onboard.arrays import Quaternion
+from onboard.closing import Closing
 from onboard.timebase import Timebase
 
 SERIES_FILE = "series.mcap"
@@ -42,7 +42,7 @@ def open_recording(uri: MocapUri, clock: Timebase) -> "RecordedPoseStream":
     return RecordedPoseStream(file, uri, clock)
 
 
-class RecordedPoseStream:
+class RecordedPoseStream(Closing):
     """A recording that is played (a ``PoseStream``); the first pose comes at once."""
 
     def __init__(self, file: Path, uri: MocapUri, clock: Timebase) -> None:
@@ -112,11 +112,3 @@ class RecordedPoseStream:
     def close(self) -> None:
         """Close the file."""
         self._stream.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from onboard.firmware.constants import constants_crc32, onboard_constants
 from onboard.vehicle import Vehicle
-from onboard.vehicle.onboard_constants import constants_crc32, onboard_constants
 
 _MAP = "thrust_map_"
 
@@ -11,7 +11,7 @@ _MAP = "thrust_map_"
 def vehicle_header(vehicle: Vehicle) -> str:
     """``perch_vehicle_constants.h``: one ``perch_vehicle`` (``core/vehicle.h``), and its CRC-32.
 
-    The numbers are the float32 of :func:`onboard.vehicle.onboard_constants.onboard_constants`, in their
+    The numbers are the float32 of :func:`onboard.firmware.constants.onboard_constants`, in their
     order, in hexadecimal, so that no compiler rounds them, with name and decimal number beside it.
     """
     constants = onboard_constants(vehicle)

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from onboard.errors import OnboardError
 from onboard.firmware import structures as s
 from onboard.firmware.compiler import compiled_library
+from onboard.firmware.constants import onboard_constants
 from onboard.vehicle import Vehicle
-from onboard.vehicle.onboard_constants import onboard_constants
 
 Float32Array = NDArray[np.float32]
 

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Self
 
 from onboard.arrays import Vector
+from onboard.closing import Closing
 from onboard.link.commands import Commands
 from onboard.link.connection import Connection, connect
 from onboard.link.crazyflie import closed_on_error
@@ -39,7 +40,7 @@ _REPLY_TIMEOUT_S = 2.0
 _WATCH_INTERVAL_S = 0.1
 
 
-class DroneLink:
+class DroneLink(Closing):
     """An open connection to one drone. Methods may be called from any thread but the callbacks of
     :meth:`stream` should leave the commanding to others. Make one with :meth:`open`.
 
@@ -348,12 +349,6 @@ class DroneLink:
         self._exchange.close()
         self._crazyflie.close_within(_CLOSE_DEADLINE_S)
         self._watch.join(timeout=1.0)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _watch_link(self) -> None:
         """Notice the loss of the link at once, also over drivers that do not watch for silence by

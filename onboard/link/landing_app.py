@@ -66,7 +66,7 @@ def check_vehicle(link: "DroneLink", expected_crc: int, vehicle: str) -> None:
 
     Args:
         link: the open link.
-        expected_crc: :func:`onboard.vehicle.onboard_constants.vehicle_crc32` of the host's vehicle.
+        expected_crc: :func:`onboard.firmware.constants.vehicle_crc32` of the host's vehicle.
         vehicle: its name, for the message.
 
     Raises:

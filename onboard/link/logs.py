@@ -17,10 +17,10 @@ import struct
 import threading
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import Self
 
 from cflib.crtp.crtpstack import CRTPPacket, CRTPPort
 
+from onboard.closing import Closing
 from onboard.link.crazyflie import GuardedCrazyflie
 from onboard.link.errors import CommandRefused, LinkError, LinkInputError
 from onboard.link.exchange import Exchange
@@ -63,7 +63,7 @@ def unwrap(known_ms: int | None, raw: int) -> int:
     return known_ms + (step if step < _TIME_RANGE // 2 else step - _TIME_RANGE)
 
 
-class LogStream:
+class LogStream(Closing):
     """A running stream; a context manager that ends it.
 
     The callback runs on the stream's own thread, in the drone's order. A sample that was overtaken by a
@@ -152,12 +152,6 @@ class LogStream:
     def _run(self) -> None:
         while (sample := self._queue.get()) is not None:
             self._callback(sample)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
 
 class LogStreams:

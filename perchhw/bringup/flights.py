@@ -17,7 +17,7 @@ from perchhw.attempt import AttemptResult
 from perchhw.bringup.flown import Window, hover_findings, step_findings
 from perchhw.doctor.finding import Finding, judged
 from perchhw.flight import fly_attempt
-from perchhw.flight.course import CourseRequest, fly_course
+from perchhw.flight.course import CourseRequest, fly_uninterrupted
 from perchhw.lab.setup import FlightSetup
 from perchhw.record import discard_if_empty, new_run_folder, read_run
 from perchhw.screen.display import Display
@@ -100,24 +100,9 @@ class Flights:
     def _course(
         self, name: str, kind: str, parameters: dict[str, float], judge: Callable[..., tuple[Finding, ...]]
     ) -> tuple[Finding, ...]:
-        setup = self.setup
-        request = CourseRequest(
-            kind=kind,
-            parameters=parameters,
-            folder=new_run_folder(self.out, f"bringup-{name}"),
-            drone=setup.drone,
-            mocap=setup.mocap,
-            vehicle=setup.vehicle,
-            legs=setup.legs,
-            room=setup.room,
-            lab=setup.lab,
-        )
-        try:
-            result = fly_course(request, **self._shown(request.folder, name))
-        finally:
-            discard_if_empty(request.folder)
-        if result.interrupted:
-            raise KeyboardInterrupt
+        folder = new_run_folder(self.out, f"bringup-{name}")
+        request = CourseRequest.of(self.setup, kind, parameters, folder)
+        result = fly_uninterrupted(request, **self._shown(folder, name))
         flight = _flight(result.aborted_by, result.record)
         if flight.missing:
             return (flight,)

@@ -163,7 +163,7 @@ def _row(number: int, flight: PlannedFlight, folder: Path) -> FlightRow:
         if not is_run_folder(record):
             continue
         try:
-            info = read_info(record / "run.json")
+            info = read_info(record)
         except RunFolderError as error:
             row = FlightRow(number, flight.kind, record, str(error))
             continue

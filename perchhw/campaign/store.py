@@ -313,7 +313,7 @@ def _result_of_record(row: AttemptRow) -> AttemptResult | None:
     if row.record is None or not is_run_folder(row.record):
         return None
     try:
-        info = read_info(row.record / "run.json")
+        info = read_info(row.record)
     except RunFolderError:
         return None
     ended = info["closed"] and info.get("outcome") in tuple(Outcome) and info.get("aborted_by") is None

@@ -95,7 +95,7 @@ def pack_use(record: Path) -> PackUse | None:
     if not is_run_folder(record):
         return None
     try:
-        drone = read_info(record / "run.json")["config"].get("drone")
+        drone = read_info(record)["config"].get("drone")
         series = read_run(record).series
     except RunFolderError:
         return None

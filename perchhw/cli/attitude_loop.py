@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from onboard.attitude_margins import AttitudeMargins
     from onboard.vehicle import Vehicle
-    from onboard.vehicle.attitude_margins import AttitudeMargins
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class AttitudeLoop:
 
     def to_json(self) -> dict[str, Any]:
         """``attitude_margins`` and ``warnings`` of the document."""
-        from onboard.vehicle.attitude_margins import DELAY_LIMIT, PHASE_LIMIT_DEG
+        from onboard.attitude_margins import DELAY_LIMIT, PHASE_LIMIT_DEG
 
         return {
             "attitude_margins": {
@@ -56,8 +56,8 @@ class AttitudeLoop:
 
 def attitude_loop(vehicle: "Vehicle") -> AttitudeLoop:
     """The margins of a vehicle."""
+    from onboard.attitude_margins import LAGS, attitude_margins, vehicle_margins
     from onboard.controller import controller_gains
-    from onboard.vehicle.attitude_margins import LAGS, attitude_margins, vehicle_margins
 
     gains = controller_gains(vehicle)
     return AttitudeLoop(vehicle_margins(vehicle), {lag: attitude_margins(gains, lag, lag) for lag in LAGS})
@@ -72,6 +72,6 @@ def _words(margins: "AttitudeMargins") -> str:
 
 
 def _limits() -> str:
-    from onboard.vehicle.attitude_margins import DELAY_LIMIT, PHASE_LIMIT_DEG
+    from onboard.attitude_margins import DELAY_LIMIT, PHASE_LIMIT_DEG
 
     return f"{PHASE_LIMIT_DEG:.0f} deg and {1e3 * DELAY_LIMIT:.0f} ms"

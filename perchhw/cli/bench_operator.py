@@ -18,7 +18,7 @@ from calibration.bench.procedures.operator import (
 )
 from calibration.bench.procedures.readings import parse_reading
 from onboard.quantity import UnitError
-from perchhw.cli.output import progress_console
+from perchhw.consoles import progress_console
 from perchhw.errors import NobodyToAsk
 
 if TYPE_CHECKING:

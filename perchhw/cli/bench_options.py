@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from perchhw.cli.output import emit, progress_console
+from perchhw.cli.output import emit
+from perchhw.consoles import progress_console
 
 if TYPE_CHECKING:
     from calibration.bench.procedures.operator import Operator

@@ -10,7 +10,8 @@ import typer
 from perchhw.cli import exit_codes
 from perchhw.cli.lab_options import LabDrone, LabMocap, LabPolicy, LabVehicle
 from perchhw.cli.options import Lab
-from perchhw.cli.output import emit, progress_console
+from perchhw.cli.output import emit
+from perchhw.consoles import progress_console
 
 if TYPE_CHECKING:
     from perchhw.bringup.passes import Passes
@@ -54,9 +55,9 @@ def bringup(
     """
     from datetime import datetime
 
+    from onboard.firmware.constants import vehicle_crc32
     from onboard.link.exclusive import hold
     from onboard.vehicle import load_vehicle
-    from onboard.vehicle.onboard_constants import vehicle_crc32
     from perchhw.bringup.climb import climb, doctors_look
     from perchhw.bringup.passes import STEPS, Passes, passes_file
     from perchhw.lab import find_lab, flight_setup
@@ -82,7 +83,7 @@ def bringup(
 
 def _display(step: str, drone: str) -> "AbstractContextManager[Display | None]":
     """Where the steps that fly are shown; the others ask the operator as they go."""
-    from perchhw.screen.display import flight_display
+    from perchhw.screen.flight_display import flight_display
 
     return nullcontext() if step in ("motors", "tilt") else flight_display(f"bringup {step}", drone)
 

@@ -12,7 +12,8 @@ from perchhw.cli.calibrate_discharge import discharge_command, verify_command
 from perchhw.cli.calibrate_tachometer import tachometer_command
 from perchhw.cli.calibrate_thrust import thrust_command
 from perchhw.cli.options import Vehicle
-from perchhw.cli.output import emit, progress_console
+from perchhw.cli.output import emit
+from perchhw.consoles import progress_console
 
 if TYPE_CHECKING:
     from calibration.bench.procedures.compare import Comparison

@@ -7,8 +7,9 @@ import typer
 
 from perchhw.cli.campaign_plan import plan as plan_command
 from perchhw.cli.options import AcceptMismatch, Drones, Lab, Mavlink, Note, Operator
-from perchhw.cli.output import console, emit, progress_console
+from perchhw.cli.output import emit
 from perchhw.cli.view_option import LiveView, ViewKind, live_view
+from perchhw.consoles import console, progress_console
 
 if TYPE_CHECKING:
     from perchhw.campaign.adaptive import FlownMap
@@ -62,7 +63,7 @@ def run(
     from perchhw.lab import find_lab
     from perchhw.record.folder import slug
     from perchhw.report import write_campaign_report
-    from perchhw.screen.display import flight_display
+    from perchhw.screen.flight_display import flight_display
 
     if has_flights(file):
         flights = replace(load_flight_plan(file, find_lab(lab)), operator=operator, note=note)
@@ -108,7 +109,7 @@ def _fly_courses(
     from perchhw.cli.shown_attempts import fly_courses_shown
     from perchhw.flight.ground_station import ground_station
     from perchhw.record.folder import slug
-    from perchhw.screen.display import flight_display
+    from perchhw.screen.flight_display import flight_display
 
     folder = out or Path("runs") / f"campaign-{slug(plan.name)}"
     with (

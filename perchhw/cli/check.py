@@ -56,7 +56,7 @@ def hover(
     from perchhw.hover_check.check import examine_check, fly_check
     from perchhw.hover_check.ended import examine_ended
     from perchhw.lab import find_lab, flight_setup
-    from perchhw.screen.display import flight_display
+    from perchhw.screen.flight_display import flight_display
 
     setup = flight_setup(find_lab(lab), drone=drone, mocap=mocap, vehicle=vehicle, legs=legs)
     setup.check()

@@ -10,7 +10,8 @@ import typer
 from perchhw.attempt import DEFAULT_POLICY, DEFAULT_VEHICLE, Outcome
 from perchhw.cli import exit_codes
 from perchhw.cli.engine_option import Engine
-from perchhw.cli.output import console, emit, progress_console
+from perchhw.cli.output import emit
+from perchhw.consoles import console, progress_console
 from sim_backend.engine_name import EngineName, usable_engine
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ def demo(
     from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
     from perchhw.record import new_run_folder
     from perchhw.report.campaign_report import PREDICTION_FILE, write_campaign_report
-    from perchhw.screen.display import flight_display
+    from perchhw.screen.flight_display import flight_display
 
     screen = progress_console()
     flown_by = usable_engine(engine)

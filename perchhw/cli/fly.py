@@ -65,7 +65,7 @@ def fly(
     from perchhw.lab import find_lab, flight_setup
     from perchhw.record import discard_if_empty
     from perchhw.report.run_report import report_flight
-    from perchhw.screen.display import flight_display
+    from perchhw.screen.flight_display import flight_display
 
     setup = flight_setup(
         find_lab(lab), drone=drone, mocap=mocap, vehicle=vehicle, legs=legs, policy=policy, ceiling=ceiling

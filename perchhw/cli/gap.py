@@ -9,7 +9,8 @@ from perchhw.cli.gap_landings import landings_command
 from perchhw.cli.gap_suggest import suggest_command
 from perchhw.cli.gap_walkthrough import walkthrough_command
 from perchhw.cli.options import FlightFormat, Legs
-from perchhw.cli.output import console, emit, progress_console
+from perchhw.cli.output import emit
+from perchhw.consoles import console, progress_console
 
 if TYPE_CHECKING:
     from calibration.flights import Flight

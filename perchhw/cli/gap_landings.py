@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from perchhw.cli.options import FlightFormat, Legs
-from perchhw.cli.output import console, emit, progress_console
+from perchhw.cli.output import emit
+from perchhw.consoles import console, progress_console
 
 if TYPE_CHECKING:
     from calibration.flights import Flight

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from perchhw.cli.output import emit, progress_console
+from perchhw.cli.output import emit
+from perchhw.consoles import progress_console
 
 if TYPE_CHECKING:
     from perchhw.gap_walkthrough import Walkthrough

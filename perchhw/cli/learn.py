@@ -20,7 +20,8 @@ from perchhw.cli.learn_options import (
 )
 from perchhw.cli.learn_report import report, write_report
 from perchhw.cli.option_groups import with_option_groups
-from perchhw.cli.output import console, emit, progress_console
+from perchhw.cli.output import emit
+from perchhw.consoles import console, progress_console
 from perchhw.learning.sweep_folder import POLICY_FILE, TRAINING_FILE, VALIDATION_FILE, VALIDATION_SUMMARY
 
 if TYPE_CHECKING:

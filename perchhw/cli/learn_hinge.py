@@ -9,7 +9,8 @@ import typer
 from perchhw.attempt import STORED_VEHICLE
 from perchhw.cli.learn_options import GridOptions, OutOption, SeedOption, progress_count
 from perchhw.cli.option_groups import with_option_groups
-from perchhw.cli.output import console, emit
+from perchhw.cli.output import emit
+from perchhw.consoles import console
 
 _OUT = Path("runs/hinge")
 

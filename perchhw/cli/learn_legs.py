@@ -8,7 +8,8 @@ import typer
 from perchhw.cli.learn_options import FlightOptions, GridOptions, OutOption, SweepOptions, progress_of
 from perchhw.cli.learn_report import write_report
 from perchhw.cli.option_groups import with_option_groups
-from perchhw.cli.output import console, emit
+from perchhw.cli.output import emit
+from perchhw.consoles import console
 
 _OUT = Path("runs/legs")
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from perchhw.attempt import DEFAULT_VEHICLE
-from perchhw.cli.output import progress_console
+from perchhw.consoles import progress_console
 
 if TYPE_CHECKING:
     from rich.progress import Progress

@@ -7,8 +7,9 @@ import typer
 
 from perchhw.attempt import DEFAULT_POLICY, DEFAULT_VEHICLE
 from perchhw.cli.options import FlightFormat, Legs, Policy
-from perchhw.cli.output import console, emit, progress_console
+from perchhw.cli.output import emit
 from perchhw.cli.view import view
+from perchhw.consoles import console, progress_console
 
 if TYPE_CHECKING:
     from calibration.flights import Flight
@@ -128,7 +129,7 @@ def _vehicle_of(flight: "Flight", vehicle: str | None, legs: str | None) -> "Veh
     from onboard.vehicle import load_vehicle
 
     if vehicle is None and flight.format == "perchhw":
-        config = read_info(flight.source / "run.json")["config"]
+        config = read_info(flight.source)["config"]
         vehicle, legs = config.get("vehicle"), legs or config.get("legs")
     return load_vehicle(vehicle or DEFAULT_VEHICLE, legs)
 

@@ -12,8 +12,9 @@ import typer
 
 from onboard.errors import InputError, PerchhwError, SafetyStop
 from perchhw.cli import exit_codes
-from perchhw.cli.output import emit_error, progress_console, settings, written
+from perchhw.cli.output import emit_error, settings, written
 from perchhw.cli.view_option import complete_view_option
+from perchhw.consoles import progress_console
 
 _GLOBAL_FLAGS = ("--json", "-v", "--verbose")
 

@@ -10,7 +10,8 @@ import typer
 
 from perchhw.cli.mocap_calibrate import calibrate
 from perchhw.cli.mocap_send import send
-from perchhw.cli.output import console, emit, progress_console, written
+from perchhw.cli.output import emit, written
+from perchhw.consoles import console, progress_console
 
 if TYPE_CHECKING:
     from mocap_bridge.bridge import BridgeStatus

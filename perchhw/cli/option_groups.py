@@ -3,10 +3,12 @@
 import inspect
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
-from typing import Any, get_type_hints
+from typing import Any, TypeVar, get_type_hints
+
+Result = TypeVar("Result")
 
 
-def with_option_groups(function: Callable[..., None]) -> Callable[..., None]:
+def with_option_groups(function: Callable[..., Result]) -> Callable[..., Result]:
     """A command whose options are those of `function`, the fields of its dataclass parameters among them.
 
     ``def sweep(setup: SetupOptions, resume: ResumeOption = False)`` becomes a command with every field of
@@ -22,12 +24,12 @@ def with_option_groups(function: Callable[..., None]) -> Callable[..., None]:
         else:
             options.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
 
-    def command(**values: Any) -> None:
+    def command(**values: Any) -> Result:
         made = {
             name: group(**{field.name: values.pop(field.name) for field in fields(group)})
             for name, group in groups.items()
         }
-        function(**made, **values)
+        return function(**made, **values)
 
     command.__name__, command.__doc__ = function.__name__, function.__doc__
     command.__annotations__ = {option.name: option.annotation for option in options}

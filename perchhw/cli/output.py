@@ -10,12 +10,10 @@ import os
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import Any, TextIO
 
 from onboard.json_file import as_json
-
-if TYPE_CHECKING:
-    from rich.console import Console
+from perchhw.consoles import console
 
 
 @dataclass
@@ -27,20 +25,6 @@ class OutputSettings:
 
 
 settings = OutputSettings()
-
-
-def console() -> "Console":
-    """A rich console on stdout for results (colour only on a terminal)."""
-    from rich.console import Console
-
-    return Console(file=sys.stdout, highlight=False)
-
-
-def progress_console() -> "Console":
-    """A rich console on stderr for progress, warnings and prompts (colour only on a terminal)."""
-    from rich.console import Console
-
-    return Console(file=sys.stderr, highlight=False)
 
 
 def written(stream: TextIO | None, tell: Callable[[], object]) -> bool:

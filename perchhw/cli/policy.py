@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from perchhw.cli.options import DroneUri
-from perchhw.cli.output import console, emit
+from perchhw.cli.output import emit
+from perchhw.consoles import console
 
 if TYPE_CHECKING:
     from onboard.link import DroneLink

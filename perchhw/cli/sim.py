@@ -7,16 +7,27 @@ import os
 import signal
 import sys
 import threading
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import typer
 
 from perchhw.attempt import DEFAULT_VEHICLE
 from perchhw.cli import exit_codes
-from perchhw.cli.engine_option import Engine
+from perchhw.cli.option_groups import with_option_groups
 from perchhw.cli.options import Lab, Legs, Vehicle
 from perchhw.cli.output import emit
+from perchhw.cli.sim_options import (
+    BenchPace,
+    DroneOptions,
+    DronePort,
+    Drones,
+    Fault,
+    LabFileOut,
+    Seed,
+    ViconPort,
+    ViconUdpPort,
+    WithParent,
+)
 from sim_backend.faults import fault_table, parse_faults
 
 if TYPE_CHECKING:
@@ -53,165 +64,26 @@ app = typer.Typer(
     help="The simulated lab. Prints one JSON line on stdout when everything accepts connections.",
 )
 
-Drones = Annotated[int, typer.Option(min=1, max=32, help="Number of drones: cf1, cf2 ...")]
-DronePort = Annotated[
-    int, typer.Option(min=0, max=65535, help="UDP port of cf1, the others follow; 0: free ones.")
-]
-ViconPort = Annotated[int, typer.Option(min=0, max=65535, help="TCP port of the Vicon DataStream; 0: free.")]
-ViconUdpPort = Annotated[
-    int, typer.Option(min=0, max=65535, help="UDP port that the Vicon object stream is sent to; 0: free.")
-]
-Truth = Annotated[Path | None, typer.Option(help="Write the true state to this CSV file at 100 Hz.")]
-LabFile = Annotated[
-    Path | None,
-    typer.Option(
-        "--lab",
-        help="Write the lab file of this room here while it is served; default: in a temporary folder.",
-    ),
-]
-Fault = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="NAME=VALUE",
-        help="Show a fault; may be repeated. " + " ".join(f"{n}={t}." for n, t in fault_table().items()),
-    ),
-]
-Flashed = Annotated[
-    str | None,
-    typer.Option(help="Vehicle file that the drones' firmware was built with, if it is not what they are."),
-]
-Seed = Annotated[int, typer.Option(help="Seed of all random numbers.")]
-FeedPoses = Annotated[
-    bool,
-    typer.Option(
-        "--feed-poses", help="Send the drones their true poses at 100 Hz, for clients that bring none."
-    ),
-]
-BenchPace = Annotated[
-    float, typer.Option(help="How many times as fast as real time the bench lives, up to 50.")
-]
-LabPace = Annotated[
-    str,
-    typer.Option(
-        "--pace",
-        metavar="real|lockstep|FACTOR",
-        help="How the lab's time goes. real: as the clock, for clients of any kind. lockstep: as fast as "
-        "those who fly in it, never faster; a busy machine changes nothing. FACTOR: so, at most so fast.",
-    ),
-]
-AutoArm = Annotated[
-    bool, typer.Option("--auto-arm", help="The drone arms by itself, as the stock build does.")
-]
-IdleThrust = Annotated[
-    int,
-    typer.Option(
-        min=0, max=65535, help="Ratio at which motors that may turn idle; the stock build has 7000, ours 0."
-    ),
-]
-Deck = Annotated[
-    list[str] | None,
-    typer.Option(help="Name of an attached deck, such as bcFlow2; nothing that it measures is simulated."),
-]
-RadioOption = Annotated[
-    bool,
-    typer.Option(
-        "--radio", help="As over a Crazyradio: 350 packets a second each way, latency, the drone's queues."
-    ),
-]
-WithParent = Annotated[
-    bool, typer.Option("--with-parent", help="End when standard input ends, as it does when the parent dies.")
-]
-
 
 @app.command()
+@with_option_groups
 def lab(
-    drone_port: DronePort = 19850,
-    drones: Drones = 1,
+    of_drones: DroneOptions,
     vicon_port: ViconPort = 18801,
     vicon_udp_port: ViconUdpPort = 51001,
-    vehicle: Vehicle = DEFAULT_VEHICLE,
-    legs: Legs = None,
-    flashed: Flashed = None,
-    truth: Truth = None,
-    lab_file: LabFile = None,
-    fault: Fault = None,
-    pace: LabPace = "real",
-    engine: Engine = None,
-    feed_poses: FeedPoses = False,
-    radio: RadioOption = False,
-    auto_arm: AutoArm = False,
-    idle_thrust: IdleThrust = 0,
-    deck: Deck = None,
-    seed: Seed = 0,
+    lab_file: LabFileOut = None,
     with_parent: WithParent = False,
 ) -> int:
     """Drones and mocap room."""
-    from sim_backend.crazyflie.build import Build, known_decks
-    from sim_backend.lab import LabSettings
-    from sim_backend.pace import Pace
-
-    settings = LabSettings(
-        vehicle=vehicle,
-        legs=legs,
-        flashed=flashed,
-        drones=drones,
-        drone_port=drone_port,
-        vicon_port=vicon_port,
-        vicon_udp_port=vicon_udp_port,
-        truth=truth,
-        lab_file=lab_file,
-        faults=parse_faults(fault or ()),
-        pace=Pace.parse(pace),
-        engine=engine,
-        feed_poses=feed_poses,
-        radio=radio,
-        build=Build(auto_arm, idle_thrust, known_decks(deck or ())),
-        seed=seed,
-    )
+    settings = of_drones.settings(vicon_port=vicon_port, vicon_udp_port=vicon_udp_port, lab_file=lab_file)
     return _serve_lab(settings, with_parent)
 
 
 @app.command()
-def drone(
-    drone_port: DronePort = 19850,
-    drones: Drones = 1,
-    vehicle: Vehicle = DEFAULT_VEHICLE,
-    legs: Legs = None,
-    flashed: Flashed = None,
-    truth: Truth = None,
-    fault: Fault = None,
-    pace: LabPace = "real",
-    engine: Engine = None,
-    feed_poses: FeedPoses = False,
-    radio: RadioOption = False,
-    auto_arm: AutoArm = False,
-    idle_thrust: IdleThrust = 0,
-    deck: Deck = None,
-    seed: Seed = 0,
-    with_parent: WithParent = False,
-) -> int:
+@with_option_groups
+def drone(of_drones: DroneOptions, with_parent: WithParent = False) -> int:
     """Drones without a mocap room: nobody tells them where they are."""
-    from sim_backend.crazyflie.build import Build, known_decks
-    from sim_backend.lab import LabSettings
-    from sim_backend.pace import Pace
-
-    settings = LabSettings(
-        vehicle=vehicle,
-        legs=legs,
-        flashed=flashed,
-        drones=drones,
-        drone_port=drone_port,
-        with_room=False,
-        truth=truth,
-        faults=parse_faults(fault or ()),
-        pace=Pace.parse(pace),
-        engine=engine,
-        feed_poses=feed_poses,
-        radio=radio,
-        build=Build(auto_arm, idle_thrust, known_decks(deck or ())),
-        seed=seed,
-    )
-    return _serve_lab(settings, with_parent)
+    return _serve_lab(of_drones.settings(with_room=False), with_parent)
 
 
 @app.command()

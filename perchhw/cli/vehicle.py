@@ -9,7 +9,8 @@ import typer
 
 from perchhw.cli.attitude_loop import attitude_loop
 from perchhw.cli.options import Legs
-from perchhw.cli.output import console, emit
+from perchhw.cli.output import emit
+from perchhw.consoles import console
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -88,9 +89,9 @@ def check(file: VehicleArgument) -> None:
 @app.command()
 def header(vehicle: VehicleArgument, legs: Legs = None) -> None:
     """Print the C header that a vehicle's firmware is built with; with the CRC of perch.vehCrc."""
+    from onboard.firmware.constants import vehicle_crc32
     from onboard.firmware.header import vehicle_header
     from onboard.vehicle import load_vehicle
-    from onboard.vehicle.onboard_constants import vehicle_crc32
 
     loaded = load_vehicle(vehicle, legs=legs)
     text, crc = vehicle_header(loaded), vehicle_crc32(loaded)

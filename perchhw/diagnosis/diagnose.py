@@ -4,19 +4,19 @@ from pathlib import Path
 
 from calibration.flights import UnusableFlightError
 from calibration.flights.perchhw_run import flight_from_run
-from calibration.flights.run_folder import RunRecord, read_run
+from calibration.flights.run_folder import RUN_FILE, RunRecord, read_run
 from onboard.json_file import write_json_atomically
-from onboard.policy.files import find_policy, load_policy, policy_crc32
-from onboard.policy.model import Policy, PolicyError
-from onboard.vehicle import Vehicle, VehicleFileError, load_vehicle
-from perchhw.attempt import DEFAULT_POLICY, DEFAULT_VEHICLE, Outcome
+from onboard.policy.files import find_policy, load_policy
+from onboard.vehicle import Vehicle
+from perchhw.attempt import DEFAULT_POLICY, Outcome
 from perchhw.diagnosis.ended_early import diagnose_ended, where_it_ended
 from perchhw.diagnosis.finding import Cause, Diagnosis
 from perchhw.diagnosis.landing import Judge, diagnose_landing
 from perchhw.diagnosis.no_trigger import diagnose_no_trigger
 from perchhw.label import LabelError
 from perchhw.label.landing_label import MISSED_TRIGGER_RULES
-from perchhw.record.folder import RUN_FILE, OutputFolderError
+from perchhw.record.flown import known_vehicle_of, policy_of
+from perchhw.record.folder import OutputFolderError
 
 _AGAIN = "fly it again"
 _UNTOLD = "the record does not tell why"
@@ -24,7 +24,7 @@ _UNTOLD = "the record does not tell why"
 
 def diagnose_run(run: RunRecord) -> Diagnosis:
     """The finding of a run, with vehicle and policy as its record names them."""
-    return diagnose(run, vehicle_of(run), judge_of(run))
+    return diagnose(run, known_vehicle_of(run), judge_of(run))
 
 
 def keep_diagnosis(folder: Path) -> Diagnosis:
@@ -100,29 +100,9 @@ def _flown(run: RunRecord, vehicle: Vehicle | None, judge: Judge) -> Diagnosis:
     return Diagnosis(Cause.FLOWN, f"{outcome.value}; its vehicle file is not at hand", _AGAIN)
 
 
-def vehicle_of(run: RunRecord) -> Vehicle | None:
-    """The vehicle that the record names, or None where its file is not at hand."""
-    try:
-        return load_vehicle(run.config.get("vehicle") or DEFAULT_VEHICLE, run.config.get("legs"))
-    except VehicleFileError:
-        return None
-
-
 def judge_of(run: RunRecord) -> Judge:
     """The policy that flew, and the one whose region counts: the shipped one where it is for this vehicle."""
-    flown, shipped = _policy_of(run), load_policy(find_policy(DEFAULT_POLICY))
+    flown, shipped = policy_of(run), load_policy(find_policy(DEFAULT_POLICY))
     setup = shipped.provenance.get("sweep", {}).get("settings", {})
     fits = all(run.config.get(name) == setup.get(name) for name in ("vehicle", "legs"))
     return Judge(flown, shipped if fits else flown)
-
-
-def _policy_of(run: RunRecord) -> Policy | None:
-    """The policy that the record names, unless its file is gone or has changed since."""
-    name, crc = run.config.get("policy"), run.config.get("policy_crc32")
-    if not isinstance(name, str):
-        return None
-    try:
-        policy = load_policy(find_policy(name))
-    except (PolicyError, OSError):
-        return None
-    return policy if f"{policy_crc32(policy):08x}" == crc else None

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from onboard.app_interface import INTERFACE_VERSION, MEMORY_SIZE, Parameter
-from onboard.vehicle.onboard_constants import vehicle_crc32
+from onboard.firmware.constants import vehicle_crc32
 from perchhw.doctor.finding import Finding, Verdict, judged, not_known
 from perchhw.doctor.readings import DroneReadings, Readings
 from perchhw.supervisor import SafetyLimits

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from onboard.vehicle.attitude_margins import DELAY_LIMIT, PHASE_LIMIT_DEG, vehicle_margins
+from onboard.attitude_margins import DELAY_LIMIT, PHASE_LIMIT_DEG, vehicle_margins
 from perchhw.doctor.finding import Finding, judged, not_known
 from perchhw.doctor.readings import Readings
 

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 
 from onboard.app_interface import Parameter
 from onboard.errors import PerchhwError
+from onboard.firmware.constants import vehicle_crc32
 from onboard.link.landing_app import arm_approach, check_vehicle, release
 from onboard.timebase import Event as Signal
 from onboard.timebase import Queue, Timebase
 from onboard.vehicle import Vehicle
-from onboard.vehicle.onboard_constants import vehicle_crc32
 from perchhw.errors import FlightStackError
 from perchhw.flight.caught import Caught
 from perchhw.flight.mission import AttemptPlan

@@ -7,7 +7,7 @@ Crazyflie.
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from mocap_bridge.uri import parse_mocap_uri
 from onboard.errors import PerchhwError
@@ -25,8 +25,9 @@ from perchhw.flight.readback import TEST_FLIGHT_SETTINGS
 from perchhw.flight.recording import FlightRecord, RecordListener
 from perchhw.flight.session import SupervisedFlight
 from perchhw.flight.telemetry import TEST_FLIGHT_BLOCKS
-from perchhw.lab import correction_of, in_record, limits_of, require_lab
+from perchhw.lab import FlightSetup, correction_of, in_record, limits_of, require_lab
 from perchhw.record import RunRecorder
+from perchhw.record.folder import discard_if_empty
 from perchhw.supervisor import Mission, SafetyLimits
 
 FLOWN = "flown"
@@ -60,6 +61,21 @@ class CourseRequest:
     lab: LabFile | None = None
     operator: str | None = None
     note: str | None = None
+
+    @classmethod
+    def of(cls, setup: FlightSetup, kind: str, parameters: Mapping[str, float], folder: Path) -> Self:
+        """Who flies where is as in `setup`."""
+        return cls(
+            kind=kind,
+            parameters=parameters,
+            folder=folder,
+            drone=setup.drone,
+            mocap=setup.mocap,
+            vehicle=setup.vehicle,
+            legs=setup.legs,
+            room=setup.room,
+            lab=setup.lab,
+        )
 
     def course(self) -> Course:
         """What is flown.
@@ -144,6 +160,22 @@ def fly_course(
             drone_clock_rate=flown.drone_clock_rate,
         )
     return CourseResult(aborted_by, request.folder, flown.interrupted)
+
+
+def fly_uninterrupted(request: CourseRequest, **shown: Any) -> CourseResult:
+    """As :func:`fly_course`, one of several flights; `shown`: what displays it.
+
+    Raises:
+        KeyboardInterrupt: the operator interrupted; the drone has landed.
+        PerchhwError: likewise; a folder into which nothing was written is gone.
+    """
+    try:
+        result = fly_course(request, **shown)
+    finally:
+        discard_if_empty(request.folder)
+    if result.interrupted:
+        raise KeyboardInterrupt
+    return result
 
 
 def _configuration(request: CourseRequest, vehicle: str, legs: str | None) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from onboard.errors import InputError
+from onboard.firmware.constants import vehicle_crc32
 from onboard.lab_file.bounds import CEILING_HEIGHT
 from onboard.link.errors import NoSuchVariable
 from onboard.link.landing_app import other_vehicle
@@ -15,7 +16,6 @@ from onboard.policy.files import find_policy, load_policy
 from onboard.policy.model import Policy
 from onboard.room import RoomGeometry
 from onboard.vehicle import Vehicle, load_vehicle
-from onboard.vehicle.onboard_constants import vehicle_crc32
 from perchhw.attempt import AttemptRequest
 from perchhw.errors import FlightStackError
 from perchhw.trained_for import trained_for_of

@@ -2,7 +2,7 @@
 
 from onboard.manoeuvres import HOVER
 from perchhw.attempt import AttemptRequest, WarmUpAborted
-from perchhw.flight.course import CourseRequest, fly_course
+from perchhw.flight.course import CourseRequest, fly_uninterrupted
 from perchhw.flight.loop import OnPhase
 from perchhw.flight.recording import RecordListener
 from perchhw.record.folder import new_run_folder
@@ -16,8 +16,7 @@ def warm_up(request: AttemptRequest, on_phase: OnPhase | None, listener: RecordL
 
     Raises:
         WarmUpAborted: a safety rule ended it.
-        PerchhwError: as :func:`perchhw.flight.course.fly_course`.
-        KeyboardInterrupt: the operator interrupted; the drone has landed.
+        PerchhwError, KeyboardInterrupt: as :func:`perchhw.flight.course.fly_uninterrupted`.
     """
     hover = CourseRequest(
         kind=HOVER,
@@ -32,8 +31,6 @@ def warm_up(request: AttemptRequest, on_phase: OnPhase | None, listener: RecordL
         operator=request.operator,
         note=request.note,
     )
-    flown = fly_course(hover, on_phase=on_phase, listener=listener)
-    if flown.interrupted:
-        raise KeyboardInterrupt
+    flown = fly_uninterrupted(hover, on_phase=on_phase, listener=listener)
     if flown.aborted_by is not None:
         raise WarmUpAborted(f"the warm-up hover was aborted by {flown.aborted_by} ({flown.record})")

@@ -11,7 +11,7 @@ from onboard.json_file import as_json
 from onboard.manoeuvres import manoeuvre
 from onboard.room import RoomGeometry
 from onboard.vehicle import Vehicle, load_vehicle
-from perchhw.flight.course import CourseRequest, CourseResult, fly_course
+from perchhw.flight.course import CourseRequest, CourseResult, fly_uninterrupted
 from perchhw.hover_check.expected import expected
 from perchhw.hover_check.history import History
 from perchhw.hover_check.judge import Line, LineVerdict, in_words, judge
@@ -21,7 +21,7 @@ from perchhw.hover_check.thrust import hover_thrust
 from perchhw.hover_check.vibration import RotorLine, vibration
 from perchhw.hover_check.windows import CheckWindows
 from perchhw.lab.setup import FlightSetup
-from perchhw.record import discard_if_empty, new_run_folder, read_run
+from perchhw.record import new_run_folder, read_run
 from perchhw.screen.display import Display
 
 KIND = "attitude_doublets"
@@ -84,27 +84,11 @@ def fly_check(setup: FlightSetup, out: Path, seconds: float, display: Display) -
     """Hover `seconds` over the start mark, tilt a little to all sides, land.
 
     Raises:
-        KeyboardInterrupt: the operator ended it; it has landed.
-        PerchhwError: as :func:`perchhw.flight.course.fly_course`.
+        PerchhwError, KeyboardInterrupt: as :func:`perchhw.flight.course.fly_uninterrupted`.
     """
-    request = CourseRequest(
-        kind=KIND,
-        parameters=_parameters(setup, seconds),
-        folder=new_run_folder(out, "check-hover"),
-        drone=setup.drone,
-        mocap=setup.mocap,
-        vehicle=setup.vehicle,
-        legs=setup.legs,
-        room=setup.room,
-        lab=setup.lab,
-    )
-    try:
-        result = fly_course(request, **display.shows(request.folder, "hover"))
-    finally:
-        discard_if_empty(request.folder)
-    if result.interrupted:
-        raise KeyboardInterrupt
-    return result
+    folder = new_run_folder(out, "check-hover")
+    request = CourseRequest.of(setup, KIND, _parameters(setup, seconds), folder)
+    return fly_uninterrupted(request, **display.shows(folder, "hover"))
 
 
 def _parameters(setup: FlightSetup, seconds: float) -> dict[str, float]:

@@ -15,8 +15,8 @@ import dask
 from distributed import Client, Future, KilledWorker
 from distributed.comm.core import connect as handshake
 
+from perchhw.learning.environment import environment
 from perchhw.learning.errors import LearningError, LearningInputError
-from perchhw.learning.executor import environment
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")

@@ -10,12 +10,8 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cache
-from importlib.metadata import version
-from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
-from onboard import kernel_cache
 from perchhw.learning.errors import LearningInputError
 
 Task = TypeVar("Task")
@@ -94,15 +90,3 @@ def open_executor(workers: int = 0, scheduler: str | None = None) -> Iterator[Ex
         raise LearningInputError("--scheduler needs dask: pip install 'perchhw[cluster]'") from error
     with connect(scheduler) as cluster:
         yield cluster
-
-
-def versions() -> dict[str, str]:
-    """Versions of what the numbers depend on."""
-    return {package: version(package) for package in ("perchhw", "numpy", "numba")}
-
-
-@cache
-def environment() -> dict[str, str]:
-    """What has to be equal in two processes that are to give the same numbers: versions and source."""
-    source = kernel_cache.source_key(Path(kernel_cache.__file__).resolve().parents[1])
-    return {**versions(), "perchhw source": source}

@@ -26,8 +26,9 @@ from onboard.arrays import FloatArray
 from onboard.vehicle import known_leg_designs, vehicle_to_toml
 from perchhw.learning.authors_models import authors_vehicle
 from perchhw.learning.bands import FAST
+from perchhw.learning.environment import versions
 from perchhw.learning.errors import LearningInputError
-from perchhw.learning.executor import ALL_CORES, Executor, versions
+from perchhw.learning.executor import ALL_CORES, Executor
 from perchhw.learning.grid import Condition
 from perchhw.learning.leg_trends import BEYOND, Pairs, rate_trends
 from perchhw.learning.results import read_reference

@@ -19,8 +19,9 @@ import numpy as np
 from onboard.outcome import Outcome
 from onboard.vehicle import known_leg_designs
 from perchhw.learning.bands import FAST
+from perchhw.learning.environment import versions
 from perchhw.learning.errors import LearningInputError
-from perchhw.learning.executor import ALL_CORES, Executor, versions
+from perchhw.learning.executor import ALL_CORES, Executor
 from perchhw.learning.leg_landings import FACTOR_COLUMNS, LandPair, landings_text, pair_of
 from perchhw.learning.leg_results import LANDINGS_FILE, SCHEMA, STUDY_FILE
 from perchhw.learning.leg_trends import ALL_ANGLES, BEYOND, pairs_of, trends

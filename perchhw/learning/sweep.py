@@ -14,8 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from onboard.clock import Clock
+from perchhw.learning.environment import versions
 from perchhw.learning.errors import LearningInputError
-from perchhw.learning.executor import ALL_CORES, Executor, versions
+from perchhw.learning.executor import ALL_CORES, Executor
 from perchhw.learning.grid import Condition, conditions
 from perchhw.learning.one_trial import not_finite_rollouts, run_trial
 from perchhw.learning.setup import LearningSetup, Recipe, prepared

@@ -9,10 +9,6 @@ from pathlib import Path
 from onboard.errors import InputError
 from perchhw.errors import FlightStackError
 
-RUN_FILE = "run.json"
-SERIES_FILE = "series.mcap"
-EVENTS_FILE = "events.jsonl"
-
 
 class OutputFolderError(FlightStackError, InputError):
     """A folder for results cannot be written; the message names it and the reason."""

@@ -20,12 +20,13 @@ from onboard.arrays import FloatArray
 from onboard.lab_file import split_subject
 from onboard.vehicle import Vehicle
 from perchhw.record import palette
+from perchhw.record.event_words import EventWords, Level, level_of
+from perchhw.record.flown import vehicle_of
 from perchhw.record.folder import make_folder
 from perchhw.record.foxglove_types import ERROR, INFO, LINE_STRIP, TYPES, WARNING, json_schema
-from perchhw.record.shapes import approach_of, approach_path, cage_shape, room_of, vehicle_of, vehicle_shape
+from perchhw.record.shapes import approach_of, approach_path, cage_shape, room_of, vehicle_shape
 from perchhw.record.topics import TOPICS, Field, Topic
 from perchhw.record.wall_time import NANOSECOND, begin_of, wall_clock
-from perchhw.record.words import Level, in_words, level_of
 
 FILE = "foxglove.mcap"
 WORLD = "world"
@@ -98,9 +99,12 @@ def _messages(run: RunRecord, vehicle: Vehicle) -> Iterator[_Message]:
     yield from _drawings(run, vehicle, name, begin_of(run))
     yield from _poses(run, name)
     yield from _numbers(run)
+    teller = EventWords()
     for event in run.events:
-        values = {"level": _LEVELS[level_of(event)], "message": in_words(event), "name": "perchhw"}
-        yield _Message(float(event["t"]), "/log", "foxglove.Log", values)
+        words = teller.say(event)
+        if words is not None:
+            values = {"level": _LEVELS[level_of(event)], "message": words, "name": "perchhw"}
+            yield _Message(float(event["t"]), "/log", "foxglove.Log", values)
 
 
 def _drawings(run: RunRecord, vehicle: Vehicle, name: str, begin: float) -> Iterator[_Message]:

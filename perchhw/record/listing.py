@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from calibration.flights.run_folder import RunFolderError, is_run_folder, read_info
-from perchhw.record.folder import RUN_FILE
+from calibration.flights.run_folder import RUN_FILE, RunFolderError, is_run_folder, read_info
 
 
 @dataclass(frozen=True)
@@ -40,7 +39,7 @@ def summarise_run(folder: Path) -> RunSummary:
     """
     if not is_run_folder(folder):
         raise RunFolderError(f"{folder} is not a run folder: it needs run.json and series.mcap")
-    info = read_info(folder / "run.json")
+    info = read_info(folder)
     config = info["config"]
     outcome, aborted_by = info.get("outcome"), info.get("aborted_by")
     if outcome == "aborted" and aborted_by is None and config.get("dry_run"):
@@ -66,7 +65,7 @@ def find_runs(root: Path) -> tuple[list[RunSummary], list[str]]:
     if not root.is_dir():
         raise RunFolderError(f"{root}: no such folder; give the folder that holds the runs")
     runs, broken = [], []
-    for path in sorted(root.rglob("run.json")):
+    for path in sorted(root.rglob(RUN_FILE)):
         if not is_run_folder(path.parent):
             continue
         try:
@@ -80,5 +79,5 @@ def kept_sentence(folder: Path | None) -> str | None:
     """What the record `folder` says of what happened and why, or None where it was not explained."""
     if folder is None or not (folder / RUN_FILE).is_file():
         return None
-    kept = read_info(folder / RUN_FILE).get("diagnosis")
+    kept = read_info(folder).get("diagnosis")
     return str(kept["sentence"]) if isinstance(kept, dict) and "sentence" in kept else None

@@ -4,7 +4,7 @@ import json
 import os
 from pathlib import Path
 
-from perchhw.record.folder import EVENTS_FILE
+from calibration.flights.run_folder import EVENTS_FILE
 
 
 def add_note(folder: Path, t: float, text: str, phase: str | None = None) -> None:

@@ -23,17 +23,11 @@ import numpy as np
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import IndexType, Writer
 
-from calibration.flights.run_folder import SCHEMA
+from calibration.flights.run_folder import EVENTS_FILE, RUN_FILE, SCHEMA, SERIES_FILE
 from onboard.clock import Clock, monotonic
 from onboard.json_file import write_json_atomically
 from perchhw.errors import FlightStackError
-from perchhw.record.folder import (
-    EVENTS_FILE,
-    RUN_FILE,
-    SERIES_FILE,
-    make_folder,
-    utc_now,
-)
+from perchhw.record.folder import make_folder, utc_now
 from perchhw.record.sync import PeriodicSync, Sync
 from perchhw.record.topics import TOPICS
 

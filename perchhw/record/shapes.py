@@ -12,8 +12,7 @@ import numpy as np
 from onboard.arrays import FloatArray
 from onboard.room import RoomGeometry
 from onboard.trajectory import ApproachPlan, sample_approach
-from onboard.vehicle import Vehicle, load_vehicle
-from perchhw.attempt import DEFAULT_VEHICLE
+from onboard.vehicle import Vehicle
 from perchhw.label import landing_geometry
 
 _PATH_STEP_S = 0.02
@@ -85,15 +84,6 @@ def vehicle_shape(vehicle: Vehicle) -> VehicleShape:
     hips = np.column_stack([outward, np.full(4, legs.hip_z.value)])
     strips = tuple(np.stack([hip, foot]) for hip, foot in zip(hips, feet, strict=True))
     return VehicleShape(arms, rims, strips, feet, legs.foot_radius.value)
-
-
-def vehicle_of(config: dict[str, Any]) -> Vehicle:
-    """The vehicle of a run's configuration, or the usual one where it names none.
-
-    Raises:
-        VehicleFileError: it is not known here.
-    """
-    return load_vehicle(config.get("vehicle") or DEFAULT_VEHICLE, config.get("legs"))
 
 
 def approach_path(plan: ApproachPlan) -> FloatArray:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from onboard.app_interface import EndReason, LandingState, Log, Parameter
 from onboard.errors import SafetyStop
+from onboard.firmware.constants import vehicle_crc32
 from onboard.lab_time import open_timebase
 from onboard.landing.model import landing_limits
 from onboard.link.exclusive import hold
@@ -20,7 +21,6 @@ from onboard.ring import Ring
 from onboard.timebase import Timebase
 from onboard.trajectory import ApproachPlan
 from onboard.vehicle import Vehicle
-from onboard.vehicle.onboard_constants import vehicle_crc32
 from perchhw.errors import FlightStackError
 from perchhw.rehearsal.poses import ApproachPoses
 from perchhw.rehearsal.verdict import Verdict, judge

@@ -135,7 +135,7 @@ def _attempts_of_runs(folder: Path) -> list[ShownAttempt]:
     for run in runs:
         if run.speed is None or run.angle_deg is None or run.outcome not in tuple(Outcome):
             continue
-        trigger = read_info(run.folder / "run.json").get("trigger")
+        trigger = read_info(run.folder).get("trigger")
         outcome = Outcome(run.outcome)
         attempts.append(ShownAttempt(run.speed, run.angle_deg, outcome, trigger, run.aborted_by, run.folder))
     if not attempts:

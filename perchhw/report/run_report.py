@@ -10,11 +10,12 @@ from calibration.flights.perchhw_run import flight_from_run
 from calibration.flights.run_folder import RunRecord, is_run_folder, read_run
 from onboard.errors import PerchhwError
 from perchhw.attempt import Outcome
-from perchhw.diagnosis.diagnose import diagnose_run, judge_of, vehicle_of
+from perchhw.diagnosis.diagnose import diagnose_run, judge_of
 from perchhw.diagnosis.finding import Diagnosis
+from perchhw.record.event_words import time_line
+from perchhw.record.flown import known_vehicle_of
 from perchhw.record.folder import OutputFolderError
 from perchhw.report import figures
-from perchhw.report.event_words import time_line
 from perchhw.report.flight_figures import phases, power, tracking, trigger_region
 from perchhw.report.flight_picture import flight_picture, moments
 from perchhw.report.style import badge, grid, page, report_style, section, table
@@ -147,7 +148,7 @@ def _trigger(trigger: dict[str, Any]) -> str:
 def _figures(run: RunRecord, flight: Flight, found: Diagnosis) -> str:
     touch = found.values.get("touch_after_s")
     touch_t = None if flight.trigger is None or not isinstance(touch, float) else flight.trigger.t + touch
-    picture = flight_picture(flight, vehicle_of(run), touch_t)
+    picture = flight_picture(flight, known_vehicle_of(run), touch_t)
     body = "" if picture is None else section("The flight", picture, _legend(flight, touch_t))
     panels = [
         ("Cues against the trigger region", trigger_region(flight, judge_of(run).region)),

@@ -100,34 +100,6 @@ class _LogToDisplay(logging.Handler):
 
 
 @contextmanager
-def flight_display(title: str, drone: str) -> Iterator[Display]:
-    """The screen where there is a terminal for it, else lines.
-
-    Args:
-        title: the command, with what it flies.
-        drone: URI.
-    """
-    from perchhw.screen.lines import Lines
-
-    if not _fit_for_a_screen():
-        with Lines() as lines:
-            yield lines
-        return
-    from perchhw.screen.screen import Screen
-
-    with Screen(title, drone) as screen:
-        yield screen
-
-
-def _fit_for_a_screen() -> bool:
-    try:
-        from perchhw.screen.terminal import fit_for_a_screen
-    except ImportError:  # a system without termios
-        return False
-    return fit_for_a_screen()
-
-
-@contextmanager
 def log_to(display: Display) -> Iterator[None]:
     """What would be logged on the terminal goes to the display instead."""
     root = logging.getLogger()

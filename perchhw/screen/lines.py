@@ -7,7 +7,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple, Self
 
-from perchhw.cli.output import progress_console
+from perchhw.consoles import progress_console
 from perchhw.errors import NobodyToAsk
 from perchhw.screen.display import Display, Progress, log_to
 from perchhw.supervisor import FlightState

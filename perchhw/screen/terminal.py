@@ -6,7 +6,7 @@ import sys
 import termios
 from collections.abc import Iterator
 
-from perchhw.cli.output import progress_console
+from perchhw.consoles import progress_console
 
 LEAVE = b"\x1b[?1049l\x1b[?25h\x1b[0m"
 """Out of the alternate screen, cursor on, colours off (xterm control sequences)."""

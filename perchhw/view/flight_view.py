@@ -1,17 +1,13 @@
 """A run as a Rerun recording, drawn as its record grows: a recorded flight is one that grows at once."""
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calibration.flights.growing_run import GrowingRun
 from calibration.flights.run_folder import RunRecord
-from onboard.errors import PerchhwError
-from onboard.policy.bundle import policy_crc32
-from onboard.policy.files import find_policy, load_policy
 from onboard.policy.model import Policy
 from onboard.vehicle import Vehicle
-from perchhw.record.shapes import vehicle_of
+from perchhw.record.flown import policy_of, vehicle_of
 from perchhw.record.wall_time import begin_of
 from perchhw.view.cue_space import CueSpace
 from perchhw.view.plots import Plots
@@ -76,15 +72,3 @@ def follow(
         view.add(run.look())
     view.add(run.look())
     stream.flush()
-
-
-def policy_of(run: RunRecord) -> Policy | None:
-    """The policy that flew, if it is still there and still the same."""
-    named, crc = run.config.get("policy"), run.config.get("policy_crc32")
-    if not isinstance(named, str):
-        return None
-    try:
-        policy = load_policy(find_policy(Path(named)))
-    except PerchhwError:
-        return None  # a view without the trigger's faces is better than none
-    return policy if crc in (None, f"{policy_crc32(policy):08x}") else None

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calibration.flights.growing_run import GrowingRun
-from calibration.flights.run_folder import RunFolderError, is_run_folder
+from calibration.flights.run_folder import EVENTS_FILE, RUN_FILE, SERIES_FILE, RunFolderError, is_run_folder
 from perchhw.record.folder import make_folder, utc_now
 from perchhw.view.blueprint import make_blueprint
 from perchhw.view.errors import ViewError, require_rerun
@@ -104,13 +104,13 @@ def newest_run(root: Path) -> Path | None:
     """The run itself, or the newest below a folder, whose names begin with the time; None: there is none."""
     if is_run_folder(root):
         return root
-    runs = (path.parent for path in root.rglob("run.json"))
+    runs = (path.parent for path in root.rglob(RUN_FILE))
     return max((run for run in runs if is_run_folder(run)), key=lambda run: run.name, default=None)
 
 
 def _is_written(folder: Path) -> bool:
     """Whether somebody has put something into the record lately."""
-    files = [folder / name for name in ("run.json", "series.mcap", "events.jsonl")]
+    files = [folder / name for name in (RUN_FILE, SERIES_FILE, EVENTS_FILE)]
     newest = max((file.stat().st_mtime for file in files if file.exists()), default=0.0)
     return utc_now().timestamp() - newest < QUIET_S
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from calibration.flights.run_folder import RunRecord
 from onboard.supervisor_info import SupervisorBits
-from perchhw.record.words import Level, in_words, level_of
+from perchhw.record.event_words import EventWords, Level, level_of
 from perchhw.view.timeline import Canvas
 
 ENTITY = "events"
@@ -20,6 +20,7 @@ class Words:
 
     canvas: Canvas
     _said: dict[str, Any] = field(default_factory=dict, init=False)
+    _event_words: EventWords = field(default_factory=EventWords, init=False)
 
     def add(self, news: RunRecord) -> None:
         """Write what is new, in the order of its times."""
@@ -32,7 +33,9 @@ class Words:
 
     def _events(self, news: RunRecord) -> Iterator[tuple[float, Level, str]]:
         for event in news.events:
-            yield float(event["t"]), level_of(event), in_words(event)
+            words = self._event_words.say(event)
+            if words is not None:
+                yield float(event["t"]), level_of(event), words
 
     def _changes(self, news: RunRecord) -> Iterator[tuple[float, Level, str]]:
         pose, supervisor = news.series.get("pose"), news.series.get("supervisor")

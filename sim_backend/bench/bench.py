@@ -22,7 +22,7 @@ from sim_backend.bench.scpi import ScpiSupply
 from sim_backend.bench.spin_record import SpinRecord
 from sim_backend.bench.tachometer import OpticalSensor, TachometerBoard
 from sim_backend.crazyflie.firmware import Firmware
-from sim_backend.faults import DroneFaults
+from sim_backend.lab_faults import DroneFaults
 
 DT = 0.001
 GAUGE_ERROR = 0.01

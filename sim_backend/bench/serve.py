@@ -23,7 +23,7 @@ from sim_backend.bench.operator import CannotDo, Operator
 from sim_backend.bench.ports import AskedPort, BoardPort, Electronics, Port
 from sim_backend.crazyflie.faults import DatagramFaults
 from sim_backend.crazyflie.server import ACTIVITY_TIMEOUT_MS, CrazyflieServer
-from sim_backend.faults import Faults
+from sim_backend.lab_faults import Faults
 
 PERIOD_S = 0.002
 """Real time between two rounds of the loop."""

@@ -18,10 +18,8 @@ from onboard.arrays import FloatArray, Vector
 from onboard.controller import Wrench
 from onboard.landing.model import OutputMode
 from onboard.mixer import Thrusts
-from onboard.vehicle import Vehicle
 from sim_backend.crazyflie.estimator import Estimator
 from sim_backend.crazyflie.setpoint import Setpoint
-from sim_backend.engine_name import EngineName
 
 
 class Event(IntFlag):
@@ -232,14 +230,3 @@ class Engine(Protocol):
     def step(self, sample: Sample) -> Event:
         """One ms."""
         ...
-
-
-def make_engine(name: EngineName, vehicle: Vehicle) -> Engine:
-    """The engine of a drone whose firmware was built for `vehicle`."""
-    if name is EngineName.C:
-        from sim_backend.crazyflie.c_engine import CEngine
-
-        return CEngine(vehicle)
-    from sim_backend.crazyflie.reference_engine import ReferenceEngine
-
-    return ReferenceEngine(vehicle)

@@ -17,7 +17,8 @@ from onboard.vehicle import Vehicle
 from sim_backend.crazyflie.bindings import log_sources, parameter_setters
 from sim_backend.crazyflie.build import OURS, Build
 from sim_backend.crazyflie.commander import Commander, Priority
-from sim_backend.crazyflie.engine import Event, Sample, make_engine
+from sim_backend.crazyflie.engine import Event, Sample
+from sim_backend.crazyflie.engines import make_engine
 from sim_backend.crazyflie.estimator import Estimator
 from sim_backend.crazyflie.high_level import FlatState, HighLevelCommander
 from sim_backend.crazyflie.interfaces import FirmwareAssertion, Memory

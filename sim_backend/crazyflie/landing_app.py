@@ -15,8 +15,8 @@ from onboard.app_interface import (
     Parameter,
     TrajectoryStatus,
 )
+from onboard.firmware.constants import vehicle_crc32
 from onboard.vehicle import Vehicle
-from onboard.vehicle.onboard_constants import vehicle_crc32
 from sim_backend.crazyflie.engine import ApproachRequest, Engine, Event, SnapshotField
 from sim_backend.crazyflie.policy_slot import PolicySlot
 from sim_backend.crazyflie.tables import Number, ParameterTable

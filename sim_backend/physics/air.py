@@ -2,8 +2,8 @@
 
 from typing import Any
 
+from sim_backend.physics.frames import Wrench
 from sim_backend.physics.jit import inner
-from sim_backend.physics.motors import Wrench
 
 
 @inner

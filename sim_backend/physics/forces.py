@@ -8,10 +8,10 @@ Gravity and the gyroscopic torque of the body belong to the integrator, contact 
 from typing import Any
 
 from sim_backend.physics.air import linear_drag
-from sim_backend.physics.effects.wrench import wrench_with_effects
-from sim_backend.physics.frames import Rotation
+from sim_backend.physics.frames import Rotation, Wrench
 from sim_backend.physics.jit import inner, kernel
-from sim_backend.physics.motors import Wrench, rotor_wrench
+from sim_backend.physics.motors import rotor_wrench
+from sim_backend.physics.wrench_with_effects import wrench_with_effects
 
 
 @inner

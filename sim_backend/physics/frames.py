@@ -6,6 +6,9 @@ from sim_backend.physics.jit import inner, kernel
 Rotation = tuple[float, float, float, float, float, float, float, float, float]
 """Rotation matrix, row by row, that turns body into world components."""
 
+Wrench = tuple[float, float, float, float, float, float]
+"""Force and torque, body frame."""
+
 
 @kernel
 def to_body(rot: Rotation, x: float, y: float, z: float) -> Vector:

@@ -9,9 +9,8 @@ from typing import Any
 from onboard.mixer import Thrusts
 from sim_backend.physics.effects.command import command_with_effects
 from sim_backend.physics.effects.motor_speed_law import speed_after
+from sim_backend.physics.frames import Wrench
 from sim_backend.physics.jit import inner, outlined
-
-Wrench = tuple[float, float, float, float, float, float]
 
 SETTLED = 1e-15
 """N: a thrust this close to its target is there; a stopped motor would decay into slow denormal numbers."""

@@ -20,10 +20,10 @@ from sim_backend.physics.feet import (
     touch_feet,
 )
 from sim_backend.physics.forces import add, free_flight_wrench
-from sim_backend.physics.frames import Rotation, cross, to_body, to_world
+from sim_backend.physics.frames import Rotation, Wrench, cross, to_body, to_world
 from sim_backend.physics.jit import inner, kernel
 from sim_backend.physics.legs import hinge_force
-from sim_backend.physics.motors import Wrench, commanded, decay, lag_to_end, lag_to_middle
+from sim_backend.physics.motors import commanded, decay, lag_to_end, lag_to_middle
 from sim_backend.physics.rigid_body import rotation_matrix, turn, turn_rate, unit
 from sim_backend.physics.rods import LOOSE, Inverse, Rod, coupling, rod_forces
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from onboard.app_interface import INTERFACE_VERSION, Parameter
+from onboard.firmware.constants import vehicle_crc32
 from onboard.supervisor_info import SupervisorBits, SupervisorInfo
 from onboard.vehicle import load_vehicle
-from onboard.vehicle.onboard_constants import vehicle_crc32
 from perchhw.doctor import Finding, Verdict, examine
 from perchhw.doctor.drone_checks import REVISION, SETTINGS
 from perchhw.doctor.measure import host_readings

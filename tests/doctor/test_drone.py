@@ -9,7 +9,7 @@ from onboard.app_interface import MEMORY_TYPE_APP, Parameter
 from onboard.vehicle import load_vehicle
 from perchhw.doctor import Finding, Verdict, examine, take_readings
 from sim_backend.crazyflie.firmware import Firmware
-from sim_backend.faults import DroneFaults
+from sim_backend.lab_faults import DroneFaults
 from tests.patience import patient_uri
 from tests.sim_crazyflie.served_flight import serve_flight
 from tests.sim_crazyflie.simulated_flight import LEGS, VEHICLE, Flight

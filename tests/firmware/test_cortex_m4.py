@@ -15,12 +15,12 @@ import numpy as np
 import pytest
 
 from onboard.firmware.compiler import FLAGS, SOURCES
+from onboard.firmware.constants import onboard_constants
 from onboard.firmware.library import CoreLibrary
 from onboard.policy.action import action_moments
 from onboard.policy.bundle import MAX_BUNDLE_BYTES, encode_bundle
 from onboard.policy.trigger import trigger_values
 from onboard.rotation import integrate
-from onboard.vehicle.onboard_constants import onboard_constants
 from tests.firmware.float32 import rounded
 from tests.firmware.histories import VEHICLE
 from tests.firmware.test_law_parity import random_states, rows, wrenches_in_c, wrenches_in_python

@@ -22,11 +22,11 @@ from onboard.app_interface import (
     TrajectoryStatus,
 )
 from onboard.firmware.compiler import SOURCES, find_compiler
+from onboard.firmware.constants import vehicle_crc32
 from onboard.policy.bundle import encode_bundle
 from onboard.policy.files import load_policy, shipped_policy_path
 from onboard.trajectory import plan_from_velocity, sample_approach
 from onboard.vehicle import load_vehicle
-from onboard.vehicle.onboard_constants import vehicle_crc32
 from tests.firmware.shell import Shell, Variable, build_shell
 
 VEHICLE = "crazyflie21-upgraded"

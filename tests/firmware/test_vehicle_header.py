@@ -9,10 +9,10 @@ import pytest
 
 from onboard import app_interface
 from onboard.firmware.compiler import FLAGS, SOURCES, find_compiler
+from onboard.firmware.constants import onboard_constants, vehicle_crc32
 from onboard.firmware.header import vehicle_header
 from onboard.policy import bundle, model
 from onboard.vehicle import load_vehicle
-from onboard.vehicle.onboard_constants import onboard_constants, vehicle_crc32
 from perchhw.cli.main import run
 from tests.firmware.float32 import VEHICLES
 

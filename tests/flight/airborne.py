@@ -12,11 +12,11 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
+from onboard.closing import Closing
 from onboard.link import reboot
 from onboard.link.uri import parse_udp_uri
 from onboard.supervisor_info import SupervisorInfo
@@ -98,7 +98,7 @@ class Witness:
         self._socket.close()
 
 
-class Airborne:
+class Airborne(Closing):
     """A host process that flies one drone through a :class:`FaultyNetwork`, again and again.
 
     Args:
@@ -182,14 +182,6 @@ class Airborne:
                 stream.close()
         self.network.close()
         self.witness.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _note(self, packet: bytes, now: float) -> None:
         if is_stop(packet):

@@ -18,8 +18,9 @@ import perchhw
 from onboard.policy.files import load_policy, shipped_policy_path
 from perchhw.cli.main import run
 from perchhw.learning.dask_cluster import do_batch
+from perchhw.learning.environment import environment
 from perchhw.learning.errors import LearningError, LearningInputError
-from perchhw.learning.executor import LocalThreads, environment, open_executor
+from perchhw.learning.executor import LocalThreads, open_executor
 from perchhw.learning.grid import conditions
 from perchhw.learning.setup import LearningSetup
 from perchhw.learning.sweep import SweepGrid, run_sweep

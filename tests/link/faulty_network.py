@@ -9,10 +9,10 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Self
 
 import numpy as np
+
+from onboard.closing import Closing
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Faults:
     reorder_delay: float = 0.005
 
 
-class FaultyNetwork:
+class FaultyNetwork(Closing):
     """Forwards between one client and ``target_port``; the client connects to ``uri``.
 
     Attributes:
@@ -69,14 +69,6 @@ class FaultyNetwork:
         self._thread.join()
         self._front.close()
         self._back.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _run(self) -> None:
         with selectors.DefaultSelector() as selector:

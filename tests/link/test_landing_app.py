@@ -9,6 +9,7 @@ import pytest
 
 from onboard.app_interface import LandingState, Parameter, PolicyStatus, TrajectoryStatus
 from onboard.clock import monotonic
+from onboard.firmware.constants import vehicle_crc32
 from onboard.link import CommandRefused, DroneLink, LinkTimeout, NoSuchVariable
 from onboard.link.landing_app import arm_approach, check_vehicle, release
 from onboard.policy.bundle import encode_bundle
@@ -16,7 +17,6 @@ from onboard.room import RoomGeometry
 from onboard.timebase import WallTime
 from onboard.trajectory import ApproachPlan, fit_approach
 from onboard.vehicle import load_vehicle
-from onboard.vehicle.onboard_constants import vehicle_crc32
 from perchhw.gap_walkthrough.story import BELIEVED, hidden_vehicle
 from tests.link.tiny_drone import TinyDrone
 from tests.patience import patient_link

@@ -11,8 +11,8 @@ import struct
 import threading
 import zlib
 from collections.abc import Callable
-from types import TracebackType
-from typing import Self
+
+from onboard.closing import Closing
 
 PARAMETERS: list[tuple[str, int, str, float]] = [
     ("perch.version", 0x48, "<B", 2),
@@ -49,7 +49,7 @@ LOGS: list[tuple[str, int, str]] = [
 MEMORY_TYPE, MEMORY_SIZE = 0x18, 8192
 
 
-class TinyDrone:
+class TinyDrone(Closing):
     """Serves CRTP on ``port`` (``uri``) until closed; log blocks are sent when the test says so."""
 
     def __init__(self) -> None:
@@ -101,14 +101,6 @@ class TinyDrone:
         self._closing.set()
         self._thread.join()
         self._socket.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _serve(self) -> None:
         while not self._closing.is_set():

@@ -7,10 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from onboard.controller import AUTHORS_GAINS, DEFAULT_GAINS, ControllerGains, controller_gains
-from onboard.quantity import Quantity
-from onboard.vehicle import Effect, known_vehicles, load_vehicle
-from onboard.vehicle.attitude_margins import (
+from onboard.attitude_margins import (
     DELAY_LIMIT,
     LAGS,
     PHASE_LIMIT_DEG,
@@ -18,6 +15,9 @@ from onboard.vehicle.attitude_margins import (
     attitude_margins,
     vehicle_margins,
 )
+from onboard.controller import AUTHORS_GAINS, DEFAULT_GAINS, ControllerGains, controller_gains
+from onboard.quantity import Quantity
+from onboard.vehicle import Effect, known_vehicles, load_vehicle
 
 WITHOUT_LEAD = DEFAULT_GAINS._replace(
     kp_xy=0.4, kd_xy=0.32,

@@ -10,10 +10,10 @@ from typing import Any
 
 import pytest
 
+from onboard.firmware.constants import constants_crc32, onboard_constants, vehicle_crc32
 from onboard.quantity import Quantity
 from onboard.thrust_map import COEFFICIENT_UNITS, ThrustMapForm
 from onboard.vehicle import Vehicle, known_vehicles, load_vehicle
-from onboard.vehicle.onboard_constants import constants_crc32, onboard_constants, vehicle_crc32
 
 VEHICLE = load_vehicle("crazyflie21-upgraded")
 DOCUMENT = Path(__file__).parents[2] / "docs" / "landing_app.md"

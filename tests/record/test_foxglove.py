@@ -103,7 +103,7 @@ def test_the_drone_hangs_in_its_frame_and_the_trigger_where_it_flipped(exported:
     (trigger,) = exported["/scene/trigger"][0][2]["entities"]
     assert trigger["spheres"][0]["pose"]["position"]["x"] == pytest.approx(-1.0 + 0.008 * FLIP)
     levels = {message["message"]: message["level"] for _, _, message in exported["/log"]}
-    assert levels["phase: flipping (aborted: pose_lost)"] == 3
+    assert levels["phase: flipping (ended by pose_lost)"] == 3
 
 
 @needs_definitions

@@ -11,7 +11,7 @@ from onboard.room import RoomGeometry
 from onboard.trajectory import fit_approach
 from onboard.vehicle import load_vehicle
 from perchhw.rehearsal.poses import LEVEL, ideal_state
-from sim_backend.faults import DroneFaults
+from sim_backend.lab_faults import DroneFaults
 from tests.sim_crazyflie.simulated_flight import LEGS, VEHICLE, Flight
 
 PLAN = fit_approach(2.5, 50.0, RoomGeometry())

@@ -18,7 +18,7 @@ from perchhw.rehearsal.record import save_rehearsal
 from perchhw.rehearsal.session import Rehearsal
 from perchhw.rehearsal.verdict import A_ROT_BOUND, FORCE_BOUND, TRIGGER_VALUE_BOUND, judge
 from sim_backend.crazyflie.policy_slot import with_a_weight_changed
-from sim_backend.faults import DroneFaults
+from sim_backend.lab_faults import DroneFaults
 from tests.rehearsal.desk import PLAN, POLICY, TRUE, Desk
 from tests.sim_crazyflie.simulated_flight import Flight
 

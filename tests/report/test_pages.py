@@ -8,9 +8,9 @@ import pytest
 
 from perchhw.attempt import Outcome
 from perchhw.cli.main import run
+from perchhw.record.event_words import command_words
 from perchhw.report import write_campaign_report, write_run_report
 from perchhw.report.campaign_report import PREDICTION_FILE
-from perchhw.report.event_words import command_words
 from perchhw.report.style import OUTCOME_COLOURS, OUTCOME_MARKERS
 from tests.report.chromium import WIDTHS, show
 from tests.report.page import Page, assert_self_contained

@@ -13,7 +13,8 @@ from pathlib import Path
 from mocap_bridge.health import Verdict
 from perchhw.flight.interrupts import OperatorInterrupts
 from perchhw.record import RunRecorder
-from perchhw.screen.display import Progress, flight_display
+from perchhw.screen.display import Progress
+from perchhw.screen.flight_display import flight_display
 from perchhw.supervisor import FlightState, Observation, Phase
 
 TICK = 0.02

@@ -9,7 +9,7 @@ from onboard.vehicle import Effect, Vehicle, load_vehicle
 from sim_backend.bench.bench import Bench, BenchOptions
 from sim_backend.bench.faults import BenchFaults
 from sim_backend.bench.operator import Operator
-from sim_backend.faults import DroneFaults
+from sim_backend.lab_faults import DroneFaults
 
 STRINGS = {"string_distance_top": 0.06, "string_distance_bottom": 0.06, "string_length": 0.6}
 HANG_Z = {"do": "hang", "axis": [0, 0, 1], **STRINGS}

@@ -5,7 +5,8 @@ import pytest
 from sim_backend.bench.bench import Place
 from sim_backend.bench.faults import BENCH_RULES, BenchFaults, Unplugging
 from sim_backend.fault_values import FaultError, Window
-from sim_backend.faults import DroneFaults, fault_table, parse_faults
+from sim_backend.faults import fault_table, parse_faults
+from sim_backend.lab_faults import DroneFaults
 from tests.sim_bench.benches import HANG_Z, Stand
 
 MID = 100 * 256

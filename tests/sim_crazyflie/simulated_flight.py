@@ -12,7 +12,7 @@ from onboard.vehicle import Vehicle, load_vehicle
 from sim_backend.crazyflie.build import OURS, Build
 from sim_backend.crazyflie.high_level import Command
 from sim_backend.engine_name import EngineName
-from sim_backend.faults import DroneFaults
+from sim_backend.lab_faults import DroneFaults
 from sim_backend.world import World
 
 VEHICLE, LEGS = "crazyflie21-upgraded-stored", "semi-narrow-long"  # feet that always hold

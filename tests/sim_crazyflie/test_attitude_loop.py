@@ -5,10 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 
+from onboard.attitude_margins import attitude_margins
 from onboard.controller import controller_gains
 from onboard.quantity import Quantity
 from onboard.vehicle import Effect, Vehicle, load_vehicle
-from onboard.vehicle.attitude_margins import attitude_margins
 from tests.sim_crazyflie.simulated_flight import LEGS, VEHICLE, Flight
 
 SHAKES = 0.3

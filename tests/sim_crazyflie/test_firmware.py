@@ -14,7 +14,7 @@ from sim_backend.crazyflie.high_level import Command, PlannerState
 from sim_backend.crazyflie.interfaces import FirmwareAssertion
 from sim_backend.crazyflie.power import PowerState
 from sim_backend.crazyflie.supervisor import State
-from sim_backend.faults import DroneFaults
+from sim_backend.lab_faults import DroneFaults
 from tests.sim_crazyflie.simulated_flight import Flight
 from tests.sim_crazyflie.small_policy import small_policy
 

@@ -6,10 +6,10 @@ import struct
 import pytest
 
 from onboard.app_interface import REQUEST_TIMEOUT_MS, LandingState, Parameter, TrajectoryStatus
+from onboard.firmware.constants import vehicle_crc32
 from onboard.landing.state_machine import HAND_OVER_CLIMB, HAND_OVER_SPEED
 from onboard.trajectory import ApproachPlan
 from onboard.vehicle import load_vehicle
-from onboard.vehicle.onboard_constants import vehicle_crc32
 from sim_backend.crazyflie.crtp import Packet
 from sim_backend.crazyflie.firmware import HIGH_LEVEL_PERIOD_MS
 from sim_backend.crazyflie.ports.param import ParamPort

@@ -11,7 +11,8 @@ import pytest
 from onboard.gravity import GRAVITY
 from onboard.vehicle import load_vehicle
 from sim_backend.fault_values import FaultError
-from sim_backend.faults import DroneFaults, fault_table, parse_faults
+from sim_backend.faults import fault_table, parse_faults
+from sim_backend.lab_faults import DroneFaults
 from sim_backend.room.settings import ROOM_RULES
 from sim_backend.truth import COLUMNS, TruthError, TruthRecorder
 from sim_backend.world import LAG_LIMIT_S, World, WorldError

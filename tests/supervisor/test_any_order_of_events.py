@@ -26,6 +26,7 @@ from perchhw.supervisor import (
     StopConfirmed,
     StopUnconfirmed,
     Tick,
+    initial_state,
     step,
 )
 from perchhw.supervisor.events import (
@@ -211,6 +212,19 @@ def test_whatever_happens_the_flight_comes_down_and_ends(
     if flight.state.phase is Phase.STOPPING:
         flight.feed(StopUnconfirmed("silent"), 0.25)
     assert flight.state.phase is Phase.DONE
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.lists(st.tuples(EVENTS, WAITS), max_size=60))
+def test_from_the_ground_no_step_of_the_plan_is_skipped(
+    sequence: list[tuple[Event | Answer, float]],
+) -> None:
+    flight = Flight(initial_state(0.0), MISSION)
+    for event, wait in sequence:
+        flight.feed(event, wait)
+    ordered = [type(o.command) for o in flight.given if isinstance(o.command, PLAN_ORDER)]
+    plan = [command for command in PLAN_ORDER if command is not FlyCourse]
+    assert ordered == plan[: len(ordered)]
 
 
 @settings(max_examples=100, deadline=None)

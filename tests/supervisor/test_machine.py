@@ -3,12 +3,10 @@
 from dataclasses import replace
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from mocap_bridge.health import Verdict
 from onboard.app_interface import EndReason, LandingState
-from onboard.supervisor_info import SupervisorBits, SupervisorInfo
+from onboard.supervisor_info import SupervisorInfo
 from perchhw.supervisor import (
     CommandDone,
     CommandFailed,
@@ -20,7 +18,6 @@ from perchhw.supervisor import (
     Phase,
     StopUnconfirmed,
     Tick,
-    initial_state,
     step,
 )
 from perchhw.supervisor.events import (
@@ -30,7 +27,6 @@ from perchhw.supervisor.events import (
     Command,
     Disarm,
     EmergencyStop,
-    Event,
     FlyCourse,
     GoTo,
     Land,
@@ -355,47 +351,3 @@ def test_checks_must_hold_without_a_break() -> None:
     attempt = SimulatedAttempt(fault=flicker)
     assert attempt.run().aborted_by is not None
     assert attempt.commands == []
-
-
-OBSERVATIONS = st.builds(
-    lambda changes: replace(good_on_ground(), **changes),
-    st.fixed_dictionaries(
-        {},
-        optional={
-            "pose_verdict": st.sampled_from([None, *Verdict]),
-            "pose_age": st.sampled_from([None, 0.0, 0.2, float("nan")]),
-            "landing_state": st.sampled_from([None, *LandingState]),
-            "drone": st.sampled_from(
-                [None, SupervisorInfo(FLYING), SupervisorInfo(SupervisorBits.LOCKED), SupervisorInfo(0)]
-            ),
-            "battery_voltage": st.sampled_from([None, 2.0, 4.1]),
-            "active_policy_crc": st.sampled_from([None, 0, CRC]),
-        },
-    ),
-)
-EVENTS = st.one_of(
-    OBSERVATIONS.map(Tick),
-    st.sampled_from(
-        [
-            CommandDone(Order(1, UploadPolicy()), CRC),
-            CommandDone(Order(2, Arm())),
-            OperatorAbort(),
-            OperatorAbort(urgent=True),
-        ]
-    ),
-)
-
-
-@given(st.lists(st.tuples(EVENTS, st.floats(0.0, 1.0)), max_size=60))
-def test_whatever_happens_motion_is_commanded_only_in_order(sequence: list[tuple[Event, float]]) -> None:
-    """Each motion command follows the one before it in the plan, and none follows an abort."""
-    state, now, given_commands = initial_state(0.0), 0.0, []
-    for event, wait in sequence:
-        now += wait
-        aborted = state.aborted_by is not None
-        state, orders = step(state, event, now, MISSION)
-        for order in orders:
-            if isinstance(order.command, MOTION):
-                assert not aborted
-                given_commands.append(type(order.command))
-    assert given_commands == list(MOTION[: len(given_commands)])

@@ -34,8 +34,8 @@ def record(folder: Path, *, close: bool = True) -> Path:
     recorder.event("phase", BEGIN, phase="checking", aborted_by=None)
     for step in range(STEPS):
         _step(recorder, step, BEGIN + 0.01 * step, room)
-    what = "CommandDone(order=Order(number=7, command=GoTo(position=(-3.249128631103136, 0.0))), value=None)"
-    recorder.event("CommandDone", BEGIN + 0.5, what=what)
+    order = "Order(number=7, command=GoTo(position=(-3.249128631103136, 0.0, 0.477)))"
+    recorder.event("CommandFailed", BEGIN + 0.5, what=f"CommandFailed(order={order}, reason='no answer')")
     recorder.event("phase", BEGIN + 1.0, phase="flipping", aborted_by="pose_lost")
     if close:
         recorder.close(outcome="four_leg")

@@ -118,9 +118,9 @@ def test_the_state_moves_within_the_box_of_the_optical_flow_space(shown: Recordi
 def test_what_happened_in_words(shown: Recording) -> None:
     levels = [level for _, (level,) in shown["events"]["TextLog:level"]]
     lines = [text for _, (text,) in shown["events"]["TextLog:text"]]
-    assert "CommandDone: GoTo(position=(-3.249, 0.0))" in lines
+    assert "failed: go to x -3.25, y 0.00, z 0.48 m: no answer" in lines
     said = dict(zip(lines, levels, strict=True))
-    assert said["phase: flipping (aborted: pose_lost)"] == "WARN"
+    assert said["phase: flipping (ended by pose_lost)"] == "WARN"
     assert [said["mocap: ok"], said["mocap: occluded"]] == ["INFO", "WARN"]
     assert lines.count("mocap: ok") == 2  # before and after, not with every frame
     assert said["drone's supervisor: armed, flying, tumbled"] == "WARN"

@@ -9,9 +9,9 @@ from typing import Any
 from onboard.mixer import Thrusts
 from sim_backend.physics.battery import draw, motor_targets
 from sim_backend.physics.forces import free_flight_wrench
-from sim_backend.physics.frames import to_body, to_world
+from sim_backend.physics.frames import Wrench, to_body, to_world
 from sim_backend.physics.jit import kernel, outlined
-from sim_backend.physics.motors import Wrench, commanded, decay, lag_to_end, lag_to_middle
+from sim_backend.physics.motors import commanded, decay, lag_to_end, lag_to_middle
 from sim_backend.physics.state import COMMAND_MEMORY
 from sim_backend.physics.step import attitude, drift_to_end, drift_to_middle, inverse_inertia, kick
 

@@ -1,4 +1,4 @@
-/* The constants of one vehicle, in the order of onboard/vehicle/onboard_constants.py; SI, angles in rad.
+/* The constants of one vehicle, in the order of onboard/firmware/constants.py; SI, angles in rad.
  *
  * A firmware has those of the vehicle that it was built for, from the header that `perchhw vehicle header`
  * writes; the simulated drone fills them in when it starts. */

@@ -10,9 +10,8 @@ from typing import Any
 
 from onboard.arrays import Vector
 from sim_backend.physics.effects.term import Acts, EffectTerm, Field
-from sim_backend.physics.frames import Rotation, cross, to_body
+from sim_backend.physics.frames import Rotation, Wrench, cross, to_body
 from sim_backend.physics.jit import inner, outlined
-from sim_backend.physics.motors import Wrench
 from sim_backend.physics.rods import Rod
 from sim_backend.physics.state import FootMode
 

@@ -21,9 +21,9 @@ from sim_backend.physics.effects.tether import tether_force
 from sim_backend.physics.effects.translational_lift import lift_gain
 from sim_backend.physics.effects.velocity_moment import velocity_moment
 from sim_backend.physics.effects.wind import through_the_air
-from sim_backend.physics.frames import Rotation, to_body
+from sim_backend.physics.frames import Rotation, Wrench, to_body
 from sim_backend.physics.jit import inner, outlined
-from sim_backend.physics.motors import Wrench, rotor_speed
+from sim_backend.physics.motors import rotor_speed
 
 RotorWrench = tuple[float, float, float, float, float, float, float]
 

@@ -1,6 +1,7 @@
-"""The events of a record as a person says them: no names of classes, numbers with units and two digits."""
+"""The events of a record as a person says them: no names of classes, numbers with units."""
 
 import re
+from enum import StrEnum
 from typing import Any
 
 from calibration.flights.run_folder import RunRecord
@@ -22,19 +23,50 @@ _NAMES = {
 _PLAIN = {"StopConfirmed": "the drone is locked: its motors have stopped"}
 
 
+_FAILURES = ("internal_error", "StopUnconfirmed")
+_WORRYING = ("refused", "CommandFailed", "LinkDown", "RecordLost", "OperatorAbort", "InternalError")
+_MAX_CHARACTERS = 400
+
+
+class Level(StrEnum):
+    """How much an event matters, as viewers of logs name it."""
+
+    INFO = "INFO"
+    WARN = "WARN"
+    ERROR = "ERROR"
+
+
+def level_of(event: dict[str, Any]) -> Level:
+    """How much an event of a record matters."""
+    if event["event"] in _FAILURES:
+        return Level.ERROR
+    worrying = event.get("aborted_by") or event.get("alert") or event["event"] in _WORRYING
+    return Level.WARN if worrying else Level.INFO
+
+
+class EventWords:
+    """Says the events of one record, in their order: what the operator was told is said when it changes."""
+
+    def __init__(self) -> None:
+        self._alert: Any = None
+
+    def say(self, event: dict[str, Any]) -> str | None:
+        """An event as one line; None for one that says nothing new."""
+        words = _words(event)
+        if words is None:
+            return None
+        if event.get("alert") and event["alert"] != self._alert:
+            words += f" — told the operator: {event['alert']}"
+        self._alert = event.get("alert", self._alert)
+        return words if len(words) <= _MAX_CHARACTERS else words[:_MAX_CHARACTERS] + " ..."
+
+
 def time_line(run: RunRecord) -> list[tuple[float, str]]:
     """What happened in a run: seconds from its start, and a few words."""
     start = float(run.info.get("clock_at_start") or 0.0)
-    lines: list[tuple[float, str]] = []
-    alert = None
-    for event in run.events:
-        words = _words(event)
-        if words is None:
-            continue
-        if event.get("alert") and event["alert"] != alert:
-            words += f" — told the operator: {event['alert']}"
-        alert = event.get("alert", alert)
-        lines.append((float(event["t"]) - start, words))
+    teller = EventWords()
+    told = ((float(event["t"]) - start, teller.say(event)) for event in run.events)
+    lines = [(t, words) for t, words in told if words is not None]
     outcome = run.info.get("outcome")
     if outcome is not None and lines:
         lines.append((lines[-1][0], f"outcome: {str(outcome).replace('_', ' ')}"))
