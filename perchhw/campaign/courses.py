@@ -215,6 +215,8 @@ def fly_plan(
                 continue
             if any(other.record is not None for other in flight_rows(plan, folder)):
                 turnaround.put_back()
+            else:
+                turnaround.put_back_if_needed()
             record = new_run_folder(folder / ATTEMPTS, f"{row.number:03d}-{_slug(row.kind)}")
             result = fly(plan.request(row.number, record))
             on_change(flight_rows(plan, folder))
