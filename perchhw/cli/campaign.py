@@ -80,8 +80,8 @@ def run(
         with (
             hold_all(plan.drones),
             ground_station(mavlink) as listener,
-            live_view(view, folder),
             flight_display(f"campaign {plan.name}", plan.drone) as display,
+            live_view(view, folder, display),
         ):
             run_shown(plan, folder, display, yes, listener, resume=resume, retry_aborted=retry_aborted)
     except (CampaignStopped, DroneStopped) as stop:
@@ -115,6 +115,7 @@ def _fly_courses(
         hold(plan.drone),
         ground_station(mavlink) as listener,
         flight_display(f"campaign {plan.name}", plan.drone) as display,
+        live_view(view, folder, display),
     ):
         rows = fly_courses_shown(plan, folder, display, yes, listener, resume=resume)
     stopped = next((row.aborted_by for row in flight_rows(plan, folder) if row.aborted_by), None)

@@ -80,8 +80,8 @@ def fly(
         with (
             hold(setup.drone),
             ground_station(mavlink) as listener,
-            live_view(view, request.folder),
             flight_display("fly", setup.drone) as display,
+            live_view(view, request.folder, display),
         ):
             if put_back:
                 Turnaround(setup.drone, confirmation(yes, display)).put_back()

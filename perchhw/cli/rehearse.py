@@ -75,7 +75,7 @@ def rehearse(
             },
         )
     try:
-        with live_view(view, folder or Path()), Lines() as lines:
+        with Lines() as lines, live_view(view, folder or Path(), lines):
             rehearsal = rehearse_on(setup.drone, plan, loaded, design, open_record, lines.say)
     finally:
         if folder is not None:

@@ -72,6 +72,10 @@ class Display(ABC):
         """Tell something that needs no answer."""
 
     @abstractmethod
+    def viewed(self, text: str) -> None:
+        """Tell where the flight is seen, from any thread; it stays to be read."""
+
+    @abstractmethod
     def progress(self, progress: Progress) -> None:
         """Several attempts have come so far."""
 

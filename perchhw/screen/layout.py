@@ -40,6 +40,7 @@ def rows(snapshot: Snapshot, typed: str, width: int, height: int, plain: bool = 
     """
     top = [_title(snapshot, width), _phase_bar(snapshot, width, plain), _waiting(snapshot), Text()]
     middle = [*_readings(snapshot, width), Text(), _so_far(snapshot), _left(snapshot)]
+    middle += [Text(snapshot.view, "cyan")] if snapshot.view else []
     middle += [Text(message, "dim") for message in snapshot.messages]
     bottom = [
         *_alert(snapshot, width, plain),

@@ -69,6 +69,10 @@ class Lines(Display):
         """A line."""
         self._lines.put(_Line(text))
 
+    def viewed(self, text: str) -> None:
+        """A line."""
+        self.say(text)
+
     def progress(self, progress: Progress) -> None:
         """A line, when it differs from the last."""
         self._attempts = progress.attempts

@@ -67,6 +67,7 @@ class Screen(Display):
         super().__init__()
         self._fixed = Snapshot(title=title, drone=drone)
         self._watching = False
+        self._view = ""
         self._folder: Path | None = None
         self._paused = False
         self._marks: list[_Mark] = []
@@ -183,6 +184,13 @@ class Screen(Display):
         if self._instead is not None:
             self._instead.say(text)
 
+    def viewed(self, text: str) -> None:
+        """A row of its own, and again when the screen is closed."""
+        self._view = text
+        self._logged.append(text)
+        if self._instead is not None:
+            self._instead.viewed(text)
+
     def progress(self, progress: Progress) -> None:
         """Shown above the messages."""
         self._fixed = self._fixed.with_changes(**vars(progress))
@@ -293,7 +301,9 @@ class Screen(Display):
         readings = self._watch.readings()
         readings["flying"] = self._watching and readings["flying"]
         marks, messages = len(self._marks), tuple(self._messages)
-        return self._fixed.with_changes(paused=self._paused, marks=marks, messages=messages, **readings)
+        return self._fixed.with_changes(
+            view=self._view, paused=self._paused, marks=marks, messages=messages, **readings
+        )
 
     def _heard(self, message: dict[str, Any]) -> None:
         match message.get("key"):

@@ -32,6 +32,7 @@ class Snapshot:
         time_left_s, packs_left: what the attempts that are left will take.
         paused: the next attempt waits for the operator.
         marks: notes without text yet.
+        view: where the flight is seen, in words.
         messages: what else was said, the newest last.
         question: what is asked of the operator; its number, and whether words are wanted, not just Enter.
         flying: an attempt is under way.
@@ -62,6 +63,7 @@ class Snapshot:
     packs_left: int | None = None
     paused: bool = False
     marks: int = 0
+    view: str = ""
     messages: tuple[str, ...] = ()
     question: str | None = None
     question_number: int = 0

@@ -87,6 +87,11 @@ def test_everything_that_is_known_is_on_it(width: int) -> None:
         assert "about 12 min, 2 new packs" in text
 
 
+def test_where_it_is_seen_fits_and_stays_among_messages() -> None:
+    view = "view: http://127.0.0.1:9090/"
+    assert view in plain(FLYING.with_changes(view=view, messages=("one", "two", "three")), 40)
+
+
 @pytest.mark.parametrize("width", [40, 80, 120])
 def test_what_is_asked_changes_no_other_row(width: int) -> None:
     """The prompt has a place of its own, and the rows above stand where they stood."""
