@@ -129,7 +129,11 @@ class Screen(Display):
         signal.signal(signal.SIGINT, before)
 
     def _cut_between_flights(self, _number: int, _frame: FrameType | None) -> None:
-        """A key that is held must not end the program anywhere, only where it waits for the operator."""
+        """A key that is held must not end the program anywhere, only where it waits for the operator;
+        one that flies nothing ends at once, as with Ctrl-C.
+        """
+        if self._fixed.on_desk:
+            raise KeyboardInterrupt
         self._cut = True
 
     def _leave(self) -> str:
@@ -161,6 +165,15 @@ class Screen(Display):
         self._watching = True
         if self._instead is not None:
             self._instead.begin(folder, condition, attempt)
+
+    def stage(self, name: str, waits_for: str, planned: tuple[str, ...]) -> None:
+        """In the place of a flight's phases; the key that stops ends the command."""
+        phases = (*self._fixed.phases, name)
+        self._fixed = self._fixed.with_changes(
+            on_desk=True, phases=phases, planned=planned, waiting_for=waits_for
+        )
+        if self._instead is not None:
+            self._instead.stage(name, waits_for, planned)
 
     def between(self, last: bool = False) -> None:
         """Ask for what was marked, then wait if the operator wants a pause.

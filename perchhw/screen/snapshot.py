@@ -36,6 +36,7 @@ class Snapshot:
         messages: what else was said, the newest last.
         question: what is asked of the operator; its number, and whether words are wanted, not just Enter.
         flying: an attempt is under way.
+        on_desk: the command flies nothing; `phases` are its stages.
     """
 
     title: str
@@ -69,6 +70,7 @@ class Snapshot:
     question_number: int = 0
     wants_words: bool = False
     flying: bool = False
+    on_desk: bool = False
 
     def to_line(self) -> bytes:
         """As it is sent."""

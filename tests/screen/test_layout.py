@@ -115,6 +115,19 @@ def test_a_way_out_is_no_longer_the_plan() -> None:
     assert shown[2].endswith("ended by pose_age: 0.31 s")
 
 
+def test_a_command_that_flies_nothing_shows_its_stages_and_the_one_key_that_ends_it() -> None:
+    stages = ("connecting", "uploading", "approaching", "reading")
+    shown = plain(
+        Snapshot(
+            title="rehearse", on_desk=True, phases=stages[:2], planned=stages, waiting_for="the read-back"
+        )
+    )
+    assert shown[1] == "● connecting ▶ upload ○ approach ○ reading"
+    assert shown[2] == "uploading: waits for the read-back"
+    assert shown[-1] == " space  stop now"
+    assert not any("battery" in row for row in shown)
+
+
 def test_words_are_shown_as_they_are_typed() -> None:
     note = FLYING.with_changes(question="Note on landing:", question_number=1, wants_words=True)
     shown = plain(note, typed="left leg")
