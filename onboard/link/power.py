@@ -97,15 +97,33 @@ def refuse_flying(uri: str, time: Timebase) -> None:
 
 def _says_that_it_flies(uri: str, time: Timebase) -> bool:
     """What the drone's supervisor answers; False when nothing does."""
+    said = _supervisor_info(uri, time)
+    return said is not None and said.is_flying
+
+
+def ask_supervisor(uri: str) -> SupervisorInfo | None:
+    """What the drone's supervisor answers to who is not connected; None when nothing does within 1 s.
+
+    Raises:
+        LinkInputError: the URI cannot be used.
+        DroneInUse: another process talks to the drone.
+    """
+    check_drone_uri(uri)
+    install_driver()
+    with hold(uri), open_timebase("ask", uri) as time:
+        return _supervisor_info(uri, time)
+
+
+def _supervisor_info(uri: str, time: Timebase) -> SupervisorInfo | None:
     try:
         with _raw_link(uri, time) as link:
             answer = link.until_answered(_INFO_HEADER, bytes((_GET_INFO,)), time() + _ANSWER_S)
     except LinkInputError:
         raise
     except LinkError:
-        return False
+        return None
     told = len(answer) >= 3 and answer[0] == _INFO
-    return told and SupervisorInfo(int.from_bytes(answer[1:3], "little")).is_flying
+    return SupervisorInfo(int.from_bytes(answer[1:3], "little")) if told else None
 
 
 @contextmanager

@@ -71,7 +71,7 @@ class Flights:
         save_policy(silent(load_policy(find_policy(self.setup.policy))), file)
         result = self._attempt(dataclasses.replace(self.setup, policy=str(file)), speed)
         return (
-            _flight(result.aborted_by, result.record),
+            _flight(result.aborted_by, result.record, result.diagnosis),
             judged(
                 "missed_trigger",
                 result.outcome is Outcome.NO_TRIGGER and not result.triggered and result.fell is None,
@@ -86,7 +86,7 @@ class Flights:
         """The first landing."""
         result = self._attempt(self.setup, self.speed)
         return (
-            _flight(result.aborted_by, result.record),
+            _flight(result.aborted_by, result.record, result.diagnosis),
             judged(
                 "landed",
                 result.outcome.attached,
@@ -103,7 +103,7 @@ class Flights:
         folder = new_run_folder(self.out, f"bringup-{name}")
         request = CourseRequest.of(self.setup, kind, parameters, folder)
         result = fly_uninterrupted(request, **self._shown(folder, name))
-        flight = _flight(result.aborted_by, result.record)
+        flight = _flight(result.aborted_by, result.record, result.diagnosis)
         if flight.missing:
             return (flight,)
         course = request.course()
@@ -128,8 +128,7 @@ def silent(policy: Policy) -> Policy:
     return dataclasses.replace(policy, name=f"{policy.name}, silent", intercept=np.float32(never))
 
 
-def _flight(aborted_by: str | None, record: Path) -> Finding:
+def _flight(aborted_by: str | None, record: Path, diagnosis: dict[str, Any] | None) -> Finding:
     measured = f"ended by {aborted_by}" if aborted_by is not None else "to its end"
-    return judged(
-        "flight", aborted_by is None, f"{measured} ({record})", "to its end", _FLIGHT_WHY, _FLIGHT_REMEDY
-    )
+    remedy = _FLIGHT_REMEDY if diagnosis is None else f"{diagnosis['next']}; {_FLIGHT_REMEDY}"
+    return judged("flight", aborted_by is None, f"{measured} ({record})", "to its end", _FLIGHT_WHY, remedy)

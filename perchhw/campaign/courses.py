@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from calibration.flights.run_folder import RunFolderError, is_run_folder, read_info
 from mocap_bridge.uri import parse_mocap_uri
@@ -77,12 +78,14 @@ class FlightRow:
         kind: of the library.
         record: run folder of the flight that came to its end, else of the last try; None before the first.
         aborted_by: why the last try ended early, or None.
+        diagnosis: of that record, as in its ``run.json``, or None.
     """
 
     number: int
     kind: str
     record: Path | None
     aborted_by: str | None
+    diagnosis: dict[str, Any] | None = None
 
     @property
     def done(self) -> bool:
@@ -168,8 +171,9 @@ def _row(number: int, flight: PlannedFlight, folder: Path) -> FlightRow:
             row = FlightRow(number, flight.kind, record, str(error))
             continue
         if info["closed"] and info.get("outcome") == FLOWN:
-            return FlightRow(number, flight.kind, record, None)
-        row = FlightRow(number, flight.kind, record, info.get("aborted_by") or "its process ended")
+            return FlightRow(number, flight.kind, record, None, info.get("diagnosis"))
+        ended = info.get("aborted_by") or "its process ended"
+        row = FlightRow(number, flight.kind, record, ended, info.get("diagnosis"))
     return row
 
 
@@ -215,6 +219,8 @@ def fly_plan(
                 continue
             if any(other.record is not None for other in flight_rows(plan, folder)):
                 turnaround.put_back()
+            else:
+                turnaround.put_back_if_needed()
             record = new_run_folder(folder / ATTEMPTS, f"{row.number:03d}-{_slug(row.kind)}")
             result = fly(plan.request(row.number, record))
             on_change(flight_rows(plan, folder))

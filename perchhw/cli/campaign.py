@@ -13,7 +13,7 @@ from perchhw.consoles import console, progress_console
 
 if TYPE_CHECKING:
     from perchhw.campaign.adaptive import FlownMap
-    from perchhw.campaign.courses import FlightPlan
+    from perchhw.campaign.courses import FlightPlan, FlightRow
 
 app = typer.Typer(add_completion=False)
 app.command("plan")(plan_command)
@@ -81,8 +81,8 @@ def run(
         with (
             hold_all(plan.drones),
             ground_station(mavlink) as listener,
-            live_view(view, folder),
             flight_display(f"campaign {plan.name}", plan.drone) as display,
+            live_view(view, folder, display),
         ):
             run_shown(plan, folder, display, yes, listener, resume=resume, retry_aborted=retry_aborted)
     except (CampaignStopped, DroneStopped) as stop:
@@ -109,6 +109,7 @@ def _fly_courses(
     from perchhw.cli.shown_attempts import fly_courses_shown
     from perchhw.flight.ground_station import ground_station
     from perchhw.record.folder import slug
+    from perchhw.report.run_report import report_flight
     from perchhw.screen.flight_display import flight_display
 
     folder = out or Path("runs") / f"campaign-{slug(plan.name)}"
@@ -116,8 +117,12 @@ def _fly_courses(
         hold(plan.drone),
         ground_station(mavlink) as listener,
         flight_display(f"campaign {plan.name}", plan.drone) as display,
+        live_view(view, folder, display),
     ):
         rows = fly_courses_shown(plan, folder, display, yes, listener, resume=resume)
+    for row in rows:
+        if row.record is not None:
+            report_flight(row.record)
     stopped = next((row.aborted_by for row in flight_rows(plan, folder) if row.aborted_by), None)
     document: dict[str, Any] = {
         "campaign": folder,
@@ -129,18 +134,22 @@ def _fly_courses(
                 "done": row.done,
                 "record": row.record,
                 "aborted_by": row.aborted_by,
+                "diagnosis": row.diagnosis,
             }
             for row in rows
         ],
         "stopped": stopped,
     }
-    lines = (
-        f"{row.kind}: {row.aborted_by or ('flown' if row.done else 'left')}"
-        + ("" if row.record is None else f"  {row.record}")
-        for row in rows
-    )
-    emit(document, "\n".join(lines))
+    emit(document, "\n".join(map(_course_in_words, rows)))
     return 3 if stopped else 0
+
+
+def _course_in_words(row: "FlightRow") -> str:
+    said = f"{row.kind}: {row.aborted_by or ('flown' if row.done else 'left')}"
+    said += "" if row.record is None else f"  {row.record}"
+    if row.diagnosis is None:
+        return said
+    return f"{said}\n  {row.diagnosis['sentence']}\n  next: {row.diagnosis['next']}"
 
 
 @app.command()

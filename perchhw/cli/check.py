@@ -56,6 +56,7 @@ def hover(
     from perchhw.hover_check.check import examine_check, fly_check
     from perchhw.hover_check.ended import examine_ended
     from perchhw.lab import find_lab, flight_setup
+    from perchhw.report.run_report import report_flight
     from perchhw.screen.flight_display import flight_display
 
     setup = flight_setup(find_lab(lab), drone=drone, mocap=mocap, vehicle=vehicle, legs=legs)
@@ -63,6 +64,7 @@ def hover(
     with hold(setup.drone), flight_display("check hover", setup.drone) as display:
         Turnaround(setup.drone, confirmation(yes, display), _ON_ITS_MARK).put_back()
         flown = fly_check(setup, out, seconds, display)
+    report_flight(flown.record)
     if flown.aborted_by is not None:
         _tell_aborted(flown, examine_ended(flown.record, setup, out))
         return exit_codes.SAFETY
@@ -76,9 +78,12 @@ def _tell_aborted(flown: "CourseResult", lines: "tuple[Line, ...]") -> None:
         "same": None,
         "aborted_by": flown.aborted_by,
         "lines": [line.to_json() for line in lines],
+        "diagnosis": flown.diagnosis,
         "record": str(flown.record),
     }
     said = [*map(_line, lines), f"not judged: the flight was ended by {flown.aborted_by}"]
+    if flown.diagnosis is not None:
+        said += [flown.diagnosis["sentence"], f"next: {flown.diagnosis['next']}"]
     said += [f"record: {flown.record}", "perchhw bringup --step hover says more; docs/safety.md has the rule"]
     emit(document, "\n".join(said))
 

@@ -1,5 +1,6 @@
 """``perchhw fly``: one supervised landing attempt."""
 
+import sys
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -50,7 +51,8 @@ def fly(
 
     What no option says is as in the lab file; on hardware nothing flies without one.
 
-    A drone that has landed needs --put-back before it flies again.
+    A drone that has flown or was stopped is locked: on a terminal it is asked for back on its mark, and
+    rebooted; --yes answers that. Without a terminal --put-back does it, or the attempt ends before take-off.
 
     Exit codes: 0 landed (or the dry run passed), 1 not landed, 2 input that cannot be used, 3 a safety rule
     refused or ended it, 130 interrupted: landed by the first Ctrl-C, motors cut by the second.
@@ -78,11 +80,13 @@ def fly(
         with (
             hold(setup.drone),
             ground_station(mavlink) as listener,
-            live_view(view, request.folder),
             flight_display("fly", setup.drone) as display,
+            live_view(view, request.folder, display),
         ):
             if put_back:
                 Turnaround(setup.drone, confirmation(yes, display)).put_back()
+            elif yes or sys.stdin.isatty():
+                Turnaround(setup.drone, confirmation(yes, display)).put_back_if_needed()
             display.begin(request.folder, f"{speed:g} m/s, {angle:g} deg")
             result = fly_attempt(
                 request,

@@ -47,9 +47,10 @@ def rehearse(
     from perchhw.lab import desk_setup, find_lab
     from perchhw.record import discard_if_empty, new_run_folder
     from perchhw.rehearsal.record import save_rehearsal, verdict_document
+    from perchhw.rehearsal.session import Stage
     from perchhw.rehearsal.session import rehearse as rehearse_on
     from perchhw.rehearsal.watched import record_in
-    from perchhw.screen.lines import Lines
+    from perchhw.screen.display import flight_display
 
     setup = desk_setup(find_lab(lab), drone=drone, vehicle=vehicle, policy=policy)
     plan = fit_approach(speed, angle, setup.room)
@@ -75,8 +76,15 @@ def rehearse(
             },
         )
     try:
-        with live_view(view, folder or Path()), Lines() as lines:
-            rehearsal = rehearse_on(setup.drone, plan, loaded, design, open_record, lines.say)
+        with (
+            flight_display("rehearse", setup.drone) as display,
+            live_view(view, folder or Path(), display),
+        ):
+
+            def on_stage(stage: Stage, waits_for: str) -> None:
+                display.stage(stage, waits_for, tuple(Stage))
+
+            rehearsal = rehearse_on(setup.drone, plan, loaded, design, open_record, on_stage)
     finally:
         if folder is not None:
             discard_if_empty(folder)

@@ -5,7 +5,7 @@ import os
 import signal
 import sys
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import asdict
 from pathlib import Path
 from threading import Thread
@@ -28,6 +28,10 @@ LAB_FILE = Path("lab.toml")
 
 NOTED_WITHIN_S = 5.0
 """How long the end of the command waits for the note that it leaves to those who fly."""
+
+_SAID_EVERY_S = 1.0
+Stopped = tuple[dict[str, Any], int]
+"""What came of a stop, and its exit code."""
 
 _SIGNALS = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
@@ -60,7 +64,9 @@ def stop(
     with _not_called_off():
         uris, doubt = drones_to_stop(drone, lab)
         with ThreadPoolExecutor(len(uris)) as threads:
-            results = list(threads.map(_stopped, uris))
+            stops = {uri: threads.submit(_stopped, uri) for uri in uris}
+            _wait_aloud(stops)
+            results = [stop.result() for stop in stops.values()]
         document: dict[str, Any] = {"drones": [stopped for stopped, _ in results]}
         codes = [code for _, code in results]
         if doubt:
@@ -92,7 +98,7 @@ def drones_to_stop(drone: list[str] | None, lab: Path | None) -> tuple[list[str]
     return list(dict.fromkeys([*found.uris, *usual])), found.doubt
 
 
-def _stopped(uri: str) -> tuple[dict[str, Any], int]:
+def _stopped(uri: str) -> Stopped:
     """What came of one stop, and its exit code. One drone out of reach does not keep the others flying."""
     noted = _Note(uri)
     try:
@@ -102,6 +108,13 @@ def _stopped(uri: str) -> tuple[dict[str, Any], int]:
         report = StopReport(locked=False, reason=str(error), seconds=0.0, copies=0)
         code = exit_codes.USAGE if isinstance(error, InputError) else exit_codes.FAILED
     return {"drone": uri, **asdict(report), "noted": noted.written()}, code
+
+
+def _wait_aloud(stops: dict[str, Future[Stopped]]) -> None:
+    """Wait for their ends; who is not confirmed yet is said every second."""
+    while left := wait(stops.values(), _SAID_EVERY_S).not_done:
+        for uri in (uri for uri, stop in stops.items() if stop in left):
+            _say_beside(f"{uri}: still stopping, not confirmed yet: keep away")
 
 
 class _Note:

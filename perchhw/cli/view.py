@@ -3,6 +3,7 @@
 import math
 import os
 import signal
+import sys
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
@@ -64,6 +65,7 @@ def view(
     os.nice(_NICE)
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C: the page is not left behind
     with web_viewer(port) if web else nullcontext(open_desktop_viewer()) as viewer:
-        emit({"run": str(run), "url": viewer.page}, f"view: {viewer.page}" if viewer.page else "view: opened")
+        emit({"run": str(run), "url": viewer.page}, f"view: {viewer.address or 'opened'}")
+        sys.stdout.flush()
         Show(run, viewer).run(wait, linger if linger is not None else (math.inf if web else 0.0))
     return 0

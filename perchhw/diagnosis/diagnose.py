@@ -11,6 +11,7 @@ from onboard.vehicle import Vehicle
 from perchhw.attempt import DEFAULT_POLICY, Outcome
 from perchhw.diagnosis.ended_early import diagnose_ended, where_it_ended
 from perchhw.diagnosis.finding import Cause, Diagnosis
+from perchhw.diagnosis.flown_course import diagnose_test_flight
 from perchhw.diagnosis.landing import Judge, diagnose_landing
 from perchhw.diagnosis.no_trigger import diagnose_no_trigger
 from perchhw.label import LabelError
@@ -86,6 +87,8 @@ def _killed(run: RunRecord) -> Diagnosis:
 
 def _flown(run: RunRecord, vehicle: Vehicle | None, judge: Judge) -> Diagnosis:
     """What no rule ended: a landing, a trigger that never came, or a flight without a policy."""
+    if run.config.get("flight"):
+        return diagnose_test_flight(run)
     outcome = Outcome(run.info["outcome"]) if run.info.get("outcome") in tuple(Outcome) else None
     if outcome is None or outcome is Outcome.ABORTED:
         return Diagnosis(Cause.FLOWN, "flown to its end", "look at its report (perchhw log report RUN)")

@@ -105,8 +105,8 @@ _WORDS = (
     (
         "drone_state: locked",
         Cause.STOPPED_BY_OTHERS,
-        "the drone is locked",
-        "find out who stopped it, then reboot it on its start mark",
+        "the drone is locked, as after every flight and every stop",
+        "if it was stopped, find out why; then put it back on its mark and reboot it (--put-back)",
     ),
     (
         "the start of the approach was not reached",

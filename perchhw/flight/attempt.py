@@ -1,8 +1,6 @@
 """Fly one attempt: link and mocap open, the supervisor decides, its commands are carried out and recorded."""
 
-import logging
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from calibration.flights import open_flight
@@ -16,9 +14,8 @@ from onboard.policy.files import find_policy, load_policy
 from onboard.timebase import Queue, Timebase
 from onboard.vehicle import Vehicle, load_vehicle
 from perchhw.attempt import AttemptInterrupted, AttemptRequest, AttemptResult, Outcome
-from perchhw.diagnosis import keep_diagnosis
 from perchhw.flight.actions import LandingCommands
-from perchhw.flight.caught import Caught
+from perchhw.flight.explain import explain
 from perchhw.flight.fit import Fit, fit_of
 from perchhw.flight.interrupts import OperatorInterrupts
 from perchhw.flight.loop import OnLook, OnPhase
@@ -34,7 +31,6 @@ from perchhw.supervisor import FlightState, SafetyLimits
 
 DRY_RUN_PASSED = "dry_run_passed"
 """Outcome in the record of a dry run whose checks and upload passed; nothing was flown."""
-_log = logging.getLogger(__name__)
 
 
 def fly_attempt(
@@ -107,11 +103,11 @@ def fly_attempt(
         except PerchhwError as error:
             record.event("refused", clock(), reason=str(error))
             record.close(outcome=Outcome.ABORTED, aborted_by=str(error))
-            _explain(request.folder)
+            explain(request.folder)
             raise
         with OperatorInterrupts() as late:  # a landing that was flown is labelled
             result = _conclude(request, vehicle, fit, flown, record, clock)
-    result = replace(result, diagnosis=_explain(request.folder))
+    result = replace(result, diagnosis=explain(request.folder))
     if flown.interrupted or late.count > 0:
         raise AttemptInterrupted(result)
     return result
@@ -183,13 +179,6 @@ def _conclude(
         drone_clock_rate=flown.drone_clock_rate,
     )
     return result
-
-
-def _explain(folder: Path) -> dict[str, Any] | None:
-    """The diagnosis, kept with the record; what it fails of costs no result."""
-    with Caught(lambda error: _log.error("no diagnosis of %s", folder, exc_info=error)):
-        return keep_diagnosis(folder).to_json()
-    return None
 
 
 def _halt(state: FlightState) -> str | None:

@@ -19,6 +19,7 @@ from onboard.outcome import Outcome
 from onboard.room import RoomGeometry
 from onboard.vehicle import load_vehicle
 from perchhw.flight.course_commands import CourseCommands
+from perchhw.flight.explain import explain
 from perchhw.flight.loop import OnLook, OnPhase
 from perchhw.flight.mission import LOWEST_HOVER
 from perchhw.flight.readback import TEST_FLIGHT_SETTINGS
@@ -94,11 +95,13 @@ class CourseResult:
         aborted_by: rule, command or person that ended it early, or None.
         record: the run folder.
         interrupted: the operator interrupted it.
+        diagnosis: what happened and why, as in ``run.json``, or None where the record does not tell.
     """
 
     aborted_by: str | None
     record: Path
     interrupted: bool
+    diagnosis: dict[str, Any] | None = None
 
 
 def fly_course(
@@ -152,6 +155,7 @@ def fly_course(
         except PerchhwError as error:
             record.event("refused", clock(), reason=str(error))
             record.close(outcome=Outcome.ABORTED, aborted_by=str(error))
+            explain(request.folder)
             raise
         aborted_by = flown.state.aborted_by
         record.close(
@@ -159,7 +163,7 @@ def fly_course(
             aborted_by=aborted_by,
             drone_clock_rate=flown.drone_clock_rate,
         )
-    return CourseResult(aborted_by, request.folder, flown.interrupted)
+    return CourseResult(aborted_by, request.folder, flown.interrupted, explain(request.folder))
 
 
 def fly_uninterrupted(request: CourseRequest, **shown: Any) -> CourseResult:

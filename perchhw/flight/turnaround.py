@@ -1,8 +1,9 @@
-"""Between two attempts: the drone comes off the ceiling, back to its start mark, and starts afresh."""
+"""Before an attempt, where the drone has flown: off the ceiling, back to its start mark, a fresh start."""
 
 from collections.abc import Callable
 
 from onboard.link import reboot
+from onboard.link.power import ask_supervisor
 from onboard.link.stop_note import StopsSince
 from perchhw.attempt import AttemptRequest, AttemptResult, AttemptRunner
 from perchhw.flight.attempt import fly_attempt
@@ -56,6 +57,17 @@ class Turnaround:
         reboot(self._drone)
         self._stops.check()  # from here on the flight sees that the drone is locked
 
+    def put_back_if_needed(self) -> None:
+        """As :meth:`put_back`, where the drone's own supervisor says that it cannot fly as it is.
+
+        Every flight and every stop leaves it so. One that does not answer is left alone: who flies it hears
+        why.
+        """
+        said = ask_supervisor(self._drone)
+        if said is not None and (said.is_locked or said.is_tumbled or said.is_crashed):
+            how = "is locked, as after every flight and every stop" if said.is_locked else "lies tumbled"
+            self.put_back(f"The drone {how}. Put it upright on its start mark facing +x; it will be rebooted")
+
 
 def attempt_after_attempt(
     confirm: Confirm,
@@ -65,10 +77,11 @@ def attempt_after_attempt(
     on_look: OnLook | None = None,
     begin: Callable[[AttemptRequest], object] = lambda _request: None,
 ) -> AttemptRunner:
-    """A runner for campaigns: puts the drone back before every attempt but the very first, then flies it.
+    """A runner for campaigns: puts the drone back before every attempt, then flies it.
 
-    Before the first attempt of a drone that is to warm up it hovers, and is put back once more. `begin` is
-    told before either flight, the others are as for :func:`fly_attempt`.
+    Before the very first one it is left where it stands, unless it has flown or was stopped. Before the first
+    attempt of a drone that is to warm up it hovers, and is put back once more. `begin` is told before either
+    flight, the others are as for :func:`fly_attempt`.
     """
     turnarounds: dict[str, Turnaround] = {}
     before: str | None = None
@@ -80,6 +93,8 @@ def attempt_after_attempt(
         turnaround = turnarounds[request.drone]
         if request.index > 0 or request.try_number > 1 or request.new_pack is not None:
             turnaround.put_back(_what_to_do(request, before))
+        else:
+            turnaround.put_back_if_needed()
         before = request.drone
         if request.warm_up_s > 0.0:
             begin(request)

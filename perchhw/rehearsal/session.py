@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from onboard.app_interface import EndReason, LandingState, Log, Parameter
@@ -40,6 +41,20 @@ _STATE = ("x", "y", "z", "vx", "vy", "vz")
 _ENDED = frozenset(LandingState) - {LandingState.IDLE, LandingState.TRAJECTORY_ARMED, LandingState.APPROACH}
 
 
+class Stage(StrEnum):
+    """What a rehearsal does, in its order."""
+
+    CONNECTING = "connecting"
+    UPLOADING = "uploading"
+    BELIEVING = "believing"
+    APPROACHING = "approaching"
+    READING = "reading"
+
+
+OnStage = Callable[[Stage, str], object]
+"""Told which stage begins, and what it waits for in words."""
+
+
 class RehearsalRefused(FlightStackError, SafetyStop):
     """The drone does not rehearse now; nothing was armed."""
 
@@ -71,14 +86,14 @@ def rehearse(
     policy: Policy,
     vehicle: Vehicle,
     open_record: OpenRecord | None = None,
-    on_step: Callable[[str], object] = lambda _step: None,
+    on_stage: OnStage = lambda _stage, _waits_for: None,
 ) -> Rehearsal:
     """Rehearse an approach on the drone at `drone` (URI), whose firmware was built for `vehicle`.
 
     Args:
         drone, plan, policy, vehicle: what is rehearsed.
         open_record: opens a record of it, for a view that follows; the drone then sends its cues too.
-        on_step: told what begins, in words.
+        on_stage: told what begins.
 
     Raises:
         RehearsalRefused, DroneIsFlying: the drone is armed, flies, or a motor turns.
@@ -89,16 +104,16 @@ def rehearse(
     from onboard.link import DroneLink
 
     with hold(drone), open_timebase("rehearse", drone) as time:
-        on_step("connecting")
+        on_stage(Stage.CONNECTING, "the drone to answer")
         refuse_flying(drone, time)
         with DroneLink.open(drone, clock=time) as link:
             check_vehicle(link, vehicle_crc32(vehicle), vehicle.name)
             engine = engine_of(link)
-            on_step("uploading the policy")
+            on_stage(Stage.UPLOADING, "the policy to be read back")
             crc = link.upload_policy(encode_bundle(policy))
             _await_slot(time)
             with _rehearsing(link), open_record(time) if open_record else nullcontext() as record:
-                ring, reason = _fly(link, plan, landing_limits(vehicle).smoothing, time, record, on_step)
+                ring, reason = _fly(link, plan, landing_limits(vehicle).smoothing, time, record, on_stage)
     return Rehearsal(engine, crc, ring, judge(ring, reason, plan, policy, vehicle))
 
 
@@ -150,10 +165,10 @@ def _fly(
     smoothing: float,
     time: Timebase,
     record: RehearsalRecord | None,
-    on_step: Callable[[str], object],
+    on_stage: OnStage,
 ) -> tuple[Ring, EndReason]:
     """The approach from its arming to what was recorded."""
-    on_step("waiting for the drone to believe its poses")
+    on_stage(Stage.BELIEVING, "the drone to believe its poses")
     told = _Drone(link, record)
     with ApproachPoses(link, plan, smoothing, time, None if record is None else record.take_pose) as poses:
         if not poll(lambda: told.is_at_start(plan), bool, time, SETTLE_TIMEOUT_S):
@@ -162,7 +177,7 @@ def _fly(
                 "does somebody else send it poses, or does it lie tilted?"
             )
         _await_slot(time)  # the instant of belief depends on which thread looked first
-        on_step(f"approaching on the desk, {plan.impact_time:.1f} s")
+        on_stage(Stage.APPROACHING, f"the flip, at most {plan.impact_time:.1f} s")
         arm_approach(link, plan, time)
         link.set_param(Parameter.GO, 1)
         poses.go()
@@ -171,7 +186,7 @@ def _fly(
         if state not in _ENDED:
             _check_still_on(link)
             raise RehearsalFailed(f"the drone's approach did not end within {within:.1f} s: {state.name}")
-        on_step("reading what the drone recorded")
+        on_stage(Stage.READING, "what the drone recorded")
         ring = read_ring(link, time)
     _check_still_on(link)
     return ring, told.reason

@@ -15,6 +15,7 @@ from calibration.flights.perchhw_run import flight_from_run
 from calibration.flights.run_folder import RunFolderError, RunRecord, is_run_folder, read_info, read_run
 from onboard.csv_file import read_csv
 from perchhw.attempt import Outcome
+from perchhw.campaign.adaptive import FlownMap, flown_map
 from perchhw.campaign.store import CampaignError, CampaignStore, exists
 from perchhw.diagnosis.diagnose import judge_of
 from perchhw.record.listing import find_runs
@@ -28,6 +29,7 @@ from perchhw.report.campaign_figures import (
 )
 from perchhw.report.campaign_plan import misfit_section
 from perchhw.report.campaign_remarks import remarks_section
+from perchhw.report.map_figure import map_figure
 from perchhw.report.run_report import REPORT_FILE, write_run_page
 from perchhw.report.style import (
     MUTED,
@@ -45,6 +47,10 @@ from perchhw.report.style import (
 
 PREDICTION_FILE = "prediction.csv"
 """Rates that the simulation predicts, beside the attempts; columns as in ``validation.csv``."""
+_MAP_NOTE = (
+    "What the attempts say of every condition of the grid, also of those between them (Gaussian process); "
+    "discs were flown, with landings of attempts, squares were not."
+)
 _APPROACH_S, _LANDING_S = 1.2, 0.5
 _NO_TIME = datetime.max.replace(tzinfo=UTC)
 
@@ -61,6 +67,7 @@ def write_campaign_report(folder: Path) -> Path:
     if exists(folder):
         with closing(CampaignStore.open(folder)) as store:
             title, rows, skipped = f"Campaign {store.name}", store.rows(), store.skipped
+            found = flown_map(rows, store.conditions) if store.conditions else None
         done = [r for r in rows if r.state == "done" and r.outcome is not None]
         attempts = [
             ShownAttempt(r.speed, r.angle_deg, r.outcome, r.trigger, r.aborted_by, r.record)
@@ -70,12 +77,12 @@ def write_campaign_report(folder: Path) -> Path:
         planned = len({r.slot for r in rows})
     else:
         title, attempts = f"Attempts in {folder.name}", _attempts_of_runs(folder)
-        planned, skipped = len(attempts), []
+        planned, skipped, found = len(attempts), [], None
     damaged: list[str] = []
     looked_at = [_look(attempt, damaged) for attempt in attempts]
     path = folder / REPORT_FILE
     with report_style():
-        body = _body(_in_order(looked_at), folder, damaged) + misfit_section(skipped)
+        body = _body(_in_order(looked_at), folder, damaged, found) + misfit_section(skipped)
     body += remarks_section(one.run.folder for one in looked_at if one.run is not None)
     path.write_text(page(title, _subtitle(attempts, planned), body), encoding="utf-8")
     return path
@@ -155,7 +162,7 @@ def _subtitle(attempts: list[ShownAttempt], planned: int) -> str:
     )
 
 
-def _body(seen: list[_Seen], folder: Path, damaged: list[str]) -> str:
+def _body(seen: list[_Seen], folder: Path, damaged: list[str], found: FlownMap | None) -> str:
     if not seen:
         return section("Attempts", "None was flown yet.")
     attempts = [one.attempt for one in seen]
@@ -164,6 +171,8 @@ def _body(seen: list[_Seen], folder: Path, damaged: list[str]) -> str:
     predicted = predicted_rates(folder / PREDICTION_FILE, damaged)
     note = "Four legs without body contact, with its 95 % interval (Wilson)."
     body = section("Landing rates", landing_rates(attempts, predicted), note)
+    if found is not None and any(found.flown):
+        body += section("Map of the landing rate", map_figure(found), _MAP_NOTE)
     panels = [section("Outcomes", _counts(attempts), "Colours and shapes mean the same in all figures.")]
     for title, drawing, below in (
         ("Where the policy fired", trigger_states(attempts, policy), ""),

@@ -79,6 +79,8 @@ def _page(run: RunRecord, found: Diagnosis) -> str:
     config, info = run.config, run.info
     speed, angle = config.get("speed_m_s"), config.get("angle_deg")
     title = "Landing attempt" if speed is None else f"Landing attempt: {speed:g} m/s at {angle:g} deg"
+    if config.get("flight"):
+        title = f"Test flight: {config['flight']}"
     body = section("What happened", _said(run, found), "; ".join(run.torn))
     try:
         flight = flight_from_run(run)

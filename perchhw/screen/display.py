@@ -63,6 +63,10 @@ class Display(ABC):
         """A flight begins, with its record in `folder`; number `attempt` from 1, where there are several."""
 
     @abstractmethod
+    def stage(self, name: str, waits_for: str, planned: tuple[str, ...]) -> None:
+        """What a command does now that flies nothing, what it waits for, and all that it does, in order."""
+
+    @abstractmethod
     def between(self, last: bool = False) -> None:
         """No flight is under way: texts of notes are asked for now, and a pause is made that was wanted; none
         after the `last` flight."""
@@ -70,6 +74,10 @@ class Display(ABC):
     @abstractmethod
     def say(self, text: str) -> None:
         """Tell something that needs no answer."""
+
+    @abstractmethod
+    def viewed(self, text: str) -> None:
+        """Tell where the flight is seen, from any thread; it stays to be read."""
 
     @abstractmethod
     def progress(self, progress: Progress) -> None:

@@ -39,7 +39,9 @@ def rows(snapshot: Snapshot, typed: str, width: int, height: int, plain: bool = 
         plain: only ASCII.
     """
     top = [_title(snapshot, width), _phase_bar(snapshot, width, plain), _waiting(snapshot), Text()]
-    middle = [*_readings(snapshot, width), Text(), _so_far(snapshot), _left(snapshot)]
+    measured = [] if snapshot.on_desk else _readings(snapshot, width)
+    middle = [*measured, Text(), _so_far(snapshot), _left(snapshot)]
+    middle += [Text(snapshot.view, "cyan")] if snapshot.view else []
     middle += [Text(message, "dim") for message in snapshot.messages]
     bottom = [
         *_alert(snapshot, width, plain),
@@ -171,7 +173,8 @@ def _prompt(s: Snapshot, typed: str, width: int) -> list[Text]:
 
 def _keys(s: Snapshot, width: int) -> Text:
     answer = () if s.question is None else ANSWER_KEYS
-    keys = WORD_KEYS if s.wants_words else (*answer, *KEYS)
+    orders = KEYS[:1] if s.on_desk else KEYS
+    keys = WORD_KEYS if s.wants_words else (*answer, *orders)
     if sum(len(key) + len(does) + 5 for key, does in keys) > width:
         keys = tuple((key, does.split()[0]) for key, does in keys)
     row = Text()

@@ -62,12 +62,20 @@ class Lines(Display):
             of = "" if self._attempts is None else f" of {self._attempts}"
             self._lines.put(_Line(f"attempt {attempt}{of}: {condition}"))
 
+    def stage(self, name: str, waits_for: str, planned: tuple[str, ...]) -> None:
+        """A line."""
+        self._lines.put(_Line(f"  {name}: waits for {waits_for}"))
+
     def between(self, last: bool = False) -> None:
         """Nothing is asked here."""
 
     def say(self, text: str) -> None:
         """A line."""
         self._lines.put(_Line(text))
+
+    def viewed(self, text: str) -> None:
+        """A line."""
+        self.say(text)
 
     def progress(self, progress: Progress) -> None:
         """A line, when it differs from the last."""

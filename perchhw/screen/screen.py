@@ -67,6 +67,7 @@ class Screen(Display):
         super().__init__()
         self._fixed = Snapshot(title=title, drone=drone)
         self._watching = False
+        self._view = ""
         self._folder: Path | None = None
         self._paused = False
         self._marks: list[_Mark] = []
@@ -128,7 +129,11 @@ class Screen(Display):
         signal.signal(signal.SIGINT, before)
 
     def _cut_between_flights(self, _number: int, _frame: FrameType | None) -> None:
-        """A key that is held must not end the program anywhere, only where it waits for the operator."""
+        """A key that is held must not end the program anywhere, only where it waits for the operator;
+        one that flies nothing ends at once, as with Ctrl-C.
+        """
+        if self._fixed.on_desk:
+            raise KeyboardInterrupt
         self._cut = True
 
     def _leave(self) -> str:
@@ -161,6 +166,15 @@ class Screen(Display):
         if self._instead is not None:
             self._instead.begin(folder, condition, attempt)
 
+    def stage(self, name: str, waits_for: str, planned: tuple[str, ...]) -> None:
+        """In the place of a flight's phases; the key that stops ends the command."""
+        phases = (*self._fixed.phases, name)
+        self._fixed = self._fixed.with_changes(
+            on_desk=True, phases=phases, planned=planned, waiting_for=waits_for
+        )
+        if self._instead is not None:
+            self._instead.stage(name, waits_for, planned)
+
     def between(self, last: bool = False) -> None:
         """Ask for what was marked, then wait if the operator wants a pause.
 
@@ -182,6 +196,13 @@ class Screen(Display):
         self._messages.append(text)
         if self._instead is not None:
             self._instead.say(text)
+
+    def viewed(self, text: str) -> None:
+        """A row of its own, and again when the screen is closed."""
+        self._view = text
+        self._logged.append(text)
+        if self._instead is not None:
+            self._instead.viewed(text)
 
     def progress(self, progress: Progress) -> None:
         """Shown above the messages."""
@@ -293,7 +314,9 @@ class Screen(Display):
         readings = self._watch.readings()
         readings["flying"] = self._watching and readings["flying"]
         marks, messages = len(self._marks), tuple(self._messages)
-        return self._fixed.with_changes(paused=self._paused, marks=marks, messages=messages, **readings)
+        return self._fixed.with_changes(
+            view=self._view, paused=self._paused, marks=marks, messages=messages, **readings
+        )
 
     def _heard(self, message: dict[str, Any]) -> None:
         match message.get("key"):

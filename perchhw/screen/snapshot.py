@@ -32,9 +32,11 @@ class Snapshot:
         time_left_s, packs_left: what the attempts that are left will take.
         paused: the next attempt waits for the operator.
         marks: notes without text yet.
+        view: where the flight is seen, in words.
         messages: what else was said, the newest last.
         question: what is asked of the operator; its number, and whether words are wanted, not just Enter.
         flying: an attempt is under way.
+        on_desk: the command flies nothing; `phases` are its stages.
     """
 
     title: str
@@ -62,11 +64,13 @@ class Snapshot:
     packs_left: int | None = None
     paused: bool = False
     marks: int = 0
+    view: str = ""
     messages: tuple[str, ...] = ()
     question: str | None = None
     question_number: int = 0
     wants_words: bool = False
     flying: bool = False
+    on_desk: bool = False
 
     def to_line(self) -> bytes:
         """As it is sent."""

@@ -7,6 +7,7 @@ all of that: https://www.w3.org/TR/CSP3/.
 
 import threading
 import urllib.error
+import urllib.parse
 import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -27,17 +28,27 @@ def policy(feed_port: int) -> str:
 
 
 @contextmanager
-def guarded_page(port: int, original_port: int, feed_port: int) -> Iterator[None]:
-    """Serve the page at `port` on loopback during the block.
+def guarded_page(port: int, original_port: int, feed: str, feed_port: int) -> Iterator[str]:
+    """Serve the page at `port` on loopback during the block; gives its whole address.
+
+    A browser that asks for the bare address is sent on to the whole one, which names the feed.
 
     Args:
         port: where a browser opens it.
         original_port: where Rerun serves it.
-        feed_port: where the recordings come from.
+        feed: address of the recordings.
+        feed_port: its port.
     """
+    place = f"/?{urllib.parse.urlencode({'url': feed})}"
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
+            if self.path == "/":
+                self.send_response(302)
+                self.send_header("Location", place)
+                self.send_header("Content-Length", "0")
+                self.end_headers()
+                return
             path = self.path.partition("?")[0]
             try:
                 url = f"http://{LOOPBACK}:{original_port}{path}"
@@ -63,7 +74,7 @@ def guarded_page(port: int, original_port: int, feed_port: int) -> Iterator[None
     thread = threading.Thread(target=server.serve_forever, name="view-page", daemon=True)
     thread.start()
     try:
-        yield
+        yield f"http://{LOOPBACK}:{port}{place}"
     finally:
         server.shutdown()
         server.server_close()

@@ -7,7 +7,6 @@ import socket
 import subprocess
 import sys
 import time
-import urllib.parse
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -28,7 +27,7 @@ class Viewer:
 
     Attributes:
         feed: where recordings are sent to.
-        page: what a browser opens; None on the desktop.
+        page: what a browser opens, whole; None on the desktop.
         process: the viewer.
     """
 
@@ -50,14 +49,10 @@ class Viewer:
             )
         return code is not None
 
-    def end(self) -> None:
-        """Close it."""
-        self.process.terminate()
-        with suppress(subprocess.TimeoutExpired):
-            self.process.wait(timeout=5.0)
-            return
-        self.process.kill()
-        self.process.wait()
+    @property
+    def address(self) -> str | None:
+        """The page's address to read and to type: a browser that opens it gets the page."""
+        return None if self.page is None else self.page.partition("?")[0]
 
 
 def open_desktop_viewer() -> Viewer:
@@ -88,13 +83,21 @@ def web_viewer(port: int | None = None) -> Iterator[Viewer]:
         raise ViewError(f"--port {port}: taken by another program; give another one")
     arguments = ["--serve-web", "--port", str(feed), "--web-viewer-port", str(original)]
     process = _start(arguments, (feed, original), "see above")
-    page = f"http://{LOOPBACK}:{port}/?{urllib.parse.urlencode({'url': _feed(feed)})}"
-    viewer = Viewer(_feed(feed), page, process)
     try:
-        with guarded_page(port, original, feed):
-            yield viewer
+        with guarded_page(port, original, _feed(feed), feed) as page:
+            yield Viewer(_feed(feed), page, process)
     finally:
-        viewer.end()
+        _end(process)
+
+
+def _end(process: "subprocess.Popen[bytes]") -> None:
+    """Close a viewer."""
+    process.terminate()
+    with suppress(subprocess.TimeoutExpired):
+        process.wait(timeout=5.0)
+        return
+    process.kill()
+    process.wait()
 
 
 def _start(arguments: Sequence[str], ports: Sequence[int], remedy: str) -> "subprocess.Popen[bytes]":

@@ -82,6 +82,7 @@ def test_an_aborted_flight_stops_the_campaign_and_is_flown_again_on_resume(
 ) -> None:
     rebooted: list[str] = []
     monkeypatch.setattr("perchhw.flight.turnaround.reboot", rebooted.append)
+    monkeypatch.setattr("perchhw.flight.turnaround.ask_supervisor", lambda _drone: None)
     plan, folder, asked = load_flight_plan(file), tmp_path / "out", []
     first = StandIn(fails=1)
     rows = fly_plan(plan, folder, asked.append, fly=first)

@@ -148,6 +148,7 @@ def hovers(monkeypatch: pytest.MonkeyPatch) -> list[CourseRequest]:
     monkeypatch.setattr("perchhw.flight.warm_up.fly_course", hover)
     monkeypatch.setattr("perchhw.flight.turnaround.fly_attempt", attempt)
     monkeypatch.setattr("perchhw.flight.turnaround.reboot", lambda _drone: None)
+    monkeypatch.setattr("perchhw.flight.turnaround.ask_supervisor", lambda _drone: None)
     return flown
 
 

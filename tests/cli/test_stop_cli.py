@@ -53,7 +53,11 @@ def test_one_drone_that_is_not_confirmed_does_not_keep_the_other(capsys: pytest.
         silent.frozen.set()
         assert run(["stop", "--drone", silent.uri, "--drone", good.uri, "--json"]) == 1
         assert good.supervisor_bits & LOCKED
-    results = json.loads(capsys.readouterr().out)["drones"]
+        uris = silent.uri, good.uri
+    said = capsys.readouterr()
+    results = json.loads(said.out)["drones"]
+    assert f"{uris[0]}: still stopping, not confirmed yet" in said.err
+    assert f"{uris[1]}: still" not in said.err
     assert [result["locked"] for result in results] == [False, True]
     assert "said nothing" in results[0]["reason"]
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from onboard.link import DroneLink
+from onboard.link.stop_drone import stop_drone
 from perchhw.campaign.turns import pack_use
 from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
 
@@ -93,6 +94,7 @@ def test_a_campaign_killed_in_flight_resumes_without_losing_or_repeating(tmp_pat
         file = tmp_path / "two.toml"
         file.write_text(CAMPAIGN.format(drone=lab.drones[0], mocap=lab.mocap[0]))
         folder = tmp_path / "campaign"
+        assert stop_drone(lab.drones[0]).locked, "as a flight before would leave it"
         first = campaign("run", str(file), "--yes", "--out", str(folder))
         wait_for_flight(folder, first)
         first.kill()

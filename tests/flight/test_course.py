@@ -42,6 +42,11 @@ def test_a_test_flight_follows_its_course_and_can_be_analysed(tmp_path: Path) ->
             on_phase=lambda state: phases.append(state.phase),
         )
     assert result.aborted_by is None
+    assert result.diagnosis is not None
+    assert result.diagnosis["code"] == "flown"
+    assert result.diagnosis["sentence"].startswith("circles flown to its end; at most ")
+    assert 0.0 < result.diagnosis["values"]["from_course_m"] < 0.2
+    assert 3.0 < result.diagnosis["values"]["lowest_v"] < 4.2
     assert phases[-4:] == [Phase.TEST_FLIGHT, Phase.LANDING, Phase.DISARMING, Phase.DONE]
     assert Phase.UPLOADING not in phases
 

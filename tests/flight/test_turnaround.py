@@ -9,6 +9,7 @@ import pytest
 from onboard.link import machine_files
 from onboard.link.errors import DroneStopped
 from onboard.link.stop_note import StopsSince, note_stop
+from onboard.supervisor_info import SupervisorBits
 from perchhw.flight.turnaround import Turnaround
 from tests.link.tiny_drone import TinyDrone
 from tests.patience import PATIENCE_S
@@ -36,6 +37,30 @@ def test_a_stop_at_the_operators_question_ends_it_before_the_reboot() -> None:
 
         Turnaround(drone.uri, confirm=lambda _what: None).put_back()  # who begins anew has seen it
         assert reboots(drone) > 0
+
+
+@pytest.mark.parametrize(
+    ("said", "put_back"),
+    [
+        (SupervisorBits.CAN_ARM, False),
+        (SupervisorBits.LOCKED, True),
+        (SupervisorBits.TUMBLED | SupervisorBits.CAN_ARM, True),
+        (SupervisorBits.FLYING | SupervisorBits.CAN_FLY, False),
+    ],
+)
+def test_a_drone_is_put_back_before_a_first_flight_where_it_has_flown(
+    said: SupervisorBits, put_back: bool
+) -> None:
+    asked: list[str] = []
+    with TinyDrone() as drone:
+        drone.supervisor_bits = int(said)
+        Turnaround(drone.uri, confirm=asked.append).put_back_if_needed()
+        assert (reboots(drone) > 0) is put_back
+    assert [("start mark" in request) for request in asked] == [True] * put_back
+
+
+def test_a_drone_that_does_not_answer_is_left_to_its_flight() -> None:
+    Turnaround("udp://127.0.0.1:9", confirm=pytest.fail).put_back_if_needed()
 
 
 def test_a_stop_of_another_drone_says_nothing_about_this_one() -> None:

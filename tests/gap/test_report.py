@@ -195,7 +195,7 @@ def test_the_page_loads_nothing_and_draws_everything(tmp_path: Path) -> None:
     path = write_report(report(), tmp_path, figures())
     page = Page(path)
     assert_self_contained(page, tmp_path)
-    assert page.svgs == 3
+    assert page.svgs == 4  # horizons for two widths
     text = path.read_text()
     assert "url(http" not in text
     assert "<script" not in text
@@ -275,7 +275,7 @@ def test_predictions_of_one_model_after_the_other_fill_the_report(tmp_path: Path
     position = drawn.horizons[0].stages
     assert position["before"][-1] > position["+ thrust scale"][-1] > position["+ rotor drag"][-1]
     page = Page(write_report(report(gap=gap), tmp_path, drawn))
-    assert page.svgs == 4
+    assert page.svgs == 5  # horizons for two widths
     assert "laps" in page.text
 
 

@@ -49,7 +49,9 @@ def lab(engine: EngineName, *arguments: str) -> Iterator[SimulatedLab]:
 def rehearse(uri: str, capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, dict[str, Any]]:
     capsys.readouterr()
     code = run(["rehearse", "--drone", uri, "--json", *arguments])
-    return code, json.loads(capsys.readouterr().out)
+    said = capsys.readouterr()
+    assert said.err.lstrip().startswith("connecting: waits for the drone to answer")
+    return code, json.loads(said.out)
 
 
 @pytest.mark.parametrize("engine", EngineName)

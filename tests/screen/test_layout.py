@@ -87,6 +87,11 @@ def test_everything_that_is_known_is_on_it(width: int) -> None:
         assert "about 12 min, 2 new packs" in text
 
 
+def test_where_it_is_seen_fits_and_stays_among_messages() -> None:
+    view = "view: http://127.0.0.1:9090/"
+    assert view in plain(FLYING.with_changes(view=view, messages=("one", "two", "three")), 40)
+
+
 @pytest.mark.parametrize("width", [40, 80, 120])
 def test_what_is_asked_changes_no_other_row(width: int) -> None:
     """The prompt has a place of its own, and the rows above stand where they stood."""
@@ -108,6 +113,19 @@ def test_a_way_out_is_no_longer_the_plan() -> None:
     shown = plain(landing, 120)
     assert shown[1].endswith("▶ land")
     assert shown[2].endswith("ended by pose_age: 0.31 s")
+
+
+def test_a_command_that_flies_nothing_shows_its_stages_and_the_one_key_that_ends_it() -> None:
+    stages = ("connecting", "uploading", "approaching", "reading")
+    shown = plain(
+        Snapshot(
+            title="rehearse", on_desk=True, phases=stages[:2], planned=stages, waiting_for="the read-back"
+        )
+    )
+    assert shown[1] == "● connecting ▶ upload ○ approach ○ reading"
+    assert shown[2] == "uploading: waits for the read-back"
+    assert shown[-1] == " space  stop now"
+    assert not any("battery" in row for row in shown)
 
 
 def test_words_are_shown_as_they_are_typed() -> None:

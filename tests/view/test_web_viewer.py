@@ -51,6 +51,7 @@ def test_two_attempts_of_a_campaign_reach_another_client_over_loopback(tmp_path:
         try:
             assert [listening_addresses(port) for port in ports] == [{LOOPBACK}] * 2
             with urllib.request.urlopen(f"http://{url.netloc}/", timeout=60) as answer:
+                assert answer.url == url.geturl()  # the bare address leads to the page with its feed
                 assert b"rerun" in answer.read().lower()
                 rules = dict(
                     rule.split(" ", 1) for rule in answer.headers["Content-Security-Policy"].split("; ")

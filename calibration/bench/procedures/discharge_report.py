@@ -9,7 +9,7 @@ from calibration.report_style import page, report_style, section, svg, table
 
 
 def write_discharge_report(path: Path, discharge: Discharge, verdict: Verification) -> Path:
-    """Write the page: verdict, findings and the figure."""
+    """Write the page: the figure, verdict and findings."""
     below = verdict.saturated_below
     rows = [
         ["readings judged", str(int(verdict.judged.sum()))],
@@ -19,8 +19,8 @@ def write_discharge_report(path: Path, discharge: Discharge, verdict: Verificati
     ]
     limit = "At most 3 % or 0.15 gf, whichever is larger, until the motors saturate."
     with report_style():
-        figure = svg(discharge_figure(discharge, verdict))
-    body = section("Verdict", table(["", ""], rows), limit) + section("Thrust over the discharge", figure)
+        figure = svg(discharge_figure(discharge, verdict), "Thrust over the discharge")
+    body = section("Thrust over the discharge", figure) + section("Verdict", table(["", ""], rows), limit)
     title = f"Battery compensation: {'passed' if verdict.passed else 'not passed'}"
     path.write_text(page(title, str(path.parent.name), body), encoding="utf-8")
     return path

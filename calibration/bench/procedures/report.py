@@ -25,15 +25,18 @@ def write_report(
     figures: Mapping[str, "Figure"],
     comparisons: Mapping[str, Sequence[Comparison]],
 ) -> Path:
-    """Write ``report.html`` beside a result.
+    """Write ``report.html`` beside a result. It opens with the first figure.
 
     Args:
         folder: of the run.
         calibration: its result.
-        figures: by title.
+        figures: by title, the telling one first.
         comparisons: with earlier calibrations or a vehicle file, by their name.
     """
+    with report_style():
+        drawings = [section(title, svg(figure, title)) for title, figure in figures.items()]
     parts = [
+        *drawings[:1],
         section("Result", _quantities(calibration.change), _how(calibration)),
         _findings(calibration.findings),
         *(
@@ -43,9 +46,7 @@ def write_report(
         ),
         *(section(f"Compared with {name}", _compared(rows)) for name, rows in comparisons.items() if rows),
     ]
-    with report_style():
-        drawings = [section(title, svg(figure)) for title, figure in figures.items()]
-    parts.append(grid(drawings))
+    parts.append(grid(drawings[1:]))
     parts.append(section("Measured by hand", _inputs(calibration.inputs)))
     parts.append(
         section("Recordings", _recordings(calibration.raw), "Beside this page; their SHA-256 is theirs here.")

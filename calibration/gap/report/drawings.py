@@ -41,9 +41,9 @@ def stage_colours(stages: Mapping[str, FloatArray]) -> dict[str, object]:
     return {**between, names[-1]: _AFTER, names[0]: _BEFORE}
 
 
-def horizon_panels(panels: tuple[HorizonCurves, ...]) -> "Figure":
+def horizon_panels(panels: tuple[HorizonCurves, ...], side_by_side: int = _ROW) -> "Figure":
     """Errors against the horizon, one panel a quantity, one curve a stage, the floor dashed."""
-    figure, axes = _panels(len(panels), 3.1)
+    figure, axes = _panels(len(panels), 3.1, side_by_side)
     for panel, data in zip(axes, panels, strict=True):
         colours = stage_colours(data.stages)
         for name, errors in data.stages.items():
@@ -171,10 +171,10 @@ def closed_loop_trace(data: ClosedLoopTrace) -> "Figure":
     return figure
 
 
-def _panels(count: int, height: float) -> "tuple[Figure, list[Axes]]":
-    """A figure with `count` panels in rows of three."""
-    rows, columns = -(-count // _ROW), min(count, _ROW)
-    figure = new_figure(10.4 * columns / _ROW if columns < _ROW else 10.4, height * rows)
+def _panels(count: int, height: float, side_by_side: int = _ROW) -> "tuple[Figure, list[Axes]]":
+    """A figure with `count` panels in rows of `side_by_side`."""
+    rows, columns = -(-count // side_by_side), min(count, side_by_side)
+    figure = new_figure(10.4 * columns / _ROW, height * rows)
     axes = list(figure.subplots(rows, columns, squeeze=False).ravel())
     for spare in axes[count:]:
         spare.remove()

@@ -9,7 +9,7 @@ from calibration.gap.report import drawings, words
 from calibration.gap.report.document import GapReport, Landings, Levels, Verdict, leaves
 from calibration.gap.report.figures_data import ReportFigures
 from calibration.gap.report.words import interval, number, plain, unit
-from calibration.report_style import grid, page, report_style, section, svg, table
+from calibration.report_style import by_width, grid, page, report_style, section, svg, table
 from onboard.vehicle import EFFECTS
 
 _COLOURS = {
@@ -30,6 +30,7 @@ def report_page(report: GapReport, figures: ReportFigures) -> str:
 
 def _sections(report: GapReport, figures: ReportFigures) -> Iterator[str]:
     yield _verdict(report)
+    yield from _gap(report, figures)
     if report.effects:
         yield section(
             "What was missing",
@@ -45,7 +46,6 @@ def _sections(report: GapReport, figures: ReportFigures) -> Iterator[str]:
         yield section(
             "What these flights cannot tell apart", table(["effects", "what would tell them"], rows)
         )
-    yield from _gap(report, figures)
     yield from _where(report, figures)
     yield from _closed_loop(figures)
     if report.unexplained.share > 0.0 or report.verdict is Verdict.UNEXPLAINED_GAP:
@@ -111,7 +111,7 @@ def _effects(report: GapReport) -> str:
 
 
 def _gap(report: GapReport, figures: ReportFigures) -> Iterator[str]:
-    drawing = svg(drawings.horizon_panels(figures.horizons)) if figures.horizons else ""
+    drawing = _horizons(figures) if figures.horizons else ""
     if drawing or report.gap.by_horizon or report.gap.by_quantity:
         metric = {f"{horizon} s ahead": level for horizon, level in report.gap.by_horizon.items()}
         others = _folded("other predictions", _levels(report.gap.by_quantity, "prediction"))
@@ -132,6 +132,13 @@ def _gap(report: GapReport, figures: ReportFigures) -> Iterator[str]:
         parts.append(section(title, drawn + _levels(levels, "")))
     if parts:
         yield grid(parts)
+
+
+def _horizons(figures: ReportFigures) -> str:
+    names = ", ".join(panel.quantity for panel in figures.horizons)
+    alt = f"Errors of prediction against how far ahead, before and after: {names}"
+    broad = svg(drawings.horizon_panels(figures.horizons), alt)
+    return by_width(broad, svg(drawings.horizon_panels(figures.horizons, side_by_side=1), f"{alt} (narrow)"))
 
 
 def _levels(levels: Mapping[str, Levels], heading: str) -> str:
