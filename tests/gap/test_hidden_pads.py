@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from calibration.gap.landings.outcomes.search import HINGES, Point, grid
+from calibration.gap.landings.outcomes.vehicles import HINGES, Point, grid
 from tests.gap.truth_landings.drone import Drone
 from tests.gap.truth_landings.judge import HEALTHY, Judged, drawn, judge
 from tests.gap.truth_landings.judge import HINGES as DAMPED

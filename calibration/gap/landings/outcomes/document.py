@@ -13,13 +13,12 @@ from calibration.gap.landings.outcomes.labels import CLASS_NAMES, landing_class
 from calibration.gap.landings.outcomes.predict import OutcomeForecast
 from calibration.gap.landings.outcomes.prepare import Prepared
 from calibration.gap.landings.outcomes.scores import Score, score
-from calibration.gap.landings.outcomes.search import OutcomeSearch, grid, search_outcomes, tabulate
+from calibration.gap.landings.outcomes.search import OutcomeSearch, search_outcomes
+from calibration.gap.landings.outcomes.vehicles import bare_parameters, filed_point, grid, tabulate
 from onboard.arrays import FloatArray, IntArray
 from onboard.errors import InputError
 from onboard.outcome import Outcome
-from onboard.room import RoomGeometry
 from onboard.vehicle import Vehicle
-from sim_backend.physics.parameters import physics_parameters
 
 SCHEMA = "perchhw.gap_landings/1"
 
@@ -137,11 +136,11 @@ def search_report(
             f"{rows.size} classified flights with a trigger; a search needs {LEAST_FLIGHTS}: add flights, or "
             "classify them in labels.csv"
         )
-    points = grid()
-    parameters = physics_parameters(vehicle, RoomGeometry())
-    table = tabulate(report.prepared, parameters, points, progress)[:, rows]
+    filed = filed_point(vehicle)
+    points = grid(filed)
+    table = tabulate(report.prepared, bare_parameters(vehicle), points, progress)[:, rows]
     rng = np.random.default_rng([report.seed, 2])
-    found = search_outcomes(points, table, known, report.forecast.draws, rng)
+    found = search_outcomes(points, table, known, report.forecast.draws, rng, filed)
     return replace(report, search=found)
 
 
