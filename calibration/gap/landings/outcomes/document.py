@@ -15,6 +15,7 @@ from calibration.gap.landings.outcomes.prepare import Prepared
 from calibration.gap.landings.outcomes.scores import Score, score
 from calibration.gap.landings.outcomes.search import OutcomeSearch, search_outcomes
 from calibration.gap.landings.outcomes.vehicles import bare_parameters, filed_point, grid, tabulate
+from calibration.gap.landings.outcomes.verdict import Verdict, in_words, judge_outcomes
 from onboard.arrays import FloatArray, IntArray
 from onboard.errors import InputError
 from onboard.outcome import Outcome
@@ -57,10 +58,23 @@ class LandingReport:
         """How the starts scatter."""
         return self.prepared.dispersion
 
+    @property
+    def verdict(self) -> Verdict:
+        """What the outcomes say of the vehicle."""
+        rows, _ = classified(self.real)
+        return judge_outcomes(self.score, self.forecast.probability[rows], self.search)
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """The verdict for people, a sentence a line."""
+        return in_words(self.verdict, self.score, self.search)
+
     def to_json(self) -> dict[str, Any]:
         """The document ``perchhw.gap_landings/1``."""
         return {
             "schema": SCHEMA,
+            "verdict": self.verdict.value,
+            "says": list(self.words),
             "vehicle": self.vehicle,
             "seed": self.seed,
             "draws": self.forecast.draws,
