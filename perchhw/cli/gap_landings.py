@@ -155,6 +155,8 @@ def _tell(report: "LandingReport", page: Path | None) -> None:
         progress_console().print(f"not judged: {item.name}: {item.reason}", markup=False, soft_wrap=True)
     for sentence in report.words:
         screen.print(sentence, markup=False, soft_wrap=True)
+    if report.expectation is not None:
+        screen.print(report.expectation.words, markup=False, soft_wrap=True)
     if page is not None and report.search is not None and report.search.named:
         screen.print(f"vehicle with it: {page.with_name(VEHICLE_FILE)}", markup=False, soft_wrap=True)
     if page is not None:

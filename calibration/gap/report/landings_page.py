@@ -52,6 +52,8 @@ def landings_page(report: LandingReport, parameters: Any) -> str:
     with report_style():
         parts = [section("What the simulation expects, and what happened", svg(outcome_bars(report)), _NOTE)]
         parts.append(section("What the simulation lacks", _verdict(report)))
+        if report.expectation is not None:
+            parts.append(section("What to expect of the next flights", escape(report.expectation.words)))
         if report.score is not None:
             parts.append(section("How good the probabilities are", _scores(report.score)))
             parts.append(

@@ -9,7 +9,8 @@ import numpy as np
 from calibration.errors import CalibrationError
 from calibration.gap.data.record import NotUsed
 from calibration.gap.landings.outcomes.dispersion import Dispersion
-from calibration.gap.landings.outcomes.labels import CLASS_NAMES, landing_class
+from calibration.gap.landings.outcomes.expectation import JudgedExpectation, judged_expectation
+from calibration.gap.landings.outcomes.labels import CLASS_NAMES, FOUR, landing_class
 from calibration.gap.landings.outcomes.predict import OutcomeForecast
 from calibration.gap.landings.outcomes.prepare import Prepared
 from calibration.gap.landings.outcomes.scores import Score, score
@@ -40,6 +41,7 @@ class LandingReport:
         prepared: the flights. forecast: what the vehicle expects of them, in the same order.
         real: outcome of each, None where nobody classified it.
         score: of the classified ones; None when there are fewer than LEAST_FLIGHTS.
+        expectation: of more flights like these, with this vehicle; None likewise.
         search: which effects are missing; None: not asked.
         unused: flights that are not judged.
     """
@@ -50,6 +52,7 @@ class LandingReport:
     forecast: OutcomeForecast
     real: tuple[Outcome | None, ...]
     score: Score | None
+    expectation: JudgedExpectation | None
     unused: tuple[NotUsed, ...]
     search: OutcomeSearch | None = None
 
@@ -80,6 +83,7 @@ class LandingReport:
             "draws": self.forecast.draws,
             "flights": [self._flight(index) for index in range(len(self.real))],
             "score": None if self.score is None else self.score.to_json(),
+            "expectation": None if self.expectation is None else self.expectation.to_json(),
             "dispersion": self.dispersion.to_json(),
             "flip": {
                 "pitch_rate_rms_rad_s": _rms(self.prepared.rate_error),
@@ -118,11 +122,13 @@ def landing_report(
         unreadable: files that hold no flight.
     """
     rows, known = classified(real)
-    scored = None
+    scored = expected = None
     if rows.size >= LEAST_FLIGHTS:
-        rng = np.random.default_rng([seed, 1])
-        scored = score(found.probability[rows], known, found.draws, rng)
-    return LandingReport(vehicle, seed, prepared, found, tuple(real), scored, (*unreadable, *prepared.unused))
+        shares = found.probability[rows]
+        scored = score(shares, known, found.draws, np.random.default_rng([seed, 1]))
+        expected = judged_expectation(shares[:, FOUR], known == FOUR, np.random.default_rng([seed, 3]))
+    unused = (*unreadable, *prepared.unused)
+    return LandingReport(vehicle, seed, prepared, found, tuple(real), scored, expected, unused)
 
 
 def classified(real: Sequence[Outcome | None]) -> tuple[IntArray, IntArray]:
