@@ -137,8 +137,8 @@ class JudgedExpectation:
         """For people."""
         (low, high), (least, most) = self.expected.interval, self.expected.count
         return (
-            f"to be expected of {NEXT} more flights like these: {least} to {most} on four legs (80 %), a rate "
-            f"of {self.expected.rate:.2f} ({low:.2f} to {high:.2f}); such intervals held the counts of "
+            f"to be expected of {NEXT} more flights like these: {least} to {most} on four legs (80 %), a "
+            f"rate of {self.expected.rate:.2f} ({low:.2f} to {high:.2f}); such intervals held the counts of "
             f"left-out flights in {self.coverage:.0%}, those of the simulated rates alone in "
             f"{self.uncorrected:.0%}"
         )
