@@ -4,8 +4,9 @@
 
 Flies the presets that stand for the authors' simulation (docs/learning.md, Agreement) over their grid, three
 repeats a sweep, and compares the map of the best of three with theirs: each sweep alone, and the median of
-all. For comparison the same for the default vehicle, one sweep each with perfect and with realistic cues. The
-ranges of the cues at the trigger are those of pairs that land in at least 80 %.
+all (`perchhw learn agreement` does that for any design). For comparison the same for our vehicle with feet
+that always hold, as theirs do, one sweep each with perfect and with realistic cues. The ranges of the cues at
+the trigger are those of pairs that land in at least 80 %.
 """
 
 import argparse
@@ -16,15 +17,14 @@ from pathlib import Path
 
 import numpy as np
 
-from perchhw.learning.agreement import agreement, median_of_best
-from perchhw.learning.bands import best_per_condition
+from perchhw.attempt import STORED_VEHICLE
+from perchhw.learning.agreement import BEST_OF, agreement_of_sweeps
 from perchhw.learning.grid import parse_range
-from perchhw.learning.results import RateMap, columns, read_reference
+from perchhw.learning.results import columns, read_reference
 from perchhw.learning.setup import LearningSetup
 from perchhw.learning.sweep import SweepGrid, run_sweep
 from perchhw.learning.sweep_folder import Row
 
-BEST_OF = 3
 GAZEBO = LearningSetup(vehicle="crazyflie21-gazebo", reward="flown", sensing="gazebo", gains="gazebo")
 
 
@@ -33,22 +33,6 @@ def sweep(setup: LearningSetup, repeats: int) -> tuple[Row, ...]:
     speeds, angles = parse_range("1.5:3.5:0.1", "--speeds"), parse_range("30:90:3.75", "--angles")
     with tempfile.TemporaryDirectory() as folder:
         return run_sweep(setup, SweepGrid(speeds, angles, repeats), Path(folder) / "sweep").rows
-
-
-def compared(rows: Sequence[Row], theirs: RateMap) -> dict[str, object]:
-    """Each sweep alone, and the median of them."""
-    last = max(int(row["trial"] or 0) for row in rows) + 1
-    singles = [
-        agreement(
-            best_per_condition(tuple(row for row in rows if int(row["trial"] or 0) // BEST_OF == group)),
-            theirs.rates,
-        )
-        for group in range(last // BEST_OF)
-    ]
-    return {
-        "single_sweeps": [single._asdict() for single in singles],
-        "median_of_sweeps": agreement(median_of_best(rows, BEST_OF), theirs.rates)._asdict(),
-    }
 
 
 def trigger_ranges(rows: Sequence[Row]) -> dict[str, list[float]]:
@@ -73,12 +57,12 @@ def main() -> None:
     gazebo = sweep(LearningSetup(**vehicle), arguments.repeats)
     document = {
         "benchmark": "agreement",
-        "authors_simulation": compared(gazebo, theirs),
+        "authors_simulation": agreement_of_sweeps(gazebo, theirs.rates),
         "authors_simulation_trigger_ranges": trigger_ranges(gazebo),
     }
     for sensing in ("perfect", "realistic"):
-        rows = sweep(LearningSetup(sensing=sensing, seed=arguments.seed), BEST_OF)
-        document[f"{sensing}_cues"] = compared(rows, theirs)
+        rows = sweep(LearningSetup(vehicle=STORED_VEHICLE, sensing=sensing, seed=arguments.seed), BEST_OF)
+        document[f"{sensing}_cues"] = agreement_of_sweeps(rows, theirs.rates)
         document[f"{sensing}_cues_trigger_ranges"] = trigger_ranges(rows)
     document["mean_rate_theirs"] = float(np.mean(list(theirs.rates.values())))
     print(json.dumps(document, indent=1))

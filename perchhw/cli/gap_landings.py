@@ -32,7 +32,12 @@ def landings_command(
         bool, typer.Option("--search", help="Also look for what the vehicle lacks; takes minutes.")
     ] = False,
     draws: Annotated[int, typer.Option(min=20, help="Simulated landings a flight.")] = 200,
-    out: Annotated[Path | None, typer.Option(help="Folder for landings.json and landings.html.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder for landings.json, landings.html and, where --search finds something, vehicle.toml."
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of all random numbers.")] = 0,
 ) -> None:
     """How likely four legs, two or none hold, simulated from each flight's trigger, beside what happened."""
@@ -92,16 +97,22 @@ def _outcome(flight: "Flight", labels: "dict[Path, Outcome]", vehicle: "Vehicle"
 def _write(report: "LandingReport", vehicle: "Vehicle", folder: Path) -> Path:
     import json
 
+    from calibration.gap.landings.outcomes.verdict import improved_vehicle
+    from calibration.gap.report.improved_vehicle import write_vehicle
     from calibration.gap.report.landings_page import landings_page
     from onboard.room import RoomGeometry
     from perchhw.record.folder import OutputFolderError
     from sim_backend.physics.parameters import physics_parameters
 
     page = landings_page(report, physics_parameters(vehicle, RoomGeometry()))
+    found = report.search
     try:
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "landings.json").write_text(json.dumps(report.to_json(), indent=1) + "\n", encoding="utf-8")
         (folder / "landings.html").write_text(page, encoding="utf-8")
+        if found is not None and found.named:
+            source = f"gap landings: outcomes of {len(report.real)} flights, seed {report.seed}"
+            write_vehicle(improved_vehicle(vehicle, found, source), folder)
     except OSError as error:
         raise OutputFolderError(folder, error.strerror) from error
     return folder / "landings.html"
@@ -109,6 +120,8 @@ def _write(report: "LandingReport", vehicle: "Vehicle", folder: Path) -> Path:
 
 def _tell(report: "LandingReport", page: Path | None) -> None:
     from rich.table import Table
+
+    from calibration.gap.report.improved_vehicle import VEHICLE_FILE
 
     screen = console()
     listed = Table("flight", "real", "four", "two", "none", "body contact", box=None, pad_edge=False)
@@ -141,6 +154,12 @@ def _tell(report: "LandingReport", page: Path | None) -> None:
         _tell_search(report.search)
     for item in report.unused:
         progress_console().print(f"not judged: {item.name}: {item.reason}", markup=False, soft_wrap=True)
+    for sentence in report.words:
+        screen.print(sentence, markup=False, soft_wrap=True)
+    if report.expectation is not None:
+        screen.print(report.expectation.words, markup=False, soft_wrap=True)
+    if page is not None and report.search is not None and report.search.named:
+        screen.print(f"vehicle with it: {page.with_name(VEHICLE_FILE)}", markup=False, soft_wrap=True)
     if page is not None:
         screen.print(f"page: {page}", markup=False, soft_wrap=True)
 
@@ -160,5 +179,5 @@ def _tell_search(found: "OutcomeSearch") -> None:
         table.add_row(fit.name, *scores, "" if one.auc_four is None else f"{one.auc_four:.2f}", values)
     screen.print(table)
     for group, (gain, (low, high)) in found.gains.items():
-        verdict = "missing" if group in found.named else "cannot be told"
+        verdict = "wrong" if group in found.named else "cannot be told"
         screen.print(f"{group}: {verdict} (Brier {gain:+.3f}, {low:+.3f} to {high:+.3f})", soft_wrap=True)

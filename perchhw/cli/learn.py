@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from perchhw.cli.learn_agreement import agreement
 from perchhw.cli.learn_hinge import hinge
 from perchhw.cli.learn_legs import legs
 from perchhw.cli.learn_options import (
@@ -31,6 +32,7 @@ app = typer.Typer(add_completion=False, no_args_is_help=True, help="Learn a land
 app.command()(report)
 app.command()(legs)
 app.command()(hinge)
+app.command()(agreement)
 
 RefineOption = Annotated[
     bool,

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from perchhw.learning.setup import LearningSetup
     from perchhw.learning.sweep_folder import Row
 
+AUTHORS_VEHICLE = "crazyflie21-gazebo"
+
 OutOption = Annotated[Path, typer.Option(help="Folder for the results.")]
 SeedOption = Annotated[int, typer.Option(min=0, help="Of everything random.")]
 
@@ -62,6 +64,17 @@ class SetupOptions(FlightOptions):
     legs: Annotated[str | None, typer.Option(help="Leg design; the vehicle's own without it.")] = None
     leg_angle_deg: Annotated[float | None, typer.Option(help="Another leg angle from -b_z, deg.")] = None
     leg_length_m: Annotated[float | None, typer.Option(help="Another leg length, m.")] = None
+
+
+@dataclass(frozen=True)
+class AuthorsOptions(SetupOptions):
+    """What the authors' simulation did, unless it is told otherwise."""
+
+    vehicle: Annotated[str, typer.Option(help="Vehicle: a known name or a vehicle file.")] = AUTHORS_VEHICLE
+    sensing: Annotated[str, typer.Option(help="Errors of the cues: gazebo, perfect, realistic or late.")] = (
+        "gazebo"
+    )
+    gains: Annotated[str, typer.Option(help="Of the controller: gazebo, authors, or default.")] = "gazebo"
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,13 @@ repeats of ours, taken three at a time, remove our half of that noise.
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.stats import spearmanr
 
+from onboard.arrays import FloatArray
+from perchhw.learning.bands import best_per_condition
 from perchhw.learning.errors import LearningInputError
 from perchhw.learning.grid import Condition
 from perchhw.learning.sweep_folder import Row
@@ -23,31 +25,63 @@ class Agreement(NamedTuple):
     Attributes:
         spearman: rank correlation. mean_difference: mean absolute difference of the rates.
         conditions: how many.
+        bias: mean of the first rate less the second.
+        smoothed_spearman: rank correlation of the maps, each smoothed over its neighbours by
+            :data:`SMOOTHING`: most of what single conditions differ by is the noise of a trial.
     """
 
     spearman: float
     mean_difference: float
     conditions: int
+    bias: float
+    smoothed_spearman: float
+
+
+BEST_OF = 3
+"""Repeats of a sweep, as the authors had."""
+
+SMOOTHING = (0.15, 5.625)
+"""m/s and deg, standard deviations of the kernel: one and a half steps of the grid."""
 
 
 def agreement(ours: Mapping[Condition, float], theirs: Mapping[Condition, float]) -> Agreement:
-    """Rank correlation and mean absolute difference of two maps of rates.
+    """How two maps of rates agree.
 
     Raises:
         LearningInputError: fewer than three conditions in common.
     """
     found = {_rounded(condition): rate for condition, rate in ours.items()}
     pairs = [
-        (found[key], rate) for condition, rate in theirs.items() if (key := _rounded(condition)) in found
+        (*key, found[key], rate)
+        for condition, rate in theirs.items()
+        if (key := _rounded(condition)) in found
     ]
     if len(pairs) < 3:
         raise LearningInputError(f"the maps have {len(pairs)} conditions in common: fly at least 3 of theirs")
-    a, b = np.array(pairs).T
-    return Agreement(float(spearmanr(a, b).statistic), float(np.mean(np.abs(a - b))), len(pairs))
+    table = np.array(pairs)
+    where, a, b = table[:, :2], table[:, 2], table[:, 3]
+    return Agreement(
+        spearman=_ranks(a, b),
+        mean_difference=float(np.mean(np.abs(a - b))),
+        conditions=len(pairs),
+        bias=float(np.mean(a - b)),
+        smoothed_spearman=_ranks(_smoothed(where, a), _smoothed(where, b)),
+    )
+
+
+def _ranks(a: FloatArray, b: FloatArray) -> float:
+    return float(spearmanr(a, b).statistic)
+
+
+def _smoothed(where: FloatArray, rates: FloatArray) -> FloatArray:
+    """Kernel means of rates (n,) at their own conditions (n, 2)."""
+    off = (where[:, None] - where) / np.array(SMOOTHING)
+    weights = np.exp(-0.5 * np.sum(off**2, axis=2))
+    return np.asarray(weights @ rates / weights.sum(axis=1))
 
 
 def median_of_best(
-    rows: Sequence[Row], repeats: int = 3, column: str = "landing_rate"
+    rows: Sequence[Row], repeats: int = BEST_OF, column: str = "landing_rate"
 ) -> dict[Condition, float]:
     """The best rate of `repeats` repeats at each condition: the median over all complete groups of them.
 
@@ -71,6 +105,24 @@ def median_of_best(
             )
         best[condition] = float(np.median(complete))
     return best
+
+
+def agreement_of_sweeps(rows: Sequence[Row], theirs: Mapping[Condition, float]) -> dict[str, Any]:
+    """Each sweep of :data:`BEST_OF` repeats alone, and the median of all, as JSON objects.
+
+    Raises:
+        LearningInputError: too few repeats or conditions.
+    """
+    both = median_of_best(rows, BEST_OF)
+    sweeps = max(int(row["trial"] or 0) for row in rows) // BEST_OF + 1
+    singles = [
+        best_per_condition(tuple(row for row in rows if int(row["trial"] or 0) // BEST_OF == group))
+        for group in range(sweeps)
+    ]
+    return {
+        "single_sweeps": [agreement(single, theirs)._asdict() for single in singles],
+        "median_of_sweeps": agreement(both, theirs)._asdict(),
+    }
 
 
 def _rounded(condition: Condition) -> tuple[float, float]:

@@ -5,9 +5,12 @@ from itertools import product
 import numpy as np
 import pytest
 
-from calibration.gap.landings.outcomes.search import HINGES, Point, grid
+from calibration.gap.landings.outcomes.scores import score
+from calibration.gap.landings.outcomes.vehicles import HINGES, Point, filed_point, grid
+from calibration.gap.landings.outcomes.verdict import Verdict, improved_vehicle, in_words, judge_outcomes
+from onboard.vehicle import load_vehicle
 from tests.gap.truth_landings.drone import Drone
-from tests.gap.truth_landings.judge import HEALTHY, Judged, drawn, judge
+from tests.gap.truth_landings.judge import HEALTHY, VEHICLE, Judged, drawn, judge
 from tests.gap.truth_landings.judge import HINGES as DAMPED
 from tests.gap.truth_landings.outcomes import attempts, land
 
@@ -60,3 +63,31 @@ def test_thirty_landings_name_drawn_pads() -> None:
     assert claims == 0
     assert named >= 9
     assert inside > named / 2
+
+
+def test_a_lab_is_told_what_its_vehicle_file_lacks(few: list[Judged]) -> None:
+    """In words with the value in the file beside it, and as a vehicle file that has it."""
+    found = few[1].found
+    scored = found.fits[0].left_one_out
+    assert judge_outcomes(scored, np.zeros((8, 3)), found) is Verdict.EFFECTS_FOUND
+    sentences = in_words(Verdict.EFFECTS_FOUND, scored, found)
+    assert "pad_capture.speed" in sentences[0]
+    assert "(filed 0)" in sentences[0]
+    better = improved_vehicle(load_vehicle(VEHICLE), found, "a test")
+    effects = {effect.name: effect.values() for effect in better.effects}
+    mean, _, (low, high) = found.best.values["speed"]
+    assert effects["pad_capture"]["speed"] == pytest.approx(mean)
+    assert low <= PADS.capture <= high
+    assert filed_point(better).speed == pytest.approx(mean)
+
+
+def test_counts_that_the_model_does_not_expect_are_a_gap_without_a_name() -> None:
+    """Ten flights that were said to hold on four legs; as few as three did."""
+    sure = np.tile([0.9, 0.08, 0.02], (10, 1))
+    rng = np.random.default_rng(0)
+    few = score(sure, np.array([0] * 3 + [1] * 7), 100, rng)
+    assert judge_outcomes(few, sure, None) is Verdict.UNEXPLAINED_GAP
+    assert "--search" in in_words(Verdict.UNEXPLAINED_GAP, few, None)[0]
+    as_said = score(sure, np.array([0] * 9 + [1]), 100, rng)
+    assert judge_outcomes(as_said, sure, None) is Verdict.NO_GAP
+    assert judge_outcomes(None, np.empty((0, 3)), None) is Verdict.CANNOT_TELL

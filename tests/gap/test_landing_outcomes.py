@@ -24,10 +24,15 @@ from calibration.gap.landings.outcomes.scores import (
     score,
     wilson,
 )
-from calibration.gap.landings.outcomes.search import (
+from calibration.gap.landings.outcomes.search import held_out
+from calibration.gap.landings.outcomes.vehicles import (
     LIMITS,
-    held_out,
+    WITHOUT,
+    bare_parameters,
+    filed_point,
+    grid,
     mixture,
+    with_point,
 )
 from calibration.gap.report.landings_page import landings_page
 from onboard.outcome import Outcome
@@ -198,3 +203,15 @@ def test_every_flight_is_predicted_from_flights_that_are_not_it() -> None:
     logs = np.log(np.maximum(table[:, np.arange(4), real], 1e-9))
     left = held_out(table, logs, np.arange(4))
     assert left[0] == pytest.approx([2.0 / 3.0, 1.0 / 6.0, 1.0 / 6.0])  # both vehicles as likely as before
+
+
+def test_a_vehicle_that_has_the_effects_is_judged_as_it_is() -> None:
+    """What the file says is one vehicle of the grid, and that vehicle is the file's own."""
+    vehicle = load_vehicle("crazyflie21-upgraded")
+    filed = filed_point(vehicle)
+    assert filed == (1.6, 8.0, 0.6, 0.4, 0.64)
+    assert filed in grid(filed)
+    assert with_point(bare_parameters(vehicle), filed) == physics_parameters(vehicle, RoomGeometry())
+    odd = filed._replace(stiffness=1.3, speed=0.57, reach=0.5)
+    assert odd in grid(odd)
+    assert filed_point(load_vehicle(STORED)) == WITHOUT

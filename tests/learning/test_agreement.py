@@ -1,11 +1,13 @@
 """Agreement of maps of landing rates, and ours with the authors' randomised sweep."""
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from perchhw.attempt import STORED_VEHICLE
+from perchhw.cli.main import run
 from perchhw.learning.agreement import agreement, median_of_best
 from perchhw.learning.bands import best_per_condition
 from perchhw.learning.errors import LearningInputError
@@ -24,7 +26,12 @@ def test_two_maps_by_hand() -> None:
     b = {Condition(v, 45.0): rate for v, rate in ((1.5, 0.1), (2.0, 0.6), (2.5, 0.5), (3.0, 0.9), (3.5, 1.0))}
     found = agreement(a, b)
     # Ranks 1 2 3 4 against 1 3 2 4: 1 - 6 * 2 / (4 * 15).
-    assert found == pytest.approx((0.8, 0.1, 4))
+    assert found[:4] == pytest.approx((0.8, 0.1, 4, -0.05))
+    # Neighbours 0.5 m/s apart hardly mix; a map that is one number higher everywhere has the same ranks.
+    assert found.smoothed_spearman == pytest.approx(0.8)
+    higher = agreement({condition: rate + 0.1 for condition, rate in b.items()}, b)
+    assert higher.bias == pytest.approx(0.1)
+    assert higher.smoothed_spearman == pytest.approx(1.0)
 
 
 def test_too_little_in_common_is_refused() -> None:
@@ -47,7 +54,28 @@ def test_the_authors_two_sweeps_agree_as_little_as_the_documentation_says(shared
     randomised = read_reference(sweeps / "NL_LR_Trials.csv").rates
     plain = read_reference(sweeps / "NL_LR_Trials_NDR.csv").rates
     grid = {c: rate for c, rate in randomised.items() if c.speed < 3.51}
-    assert agreement(grid, plain) == pytest.approx((0.593, 0.187, 357), abs=1e-3)
+    assert agreement(grid, plain)[:3] == pytest.approx((0.593, 0.187, 357), abs=1e-3)
+
+
+def test_a_design_against_a_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A sweep against itself agrees without a difference, and the settings are those of the authors."""
+    grid = ["--speeds", "2,3", "--angles", "45,60", "--repeats", "3", "--legs", "semi-narrow-long"]
+    table = tmp_path / "theirs.csv"
+    rates = {(2.0, 45.0): 0.1, (2.0, 60.0): 0.4, (3.0, 45.0): 0.9, (3.0, 60.0): 0.8}
+    lines = [f"{speed},{angle},{rate}" for (speed, angle), rate in rates.items()]
+    table.write_text("\n".join(["speed_m_s,angle_deg,landing_rate", *lines]))
+    folder = tmp_path / "sweep"
+    asked = ["--json", "learn", "agreement", "--out", str(folder), *grid]
+    assert run([*asked, "--reference", str(table)]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["settings"]["vehicle"] == "crazyflie21-gazebo"
+    assert {found["settings"][name] for name in ("sensing", "gains")} == {"gazebo"}
+    assert found["settings"]["reward"] == "flown"
+    assert found["median_of_sweeps"]["conditions"] == 4
+    assert json.loads((folder / "agreement.json").read_text()) == found
+    assert run([*asked, "--resume", "--reference", str(folder / "pairs.csv")]) == 0
+    itself = json.loads(capsys.readouterr().out)["median_of_sweeps"]
+    assert itself["mean_difference"] == itself["bias"] == 0.0
 
 
 def test_their_simulation_stands_for_their_sweep(shared_data: Path, tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from calibration.gap.landings.outcomes.predict import scattered
 from calibration.gap.landings.outcomes.prepare import SETTINGS
 from calibration.gap.landings.outcomes.roll import REFUTED, RollEvidence
 from calibration.gap.landings.outcomes.scores import Score
+from calibration.gap.landings.outcomes.search import OutcomeSearch
 from calibration.report_style import (
     BLUE,
     GREEN,
@@ -50,6 +51,9 @@ def landings_page(report: LandingReport, parameters: Any) -> str:
     """
     with report_style():
         parts = [section("What the simulation expects, and what happened", svg(outcome_bars(report)), _NOTE)]
+        parts.append(section("What the simulation lacks", _verdict(report)))
+        if report.expectation is not None:
+            parts.append(section("What to expect of the next flights", escape(report.expectation.words)))
         if report.score is not None:
             parts.append(section("How good the probabilities are", _scores(report.score)))
             parts.append(
@@ -87,6 +91,25 @@ _ROLL_NOTE = (
     "What each cause of the measured roll would do, beside what was measured (and its standard error); "
     f"more than {REFUTED:g} standard errors apart refutes it."
 )
+
+
+def _verdict(report: LandingReport) -> str:
+    said = "<br>".join(escape(sentence) for sentence in report.words)
+    return said if report.search is None else said + _search(report.search)
+
+
+def _search(found: OutcomeSearch) -> str:
+    rows = []
+    for fit in found.fits:
+        one, half = fit.left_one_out, fit.halves
+        values = ", ".join(
+            f"{name} {mean:.2f} &plusmn; {sigma:.2f}" for name, (mean, sigma, _) in fit.values.items()
+        )
+        scores = [f"{value:.2f}" for value in (one.brier, one.brier_base, half.brier, half.brier_base)]
+        auc = "" if one.auc_four is None else f"{one.auc_four:.2f}"
+        rows.append([fit.name, *scores, auc, values])
+    header = ["open", "Brier, left one out", "base rate", "from halves", "base rate", "AUC of four", "values"]
+    return table(header, rows)
 
 
 def outcome_bars(report: LandingReport) -> "Figure":

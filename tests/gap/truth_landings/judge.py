@@ -20,11 +20,10 @@ import numpy as np
 from calibration.flights import flight_files, open_flights
 from calibration.gap.landings.outcomes import Prepared, prepare, read_labels
 from calibration.gap.landings.outcomes.document import classified
-from calibration.gap.landings.outcomes.search import OutcomeSearch, Point, grid, search_outcomes, tabulate
+from calibration.gap.landings.outcomes.search import OutcomeSearch, search_outcomes
+from calibration.gap.landings.outcomes.vehicles import Point, bare_parameters, grid, tabulate
 from onboard.outcome import Outcome
-from onboard.room import RoomGeometry
 from onboard.vehicle import load_vehicle
-from sim_backend.physics.parameters import physics_parameters
 from tests.gap.truth_landings.drone import Drone
 from tests.gap.truth_landings.outcomes import write_outcomes
 
@@ -56,7 +55,7 @@ def judge(
     hidden: Sequence[Drone], count: int, seed: int, points: Sequence[Point], draws: int
 ) -> list[Judged]:
     """Fly `count` landings with each hidden drone, and search."""
-    parameters = physics_parameters(load_vehicle(VEHICLE), RoomGeometry())
+    parameters = bare_parameters(load_vehicle(VEHICLE))
     prepared: Prepared | None = None
     table = np.empty(0)
     verdicts = []

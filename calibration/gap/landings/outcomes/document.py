@@ -9,17 +9,18 @@ import numpy as np
 from calibration.errors import CalibrationError
 from calibration.gap.data.record import NotUsed
 from calibration.gap.landings.outcomes.dispersion import Dispersion
-from calibration.gap.landings.outcomes.labels import CLASS_NAMES, landing_class
+from calibration.gap.landings.outcomes.expectation import JudgedExpectation, judged_expectation
+from calibration.gap.landings.outcomes.labels import CLASS_NAMES, FOUR, landing_class
 from calibration.gap.landings.outcomes.predict import OutcomeForecast
 from calibration.gap.landings.outcomes.prepare import Prepared
 from calibration.gap.landings.outcomes.scores import Score, score
-from calibration.gap.landings.outcomes.search import OutcomeSearch, grid, search_outcomes, tabulate
+from calibration.gap.landings.outcomes.search import OutcomeSearch, search_outcomes
+from calibration.gap.landings.outcomes.vehicles import bare_parameters, filed_point, grid, tabulate
+from calibration.gap.landings.outcomes.verdict import Verdict, in_words, judge_outcomes
 from onboard.arrays import FloatArray, IntArray
 from onboard.errors import InputError
 from onboard.outcome import Outcome
-from onboard.room import RoomGeometry
 from onboard.vehicle import Vehicle
-from sim_backend.physics.parameters import physics_parameters
 
 SCHEMA = "perchhw.gap_landings/1"
 
@@ -40,6 +41,7 @@ class LandingReport:
         prepared: the flights. forecast: what the vehicle expects of them, in the same order.
         real: outcome of each, None where nobody classified it.
         score: of the classified ones; None when there are fewer than LEAST_FLIGHTS.
+        expectation: of more flights like these, with this vehicle; None likewise.
         search: which effects are missing; None: not asked.
         unused: flights that are not judged.
     """
@@ -50,6 +52,7 @@ class LandingReport:
     forecast: OutcomeForecast
     real: tuple[Outcome | None, ...]
     score: Score | None
+    expectation: JudgedExpectation | None
     unused: tuple[NotUsed, ...]
     search: OutcomeSearch | None = None
 
@@ -58,15 +61,29 @@ class LandingReport:
         """How the starts scatter."""
         return self.prepared.dispersion
 
+    @property
+    def verdict(self) -> Verdict:
+        """What the outcomes say of the vehicle."""
+        rows, _ = classified(self.real)
+        return judge_outcomes(self.score, self.forecast.probability[rows], self.search)
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """The verdict for people, a sentence a line."""
+        return in_words(self.verdict, self.score, self.search)
+
     def to_json(self) -> dict[str, Any]:
         """The document ``perchhw.gap_landings/1``."""
         return {
             "schema": SCHEMA,
+            "verdict": self.verdict.value,
+            "says": list(self.words),
             "vehicle": self.vehicle,
             "seed": self.seed,
             "draws": self.forecast.draws,
             "flights": [self._flight(index) for index in range(len(self.real))],
             "score": None if self.score is None else self.score.to_json(),
+            "expectation": None if self.expectation is None else self.expectation.to_json(),
             "dispersion": self.dispersion.to_json(),
             "flip": {
                 "pitch_rate_rms_rad_s": _rms(self.prepared.rate_error),
@@ -105,11 +122,13 @@ def landing_report(
         unreadable: files that hold no flight.
     """
     rows, known = classified(real)
-    scored = None
+    scored = expected = None
     if rows.size >= LEAST_FLIGHTS:
-        rng = np.random.default_rng([seed, 1])
-        scored = score(found.probability[rows], known, found.draws, rng)
-    return LandingReport(vehicle, seed, prepared, found, tuple(real), scored, (*unreadable, *prepared.unused))
+        shares = found.probability[rows]
+        scored = score(shares, known, found.draws, np.random.default_rng([seed, 1]))
+        expected = judged_expectation(shares[:, FOUR], known == FOUR, np.random.default_rng([seed, 3]))
+    unused = (*unreadable, *prepared.unused)
+    return LandingReport(vehicle, seed, prepared, found, tuple(real), scored, expected, unused)
 
 
 def classified(real: Sequence[Outcome | None]) -> tuple[IntArray, IntArray]:
@@ -137,11 +156,11 @@ def search_report(
             f"{rows.size} classified flights with a trigger; a search needs {LEAST_FLIGHTS}: add flights, or "
             "classify them in labels.csv"
         )
-    points = grid()
-    parameters = physics_parameters(vehicle, RoomGeometry())
-    table = tabulate(report.prepared, parameters, points, progress)[:, rows]
+    filed = filed_point(vehicle)
+    points = grid(filed)
+    table = tabulate(report.prepared, bare_parameters(vehicle), points, progress)[:, rows]
     rng = np.random.default_rng([report.seed, 2])
-    found = search_outcomes(points, table, known, report.forecast.draws, rng)
+    found = search_outcomes(points, table, known, report.forecast.draws, rng, filed)
     return replace(report, search=found)
 
 

@@ -1,23 +1,19 @@
 """Which legs and pads make landings end as they did: a posterior over a grid of vehicles.
 
-Every vehicle of the grid predicts every flight once (:func:`tabulate`). The probability of what happened, all
-flights together, is a vehicle's likelihood; with every vehicle of the grid as likely beforehand its share is
-its posterior. A prediction is the mean over the posterior (Bayesian model averaging: Hoeting et al., Statist.
-Sci. 14, 382, 1999), so that what a few flights leave open widens it. Flights are predicted from the others:
-one left out, and each half from the other. Nothing maps probabilities to probabilities.
+Every vehicle of the grid predicts every flight once (:mod:`..vehicles`). The probability of what happened,
+all flights together, is a vehicle's likelihood; with every vehicle of the grid as likely beforehand its share
+is its posterior. A prediction is the mean over the posterior (Bayesian model averaging: Hoeting et al.,
+Statist. Sci. 14, 382, 1999), so that what a few flights leave open widens it. Flights are predicted from the
+others: one left out, and each half from the other. Nothing maps probabilities to probabilities.
 """
 
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations, product
-from typing import Any, NamedTuple
+from itertools import combinations
+from typing import Any
 
 import numpy as np
-from scipy.stats import norm
 
-from calibration.gap.landings.outcomes.predict import forecast_with
-from calibration.gap.landings.outcomes.prepare import Prepared
 from calibration.gap.landings.outcomes.scores import (
     REPLICATES,
     Score,
@@ -27,47 +23,10 @@ from calibration.gap.landings.outcomes.scores import (
     score,
     surprise,
 )
+from calibration.gap.landings.outcomes.vehicles import EFFECT_OF, UNITS, WITHOUT, Point
 from onboard.arrays import BoolArray, FloatArray, IntArray
-from sim_backend.physics.effects.registry import TERMS
 
 Interval = tuple[float, float]
-
-
-class Point(NamedTuple):
-    """A vehicle of the grid: parameters of effects, relative to the vehicle file."""
-
-    stiffness: float = 1.0
-    damping: float = 1.0
-    speed: float = 0.0
-    spread: float = 0.0
-    reach: float = 1.0
-
-
-UNITS = {"stiffness": "1", "damping": "1", "speed": "m/s", "spread": "m/s", "reach": "1"}
-
-EFFECT_OF = {
-    "stiffness": ("leg_stiffness", "scale"),
-    "damping": ("leg_damping", "scale"),
-    "speed": ("pad_capture", "speed"),
-    "spread": ("pad_capture", "spread"),
-    "reach": ("propeller_reach", "scale"),
-}
-"""Effect and parameter that each coordinate stands for."""
-
-HINGES = ((1.0, 1.0), (1.0, 8.0), (1.6, 8.0), (1.6, 16.0))
-"""Stiffness and damping: as filed, and around what the motion after the contact shows (docs)."""
-
-LIMITS = (0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.05, 1.2, 1.5, 2.0)
-"""m/s: least speed of a foot that sticks, at which landings are simulated."""
-
-SPEEDS = tuple(float(value) for value in np.arange(0.1, 1.51, 0.1))
-"""m/s: means of the limit."""
-
-SPREADS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
-"""m/s: standard deviations of the limit from landing to landing."""
-
-REACHES = (1.0, 0.64, 0.3)
-"""Share of the propeller's radius that meets the ceiling: a disc, two blades at any angle, nearly none."""
 
 LEAST_GAIN = 0.05
 """Of the Brier score: what predicts flights better by less is not named, however sure. Where nearly all feet
@@ -87,75 +46,6 @@ MODELS: tuple[tuple[str, ...], ...] = tuple(
     groups for size in range(len(GROUPS) + 1) for groups in combinations(GROUPS, size)
 )
 """Which groups are open; the rest is as filed."""
-
-
-def grid() -> tuple[Point, ...]:
-    """All vehicles."""
-    pads = [(0.0, 0.0), *product(SPEEDS, SPREADS)]
-    return tuple(Point(*hinge, *pad, reach) for hinge, reach, pad in product(HINGES, REACHES, pads))
-
-
-def with_point(parameters: Any, point: Point) -> Any:
-    """A copy of a record of parameters with the effects of a point, by their own equations."""
-    changed = parameters.copy()
-    values: dict[str, dict[str, float]] = {}
-    for name, value in point._asdict().items():
-        effect, parameter = EFFECT_OF[name]
-        values.setdefault(effect, {})[parameter] = value
-    for effect, given in values.items():
-        TERMS[effect].apply(changed, given)
-    return changed
-
-
-def tabulate(
-    prepared: Prepared,
-    parameters: Any,
-    points: Sequence[Point],
-    progress: Callable[[float], None] | None = None,
-    workers: int = 2,
-) -> FloatArray:
-    """Probabilities (points, flights, 3) of four legs, two, none.
-
-    Landings are simulated with pads of one limit each (:data:`LIMITS`); a spread of limits mixes them.
-
-    Args:
-        prepared: the flights. parameters: of the vehicle file.
-        points: vehicles.
-        progress: called with the share done, 0..1.
-        workers: threads; the result does not depend on them.
-    """
-    bodies = list(dict.fromkeys(point._replace(speed=0.0, spread=0.0) for point in points))
-    needed = [(body, limit) for body in bodies for limit in LIMITS]
-
-    def simulated(one: tuple[Point, float]) -> FloatArray:
-        body, limit = one
-        return forecast_with(prepared, with_point(parameters, body._replace(speed=limit))).probability
-
-    ladders: dict[Point, list[FloatArray]] = {body: [] for body in bodies}
-    with ThreadPoolExecutor(workers) as pool:
-        for index, (one, found) in enumerate(zip(needed, pool.map(simulated, needed), strict=True)):
-            ladders[one[0]].append(found)
-            if progress is not None:
-                progress((index + 1) / len(needed))
-    return np.array(
-        [
-            np.tensordot(
-                mixture(point.speed, point.spread),
-                np.array(ladders[point._replace(speed=0.0, spread=0.0)]),
-                1,
-            )
-            for point in points
-        ]
-    )
-
-
-def mixture(speed: float, spread: float) -> FloatArray:
-    """Shares of :data:`LIMITS` in a normal distribution of limits (m/s); each stands for its surroundings."""
-    limits = np.array(LIMITS)
-    if spread <= 0.0:
-        return np.array([np.interp(speed, limits, row) for row in np.eye(limits.size)])
-    edges = np.concatenate([[-np.inf], 0.5 * (limits[1:] + limits[:-1]), [np.inf]])
-    return np.asarray(np.diff(norm.cdf(edges, speed, spread)))
 
 
 def posterior(logs: FloatArray, rows: BoolArray) -> FloatArray:
@@ -247,12 +137,14 @@ class OutcomeSearch:
         gains: mean change of the Brier score by group, from the best model without it to the best with it,
             left one out, with its 95 % interval (flights drawn again).
         spared: likewise without the flight that speaks most for the group: no name rests on one flight.
+        filed: what the vehicle file says.
     """
 
     fits: tuple[ModelFit, ...]
     best: ModelFit
     gains: dict[str, tuple[float, Interval]]
     spared: dict[str, float]
+    filed: Point
 
     @property
     def named(self) -> tuple[str, ...]:
@@ -272,7 +164,9 @@ class OutcomeSearch:
             others = [other for other in GROUPS if other not in self.named and other != group]
             for coordinate in GROUPS[group]:
                 effect, parameter = EFFECT_OF[coordinate]
-                mean, sigma, between = values.get(coordinate, (getattr(Point(), coordinate), 0.0, (0.0, 0.0)))
+                mean, sigma, between = values.get(
+                    coordinate, (getattr(self.filed, coordinate), 0.0, (0.0, 0.0))
+                )
                 entry = effects.setdefault(
                     effect,
                     {
@@ -304,17 +198,19 @@ class OutcomeSearch:
 
 
 def search_outcomes(
-    points: Sequence[Point], table: FloatArray, real: IntArray, draws: int, rng: np.random.Generator
-) -> OutcomeSearch:
+    points: Sequence[Point], table: FloatArray, real: IntArray, draws: int, rng: np.random.Generator,
+    filed: Point = WITHOUT,
+) -> OutcomeSearch:  # fmt: skip
     """All models on one table.
 
     Args:
         points: vehicles (m). table: (m, n, 3). real: classes (n,).
         draws: landings behind each probability.
         rng: draws flights.
+        filed: one of the vehicles: what a group has that is not open.
     """
     logs = np.array([-surprise(one, real, draws) for one in table])
-    fits = tuple(_fit(groups, np.array(points), table, logs, real, draws, rng) for groups in MODELS)
+    fits = tuple(_fit(groups, filed, np.array(points), table, logs, real, draws, rng) for groups in MODELS)
     drawn = rng.integers(0, real.size, (REPLICATES, real.size))
     gains, spared = {}, {}
     for group in GROUPS:
@@ -323,7 +219,7 @@ def search_outcomes(
         low, high = np.quantile(change[drawn].mean(axis=1), [0.025, 0.975])
         gains[group] = (float(change.mean()), (float(low), float(high)))
         spared[group] = float(np.sort(change)[1:].mean())
-    return OutcomeSearch(fits, _best(fits), gains, spared)
+    return OutcomeSearch(fits, _best(fits), gains, spared, filed)
 
 
 def _best(fits: Sequence[ModelFit]) -> ModelFit:
@@ -331,13 +227,12 @@ def _best(fits: Sequence[ModelFit]) -> ModelFit:
 
 
 def _fit(
-    groups: tuple[str, ...], points: FloatArray, table: FloatArray, logs: FloatArray, real: IntArray,
-    draws: int, rng: np.random.Generator,
+    groups: tuple[str, ...], filed: Point, points: FloatArray, table: FloatArray, logs: FloatArray,
+    real: IntArray, draws: int, rng: np.random.Generator,
 ) -> ModelFit:  # fmt: skip
-    filed = np.array(Point())
     free = {name: Point._fields.index(name) for group in groups for name in GROUPS[group]}
-    shut = np.setdiff1d(np.arange(filed.size), list(free.values()))
-    rows = np.flatnonzero(np.all(points[:, shut] == filed[shut], axis=1))
+    shut = np.setdiff1d(np.arange(len(filed)), list(free.values()))
+    rows = np.flatnonzero(np.all(points[:, shut] == np.array(filed)[shut], axis=1))
     own, own_logs = table[rows], logs[rows]
     left = held_out(own, own_logs, np.arange(real.size))
     share = posterior(own_logs, np.ones(real.size, dtype=np.bool_))

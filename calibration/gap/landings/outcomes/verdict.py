@@ -1,0 +1,91 @@
+"""What predicted and real outcomes say of a vehicle file: what it lacks, what the flights leave open."""
+
+import dataclasses
+from enum import StrEnum
+
+from calibration.gap.landings.outcomes.scores import Score, count_interval
+from calibration.gap.landings.outcomes.search import GROUPS, OutcomeSearch
+from calibration.gap.landings.outcomes.vehicles import EFFECT_OF, UNITS
+from onboard.arrays import FloatArray
+from onboard.quantity import Quantity
+from onboard.vehicle import Effect, Vehicle
+
+LEVEL = 1.0 - 0.05 / 3.0
+"""Of the intervals of three counts, one of which lies outside in at most 5 % where the model is right."""
+
+
+class Verdict(StrEnum):
+    """As in the report of the gap finder."""
+
+    EFFECTS_FOUND = "effects_found"
+    NO_GAP = "no_gap"
+    UNEXPLAINED_GAP = "unexplained_gap"
+    CANNOT_TELL = "cannot_tell"
+
+
+def judge_outcomes(score: Score | None, probability: FloatArray, search: OutcomeSearch | None) -> Verdict:
+    """The verdict.
+
+    Args:
+        score: of the classified flights; None where they are too few.
+        probability: of four, two, none, for these flights (n, 3).
+        search: None where it was not asked for.
+    """
+    if score is None:
+        return Verdict.CANNOT_TELL
+    if search is not None and search.named:
+        return Verdict.EFFECTS_FOUND
+    intervals = [count_interval(shares, LEVEL) for shares in probability.T]
+    expected = all(
+        low <= count.real <= high for count, (low, high) in zip(score.counts, intervals, strict=True)
+    )
+    return Verdict.NO_GAP if expected else Verdict.UNEXPLAINED_GAP
+
+
+def in_words(verdict: Verdict, score: Score | None, search: OutcomeSearch | None) -> tuple[str, ...]:
+    """What a lab is told, a sentence a line."""
+    if score is None:
+        return ("cannot tell: too few classified flights",)
+    flights = f"{score.flights} flights"
+    if verdict is Verdict.EFFECTS_FOUND and search is not None:
+        left = [group for group in GROUPS if group not in search.named]
+        open_ones = (f"what {flights} cannot tell: {', '.join(left)}",) if left else ()
+        return (*(_lacks(search, group) for group in search.named), *open_ones)
+    if verdict is Verdict.NO_GAP:
+        return (f"no gap that {flights} can show: four, two and none happened about as often as expected",)
+    counts = zip(("four", "two", "none"), score.counts, strict=True)
+    often = ", ".join(f"{word} {count.real} (expected {count.expected:.1f})" for word, count in counts)
+    why = "look for what is missing with --search" if search is None else "no known effect explains it"
+    return (f"the simulation is wrong about these landings: {often}; {why}",)
+
+
+def _lacks(search: OutcomeSearch, group: str) -> str:
+    gain, _ = search.gains[group]
+    said = []
+    for coordinate in GROUPS[group]:
+        effect, parameter = EFFECT_OF[coordinate]
+        mean, sigma, _ = search.best.values.get(coordinate, (getattr(search.filed, coordinate), 0.0, (0, 0)))
+        unit = "" if UNITS[coordinate] == "1" else f" {UNITS[coordinate]}"
+        filed = getattr(search.filed, coordinate)
+        said.append(f"{effect}.{parameter} {mean:.2f} +- {sigma:.2f}{unit} (filed {filed:g})")
+    return f"the vehicle file is wrong about its {group}: {', '.join(said)}; Brier {gain:+.2f}"
+
+
+def improved_vehicle(vehicle: Vehicle, search: OutcomeSearch, source: str) -> Vehicle:
+    """The vehicle with what the best model found; other effects as filed.
+
+    What goes with a named group in the best model and has no name of its own is written too, and says so.
+
+    Args:
+        vehicle: as given. search: with at least one named group. source: provenance of the numbers.
+    """
+    found: dict[str, dict[str, Quantity]] = {}
+    for group in search.best.groups:
+        origin = source if group in search.named else f"{source}; goes with it, not told from what was filed"
+        for coordinate in GROUPS[group]:
+            effect, parameter = EFFECT_OF[coordinate]
+            mean, sigma, _ = search.best.values[coordinate]
+            found.setdefault(effect, {})[parameter] = Quantity(mean, UNITS[coordinate], sigma, origin)
+    kept = tuple(effect for effect in vehicle.effects if effect.name not in found)
+    added = tuple(Effect(name=name, parameters=parameters) for name, parameters in found.items())
+    return dataclasses.replace(vehicle, effects=(*kept, *added))

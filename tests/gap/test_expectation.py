@@ -1,0 +1,70 @@
+"""What to expect of the next flights: intervals that hold where the model is right, and where it is wrong."""
+
+import numpy as np
+import pytest
+
+from calibration.gap.landings.outcomes.expectation import (
+    NEXT,
+    ModelError,
+    ModelErrorFileError,
+    coverage,
+    expect,
+    judged_expectation,
+    model_error,
+)
+
+
+def flights(count: int, offset: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Simulated rates, and what happens where the logit of the real ones is off by `offset`."""
+    rng = np.random.default_rng(seed)
+    simulated = rng.uniform(0.1, 0.9, count)
+    real = 1.0 / (1.0 + np.exp(-(np.log(simulated / (1.0 - simulated)) + offset)))
+    return simulated, rng.random(count) < real
+
+
+def test_a_model_that_is_right_keeps_its_rates_and_one_that_is_kind_loses_them() -> None:
+    simulated, real = flights(400, 0.0, 1)
+    right = model_error(simulated, real)
+    assert right.mean[0] == pytest.approx(0.0, abs=3.0 * right.sigma[0])
+    assert right.mean[1] == pytest.approx(1.0, abs=3.0 * right.sigma[1])
+    simulated, real = flights(400, -2.0, 2)
+    kind = model_error(simulated, real)
+    assert kind.mean[0] == pytest.approx(-2.0, abs=3.0 * kind.sigma[0])
+    rng = np.random.default_rng(0)
+    promised = expect(kind, np.full(5, 0.8), rng)
+    assert promised.interval[0] < 0.35 < promised.interval[1]  # logit 1.39 - 2
+    assert promised.interval[1] < 0.5
+
+
+def test_few_flights_leave_a_wide_interval() -> None:
+    simulated, real = flights(6, 0.0, 3)
+    few = expect(model_error(simulated, real), simulated, np.random.default_rng(0))
+    simulated, real = flights(100, 0.0, 3)
+    many = expect(model_error(simulated, real), simulated, np.random.default_rng(0))
+    assert few.interval[1] - few.interval[0] > 2.0 * (many.interval[1] - many.interval[0])
+    low, high = many.count
+    assert 0 <= low < many.rate * NEXT < high <= NEXT
+
+
+@pytest.mark.parametrize("offset", [0.0, -2.0])
+def test_counts_of_left_out_flights_lie_in_their_intervals(offset: float) -> None:
+    """At least as often as promised, also where the simulated rates alone promise far too much."""
+    found = [coverage(*flights(28, offset, seed), np.random.default_rng(0)) for seed in range(2)]
+    inside, alone = np.mean(found, axis=0)
+    assert inside >= 0.8
+    assert alone < 0.5 if offset else alone >= 0.75
+
+
+def test_attempts_that_do_not_flip_do_not_land() -> None:
+    error = model_error(*flights(100, 0.0, 4))
+    rng = np.random.default_rng(0)
+    half = expect(error, np.full(5, 0.7), rng, np.full(5, 0.5))
+    assert half.rate == pytest.approx(0.5 * expect(error, np.full(5, 0.7), rng).rate, abs=0.02)
+
+
+def test_the_document_carries_the_error() -> None:
+    simulated, real = flights(28, -1.0, 5)
+    document = {"expectation": judged_expectation(simulated, real, np.random.default_rng(0)).to_json()}
+    assert ModelError.from_document(document, "landings.json") == model_error(simulated, real)
+    with pytest.raises(ModelErrorFileError, match=r"landings.json: has no expectation.model_error"):
+        ModelError.from_document({"expectation": None}, "landings.json")
