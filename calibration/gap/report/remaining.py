@@ -5,14 +5,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from calibration.gap.data.channels import attitudes
-from calibration.gap.data.signals import FORCE, PARTS
-from calibration.gap.estimate.nuisances import NUISANCES
+from calibration.gap.data.signals import FORCE
 from calibration.gap.estimate.refine import Fitted, Training
+from calibration.gap.estimate.shared_nuisances import shared_nuisances
 from calibration.gap.report.document import Gap
 from calibration.gap.unnamed.gap_map import GapMap
 from calibration.gap.unnamed.structure import LEAST_AMPLITUDE, LEVEL
-from onboard.arrays import FloatArray
-from onboard.gravity import GRAVITY
 from onboard.vehicle import Vehicle
 
 _TIMES = 2.0
@@ -20,12 +18,6 @@ _TIMES = 2.0
 
 _HALF = 0.5
 """Share of the error above the floor that names must close; of a channel that no place may hold."""
-
-_STANDARD_ERRORS = 4.0
-
-_LEAST_SCALE, _LEAST_BIAS, _LEAST_IMBALANCE = 0.02, 0.15, 0.01
-"""Means over flights that have a consequence: of the scale of thrust, of a force (m/s2: 1.5 % of gravity),
-and of a torque, as the share of one rotor's hover thrust that makes it."""
 
 
 def chance_floor(final: Fitted, training: Training, horizon: float) -> float:
@@ -91,26 +83,6 @@ def _places(after: GapMap) -> Iterator[str]:
 
 
 def _means(final: Fitted, vehicle: Vehicle) -> Iterator[str]:
-    """Nuisances that all flights share: no flight's own then."""
-    per_flight = final.estimate.fit.per_part.reshape(-1, PARTS, len(NUISANCES)).mean(axis=1)
-    count = per_flight.shape[0]
-    if count < 2:
-        return
-    means = per_flight.mean(axis=0)
-    errors = per_flight.std(axis=0, ddof=1) / np.sqrt(count)
-    for nuisance, mean, error, least in zip(NUISANCES, means, errors, _least(vehicle), strict=True):
-        if abs(mean) > max(_STANDARD_ERRORS * error, least):
-            name = nuisance.name.replace("_", " ")
-            yield f"{name}: {mean:.3g} +- {error:.2g} {nuisance.unit} in all flights"
-
-
-def _least(vehicle: Vehicle) -> FloatArray:
-    """Mean of each nuisance that has a consequence; that of the battery's charge has none."""
-    body = vehicle.body
-    rotor = _LEAST_IMBALANCE * 0.25 * GRAVITY * body.mass.value
-    torques = (
-        rotor * body.arm_y.value / body.inertia_xx.value,
-        rotor * body.arm_x.value / body.inertia_yy.value,
-        rotor * vehicle.motors.thrust_to_torque.value / body.inertia_zz.value,
-    )
-    return np.array([_LEAST_SCALE, _LEAST_BIAS, _LEAST_BIAS, *torques, np.inf, np.inf])
+    for shared in shared_nuisances(final, vehicle):
+        name, unit = shared.nuisance.name.replace("_", " "), shared.nuisance.unit
+        yield f"{name}: {shared.mean:.3g} +- {shared.error:.2g} {unit} in all flights"

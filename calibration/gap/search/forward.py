@@ -6,9 +6,9 @@ small to matter stays in the model without a name: left out, another would be na
 """
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,12 +16,11 @@ from calibration.gap.estimate.acceptance import DETECTABLE, LEAST_GAIN, Judgemen
 from calibration.gap.estimate.model import WORKERS, Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training, refine, settled
 from calibration.gap.search.candidates import Candidate, candidates_for
-from calibration.gap.search.rivals import Rival, needed, rivals, without
+from calibration.gap.search.rivals import Rival
 from calibration.gap.search.screen import Promise, screen
+from calibration.gap.search.second_look import second_look
+from calibration.gap.search.selection import Progress, SelectionStep
 from calibration.gap.unnamed.fitted_terms import FittedTerm, best_term, without_superfluous
-
-Progress = Callable[[str], None]
-"""Called with what is being looked at."""
 
 LOG_TIMING = Variable("command_delay", "delay")
 """Always fitted: when a command was logged is never known to the millisecond, and a delay left out makes
@@ -43,9 +42,6 @@ _FAR_OFF = 0.1
 _CLOSELY = 7
 """Candidates of a round that are looked at closely."""
 
-_CLOSE = 0.3
-"""Share of its gain that a rival may lack to be looked at again."""
-
 _NO_PROMISE = 2.0
 """Log-likelihood: who promises less by a linear fit is not looked at closely, beyond the first few."""
 
@@ -60,24 +56,7 @@ _NEARLY = 0.7
 _PARSIMONY = 4.0
 """Log-likelihood that each further parameter must be worth."""
 
-_MOST_ROUNDS = 12
-
-
-@dataclass(frozen=True)
-class SelectionStep:
-    """One effect that came into the model.
-
-    Attributes:
-        effect: its name.
-        judgement: why.
-        after: the fit with it.
-        rivals: effects that explained nearly as much, with the gain that each lacked.
-    """
-
-    effect: str
-    judgement: Judgement
-    after: Fitted
-    rivals: dict[str, float] = field(default_factory=dict)
+_MOST_ROUNDS, _MOST_LOOKS = 12, 3
 
 
 @dataclass(frozen=True)
@@ -115,39 +94,66 @@ def search(
         progress: told what is being looked at.
     """
     first = present = refine(model, _always(training), training)
-    steps: list[SelectionStep] = []
-    unnamed: list[FittedTerm] = []
+    grown = _Grown(present, [], [])
     refused: dict[str, str] = {}
+    for _ in range(_MOST_LOOKS):
+        promises = _grow(grown, training, rng, progress, refused)
+        present = without_superfluous(grown.present, grown.unnamed, training)
+        before = set(present.model.effects)
+        grown.present, grown.steps, ambiguous = second_look(present, grown.steps, training, rng, progress)
+        if before.issuperset(grown.present.model.effects):
+            break  # nothing was exchanged, which might have made room for something else
+    present = grown.present
+    return Search(
+        first=first,
+        steps=tuple(grown.steps),
+        final=present,
+        refused=refused,
+        ambiguous=ambiguous,
+        blind=tuple(blind_to(promises, model)),
+        unnamed=tuple(one for one in grown.unnamed if one.term in present.unnamed),
+    )
+
+
+@dataclass
+class _Grown:
+    """How far a search has come: its fit, and what came into it."""
+
+    present: Fitted
+    steps: list[SelectionStep]
+    unnamed: list[FittedTerm]
+
+
+def _grow(
+    grown: _Grown,
+    training: Training,
+    rng: np.random.Generator,
+    progress: Progress,
+    refused: dict[str, str],
+) -> list[Promise]:
+    """Take in what explains most, round by round, until nothing is believed; the last round's promises."""
     for _ in range(_MOST_ROUNDS):
+        present = grown.present
         progress("every effect")
         promises = screen(present, candidates_for(present, training), training)
         step = _forward(present, promises, training, rng, progress, refused)
-        scale = None if steps or unnamed else _far_off(present, promises, training, rng)
+        anything = grown.steps or grown.unnamed
+        scale = None if anything else _far_off(present, promises, training, rng)
         calibrates = scale is not None and not _outdone(scale, step, training, rng, progress)
         step = scale if calibrates else step
         progress("what has no name")
         other = None if calibrates else best_term(present, training, rng)
         if other is not None and (step is None or step.judgement.gain < _HALF * other.gain):
-            unnamed.append(other)
-            present = other.after
+            grown.unnamed.append(other)
+            grown.present = other.after
         elif step is not None:
-            present_effects = set(present.model.effects)
-            others = [e for e in step.after.model.effects if e not in {*present_effects, step.effect}]
-            steps += [dataclasses.replace(step, effect=effect) for effect in (step.effect, *others)]
-            present = step.after
+            before = set(present.model.effects)
+            others = [e for e in step.after.model.effects if e not in {*before, step.effect}]
+            grown.steps += [dataclasses.replace(step, effect=effect) for effect in (step.effect, *others)]
+            grown.present = step.after
         else:
             break
-    present = without_superfluous(present, unnamed, training)
-    present, steps, ambiguous = _second_look(present, steps, training, progress)
-    return Search(
-        first=first,
-        steps=tuple(steps),
-        final=present,
-        refused=refused,
-        ambiguous=ambiguous,
-        blind=tuple(blind_to(promises, model)),
-        unnamed=tuple(one for one in unnamed if one.term in present.unnamed),
-    )
+    return promises
 
 
 def _always(training: Training) -> tuple[Variable, ...]:
@@ -199,50 +205,6 @@ def blind_to(promises: Sequence[Promise], model: Model) -> list[str]:
             for rule, error in ((model.rule(v), error) for v, error in promise.errors.items())
         )
     ]
-
-
-def _second_look(
-    present: Fitted, steps: list[SelectionStep], training: Training, progress: Progress
-) -> tuple[Fitted, list[SelectionStep], dict[str, tuple[Rival, ...]]]:
-    """Drop what others have made superfluous; put a rival in the place of a name that it outdoes.
-
-    Returns:
-        The fit, its steps, and by named effect the rivals that the flights do not rule out.
-    """
-    present = _drop_superfluous(present, steps, training, progress)
-    steps = [step for step in steps if step.effect in present.model.effects]
-    ambiguous: dict[str, tuple[Rival, ...]] = {}
-    for index, step in enumerate(steps):
-        if not step.judgement.sizeable:
-            continue
-        found = _rivals(present, step, training, progress)
-        best = next(iter(found), None)
-        outdone = best is not None and best.lead < -LEAST_GAIN and len(steps) > 1
-        if best is not None and outdone:  # a single name was the best of all when it was found
-            present = settled(best.fitted, training)
-            steps[index] = step = dataclasses.replace(step, effect=best.effect, after=present)
-            found = _rivals(present, step, training, progress)
-        if doubtful := tuple(rival for rival in found if not rival.told_apart):
-            ambiguous[step.effect] = doubtful
-    return present, steps, ambiguous
-
-
-def _drop_superfluous(
-    present: Fitted, steps: Sequence[SelectionStep], training: Training, progress: Progress
-) -> Fitted:
-    """The model without effects that others have made superfluous, the weakest first."""
-    for step in sorted(steps, key=lambda s: s.judgement.gain):
-        progress(f"without {step.effect}")
-        if len(steps) > 1 and not needed(present, step.effect, training):
-            present = without(present, step.effect, training)
-    return present
-
-
-def _rivals(present: Fitted, step: SelectionStep, training: Training, progress: Progress) -> list[Rival]:
-    """Effects in the place of a named one, the closest first."""
-    progress(f"{step.effect} or another")
-    close = [name for name, lack in step.rivals.items() if lack < _CLOSE * step.judgement.gain]
-    return rivals(present, step.effect, close, training)
 
 
 def _forward(

@@ -8,7 +8,8 @@ import numpy as np
 
 from calibration.gap.estimate.acceptance import LEAST_GAIN
 from calibration.gap.estimate.model import WORKERS, Variable
-from calibration.gap.estimate.refine import Fitted, Training, refine
+from calibration.gap.estimate.refine import Fitted, Training, refine, settled
+from calibration.gap.estimate.shared_nuisances import shared_nuisances
 from calibration.gap.search.candidates import Candidate, candidates_for
 from onboard.vehicle import EFFECTS
 
@@ -28,20 +29,31 @@ class Rival:
     Attributes:
         effect: its name.
         lead: held-out log-likelihood by which the named effect is ahead.
+        otherwise: likewise, with flights held out the other way (by shape, or in time).
         richer: whether it has more parameters than the named effect.
         error: standard error of the lead, over flights.
+        swallowed: nuisances whose mean over the flights takes what the named effect explained.
         fitted: the model with the rival.
     """
 
     effect: str
     lead: float
-    error: float
+    otherwise: float
     richer: bool
+    error: float
+    swallowed: tuple[str, ...]
     fitted: Fitted
+
+    @property
+    def outdoes(self) -> bool:
+        """Whether it explains more in the named effect's place, whichever way flights are held out."""
+        return not self.swallowed and self.lead < -LEAST_GAIN and self.otherwise < 0.0
 
     @property
     def told_apart(self) -> bool:
         """Whether the flights rule the rival out, or it says no more with more parameters."""
+        if self.swallowed:
+            return True
         if self.richer and self.lead >= -NOT_TOLD_APART:
             return True
         return self.lead > min(max(NOT_TOLD_APART, _STANDARD_ERRORS * self.error), _BEYOND_DOUBT)
@@ -84,11 +96,38 @@ def _rival(final: Fitted, effect: str, reduced: Fitted, candidate: Candidate, tr
         for start in candidate.starts
     ]
     other = max(fits, key=lambda fit: float(fit.held_out_in_time.sum()))
-    in_time = final.few_kinds(final.columns_of(_variables(final, effect)))
+    rival = _compared(final, effect, other, candidate, training)
+    if rival.told_apart and rival.lead > 0.0:
+        return rival
+    # With derivatives of a model near by, a fit may look better than the one that has its own.
+    return _compared(final, effect, settled(other, training), candidate, training)
+
+
+def _compared(final: Fitted, effect: str, other: Fitted, candidate: Candidate, training: Training) -> Rival:
+    """Both by the same hold-out: in time where few flights tell of either."""
+    own, of_rival = _variables(final, effect), candidate.variables
+    in_time = final.few_kinds(final.columns_of(own)) or other.few_kinds(other.columns_of(of_rival))
     leads = np.bincount(training.flight_of_part, weights=final.gains(other, in_time))
-    error = float(np.sqrt(leads.size) * leads.std(ddof=1)) if leads.size > 1 else float("inf")
-    richer = len(candidate.variables) > len(_variables(final, effect))
-    return Rival(candidate.effect, float(leads.sum()), error, richer, other)
+    return Rival(
+        effect=candidate.effect,
+        lead=float(leads.sum()),
+        otherwise=float(final.gains(other, not in_time).sum()),
+        richer=len(of_rival) > len(own),
+        error=float(np.sqrt(leads.size) * leads.std(ddof=1)) if leads.size > 1 else float("inf"),
+        swallowed=swallowed(final, other),
+        fitted=other,
+    )
+
+
+def swallowed(final: Fitted, other: Fitted) -> tuple[str, ...]:
+    """Nuisances that take, on average over the flights, what `final` explains and `other` does not.
+
+    Each part of a flight has nuisances of its own, which cost little likelihood: a thrust that is weak on all
+    flights would pass for their scatter where sharper signals decide.
+    """
+    explained = {shared.nuisance.name for shared in shared_nuisances(final, final.model.base)}
+    taken = (shared.nuisance.name for shared in shared_nuisances(other, other.model.base))
+    return tuple(name for name in taken if name not in explained)
 
 
 def _variables(fitted: Fitted, effect: str) -> list[Variable]:

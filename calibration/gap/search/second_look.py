@@ -1,0 +1,150 @@
+"""The second look at a search's names: drop what is superfluous, exchange what another explains better.
+
+A greedy search takes the effect that gains most alone. Where two causes overlap, that may be a third one, or
+two that together do what one does (a scale of thrust is a mass and three inertias).
+"""
+
+import dataclasses
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+
+from calibration.gap.estimate.acceptance import judge
+from calibration.gap.estimate.refine import Fitted, Training, refine, settled
+from calibration.gap.search.candidates import Candidate, candidates
+from calibration.gap.search.rivals import Rival, needed, rivals, swallowed, without
+from calibration.gap.search.screen import screen
+from calibration.gap.search.selection import Progress, SelectionStep
+from onboard.vehicle import EFFECTS
+
+Ambiguous = dict[str, tuple[Rival, ...]]
+"""By named effect, the rivals that the flights do not rule out."""
+
+_CLOSE = 0.3
+"""Share of its gain that a rival may lack to be looked at again."""
+
+_KEPT = 0.5
+"""Share of what the lesser of two effects gains that one cause in the place of both must keep."""
+
+
+def second_look(
+    present: Fitted,
+    steps: Sequence[SelectionStep],
+    training: Training,
+    rng: np.random.Generator,
+    progress: Progress,
+) -> tuple[Fitted, list[SelectionStep], Ambiguous]:
+    """Drop what others have made superfluous; put in the place of names what outdoes them.
+
+    Args:
+        present: fit with all names.
+        steps: how they came in.
+        training: the flights.
+        rng: for the bootstrap.
+        progress: told what is being looked at.
+
+    Returns:
+        The fit, its steps, and by named effect the rivals that the flights do not rule out.
+    """
+    present = _drop_superfluous(present, steps, training, progress)
+    left = [step for step in steps if step.effect in present.model.effects]
+    present, left = _one_for_two(present, left, training, rng, progress)
+    ambiguous: Ambiguous = {}
+    for index, step in enumerate(left):
+        if not step.judgement.sizeable:
+            continue
+        found = _rivals(present, step, training, progress)
+        best = next(iter(found), None)
+        if (
+            best is not None and best.outdoes and len(left) > 1
+        ):  # a single name was the best when it was found
+            present = settled(best.fitted, training)
+            left[index] = step = dataclasses.replace(step, effect=best.effect, after=present)
+            found = _rivals(present, step, training, progress)
+        if doubtful := tuple(rival for rival in found if not rival.told_apart):
+            ambiguous[step.effect] = doubtful
+    return present, left, ambiguous
+
+
+def _drop_superfluous(
+    present: Fitted, steps: Sequence[SelectionStep], training: Training, progress: Progress
+) -> Fitted:
+    """The model without effects that others have made superfluous, the weakest first."""
+    for step in sorted(steps, key=lambda s: s.judgement.gain):
+        progress(f"without {step.effect}")
+        if len(steps) > 1 and not needed(present, step.effect, training):
+            present = without(present, step.effect, training)
+    return present
+
+
+def _rivals(present: Fitted, step: SelectionStep, training: Training, progress: Progress) -> list[Rival]:
+    """Effects in the place of a named one, the closest first."""
+    progress(f"{step.effect} or another")
+    close = [name for name, lack in step.rivals.items() if lack < _CLOSE * step.judgement.gain]
+    return rivals(present, step.effect, close, training)
+
+
+def _one_for_two(
+    present: Fitted,
+    steps: list[SelectionStep],
+    training: Training,
+    rng: np.random.Generator,
+    progress: Progress,
+) -> tuple[Fitted, list[SelectionStep]]:
+    """One cause in the place of two names that it explains, where there is one with fewer parameters."""
+    for one, other in itertools.combinations(steps, 2):
+        common = set(EFFECTS[one.effect].confused_with) & set(EFFECTS[other.effect].confused_with)
+        common -= set(present.model.effects)
+        if not common:
+            continue
+        progress(f"one effect for {one.effect} and {other.effect}")
+        reduced = without(without(present, one.effect, training), other.effect, training)
+        cause = _common_cause(present, reduced, common, training)
+        if cause is None or not _explains(cause[1], present, (one.effect, other.effect), training):
+            continue
+        candidate, fitted = cause
+        step = SelectionStep(
+            candidate.effect, judge(reduced, fitted, candidate.variables, training, rng), fitted
+        )
+        kept = [step if s is one else s for s in steps if s is not other]
+        return _one_for_two(fitted, kept, training, rng, progress)
+    return present, steps
+
+
+def _common_cause(
+    present: Fitted, reduced: Fitted, names: set[str], training: Training
+) -> tuple[Candidate, Fitted] | None:
+    """The effect of these that promises most in a model without the two names, and the fit with it."""
+    fewer = len(present.variables) - len(reduced.variables)
+    offered = [
+        candidate
+        for candidate in candidates(reduced.model, training.records)
+        if candidate.effect in names
+        and candidate.starts[0] is reduced.model
+        and len(candidate.variables) < fewer
+    ]
+    if not offered:
+        return None
+    best = screen(reduced, offered, training)[0].candidate
+    fitted = refine(
+        reduced.model,
+        (*reduced.variables, *best.variables),
+        training,
+        start=present.estimate,
+        unnamed=present.unnamed,
+    )
+    return best, fitted
+
+
+def _explains(cause: Fitted, present: Fitted, names: Sequence[str], training: Training) -> bool:
+    """Whether a fit with one cause keeps most of what each of two names gains, and hides nothing."""
+    if swallowed(present, cause):
+        return False
+    in_time = any(
+        present.few_kinds(present.columns_of([v for v in present.variables if v.effect == name]))
+        for name in names
+    )
+    lost = float(present.gains(cause, in_time).sum())
+    gained = [float(present.gains(without(present, name, training), in_time).sum()) for name in names]
+    return lost <= (1.0 - _KEPT) * min(gained)
