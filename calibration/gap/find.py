@@ -36,9 +36,10 @@ from calibration.gap.report.figures_data import ReportFigures
 from calibration.gap.report.improved_vehicle import improved_vehicle, provenance
 from calibration.gap.report.prediction_figures import HORIZON, prediction_gap
 from calibration.gap.report.remaining import chance_floor, remaining
-from calibration.gap.search.forward import LOG_TIMING, Progress, Search, search
+from calibration.gap.search.forward import LOG_TIMING, Search, search
 from calibration.gap.search.naming import FEWEST, Named, name_effects
 from calibration.gap.search.retest import FAILED, retested
+from calibration.gap.search.selection import Progress
 from calibration.gap.sensors import SensingFindings, apply_sensing, judge_sensing
 from calibration.gap.unnamed.fitted_terms import residual_map
 from onboard.errors import InputError

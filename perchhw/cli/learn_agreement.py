@@ -7,7 +7,8 @@ import typer
 
 from perchhw.cli.learn_options import AuthorsOptions, GridOptions, progress_of
 from perchhw.cli.option_groups import with_option_groups
-from perchhw.cli.output import console, emit
+from perchhw.cli.output import emit
+from perchhw.consoles import console
 
 if TYPE_CHECKING:
     from perchhw.learning.setup import LearningSetup

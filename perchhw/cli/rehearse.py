@@ -50,7 +50,7 @@ def rehearse(
     from perchhw.rehearsal.session import Stage
     from perchhw.rehearsal.session import rehearse as rehearse_on
     from perchhw.rehearsal.watched import record_in
-    from perchhw.screen.display import flight_display
+    from perchhw.screen.flight_display import flight_display
 
     setup = desk_setup(find_lab(lab), drone=drone, vehicle=vehicle, policy=policy)
     plan = fit_approach(speed, angle, setup.room)

@@ -38,7 +38,7 @@ def bench(true_file: Path) -> Iterator[Bench]:
 
 @pytest.fixture(scope="module")
 def still_bench(true_file: Path) -> Iterator[SimulatedLab]:
-    """A bench for everything that is refused before anything turns, and is held to that: no time need pass."""
+    """A bench for everything that is refused before anything turns, and is held to that."""
     with serve(true_file, pace=0.5) as served:
         yield served
 
