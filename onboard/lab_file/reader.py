@@ -31,6 +31,7 @@ from onboard.vehicle.schema import (
     Range,
     SectionT,
     as_table,
+    as_text,
     check_keys,
     parse_quantity,
 )
@@ -69,7 +70,7 @@ def parse_lab(content: Mapping[str, object], file: str, limits: Mapping[str, Bou
     drones = _drones(content.get("drones"), problems)
     mocap = _mocap(content.get("mocap"), problems)
     given = _limits(content.get("limits", {}), limits, problems)
-    clock = _text(content.get("clock"), "clock", problems, required=False)
+    clock = as_text(content.get("clock"), "clock", problems, required=False)
     if room is not None:
         _check_room(room, drones, problems, simulated=clock is not None)
     problems.raise_any()
@@ -200,7 +201,7 @@ def _drone(raw: object, key: str, problems: Problems) -> LabDrone | None:
     before = len(problems.messages)
     check_keys(table, key, _DRONE_KEYS, problems)
     texts = {
-        name: _text(table.get(name), f"{key}.{name}", problems, required=name in ("uri", "vehicle"))
+        name: as_text(table.get(name), f"{key}.{name}", problems, required=name in ("uri", "vehicle"))
         for name in _DRONE_KEYS
         if name != "start"
     }
@@ -213,26 +214,15 @@ def _drone(raw: object, key: str, problems: Problems) -> LabDrone | None:
     return LabDrone(uri=uri, vehicle=vehicle, start=start, **texts)
 
 
-def _text(raw: object, key: str, problems: Problems, required: bool = True) -> str | None:
-    if raw is None:
-        if required:
-            problems.add(key, f'is missing; add {key.rpartition(".")[2]} = "..."')
-        return None
-    if isinstance(raw, str) and raw.strip():
-        return raw
-    problems.add(key, f"must be text that is not empty, not {raw!r}")
-    return None
-
-
 def _mocap(raw: object, problems: Problems) -> LabMocap | None:
     table = _table(raw, "mocap", problems)
     if table is None:
         return None
-    uri = _text(table.get("uri"), "mocap.uri", problems)
+    uri = as_text(table.get("uri"), "mocap.uri", problems)
     named = None
     if uri is not None:
         uri, named = split_subject(uri)
-    subject = _text(table.get("subject"), "mocap.subject", problems, required=named is None) or named
+    subject = as_text(table.get("subject"), "mocap.subject", problems, required=named is None) or named
     if named is not None and subject != named:
         problems.add(
             "mocap.subject", f"is {subject!r}, but mocap.uri asks for {named!r}; leave one of them out"

@@ -31,6 +31,7 @@ from onboard.vehicle.schema import (
     Range,
     VehicleFileError,
     as_table,
+    as_text,
     check_keys,
     parse_quantities,
     parse_section,
@@ -121,8 +122,8 @@ def parse_vehicle(content: Mapping[str, object], file: str) -> Vehicle:
     problems = Problems(file)
     _check_schema(content, SCHEMA, problems)
     check_keys(content, "", _SECTIONS, problems)
-    name = _text(content.get("name"), "name", problems)
-    description = _text(content.get("description"), "description", problems)
+    name = as_text(content.get("name"), "name", problems)
+    description = as_text(content.get("description"), "description", problems)
     body = parse_section(Body, content.get("body"), "body", problems)
     motors = _parse_motors(content.get("motors"), problems)
     battery = parse_section(Battery, content.get("battery"), "battery", problems)
@@ -146,13 +147,6 @@ def parse_vehicle(content: Mapping[str, object], file: str) -> Vehicle:
         sensing=sensing,
         effects=effects,
     )
-
-
-def _text(raw: object, key: str, problems: Problems) -> str | None:
-    if isinstance(raw, str) and raw.strip():
-        return raw
-    problems.add(key, f"must be text that is not empty, not {raw!r}")
-    return None
 
 
 def _parse_motors(raw: object, problems: Problems) -> Motors | None:
@@ -183,7 +177,7 @@ def _parse_thrust_map(raw: object, problems: Problems) -> ThrustMapDescription |
     description = _parse_full_thrust_map(full, key, problems)
     if description is None or "name" not in table:
         return description
-    name = _text(table["name"], f"{key}.name", problems)
+    name = as_text(table["name"], f"{key}.name", problems)
     return dataclasses.replace(description, name=name)
 
 
@@ -240,7 +234,7 @@ def _parse_legs(raw: object, problems: Problems) -> Legs | None:
     table = as_table(raw, "legs", problems)
     if table is None:
         return None
-    design = _text(table.get("design"), "legs.design", problems)
+    design = as_text(table.get("design"), "legs.design", problems)
     if set(table) == {"design"} and design is not None:
         try:
             return read_leg_design(design)

@@ -99,6 +99,18 @@ def as_table(raw: object, key: str, problems: Problems) -> Mapping[str, object] 
     return None
 
 
+def as_text(raw: object, key: str, problems: Problems, required: bool = True) -> str | None:
+    """`raw` if it is a text that is not empty, else None with the problem noted."""
+    if raw is None:
+        if required:
+            problems.add(key, f'is missing; add {key.rpartition(".")[2]} = "..."')
+        return None
+    if isinstance(raw, str) and raw.strip():
+        return raw
+    problems.add(key, f"must be text that is not empty, not {raw!r}")
+    return None
+
+
 def check_keys(table: Mapping[str, object], key: str, known: Iterable[str], problems: Problems) -> None:
     """Note every key of `table` that is not in `known`, with the nearest known one as a hint."""
     names = list(known)

@@ -9,7 +9,7 @@ from perchhw.cli.output import emit
 from perchhw.consoles import progress_console
 
 if TYPE_CHECKING:
-    from perchhw.bench_walkthrough import BenchWalkthrough
+    from perchhw.walkthrough.bench import BenchWalkthrough
 
 
 def walkthrough_command(
@@ -22,7 +22,7 @@ def walkthrough_command(
 
     Takes about half an hour, most of it in real time.
     """
-    from perchhw.bench_walkthrough import run_bench_walkthrough
+    from perchhw.walkthrough.bench import run_bench_walkthrough
 
     screen = progress_console()
     result = run_bench_walkthrough(out, seed, say=lambda text: screen.print(text, markup=False))

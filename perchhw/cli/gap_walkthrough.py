@@ -9,7 +9,7 @@ from perchhw.cli.output import emit
 from perchhw.consoles import progress_console
 
 if TYPE_CHECKING:
-    from perchhw.gap_walkthrough import Walkthrough
+    from perchhw.walkthrough.gap import Walkthrough
 
 
 def walkthrough_command(
@@ -22,7 +22,7 @@ def walkthrough_command(
 
     Takes about a quarter of an hour, most of it flights in real time.
     """
-    from perchhw.gap_walkthrough import run_walkthrough
+    from perchhw.walkthrough.gap import run_walkthrough
 
     screen = progress_console()
     result = run_walkthrough(out, seed, say=lambda text: screen.print(text, markup=False))

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from calibration.bench.instruments.motor_stand import UNLOCK_PHRASE
-from perchhw.bench_walkthrough.story import write_true
 from perchhw.lab_process import SimulatedLab
+from perchhw.walkthrough.bench.story import write_true
 from tests.patience import patient_uri
 
 PACE = 8

@@ -14,8 +14,8 @@ from calibration.bench.procedures.assistant import Assistant
 from calibration.bench.procedures.calibration import load_calibration
 from calibration.bench.procedures.compare import compare_with_vehicle
 from onboard.vehicle import load_vehicle
-from perchhw.bench_walkthrough.story import BELIEVED
 from perchhw.lab_process import SimulatedLab
+from perchhw.walkthrough.bench.story import BELIEVED
 from tests.bench_commands.conftest import Bench, command, run, serve
 from tests.bench_commands.until import until
 from tests.patience import PATIENCE_S

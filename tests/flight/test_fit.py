@@ -12,7 +12,7 @@ from onboard.policy.files import find_policy, load_policy
 from onboard.policy.model import Policy
 from onboard.room import RoomGeometry
 from onboard.vehicle import Vehicle, known_leg_designs, load_vehicle
-from perchhw.attempt import STORED_VEHICLE, AttemptRequest
+from perchhw.attempt import STORED_VEHICLE
 from perchhw.cli.main import run
 from perchhw.flight import fly_attempt
 from perchhw.flight.fit import Fit, fit_of
@@ -22,17 +22,7 @@ from perchhw.record import read_run
 from perchhw.record.listing import summarise_run
 from perchhw.report.run_report import write_run_report
 from perchhw.trained_for import TRAINED_FOR, trained_for_of
-
-REQUEST = AttemptRequest(
-    speed=2.5,
-    angle_deg=50.0,
-    index=0,
-    folder=Path("unused"),
-    drone="udp://127.0.0.1:9",
-    mocap="vicon://127.0.0.1:9?subject=cf1",
-    policy="default",
-    vehicle="crazyflie21-upgraded",
-)
+from tests.flight.unflown import REQUEST
 
 
 def shipped(**provenance: Any) -> Policy:

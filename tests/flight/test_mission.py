@@ -2,25 +2,13 @@
 
 from dataclasses import replace
 from math import cos, radians, sin
-from pathlib import Path
 
 import pytest
 
 from onboard.errors import InputError
 from onboard.room import RoomGeometry
-from perchhw.attempt import AttemptRequest
 from perchhw.flight.mission import LOWEST_HOVER, START_MARGIN, ApproachNotPossible, plan_attempt
-
-REQUEST = AttemptRequest(
-    speed=2.5,
-    angle_deg=50.0,
-    index=0,
-    folder=Path("unused"),
-    drone="udp://127.0.0.1:1",
-    mocap="vicon://127.0.0.1:1?subject=cf1",
-    policy="default",
-    vehicle="crazyflie21-upgraded",
-)
+from tests.flight.unflown import REQUEST
 
 
 @pytest.mark.parametrize(

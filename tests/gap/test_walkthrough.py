@@ -7,7 +7,7 @@ import pytest
 
 from onboard.policy.files import load_policy, shipped_policy_path
 from onboard.vehicle import load_vehicle
-from perchhw.gap_walkthrough.story import BELIEVED, HIDDEN, write_hidden
+from perchhw.walkthrough.gap.story import BELIEVED, HIDDEN, write_hidden
 from perchhw.walkthrough.rates import RATE_GRID, SWEEP, landing_rates
 from perchhw.walkthrough.steps import step
 

@@ -21,7 +21,7 @@ from perchhw.learning.leg_results import STUDY_FILE, read_leg_study
 from perchhw.learning.sweep_folder import read_settings
 
 READERS: dict[str, tuple[str, Callable[[Path], object]]] = {
-    "run": ("run.json", read_info),
+    "run": ("run.json", lambda path: read_info(path.parent)),
     "vehicle": ("a.toml", load_vehicle),
     "lab": ("lab.toml", lambda path: read_lab_file(path, {})),
     "campaign": ("c.toml", load_plan),

@@ -17,7 +17,7 @@ from onboard.room import RoomGeometry
 from onboard.timebase import WallTime
 from onboard.trajectory import ApproachPlan, fit_approach
 from onboard.vehicle import load_vehicle
-from perchhw.gap_walkthrough.story import BELIEVED, hidden_vehicle
+from perchhw.walkthrough.gap.story import BELIEVED, hidden_vehicle
 from tests.link.tiny_drone import TinyDrone
 from tests.patience import patient_link
 from tests.sim_crazyflie.served_flight import ServedFlight, serve_flight

@@ -8,8 +8,9 @@ from typing import Any
 from onboard.json_file import write_json_atomically
 from onboard.policy.files import find_policy, load_policy
 from perchhw.attempt import DEFAULT_POLICY
-from perchhw.gap_walkthrough.finding import find_in_records
-from perchhw.gap_walkthrough.story import (
+from perchhw.walkthrough.flights import LabDrone, fly_landings, fly_tests
+from perchhw.walkthrough.gap.finding import find_in_records
+from perchhw.walkthrough.gap.story import (
     BELIEVED,
     HIDDEN,
     LANDING_ANGLES,
@@ -17,7 +18,6 @@ from perchhw.gap_walkthrough.story import (
     TEST_FLIGHTS,
     write_hidden,
 )
-from perchhw.walkthrough.flights import LabDrone, fly_landings, fly_tests
 from perchhw.walkthrough.rates import landing_rates, learn_again
 from perchhw.walkthrough.steps import step
 

@@ -1,5 +1,5 @@
 """The walk-through: a hidden change of the drone, found from its own records, and landings that come back."""
 
-from perchhw.gap_walkthrough.walkthrough import Walkthrough, run_walkthrough
+from perchhw.walkthrough.gap.walkthrough import Walkthrough, run_walkthrough
 
 __all__ = ["Walkthrough", "run_walkthrough"]

@@ -11,7 +11,7 @@ from calibration.gap.report.improved_vehicle import write_vehicle
 from onboard.errors import InputError
 from onboard.room import RoomGeometry
 from onboard.vehicle import load_vehicle
-from perchhw.gap_walkthrough.story import BELIEVED
+from perchhw.walkthrough.gap.story import BELIEVED
 
 
 def find_in_records(folder: Path, records: Sequence[Path], seed: int) -> dict[str, Any]:

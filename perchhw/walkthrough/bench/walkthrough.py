@@ -7,8 +7,8 @@ from typing import Any
 
 from onboard.json_file import write_json_atomically
 from perchhw.attempt import DEFAULT_POLICY
-from perchhw.bench_walkthrough.measure import against_truth, measure_on_bench
-from perchhw.bench_walkthrough.story import (
+from perchhw.walkthrough.bench.measure import against_truth, measure_on_bench
+from perchhw.walkthrough.bench.story import (
     BELIEVED,
     LANDING_ANGLES,
     LANDING_SPEEDS,

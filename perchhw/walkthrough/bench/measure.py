@@ -21,9 +21,9 @@ from calibration.bench.procedures.sessions import (
 )
 from calibration.bench.procedures.thrust import ThrustPlan
 from onboard.vehicle import Vehicle, load_vehicle
-from perchhw.bench_walkthrough.story import BELIEVED
 from perchhw.errors import FlightStackError
 from perchhw.lab_process import SimulatedLab
+from perchhw.walkthrough.bench.story import BELIEVED
 
 PACE = 8.0
 """Bench seconds in a second: most of a calibration is waiting for swings to die down."""
