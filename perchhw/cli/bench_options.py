@@ -18,17 +18,6 @@ if TYPE_CHECKING:
 
 Out = Annotated[Path | None, typer.Option(help="Folder of the run; a run that was paused goes on in it.")]
 Drone = Annotated[str | None, typer.Option("--drone", help="URI of the drone: udp://HOST:PORT, radio://...")]
-AssistantAddress = Annotated[
-    str | None,
-    typer.Option("--hands", help="tcp://HOST:PORT of an assistant that does what the wizard asks."),
-]
-Answers = Annotated[
-    Path | None, typer.Option("--input", help='TOML file of answers: mass = "38.1 g", string_length = [...]')
-]
-Yes = Annotated[bool, typer.Option("--yes", help="Do not wait for a key after each task.")]
-Confirm = Annotated[
-    list[str] | None, typer.Option("--confirm", help="Phrase of a safety question, confirmed in advance.")
-]
 Supply = Annotated[
     str | None,
     typer.Option(
@@ -55,17 +44,29 @@ Person = Annotated[str, typer.Option("--operator", help="Who measures, for the r
 
 
 @dataclass(frozen=True)
-class Helper:
-    """Who carries out a wizard, by the options: hands, answers, yes, confirmed phrases."""
+class HelperOptions:
+    """Who carries out a wizard."""
 
-    hands: str | None = None
-    answers: Path | None = None
-    yes: bool = False
-    confirmed: tuple[str, ...] = ()
+    hands: Annotated[
+        str | None, typer.Option(help="tcp://HOST:PORT of an assistant that does what the wizard asks.")
+    ] = None
+    input: Annotated[
+        Path | None, typer.Option(help='TOML file of answers: mass = "38.1 g", string_length = [...]')
+    ] = None
+    yes: Annotated[bool, typer.Option("--yes", help="Do not wait for a key after each task.")] = False
+
+
+@dataclass(frozen=True)
+class MotorHelperOptions(HelperOptions):
+    """Who carries out a wizard in which motors turn."""
+
+    confirm: Annotated[
+        list[str] | None, typer.Option(help="Phrase of a safety question, confirmed in advance.")
+    ] = None
 
 
 @contextmanager
-def operator_of(helper: Helper) -> "Iterator[Operator]":
+def operator_of(helper: HelperOptions) -> "Iterator[Operator]":
     """Whoever carries out the wizard: a person, or an assistant; with the answers given in advance before."""
     from calibration.bench.procedures.assistant import Assistant
     from calibration.bench.procedures.prepared_answers import PreparedAnswers, read_answers
@@ -73,14 +74,13 @@ def operator_of(helper: Helper) -> "Iterator[Operator]":
 
     # A program that is told to end unwinds as with Ctrl-C, so that motors and supply are switched off.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    answers = {} if helper.answers is None else read_answers(helper.answers)
+    answers = {} if helper.input is None else read_answers(helper.input)
+    confirmed = tuple(helper.confirm or ()) if isinstance(helper, MotorHelperOptions) else ()
     if helper.hands is None:
-        yield PreparedAnswers(answers, TerminalOperator(helper.yes, helper.confirmed))
+        yield PreparedAnswers(answers, TerminalOperator(helper.yes, confirmed))
         return
     screen = progress_console()
-    with Assistant(
-        helper.hands, lambda text: screen.print(text, markup=False), helper.confirmed
-    ) as assistant:
+    with Assistant(helper.hands, lambda text: screen.print(text, markup=False), confirmed) as assistant:
         yield PreparedAnswers(answers, assistant)
 
 

@@ -7,18 +7,16 @@ import typer
 
 from perchhw.attempt import DEFAULT_VEHICLE
 from perchhw.cli.bench_options import (
-    Answers,
-    AssistantAddress,
     Drone,
-    Helper,
+    HelperOptions,
     Out,
     Person,
-    Yes,
     needed,
     new_or_given,
     operator_of,
     tell,
 )
+from perchhw.cli.option_groups import with_option_groups
 from perchhw.cli.options import Vehicle
 
 FromLog = Annotated[
@@ -29,7 +27,9 @@ More = Annotated[list[Path] | None, typer.Argument(metavar="[FILE]...", help="Mo
 Measured = Annotated[str | None, typer.Option(help="With --from-log; SI, or with its unit: '594 mm'.")]
 
 
+@with_option_groups
 def bifilar_command(
+    *,
     more: More = None,
     drone: Drone = None,
     vehicle: Vehicle = DEFAULT_VEHICLE,
@@ -46,9 +46,7 @@ def bifilar_command(
     jig: Annotated[
         bool, typer.Option("--jig", help="The drone hangs in a jig that weighs something.")
     ] = False,
-    hands: AssistantAddress = None,
-    input: Answers = None,
-    yes: Yes = False,
+    helper: HelperOptions,
     operator: Person = "",
     from_log: FromLog = None,
     axis: Annotated[str | None, typer.Option(help="With --from-log: x, y or z.")] = None,
@@ -81,5 +79,5 @@ def bifilar_command(
     plan = InertiaPlan(load_vehicle(vehicle), axes, trials, cycles, tools or "jig", jig)
     uri = needed(drone, "--drone", "the URI of the drone that hangs")
     folder = new_or_given(out, KIND)
-    with operator_of(Helper(hands, input, yes)) as helper:
-        tell(measure_inertia(plan, uri, folder, helper, {"operator": operator}), folder)
+    with operator_of(helper) as person:
+        tell(measure_inertia(plan, uri, folder, person, {"operator": operator}), folder)

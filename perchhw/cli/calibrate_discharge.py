@@ -7,35 +7,31 @@ import typer
 
 from perchhw.attempt import DEFAULT_VEHICLE
 from perchhw.cli.bench_options import (
-    Answers,
-    AssistantAddress,
-    Confirm,
     Drone,
-    Helper,
+    MotorHelperOptions,
     NoRemoteCut,
     Out,
     Scale,
     Supply,
-    Yes,
     needed,
     new_or_given,
     operator_of,
 )
+from perchhw.cli.option_groups import with_option_groups
 from perchhw.cli.options import Vehicle
 from perchhw.cli.output import emit
 
 
+@with_option_groups
 def discharge_command(
+    *,
     drone: Drone = None,
     scale: Scale = None,
     supply: Supply = None,
     no_remote_cut: NoRemoteCut = False,
     vehicle: Vehicle = DEFAULT_VEHICLE,
     out: Out = None,
-    hands: AssistantAddress = None,
-    input: Answers = None,
-    yes: Yes = False,
-    confirm: Confirm = None,
+    helper: MotorHelperOptions,
 ) -> int:
     """Record a discharge with the battery compensation on, the map of --vehicle on the drone; and judge it.
 
@@ -51,9 +47,9 @@ def discharge_command(
     uri = needed(drone, "--drone", "the URI of the drone on the stand")
     weigher = needed(scale, "--scale", "the scale that the drone pushes: loadcell://, mtsics:// or manual://")
     folder = new_or_given(out, KIND)
-    with operator_of(Helper(hands, input, yes, tuple(confirm or ()))) as helper:
+    with operator_of(helper) as person:
         stand = Stand(uri, weigher, supply, FULL_V, no_remote_cut)
-        measure_discharge(plan, stand, folder, helper)
+        measure_discharge(plan, stand, folder, person)
     return verify_command(folder)
 
 

@@ -7,21 +7,18 @@ import typer
 
 from perchhw.attempt import DEFAULT_VEHICLE
 from perchhw.cli.bench_options import (
-    Answers,
-    AssistantAddress,
-    Confirm,
     Drone,
-    Helper,
+    MotorHelperOptions,
     NoRemoteCut,
     Out,
     Person,
     Supply,
-    Yes,
     needed,
     new_or_given,
     operator_of,
     tell,
 )
+from perchhw.cli.option_groups import with_option_groups
 from perchhw.cli.options import Vehicle
 
 FromLog = Annotated[
@@ -37,7 +34,9 @@ Propeller = Annotated[
 ]
 
 
+@with_option_groups
 def tachometer_command(
+    *,
     more: More = None,
     drone: Drone = None,
     tachometer: Annotated[str | None, typer.Option(help="Port of the tachometer: /dev/ttyACM0.")] = None,
@@ -50,10 +49,7 @@ def tachometer_command(
     motors: Annotated[str, typer.Option(help="Motors in their order.")] = "1234",
     repeats: Annotated[int, typer.Option(min=1, help="Of the staircase of each motor.")] = 2,
     seed: Annotated[int, typer.Option(min=0, help="Of the order of the steps.")] = 0,
-    hands: AssistantAddress = None,
-    input: Answers = None,
-    yes: Yes = False,
-    confirm: Confirm = None,
+    helper: MotorHelperOptions,
     operator: Person = "",
     from_log: FromLog = None,
     blades: Annotated[int, typer.Option(min=1, help="With --from-log: marks per revolution.")] = 2,
@@ -79,6 +75,6 @@ def tachometer_command(
     uri = needed(drone, "--drone", "the URI of the clamped drone")
     port = needed(tachometer, "--tachometer", "the port of the tachometer")
     folder = new_or_given(out, KIND)
-    with operator_of(Helper(hands, input, yes, tuple(confirm or ()))) as helper:
+    with operator_of(helper) as person:
         stand = Stand(uri, port, supply, voltage, no_remote_cut)
-        tell(measure_motors(plan, stand, folder, helper, {"operator": operator}), folder)
+        tell(measure_motors(plan, stand, folder, person, {"operator": operator}), folder)

@@ -7,22 +7,19 @@ import typer
 
 from perchhw.attempt import DEFAULT_VEHICLE
 from perchhw.cli.bench_options import (
-    Answers,
-    AssistantAddress,
-    Confirm,
     Drone,
-    Helper,
+    MotorHelperOptions,
     NoRemoteCut,
     Out,
     Person,
     Scale,
     Supply,
-    Yes,
     needed,
     new_or_given,
     operator_of,
     tell,
 )
+from perchhw.cli.option_groups import with_option_groups
 from perchhw.cli.options import Vehicle
 
 FromTable = Annotated[
@@ -31,7 +28,9 @@ FromTable = Annotated[
 ]
 
 
+@with_option_groups
 def thrust_command(
+    *,
     drone: Drone = None,
     scale: Scale = None,
     supply: Supply = None,
@@ -43,10 +42,7 @@ def thrust_command(
     vehicle: Vehicle = DEFAULT_VEHICLE,
     out: Out = None,
     seed: Annotated[int, typer.Option(min=0, help="Of the order of the commands.")] = 0,
-    hands: AssistantAddress = None,
-    input: Answers = None,
-    yes: Yes = False,
-    confirm: Confirm = None,
+    helper: MotorHelperOptions,
     operator: Person = "",
     from_table: FromTable = None,
     force_unit: Annotated[str, typer.Option(help="With --from-table: of the thrust: g, N, oz or kg.")] = "g",
@@ -84,6 +80,6 @@ def thrust_command(
     weigher = needed(scale, "--scale", "the scale that the drone pushes: loadcell://, mtsics:// or manual://")
     feed = needed(supply, "--supply", "the supply that feeds the drone: scpi://, korad:// or manual://")
     folder = new_or_given(out, KIND)
-    with operator_of(Helper(hands, input, yes, tuple(confirm or ()))) as helper:
+    with operator_of(helper) as person:
         stand = Stand(uri, weigher, feed, volts[0], no_remote_cut)
-        tell(measure_thrust(plan, stand, folder, helper, {"operator": operator}), folder)
+        tell(measure_thrust(plan, stand, folder, person, {"operator": operator}), folder)
