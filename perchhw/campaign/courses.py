@@ -3,7 +3,7 @@
 What was flown is told by the records alone: a flight is done when its record says that it came to its end.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -105,10 +105,11 @@ def has_flights(path: Path) -> bool:
     return "flight" in read_toml(path, CampaignFileError)
 
 
-def load_flight_plan(path: Path, lab: LabFile | None = None) -> FlightPlan:
+def load_flight_plan(path: Path, lab: LabFile | None = None, drones: Sequence[str] = ()) -> FlightPlan:
     """Read and check a campaign file with ``[[flight]]`` tables; every course must fit the room.
 
-    What it leaves out of drone, mocap, vehicle, legs and room is as in the lab file.
+    What it leaves out of drone, mocap, vehicle, legs and room is as in the lab file. One drone of `drones`
+    flies instead of the one that it names.
 
     Raises:
         CampaignFileError: the message names file and key.
@@ -117,7 +118,9 @@ def load_flight_plan(path: Path, lab: LabFile | None = None) -> FlightPlan:
     root = FileTable(path, "", read_toml(path, CampaignFileError))
     root.schema(SCHEMA)
     tables = root.tables("flight")
-    setup = setup_of(root, lab)
+    if len(drones) > 1:
+        raise root.error("drone", f"test flights are flown by one drone, not by {' and '.join(drones)}")
+    setup = setup_of(root, lab, drone=drones[0] if drones else None)
     plan = FlightPlan(
         name=root.text("name", default=path.stem),
         drone=setup.drone,

@@ -148,16 +148,20 @@ def room_of(table: FileTable, given: RoomGeometry) -> RoomGeometry:
     return room
 
 
-def setup_of(root: FileTable, lab: LabFile | None, policy: str | None = None) -> FlightSetup:
-    """Who flies where, as the file says, completed from the lab file; the room is that of the latter.
+def setup_of(
+    root: FileTable, lab: LabFile | None, policy: str | None = None, drone: str | None = None
+) -> FlightSetup:
+    """Who flies where, as the file says, completed from the lab file; the room is that of the latter. `drone`
+    flies instead of the file's.
 
     Raises:
         CampaignFileError: neither of the two says it.
     """
+    named = root.optional_text("drone")
     try:
         return flight_setup(
             lab,
-            drone=root.optional_text("drone"),
+            drone=drone or named,
             mocap=root.optional_text("mocap"),
             vehicle=root.optional_text("vehicle"),
             legs=root.optional_text("legs"),

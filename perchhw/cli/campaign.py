@@ -66,7 +66,7 @@ def run(
     from perchhw.screen.flight_display import flight_display
 
     if has_flights(file):
-        flights = replace(load_flight_plan(file, find_lab(lab)), operator=operator, note=note)
+        flights = replace(load_flight_plan(file, find_lab(lab), drone or ()), operator=operator, note=note)
         return _fly_courses(flights, out, resume, yes, mavlink, view)
     plan = load_plan(file, find_lab(lab), drone or ())
     plan = replace(plan, operator=operator, note=note, accept_mismatch=accept_mismatch)

@@ -1,5 +1,6 @@
 """``perchhw campaign plan``: what a campaign will fly, what does not fit, how long it takes."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -35,7 +36,7 @@ def plan(
     from perchhw.lab import find_lab
 
     if has_flights(file):
-        return _plan_flights(file, lab)
+        return _plan_flights(file, lab, drone or ())
     campaign = load_plan(file, find_lab(lab), drone or ())
     fit = fit_grid(campaign)
     cost = forecast(replace(campaign, skipped=fit.misfits), fit.approaches)
@@ -49,14 +50,14 @@ def plan(
     return exit_codes.FAILED if fit.misfits else exit_codes.DONE
 
 
-def _plan_flights(file: Path, lab: Path | None) -> int:
+def _plan_flights(file: Path, lab: Path | None, drones: Sequence[str]) -> int:
     """The plan of a campaign of test flights; one that does not fit is an error of the file."""
     from perchhw.campaign.courses import load_flight_plan
     from perchhw.campaign.forecast import forecast_courses
     from perchhw.campaign.plan_text import flights_text
     from perchhw.lab import find_lab
 
-    campaign = load_flight_plan(file, find_lab(lab))
+    campaign = load_flight_plan(file, find_lab(lab), drones)
     cost = forecast_courses(campaign)
     head = {"schema": SCHEMA, "campaign": campaign.name, "file": file, "drones": [campaign.drone]}
     emit({**head, "misfits": [], **_cost(cost)}, flights_text(campaign, cost))

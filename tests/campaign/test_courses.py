@@ -40,6 +40,12 @@ def test_a_file_is_read(file: Path) -> None:
     assert plan.flights[0].parameters == {"radius": 0.5}
 
 
+def test_the_drone_that_is_asked_for_flies(file: Path) -> None:
+    assert load_flight_plan(file, drones=["udp://127.0.0.1:2"]).drone == "udp://127.0.0.1:2"
+    with pytest.raises(CampaignFileError, match="key drone: test flights are flown by one drone"):
+        load_flight_plan(file, drones=["udp://127.0.0.1:2", "udp://127.0.0.1:3"])
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
