@@ -8,7 +8,7 @@ Frame numbers are counted here, because MAVLink has none for poses: what is lost
 import math
 from typing import Any
 
-from mocap_bridge.errors import MocapError, MocapUriError, PoseTimeout, UnknownSubject
+from mocap_bridge.errors import MocapUriError, PoseTimeout, UnknownSubject
 from mocap_bridge.mavlink.address import read_key
 from mocap_bridge.mavlink.endpoint import MESSAGES, MavlinkEndpoint, Received
 from mocap_bridge.mavlink.frames import quaternion_from_euler_zyx, swap_attitude, swap_world
@@ -47,13 +47,7 @@ def open_mavlink(uri: MocapUri, clock: Timebase) -> "MavlinkPoseStream":
         raise MocapUriError(
             f"{uri}: the subject is the number of a MAVLink system, 1 to 255, or {ANY_SYSTEM!r}"
         )
-    stream = MavlinkPoseStream(uri, clock)
-    try:
-        stream.find_subject(clock() + OPEN_TIMEOUT_S)
-    except MocapError:
-        stream.close()
-        raise
-    return stream
+    return MavlinkPoseStream(uri, clock).opened(OPEN_TIMEOUT_S)
 
 
 class MavlinkPoseStream(QueuedStream):

@@ -40,13 +40,7 @@ def open_motioncapture(uri: MocapUri, clock: Timebase) -> "MotionCaptureStream":
         SourceLost: nothing answers.
         UnknownSubject: frames come, our subject is not in them (a wrong name, or out of view).
     """
-    stream = MotionCaptureStream(uri, clock)
-    try:
-        stream.find_subject(clock() + OPEN_TIMEOUT_S)
-    except MocapError:
-        stream.close()
-        raise
-    return stream
+    return MotionCaptureStream(uri, clock).opened(OPEN_TIMEOUT_S)
 
 
 class MotionCaptureStream(QueuedStream):

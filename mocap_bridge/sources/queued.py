@@ -2,8 +2,9 @@
 
 from abc import abstractmethod
 from collections import deque
+from typing import Self
 
-from mocap_bridge.errors import PoseTimeout
+from mocap_bridge.errors import MocapError, PoseTimeout
 from mocap_bridge.pose import PoseSample
 from mocap_bridge.uri import MocapUri
 from onboard.closing import Closing
@@ -21,6 +22,19 @@ class QueuedStream(Closing):
     def __init__(self, uri: MocapUri, clock: Timebase) -> None:
         self._uri, self._clock = uri, clock
         self._samples: deque[PoseSample] = deque()
+
+    @abstractmethod
+    def find_subject(self, deadline: float) -> None:
+        """Receive until the subject is seen; raises a MocapError that says what was seen instead."""
+
+    def opened(self, within_s: float) -> Self:
+        """This stream, once its subject is seen; closed where that takes longer than `within_s`."""
+        try:
+            self.find_subject(self._clock() + within_s)
+        except MocapError:
+            self.close()
+            raise
+        return self
 
     @abstractmethod
     def _receive(self, deadline: float) -> bool:

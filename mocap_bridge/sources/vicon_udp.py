@@ -8,7 +8,7 @@ import dataclasses
 import socket
 from collections import deque
 
-from mocap_bridge.errors import MocapError, PacketError, PoseTimeout, SourceLost, UnknownSubject
+from mocap_bridge.errors import PacketError, PoseTimeout, SourceLost, UnknownSubject
 from mocap_bridge.pose import PoseSample, SourceStatistics
 from mocap_bridge.rotation import continuous, quaternion_from_euler_xyz
 from mocap_bridge.sources.queued import QueuedStream
@@ -39,13 +39,7 @@ def open_vicon_udp(uri: MocapUri, clock: Timebase) -> "ViconUdpStream":
             f"cannot listen on UDP {uri.host}:{uri.port} ({error}); is the port in use, is the address "
             "one of this computer's?"
         ) from error
-    stream = ViconUdpStream(listener, uri, clock)
-    try:
-        stream.find_subject(clock() + OPEN_TIMEOUT_S)
-    except MocapError:
-        stream.close()
-        raise
-    return stream
+    return ViconUdpStream(listener, uri, clock).opened(OPEN_TIMEOUT_S)
 
 
 class ViconUdpStream(QueuedStream):
