@@ -5,6 +5,7 @@ Delay of the poses, turn of the tracked frame and bias of the gyro come from the
 placed at their capture time, gyro samples at the drone's own time, less the 2.8 ms of the gyro's filter.
 """
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -86,13 +87,17 @@ def sensing(windows: CheckWindows) -> Sensing:
     """
     found = flight_sensing(windows.run.folder)
     values, errors = found.values, found.errors
-    error = float(np.hypot(errors["pose_delay"][0], CLOCKS_S / np.sqrt(3.0)))
-    delay = float(values["pose_delay"][0]) + GYRO_FILTER_S
     return Sensing(
-        delay=Estimate(delay, "s", error, half_width=CLOCKS_S),
+        delay=unreported_delay(found),
         turn=_three(values["pose_rotation"], errors["pose_rotation"], "rad"),
         bias=_three(values["gyro_bias"], errors["gyro_bias"], "rad/s"),
     )
+
+
+def unreported_delay(found: FlightSensing) -> Estimate:
+    """By how much the poses of a flight are later than their source says, s."""
+    sigma = math.hypot(found.attitude.delay_error, CLOCKS_S / math.sqrt(3.0))
+    return Estimate(found.attitude.delay + GYRO_FILTER_S, "s", sigma, half_width=CLOCKS_S)
 
 
 def flight_sensing(record: Path) -> FlightSensing:

@@ -15,7 +15,7 @@ from calibration.room.marker_body import MarkerBody, joined_with_flight
 from calibration.room.trigger_error import TriggerError, trigger_error
 from onboard.lab_file import LATENCY, Ceiling, LabFile, SubjectToBody
 from onboard.quantity import Quantity
-from perchhw.hover_check.poses import CLOCKS_S, GYRO_FILTER_S, flight_sensing
+from perchhw.hover_check.poses import flight_sensing, unreported_delay
 from perchhw.record import read_run
 
 
@@ -112,9 +112,8 @@ def room_found(
     )
     pose = read_run(record).series["pose"]
     reported = float(np.nanmedian(pose.t - pose.numbers("capture_time")))
-    sigma = math.hypot(found.attitude.delay_error, CLOCKS_S / math.sqrt(3.0))
-    unreported = Estimate(found.attitude.delay + GYRO_FILTER_S, "s", sigma, half_width=CLOCKS_S)
-    latency = Estimate(max(0.0, reported + unreported.value), "s", sigma, half_width=CLOCKS_S)
+    unreported = unreported_delay(found)
+    latency = dataclasses.replace(unreported, value=max(0.0, reported + unreported.value))
     if latency.value > LATENCY.most:
         most = 1e3 * LATENCY.most
         raise GeometryRefused(
@@ -122,7 +121,7 @@ def room_found(
             "the most that may be flown: use a cable, and let the computer of the motion capture do less"
         )
     below = math.sqrt(float(markers.position_covariance.diagonal().max()))
-    trigger = trigger_error(speed, angle_deg, ceiling.height()[1], below, sigma)
+    trigger = trigger_error(speed, angle_deg, ceiling.height()[1], below, latency.sigma)
     return RoomFound(
         markers=markers, ceiling=ceiling, latency=latency, unreported=unreported, trigger=trigger
     )
