@@ -179,3 +179,11 @@ class Finding:
 def rejected(findings: Sequence[Finding]) -> bool:
     """Whether one of the findings rejects the recording."""
     return any(finding.severity is Severity.REJECT for finding in findings)
+
+
+def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
+    """95 % interval of a rate (Wilson 1927): stays within 0 and 1 also for few trials."""
+    z = 1.959964
+    centre = (successes + z * z / 2) / (trials + z * z)
+    half = z / (trials + z * z) * math.sqrt(successes * (trials - successes) / trials + z * z / 4)
+    return max(0.0, centre - half), min(1.0, centre + half)

@@ -22,7 +22,7 @@ from perchhw.campaign.run import only_one
 from perchhw.campaign.store import CampaignError
 from perchhw.flight.course import FLOWN, CourseRequest, CourseResult, fly_course
 from perchhw.flight.turnaround import Turnaround
-from perchhw.record.folder import make_folder, new_run_folder
+from perchhw.record.folder import make_folder, new_run_folder, slug
 
 ATTEMPTS = "attempts"
 ON_THE_MARK = "Put the drone upright on its start mark facing +x, with a charged battery"
@@ -165,7 +165,7 @@ def flight_rows(plan: FlightPlan, folder: Path) -> list[FlightRow]:
 
 def _row(number: int, flight: PlannedFlight, folder: Path) -> FlightRow:
     row = FlightRow(number, flight.kind, None, None)
-    for record in sorted((folder / ATTEMPTS).glob(f"*-{number:03d}-{_slug(flight.kind)}*")):
+    for record in sorted((folder / ATTEMPTS).glob(f"*-{number:03d}-{slug(flight.kind)}*")):
         if not is_run_folder(record):
             continue
         try:
@@ -178,10 +178,6 @@ def _row(number: int, flight: PlannedFlight, folder: Path) -> FlightRow:
         ended = info.get("aborted_by") or "its process ended"
         row = FlightRow(number, flight.kind, record, ended, info.get("diagnosis"))
     return row
-
-
-def _slug(kind: str) -> str:
-    return kind.replace("_", "-")
 
 
 def fly_plan(
@@ -224,7 +220,7 @@ def fly_plan(
                 turnaround.put_back()
             else:
                 turnaround.put_back_if_needed()
-            record = new_run_folder(folder / ATTEMPTS, f"{row.number:03d}-{_slug(row.kind)}")
+            record = new_run_folder(folder / ATTEMPTS, f"{row.number:03d}-{row.kind}")
             result = fly(plan.request(row.number, record))
             on_change(flight_rows(plan, folder))
             if result.interrupted:

@@ -1,7 +1,6 @@
 """Figures of a campaign: landing rates with their intervals beside what was predicted, where the policy
 fired, how attempts ended one after another, and what the batteries had left."""
 
-import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from calibration.measurement import wilson_interval
 from onboard.policy.model import Policy
 from perchhw.attempt import Outcome
 from perchhw.diagnosis.flip import CUES
@@ -50,14 +50,6 @@ class ShownAttempt:
     minutes: float | None = None
     said: str | None = None
     battery: tuple[float, float] | None = None
-
-
-def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
-    """95 % interval of a rate (Wilson 1927): stays within 0 and 1 also for few trials."""
-    z = 1.959964
-    centre = (successes + z * z / 2) / (trials + z * z)
-    half = z / (trials + z * z) * math.sqrt(successes * (trials - successes) / trials + z * z / 4)
-    return max(0.0, centre - half), min(1.0, centre + half)
 
 
 def landing_rates(attempts: Sequence[ShownAttempt], predicted: Rates) -> str:

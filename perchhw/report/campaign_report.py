@@ -13,6 +13,7 @@ import numpy as np
 from calibration.flights import Flight, UnusableFlightError
 from calibration.flights.perchhw_run import flight_from_run
 from calibration.flights.run_folder import RunFolderError, RunRecord, is_run_folder, read_info, read_run
+from calibration.measurement import wilson_interval
 from onboard.csv_file import read_csv
 from perchhw.attempt import Outcome
 from perchhw.campaign.adaptive import FlownMap, flown_map
@@ -25,7 +26,6 @@ from perchhw.report.campaign_figures import (
     landing_rates,
     order_of_events,
     trigger_states,
-    wilson_interval,
 )
 from perchhw.report.campaign_plan import misfit_section
 from perchhw.report.campaign_remarks import remarks_section

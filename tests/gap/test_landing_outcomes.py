@@ -22,7 +22,6 @@ from calibration.gap.landings.outcomes.scores import (
     count_interval,
     reliability,
     score,
-    wilson,
 )
 from calibration.gap.landings.outcomes.search import held_out
 from calibration.gap.landings.outcomes.vehicles import (
@@ -163,9 +162,7 @@ def test_the_count_interval_is_that_of_many_draws(p: list[float]) -> None:
     assert np.mean(drawn >= high) > 0.1 - 0.02
 
 
-def test_wilson_and_bins() -> None:
-    low, high = wilson(5, 10)
-    assert (low, high) == pytest.approx((0.237, 0.763), abs=0.001)
+def test_bins_hold_equal_counts_by_rising_probability() -> None:
     bins = reliability(np.linspace(0.0, 1.0, 12), np.arange(12) >= 6)
     assert sum(one.flights for one in bins) == 12
     assert [one.predicted for one in bins] == sorted(one.predicted for one in bins)

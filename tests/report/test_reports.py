@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from calibration.measurement import wilson_interval
 from perchhw.attempt import AttemptRequest, AttemptResult, Outcome
 from perchhw.campaign import CampaignError, load_plan, run_campaign
 from perchhw.report import write_campaign_report, write_run_report
-from perchhw.report.campaign_figures import wilson_interval
 from perchhw.report.campaign_report import PREDICTION_FILE
 from tests.campaign.stand_in import fly
 from tests.report.page import Page, assert_self_contained

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from calibration.measurement import wilson_interval
 from onboard.arrays import BoolArray, FloatArray, IntArray
 
 REPLICATES = 2000
@@ -204,16 +205,8 @@ def reliability(probability: FloatArray, happened: BoolArray) -> tuple[Bin, ...]
     bins = []
     for rows in np.array_split(order, min(BINS, len(order))):
         hits, count = int(np.sum(happened[rows])), len(rows)
-        bins.append(Bin(count, float(np.mean(probability[rows])), hits / count, wilson(hits, count)))
+        bins.append(Bin(count, float(np.mean(probability[rows])), hits / count, wilson_interval(hits, count)))
     return tuple(bins)
-
-
-def wilson(hits: int, count: int) -> Interval:
-    """95 % interval of a share (Wilson, 1927)."""
-    z2, share = 1.96**2, hits / count
-    middle = (share + z2 / (2 * count)) / (1 + z2 / count)
-    half = 1.96 / (1 + z2 / count) * float(np.sqrt(share * (1 - share) / count + z2 / (4 * count**2)))
-    return middle - half, middle + half
 
 
 def _counts(probability: FloatArray, real: IntArray) -> tuple[Count, Count, Count]:
