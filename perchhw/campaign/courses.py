@@ -4,7 +4,7 @@ What was flown is told by the records alone: a flight is done when its record sa
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,6 @@ from mocap_bridge.uri import parse_mocap_uri
 from onboard.lab_file import LabFile
 from onboard.link import check_drone_uri
 from onboard.manoeuvres import MANOEUVRES
-from onboard.room import RoomGeometry
 from onboard.toml_file import read_toml
 from onboard.vehicle import load_vehicle
 from perchhw.campaign.file_table import SCHEMA, CampaignFileError, FileTable, check_names, room_of, setup_of
@@ -22,6 +21,7 @@ from perchhw.campaign.run import only_one
 from perchhw.campaign.store import CampaignError
 from perchhw.flight.course import FLOWN, CourseRequest, CourseResult, fly_course
 from perchhw.flight.turnaround import Turnaround
+from perchhw.lab import FlightSetup
 from perchhw.record.folder import make_folder, new_run_folder, slug
 
 ATTEMPTS = "attempts"
@@ -38,35 +38,26 @@ class PlannedFlight:
 
 @dataclass(frozen=True)
 class FlightPlan:
-    """A campaign of test flights as its file says; see :class:`perchhw.campaign.plan.CampaignPlan`."""
+    """A campaign of test flights as its file says.
+
+    Attributes:
+        name: used in folder names and titles.
+        setup: who flies where; no flight needs its policy.
+        flights: in their order.
+        operator, note: who flies, and what is to be remembered of it; kept with every flight.
+    """
 
     name: str
-    drone: str
-    mocap: str
-    vehicle: str
-    legs: str | None
-    room: RoomGeometry
+    setup: FlightSetup
     flights: tuple[PlannedFlight, ...]
-    lab: LabFile | None = None
     operator: str | None = None
     note: str | None = None
 
     def request(self, number: int, folder: Path) -> CourseRequest:
         """What is flown as flight `number`, from 0."""
         flight = self.flights[number]
-        return CourseRequest(
-            kind=flight.kind,
-            parameters=flight.parameters,
-            folder=folder,
-            drone=self.drone,
-            mocap=self.mocap,
-            vehicle=self.vehicle,
-            legs=self.legs,
-            room=self.room,
-            lab=self.lab,
-            operator=self.operator,
-            note=self.note,
-        )
+        request = CourseRequest.of(self.setup, flight.kind, flight.parameters, folder)
+        return replace(request, operator=self.operator, note=self.note)
 
 
 @dataclass(frozen=True)
@@ -121,30 +112,23 @@ def load_flight_plan(path: Path, lab: LabFile | None = None, drones: Sequence[st
     if len(drones) > 1:
         raise root.error("drone", f"test flights are flown by one drone, not by {' and '.join(drones)}")
     setup = setup_of(root, lab, drone=drones[0] if drones else None)
-    plan = FlightPlan(
-        name=root.text("name", default=path.stem),
-        drone=setup.drone,
-        mocap=setup.mocap,
-        vehicle=setup.vehicle,
-        legs=setup.legs,
-        room=room_of(root.table("room", required=False), setup.room),
-        flights=tuple(flight for table in tables for flight in _flights(table)),
-        lab=lab,
-    )
+    setup = replace(setup, room=room_of(root.table("room", required=False), setup.room))
+    flights = tuple(flight for table in tables for flight in _flights(table))
+    plan = FlightPlan(root.text("name", default=path.stem), setup, flights)
     root.refuse_unread()
     check_names(
         root,
         {
-            "drone": lambda: check_drone_uri(plan.drone),
-            "mocap": lambda: parse_mocap_uri(plan.mocap),
-            "vehicle": lambda: load_vehicle(plan.vehicle),
-            "legs": lambda: load_vehicle(plan.vehicle, plan.legs),
+            "drone": lambda: check_drone_uri(setup.drone),
+            "mocap": lambda: parse_mocap_uri(setup.mocap),
+            "vehicle": lambda: load_vehicle(setup.vehicle),
+            "legs": lambda: load_vehicle(setup.vehicle, setup.legs),
         },
     )
     setup.check()
     for table in tables:
         flight = _flights(table)[0]
-        check_names(table, {"kind": partial(MANOEUVRES[flight.kind].course, flight.parameters, plan.room)})
+        check_names(table, {"kind": partial(MANOEUVRES[flight.kind].course, flight.parameters, setup.room)})
     return plan
 
 
@@ -212,7 +196,7 @@ def fly_plan(
             raise CampaignError(
                 f"{folder} holds flights already: continue with --resume, or give another --out"
             )
-        turnaround = Turnaround(plan.drone, confirm, ON_THE_MARK)
+        turnaround = Turnaround(plan.setup.drone, confirm, ON_THE_MARK)
         for row in rows:
             if row.done:
                 continue

@@ -50,9 +50,10 @@ def forecast(plan: CampaignPlan, approaches: Mapping[Condition, ApproachPlan]) -
 
 def forecast_courses(plan: "FlightPlan") -> Forecast:
     """What the test flights of `plan` cost."""
-    courses = (manoeuvre(f.kind).course(f.parameters, plan.room) for f in plan.flights)
-    limits = limits_of(plan.lab, plan.room, plan.drone)
-    model = PackModel.of(load_vehicle(plan.vehicle, plan.legs), limits, climb=0.0)
+    setup = plan.setup
+    courses = (manoeuvre(f.kind).course(f.parameters, setup.room) for f in plan.flights)
+    limits = limits_of(setup.lab, setup.room, setup.drone)
+    model = PackModel.of(load_vehicle(setup.vehicle, setup.legs), limits, climb=0.0)
     return _cost([course.duration + AROUND_A_COURSE for course in courses], model, Day(), drones=1)
 
 

@@ -114,9 +114,9 @@ def _fly_courses(
 
     folder = out or Path("runs") / f"campaign-{slug(plan.name)}"
     with (
-        hold(plan.drone),
+        hold(plan.setup.drone),
         ground_station(mavlink) as listener,
-        flight_display(f"campaign {plan.name}", plan.drone) as display,
+        flight_display(f"campaign {plan.name}", plan.setup.drone) as display,
         live_view(view, folder, display),
     ):
         rows = fly_courses_shown(plan, folder, display, yes, listener, resume=resume)

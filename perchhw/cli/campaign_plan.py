@@ -59,7 +59,7 @@ def _plan_flights(file: Path, lab: Path | None, drones: Sequence[str]) -> int:
 
     campaign = load_flight_plan(file, find_lab(lab), drones)
     cost = forecast_courses(campaign)
-    head = {"schema": SCHEMA, "campaign": campaign.name, "file": file, "drones": [campaign.drone]}
+    head = {"schema": SCHEMA, "campaign": campaign.name, "file": file, "drones": [campaign.setup.drone]}
     emit({**head, "misfits": [], **_cost(cost)}, flights_text(campaign, cost))
     return exit_codes.DONE
 

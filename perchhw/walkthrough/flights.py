@@ -11,6 +11,7 @@ from perchhw.campaign import CampaignPlan, run_campaign
 from perchhw.campaign.courses import FlightPlan, PlannedFlight, fly_plan
 from perchhw.errors import FlightStackError
 from perchhw.flight.turnaround import attempt_after_attempt
+from perchhw.lab import flight_setup
 from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
 
 _ABORTED_IN_A_ROW = 3
@@ -90,15 +91,8 @@ def fly_tests(folder: Path, drone: LabDrone, kinds: Sequence[str]) -> dict[str, 
         FlightStackError: a safety rule ended one of them.
     """
     with drone.lab() as lab:
-        plan = FlightPlan(
-            name=folder.name,
-            drone=lab.drones[0],
-            mocap=lab.mocap[0],
-            vehicle=drone.believed,
-            legs=None,
-            room=RoomGeometry(),
-            flights=tuple(PlannedFlight(kind, {}) for kind in kinds),
-        )
+        setup = flight_setup(None, drone=lab.drones[0], mocap=lab.mocap[0], vehicle=drone.believed)
+        plan = FlightPlan(folder.name, setup, tuple(PlannedFlight(kind, {}) for kind in kinds))
         rows = fly_plan(plan, folder, _nobody, resume=True)
     stopped = next((row for row in rows if not row.done), None)
     if stopped is not None:

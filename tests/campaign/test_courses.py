@@ -41,7 +41,7 @@ def test_a_file_is_read(file: Path) -> None:
 
 
 def test_the_drone_that_is_asked_for_flies(file: Path) -> None:
-    assert load_flight_plan(file, drones=["udp://127.0.0.1:2"]).drone == "udp://127.0.0.1:2"
+    assert load_flight_plan(file, drones=["udp://127.0.0.1:2"]).setup.drone == "udp://127.0.0.1:2"
     with pytest.raises(CampaignFileError, match="key drone: test flights are flown by one drone"):
         load_flight_plan(file, drones=["udp://127.0.0.1:2", "udp://127.0.0.1:3"])
 

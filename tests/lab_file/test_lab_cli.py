@@ -131,7 +131,7 @@ def test_a_campaign_leaves_out_what_the_lab_file_gives(folder: Path) -> None:
     file.write_text(FLIGHTS)
     flights = load_flight_plan(file, lab)
     assert flights.request(0, folder).lab is lab
-    assert flights.room == plan.room
+    assert flights.setup.room == plan.room
 
 
 def test_a_resumed_campaign_may_have_new_limits_but_not_another_room(folder: Path) -> None:
