@@ -15,7 +15,7 @@ from onboard.timebase import Queue, Timebase
 from onboard.vehicle import Vehicle, load_vehicle
 from perchhw.attempt import AttemptInterrupted, AttemptRequest, AttemptResult, Outcome
 from perchhw.flight.actions import LandingCommands
-from perchhw.flight.explain import explain
+from perchhw.flight.explain import explain, refusal_recorded
 from perchhw.flight.fit import Fit, fit_of
 from perchhw.flight.interrupts import OperatorInterrupts
 from perchhw.flight.loop import OnLook, OnPhase
@@ -98,13 +98,8 @@ def fly_attempt(
             on_look=on_look,
             correction=correction_of(request.lab),
         )
-        try:
+        with refusal_recorded(record, clock, request.folder):
             flown = flight.run()
-        except PerchhwError as error:
-            record.event("refused", clock(), reason=str(error))
-            record.close(outcome=Outcome.ABORTED, aborted_by=str(error))
-            explain(request.folder)
-            raise
         with OperatorInterrupts() as late:  # a landing that was flown is labelled
             result = _conclude(request, vehicle, fit, flown, record, clock)
     result = replace(result, diagnosis=explain(request.folder))

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, Self
 
 from mocap_bridge.uri import parse_mocap_uri
-from onboard.errors import PerchhwError
 from onboard.lab_file import LabFile
 from onboard.lab_time import open_timebase
 from onboard.link.uri import check_drone_uri
@@ -19,7 +18,7 @@ from onboard.outcome import Outcome
 from onboard.room import RoomGeometry
 from onboard.vehicle import load_vehicle
 from perchhw.flight.course_commands import CourseCommands
-from perchhw.flight.explain import explain
+from perchhw.flight.explain import explain, refusal_recorded
 from perchhw.flight.loop import OnLook, OnPhase
 from perchhw.flight.mission import LOWEST_HOVER
 from perchhw.flight.readback import TEST_FLIGHT_SETTINGS
@@ -150,13 +149,8 @@ def fly_course(
             on_look=on_look,
             correction=correction_of(request.lab),
         )
-        try:
+        with refusal_recorded(record, clock, request.folder):
             flown = flight.run()
-        except PerchhwError as error:
-            record.event("refused", clock(), reason=str(error))
-            record.close(outcome=Outcome.ABORTED, aborted_by=str(error))
-            explain(request.folder)
-            raise
         aborted_by = flown.state.aborted_by
         record.close(
             outcome=FLOWN if aborted_by is None else Outcome.ABORTED,

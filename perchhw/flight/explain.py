@@ -1,13 +1,31 @@
-"""The diagnosis of a flight that has just ended, kept with its record."""
+"""What a flight that has just ended leaves in its record: why it was refused, and its diagnosis."""
 
 import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from onboard.clock import Clock
+from onboard.errors import PerchhwError
+from onboard.outcome import Outcome
 from perchhw.diagnosis import keep_diagnosis
 from perchhw.flight.caught import Caught
+from perchhw.flight.recording import FlightRecord
 
 _log = logging.getLogger(__name__)
+
+
+@contextmanager
+def refusal_recorded(record: FlightRecord, clock: Clock, folder: Path) -> Iterator[None]:
+    """An error within, before a flight has begun, closes its record in `folder` as refused, explained."""
+    try:
+        yield
+    except PerchhwError as error:
+        record.event("refused", clock(), reason=str(error))
+        record.close(outcome=Outcome.ABORTED, aborted_by=str(error))
+        explain(folder)
+        raise
 
 
 def explain(folder: Path) -> dict[str, Any] | None:
