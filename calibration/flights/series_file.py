@@ -14,6 +14,7 @@ import struct
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from io import BytesIO
 from pathlib import Path
 from typing import Any, TypeVar
@@ -58,6 +59,10 @@ class Series:
 
     def fields(self) -> tuple[str, ...]:
         """Names of the numeric fields that occur, in order of first appearance."""
+        return self._fields
+
+    @cached_property
+    def _fields(self) -> tuple[str, ...]:
         names = dict.fromkeys(
             k for m in self.messages for k, v in m.items() if v is None or isinstance(v, int | float)
         )
