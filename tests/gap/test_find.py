@@ -12,7 +12,7 @@ import pytest
 from onboard.vehicle import load_vehicle
 from tests.gap.truth.campaign import make_flights
 
-FLIGHTS = 4
+FLIGHTS = 3
 
 
 @pytest.fixture(scope="module")
