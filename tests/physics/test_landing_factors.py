@@ -147,7 +147,7 @@ def _rigid(design: str) -> Any:
 
 
 def _swing(p: Any, rng: np.random.Generator, low: float) -> Any | None:
-    """A throw that touches with its fore feet inside the window, then 0.6 s at most; None if the feet recede."""
+    """A throw that touches with its fore feet inside the window, 0.6 s at most; None if the feet recede."""
     foot_x, foot_z = fore_foot(p)
     tilt, rate = rng.uniform(low, math.pi - 0.02), rng.uniform(-5.0, 20.0)
     speed, angle = rng.uniform(0.5, 3.0), rng.uniform(math.radians(20.0), 0.5 * math.pi)
