@@ -36,7 +36,7 @@ def without_query(uri: str) -> str:
 @pytest.mark.parametrize(
     ("scheme", "busy", "count"),
     [
-        ("vicon", 0, 2),
+        ("vicon", 0, 1),
         pytest.param("vicon-udp", 0, 1, marks=pytest.mark.soak),
         pytest.param("vicon", 4, 2, marks=pytest.mark.soak),
     ],
