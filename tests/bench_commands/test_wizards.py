@@ -41,7 +41,7 @@ class InertiaRun:
 def inertia_run(true_file: Path, tmp_path_factory: pytest.TempPathFactory) -> InertiaRun:
     folder = tmp_path_factory.mktemp("inertia")
     with serve(true_file) as bench:
-        line = command("bifilar", bench, folder, "--axes", "z", "--trials", "3", "--operator", "Ada")
+        line = command("bifilar", bench, folder, "--axes", "z", "--trials", "4", "--operator", "Ada")
         with subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as wizard:
             until(lambda: "trial-z-1" in steps(folder), PATIENCE_S)
             wizard.kill()
@@ -66,7 +66,7 @@ def test_a_killed_wizard_goes_on_where_it_was(inertia_run: InertiaRun) -> None:
     kept, after = inertia_run.kept, steps(inertia_run.folder)
     assert set(kept) >= {"weigh", "hang-z", "rest-z", "trial-z-1"}
     assert {key: after[key] for key in kept} == kept
-    assert len(load_calibration(inertia_run.folder).details["z"]["trials_s"]) == 3
+    assert len(load_calibration(inertia_run.folder).details["z"]["trials_s"]) == 4
 
 
 def test_the_same_recordings_give_the_same_result(inertia_run: InertiaRun) -> None:
