@@ -11,11 +11,13 @@ import pytest
 
 from calibration.bench.instruments.motor_stand import UNLOCK_PHRASE
 from perchhw.bench_walkthrough.story import write_true
+from perchhw.cli import main
 from perchhw.lab_process import SimulatedLab
 from tests.patience import patient_uri
 
 PACE = 8
 Bench = Callable[..., SimulatedLab]
+Refused = Callable[..., str]
 
 
 @pytest.fixture(scope="session")
@@ -41,6 +43,18 @@ def still_bench(true_file: Path) -> Iterator[SimulatedLab]:
     """A bench for everything that is refused before anything turns, and is held to that."""
     with serve(true_file, pace=0.5) as served:
         yield served
+
+
+@pytest.fixture
+def refused(capsys: pytest.CaptureFixture[str]) -> Refused:
+    """Runs a command line in this process; the error that it ends with."""
+
+    def error_of(line: list[str], expected: int) -> str:
+        capsys.readouterr()
+        assert main.run(line[line.index("--json") :]) == expected
+        return str(json.loads(capsys.readouterr().out)["error"])
+
+    return error_of
 
 
 def serve(vehicle: Path, *arguments: str, pace: float = PACE) -> SimulatedLab:

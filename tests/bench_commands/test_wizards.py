@@ -16,7 +16,7 @@ from calibration.bench.procedures.compare import compare_with_vehicle
 from onboard.vehicle import load_vehicle
 from perchhw.bench_walkthrough.story import BELIEVED
 from perchhw.lab_process import SimulatedLab
-from tests.bench_commands.conftest import Bench, command, run, serve
+from tests.bench_commands.conftest import Bench, Refused, command, run, serve
 from tests.bench_commands.until import until
 from tests.patience import PATIENCE_S
 
@@ -131,11 +131,12 @@ def test_motors_stop_at_ctrl_c(bench: Bench, tmp_path: Path) -> None:
     assert last["stopped"] - last["last_command"] < 4.0
 
 
-def test_nothing_turns_without_the_operators_word(still_bench: SimulatedLab, tmp_path: Path) -> None:
+def test_nothing_turns_without_the_operators_word(
+    still_bench: SimulatedLab, refused: Refused, tmp_path: Path
+) -> None:
     line = command("tachometer", still_bench, tmp_path)
     cut = line.index("--confirm")
-    said = run(line[:cut] + line[cut + 2 :], expected=3)
-    assert "props guarded" in said["error"]
+    assert "props guarded" in refused(line[:cut] + line[cut + 2 :], expected=3)
     assert spin_record(still_bench.ready["bench"]["hands"])["spins"] == []
 
 
