@@ -18,6 +18,7 @@ from tests.patience import patient_uri
 PACE = 8
 Bench = Callable[..., SimulatedLab]
 Refused = Callable[..., str]
+Said = Callable[..., dict[str, Any]]
 
 
 @pytest.fixture(scope="session")
@@ -46,15 +47,23 @@ def still_bench(true_file: Path) -> Iterator[SimulatedLab]:
 
 
 @pytest.fixture
-def refused(capsys: pytest.CaptureFixture[str]) -> Refused:
-    """Runs a command line in this process; the error that it ends with."""
+def said(capsys: pytest.CaptureFixture[str]) -> Said:
+    """Runs a command line in this process; its JSON document."""
 
-    def error_of(line: list[str], expected: int) -> str:
+    def document_of(line: list[str], expected: int = 0) -> dict[str, Any]:
         capsys.readouterr()
-        assert main.run(line[line.index("--json") :]) == expected
-        return str(json.loads(capsys.readouterr().out)["error"])
+        code, told = main.run(line[line.index("--json") :]), capsys.readouterr()
+        assert code == expected, told.err
+        document: dict[str, Any] = json.loads(told.out)
+        return document
 
-    return error_of
+    return document_of
+
+
+@pytest.fixture
+def refused(said: Said) -> Refused:
+    """The same, for a command that ends with an error: what that says."""
+    return lambda line, expected: str(said(line, expected)["error"])
 
 
 def serve(vehicle: Path, *arguments: str, pace: float = PACE) -> SimulatedLab:
