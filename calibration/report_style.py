@@ -151,7 +151,7 @@ def _lay_out(figure: "Figure") -> None:
 
     FigureCanvasSVG(figure)  # whose texts are as wide as those that are saved
     layout = figure.get_layout_engine()
-    if layout is not None:
+    if layout is not None and figure.axes:
         layout.execute(figure)
         figure.set_layout_engine(None)
 
