@@ -138,10 +138,22 @@ def svg(figure: "Figure", alt: str = "") -> str:
     # Of figures on one page that show the same in two sizes, one is hidden: they must not share their parts.
     salt = f"perchhw {alt} {figure.get_size_inches()}"
     with matplotlib.rc_context({"svg.hashsalt": salt}):
+        _lay_out(figure)
         figure.savefig(stream, format="svg", dpi=RASTER_DPI, metadata={"Date": None, "Creator": None})
     text = stream.getvalue()
     text = text[text.index("<svg") :]
     return f'<svg role="img" aria-label="{escape(alt)}"{text[4:]}' if alt else text
+
+
+def _lay_out(figure: "Figure") -> None:
+    """Give the parts of a figure their places, once: to save it would lay out and draw it twice."""
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+    FigureCanvasSVG(figure)  # whose texts are as wide as those that are saved
+    layout = figure.get_layout_engine()
+    if layout is not None and figure.axes:
+        layout.execute(figure)
+        figure.set_layout_engine(None)
 
 
 def by_width(broad: str, narrow: str) -> str:

@@ -140,10 +140,11 @@ class RingRecorder:
 
     def records(self, tick: int) -> bool:
         """Whether a step of the law at `tick` is recorded."""
-        header, phase = self._header[0], tick % PERIOD_MS
-        return bool(header["state"] != RecorderState.OFF) and (
-            phase == 0 or (phase == SECOND_SAMPLE_MS and bool(header["begun"] > 0))
-        )
+        phase = tick % PERIOD_MS
+        if phase not in (0, SECOND_SAMPLE_MS):
+            return False
+        header = self._header[0]
+        return bool(header["state"] != RecorderState.OFF) and (phase == 0 or bool(header["begun"] > 0))
 
     def record(
         self,

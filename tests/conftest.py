@@ -3,11 +3,13 @@
 import gc
 import os
 import signal
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+
+from perchhw.lab_process import SimulatedLab
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 
@@ -33,6 +35,14 @@ def pytest_collection() -> Generator[None, object, object]:
     finally:
         gc.freeze()
         gc.enable()
+
+
+@pytest.fixture(scope="module")
+def crazyflie_uri() -> Iterator[str]:
+    """Address of a simulated drone for a module: until the session's end, as the plugin's own, it would use a
+    twentieth of a core."""
+    with SimulatedLab("drone", ("--drone-port", "0")) as served:
+        yield served.drones[0]
 
 
 @pytest.fixture(scope="session")

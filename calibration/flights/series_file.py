@@ -14,6 +14,7 @@ import struct
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from io import BytesIO
 from pathlib import Path
 from typing import Any, TypeVar
@@ -58,6 +59,10 @@ class Series:
 
     def fields(self) -> tuple[str, ...]:
         """Names of the numeric fields that occur, in order of first appearance."""
+        return self._fields
+
+    @cached_property
+    def _fields(self) -> tuple[str, ...]:
         names = dict.fromkeys(
             k for m in self.messages for k, v in m.items() if v is None or isinstance(v, int | float)
         )
@@ -209,7 +214,12 @@ class _SeriesFile:
         values = json.loads(content[_MESSAGE_HEAD.size :])
         if not isinstance(values, dict):
             raise ValueError("not a JSON object")
-        restored = {name: _restored(value, topic.texts[name]) for name, value in values.items()}
+        texts = topic.texts
+        restored = {
+            # Most are numbers as they stand, of which a record has a quarter of a million.
+            name: value if type(value) is float and not texts[name] else _restored(value, texts[name])
+            for name, value in values.items()
+        }
         self.times.setdefault(topic.name, []).append(log_time / 1e9)
         self.messages.setdefault(topic.name, []).append(restored)
 

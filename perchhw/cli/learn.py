@@ -173,11 +173,11 @@ def _train(
     training_set = load_training_set(
         table, landing_rate_min=chosen.landing_rate_min, share_of_best=chosen.share_of_best
     )
+    swept = table.parent / SWEEP_FILE
+    document = read_settings(swept) if swept.is_file() else None
     make_folder(out)
     policy = train_policy(training_set, name=name, seed=seed).policy
-    swept = table.parent / SWEEP_FILE
-    if swept.is_file():
-        document = read_settings(swept)
+    if document is not None:
         kept = {key: document[key] for key in ("settings", "versions", "result") if key in document}
         policy = replace(policy, provenance={**policy.provenance, "sweep": kept})
         trained = trained_on(document["settings"])

@@ -286,9 +286,9 @@ class Firmware:
 
     def _tell_others(self, tick: int, events: Event) -> None:
         """What a step of the engine means for the planner and for who asked."""
-        if Event.CUT in events:
+        if events and Event.CUT in events:
             self.high_level.stop()
-        if Event.HANDED_OVER in events:
+        if events and Event.HANDED_OVER in events:
             self.high_level.hold(self.flat_state(), tick * DT)
         if self.app is not None:
             self.app.answer(events)

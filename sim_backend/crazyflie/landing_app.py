@@ -140,6 +140,13 @@ class LandingApp:
 
     def answer(self, events: Event) -> None:
         """Say what a step of the engine made of what was posted."""
+        if events:
+            self._take_back(events)
+        self._say(Parameter.STATE, int(self._engine.state))
+        self._say(Parameter.TRAJECTORY_STATUS, int(self._engine.trajectory_status))
+
+    def _take_back(self, events: Event) -> None:
+        """Switches that a step of the engine turned off."""
         if Event.GO_TAKEN in events:
             self._params[Parameter.GO] = 0
         if Event.ABORT_TAKEN in events:
@@ -150,8 +157,6 @@ class LandingApp:
             self.rehearses = False
             for name in _SWITCHES:
                 self._params[name] = 0
-        self._say(Parameter.STATE, int(self._engine.state))
-        self._say(Parameter.TRAJECTORY_STATUS, int(self._engine.trajectory_status))
 
     def _say(self, name: Parameter, value: int) -> None:
         if self._said.get(name) != value:

@@ -66,7 +66,12 @@ class _Request:
 
 
 class ReferenceEngine:
-    """An :class:`~sim_backend.crazyflie.engine.Engine`."""
+    """An :class:`~sim_backend.crazyflie.engine.Engine`.
+
+    Attributes:
+        state: of the landing machine.
+        mode: what it does.
+    """
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
@@ -78,6 +83,7 @@ class ReferenceEngine:
         self.ratios = self._stabilizer.ratios
         self._supply = FULL_VOLTAGE
         self._memory = new_landing_memory()
+        self.state, self.mode = LandingState.IDLE, OutputMode.PASS
         self._plan = _NO_PLAN
         self._limits = landing_limits(self._vehicle)
         self._policy: CompiledPolicy | None = None
@@ -109,16 +115,6 @@ class ReferenceEngine:
     def wrench(self) -> Wrench:
         """N and N m."""
         return self._stabilizer.wrench
-
-    @property
-    def mode(self) -> OutputMode:
-        """What the landing machine does."""
-        return OutputMode.PASS if self._output is None else OutputMode(self._output.mode)
-
-    @property
-    def state(self) -> LandingState:
-        """Of the landing machine."""
-        return LandingState(int(self._memory["state"]))
 
     @property
     def reason(self) -> EndReason:
@@ -232,7 +228,7 @@ class ReferenceEngine:
         if self.rehearses or not begun:
             return Event.NONE
         self._recorder.end(sample.tick)
-        self._memory["state"] = LandingState.IDLE
+        self._memory["state"] = self.state = LandingState.IDLE
         self._memory["trajectory_status"] = self._memory["arm_seen"] = 0
         self.trajectory_status = TrajectoryStatus.NONE
         self._consumed = self._request.number
@@ -284,7 +280,8 @@ class ReferenceEngine:
         self._take_request()
         inputs = self._inputs(sample)
         self._output = landing_step(self._memory, inputs, self._plan, self._limits)
-        if self._output.mode == OutputMode.SETPOINT:
+        self.state, self.mode = LandingState(int(self._memory["state"])), OutputMode(self._output.mode)
+        if self.mode is OutputMode.SETPOINT:
             self.target = _setpoint(self._output, sample.tick)
         return self._clear_flags(inputs) | self._answer() | self._change(sample, was)
 

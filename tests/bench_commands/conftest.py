@@ -10,12 +10,15 @@ from typing import Any
 import pytest
 
 from calibration.bench.instruments.motor_stand import UNLOCK_PHRASE
+from perchhw.cli import main
 from perchhw.lab_process import SimulatedLab
 from perchhw.walkthrough.bench.story import write_true
 from tests.patience import patient_uri
 
 PACE = 8
 Bench = Callable[..., SimulatedLab]
+Refused = Callable[..., str]
+Said = Callable[..., dict[str, Any]]
 
 
 @pytest.fixture(scope="session")
@@ -41,6 +44,26 @@ def still_bench(true_file: Path) -> Iterator[SimulatedLab]:
     """A bench for everything that is refused before anything turns, and is held to that."""
     with serve(true_file, pace=0.5) as served:
         yield served
+
+
+@pytest.fixture
+def said(capsys: pytest.CaptureFixture[str]) -> Said:
+    """Runs a command line in this process; its JSON document."""
+
+    def document_of(line: list[str], expected: int = 0) -> dict[str, Any]:
+        capsys.readouterr()
+        code, told = main.run(line[line.index("--json") :]), capsys.readouterr()
+        assert code == expected, told.err
+        document: dict[str, Any] = json.loads(told.out)
+        return document
+
+    return document_of
+
+
+@pytest.fixture
+def refused(said: Said) -> Refused:
+    """The same, for a command that ends with an error: what that says."""
+    return lambda line, expected: str(said(line, expected)["error"])
 
 
 def serve(vehicle: Path, *arguments: str, pace: float = PACE) -> SimulatedLab:

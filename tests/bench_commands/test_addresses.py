@@ -19,7 +19,7 @@ from calibration.bench.procedures.compare import compare_with_vehicle
 from calibration.bench.procedures.motors import HAND_PHRASE
 from onboard.vehicle import load_vehicle
 from perchhw.lab_process import SimulatedLab
-from tests.bench_commands.conftest import Bench, command, run
+from tests.bench_commands.conftest import Bench, Refused, command, run
 from tests.bench_commands.test_wizards import spin_record, steps
 from tests.patience import patient_uri
 
@@ -87,9 +87,9 @@ def forget_sweep(folder: Path) -> None:
     ],
 )
 def test_what_is_no_instrument_is_told_before_anything_turns(
-    still_bench: SimulatedLab, tmp_path: Path, scale: str, supply: str, words: str
+    still_bench: SimulatedLab, refused: Refused, tmp_path: Path, scale: str, supply: str, words: str
 ) -> None:
-    assert words in run(thrust(still_bench, tmp_path, scale, supply), expected=2)["error"]
+    assert words in refused(thrust(still_bench, tmp_path, scale, supply), expected=2)
     assert spin_record(still_bench.ready["bench"]["hands"])["spins"] == []
 
 
@@ -102,11 +102,16 @@ def test_what_is_no_instrument_is_told_before_anything_turns(
     ],
 )
 def test_a_supply_set_by_hand_is_no_remote_cut(
-    still_bench: SimulatedLab, tmp_path: Path, kind: str, further: tuple[str, ...], asked_for: str
+    still_bench: SimulatedLab,
+    refused: Refused,
+    tmp_path: Path,
+    kind: str,
+    further: tuple[str, ...],
+    asked_for: str,
 ) -> None:
     line = command(kind, still_bench, tmp_path, *further)
     line[line.index("--supply") + 1] = "manual://"
-    assert asked_for in run(line, expected=3)["error"]
+    assert asked_for in refused(line, expected=3)
     assert spin_record(still_bench.ready["bench"]["hands"])["spins"] == []
 
 

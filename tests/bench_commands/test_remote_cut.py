@@ -14,7 +14,7 @@ from calibration.bench.procedures.motors import HAND_PHRASE
 from onboard.app_interface import MOTOR_TOKEN_MS
 from onboard.link.uri import SILENCE_LIMIT
 from perchhw.lab_process import SimulatedLab
-from tests.bench_commands.conftest import Bench, command, run
+from tests.bench_commands.conftest import Bench, Refused, command
 from tests.bench_commands.test_wizards import spin_record, turning
 from tests.bench_commands.until import until
 from tests.patience import PATIENCE_S, patient_uri
@@ -93,11 +93,10 @@ def test_our_app_on_the_drone_stops_the_motors_of_a_host_that_died(bench: Bench,
     ],
 )
 def test_a_battery_needs_the_flag_and_the_operators_word(
-    still_bench: SimulatedLab, tmp_path: Path, further: tuple[str, ...], asked_for: str
+    still_bench: SimulatedLab, refused: Refused, tmp_path: Path, further: tuple[str, ...], asked_for: str
 ) -> None:
     line = command("tachometer", still_bench, tmp_path)
     at = line.index("--supply")
-    said = run([*line[:at], *line[at + 2 :], *further], expected=3)
-    assert asked_for in said["error"]
+    assert asked_for in refused([*line[:at], *line[at + 2 :], *further], expected=3)
     assert UNLOCK_PHRASE in line
     assert spin_record(still_bench.ready["bench"]["hands"])["spins"] == []

@@ -16,7 +16,7 @@ from calibration.bench.procedures.compare import compare_with_vehicle
 from onboard.vehicle import load_vehicle
 from perchhw.lab_process import SimulatedLab
 from perchhw.walkthrough.bench.story import BELIEVED
-from tests.bench_commands.conftest import Bench, command, run, serve
+from tests.bench_commands.conftest import Bench, Refused, Said, command, run, serve
 from tests.bench_commands.until import until
 from tests.patience import PATIENCE_S
 
@@ -75,21 +75,20 @@ def test_the_same_recordings_give_the_same_result(inertia_run: InertiaRun) -> No
 
 
 def test_a_calibration_is_applied_and_undone(
-    inertia_run: InertiaRun, tmp_path: Path, true_file: Path
+    inertia_run: InertiaRun, said: Said, tmp_path: Path, true_file: Path
 ) -> None:
     file = tmp_path / "lab.toml"
     calibrate = [sys.executable, "-m", "perchhw", "--json", "calibrate"]
     apply = [*calibrate, "apply", str(inertia_run.folder), "--vehicle", BELIEVED, "--out", str(file), "--yes"]
-    said = run(apply)
-    assert [row["key"] for row in said["changes"]] == ["body.mass", "body.inertia_zz"]
+    assert [row["key"] for row in said(apply)["changes"]] == ["body.mass", "body.inertia_zz"]
     calibrated = load_vehicle(file).body.inertia_zz
     assert calibrated.value == pytest.approx(load_vehicle(true_file).body.inertia_zz.value, rel=0.01)
     before = file.read_text()
-    run(apply)
-    run([*calibrate, "undo", str(file)])
+    said(apply)
+    said([*calibrate, "undo", str(file)])
     assert file.read_text() == before
-    said = run([*calibrate, "compare", str(inertia_run.folder), "--vehicle", BELIEVED], expected=1)
-    assert {row["key"]: row["contradicts"] for row in said["rows"]}["body.inertia_zz"]
+    compared = said([*calibrate, "compare", str(inertia_run.folder), "--vehicle", BELIEVED], expected=1)
+    assert {row["key"]: row["contradicts"] for row in compared["rows"]}["body.inertia_zz"]
 
 
 def test_motors_are_measured_within_their_intervals(bench: Bench, tmp_path: Path, true_file: Path) -> None:
@@ -131,11 +130,12 @@ def test_motors_stop_at_ctrl_c(bench: Bench, tmp_path: Path) -> None:
     assert last["stopped"] - last["last_command"] < 4.0
 
 
-def test_nothing_turns_without_the_operators_word(still_bench: SimulatedLab, tmp_path: Path) -> None:
+def test_nothing_turns_without_the_operators_word(
+    still_bench: SimulatedLab, refused: Refused, tmp_path: Path
+) -> None:
     line = command("tachometer", still_bench, tmp_path)
     cut = line.index("--confirm")
-    said = run(line[:cut] + line[cut + 2 :], expected=3)
-    assert "props guarded" in said["error"]
+    assert "props guarded" in refused(line[:cut] + line[cut + 2 :], expected=3)
     assert spin_record(still_bench.ready["bench"]["hands"])["spins"] == []
 
 

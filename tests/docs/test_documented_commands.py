@@ -2,8 +2,6 @@
 
 import re
 import shlex
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -49,12 +47,6 @@ def synopses(page: Path) -> list[str]:
     return [line.split("#")[0].strip() for line in lines if " is " not in line]
 
 
-def perchhw(*arguments: str, folder: Path | None = None) -> "subprocess.CompletedProcess[str]":
-    return subprocess.run(
-        [sys.executable, "-m", "perchhw", *arguments], capture_output=True, text=True, check=False, cwd=folder
-    )
-
-
 @pytest.fixture
 def lab() -> Iterator[SimulatedLab]:
     with SimulatedLab("lab", (*FREE_PORTS, *LOCKSTEP, "--seed", "3")) as lab:
@@ -72,23 +64,34 @@ def lab() -> Iterator[SimulatedLab]:
     ],
     ids=lambda page: page.name,
 )
-def test_console_lines_run(page: Path, lab: SimulatedLab, tmp_path: Path) -> None:
+def test_console_lines_run(
+    page: Path,
+    lab: SimulatedLab,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
     addresses = {DRONE: lab.drones[0], MOCAP: lab.mocap[0], LAB_FILE: f"--lab {lab.ready['lab']}"}
-    run_console_lines(page, addresses, tmp_path)
+    run_console_lines(page, addresses, capsys)
 
 
 @pytest.mark.soak  # tests/bench_commands works the same wizard with the same options, killed and resumed
 @pytest.mark.timeout(240)
 @pytest.mark.parametrize("page", [p for p in PAGES if BENCH in console_lines(p)], ids=lambda page: page.name)
-def test_console_lines_run_on_the_bench(page: Path, tmp_path: Path) -> None:
+def test_console_lines_run_on_the_bench(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
     with SimulatedLab("bench", ["--drone-port", "0", "--pace", "10"]) as bench:
         addresses = {DRONE: patient_uri(bench.drones[0]), HANDS: bench.ready["bench"]["hands"]}
-        run_console_lines(page, addresses, tmp_path)
+        run_console_lines(page, addresses, capsys)
 
 
-def run_console_lines(page: Path, addresses: dict[str, str], folder: Path) -> None:
+def run_console_lines(page: Path, addresses: dict[str, str], capsys: pytest.CaptureFixture[str]) -> None:
+    """One after the other, in the working folder."""
     for name, content in files(page).items():
-        (folder / name).write_text(content, encoding="utf-8")
+        Path(name).write_text(content, encoding="utf-8")
     for line in console_lines(page):
         if line not in run_here(page):
             continue
@@ -97,10 +100,11 @@ def run_console_lines(page: Path, addresses: dict[str, str], folder: Path) -> No
             here = here.replace(shown, real)
         program, *arguments = shlex.split(here)
         assert program == "perchhw", f"{page.name}: teach this test how to run {line!r}"
-        done = perchhw(*arguments, folder=folder)
+        capsys.readouterr()
+        code, said = run(arguments), capsys.readouterr()
         # A flight that is flown may fail to land (the demo prints how likely that is); nothing else may fail.
-        allowed = {0, 1} if "outcome: " in done.stdout and "aborted" not in done.stdout else {0}
-        assert done.returncode in allowed, f"{page.name}: {line}\n{done.stdout}{done.stderr}"
+        allowed = {0, 1} if "outcome: " in said.out and "aborted" not in said.out else {0}
+        assert code in allowed, f"{page.name}: {line}\n{said.out}{said.err}"
 
 
 def test_the_readme_shows_the_two_commands_first() -> None:

@@ -18,6 +18,7 @@ from onboard.arrays import FloatArray
 from onboard.errors import InputError, PerchhwError
 from onboard.link import DroneLink
 from perchhw.attempt import STORED_VEHICLE, AttemptRequest, AttemptResult, Outcome
+from perchhw.cli.main import run
 from perchhw.diagnosis import Cause, diagnose_run
 from perchhw.flight import fly_attempt
 from perchhw.flight.turnaround import Turnaround
@@ -290,15 +291,13 @@ def test_a_trigger_that_does_not_come_ends_on_the_floor(tmp_path: Path) -> None:
     assert_landed_softly(truth)
 
 
-def test_fly_reports_one_json_document(lab: SimulatedLab, tmp_path: Path) -> None:
+def test_fly_reports_one_json_document(
+    lab: SimulatedLab, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     arguments = ["--drone", lab.drones[0], "--mocap", lab.mocap[0], "--speed", "2.5", "--angle", "60"]
-    done = subprocess.run(
-        [sys.executable, "-m", "perchhw", "fly", *arguments, "--dry-run", "--json", "--out", str(tmp_path)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    document = json.loads(done.stdout)
+    code = run(["fly", *arguments, "--dry-run", "--json", "--out", str(tmp_path)])
+    said = capsys.readouterr()
+    assert code == 0, said.err
+    document = json.loads(said.out)
     assert set(document) >= {"outcome", "triggered", "trigger", "aborted_by", "record"}
     assert document["aborted_by"] is None

@@ -88,6 +88,7 @@ def test_a_campaign_does_not_fly_a_drone_again_that_somebody_stopped(tmp_path: P
     assert "stopped by others" in document["attempts"][-1]["aborted_by"]
 
 
+@pytest.mark.soak  # tests/campaign kills and resumes without a lab; docs/flight_day.md flies one here
 @pytest.mark.timeout(240)
 def test_a_campaign_killed_in_flight_resumes_without_losing_or_repeating(tmp_path: Path) -> None:
     with SimulatedLab("lab", (*FREE_PORTS, *LOCKSTEP, "--seed", "5")) as lab:

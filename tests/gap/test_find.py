@@ -2,17 +2,17 @@
 
 import json
 import shutil
-import subprocess
-import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from onboard.vehicle import load_vehicle
+from perchhw.cli.main import run
 from tests.gap.truth.campaign import make_flights
 
-FLIGHTS = 4
+FLIGHTS = 3
 
 
 @pytest.fixture(scope="module")
@@ -22,16 +22,23 @@ def flights(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def find(out: Path, *data: Path) -> tuple[int, dict[str, Any]]:
-    done = subprocess.run(
-        [sys.executable, "-m", "perchhw", "--json", "gap", "find", "--vehicle", "crazyflie21-stock",
-         "--out", str(out), "--data", *map(str, data)],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    return done.returncode, json.loads(done.stdout)
+Find = Callable[..., tuple[int, dict[str, Any]]]
 
 
-def test_report_and_improved_vehicle(flights: Path, tmp_path: Path) -> None:
+@pytest.fixture
+def find(capsys: pytest.CaptureFixture[str]) -> Find:
+    """The command on files: its exit code and what it prints."""
+
+    def of(out: Path, *data: Path) -> tuple[int, dict[str, Any]]:
+        capsys.readouterr()
+        options = ("--vehicle", "crazyflie21-stock", "--out", str(out), "--data", *map(str, data))
+        code = run(["--json", "gap", "find", *options])
+        return code, json.loads(capsys.readouterr().out)
+
+    return of
+
+
+def test_report_and_improved_vehicle(flights: Path, find: Find, tmp_path: Path) -> None:
     code, report = find(tmp_path, flights / "flights")
     assert code == 0
     assert json.loads((tmp_path / "report.json").read_text()) == report
@@ -56,7 +63,7 @@ def test_report_and_improved_vehicle(flights: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.soak
-def test_names_and_order_of_the_files_decide_nothing(flights: Path, tmp_path: Path) -> None:
+def test_names_and_order_of_the_files_decide_nothing(flights: Path, find: Find, tmp_path: Path) -> None:
     files = sorted((flights / "flights").iterdir())
     renamed = [Path(shutil.copy(file, tmp_path / f"{n}.csv")) for n, file in enumerate(reversed(files))]
     _, as_flown = find(tmp_path / "a", *files)
@@ -66,7 +73,7 @@ def test_names_and_order_of_the_files_decide_nothing(flights: Path, tmp_path: Pa
     assert as_flown["gap"] == as_called["gap"]
 
 
-def test_one_flight_and_its_copy_confirm_nothing(flights: Path, tmp_path: Path) -> None:
+def test_one_flight_and_its_copy_confirm_nothing(flights: Path, find: Find, tmp_path: Path) -> None:
     one = flights / "flights" / "circle_fast_rep1.csv"
     copy = shutil.copy(one, tmp_path / "copy.csv")
     code, report = find(tmp_path / "out", one, Path(copy))
@@ -80,7 +87,7 @@ def test_one_flight_and_its_copy_confirm_nothing(flights: Path, tmp_path: Path) 
 
 @pytest.mark.soak  # what is said of them is tested without a search too
 def test_flights_without_a_voltage_are_used_and_it_is_said_what_that_costs(
-    flights: Path, tmp_path: Path
+    flights: Path, find: Find, tmp_path: Path
 ) -> None:
     for path in sorted((flights / "flights").glob("*.csv"))[:2]:
         rows = [line.rsplit(",", 1)[0] for line in path.read_text().splitlines()]

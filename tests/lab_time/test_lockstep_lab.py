@@ -36,7 +36,7 @@ def without_query(uri: str) -> str:
 @pytest.mark.parametrize(
     ("scheme", "busy", "count"),
     [
-        ("vicon", 0, 2),
+        ("vicon", 0, 1),
         pytest.param("vicon-udp", 0, 1, marks=pytest.mark.soak),
         pytest.param("vicon", 4, 2, marks=pytest.mark.soak),
     ],
@@ -73,8 +73,8 @@ def test_a_client_that_takes_no_part_finds_a_lab_in_real_time() -> None:
         while len(heard) < 15:
             assert time.monotonic() - begin < 60.0
             time.sleep(0.01)
-        elapsed, lab_elapsed = time.monotonic() - begin, figures(lab)["t"] - lab_begin
-    assert heard[-1] - heard[0] == 1400
+        lab_elapsed, elapsed = figures(lab)["t"] - lab_begin, time.monotonic() - begin
+    assert heard[14] - heard[0] == 1400  # more may have come while this process waited for its turn
     assert lab_elapsed <= 1.1 * elapsed + 0.1
 
 

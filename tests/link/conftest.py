@@ -32,6 +32,6 @@ def hasty(tiny: TinyDrone) -> Iterator[DroneLink]:
 
 @pytest.fixture
 def drone_link(crazyflie_uri: str) -> Iterator[DroneLink]:
-    """A link to the session's simulated drone that waits for a busy machine."""
+    """A link to a simulated drone of its module that waits for a busy machine."""
     with patient_link(crazyflie_uri) as opened:
         yield opened

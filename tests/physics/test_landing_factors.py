@@ -147,7 +147,7 @@ def _rigid(design: str) -> Any:
 
 
 def _swing(p: Any, rng: np.random.Generator, low: float) -> Any | None:
-    """A throw that touches with its fore feet inside the window, then 0.6 s; None if the feet recede."""
+    """A throw that touches with its fore feet inside the window, 0.6 s at most; None if the feet recede."""
     foot_x, foot_z = fore_foot(p)
     tilt, rate = rng.uniform(low, math.pi - 0.02), rng.uniform(-5.0, 20.0)
     speed, angle = rng.uniform(0.5, 3.0), rng.uniform(math.radians(20.0), 0.5 * math.pi)
@@ -159,8 +159,10 @@ def _swing(p: Any, rng: np.random.Generator, low: float) -> Any | None:
     state["position"] = [0.0, 0.0, float(p["ceiling_z"]) - height - 1e-5]
     state["velocity"] = [speed * math.cos(angle), 0.0, speed * math.sin(angle)]
     state["quaternion"], state["omega"] = _nose_up(tilt), [0.0, -rate, 0.0]
-    for _ in range(4800):  # 0.125 ms: a hinge of 60 N m/rad is stiffer than 1 ms carries
+    for tick in range(4800):  # 0.125 ms: a hinge of 60 N m/rad is stiffer than 1 ms carries
         step_thrust(state, p, OFF, 0.125e-3)
+        if tick % 80 == 0 and state["foot_attached"].sum() == 4:
+            break  # for good
     return state
 
 

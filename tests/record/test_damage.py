@@ -4,8 +4,6 @@ import contextlib
 import json
 import random
 import struct
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -19,6 +17,7 @@ from mcap.stream_reader import StreamReader
 from calibration.flights import open_flight
 from calibration.flights.flight import UnusableFlightError
 from calibration.flights.run_folder import RunFolderError, RunRecord, read_run
+from perchhw.cli.main import run
 from perchhw.record import TOPICS, RunRecorder
 
 FILES = ("run.json", "series.mcap", "events.jsonl")
@@ -190,27 +189,25 @@ def test_a_record_of_an_earlier_version_has_no_crc_and_is_read(closed: Path, tmp
     assert same(record, read_run(closed))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("verb", ["label", "export", "view", "replay"])
 def test_the_verbs_end_with_exit_code_2_and_name_file_and_remedy(
-    closed: Path, tmp_path: Path, verb: str
+    closed: Path, tmp_path: Path, verb: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     damaged = copy(
         closed, tmp_path / "run", "series.mcap", lambda data: data.__setitem__(slice(60, 70), bytes(10))
     )
-    line = [sys.executable, "-m", "perchhw", "--json", "log", verb, str(damaged)]
-    done = subprocess.run(line, check=False, capture_output=True, text=True, timeout=250)
-    assert done.returncode == 2, done.stderr
-    said = json.loads(done.stdout)
+    assert run(["--json", "log", verb, str(damaged)]) == 2
+    said = json.loads(capsys.readouterr().out)
     reason = said["unusable"][0]["reason"] if verb == "label" else said["error"]
     assert f"{damaged}/series.mcap byte " in reason
     assert "leave this run out" in reason
 
 
-def test_one_damaged_flight_does_not_keep_the_others_from_their_labels(closed: Path, tmp_path: Path) -> None:
+def test_one_damaged_flight_does_not_keep_the_others_from_their_labels(
+    closed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     damaged = copy(closed, tmp_path / "damaged", "series.mcap", lambda data: data.__setitem__(200, 0xFF))
-    line = [sys.executable, "-m", "perchhw", "--json", "log", "label", str(damaged), str(closed)]
-    done = subprocess.run(line, check=False, capture_output=True, text=True, timeout=250)
-    said = json.loads(done.stdout)
-    assert [entry["file"] for entry in said["unusable"]][:1] == [str(damaged)], done.stderr
+    run(["--json", "log", "label", str(damaged), str(closed)])
+    said = json.loads(capsys.readouterr().out)
+    assert [entry["file"] for entry in said["unusable"]][:1] == [str(damaged)]
     assert str(closed) in [entry["file"] for entry in said["flights"] + said["unusable"]]

@@ -21,6 +21,7 @@ from cflib.crazyflie.syncCrazyflie import SyncCrazyflie
 
 from mocap_bridge.bridge import PoseBridge
 from mocap_bridge.health import Verdict
+from perchhw.cli.main import run
 from tests.patience import PATIENCE_S, until
 
 READY_S = 240.0  # the first start on a machine compiles everything
@@ -242,17 +243,13 @@ def test_frozen_drone_is_silent() -> None:
         (("drone", "--deck", "flow"), 2, "bcFlow2"),
     ],
 )
-def test_bad_input_is_refused(arguments: tuple[str, ...], code: int, words: str) -> None:
-    ended = subprocess.run(
-        [sys.executable, "-m", "perchhw", "sim", *arguments],
-        capture_output=True,
-        text=True,
-        timeout=READY_S,
-        check=False,
-    )
-    assert ended.returncode == code, ended.stderr
-    assert words in ended.stderr
-    assert not ended.stdout
+def test_bad_input_is_refused(
+    arguments: tuple[str, ...], code: int, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["sim", *arguments]) == code
+    said = capsys.readouterr()
+    assert words in said.err
+    assert not said.out
 
 
 def test_a_taken_port_is_named() -> None:

@@ -202,7 +202,7 @@ def test_parameters_are_listed_watched_and_set(lab: Lab, scf: SyncCrazyflie) -> 
         assert again.cf.param.get_value("ring.effect") == before
 
 
-@pytest.mark.parametrize("lab", [4], indirect=True)
+@pytest.mark.parametrize("lab", [2], indirect=True)
 def test_a_swarm_takes_off_and_lands(lab: Lab, tmp_path: Path) -> None:
     uris = [drone.uri for drone in lab.drones]
     by_uri = dict(zip(uris, lab.drones, strict=True))
