@@ -3,6 +3,8 @@
 import itertools
 import json
 import math
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,7 +18,7 @@ from onboard.link.errors import LinkInputError
 from onboard.link.in_process import InProcessDriver, serve_in_process, stop_serving
 from perchhw.testing import LabWaitTimeout, SimulatedDrone
 from perchhw.testing.instant import InstantLab
-from tests.patience import until
+from tests.patience import PATIENCE_S, until
 
 pytest_plugins = ["pytester"]
 
@@ -173,3 +175,28 @@ PLAIN = """
 def test_plain_code_that_sleeps_flies_in_lab_time(pytester: pytest.Pytester) -> None:
     pytester.makepyfile(PLAIN)
     pytester.runpytest_subprocess("-W", "error", "-q", "-p", "no:cacheprovider").assert_outcomes(passed=1)
+
+
+WITHOUT_POSIX = """
+import os, sys, tempfile
+from pathlib import Path
+
+for name in ("fcntl", "grp", "pty", "pwd", "resource", "termios", "tty"):
+    sys.modules[name] = None
+for name in ("fork", "sched_getaffinity", "setsid"):
+    delattr(os, name)
+
+from perchhw import pytest_plugin
+from perchhw.testing.instant import InstantLab
+from sim_backend.warm_up import _cores
+
+lab = InstantLab(Path(tempfile.mkdtemp()))
+lab.run_for(0.1)
+print(round(lab.time, 3), _cores() >= 1)
+"""
+
+
+def test_it_needs_nothing_that_only_posix_has() -> None:
+    command = [sys.executable, "-c", WITHOUT_POSIX]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+    assert done.stdout.split() == ["0.1", "True"], done.stderr
