@@ -122,6 +122,15 @@ def test_motion_capture_that_is_lost_and_a_brown_out_in_the_air(lab: InstantLab,
     assert events == ["poses", "brown_out"]
 
 
+def test_a_drone_that_crashes_finds_itself_tumbled(lab: InstantLab, tmp_path: Path) -> None:
+    drone = lab.drones[0]
+    with connected(drone, tmp_path) as scf:
+        take_off(lab, drone, scf.cf)
+        drone.tumble()
+        lab.wait_until(lambda: drone.tumbled, within=1.0)
+        lab.wait_until(lambda: max(drone.motors) == 0, within=0.1)
+
+
 def test_a_drone_that_nobody_hears_is_not_waited_for(lab: InstantLab) -> None:
     with pytest.raises(LabWaitTimeout, match=r"within 0\.5 s"):
         lab.wait_until(lambda: lab.drones[0].flying, within=0.5)
@@ -150,7 +159,19 @@ PLAIN = """
     import cflib.crtp
     import pytest
     from cflib.crazyflie import Crazyflie
+    from cflib.crazyflie.log import LogConfig
     from cflib.crazyflie.syncCrazyflie import SyncCrazyflie
+    from cflib.crazyflie.syncLogger import SyncLogger
+    from cflib.utils.reset_estimator import reset_estimator
+
+    def test_cflibs_own_waiting(instant_lab):
+        with SyncCrazyflie(instant_lab.drones[0].uri, cf=Crazyflie()) as scf:
+            reset_estimator(scf)
+            config = LogConfig("z", period_in_ms=50)
+            config.add_variable("stateEstimate.z")
+            with SyncLogger(scf, config) as samples:
+                times = [next(samples)[0] for _ in range(5)]
+            assert [b - a for a, b in zip(times, times[1:])] == [50, 50, 50, 50]
 
     @pytest.mark.crazyflie(drones=2)
     def test_plain_code_with_sleeps(instant_lab):
@@ -174,7 +195,7 @@ PLAIN = """
 
 def test_plain_code_that_sleeps_flies_in_lab_time(pytester: pytest.Pytester) -> None:
     pytester.makepyfile(PLAIN)
-    pytester.runpytest_subprocess("-W", "error", "-q", "-p", "no:cacheprovider").assert_outcomes(passed=1)
+    pytester.runpytest_subprocess("-W", "error", "-q", "-p", "no:cacheprovider").assert_outcomes(passed=2)
 
 
 WITHOUT_POSIX = """
