@@ -137,13 +137,22 @@ def instant_lab(
     request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> Iterator["InstantLab"]:
     """A fresh lab in this process, for cflib: time stands still but for packets and ``run_for``, and
-    ``time.sleep`` on the main thread lets the lab's time pass."""
+    ``time.sleep`` and ``SyncLogger`` on the main thread let the lab's time pass."""
     import time
+
+    from cflib.crazyflie.syncLogger import SyncLogger
 
     from perchhw.testing.instant import InstantLab
 
     lab = InstantLab(tmp_path / "instant-lab", **_options(request.node))
+    take = SyncLogger.__next__
+
+    def next_sample(logger: SyncLogger) -> Any:
+        lab.pass_until_logged(logger)
+        return take(logger)
+
     monkeypatch.setattr(time, "sleep", lab.sleep)
+    monkeypatch.setattr(SyncLogger, "__next__", next_sample)
     yield lab
     lab.close()
     _keep_record(request.node, lab)

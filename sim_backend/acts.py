@@ -143,13 +143,15 @@ class Acts:
 
 
 def _tumble(drone: Drone) -> None:
-    """Turn it upside down, rolling on: what a hit does to it."""
+    """Put it on the floor below, upside down and rolling on: what a crash does to it. In the air it would
+    right itself, or not, by an estimate that knows nothing of how it came to be turned."""
     if isinstance(drone, ParkedDrone):
         raise ActError("a parked drone cannot tumble: ask for one that flies")
     state = drone.state
     state["quaternion"][:] = _UPSIDE_DOWN
     state["omega"][:] = _TUMBLE_RATE
-    state["position"][2] = max(float(state["position"][2]), _CLEAR_OF_THE_FLOOR)
+    state["velocity"][:] = 0.0
+    state["position"][2] = _CLEAR_OF_THE_FLOOR
 
 
 def truth(drone: Drone) -> dict[str, Any]:

@@ -278,10 +278,12 @@ class Lab:
         }
 
     def round(self) -> None:
-        """Bring the world up to date, then talk."""
+        """Bring the world up to date, then talk; a world that is behind talks on its way, so that no log
+        block misses its time."""
         now = self._clock()
         if self.settings.with_drones:
-            self.world.advance(now - self._started)
+            while not self.world.advance(now - self._started, PERIOD_S):
+                self._talk(now)
         else:
             self.world.pass_time(now - self._started)
         self._talk(now)

@@ -81,13 +81,15 @@ class ParkedWorld:
         """Simulated time, s."""
         return self.ticks * DT
 
-    def advance(self, to_time: float) -> None:
+    def advance(self, to_time: float, at_most_s: float = LAG_LIMIT_S) -> bool:
         """Catch up, as :meth:`sim_backend.world.World.advance` does."""
         lag = to_time - self.dropped - self.time
         if lag > LAG_LIMIT_S:
             self.dropped += lag - LAG_LIMIT_S
             lag = LAG_LIMIT_S
-        for _ in range(int(lag / DT + 1e-6)):
+        behind = int(lag / DT + 1e-6)
+        for _ in range(min(behind, round(at_most_s / DT))):
             self.ticks += 1
             for drone in self.drones:
                 drone.step()
+        return behind <= round(at_most_s / DT)

@@ -99,12 +99,17 @@ def _firmware_compiled_beside(engine: EngineName) -> Iterator[None]:
 
     Whatever a process that failed has left out, the flight compiles.
     """
-    if not is_first_start(engine) or len(os.sched_getaffinity(0)) < 2:
+    if not is_first_start(engine) or _cores() < 2:
         yield
         return
     with subprocess.Popen([sys.executable, "-m", "sim_backend.warm_up", engine]) as process:
         yield
         process.wait()
+
+
+def _cores() -> int:
+    """Cores that this process may use; where the system does not say, all there are."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def compile_firmware(engine: EngineName) -> None:

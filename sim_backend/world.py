@@ -274,8 +274,9 @@ class World:
         for _ in range(round(seconds / DT)):
             self.step()
 
-    def advance(self, to_time: float) -> None:
-        """Catch up with `to_time` (s since the start of the lab, real time).
+    def advance(self, to_time: float, at_most_s: float = LAG_LIMIT_S) -> bool:
+        """Catch up with `to_time` (s since the start of the lab, real time), by no more than `at_most_s` in
+        one go; False: there is more to do.
 
         Lateness beyond 0.05 s is given up and counted in `dropped`, so that a busy machine makes time
         run slower instead of making the lab spin.
@@ -284,8 +285,10 @@ class World:
         if lag > LAG_LIMIT_S:
             self.dropped += lag - LAG_LIMIT_S
             lag = LAG_LIMIT_S
-        for _ in range(int(lag / DT + 1e-6)):
+        behind = int(lag / DT + 1e-6)
+        for _ in range(min(behind, round(at_most_s / DT))):
             self.step()
+        return behind <= round(at_most_s / DT)
 
     def pass_time(self, to_time: float) -> None:
         """Let the time go on with nothing happening: the drones rest where they are."""

@@ -3,6 +3,8 @@
 import itertools
 import json
 import math
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,7 +18,7 @@ from onboard.link.errors import LinkInputError
 from onboard.link.in_process import InProcessDriver, serve_in_process, stop_serving
 from perchhw.testing import LabWaitTimeout, SimulatedDrone
 from perchhw.testing.instant import InstantLab
-from tests.patience import until
+from tests.patience import PATIENCE_S, until
 
 pytest_plugins = ["pytester"]
 
@@ -120,6 +122,15 @@ def test_motion_capture_that_is_lost_and_a_brown_out_in_the_air(lab: InstantLab,
     assert events == ["poses", "brown_out"]
 
 
+def test_a_drone_that_crashes_finds_itself_tumbled(lab: InstantLab, tmp_path: Path) -> None:
+    drone = lab.drones[0]
+    with connected(drone, tmp_path) as scf:
+        take_off(lab, drone, scf.cf)
+        drone.tumble()
+        lab.wait_until(lambda: drone.tumbled, within=1.0)
+        lab.wait_until(lambda: max(drone.motors) == 0, within=0.1)
+
+
 def test_a_drone_that_nobody_hears_is_not_waited_for(lab: InstantLab) -> None:
     with pytest.raises(LabWaitTimeout, match=r"within 0\.5 s"):
         lab.wait_until(lambda: lab.drones[0].flying, within=0.5)
@@ -148,7 +159,19 @@ PLAIN = """
     import cflib.crtp
     import pytest
     from cflib.crazyflie import Crazyflie
+    from cflib.crazyflie.log import LogConfig
     from cflib.crazyflie.syncCrazyflie import SyncCrazyflie
+    from cflib.crazyflie.syncLogger import SyncLogger
+    from cflib.utils.reset_estimator import reset_estimator
+
+    def test_cflibs_own_waiting(instant_lab):
+        with SyncCrazyflie(instant_lab.drones[0].uri, cf=Crazyflie()) as scf:
+            reset_estimator(scf)
+            config = LogConfig("z", period_in_ms=50)
+            config.add_variable("stateEstimate.z")
+            with SyncLogger(scf, config) as samples:
+                times = [next(samples)[0] for _ in range(5)]
+            assert [b - a for a, b in zip(times, times[1:])] == [50, 50, 50, 50]
 
     @pytest.mark.crazyflie(drones=2)
     def test_plain_code_with_sleeps(instant_lab):
@@ -172,4 +195,29 @@ PLAIN = """
 
 def test_plain_code_that_sleeps_flies_in_lab_time(pytester: pytest.Pytester) -> None:
     pytester.makepyfile(PLAIN)
-    pytester.runpytest_subprocess("-W", "error", "-q", "-p", "no:cacheprovider").assert_outcomes(passed=1)
+    pytester.runpytest_subprocess("-W", "error", "-q", "-p", "no:cacheprovider").assert_outcomes(passed=2)
+
+
+WITHOUT_POSIX = """
+import os, sys, tempfile
+from pathlib import Path
+
+for name in ("fcntl", "grp", "pty", "pwd", "resource", "termios", "tty"):
+    sys.modules[name] = None
+for name in ("fork", "sched_getaffinity", "setsid"):
+    delattr(os, name)
+
+from perchhw import pytest_plugin
+from perchhw.testing.instant import InstantLab
+from sim_backend.warm_up import _cores
+
+lab = InstantLab(Path(tempfile.mkdtemp()))
+lab.run_for(0.1)
+print(round(lab.time, 3), _cores() >= 1)
+"""
+
+
+def test_it_needs_nothing_that_only_posix_has() -> None:
+    command = [sys.executable, "-c", WITHOUT_POSIX]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+    assert done.stdout.split() == ["0.1", "True"], done.stderr

@@ -161,6 +161,23 @@ class InstantLab(Lab):
         else:
             _sleep(seconds)
 
+    def pass_until_logged(self, logger: Any) -> None:
+        """For cflib's ``SyncLogger``, which waits for a sample without looking at any clock: on the main
+        thread the lab's time passes until there is one.
+
+        Raises:
+            LabWaitTimeout: none came within a minute of the lab's time.
+        """
+        if threading.current_thread() is not threading.main_thread():
+            return
+        end = self.time + CLIENT_PATIENCE_S
+        while logger.is_connected() and logger._queue.empty():
+            if self.time >= end:
+                raise LabWaitTimeout(
+                    f"SyncLogger: no sample within {CLIENT_PATIENCE_S:g} s of the lab's time"
+                )
+            self.run_for(DT)
+
     def _settle(self) -> None:
         """Wait until every client has worked off what came."""
         for server in self._servers:

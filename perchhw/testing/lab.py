@@ -149,7 +149,7 @@ class SimulatedDrone:
         self._act("brown_out", seconds)
 
     def tumble(self) -> None:
-        """Something hits it: it is upside down, and rolls at 15 rad/s."""
+        """It crashes: it is upside down on the floor below, and rolls at 15 rad/s."""
         self._act("tumble")
 
     def set_log(self, variable: str, value: float) -> None:
