@@ -145,7 +145,7 @@ def hovers(monkeypatch: pytest.MonkeyPatch) -> list[CourseRequest]:
     def attempt(request: AttemptRequest, **_options: object) -> AttemptResult:
         return AttemptResult(Outcome.TWO_LEG, True, None, None, request.folder)
 
-    monkeypatch.setattr("perchhw.flight.warm_up.fly_course", hover)
+    monkeypatch.setattr("perchhw.flight.course.fly_course", hover)
     monkeypatch.setattr("perchhw.flight.turnaround.fly_attempt", attempt)
     monkeypatch.setattr("perchhw.flight.turnaround.reboot", lambda _drone: None)
     monkeypatch.setattr("perchhw.flight.turnaround.ask_supervisor", lambda _drone: None)
