@@ -22,12 +22,11 @@ _STYLES = {
 _SHOWN_AROUND_NOW = 12
 
 
-def attempts_table(rows: list[AttemptRow], around_now: bool = False) -> Table:
-    """One line per try; with `around_now` only the last ones flown and the next ones planned."""
+def attempts_table(rows: list[AttemptRow], planned: int, around_now: bool = False) -> Table:
+    """One line per try of `planned` attempts; with `around_now` only the last flown and the next ones."""
     shown = _window(rows) if around_now else rows
-    table = Table(
-        "#", "m/s", "deg", "try", "state", "outcome", "trigger tau", "what happened", title=progress(rows)
-    )
+    title = progress(rows, planned)
+    table = Table("#", "m/s", "deg", "try", "state", "outcome", "tau", "what happened", title=title)
     for row in shown:
         outcome = "" if row.outcome is None else f"[{_STYLES[row.outcome]}]{row.outcome.value}[/]"
         tau = (row.trigger or {}).get("tau")
@@ -38,7 +37,7 @@ def attempts_table(rows: list[AttemptRow], around_now: bool = False) -> Table:
             str(row.try_number),
             f"[bold]{row.state}[/]" if row.state == "running" else row.state,
             outcome,
-            "" if tau is None else f"{tau:.3f} s",
+            "" if tau is None else f"{tau:.3f}",
             escape(_why(row, around_now)),
         )
     return table
@@ -52,14 +51,12 @@ def _why(row: AttemptRow, in_short: bool) -> str:
     return _shortened(why) if in_short else why
 
 
-def progress(rows: Iterable[AttemptRow]) -> str:
+def progress(rows: Iterable[AttemptRow], planned: int) -> str:
     """``7 of 20 done: four_leg 5, two_leg 2``."""
-    rows = list(rows)
     counts = outcome_counts(rows)
     done = sum(counts.values())
-    slots = len({row.slot for row in rows})
     words = ", ".join(f"{outcome.value} {n}" for outcome, n in counts.items())
-    return f"{done} of {slots} done" + (f": {words}" if words else "")
+    return f"{done} of {planned} done" + (f": {words}" if words else "")
 
 
 def outcome_counts(rows: Iterable[AttemptRow]) -> dict[Outcome, int]:

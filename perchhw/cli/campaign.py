@@ -192,7 +192,7 @@ def _emit_rows(folder: Path, report: Path | None, stopped: str | None = None) ->
     }
 
     def draw() -> None:
-        console().print(attempts_table(rows))
+        console().print(attempts_table(rows, planned))
         for misfit in skipped:
             left_out = f"left out: {misfit.speed:g} m/s at {misfit.angle_deg:g} deg {misfit.remedy}"
             console().print(left_out, markup=False, soft_wrap=True)

@@ -177,8 +177,8 @@ def _emit(flown: Flown) -> None:
     from perchhw.campaign.table import progress
 
     def draw() -> None:
-        screen = console()
-        table = Table("m/s", "deg", "outcome", "four legs expected", title=progress(flown.rows))
+        screen, slots = console(), len({row.slot for row in flown.rows})
+        table = Table("m/s", "deg", "outcome", "four legs expected", title=progress(flown.rows, slots))
         for row in flown.rows:
             outcome = row.state if row.outcome is None else row.outcome.value
             rate = flown.rates[row.speed, row.angle_deg]

@@ -92,7 +92,8 @@ def _what_happened(outcome: Outcome, flip: Flip, pair: str | None) -> tuple[str,
     if flip.gap_m is None or flip.gap_m <= -BEYOND_CEILING_M:
         return "it flipped and fell", Cause.CEILING_NOT_REACHED
     missing = max(flip.gap_m, 0.0) * 1e3
-    what = f"it did not get hold of the ceiling: at the top it stayed {missing:.0f} mm below"
+    top = f"stayed {missing:.0f} mm below" if missing >= 1.0 else "just reached it, and no foot met it"
+    what = f"it did not get hold of the ceiling: at the top it {top}"
     return what, Cause.CEILING_NOT_REACHED
 
 

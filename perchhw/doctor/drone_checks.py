@@ -161,7 +161,7 @@ def drone_state(readings: DroneReadings, _: Readings) -> Finding:
         ", ".join(wrong) or "can arm",
         "can arm",
         "a drone that has stopped itself does not take off",
-        "put it upright on its start mark and reboot it",
+        "put it upright on its start mark and switch it off and on (check hover and fly reboot it, too)",
     )
 
 

@@ -15,6 +15,7 @@ from onboard.link.power import refuse_flying
 from onboard.timebase import WALL, Queue, Timebase
 from perchhw.flight.actions import CommandRunner
 from perchhw.flight.caught import Caught
+from perchhw.flight.host_load import host_load
 from perchhw.flight.interrupts import OperatorInterrupts
 from perchhw.flight.kicker import WatchdogKicker
 from perchhw.flight.loop import FlightLoop, OnLook, OnPhase
@@ -91,6 +92,8 @@ class SupervisedFlight:
                 raise
         with Caught(self._not_closed):
             stack.close()
+        if self.clock is WALL:
+            self.record.update(host=host_load())
         return replace(flown, interrupted=interrupts.count > 0)  # also while it closed
 
     def _not_closed(self, error: BaseException) -> None:

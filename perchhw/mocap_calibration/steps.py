@@ -26,6 +26,7 @@ from perchhw.mocap_calibration.watch import SubjectWatch
 from perchhw.screen.display import Display
 
 RESTS = ("rest_1", "rest_2")
+_TITLES = dict(zip(RESTS, ("The drone rests", "The drone rests, turned round"), strict=True))
 TOUCH_STEPS = tuple(f"touch_{number}" for number in range(1, TOUCHES + 1))
 FLIGHT = "flight"
 """Names of the steps in the book."""
@@ -130,7 +131,7 @@ class Survey:
             self._ask(Task(key, request))
             return _kept(watch.rest(self.within, refuse))
 
-        return _rest_of(self.book.step(key, request, work))
+        return _rest_of(self.book.step(key, _TITLES[key], work))
 
     def _ask(self, task: Task) -> None:
         try:
@@ -155,7 +156,8 @@ class Survey:
             self._ask(Task("touch", request))
             return _kept(watch.rest(self.within, refuse))
 
-        return _rest_of(self.book.step(TOUCH_STEPS[number - 1], request, work)).position
+        title = f"Touch {number} of {TOUCHES}"
+        return _rest_of(self.book.step(TOUCH_STEPS[number - 1], title, work)).position
 
 
 def _kept(rest: Rest) -> dict[str, Any]:

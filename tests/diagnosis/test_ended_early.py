@@ -1,6 +1,7 @@
 """What ended an attempt is named as what it was, with its value against its limit."""
 
 import json
+from typing import Any
 
 import pytest
 
@@ -73,6 +74,27 @@ def test_frames_that_stay_away(ended: Ended) -> None:
     found = diagnose_run(ended("pose_age: 0.31 s, need at most 0.3 s"))
     assert found.cause is Cause.MOCAP_SILENT
     assert "0.31 s old, at most 0.3 s allowed" in found.sentence
+
+
+@pytest.mark.parametrize(
+    ("info", "said"),
+    [
+        ({"drone_clock_rate": 0.83, "host": {"cpus": 2, "load": 1.0}}, "the lab ran at 0.83 of real time"),
+        ({"drone_clock_rate": 1.0, "host": {"cpus": 2, "load": 17.0}}, "its load was 17 on 2 processors"),
+        ({"drone_clock_rate": 1.0, "host": {"cpus": 8, "load": 9.0}}, None),
+        ({"drone_clock_rate": None}, None),
+    ],
+)
+def test_a_computer_that_was_too_busy_is_named(ended: Ended, info: dict[str, Any], said: str | None) -> None:
+    run = ended("pose_age: 0.31 s, need at most 0.3 s")
+    run.info.update(info)
+    found = diagnose_run(run)
+    assert found.cause is Cause.MOCAP_SILENT
+    assert ("too busy" in found.sentence) is (said is not None)
+    assert (said or "") in found.sentence
+    assert ("--pace lockstep" in found.next) is (said is not None)
+    run.info["aborted_by"] = "operator"
+    assert "busy" not in diagnose_run(run).sentence
 
 
 def test_a_biased_gyro_is_found_behind_what_it_causes(ended: Ended) -> None:

@@ -22,7 +22,7 @@ from onboard.link.uri import parse_udp_uri
 from onboard.supervisor_info import SupervisorInfo
 from tests.link.faulty_network import Faults, FaultyNetwork
 
-STOP, KICK = b"\x91\x03", b"\x91\x04"
+STOP, KICK, LAND = b"\x91\x03", b"\x91\x04", b"\x80\x08"
 _ZERO_SETPOINT_HEADER = 0x30
 _FLIGHT_S = 60.0
 _TRIES = 5
@@ -46,6 +46,11 @@ def when_it_flies(scene: Callable[[], _T]) -> _T:
 def is_stop(packet: bytes) -> bool:
     """An emergency stop of the host."""
     return len(packet) > 1 and bytes((packet[0] & 0xF3, packet[1])) == STOP
+
+
+def is_order_to_land(packet: bytes) -> bool:
+    """An order to the drone's planner to land."""
+    return len(packet) > 1 and bytes((packet[0] & 0xF3, packet[1])) == LAND
 
 
 def is_other_stop(packet: bytes) -> bool:
@@ -105,15 +110,19 @@ class Airborne(Closing):
         drone, mocap: URIs in the lab.
         folder: for the records.
         rng: of the network.
+        host: further arguments of :mod:`tests.flight.flying_host`.
 
     Attributes:
         network: between host and drone.
         witness: past the network.
         stops: when each stop packet of the host reached the drone, on the monotonic clock, s.
         attempted: when each stop packet of the host came to the network, likewise.
+        landings: when each order to land reached the drone, likewise.
     """
 
-    def __init__(self, drone: str, mocap: str, folder: Path, rng: np.random.Generator) -> None:
+    def __init__(
+        self, drone: str, mocap: str, folder: Path, rng: np.random.Generator, host: tuple[str, ...] = ()
+    ) -> None:
         self._drone = drone
         self._folder = folder
         self._flights = 0
@@ -122,12 +131,13 @@ class Airborne(Closing):
         self.network = FaultyNetwork(parse_udp_uri(drone).port, rng, Faults())
         self.stops: list[float] = []
         self.attempted: list[float] = []
+        self.landings: list[float] = []
         self.network.watch = self._note
         self.withhold()
         self._lines: queue.Queue[dict[str, Any] | None] = queue.Queue()
         command = ["-m", "tests.flight.flying_host", "--drone", self.network.uri, "--mocap", mocap]
         self.host = subprocess.Popen(
-            [sys.executable, *command], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+            [sys.executable, *command, *host], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
         )
         threading.Thread(target=self._read, daemon=True).start()
         self._wait_for("ready")
@@ -150,6 +160,7 @@ class Airborne(Closing):
         reboot(self._drone, even_flying=True)
         self.stops.clear()
         self.attempted.clear()
+        self.landings.clear()
         self._flights += 1
         self._pressed = False
         assert self.host.stdin is not None
@@ -186,6 +197,8 @@ class Airborne(Closing):
     def _note(self, packet: bytes, now: float) -> None:
         if is_stop(packet):
             self.stops.append(now)
+        elif is_order_to_land(packet):
+            self.landings.append(now)
 
     def _read(self) -> None:
         assert self.host.stdout is not None

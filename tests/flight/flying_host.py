@@ -10,6 +10,7 @@ import argparse
 import json
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 from onboard.errors import PerchhwError
@@ -42,7 +43,7 @@ def say(**what: object) -> None:
     sys.stdout.flush()
 
 
-def hover(drone: str, mocap: str, folder: Path, hang_s: float = 0.0) -> FlightState:
+def hover(drone: str, mocap: str, folder: Path, limits: SafetyLimits, hang_s: float = 0.0) -> FlightState:
     """Fly until stopped; the supervisor's last state."""
 
     def on_phase(state: FlightState) -> None:
@@ -61,7 +62,7 @@ def hover(drone: str, mocap: str, folder: Path, hang_s: float = 0.0) -> FlightSt
                 approach_duration=0.0,
                 test_flight=True,
             ),
-            limits=LIMITS,
+            limits=limits,
             blocks=TEST_FLIGHT_BLOCKS,
             settings=TEST_FLIGHT_SETTINGS,
             commands=lambda link, events, _readback: CommandRunner(link, events, WALL),
@@ -77,12 +78,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--drone", required=True)
     parser.add_argument("--mocap", required=True)
+    parser.add_argument("--pose-age", type=float, default=LIMITS.pose_age_bridged, help="limit in flight, s")
     arguments = parser.parse_args()
+    limits = replace(LIMITS, pose_age_bridged=arguments.pose_age)
     say(ready=True)
     for line in sys.stdin:
         folder, *hang = line.split()
         try:
-            state = hover(arguments.drone, arguments.mocap, Path(folder), float(hang[0]) if hang else 0.0)
+            hang_s = float(hang[0]) if hang else 0.0
+            state = hover(arguments.drone, arguments.mocap, Path(folder), limits, hang_s)
         except PerchhwError as error:
             say(ended=True, refused=str(error))
         else:

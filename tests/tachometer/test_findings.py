@@ -146,3 +146,19 @@ def test_monitor_follows_the_rotor(run: Run) -> None:
     assert monitor.quality().speed == 0.0
     monitor.add(np.array([0.0, 0.001]), np.array([1, 2]))
     assert monitor.quality().edge_rate == 4.0
+
+
+def test_a_rotor_that_settles_otherwise_than_the_law_does_not_drift() -> None:
+    """First-order thrust, which the simulated bench has: coasting ends sooner than the law thinks."""
+    levels = [0.0, 3600.0, 1277.0, 0.0, 2820.0, 1277.0, 0.0, 3600.0, 1870.0, 0.0]
+    motion = turn(Motor(), levels)
+    w = np.zeros_like(motion.w)
+    for k, dt in enumerate(np.diff(motion.t)):
+        level = levels[int(motion.t[k] // 1.6)]
+        time = 0.0475 if level > w[k] else 0.136
+        w[k + 1] = np.sqrt(level**2 + (w[k] ** 2 - level**2) * np.exp(-dt / time))
+    angle = np.concatenate([[0.0], np.cumsum(0.5 * (w[1:] + w[:-1]) * np.diff(motion.t))])
+    record = edges(dataclasses.replace(motion, w=w, angle=angle), Sensor(), np.random.default_rng(0))
+    seen = {finding.code for finding in analyse([record], PROPELLER, 0.09).findings}
+    assert "few_steps" in seen
+    assert "drifting" not in seen

@@ -251,16 +251,27 @@ def _check_step(fit: DirectionFit, index: int, step: SpeedStep, marks: int) -> l
 
 
 def _drift(residuals: FloatArray, middle: FloatArray, speed: FloatArray) -> tuple[float, float]:
-    """Relative slope (1/s) of what the law leaves in the later half of a step, and its uncertainty."""
-    late = middle > 0.5 * (middle[0] + middle[-1])
+    """Relative slope (1/s) of the speed in the last quarter of a step, and its uncertainty.
+
+    The smaller one of what was measured and of what the law leaves of it: a rotor that still settles has the
+    first alone, one that settles otherwise than the law (first-order thrust) the second alone.
+    """
+    late = middle > 0.25 * middle[0] + 0.75 * middle[-1]
     level = float(np.mean(speed[late]))
     if late.sum() < 5 or level < 0.2 * float(np.max(speed)):
         return 0.0, 0.0
-    t = middle[late] - middle[late].mean()
+    slopes = [_slope(middle[late], values[late]) for values in (speed, -residuals)]
+    slope, sigma = min(slopes, key=lambda one: abs(one[0]))
+    return slope / level, sigma / level
+
+
+def _slope(t: FloatArray, values: FloatArray) -> tuple[float, float]:
+    """Slope of a line through the values, and its standard uncertainty."""
+    t = t - t.mean()
     spread = float(np.sum(t**2))
-    slope = -float(t @ residuals[late]) / spread
-    rest = -residuals[late] - np.mean(-residuals[late]) - slope * t
-    return slope / level, float(np.sqrt(rest @ rest / max(rest.size - 2, 1) / spread)) / level
+    slope = float(t @ values) / spread
+    rest = values - values.mean() - slope * t
+    return slope, float(np.sqrt(rest @ rest / max(rest.size - 2, 1) / spread))
 
 
 def check_directions(up: DirectionFit | None, down: DirectionFit | None, speed: float) -> list[Finding]:
