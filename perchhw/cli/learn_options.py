@@ -42,7 +42,8 @@ class FlightOptions:
     sensing: Annotated[
         str,
         typer.Option(
-            help="Errors of the cues: perfect (the paper), realistic, late, or gazebo (the authors')."
+            help="Errors of cues and approach: perfect (the paper), realistic, late, measured (in real "
+            "flights), or gazebo (the authors')."
         ),
     ] = "realistic"
     gains: Annotated[
