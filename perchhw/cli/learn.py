@@ -96,7 +96,9 @@ def validate(
     out: OutOption = _OUT,
     landings: Annotated[
         Path | None,
-        typer.Option(help="landings.json of gap landings on your own flights: how wrong the model is there."),
+        typer.Option(
+            help="landings.json of gap landings on your flights: how they scatter, how wrong the model is."
+        ),
     ] = None,
 ) -> None:
     """Fly the two-stage policy at every condition of a grid, first as real approaches scatter."""
@@ -254,6 +256,7 @@ def _validate(
 
     from onboard.policy.files import policy_crc32
     from perchhw.learning.grid import conditions
+    from perchhw.learning.launch_file import launch_of
     from perchhw.learning.real_rate import known_error, real_rate
     from perchhw.learning.setup import MEASURED
     from perchhw.learning.sweep_folder import make_folder, not_finite_report, write_file
@@ -271,8 +274,11 @@ def _validate(
                 loaded, world, approaches, rollouts=rollouts, executor=executor, on_condition=show
             )
 
-    measured = flown(replace(flown_by, sensing=MEASURED), "validation, measured")
-    rows = measured if flown_by.sensing == MEASURED else flown(flown_by, f"validation, {flown_by.sensing}")
+    as_flown = replace(flown_by, sensing=MEASURED)
+    if landings is not None:
+        as_flown = replace(as_flown, launch=launch_of(landings))
+    measured = flown(as_flown, "validation, measured")
+    rows = measured if as_flown == flown_by else flown(flown_by, f"validation, {flown_by.sensing}")
     write_validation(measured, out / MEASURED_FILE)
     write_validation(rows, out / VALIDATION_FILE)
     expected = None if error is None else real_rate(measured, error, setup.seed)

@@ -5,7 +5,6 @@ landings`, ``expectation.model_error``): the authors' for the vehicle file that 
 own for any other.
 """
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,7 +12,7 @@ import numpy as np
 
 from calibration.gap.landings.outcomes.expectation import Expectation, ModelError, expect
 from perchhw.attempt import DEFAULT_VEHICLE
-from perchhw.learning.errors import LearningInputError
+from perchhw.learning.launch_file import read_landings
 from perchhw.learning.setup import LearningSetup
 from perchhw.learning.sweep_folder import Row
 
@@ -34,12 +33,7 @@ def known_error(setup: LearningSetup, landings: Path | None) -> ModelError | Non
         ModelErrorFileError: it does not say.
     """
     if landings is not None:
-        try:
-            document = json.loads(landings.read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
-            raise LearningInputError(
-                f"{landings}: cannot be read ({error}): give the landings.json of perchhw gap landings --out"
-            ) from error
+        document = read_landings(landings)
         return ModelError.from_document(document, str(landings))
     own_legs = setup.legs is None and setup.leg_angle_deg is None and setup.leg_length_m is None
     return AUTHORS_ERROR if setup.vehicle == DEFAULT_VEHICLE and own_legs else None

@@ -85,6 +85,7 @@ class LearningSetup:
             (:mod:`vehicle_pool`); a name replaces what the preset says of it.
         ceiling_z: m.
         seed: of everything random.
+        launch: values of :class:`sim_backend.physics.launch.Launch` in place of those of `sensing`.
     """
 
     vehicle: str = "crazyflie21-upgraded"
@@ -98,6 +99,7 @@ class LearningSetup:
     gains: str = "default"
     ceiling_z: float = RoomGeometry().ceiling_z
     seed: int = 0
+    launch: tuple[float, ...] = ()
 
     def load_vehicle(self) -> Vehicle:
         """The vehicle with the legs that are asked for.
@@ -147,6 +149,8 @@ class LearningSetup:
     def describe(self) -> dict[str, Any]:
         """The settings, with a fingerprint of the vehicle, for records and for comparing runs."""
         settings = {**dataclasses.asdict(self), "randomise": sorted(self.randomise)}
+        if not self.launch:
+            del settings["launch"]
         return {**settings, "vehicle_sha256": fingerprint(self.recipe().vehicle_toml)}
 
 
@@ -160,12 +164,13 @@ def recorded_setup(settings: Mapping[str, Any], where: str) -> LearningSetup:
         LearningInputError: the settings lack one, or the vehicle is no longer the same.
         VehicleFileError: its vehicle cannot be read any more.
     """
-    names = [field.name for field in dataclasses.fields(LearningSetup)]
+    names = [field.name for field in dataclasses.fields(LearningSetup) if field.name != "launch"]
     missing = [name for name in names if name not in settings]
     if missing:
         raise LearningInputError(f"{where}: the settings of the sweep lack {', '.join(missing)}")
     values = {name: settings[name] for name in names}
-    setup = LearningSetup(**{**values, "randomise": tuple(values["randomise"])})
+    launch = tuple(settings.get("launch", ()))
+    setup = LearningSetup(**{**values, "randomise": tuple(values["randomise"]), "launch": launch})
     if setup.describe().get("vehicle_sha256") != settings.get("vehicle_sha256"):
         raise LearningInputError(
             f"{where}: vehicle {setup.vehicle!r} has changed since the sweep: sweep again"
@@ -205,13 +210,16 @@ class Recipe:
             raise LearningInputError(
                 f"sensing {setup.sensing!r} is not known: choose one of {', '.join(SENSING)}"
             )
+        rollout = SENSING[setup.sensing]
+        if setup.launch:
+            rollout = rollout._replace(launch=Launch(*setup.launch))
         content = tomllib.loads(self.vehicle_toml)
         vehicle = parse_vehicle(content, setup.vehicle)
         room = RoomGeometry(ceiling_z=setup.ceiling_z)
         rules = Rules(
             gains=_gains(setup.gains, vehicle),
             domain=_domain(setup, content, room),
-            rollout=SENSING[setup.sensing],
+            rollout=rollout,
             reward=reward_weights(setup.reward),
             ephe=EpheSettings(),
         )

@@ -12,9 +12,10 @@ from calibration.gap.landings.outcomes.expectation import ModelErrorFileError
 from calibration.gap.landings.outcomes.launch import measured_launch
 from onboard.vehicle import load_vehicle
 from perchhw.learning.errors import LearningInputError
+from perchhw.learning.launch_file import launch_of
 from perchhw.learning.real_rate import AUTHORS_ERROR, known_error, real_rate
-from perchhw.learning.setup import MEASURED, SENSING, LearningSetup
-from sim_backend.physics.launch import EXACT
+from perchhw.learning.setup import MEASURED, SENSING, LearningSetup, recorded_setup
+from sim_backend.physics.launch import EXACT, Launch
 
 
 def test_the_preset_is_what_the_authors_flights_show(shared_data: Path) -> None:
@@ -50,6 +51,23 @@ def test_whose_error_is_known(tmp_path: Path) -> None:
         known_error(LearningSetup(), own)
     with pytest.raises(LearningInputError, match="cannot be read"):
         known_error(LearningSetup(), tmp_path / "none.json")
+
+
+def test_a_lab_learns_with_its_own_scatter(tmp_path: Path) -> None:
+    """What `gap landings` says of a lab's flights becomes the launch of the rollouts, and is recorded."""
+    own = tmp_path / "landings.json"
+    values = {name: 0.01 * k for k, name in enumerate(Launch._fields, start=1)}
+    dispersion = {"pitch": values.pop("flip_spread"), "roll": values.pop("flip_roll")}
+    own.write_text(json.dumps({"launch": {"flights": 9, **values}, "dispersion": dispersion}))
+    setup = LearningSetup(sensing=MEASURED, launch=launch_of(own))
+    _, rules = setup.load()
+    assert rules.rollout.launch == pytest.approx([0.01 * k for k in range(1, 10)])
+    assert rules.rollout.velocity_bias == SENSING[MEASURED].velocity_bias
+    assert recorded_setup(json.loads(json.dumps(setup.describe())), "sweep") == setup
+    assert "launch" not in LearningSetup().describe()  # folders of before go on
+    own.write_text(json.dumps({"launch": None}))
+    with pytest.raises(LearningInputError, match="at least five flights"):
+        launch_of(own)
 
 
 def test_conditions_without_a_trigger_expect_nothing() -> None:
