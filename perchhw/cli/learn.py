@@ -23,10 +23,18 @@ from perchhw.cli.learn_report import report, write_report
 from perchhw.cli.option_groups import with_option_groups
 from perchhw.cli.output import emit
 from perchhw.consoles import console, progress_console
-from perchhw.learning.sweep_folder import POLICY_FILE, TRAINING_FILE, VALIDATION_FILE, VALIDATION_SUMMARY
+from perchhw.learning.sweep_folder import (
+    MEASURED_FILE,
+    POLICY_FILE,
+    TRAINING_FILE,
+    VALIDATION_FILE,
+    VALIDATION_SUMMARY,
+)
 
 if TYPE_CHECKING:
     from onboard.policy.files import Policy
+    from perchhw.learning.setup import LearningSetup
+    from perchhw.learning.sweep_folder import Row
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help="Learn a landing policy in simulation.")
 app.command()(report)
@@ -86,10 +94,16 @@ def validate(
     policy: Annotated[str | None, typer.Option(help="Policy; default: the trained one in --out.")] = None,
     rollouts: RolloutsOption = 18,
     out: OutOption = _OUT,
+    landings: Annotated[
+        Path | None,
+        typer.Option(
+            help="landings.json of gap landings on your flights: how they scatter, how wrong the model is."
+        ),
+    ] = None,
 ) -> None:
-    """Fly the two-stage policy at every condition of a grid."""
-    result = _validate(setup, grid, policy, rollouts, out)
-    emit(result, lambda: _draw_rates("landing rate of the two-stage policy", result["bands"]))
+    """Fly the two-stage policy at every condition of a grid, first as real approaches scatter."""
+    result = _validate(setup, grid, policy, rollouts, out, landings)
+    emit(result, lambda: _draw_validation(result))
 
 
 @app.command("all")
@@ -111,7 +125,7 @@ def everything(
     def draw() -> None:
         _draw_rates("best landing rate per condition", swept["bands"])
         console().print(_training_text(trained), markup=False)
-        _draw_rates("landing rate of the two-stage policy", validated["bands"])
+        _draw_validation(validated)
         console().print(f"report {reported['report']}", markup=False)
 
     emit({"sweep": swept, "training": trained, "validation": validated, **reported}, draw)
@@ -231,37 +245,90 @@ def _load_policy(name_or_path: str | None, out: Path) -> "Policy":
 
 
 def _validate(
-    setup: SetupOptions, grid: GridOptions, policy: str | None, rollouts: int, out: Path
+    setup: SetupOptions,
+    grid: GridOptions,
+    policy: str | None,
+    rollouts: int,
+    out: Path,
+    landings: Path | None = None,
 ) -> dict[str, Any]:
+    from dataclasses import replace
+
     from onboard.policy.files import policy_crc32
-    from perchhw.learning.bands import band_table, best_per_condition
     from perchhw.learning.grid import conditions
+    from perchhw.learning.launch_file import launch_of
+    from perchhw.learning.real_rate import known_error, real_rate
+    from perchhw.learning.setup import MEASURED
     from perchhw.learning.sweep_folder import make_folder, not_finite_report, write_file
     from perchhw.learning.validate import validate_policy, write_validation
 
     loaded = _load_policy(policy, out)
     approaches = conditions(*grid.ranges())
     flown_by = setup.learning_setup()
+    error = known_error(flown_by, landings)
     make_folder(out)
-    with grid.executor() as executor, progress_of("validation", setup.seed) as show:
-        rows = validate_policy(
-            loaded, flown_by, approaches, rollouts=rollouts, executor=executor, on_condition=show
-        )
+
+    def flown(world: "LearningSetup", what: str) -> "tuple[Row, ...]":
+        with grid.executor() as executor, progress_of(what, setup.seed) as show:
+            return validate_policy(
+                loaded, world, approaches, rollouts=rollouts, executor=executor, on_condition=show
+            )
+
+    as_flown = replace(flown_by, sensing=MEASURED)
+    if landings is not None:
+        as_flown = replace(as_flown, launch=launch_of(landings))
+    measured = flown(as_flown, "validation, measured")
+    rows = measured if as_flown == flown_by else flown(flown_by, f"validation, {flown_by.sensing}")
+    write_validation(measured, out / MEASURED_FILE)
     write_validation(rows, out / VALIDATION_FILE)
+    expected = None if error is None else real_rate(measured, error, setup.seed)
     result = {
         "policy_crc32": policy_crc32(loaded),
         "settings": flown_by.describe(),
+        "measured": {"table": str(out / MEASURED_FILE), **_summary(measured)},
+        "real_rate": None if expected is None else expected.to_json(),
         "table": str(out / VALIDATION_FILE),
         "conditions": len(rows),
         "rollouts_per_condition": rollouts,
-        "trigger_rate": sum(float(row["trigger_rate"] or 0) for row in rows) / len(rows),
         "not_finite_rollouts": [
             not_finite_report(row, setup.seed) for row in rows if row["not_finite_rollouts"]
         ],
-        "bands": band_table(best_per_condition(rows)),
+        **_summary(rows),
     }
     write_file(out / VALIDATION_SUMMARY, json.dumps(result, indent=1) + "\n")
     return result
+
+
+def _summary(rows: "tuple[Row, ...]") -> dict[str, Any]:
+    """Means over the conditions, and the bands of clean landings."""
+    from perchhw.learning.bands import band_table, best_per_condition
+
+    means = {
+        name: sum(float(row[name] or 0.0) for row in rows) / len(rows)
+        for name in ("trigger_rate", "four_leg_rate", "two_leg_rate")
+    }
+    return {**means, "bands": band_table(best_per_condition(rows))}
+
+
+def _draw_validation(result: dict[str, Any]) -> None:
+    """The world as real flights show it first, then the one that was asked for."""
+    sensing = result["settings"]["sensing"]
+    worlds = [("as real approaches scatter", result["measured"]), (f"with {sensing} cues", result)]
+    for name, found in worlds[: 1 if sensing == "measured" else 2]:
+        _draw_rates(f"landing rate of the two-stage policy, {name}", found["bands"])
+        console().print(f"any four legs {found['four_leg_rate']:.2f}, two legs {found['two_leg_rate']:.2f}")
+    expected = result["real_rate"]
+    if expected is None:
+        console().print(
+            "no real flights tell what this vehicle does of that: perchhw gap landings, --landings"
+        )
+        return
+    (low, high), (least, most) = expected["ci95"], expected["four_leg_count80"]
+    console().print(
+        f"to be expected in reality, any four legs: {expected['four_leg_rate']:.2f} "
+        f"({low:.2f} to {high:.2f}); of {expected['next_flights']} flights {least} to {most} (80 %)",
+        soft_wrap=True,
+    )
 
 
 def _draw_rates(title: str, bands: list[dict[str, Any]]) -> None:

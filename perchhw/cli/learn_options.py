@@ -42,19 +42,27 @@ class FlightOptions:
     sensing: Annotated[
         str,
         typer.Option(
-            help="Errors of the cues: perfect (the paper), realistic, late, or gazebo (the authors')."
+            help="Errors of cues and approach: perfect (the paper), realistic, late, measured (in real "
+            "flights), or gazebo (the authors')."
         ),
     ] = "realistic"
     gains: Annotated[
         str, typer.Option(help="Of the controller: default, authors, or gazebo (that of their sweep).")
     ] = "default"
     seed: SeedOption = 0
+    launch: Annotated[
+        Path | None,
+        typer.Option(help="landings.json of gap landings: approaches and flips scatter as on these flights."),
+    ] = None
 
     def learning_setup(self, reward: str = "paper") -> "LearningSetup":
         """The setup of the rollouts; a validation has no use for the reward."""
+        from perchhw.learning.launch_file import launch_of
         from perchhw.learning.setup import LearningSetup
 
-        return LearningSetup(**{**asdict(self), "randomise": tuple(self.randomise or ())}, reward=reward)
+        launch = () if self.launch is None else launch_of(self.launch)
+        read = {"randomise": tuple(self.randomise or ()), "launch": launch}
+        return LearningSetup(**{**asdict(self), **read}, reward=reward)
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from perchhw.learning.bands import best_per_condition
 from perchhw.learning.errors import LearningInputError
 from perchhw.learning.grid import Condition
 from perchhw.learning.sweep_folder import (
+    MEASURED_FILE,
     PAIRS_FILE,
     POLICY_FILE,
     SWEEP_FILE,
@@ -57,6 +58,7 @@ class LearningResults:
         sweep: ``sweep.json``. pairs: rows of ``pairs.csv``.
         policy, training: the trained policy and ``training.json``.
         validation: rows of ``validation.csv``. validation_summary: ``validation.json``.
+        measured: rows of ``validation_measured.csv``: the policy as real approaches scatter.
         doubts: in words, where the parts do not belong together.
     """
 
@@ -68,6 +70,7 @@ class LearningResults:
     validation: tuple[Row, ...] | None
     validation_summary: dict[str, Any] | None
     doubts: tuple[str, ...]
+    measured: tuple[Row, ...] | None = None
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -80,11 +83,19 @@ class LearningResults:
         return RateMap("sensory-motor pairs", best_per_condition(self.pairs))
 
     def policy_rates(self) -> RateMap | None:
-        """Rate of the two-stage policy at each condition."""
-        if self.validation is None:
-            return None
-        triggers = best_per_condition(self.validation, "trigger_rate")
-        return RateMap("two-stage policy", best_per_condition(self.validation), triggers)
+        """Rate of the two-stage policy at each condition, in the world that was asked for."""
+        sensing = (self.validation_summary or {}).get("settings", {}).get("sensing", "")
+        return _rates_of(self.validation, f"policy, {sensing} cues" if sensing else "policy")
+
+    def measured_rates(self) -> RateMap | None:
+        """Likewise as real approaches scatter."""
+        return _rates_of(self.measured, "policy, measured dispersion")
+
+
+def _rates_of(rows: tuple[Row, ...] | None, name: str) -> RateMap | None:
+    if rows is None:
+        return None
+    return RateMap(name, best_per_condition(rows), best_per_condition(rows, "trigger_rate"))
 
 
 def columns(rows: tuple[Row, ...], *names: str) -> tuple[FloatArray, ...]:
@@ -116,6 +127,7 @@ def read_results(folder: Path) -> LearningResults:
     if (folder / VALIDATION_FILE).is_file():
         validation = _read_table(folder / VALIDATION_FILE)
     summary = _read_json(folder / VALIDATION_SUMMARY)
+    measured = _read_table(folder / MEASURED_FILE) if (folder / MEASURED_FILE).is_file() else None
     return LearningResults(
         folder=folder,
         sweep=sweep,
@@ -125,6 +137,7 @@ def read_results(folder: Path) -> LearningResults:
         validation=validation,
         validation_summary=summary,
         doubts=_doubts(folder, sweep, len(pairs), policy, summary),
+        measured=measured,
     )
 
 

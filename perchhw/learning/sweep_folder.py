@@ -16,6 +16,7 @@ SCHEMA = "perchhw.sweep/1"
 PAIRS_FILE, SWEEP_FILE = "pairs.csv", "sweep.json"
 POLICY_FILE, TRAINING_FILE = "policy.policy.json", "training.json"
 VALIDATION_FILE, VALIDATION_SUMMARY = "validation.csv", "validation.json"
+MEASURED_FILE = "validation_measured.csv"
 
 COLUMNS = (
     "speed_m_s", "angle_deg", "trial", "tau", "theta_x", "d_ceil", "a_rot", "landing_rate", "four_leg_rate",

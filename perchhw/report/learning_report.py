@@ -47,6 +47,7 @@ def _page(
     if doubts:
         body += section("Read with care", "<br>".join(escape(doubt) for doubt in doubts))
     first, *others = drawn
+    body += _expected(results)
     body += section(first.title, svg(first.figure), first.meaning)
     body += section(
         "Landing rate by band",
@@ -63,8 +64,7 @@ def _page(
 
 def _pictures(results: LearningResults, reference: RateMap | None, examples: Examples) -> Iterator[Picture]:
     """All figures that there is content for."""
-    policy_rates = results.policy_rates()
-    maps = [results.pair_rates(), *(m for m in (policy_rates, reference) if m is not None)]
+    maps = _maps(results, reference)
     yield Picture(
         "landing_rates", "Landing rate over speed and approach angle", _maps_meaning(maps), rate_maps(maps)
     )
@@ -98,6 +98,53 @@ def _pictures(results: LearningResults, reference: RateMap | None, examples: Exa
             _trial_meaning(examples.trial),
             learning_figures.convergence(examples.trial),
         )
+
+
+def _maps(results: LearningResults, reference: RateMap | None) -> list[RateMap]:
+    """What real flights are like first, then kinder worlds, then what the policy learned from."""
+    maps = (results.measured_rates(), results.policy_rates(), results.pair_rates(), reference)
+    return [one for one in maps if one is not None]
+
+
+def _expected(results: LearningResults) -> str:
+    """The rates that a lab should count on, before any kinder ones."""
+    summary = results.validation_summary or {}
+    measured, expected = summary.get("measured"), summary.get("real_rate")
+    if measured is None:
+        return ""
+    rows = [
+        [
+            name,
+            f"{world['four_leg_rate']:.2f}",
+            f"{world['two_leg_rate']:.2f}",
+            f"{world['trigger_rate']:.2f}",
+        ]
+        for name, world in (
+            ("simulated, as real approaches scatter", measured),
+            (f"simulated, {summary['settings']['sensing']} cues", summary),
+        )
+    ]
+    words = (
+        "No real flights tell what this vehicle does of that: perchhw gap landings --out, then "
+        "perchhw learn validate --landings."
+    )
+    if expected is not None:
+        (low, high), (least, most) = expected["ci95"], expected["four_leg_count80"]
+        rows.insert(
+            0,
+            [
+                "<b>to be expected in reality</b>",
+                f"<b>{expected['four_leg_rate']:.2f}</b> ({low:.2f} to {high:.2f})",
+                "",
+                "",
+            ],
+        )
+        words = (
+            f"Of {expected['next_flights']} flights over all conditions {least} to {most} will hold on four "
+            "legs (80 %): the simulated rate as real approaches scatter, with the error that the simulation "
+            "showed on flights of known outcome."
+        )
+    return section("What to expect", table(["", "any four legs", "two legs", "triggers"], rows), words)
 
 
 def _maps_meaning(maps: list[RateMap]) -> str:
@@ -175,9 +222,9 @@ def _trial_meaning(trial: Convergence) -> str:
 
 def _bands(results: LearningResults, reference: RateMap | None) -> str:
     """Rates by band of every map, in one table."""
-    maps = [m for m in (results.pair_rates(), results.policy_rates(), reference) if m is not None]
+    maps = _maps(results, reference)
     tables = [{(b["angles"], b["speeds"]): b for b in band_table(dict(m.rates))} for m in maps]
-    triggers = maps[1].trigger_rates if results.validation is not None else None
+    triggers = maps[0].trigger_rates
     fired = {} if triggers is None else {(b["angles"], b["speeds"]): b for b in band_table(dict(triggers))}
     header = ["approach angle", "speed", "conditions", *(m.name for m in maps)]
     rows = []

@@ -1,10 +1,10 @@
 """One landing attempt from the placement under the ceiling to rest, as learning needs it by the thousand.
 
-The attempt follows the authors' (paper errata 9 and 11): placed level at h - 0.5 V_z with exact velocity, the
-controller holds the velocity, the policy is armed 0.05 s later and looks at the cues at 100 Hz; on the
-trigger the two front motors flip, and all motors stop when the body axis falls below the horizon. Thrust
-commands are taken as delivered up to the motors' limit: the battery compensation is perfect here, as in the
-authors' simulation.
+The attempt follows the authors' (paper errata 9 and 11): placed level at h - 0.5 V_z with exact velocity (or
+as real approaches do, :mod:`launch`), the controller holds the velocity, the policy is armed 0.05 s later and
+looks at the cues at 100 Hz; on the trigger the two front motors flip, and all motors stop when the body axis
+falls below the horizon. Thrust commands are taken as delivered up to the motors' limit: the battery
+compensation is perfect here, as in the authors' simulation.
 """
 
 import math
@@ -21,6 +21,14 @@ from onboard.rotation import body_z
 from sim_backend.physics.decision import decide
 from sim_backend.physics.effects.sensors import measured_rate, tracked_attitude, tracked_position
 from sim_backend.physics.jit import inner, kernel
+from sim_backend.physics.launch import (
+    EXACT,
+    Launch,
+    ceiling_error,
+    flip_gains,
+    launch_velocity,
+    scattered_flip,
+)
 from sim_backend.physics.motors import decay
 from sim_backend.physics.step import advance, is_finite
 
@@ -54,6 +62,7 @@ class RolloutSettings(NamedTuple):
         velocity_bias: m/s, standard deviation of an error of v_x and v_z that lasts a rollout.
         velocity_noise: m/s, standard deviation of the error of each look.
         height_noise: m, likewise for the height.
+        launch: how the approach and the flip differ from what they are told.
     """
 
     dt: float = 1e-3
@@ -71,6 +80,7 @@ class RolloutSettings(NamedTuple):
     velocity_bias: float = 0.0
     velocity_noise: float = 0.0
     height_noise: float = 0.0
+    launch: Launch = EXACT
 
 
 ROLLOUT = np.dtype(
@@ -102,11 +112,10 @@ _DELAY_STEPS = 128
 
 
 @kernel
-def place(state: Any, p: Any, speed: float, angle: float, time_to_ceiling: float) -> None:
-    """Put a fresh state on the approach: level, exact velocity, hover thrust."""
-    vx, vz = speed * math.cos(angle), speed * math.sin(angle)
-    state.position[2] = p.ceiling_z - time_to_ceiling * vz
-    state.velocity[0], state.velocity[2] = vx, vz
+def place(state: Any, p: Any, velocity: Vector, time_to_ceiling: float) -> None:
+    """Put a fresh state on the approach: level, with a velocity (m/s, world), hover thrust."""
+    state.position[2] = p.ceiling_z - time_to_ceiling * velocity[2]
+    state.velocity[0], state.velocity[1], state.velocity[2] = velocity
     hover = 0.25 * p.mass * p.gravity
     for motor in range(4):
         state.thrust[motor] = hover
@@ -114,7 +123,7 @@ def place(state: Any, p: Any, speed: float, angle: float, time_to_ceiling: float
 
 @kernel
 def hold_velocity(
-    state: Any, p: Any, vx: float, vz: float, gains: ControllerGains, lagged: Vector, dt: float
+    state: Any, p: Any, velocity: Vector, gains: ControllerGains, lagged: Vector, dt: float
 ) -> tuple[Thrusts, Vector]:
     """Motor thrusts (N) of the controller that holds a velocity, without a position loop.
 
@@ -123,7 +132,7 @@ def hold_velocity(
     zero = (0.0, 0.0, 0.0)
     wanted = geometric_control(
         zero, state.velocity, tracked_attitude(state, p), measured_rate(state, p), zero,
-        zero, (vx, 0.0, vz), zero, 0.0, gains,
+        zero, velocity, zero, 0.0, gains,
     )  # fmt: skip
     wrench, lagged = lead_moments(wanted, lagged, gains, dt)
     thrusts = mix(
@@ -205,9 +214,11 @@ def rollout(
         out: record of :data:`ROLLOUT`, zeroed; receives the result.
     """
     out.speed, out.angle = speed, angle
-    place(state, p, speed, angle, s.start_time_to_ceiling)
+    held = launch_velocity(rng, speed, angle, s.launch)
+    place(state, p, held, s.start_time_to_ceiling)
     draw_pads(rng, state, p)
-    vx, vz = state.velocity[0], state.velocity[2]
+    too_low = ceiling_error(rng, s.launch)
+    flip = flip_gains(rng, p, s.launch)
     up, down = decay(p, 0.5 * s.dt)
     phase = rng.integers(0, s.policy_steps)
     age = rng.uniform(s.cue_delay_min, s.cue_delay_max) + p.pose_delay
@@ -227,7 +238,7 @@ def rollout(
             seen[now, 2] = state.velocity[2]
             if state.time >= s.arm_delay and (count + phase) % s.policy_steps == 0:
                 then = (count - min(delay, count)) % _DELAY_STEPS
-                z = seen[then, 0] + s.height_noise * rng.standard_normal()
+                z = seen[then, 0] + too_low + s.height_noise * rng.standard_normal()
                 seen_x = seen[then, 1] + bias_x + s.velocity_noise * rng.standard_normal()
                 seen_z = seen[then, 2] + bias_z + s.velocity_noise * rng.standard_normal()
                 tau, theta_x, d_ceil = optical_flow_cues(z, seen_x, seen_z, p.ceiling_z)
@@ -236,12 +247,13 @@ def rollout(
                     record_trigger(out, state, float(tau), float(theta_x), float(d_ceil), a_rot)
         if count % s.control_steps == 0:
             if out.triggered == 0:
-                targets, lagged = hold_velocity(state, p, vx, vz, gains, lagged, s.control_steps * s.dt)
+                targets, lagged = hold_velocity(state, p, held, gains, lagged, s.control_steps * s.dt)
             else:
                 cut = cut or body_z(state.quaternion)[2] <= 0.0
                 targets = (0.0, 0.0, 0.0, 0.0)
                 if not cut:
-                    targets = limited(flip_thrusts(out.a_rot, p.arm_x), p.thrust_max)
+                    told = flip_thrusts(out.a_rot, p.arm_x)
+                    targets = limited(scattered_flip(told, flip), p.thrust_max)
         advance(state, p, targets, s.dt, up, down)
         out.d_min = min(out.d_min, p.ceiling_z - state.position[2])
         count += 1

@@ -46,8 +46,9 @@ def land(
     room = RoomGeometry()
     p = physics_parameters(vehicle, room)
     state = charged(new_state(), p)
-    place(state, p, speed, math.radians(angle_deg), 0.7)
-    vx, vz = float(state["velocity"][0]), float(state["velocity"][2])
+    angle = math.radians(angle_deg)
+    held = (speed * math.cos(angle), 0.0, speed * math.sin(angle))
+    place(state, p, held, 0.7)
     rows: list[list[float]] = []
     trigger_t: float | None = None
     cut = False
@@ -60,7 +61,7 @@ def land(
             if trigger_t is None and tau <= tau_critical:
                 trigger_t = float(state["time"])
         if trigger_t is None:
-            targets, lagged = hold_velocity(state, p, vx, vz, DEFAULT_GAINS, lagged, 1e-3)
+            targets, lagged = hold_velocity(state, p, held, DEFAULT_GAINS, lagged, 1e-3)
         else:
             cut = cut or body_z(state["quaternion"])[2] <= 0.0
             thrusts = (0.0, 0.0, 0.0, 0.0) if cut else flip_thrusts(a_rot, p["arm_x"])

@@ -79,7 +79,9 @@ def estimate_dispersion(
     known = np.isfinite(ceilings)
     height = UNKNOWN.height
     if np.count_nonzero(known) >= LEAST:
-        height = float(np.sqrt(max(_sd(ceilings) ** 2 - float(np.mean(unseen[known] ** 2)), 1e-6)))
+        height = float(
+            np.sqrt(max(standard_deviation(ceilings) ** 2 - float(np.mean(unseen[known] ** 2)), 1e-6))
+        )
     velocities = [s.redundant.velocity for s in starts if s.redundant.velocity is not None]
     return Dispersion(
         height=height,
@@ -100,10 +102,10 @@ def _half(differences: FloatArray, unknown: Vector) -> Vector:
 
 
 def _or(values: FloatArray, unknown: float) -> float:
-    return _sd(values) if np.count_nonzero(np.isfinite(values)) >= LEAST else unknown
+    return standard_deviation(values) if np.count_nonzero(np.isfinite(values)) >= LEAST else unknown
 
 
-def _sd(values: FloatArray) -> float:
+def standard_deviation(values: FloatArray) -> float:
     """Standard deviation of what lies within _SANE robust ones: a log that jumps once must not widen all."""
     known = values[np.isfinite(values)]
     off = np.abs(known - np.median(known))

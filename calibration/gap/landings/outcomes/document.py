@@ -11,6 +11,7 @@ from calibration.gap.data.record import NotUsed
 from calibration.gap.landings.outcomes.dispersion import Dispersion
 from calibration.gap.landings.outcomes.expectation import JudgedExpectation, judged_expectation
 from calibration.gap.landings.outcomes.labels import CLASS_NAMES, FOUR, landing_class
+from calibration.gap.landings.outcomes.launch import MeasuredLaunch, measured_launch
 from calibration.gap.landings.outcomes.predict import OutcomeForecast
 from calibration.gap.landings.outcomes.prepare import Prepared
 from calibration.gap.landings.outcomes.scores import Score, score
@@ -62,6 +63,12 @@ class LandingReport:
         return self.prepared.dispersion
 
     @property
+    def launch(self) -> MeasuredLaunch | None:
+        """How approaches differ from what they were told."""
+        ready = self.prepared
+        return measured_launch(ready.starts, ready.ceilings, ready.dispersion.height)
+
+    @property
     def verdict(self) -> Verdict:
         """What the outcomes say of the vehicle."""
         rows, _ = classified(self.real)
@@ -85,6 +92,7 @@ class LandingReport:
             "score": None if self.score is None else self.score.to_json(),
             "expectation": None if self.expectation is None else self.expectation.to_json(),
             "dispersion": self.dispersion.to_json(),
+            "launch": None if self.launch is None else self.launch.to_json(),
             "flip": {
                 "pitch_rate_rms_rad_s": _rms(self.prepared.rate_error),
                 "pitch_slope": _mean(self.prepared.slopes.pitch),

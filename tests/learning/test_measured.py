@@ -1,0 +1,76 @@
+"""The measured dispersion: what the authors' flights show, and what it does to attempts."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calibration.flights import flight_files, open_flights
+from calibration.gap.landings.outcomes import prepare
+from calibration.gap.landings.outcomes.expectation import ModelErrorFileError
+from calibration.gap.landings.outcomes.launch import measured_launch
+from onboard.vehicle import load_vehicle
+from perchhw.learning.errors import LearningInputError
+from perchhw.learning.launch_file import launch_of
+from perchhw.learning.real_rate import AUTHORS_ERROR, known_error, real_rate
+from perchhw.learning.setup import MEASURED, SENSING, LearningSetup, recorded_setup
+from sim_backend.physics.launch import EXACT, Launch
+
+
+def test_the_preset_is_what_the_authors_flights_show(shared_data: Path) -> None:
+    files = [f for f in flight_files([shared_data / "habas2022" / "flights"]) if f.name != "labels.csv"]
+    flights, _ = open_flights(files)
+    ready = prepare(flights, load_vehicle("crazyflie21-upgraded"), np.random.default_rng(0), 20)
+    found = measured_launch(ready.starts, ready.ceilings, ready.dispersion.height)
+    assert found is not None
+    preset = SENSING[MEASURED].launch
+    for name, value in found.to_json().items():
+        if name != "flights":
+            assert getattr(preset, name) == pytest.approx(value, abs=6e-4), name
+    assert preset.flip_spread == pytest.approx(ready.dispersion.pitch, abs=6e-4)
+    assert preset.flip_roll == pytest.approx(ready.dispersion.roll, abs=6e-4)
+    x, _, z = ready.dispersion.velocity
+    assert SENSING[MEASURED].velocity_bias == pytest.approx(0.5 * (x + z), abs=6e-4)
+
+
+def test_the_other_presets_launch_as_told() -> None:
+    assert all(rules.launch == EXACT for name, rules in SENSING.items() if name != MEASURED)
+
+
+def test_whose_error_is_known(tmp_path: Path) -> None:
+    """That of the vehicle whose real flights were judged; of another one by its own flights."""
+    assert known_error(LearningSetup(), None) == AUTHORS_ERROR
+    assert known_error(LearningSetup(legs="wide-long"), None) is None
+    assert known_error(LearningSetup(vehicle="crazyflie21-upgraded-stored"), None) is None
+    own = tmp_path / "landings.json"
+    own.write_text(json.dumps({"expectation": {"model_error": AUTHORS_ERROR.to_json()}}))
+    assert known_error(LearningSetup(legs="wide-long"), own) == AUTHORS_ERROR
+    own.write_text("{}")
+    with pytest.raises(ModelErrorFileError, match="expectation"):
+        known_error(LearningSetup(), own)
+    with pytest.raises(LearningInputError, match="cannot be read"):
+        known_error(LearningSetup(), tmp_path / "none.json")
+
+
+def test_a_lab_learns_with_its_own_scatter(tmp_path: Path) -> None:
+    """What `gap landings` says of a lab's flights becomes the launch of the rollouts, and is recorded."""
+    own = tmp_path / "landings.json"
+    values = {name: 0.01 * k for k, name in enumerate(Launch._fields, start=1)}
+    dispersion = {"pitch": values.pop("flip_spread"), "roll": values.pop("flip_roll")}
+    own.write_text(json.dumps({"launch": {"flights": 9, **values}, "dispersion": dispersion}))
+    setup = LearningSetup(sensing=MEASURED, launch=launch_of(own))
+    _, rules = setup.load()
+    assert rules.rollout.launch == pytest.approx([0.01 * k for k in range(1, 10)])
+    assert rules.rollout.velocity_bias == SENSING[MEASURED].velocity_bias
+    assert recorded_setup(json.loads(json.dumps(setup.describe())), "sweep") == setup
+    assert "launch" not in LearningSetup().describe()  # folders of before go on
+    own.write_text(json.dumps({"launch": None}))
+    with pytest.raises(LearningInputError, match="at least five flights"):
+        launch_of(own)
+
+
+def test_conditions_without_a_trigger_expect_nothing() -> None:
+    rows = [{"trigger_rate": 0.0, "four_leg_rate": 0.0}, {"trigger_rate": 0.5, "four_leg_rate": 0.4}]
+    expected = real_rate(rows, AUTHORS_ERROR, 0)
+    assert 0.0 < expected.interval[0] < expected.rate < expected.interval[1] < 0.25
