@@ -41,6 +41,7 @@ def training() -> Training:
     for n, path in enumerate(paths):
         record = fly(weak(), path, 6.0, shape=f"shape {n}", name=f"flight {n}", believed=STOCK)
         noisy = with_noise(record, 0.1, rng)
+        assert record.voltage is not None
         voltage = record.voltage + 0.005 * rng.standard_normal(record.t.size)
         records.append(dataclasses.replace(noisy, voltage=voltage))
     return training_set(records, Model(STOCK))

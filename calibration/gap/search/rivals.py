@@ -102,7 +102,7 @@ def rivals(final: Fitted, effect: str, close: Sequence[str], training: Training)
     """
     reduced = without(final, effect, training)
     names = {*close, *EFFECTS[effect].confused_with} - {effect}
-    offered = [c for c in candidates_for(reduced, training) if c.effect in names]
+    offered = candidates_for(reduced, training, names)
     with ThreadPoolExecutor(WORKERS) as pool:
         found = list(pool.map(lambda c: _rival(final, effect, reduced, c, training), offered))
     return sorted(found, key=lambda rival: rival.lead)
