@@ -4,7 +4,7 @@ Most effects can be linearised about the value at which they do nothing. Some ca
 reached, a ceiling that is far away or a slack string have no derivative. Those start from several values.
 """
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -69,13 +69,15 @@ def candidates(model: Model, records: Sequence[FlightRecord]) -> list[Candidate]
     return [candidate for candidate in found if candidate.starts]
 
 
-def candidates_for(present: Fitted, training: Training) -> list[Candidate]:
-    """Candidates for what `present` lacks.
+def candidates_for(
+    present: Fitted, training: Training, among: Container[str] | None = None
+) -> list[Candidate]:
+    """Candidates for what `present` lacks, all or those `among` some names.
 
     Forces without a derivative (a far ceiling, a slack string) start from what fits single instants of the
     flights best, a ceiling of unknown height from what does so at each of several heights and at any.
     """
-    found = candidates(present.model, training.records)
+    found = [c for c in candidates(present.model, training.records) if among is None or c.effect in among]
     instants: Instants | None = None
     for index, candidate in enumerate(found):
         if candidate.starts[0] is present.model or EFFECTS[candidate.effect].domain is Domain.ACTUATION:

@@ -16,6 +16,13 @@ from onboard.vehicle import EFFECTS
 NOT_TOLD_APART = 10.0
 """Log-likelihood: a rival that is no more than this behind cannot be ruled out."""
 
+KEPT = 0.5
+"""Share of a gain that must be kept by what explains more with it: two effects, or the mean of a nuisance."""
+
+_SAYS_MORE = 0.05
+"""Share of an effect's gain that a rival with more parameters must gain beyond it: predictions are themselves
+known to a few hundredths, and the more numbers, the more of that they fit."""
+
 _STANDARD_ERRORS = 2.0
 
 _BEYOND_DOUBT = 50.0
@@ -30,31 +37,42 @@ class Rival:
         effect: its name.
         lead: held-out log-likelihood by which the named effect is ahead.
         otherwise: likewise, with flights held out the other way (by shape, or in time).
-        richer: whether it has more parameters than the named effect.
+        gain: what the named effect gains over neither.
         error: standard error of the lead, over flights.
+        richer: whether it has more parameters than the named effect.
         swallowed: nuisances whose mean over the flights takes what the named effect explained.
+        freed: nuisances whose mean it explains, and the named effect does not.
         fitted: the model with the rival.
     """
 
     effect: str
     lead: float
     otherwise: float
-    richer: bool
+    gain: float
     error: float
+    richer: bool
     swallowed: tuple[str, ...]
+    freed: tuple[str, ...]
     fitted: Fitted
 
     @property
     def outdoes(self) -> bool:
         """Whether it explains more in the named effect's place, whichever way flights are held out."""
-        return not self.swallowed and self.lead < -LEAST_GAIN and self.otherwise < 0.0
+        if self.swallowed:
+            return False
+        if self.freed:
+            return self.lead < (1.0 - KEPT) * self.gain
+        least = max(LEAST_GAIN, _SAYS_MORE * self.gain) if self.richer else LEAST_GAIN
+        return self.lead < -least and self.otherwise < 0.0
 
     @property
     def told_apart(self) -> bool:
         """Whether the flights rule the rival out, or it says no more with more parameters."""
         if self.swallowed:
             return True
-        if self.richer and self.lead >= -NOT_TOLD_APART:
+        if self.freed:
+            return not self.outdoes
+        if self.richer and self.lead >= -max(NOT_TOLD_APART, _SAYS_MORE * self.gain):
             return True
         return self.lead > min(max(NOT_TOLD_APART, _STANDARD_ERRORS * self.error), _BEYOND_DOUBT)
 
@@ -66,10 +84,11 @@ def without(final: Fitted, effect: str, training: Training) -> Fitted:
 
 
 def needed(final: Fitted, effect: str, training: Training) -> bool:
-    """Whether the flights get less likely when an effect is taken out and the others are fitted anew."""
+    """Whether the flights get less likely when an effect is taken out and the others are fitted anew, or the
+    nuisances take what it explained."""
     in_time = final.few_kinds(final.columns_of(_variables(final, effect)))
-    gains = final.gains(without(final, effect, training), in_time)
-    return float(gains.sum()) >= LEAST_GAIN
+    reduced = without(final, effect, training)
+    return float(final.gains(reduced, in_time).sum()) >= LEAST_GAIN or bool(swallowed(final, reduced))
 
 
 def rivals(final: Fitted, effect: str, close: Sequence[str], training: Training) -> list[Rival]:
@@ -83,7 +102,7 @@ def rivals(final: Fitted, effect: str, close: Sequence[str], training: Training)
     """
     reduced = without(final, effect, training)
     names = {*close, *EFFECTS[effect].confused_with} - {effect}
-    offered = [c for c in candidates_for(reduced, training) if c.effect in names]
+    offered = candidates_for(reduced, training, names)
     with ThreadPoolExecutor(WORKERS) as pool:
         found = list(pool.map(lambda c: _rival(final, effect, reduced, c, training), offered))
     return sorted(found, key=lambda rival: rival.lead)
@@ -96,14 +115,16 @@ def _rival(final: Fitted, effect: str, reduced: Fitted, candidate: Candidate, tr
         for start in candidate.starts
     ]
     other = max(fits, key=lambda fit: float(fit.held_out_in_time.sum()))
-    rival = _compared(final, effect, other, candidate, training)
+    rival = _compared(final, effect, reduced, other, candidate, training)
     if rival.told_apart and rival.lead > 0.0:
         return rival
     # With derivatives of a model near by, a fit may look better than the one that has its own.
-    return _compared(final, effect, settled(other, training), candidate, training)
+    return _compared(final, effect, reduced, settled(other, training), candidate, training)
 
 
-def _compared(final: Fitted, effect: str, other: Fitted, candidate: Candidate, training: Training) -> Rival:
+def _compared(
+    final: Fitted, effect: str, reduced: Fitted, other: Fitted, candidate: Candidate, training: Training
+) -> Rival:
     """Both by the same hold-out: in time where few flights tell of either."""
     own, of_rival = _variables(final, effect), candidate.variables
     in_time = final.few_kinds(final.columns_of(own)) or other.few_kinds(other.columns_of(of_rival))
@@ -112,9 +133,11 @@ def _compared(final: Fitted, effect: str, other: Fitted, candidate: Candidate, t
         effect=candidate.effect,
         lead=float(leads.sum()),
         otherwise=float(final.gains(other, not in_time).sum()),
-        richer=len(of_rival) > len(own),
+        gain=float(final.gains(reduced, in_time).sum()),
         error=float(np.sqrt(leads.size) * leads.std(ddof=1)) if leads.size > 1 else float("inf"),
+        richer=len(of_rival) > len(own),
         swallowed=swallowed(final, other),
+        freed=swallowed(other, final),
         fitted=other,
     )
 

@@ -13,7 +13,7 @@ import numpy as np
 from calibration.gap.estimate.acceptance import judge
 from calibration.gap.estimate.refine import Fitted, Training, refine, settled
 from calibration.gap.search.candidates import Candidate, candidates
-from calibration.gap.search.rivals import Rival, needed, rivals, swallowed, without
+from calibration.gap.search.rivals import KEPT, Rival, needed, rivals, swallowed, without
 from calibration.gap.search.screen import screen
 from calibration.gap.search.selection import Progress, SelectionStep
 from onboard.vehicle import EFFECTS
@@ -23,9 +23,6 @@ Ambiguous = dict[str, tuple[Rival, ...]]
 
 _CLOSE = 0.3
 """Share of its gain that a rival may lack to be looked at again."""
-
-_KEPT = 0.5
-"""Share of what the lesser of two effects gains that one cause in the place of both must keep."""
 
 
 def second_look(
@@ -55,10 +52,9 @@ def second_look(
         if not step.judgement.sizeable:
             continue
         found = _rivals(present, step, training, progress)
-        best = next(iter(found), None)
-        if (
-            best is not None and best.outdoes and len(left) > 1
-        ):  # a single name was the best when it was found
+        best = next((rival for rival in found if rival.outdoes), None)
+        # A single name gained most of all when it was found.
+        if best is not None and (best.freed or len(left) > 1):
             present = settled(best.fitted, training)
             left[index] = step = dataclasses.replace(step, effect=best.effect, after=present)
             found = _rivals(present, step, training, progress)
@@ -147,4 +143,4 @@ def _explains(cause: Fitted, present: Fitted, names: Sequence[str], training: Tr
     )
     lost = float(present.gains(cause, in_time).sum())
     gained = [float(present.gains(without(present, name, training), in_time).sum()) for name in names]
-    return lost <= (1.0 - _KEPT) * min(gained)
+    return lost <= (1.0 - KEPT) * min(gained)

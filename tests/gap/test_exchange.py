@@ -1,0 +1,88 @@
+"""The second look of a search: what may stand in the place of a name, and what may not."""
+
+import dataclasses
+from functools import cache
+
+import numpy as np
+import pytest
+
+from calibration.gap.estimate.acceptance import judge
+from calibration.gap.estimate.model import Model, Variable
+from calibration.gap.estimate.refine import Fitted, Training, refine, training_set
+from calibration.gap.search.rivals import rivals
+from calibration.gap.search.second_look import second_look
+from calibration.gap.search.selection import SelectionStep
+from onboard.quantity import Quantity
+from onboard.vehicle import Effect, Vehicle, load_vehicle
+from tests.gap.simulated_flight import circle, fly, up_and_down, with_noise
+
+STOCK = load_vehicle("crazyflie21-stock")
+SCALE, MASS = Variable("thrust_scale", "scale"), Variable("mass_error", "relative")
+INERTIAS = tuple(Variable("inertia_error", axis) for axis in ("xx", "yy", "zz"))
+
+
+def weak() -> Vehicle:
+    """10 % less thrust, and inertias that are 2 % off: torques that the vehicle file does not give quite."""
+    effects = (("thrust_scale", {"scale": 0.9}), ("inertia_error", {"xx": 0.02, "yy": 0.02, "zz": 0.02}))
+    return dataclasses.replace(
+        STOCK,
+        effects=tuple(
+            Effect(name=name, parameters={k: Quantity(x, "1", 0.0, "hidden") for k, x in values.items()})
+            for name, values in effects
+        ),
+    )
+
+
+@cache
+def training() -> Training:
+    rng = np.random.default_rng(1)
+    paths = (circle(), up_and_down(), circle(period=3.0), up_and_down(period=2.0), circle(radius=0.4))
+    records = []
+    for n, path in enumerate(paths):
+        record = fly(weak(), path, 6.0, shape=f"shape {n}", name=f"flight {n}", believed=STOCK)
+        noisy = with_noise(record, 0.1, rng)
+        assert record.voltage is not None
+        voltage = record.voltage + 0.005 * rng.standard_normal(record.t.size)
+        records.append(dataclasses.replace(noisy, voltage=voltage))
+    return training_set(records, Model(STOCK))
+
+
+def fitted(*variables: Variable) -> Fitted:
+    return refine(Model(STOCK), variables, training())
+
+
+def looked_at(variables: tuple[Variable, ...]) -> tuple[Fitted, list[SelectionStep]]:
+    """The second look at a search that named these."""
+    rng, none, named = np.random.default_rng(1), fitted(), fitted(*variables)
+    steps = [
+        SelectionStep(
+            effect, judge(none, named, [v for v in variables if v.effect == effect], training(), rng), named
+        )
+        for effect in named.model.effects
+    ]
+    present, left, _ = second_look(named, steps, training(), rng, lambda _: None)
+    return present, left
+
+
+def test_an_inertia_that_leaves_the_weak_thrust_to_the_nuisances_is_no_rival_of_a_scale() -> None:
+    scaled = fitted(SCALE)
+    found = {rival.effect: rival for rival in rivals(scaled, "thrust_scale", [], training())}
+    inertia = found["inertia_error"]
+    assert inertia.lead < -50.0  # by likelihood alone it would win: torques are told more sharply than forces
+    assert inertia.swallowed == ("thrust_scale",)
+    assert inertia.told_apart
+    assert not inertia.outdoes
+    assert not found["motor_imbalance"].outdoes
+    assert found["motor_imbalance"].told_apart  # four numbers for one
+
+
+def test_a_scale_takes_the_place_of_an_inertia_that_was_named_for_it() -> None:
+    present, steps = looked_at(INERTIAS)
+    assert [step.effect for step in steps] == ["thrust_scale"]
+    assert present.model.values == {SCALE: pytest.approx(0.9, abs=0.02)}
+
+
+def test_one_scale_takes_the_place_of_a_mass_and_an_inertia() -> None:
+    present, steps = looked_at((MASS, *INERTIAS))
+    assert [step.effect for step in steps] == ["thrust_scale"]
+    assert present.model.values == {SCALE: pytest.approx(0.9, abs=0.02)}
