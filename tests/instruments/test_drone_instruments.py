@@ -126,8 +126,9 @@ def test_gyro_and_accelerometer_come_in_si_units_on_the_drones_clock(drone: Dron
     assert np.linalg.norm(batch.accelerations, axis=1).mean() == pytest.approx(9.81, abs=0.3)
     assert np.abs(batch.rates).max() < 0.2
     assert 3.0 < batch.voltages.mean() < 4.3
-    # The median: a drone in real time that waited for a busy machine logs a few samples closer together.
-    assert np.median(np.diff(batch.times)) == pytest.approx(0.010, abs=5e-4)
+    # A drone in real time that waited for a busy machine logs some samples closer together.
+    periods = batch.times.size - 1 + batch.lost
+    assert (batch.times[-1] - batch.times[0]) / periods == pytest.approx(0.010, rel=0.3)
     assert batch.lost == missing(batch.times)
 
 
