@@ -329,20 +329,15 @@ def _approach_setpoint(elapsed: float, plan: ApproachPlan, limits: LandingLimits
 
 
 @inner
-def _output(
-    memory: Any, was: int, inputs: LandingInputs, plan: ApproachPlan, limits: LandingLimits
-) -> LandingOutput:
+def _output(memory: Any, inputs: LandingInputs, plan: ApproachPlan, limits: LandingLimits) -> LandingOutput:
     state = memory.state
     attitude = own_attitude(memory)
     if state == APPROACH:
         p, v, a = _approach_setpoint(inputs.time - memory.start_time, plan, limits)
         return LandingOutput(_SETPOINT, p, v, a, 0.0, 0.0, _NO_THRUSTS, attitude)
-    handed_over = (
-        was == HOLD and state == IDLE
-    )  # whoever takes over still has an old goal, perhaps metres away
     if state == HOLD and memory.usable_time != inputs.time:
         return LandingOutput(_LEVEL, _ZERO, _ZERO, _ZERO, 0.0, limits.weight, _NO_THRUSTS, attitude)
-    if state == HOLD or handed_over:
+    if state == HOLD:
         p, v, a = hold_setpoint(memory, inputs.time, plan, limits)
         return LandingOutput(_SETPOINT, p, v, a, 0.0, 0.0, _NO_THRUSTS, attitude)
     if state == BRAKE:
@@ -370,10 +365,8 @@ def landing_step(
         limits: the limits (:func:`landing_limits`).
 
     Returns:
-        What the drone has to do now; in the step that hands a hold over, the hold once more. The result
-        depends on the arguments and on nothing else.
+        What the drone has to do now. The result depends on the arguments and on nothing else.
     """
     propagate_attitude(memory, inputs)
-    was = memory.state
     _advance(memory, inputs, plan, limits)
-    return _output(memory, was, inputs, plan, limits)
+    return _output(memory, inputs, plan, limits)

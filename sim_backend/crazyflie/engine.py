@@ -6,7 +6,7 @@ flags and staged bundles; what comes out are motor ratios, and what there is to 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum, IntFlag
 from typing import Protocol
 
@@ -19,7 +19,7 @@ from onboard.controller import Wrench
 from onboard.landing.model import OutputMode
 from onboard.mixer import Thrusts
 from sim_backend.crazyflie.estimator import Estimator
-from sim_backend.crazyflie.setpoint import Setpoint
+from sim_backend.crazyflie.setpoint import Setpoint, complete_setpoint
 
 
 class Event(IntFlag):
@@ -63,6 +63,12 @@ class Sample:
     flying: bool
     levelling: bool
     thrust_seen: bool = False
+
+
+def as_in_flight(sample: Sample) -> Sample:
+    """What a drone has that flies and stays where it believes to be: of one that rehearses."""
+    here = complete_setpoint(sample.tick, sample.estimator.position())
+    return replace(sample, flying=True, levelling=False, setpoint=here)
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +128,7 @@ class Engine(Protocol):
 
     @property
     def target(self) -> Setpoint:
-        """What is tracked in mode SETPOINT, and in the step of a hand-over."""
+        """What is tracked in mode SETPOINT."""
         ...
 
     @property

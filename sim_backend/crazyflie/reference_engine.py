@@ -6,7 +6,7 @@ of the commander's setpoint; a null or levelled-out setpoint aborts an approach.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from onboard.app_interface import AVERAGED_MS, EndReason, LandingState, PolicySt
 from onboard.arrays import Vector
 from onboard.controller import Wrench, attitude_control
 from onboard.cues import optical_flow_cues
+from onboard.landing.braking import hold_setpoint
 from onboard.landing.state_machine import (
     LandingInputs,
     LandingOutput,
@@ -24,13 +25,14 @@ from onboard.landing.state_machine import (
 )
 from onboard.mixer import Thrusts
 from onboard.policy.action import action_moment
-from onboard.policy.bundle import BundleFault, PolicyBundleError, bundle_crc32, decode_bundle
+from onboard.policy.bundle import PolicyBundleError, bundle_crc32, decode_bundle
 from onboard.policy.model import CompiledPolicy
 from onboard.policy.trigger import trigger_value
 from onboard.ring import RingRecorder
 from onboard.trajectory import ApproachPlan, plan_from_velocity
 from onboard.vehicle import Vehicle
-from sim_backend.crazyflie.engine import ApproachRequest, Event, Sample, SnapshotField
+from sim_backend.crazyflie.engine import ApproachRequest, Event, Sample, SnapshotField, as_in_flight
+from sim_backend.crazyflie.hand_over import HandOver
 from sim_backend.crazyflie.power import COMPENSATION_GAIN, FULL_VOLTAGE
 from sim_backend.crazyflie.setpoint import Setpoint, complete_setpoint
 from sim_backend.crazyflie.stabilizer import CONTROL_PERIOD_MS, Stabilizer
@@ -38,13 +40,6 @@ from sim_backend.crazyflie.stabilizer import CONTROL_PERIOD_MS, Stabilizer
 POLICY_PERIOD_MS = 10
 _NO_PLAN = ApproachPlan(*[math.nan] * 12)
 _CUT = (LandingState.CUT, LandingState.FAULT)
-_REFUSALS = {
-    BundleFault.LENGTH: PolicyStatus.REFUSED_LENGTH,
-    BundleFault.CRC: PolicyStatus.REFUSED_CRC,
-    BundleFault.FORMAT: PolicyStatus.REFUSED_FORMAT,
-    BundleFault.RANGE: PolicyStatus.REFUSED_RANGE,
-    BundleFault.VECTORS: PolicyStatus.REFUSED_VECTORS,
-}
 _SCALARS = {
     SnapshotField.TAU: "snapshot_tau",
     SnapshotField.THETA_X: "snapshot_theta_x",
@@ -92,6 +87,7 @@ class ReferenceEngine:
         self._output: LandingOutput | None = None
         self.target = Setpoint()
         self.rehearses = self._rehearsed = False
+        self._hand_over = HandOver()
         self._recorder = RingRecorder()
         self._recent_ratios = np.zeros((AVERAGED_MS // CONTROL_PERIOD_MS, 4))
 
@@ -157,7 +153,7 @@ class ReferenceEngine:
         try:
             policy = decode_bundle(staged)
         except PolicyBundleError as error:
-            return _REFUSALS[error.fault]
+            return PolicyStatus(int(error.fault))
         self._policy, self.live_crc = policy.compiled(), crc
         self._limits = landing_limits(self._vehicle, float(policy.tau_min))
         return PolicyStatus.ACTIVE
@@ -214,7 +210,7 @@ class ReferenceEngine:
         """One ms."""
         events = self._watch_rehearsal(sample)
         if self.rehearses:
-            events |= self._compute(_as_in_flight(sample)) & ~(Event.HANDED_OVER | Event.CUT)
+            events |= self._compute(as_in_flight(sample)) & ~(Event.HANDED_OVER | Event.CUT)
             self._stabilizer.thrusts = (0.0, 0.0, 0.0, 0.0)
             self.ratios[:] = 0
         else:
@@ -284,9 +280,15 @@ class ReferenceEngine:
         self._take_request()
         inputs = self._inputs(sample)
         self._output = landing_step(self._memory, inputs, self._plan, self._limits)
+        events = self._clear_flags(inputs) | self._answer() | self._change(sample, was)
+        if self._hand_over.holds_on(sample, self.state, events):
+            p, v, a = hold_setpoint(self._memory, inputs.time, self._plan, self._limits)
+            self._output = self._output._replace(
+                mode=OutputMode.SETPOINT, position=p, velocity=v, acceleration=a
+            )
         if self._output.mode == OutputMode.SETPOINT:
             self.target = _setpoint(self._output, sample.tick)
-        return self._clear_flags(inputs) | self._answer() | self._change(sample, was)
+        return events
 
     def _take_request(self) -> None:
         """Consume the posted request, once the machine has seen the switch as the last one left it.
@@ -385,12 +387,6 @@ class ReferenceEngine:
         stabilizer.apply(
             attitude_control(output.attitude, omega, output.collective, output.yaw, stabilizer.gains)
         )
-
-
-def _as_in_flight(sample: Sample) -> Sample:
-    """What a drone has that flies and stays where it believes to be."""
-    here = complete_setpoint(sample.tick, sample.estimator.position())
-    return replace(sample, flying=True, levelling=False, setpoint=here)
 
 
 def _setpoint(output: LandingOutput, tick_ms: int) -> Setpoint:

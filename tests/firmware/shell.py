@@ -10,6 +10,7 @@ from typing import Any, ClassVar, NamedTuple, TypeAlias
 from onboard.app_interface import ValueType
 from onboard.firmware.compiler import FLAGS, SOURCES, needed_compiler
 from onboard.firmware.header import vehicle_header
+from onboard.firmware.structures import Outputs
 from onboard.vehicle import Vehicle
 
 SHIM = Path(__file__).parent / "shim"
@@ -133,12 +134,14 @@ class Shell:
         self._library = ctypes.CDLL(str(library))
         self._library.shim_the_world.restype = POINTER(World)
         self._library.shim_what_was_asked.restype = POINTER(Asked)
+        self._library.shim_what_came_out.restype = POINTER(Outputs)
         for name in ("shim_parameter_name", "shim_log_name"):
             getattr(self._library, name).restype = c_char_p
         for name in ("shim_write", "shim_parameter_task_waits", "shim_memory_read", "shim_memory_write"):
             getattr(self._library, name).restype = c_bool
         self.world: World = self._library.shim_the_world().contents
         self.asked: Asked = self._library.shim_what_was_asked().contents
+        self.outputs: Outputs = self._library.shim_what_came_out().contents
         self.state, self.sensors, self.setpoint, self.control = State(), Sensors(), Setpoint(), Control()
         self.state.quaternion.w = 1.0
         self.step_number = 1
@@ -172,8 +175,13 @@ class Shell:
     def set(self, name: str, value: float) -> None:
         """Write a parameter, and step the control loop until its callback has ended."""
         assert self.write(name, value)
-        while self._library.shim_parameter_task_waits():
+        while self.callback_waits:
             self.step()
+
+    @property
+    def callback_waits(self) -> bool:
+        """Whether the callback of the last write waits for the control loop."""
+        return bool(self._library.shim_parameter_task_waits())
 
     def read(self, name: str) -> float:
         """Value of a parameter."""

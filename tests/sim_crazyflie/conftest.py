@@ -5,7 +5,9 @@ from collections.abc import Iterator
 import pytest
 
 from onboard.firmware.compiler import find_compiler
+from sim_backend.crazyflie import firmware
 from sim_backend.engine_name import EngineName
+from tests.firmware.shell_engine import ShellEngine
 from tests.sim_crazyflie.minimal_firmware import MinimalFirmware, RawClient, ServedFirmware, serve
 from tests.sim_crazyflie.simulated_flight import Flight
 
@@ -22,11 +24,13 @@ def client(drone: ServedFirmware) -> Iterator[RawClient]:
         yield raw
 
 
-@pytest.fixture(params=list(EngineName))
+@pytest.fixture(params=[*EngineName, pytest.param("shell", marks=pytest.mark.soak)])
 def either_engine(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> EngineName:
-    """What drones run in this test: the drone's own code, and its reference."""
-    engine = EngineName(request.param)
+    """What drones run in this test: the drone's own code, with its shell and without, and its reference."""
+    engine = EngineName.REFERENCE if request.param == EngineName.REFERENCE else EngineName.C
     if engine is EngineName.C and find_compiler() is None:
         pytest.skip("no C compiler: the drone's code in C cannot fly")
+    if request.param == "shell":
+        monkeypatch.setattr(firmware, "make_engine", lambda _, vehicle: ShellEngine(vehicle))
     monkeypatch.setattr(Flight, "engine", engine)
     return engine

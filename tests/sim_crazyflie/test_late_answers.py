@@ -11,7 +11,6 @@ from onboard.landing.state_machine import HAND_OVER_CLIMB, HAND_OVER_SPEED
 from onboard.trajectory import ApproachPlan
 from onboard.vehicle import load_vehicle
 from sim_backend.crazyflie.crtp import Packet
-from sim_backend.crazyflie.firmware import HIGH_LEVEL_PERIOD_MS
 from sim_backend.crazyflie.ports.param import ParamPort
 from tests.sim_crazyflie.simulated_flight import LEGS, VEHICLE, Flight
 from tests.sim_crazyflie.test_landing_app import PLAN, give, ready_to_go, run_until, state
@@ -198,8 +197,7 @@ def test_a_drone_in_motion_is_handed_over_without_a_gap(phase_ms: int) -> None:
         assert not firmware.setpoint.is_null
         if elapsed < 200:
             assert firmware.ratios.any(), f"the motors stand still after {elapsed} ms"
-        if firmware.tick_ms() % HIGH_LEVEL_PERIOD_MS == 0:
-            assert math.dist(firmware.setpoint.position, flight.position) < 0.3, f"after {elapsed} ms"
+        assert math.dist(firmware.setpoint.position, flight.position) < 0.3, f"after {elapsed} ms"
     assert handed_over_ms is not None
     assert handed_over_ms <= 4
     assert speed(flight) < 0.05

@@ -5,7 +5,7 @@
 #include "battery.h"
 #include "rehearsal.h"
 
-enum { POLICY_PERIOD_MS = 10 };
+enum { POLICY_PERIOD_MS = 10, HELD_ON_MS = 20 };
 
 /* Period of landing machine and law, s. */
 #define FULL_RATIO 65535.0f
@@ -126,16 +126,30 @@ static uint8_t change(perch_core *core, const perch_inputs *in, uint8_t was) {
   return was == PERCH_HOLD && is == PERCH_IDLE && !perch_setpoint_is_null(&in->setpoint) ? PERCH_HANDED_OVER : 0;
 }
 
+/* Handed over, the hold stays in force until the planner speaks: it does so every 10 ms, and what it said last is
+ * still its old goal, perhaps metres away. */
+static bool holds_on(const perch_core *core, const perch_inputs *in) {
+  const bool begins = core->outputs.events & PERCH_HANDED_OVER;
+  const uint32_t ms = in->tick - core->landing.usable_tick;
+  return (begins || core->holds_on) && core->landing.state == PERCH_IDLE && ms < HELD_ON_MS &&
+         in->setpoint.age > 1e-3f * ((float)ms - 0.5f);
+}
+
 static perch_landing_output step_machine(perch_core *core, const perch_inputs *in) {
   const uint8_t was = core->landing.state;
   take_request(core);
   const perch_landing_inputs inputs = landing_inputs(core, in);
-  const perch_landing_output output = perch_landing_step(&core->landing, &inputs, &core->plan, core->vehicle);
+  perch_landing_output output = perch_landing_step(&core->landing, &inputs, &core->plan, core->vehicle);
+  core->outputs.events = (uint8_t)(clear_flags(core, &inputs) | answer(core) | change(core, in, was));
+  core->holds_on = holds_on(core, in);
+  if (core->holds_on) {
+    output.mode = PERCH_SETPOINT;
+    output.motion = perch_hold_motion(&core->landing, in->tick, &core->plan, core->vehicle);
+  }
   core->outputs.mode = (uint8_t)output.mode;
   if (output.mode == PERCH_SETPOINT) {
     core->outputs.motion = output.motion;
   }
-  core->outputs.events = (uint8_t)(clear_flags(core, &inputs) | answer(core) | change(core, in, was));
   return output;
 }
 

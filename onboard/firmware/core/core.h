@@ -70,6 +70,7 @@ typedef struct {
   bool trajectory_armed;
   volatile bool rehearses;
   bool rehearsed; /* in the step before */
+  bool holds_on;  /* handed over, and the planner has not spoken yet */
   float idle_ceiling_z;
 
   volatile bool policy_is_live;

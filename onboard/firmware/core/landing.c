@@ -236,15 +236,9 @@ perch_landing_output perch_landing_step(perch_landing_memory *memory, const perc
                                         const perch_plan *plan, const perch_vehicle *vehicle) {
   perch_landing_output out = {.mode = PERCH_PASS};
   perch_propagate_attitude(memory, in);
-  const uint8_t was = memory->state;
   advance(memory, in, plan, vehicle);
   switch ((perch_state)memory->state) {
     case PERCH_IDLE:
-      if (was == PERCH_HOLD) { /* whoever takes over still has its old goal, perhaps metres away */
-        out.mode = PERCH_SETPOINT;
-        out.motion = perch_hold_motion(memory, in->tick, plan, vehicle);
-      }
-      break;
     case PERCH_TRAJECTORY_ARMED:
       break;
     case PERCH_APPROACH:

@@ -67,7 +67,7 @@ typedef struct {
   float thrusts[4];  /* N, M1 to M4 */
 } perch_landing_output;
 
-/* One step of the machine, at 500 Hz; the step that hands a hold over gives the hold once more. The plan must not change while the trajectory is armed. */
+/* One step of the machine, at 500 Hz. The plan must not change while the trajectory is armed. */
 perch_landing_output perch_landing_step(perch_landing_memory *memory, const perch_landing_inputs *in,
                                         const perch_plan *plan, const perch_vehicle *vehicle);
 

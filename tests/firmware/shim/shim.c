@@ -14,6 +14,8 @@
 #include "task.h"
 #include "tasks.h"
 
+extern perch_core perch;
+
 static shim_world world = {.voltage = 4.0f, .estimator = 2};
 static shim_asked asked;
 static shim_task app_task, parameter_task;
@@ -21,6 +23,7 @@ static MemoryHandlerDef_t memory;
 
 shim_world *shim_the_world(void) { return &world; }
 const shim_asked *shim_what_was_asked(void) { return &asked; }
+const perch_outputs *shim_what_came_out(void) { return &perch.outputs; }
 
 void shim_create_task(void (*function)(void *)) { shim_start(&app_task, function, NULL); }
 

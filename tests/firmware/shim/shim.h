@@ -5,6 +5,7 @@
 #ifndef PERCH_SHIM_H
 #define PERCH_SHIM_H
 
+#include "core.h"
 #include "crtp_commander_high_level.h"
 #include "stabilizer_types.h"
 
@@ -29,6 +30,7 @@ typedef struct {
 
 shim_world *shim_the_world(void);
 const shim_asked *shim_what_was_asked(void);
+const perch_outputs *shim_what_came_out(void);
 
 /* Start the app: appInit, and its slow task until it first delays itself. */
 void shim_boot(void);

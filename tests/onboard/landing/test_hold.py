@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from onboard.landing.state_machine import LandingOutput, LandingState, OutputMode
+from onboard.landing.state_machine import LandingOutput, LandingState
 from tests.onboard.landing.exact import tip_over
 from tests.onboard.landing.rig import LEVEL, LIMITS, PLAN, Rig
 
@@ -135,19 +135,6 @@ def test_a_hold_is_handed_over_when_it_has_slowed_down_or_has_had_its_time(
     assert handed_over(velocity, 0.02) == slow
     assert handed_over(velocity, 1.5) == slow
     assert handed_over(velocity, math.nextafter(1.5, 2.0))
-
-
-def test_the_step_that_hands_over_still_holds() -> None:
-    """By the hold of this very instant: whoever takes over learns only now where the drone is."""
-    armed, handed = (hold_from((0.3, 0.2, 1.0), (0.5, -0.1, 0.2)) for _ in range(2))
-    for _ in range(10):
-        armed.step()
-        handed.step()
-    held, output = armed.step(), handed.step(trajectory_armed=False)
-    assert handed.state is LandingState.IDLE
-    assert output == held
-    assert output.mode == OutputMode.SETPOINT
-    assert handed.step().mode == OutputMode.PASS
 
 
 def test_a_hold_that_is_still_armed_is_not_handed_over() -> None:
