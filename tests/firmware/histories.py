@@ -4,6 +4,7 @@ import copy
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -278,13 +279,19 @@ class Motors:
         near = np.abs(np.subtract.outer(reference.thrusts, EDGES)) <= FORCE
         self.edge[near.any(axis=1)] = tick
 
-    def compare(self, reference: Engine, c: Engine, tick: int) -> None:
-        """The thrusts of this ms and the mean ratios, which remember an edge."""
+    def compare(self, reference: Engine, c: Engine, tick: int, uncertain: Callable[[], float]) -> None:
+        """The thrusts of this step and the mean ratios, which remember an edge.
+
+        In a manoeuvre at its limits (tens of m/s2 asked for, motors clipped) more than `FORCE` is right as
+        long as the reference's own thrusts are so `uncertain`, N, in this step and in what the lead of the
+        moments remembers of the last ones.
+        """
         mean = np.abs(np.subtract(c.mean_ratios, reference.mean_ratios))
         assert mean[tick - self.edge >= AVERAGED_MS].max(initial=0) <= MEAN
         if np.isfinite(reference.thrusts).all():
             most = float(np.abs(np.subtract(c.thrusts, reference.thrusts)).max())
-            self.force[reference.mode] = max(self.force.get(reference.mode, 0.0), most)
+            if most <= FORCE or most > 2.0 * uncertain():
+                self.force[reference.mode] = max(self.force.get(reference.mode, 0.0), most)
         else:
             assert np.array_equal(np.isfinite(c.thrusts), np.isfinite(reference.thrusts))
 
@@ -316,9 +323,9 @@ def compare(history: list[Stretch], seed: int) -> Compared:
         gap = np.subtract(c.target.acceleration, reference.target.acceleration)
         if reference.mode is OutputMode.SETPOINT and np.abs(gap).max() > JUMP:
             jumped = sample.tick
-        if sample.tick - jumped < FORGOTTEN_MS:
+        if sample.tick - jumped < FORGOTTEN_MS or sample.tick % STEP_MS != 0:
             continue
-        motors.compare(reference, c, sample.tick)
+        motors.compare(reference, c, sample.tick, partial(uncertainty, history, seed, sample))
     return Compared(tuple(visited), difference, True, motors.force)
 
 
@@ -338,17 +345,32 @@ ROUNDING = 5e-6
 """m, m/s, 1: what float32 loses of a position in a room, and of an attitude in a flight."""
 
 
+def moved(sample: Sample) -> Iterator[Sample]:
+    """The sample with one number of its estimate a little different."""
+    for place in range(10):
+        for by in (-ROUNDING, ROUNDING):
+            estimator = copy.deepcopy(sample.estimator)
+            estimator.state[place] += by
+            yield replace(sample, estimator=estimator)
+
+
+def uncertainty(history: list[Stretch], seed: int, sample: Sample) -> float:
+    """How far the reference's thrusts move at `sample`, N, when all its numbers are a little different."""
+    before, thrusts = reference_before(history, seed, sample.tick), []
+    for each in (sample, *moved(sample)):
+        engine = copy.deepcopy(before)
+        engine.step(each)
+        thrusts.append(engine.thrusts)
+    by_number = np.abs(np.subtract(thrusts[1:], thrusts[0])).reshape(-1, 2, 4).max(axis=1)
+    return float(by_number.sum(axis=0).max())
+
+
 def nearly(before: ReferenceEngine, sample: Sample) -> list[Told]:
     """The decisions of the reference when one of its numbers is a little different."""
     found = []
-    for place in range(10):
-        for by in (-ROUNDING, ROUNDING):
-            moved = copy.deepcopy(sample.estimator)
-            moved.state[place] += by
-            engine = copy.deepcopy(before)
-            other = Sample(*(getattr(sample, name) for name in Sample.__slots__))
-            object.__setattr__(other, "estimator", moved)
-            found.append(told(engine, engine.step(other)))
+    for each in moved(sample):
+        engine = copy.deepcopy(before)
+        found.append(told(engine, engine.step(each)))
     memory = before._memory
     for name in ("start_time", "flip_time", "usable_time", "hold_time"):
         for by in (-1e-6, 1e-6):
