@@ -21,11 +21,11 @@ from onboard.app_interface import (
 from onboard.arrays import Vector
 from onboard.battery import FULL_RATIO
 from onboard.controller import Wrench
+from onboard.firmware.constants import vehicle_crc32
 from onboard.landing.model import OutputMode
 from onboard.mixer import Thrusts
 from onboard.ring import RING_BYTES
 from onboard.vehicle import Vehicle
-from onboard.vehicle.onboard_constants import vehicle_crc32
 from sim_backend.crazyflie.engine import ApproachRequest, Event, Sample, SnapshotField
 from sim_backend.crazyflie.setpoint import Setpoint, complete_setpoint
 from tests.firmware.shell import Shell, build_shell
