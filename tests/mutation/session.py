@@ -113,7 +113,7 @@ def try_all(
             lambda send: run_tests(target, mutant, send, first, known.durations), log, known.cpu_limit
         )
 
-    yield from _some_at_a_time(list(left.values()), begin, jobs, known)
+    yield from some_at_a_time(list(left.values()), begin, jobs, known)
 
 
 def _warm(
@@ -139,7 +139,7 @@ def _warm(
 
         numbers = {mutant.key: at for at, mutant in enumerate(mutants)}
         inner = [mutant for mutant in mutants if collected.can_try(mutant)]
-        for mutant, verdict in _some_at_a_time(inner, begin, jobs, known):
+        for mutant, verdict in some_at_a_time(inner, begin, jobs, known):
             say({"at": numbers[mutant.key], "outcome": verdict.outcome, "by": verdict.by})
 
     code = collect(targets, use)
@@ -194,7 +194,7 @@ def _work_and_exit(
         os._exit(code)
 
 
-def _some_at_a_time(
+def some_at_a_time(
     mutants: Sequence[Mutant], begin: Begin, jobs: int, known: Known
 ) -> Iterator[tuple[Mutant, Verdict]]:
     """Try mutants, `jobs` at a time, and yield each with its verdict as it comes."""

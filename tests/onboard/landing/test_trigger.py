@@ -25,12 +25,12 @@ def test_trigger_flips_with_the_front_motors_and_keeps_the_snapshot() -> None:
     assert snapshot["snapshot_count"] == 1
     assert snapshot["snapshot_time"] == inputs.time
     for name in ("tau", "theta_x", "d_ceil", "trigger_value", "a_rot"):
-        assert snapshot[f"snapshot_{name}"] == getattr(inputs, name)
-    assert tuple(snapshot["snapshot_velocity"]) == inputs.velocity
-    assert snapshot["snapshot_z"] == inputs.position[2]
+        assert snapshot[f"snapshot_{name}"] == pytest.approx(getattr(inputs, name))
+    assert tuple(snapshot["snapshot_velocity"]) == pytest.approx(inputs.velocity)
+    assert snapshot["snapshot_z"] == pytest.approx(inputs.position[2])
     # Later samples do not change it.
     rig.step(trigger_value=0.5, a_rot=-1e-3)
-    assert snapshot["snapshot_a_rot"] == -7e-3
+    assert snapshot["snapshot_a_rot"] == pytest.approx(-7e-3)
 
 
 def test_flip_thrust_is_bounded_by_the_motors() -> None:
