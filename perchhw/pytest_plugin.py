@@ -61,15 +61,19 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Any:
     """Say in the report of a test that failed where its lab's record is."""
     report = yield
-    used = getattr(item, "funcargs", {})
-    if ("lab" in used or "instant_lab" in used) and report.when == "call" and report.failed:
-        place = _record_of(item)
-        item.stash[_FAILED] = place
+    recorded = item.stash.get(_RECORDED, None)
+    if recorded is not None and report.failed:
+        place = item.stash[_FAILED] = _record_of(item)
         report.sections.append(("simulated lab", f"record: {place}"))
+        if report.when == "teardown":  # the lab is closed already
+            _keep_record(item, recorded)
     return report
 
 
+_RECORDED = pytest.StashKey[Path]()
+"""What the lab of a test records."""
 _FAILED = pytest.StashKey[Path]()
+"""Where the record of a test that failed is kept."""
 
 
 def _record_of(item: pytest.Item) -> Path:
@@ -99,23 +103,30 @@ def lab(
 
     options = _options(request.node)
     parked = not options.pop("flies", True)
+    if parked and options.get("room"):
+        raise pytest.UsageError(
+            f"{request.node.nodeid}: a room sees drones that fly: leave room=True or flies=False out"
+        )
+    if parked in _stages and not _stages[parked].alive:
+        _stages.pop(parked).close()
     if parked not in _stages:
         _stages[parked] = StageProcess(parked).open()
     lab = Lab(_stages[parked], tmp_path / "lab", **options)
+    request.node.stash[_RECORDED] = lab.folder
     with ExitStack() as stack:
+        stack.callback(_keep_record, request.node, lab.folder)
         stack.callback(lab.close)
         yield lab
-    _keep_record(request.node, lab)
 
 
-def _keep_record(item: pytest.Item, lab: "Lab") -> None:
+def _keep_record(item: pytest.Item, recorded: Path) -> None:
     """Keep what was recorded of a test that failed."""
     import shutil
 
     kept = item.stash.get(_FAILED, None)
     if kept is not None:
         shutil.rmtree(kept, ignore_errors=True)
-        shutil.copytree(lab.folder, kept)
+        shutil.copytree(recorded, kept)
 
 
 def _options(item: pytest.Item) -> dict[str, Any]:
@@ -144,7 +155,14 @@ def instant_lab(
 
     from perchhw.testing.instant import InstantLab
 
-    lab = InstantLab(tmp_path / "instant-lab", **_options(request.node))
+    options = _options(request.node)
+    options.pop("flies", None)  # where nothing flies an instant lab is as fast
+    if options.pop("room", False):
+        raise pytest.UsageError(
+            f"{request.node.nodeid}: an instant lab has no room: take the fixture lab with room=True"
+        )
+    lab = InstantLab(tmp_path / "instant-lab", **options)
+    request.node.stash[_RECORDED] = lab.folder
     take = SyncLogger.__next__
 
     def next_sample(logger: SyncLogger) -> Any:
@@ -155,7 +173,7 @@ def instant_lab(
     monkeypatch.setattr(SyncLogger, "__next__", next_sample)
     yield lab
     lab.close()
-    _keep_record(request.node, lab)
+    _keep_record(request.node, lab.folder)
 
 
 @pytest.fixture

@@ -59,9 +59,14 @@ class StartMark:
     yaw: float = 0.0
 
 
+ROWS_TO_THE_WALL = 7
+
+
 def start_marks(count: int) -> list[StartMark]:
-    """Marks for `count` drones, 2.5 m before the impact point: side by side in threes, rows 0.6 m apart."""
-    return [StartMark(-2.5 - 0.6 * (i // 3), (0.0, 0.5, -0.5)[i % 3]) for i in range(count)]
+    """Marks for `count` drones, 2.5 m before the impact point: side by side in threes, rows 0.6 m apart, away
+    from that point until the wall, then towards it and beyond."""
+    rows = [-k if k < ROWS_TO_THE_WALL else k - ROWS_TO_THE_WALL + 1 for k in range(-(-count // 3))]
+    return [StartMark(-2.5 + 0.6 * rows[i // 3], (0.0, 0.5, -0.5)[i % 3]) for i in range(count)]
 
 
 class Drone:

@@ -13,7 +13,7 @@ from cflib.crazyflie.syncCrazyflie import SyncCrazyflie
 from perchhw.testing import Lab, SimulatedDrone, StageFailed, StageProcess
 from perchhw.testing.instant import InstantLab
 from sim_backend.acts import ActError
-from sim_backend.crazyflie.tables import NoSuchVariable
+from sim_backend.crazyflie.tables import NoSuchVariable, ValueNotRepresentable
 
 WATCHED = ("gyro.z", "acc.x", "pm.vbat", "pm.state", "range.zrange")
 
@@ -96,6 +96,8 @@ def test_sensors_show_too_much_at_once_and_no_more_with_every_call(
 def test_what_is_not_there_cannot_be_injected(drone: SimulatedDrone) -> None:
     with pytest.raises(NoSuchVariable, match=r"pm\.none"):
         drone.set_log("pm.none", 1.0)
+    with pytest.raises(ValueNotRepresentable, match="70000 does not fit U16"):
+        drone.set_log("range.zrange", 70000)
     with pytest.raises(ActError, match="gyro, accelerometer, voltage"):
         drone._offset("compass", 0.0, 0.0, 0.0)
 

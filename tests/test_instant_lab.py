@@ -16,7 +16,7 @@ from cflib.crazyflie.syncCrazyflie import SyncCrazyflie
 
 from onboard.link.errors import LinkInputError
 from onboard.link.in_process import InProcessDriver, serve_in_process, stop_serving
-from perchhw.testing import LabWaitTimeout, SimulatedDrone
+from perchhw.testing import LabInputError, LabWaitTimeout, SimulatedDrone
 from perchhw.testing.instant import InstantLab
 from tests.patience import PATIENCE_S, until
 
@@ -137,6 +137,13 @@ def test_a_drone_that_nobody_hears_is_not_waited_for(lab: InstantLab) -> None:
     lab.drones[0].freeze()
     lab.run_for(0.1)
     lab.drones[0].thaw()
+
+
+def test_loss_is_refused_because_cflib_would_wait_for_ever(lab: InstantLab, tmp_path: Path) -> None:
+    with pytest.raises(LabInputError, match="loses no packets"):
+        lab.drones[0].lose_packets(0.1)
+    with pytest.raises(LabInputError, match="loses no packets"):
+        InstantLab(tmp_path / "other", faults=["link_loss=0.02"])
 
 
 def test_addresses(lab: InstantLab) -> None:

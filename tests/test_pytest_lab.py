@@ -1,15 +1,18 @@
 """The plugin's labs as another project would use them: its page, faults, truth, records, many at once."""
 
 import json
+import math
 import os
 import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from perchhw.testing import Lab, LabWaitTimeout, SimulatedDrone, StageFailed, StageProcess
+from perchhw.testing import Lab, LabInputError, LabWaitTimeout, SimulatedDrone, StageFailed, StageProcess
+from perchhw.testing.instant import InstantLab
 from tests.conftest import REPOSITORY
 
 pytest_plugins = ["pytester"]
@@ -188,6 +191,85 @@ def test_a_test_that_fails_leaves_its_record(pytester: pytest.Pytester) -> None:
     assert len(truth) > 25
     (event,) = (json.loads(line) for line in (record / "events.jsonl").read_text().splitlines())
     assert (event["event"], event["drone"], event["value"]) == ("loss", "cf1", 0.5)
+
+
+FAILS_IN_FIXTURES = """
+    import pytest
+
+    pytestmark = pytest.mark.crazyflie(flies=False)
+
+    @pytest.fixture
+    def broken(drone):
+        drone.freeze()
+        raise ValueError("before the test")
+
+    def test_before(broken):
+        pass
+
+    @pytest.fixture
+    def breaks(drone):
+        yield
+        drone.freeze()
+        raise ValueError("after the test")
+
+    def test_after(breaks):
+        pass
+
+    def test_that_ends_the_process(lab):
+        lab.ask("drone", index=7, act="freeze")
+
+    def test_that_is_innocent(drone):
+        assert drone.powered
+
+    @pytest.mark.crazyflie(room=True)
+    def test_a_room_of_parked_drones(lab):
+        pass
+"""
+
+
+def test_fixtures_that_fail_leave_records_and_a_lab_that_dies_ends_one_test(
+    pytester: pytest.Pytester,
+) -> None:
+    pytester.makepyfile(FAILS_IN_FIXTURES)
+    result = pytester.runpytest_subprocess(*STRICT, "--crazyflie-records", "kept")
+    # The test whose lab died fails, and so does the end of its lab.
+    result.assert_outcomes(passed=2, failed=1, errors=4)
+    result.stdout.fnmatch_lines(["*room=True or flies=False*"])
+    for name in ("test_before", "test_after"):
+        (record,) = (pytester.path / "kept").glob(f"*{name}")
+        (event,) = (json.loads(line) for line in (record / "events.jsonl").read_text().splitlines())
+        assert event["event"] == "freeze"
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"drones": 33}, {"drones": 0}, {"drones": "2"}, {"drones": 1.5}, {"seed": -1}, {"seed": "x"}],
+    ids=str,
+)
+def test_a_lab_that_cannot_be_is_refused(
+    stage: StageProcess, tmp_path: Path, options: dict[str, Any]
+) -> None:
+    for lab in (lambda: Lab(stage, tmp_path, **options), lambda: InstantLab(tmp_path, **options)):
+        with pytest.raises(LabInputError, match="is not a whole number"):
+            lab()
+
+
+def test_values_that_no_lab_can_have_are_refused(fresh: Lab) -> None:
+    drone = fresh.drones[0]
+    for ask in (
+        lambda: drone.lose_packets(10),
+        lambda: drone.lose_packets("10%"),
+        lambda: drone.brown_out(math.nan),
+        lambda: drone.set_log("range.zrange", "abc"),
+        lambda: drone.offset_voltage("a"),
+        lambda: drone.offset_accelerometer(x=math.inf),
+        lambda: fresh.turn_poses(math.inf),
+        lambda: fresh.run_for(-1.0),
+        lambda: fresh.run_for(math.nan),
+    ):
+        with pytest.raises(LabInputError, match="is not a number"):
+            ask()
+    assert drone.powered
 
 
 def test_workers_of_xdist_do_not_meet(pytester: pytest.Pytester) -> None:

@@ -100,7 +100,9 @@ class InProcessDriver(CRTPDriver):
             self._receiver = threading.get_ident()
             self._worked_on = False
             self._change.notify_all()
-            self._change.wait_for(lambda: bool(self._arrived), None if wait < 0 else wait)
+            self._change.wait_for(
+                lambda: bool(self._arrived) or self._server is None, None if wait < 0 else wait
+            )
             if not self._arrived:
                 return None
             self._worked_on = True

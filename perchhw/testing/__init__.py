@@ -2,5 +2,6 @@
 
 from perchhw.testing.lab import Lab, LabWaitTimeout, SimulatedDrone
 from perchhw.testing.stage import StageFailed, StageProcess
+from perchhw.testing.values import LabInputError
 
-__all__ = ["Lab", "LabWaitTimeout", "SimulatedDrone", "StageFailed", "StageProcess"]
+__all__ = ["Lab", "LabInputError", "LabWaitTimeout", "SimulatedDrone", "StageFailed", "StageProcess"]

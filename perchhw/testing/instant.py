@@ -17,6 +17,7 @@ import numpy as np
 from onboard.link.in_process import InProcessDriver, serve_in_process, stop_serving
 from onboard.vehicle import load_vehicle
 from perchhw.testing.lab import TRUTH_FILE, Lab, LabWaitTimeout, SimulatedDrone
+from perchhw.testing.values import MOST_DRONES, LabInputError, number, whole
 from sim_backend.acts import Acts
 from sim_backend.crazyflie.faults import DatagramFaults
 from sim_backend.crazyflie.server import CrazyflieServer
@@ -86,6 +87,9 @@ class InstantLab(Lab):
         poses: bool = True,
         faults: Sequence[str] = (),
     ) -> None:
+        drones, seed = whole("drones", drones, 1, MOST_DRONES), whole("seed", seed, 0)
+        wrong = parse_faults(faults).drone
+        _refuse_loss(wrong.link_loss)
         described, engine = load_vehicle(vehicle, legs), usable_engine(None)
         if (vehicle, legs) not in _prepared:
             warm_up(described, engine)
@@ -96,7 +100,6 @@ class InstantLab(Lab):
         self._running, self._shift, self._turn = True, (0.0, 0.0, 0.0), 0.0
         self._truth = TruthRecorder(folder / TRUTH_FILE)
         feed = PoseFeed() if poses else None
-        wrong = parse_faults(faults).drone
         self._world = World(
             described,
             drones=drones,
@@ -134,8 +137,9 @@ class InstantLab(Lab):
 
     def run_for(self, seconds: float) -> None:
         """Let so much of the lab's time pass."""
+        steps = round(number("seconds", seconds, 0.0) / DT)
         self._settle()
-        for _ in range(round(seconds / DT)):
+        for _ in range(steps):
             with self.lock:
                 self.tick()
             self._settle()
@@ -146,7 +150,7 @@ class InstantLab(Lab):
         Raises:
             LabWaitTimeout: it did not within so many s of the lab's time.
         """
-        end = self.time + within
+        end = self.time + number("within", within, 0.0)
         while not holds():
             if self.time >= end:
                 raise LabWaitTimeout(
@@ -189,6 +193,8 @@ class InstantLab(Lab):
 
     def ask(self, do: str, **values: Any) -> dict[str, Any]:
         """What a :class:`perchhw.testing.Lab` asks its process."""
+        if values.get("act") == "loss":
+            _refuse_loss(values["value"])
         with self.lock:
             return self._acts.do({"do": do, **values})
 
@@ -197,6 +203,15 @@ class InstantLab(Lab):
         for drone in self.drones:
             stop_serving(drone.name)
         self._truth.close()
+
+
+def _refuse_loss(probability: float) -> None:
+    """cflib repeats what was lost by the clock on the wall, which stands still here in its eyes."""
+    if probability > 0.0:
+        raise LabInputError(
+            "an instant lab loses no packets: cflib would wait for ever for the first that is lost; take the "
+            "fixture `lab`, or freeze() for a drone that says nothing"
+        )
 
 
 _sleep = time.sleep

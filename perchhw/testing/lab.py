@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from onboard.arrays import Quaternion, Vector
 from perchhw.errors import FlightStackError
 from perchhw.testing.stage import StageProcess
+from perchhw.testing.values import MOST_DRONES, LabInputError, number, whole
 
 if TYPE_CHECKING:
     from cflib.crazyflie import Crazyflie
@@ -117,10 +118,16 @@ class SimulatedDrone:
     @contextmanager
     def connect(self) -> "Iterator[Crazyflie]":
         """A cflib ``Crazyflie``, fully connected by perchhw's driver: a lost packet is repeated, and a drone
-        that does not answer is an error where cflib alone would wait for ever."""
+        that does not answer is an error where cflib alone would wait for ever.
+
+        Raises:
+            LabInputError: the drone of an instant lab.
+        """
         from onboard.link.crazyflie import open_crazyflie
         from onboard.timebase import WALL
 
+        if self.uri.startswith("perchhw://"):
+            raise LabInputError(f"{self.uri}: an instant lab's drone is for cflib's own SyncCrazyflie")
         connected = open_crazyflie(self.uri, timeout_s=CONNECT_TIMEOUT_S, clock=WALL)
         try:
             yield connected
@@ -129,7 +136,7 @@ class SimulatedDrone:
 
     def lose_packets(self, probability: float) -> None:
         """From now on each packet is lost with this probability, each way; 0 ends it, 1 is silence."""
-        self._act("loss", probability)
+        self._act("loss", number("probability", probability, 0.0, 1.0))
 
     def freeze(self) -> None:
         """Its firmware hangs: it answers nothing, and the motors keep what they were given."""
@@ -146,7 +153,7 @@ class SimulatedDrone:
 
     def brown_out(self, seconds: float = 0.3) -> None:
         """Its voltage breaks down: no power for so long in the lab's time, then it boots."""
-        self._act("brown_out", seconds)
+        self._act("brown_out", number("seconds", seconds, 0.0))
 
     def tumble(self) -> None:
         """It crashes: it is upside down on the floor below, and rolls at 15 rad/s."""
@@ -155,6 +162,7 @@ class SimulatedDrone:
     def set_log(self, variable: str, value: float) -> None:
         """From now on clients that log `variable` (``group.name``) are told `value`; the drone itself goes by
         what it has."""
+        number(variable, value)
         self._lab.note("log", drone=self.name, variable=variable, value=value)
         self._lab.ask("log", index=self._index, name=variable, value=value)
 
@@ -176,6 +184,7 @@ class SimulatedDrone:
         self._offset("voltage", volts)
 
     def _offset(self, sensor: str, *offset: float) -> None:
+        offset = tuple(number(f"offset of the {sensor}", part) for part in offset)
         self._lab.note("sensor", drone=self.name, sensor=sensor, offset=offset)
         self._lab.ask("sensor", index=self._index, sensor=sensor, offset=list(offset))
 
@@ -225,10 +234,10 @@ class Lab:
         folder.mkdir(parents=True, exist_ok=True)
         opened = stage.ask(
             "open",
-            drones=drones,
+            drones=whole("drones", drones, 1, MOST_DRONES),
             vehicle=vehicle,
             legs=legs,
-            seed=seed,
+            seed=whole("seed", seed, 0),
             poses=poses,
             room=room,
             faults=list(faults),
@@ -245,6 +254,7 @@ class Lab:
     def run_for(self, seconds: float) -> None:
         """Wait until so much of the lab's time has passed. It lives in real time, as cflib does: this takes
         `seconds` at least."""
+        number("seconds", seconds, 0.0)
         begin = self.time
         self.wait_until(lambda: self.time >= begin + seconds, within=seconds + 1.0)
 
@@ -254,6 +264,7 @@ class Lab:
         Raises:
             LabWaitTimeout: it did not within so many s of the lab's time.
         """
+        number("within", within, 0.0)
         began = last = self.time
         moved = time.monotonic()
         while not holds():
@@ -278,12 +289,12 @@ class Lab:
 
     def shift_poses(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> None:
         """From now on motion capture sees every drone beside where it is, m."""
-        self._shift = (x, y, z)
+        self._shift = (number("x", x), number("y", y), number("z", z))
         self._pose()
 
     def turn_poses(self, degrees: float) -> None:
         """From now on motion capture sees every drone turned about the vertical."""
-        self._turn = math.radians(degrees)
+        self._turn = math.radians(number("degrees", degrees))
         self._pose()
 
     def _pose(self) -> None:

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+from contextlib import suppress
 from typing import Any, Self
 
 from perchhw.errors import FlightStackError
@@ -83,11 +84,17 @@ class StageProcess:
             f"the simulated lab's process ended with code {code}; it said: {words or 'nothing'}"
         )
 
+    @property
+    def alive(self) -> bool:
+        """Whether it still runs."""
+        return self._process.poll() is None
+
     def close(self) -> None:
         """End the process."""
         for pipe in (self._process.stdin, self._process.stdout):
             if pipe is not None:
-                pipe.close()
+                with suppress(BrokenPipeError):  # it has ended, with a command unread
+                    pipe.close()
         try:
             self._process.wait(5.0)
         except subprocess.TimeoutExpired:

@@ -37,7 +37,7 @@ class NoSuchVariable(SimulationError, KeyError):
 
 
 class ValueNotRepresentable(SimulationError):
-    """A value that does not fit the type of its parameter."""
+    """A value that does not fit the type of its variable."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -278,6 +278,14 @@ class LogVariable:
         return LogType(self.type_byte & TYPE_MASK)
 
 
+_WHOLE = {
+    name: limits
+    for bits in (8, 16, 32)
+    for name, limits in ((f"U{bits}", (0, 1 << bits)), (f"I{bits}", (-(1 << bits - 1), 1 << bits - 1)))
+}
+"""Lowest value of each integer type, and the first that is too large."""
+
+
 class LogTable:
     """All log variables and where their values come from. A variable without a source reads 0."""
 
@@ -331,8 +339,14 @@ class LogTable:
 
         Raises:
             NoSuchVariable: there is none.
+            ValueNotRepresentable: its type cannot hold the value.
         """
-        ident = self.entry(name).ident
+        entry = self.entry(name)
+        if value is not None and (bits := _WHOLE.get(entry.type.name)) is not None:
+            lowest, beyond = bits
+            if value != int(value) or not lowest <= value < beyond:
+                raise ValueNotRepresentable(f"{name} = {value:g} does not fit {entry.type.name}")
+        ident = entry.ident
         self._injected.pop(ident, None)
         if value is not None:
             self._injected[ident] = value

@@ -3,25 +3,35 @@
 import csv
 import math
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from onboard.gravity import GRAVITY
+from onboard.room import RoomGeometry
 from onboard.vehicle import load_vehicle
 from sim_backend.fault_values import FaultError
 from sim_backend.faults import fault_table, parse_faults
 from sim_backend.lab_faults import DroneFaults
 from sim_backend.room.settings import ROOM_RULES
 from sim_backend.truth import COLUMNS, TruthError, TruthRecorder
-from sim_backend.world import LAG_LIMIT_S, World, WorldError
+from sim_backend.world import LAG_LIMIT_S, World, WorldError, start_marks
 from tests.sim_crazyflie.simulated_flight import LEGS, VEHICLE, Flight
 
 
 @pytest.fixture
 def world() -> World:
     return World(load_vehicle(VEHICLE, LEGS))
+
+
+def test_as_many_drones_as_there_may_be_start_within_the_walls_and_apart() -> None:
+    room, marks = RoomGeometry(), start_marks(32)
+    for mark in marks:
+        assert room.x_min + 0.2 <= mark.x <= room.x_max - 0.2
+        assert room.y_min + 0.2 <= mark.y <= room.y_max - 0.2
+    assert min(math.dist((a.x, a.y), (b.x, b.y)) for a, b in combinations(marks, 2)) >= 0.49
 
 
 def test_a_reboot_on_the_floor_brings_the_drone_back_with_a_fresh_battery() -> None:
