@@ -1,6 +1,7 @@
 """Supplies, balances and persons: what they are asked, what they answer, and what is off in the end."""
 
 import math
+import re
 from collections.abc import Callable
 
 import pytest
@@ -56,6 +57,9 @@ class TinyScpi:
         return b""
 
 
+KORAD_COMMANDS = re.compile(rb"[VI]SET1:[0-9.]+|[VI]SET1\?|[VI]OUT1\?|OUT[01]|STATUS\?|\*IDN\?")
+
+
 class TinyKorad:
     """A Korad: no line ends, fixed formats, clips what is out of range."""
 
@@ -64,6 +68,10 @@ class TinyKorad:
         self.status = 0x41
 
     def __call__(self, data: bytes) -> bytes:
+        """Of what came since the last look: on a busy machine several commands at once."""
+        return b"".join(self._answer(command) for command in KORAD_COMMANDS.findall(data))
+
+    def _answer(self, data: bytes) -> bytes:
         name, _, value = data.partition(b":")
         if name in self.values:
             self.values[name] = (b"%05.2f" if name == b"VSET1" else b"%05.3f") % min(float(value), 5.1)
