@@ -14,6 +14,8 @@ import sys
 import tempfile
 from pathlib import Path
 
+from tests.mutation.environment import set_up
+
 
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tests.mutation", description=__doc__.splitlines()[0])
@@ -32,13 +34,7 @@ def main() -> int:
     """Run and print; the exit code."""
     options = _options()
     with tempfile.TemporaryDirectory() as scratch:
-        os.environ |= {
-            "NUMBA_DISABLE_JIT": "1",
-            "OPENBLAS_NUM_THREADS": "1",
-            "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1",
-            "HYPOTHESIS_STORAGE_DIRECTORY": scratch,
-        }
-        # Only now: numba and numpy read their settings when they are imported.
+        set_up(scratch)
         from tests.mutation.run import run
 
         document = run(
