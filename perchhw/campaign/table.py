@@ -19,15 +19,13 @@ _STYLES = {
     Outcome.NO_TRIGGER: "red",
     Outcome.ABORTED: "magenta",
 }
-_SHOWN_AROUND_NOW = 12
 
 
-def attempts_table(rows: list[AttemptRow], planned: int, around_now: bool = False) -> Table:
-    """One line per try of `planned` attempts; with `around_now` only the last flown and the next ones."""
-    shown = _window(rows) if around_now else rows
+def attempts_table(rows: list[AttemptRow], planned: int) -> Table:
+    """One line per try of `planned` attempts."""
     title = progress(rows, planned)
     table = Table("#", "m/s", "deg", "try", "state", "outcome", "tau", "what happened", title=title)
-    for row in shown:
+    for row in rows:
         outcome = "" if row.outcome is None else f"[{_STYLES[row.outcome]}]{row.outcome.value}[/]"
         tau = (row.trigger or {}).get("tau")
         table.add_row(
@@ -38,17 +36,16 @@ def attempts_table(rows: list[AttemptRow], planned: int, around_now: bool = Fals
             f"[bold]{row.state}[/]" if row.state == "running" else row.state,
             outcome,
             "" if tau is None else f"{tau:.3f}",
-            escape(_why(row, around_now)),
+            escape(_why(row)),
         )
     return table
 
 
-def _why(row: AttemptRow, in_short: bool) -> str:
+def _why(row: AttemptRow) -> str:
     """What kept an attempt from its landing; nothing of one that landed as it should."""
     if row.outcome is Outcome.FOUR_LEG:
         return ""
-    why = kept_sentence(row.record) or row.aborted_by or ""
-    return _shortened(why) if in_short else why
+    return kept_sentence(row.record) or row.aborted_by or ""
 
 
 def progress(rows: Iterable[AttemptRow], planned: int) -> str:
@@ -63,13 +60,3 @@ def outcome_counts(rows: Iterable[AttemptRow]) -> dict[Outcome, int]:
     """Number of done attempts by outcome, in the order of the outcomes; those that occur."""
     counts = Counter(row.outcome for row in rows if row.state == "done")
     return {outcome: counts[outcome] for outcome in Outcome if counts[outcome]}
-
-
-def _window(rows: list[AttemptRow]) -> list[AttemptRow]:
-    now = next((i for i, row in enumerate(rows) if row.state in ("running", "planned")), len(rows))
-    first = max(0, now - _SHOWN_AROUND_NOW + 3)
-    return rows[first : first + _SHOWN_AROUND_NOW]
-
-
-def _shortened(text: str, length: int = 48) -> str:
-    return text if len(text) <= length else text[: length - 1] + "…"
