@@ -11,7 +11,9 @@ from onboard.firmware.header import vehicle_header
 from tests.firmware.histories import VEHICLE
 from tests.firmware.shell import SHIM
 
-pytestmark = pytest.mark.skipif(shutil.which("cppcheck") is None, reason="needs cppcheck")
+pytestmark = pytest.mark.skipif(
+    shutil.which("cppcheck") is None, reason="cppcheck is not installed: apt-get install cppcheck"
+)
 
 
 def test_nothing_is_found(tmp_path: Path) -> None:
