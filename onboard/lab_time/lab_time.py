@@ -188,11 +188,12 @@ class LabTime:
 
     def _tell(self, message: Message) -> None:
         """Send; a lab that is gone is noticed by who receives."""
-        if self._socket is None or self._alone:
+        connection = self._socket
+        if connection is None or self._alone:
             return
         try:
             with self._sending:
-                self._socket.sendall(encode(message))
+                connection.sendall(encode(message))  # leave() may have closed it meanwhile
         except OSError:
             self._alone = True
 

@@ -8,7 +8,7 @@ import numpy as np
 from calibration.flights import Flight
 from onboard.arrays import BoolArray, FloatArray
 from onboard.rotation import to_matrices
-from perchhw.report.style import BLUE, INK, MUTED, ORANGE, TRIGGER, new_figure, svg
+from perchhw.report.style import BLUE, INK, MUTED, ORANGE, TRIGGER, Margins, new_figure, svg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,7 +31,7 @@ def cues_over_time(flight: Flight) -> str | None:
     """tau and the trigger value towards the trigger."""
     if not flight.has("tau", "trigger_value"):
         return None
-    figure = new_figure(5.2, 4.0)
+    figure = new_figure(5.2, 4.0, Margins())
     top, bottom = figure.subplots(2, 1, sharex=True)
     t0, window = _window(flight, 1.2, 0.3)
     t, tau = flight.series("tau")
@@ -54,7 +54,7 @@ def rates_in_flip(flight: Flight) -> str | None:
     t, rates = flight.series("gx", "gy", "gz")
     t0, window = _window(flight, 0.3, 1.2)
     near = window(t)
-    figure = new_figure(5.2, 3.4)
+    figure = new_figure(5.2, 3.4, Margins())
     axes = figure.add_subplot()
     looks = zip("xyz", (MUTED, BLUE, ORANGE), (":", "-", "--"), strict=True)
     for k, (axis, colour, line) in enumerate(looks):

@@ -12,7 +12,7 @@ from onboard.app_interface import LandingState
 from onboard.policy.model import Policy
 from onboard.trajectory import ApproachPlan, sample_approach
 from perchhw.diagnosis.flip import CUES, approach_cues, values_of
-from perchhw.report.style import BLUE, GREEN, INK, MUTED, ORANGE, TRIGGER, by_width, new_figure, svg
+from perchhw.report.style import BLUE, GREEN, INK, MUTED, ORANGE, TRIGGER, Margins, by_width, new_figure, svg
 from perchhw.report.trigger_plane import draw_region
 
 _BEFORE_S = 1.0
@@ -34,7 +34,7 @@ def trigger_region(flight: Flight, policy: Policy | None) -> str | None:
     fired = seen if seen and all(name in seen for name in CUES) else None
     nearest = cues[-1] if policy is None else cues[int(np.argmax(values_of(policy, cues)))]
     at = nearest if fired is None else np.array([fired[name] for name in CUES])
-    figure = new_figure(5.2, 4.0)
+    figure = new_figure(5.2, 4.0, Margins())
     axes = figure.add_subplot()
     tau = (0.9 * min(at[0], 0.2), 1.25 * max(at[0], 0.3))
     flow = (max(0.0, min(0.3, cues[:, 1].min() - 0.3)), max(6.0, 1.4 * at[1]))
@@ -69,7 +69,7 @@ def tracking(flight: Flight, approach: dict[str, Any] | None) -> str | None:
     after = t[during] - begun[0]
     wanted = np.array([sample_approach(plan, float(s))[0] for s in after])
     distance = np.linalg.norm(path[during] - wanted, axis=1)
-    figure = new_figure(5.2, 4.0)
+    figure = new_figure(5.2, 4.0, Margins())
     top, bottom = figure.subplots(2, 1, sharex=True)
     top.plot(after, wanted[:, 2], color=MUTED, lw=1.4, ls="--", label="planned height")
     top.plot(after, path[during, 2], color=BLUE, lw=1.3, label="flown")
@@ -88,7 +88,7 @@ def power(flight: Flight) -> str | None:
         return None
     zero = float(flight.t[0]) if flight.trigger is None else flight.trigger.t
     motors = flight.has("m1", "m2", "m3", "m4")
-    figure = new_figure(5.2, 4.0 if motors else 2.6)
+    figure = new_figure(5.2, 4.0 if motors else 2.6, Margins(top=0.3))
     panels = figure.subplots(2 if motors else 1, 1, sharex=True, squeeze=False)[:, 0]
     if motors:
         t, duty = flight.series("m1", "m2", "m3", "m4")
@@ -122,7 +122,7 @@ def phases(run: RunRecord) -> str | None:
 
 def _phases_drawn(firsts: list[tuple[float, str]], broad: bool, alt: str) -> str:
     rows = len(firsts) - 1
-    figure = new_figure(10.4 if broad else 5.2, 0.27 * rows + 0.7)
+    figure = new_figure(10.4 if broad else 5.2, 0.27 * rows + 0.7, Margins(left=0.12))
     axes = figure.add_subplot()
     spans = zip(firsts, firsts[1:], cycle(_PHASE_FILLS), strict=False)
     for row, ((t, phase), (until, _), fill) in enumerate(spans):

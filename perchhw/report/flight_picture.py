@@ -9,7 +9,7 @@ from onboard.app_interface import LandingState
 from onboard.arrays import BoolArray, FloatArray
 from onboard.rotation import to_matrices
 from onboard.vehicle import Vehicle
-from perchhw.report.style import BLUE, INK, MUTED, TRIGGER, by_width, new_figure, svg
+from perchhw.report.style import BLUE, INK, MUTED, TRIGGER, Margins, by_width, new_figure, svg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,6 +20,7 @@ _GHOST_S = 0.04
 _MARGIN_M = 0.12
 _CEILING_M = 0.06
 """Thickness of the drawn ceiling."""
+_MARGINS = Margins(top=0.28, between=0.16)
 
 
 class Moment(NamedTuple):
@@ -68,7 +69,8 @@ def flight_picture(flight: Flight, vehicle: Vehicle | None, touch_t: float | Non
 
 def _drawn(flight: Flight, vehicle: Vehicle | None, shown: list[Moment], broad: bool, alt: str) -> str:
     zoomed = flight.trigger is not None
-    figure = new_figure(10.4, 3.9) if broad else new_figure(5.2, 7.4 if zoomed else 3.6)
+    size = (10.4, 3.9) if broad else (5.2, 7.4 if zoomed else 3.6)
+    figure = new_figure(*size, _MARGINS)
     if not zoomed:
         panels = [figure.add_subplot()]
     elif broad:
