@@ -10,9 +10,7 @@ its processes until their end. `landing` is ``perchhw demo --attempts 1`` until 
 import argparse
 import json
 import os
-import platform
 import re
-import resource
 import signal
 import subprocess
 import sys
@@ -23,14 +21,10 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from machine import machine, processor_seconds
+
 LAB = ("sim", "lab", "--drone-port", "0", "--vicon-port", "0", "--vicon-udp-port", "0")
 DEMO = ("demo", "--json", "--attempts", "1", "--out")
-
-
-def processor_seconds() -> float:
-    """User and system time of all child processes that have ended, s."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
 
 
 def until(
@@ -75,10 +69,8 @@ def main() -> None:
         "benchmark": "first_start",
         "ready": starts(LAB, "stdout", '"ready"'),
         "landing": starts(DEMO, "stderr", "1 of 1 done"),
-        "cores": len(os.sched_getaffinity(0)),
         "load_average_before": load,
-        "machine": platform.processor() or platform.machine(),
-        "python": platform.python_version(),
+        **machine(),
         "versions": {package: version(package) for package in ("numba", "llvmlite", "numpy")},
     }
     print(json.dumps(document, indent=1))

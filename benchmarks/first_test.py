@@ -11,9 +11,7 @@ the processors for all child processes. Prints one JSON document.
 import argparse
 import json
 import os
-import platform
 import re
-import resource
 import subprocess
 import sys
 import tempfile
@@ -21,15 +19,11 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
+from machine import machine, processor_seconds
+
 REPOSITORY = Path(__file__).resolve().parent.parent
 LIMIT_S = 180.0
 """What is promised from the install to green, wall s."""
-
-
-def processor_seconds() -> float:
-    """User and system time of all child processes that have ended, s."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
 
 
 def timed(*command: str, folder: Path, environment: Mapping[str, str]) -> dict[str, float]:
@@ -83,10 +77,8 @@ def main() -> None:
         **steps,
         "until_green_s": until_green,
         "ratio_to_promise": until_green / LIMIT_S,
-        "cores": len(os.sched_getaffinity(0)),
         "load_average_before": load,
-        "machine": platform.processor() or platform.machine(),
-        "python": platform.python_version(),
+        **machine(),
     }
     print(json.dumps(document, indent=1))
 

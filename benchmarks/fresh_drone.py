@@ -12,7 +12,6 @@ compiled before anything is timed. Prints one JSON document.
 import argparse
 import json
 import os
-import platform
 import socket
 import statistics
 import tempfile
@@ -23,6 +22,7 @@ from pathlib import Path
 import cflib.crtp
 from cflib.crazyflie import Crazyflie
 from cflib.crazyflie.syncCrazyflie import SyncCrazyflie
+from machine import machine
 
 from onboard.link.in_process import InProcessDriver
 from perchhw.lab_process import SimulatedLab
@@ -125,10 +125,8 @@ def main() -> None:
         "ratio": process["median_s"] / lab["median_s"],
         "flight": flown,
         "repeats": repeats,
-        "cores": len(os.sched_getaffinity(0)),
         "load_average_before": load,
-        "machine": platform.processor() or platform.machine(),
-        "python": platform.python_version(),
+        **machine(),
     }
     print(json.dumps(document, indent=1))
 

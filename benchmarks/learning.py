@@ -12,7 +12,6 @@ document.
 import argparse
 import json
 import os
-import platform
 import resource
 import statistics
 import subprocess
@@ -22,6 +21,8 @@ import time
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
+
+from machine import machine
 
 REPEATS = 5
 MEGABYTE = 2**20 if sys.platform == "darwin" else 2**10
@@ -112,10 +113,8 @@ def main() -> None:
                 ),
             },
             "grid": grid or "default",
-            "cores": os.cpu_count(),
             "load_average": os.getloadavg()[0],
-            "machine": platform.processor() or platform.machine(),
-            "python": platform.python_version(),
+            **machine(),
             "versions": {package: version(package) for package in ("perchhw", "numba", "numpy")},
         }
     print(json.dumps(document, indent=1))

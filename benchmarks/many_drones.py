@@ -13,12 +13,13 @@ import argparse
 import contextlib
 import json
 import os
-import platform
 import socket
 import struct
 import threading
 import time
 from pathlib import Path
+
+from machine import machine
 
 from onboard.lab_time.address import TimeAddress
 from onboard.lab_time.figures import lab_figures
@@ -140,10 +141,8 @@ def main() -> None:
         "benchmark": "many_drones",
         "drones": {str(n): hovering(n, arguments.seconds) for n in arguments.drones},
         "seconds": arguments.seconds,
-        "cores": len(os.sched_getaffinity(0)),
         "load_average_before": load,
-        "machine": platform.processor() or platform.machine(),
-        "python": platform.python_version(),
+        **machine(),
     }
     print(json.dumps(document, indent=1))
 

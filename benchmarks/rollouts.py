@@ -21,7 +21,6 @@ import dataclasses
 import json
 import math
 import os
-import platform
 import sys
 import time
 from collections.abc import Callable
@@ -29,6 +28,7 @@ from importlib.metadata import version
 from typing import Any
 
 import numpy as np
+from machine import machine
 from numba import njit
 from peer_process import PeerProcess, rates
 
@@ -232,10 +232,8 @@ def main() -> None:
         "ratios_per_cpu_s": ratios(ours, peers["crazyflow"], peers["mujoco"], "median_per_cpu_s"),
         "workers": arguments.workers,
         "first_call_s": first_call,
-        "cores": os.cpu_count(),
         "load_average": os.getloadavg()[0],
-        "machine": platform.processor() or platform.machine(),
-        "python": platform.python_version(),
+        **machine(),
         "versions": {package: version(package) for package in ("numba", "numpy")},
     }
     print(json.dumps(document, indent=1))

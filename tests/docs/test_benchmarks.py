@@ -12,7 +12,8 @@ import pytest
 from tests.conftest import REPOSITORY
 from tests.docs.test_documented_commands import PAGES
 
-SCRIPTS = sorted(path for path in (REPOSITORY / "benchmarks").glob("*.py") if path.name != "peer_process.py")
+SHARED = ("machine.py", "peer_process.py")
+SCRIPTS = sorted(path for path in (REPOSITORY / "benchmarks").glob("*.py") if path.name not in SHARED)
 
 
 def run(script: str, *arguments: str) -> "subprocess.CompletedProcess[str]":
