@@ -1,56 +1,9 @@
-"""What kind of thing ended attempts early, and how many of each kind a campaign bears."""
+"""How many aborted attempts of a kind, and in a row, a campaign bears."""
 
-import re
 from collections import Counter
 from collections.abc import Mapping
-from enum import StrEnum
-from typing import Final
 
-from mocap_bridge.errors import MocapError
-from onboard.errors import PerchhwError
-from onboard.link.errors import LinkError
-
-
-class AbortKind(StrEnum):
-    """What an aborted attempt failed by."""
-
-    LINK = "link"
-    MOCAP = "mocap"
-    BATTERY = "battery"
-    DRONE = "drone"
-    PATH = "path"
-    OTHER = "other"
-
-
-_RULES: Final[tuple[tuple[AbortKind, str], ...]] = (
-    (AbortKind.LINK, r"link|estimate_age|rates_age|drone_state_age|no answer"),
-    (
-        AbortKind.MOCAP,
-        r"pose|estimate_to_mocap|heading_to_mocap|drone_broke_off: pose|mocap|descent_disagreement",
-    ),
-    (AbortKind.BATTERY, r"battery"),
-    (AbortKind.DRONE, r"drone_|parameters|policy|the drone|stopped by|somebody|stop_unconfirmed|disarming"),
-    (
-        AbortKind.PATH,
-        r"corridor|fence|inside_room|tilt|speed|rotation|flip|flight_time|descent|height|start_mark|"
-        r"no steady hover|the (start|approach|course)",
-    ),
-)
-"""Beginnings of a reason, by kind; the first that matches holds."""
-
-
-def abort_kind(reason: str, error: PerchhwError | None = None) -> AbortKind:
-    """The kind of an aborted attempt.
-
-    Args:
-        reason: rule and what it found, as the record says it; of several the first.
-        error: the error that ended it, if one did.
-    """
-    if isinstance(error, LinkError):
-        return AbortKind.LINK
-    if isinstance(error, MocapError):
-        return AbortKind.MOCAP
-    return next((kind for kind, words in _RULES if re.match(words, reason)), AbortKind.OTHER)
+from perchhw.diagnosis.rules import AbortKind
 
 
 class AbortCount:

@@ -20,9 +20,9 @@ from onboard.room import RoomGeometry
 from onboard.toml_file import read_toml
 from onboard.vehicle import load_vehicle
 from perchhw.attempt import APPROACH_PARAMETERS, SHAPE
-from perchhw.campaign.aborts import AbortKind
 from perchhw.campaign.file_table import SCHEMA, CampaignFileError, FileTable, check_names, room_of
 from perchhw.campaign.seats import Seat, setups_of
+from perchhw.diagnosis.rules import AbortKind
 
 ADAPTIVE = "adaptive"
 ORDERS = ("shuffled", "grid", ADAPTIVE)
@@ -126,7 +126,7 @@ class CampaignPlan:
         room: ceiling and flight volume.
         approach: further parameters of the approach.
         aborted_in_a_row: that many aborted attempts in a row stop the campaign.
-        aborts: so many of a kind (:class:`perchhw.campaign.aborts.AbortKind`) in one run stop it as well.
+        aborts: so many of a kind (:class:`perchhw.diagnosis.rules.AbortKind`) in one run stop it as well.
         attempts: fly only so many, from the beginning of the order; None for all.
         map_error: an adaptive campaign is done when the expected error of its map is as small.
         lab: the lab file, or None.

@@ -9,11 +9,13 @@ from pathlib import Path
 from onboard.errors import InputError, PerchhwError, SafetyStop
 from onboard.link.errors import DroneStopped
 from perchhw.attempt import AttemptRequest, AttemptResult, AttemptRunner, Outcome, WarmUpAborted
-from perchhw.campaign.aborts import AbortCount, AbortKind, abort_kind
+from perchhw.campaign.aborts import AbortCount
 from perchhw.campaign.adaptive import AdaptiveOrder
 from perchhw.campaign.plan import ADAPTIVE, CampaignPlan, Slot
 from perchhw.campaign.store import AttemptRow, CampaignError, CampaignStore, exists
 from perchhw.campaign.turns import Turns
+from perchhw.diagnosis.reasons import abort_kind
+from perchhw.diagnosis.rules import AbortKind
 from perchhw.errors import FlightStackError
 from perchhw.record.folder import discard_if_empty, make_folder, new_run_folder
 

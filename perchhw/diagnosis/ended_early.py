@@ -9,6 +9,7 @@ from calibration.flights.run_folder import RunRecord
 from perchhw.diagnosis.busy import MAY_BE_LATE, REMEDY, busy_words
 from perchhw.diagnosis.finding import Cause, Diagnosis, Number
 from perchhw.diagnosis.mocap import REMEDIES, WORDS, frames_share, mocap_fault
+from perchhw.diagnosis.reasons import reason_in_words
 from perchhw.diagnosis.rules import BROKE_OFF, FENCES, RULES, RuleWords
 from perchhw.supervisor.machine import STOPPED_BY_OTHERS
 
@@ -81,61 +82,12 @@ def _by_word(aborted_by: str) -> tuple[RuleWords, dict[str, Number]] | None:
         return RuleWords(
             Cause.STOPPED_BY_OTHERS, words, "ask who stopped it and why, then reboot the drone"
         ), {}
-    for start, cause, words, remedy in _WORDS:
-        if aborted_by.startswith(start):
-            return RuleWords(cause, words.format(_after_colon(aborted_by)), remedy), {}
+    if (found := reason_in_words(aborted_by)) is not None:
+        return found, {}
     if " failed: " in aborted_by:
         command, _, why = aborted_by.partition(" failed: ")
         return RuleWords(Cause.COMMAND_FAILED, f"the order {command} failed ({why})", "perchhw doctor"), {}
     return None
-
-
-_WORDS = (
-    ("operator", Cause.OPERATOR, "the operator stopped it", "fly again when you are ready"),
-    ("link_lost", Cause.LINK_LOST, "the link to the drone was lost ({})", RULES["link_lost"].next),
-    ("record_lost", Cause.RECORD_LOST, "the record could not be written ({})", "make room on the disk"),
-    (
-        "internal_error",
-        Cause.INTERNAL_ERROR,
-        "an error of perchhw itself ({})",
-        "keep the record and report it: events.jsonl has the traceback",
-    ),
-    (
-        "stop_unconfirmed",
-        Cause.LINK_LOST,
-        "the stop was not confirmed ({})",
-        "keep away from the drone and cut its power",
-    ),
-    (
-        "drone_state: locked",
-        Cause.STOPPED_BY_OTHERS,
-        "the drone is locked, as after every flight and every stop",
-        "if it was stopped, find out why; then put it back on its mark and reboot it (--put-back)",
-    ),
-    (
-        "the start of the approach was not reached",
-        Cause.START_NOT_REACHED,
-        "the drone never hovered steadily at the start of the approach",
-        "look at hover and mocap: what moves the drone?",
-    ),
-    (
-        "no steady hover",
-        Cause.START_NOT_REACHED,
-        "the drone never hovered steadily after take-off",
-        "look at thrust, pack and mocap",
-    ),
-    ("the drone did not arm within", Cause.NOT_READY, "the drone did not arm", "perchhw doctor --drone URI"),
-    (
-        "disarming: the drone did not confirm",
-        Cause.LINK_LOST,
-        "the drone did not confirm that it was disarmed",
-        RULES["link_lost"].next,
-    ),
-)  # fmt: skip
-
-
-def _after_colon(text: str) -> str:
-    return text.partition(": ")[2]
 
 
 def _by_pose(run: RunRecord, aborted_by: str, t: float) -> tuple[RuleWords, dict[str, Number]] | None:
@@ -163,7 +115,7 @@ def _by_pose(run: RunRecord, aborted_by: str, t: float) -> tuple[RuleWords, dict
 def _by_rules(aborted_by: str) -> tuple[RuleWords, dict[str, Number]]:
     """Every rule that the reason names, in words; the cause is that of the first."""
     if aborted_by.startswith("drone_broke_off: "):
-        reason = re.split(r"[ (]", _after_colon(aborted_by))[0]
+        reason = re.split(r"[ (]", aborted_by.partition(": ")[2])[0]
         unknown = RuleWords(Cause.DRONE_ENDED_IT, f"the drone broke off its approach ({reason})", _LOOK)
         return BROKE_OFF.get(reason, unknown), {}
     first, *others = broken_rules(aborted_by)

@@ -9,29 +9,9 @@ import pytest
 from onboard.link.errors import LinkTimeout
 from perchhw.attempt import AttemptRequest, AttemptResult, Outcome
 from perchhw.campaign import CampaignFileError, CampaignStopped, CampaignStore, load_plan, run_campaign
-from perchhw.campaign.aborts import AbortKind, abort_kind
 from perchhw.cli.main import run
 from perchhw.record import RunRecorder
 from tests.campaign.stand_in import fly
-
-
-@pytest.mark.parametrize(
-    ("reason", "kind"),
-    [
-        ("link_silence: 0.62 s, need at most 0.5 s", AbortKind.LINK),
-        ("pose: LOST (occluded), need OK", AbortKind.MOCAP),
-        ("drone_broke_off: pose_lost (pose: LOST, need OK)", AbortKind.MOCAP),
-        ("estimate_to_mocap: 0.3 m, need at most 0.25 m", AbortKind.MOCAP),
-        ("battery_at_rest: 3.7 V, need at least 3.8 V; pose: LOST, need OK", AbortKind.BATTERY),
-        ("drone_state: tumbled, need upright and unlocked", AbortKind.DRONE),
-        ("drone_broke_off: tilt", AbortKind.DRONE),
-        ("corridor_distance: 0.7 m, need at most 0.6 m", AbortKind.PATH),
-        ("operator", AbortKind.OTHER),
-        ("record_lost: no space left", AbortKind.OTHER),
-    ],
-)
-def test_the_kind_of_an_abort_is_that_of_its_first_rule(reason: str, kind: AbortKind) -> None:
-    assert abort_kind(reason) is kind
 
 
 def test_a_kind_has_a_limit_of_its_own_though_attempts_between_succeed(
