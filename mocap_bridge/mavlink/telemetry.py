@@ -5,22 +5,20 @@ no socket, no wait. The thread here takes them 50 times a second and sends; what
 """
 
 import math
-import threading
 import time
 from collections.abc import Sequence
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from mocap_bridge.mavlink.address import MavlinkAddress
-from mocap_bridge.mavlink.endpoint import MESSAGES, MavlinkEndpoint
+from mocap_bridge.mavlink.endpoint import MESSAGES
 from mocap_bridge.mavlink.frames import swap_attitude, swap_body, swap_world
-from mocap_bridge.mavlink.refusal import Refusals, timesync_answer
+from mocap_bridge.mavlink.sender import MavlinkSender
 from mocap_bridge.mavlink.status_texts import REPEATS_S, StatusTexts
 from onboard.arrays import Quaternion, Vector
 from onboard.clock import Clock, monotonic
 
-SYSTEM, COMPONENT = 1, 1
-"""Who we are to a ground station: a vehicle's autopilot."""
+COMPONENT = MESSAGES.MAV_COMP_ID_AUTOPILOT1
+"""Who we are to a ground station."""
 PERIOD_S = 0.02
 HEARTBEAT_PERIOD_S = 1.0
 STATUS_PERIOD_S = 0.5
@@ -30,7 +28,7 @@ _UNKNOWN_MV = 0xFFFF
 _BOOT_MS = 1 << 32
 
 
-class MavlinkTelemetry:
+class MavlinkTelemetry(MavlinkSender):
     """A context manager: sends while it is open. All ``set_`` methods and `say` return at once, from any
     thread. Vectors and quaternions are ours (ENU, FLU, x y z w); times are s of the flight's clock.
 
@@ -43,12 +41,9 @@ class MavlinkTelemetry:
     """
 
     def __init__(self, address: MavlinkAddress, clock: Clock = monotonic) -> None:
+        super().__init__(address, COMPONENT, clock, "mavlink-telemetry", ends_within=2.0 * CLOSE_S)
         self.sent = 0
-        self._endpoint = MavlinkEndpoint(SYSTEM, COMPONENT, key=address.key, ipv6=":" in address.host)
-        self._to = (address.host, address.port)
-        self._clock = clock
         self._texts = StatusTexts()
-        self._refusals = Refusals(SYSTEM)
         self._mail: dict[str, Any] = {}
         self._rates: Vector = (0.0, 0.0, 0.0)
         self._begin: float | None = None
@@ -57,8 +52,6 @@ class MavlinkTelemetry:
         self._armed = False
         self._state = MESSAGES.MAV_STATE_STANDBY
         self._next_heartbeat = self._next_status = -math.inf
-        self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._send_forever, name="mavlink-telemetry", daemon=True)
 
     # From the flight's threads
 
@@ -92,7 +85,7 @@ class MavlinkTelemetry:
 
     # The thread
 
-    def _send_forever(self) -> None:
+    def _run(self) -> None:
         while not self._stopping.is_set():
             self._round(self._clock())
             self._endpoint.wait(PERIOD_S)
@@ -108,12 +101,7 @@ class MavlinkTelemetry:
         heard = False
         for received in self._endpoint.receive():
             heard = True
-            answer = timesync_answer(received.message, self._clock())
-            refusal, text = self._refusals.answer(received)
-            for message in (answer, refusal):
-                if message is not None:
-                    self._endpoint.send(message, received.source)
-            if text is not None:
+            if (text := self._answer(received)) is not None:
                 self.say(text, MESSAGES.MAV_SEVERITY_WARNING)
         return heard
 
@@ -149,25 +137,9 @@ class MavlinkTelemetry:
             self._begin = t
         return round(1000.0 * (t - self._begin)) % _BOOT_MS
 
-    @property
-    def lost(self) -> int:
-        """Messages that found nobody on this computer, or no room."""
-        return self._endpoint.lost
-
     def _send(self, message: Any) -> None:
         self.sent += 1
         self._endpoint.send(message, self._to)
-
-    def __enter__(self) -> Self:
-        self._thread.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._stopping.set()
-        self._thread.join(2.0 * CLOSE_S)
-        self._endpoint.close()
 
 
 def heartbeat(state: int, armed: bool) -> Any:

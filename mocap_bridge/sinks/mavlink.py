@@ -8,21 +8,18 @@ from its own by TIMESYNC, which is answered.
 """
 
 import math
-import threading
 from enum import StrEnum
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from mocap_bridge.errors import MocapError
 from mocap_bridge.health import Verdict
 from mocap_bridge.mavlink.address import MavlinkAddress
-from mocap_bridge.mavlink.endpoint import MESSAGES, MavlinkEndpoint
+from mocap_bridge.mavlink.endpoint import MESSAGES
 from mocap_bridge.mavlink.frames import euler_zyx, swap_attitude, swap_world
-from mocap_bridge.mavlink.refusal import Refusals, timesync_answer
+from mocap_bridge.mavlink.sender import MavlinkSender
 from mocap_bridge.pose import PoseSample
 from onboard.clock import Clock, monotonic
 
-SYSTEM = 1
 COMPONENT = MESSAGES.MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
 HEARTBEAT_PERIOD_S = 1.0
 _NAN = math.nan
@@ -39,7 +36,7 @@ class PoseMessage(StrEnum):
     MOCAP = "mocap"  # ATT_POS_MOCAP
 
 
-class MavlinkPoseSink:
+class MavlinkPoseSink(MavlinkSender):
     """Takes samples as ``on_sample`` of a :class:`mocap_bridge.bridge.PoseBridge`; a context manager.
 
     Only samples with the verdict ``ok`` are sent, at once and without waiting for anybody. A lost and found
@@ -58,15 +55,10 @@ class MavlinkPoseSink:
     def __init__(
         self, address: MavlinkAddress, kind: PoseMessage = PoseMessage.ODOMETRY, clock: Clock = monotonic
     ) -> None:
+        super().__init__(address, COMPONENT, clock, "mavlink-vehicle", ends_within=1.0)
         self._kind = kind
-        self._endpoint = MavlinkEndpoint(SYSTEM, COMPONENT, key=address.key, ipv6=":" in address.host)
-        self._to = (address.host, address.port)
-        self._clock = clock
-        self._refusals = Refusals(SYSTEM)
         self._resets = 0
         self._locked = False
-        self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._answer_forever, name="mavlink-vehicle", daemon=True)
         self.sent = 0
         self.heard: set[tuple[int, int]] = set()
 
@@ -81,12 +73,7 @@ class MavlinkPoseSink:
         self._endpoint.send(pose_message(self._kind, sample, self._resets % 256), self._to)
         self.sent += 1
 
-    @property
-    def lost(self) -> int:
-        """Packets that could not be sent."""
-        return self._endpoint.lost
-
-    def _answer_forever(self) -> None:
+    def _run(self) -> None:
         next_heartbeat = -math.inf
         while not self._stopping.is_set():
             if self._clock() >= next_heartbeat:
@@ -95,21 +82,8 @@ class MavlinkPoseSink:
             self._endpoint.wait(_POLL_S)
             for received in self._endpoint.receive():
                 self.heard.add((received.system, received.component))
-                refusal, text = self._refusals.answer(received)
-                for message in (timesync_answer(received.message, self._clock()), refusal, _said(text)):
-                    if message is not None:
-                        self._endpoint.send(message, received.source)
-
-    def __enter__(self) -> Self:
-        self._thread.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._stopping.set()
-        self._thread.join(1.0)
-        self._endpoint.close()
+                if (text := self._answer(received)) is not None:
+                    self._endpoint.send(_said(text), received.source)
 
 
 def pose_message(kind: PoseMessage, sample: PoseSample, resets: int) -> Any:
@@ -162,7 +136,5 @@ def _heartbeat() -> Any:
     )
 
 
-def _said(text: str | None) -> Any | None:
-    if text is None:
-        return None
+def _said(text: str) -> Any:
     return MESSAGES.MAVLink_statustext_message(MESSAGES.MAV_SEVERITY_WARNING, text.encode()[:50])
