@@ -13,7 +13,7 @@ REMEDY = (
     "end other programs on this computer, or serve the simulated lab with --pace lockstep, in which no "
     "flight depends on them"
 )
-MAY_BE_LATE = (
+_MAY_BE_LATE = (
     Cause.MOCAP_SILENT,
     Cause.MOCAP_LATE,
     Cause.LINK_LOST,
@@ -23,13 +23,18 @@ MAY_BE_LATE = (
     Cause.TUMBLED,
 )
 """What a late computer can be the reason of."""
+_BY_A_LATE_LAB = (*_MAY_BE_LATE, Cause.MOCAP_OCCLUDED)
+"""What a simulated lab that is late can be the reason of: its cameras see no drone whose state is old."""
 
 
-def busy_words(info: Mapping[str, Any]) -> tuple[str, dict[str, Number]] | None:
-    """What ``run.json`` says of a computer that was too busy, or None."""
+def busy_words(info: Mapping[str, Any], cause: Cause) -> tuple[str, dict[str, Number]] | None:
+    """What ``run.json`` says of a computer that was too busy, where that can be behind `cause`, or None."""
     words, numbers = [], dict[str, Number]()
     rate, host = info.get("drone_clock_rate"), info.get("host") or {}
-    if isinstance(rate, float) and rate < SLOWEST:
+    late_lab = isinstance(rate, float) and rate < SLOWEST
+    if cause not in (_BY_A_LATE_LAB if late_lab else _MAY_BE_LATE):
+        return None
+    if late_lab:
         words.append(f"the lab ran at {rate:.2f} of real time")
         numbers["drone_clock_rate"] = rate
     cpus, load = host.get("cpus"), host.get("load")

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.flights.run_folder import RunRecord
-from perchhw.diagnosis.busy import MAY_BE_LATE, REMEDY, busy_words
+from perchhw.diagnosis.busy import REMEDY, busy_words
 from perchhw.diagnosis.finding import Cause, Diagnosis, Number
 from perchhw.diagnosis.mocap import REMEDIES, WORDS, frames_share, mocap_fault
 from perchhw.diagnosis.reasons import reason_in_words
@@ -53,7 +53,7 @@ def diagnose_ended(run: RunRecord, aborted_by: str) -> Diagnosis:
             Cause.GYRO_BIASED, words, "reboot the drone where it stands still, and let it warm up first"
         )
         numbers = {**numbers, "gyro_bias_rad_s": bias}
-    if found.cause in MAY_BE_LATE and (busy := busy_words(run.info)) is not None:
+    if (busy := busy_words(run.info, found.cause)) is not None:
         found = RuleWords(found.cause, f"{found.words}; {busy[0]}", f"{REMEDY}; else {found.next}")
         numbers = {**numbers, **busy[1]}
     place = "before take-off" if phase in _PREFLIGHT else f"while {phase}"

@@ -97,6 +97,15 @@ def test_a_computer_that_was_too_busy_is_named(ended: Ended, info: dict[str, Any
     assert "busy" not in diagnose_run(run).sentence
 
 
+@pytest.mark.parametrize(("rate", "busy"), [(0.95, True), (1.0, False)])
+def test_a_lab_that_is_late_hides_the_drone_from_its_cameras(ended: Ended, rate: float, busy: bool) -> None:
+    run = ended(STALE, verdicts=Verdict.OCCLUDED.name)
+    run.info.update({"drone_clock_rate": rate, "host": {"cpus": 2, "load": 17.0}})
+    found = diagnose_run(run)
+    assert found.cause is Cause.MOCAP_OCCLUDED
+    assert ("too busy" in found.sentence) is ("--pace lockstep" in found.next) is busy
+
+
 def test_a_biased_gyro_is_found_behind_what_it_causes(ended: Ended) -> None:
     reason = "the start of the approach was not reached within 14.6 s"
     found = diagnose_run(ended(reason, bias=0.2))
