@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from perchhw.cli.environment import MOCAP_VARIABLE
+from perchhw.cli.lab_options import LabDrone
 from perchhw.cli.mocap_calibrate import calibrate
 from perchhw.cli.mocap_send import send
+from perchhw.cli.options import Lab
 from perchhw.cli.output import emit, written
 from perchhw.consoles import console, progress_console
 
@@ -24,19 +27,25 @@ app.command()(calibrate)
 @app.command()
 def watch(
     uri: Annotated[
-        str,
+        str | None,
         typer.Argument(
+            envvar=MOCAP_VARIABLE,
             help="vicon://HOST[:PORT]?subject=NAME, vicon-udp://[ADDRESS]:PORT?subject=NAME, "
-            "mavlink://[ADDRESS]:PORT, file://RUN or motioncapture+TYPE://HOST?subject=NAME"
+            "mavlink://[ADDRESS]:PORT, file://RUN or motioncapture+TYPE://HOST?subject=NAME. "
+            "Default: that of the lab file.",
         ),
-    ],
+    ] = None,
+    lab: Lab = None,
+    drone: LabDrone = None,
     seconds: Annotated[float, typer.Option(min=0.1, max=3600.0, help="How long to watch.")] = 5.0,
 ) -> int:
     """Report rate, gaps, age, health and the last pose of a source; exit code 1 when it is not good."""
     from mocap_bridge.bridge import PoseBridge
     from mocap_bridge.health import Verdict
     from onboard.lab_time import open_timebase
+    from perchhw.lab.partial import poses_of
 
+    uri = uri or poses_of(lab, drone)
     ages: list[float] = []
 
     def note_age(sample: Any, _: Verdict) -> None:

@@ -39,3 +39,19 @@ def addresses(lab: Path | None, drone: str | None, mocap: str | None, vehicle: s
     if mocap is not None:
         parse_mocap_uri(mocap)
     return Addresses(drone, mocap, vehicle or DEFAULT_VEHICLE, found)
+
+
+def poses_of(lab: Path | None, drone: str | None) -> str:
+    """Where the poses of `drone` (None: of the only one) come from, by the lab file that counts.
+
+    Raises:
+        SetupError: there is no lab file, or it has several drones. InputError: a lab file that cannot
+            be used.
+    """
+    found = find_lab(lab)
+    if found is None:
+        raise SetupError(
+            "lab",
+            "missing; give it, or what to watch instead: vicon://HOST[:PORT]?subject=NAME, or another URI",
+        )
+    return flight_setup(found, drone=drone).mocap

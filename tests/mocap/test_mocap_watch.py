@@ -3,6 +3,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -17,7 +18,7 @@ def lab() -> Iterator[SimulatedLab]:
         yield served
 
 
-def watch(*arguments: str) -> subprocess.CompletedProcess[str]:
+def watch(*arguments: str, folder: Path | None = None) -> subprocess.CompletedProcess[str]:
     command = [
         sys.executable,
         "-c",
@@ -27,7 +28,9 @@ def watch(*arguments: str) -> subprocess.CompletedProcess[str]:
         "watch",
         *arguments,
     ]
-    return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+    return subprocess.run(
+        command, capture_output=True, text=True, timeout=PATIENCE_S, check=False, cwd=folder
+    )
 
 
 def test_a_good_source_as_one_json_document(lab: SimulatedLab):
@@ -43,6 +46,20 @@ def test_a_good_source_as_one_json_document(lab: SimulatedLab):
     assert 0.003 < result["age_at_receipt"]["p50"] < 0.02
     assert result["last_pose"]["position"][2] == pytest.approx(0.07, abs=0.02)
     assert len(result["last_pose"]["quaternion"]) == 4
+
+
+def test_the_poses_of_the_lab_file(lab: SimulatedLab) -> None:
+    """Its address names the lab's clock, without which a lab in lock step stands still."""
+    done = watch("--lab", str(lab.ready["lab"]), "--seconds", "0.5")
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    assert (result["uri"], result["verdict"]) == (lab.mocap[0], "ok")
+
+
+def test_nothing_to_watch(tmp_path: Path) -> None:
+    done = watch("--seconds", "0.5", folder=tmp_path)
+    assert done.returncode == 2
+    assert "--lab: missing; give it, or what to watch instead" in done.stderr
 
 
 def test_a_source_that_tells_nothing_of_time_has_no_age(lab: SimulatedLab):
