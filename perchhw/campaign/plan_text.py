@@ -20,7 +20,8 @@ def plan_text(plan: CampaignPlan, fit: GridFit, cost: Forecast) -> str:
     blocks = [head, *grid_picture(plan, fit)]
     if fit.misfits:
         rows = f"rows {row_of(plan.file, 'speeds')} and {row_of(plan.file, 'angles_deg')}"
-        what = f"{len(fit.misfits)} of {len(plan.conditions())} conditions do not fit"
+        verb = "does" if len(fit.misfits) == 1 else "do"
+        what = f"{len(fit.misfits)} of {len(plan.conditions())} conditions {verb} not fit"
         blocks += ["", f"{plan.file}: {what} under {plan.room.ceiling_z:.2f} m ([grid], {rows}):"]
         blocks += [f"  {line}" for line in _by_speed(fit.misfits)]
         blocks += [*highest(fit), "fly the others with --skip-unflyable"]

@@ -34,9 +34,10 @@ def list_runs(root: Annotated[Path, typer.Argument(help="Folder that holds runs.
 
 
 def _draw_runs(runs: "list[RunSummary]") -> None:
-    from rich.table import Table
+    from rich.table import Column, Table
 
-    table = Table("run", "m/s", "deg", "outcome", "triggered", "record", box=None, pad_edge=False)
+    name, outcome = Column("run", no_wrap=True), Column("outcome", overflow="fold")  # RUN is typed elsewhere
+    table = Table(name, "m/s", "deg", outcome, "triggered", "record", box=None, pad_edge=False)
     for run in runs:
         table.add_row(
             run.folder.name,

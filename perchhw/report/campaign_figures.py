@@ -169,12 +169,15 @@ def batteries(attempts: Sequence[ShownAttempt]) -> str | None:
     known = [(k, a.battery) for k, a in enumerate(attempts) if a.battery is not None]
     if not known:
         return None
+    from matplotlib.ticker import MaxNLocator
+
     number, pairs = np.array([k for k, _ in known]), np.array([pair for _, pair in known])
     figure = new_figure(5.2, 4.2)
     axes = figure.add_subplot()
     axes.vlines(number, pairs[:, 1], pairs[:, 0], color=MUTED, lw=1)
     axes.plot(number, pairs[:, 0], "o", color=BLUE, ms=5, label="before take-off")
     axes.plot(number, pairs[:, 1], "v", color=INK, ms=5, label="lowest in flight")
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     axes.set(xlabel="attempt", ylabel="battery (V)")
     axes.legend(frameon=False, fontsize=8)
     return svg(figure, f"Batteries over {len(known)} attempts; lowest {pairs[:, 1].min():.2f} V")

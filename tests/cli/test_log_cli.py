@@ -142,6 +142,19 @@ def test_list_names_runs_and_broken_ones(capsys: pytest.CaptureFixture[str], lan
     shutil.rmtree(damaged)
 
 
+def test_list_shows_whole_names_in_80_columns(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, landing: Path, tmp_path: Path
+) -> None:
+    """The name is what every other command takes."""
+    name = "20261123T100746Z-000-try1-2.5ms-55deg"
+    shutil.copytree(landing, tmp_path / name)
+    monkeypatch.setenv("COLUMNS", "80")
+    assert run(["log", "list", str(tmp_path)]) == 0
+    shown = capsys.readouterr().out.splitlines()
+    assert any(name in line for line in shown)
+    assert max(map(len, shown)) <= 80
+
+
 def test_export_is_complete_and_reads_back(
     capsys: pytest.CaptureFixture[str], landing: Path, tmp_path: Path
 ) -> None:

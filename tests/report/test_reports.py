@@ -1,5 +1,6 @@
 """Reports show what the record holds, and load nothing from elsewhere."""
 
+import re
 import shutil
 from pathlib import Path
 
@@ -9,6 +10,7 @@ from calibration.measurement import wilson_interval
 from perchhw.attempt import AttemptRequest, AttemptResult, Outcome
 from perchhw.campaign import CampaignError, load_plan, run_campaign
 from perchhw.report import write_campaign_report, write_run_report
+from perchhw.report.campaign_figures import ShownAttempt, batteries
 from perchhw.report.campaign_report import PREDICTION_FILE
 from tests.campaign.stand_in import fly
 from tests.report.page import Page, assert_self_contained
@@ -19,6 +21,15 @@ def test_an_attempt_that_never_flew(runs: Path) -> None:
     assert page.svgs == 0
     assert "battery <3.2 V & falling" in page.text
     assert "holds no pose" in page.text
+
+
+@pytest.mark.parametrize("flown", [1, 3])
+def test_batteries_are_drawn_over_whole_attempts(flown: int) -> None:
+    attempt = ShownAttempt(2.5, 50.0, Outcome.FAILURE, None, None, None, battery=(4.1, 3.2))
+    drawn = batteries([attempt] * flown) or ""
+    labels = re.findall(r"<!-- (.+?) -->", drawn.partition("<!-- attempt -->")[0])
+    assert labels
+    assert all(label.isdigit() for label in labels)
 
 
 def test_a_torn_record_is_reported_as_torn(runs: Path, tmp_path: Path) -> None:
