@@ -177,7 +177,8 @@ class _SeriesFile:
             except (McapError, struct.error, KeyError, ValueError, RecursionError) as error:
                 raise _Damage(f"damaged {_name(opcode)} ({error!r})") from error
         lost = len(self._data) - min(self.position, len(self._data))
-        return f"not finished by its writer; {lost} bytes of a torn message at the end left out"
+        torn = f"; {lost} bytes of a torn message at the end left out" if lost else ""
+        return f"not finished by its writer{torn}"
 
     def _records(self) -> Iterator[tuple[int, bytes | bytearray]]:
         data = self._data

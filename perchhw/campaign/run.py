@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from calibration.flights.run_folder import RUN_FILE
 from onboard.errors import InputError, PerchhwError, SafetyStop
 from onboard.link.errors import DroneStopped
 from perchhw.attempt import AttemptRequest, AttemptResult, AttemptRunner, Outcome, WarmUpAborted
@@ -17,6 +18,7 @@ from perchhw.campaign.turns import Turns
 from perchhw.diagnosis.reasons import abort_kind
 from perchhw.diagnosis.rules import AbortKind
 from perchhw.errors import FlightStackError
+from perchhw.flight.explain import explain
 from perchhw.record.folder import discard_if_empty, make_folder, new_run_folder
 
 LOCK_FILE = "campaign.lock"
@@ -78,13 +80,22 @@ def _store(plan: CampaignPlan, folder: Path, resume: bool, retry_aborted: bool) 
     store = CampaignStore.open(folder)
     try:
         store.check_plan(plan)
-        store.recover()
+        _settle_killed(store)
         if retry_aborted:
             store.plan_aborted_again()
     except PerchhwError:
         store.close()
         raise
     return store
+
+
+def _settle_killed(store: CampaignStore) -> None:
+    """Settle what a killed process left running; it could not explain its record either."""
+    killed = [row.record for row in store.rows() if row.state == "running" and row.record is not None]
+    store.recover()
+    for record in killed:
+        if (record / RUN_FILE).is_file():
+            explain(record)
 
 
 def _fly_all(

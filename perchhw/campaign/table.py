@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterable
 
 from rich.markup import escape
-from rich.table import Table
+from rich.table import Column, Table
 
 from perchhw.attempt import Outcome
 from perchhw.campaign.store import AttemptRow
@@ -24,7 +24,9 @@ _STYLES = {
 def attempts_table(rows: list[AttemptRow], planned: int) -> Table:
     """One line per try of `planned` attempts."""
     title = progress(rows, planned)
-    table = Table("#", "m/s", "deg", "try", "state", "outcome", "tau", "what happened", title=title)
+    outcome_column = Column("outcome", overflow="fold")
+    columns = ("#", "m/s", "deg", "try", "state", outcome_column, "tau", "what happened")
+    table = Table(*columns, title=title, box=None, pad_edge=False, collapse_padding=True)
     for row in rows:
         outcome = "" if row.outcome is None else f"[{_STYLES[row.outcome]}]{row.outcome.value}[/]"
         tau = (row.trigger or {}).get("tau")

@@ -23,6 +23,7 @@ from perchhw.campaign import (
 )
 from perchhw.errors import FlightStackError
 from perchhw.record import read_run
+from perchhw.record.listing import kept_sentence
 from tests.campaign.stand_in import expected_outcome, fly
 
 STAND_IN = Path(__file__).with_name("stand_in.py")
@@ -73,6 +74,7 @@ def test_every_slot_ends_exactly_once_as_done_after_sigkill(
     for row in interrupted:
         assert row.record is not None
         assert len(read_run(row.record).series["pose"].t) == 11
+        assert "was killed" in (kept_sentence(row.record) or "")
 
 
 def test_trigger_and_outcome_survive_the_way_into_the_database(campaign_file: Path, tmp_path: Path) -> None:
