@@ -16,7 +16,7 @@ from calibration.flights.resample import GAP_PERIODS, RATE_HZ, Resampled, resamp
 from calibration.flights.run_folder import RunRecord, Series
 from onboard.errors import InputError
 from perchhw.errors import FlightStackError
-from perchhw.record.folder import make_folder
+from perchhw.record.folder import OutputFolderError, make_folder
 from perchhw.record.foxglove import write_foxglove
 from perchhw.record.ros2_bag import write_ros2_bag
 from perchhw.record.topics import TOPICS
@@ -69,6 +69,13 @@ def export_run(run: RunRecord, out: Path, format: ExportFormat, rate_hz: float =
         ResampleError: not a rate.
         OutputFolderError: `out` cannot be written.
     """
+    try:
+        return _written(run, out, format, rate_hz)
+    except OSError as error:
+        raise OutputFolderError(out, error.strerror or str(error)) from error
+
+
+def _written(run: RunRecord, out: Path, format: ExportFormat, rate_hz: float) -> list[Path]:
     if format is ExportFormat.ROS2:
         return [write_ros2_bag(run, out)]
     if format is ExportFormat.FOXGLOVE:

@@ -31,16 +31,19 @@ def write_rrd(folder: Path, out: Path) -> Path:
         out: the file to write (``.rrd``).
 
     Raises:
-        ViewError: rerun-sdk is not installed.
+        ViewError: rerun-sdk is not installed, or `out` cannot be written.
         RunFolderError: the record cannot be read.
-        OutputFolderError: `out` cannot be written.
+        OutputFolderError: the folder of `out` cannot be written.
     """
     require_rerun()
     run = GrowingRun(folder)
     make_folder(out.parent)
-    with _recording(folder) as stream:
-        stream.save(out, default_blueprint=make_blueprint())
-        follow(run, stream, time.sleep, lambda: not _is_written(folder))
+    try:
+        with _recording(folder) as stream:
+            stream.save(out, default_blueprint=make_blueprint())
+            follow(run, stream, time.sleep, lambda: not _is_written(folder))
+    except RuntimeError as error:  # Rerun's, when the disk takes no more
+        raise ViewError(f"{out}: cannot be written ({error}); make room, or give another file") from error
     return out
 
 

@@ -155,6 +155,28 @@ def test_list_shows_whole_names_in_80_columns(
     assert max(map(len, shown)) <= 80
 
 
+@pytest.mark.parametrize(
+    ("arguments", "file"),
+    [
+        (("log", "export", "--to", "csv"), "pose.csv"),
+        (("log", "export", "--to", "parquet"), "pose.parquet"),
+        (("log", "export", "--to", "foxglove"), "foxglove.mcap"),
+        (("log", "export", "--to", "ros2"), "ros2.mcap"),
+        (("view", "--save"), "flight.rrd"),
+    ],
+)
+def test_a_full_disk_is_told_in_a_line(
+    capsys: pytest.CaptureFixture[str], landing: Path, tmp_path: Path, arguments: tuple[str, ...], file: str
+) -> None:
+    (tmp_path / file).symlink_to("/dev/full")
+    where = [tmp_path / file] if "--save" in arguments else ["--out", tmp_path]
+    code, _, errors = call(capsys, *arguments, *where, landing)
+    assert code == 2
+    assert "cannot be written" in errors
+    assert "No space left on device" in errors
+    assert "Traceback" not in errors
+
+
 def test_export_is_complete_and_reads_back(
     capsys: pytest.CaptureFixture[str], landing: Path, tmp_path: Path
 ) -> None:
