@@ -339,7 +339,7 @@ class World:
         """A person holds or turns the drones, and puts them back on their marks."""
         turned = self._survey.turns(self.time)
         for drone in self.drones:
-            if turned and not drone.turned:
+            if turned and not drone.turned and drone.at_rest:  # nobody reaches for one that flies
                 drone.stand_turned(self._survey)
             elif drone.turned and not turned:
                 drone.place_on_start_mark()

@@ -46,3 +46,13 @@ def test_a_drone_in_a_hand_is_tilted_twice_and_then_put_back_on_its_mark() -> No
     world.run(0.5)
     assert (drone.held, drone.placements) == (None, 1)
     assert up_of(drone.pose()[2]) == pytest.approx([0.0, 0.0, 1.0], abs=0.01)
+
+
+def test_who_surveys_the_room_leaves_a_drone_in_the_air_alone() -> None:
+    world = World(load_vehicle("crazyflie21-upgraded"), faults=DroneFaults(survey_at=Window(0.0, 3.0)))
+    drone = world.drones[0]
+    drone.state["position"][2] = 1.0
+    world.run(0.2)
+    assert (drone.turned, float(drone.state["position"][2]) > 0.7) == (False, True)
+    world.run(2.3)
+    assert drone.turned
