@@ -115,7 +115,7 @@ def _in_words(found: "RoomFound", document: dict[str, Any]) -> str:
     )
     height = ceiling["height"]
     late = f"{1e3 * found.latency.value:.1f} ± {1e3 * found.latency.u95:.1f} ms"
-    untold = f"{1e3 * found.unreported.value:+.1f} ms of it unreported"
+    untold = f"{1e3 * abs(found.unreported.value):.1f} ms {'more' if found.unreported.value > 0 else 'less'}"
     tau = f"tau ± {1e3 * trigger['u95_tau_s']:.1f} ms"
     parts = ", ".join(f"{1e3 * trigger[f'u95_{n}_s']:.1f} {n}" for n in ("ceiling", "markers", "latency"))
     written = f"written: {document['lab']}" if document["written"] else f"not written: {document['lab']}"
@@ -124,7 +124,7 @@ def _in_words(found: "RoomFound", document: dict[str, Any]) -> str:
             f"body in its markers: {place} mm, turned by {turn} deg",
             f"plate: {document['plate_tilt_deg']:.2f} deg from level",
             f"ceiling: {height['value']:.4f} ± {height['u95']:.4f} m, rises by {tilts} deg",
-            f"latency: {late}, {untold}",
+            f"latency: {late}, {untold} than the source reports",
             f"trigger at {trigger['climb_m_s']:.2f} m/s of climb: {tau} ({parts})",
             written,
         ]

@@ -163,6 +163,7 @@ def test_done_steps_are_not_done_again(
     said = capsys.readouterr().out
     height = same["ceiling"]["height"]
     assert f"ceiling: {height['value']:.4f} ± {height['u95']:.4f} m" in said
+    assert f"{1e3 * same['latency_unreported']['value']:.1f} ms more than the source reports" in said
     assert "not written: " in said
 
 
