@@ -70,9 +70,9 @@ def stop(
         document: dict[str, Any] = {"drones": [stopped for stopped, _ in results]}
         codes = [code for _, code in results]
         if doubt:
-            document["doubt"] = f"{doubt}; stopped was what looks like a drone's address in it"
+            document["doubt"] = doubt
             codes.append(exit_codes.FAILED)
-            _say_beside(document["doubt"])
+            _say_beside(doubt)
         _tell(document, "\n".join(_in_words(stopped) for stopped, _ in results))
     return max(codes)
 
@@ -83,19 +83,25 @@ def drones_to_stop(drone: list[str] | None, lab: Path | None) -> tuple[list[str]
 
     Raises:
         LinkInputError: neither is there.
-        LabFileError: the lab file names no drones.
+        LabFileError: the lab file names no drones, nor does the environment.
     """
     if drone:
         return list(dict.fromkeys(drone)), ""
-    from onboard.lab_file import drone_addresses
+    from onboard.lab_file import LabFileError, drone_addresses
 
     usual = [uri] if (uri := os.environ.get(DRONE_VARIABLE)) else []
     if lab is None and not LAB_FILE.exists():
         if usual:
             return usual, ""
         raise LinkInputError(f"no drone to stop: give --drone URI, or --lab FILE (here is no {LAB_FILE})")
-    found = drone_addresses(lab or LAB_FILE)
-    return list(dict.fromkeys([*found.uris, *usual])), found.doubt
+    try:
+        found = drone_addresses(lab or LAB_FILE)
+    except LabFileError as problem:
+        if not usual:
+            raise
+        return usual, f"{problem}; stopped was the drone of {DRONE_VARIABLE} alone"
+    doubt = f"{found.doubt}; stopped was what looks like a drone's address in it" if found.doubt else ""
+    return list(dict.fromkeys([*found.uris, *usual])), doubt
 
 
 def _stopped(uri: str) -> Stopped:

@@ -245,3 +245,18 @@ def test_the_drone_of_the_environment_is_stopped_beside_those_of_the_lab_file(
         Path("lab.toml").write_text(f'[[drones]]\nuri = "{other.uri}"\n')
         assert run(["stop"]) == 0
         assert usual.supervisor_bits & other.supervisor_bits & LOCKED
+
+
+def test_the_drone_of_the_environment_is_stopped_where_the_lab_file_is_gone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with TinyDrone() as usual:
+        monkeypatch.setenv("PERCHHW_DRONE", usual.uri)
+        monkeypatch.setenv("PERCHHW_LAB", str(tmp_path / "gone.toml"))
+        assert run(["--json", "stop"]) == 1
+        assert usual.supervisor_bits & LOCKED
+    told = capsys.readouterr()
+    document = json.loads(told.out)
+    assert document["drones"][0]["locked"]
+    assert "gone.toml: cannot be read" in document["doubt"]
+    assert "PERCHHW_DRONE alone" in told.err
