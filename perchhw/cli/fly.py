@@ -61,7 +61,7 @@ def fly(
 
     from onboard.link.exclusive import hold
     from perchhw.cli.prompts import confirmation
-    from perchhw.flight import fly_attempt
+    from perchhw.flight import check_attempt, fly_attempt
     from perchhw.flight.ground_station import Listeners, ground_station
     from perchhw.flight.turnaround import Turnaround
     from perchhw.lab import find_lab, flight_setup
@@ -76,6 +76,7 @@ def fly(
     request = replace(
         setup.attempt(speed, angle, out), operator=operator, note=note, accept_mismatch=accept_mismatch
     )
+    check_attempt(request, dry_run)  # before anybody who flies the drone is asked to make room
     try:
         with (
             hold(setup.drone),

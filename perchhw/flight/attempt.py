@@ -1,7 +1,7 @@
 """Fly one attempt: link and mocap open, the supervisor decides, its commands are carried out and recorded."""
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from calibration.flights import open_flight
 from mocap_bridge.uri import parse_mocap_uri
@@ -33,6 +33,33 @@ DRY_RUN_PASSED = "dry_run_passed"
 """Outcome in the record of a dry run whose checks and upload passed; nothing was flown."""
 
 
+class CheckedAttempt(NamedTuple):
+    """What a request asks for, found to be usable and to fit together before anybody is connected."""
+
+    vehicle: Vehicle
+    fit: Fit
+    bundle: bytes
+    plan: AttemptPlan
+
+
+def check_attempt(request: AttemptRequest, dry_run: bool = False) -> CheckedAttempt:
+    """Refuse what cannot be flown; touches neither drone nor motion capture.
+
+    Raises:
+        PerchhwError: unusable addresses, policy or vehicle, hardware without a lab file, parts that do not
+            belong together, or an approach that does not fit the room.
+    """
+    check_drone_uri(request.drone)
+    parse_mocap_uri(request.mocap)
+    require_lab(request.drone, request.mocap, request.lab)
+    vehicle = load_vehicle(request.vehicle, request.legs)
+    policy = load_policy(find_policy(request.policy))
+    fit = fit_of(request, policy, vehicle)
+    fit.require(request.accept_mismatch)
+    bundle = encode_bundle(policy)
+    return CheckedAttempt(vehicle, fit, bundle, plan_attempt(request, bundle_crc32(bundle), dry_run))
+
+
 def fly_attempt(
     request: AttemptRequest,
     *,
@@ -60,15 +87,7 @@ def fly_attempt(
             record holds the reason when it was already open.
         AttemptInterrupted: the operator interrupted; the drone was stopped and the record closed first.
     """
-    check_drone_uri(request.drone)
-    parse_mocap_uri(request.mocap)
-    require_lab(request.drone, request.mocap, request.lab)
-    vehicle = load_vehicle(request.vehicle, request.legs)
-    policy = load_policy(find_policy(request.policy))
-    fit = fit_of(request, policy, vehicle)
-    fit.require(request.accept_mismatch)
-    bundle = encode_bundle(policy)
-    plan = plan_attempt(request, bundle_crc32(bundle), dry_run)
+    vehicle, fit, bundle, plan = check_attempt(request, dry_run)
     limits = limits or limits_of(request.lab, request.room, request.drone)
     with (
         open_timebase("fly", request.drone, request.mocap) as clock,

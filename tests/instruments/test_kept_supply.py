@@ -5,6 +5,7 @@ Wizards here are child processes that are killed or stopped; supplies are on pse
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -20,7 +21,8 @@ from calibration.bench.instruments.errors import (
     InstrumentRefused,
 )
 from calibration.bench.instruments.kept_supply import KeptSupply
-from calibration.bench.instruments.supply_keeper import HANG_S
+from calibration.bench.instruments.supply import ScpiSupply
+from calibration.bench.instruments.supply_keeper import HANG_S, SupplyKeeper
 from tests.bench_commands.until import until
 from tests.instruments.pty_device import PtyDevice
 from tests.instruments.test_polled_instruments import TinyKorad, TinyScpi
@@ -166,6 +168,21 @@ def test_the_whole_process_group_is_not_the_keepers(wizard: Callable[..., Wizard
             os.killpg(running.process.pid, ending)
         until(lambda: not supply.on, PATIENCE_S)
         running.end()
+
+
+def test_a_word_to_end_that_comes_before_the_keeper_waits_is_not_lost() -> None:
+    """A signal's handler may run just before the wait; its word must still end it."""
+    tiny, said = TinyScpi(), list[str]()
+    with PtyDevice(tiny) as device:
+        supply = ScpiSupply(device.name)
+        supply.switch(on=True)
+        (ours, wizard), (told, teller) = socket.socketpair(), socket.socketpair()
+        with ours, wizard, told, teller:
+            teller.send(b"x")
+            SupplyKeeper(supply, wizard, told, said.append).run()
+        assert not tiny.on
+        assert said == [f"the supply at {device.name} was switched off: the keeper was told to end"]
+        supply.close()
 
 
 @pytest.mark.parametrize("end", [signal.SIGTERM, signal.SIGKILL])

@@ -1,10 +1,13 @@
 """The lab file on the command line: refusals before anything is connected, campaigns that leave it out."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
+from onboard.link import machine_files
 from perchhw.campaign import load_plan
 from perchhw.campaign.courses import load_flight_plan
 from perchhw.cli.main import run
@@ -61,6 +64,29 @@ def test_a_broken_file_in_the_working_folder_is_not_passed_over(
     (folder / "lab.toml").write_text(LAB.replace("x_min", "x_mim"))
     said = error_of(capsys, [*FLY, "--drone", "udp://127.0.0.1:9", *ROOM])
     assert "lab.toml: room.x_mim: unknown key; did you mean 'x_min'?" in said
+
+
+def test_what_cannot_be_flown_is_told_also_while_another_process_flies_the_drone(
+    capsys: pytest.CaptureFixture[str], folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(machine_files, "FOLDER", folder / "machine")
+    (folder / "lab.toml").write_text(LAB)
+    holder = "import sys; from onboard.link.exclusive import hold; from onboard.link import machine_files; "
+    holder += "from pathlib import Path; machine_files.FOLDER = Path(sys.argv[1]); "
+    holder += "held = hold(sys.argv[2]); print(flush=True); sys.stdin.read()"
+    line = [
+        sys.executable,
+        "-c",
+        holder,
+        str(folder / "machine"),
+        read_lab(folder / "lab.toml").drones[0].uri,
+    ]
+    with subprocess.Popen(line, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
+        assert other.stdout is not None
+        other.stdout.readline()
+        assert "is in use by" in error_of(capsys, FLY)
+        assert "speed nan m/s" in error_of(capsys, [*FLY, "--speed", "nan"])
+        other.communicate()
 
 
 def test_an_approach_must_fit_the_room_of_the_lab_file(

@@ -28,7 +28,7 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import astuple
 from typing import Any
 
@@ -53,13 +53,17 @@ class SupplyKeeper:
     Args:
         supply: open; its port ends with the process.
         wizard: our end of the socket pair.
+        told_to_end: has something to read once somebody wants the keeper to cut and end.
         say: told what was done, in words for the operator.
     """
 
-    def __init__(self, supply: SerialSupply, wizard: socket.socket, say: Say) -> None:
+    def __init__(
+        self, supply: SerialSupply, wizard: socket.socket, told_to_end: socket.socket, say: Say
+    ) -> None:
         self._hang_s = HANG_S
         self._supply = supply
         self._wizard = wizard
+        self._told_to_end = told_to_end
         self._say = say
         self._requests: queue.SimpleQueue[dict[str, Any] | None] = queue.SimpleQueue()
         self._talking = threading.Lock()
@@ -72,10 +76,7 @@ class SupplyKeeper:
         """Serve until the wizard has said goodbye or is dead; the supply is off then."""
         conversation = threading.Thread(target=self._converse, name="conversation", daemon=True)
         conversation.start()
-        try:
-            reason = self._watch()
-        except KeyboardInterrupt:
-            reason = "the keeper was told to end"
+        reason = self._watch()
         if not self._goodbye:
             self._cut(reason)
         self._requests.put(None)
@@ -86,7 +87,10 @@ class SupplyKeeper:
         rest = b""
         while True:
             wait = None if self._hangs_at is None else max(0.0, self._hangs_at - monotonic())
-            if not select.select([self._wizard], [], [], wait)[0]:
+            ready = select.select([self._wizard, self._told_to_end], [], [], wait)[0]
+            if self._told_to_end in ready:
+                return "the keeper was told to end"
+            if not ready:
                 self._hangs_at = None
                 self._cut(f"the wizard hangs (no heart beat for {self._hang_s:g} s)")
                 continue
@@ -175,18 +179,30 @@ def _say_on_stderr(text: str) -> None:
         sys.stderr.flush()
 
 
-def _told_to_end(_number: int, _frame: object) -> None:
-    """SIGTERM: cut and end; once is enough."""
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    raise KeyboardInterrupt
+@contextlib.contextmanager
+def _ended_by_sigterm() -> Iterator[socket.socket]:
+    """A socket that has something to read once the process got SIGTERM.
+
+    An exception out of the signal's handler could be lost: a signal that comes just before the wait begins
+    does not end it. A byte waits.
+    """
+    told, teller = socket.socketpair()
+    with told, teller:
+        teller.setblocking(False)
+        signal.set_wakeup_fd(teller.fileno(), warn_on_full_buffer=False)
+        signal.signal(signal.SIGTERM, lambda _number, _frame: None)
+        try:
+            yield told
+        finally:
+            signal.signal(signal.SIGTERM, signal.SIG_IGN)
+            signal.set_wakeup_fd(-1)
 
 
 def main(arguments: Sequence[str]) -> int:
     """``python -m calibration.bench.instruments.supply_keeper KIND ADDRESS FD``, as ``KeptSupply`` does."""
     kind, address, descriptor = arguments
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, _told_to_end)
-    with socket.socket(fileno=int(descriptor)) as wizard:
+    with _ended_by_sigterm() as told_to_end, socket.socket(fileno=int(descriptor)) as wizard:
         try:
             supply = KINDS[kind](address)
         except InstrumentError as error:
@@ -195,7 +211,7 @@ def main(arguments: Sequence[str]) -> int:
             return 1
         opened = {"id": 0, "value": [supply.device, supply.identity]}
         wizard.sendall(json.dumps(opened).encode() + b"\n")
-        SupplyKeeper(supply, wizard, _say_on_stderr).run()
+        SupplyKeeper(supply, wizard, told_to_end, _say_on_stderr).run()
     return 0
 
 
