@@ -21,7 +21,7 @@ def agreement(
     ],
     setup: AuthorsOptions,
     grid: GridOptions,
-    reward: Annotated[str, typer.Option(help="flown, or paper.")] = "flown",
+    reward: Annotated[str, typer.Option(help="flown, later (their NS and WS sweeps), or paper.")] = "flown",
     repeats: Annotated[int, typer.Option(help="Learning trials at each condition, a multiple of 3.")] = 15,
     out: Annotated[Path, typer.Option(help="Folder for the sweep, and for agreement.json.")] = Path(
         "runs/agreement"

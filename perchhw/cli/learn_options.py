@@ -121,9 +121,9 @@ class SweepOptions:
     """How a sweep learns."""
 
     repeats: Annotated[int, typer.Option(help="Learning trials at each condition.")] = 3
-    reward: Annotated[str, typer.Option(help="paper, or flown (made the data of the flown policy).")] = (
-        "paper"
-    )
+    reward: Annotated[
+        str, typer.Option(help="paper, flown (made the data of the flown policy), or later (NS, WS).")
+    ] = "paper"
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the sweep in the folder.")] = False
 
 

@@ -52,7 +52,14 @@ FLOWN = RewardWeights(
 )  # fmt: skip
 """The reward of the sweep that trained the flown policy: SIM@6a3be0be, Crazyflie_env.py (errata 10)."""
 
-PRESETS = {"paper": PAPER, "flown": FLOWN}
+LATER = RewardWeights(
+    distance=0.1, tau=0.0, tilt=0.3, legs=0.6, c0=10.0, c1=15.0, distance_offset=1e-3,
+    tilt_full=math.radians(90.0), two_legs=1.0 / 3.0, one_leg=0.0, contact_factor=0.5, contact_factor_few=0.5,
+)  # fmt: skip
+"""The reward of the authors' sweeps from 2022-07-29 on, NS and WS among them: SIM@52ee88af and SIM@7c3e4562,
+CrazyflieEnv_ParamOpt.py."""
+
+PRESETS = {"paper": PAPER, "flown": FLOWN, "later": LATER}
 
 BEST_TAU = 0.2
 """s, centre of the trigger part (paper Eq. r_tau)."""

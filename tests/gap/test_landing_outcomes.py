@@ -23,7 +23,7 @@ from calibration.gap.landings.outcomes.scores import (
     reliability,
     score,
 )
-from calibration.gap.landings.outcomes.search import held_out
+from calibration.gap.landings.outcomes.search import counts_inside, held_out
 from calibration.gap.landings.outcomes.vehicles import (
     LIMITS,
     WITHOUT,
@@ -89,6 +89,8 @@ def test_starts_are_where_the_flights_were(prepared: Prepared) -> None:
     assert prepared.dispersion.height < 0.04
     assert max(prepared.dispersion.velocity) < 0.2
     assert np.nanmedian(prepared.slopes.roll) == pytest.approx(-0.15, abs=0.04)
+    missed, left = np.sqrt(np.nanmean(prepared.roll_error**2, axis=0))
+    assert left < 0.75 * missed  # one number, from the other flights
 
 
 def test_the_seed_decides_and_flights_do_not_depend_on_each_other(labels: dict[Path, Outcome]) -> None:
@@ -160,6 +162,24 @@ def test_the_count_interval_is_that_of_many_draws(p: list[float]) -> None:
     assert np.mean(drawn > high) < 0.1 + 0.02
     assert np.mean(drawn <= low) > 0.1 - 0.02
     assert np.mean(drawn >= high) > 0.1 - 0.02
+
+
+def test_vehicles_that_differ_widen_the_interval_of_a_count() -> None:
+    """Ten flights, half of the vehicles sure of all, half of none: any mean number is 5, and none is sure."""
+    sure, half = np.repeat([[1.0], [0.0]], 10, axis=1), np.full(2, 0.5)
+    assert count_interval(sure, share=half) == (0, 10)
+    mixed = np.full(10, 0.5)
+    assert count_interval(mixed) == count_interval(np.tile(mixed, (2, 1)), share=half) == (3, 7)
+
+
+def test_halves_say_how_often_counts_are_inside() -> None:
+    """Vehicles that are right of all flights hold every count; a vehicle that is wrong of all holds none."""
+    real = np.array([0, 0, 1, 1, 2, 2])
+    own = np.arange(6) % 2 == 0
+    right = np.eye(3)[real][None]
+    assert counts_inside(right, np.zeros((1, 6)), real, own) == [True, True, True]
+    wrong = np.tile([0.0, 0.0, 1.0], (1, 6, 1))
+    assert counts_inside(wrong, np.zeros((1, 6)), real, own) == [False, False, False]
 
 
 def test_bins_hold_equal_counts_by_rising_probability() -> None:

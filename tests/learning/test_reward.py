@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from perchhw.learning.errors import LearningInputError
-from perchhw.learning.reward import FLOWN, PAPER, reward, reward_weights
+from perchhw.learning.reward import FLOWN, LATER, PAPER, reward, reward_weights
 from sim_backend.physics.rollout import ROLLOUT
 
 
@@ -31,6 +31,16 @@ PERFECT = {
 def test_a_perfect_landing_earns_everything() -> None:
     assert reward(_rollout(**PERFECT), PAPER) == pytest.approx(1.0)
     assert reward(_rollout(**PERFECT), FLOWN) == pytest.approx(1.0)
+
+
+def test_the_reward_of_the_later_sweeps() -> None:
+    """0.1 closeness, 0.3 angle up to 90 deg, legs 0.6, 0.3 with contact, 0.2 on two, 0.1 with both."""
+    upright = {**PERFECT, "impact_tilt": math.radians(45)}
+    expected = ((4, 0, 0.85), (4, 1, 0.55), (2, 0, 0.45), (2, 1, 0.35), (1, 0, 0.25))
+    for feet, contact, total in expected:
+        out = _rollout(**{**upright, "feet": feet, "body_contact": contact})
+        assert reward(out, LATER) == pytest.approx(total)
+    assert reward(_rollout(**PERFECT), LATER) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(

@@ -97,6 +97,8 @@ class LandingReport:
                 "pitch_rate_rms_rad_s": _rms(self.prepared.rate_error),
                 "pitch_slope": _mean(self.prepared.slopes.pitch),
                 "roll_per_pitch": _mean(self.prepared.slopes.roll),
+                "roll_rate_rms_rad_s": _rms(self.prepared.roll_error[:, 0]),
+                "roll_rate_rms_with_it_rad_s": _rms(self.prepared.roll_error[:, 1]),
                 "roll": None if self.prepared.roll is None else self.prepared.roll.to_json(),
             },
             **({"effects": None} if self.search is None else self.search.to_json()),

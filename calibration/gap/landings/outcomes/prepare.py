@@ -54,6 +54,8 @@ class Prepared:
         clocks: s (n,), by how much the log is later than the trigger.
         ceilings: m (n,), of the session, from the contacts of the other flights.
         slopes: of the flips, with the vehicle that prepared them. rate_error: rad/s (n,), RMS about b_y.
+        roll_error: rad/s (n, 2), RMS about b_x: as the vehicle has it, and with as much roll per pitch as the
+            other flights showed.
         dispersion: of starts and flips.
         draws: standard normal numbers (n, draws, ERRORS), the same for every vehicle that is compared.
         roll: why flips roll; None where flips are too few to ask.
@@ -65,6 +67,7 @@ class Prepared:
     ceilings: FloatArray
     slopes: FlipSlopes
     rate_error: FloatArray
+    roll_error: FloatArray
     dispersion: Dispersion
     draws: FloatArray
     roll: RollEvidence | None
@@ -81,15 +84,17 @@ class _Flip:
     """A flip without a ceiling, laid over the gyro.
 
     Attributes:
-        clock: s. trace: (steps + 1, COLUMNS). pitch, roll: slopes. error: rad/s, RMS about b_y.
+        clock: s. pitch, roll: slopes. error: rad/s, RMS about b_y.
+        missed, gained: rad/s (k,), roll rate that the model lacks, pitch rate that it gained.
         ceiling: m, where the contact was, NaN where unseen. climb: m/s of the highest point there.
     """
 
     clock: float
-    trace: FloatArray
     pitch: float
     roll: float
     error: float
+    missed: FloatArray
+    gained: FloatArray
     ceiling: float
     climb: float
 
@@ -125,6 +130,7 @@ def prepare(
         ceilings=ceilings,
         slopes=slopes,
         rate_error=np.array([flip.error for flip in flips]),
+        roll_error=_roll_error(flips),
         dispersion=estimate_dispersion(starts, implied - ceilings, climbs, slopes),
         draws=rng.standard_normal((len(starts), draws, ERRORS)),
         roll=roll_evidence(starts, vehicle, rng),
@@ -140,6 +146,7 @@ def _flip(start: TriggerStart, p: Any) -> _Flip:
     t, seen = start.gyro_t[rows], start.gyro[rows]
     clock = _clock(t, seen[:, 1], trace[0], CLOCK_TRACKED if start.tracked else CLOCK_RADIO)
     model = _at(trace[0], t + clock)
+    missed = seen[:, 0] - _at(trace[0], t + clock, axis=0)
     gained, first = model - trace[0, 0, OMEGA + 1], trace[0, 0, OMEGA : OMEGA + 3]
     size = float(gained @ gained)
     slope = (seen - first).T @ gained / size if size > 0.0 else np.full(3, np.nan)
@@ -149,12 +156,24 @@ def _flip(start: TriggerStart, p: Any) -> _Flip:
         below, ceiling, above = (highest(p, trace[0, row + k]) for k in (-1, 0, 1))
         climb = (above - below) / (2.0 * SETTINGS.dt)
     error = float(np.sqrt(np.mean((seen[:, 1] - model) ** 2))) if t.size else np.nan
-    return _Flip(clock, trace[0], float(slope[1]), float(slope[0]), error, ceiling, climb)
+    return _Flip(clock, float(slope[1]), float(slope[0]), error, missed, gained, ceiling, climb)
 
 
-def _at(trace: FloatArray, t: FloatArray) -> FloatArray:
-    """Pitch rate (rad/s) of a trace at times (s)."""
-    return np.asarray(np.interp(t, SETTINGS.dt * np.arange(len(trace)), trace[:, OMEGA + 1]))
+def _at(trace: FloatArray, t: FloatArray, axis: int = 1) -> FloatArray:
+    """Rate (rad/s) about a body axis of a trace at times (s)."""
+    return np.asarray(np.interp(t, SETTINGS.dt * np.arange(len(trace)), trace[:, OMEGA + axis]))
+
+
+def _roll_error(flips: Sequence[_Flip]) -> FloatArray:
+    """RMS (n, 2) of the missed roll rate, and of what is left with the other flights' roll per pitch."""
+    found = np.full((len(flips), 2), np.nan)
+    shares = np.array([flip.roll for flip in flips])
+    for index, flip in enumerate(flips):
+        others = np.delete(shares, index)
+        if flip.missed.size and np.isfinite(others).any():
+            left = flip.missed - np.nanmean(others) * flip.gained
+            found[index] = np.sqrt([np.mean(flip.missed**2), np.mean(left**2)])
+    return found
 
 
 def _clock(t: FloatArray, seen: FloatArray, trace: FloatArray, sigma: float) -> float:

@@ -189,12 +189,24 @@ def auc_of(value: FloatArray, positive: BoolArray) -> float | None:
     return float(np.mean((difference > 0.0) + 0.5 * (difference == 0.0)))
 
 
-def count_interval(probability: FloatArray, level: float = 0.8) -> tuple[int, int]:
-    """Central interval of how many of independent events with these probabilities (n,) happen."""
-    mass = np.ones(1)
-    for p in probability:
-        mass = np.convolve(mass, [1.0 - p, p])
-    reached = np.cumsum(mass)
+def count_interval(
+    probability: FloatArray, level: float = 0.8, share: FloatArray | None = None
+) -> tuple[int, int]:
+    """Central interval of how many of n events happen (Poisson binomial).
+
+    Args:
+        probability: (n,), of independent events; or (m, n), of m vehicles.
+        level: of the interval.
+        share: (m,), of the vehicles: what is not known of the vehicle widens the interval of all flights
+            together, because it is the same in each.
+    """
+    rows = np.atleast_2d(probability)
+    mass = np.zeros((len(rows), rows.shape[1] + 1))
+    mass[:, 0] = 1.0
+    for p in rows.T[:, :, None]:
+        mass[:, 1:] = mass[:, 1:] * (1.0 - p) + mass[:, :-1] * p
+        mass[:, :1] *= 1.0 - p
+    reached = np.cumsum(mass[0] if share is None else share @ mass)
     tail = 0.5 * (1.0 - level)
     return int(np.searchsorted(reached, tail)), int(np.searchsorted(reached, 1.0 - tail))
 

@@ -14,12 +14,14 @@ from typing import Any
 
 import numpy as np
 
+from calibration.gap.landings.outcomes.labels import CLASS_NAMES
 from calibration.gap.landings.outcomes.scores import (
     REPLICATES,
     Score,
     auc_of,
     base_rates,
     brier,
+    count_interval,
     score,
     surprise,
 )
@@ -64,6 +66,14 @@ def held_out(table: FloatArray, logs: FloatArray, folds: IntArray) -> FloatArray
     return out
 
 
+def counts_inside(table: FloatArray, logs: FloatArray, real: IntArray, own: BoolArray) -> list[bool]:
+    """Whether the numbers of four, two, none among the flights `own` (n,) are as the others say (80 %)."""
+    share = posterior(logs, ~own)
+    happened = np.bincount(real[own], minlength=3)
+    intervals = [count_interval(table[:, own, k], share=share) for k in range(3)]
+    return [low <= count <= high for count, (low, high) in zip(happened, intervals, strict=True)]
+
+
 @dataclass(frozen=True)
 class HalfScore:
     """Flights predicted from a half that they are not in, with the base rate of that half beside it.
@@ -72,6 +82,8 @@ class HalfScore:
         brier, brier_base: mean over flights and splits.
         gain: their difference. gain_interval: 95 %, flights drawn again.
         auc_four: mean over splits; None where a split has no such flights.
+        inside: share of the halves whose numbers of four, two, none lie in the 80 % interval that the other
+            half predicts of them.
     """
 
     brier: float
@@ -79,6 +91,7 @@ class HalfScore:
     gain: float
     gain_interval: Interval
     auc_four: float | None
+    inside: tuple[float, float, float]
 
     def to_json(self) -> dict[str, Any]:
         """As a JSON object."""
@@ -88,6 +101,7 @@ class HalfScore:
             "brier_gain": self.gain,
             "brier_gain_ci95": list(self.gain_interval),
             "auc_four": self.auc_four,
+            "inside80": dict(zip(CLASS_NAMES, self.inside, strict=True)),
         }
 
 
@@ -247,9 +261,11 @@ def _fit(
 
 def _halves(table: FloatArray, logs: FloatArray, real: IntArray, rng: np.random.Generator) -> HalfScore:
     own, base, areas = np.empty((SPLITS, real.size)), np.empty((SPLITS, real.size)), []
+    inside = []
     for split in range(SPLITS):
         folds = rng.permutation(np.arange(real.size) % 2)
         predicted = held_out(table, logs, folds)
+        inside += [counts_inside(table, logs, real, folds == fold) for fold in (0, 1)]
         own[split], base[split] = brier(predicted, real), brier(base_rates(real, folds), real)
         areas.append(auc_of(predicted[:, 0], real == 0))
     change = (own - base).mean(axis=0)
@@ -258,7 +274,9 @@ def _halves(table: FloatArray, logs: FloatArray, real: IntArray, rng: np.random.
     known = [area for area in areas if area is not None]
     auc = float(np.mean(known)) if known else None
     interval = (float(low), float(high))
-    return HalfScore(float(own.mean()), float(base.mean()), float(change.mean()), interval, auc)
+    four, two, none = (float(share) for share in np.mean(inside, axis=0))
+    held = (four, two, none)
+    return HalfScore(float(own.mean()), float(base.mean()), float(change.mean()), interval, auc, held)
 
 
 def _moments(value: FloatArray, share: FloatArray) -> tuple[float, float, Interval]:
