@@ -106,7 +106,7 @@ def operator_abort(state: FlightState, urgent: bool, context: Context) -> Step:
     and what comes of it is worth its record."""
     if state.phase is Phase.STOPPING:
         return Step(state)
-    stopped = replace(state, aborted_by=state.aborted_by or "operator")
+    stopped = ended_early(state, "operator")
     if urgent:
         return stop(stopped, context) if state.arm_ordered else Step(enter(stopped, Phase.DONE, context))
     match state.phase:

@@ -271,7 +271,7 @@ def test_the_operator_ends_any_phase(phase: Phase) -> None:
     assert phase in attempt.phases
     if Arm in kinds(attempt):
         assert kinds(attempt)[-1] in (Disarm, EmergencyStop)
-    landed_first = (Phase.FLIPPING, Phase.SETTLING)
+    landed_first = (Phase.FLIPPING, Phase.SETTLING, Phase.DISARMING)
     assert (state.aborted_by == "operator") == (phase not in landed_first)
 
 

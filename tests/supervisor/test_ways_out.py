@@ -74,6 +74,15 @@ def test_before_the_motors_were_armed_an_attempt_just_ends(phase: Phase, urgent:
     assert (state.phase, orders, state.aborted_by) == (Phase.DONE, (), "operator")
 
 
+@pytest.mark.parametrize("triggered", [False, True])
+@pytest.mark.parametrize("urgent", [False, True])
+def test_a_key_while_disarming_leaves_a_landing_what_it_was(urgent: bool, triggered: bool) -> None:
+    before = replace(state_in(Phase.DISARMING), triggered=triggered)
+    state, orders = step(before, OperatorAbort(urgent=urgent), 0.1, MISSION)
+    assert [type(order.command) for order in orders] == [EmergencyStop] * urgent
+    assert state.aborted_by == (None if triggered else "operator")
+
+
 @pytest.mark.parametrize("urgent", [False, True])
 def test_a_stop_on_its_way_is_not_ordered_again(urgent: bool) -> None:
     state, orders = step(state_in(Phase.STOPPING), OperatorAbort(urgent=urgent), 0.1, MISSION)
