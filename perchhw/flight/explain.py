@@ -30,6 +30,11 @@ def refusal_recorded(record: FlightRecord, clock: Clock, folder: Path) -> Iterat
 
 def explain(folder: Path) -> dict[str, Any] | None:
     """The diagnosis of the run `folder`, as in its ``run.json``; what it fails of costs no result."""
-    with Caught(lambda error: _log.error("no diagnosis of %s", folder, exc_info=error)):
+
+    def untold(error: BaseException) -> None:
+        ours = isinstance(error, PerchhwError)
+        _log.error("no diagnosis of %s (%s)", folder, error, exc_info=None if ours else error)
+
+    with Caught(untold):
         return keep_diagnosis(folder).to_json()
     return None
