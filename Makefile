@@ -44,6 +44,7 @@ soak: $(VENV)/.dev
 	$(BIN)/python -m tests.diagnosis.faulty_flights --flights 200 --seed $(SEED)
 	$(BIN)/python -m tests.flight.stop_proof --stops 1000 --drones 7 --seed $(SEED)
 	$(BIN)/python -m tests.mutation
+	$(BIN)/python -m tests.firmware.mutation
 	$(BIN)/python benchmarks/gap.py
 
 # A sample of them, another one with each SEED.
@@ -53,6 +54,7 @@ soak-sample: $(VENV)/.dev
 	$(BIN)/python -m tests.diagnosis.faulty_flights --flights 2 --seed $(SEED)
 	$(BIN)/python -m tests.flight.stop_proof --stops 4 --seed $(SEED)
 	$(BIN)/python -m tests.mutation --sample 20 --seed $(SEED)
+	$(BIN)/python -m tests.firmware.mutation --sample 8 --seed $(SEED)
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .

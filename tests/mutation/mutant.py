@@ -2,6 +2,7 @@
 
 import ast
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
@@ -65,24 +66,26 @@ def mutants_of(file: str, source: str, namespace: dict[str, Any]) -> list[Mutant
         start = starts[first - 1] + change.node.col_offset
         end = starts[last - 1] + (change.node.end_col_offset or 0)
         head, tail = data[starts[first - 1] : start].decode(), data[end : starts[last]].decode()
-        before = _on_one_line(data[starts[first - 1] : starts[last]].decode())
-        after = _on_one_line(head + change.text + tail)
+        before = on_one_line(data[starts[first - 1] : starts[last]].decode())
+        after = on_one_line(head + change.text + tail)
         mutant = Mutant(file, first, change.function, change.kind, before, after, 0, start, end, change.text)
         if before != after and (start, end, change.text) not in found and _parses(mutant.source(source)):
             found[start, end, change.text] = mutant
-    return _numbered(sorted(found.values(), key=lambda mutant: (mutant.start, mutant.end, mutant.text)))
+    return numbered(found.values())
 
 
-def _numbered(mutants: list[Mutant]) -> list[Mutant]:
-    seen: Counter[Any] = Counter()
-    numbered = []
-    for mutant in mutants:
-        numbered.append(replace(mutant, ordinal=seen[mutant.key]))
+def numbered(mutants: Iterable[Mutant]) -> list[Mutant]:
+    """Mutants in the order of their places, those that look the same with numbers."""
+    seen: Counter[Key] = Counter()
+    found = []
+    for mutant in sorted(mutants, key=lambda mutant: (mutant.start, mutant.end, mutant.text)):
+        found.append(replace(mutant, ordinal=seen[mutant.key]))
         seen[mutant.key] += 1
-    return numbered
+    return found
 
 
-def _on_one_line(text: str) -> str:
+def on_one_line(text: str) -> str:
+    """`text` with one blank for all between two words."""
     return " ".join(text.split())
 
 

@@ -3,7 +3,6 @@
 import hashlib
 import json
 import sys
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from tests.conftest import REPOSITORY
-from tests.mutation.allowed import load_allowed, not_applicable
+from tests.mutation.allowed import load_allowed
+from tests.mutation.document import document_of
 from tests.mutation.mutant import Key, Mutant
 from tests.mutation.session import Verdict, mutants_in, try_all
 from tests.mutation.targets import Target, targets
@@ -30,7 +30,7 @@ def run(
     """Try all mutants, or `sample` of them, and return the document that is printed."""
     chosen = targets(names)
     every = mutants_in(chosen)
-    asked = _drawn(every, sample, seed)
+    asked = drawn(every, sample, seed)
     store = _Store(out, chosen, again=again)
     open_ = [mutant for mutant in asked if mutant.key not in store.verdicts]
     with _progress() as bar:
@@ -43,7 +43,7 @@ def run(
                 store.keep(mutant, verdict)
                 bar.advance(trying)
                 bar.refresh()
-    document = _document(every, asked, store.verdicts)
+    document = document_of(every, asked, store.verdicts, load_allowed())
     return {"seed": None if sample is None else seed, **document}
 
 
@@ -61,7 +61,8 @@ def _progress() -> Progress:
     )
 
 
-def _drawn(every: list[Mutant], sample: int | None, seed: int) -> list[Mutant]:
+def drawn(every: list[Mutant], sample: int | None, seed: int) -> list[Mutant]:
+    """All mutants, or `sample` of them, in their order."""
     if sample is None or sample >= len(every):
         return every
     picked = np.random.default_rng(seed).choice(len(every), sample, replace=False)
@@ -119,52 +120,3 @@ def state_of(target: Target) -> str:
         for source in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
             digest.update(source.as_posix().encode() + b"\0" + source.read_bytes())
     return digest.hexdigest()[:16]
-
-
-def _document(every: list[Mutant], asked: list[Mutant], verdicts: dict[Key, Verdict]) -> dict[str, Any]:
-    allowed = load_allowed()
-    files = {mutant.file for mutant in every}
-    stale = not_applicable(allowed, every, files)
-    rows, survivors, not_equivalent = [], [], []
-    for file in sorted(files):
-        counts: Counter[str] = Counter()
-        for mutant in (m for m in asked if m.file == file):
-            verdict = verdicts[mutant.key]
-            reasons = [entry.reason for entry in allowed if entry.covers(mutant)]
-            survived = verdict.outcome == "survived"
-            counts["equivalent" if survived and reasons else verdict.outcome] += 1
-            if survived and not reasons:
-                survivors.append(_shown(mutant))
-            elif reasons and not survived:
-                not_equivalent.append({**_shown(mutant), "noticed_by": verdict.by or verdict.outcome})
-        rows.append({"file": file, **_score(counts)})
-    total = Counter({key: sum(row[key] for row in rows) for key in _OUTCOMES})
-    return {
-        "passed": not (survivors or stale or not_equivalent),
-        "mutants": len(every),
-        **_score(total),
-        "files": rows,
-        "survivors": survivors,
-        "allowed_but_noticed": not_equivalent,
-        "allowed_but_gone": stale,
-    }
-
-
-_OUTCOMES = ("killed", "timeout", "survived", "equivalent")
-
-
-def _score(counts: Counter[str]) -> dict[str, Any]:
-    noticed = counts["killed"] + counts["timeout"]
-    judged = noticed + counts["survived"]
-    score = round(noticed / judged, 4) if judged else None
-    return {"tried": counts.total(), **{key: counts[key] for key in _OUTCOMES}, "score": score}
-
-
-def _shown(mutant: Mutant) -> dict[str, str]:
-    return {
-        "at": f"{mutant.file}:{mutant.line}",
-        "function": mutant.function,
-        "kind": mutant.kind,
-        "before": mutant.before,
-        "after": mutant.after,
-    }

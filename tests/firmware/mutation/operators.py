@@ -1,8 +1,8 @@
 """Small changes of a C source: directions of comparisons, signs, conditions, limits, statements, states."""
 
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass
+
+from tests.mutation.mutant import Mutant, numbered, on_one_line
 
 SWAPS = {
     "<=": ">=", ">=": "<=", "<": ">", ">": "<", "==": "!=", "!=": "==", "&&": "||", "||": "&&",
@@ -30,42 +30,29 @@ _CHANGES = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Mutant:
-    """`text` in the place of the characters `start` to `end` of a file in ``core``."""
-
-    file: str
-    line: int
-    kind: str
-    start: int
-    end: int
-    text: str
-
-    @property
-    def function(self) -> str:
-        """Near which others are noticed by the same tests."""
-        return f"{self.line // 10}"
-
-    def source(self, original: str) -> str:
-        """The whole file with the change in it."""
-        return original[: self.start] + self.text + original[self.end :]
-
-    def shown(self, original: str) -> dict[str, str]:
-        """Where, and the line before and after."""
-        begin = original.rfind("\n", 0, self.start) + 1
-        end = original.find("\n", self.end)
-        after = original[begin : self.start] + self.text + original[self.end : end]
-        before, after = (" ".join(text.split()) for text in (original[begin:end], after))
-        return {"at": f"{self.file}:{self.line}", "kind": self.kind, "before": before, "after": after}
+_FUNCTION = re.compile(r"^\w[^;{}]*?\b(\w+)\([^;{}]*\) \{", re.MULTILINE)
+"""The head of a function, with its name."""
 
 
-def mutants_of(file: str, source: str) -> Iterator[Mutant]:
-    """All mutants of a C source, in the order of their kinds; comments and directives stay as they are."""
+def mutants_of(file: str, source: str) -> list[Mutant]:
+    """All mutants of a C source (ASCII), in the order of their places; comments and directives stay."""
     code = _LEFT_ALONE.sub(lambda part: re.sub(r"[^\n]", "~", part.group()), source)
-    for kind, pattern, change in _CHANGES:
-        for found in pattern.finditer(code):
-            line = source.count("\n", 0, found.start()) + 1
-            yield Mutant(file, line, kind, found.start(), found.end(), change(found))
+    heads = [(found.start(), found.group(1)) for found in _FUNCTION.finditer(code)]
+
+    def mutant(kind: str, start: int, end: int, text: str) -> Mutant:
+        first, last = source.rfind("\n", 0, start) + 1, source.find("\n", end)
+        before, after = source[first:last], source[first:start] + text + source[end:last]
+        line = source.count("\n", 0, start) + 1
+        function = next((name for at, name in reversed(heads) if at <= start), "")
+        return Mutant(
+            file, line, function, kind, on_one_line(before), on_one_line(after), 0, start, end, text
+        )
+
+    return numbered(
+        mutant(kind, found.start(), found.end(), change(found))
+        for kind, pattern, change in _CHANGES
+        for found in pattern.finditer(code)
+    )
 
 
 def _other_limit(number: str) -> str:

@@ -1,32 +1,45 @@
 """A session: which tests pass on the code as it is, and whether one of them notices each mutant."""
 
 import subprocess
+import sys
 import tempfile
-import time
-from collections import Counter
 from collections.abc import Sequence
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
+from onboard.firmware import library
 from onboard.firmware.compiler import FLAGS, SOURCES, needed_compiler
-from onboard.firmware.library import CoreLibrary
 from onboard.vehicle import load_vehicle
+from tests.conftest import REPOSITORY
 from tests.firmware.mutation.machine import LandingInC
-from tests.firmware.mutation.operators import Mutant, mutants_of
-from tests.mutation.session import Known, some_at_a_time
+from tests.firmware.mutation.operators import mutants_of
+from tests.mutation.allowed import load_allowed
+from tests.mutation.document import document_of
+from tests.mutation.mutant import Key, Mutant
+from tests.mutation.run import drawn
+from tests.mutation.session import Known, Verdict, some_at_a_time
 from tests.mutation.trial import Send, Trial, Watcher, end, likeliest, pytest_options, start
 from tests.onboard.landing import rig
 
 CORE = SOURCES / "core"
 FILES = ("landing.c", "estimate.c", "braking.c", "own_attitude.c")
-TESTS = "tests/onboard/landing"
+TESTS = (
+    "tests/onboard/landing",
+    "tests/firmware/test_landing_parity.py",
+    "tests/firmware/test_law_parity.py::test_stopping_distance",
+)
+EQUIVALENT = Path(__file__).with_name("equivalent.toml")
 CPU_LIMIT = 60.0
 """s of processor time for all the tests."""
 
 _FLAGS = tuple(flag for flag in FLAGS if flag not in ("-Werror", "-O2"))
+
+
+def _text(file: str) -> str:
+    return (REPOSITORY / file).read_text(encoding="utf-8")
 
 
 class Library:
@@ -61,8 +74,8 @@ class Library:
             folder = Path(scratch)
             objects = {path.name: path for path in self._folder.glob("*.o")}
             if mutant is not None:
-                source = folder / mutant.file
-                source.write_text(mutant.source((CORE / mutant.file).read_text()), encoding="utf-8")
+                source = folder / Path(mutant.file).name
+                source.write_text(mutant.source(_text(mutant.file)), encoding="utf-8")
                 objects[f"{source.stem}.o"] = folder / f"{source.stem}.o"
                 if not self._compile(source, folder / f"{source.stem}.o"):
                     return None
@@ -91,7 +104,7 @@ class _Session:
     def __init__(self, library: Library, mutants: Sequence[Mutant], jobs: int) -> None:
         self._library, self._mutants, self._jobs = library, mutants, jobs
         self.set_aside: list[str] = []
-        self.outcomes: dict[Mutant, str] = {}
+        self.verdicts: dict[Key, Verdict] = {}
 
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
         items = session.items
@@ -106,7 +119,7 @@ class _Session:
             return start(lambda send: _notice(made, chosen, send), log, known.cpu_limit)
 
         for mutant, verdict in some_at_a_time(self._mutants, begin, self._jobs, known):
-            self.outcomes[mutant] = verdict.outcome
+            self.verdicts[mutant.key] = verdict
         return True
 
     def _green(self, items: Sequence[pytest.Item]) -> tuple[dict[str, float], list[str]]:
@@ -121,8 +134,9 @@ class _Session:
 
 
 def _put_in_place(made: Path) -> None:
-    machine = LandingInC(CoreLibrary(made), load_vehicle("crazyflie21-upgraded"))
-    rig.landing_step = machine.step
+    """Every test of this process gets the library `made`, and the reference's tests its machine."""
+    library.compiled_library = lambda: made
+    rig.landing_step = LandingInC(library.core_library(), load_vehicle("crazyflie21-upgraded")).step
 
 
 def _run(items: Sequence[pytest.Item], plugin: object) -> None:
@@ -151,25 +165,15 @@ def _notice(made: Path | None, items: Sequence[pytest.Item], send: Send) -> None
 
 def run(sample: int | None, seed: int, jobs: int, folder: Path) -> dict[str, Any]:
     """Try all mutants, or `sample` of them, and return the document that is printed."""
-    sources = {file: (CORE / file).read_text(encoding="utf-8") for file in FILES}
-    every = [mutant for file, source in sources.items() for mutant in mutants_of(file, source)]
-    count = len(every) if sample is None else min(sample, len(every))
-    picked = np.random.default_rng(seed).choice(len(every), count, replace=False)
-    session = _Session(Library(folder), [every[at] for at in sorted(picked)], jobs)
-    begun = time.monotonic()
-    pytest.main(pytest_options([TESTS]), plugins=[session])
-    outcome = session.outcomes.items()
-    survivors = [mutant.shown(sources[mutant.file]) for mutant, how in outcome if how == "survived"]
-    outcomes = Counter(session.outcomes.values())
-    noticed = outcomes["killed"] + outcomes["timeout"]
+    files = [(CORE / file).relative_to(REPOSITORY).as_posix() for file in FILES]
+    every = [mutant for file in files for mutant in mutants_of(file, _text(file))]
+    asked = drawn(every, sample, seed)
+    session = _Session(Library(folder), asked, jobs)
+    with redirect_stdout(sys.stderr):
+        pytest.main(pytest_options(TESTS), plugins=[session])
+    document = document_of(every, asked, session.verdicts, load_allowed(EQUIVALENT))
     return {
-        "passed": noticed > 0 and not survivors,
         "seed": None if sample is None else seed,
-        "mutants": len(every),
-        "tried": len(session.outcomes),
-        **outcomes,
-        "score": round(noticed / (noticed + len(survivors)), 4) if noticed else None,
-        "set_aside": len(session.set_aside),
-        "seconds": round(time.monotonic() - begun, 1),
-        "survivors": survivors,
+        **document,
+        "tests_set_aside": len(session.set_aside),
     }
