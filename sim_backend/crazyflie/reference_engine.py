@@ -234,7 +234,8 @@ class ReferenceEngine:
     def _compute(self, sample: Sample) -> Event:
         """One ms of a drone that flies, or rehearses."""
         events = Event.NONE
-        self._supply += COMPENSATION_GAIN * (sample.voltage - self._supply)
+        if math.isfinite(sample.voltage):  # one that is not would stay for ever
+            self._supply += COMPENSATION_GAIN * (sample.voltage - self._supply)
         if sample.tick % CONTROL_PERIOD_MS == 0:
             if sample.tick % POLICY_PERIOD_MS == 0:
                 self._evaluate(sample)

@@ -8,7 +8,7 @@
 enum { NEWTON_STEPS = 30 };
 
 float perch_filter_voltage(float filtered, float measured) {
-  return filtered + FILTER_GAIN * (measured - filtered);
+  return isfinite(measured) ? filtered + FILTER_GAIN * (measured - filtered) : filtered;
 }
 
 /* Inverse of a V^2 + b V + c. */
