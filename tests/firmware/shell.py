@@ -210,6 +210,12 @@ class Shell:
             if self.world.tick_ms % 20 == 0:
                 self._library.shim_go_on_with_app()
 
+    def leave_to_another_controller(self, milliseconds: int) -> None:
+        """Somebody chooses another controller (`stabilizer.controller`), and then ours again."""
+        self.world.tick_ms += milliseconds
+        self.step_number += milliseconds
+        self._library.shim_choose_controller()
+
     def upload(self, data: bytes) -> None:
         """Write to the app's memory from 0 on, in packets of 25 bytes."""
         for start in range(0, len(data), 25):

@@ -21,13 +21,13 @@ from onboard.app_interface import (
     PolicyStatus,
     TrajectoryStatus,
 )
-from onboard.firmware.compiler import SOURCES, find_compiler
+from onboard.firmware.compiler import SOURCES
 from onboard.firmware.constants import vehicle_crc32
 from onboard.policy.bundle import encode_bundle
 from onboard.policy.files import load_policy, shipped_policy_path
 from onboard.trajectory import plan_from_velocity, sample_approach
 from onboard.vehicle import load_vehicle
-from tests.firmware.shell import Shell, Variable, build_shell
+from tests.firmware.shell import Shell, Variable
 
 VEHICLE = "crazyflie21-upgraded"
 POSITION_MODES = {"mode_x": 1, "mode_y": 1, "mode_z": 1, "mode_yaw": 1}
@@ -37,13 +37,6 @@ ENDED = (LandingState.BRAKE, LandingState.HOLD)
 CONTROL_MODE_LEGACY, CONTROL_MODE_FORCE = 0, 2
 
 
-@pytest.fixture(scope="session")
-def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    if find_compiler() is None:
-        pytest.skip("no C compiler: the drone's code in C cannot be tested")
-    return build_shell(tmp_path_factory.mktemp("shell"), load_vehicle(VEHICLE))
-
-
 def boot(library: Path) -> Shell:
     """A drone of its own: a library that is loaded twice has its variables once."""
     with tempfile.TemporaryDirectory() as folder:
@@ -51,14 +44,14 @@ def boot(library: Path) -> Shell:
 
 
 @pytest.fixture
-def shell(library: Path) -> Shell:
-    return boot(library)
+def shell(shell_library: Path) -> Shell:
+    return boot(shell_library)
 
 
 @pytest.fixture(scope="module")
-def shell_on_the_ground(library: Path) -> Shell:
+def shell_on_the_ground(shell_library: Path) -> Shell:
     """One for tests that only touch its memory."""
-    return boot(library)
+    return boot(shell_library)
 
 
 def hover(shell: Shell, x: float = 0.0, z: float = 1.0) -> None:
@@ -298,15 +291,6 @@ def test_an_abort_brakes_holds_and_hands_the_drone_back_to_the_planner(shell: Sh
     assert shell.log(Log.STATE) == LandingState.IDLE
     assert (shell.asked.planner_goals, shell.asked.priorities_relaxed) == (1, 1)
     assert shell.asked.goal[2] == pytest.approx(shell.state.position.z, abs=0.3)
-
-
-def test_a_gap_of_the_control_loop_ends_an_approach(shell: Shell) -> None:
-    """Somebody chose another controller in flight, and then ours again."""
-    arm(shell)
-    follow_the_approach(shell, lambda: shell.state.velocity.z > 0.5)
-    shell.step_number += 8
-    fly(shell, 4)
-    assert shell.log(Log.STATE) in ENDED
 
 
 def test_level_out_ends_an_approach(shell: Shell) -> None:

@@ -6,27 +6,18 @@ from pathlib import Path
 import pytest
 
 from onboard.app_interface import LandingState, Log, Parameter, TrajectoryStatus
-from onboard.firmware.compiler import find_compiler
 from onboard.trajectory import plan_from_velocity
-from onboard.vehicle import load_vehicle
-from tests.firmware.shell import Shell, build_shell
-from tests.firmware.test_shell import VEHICLE, bundle, commit, fly, follow_the_approach
+from tests.firmware.shell import Shell
+from tests.firmware.test_shell import bundle, commit, fly, follow_the_approach
 
 STILL = [0.0] * 4
 PLAN = plan_from_velocity(1.25, 2.165, 0.0, 0.0, 2.1, 1.0, 3.1, 0.5)
 
 
-@pytest.fixture(scope="module")
-def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    if find_compiler() is None:
-        pytest.skip("no C compiler: the drone's code in C cannot be tested")
-    return build_shell(tmp_path_factory.mktemp("shell"), load_vehicle(VEHICLE))
-
-
 @pytest.fixture
-def shell(built: Path, tmp_path: Path) -> Shell:
+def shell(shell_library: Path, tmp_path: Path) -> Shell:
     """On the desk, disarmed, its app awake."""
-    shell = Shell(Path(shutil.copy(built, tmp_path)))
+    shell = Shell(Path(shutil.copy(shell_library, tmp_path)))
     fly(shell, 40)
     return shell
 

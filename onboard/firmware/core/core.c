@@ -274,6 +274,15 @@ static void compute(perch_core *core, const perch_inputs *in) {
   record(core, in);
 }
 
+void perch_resume(perch_core *core) {
+  core->abort = true;
+  core->landing.attitude_known = false; /* nobody followed the gyro */
+}
+
+void perch_give_way(perch_core *core) {
+  memset(core->follower.integral, 0, sizeof core->follower.integral);
+}
+
 void perch_step(perch_core *core, const perch_inputs *in) {
   core->outputs.events = 0;
   const uint8_t ended = perch_watch_rehearsal(core, in);

@@ -85,6 +85,12 @@ void perch_boot(perch_core *core, const perch_vehicle *vehicle);
 /* One ms. The outputs are also in `core->outputs`. */
 void perch_step(perch_core *core, const perch_inputs *in);
 
+/* The control loop has not stepped for a while: what went on is not known. To be called by it, before its step. */
+void perch_resume(perch_core *core);
+
+/* Another law flew this step: its errors of position are not ours to integrate. */
+void perch_give_way(perch_core *core);
+
 /* Post a request; gives its number. */
 uint32_t perch_post(perch_core *core, bool armed, const perch_approach *approach);
 

@@ -32,6 +32,8 @@ void shim_boot(void) {
   controllerOutOfTreeInit();
 }
 
+void shim_choose_controller(void) { controllerOutOfTreeInit(); }
+
 void shim_control(control_t *control, const setpoint_t *setpoint, const sensorData_t *sensors,
                   const state_t *state, stabilizerStep_t step) {
   controllerOutOfTree(control, setpoint, sensors, state, step);

@@ -35,6 +35,9 @@ const perch_outputs *shim_what_came_out(void);
 /* Start the app: appInit, and its slow task until it first delays itself. */
 void shim_boot(void);
 
+/* Somebody has chosen this controller. */
+void shim_choose_controller(void);
+
 /* One ms of the control loop. */
 void shim_control(control_t *control, const setpoint_t *setpoint, const sensorData_t *sensors,
                   const state_t *state, stabilizerStep_t step);

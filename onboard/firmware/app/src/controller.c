@@ -18,15 +18,13 @@ enum { LONGEST_GAP_MS = 5 };
 /* s that the planner takes to stay where the drone is: it shall be there at once. */
 #define STAY_S 0.01f
 
-static uint32_t last_step, trigger_ms, seen_count;
+static uint32_t last_ms, trigger_ms, seen_count;
 static bool has_run;
 
 uint32_t perch_trigger_ms(void) { return trigger_ms; }
 
-void controllerOutOfTreeInit(void) {
-  controllerPidInit();
-  has_run = false;
-}
+/* At the start, and whenever somebody chooses this controller again, in flight as well. */
+void controllerOutOfTreeInit(void) { controllerPidInit(); }
 
 bool controllerOutOfTreeTest(void) { return controllerPidTest() && perch.vehicle != NULL; }
 
@@ -77,14 +75,18 @@ static bool is_delegated(void) { return perch.outputs.mode == PERCH_PASS && perc
 
 void controllerOutOfTree(control_t *control, const setpoint_t *setpoint, const sensorData_t *sensors,
                          const state_t *state, const stabilizerStep_t stabilizerStep) {
-  /* Somebody else had the motors for a while: what was going on is not known any more. */
-  if (has_run && stabilizerStep - last_step > LONGEST_GAP_MS) {
-    perch_ask_abort(&perch, true);
+  /* Somebody else had the motors for a while. The loop does not count its steps in a health test: time tells. */
+  const uint32_t now_ms = (uint32_t)xTaskGetTickCount();
+  if (has_run && now_ms - last_ms > LONGEST_GAP_MS) {
+    perch_resume(&perch);
   }
-  last_step = stabilizerStep;
+  last_ms = now_ms;
   has_run = true;
 
   const perch_inputs inputs = inputs_from(setpoint, sensors, state, stabilizerStep);
+  if (inputs.flying && !perch_is_configured()) {
+    perch_ask_abort(&perch, true);
+  }
   perch_step(&perch, &inputs);
   note_trigger(stabilizerStep);
   tell_planner(perch.outputs.events);
@@ -95,11 +97,14 @@ void controllerOutOfTree(control_t *control, const setpoint_t *setpoint, const s
     return;
   }
   if (is_delegated()) {
+    perch_give_way(&perch);
     controllerPid(control, setpoint, sensors, state, stabilizerStep);
     return;
   }
+  /* Nothing takes off in a wrong configuration; what flies when somebody changes it does not fall. */
+  const bool may_turn = inputs.flying || perch_is_configured();
   control->controlMode = controlModeForce;
   for (int i = 0; i < STABILIZER_NR_OF_MOTORS; i++) {
-    control->normalizedForces[i] = perch_is_configured() ? perch.outputs.duties[i] : 0.0f;
+    control->normalizedForces[i] = may_turn ? perch.outputs.duties[i] : 0.0f;
   }
 }
