@@ -19,8 +19,8 @@ from tests.gap.truth import CASES, SIZES, make_flights
 from tests.gap.truth.cases import AGILE, SINGLE, Hidden, hide
 from tests.gap.truth.effects import EFFECT_NAMES, apply, draw
 from tests.gap.truth.flight import HiddenFlight, hidden_flight
-from tests.gap.truth.kernel import settled_thrusts, terminal_voltage
 from tests.gap.truth.layout import GRAVITY, MOTORS, nominal
+from tests.gap.truth.rotors import settled_thrusts, terminal_voltage
 from tests.gap.truth.shapes import SHAPES, campaign
 
 MASS, INERTIA = 0.030, np.array([12.19e-6, 14.55e-6, 23.55e-6])

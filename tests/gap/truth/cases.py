@@ -9,9 +9,9 @@ import numpy as np
 
 from tests.gap.truth.effects import SIZES, apply, draw
 from tests.gap.truth.flight import hidden_flight
-from tests.gap.truth.kernel import settled_thrusts
 from tests.gap.truth.layout import GRAVITY
 from tests.gap.truth.log_file import SAMPLE_PERIOD
+from tests.gap.truth.rotors import settled_thrusts
 from tests.gap.truth.shapes import AGILE, ALOFT, HOME
 
 SCHEMA = "perchhw.gap_truth/1"

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter
 
-from tests.gap.truth.kernel import fly
+from tests.gap.truth.closed_loop import fly
 from tests.gap.truth.layout import CONTROL_PERIOD, GRAVITY, STATES, TICKS_PER_SAMPLE
 from tests.gap.truth.shapes import setpoints
 

@@ -18,6 +18,9 @@ MOTORS = slice(13, 17)
 MAP_QUADRATIC, MAP_CUBIC, MAP_LOG = 0, 1, 2
 CEILING = 2.1
 GRAVITY = 9.81
+AIR_DENSITY = 1.2
+FULL = 65535.0
+"""Full scale of a motor command."""
 INVERSE_POINTS = 4096
 
 
@@ -146,7 +149,7 @@ def _fill_power(p: np.ndarray, vehicle: Vehicle) -> None:
 
 def _fill_controller(p: np.ndarray) -> None:
     """What the drone believes about itself: the file's numbers."""
-    from tests.gap.truth.kernel import thrust_of
+    from tests.gap.truth.rotors import thrust_of
 
     p["filed_mass"], p["filed_inertia"] = p["mass"], p["inertia"]
     p["filed_arm"] = (p["hub"][3, 0], p["hub"][3, 1])
