@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from calibration.flights.run_folder import RUN_FILE
+from calibration.flights.run_folder import is_run_folder
 from onboard.errors import InputError, PerchhwError, SafetyStop
 from onboard.link.errors import DroneStopped
 from perchhw.attempt import AttemptRequest, AttemptResult, AttemptRunner, Outcome, WarmUpAborted
@@ -94,7 +94,7 @@ def _settle_killed(store: CampaignStore) -> None:
     killed = [row.record for row in store.rows() if row.state == "running" and row.record is not None]
     store.recover()
     for record in killed:
-        if (record / RUN_FILE).is_file():
+        if is_run_folder(record):
             explain(record)
 
 
