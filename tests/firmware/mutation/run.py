@@ -1,10 +1,10 @@
 """A session: which tests pass on the code as it is, and whether one of them notices each mutant."""
 
 import subprocess
-import sys
 import tempfile
 from collections.abc import Sequence
-from contextlib import redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from tests.mutation.allowed import load_allowed
 from tests.mutation.document import document_of
 from tests.mutation.mutant import Key, Mutant
 from tests.mutation.run import drawn
-from tests.mutation.session import Known, Verdict, some_at_a_time
+from tests.mutation.session import Known, MutationError, Verdict, some_at_a_time
 from tests.mutation.trial import Send, Trial, Watcher, end, likeliest, pytest_options, start
 from tests.onboard.landing import rig
 
@@ -164,13 +164,21 @@ def _notice(made: Path | None, items: Sequence[pytest.Item], send: Send) -> None
 
 
 def run(sample: int | None, seed: int, jobs: int, folder: Path) -> dict[str, Any]:
-    """Try all mutants, or `sample` of them, and return the document that is printed."""
+    """Try all mutants, or `sample` of them, and return the document that is printed.
+
+    Raises:
+        MutationError: the tests cannot be collected.
+    """
     files = [(CORE / file).relative_to(REPOSITORY).as_posix() for file in FILES]
     every = [mutant for file in files for mutant in mutants_of(file, _text(file))]
     asked = drawn(every, sample, seed)
     session = _Session(Library(folder), asked, jobs)
-    with redirect_stdout(sys.stderr):
-        pytest.main(pytest_options(TESTS), plugins=[session])
+    said = StringIO()
+    # A line that counts no tests, last in the log of a green run, would be read as a run without tests.
+    with redirect_stdout(said), redirect_stderr(said):
+        code = pytest.main(pytest_options(TESTS), plugins=[session])
+    if code not in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED):
+        raise MutationError(f"pytest ended with code {code}:\n{said.getvalue()}")
     document = document_of(every, asked, session.verdicts, load_allowed(EQUIVALENT))
     return {
         "seed": None if sample is None else seed,
