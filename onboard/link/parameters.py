@@ -50,6 +50,9 @@ class Parameters:
     def write(self, name: str, value: float) -> None:
         """Set the value; returns when the drone has echoed exactly it.
 
+        An echo of another value answers an earlier write that was sent twice or given up: the firmware echoes
+        what it was sent (``paramWriteProcess`` in ``param_logic.c``).
+
         Raises:
             NoSuchVariable, LinkInputError, CommandRefused, LinkTimeout, LinkLost.
         """
@@ -58,13 +61,11 @@ class Parameters:
             raise CommandRefused(f"{name} is read-only on the drone")
         ident = struct.pack("<H", variable.ident)
         request = ident + variable.pack(value)
-        reply, _ = self._exchange.ask(
+        self._exchange.ask(
             CRTPPort.PARAM,
             _WRITE,
             request,
-            accepts=lambda data: data[:2] == ident,
+            accepts=lambda data: data == request,
             within=self._within,
             what=f"set {name} = {value}",
         )
-        if reply != request:
-            raise CommandRefused(f"the drone did not take {name} = {value}: it answered {reply[2:].hex()}")

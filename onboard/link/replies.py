@@ -11,7 +11,8 @@ not (cflib 0.1.34):
 
 So a reply passes only while a request with the same key is outstanding, and the first reply settles the
 request. That is exact, not a time window: two equal replies to two requests both pass, two equal replies to
-one request do not.
+one request do not. The answer to a write of a parameter repeats all of it: the echo of another value settles
+nothing.
 
 What may legitimately repeat byte for byte passes always: console text, pushed parameter values (``2/3 01``),
 the app channel, localization, commander replies, echoes (a raw client may send the same echo many times and
@@ -29,6 +30,7 @@ from typing import Protocol
 
 ECHO_HEADER = 0xF0
 LOG_DATA_HEADER = 0x52
+PARAMETER_WRITE_HEADER = 0x22
 PORT_AND_CHANNEL = 0xF3
 
 #: Log packets among which an identical one is a duplicate: 16 blocks at 100 Hz send 16 packets in 10 ms.
@@ -48,7 +50,7 @@ _KEY_LENGTH: dict[tuple[int, int | None], int] = {
     (0x20, 0x02): 3,  # parameter table: item by id
     (0x20, 0x03): 1,  # parameter table: size and checksum
     (0x21, None): 2,  # parameter read, by id
-    (0x22, None): 2,  # parameter write, by id
+    (PARAMETER_WRITE_HEADER, None): 2,  # by id
     **{(0x23, command): 3 for command in range(2, 9)},  # extended type, persistence, defaults: by id
     (0x40, 0x01): 1,  # number of memories
     (0x40, 0x02): 2,  # one memory's details
@@ -146,9 +148,12 @@ class OutstandingRequests:
         key = reply_key(header, payload)
         if key is None:
             return True
-        request = self._requests.pop(key, None)
+        request = self._requests.get(key)
         if request is None:
             return False
+        if header & PORT_AND_CHANNEL == PARAMETER_WRITE_HEADER and payload != request.packet.data:
+            return False
+        del self._requests[key]
         if request.sends == 1:  # otherwise it is unknown which of the sends was answered (Karn's rule)
             self._measure(now - request.first_sent)
             self._unmeasured = 0

@@ -72,10 +72,25 @@ def test_read_only_parameters_are_refused_here_because_the_drone_would_not_answe
         link.set_param("perch.polStat", 1)
 
 
-def test_an_echo_of_another_value_is_a_refusal(tiny: TinyDrone, link: DroneLink) -> None:
+def test_an_echo_of_another_value_is_no_answer(tiny: TinyDrone, hasty: DroneLink) -> None:
     tiny._set = lambda data: [data[:2] + b"\x02\x00"]  # type: ignore[method-assign]  # a firmware that clips
-    with pytest.raises(CommandRefused, match=r"motion\.offset"):
-        link.set_param("motion.offset", 300)
+    with pytest.raises(LinkTimeout, match=r"set motion\.offset = 300"):
+        hasty.set_param("motion.offset", 300)
+
+
+def test_the_late_echo_of_an_earlier_write_is_not_taken_for_that_of_the_next(
+    tiny: TinyDrone, link: DroneLink
+) -> None:
+    written: list[bytes] = []
+
+    def echo_the_last_one_again(data: bytes) -> list[bytes]:
+        written.append(data)
+        return written[-2:]
+
+    tiny._set = echo_the_last_one_again  # type: ignore[method-assign]
+    for value in (6, 7, 8):
+        link.set_param("motion.offset", value)
+    assert [data[2] for data in written] == [6, 7, 8], "each was sent once"
 
 
 def test_no_answer_is_a_timeout_with_the_question_in_it(tiny: TinyDrone, hasty: DroneLink) -> None:

@@ -91,6 +91,16 @@ def test_a_late_read_reply_does_not_answer_a_write_of_the_same_parameter() -> No
     assert requests.accept(b"\x22\x05\0\x01", 0.0)
 
 
+def test_the_echo_of_an_earlier_value_does_not_answer_a_write() -> None:
+    requests = OutstandingRequests()
+    requests.sending(CRTPPacket(0x2E, b"\x05\0\x01"), 0.0)
+    latest = CRTPPacket(0x2E, b"\x05\0\x00")
+    requests.sending(latest, 0.001)
+    assert not requests.accept(b"\x22\x05\0\x01", 0.002)
+    assert requests.due(1.0) == [latest], "the value that was given up is not sent again"
+    assert requests.accept(b"\x22\x05\0\x00", 1.001)
+
+
 def test_resends_wait_longer_up_to_a_tenth_of_a_second_and_end() -> None:
     requests = OutstandingRequests()
     packet = CRTPPacket(0x2D, b"\x05\0")
