@@ -1,6 +1,7 @@
 """A frame of the simulated room as the objects of the DataStream protocol."""
 
 import math
+from fractions import Fraction
 
 from mocap_bridge.datastream.objects import (
     STREAM_CLOCK_HZ,
@@ -97,8 +98,8 @@ def _camera(index: int, name: str, period_ticks: int) -> CameraInfo:
 
 def _timecode(number: int, rate_hz: float) -> Timecode:
     """Since frame 0, at 25 frames a second; the camera's frames between two of these are its subframes."""
-    per_tick = rate_hz / TIMECODE_PAL_HZ
-    ticks = int(number / per_tick)
+    per_tick = Fraction(rate_hz) / TIMECODE_PAL_HZ  # exact: floor and ceiling must agree
+    ticks = number // per_tick
     subframe, subframes = number - math.ceil(ticks * per_tick), math.ceil(per_tick)
     seconds, frames = divmod(ticks, TIMECODE_PAL_HZ)
     minutes, seconds = divmod(seconds, 60)

@@ -25,7 +25,10 @@ def circling(world_time: float) -> Bodies:
 
 
 class MovingRoom:
-    """A room on free ports with a feed at 500 Hz; `feeding` cleared stops the feed as a dead world would."""
+    """A room on free ports with a feed at 500 Hz; `feeding` cleared stops the feed as a dead world would.
+
+    Its time is the monotonic clock's since `start_time`: what is taken from that, the world skips.
+    """
 
     def __init__(self, motion: Callable[[float], Bodies] = circling, **settings: object) -> None:
         self.settings = replace(FREE_PORTS, **settings)  # type: ignore[arg-type]
