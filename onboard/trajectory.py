@@ -15,6 +15,7 @@ from onboard.arrays import Vector
 from onboard.errors import InputError, OnboardError
 from onboard.jit import inner, kernel
 from onboard.room import RoomGeometry
+from onboard.unit_slip import unit_hint
 
 Setpoint: TypeAlias = tuple[Vector, Vector, Vector]
 
@@ -32,6 +33,9 @@ _CHOICES = tuple(itertools.product(TAU0_CHOICES, ACCELERATION_Z_CHOICES, ACCELER
 
 SPEED_MAX, CLIMB_MIN = 10.0, 0.05
 """m/s. Slower than the one, and climbing at least as fast as the other, is an approach."""
+
+_USUAL_SPEED_MIN = 0.5
+"""m/s. What is slower in another unit was not meant in that."""
 
 _SPEEDS = tuple(0.05 * step for step in range(1, 200))
 _ANGLES = tuple(0.5 * step for step in range(1, 181))
@@ -130,6 +134,15 @@ def _velocity_problem(speed: float, angle_deg: float) -> str | None:
     return None
 
 
+def _meant(speed: float, angle_deg: float) -> str:
+    """The units in which a refused speed or angle was probably meant, as the end of a sentence."""
+    too_fast = not speed < SPEED_MAX
+    small = not angle_deg > 0.5 * math.pi
+    return (unit_hint(speed, "m/s", lambda v: _USUAL_SPEED_MIN <= v < SPEED_MAX) if too_fast else "") + (
+        unit_hint(angle_deg, "deg", lambda a: 0.0 < a <= 90.0) if small else ""
+    )
+
+
 def _velocity(speed: float, angle_deg: float) -> tuple[float, float]:
     """(v_x, v_z) in m/s of a flight at `speed` and `angle_deg` above the horizon."""
     angle = math.radians(angle_deg)
@@ -164,7 +177,7 @@ def plan_approach(
     """
     problem = _velocity_problem(speed, angle_deg)
     if problem is not None:
-        raise ApproachError(f"approach: {problem}")
+        raise ApproachError(f"approach: {problem}{_meant(speed, angle_deg)}")
     vx, vz = _velocity(speed, angle_deg)
     if not (ax > 0.0 and az > 0.0):
         raise ApproachError(f"approach: accelerations {ax}, {az} m/s2; both must be more than 0")
@@ -214,7 +227,8 @@ def fit_approach(
 
     problem = _velocity_problem(speed, angle_deg)
     if problem is not None:
-        raise ApproachError(f"approach: {problem}{_what_fits(speed, angle_deg, fits)}")
+        instead = _meant(speed, angle_deg) or _what_fits(speed, angle_deg, fits)
+        raise ApproachError(f"approach: {problem}{instead}")
     vx, vz = _velocity(speed, angle_deg)
     for tau0, az, ax in _CHOICES:
         plan = plan_from_velocity(vx, vz, impact_x, impact_y, ceiling, ax, az, tau0)
@@ -227,6 +241,7 @@ def fit_approach(
         f"approach: {speed} m/s at {angle_deg} deg does not fit the room: with tau0 {plan.tau0} s, ax "
         f"{plan.ax} and az {plan.az} m/s2 it would start at {outside}{_what_fits(speed, angle_deg, fits)}"
         + ("" if higher is None else f"; or under a ceiling at {higher:.2f} m")
+        + _meant(speed, angle_deg)
     )
 
 
