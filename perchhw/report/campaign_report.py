@@ -17,6 +17,7 @@ from calibration.measurement import wilson_interval
 from onboard.csv_file import read_csv
 from perchhw.attempt import Outcome
 from perchhw.campaign.adaptive import FlownMap, flown_map
+from perchhw.campaign.seats import drone_names, seat_of
 from perchhw.campaign.store import CampaignError, CampaignStore, exists
 from perchhw.diagnosis.diagnose import judge_of
 from perchhw.record.listing import find_runs
@@ -261,14 +262,17 @@ def _flight(run: RunRecord | None) -> Flight | None:
 
 
 def _attempt_table(attempts: list[ShownAttempt], folder: Path) -> str:
+    seats = [seat_of(attempt.record) for attempt in attempts]
+    names = drone_names(seat for seat in seats if seat is not None)
     rows = []
-    for number, attempt in enumerate(attempts):
+    for number, (attempt, seat) in enumerate(zip(attempts, seats, strict=True)):
         state = attempt.trigger or {}
         rows.append(
             [
                 str(number),
                 f"{attempt.speed:g}",
                 f"{attempt.angle_deg:g}",
+                *(["" if seat is None else escape(names[seat.drone])] if names else []),
                 badge(attempt.outcome),
                 _number(state.get("tau"), "{:.3f}"),
                 _number(state.get("theta_x"), "{:.2f}"),
@@ -276,8 +280,8 @@ def _attempt_table(attempts: list[ShownAttempt], folder: Path) -> str:
                 _link(attempt.record, folder),
             ]
         )
-    header = ["#", "m/s", "deg", "outcome", "tau (s)", "theta_x (1/s)", "what happened", ""]
-    return table(header, rows)
+    header = ["#", "m/s", "deg", *(["drone"] if names else []), "outcome", "tau (s)", "theta_x (1/s)"]
+    return table([*header, "what happened", ""], rows)
 
 
 def _number(value: Any, form: str, scale: float = 1.0) -> str:
