@@ -68,6 +68,7 @@ def write_campaign_report(folder: Path) -> Path:
     if exists(folder):
         with closing(CampaignStore.open(folder)) as store:
             title, rows, skipped = f"Campaign {store.name}", store.rows(), store.skipped
+            planned = store.planned
             found = flown_map(rows, store.conditions) if store.conditions else None
         done = [r for r in rows if r.state == "done" and r.outcome is not None]
         attempts = [
@@ -75,7 +76,6 @@ def write_campaign_report(folder: Path) -> Path:
             for r in done
             if r.outcome is not None
         ]
-        planned = len({r.slot for r in rows})
     else:
         title, attempts = f"Attempts in {folder.name}", _attempts_of_runs(folder)
         planned, skipped, found = len(attempts), [], None
@@ -153,13 +153,15 @@ def _attempts_of_runs(folder: Path) -> list[ShownAttempt]:
 
 def _subtitle(attempts: list[ShownAttempt], planned: int) -> str:
     done = len(attempts)
-    if done == 0:
-        return f"0 of {planned} attempts flown"
-    successes = sum(a.outcome.success for a in attempts)
-    low, high = wilson_interval(successes, done)
+    early = sum(a.outcome is Outcome.ABORTED for a in attempts)
+    flown = f"{done} of {planned} attempts flown" + (f", {early} of them ended early" if early else "")
+    if done == early:
+        return flown
+    successes, ended = sum(a.outcome.success for a in attempts), done - early
+    low, high = wilson_interval(successes, ended)
     return (
-        f"{done} of {planned} attempts flown; success (four legs, no body contact) {successes} of {done}: "
-        f"{successes / done:.0%} (95 % interval {low:.0%} to {high:.0%})"
+        f"{flown}; success (four legs, no body contact) {successes} of {ended}: "
+        f"{successes / ended:.0%} (95 % interval {low:.0%} to {high:.0%})"
     )
 
 
@@ -170,7 +172,10 @@ def _body(seen: list[_Seen], folder: Path, damaged: list[str], found: FlownMap |
     flights = [one.run for one in seen if one.run is not None]
     policy = next((judge.flown for run in flights if (judge := judge_of(run)).flown is not None), None)
     predicted = predicted_rates(folder / PREDICTION_FILE, damaged)
-    note = "Four legs without body contact, with its 95 % interval (Wilson)."
+    note = (
+        "Four legs without body contact, with its 95 % interval (Wilson), of the attempts that no rule and no "
+        "person ended early."
+    )
     body = section("Landing rates", landing_rates(attempts, predicted), note)
     if found is not None and any(found.flown):
         body += section("Map of the landing rate", map_figure(found), _MAP_NOTE)
