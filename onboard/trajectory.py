@@ -34,6 +34,9 @@ _CHOICES = tuple(itertools.product(TAU0_CHOICES, ACCELERATION_Z_CHOICES, ACCELER
 SPEED_MAX, CLIMB_MIN = 10.0, 0.05
 """m/s. Slower than the one, and climbing at least as fast as the other, is an approach."""
 
+ANGLE_MIN_DEG = 0.5 * math.pi
+"""deg. No approach as flat climbs to its trigger before it is under the ceiling; radians are not more."""
+
 _USUAL_SPEED_MIN = 0.5
 """m/s. What is slower in another unit was not meant in that."""
 
@@ -121,8 +124,8 @@ def _velocity_problem(speed: float, angle_deg: float) -> str | None:
         return f"speed {speed:g} m/s; give a speed of more than 0"
     if not speed < SPEED_MAX:
         return f"speed {speed:g} m/s is too fast; give a speed of less than {SPEED_MAX:g} m/s"
-    if not (0.0 < angle_deg <= 90.0):
-        return f"angle {angle_deg:g} deg; give an angle of more than 0 and at most 90"
+    if not (ANGLE_MIN_DEG < angle_deg <= 90.0):
+        return f"angle {angle_deg:g} deg; give an angle of more than {ANGLE_MIN_DEG:.2f} and at most 90"
     if not _velocity(speed, angle_deg)[1] >= CLIMB_MIN:
         least = math.degrees(math.asin(min(1.0, CLIMB_MIN / speed)))
         climb = _velocity(speed, angle_deg)[1]
@@ -136,10 +139,9 @@ def _velocity_problem(speed: float, angle_deg: float) -> str | None:
 
 def _meant(speed: float, angle_deg: float) -> str:
     """The units in which a refused speed or angle was probably meant, as the end of a sentence."""
-    too_fast = not speed < SPEED_MAX
-    small = not angle_deg > 0.5 * math.pi
+    too_fast, flat = not speed < SPEED_MAX, not angle_deg > ANGLE_MIN_DEG
     return (unit_hint(speed, "m/s", lambda v: _USUAL_SPEED_MIN <= v < SPEED_MAX) if too_fast else "") + (
-        unit_hint(angle_deg, "deg", lambda a: 0.0 < a <= 90.0) if small else ""
+        unit_hint(angle_deg, "deg", lambda a: ANGLE_MIN_DEG < a <= 90.0) if flat else ""
     )
 
 
@@ -164,7 +166,7 @@ def plan_approach(
 
     Args:
         speed: magnitude V of the velocity at the ceiling, m/s.
-        angle_deg: flight angle phi, more than 0 and up to 90 deg.
+        angle_deg: flight angle phi, more than `ANGLE_MIN_DEG` and up to 90 deg.
         impact_x: x (m) at which the origin would meet the ceiling.
         ceiling_z: height of the ceiling, m.
         ax: acceleration along x, m/s2.
@@ -241,7 +243,6 @@ def fit_approach(
         f"approach: {speed} m/s at {angle_deg} deg does not fit the room: with tau0 {plan.tau0} s, ax "
         f"{plan.ax} and az {plan.az} m/s2 it would start at {outside}{_what_fits(speed, angle_deg, fits)}"
         + ("" if higher is None else f"; or under a ceiling at {higher:.2f} m")
-        + _meant(speed, angle_deg)
     )
 
 
