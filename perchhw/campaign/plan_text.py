@@ -26,7 +26,9 @@ def plan_text(plan: CampaignPlan, fit: GridFit, cost: Forecast) -> str:
         what = f"{len(fit.misfits)} of {len(plan.conditions())} conditions {verb} not fit"
         blocks += ["", f"{plan.file}: {what} under {plan.room.ceiling_z:.2f} m ([grid], {rows}):"]
         blocks += [f"  {line}" for line in _by_speed(fit.misfits)]
-        blocks += [*highest(fit), "fly the others with --skip-unflyable"]
+        blocks += [*highest(fit), *(["fly the others with --skip-unflyable"] if fit.approaches else [])]
+    if not fit.approaches:
+        return "\n".join(blocks)
     return "\n".join([*blocks, "", cost_text(cost, plan.day, at_most=plan.order == ADAPTIVE)])
 
 
