@@ -173,8 +173,8 @@ def _body(seen: list[_Seen], folder: Path, damaged: list[str], found: FlownMap |
     policy = next((judge.flown for run in flights if (judge := judge_of(run)).flown is not None), None)
     predicted = predicted_rates(folder / PREDICTION_FILE, damaged)
     note = (
-        "Four legs without body contact, with its 95 % interval (Wilson), of the attempts that no rule and no "
-        "person ended early."
+        "Four legs without body contact, with its 95 % interval (Wilson), of the attempts that nothing and "
+        "nobody ended early."
     )
     body = section("Landing rates", landing_rates(attempts, predicted), note)
     if found is not None and any(found.flown):
