@@ -91,7 +91,7 @@ def test_the_plan_says_what_run_would_refuse(paper: Path, capsys: pytest.Capture
     """The evening before, not in the morning."""
     paper.write_text(PAPER.replace("[grid]", 'legs = "wide-long"\n\n[grid]').replace(", 3.0]", "]"))
     assert run(["campaign", "plan", str(paper)]) == 1
-    assert "--accept-mismatch" in (said := capsys.readouterr().out)
+    assert "--accept-mismatch" in capsys.readouterr().out
     assert run(["campaign", "plan", str(paper), "--json"]) == 1
     told = json.loads(capsys.readouterr().out)
     assert told["misfits"] == []
