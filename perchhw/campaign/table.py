@@ -27,11 +27,9 @@ def attempts_table(rows: list[AttemptRow], planned: int) -> Table:
     title = progress(rows, planned)
     seats = [seat_of(row.record) for row in rows]
     names = drone_names(seat for seat in seats if seat is not None)
-    outcome_column = Column("outcome", overflow="fold")
-    columns = ("#", "m/s", "deg", "try", *(["drone"] if names else []), "state", outcome_column)
-    table = Table(
-        *columns, "tau", "what happened", title=title, box=None, pad_edge=False, collapse_padding=True
-    )
+    columns: list[str | Column] = ["#", "m/s", "deg", "try", *(["drone"] if names else []), "state"]
+    columns += [Column("outcome", overflow="fold"), "tau", "what happened"]
+    table = Table(*columns, title=title, box=None, pad_edge=False, collapse_padding=True)
     for row, seat in zip(rows, seats, strict=True):
         outcome = "" if row.outcome is None else f"[{_STYLES[row.outcome]}]{row.outcome.value}[/]"
         tau = (row.trigger or {}).get("tau")
