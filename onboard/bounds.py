@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 from onboard.quantity import Quantity, convert
+from onboard.unit_slip import unit_hint
 
 
 @dataclass(frozen=True)
@@ -51,8 +52,10 @@ class Bounds:
         return None
 
     def _hint(self, written: Quantity) -> str:
-        """What to write instead of degrees that are given as radians."""
+        """What to write instead of a number that was meant in another unit."""
         value = written.value
+        if written.unit == self.unit and self.unit != "rad":
+            return unit_hint(value, self.unit, self.contains)
         as_degrees = convert(value, "deg", "rad")
         if written.unit != "rad" or not (abs(value) > math.pi or self.contains(as_degrees)):
             return ""

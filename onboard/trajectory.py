@@ -15,6 +15,7 @@ from onboard.arrays import Vector
 from onboard.errors import InputError, OnboardError
 from onboard.jit import inner, kernel
 from onboard.room import RoomGeometry
+from onboard.unit_slip import unit_hint
 
 Setpoint: TypeAlias = tuple[Vector, Vector, Vector]
 
@@ -32,6 +33,12 @@ _CHOICES = tuple(itertools.product(TAU0_CHOICES, ACCELERATION_Z_CHOICES, ACCELER
 
 SPEED_MAX, CLIMB_MIN = 10.0, 0.05
 """m/s. Slower than the one, and climbing at least as fast as the other, is an approach."""
+
+ANGLE_MIN_DEG = 0.5 * math.pi
+"""deg. No approach as flat climbs to its trigger before it is under the ceiling; radians are not more."""
+
+_USUAL_SPEED_MIN = 0.5
+"""m/s. What is slower in another unit was not meant in that."""
 
 _SPEEDS = tuple(0.05 * step for step in range(1, 200))
 _ANGLES = tuple(0.5 * step for step in range(1, 181))
@@ -117,8 +124,8 @@ def _velocity_problem(speed: float, angle_deg: float) -> str | None:
         return f"speed {speed:g} m/s; give a speed of more than 0"
     if not speed < SPEED_MAX:
         return f"speed {speed:g} m/s is too fast; give a speed of less than {SPEED_MAX:g} m/s"
-    if not (0.0 < angle_deg <= 90.0):
-        return f"angle {angle_deg:g} deg; give an angle of more than 0 and at most 90"
+    if not (ANGLE_MIN_DEG < angle_deg <= 90.0):
+        return f"angle {angle_deg:g} deg; give an angle of more than {ANGLE_MIN_DEG:.2f} and at most 90"
     if not _velocity(speed, angle_deg)[1] >= CLIMB_MIN:
         least = math.degrees(math.asin(min(1.0, CLIMB_MIN / speed)))
         climb = _velocity(speed, angle_deg)[1]
@@ -128,6 +135,14 @@ def _velocity_problem(speed: float, angle_deg: float) -> str | None:
             + (f", at {speed:g} m/s from {least + 0.01:.2f} deg on" if speed > CLIMB_MIN else "")
         )
     return None
+
+
+def _meant(speed: float, angle_deg: float) -> str:
+    """The units in which a refused speed or angle was probably meant, as the end of a sentence."""
+    too_fast, flat = not speed < SPEED_MAX, not angle_deg > ANGLE_MIN_DEG
+    return (unit_hint(speed, "m/s", lambda v: _USUAL_SPEED_MIN <= v < SPEED_MAX) if too_fast else "") + (
+        unit_hint(angle_deg, "deg", lambda a: ANGLE_MIN_DEG < a <= 90.0) if flat else ""
+    )
 
 
 def _velocity(speed: float, angle_deg: float) -> tuple[float, float]:
@@ -151,7 +166,7 @@ def plan_approach(
 
     Args:
         speed: magnitude V of the velocity at the ceiling, m/s.
-        angle_deg: flight angle phi, more than 0 and up to 90 deg.
+        angle_deg: flight angle phi, more than `ANGLE_MIN_DEG` and up to 90 deg.
         impact_x: x (m) at which the origin would meet the ceiling.
         ceiling_z: height of the ceiling, m.
         ax: acceleration along x, m/s2.
@@ -164,7 +179,7 @@ def plan_approach(
     """
     problem = _velocity_problem(speed, angle_deg)
     if problem is not None:
-        raise ApproachError(f"approach: {problem}")
+        raise ApproachError(f"approach: {problem}{_meant(speed, angle_deg)}")
     vx, vz = _velocity(speed, angle_deg)
     if not (ax > 0.0 and az > 0.0):
         raise ApproachError(f"approach: accelerations {ax}, {az} m/s2; both must be more than 0")
@@ -214,7 +229,8 @@ def fit_approach(
 
     problem = _velocity_problem(speed, angle_deg)
     if problem is not None:
-        raise ApproachError(f"approach: {problem}{_what_fits(speed, angle_deg, fits)}")
+        instead = _meant(speed, angle_deg) or _what_fits(speed, angle_deg, fits)
+        raise ApproachError(f"approach: {problem}{instead}")
     vx, vz = _velocity(speed, angle_deg)
     for tau0, az, ax in _CHOICES:
         plan = plan_from_velocity(vx, vz, impact_x, impact_y, ceiling, ax, az, tau0)

@@ -182,7 +182,7 @@ def fly_campaign(
         KeyboardInterrupt: Ctrl-C; the drone was stopped and the attempt is planned again.
     """
     from perchhw.campaign import CampaignStopped, check_approaches, load_plan, run_campaign
-    from perchhw.campaign.seats import hold_all
+    from perchhw.campaign.seats import drone_names, hold_all
     from perchhw.flight.turnaround import attempt_after_attempt
     from perchhw.report import write_campaign_report
 
@@ -190,7 +190,8 @@ def fly_campaign(
     check_approaches(plan)
     try:
         with hold_all(plan.drones):
-            rows = run_campaign(plan, Path(folder), attempt_after_attempt(confirm), resume=resume)
+            fly_one = attempt_after_attempt(confirm, names=drone_names(plan.drones))
+            rows = run_campaign(plan, Path(folder), fly_one, resume=resume)
     except CampaignStopped:
         write_campaign_report(Path(folder))
         raise

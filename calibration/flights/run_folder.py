@@ -79,12 +79,13 @@ def is_run_folder(path: Path) -> bool:
     return (path / RUN_FILE).is_file() and (path / SERIES_FILE).is_file()
 
 
-def read_run(folder: Path) -> RunRecord:
+def read_run(folder: str | Path) -> RunRecord:
     """Read the run `folder`; a torn tail is left out and named in :attr:`RunRecord.torn`.
 
     Raises:
         RunFolderError: no run folder, damaged elsewhere than at the end, or not ours to read.
     """
+    folder = Path(folder)
     if not is_run_folder(folder):
         raise RunFolderError(f"{folder} is not a run folder: it needs run.json and series.mcap")
     try:

@@ -10,6 +10,7 @@ from onboard.errors import InputError
 from onboard.lab_file import LabFile
 from onboard.room import RoomGeometry
 from onboard.schema import schema_problem
+from onboard.unit_slip import unit_hint
 from perchhw.attempt import APPROACH_PARAMETERS
 from perchhw.errors import FlightStackError
 from perchhw.lab import FlightSetup, SetupError, flight_setup
@@ -103,15 +104,18 @@ class FileTable:
             raise self.error(key, f"{value:g} is less than {minimum:g}")
         return value
 
-    def numbers(self, key: str, fits: Callable[[float], bool], expected: str) -> tuple[float, ...]:
-        """A list of numbers or a range ``"first:last:step"`` (both ends included)."""
+    def numbers(self, key: str, fits: Callable[[float], bool], expected: str, unit: str) -> tuple[float, ...]:
+        """A list of numbers in `unit`, or a range of them ``"first:last:step"`` (both ends included)."""
         given = self._get(key, (list, str), f"a list or first:last:step of {expected}")
         values = self._range(key, given) if isinstance(given, str) else given
         if not values:
             raise self.error(key, f"empty; expected {expected}")
         for value in values:
-            if not isinstance(value, int | float) or isinstance(value, bool) or not fits(float(value)):
+            if not isinstance(value, int | float) or isinstance(value, bool):
                 raise self.error(key, f"{value!r} is not among {expected}")
+            if not fits(float(value)):
+                hint = unit_hint(float(value), unit, fits)
+                raise self.error(key, f"{value!r} is not among {expected}{hint}")
         if len(set(values)) != len(values):
             raise self.error(key, "a value stands twice; use grid.repeats for repeats")
         return tuple(sorted(float(v) for v in values))

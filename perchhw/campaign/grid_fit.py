@@ -57,15 +57,17 @@ def check_approaches(plan: CampaignPlan) -> None:
     Raises:
         CampaignFileError: names file, keys, rows and every condition that does not fit.
     """
-    misfits = fit_grid(plan).misfits
+    fit = fit_grid(plan)
+    misfits = fit.misfits
     if misfits:
+        others = ", or fly the others with --skip-unflyable" if fit.approaches else ""
         verb = "does" if len(misfits) == 1 else "do"
         each = "\n".join(f"  {m.speed:g} m/s at {m.angle_deg:g} deg: {m.remedy}" for m in misfits)
         keys = " and ".join(f"grid.{key} (row {row_of(plan.file, key)})" for key in ("speeds", "angles_deg"))
         raise CampaignFileError(
             f"{plan.file}: {len(misfits)} of {len(plan.conditions())} conditions of key {keys} {verb} not "
             f"fit the room, whose ceiling is at {plan.room.ceiling_z:.2f} m:\n{each}\n"
-            "take them out of the grid, or fly the others with --skip-unflyable"
+            f"take them out of the grid{others}"
         )
 
 

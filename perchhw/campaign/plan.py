@@ -18,6 +18,7 @@ from onboard.policy.bundle import encode_bundle
 from onboard.policy.files import find_policy, load_policy
 from onboard.room import RoomGeometry
 from onboard.toml_file import read_toml
+from onboard.trajectory import ANGLE_MIN_DEG, SPEED_MAX
 from onboard.vehicle import load_vehicle
 from perchhw.attempt import APPROACH_PARAMETERS, SHAPE
 from perchhw.campaign.file_table import SCHEMA, CampaignFileError, FileTable, check_names, room_of
@@ -233,8 +234,15 @@ def load_plan(path: Path, lab: LabFile | None = None, drones: Sequence[str] = ()
         legs=setup.legs,
         seed=root.integer("seed", default=0, minimum=0),
         order=root.choice("order", ORDERS, default="shuffled"),
-        speeds=grid.numbers("speeds", lambda v: v > 0.0, "positive speeds in m/s"),
-        angles_deg=grid.numbers("angles_deg", lambda v: 0.0 < v <= 90.0, "angles above 0 and up to 90 deg"),
+        speeds=grid.numbers(
+            "speeds", lambda v: 0.0 < v < SPEED_MAX, f"positive speeds below {SPEED_MAX:g} m/s", "m/s"
+        ),
+        angles_deg=grid.numbers(
+            "angles_deg",
+            lambda v: ANGLE_MIN_DEG < v <= 90.0,
+            f"angles above {ANGLE_MIN_DEG:.2f} and up to 90 deg",
+            "deg",
+        ),
         repeats=grid.integer("repeats", default=1, minimum=1),
         room=room_of(root.table("room", required=False), setup.room),
         approach=_approach(root.table("approach", required=False)),

@@ -8,6 +8,7 @@ from perchhw.campaign.courses import FlightPlan
 from perchhw.campaign.forecast import Forecast
 from perchhw.campaign.grid_fit import GridFit, row_of
 from perchhw.campaign.plan import ADAPTIVE, CampaignPlan, Day, Misfit
+from perchhw.campaign.seats import drone_names
 
 FITS, MISFIT = "o", "x"
 _WIDTH = 78
@@ -17,14 +18,17 @@ _WIDE, _NARROW = 6, 2
 def plan_text(plan: CampaignPlan, fit: GridFit, cost: Forecast) -> str:
     """Everything that ``perchhw campaign plan`` tells a person."""
     head = f"{plan.name}: {len(plan.conditions())} conditions, {_times(plan.repeats)} each, {plan.order}"
-    blocks = [head, *grid_picture(plan, fit)]
+    turns = [f"in turn: {', '.join(f'{name} ({drone})' for drone, name in drone_names(plan.drones).items())}"]
+    blocks = [head, *(turns if plan.others else []), *grid_picture(plan, fit)]
     if fit.misfits:
         rows = f"rows {row_of(plan.file, 'speeds')} and {row_of(plan.file, 'angles_deg')}"
         verb = "does" if len(fit.misfits) == 1 else "do"
         what = f"{len(fit.misfits)} of {len(plan.conditions())} conditions {verb} not fit"
         blocks += ["", f"{plan.file}: {what} under {plan.room.ceiling_z:.2f} m ([grid], {rows}):"]
         blocks += [f"  {line}" for line in _by_speed(fit.misfits)]
-        blocks += [*highest(fit), "fly the others with --skip-unflyable"]
+        blocks += [*highest(fit), *(["fly the others with --skip-unflyable"] if fit.approaches else [])]
+    if not fit.approaches:
+        return "\n".join(blocks)
     return "\n".join([*blocks, "", cost_text(cost, plan.day, at_most=plan.order == ADAPTIVE)])
 
 

@@ -20,6 +20,7 @@ from perchhw.diagnosis.rules import AbortKind
 from perchhw.errors import FlightStackError
 from perchhw.flight.explain import explain
 from perchhw.record.folder import discard_if_empty, make_folder, new_run_folder
+from perchhw.record.recorder import DiskNearlyFull
 
 LOCK_FILE = "campaign.lock"
 OnChange = Callable[[list[AttemptRow]], None]
@@ -54,7 +55,7 @@ def run_campaign(
     Raises:
         CampaignStopped: ``plan.aborted_in_a_row`` attempts in a row were aborted, or as many of a kind as
             ``plan.aborts`` says, or after one nobody may go on before a person has looked (it was stopped by
-            others, or its stop was not confirmed).
+            others, or its stop was not confirmed); or the disk is nearly full.
         CampaignError: the folder cannot be used.
         OutputFolderError: the folder cannot be written.
         DroneStopped: somebody stopped the drone between two attempts; the next one is planned still.
@@ -162,7 +163,7 @@ def _result(request: AttemptRequest, runner: AttemptRunner) -> tuple[AttemptResu
         result = runner(request)
     except (InputError, DroneStopped):
         raise
-    except WarmUpAborted as error:
+    except (WarmUpAborted, DiskNearlyFull) as error:
         raise CampaignStopped(f"stopped: {error}; put that right and continue with --resume") from error
     except PerchhwError as error:
         result = AttemptResult(

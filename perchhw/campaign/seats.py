@@ -2,11 +2,13 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
 from typing import NamedTuple
 
+from calibration.flights.run_folder import RunFolderError, is_run_folder, read_info
 from mocap_bridge.uri import parse_mocap_uri
 from onboard.errors import InputError
-from onboard.lab_file import LabFile
+from onboard.lab_file import LabFile, split_subject
 from onboard.link import check_drone_uri
 from onboard.link.exclusive import hold
 from perchhw.campaign.file_table import FileTable, setup_of
@@ -18,6 +20,29 @@ class Seat(NamedTuple):
 
     drone: str
     mocap: str
+
+
+def drone_names(seats: Iterable[Seat]) -> dict[str, str]:
+    """What people call the drones at these addresses, where there are several; nothing for one alone.
+
+    That is the subject of its poses, which every drone in a room has for itself; without one, its address.
+    """
+    named = {seat.drone: split_subject(seat.mocap)[1] or seat.drone.partition("?")[0] for seat in seats}
+    if len(set(named.values())) < len(named):
+        named = {drone: drone.partition("?")[0] for drone in named}
+    return named if len(named) > 1 else {}
+
+
+def seat_of(record: Path | None) -> Seat | None:
+    """Who flew a record; None where it does not tell."""
+    if record is None or not is_run_folder(record):
+        return None
+    try:
+        config = read_info(record)["config"]
+    except RunFolderError:
+        return None
+    drone, mocap = config.get("drone"), config.get("mocap")
+    return Seat(drone, mocap) if isinstance(drone, str) and isinstance(mocap, str) else None
 
 
 class _Asked(NamedTuple):

@@ -7,6 +7,7 @@ from rich.markup import escape
 from rich.table import Column, Table
 
 from perchhw.attempt import Outcome
+from perchhw.campaign.seats import drone_names, seat_of
 from perchhw.campaign.store import AttemptRow
 from perchhw.record.listing import kept_sentence
 
@@ -22,12 +23,14 @@ _STYLES = {
 
 
 def attempts_table(rows: list[AttemptRow], planned: int) -> Table:
-    """One line per try of `planned` attempts."""
+    """One line per try of `planned` attempts; who flew it where several drones do."""
     title = progress(rows, planned)
-    outcome_column = Column("outcome", overflow="fold")
-    columns = ("#", "m/s", "deg", "try", "state", outcome_column, "tau", "what happened")
+    seats = [seat_of(row.record) for row in rows]
+    names = drone_names(seat for seat in seats if seat is not None)
+    columns: list[str | Column] = ["#", "m/s", "deg", "try", *(["drone"] if names else []), "state"]
+    columns += [Column("outcome", overflow="fold"), "tau", "what happened"]
     table = Table(*columns, title=title, box=None, pad_edge=False, collapse_padding=True)
-    for row in rows:
+    for row, seat in zip(rows, seats, strict=True):
         outcome = "" if row.outcome is None else f"[{_STYLES[row.outcome]}]{row.outcome.value}[/]"
         tau = (row.trigger or {}).get("tau")
         table.add_row(
@@ -35,6 +38,7 @@ def attempts_table(rows: list[AttemptRow], planned: int) -> Table:
             f"{row.speed:g}",
             f"{row.angle_deg:g}",
             str(row.try_number),
+            *(["" if seat is None else escape(names[seat.drone])] if names else []),
             f"[bold]{row.state}[/]" if row.state == "running" else row.state,
             outcome,
             "" if tau is None else f"{tau:.3f}",

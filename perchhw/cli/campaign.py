@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from onboard.json_file import as_json
 from perchhw.cli.campaign_plan import plan as plan_command
 from perchhw.cli.options import AcceptMismatch, Drones, Lab, Mavlink, Note, Operator
 from perchhw.cli.output import emit
@@ -56,7 +57,7 @@ def run(
     from perchhw.campaign.courses import has_flights, load_flight_plan
     from perchhw.campaign.plan import Slot
     from perchhw.campaign.run import request_of
-    from perchhw.campaign.seats import hold_all
+    from perchhw.campaign.seats import drone_names, hold_all
     from perchhw.cli.shown_attempts import run_shown
     from perchhw.flight.fit import check_fit
     from perchhw.flight.ground_station import ground_station
@@ -76,12 +77,12 @@ def run(
     else:
         check_approaches(plan)
     folder = out or Path("runs") / f"campaign-{slug(plan.name)}"
-    stopped: str | None = None
+    names, stopped = drone_names(plan.drones), None
     try:
         with (
             hold_all(plan.drones),
             ground_station(mavlink) as listener,
-            flight_display(f"campaign {plan.name}", plan.drone) as display,
+            flight_display(f"campaign {plan.name}", ", ".join(names.values()) or plan.drone) as display,
             live_view(view, folder, display),
         ):
             run_shown(plan, folder, display, yes, listener, resume=resume, retry_aborted=retry_aborted)
@@ -173,6 +174,7 @@ def _emit_rows(folder: Path, report: Path | None, stopped: str | None = None) ->
 
     from perchhw.campaign import CampaignStore
     from perchhw.campaign.adaptive import flown_map
+    from perchhw.campaign.seats import seat_of
     from perchhw.campaign.table import attempts_table, outcome_counts
 
     with closing(CampaignStore.open(folder)) as store:
@@ -185,7 +187,10 @@ def _emit_rows(folder: Path, report: Path | None, stopped: str | None = None) ->
         "done": sum(counts.values()),
         "outcomes": counts,
         "map": None if found is None else _map_document(found),
-        "attempts": rows,
+        "attempts": [
+            as_json(row) | {"drone": None if (seat := seat_of(row.record)) is None else seat.drone}
+            for row in rows
+        ],
         "skipped": skipped,
         "report": report,
         "stopped": stopped,

@@ -28,7 +28,8 @@ def plan(
 ) -> int:
     """Show what a campaign will fly: the grid, all that does not fit, duration, packs. Connects to nothing.
 
-    Exit codes: 0 everything fits, 1 something does not, 2 the file cannot be used.
+    Exit codes: 0 everything fits, 1 something does not, or policy, vehicle and room do not belong together,
+    2 the file cannot be used.
     """
     from perchhw.campaign import fit_grid, forecast, load_plan
     from perchhw.campaign.courses import has_flights
@@ -46,8 +47,24 @@ def plan(
 
         document["page"] = write_campaign_plan(campaign, fit, cost, out)
         text += f"\npage: {out}"
-    emit(document, text)
-    return exit_codes.FAILED if fit.misfits else exit_codes.DONE
+    mismatch = _mismatch(campaign)
+    document["mismatch"] = mismatch
+    emit(document, text if mismatch is None else f"{text}\n\n{mismatch}")
+    return exit_codes.FAILED if fit.misfits or mismatch else exit_codes.DONE
+
+
+def _mismatch(campaign: "CampaignPlan") -> str | None:
+    """What of policy, vehicle and room does not belong together, so that ``campaign run`` would refuse it."""
+    from perchhw.campaign.plan import Slot
+    from perchhw.campaign.run import request_of
+    from perchhw.flight.fit import Mismatch, check_fit
+
+    first = Slot(0, campaign.speeds[0], campaign.angles_deg[0], 1)
+    try:
+        check_fit(request_of(campaign, first, Path(), try_number=1))
+    except Mismatch as error:
+        return str(error)
+    return None
 
 
 def _plan_flights(file: Path, lab: Path | None, drones: Sequence[str]) -> int:

@@ -66,6 +66,7 @@ def fly(
     from perchhw.flight.turnaround import Turnaround
     from perchhw.lab import find_lab, flight_setup
     from perchhw.record import discard_if_empty
+    from perchhw.record.recorder import require_space
     from perchhw.report.run_report import report_flight
     from perchhw.screen.flight_display import flight_display
 
@@ -76,8 +77,9 @@ def fly(
     request = replace(
         setup.attempt(speed, angle, out), operator=operator, note=note, accept_mismatch=accept_mismatch
     )
-    check_attempt(request, dry_run)  # before anybody who flies the drone is asked to make room
     try:
+        check_attempt(request, dry_run)  # before anybody who flies the drone is asked to make room
+        require_space(request.folder)
         with (
             hold(setup.drone),
             ground_station(mavlink) as listener,
@@ -96,7 +98,6 @@ def fly(
                 on_look=display.look,
                 listener=Listeners(listener, display),
             )
-            display.between(last=True)
     except AttemptInterrupted as interrupted:
         _emit(interrupted.result, dry_run)
         raise

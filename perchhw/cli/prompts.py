@@ -23,6 +23,7 @@ def confirmation(yes: bool, display: "Display") -> Callable[[str], None]:
     """
     if not yes and not sys.stdin.isatty():
         raise NobodyToAsk(
-            "this would ask the operator before each attempt, but there is no terminal: add --yes"
+            "this would ask the operator to make the drone ready, but there is no terminal: where it stands "
+            "ready, add --yes"
         )
     return (lambda request: display.say(f"{request}.")) if yes else display.confirm

@@ -30,11 +30,14 @@ def run_shown(
     """As :func:`perchhw.campaign.run_campaign` with its `options`; all rows."""
     from perchhw.campaign import fit_grid, run_campaign
     from perchhw.campaign.forecast import forecast
+    from perchhw.campaign.seats import drone_names
     from perchhw.flight.turnaround import attempt_after_attempt
+
+    names = drone_names(plan.drones)
 
     def begin(request: AttemptRequest) -> None:
         again = f", try {request.try_number}" if request.try_number > 1 else ""
-        whose = f", {request.drone}" if len(plan.drones) > 1 else ""
+        whose = f", {names[request.drone]}" if names else ""
         condition = f"{request.speed:g} m/s, {request.angle_deg:g} deg{again}{whose}"
         display.begin(request.folder, condition, request.index + 1)
 
@@ -44,6 +47,7 @@ def run_shown(
         listener=Listeners(listener, display),
         on_look=display.look,
         begin=begin,
+        names=names,
     )
 
     def run(request: AttemptRequest) -> AttemptResult:
@@ -55,9 +59,7 @@ def run_shown(
     def show(rows: "list[AttemptRow]") -> None:
         display.progress(progress_of(rows, cost))
 
-    rows = run_campaign(plan, folder, run, on_change=show, **options)
-    display.between(last=True)
-    return rows
+    return run_campaign(plan, folder, run, on_change=show, **options)
 
 
 def progress_of(rows: "list[AttemptRow]", cost: "Forecast") -> Progress:
@@ -112,6 +114,4 @@ def fly_courses_shown(
         display.progress(Progress(attempts=count, outcomes=(("flown", done),) if done else ()))
 
     display.progress(Progress(attempts=count))
-    rows = fly_plan(plan, folder, confirmation(yes, display), resume=resume, on_change=show, fly=fly)
-    display.between(last=True)
-    return rows
+    return fly_plan(plan, folder, confirmation(yes, display), resume=resume, on_change=show, fly=fly)

@@ -169,7 +169,7 @@ def _only_drone(lab: LabFile | None) -> str:
     if lab is None:
         raise SetupError("drone", _MISSING)
     if len(lab.drones) > 1:
-        several = ", ".join(drone.uri for drone in lab.drones)
+        several = ", ".join(f"{one.uri} ({one.subject or lab.mocap.subject})" for one in lab.drones)
         raise SetupError("drone", f"{lab.file} has several; name one of {several}")
     return lab.drones[0].uri
 

@@ -25,6 +25,7 @@ from mcap.writer import IndexType, Writer
 
 from calibration.flights.run_folder import EVENTS_FILE, RUN_FILE, SCHEMA, SERIES_FILE
 from onboard.clock import Clock, monotonic
+from onboard.errors import SafetyStop
 from onboard.json_file import write_json_atomically
 from perchhw.errors import FlightStackError
 from perchhw.record.folder import make_folder, utc_now
@@ -41,15 +42,19 @@ class RecordError(FlightStackError):
     """The record cannot be written, or was asked to hold what its schema does not have."""
 
 
+class DiskNearlyFull(RecordError, SafetyStop):
+    """No flight begins whose record would fill the disk."""
+
+
 def require_space(folder: Path) -> None:
     """Refuse a folder on a disk that would be full before a flight is over.
 
     Raises:
-        RecordError: with the figure.
+        DiskNearlyFull: with the figure.
     """
     free = shutil.disk_usage(folder).free
     if free < SPACE:
-        raise RecordError(
+        raise DiskNearlyFull(
             f"{folder}: disk_free: {free / 1e6:.0f} MB, need at least {SPACE / 1e6:.0f} MB for the record "
             "of a flight: make room, or give a folder on another disk (--out)"
         )
@@ -97,7 +102,8 @@ class RunRecorder:
         sync: puts a file on the disk; in a thread of its own, so that no writer waits for it.
 
     Raises:
-        RecordError: the folder already holds a record, or its disk is nearly full.
+        RecordError: the folder already holds a record.
+        DiskNearlyFull: nothing is flown.
         OutputFolderError: it cannot be written.
     """
 

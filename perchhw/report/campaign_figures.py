@@ -53,8 +53,13 @@ class ShownAttempt:
 
 
 def landing_rates(attempts: Sequence[ShownAttempt], predicted: Rates) -> str:
-    """Landing rate at each condition with its interval; beside it what the simulation predicted."""
-    flown = Counter((a.speed, a.angle_deg) for a in attempts)
+    """Landing rate at each condition with its interval; beside it what the simulation predicted.
+
+    Attempts that were ended early say nothing of it, and are not counted.
+    """
+    flown = Counter((a.speed, a.angle_deg) for a in attempts if a.outcome is not Outcome.ABORTED)
+    if not flown:
+        return "<p>No attempt has come to its end yet.</p>"
     landed = Counter((a.speed, a.angle_deg) for a in attempts if a.outcome.success)
     labels = {c: _rate_words(landed[c], n) for c, n in flown.items()}
     rates = {c: landed[c] / n for c, n in flown.items()}

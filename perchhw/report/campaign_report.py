@@ -17,6 +17,7 @@ from calibration.measurement import wilson_interval
 from onboard.csv_file import read_csv
 from perchhw.attempt import Outcome
 from perchhw.campaign.adaptive import FlownMap, flown_map
+from perchhw.campaign.seats import drone_names, seat_of
 from perchhw.campaign.store import CampaignError, CampaignStore, exists
 from perchhw.diagnosis.diagnose import judge_of
 from perchhw.record.listing import find_runs
@@ -67,6 +68,7 @@ def write_campaign_report(folder: Path) -> Path:
     if exists(folder):
         with closing(CampaignStore.open(folder)) as store:
             title, rows, skipped = f"Campaign {store.name}", store.rows(), store.skipped
+            planned = store.planned
             found = flown_map(rows, store.conditions) if store.conditions else None
         done = [r for r in rows if r.state == "done" and r.outcome is not None]
         attempts = [
@@ -74,7 +76,6 @@ def write_campaign_report(folder: Path) -> Path:
             for r in done
             if r.outcome is not None
         ]
-        planned = len({r.slot for r in rows})
     else:
         title, attempts = f"Attempts in {folder.name}", _attempts_of_runs(folder)
         planned, skipped, found = len(attempts), [], None
@@ -152,13 +153,15 @@ def _attempts_of_runs(folder: Path) -> list[ShownAttempt]:
 
 def _subtitle(attempts: list[ShownAttempt], planned: int) -> str:
     done = len(attempts)
-    if done == 0:
-        return f"0 of {planned} attempts flown"
-    successes = sum(a.outcome.success for a in attempts)
-    low, high = wilson_interval(successes, done)
+    early = sum(a.outcome is Outcome.ABORTED for a in attempts)
+    flown = f"{done} of {planned} attempts flown" + (f", {early} of them ended early" if early else "")
+    if done == early:
+        return flown
+    successes, ended = sum(a.outcome.success for a in attempts), done - early
+    low, high = wilson_interval(successes, ended)
     return (
-        f"{done} of {planned} attempts flown; success (four legs, no body contact) {successes} of {done}: "
-        f"{successes / done:.0%} (95 % interval {low:.0%} to {high:.0%})"
+        f"{flown}; success (four legs, no body contact) {successes} of {ended}: "
+        f"{successes / ended:.0%} (95 % interval {low:.0%} to {high:.0%})"
     )
 
 
@@ -169,7 +172,10 @@ def _body(seen: list[_Seen], folder: Path, damaged: list[str], found: FlownMap |
     flights = [one.run for one in seen if one.run is not None]
     policy = next((judge.flown for run in flights if (judge := judge_of(run)).flown is not None), None)
     predicted = predicted_rates(folder / PREDICTION_FILE, damaged)
-    note = "Four legs without body contact, with its 95 % interval (Wilson)."
+    note = (
+        "Four legs without body contact, with its 95 % interval (Wilson), of the attempts that nothing and "
+        "nobody ended early."
+    )
     body = section("Landing rates", landing_rates(attempts, predicted), note)
     if found is not None and any(found.flown):
         body += section("Map of the landing rate", map_figure(found), _MAP_NOTE)
@@ -261,14 +267,17 @@ def _flight(run: RunRecord | None) -> Flight | None:
 
 
 def _attempt_table(attempts: list[ShownAttempt], folder: Path) -> str:
+    seats = [seat_of(attempt.record) for attempt in attempts]
+    names = drone_names(seat for seat in seats if seat is not None)
     rows = []
-    for number, attempt in enumerate(attempts):
+    for number, (attempt, seat) in enumerate(zip(attempts, seats, strict=True)):
         state = attempt.trigger or {}
         rows.append(
             [
                 str(number),
                 f"{attempt.speed:g}",
                 f"{attempt.angle_deg:g}",
+                *(["" if seat is None else escape(names[seat.drone])] if names else []),
                 badge(attempt.outcome),
                 _number(state.get("tau"), "{:.3f}"),
                 _number(state.get("theta_x"), "{:.2f}"),
@@ -276,8 +285,8 @@ def _attempt_table(attempts: list[ShownAttempt], folder: Path) -> str:
                 _link(attempt.record, folder),
             ]
         )
-    header = ["#", "m/s", "deg", "outcome", "tau (s)", "theta_x (1/s)", "what happened", ""]
-    return table(header, rows)
+    header = ["#", "m/s", "deg", *(["drone"] if names else []), "outcome", "tau (s)", "theta_x (1/s)"]
+    return table([*header, "what happened", ""], rows)
 
 
 def _number(value: Any, form: str, scale: float = 1.0) -> str:

@@ -67,9 +67,9 @@ class Display(ABC):
         """What a command does now that flies nothing, what it waits for, and all that it does, in order."""
 
     @abstractmethod
-    def between(self, last: bool = False) -> None:
-        """No flight is under way: texts of notes are asked for now, and a pause is made that was wanted; none
-        after the `last` flight."""
+    def between(self) -> None:
+        """Another flight is to follow: words of notes are asked for now, and a pause is made that was wanted.
+        After the last flight they are asked for when the display is closed, however it ended."""
 
     @abstractmethod
     def say(self, text: str) -> None:

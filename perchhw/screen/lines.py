@@ -66,7 +66,7 @@ class Lines(Display):
         """A line."""
         self._lines.put(_Line(f"  {name}: waits for {waits_for}"))
 
-    def between(self, last: bool = False) -> None:
+    def between(self) -> None:
         """Nothing is asked here."""
 
     def say(self, text: str) -> None:

@@ -7,6 +7,7 @@ thread sends only what the child takes. When the child ends early, lines take it
 import contextlib
 import json
 import logging
+import math
 import os
 import queue
 import select
@@ -22,6 +23,7 @@ from pathlib import Path
 from types import FrameType, TracebackType
 from typing import Any, Self
 
+from onboard.clock import monotonic
 from perchhw.errors import NobodyToAsk
 from perchhw.flight.caught import Caught
 from perchhw.operator_signals import CUT, LAND
@@ -39,6 +41,8 @@ PERIOD_S = 0.2
 """Between two snapshots, s."""
 _ENDS_WITHIN_S = 1.0
 """How long a child may take to end whose terminal takes nothing, s."""
+_WORDS_WITHIN_S = 120.0
+"""For so long a command that was told to end waits for the words of its notes, s."""
 _FOR_THE_FLIGHT = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP}
 
 
@@ -105,6 +109,19 @@ class Screen(Display):
         return self
 
     def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if CUT in self._handlers:  # a key that is still held; nothing flies any more
+            signal.signal(CUT, _nothing)
+        self._cut = False
+        try:
+            # Who ends it once more, or has left, leaves the notes without words.
+            with contextlib.suppress(KeyboardInterrupt, NobodyToAsk):
+                self._ask_for_words(math.inf if error is None else monotonic() + _WORDS_WITHIN_S)
+        finally:
+            self._close(kind, error, trace)
+
+    def _close(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         before = signal.signal(
@@ -175,19 +192,16 @@ class Screen(Display):
         if self._instead is not None:
             self._instead.stage(name, waits_for, planned)
 
-    def between(self, last: bool = False) -> None:
+    def between(self) -> None:
         """Ask for what was marked, then wait if the operator wants a pause.
 
         Raises:
-            KeyboardInterrupt: a key has asked for a stop since the last flight, and another was to follow.
+            KeyboardInterrupt: a key has asked for a stop since the last flight.
         """
-        if self._cut and not last:
+        if self._cut:
             raise KeyboardInterrupt
-        while self._marks:
-            mark = self._marks[0]
-            self._note(mark, self._ask(f"Note on {mark.phase}:", words=True))
-            self._marks.pop(0)
-        if self._paused and not last:
+        self._ask_for_words()
+        if self._paused:
             self._ask("Paused: make ready for the next one")
             self._paused = False
 
@@ -222,12 +236,12 @@ class Screen(Display):
         self._logged.append(text)
         self._messages.append(text.partition("\n")[0])
 
-    def _ask(self, question: str, words: bool = False) -> str:
+    def _ask(self, question: str, words: bool = False, until: float = math.inf) -> str:
         self._watching = False
         number = self._fixed.question_number + 1
         self._show_question(question, number, words)
         try:
-            while self._instead is None:
+            while self._instead is None and monotonic() < until:
                 if self._cut:
                     raise KeyboardInterrupt
                 try:
@@ -244,7 +258,7 @@ class Screen(Display):
                     return str(answer["answer"])
         finally:
             self._show_question(None, self._fixed.question_number, False)
-        if not words:
+        if self._instead is not None and not words:
             self._instead.confirm(question)
         return ""
 
@@ -254,6 +268,12 @@ class Screen(Display):
         )
 
     # Notes
+
+    def _ask_for_words(self, until: float = math.inf) -> None:
+        """For each moment that was marked in a flight, `until` then on the monotonic clock (s)."""
+        while self._marks and self._instead is None:
+            mark = self._marks.pop(0)
+            self._note(mark, self._ask(f"Note on {mark.phase}:", words=True, until=until))
 
     def _mark(self) -> _Mark | None:
         state, folder = self._watch.state, self._folder
@@ -266,7 +286,7 @@ class Screen(Display):
 
     def _note(self, mark: _Mark, text: str) -> None:
         try:
-            add_note(mark.folder, mark.t, text, mark.phase)
+            add_note(mark.folder, mark.t, text.strip(), mark.phase)
         except OSError as error:
             self.say(f"the note was not kept: {error}")
 

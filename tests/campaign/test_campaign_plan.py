@@ -77,6 +77,27 @@ def test_a_campaign_is_refused_with_all_its_misfits_file_keys_and_rows(paper: Pa
         check_approaches(load_plan(paper))
 
 
+def test_where_nothing_fits_nothing_is_offered(paper: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    paper.write_text(PAPER + "\n[room]\nx_min = -1.0\n")
+    assert run(["campaign", "plan", str(paper)]) == 1
+    assert "40 of 40 conditions do not fit" in (said := capsys.readouterr().out)
+    assert "--skip-unflyable" not in said
+    assert "battery pack" not in said
+    with pytest.raises(CampaignFileError, match=r"take them out of the grid$"):
+        check_approaches(load_plan(paper))
+
+
+def test_the_plan_says_what_run_would_refuse(paper: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The evening before, not in the morning."""
+    paper.write_text(PAPER.replace("[grid]", 'legs = "wide-long"\n\n[grid]').replace(", 3.0]", "]"))
+    assert run(["campaign", "plan", str(paper)]) == 1
+    assert "--accept-mismatch" in capsys.readouterr().out
+    assert run(["campaign", "plan", str(paper), "--json"]) == 1
+    told = json.loads(capsys.readouterr().out)
+    assert told["misfits"] == []
+    assert "wide-long" in told["mismatch"]
+
+
 def test_half_a_shape_of_approach_is_refused(paper: Path) -> None:
     paper.write_text(PAPER + "\n[approach]\ntau0 = 0.4\n")
     with pytest.raises(CampaignFileError, match=r"key approach.ax: missing; give all of ax, az, tau0"):

@@ -1,16 +1,31 @@
 """Several drones in turn, their packs by the voltage model, their warm-ups, what the operator is asked."""
 
+import json
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from perchhw.attempt import AttemptRequest, AttemptResult, Outcome
-from perchhw.campaign import CampaignFileError, CampaignPlan, CampaignStopped, load_plan, run_campaign
+from perchhw.campaign import (
+    CampaignFileError,
+    CampaignPlan,
+    CampaignStopped,
+    CampaignStore,
+    fit_grid,
+    load_plan,
+    run_campaign,
+)
+from perchhw.campaign.forecast import forecast
 from perchhw.campaign.packs import PackModel
+from perchhw.campaign.plan_text import plan_text
 from perchhw.campaign.run import request_of
+from perchhw.campaign.seats import Seat, drone_names
+from perchhw.campaign.table import attempts_table
 from perchhw.campaign.turns import PackUse, Turns, pack_use
+from perchhw.cli.main import run
 from perchhw.flight.course import CourseRequest, CourseResult
 from perchhw.flight.turnaround import attempt_after_attempt
 from perchhw.record import RunRecorder
@@ -49,7 +64,8 @@ class Packs:
         self.requests.append(request)
         before = self.full if request.new_pack else self.volts.get(request.drone, self.full)
         self.volts[request.drone] = after = before - self.fall
-        with RunRecorder(request.folder, {"drone": request.drone}, clock=lambda: 0.0) as recorder:
+        config = {"drone": request.drone, "mocap": request.mocap}
+        with RunRecorder(request.folder, config, clock=lambda: 0.0) as recorder:
             for t, volts in ((0.0, before), (4.0, before - 0.8), (9.0, after), (9.4, after)):
                 recorder.write("motors", t, dict.fromkeys(("m1", "m2", "m3", "m4"), 3e4 * (t == 4.0)))
                 recorder.write("power", t, {"vbat": volts})
@@ -67,6 +83,41 @@ def test_drones_fly_in_turn_each_with_its_own_poses_and_pack(tmp_path: Path) -> 
     asked = [request.index for request in flights.requests if request.new_pack]
     assert asked == [8, 9]  # after four flights each
     assert "V, and an attempt needs 3.82 V" in str(flights.requests[8].new_pack)
+
+
+def test_who_flew_what_is_said_by_the_names_of_the_subjects(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plan = plan_of(tmp_path, GRID + DRONES)
+    flights = Packs(4.2, fall=0.01)
+
+    def stopped(request: AttemptRequest) -> AttemptResult:
+        if len(flights.requests) == 3:
+            raise KeyboardInterrupt
+        return flights(request)
+
+    with pytest.raises(KeyboardInterrupt):
+        run_campaign(plan, tmp_path / "c", stopped)
+    with closing(CampaignStore.open(tmp_path / "c")) as store:
+        shown = attempts_table(store.rows(), store.planned)
+    (column,) = [one for one in shown.columns if one.header == "drone"]
+    assert list(column.cells) == ["cf1", "cf2", "cf1", ""]
+    assert run(["campaign", "status", str(tmp_path / "c"), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)["attempts"]
+    assert [one["drone"] for one in told] == [FIRST, SECOND, FIRST, None]
+    cost = forecast(plan, fit_grid(plan).approaches)
+    assert f"in turn: cf1 ({FIRST}), cf2 ({SECOND})" in plan_text(plan, fit_grid(plan), cost)
+
+
+def test_a_drone_without_a_name_of_its_own_is_called_by_its_address() -> None:
+    poses = "vicon://127.0.0.1?subject=cf1"
+    assert drone_names([Seat(FIRST, poses)] * 2) == {}
+    asked = [Seat(f"{FIRST}?time=127.0.0.1:9", poses), Seat(SECOND, poses)]
+    assert list(drone_names(asked).values()) == [FIRST, SECOND]
+    assert list(drone_names([Seat(FIRST, "mavlink://127.0.0.1"), Seat(SECOND, poses)]).values()) == [
+        FIRST,
+        "cf1",
+    ]
 
 
 def test_packs_are_remembered_over_a_stop(tmp_path: Path) -> None:
@@ -155,14 +206,14 @@ def hovers(monkeypatch: pytest.MonkeyPatch) -> list[CourseRequest]:
 def test_a_drone_warms_up_before_its_first_attempt(hovers: list[CourseRequest], tmp_path: Path) -> None:
     plan = plan_of(tmp_path, GRID + DRONES + "\n[day]\nwarm_up_s = 20\n")
     asked: list[str] = []
-    runner = attempt_after_attempt(asked.append)
+    runner = attempt_after_attempt(asked.append, names=drone_names(plan.drones))
     with pytest.raises(CampaignStopped, match=r"hover was aborted by tilt: 40 deg .* continue with --resume"):
         run_campaign(plan, tmp_path / "c", runner)
     assert [(hover.drone, hover.parameters["seconds"]) for hover in hovers] == [(FIRST, 20.0), (SECOND, 20.0)]
     assert hovers[0].folder.parent == tmp_path / "c" / "warm-ups"
     assert asked == [
-        "Put the drone upright on its start mark facing +x",
-        f"Take {FIRST} out of the room, put {SECOND} upright on its start mark facing +x",
+        "Put cf1 upright on its start mark facing +x",
+        "Take cf1 out of the room, put cf2 upright on its start mark facing +x",
     ]
     rows = run_campaign(plan, tmp_path / "c", runner, resume=True)
     assert [(row.state, row.try_number) for row in rows] == [("done", 1)] * 4

@@ -109,7 +109,11 @@ def test_an_approach_must_fit_the_room_of_the_lab_file(
             "1e9",
             "speed 1e+09 m/s is too fast; give a speed of less than 10 m/s. What fits: 3.35",
         ),
-        ("--angle", "inf", "angle inf deg; give an angle of more than 0 and at most 90"),
+        ("--angle", "inf", "angle inf deg; give an angle of more than 1.57 and at most 90"),
+        ("--angle", "0.87", "That looks like radians; write degrees (49.85)"),
+        ("--speed", "250", "That looks like centimetres a second; write metres a second (2.5)"),
+        ("--ceiling", "210", "That looks like centimetres; write metres (2.1)"),
+        ("--ceiling", "2100", "That looks like millimetres; write metres (2.1)"),
     ],
 )
 def test_an_absurd_option_is_refused_by_its_name(
@@ -117,7 +121,7 @@ def test_an_absurd_option_is_refused_by_its_name(
 ) -> None:
     (folder / "lab.toml").write_text(LAB)
     assert said in error_of(capsys, [*FLY, option, value])
-    assert not list(folder.rglob("*.mcap"))
+    assert not list(folder.glob("runs/*"))
 
 
 def test_a_limit_out_of_its_range_ends_even_a_dry_run(

@@ -95,6 +95,25 @@ def test_degrees_that_are_written_as_radians_are_recognised(
 
 
 @pytest.mark.parametrize(
+    ("old", "new", "hint"),
+    [
+        ("[limits]", "[limits]\npose_age = 90", "milliseconds; write seconds (0.09)"),
+        ("[limits]", "[limits]\nbattery_at_rest = 3850", "millivolts; write volts (3.85)"),
+        ("x_min = -3.0", "x_min = -300", "centimetres; write metres (-3)"),
+        ("x_min = -3.0", "x_min = -1e9", None),
+    ],
+)
+def test_a_number_in_another_unit_is_recognised(folder: Path, old: str, new: str, hint: str | None) -> None:
+    text = f"{LAB}[limits]\n"
+    assert old in text
+    (folder / FILE).write_text(text.replace(old, new, 1))
+    said = refusal(folder / FILE)
+    assert "it must be" in said
+    assert ("looks like" in said) == (hint is not None)
+    assert (hint or "") in said
+
+
+@pytest.mark.parametrize(
     "text",
     [
         "tilt_in_hover = 25",

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from onboard.link import DroneLink
 from onboard.link.deadline import SLACK, GrowingDeadline
+from onboard.link.errors import LinkError
 from onboard.link.exchange import UNDER_WAY
 from onboard.link.table_cache import Rows, TableCache
 from tests.link.tiny_drone import LOGS, MEMORY_TYPE, PARAMETERS, TinyDrone
@@ -33,6 +34,15 @@ def test_a_connection_reads_no_parameter_and_no_memory(tiny: TinyDrone) -> None:
         assert not tiny.count(0x41)
         assert link.read_memory(MEMORY_TYPE, 0, 5) == bytes(5)
         assert link.param("ring.solid") == 0.25
+
+
+def test_a_radio_that_is_not_there_is_one_sentence(capfd: pytest.CaptureFixture[str]) -> None:
+    """It asks for the dongle, not for the drone."""
+    with pytest.raises(
+        LinkError, match=r"^cannot open radio://9/80/2M: .*; is a Crazyradio plugged in, and free\?$"
+    ):
+        DroneLink.open("radio://9/80/2M")
+    assert "Traceback" not in capfd.readouterr().err
 
 
 def test_only_memories_that_exist_are_asked_for(tiny: TinyDrone) -> None:

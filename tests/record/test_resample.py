@@ -100,7 +100,7 @@ def test_parquet_carries_units_and_one_clock(folder: Path, tmp_path: Path) -> No
 def test_a_run_as_a_table_of_pandas(folder: Path) -> None:
     import perchhw
 
-    run = perchhw.read_run(folder)
+    run = perchhw.read_run(str(folder))
     rows, clocked = run.to_pandas(), run.to_pandas(rate_hz=100.0)
     assert rows.index.name == "t"
     assert np.isnan(rows["x"].iloc[GONE])

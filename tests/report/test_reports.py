@@ -2,6 +2,7 @@
 
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,9 +11,10 @@ from calibration.measurement import wilson_interval
 from perchhw.attempt import AttemptRequest, AttemptResult, Outcome
 from perchhw.campaign import CampaignError, load_plan, run_campaign
 from perchhw.report import write_campaign_report, write_run_report
-from perchhw.report.campaign_figures import ShownAttempt, batteries
+from perchhw.report.campaign_figures import ShownAttempt, batteries, landing_rates
 from perchhw.report.campaign_report import PREDICTION_FILE
 from tests.campaign.stand_in import fly
+from tests.campaign.test_adaptive import FILE as ADAPTIVE
 from tests.report.page import Page, assert_self_contained
 
 
@@ -85,8 +87,31 @@ def test_a_campaign(tmp_path: Path) -> None:
     page = Page(write_campaign_report(tmp_path / "c"))
     assert_self_contained(page, tmp_path / "c")
     assert "Campaign c" in page.text
-    assert "3 of 4 attempts flown" in page.text
+    assert "3 of 4 attempts flown, 1 of them ended early; success (four legs, no body contact) 1 of 2" in (
+        page.text
+    )
     assert "link_lost" in page.text
+
+
+def test_what_was_ended_early_says_nothing_of_the_rate(tmp_path: Path) -> None:
+    attempt = ShownAttempt(2.5, 50.0, Outcome.FOUR_LEG, None, None, None)
+    aborted = replace(attempt, outcome=Outcome.ABORTED, aborted_by="link_lost")
+    assert "<!-- 1 of 1 -->" in landing_rates([attempt, aborted], {})
+    assert "No attempt has come to its end yet" in landing_rates([aborted], {})
+
+
+def test_an_adaptive_campaign_that_was_interrupted_knows_how_many_there_are(tmp_path: Path) -> None:
+    def second_not(request: AttemptRequest) -> AttemptResult:
+        if request.index > 0:
+            raise KeyboardInterrupt
+        return AttemptResult(Outcome.ABORTED, False, None, "link_lost", request.folder)
+
+    file = tmp_path / "adaptive.toml"
+    file.write_text(ADAPTIVE)
+    with pytest.raises(KeyboardInterrupt):
+        run_campaign(load_plan(file), tmp_path / "c", second_not)
+    page = Page(write_campaign_report(tmp_path / "c"))
+    assert "1 of 12 attempts flown, 1 of them ended early" in page.text
 
 
 def test_nothing_to_report(tmp_path: Path) -> None:

@@ -1,5 +1,8 @@
 """A host with a screen and invented flights: ``python -m tests.screen.host FOLDER SCENE``.
 
+Scenes: ``fly``; ``raise``, an error of ours while the file of that name is there; ``interrupted``, as by the
+operator, when the first flight has ended.
+
 What happens goes as JSON lines to ``FOLDER/told``: the terminal is the screen's.
 """
 
@@ -71,7 +74,8 @@ def main() -> None:
                     if scene == "raise" and (folder / "raise").exists():
                         raise RuntimeError("an error of ours")
                 tell(ended=number, longest=longest)
-        display.between(last=True)
+            if scene == "interrupted":
+                raise KeyboardInterrupt
 
 
 if __name__ == "__main__":

@@ -19,7 +19,9 @@ from typing import Any, Self
 
 import pyte
 
-_WITHIN_S = 15.0
+from tests.patience import PATIENCE_S
+
+_WITHIN_S = PATIENCE_S
 
 
 class Terminal:

@@ -73,13 +73,16 @@ def test_l_lands_however_often_and_the_prompt_has_its_place(lab: SimulatedLab, t
         terminal.press("nl")
         terminal.until("landing, ")
         terminal.until("ended by operator")
-        terminal.press("l")
+        terminal.until("Note on taking off:")
+        terminal.press("hops\r")
         assert terminal.ended() == 130
         terminal.until("aborted: operator")
     record = the_only(tmp_path / "land")
     assert "Land" in orders(record)
     assert "EmergencyStop" not in orders(record)
-    assert [event["phase"] for event in record.events if event["event"] == "note"] == ["taking off"]
+    notes = [(event["phase"], event["text"]) for event in record.events if event["event"] == "note"]
+    assert notes == [("taking off", ""), ("taking off", "hops")]
+    assert "hops" in (record.folder / "report.html").read_text()
 
 
 @pytest.mark.soak

@@ -100,7 +100,8 @@ def test_a_stderr_that_takes_nothing_holds_nobody_up(monkeypatch: pytest.MonkeyP
 
 def test_nobody_is_asked_without_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
     with Lines() as lines:
-        with pytest.raises(NobodyToAsk, match="--yes"):
+        with pytest.raises(NobodyToAsk, match=r"there is no terminal: .* add --yes") as refused:
             confirmation(False, lines)
+        assert "attempt" not in str(refused.value)  # a hover is none
         confirmation(True, lines)("Put it back")
     assert read(capsys) == ["Put it back."]

@@ -92,6 +92,24 @@ def test_a_day_at_120_columns(opened: Open, tmp_path: Path) -> None:
     assert [event["text"] for event in events(tmp_path / "run2", "note")] == ["", ""]
 
 
+def test_words_are_asked_for_also_after_a_key_has_ended_the_flight(opened: Open, tmp_path: Path) -> None:
+    """Keys that are still held are no words; whoever ends it once more leaves the notes without."""
+    terminal = opened("interrupted")
+    terminal.until("attempt 1 of 2")
+    terminal.press("n")
+    terminal.until("1 to be noted")
+    terminal.press("n")
+    terminal.until("2 to be noted")
+    terminal.press("   ")
+    terminal.until("Note on checking:")
+    terminal.press("  left leg slipped \r")
+    terminal.wait(lambda: len(events(tmp_path / "run1", "note")) == 3, what="the words")
+    terminal.until("Note on checking: _")
+    terminal.process.send_signal(signal.SIGTERM)
+    assert terminal.ended() == -signal.SIGINT
+    assert [event["text"] for event in events(tmp_path / "run1", "note")] == ["", "", "left leg slipped"]
+
+
 def events(folder: Path, name: str) -> list[dict[str, Any]]:
     return [event for event in read_run(folder).events if event["event"] == name]
 
