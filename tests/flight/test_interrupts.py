@@ -112,12 +112,12 @@ def test_before_a_flight_the_same_signals_end_the_command(number: signal.Signals
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP])
 def test_who_turns_motors_ends_in_order_whatever_ends_or_suspends_it(number: signal.Signals) -> None:
-    before = signal.getsignal(number)
-    with pytest.raises(KeyboardInterrupt), ending_in_order():
-        signal.raise_signal(number)
-    assert signal.getsignal(number) is before
-    signal.signal(number, signal.SIG_IGN)
+    before = signal.signal(number, signal.SIG_DFL)
     try:
+        with pytest.raises(KeyboardInterrupt), ending_in_order():
+            signal.raise_signal(number)
+        assert signal.getsignal(number) is signal.SIG_DFL
+        signal.signal(number, signal.SIG_IGN)  # as with nohup
         with ending_in_order():
             signal.raise_signal(number)
     finally:
