@@ -1,8 +1,57 @@
-"""Signals by which another process ends a flight of this one: what the keys of its screen send."""
+"""Signals by which another process ends a flight of this one: what the keys of its screen send.
+
+Where nothing flies they end the command, as Ctrl-C does: whoever sends them wants nothing to take off.
+"""
 
 import signal
+import threading
+from collections.abc import Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from typing import Any
+
+
+def known(*names: str) -> tuple[signal.Signals, ...]:
+    """Those of the named signals that this system has: Windows lacks most of them."""
+    return tuple(getattr(signal, name) for name in names if hasattr(signal, name))
+
 
 LAND: signal.Signals | None = getattr(signal, "SIGUSR1", None)
 """Asks for a landing, however often it comes; None where the system has no such signal."""
 CUT: signal.Signals | None = getattr(signal, "SIGUSR2", None)
 """Cuts the motors at once: both of an operator's Ctrl-C in one."""
+
+
+def act_as_ctrl_c(numbers: Iterable[signal.Signals | None]) -> dict[signal.Signals, Any]:
+    """From now on these signals end the program in order, as Ctrl-C does, but for those that it was started
+    to ignore.
+
+    Only the main thread can say so; elsewhere nothing changes.
+
+    Returns:
+        The handlers that they had.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        return {}
+    return {
+        number: signal.signal(number, signal.default_int_handler)
+        for number in numbers
+        if number is not None and signal.getsignal(number) is not signal.SIG_IGN
+    }
+
+
+@contextmanager
+def acting_as_ctrl_c(*names: str) -> Iterator[None]:
+    """As :func:`act_as_ctrl_c` while open, by the names of the signals."""
+    before = act_as_ctrl_c(known(*names))
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def ending_in_order() -> AbstractContextManager[None]:
+    """While motors may turn that nothing else stops: what ends or suspends a program by default, also a
+    terminal that closes, Ctrl-\\ and Ctrl-Z, ends it in order.
+    """
+    return acting_as_ctrl_c("SIGTERM", "SIGHUP", "SIGQUIT", "SIGTSTP")

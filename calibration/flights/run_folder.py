@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from calibration.flights.checksum import checked
 from calibration.flights.series_file import NOT_FINITE, REMEDY, RunFolderError, Series, read_series
 from onboard.schema import schema_problem
 
@@ -109,6 +110,11 @@ def read_info(folder: Path) -> dict[str, Any]:
         info = json.loads(path.read_bytes())
     except (ValueError, RecursionError) as error:
         raise RunFolderError(f"{path} is not JSON ({error}): {REMEDY}") from error
+    if isinstance(info, dict):
+        try:
+            info = checked(info)
+        except (ValueError, RecursionError) as error:
+            raise RunFolderError(f"{path}: {error}: {REMEDY}") from error
     for key in ("config", "closed"):
         if not isinstance(info, dict) or key not in info:
             raise RunFolderError(f"{path} has no key {key!r}: not a run of perchhw")
@@ -156,4 +162,7 @@ def read_event(path: Path, number: int, line: bytes) -> dict[str, Any]:
         raise RunFolderError(
             f"{path} line {number}: an event needs the keys t (a number) and event: {REMEDY}"
         )
-    return _restored(event)
+    try:
+        return _restored(checked(event))
+    except (ValueError, RecursionError) as error:
+        raise RunFolderError(f"{path} line {number}: {error}: {REMEDY}") from error

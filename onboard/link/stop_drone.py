@@ -1,7 +1,9 @@
 """Stop a drone from outside its flight: a socket or radio of one's own, and no connection to wait for."""
 
+import queue
 import socket
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 from urllib.parse import urlsplit
@@ -11,21 +13,31 @@ from onboard.link.stop import StopPath, StopPort, StopReport
 from onboard.link.stop_ports import UdpStopPort
 from onboard.link.uri import check_drone_uri, parse_udp_uri
 
+LOOK_UP_S = 3.0
+"""How long the name of a host may take to be looked up. One in numbers takes no time."""
+
+LookUp = Callable[[str], str]
+"""From the name of a host to its address in numbers; OSError where it is not known."""
+
 _SERIAL_LENGTH = 10
 """A radio is named by its number, or by a serial number of at least this many characters."""
 
 
-def stop_drone(uri: str) -> StopReport:
+def stop_drone(uri: str, look_up: LookUp = socket.gethostbyname) -> StopReport:
     """Cut the motors of the drone at `uri`, whoever flies it; returns when it is locked, or does not answer.
 
     Over ``radio://`` another radio than the one in the address does as well: the flight may hold that one.
 
+    Args:
+        uri: where the drone is.
+        look_up: the names of hosts. The system's may wait for half a minute where the network is down.
+
     Raises:
         LinkInputError: the URI cannot be used.
-        LinkError: there is no free radio, or the host is not known.
+        LinkError: there is no free radio, or the host is not known, or not within 3 s.
     """
     check_drone_uri(uri)
-    opened = _udp_port(uri) if uri.startswith("udp://") else _cflib_port(uri)
+    opened = _udp_port(uri, look_up) if uri.startswith("udp://") else _cflib_port(uri)
     with opened as port:
         path = StopPath(port)
         path.trigger()
@@ -37,15 +49,43 @@ def stop_drone(uri: str) -> StopReport:
 
 
 @contextmanager
-def _udp_port(uri: str) -> Iterator[StopPort]:
+def _udp_port(uri: str, look_up: LookUp) -> Iterator[StopPort]:
     """Without cflib, which takes its time to load."""
     address = parse_udp_uri(uri)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp:
         try:
-            udp.connect((address.host, address.port))
+            udp.connect((_in_numbers(address.host, look_up), address.port))
         except OSError as error:
             raise LinkError(f"cannot reach {uri}: {error}; check host and network") from error
         yield UdpStopPort(udp)
+
+
+def _in_numbers(host: str, look_up: LookUp) -> str:
+    """The address of a host, on a thread that is left behind when it takes too long.
+
+    Raises:
+        OSError: it is not known.
+    """
+    found: queue.SimpleQueue[str | OSError] = queue.SimpleQueue()
+
+    def find() -> None:
+        try:
+            found.put(look_up(host))
+        except UnicodeError:
+            found.put(OSError(f"{host} cannot be the name of a host"))
+        except OSError as error:
+            found.put(error)
+
+    threading.Thread(target=find, name="LookUp", daemon=True).start()
+    try:
+        address = found.get(timeout=LOOK_UP_S)
+    except queue.Empty:
+        raise OSError(
+            f"nobody says within {LOOK_UP_S:g} s where {host} is: give its address in numbers, cut its power"
+        ) from None
+    if isinstance(address, OSError):
+        raise address
+    return address
 
 
 @contextmanager

@@ -1,6 +1,5 @@
 """Options that the bench wizards share, and what they do with them."""
 
-import signal
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ import typer
 
 from perchhw.cli.output import emit
 from perchhw.consoles import progress_console
+from perchhw.operator_signals import ending_in_order
 
 if TYPE_CHECKING:
     from calibration.bench.procedures.operator import Operator
@@ -68,12 +68,15 @@ class MotorHelperOptions(HelperOptions):
 @contextmanager
 def operator_of(helper: HelperOptions) -> "Iterator[Operator]":
     """Whoever carries out the wizard: a person, or an assistant; with the answers given in advance before."""
+    with ending_in_order():
+        yield from _operator_of(helper)
+
+
+def _operator_of(helper: HelperOptions) -> "Iterator[Operator]":
     from calibration.bench.procedures.assistant import Assistant
     from calibration.bench.procedures.prepared_answers import PreparedAnswers, read_answers
     from perchhw.cli.bench_operator import TerminalOperator
 
-    # A program that is told to end unwinds as with Ctrl-C, so that motors and supply are switched off.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
     answers = {} if helper.input is None else read_answers(helper.input)
     confirmed = tuple(helper.confirm or ()) if isinstance(helper, MotorHelperOptions) else ()
     if helper.hands is None:

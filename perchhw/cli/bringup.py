@@ -12,6 +12,7 @@ from perchhw.cli.lab_options import LabDrone, LabMocap, LabPolicy, LabVehicle
 from perchhw.cli.options import Lab
 from perchhw.cli.output import emit
 from perchhw.consoles import progress_console
+from perchhw.operator_signals import ending_in_order
 
 if TYPE_CHECKING:
     from perchhw.bringup.passes import Passes
@@ -123,13 +124,10 @@ def _runner(
 
 
 def _motors(drone: str, phrase: str | None, saw: str | None) -> "tuple[Finding, ...]":
-    import signal
-
     from perchhw.bringup.motors import motors
 
-    # A program that is told to end unwinds as with Ctrl-C, so that the motors are stopped.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    return motors(drone, phrase or _phrase(), _eyes(saw))
+    with ending_in_order():
+        return motors(drone, phrase or _phrase(), _eyes(saw))
 
 
 def _phrase() -> str:

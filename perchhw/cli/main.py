@@ -15,6 +15,7 @@ from perchhw.cli import exit_codes
 from perchhw.cli.output import emit_error, settings, written
 from perchhw.cli.view_option import complete_view_option
 from perchhw.consoles import progress_console
+from perchhw.operator_signals import CUT, LAND, act_as_ctrl_c, known
 
 _GLOBAL_FLAGS = ("--json", "-v", "--verbose")
 
@@ -160,8 +161,8 @@ def main() -> None:
     """Entry point of the console script."""
     # Our matrices are small: threads of the linear algebra would only spin, in a wizard for 12 s out of 18.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    act_as_ctrl_c((LAND, CUT))  # outside of a flight, which listens itself
     code = run(sys.argv[1:])
-    for name in ("SIGINT", "SIGTERM", "SIGHUP"):  # one more would turn the exit code into a death
-        if hasattr(signal, name):  # Windows has no SIGHUP
-            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    for number in known("SIGINT", "SIGTERM", "SIGHUP", "SIGUSR1", "SIGUSR2"):
+        signal.signal(number, signal.SIG_IGN)  # one more would turn the exit code into a death
     sys.exit(code)

@@ -22,6 +22,7 @@ from onboard.link.stop_note import note_stop
 from perchhw.cli import exit_codes
 from perchhw.cli.environment import DRONE_VARIABLE, LAB_VARIABLE
 from perchhw.cli.output import emit, written
+from perchhw.operator_signals import known
 
 LAB_FILE = Path("lab.toml")
 """The lab file of a folder."""
@@ -33,9 +34,7 @@ _SAID_EVERY_S = 1.0
 Stopped = tuple[dict[str, Any], int]
 """What came of a stop, and its exit code."""
 
-_SIGNALS = tuple(
-    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
-)  # Windows has no SIGHUP
+_SIGNALS = known("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGTSTP", "SIGUSR1", "SIGUSR2")
 
 app = typer.Typer(add_completion=False)
 
@@ -151,7 +150,9 @@ def _in_words(result: dict[str, Any]) -> str:
 
 @contextlib.contextmanager
 def _not_called_off() -> Iterator[None]:
-    """Ctrl-C, SIGTERM and a terminal that closes end nothing: whoever sends them wants the motors off."""
+    """Ctrl-C, SIGTERM, a terminal that closes and the keys of a flight end nothing: whoever sends these
+    signals wants the motors off.
+    """
 
     def goes_on(_number: int, _frame: FrameType | None) -> None:
         if sys.stderr is not None:  # where it is closed, its number may be that of a socket

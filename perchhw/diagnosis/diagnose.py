@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from calibration.flights import UnusableFlightError
+from calibration.flights.checksum import with_checksum
 from calibration.flights.perchhw_run import flight_from_run
 from calibration.flights.run_folder import RUN_FILE, RunRecord, read_run
 from onboard.json_file import write_json_atomically
@@ -38,7 +39,8 @@ def keep_diagnosis(folder: Path) -> Diagnosis:
     run = read_run(folder)
     found = diagnose_run(run)
     try:
-        write_json_atomically(folder / RUN_FILE, {**run.info, "diagnosis": found.to_json()})
+        told = with_checksum({**run.info, "diagnosis": found.to_json()})
+        write_json_atomically(folder / RUN_FILE, told)
     except OSError as error:
         raise OutputFolderError(folder, error.strerror) from error
     return found

@@ -48,6 +48,7 @@ class Cause(StrEnum):
     NOT_BEGUN = "not_begun"
     PROCESS_KILLED = "process_killed"
     RECORD_LOST = "record_lost"
+    HOST_STOOD_STILL = "host_stood_still"
     INTERNAL_ERROR = "internal_error"
     DRY_RUN = "dry_run"
     FLOWN = "flown"

@@ -39,6 +39,7 @@ _TUMBLE = "look at propellers and motor order (perchhw bringup --step motors), t
 _PATH = "look at thrust, imbalance and mocap (hover first); a wrong mass or centre of mass pulls it aside"
 _MARK = "put the drone on its start mark, upright, heading along +x"
 _ROOM = "compare room and start mark of the lab file with the room"
+_HOST = "end other programs on this computer; never suspend one that flies"
 _REBOOT = "reboot the drone on its start mark, and find out why it stopped"
 
 RULES_BY_KIND: Final[dict[AbortKind, dict[str, RuleWords]]] = {
@@ -114,6 +115,11 @@ RULES_BY_KIND: Final[dict[AbortKind, dict[str, RuleWords]]] = {
         "start_mark_distance": RuleWords(Cause.NOT_READY, "the drone is not on its start mark", _MARK),
         "start_mark_heading": RuleWords(
             Cause.NOT_READY, "the drone's heading is not that of its mark", _MARK
+        ),
+    },
+    AbortKind.OTHER: {
+        "host_stood_still": RuleWords(
+            Cause.HOST_STOOD_STILL, "this program stood still in the flight, suspended or kept waiting", _HOST
         ),
     },
 }

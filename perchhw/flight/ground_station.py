@@ -32,6 +32,7 @@ _SAFETY_EVENTS = frozenset(
         "LinkDown",
         "RecordLost",
         "InternalError",
+        "HostStoodStill",
         "OperatorAbort",
     }
 )

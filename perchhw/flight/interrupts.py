@@ -1,5 +1,7 @@
 """Ctrl-C, SIGTERM and a terminal that closes: the first asks for a landing, the second cuts the motors.
 
+So do Ctrl-Z and Ctrl-\\: what they do by default, to suspend or to kill, would let the drone fall.
+
 Who watches the flight from another process (the keys of its screen) asks for either by a signal of its own,
 however often.
 
@@ -16,12 +18,10 @@ from collections.abc import Callable
 from types import FrameType, TracebackType
 from typing import Any, Self
 
-from perchhw.operator_signals import CUT, LAND
+from perchhw.operator_signals import CUT, LAND, known
 
-_SIGNALS = {
-    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
-}  # Windows has no SIGHUP
-_HEARD = _SIGNALS | {number for number in (LAND, CUT) if number is not None}
+_OF_TERMINAL = known("SIGHUP", "SIGQUIT", "SIGTSTP")
+_HEARD = {signal.SIGINT, signal.SIGTERM, *_OF_TERMINAL, *(n for n in (LAND, CUT) if n is not None)}
 
 
 def _noted(_number: int, _frame: FrameType | None) -> None:
@@ -29,8 +29,8 @@ def _noted(_number: int, _frame: FrameType | None) -> None:
 
 
 def _outlives_terminal(number: signal.Signals) -> bool:
-    """Whether the program was started with ``nohup``."""
-    return number.name == "SIGHUP" and signal.getsignal(number) is signal.SIG_IGN
+    """Whether the program was started to ignore this of its terminal, as with ``nohup``."""
+    return number in _OF_TERMINAL and signal.getsignal(number) is signal.SIG_IGN
 
 
 class OperatorInterrupts:

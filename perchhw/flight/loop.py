@@ -16,7 +16,7 @@ from onboard.timebase import Queue, Timebase
 from perchhw.flight.actions import CommandRunner
 from perchhw.flight.caught import Caught
 from perchhw.flight.interrupts import OperatorInterrupts
-from perchhw.flight.kicker import WatchdogKicker
+from perchhw.flight.kicker import HEART_S, WatchdogKicker
 from perchhw.flight.recording import FlightRecord
 from perchhw.flight.telemetry import Telemetry
 from perchhw.supervisor import (
@@ -38,7 +38,7 @@ from perchhw.supervisor import (
     initial_state,
     step,
 )
-from perchhw.supervisor.events import EmergencyStop
+from perchhw.supervisor.events import EmergencyStop, HostStoodStill
 
 TICK_PERIOD = 0.02
 """Time between two looks of the supervisor, s."""
@@ -94,6 +94,8 @@ class FlightLoop:
         self._told: set[str] = set()
         self._time = 0.0
         self._next_tick = 0.0
+        self._beaten_at: float | None = None
+        self._stillest = 0.0
         self._pause = self.clock.event()
         self.state = initial_state(self._now())
 
@@ -103,12 +105,27 @@ class FlightLoop:
         try:
             self._announce()
             while self.state.phase is not Phase.DONE:
-                self._safely(lambda: self.kicker.beat(self.state.phase in WATCHED_PHASES), None)
+                self._safely(self._beat, None)
                 self._advance(self._next_event())
         except BaseException:  # of the interpreter, none of ours: the drone must not fly on without us
             self.link.stop_path.trigger()
             raise
         return self.state
+
+    def _beat(self) -> None:
+        """The heart of the supervisor. Where it did not beat, nobody kicked the drone's watchdog either."""
+        self._stood_still()
+        watched = self.state.phase in WATCHED_PHASES
+        self._beaten_at = self._now() if watched else None
+        self.kicker.beat(watched)
+
+    def _stood_still(self) -> Event | None:
+        if self._beaten_at is not None:
+            self._stillest = max(self._stillest, self._now() - self._beaten_at)
+        longest = max(HEART_S, self.limits.telemetry_age)  # what may be seen late may be looked at late
+        if self._stillest <= longest:
+            return None
+        return HostStoodStill(f"{self._stillest:.2g} s, need at most {longest:g} s")
 
     # What goes in
 
@@ -135,6 +152,7 @@ class FlightLoop:
             ("stop", self._stop_report),
             ("cut", lambda: OperatorAbort(urgent=True) if self.interrupts.count > 1 else None),
             ("land", lambda: OperatorAbort() if self.interrupts.count > 0 else None),
+            ("stood still", self._stood_still),
             ("link", self._link_lost),
             ("record", lambda: RecordLost(lost) if (lost := self.record.lost) is not None else None),
             ("kicker", lambda: InternalError(why) if (why := self.kicker.problem) is not None else None),

@@ -9,7 +9,7 @@ from onboard.errors import InputError
 from onboard.lab_file import LabFile, LabFileError, drone_addresses, read_lab_file
 from onboard.lab_time import TimeAddress
 from onboard.link.uri import check_drone_uri
-from onboard.policy.files import find_policy
+from onboard.policy.files import find_policy, load_policy
 from onboard.vehicle import load_vehicle
 from perchhw.lab.flying import LIMITS
 
@@ -63,7 +63,7 @@ def _place(given: Path | None) -> Path | None:
 
 
 def read_lab(path: Path) -> LabFile:
-    """Read a lab file and check all of it, also that what it names exists; nothing is connected.
+    """Read a lab file and check all of it, also that what it names can be used; nothing is connected.
 
     Raises:
         LabFileError: with every problem found, one a line.
@@ -77,12 +77,17 @@ def read_lab(path: Path) -> LabFile:
         if drone.legs is not None:
             checks[f"{key}.legs"] = partial(load_vehicle, lab.beside(drone.vehicle), drone.legs)
         if drone.policy is not None:
-            checks[f"{key}.policy"] = partial(find_policy, lab.beside(drone.policy))
+            checks[f"{key}.policy"] = partial(_load_policy, lab.beside(drone.policy))
     checks["mocap.uri"] = partial(parse_mocap_uri, lab.mocap_uri(None))
     problems = [f"{path}: {key}: {problem}" for key, check in checks.items() if (problem := _problem(check))]
     if problems:
         raise LabFileError("\n".join(problems))
     return lab
+
+
+def _load_policy(policy: str) -> None:
+    """Raises InputError for one that cannot be flown."""
+    load_policy(find_policy(policy))
 
 
 def _problem(check: Callable[[], object]) -> InputError | None:

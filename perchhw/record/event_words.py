@@ -24,7 +24,15 @@ _PLAIN = {"StopConfirmed": "the drone is locked: its motors have stopped"}
 
 
 _FAILURES = ("internal_error", "StopUnconfirmed")
-_WORRYING = ("refused", "CommandFailed", "LinkDown", "RecordLost", "OperatorAbort", "InternalError")
+_WORRYING = (
+    "refused",
+    "CommandFailed",
+    "LinkDown",
+    "RecordLost",
+    "OperatorAbort",
+    "InternalError",
+    "HostStoodStill",
+)
 _MAX_CHARACTERS = 400
 
 
@@ -95,7 +103,7 @@ def _words(event: dict[str, Any]) -> str | None:
             )
         case "connecting":
             return f"connecting to {event.get('drone')} and {event.get('mocap')}"
-        case "refused" | "LinkDown" | "RecordLost" | "StopUnconfirmed" | "InternalError":
+        case "refused" | "StopUnconfirmed" | "LinkDown" | "RecordLost" | "InternalError" | "HostStoodStill":
             title = re.sub(r"(?<!^)(?=[A-Z])", " ", name).lower()
             return f"{title}: {event.get('reason') or _reason(what)}"
         case "internal_error":

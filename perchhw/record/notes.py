@@ -4,6 +4,7 @@ import json
 import os
 from pathlib import Path
 
+from calibration.flights.checksum import with_checksum
 from calibration.flights.run_folder import EVENTS_FILE
 
 
@@ -19,7 +20,7 @@ def add_note(folder: Path, t: float, text: str, phase: str | None = None) -> Non
     Raises:
         OSError: the folder holds no record, or its disk is full.
     """
-    line = json.dumps({"t": t, "event": "note", "phase": phase, "text": text}) + "\n"
+    line = json.dumps(with_checksum({"t": t, "event": "note", "phase": phase, "text": text})) + "\n"
     descriptor = os.open(folder / EVENTS_FILE, os.O_WRONLY | os.O_APPEND)
     try:
         os.write(descriptor, line.encode())

@@ -23,6 +23,7 @@ import numpy as np
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import IndexType, Writer
 
+from calibration.flights.checksum import with_checksum
 from calibration.flights.run_folder import EVENTS_FILE, RUN_FILE, SCHEMA, SERIES_FILE
 from onboard.clock import Clock, monotonic
 from onboard.errors import SafetyStop
@@ -139,7 +140,7 @@ class RunRecorder:
     def _begin(self) -> None:
         self._stream = _UnbufferedFile(self.folder / SERIES_FILE)
         self._events = _UnbufferedFile(self.folder / EVENTS_FILE)
-        write_json_atomically(self.folder / RUN_FILE, self._info)
+        self._write_info()
         # A plain IO[bytes] would be wrapped into a buffer; the writer only needs write() and tell().
         self._writer = Writer(
             self._stream,  # type: ignore[arg-type]
@@ -153,6 +154,9 @@ class RunRecorder:
         # after its CRC had been computed, which would then be wrong.
         self._writer.add_metadata("perchhw.run", {"schema": self._info["schema"]})
         self._sync = PeriodicSync((self._stream.descriptor, self._events.descriptor), self._sync_file)
+
+    def _write_info(self) -> None:
+        write_json_atomically(self.folder / RUN_FILE, with_checksum(self._info))
 
     def _register(self, name: str) -> int:
         schema = json.dumps(TOPICS[name].json_schema()).encode()
@@ -192,7 +196,8 @@ class RunRecorder:
 
     def event(self, name: str, t: float, **fields: Any) -> None:
         """Append one event (a line of ``events.jsonl``) at time `t` (s) on the recorder's clock."""
-        line = json.dumps({"t": t, "event": name, **{k: _encode(v) for k, v in fields.items()}}) + "\n"
+        said = {"t": t, "event": name, **{k: _encode(v) for k, v in fields.items()}}
+        line = json.dumps(with_checksum(said)) + "\n"
         with self._lock, self._writing():
             self._require_open()
             self._events.write(line.encode())
@@ -202,7 +207,7 @@ class RunRecorder:
         with self._lock, self._writing():
             self._require_open()
             self._info.update(fields)
-            write_json_atomically(self.folder / RUN_FILE, self._info)
+            self._write_info()
 
     def close(self, outcome: str | None = None, **result: Any) -> None:
         """Finish the files; `outcome` and further results go into ``run.json``. May be called twice."""
@@ -212,7 +217,7 @@ class RunRecorder:
             self._closed = True
             ended = {"closed": True, "ended_utc": utc_now().isoformat(), "clock_at_end": self._clock()}
             self._info.update(ended, outcome=outcome, **result)
-            rest.callback(write_json_atomically, self.folder / RUN_FILE, self._info)
+            rest.callback(self._write_info)
             rest.callback(self._events.close)
             rest.callback(self._stream.close)
             rest.callback(self._sync.stop)

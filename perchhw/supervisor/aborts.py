@@ -3,9 +3,9 @@
 from dataclasses import replace
 
 from perchhw.supervisor.events import Arm, Brake, Command, Disarm, EmergencyStop, Land, Order
-from perchhw.supervisor.landed import fell_because
+from perchhw.supervisor.landed import STOPPED_ELSEWHERE, fell_because
 from perchhw.supervisor.observation import Admitted
-from perchhw.supervisor.state import Context, FlightState, Phase, Step
+from perchhw.supervisor.state import IN_FLIGHT, Context, FlightState, Phase, Step
 from perchhw.supervisor.violation import Rule, Violation, at_most, first_violation
 
 
@@ -57,7 +57,7 @@ def abort(state: FlightState, why: str, context: Context) -> Step:
             return order(enter(state, Phase.BRAKING, context, "the drone to brake"), Brake())
         case Phase.BRAKING | Phase.LANDING:
             # The gentle way failed; an unknown drone in the air is stopped.
-            who = "somebody else stopped the drone" if state.locked else f"the host did it ({why})"
+            who = STOPPED_ELSEWHERE if state.locked else f"the host did it ({why})"
             return stop(fell(state, fell_because(who)), context)
         case Phase.DISARMING:
             return stop(state, context)
@@ -98,6 +98,8 @@ def link_down(state: FlightState, reason: str, context: Context) -> Step:
         case Phase.FLIPPING | Phase.SETTLING:
             return Step(enter(state, Phase.DONE, context))
     state = ended_early(state, reason)
+    if state.phase in IN_FLIGHT:
+        state = fell(state, fell_because(f"the host did it ({reason})"))
     return stop(state, context) if state.arm_ordered else Step(enter(state, Phase.DONE, context))
 
 

@@ -17,7 +17,7 @@ from perchhw.supervisor.aborts import (
     tell,
 )
 from perchhw.supervisor.descent import DESCENT_RULES
-from perchhw.supervisor.landed import cut_by_itself
+from perchhw.supervisor.landed import cut_by_itself, is_down
 from perchhw.supervisor.observation import Admitted
 from perchhw.supervisor.state import Context, FlightState, Phase, Step
 from perchhw.supervisor.violation import first_violation
@@ -49,14 +49,12 @@ def braking(state: FlightState, o: Admitted, context: Context) -> Step:
 
 def landing(state: FlightState, o: Admitted, context: Context) -> Step:
     """Until the drone is on the floor."""
-    since, floor = elapsed(state, context), context.limits.room.floor_z
-    height = None if o.estimate_position is None else o.estimate_position[2] - floor
-    down = height is not None and height < context.limits.height_on_ground
+    since = elapsed(state, context)
     off = o.landing_state in _MOTORS_CUT or (o.drone is not None and not o.drone.can_fly)
     state = fell(state, cut_by_itself(o))
     # From the answer on, not from the order: a drone that takes over late is still on its way down.
     descended = state.answered_at is not None and context.now - state.answered_at >= context.timing.land
-    if off or (down and descended):
+    if off or (is_down(o, context.limits) and descended):
         return disarm(state, context)
     state, stopped = _descent_guard(state, o, context)
     if stopped is not None:

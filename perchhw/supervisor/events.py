@@ -159,6 +159,14 @@ class InternalError:
 
 
 @dataclass(frozen=True, slots=True)
+class HostStoodStill:
+    """The flight program did nothing for a while, suspended or kept waiting by a busy computer; `reason`: for
+    how long, and how long it may."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
 class OperatorAbort:
     """The operator wants the flight to end now (Ctrl-C); `urgent` when asked a second time."""
 
@@ -174,5 +182,6 @@ Event = (
     | LinkDown
     | RecordLost
     | InternalError
+    | HostStoodStill
     | OperatorAbort
 )

@@ -6,7 +6,13 @@ from math import degrees, pi
 from onboard.app_interface import EndReason, LandingState
 from perchhw.supervisor.limits import SafetyLimits
 from perchhw.supervisor.observation import Admitted
+from perchhw.supervisor.state import FlightState, Phase
 from perchhw.supervisor.violation import Violation, at_least
+
+STOPPED_ELSEWHERE = "somebody else stopped the drone, or its own supervisor did"
+"""Who cut the motors of a drone that was not stopped by us, and does not lie."""
+
+_OF_THE_APP = (LandingState.FLIP, LandingState.CUT, LandingState.FAULT)
 
 
 def inside_flip(o: Admitted, height: float | None, limits: SafetyLimits) -> Violation | None:
@@ -40,6 +46,27 @@ def does_not_hold(o: Admitted, limits: SafetyLimits) -> str | None:
 def fell_because(why: str) -> str:
     """What the operator is told of motors that were cut before the drone was down, because of `why`."""
     return f"MOTORS CUT BEFORE IT WAS DOWN: {why}; a drone in the air has fallen"
+
+
+def cut_by_supervisor(state: FlightState, o: Admitted, limits: SafetyLimits) -> str | None:
+    """What to tell when the drone's supervisor lets no motor turn in a phase of upright flight, or ``None``.
+
+    What the landing app did itself is for :func:`cut_by_itself`; after a trigger nobody expects to fly.
+    """
+    drone = o.drone
+    if drone is None or drone.can_fly or o.landing_state in _OF_THE_APP:
+        return None
+    if state.phase in (Phase.TAKING_OFF, Phase.LANDING) and is_down(o, limits):
+        return None
+    if drone.is_tumbled or drone.is_crashed:
+        return fell_because("the drone's own supervisor did it, it lies or tumbles")
+    return fell_because(STOPPED_ELSEWHERE)
+
+
+def is_down(o: Admitted, limits: SafetyLimits) -> bool:
+    """Whether the drone is known to be on the floor, by its own estimate."""
+    position = o.estimate_position
+    return position is not None and position[2] - limits.room.floor_z < limits.height_on_ground
 
 
 def cut_by_itself(o: Admitted) -> str | None:

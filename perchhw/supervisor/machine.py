@@ -7,13 +7,14 @@ flight has no policy to upload, follows its course instead of an approach, and l
 from dataclasses import replace
 from math import isfinite
 
-from perchhw.supervisor.aborts import abort, carry_on_or_abort, elapsed, link_down, operator_abort
+from perchhw.supervisor.aborts import abort, carry_on_or_abort, elapsed, fell, link_down, operator_abort
 from perchhw.supervisor.ending import after_stop
 from perchhw.supervisor.events import (
     CommandDone,
     CommandFailed,
     Event,
     FlyCourse,
+    HostStoodStill,
     InternalError,
     LinkDown,
     OperatorAbort,
@@ -26,29 +27,17 @@ from perchhw.supervisor.events import (
 )
 from perchhw.supervisor.gate import admit
 from perchhw.supervisor.hovering import after_course
+from perchhw.supervisor.landed import cut_by_supervisor
 from perchhw.supervisor.limits import SafetyLimits
 from perchhw.supervisor.observation import Admitted, Observation
 from perchhw.supervisor.on_ground import after_upload
 from perchhw.supervisor.phases import PHASES
-from perchhw.supervisor.state import Context, FlightState, Mission, Phase, Step, Timing
+from perchhw.supervisor.state import IN_FLIGHT, Context, FlightState, Mission, Phase, Step, Timing
 
 STOPPED_BY_OTHERS = "; stopped by others: perchhw stop, or the drone's own supervisor"
 """What follows the rule that noticed it."""
 
 _SIGNS_OF_A_STOP = ("drone_can_fly: no", "drone_state: locked", "drone_broke_off: not_flying")
-
-_IN_FLIGHT = frozenset(
-    {
-        Phase.TAKING_OFF,
-        Phase.MOVING_TO_START,
-        Phase.ARMING_APPROACH,
-        Phase.TEST_FLIGHT,
-        Phase.APPROACHING,
-        Phase.BRAKING,
-        Phase.LANDING,
-    }
-)
-"""Phases in which the motors turn and the drone flies upright."""
 
 _TICK = 0.02
 """s that are counted for an event when the clock cannot say."""
@@ -114,6 +103,8 @@ def _react(state: FlightState, event: Event, context: Context) -> Step:
         case RecordLost(reason):
             latched = replace(state, record_lost=state.record_lost or reason)
             return carry_on_or_abort(latched, f"record_lost: {reason}", context)
+        case HostStoodStill(reason):
+            return carry_on_or_abort(state, f"host_stood_still: {reason}", context)
         case InternalError(reason):
             return _internal_error(state, f"internal_error: {reason}", context)
         case OperatorAbort(urgent):
@@ -124,7 +115,10 @@ def _look(state: FlightState, observation: Observation, context: Context) -> Ste
     """Pass the observation through the gate and show the phase what is left of it."""
     admitted, memory = admit(observation, state.gate, context.limits, context.now)
     locked = state.locked or _stopped_by_others(state, admitted, context)
-    step = PHASES[state.phase](replace(state, gate=memory, locked=locked), admitted, context)
+    state = replace(state, gate=memory, locked=locked)
+    if state.phase in IN_FLIGHT and state.fell is None:
+        state = fell(state, cut_by_supervisor(state, admitted, context.limits))
+    step = PHASES[state.phase](state, admitted, context)
     return Step(_named_by_lock(step.state), step.orders)
 
 
@@ -139,7 +133,7 @@ def _stopped_by_others(state: FlightState, o: Admitted, context: Context) -> boo
         return False
     if state.phase is Phase.DISARMING:
         return drone.is_locked and elapsed(state, context) <= context.timing.watchdog_margin
-    falls = state.phase in _IN_FLIGHT and not (drone.can_fly or drone.is_tumbled or drone.is_crashed)
+    falls = state.phase in IN_FLIGHT and not (drone.can_fly or drone.is_tumbled or drone.is_crashed)
     return drone.is_locked or falls
 
 

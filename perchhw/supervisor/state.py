@@ -33,6 +33,20 @@ class Phase(StrEnum):
     DONE = "done"
 
 
+IN_FLIGHT = frozenset(
+    {
+        Phase.TAKING_OFF,
+        Phase.MOVING_TO_START,
+        Phase.ARMING_APPROACH,
+        Phase.TEST_FLIGHT,
+        Phase.APPROACHING,
+        Phase.BRAKING,
+        Phase.LANDING,
+    }
+)
+"""Phases in which the motors turn and the drone flies upright."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Mission:
     """What is to be flown.

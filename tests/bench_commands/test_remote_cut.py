@@ -71,6 +71,19 @@ def test_without_a_supply_they_run_on_as_the_operator_was_told(bench: Bench, tmp
         assert turning(hands)
 
 
+@pytest.mark.parametrize("end", [signal.SIGHUP, signal.SIGTSTP], ids=["terminal closed", "Ctrl-Z"])
+def test_without_a_supply_a_terminal_that_closes_or_suspends_stops_the_motors(
+    bench: Bench, tmp_path: Path, end: signal.Signals
+) -> None:
+    if signal.getsignal(end) is signal.SIG_IGN:
+        pytest.skip("these tests were started with nohup, and so is the wizard")
+    served = bench(pace=1)
+    with turning_wizard(served, tmp_path, "--no-remote-cut", "--confirm", HAND_PHRASE) as wizard:
+        wizard.send_signal(end)
+        assert wizard.wait(PATIENCE_S) == 130
+    assert not turning(served.ready["bench"]["hands"])
+
+
 @pytest.mark.soak  # the drone's patience is a quarter of a second: a very busy machine stops the wizard first
 def test_our_app_on_the_drone_stops_the_motors_of_a_host_that_died(bench: Bench, tmp_path: Path) -> None:
     served = bench(pace=1)

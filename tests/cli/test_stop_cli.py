@@ -90,7 +90,16 @@ def stops(tiny: TinyDrone) -> int:
     return sum(request[0] & 0xF3 == 0x91 and request[1:2] == b"\x03" for request in tiny.requests)
 
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
+SIGNALS = (
+    signal.SIGINT,
+    signal.SIGTERM,
+    signal.SIGHUP,
+    signal.SIGQUIT,
+    signal.SIGTSTP,
+    signal.SIGUSR1,
+    signal.SIGUSR2,
+    signal.SIGINT,
+)
 
 
 def test_a_stop_that_is_interrupted_goes_on_and_says_what_came_of_it() -> None:

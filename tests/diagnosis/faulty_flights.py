@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import binom
 
+from calibration.flights.checksum import with_checksum
 from calibration.flights.run_folder import read_run
 from calibration.flights.table import load_table
 from onboard.arrays import FloatArray
@@ -182,7 +183,7 @@ def killed_in_its_approach(run: Path, into: Path) -> Path:
     shutil.copytree(run, into)
     info = json.loads((run / "run.json").read_text())
     left = {key: info[key] for key in ("schema", "config", "versions", "started_utc", "clock_at_start")}
-    (into / "run.json").write_text(json.dumps({**left, "closed": False, "outcome": None}))
+    (into / "run.json").write_text(json.dumps(with_checksum({**left, "closed": False, "outcome": None})))
     events = (run / "events.jsonl").read_text()
     (into / "events.jsonl").write_text(events[: events.index('"approaching"') + 60])
     series = (run / "series.mcap").read_bytes()

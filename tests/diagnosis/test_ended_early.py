@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from calibration.flights.checksum import with_checksum
 from mocap_bridge.health import Verdict
 from perchhw.diagnosis import Cause, diagnose_run, keep_diagnosis
 from perchhw.diagnosis.ended_early import broken_rules
@@ -159,7 +160,8 @@ def test_every_rule_of_the_supervisor_has_words() -> None:
 def test_what_a_killed_process_leaves(ended: Ended) -> None:
     folder = ended(None).folder
     info = json.loads((folder / "run.json").read_text())
-    (folder / "run.json").write_text(json.dumps({**info, "closed": False, "outcome": None}))
+    left = with_checksum({**info, "closed": False, "outcome": None})
+    (folder / "run.json").write_text(json.dumps(left))
     events = (folder / "events.jsonl").read_text()
     (folder / "events.jsonl").write_text(events[: events.index('"braking"') - 20])
     found = keep_diagnosis(folder)

@@ -32,7 +32,8 @@ class Injected(Exception):
 
 @dataclass
 class Injection:
-    """Throws at one place, when the flight has come to a phase: once, or from then on."""
+    """Throws at one place, when the flight has come to a phase: once, or from then on. Or stands still there,
+    once, for some seconds."""
 
     place: str = ""
     phase: Phase = Phase.TAKING_OFF
@@ -40,7 +41,9 @@ class Injection:
     error: type[BaseException] = Injected
     thrown: int = 0
     touched: set[str] = field(default_factory=set)
+    stands_still_s: float = 0.0
     state: Any = None
+    wait: Any = None
 
     def touch(self, place: str) -> None:
         """Somebody is about to use `place`."""
@@ -49,6 +52,9 @@ class Injection:
             return
         if self.thrown or (self.state is not None and self.state().phase is self.phase):
             self.thrown += 1
+            if self.stands_still_s:
+                self.wait(self.stands_still_s)
+                return
             raise self.error(place)
 
 
@@ -242,7 +248,7 @@ def fly(folder: Path, injection: Injection) -> Stepped:
             on_phase=trap("on_phase", lambda _state: None),
             on_look=trap("on_look", lambda _state, _observation: None),
         )
-        injection.state = lambda: loop.state
+        injection.state, injection.wait = lambda: loop.state, flight.run
         state = loop.run()
     flight.run(2.0)
     return Stepped(state, flight, -min(speeds))

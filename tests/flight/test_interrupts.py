@@ -2,14 +2,18 @@
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import pytest
 
 from perchhw.flight.interrupts import OperatorInterrupts
+from perchhw.operator_signals import ending_in_order
+from tests.patience import PATIENCE_S
 
 STUCK = """
 import ctypes, os, sys, threading, time
@@ -67,14 +71,54 @@ def test_a_main_thread_that_is_stuck_in_a_call_does_not_keep_the_stop() -> None:
 @pytest.mark.parametrize(
     ("before", "counted"), [(signal.SIG_DFL, 1), (signal.SIG_IGN, 0)], ids=["terminal", "nohup"]
 )
-def test_a_terminal_that_closes_asks_for_a_landing(before: signal.Handlers, counted: int) -> None:
-    previous = signal.signal(signal.SIGHUP, before)
+@pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGTSTP, signal.SIGQUIT])
+def test_a_terminal_that_closes_suspends_or_kills_asks_for_a_landing(
+    number: signal.Signals, before: signal.Handlers, counted: int
+) -> None:
+    """A flight that is suspended kicks no watchdog: the drone would fall."""
+    previous = signal.signal(number, before)
     try:
         with OperatorInterrupts() as interrupts:
-            os.kill(os.getpid(), signal.SIGHUP)
+            os.kill(os.getpid(), number)
             os.kill(os.getpid(), signal.SIGTERM)
             wait_for_count(interrupts, counted + 1)
         assert interrupts.count == counted + 1
-        assert signal.getsignal(signal.SIGHUP) is before
+        assert signal.getsignal(number) is before
     finally:
-        signal.signal(signal.SIGHUP, previous)
+        signal.signal(number, previous)
+
+
+@pytest.mark.parametrize("number", [signal.SIGUSR1, signal.SIGUSR2, signal.SIGTERM])
+def test_before_a_flight_the_same_signals_end_the_command(number: signal.Signals, tmp_path: Path) -> None:
+    """Here while it waits for the answer of a drone that is to be rebooted."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as drone:
+        drone.bind(("127.0.0.1", 0))
+        drone.settimeout(PATIENCE_S)
+        where = f"udp://127.0.0.1:{drone.getsockname()[1]}?connect_s={PATIENCE_S}"
+        fly = ["fly", "--drone", where, "--mocap", "vicon://127.0.0.1:1?subject=cf1", "--put-back", "--yes"]
+        there = ["--speed", "2.5", "--angle", "50", "--out", str(tmp_path)]
+        process = subprocess.Popen(
+            [sys.executable, "-m", "perchhw", *fly, *there], stderr=subprocess.PIPE, text=True
+        )
+        try:
+            drone.recv(64)
+            process.send_signal(number)
+            errors = process.communicate()[1]
+        finally:
+            process.kill()
+    assert process.returncode == 130, errors
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP])
+def test_who_turns_motors_ends_in_order_whatever_ends_or_suspends_it(number: signal.Signals) -> None:
+    before = signal.signal(number, signal.SIG_DFL)
+    try:
+        with pytest.raises(KeyboardInterrupt), ending_in_order():
+            signal.raise_signal(number)
+        assert signal.getsignal(number) is signal.SIG_DFL
+        signal.signal(number, signal.SIG_IGN)  # as with nohup
+        with ending_in_order():
+            signal.raise_signal(number)
+    finally:
+        signal.signal(number, before)

@@ -95,6 +95,21 @@ def test_a_library_that_gives_up_the_process_does_not_give_up_the_drone(tmp_path
     assert "SystemExit" in str(stepped.state.aborted_by)
 
 
+@pytest.mark.parametrize(("seconds", "noticed"), [(0.25, False), (0.4, True), (0.9, True)])
+@pytest.mark.parametrize("phase", [Phase.TAKING_OFF, Phase.MOVING_TO_START])
+def test_a_program_that_stood_still_in_the_air_lands_and_says_why(
+    phase: Phase, seconds: float, noticed: bool, tmp_path: Path
+) -> None:
+    """Meanwhile nobody kicked the drone's watchdog. What was seen before it says nothing of now."""
+    injection = Injection("telemetry.observe", phase, stands_still_s=seconds)
+    stepped = fly(tmp_path / "run", injection)
+    assert injection.thrown
+    assert at_rest(stepped)
+    assert stepped.fastest_fall < SOFT
+    told = f"host_stood_still: {seconds:g}" if noticed else "FlyCourse failed: "
+    assert str(stepped.state.aborted_by).startswith(told)
+
+
 @pytest.mark.parametrize("place", STOP_PLACES)
 def test_a_stop_whose_answer_cannot_be_read_still_ends(
     place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -1,5 +1,7 @@
 """Gyroscope and motors through the link to a simulated drone; the motors are off after every way out."""
 
+import os
+import signal
 import threading
 from collections.abc import Iterator
 
@@ -261,6 +263,48 @@ def test_motors_are_off_after_any_exception(drone: DroneLink, error: type[BaseEx
         witness.await_ratios(STILL)
     finally:
         witness.close()
+
+
+def test_ctrl_c_again_and_again_leaves_no_motor_turning(drone: DroneLink) -> None:
+    """Nothing else would stop them: on a battery, by the stock firmware."""
+    hangs, seen, goes_on = threading.Event(), threading.Event(), threading.Event()
+    heard: list[int] = []
+
+    def check() -> None:
+        if hangs.is_set():
+            seen.set()
+            goes_on.wait()
+
+    def interrupted(number: int, _frame: object) -> None:
+        heard.append(number)
+        raise KeyboardInterrupt
+
+    def press(stand: MotorStand) -> None:
+        try:
+            for count in (1, 2):  # the second while the stand closes
+                os.kill(os.getpid(), signal.SIGINT)
+                until(lambda count=count: len(heard) == count and stand._closing.is_set())
+        finally:
+            goes_on.set()
+
+    before = signal.signal(signal.SIGINT, interrupted)
+    witness = Witness(drone)
+    try:
+        with pytest.raises(KeyboardInterrupt), unlocked(drone, instruments=[check]) as stand:  # noqa: PT012
+            stand.spin({1: pwm(60)})
+            motors(stand, (pwm(60), 0, 0, 0), witness)
+            hangs.set()
+            until(seen.is_set)
+            presser = threading.Thread(target=press, args=(stand,))
+            presser.start()
+            until(lambda: False)
+        presser.join()
+        witness.await_ratios(STILL)
+        assert stand.stopped is not None
+        assert stand.stopped.confirmed
+    finally:
+        witness.close()
+        signal.signal(signal.SIGINT, before)
 
 
 def test_motors_stop_when_nobody_renews(drone_uri: str) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from onboard.lab_file import LabFile, LabFileError
+from onboard.policy.files import shipped_policy_path
 from onboard.room import RoomGeometry
 from perchhw.attempt import DEFAULT_POLICY, DEFAULT_VEHICLE
 from perchhw.lab import (
@@ -121,6 +122,36 @@ def test_what_the_file_names_must_exist(tmp_path: Path, old: str, new: str, mess
     with pytest.raises(LabFileError) as caught:
         lab_of(tmp_path, LAB.replace(old, new))
     assert str(caught.value).startswith(f"{tmp_path / 'lab.toml'}: {message}")
+
+
+@pytest.mark.parametrize(
+    ("policy", "problem"),
+    [
+        ("lab.toml", "is not JSON"),
+        (".", "cannot be read"),
+        ("half.policy.json", "is not JSON"),
+        ("swept.json", "perchhw.policy/1"),
+    ],
+)
+def test_a_policy_that_cannot_be_flown_is_told_with_the_lab(
+    tmp_path: Path, policy: str, problem: str
+) -> None:
+    """And not in the evening, when the first flight is about to begin."""
+    (tmp_path / "half.policy.json").write_text(shipped_policy_path().read_text()[:-100])
+    (tmp_path / "swept.json").write_text('{"schema": "perchhw.sweep/1"}')
+    line = f'"crazyflie21-upgraded"\npolicy = "{policy}"'
+    with pytest.raises(LabFileError) as caught:
+        lab_of(tmp_path, LAB.replace('"crazyflie21-upgraded"', line))
+    said = str(caught.value)
+    assert said.startswith(f"{tmp_path / 'lab.toml'}: drones[0].policy: ")
+    assert problem in said
+
+
+def test_a_policy_beside_the_lab_file_is_found(tmp_path: Path) -> None:
+    (tmp_path / "mine.policy.json").write_text(shipped_policy_path().read_text())
+    line = '"crazyflie21-upgraded"\npolicy = "mine.policy.json"'
+    lab = lab_of(tmp_path, LAB.replace('"crazyflie21-upgraded"', line))
+    assert flight_setup(lab).policy == str(tmp_path / "mine.policy.json")
 
 
 def test_the_file_in_the_working_folder_counts_unless_another_is_given(

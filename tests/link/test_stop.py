@@ -1,12 +1,13 @@
 """The stop path alone: it leaves at once, goes on until locked, and outlives the link."""
 
 import socket
+import threading
 
 import pytest
 
 from onboard.link import DroneLink
 from onboard.link.driver import ResendingUdpDriver, links_live_in
-from onboard.link.errors import LinkInputError
+from onboard.link.errors import LinkError, LinkInputError
 from onboard.link.stop import LONGEST_S, SILENT_S, StopPath
 from onboard.link.stop_drone import stop_drone
 from onboard.link.stop_ports import UdpStopPort
@@ -41,6 +42,37 @@ def test_an_answer_that_is_lost_is_asked_for_again(tiny: TinyDrone) -> None:
     tiny.drop = lose_three
     assert stop_drone(tiny.uri).locked
     assert len(asked) >= 4
+
+
+def test_a_name_that_nobody_finds_is_given_up_and_said_so() -> None:
+    found = threading.Event()
+
+    def waits_for_the_network(_host: str) -> str:
+        found.wait()
+        return "127.0.0.1"
+
+    try:
+        with pytest.raises(LinkError, match=r"nobody says within 3 s where drone\.lab is.*cut its power"):
+            stop_drone("udp://drone.lab:19850", waits_for_the_network)
+    finally:
+        found.set()
+
+
+def test_a_drone_whose_host_has_a_name_is_stopped(tiny: TinyDrone) -> None:
+    asked: list[str] = []
+
+    def table(host: str) -> str:
+        asked.append(host)
+        return "127.0.0.1"
+
+    assert stop_drone(tiny.uri.replace("127.0.0.1", "drone.lab"), table).locked
+    assert asked == ["drone.lab"]
+    with pytest.raises(LinkError, match="no such name"):
+        stop_drone("udp://elsewhere:1", unknown)
+
+
+def unknown(_host: str) -> str:
+    raise OSError("no such name")
 
 
 def test_a_silent_drone_is_given_up_and_said_so() -> None:

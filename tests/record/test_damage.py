@@ -177,6 +177,32 @@ def test_damaged_words_give_our_errors_and_no_others(
     read(copy(closed, tmp_path / "run", name, damage))
 
 
+@pytest.mark.parametrize("name", ["run.json", "events.jsonl"])
+def test_every_single_bit_of_the_words(closed: Path, tmp_path: Path, name: str) -> None:
+    """A wrong bit is refused, or is in what says no word of the run: spaces, and the name of a checksum."""
+    whole = read_run(closed)
+    data = (closed / name).read_bytes()
+    folder = copy(closed, tmp_path / "run", "", lambda data: None)
+    refused = 0
+    for place in range(len(data)):
+        damaged = bytearray(data)
+        damaged[place] ^= 1 << place % 8
+        (folder / name).write_bytes(damaged)
+        try:
+            record = read_run(folder)
+        except RunFolderError:
+            refused += 1
+            continue
+        assert record.torn or holds(record, whole), place
+    assert refused > 0.9 * len(data.replace(b" ", b""))
+
+
+def holds(record: RunRecord, whole: RunRecord) -> bool:
+    """Whether it says all that was said, and at most the checksum under another name."""
+    pairs = [(record.info, whole.info), *zip(record.events, whole.events, strict=True)]
+    return all(mine.get(key) == value for mine, theirs in pairs for key, value in theirs.items())
+
+
 def test_a_record_of_an_earlier_version_has_no_crc_and_is_read(closed: Path, tmp_path: Path) -> None:
     def without(data: bytearray) -> None:
         position = 8

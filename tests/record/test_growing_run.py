@@ -1,5 +1,6 @@
 """A record that is followed while it is written: every message once, whole, in its order; damage is named."""
 
+import json
 import shutil
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from calibration.flights.checksum import with_checksum
 from calibration.flights.growing_run import GrowingRun
 from calibration.flights.run_folder import RunFolderError, read_run
 from perchhw.record import RunRecorder
@@ -29,8 +31,8 @@ def test_whatever_the_pieces_it_adds_up(
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
     content = {name: (whole / name).read_bytes() for name in FILES}
-    open_info = content["run.json"].replace(b'"closed": true', b'"closed": false')
-    (folder / "run.json").write_bytes(open_info)
+    open_info = with_checksum({**json.loads(content["run.json"]), "closed": False})
+    (folder / "run.json").write_text(json.dumps(open_info))
     run, times, messages, events = GrowingRun(folder), {}, {}, []
     pieces = [(0.0, 0.0), *zip(series_shares, event_shares, strict=False), (1.0, 1.0)]
     for series_share, event_share in pieces:

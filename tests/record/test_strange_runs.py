@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from calibration.flights.checksum import with_checksum
 from calibration.flights.run_folder import read_run
 from onboard.errors import PerchhwError
 from perchhw.record.export import ExportFormat, export_run
@@ -43,7 +44,7 @@ def test_it_is_shown_or_refused(folder: Path, tmp_path: Path, key: str, value: A
     for parent in parents:
         target = target[parent]
     target[last] = value
-    (strange / "run.json").write_text(json.dumps(info))
+    (strange / "run.json").write_text(json.dumps(with_checksum(info)))
     for format in (ExportFormat.FOXGLOVE, ExportFormat.ROS2):
         with contextlib.suppress(PerchhwError):
             export_run(read_run(strange), tmp_path / "out", format)

@@ -37,6 +37,7 @@ from perchhw.supervisor.events import (
     EmergencyStop,
     FlyCourse,
     GoTo,
+    HostStoodStill,
     Land,
     StartApproach,
     TakeOff,
@@ -122,6 +123,7 @@ EVENTS: st.SearchStrategy[Event | Answer] = st.one_of(
     st.builds(Answer, st.integers(0, 4), st.booleans(), st.none() | COMMANDS),
     st.sampled_from([StopConfirmed(), StopUnconfirmed("silent"), LinkDown("gone")]),
     st.sampled_from([RecordLost("disk full"), InternalError("ValueError"), OperatorAbort()]),
+    st.just(HostStoodStill("2 s, need at most 0.3 s")),
     st.just(OperatorAbort(urgent=True)),
 )
 WAITS = st.one_of(st.sampled_from([0.0, 0.02, 0.02, 0.02, 0.5, 3.0, 30.0]), st.sampled_from([-10.0, nan]))

@@ -6,11 +6,12 @@ from typing import Any
 import pytest
 
 from onboard.app_interface import EndReason, LandingState
-from perchhw.supervisor import CommandFailed, FlightState, Order, Phase, Tick, Timing, step
+from onboard.supervisor_info import SupervisorBits, SupervisorInfo
+from perchhw.supervisor import CommandFailed, FlightState, LinkDown, Order, Phase, Tick, Timing, step
 from perchhw.supervisor.events import Brake, Disarm, EmergencyStop, Land
 
-from .simulated_attempt import MISSION, PERIOD
-from .states import DESCENDING, good_in, state_in
+from .simulated_attempt import FLYING, MISSION, PERIOD
+from .states import ALL_PHASES, BEFORE_ARMING, DESCENDING, HOVERING, good_in, mission_of, state_in
 
 TOLD = "MOTORS CUT BEFORE IT WAS DOWN: {}; a drone in the air has fallen"
 FAULT = TOLD.format("the drone did it by itself, its estimate cannot be true any more (FAULT)")
@@ -20,7 +21,7 @@ ENDED = TOLD.format("the drone did it by itself, its supervisor ended the flight
 
 def look(state: FlightState, now: float = PERIOD, **changes: Any) -> tuple[FlightState, list[type]]:
     """The state after one look, well but for `changes`, and what was ordered."""
-    after, orders = step(state, Tick(replace(good_in(state.phase), **changes)), now, MISSION)
+    after, orders = step(state, Tick(replace(good_in(state.phase), **changes)), now, mission_of(state.phase))
     return after, [type(order.command) for order in orders]
 
 
@@ -101,6 +102,65 @@ def test_nothing_else_is_told(phase: Phase, reported: LandingState | None) -> No
     after, _ = look(state_in(phase), landing_state=reported)
     assert (after.fell is not None) == (reported in (LandingState.CUT, LandingState.FAULT))
     assert after.alert == after.fell
+
+
+TUMBLED = SupervisorInfo(FLYING & ~SupervisorBits.CAN_FLY | SupervisorBits.TUMBLED)
+CRASHED = SupervisorInfo(FLYING & ~SupervisorBits.CAN_FLY | SupervisorBits.CRASHED)
+FALLS = SupervisorInfo(FLYING & ~SupervisorBits.CAN_FLY)
+ELSEWHERE = TOLD.format("somebody else stopped the drone, or its own supervisor did")
+LIES = TOLD.format("the drone's own supervisor did it, it lies or tumbles")
+
+
+@pytest.mark.parametrize(("drone", "told"), [(FALLS, ELSEWHERE), (TUMBLED, LIES), (CRASHED, LIES)])
+@pytest.mark.parametrize("phase", [*HOVERING, Phase.APPROACHING, *DESCENDING])
+def test_a_drone_whose_supervisor_cuts_its_motors_in_the_air_is_told(
+    phase: Phase, drone: SupervisorInfo, told: str
+) -> None:
+    after, _ = look(state_in(phase), drone=drone)
+    assert (after.alert, after.fell) == (told, told)
+
+
+@pytest.mark.parametrize("phase", [Phase.TAKING_OFF, Phase.LANDING])
+@pytest.mark.parametrize(("height", "told"), [(0.24, None), (0.26, LIES)])
+def test_a_drone_that_tips_over_on_the_floor_has_not_fallen(
+    phase: Phase, height: float, told: str | None
+) -> None:
+    after, _ = look(state_in(phase), drone=TUMBLED, estimate_position=(-3.0, 0.0, height))
+    assert after.fell == told
+
+
+@pytest.mark.parametrize(
+    ("reported", "then"),
+    [
+        (LandingState.FLIP, Phase.FLIPPING),
+        (LandingState.CUT, Phase.SETTLING),
+        (LandingState.FAULT, Phase.BRAKING),
+    ],
+)
+def test_what_the_landing_app_did_is_not_called_the_supervisors_doing(
+    reported: LandingState, then: Phase
+) -> None:
+    """A flip, and the cut after it; a fault is told by its own name with the next look."""
+    after, _ = look(state_in(Phase.APPROACHING), drone=TUMBLED, landing_state=reported, trigger_count=1)
+    assert (after.phase, after.fell) == (then, None)
+
+
+@pytest.mark.parametrize("phase", [Phase.ARMING, Phase.FLIPPING, Phase.SETTLING, Phase.DISARMING])
+def test_motors_that_need_not_turn_are_not_told(phase: Phase) -> None:
+    after, _ = look(state_in(phase), drone=FALLS)
+    assert after.fell is None
+
+
+def test_how_it_fell_is_told_once() -> None:
+    state = replace(state_in(Phase.MOVING_TO_START), fell="earlier")
+    assert look(state, drone=FALLS)[0].fell == "earlier"
+
+
+@pytest.mark.parametrize("phase", [phase for phase in ALL_PHASES if phase not in BEFORE_ARMING])
+def test_motors_that_are_cut_in_the_air_because_the_link_is_lost_are_told(phase: Phase) -> None:
+    after, _ = step(state_in(phase), LinkDown("link_lost: silent"), PERIOD, mission_of(phase))
+    flies = phase in (*HOVERING, Phase.APPROACHING, *DESCENDING)
+    assert after.fell == (TOLD.format("the host did it (link_lost: silent)") if flies else None)
 
 
 def test_what_was_told_before_stays_when_the_drone_is_down() -> None:

@@ -35,6 +35,7 @@ from perchhw.supervisor.events import (
     EmergencyStop,
     FlyCourse,
     GoTo,
+    HostStoodStill,
     Land,
     StartApproach,
     TakeOff,
@@ -155,6 +156,15 @@ def test_a_lost_record_is_latched_told_and_ends_the_flight_where_that_is_safe(ph
     again, _ = step(state, RecordLost("something else"), 0.2, mission_of(phase))
     if state.phase is not Phase.DONE:
         assert again.record_lost == "No space left on device"
+
+
+@pytest.mark.parametrize("phase", ALL_PHASES)
+def test_a_program_that_stood_still_ends_the_flight_where_that_is_safe_and_says_so(phase: Phase) -> None:
+    state, orders = step(state_in(phase), HostStoodStill("2 s, need at most 0.3 s"), 0.1, mission_of(phase))
+    then, commands = WAY_OUT.get(phase, (phase, []))
+    assert (state.phase, ordered(orders)) == (then, commands)
+    told = "host_stood_still: 2 s, need at most 0.3 s"
+    assert state.aborted_by == (told if phase in WAY_OUT else None)
 
 
 @pytest.mark.parametrize("phase", ALL_PHASES)

@@ -1,6 +1,7 @@
 """What a view holds, read back by Rerun's own reader; a live one ends up the same as a recorded one."""
 
 import itertools
+import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 import rerun as rr
 
+from calibration.flights.checksum import with_checksum
 from calibration.flights.growing_run import GrowingRun
 from perchhw.cli.main import run as perchhw
 from perchhw.view.flight_view import follow
@@ -130,7 +132,7 @@ def growing(whole: Path, folder: Path) -> Iterator[None]:
     """Write the files of `whole` to `folder` in unequal pieces, ``run.json`` closed last."""
     folder.mkdir()
     info = (whole / "run.json").read_text()
-    (folder / "run.json").write_text(info.replace('"closed": true', '"closed": false'))
+    (folder / "run.json").write_text(json.dumps(with_checksum({**json.loads(info), "closed": False})))
     series, events = ((whole / name).read_bytes() for name in ("series.mcap", "events.jsonl"))
     for share in (0.001, 0.13, 0.34567, 0.35, 0.9, 1.0):
         (folder / "series.mcap").write_bytes(series[: int(share * len(series))])

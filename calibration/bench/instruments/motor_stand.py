@@ -31,6 +31,7 @@ from calibration.bench.instruments.errors import (
 )
 from calibration.bench.instruments.motor_token import MotorToken
 from calibration.bench.instruments.supply_keeper import HANG_S
+from calibration.bench.instruments.uninterrupted import to_its_end
 from onboard.clock import Clock, monotonic
 from onboard.closing import Closing
 from onboard.errors import PerchhwError
@@ -243,20 +244,19 @@ class MotorStand(Closing):
         if self._closing.is_set():
             return
         self._closing.set()
-        self._watch.join()
-        self._token.close()
         self._halted = True
-        try:
-            report = self.stop("the end of the test")
-        except KeyboardInterrupt:  # an impatient operator must not get running motors for it
-            self.stop("the end of the test")
-            raise
+        report = to_its_end(self._end)  # an impatient operator must not get running motors for it
         if self._drone.lost is None:
             self._log.close()
         if not report.confirmed:
             raise MotorsNotStopped(f"THE MOTORS MAY STILL TURN, cut the power by hand: {report.trouble}")
         if self._remote_cut is not None:
             self._remote_cut.rest()
+
+    def _end(self) -> StopReport:
+        self._watch.join()
+        self._token.close()
+        return self.stop("the end of the test")
 
     def _apply(self, mode: int, values: Mapping[int, int]) -> None:
         """Write set-points, then the mode. Whatever goes wrong on the way stops the motors."""
@@ -274,7 +274,8 @@ class MotorStand(Closing):
             self._drone.set_param(_ENABLE, mode)
         except BaseException as error:
             self._halted = True
-            self.stop(f"the command failed: {error}")
+            reason = f"the command failed: {error}"
+            to_its_end(lambda: self.stop(reason))
             raise
         self._off = False  # a stop meanwhile may have come before the mode
         if self._failure is not None:
