@@ -47,8 +47,8 @@ class Parameters:
             raise CommandRefused(f"the drone refuses to read {name}: status {status}, {len(value)} bytes")
         return variable.unpack(value)
 
-    def write(self, name: str, value: float) -> None:
-        """Set the value; returns when the drone has echoed exactly it.
+    def write(self, name: str, value: float, retry_s: float | None = None) -> None:
+        """Set the value; returns when the drone has echoed exactly it. `retry_s` as of :meth:`Exchange.ask`.
 
         Raises:
             NoSuchVariable, LinkInputError, CommandRefused, LinkTimeout, LinkLost.
@@ -65,6 +65,7 @@ class Parameters:
             accepts=lambda data: data[:2] == ident,
             within=self._within,
             what=f"set {name} = {value}",
+            retry_s=retry_s,
         )
         if reply != request:
             raise CommandRefused(f"the drone did not take {name} = {value}: it answered {reply[2:].hex()}")

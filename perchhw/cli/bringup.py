@@ -137,7 +137,7 @@ def _phrase() -> str:
 
     return _answer(
         "Take the propellers OFF and hold the drone fast. If this program dies, nothing but the "
-        f"app on the drone stops the motors, after 0.25 s. Type {UNLOCK_PHRASE!r}: "
+        f"app on the drone stops the motors, within 0.25 s. Type {UNLOCK_PHRASE!r}: "
     )
 
 
