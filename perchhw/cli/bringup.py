@@ -15,6 +15,7 @@ from perchhw.consoles import progress_console
 
 if TYPE_CHECKING:
     from perchhw.bringup.passes import Passes
+    from perchhw.bringup.reaction import Reaction
     from perchhw.doctor import Finding
     from perchhw.lab.setup import FlightSetup
     from perchhw.screen.display import Display
@@ -43,7 +44,10 @@ def bringup(
         str | None, typer.Option(help="motors: the phrase that unlocks them, typed in advance.")
     ] = None,
     saw: Annotated[
-        str | None, typer.Option(help='motors: what was seen to turn, "1 ccw,2 cw,3 ccw,4 cw".')
+        str | None,
+        typer.Option(
+            help='motors: what was seen to turn, "1 ccw,2 cw,3 ccw,4 cw"; or "1,2,3,4" where the gyro tells.'
+        ),
     ] = None,
 ) -> int:
     """Climb the ladder to the first flight: motors, tilt, hover, step, approach, landing.
@@ -136,20 +140,20 @@ def _phrase() -> str:
     from calibration.bench.instruments.motor_stand import UNLOCK_PHRASE
 
     return _answer(
-        "Take the propellers OFF and hold the drone fast. If this program dies, nothing but the "
-        f"app on the drone stops the motors, within 0.25 s. Type {UNLOCK_PHRASE!r}: "
+        "Take the propellers OFF. Hang the drone level on a thread, free to turn, and calm it: then its gyro "
+        "tells which way each motor turns. Or hold it fast, and see that yourself. If this program dies, "
+        f"nothing but the app on the drone stops the motors, within 0.25 s. Type {UNLOCK_PHRASE!r}: "
     )
 
 
-def _eyes(saw: str | None) -> Callable[[int], str]:
-    """What the operator saw: given in advance, or asked."""
+def _eyes(saw: str | None) -> "Callable[[int, Reaction], str]":
+    """What the operator saw: given in advance, or asked; the direction only where the gyro cannot tell."""
     if saw is not None:
         answers = saw.split(",")
-        return lambda motor: answers[motor - 1] if motor <= len(answers) else ""
-    return lambda _motor: _answer(
-        "Which motor turned (1 front right, 2 back right, 3 back left, 4 front left), and which way seen "
-        "from above, cw or ccw? "
-    )
+        return lambda motor, _: answers[motor - 1] if motor <= len(answers) else ""
+    which = "Which motor turned (1 front right, 2 back right, 3 back left, 4 front left)"
+    way = ", and which way seen from above, cw or ccw"
+    return lambda _, felt: _answer(f"{which}{way if felt.direction is None else ''}? ")
 
 
 def _answer(question: str) -> str:

@@ -131,6 +131,26 @@ def test_motors_turn_one_by_one_and_what_was_seen_is_judged(capsys: pytest.Captu
         assert (code, missing(document), climb()[1]["passed"]) == (1, wrong, [])
 
 
+@pytest.mark.soak
+@pytest.mark.timeout(240)
+@pytest.mark.parametrize(
+    ("fault", "wrong"),
+    [
+        ((), []),
+        (("--fault", "motors_swapped=1,2"), ["motor_1", "motor_2"]),
+        (("--fault", "motor_reversed=4"), ["motor_4"]),
+    ],
+)
+def test_on_a_thread_the_gyro_tells_what_the_operator_does_not_see(
+    fault: tuple[str, ...], wrong: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Who believes to see what should be passes nothing that turns the wrong way."""
+    with ladder(capsys, "--fault", "hung_at=0", *fault) as climb:
+        code, document = climb("motors", "--confirm", PHRASE, "--saw", "1,2,3,4")
+        assert (code, missing(document)) == (1 if wrong else 0, wrong), document
+        assert climb()[1]["passed"] == ([] if wrong else ["motors"])
+
+
 def test_a_step_that_does_not_exist_is_wrong_usage(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["bringup", "--step", "flip"]) == 2
     assert "motors, tilt, hover" in capsys.readouterr().err

@@ -111,9 +111,9 @@ class Variable(NamedTuple):
     read_only: bool = False
 
 
-INTERRUPTIBLE = "-finstrument-functions"
-"""Flag of a build whose tasks can be interrupted wherever a function begins or ends."""
-
+INTERRUPTIBLE = ("-finstrument-functions", "-Dmemcpy=shim_copy")
+"""Flags of a build whose tasks can be interrupted wherever a function begins or ends, and where bytes are
+copied."""
 
 ANSWERS = (
     "shim_write",
@@ -241,17 +241,17 @@ class Shell:
         """One packet."""
         return bool(self._library.shim_memory_write(c_uint32(address), c_uint8(len(data)), data))
 
-    def interrupt_parameters(self, functions: int) -> None:
-        """Interrupt the callback of the next write once it has begun or ended so many functions."""
-        self._library.shim_interrupt_parameters(c_int(functions))
+    def interrupt_parameters(self, place: int) -> None:
+        """Interrupt the callback of the next write at this place, from 1 on; 0: nowhere."""
+        self._library.shim_interrupt_parameters(c_int(place))
 
     def go_on_with_parameters(self) -> None:
         """Let the interrupted callback go on."""
         self._library.shim_go_on_with_parameters()
 
-    def begin_memory_write(self, address: int, data: bytes, functions: int) -> None:
-        """One packet, whose task is interrupted once it has begun or ended so many functions."""
-        self._library.shim_interrupt_memory(c_int(functions))
+    def begin_memory_write(self, address: int, data: bytes, place: int) -> None:
+        """One packet, whose task is interrupted at this place, from 1 on."""
+        self._library.shim_interrupt_memory(c_int(place))
         self._library.shim_begin_memory_write(c_uint32(address), c_uint8(len(data)), data)
 
     @property

@@ -1,7 +1,6 @@
-"""Two tasks of one priority: the memory's and the parameters', of which each may interrupt the other anywhere."""
+"""Two tasks of one priority, the memory's and the parameters': each may interrupt the other anywhere."""
 
 import zlib
-from pathlib import Path
 
 import pytest
 
@@ -22,7 +21,7 @@ def shell(tmp_path_factory: pytest.TempPathFactory) -> Shell:
     if find_compiler() is None:
         pytest.skip("no C compiler: the drone's code in C cannot be tested")
     folder = tmp_path_factory.mktemp("interruptible")
-    return Shell(build_shell(folder, load_vehicle(VEHICLE), INTERRUPTIBLE))
+    return Shell(build_shell(folder, load_vehicle(VEHICLE), *INTERRUPTIBLE))
 
 
 def stage(shell: Shell) -> None:
@@ -33,15 +32,15 @@ def stage(shell: Shell) -> None:
     shell.set(Parameter.POLICY_CRC, zlib.crc32(BUNDLE))
 
 
-def begin_packet(shell: Shell, functions: int) -> bool:
-    """Whether the packet was interrupted, once so many functions were begun or ended."""
-    shell.begin_memory_write(LAST, ANOTHER, functions)
+def begin_packet(shell: Shell, place: int) -> bool:
+    """Whether the packet was interrupted: it has no more places than that."""
+    shell.begin_memory_write(LAST, ANOTHER, place)
     return shell.memory_waits
 
 
-def begin_commit(shell: Shell, functions: int) -> bool:
+def begin_commit(shell: Shell, place: int) -> bool:
     """Whether the commit was interrupted, likewise."""
-    shell.interrupt_parameters(functions)
+    shell.interrupt_parameters(place)
     assert shell.write(Parameter.POLICY_COMMIT, 1)
     return shell.callback_waits
 

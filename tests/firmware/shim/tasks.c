@@ -1,6 +1,7 @@
 /* Tasks on stacks of their own, each of which runs until it delays itself.
  *
- * Compiled with -finstrument-functions a task can be interrupted, too, wherever a function begins or ends. */
+ * Compiled with -finstrument-functions -Dmemcpy=shim_copy a task can be interrupted, too: wherever a function begins or
+ * ends, and before, after and in the middle of what is copied. */
 #include "tasks.h"
 
 #include <stdlib.h>
@@ -61,6 +62,22 @@ __attribute__((no_instrument_function)) static void interrupt_in_time(void) {
   if (task != NULL && task->interrupted_in > 0 && --task->interrupted_in == 0) {
     swapcontext(&task->context, &outside);
   }
+}
+
+NOT_ITSELF void *shim_copy(void *to, const void *from, size_t bytes);
+
+void *shim_copy(void *to, const void *from, size_t bytes) {
+  uint8_t *target = to;
+  const uint8_t *source = from;
+  interrupt_in_time();
+  for (size_t i = 0; i < bytes; i++) {
+    if (i == bytes / 2) {
+      interrupt_in_time();
+    }
+    target[i] = source[i];
+  }
+  interrupt_in_time();
+  return to;
 }
 
 NOT_ITSELF void __cyg_profile_func_enter(void *function, void *caller);

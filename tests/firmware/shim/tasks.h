@@ -12,7 +12,7 @@ typedef struct {
   void *argument;
   bool is_alive;
   uint32_t wakes_at;  /* ms: when its delay is over */
-  int interrupted_in; /* functions that it still begins or ends before; 0: it is not interrupted */
+  int interrupted_in; /* places until it is interrupted; 0: it is not */
 } shim_task;
 
 /* Run a function on the task's stack until it ends, delays itself or is interrupted. */
