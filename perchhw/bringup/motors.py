@@ -19,7 +19,7 @@ DIRECTIONS: Final = {1: "ccw", 2: "cw", 3: "ccw", 4: "cw"}
 """Of motors 1 to 4 seen from above: M1 front right, M2 back right, M3 back left, M4 front left (Bitcraze)."""
 STEP = 40
 """Of 256: a bare motor starts surely, and does not race."""
-TURNS = 3
+TURNS = 4
 PERIOD_S = 0.6
 """s for which a motor turns, and then stands."""
 _WHERE: Final = {1: "front right", 2: "back right", 3: "back left", 4: "front left"}
@@ -34,7 +34,7 @@ Ask = Callable[[int, Reaction], str]
 
 
 def motors(drone: str, phrase: str, saw: Ask) -> tuple[Finding, ...]:
-    """Turn each motor three times, and compare with what gyro and operator say.
+    """Turn each motor four times, and compare with what gyro and operator say.
 
     Args:
         drone: its URI.

@@ -41,9 +41,9 @@ def test_of_a_drone_on_a_thread_the_gyro_tells_which_way_each_motor_turns(motor:
     answer = felt(motor, DroneFaults(hung_at=HUNG))
     assert answer.direction == DIRECTIONS[motor]
     body = load_vehicle(VEHICLE).body.inertia_zz.value
-    free = math.degrees(ROTOR_INERTIA * SPEED_PER_VOLT * 4.1 * STEP / 256 / body)  # without friction
-    assert 0.8 * free < abs(answer.step) < free
-    assert answer.error < 0.1 * free
+    frictionless = math.degrees(ROTOR_INERTIA * SPEED_PER_VOLT * 4.1 * STEP / 256 / body)
+    assert abs(answer.step) == pytest.approx(frictionless, rel=0.2)
+    assert answer.error < 0.1 * frictionless
 
 
 def test_faults_of_direction_are_found() -> None:
@@ -64,7 +64,7 @@ def test_of_a_drone_that_stands_it_tells_nothing() -> None:
 
 
 def test_a_hand_that_shakes_is_not_taken_for_a_motor() -> None:
-    """5 deg/s rms, correlated over 0.3 s: by Student's distribution one in 240 looks like a motor."""
+    """5 deg/s rms, correlated over 0.3 s."""
     rng = np.random.default_rng(0)
     times = 0.01 * np.arange((1 + 2 * TURNS) * 60)
     driven = (np.arange(len(times)) // 60) % 2 == 1
@@ -75,7 +75,7 @@ def test_a_hand_that_shakes_is_not_taken_for_a_motor() -> None:
         for i, push in enumerate(5.0 * math.sqrt(1.0 - keep**2) * rng.standard_normal(len(times) - 1)):
             rates[i + 1] = keep * rates[i] + push
         told += reaction(times, rates, driven).direction is not None
-    assert told <= 6
+    assert told <= 3
 
 
 def test_a_recording_that_breaks_off_tells_nothing() -> None:
