@@ -138,11 +138,12 @@ def _motors(drone: str, phrase: str | None, saw: str | None) -> "tuple[Finding, 
 
 def _phrase() -> str:
     from calibration.bench.instruments.motor_stand import UNLOCK_PHRASE
+    from onboard.app_interface import MOTOR_STOP_MS
 
     return _answer(
         "Take the propellers OFF. Hang the drone level on a thread, free to turn, and calm it: then its gyro "
         "tells which way each motor turns. Or hold it fast, and see that yourself. If this program dies, "
-        f"nothing but the app on the drone stops the motors, within 0.25 s. Type {UNLOCK_PHRASE!r}: "
+        f"nothing but the app on the drone stops the motors, within {1e-3 * MOTOR_STOP_MS:g} s. Type {UNLOCK_PHRASE!r}: "
     )
 
 

@@ -38,7 +38,10 @@ class Ladder:
 
     @property
     def where(self) -> tuple[str, ...]:
-        return "--drone", self.lab.drones[0], "--mocap", self.lab.mocap[0]
+        """Motors of a bench are watched on the wall clock: by a drone that bears a busy machine."""
+        drone = self.lab.drones[0]
+        patient = f"{drone}{'&' if '?' in drone else '?'}silence_s=15"
+        return "--drone", patient, "--mocap", self.lab.mocap[0]
 
     def has_passed(self, *steps: str) -> None:
         """Note passes that another test climbs for."""
@@ -116,8 +119,8 @@ def test_a_drone_that_is_put_together_wrongly_fails_the_hover(
         assert climb("step")[0] == 3
 
 
-@pytest.mark.soak  # motors of a bench are watched on the wall clock, 0.4 s: not beside the other tests
-@pytest.mark.timeout(120)
+@pytest.mark.soak
+@pytest.mark.timeout(240)
 def test_motors_turn_one_by_one_and_what_was_seen_is_judged(capsys: pytest.CaptureFixture[str]) -> None:
     with ladder(capsys) as climb:
         code, document = climb("motors", "--confirm", "go", "--saw", "1 ccw")
