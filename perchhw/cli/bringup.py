@@ -143,7 +143,8 @@ def _phrase() -> str:
     return _answer(
         "Take the propellers OFF. Hang the drone level on a thread, free to turn, and calm it: then its gyro "
         "tells which way each motor turns. Or hold it fast, and see that yourself. If this program dies, "
-        f"nothing but the app on the drone stops the motors, within {1e-3 * MOTOR_STOP_MS:g} s. Type {UNLOCK_PHRASE!r}: "
+        f"nothing but the app on the drone stops the motors, within {1e-3 * MOTOR_STOP_MS:g} s. "
+        f"Type {UNLOCK_PHRASE!r}: "
     )
 
 
