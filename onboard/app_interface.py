@@ -7,7 +7,8 @@ volatile: after a reboot they have their defaults and there is no policy.
 `OWN_LAW` says who flies take-off, hover and level-out, as the planner asks: 1 our law, 0 the firmware's PID.
 The simulated drone has no such PID; there it is always 1.
 `MOTOR_TOKEN` is written again and again by a host whose bench test runs motors through ``motorPowerSet``.
-Once it has been written, the app unsets them as soon as it is not written for `MOTOR_TOKEN_MS`.
+Once it has been written, the app unsets them when it has not been written for `MOTOR_TOKEN_MS`; the motors
+are off within `MOTOR_STOP_MS` of the last write.
 
 `REHEARSE` switches a rehearsal on the desk: landing machine, policy and law compute as in flight, on poses
 that the host sends, and nothing turns. It is taken only while the supervisor is neither armed nor flying, no
@@ -42,8 +43,11 @@ INTERFACE_VERSION = 2
 REQUEST_TIMEOUT_MS = 20
 """Longest wait of a callback for the control loop: other parameters and the link must not starve."""
 
-MOTOR_TOKEN_MS = 250
-"""Motors of a bench test outlive the last write of `Parameter.MOTOR_TOKEN` by this."""
+MOTOR_STOP_MS = 250
+"""Motors of a bench test outlive the last write of `Parameter.MOTOR_TOKEN` by this at most."""
+
+MOTOR_TOKEN_MS = 220
+"""How long the drone takes such a write for a living host; the rest is for tasks that must wait."""
 
 MEMORY_TYPE_APP = 0x18
 """Memory type that the firmware reserves for apps (MEM_TYPE_APP)."""

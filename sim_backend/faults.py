@@ -37,6 +37,12 @@ _DRONE_RULES: FaultRules = {
     "propeller_reversed": FaultRule(
         integer(1, 2, 3, 4), "N: the propeller of motor N is of the other direction and lifts nothing"
     ),
+    "motor_reversed": FaultRule(
+        integer(1, 2, 3, 4), "N: motor N turns the wrong way, and its propeller lifts nothing"
+    ),
+    "hung_at": FaultRule(
+        window(120.0), "S[:DURATION]: the drone hangs on a thread, free to turn, its propellers off"
+    ),
     "held_at": FaultRule(
         window(2.0), "S[:DURATION]: a person holds the drone, nose down, then left side down, by 30 deg"
     ),

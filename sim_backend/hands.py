@@ -16,29 +16,39 @@ _LEFT_SIDE_DOWN: Quaternion = (-math.sin(_HALF), 0.0, 0.0, math.cos(_HALF))
 
 
 class Wiring(NamedTuple):
-    """Which output of the board each motor is connected to (index), and the share of it that lifts."""
+    """Which output of the board each motor is connected to (index), the share of it that lifts, and which way
+    the motor turns: 1 its own, -1 the other."""
 
     output: tuple[int, int, int, int]
     lifts: tuple[float, float, float, float]
+    turns: tuple[int, int, int, int]
 
     def delivered(self, duties: FloatArray) -> FloatArray:
         """What motors 1 to 4 make of the board's `duties`, both (4,)."""
         return duties[list(self.output)] * self.lifts
 
 
-WIRED = Wiring((0, 1, 2, 3), (1.0, 1.0, 1.0, 1.0))
+WIRED = Wiring((0, 1, 2, 3), (1.0, 1.0, 1.0, 1.0), (1, 1, 1, 1))
 """As it should be."""
 
 
 def wiring_of(faults: DroneFaults) -> Wiring:
-    """The wiring of a drone with these faults."""
-    output, lifts = list(WIRED.output), list(WIRED.lifts)
+    """The wiring of a drone with these faults; :data:`WIRED` itself where there are none."""
+    output, lifts, turns = list(WIRED.output), list(WIRED.lifts), list(WIRED.turns)
     if faults.motors_swapped is not None:
         a, b = (motor - 1 for motor in faults.motors_swapped)
         output[a], output[b] = output[b], output[a]
     if faults.propeller_reversed:
         lifts[faults.propeller_reversed - 1] = 0.0
-    return Wiring((output[0], output[1], output[2], output[3]), (lifts[0], lifts[1], lifts[2], lifts[3]))
+    if faults.motor_reversed:
+        lifts[faults.motor_reversed - 1] = 0.0
+        turns[faults.motor_reversed - 1] = -1
+    wiring = Wiring(
+        (output[0], output[1], output[2], output[3]),
+        (lifts[0], lifts[1], lifts[2], lifts[3]),
+        (turns[0], turns[1], turns[2], turns[3]),
+    )
+    return WIRED if wiring == WIRED else wiring
 
 
 def attitude_in_hand(held: Window, time: float) -> Quaternion | None:

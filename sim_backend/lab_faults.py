@@ -21,6 +21,8 @@ class DroneFaults:
         policy_weight: factor of one weight of each policy that goes live, which no checksum shows.
         motors_swapped: two motors (1..4) whose connectors are exchanged.
         propeller_reversed: motor (1..4) with the wrong kind of propeller, which lifts nothing; 0: none.
+        motor_reversed: motor (1..4) that turns the wrong way, so that its propeller lifts nothing; 0: none.
+        hung_at: while the drone hangs on a thread, free to turn, its propellers off.
         survey_at: a person surveys the room from then on (:mod:`sim_backend.survey`).
         survey_ceiling: the plane that is touched then; None: the room's.
         held_at: while a person holds the drone: half of the time nose down, then left side down, by 30 deg.
@@ -34,6 +36,8 @@ class DroneFaults:
     policy_weight: float = 1.0
     motors_swapped: tuple[int, int] | None = None
     propeller_reversed: int = 0
+    motor_reversed: int = 0
+    hung_at: Window = NO_TIME
     held_at: Window = NO_TIME
     survey_at: Window = NO_TIME
     survey_ceiling: CeilingTruth | None = None

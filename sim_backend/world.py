@@ -21,6 +21,7 @@ from sim_backend.crazyflie.interfaces import Localization
 from sim_backend.engine_name import EngineName
 from sim_backend.errors import SimulationError
 from sim_backend.hands import WIRED, Wiring, attitude_in_hand, hold_in_hand, wiring_of
+from sim_backend.hung import HungDrone
 from sim_backend.lab_faults import DroneFaults
 from sim_backend.physics.effects.sensors import tracked_attitude, tracked_position
 from sim_backend.physics.parameters import PARAMETERS, physics_parameters
@@ -81,6 +82,7 @@ class Drone:
         dead: no power any more (fault).
         placements: how often the operator put it on its mark.
         held: attitude in which a person holds it; None: nobody does.
+        hung: it hangs on a thread, without propellers; None: it does not.
         turned: whether a person who surveys the room has turned it.
     """
 
@@ -101,8 +103,9 @@ class Drone:
         self.dead = False
         self.placements = 0
         self.held: Quaternion | None = None
+        self.hung: HungDrone | None = None
         self.turned = False
-        self._wiring = None if wiring == WIRED else wiring
+        self._wiring = wiring
         self._parameters = parameters
         self._pads = pads
         self._stored_parameters: NDArray[np.void] = np.array([parameters], dtype=PARAMETERS)
@@ -116,7 +119,7 @@ class Drone:
         # Views into the record: fields of a record are slow to look up a thousand times a second.
         self._specific_force = self.state["specific_force"]
         self._rates = self.state["omega"]
-        self._duties = np.zeros(4)
+        self._outputs = self._duties = np.zeros(4)
         self._boots = firmware.boot_count
         self._to_be_placed = False
 
@@ -129,9 +132,12 @@ class Drone:
             self.place_on_start_mark()
         if not self.frozen:
             voltage = float(self.state["battery_voltage"])
-            self._duties = self.firmware.step(self._specific_force, self._rates, voltage)
-            if self._wiring is not None:
-                self._duties = self._wiring.delivered(self._duties)
+            self._outputs = self._duties = self.firmware.step(self._specific_force, self._rates, voltage)
+            if self._wiring is not WIRED:
+                self._duties = self._wiring.delivered(self._outputs)
+        if self.hung is not None:
+            self.hung.step(self.state, self._outputs, float(self.state["battery_voltage"]), DT)
+            return
         if self.held is not None:
             hold_in_hand(self.state, self.held)
             return
@@ -159,12 +165,17 @@ class Drone:
         self.state["position"][:2] += survey.aside
         self.turned = True
 
+    def hang(self) -> None:
+        """Take its propellers off and hang it on a thread, until it is put back on its mark."""
+        self.hung = HungDrone(float(self._parameters["inertia"][2]), self._wiring)
+
     def place_on_start_mark(self) -> None:
         """The operator's work: back on the mark, upright, still, with a fresh battery."""
         self._storage[0] = self._at_mark[0]
         self._draw_pads()
         self._past.clear()
         self._to_be_placed = self.turned = False
+        self.hung = None
         self.placements += 1
 
     @property
@@ -336,7 +347,13 @@ class World:
         return [drone.pose() for drone in self.drones] + ([] if wand is None else [wand])
 
     def _hold(self) -> None:
-        """A person holds or turns the drones, and puts them back on their marks."""
+        """A person hangs, holds or turns the drones, and puts them back on their marks."""
+        hung = self._faults.hung_at.covers(self.time)
+        for drone in self.drones:
+            if hung and drone.hung is None:
+                drone.hang()
+            elif drone.hung is not None and not hung:
+                drone.place_on_start_mark()
         turned = self._survey.turns(self.time)
         for drone in self.drones:
             if turned and not drone.turned and drone.at_rest:  # nobody reaches for one that flies

@@ -130,8 +130,10 @@ class DroneLink(Closing):
         """
         return self._parameters.read(name)
 
-    def set_param(self, name: str, value: float) -> None:
+    def set_param(self, name: str, value: float, *, retry_s: float | None = None) -> None:
         """Set a parameter; returns when the drone has echoed exactly this value.
+
+        `retry_s`: say it again so often until then, s; None: as the link needs it.
 
         The echo says that the value arrived, not what the firmware makes of it: where it answers through
         another parameter or log (arming, committing), read that.
@@ -141,7 +143,7 @@ class DroneLink(Closing):
             LinkInputError: the value does not fit its type.
             CommandRefused: it is read-only, or the drone echoes another value.
         """
-        self._parameters.write(name, value)
+        self._parameters.write(name, value, retry_s)
 
     def set_params(self, values: Mapping[str, float]) -> None:
         """Set several parameters in the given order; stops at the first error."""

@@ -47,8 +47,8 @@ class Parameters:
             raise CommandRefused(f"the drone refuses to read {name}: status {status}, {len(value)} bytes")
         return variable.unpack(value)
 
-    def write(self, name: str, value: float) -> None:
-        """Set the value; returns when the drone has echoed exactly it.
+    def write(self, name: str, value: float, retry_s: float | None = None) -> None:
+        """Set the value; returns when the drone has echoed exactly it. `retry_s` as of :meth:`Exchange.ask`.
 
         An echo of another value answers an earlier write that was sent twice or given up: the firmware echoes
         what it was sent (``paramWriteProcess`` in ``param_logic.c``).
@@ -68,4 +68,5 @@ class Parameters:
             accepts=lambda data: data == request,
             within=self._within,
             what=f"set {name} = {value}",
+            retry_s=retry_s,
         )

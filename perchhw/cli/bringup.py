@@ -16,6 +16,7 @@ from perchhw.operator_signals import ending_in_order
 
 if TYPE_CHECKING:
     from perchhw.bringup.passes import Passes
+    from perchhw.bringup.reaction import Reaction
     from perchhw.doctor import Finding
     from perchhw.lab.setup import FlightSetup
     from perchhw.screen.display import Display
@@ -44,7 +45,10 @@ def bringup(
         str | None, typer.Option(help="motors: the phrase that unlocks them, typed in advance.")
     ] = None,
     saw: Annotated[
-        str | None, typer.Option(help='motors: what was seen to turn, "1 ccw,2 cw,3 ccw,4 cw".')
+        str | None,
+        typer.Option(
+            help='motors: what was seen to turn, "1 ccw,2 cw,3 ccw,4 cw"; or "1,2,3,4" where the gyro tells.'
+        ),
     ] = None,
 ) -> int:
     """Climb the ladder to the first flight: motors, tilt, hover, step, approach, landing.
@@ -132,22 +136,24 @@ def _motors(drone: str, phrase: str | None, saw: str | None) -> "tuple[Finding, 
 
 def _phrase() -> str:
     from calibration.bench.instruments.motor_stand import UNLOCK_PHRASE
+    from onboard.app_interface import MOTOR_STOP_MS
 
     return _answer(
-        "Take the propellers OFF and hold the drone fast. If this program dies, nothing but the "
-        f"app on the drone stops the motors, after 0.25 s. Type {UNLOCK_PHRASE!r}: "
+        "Take the propellers OFF. Hang the drone level on a thread, free to turn, and calm it: then its gyro "
+        "tells which way each motor turns. Or hold it fast, and see that yourself. If this program dies, "
+        f"nothing but the app on the drone stops the motors, within {1e-3 * MOTOR_STOP_MS:g} s. "
+        f"Type {UNLOCK_PHRASE!r}: "
     )
 
 
-def _eyes(saw: str | None) -> Callable[[int], str]:
-    """What the operator saw: given in advance, or asked."""
+def _eyes(saw: str | None) -> "Callable[[int, Reaction], str]":
+    """What the operator saw: given in advance, or asked; the direction only where the gyro cannot tell."""
     if saw is not None:
         answers = saw.split(",")
-        return lambda motor: answers[motor - 1] if motor <= len(answers) else ""
-    return lambda _motor: _answer(
-        "Which motor turned (1 front right, 2 back right, 3 back left, 4 front left), and which way seen "
-        "from above, cw or ccw? "
-    )
+        return lambda motor, _: answers[motor - 1] if motor <= len(answers) else ""
+    which = "Which motor turned (1 front right, 2 back right, 3 back left, 4 front left)"
+    way = ", and which way seen from above, cw or ccw"
+    return lambda _, felt: _answer(f"{which}{way if felt.direction is None else ''}? ")
 
 
 def _answer(question: str) -> str:

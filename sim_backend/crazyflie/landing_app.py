@@ -181,7 +181,7 @@ class LandingApp:
 
     def motors_abandoned(self) -> bool:
         """Whether a host that vouched for the motors of its bench test has fallen silent; told once."""
-        if self._vouched_until is None or self._tick() <= self._vouched_until:
+        if self._vouched_until is None or self._tick() < self._vouched_until:
             return False
         self._vouched_until = None
         return True

@@ -11,7 +11,7 @@ import pytest
 from calibration.bench.instruments.motor_stand import UNLOCK_PHRASE
 from calibration.bench.instruments.supply_keeper import HANG_S
 from calibration.bench.procedures.motors import HAND_PHRASE
-from onboard.app_interface import MOTOR_TOKEN_MS
+from onboard.app_interface import MOTOR_STOP_MS
 from onboard.link.uri import SILENCE_LIMIT
 from perchhw.lab_process import SimulatedLab
 from tests.bench_commands.conftest import Bench, Refused, command
@@ -94,7 +94,7 @@ def test_our_app_on_the_drone_stops_the_motors_of_a_host_that_died(bench: Bench,
         wizard.kill()
         until(lambda: not turning(hands), PATIENCE_S)
     last = spin_record(hands)["spins"][-1]
-    assert last["stopped"] - before < 1e-3 * MOTOR_TOKEN_MS + 0.2
+    assert last["stopped"] - before < 1e-3 * MOTOR_STOP_MS + 0.2
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,8 @@ def test_exchanged_connectors_and_a_wrong_propeller() -> None:
         [0.3, 0.2, 0.1, 0.4]
     )
     assert wiring_of(DroneFaults(propeller_reversed=2)).delivered(BOARD) == pytest.approx([0.1, 0, 0.3, 0.4])
+    reversed_ = wiring_of(DroneFaults(motor_reversed=4))
+    assert reversed_.delivered(BOARD) == pytest.approx([0.1, 0.2, 0.3, 0.0])
     both = DroneFaults(motors_swapped=(1, 2), propeller_reversed=1)
     assert wiring_of(both).delivered(BOARD) == pytest.approx([0.0, 0.1, 0.3, 0.4])
 
@@ -46,6 +48,21 @@ def test_a_drone_in_a_hand_is_tilted_twice_and_then_put_back_on_its_mark() -> No
     world.run(0.5)
     assert (drone.held, drone.placements) == (None, 1)
     assert up_of(drone.pose()[2]) == pytest.approx([0.0, 0.0, 1.0], abs=0.01)
+
+
+def test_a_drone_that_is_hung_turns_to_and_fro_until_it_is_put_back() -> None:
+    world = World(load_vehicle("crazyflie21-upgraded"), faults=DroneFaults(hung_at=Window(0.1, 4.2)))
+    drone = world.drones[0]
+    world.run(0.1)
+    rates = []
+    for _ in range(40):
+        world.run(0.1)
+        assert drone.hung is not None
+        assert drone.pose()[1][2] == 1.0
+        rates.append(float(drone.state["omega"][2]))
+    assert max(rates) == pytest.approx(-min(rates), rel=0.05)
+    world.run(0.2)
+    assert (drone.hung, drone.placements) == (None, 1)
 
 
 def test_who_surveys_the_room_leaves_a_drone_in_the_air_alone() -> None:

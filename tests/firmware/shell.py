@@ -84,6 +84,7 @@ class World(Structure):
         ("armed", c_bool),
         ("pose_tick", c_uint16),
         ("motors", c_uint16 * 4),
+        ("app_late_ms", c_uint32),
         ("motor_override", c_uint8),
         ("estimator", c_uint8),
         ("idle_thrust", c_uint32),
@@ -110,8 +111,23 @@ class Variable(NamedTuple):
     read_only: bool = False
 
 
-def build_shell(folder: Path, vehicle: Vehicle) -> Path:
-    """Compile app, core and shim for one vehicle."""
+INTERRUPTIBLE = ("-finstrument-functions", "-Dmemcpy=shim_copy")
+"""Flags of a build whose tasks can be interrupted wherever a function begins or ends, and where bytes are
+copied."""
+
+ANSWERS = (
+    "shim_write",
+    "shim_parameter_task_waits",
+    "shim_memory_task_waits",
+    "shim_memory_read",
+    "shim_memory_write",
+    "shim_memory_was_written",
+)
+"""What the shim answers with yes or no."""
+
+
+def build_shell(folder: Path, vehicle: Vehicle, *further: str) -> Path:
+    """Compile app, core and shim for one vehicle, with these flags as well."""
     (folder / "perch_vehicle_constants.h").write_text(vehicle_header(vehicle), encoding="utf-8")
     library = folder / "shell.so"
     places = (folder, SHIM / "include", SHIM, SOURCES / "core")
@@ -121,7 +137,7 @@ def build_shell(folder: Path, vehicle: Vehicle) -> Path:
         for file in sorted(place.glob("*.c"))
     ]
     flags = [flag for flag in FLAGS if flag != "-std=c11"]
-    command = [needed_compiler(), "-std=gnu11", *flags, "-fPIC", "-shared"]
+    command = [needed_compiler(), "-std=gnu11", *flags, *further, "-fPIC", "-shared"]
     command += [*(f"-I{place}" for place in places), *sources, "-lm", "-o", str(library)]
     subprocess.run(command, check=True)
     return library
@@ -137,8 +153,9 @@ class Shell:
         self._library.shim_what_came_out.restype = POINTER(Outputs)
         for name in ("shim_parameter_name", "shim_log_name"):
             getattr(self._library, name).restype = c_char_p
-        for name in ("shim_write", "shim_parameter_task_waits", "shim_memory_read", "shim_memory_write"):
+        for name in ANSWERS:
             getattr(self._library, name).restype = c_bool
+        self._library.shim_live_policy.restype = POINTER(c_uint8)
         self.world: World = self._library.shim_the_world().contents
         self.asked: Asked = self._library.shim_what_was_asked().contents
         self.outputs: Outputs = self._library.shim_what_came_out().contents
@@ -198,7 +215,7 @@ class Shell:
         return value
 
     def step(self, milliseconds: int = 1) -> None:
-        """So many turns of the control loop, the parameter task after each, the app's task every 20 ms."""
+        """So many turns of the control loop, the parameter task after each, the app's task when it wakes."""
         for _ in range(milliseconds):
             self.world.tick_ms += 1
             self._library.shim_control(
@@ -207,8 +224,7 @@ class Shell:
             )
             self.step_number += 1
             self._library.shim_go_on_with_parameters()
-            if self.world.tick_ms % 20 == 0:
-                self._library.shim_go_on_with_app()
+            self._library.shim_go_on_with_app()
 
     def leave_to_another_controller(self, milliseconds: int) -> None:
         """Somebody chooses another controller (`stabilizer.controller`), and then ours again."""
@@ -224,6 +240,33 @@ class Shell:
     def write_memory(self, address: int, data: bytes) -> bool:
         """One packet."""
         return bool(self._library.shim_memory_write(c_uint32(address), c_uint8(len(data)), data))
+
+    def interrupt_parameters(self, place: int) -> None:
+        """Interrupt the callback of the next write at this place, from 1 on; 0: nowhere."""
+        self._library.shim_interrupt_parameters(c_int(place))
+
+    def go_on_with_parameters(self) -> None:
+        """Let the interrupted callback go on."""
+        self._library.shim_go_on_with_parameters()
+
+    def begin_memory_write(self, address: int, data: bytes, place: int) -> None:
+        """One packet, whose task is interrupted at this place, from 1 on."""
+        self._library.shim_interrupt_memory(c_int(place))
+        self._library.shim_begin_memory_write(c_uint32(address), c_uint8(len(data)), data)
+
+    @property
+    def memory_waits(self) -> bool:
+        """Whether that write has not ended."""
+        return bool(self._library.shim_memory_task_waits())
+
+    def end_memory_write(self) -> bool:
+        """Let it go on; whether it was accepted."""
+        self._library.shim_go_on_with_memory()
+        return bool(self._library.shim_memory_was_written())
+
+    def live_policy(self, length: int) -> bytes:
+        """The first bytes of what the control loop takes for its policy."""
+        return ctypes.string_at(self._library.shim_live_policy(), length)
 
     def read_memory(self, address: int, length: int) -> bytes | None:
         """One packet; None where it is refused."""

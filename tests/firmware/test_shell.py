@@ -10,8 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from calibration.bench.instruments.motor_token import EVERY_S
 from onboard.app_interface import (
     LOGS,
+    MOTOR_STOP_MS,
     MOTOR_TOKEN_MS,
     PARAMETERS,
     Engine,
@@ -192,10 +194,37 @@ def test_bench_motors_stop_when_their_host_falls_silent(shell: Shell) -> None:
         shell.step(100)
         shell.set(Parameter.MOTOR_TOKEN, 1)
     assert shell.world.motor_override == 1
-    silent_since = shell.world.tick_ms
-    while shell.world.motor_override:
-        shell.step()
-    assert MOTOR_TOKEN_MS <= shell.world.tick_ms - silent_since <= MOTOR_TOKEN_MS + 21
+    shell.step(MOTOR_TOKEN_MS + 1)
+    assert shell.world.motor_override == 0
+
+
+@pytest.mark.parametrize("late_ms", [0, MOTOR_STOP_MS - MOTOR_TOKEN_MS - 1])
+def test_however_its_last_word_falls_they_stop_within_a_quarter_of_a_second(
+    shell: Shell, late_ms: int
+) -> None:
+    """The app's task looks every 20 ms, and waits `late_ms` for others; the motors follow in the next ms."""
+    shell.world.app_late_ms = late_ms
+    times = []
+    for phase in range(20 + late_ms):
+        shell.step(100 + phase)
+        shell.set(Parameter.MOTOR_TOKEN, 1)
+        shell.world.motor_override = 1
+        silent_since = shell.world.tick_ms
+        while shell.world.motor_override:
+            shell.step()
+        times.append(shell.world.tick_ms - silent_since)
+    assert MOTOR_TOKEN_MS <= min(times) <= max(times) < MOTOR_STOP_MS
+    assert max(times) >= MOTOR_TOKEN_MS + late_ms
+
+
+def test_bench_motors_of_a_host_that_lives_turn_on(shell: Shell) -> None:
+    """It speaks every 50 ms: three words that are lost, and 19 ms of delay, are not silence."""
+    shell.set(Parameter.MOTOR_TOKEN, 1)
+    shell.world.motor_override = 1
+    for _ in range(20):
+        shell.step(4 * round(1e3 * EVERY_S) + 19)
+        assert shell.world.motor_override == 1
+        shell.set(Parameter.MOTOR_TOKEN, 1)
 
 
 def test_the_answer_to_an_arming_comes_from_the_control_loop(shell: Shell) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from onboard.link import DroneLink, LinkError, LinkLost, LinkTimeout, reboot
+from onboard.link import DroneLink, LinkError, LinkLost, LinkTimeout, exchange, reboot
 from onboard.timebase import WallTime
 from tests.link.faulty_network import Faults, FaultyNetwork
 from tests.link.tiny_drone import MEMORY_TYPE, TinyDrone
@@ -206,3 +206,21 @@ def test_unusable_uris_say_so(uri: str) -> None:
         DroneLink.open(uri, timeout_s=PATIENCE_S)
     with pytest.raises(LinkError, match=address):
         reboot(uri, timeout_s=1.0)
+
+
+def test_a_write_is_repeated_as_often_as_it_is_told(
+    tiny: TinyDrone, link: DroneLink, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Who must be heard soon does not wait for the link's own repetition, which here never comes."""
+    monkeypatch.setattr(exchange, "RETRY_S", 1e6)
+    writes = []
+
+    def lose_three(request: bytes) -> bool:
+        is_write = request[0] & 0xF3 == 0x22
+        writes.extend([request] * is_write)
+        return is_write and len(writes) <= 3
+
+    tiny.drop = lose_three
+    link.set_param("motion.offset", 5, retry_s=0.01)
+    assert tiny.values["motion.offset"] == 5
+    assert len(writes) > 3

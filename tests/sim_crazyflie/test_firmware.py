@@ -7,13 +7,15 @@ import struct
 import numpy as np
 import pytest
 
-from onboard.app_interface import MOTOR_TOKEN_MS, Parameter
+from calibration.bench.instruments.motor_token import EVERY_S
+from onboard.app_interface import MOTOR_STOP_MS, MOTOR_TOKEN_MS, Parameter
 from onboard.policy.bundle import encode_bundle
 from sim_backend.crazyflie.estimator import P_VELOCITY
 from sim_backend.crazyflie.high_level import Command, PlannerState
 from sim_backend.crazyflie.interfaces import FirmwareAssertion
 from sim_backend.crazyflie.power import PowerState
 from sim_backend.crazyflie.supervisor import State
+from sim_backend.engine_name import EngineName
 from sim_backend.lab_faults import DroneFaults
 from tests.sim_crazyflie.simulated_flight import Flight
 from tests.sim_crazyflie.small_policy import small_policy
@@ -221,17 +223,23 @@ def test_motor_power_set_turns_motors_of_a_disarmed_drone(flight: Flight) -> Non
     assert not flight.firmware.ratios.any()
 
 
-def test_motors_of_a_host_that_vouched_for_them_stop_when_it_falls_silent(flight: Flight) -> None:
-    flight.run(0.5)
+def test_motors_of_a_host_that_vouched_for_them_stop_when_it_falls_silent(
+    either_engine: EngineName,
+) -> None:
+    """At every phase of the loops of 2, 10 and 40 ms, on the drone's own clock."""
+    flight = Flight()
     flight.write("motorPowerSet.m1", 20000)
-    flight.write("motorPowerSet.enable", 1)
-    for _ in range(5):
-        flight.write(Parameter.MOTOR_TOKEN, 1)
-        flight.run(0.2)
-        assert flight.firmware.ratios[0] == 20000
-    flight.run(1e-3 * MOTOR_TOKEN_MS - 0.2 + 0.01)
-    assert not flight.firmware.ratios.any()
-    assert flight.firmware.params["motorPowerSet.enable"] == 0
+    for phase in range(0, 40, 3):
+        flight.run(1e-3 * (40 - flight.world.ticks % 40 + phase))
+        flight.write("motorPowerSet.enable", 1)
+        for _ in range(2):
+            flight.write(Parameter.MOTOR_TOKEN, 1)
+            flight.run(4 * EVERY_S)
+            assert flight.firmware.ratios[0] == 20000
+        flight.post(Parameter.MOTOR_TOKEN, 1)
+        stopped = flight.run(1.0, until=lambda: not flight.firmware.ratios.any())
+        assert 1e-3 * MOTOR_TOKEN_MS <= stopped <= 1e-3 * MOTOR_STOP_MS
+        assert flight.firmware.params["motorPowerSet.enable"] == 0
 
 
 def test_pwm_has_eight_bits(hovering: Flight) -> None:

@@ -374,3 +374,19 @@ def test_a_log_of_the_motors_is_their_mean_over_its_interval() -> None:
     means = [flight.log(name) for name in (Log.MEAN_M1, Log.MEAN_M2, Log.MEAN_M3, Log.MEAN_M4)]
     assert means == pytest.approx(np.mean(given, axis=0), abs=2.0)
     assert np.ptp(given, axis=0).max() > 20.0, "a mean of the same numbers would show nothing"
+
+
+def test_what_is_staged_after_a_commit_stays_there() -> None:
+    """Two drones of the same seed decide alike, though one has its staged bytes overwritten."""
+
+    def decision(overwritten: bool) -> tuple[float, float]:
+        flight = Flight()
+        flight.write(Parameter.CEILING_Z, PLAN.ceiling_z)
+        assert flight.upload(BUNDLE) == PolicyStatus.ACTIVE
+        if overwritten:
+            assert flight.firmware.memories[1].write(NUMBERS_OFFSET, bytes(24))
+        flight.run(0.1)
+        return flight.log(Log.TRIGGER_VALUE), flight.log(Log.A_ROT)
+
+    assert decision(True) == decision(False)
+    assert decision(True)[1] == pytest.approx(-5.5e-3)

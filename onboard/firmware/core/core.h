@@ -74,6 +74,7 @@ typedef struct {
   float idle_ceiling_z;
 
   volatile bool policy_is_live;
+  volatile bool stages, commits; /* a task writes to the staged bundle; one takes it over */
   perch_policy policy;
   perch_bank staged, live;
   perch_recorder recorder;
@@ -112,7 +113,8 @@ bool perch_rehearse(perch_core *core, bool on, bool at_rest);
 void perch_set_ceiling(perch_core *core, float ceiling_z);
 
 /* Make the first `length` staged bytes the live policy, if they are one and their CRC is `crc`. For a task of
- * low priority; refused while `flying`. A refusal keeps the policy that is live. */
+ * low priority; refused while `flying`, and where another task is just writing to them. A refusal keeps the policy
+ * that is live. */
 perch_policy_status perch_commit(perch_core *core, uint32_t length, uint32_t crc, bool flying);
 
 /* CRC of the live policy; 0 without one. */

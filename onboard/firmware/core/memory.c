@@ -2,6 +2,8 @@
 
 #include <string.h>
 
+#include "order.h"
+
 /* Whether `length` bytes from `address` on are in a region, whatever the sum of both would be. */
 static bool is_in(uint32_t address, uint32_t length, uint32_t begin, uint32_t size) {
   return address >= begin && address - begin <= size && length <= size - (address - begin);
@@ -25,6 +27,15 @@ bool perch_memory_write(perch_core *core, uint32_t address, uint32_t length, con
   if (flying || !is_in(address, length, PERCH_BUNDLE_ADDRESS, sizeof core->staged)) {
     return false;
   }
-  memcpy(core->staged.bytes + address, bytes, length);
-  return true;
+  /* Said first and then asked, here and in perch_commit(): whichever of the two tasks interrupts the other, at least
+   * one of them sees it and refuses. */
+  core->stages = true;
+  perch_in_this_order();
+  const bool is_free = !core->commits;
+  if (is_free) {
+    memcpy(core->staged.bytes + address, bytes, length);
+  }
+  perch_in_this_order();
+  core->stages = false;
+  return is_free;
 }

@@ -12,7 +12,8 @@ uint32_t perch_memory_size(void);
 /* Read `length` bytes; false, and nothing is read, where they are not all in one region. */
 bool perch_memory_read(const perch_core *core, uint32_t address, uint32_t length, void *bytes);
 
-/* Write to the staged bundle; false, and nothing is written, elsewhere and while `flying`. */
+/* Write to the staged bundle; false, and nothing is written, elsewhere, while `flying`, and while a policy is being
+ * committed. For one task. */
 bool perch_memory_write(perch_core *core, uint32_t address, uint32_t length, const void *bytes, bool flying);
 
 #endif

@@ -18,8 +18,14 @@ extern perch_core perch;
 
 static shim_world world = {.voltage = 4.0f, .estimator = 2};
 static shim_asked asked;
-static shim_task app_task, parameter_task;
+static shim_task app_task, parameter_task, memory_task;
 static MemoryHandlerDef_t memory;
+
+static struct {
+  uint32_t address;
+  uint8_t length, bytes[255];
+  bool done;
+} packet;
 
 shim_world *shim_the_world(void) { return &world; }
 const shim_asked *shim_what_was_asked(void) { return &asked; }
@@ -55,7 +61,15 @@ bool shim_write(const char *name, const void *bytes, int size) {
 
 bool shim_parameter_task_waits(void) { return parameter_task.is_alive; }
 void shim_go_on_with_parameters(void) { shim_go_on(&parameter_task); }
-void shim_go_on_with_app(void) { shim_go_on(&app_task); }
+
+void shim_go_on_with_app(void) {
+  if ((int32_t)(world.tick_ms - world.app_late_ms - app_task.wakes_at) >= 0) {
+    shim_go_on(&app_task);
+  }
+}
+
+void shim_interrupt_parameters(int place) { parameter_task.interrupted_in = place; }
+void shim_interrupt_memory(int place) { memory_task.interrupted_in = place; }
 
 bool shim_memory_read(uint32_t address, uint8_t length, uint8_t *buffer) {
   return memory.read(0, address, length, buffer);
@@ -66,6 +80,23 @@ bool shim_memory_write(uint32_t address, uint8_t length, const uint8_t *buffer) 
 }
 
 uint32_t shim_memory_size(void) { return memory.getSize(0); }
+
+static void write_packet(void *argument) {
+  (void)argument;
+  packet.done = memory.write(0, packet.address, packet.length, packet.bytes);
+}
+
+void shim_begin_memory_write(uint32_t address, uint8_t length, const uint8_t *buffer) {
+  packet.address = address;
+  packet.length = length;
+  memcpy(packet.bytes, buffer, length);
+  shim_start(&memory_task, write_packet, NULL);
+}
+
+bool shim_memory_task_waits(void) { return memory_task.is_alive; }
+void shim_go_on_with_memory(void) { shim_go_on(&memory_task); }
+bool shim_memory_was_written(void) { return packet.done; }
+const uint8_t *shim_live_policy(void) { return perch.live.bytes; }
 
 /* What the app calls. */
 

@@ -16,6 +16,7 @@ typedef struct {
   bool flying, armed;
   uint16_t pose_tick; /* locSrvZ.tick */
   uint16_t motors[4]; /* motor.m1 to m4 */
+  uint32_t app_late_ms; /* that the app's slow task waits for others after each of its delays */
   /* Parameters of the firmware. */
   uint8_t motor_override; /* motorPowerSet.enable */
   uint8_t estimator;      /* stabilizer.estimator */
@@ -54,13 +55,27 @@ int shim_read_log(const char *name, void *bytes);
 const char *shim_parameter_name(int number, uint8_t *type);
 const char *shim_log_name(int number, uint8_t *type);
 
-/* Let the parameter task, and the app's slow task, go on after a delay. */
+/* Let the parameter task go on after a delay, and the app's slow task if its delay is over. */
 bool shim_parameter_task_waits(void);
 void shim_go_on_with_parameters(void);
 void shim_go_on_with_app(void);
 
+/* Interrupt the parameter task, or that of the memory, at the so manieth place from now on where it can be (tasks.c); 0:
+ * never. It stands still until it shall go on. */
+void shim_interrupt_parameters(int place);
+void shim_interrupt_memory(int place);
+
 bool shim_memory_read(uint32_t address, uint8_t length, uint8_t *buffer);
 bool shim_memory_write(uint32_t address, uint8_t length, const uint8_t *buffer);
 uint32_t shim_memory_size(void);
+
+/* The same write by the memory's task; whether it is still at it, and what came of it. */
+void shim_begin_memory_write(uint32_t address, uint8_t length, const uint8_t *buffer);
+bool shim_memory_task_waits(void);
+void shim_go_on_with_memory(void);
+bool shim_memory_was_written(void);
+
+/* What the control loop takes for its policy. */
+const uint8_t *shim_live_policy(void);
 
 #endif

@@ -2,6 +2,7 @@
 #define PERCH_SHIM_TASKS_H
 
 #include <stdbool.h>
+#include <stdint.h>
 #include <ucontext.h>
 
 typedef struct {
@@ -10,9 +11,11 @@ typedef struct {
   void (*function)(void *);
   void *argument;
   bool is_alive;
+  uint32_t wakes_at;  /* ms: when its delay is over */
+  int interrupted_in; /* places until it is interrupted; 0: it is not */
 } shim_task;
 
-/* Run a function on the task's stack until it ends or delays itself. */
+/* Run a function on the task's stack until it ends, delays itself or is interrupted. */
 void shim_start(shim_task *task, void (*function)(void *), void *argument);
 
 /* Let it go on. */

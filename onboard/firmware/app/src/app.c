@@ -9,7 +9,8 @@
 #include "system.h"
 #include "task.h"
 
-enum { LOOK_PERIOD_MS = 20, STACK_WORDS = 350, TASK_PRIORITY = 0 };
+/* That of logs, parameters and memories: below it nobody promises when it would stop a motor. */
+enum { LOOK_PERIOD_MS = 20, STACK_WORDS = 350, TASK_PRIORITY = 1 };
 
 perch_core perch;
 
@@ -40,7 +41,7 @@ void appMain(void) {
     if (!perch_is_configured() && supervisorIsArmed() && !supervisorIsFlying()) {
       supervisorRequestArming(false);
     }
-    perch_watch_bench_motors();
-    vTaskDelay(M2T(LOOK_PERIOD_MS));
+    const uint32_t due_ms = perch_watch_bench_motors();
+    vTaskDelay(M2T(due_ms < LOOK_PERIOD_MS ? due_ms : LOOK_PERIOD_MS));
   }
 }

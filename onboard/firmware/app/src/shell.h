@@ -1,7 +1,7 @@
 /* The landing app on the Crazyflie's firmware: its one core, and what its parts know of each other.
  *
  * Tasks: the firmware's control loop calls controllerOutOfTree() a thousand times a second; parameter callbacks and
- * memory handlers come from tasks of low priority; appMain() is the lowest. What they hand to the control loop goes
+ * memory handlers come from tasks of low priority; so does appMain(). What they hand to the control loop goes
  * through the core's requests and flags alone. */
 #ifndef PERCH_SHELL_H
 #define PERCH_SHELL_H
@@ -44,8 +44,8 @@ void perch_check_configuration(void);
 /* Whether it is. */
 bool perch_is_configured(void);
 
-/* Stop motors that a host has set and does not vouch for any more. */
-void perch_watch_bench_motors(void);
+/* Stop motors that a host has set and does not vouch for any more; ms until it must be looked at again. */
+uint32_t perch_watch_bench_motors(void);
 
 /* Milliseconds since the last external pose, or PERCH_NO_POSE; for the control loop. */
 uint32_t perch_pose_age(uint32_t now_ms);
