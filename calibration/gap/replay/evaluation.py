@@ -1,7 +1,7 @@
 """How well a model predicts flights, by horizon, flight, phase and channel, and how well anything could."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
@@ -357,10 +357,9 @@ def _calibrated(inputs: PredictionInputs, lengths: Rows, split: float) -> Nuisan
 def _scored(
     inputs: PredictionInputs, rows: Rows, ends: Rows, lengths: Rows, nuisances: Nuisances
 ) -> FlightErrors:
-    p, trim = nuisances.scaled(inputs.parameters), nuisances.trim()
+    replay = nuisances.replay(inputs, rows, ends, lengths)
     model = BothWays(
-        prediction_errors(inputs, rows, ends, lengths, given_attitude=False, parameters=p, trims=trim),
-        prediction_errors(inputs, rows, ends, lengths, given_attitude=True, parameters=p, trims=trim),
+        prediction_errors(inputs, replay), prediction_errors(inputs, replace(replay, given_attitude=True))
     )
     return FlightErrors(
         record=inputs.record,
