@@ -76,7 +76,7 @@ def fly(
     request = replace(
         setup.attempt(speed, angle, out), operator=operator, note=note, accept_mismatch=accept_mismatch
     )
-    check_attempt(request, dry_run)  # before anybody who flies the drone is asked to make room
+    checked = check_attempt(request, dry_run)  # before anybody who flies the drone is asked to make room
     try:
         with (
             hold(setup.drone),
@@ -92,6 +92,7 @@ def fly(
             result = fly_attempt(
                 request,
                 dry_run=dry_run,
+                checked=checked,
                 on_phase=display.phase,
                 on_look=display.look,
                 listener=Listeners(listener, display),
