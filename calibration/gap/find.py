@@ -12,6 +12,7 @@ from calibration.errors import CalibrationError
 from calibration.flights import Flight
 from calibration.gap.data import Prepared, prepare_flights
 from calibration.gap.data.duplicates import content_hash
+from calibration.gap.data.found import FoundEffect
 from calibration.gap.data.record import FlightRecord, NotUsed
 from calibration.gap.data.signals import CHANNELS, UNITS
 from calibration.gap.data.split import split_flights
@@ -24,13 +25,12 @@ from calibration.gap.replay import PredictionErrors, evaluate
 from calibration.gap.replay.hover_voltage import of_one_vehicle, voltage_for
 from calibration.gap.report.document import (
     AmbiguousSet,
-    FoundEffect,
     GapReport,
     Rejected,
     UnusableFile,
     Verdict,
 )
-from calibration.gap.report.effects import found_effects, landing_effects, landing_section, sensing_effects
+from calibration.gap.report.effects import found_effects, landing_effects, landing_section
 from calibration.gap.report.figures import figures, unexplained, where
 from calibration.gap.report.figures_data import ReportFigures
 from calibration.gap.report.improved_vehicle import improved_vehicle, provenance
@@ -134,7 +134,7 @@ def _find(flights: Sequence[Flight], question: Question, progress: Progress) -> 
     progress("landings")
     landings = _landings(flights, names, rng)
     effects = [
-        *sensing_effects(sensing.effects),
+        *sensing.effects,
         *in_the_air,
         *landing_effects(landings.findings if landings else (), question.vehicle),
     ]

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from onboard.arrays import FloatArray
-from onboard.battery import thrust_from_voltage
+from onboard.battery import FULL_RATIO, thrust_from_voltage
 from onboard.gravity import GRAVITY
 from onboard.manoeuvres import Course
 from onboard.vehicle import Vehicle
@@ -25,7 +25,6 @@ ASTRAY = 0.6
 """m, farthest from the course: as far as the corridor of an approach is wide."""
 LEVELLED = 0.2
 """m from the end of the course, in its last half second."""
-_FULL: Final = 65535.0
 _MOTORS: Final = ("m1", "m2", "m3", "m4")
 
 
@@ -56,7 +55,7 @@ def hover_findings(window: Window, course: Course, vehicle: Vehicle) -> tuple[Fi
     _, voltage = window.columns("power", "vbat")
     _, pwm = window.columns("motors", *_MOTORS)
     thrust_map = vehicle.motors.thrust_map_compiled()
-    volts = pwm.mean(axis=0) / _FULL * float(voltage.mean())
+    volts = pwm.mean(axis=0) / FULL_RATIO * float(voltage.mean())
     thrusts = np.array([thrust_from_voltage(thrust_map, float(v)) for v in volts])
     weight = vehicle.body.mass.value * GRAVITY
     off = float(thrusts.sum()) / weight - 1.0

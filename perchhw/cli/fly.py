@@ -78,7 +78,7 @@ def fly(
         setup.attempt(speed, angle, out), operator=operator, note=note, accept_mismatch=accept_mismatch
     )
     try:
-        check_attempt(request, dry_run)  # before anybody who flies the drone is asked to make room
+        checked = check_attempt(request, dry_run)  # before anybody who flies the drone is asked to make room
         require_space(request.folder)
         with (
             hold(setup.drone),
@@ -94,6 +94,7 @@ def fly(
             result = fly_attempt(
                 request,
                 dry_run=dry_run,
+                checked=checked,
                 on_phase=display.phase,
                 on_look=display.look,
                 listener=Listeners(listener, display),

@@ -11,24 +11,22 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import typer
 
-from perchhw.attempt import DEFAULT_VEHICLE
 from perchhw.cli import exit_codes
 from perchhw.cli.option_groups import with_option_groups
-from perchhw.cli.options import Lab, Legs, Vehicle
+from perchhw.cli.options import Lab
 from perchhw.cli.output import emit
 from perchhw.cli.sim_options import (
     BenchPace,
     DroneOptions,
     DronePort,
     Drones,
-    Fault,
     LabFileOut,
-    Seed,
     ViconPort,
     ViconUdpPort,
     WithParent,
+    WorldOptions,
 )
-from sim_backend.faults import fault_table, parse_faults
+from sim_backend.faults import fault_table
 
 if TYPE_CHECKING:
     from sim_backend.lab import LabSettings
@@ -87,53 +85,39 @@ def drone(of_drones: DroneOptions, with_parent: WithParent = False) -> int:
 
 
 @app.command()
+@with_option_groups
 def room(
+    of_world: WorldOptions,
     drones: Drones = 1,
     vicon_port: ViconPort = 18801,
     vicon_udp_port: ViconUdpPort = 51001,
-    vehicle: Vehicle = DEFAULT_VEHICLE,
-    legs: Legs = None,
-    fault: Fault = None,
-    seed: Seed = 0,
     with_parent: WithParent = False,
 ) -> int:
     """The mocap room alone, with drones that rest on their start marks."""
     from sim_backend.lab import LabSettings
 
     settings = LabSettings(
-        vehicle=vehicle,
-        legs=legs,
         drones=drones,
         with_drones=False,
         vicon_port=vicon_port,
         vicon_udp_port=vicon_udp_port,
-        faults=parse_faults(fault or ()),
-        seed=seed,
+        **of_world.given(),
     )
     return _serve_lab(settings, with_parent)
 
 
 @app.command()
+@with_option_groups
 def bench(
+    of_world: WorldOptions,
     drone_port: DronePort = 19850,
-    vehicle: Vehicle = DEFAULT_VEHICLE,
-    legs: Legs = None,
     pace: BenchPace = 1.0,
-    fault: Fault = None,
-    seed: Seed = 0,
     with_parent: WithParent = False,
 ) -> int:
     """Strings, tachometer, scale and supply for one drone, and somebody who works them when asked."""
     from sim_backend.bench.serve import BenchSettings, ServedBench
 
-    settings = BenchSettings(
-        vehicle=vehicle,
-        legs=legs,
-        drone_port=drone_port,
-        seed=seed,
-        pace=pace,
-        faults=parse_faults(fault or ()),
-    )
+    settings = BenchSettings(drone_port=drone_port, pace=pace, **of_world.given())
     return _serve(ServedBench(settings), with_parent)
 
 

@@ -85,16 +85,36 @@ WithParent = Annotated[
 
 
 @dataclass(frozen=True)
-class DroneOptions:
+class WorldOptions:
+    """What every part of the simulated world is told."""
+
+    vehicle: Vehicle = DEFAULT_VEHICLE
+    legs: Legs = None
+    fault: Fault = None
+    seed: Seed = 0
+
+    def given(self) -> dict[str, Any]:
+        """Fields of the settings of a lab or a bench.
+
+        Raises:
+            SimulationError: a fault that there is not.
+        """
+        return {
+            "vehicle": self.vehicle,
+            "legs": self.legs,
+            "faults": parse_faults(self.fault or ()),
+            "seed": self.seed,
+        }
+
+
+@dataclass(frozen=True)
+class DroneOptions(WorldOptions):
     """The drones of a lab."""
 
     drone_port: DronePort = 19850
     drones: Drones = 1
-    vehicle: Vehicle = DEFAULT_VEHICLE
-    legs: Legs = None
     flashed: Flashed = None
     truth: Truth = None
-    fault: Fault = None
     pace: LabPace = "real"
     engine: Engine = None
     feed_poses: FeedPoses = False
@@ -102,7 +122,6 @@ class DroneOptions:
     auto_arm: AutoArm = False
     idle_thrust: IdleThrust = 0
     deck: Deck = None
-    seed: Seed = 0
 
     def settings(self, **room: Any) -> "LabSettings":
         """The lab with these drones; `room`: fields of its settings that are no drone's.
@@ -115,18 +134,15 @@ class DroneOptions:
         from sim_backend.pace import Pace
 
         return LabSettings(
-            vehicle=self.vehicle,
-            legs=self.legs,
             flashed=self.flashed,
             drones=self.drones,
             drone_port=self.drone_port,
             truth=self.truth,
-            faults=parse_faults(self.fault or ()),
             pace=Pace.parse(self.pace),
             engine=self.engine,
             feed_poses=self.feed_poses,
             radio=self.radio,
             build=Build(self.auto_arm, self.idle_thrust, known_decks(self.deck or ())),
-            seed=self.seed,
+            **self.given(),
             **room,
         )

@@ -64,6 +64,7 @@ def fly_attempt(
     request: AttemptRequest,
     *,
     dry_run: bool = False,
+    checked: CheckedAttempt | None = None,
     limits: SafetyLimits | None = None,
     on_phase: OnPhase | None = None,
     on_look: OnLook | None = None,
@@ -74,6 +75,7 @@ def fly_attempt(
     Args:
         request: what to fly, where, with which policy; `request.folder` is created for the record.
         dry_run: stop after the verified policy upload; the motors never arm.
+        checked: what :func:`check_attempt` said of this request and `dry_run`; by default it is asked here.
         limits: safety limits; by default the documented ones and those of the lab file.
         on_phase: called when the phase or the alert changes, for a display.
         on_look: called with every look of the supervisor, for a display.
@@ -87,7 +89,7 @@ def fly_attempt(
             record holds the reason when it was already open.
         AttemptInterrupted: the operator interrupted; the drone was stopped and the record closed first.
     """
-    vehicle, fit, bundle, plan = check_attempt(request, dry_run)
+    vehicle, fit, bundle, plan = checked or check_attempt(request, dry_run)
     limits = limits or limits_of(request.lab, request.room, request.drone)
     with (
         open_timebase("fly", request.drone, request.mocap) as clock,

@@ -1,9 +1,9 @@
 """Kicks of the drone's emergency-stop watchdog: as long as the supervisor's heart beats, and no longer."""
 
 import logging
-from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
+from onboard.closing import Closing
 from onboard.link.errors import LinkLost
 from onboard.timebase import Timebase
 from perchhw.flight.caught import Caught
@@ -18,7 +18,7 @@ HEART_S = 0.3
 _log = logging.getLogger(__name__)
 
 
-class WatchdogKicker:
+class WatchdogKicker(Closing):
     """A thread of its own, so that a send which blocks the supervisor neither starves nor hides it.
 
     Args:
@@ -44,9 +44,8 @@ class WatchdogKicker:
         self._clock.thread(self._run, "WatchdogKicker")
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """No kick any more; idempotent."""
         self._ended.set()
 
     def _run(self) -> None:

@@ -1,10 +1,10 @@
 """Poses of an approach that nobody flies, as motion capture would send them."""
 
 from collections.abc import Callable
-from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from onboard.arrays import Vector
+from onboard.closing import Closing
 from onboard.link.errors import LinkLost
 from onboard.timebase import Timebase
 from onboard.trajectory import ApproachPlan, smooth_approach
@@ -29,7 +29,7 @@ def ideal_state(plan: ApproachPlan, smoothing: float, elapsed: float) -> tuple[V
     return position, velocity
 
 
-class ApproachPoses:
+class ApproachPoses(Closing):
     """Sends poses at 100 Hz on a thread of its own: the approach's start, and from :meth:`go` on its course.
 
     Args:
@@ -64,9 +64,8 @@ class ApproachPoses:
         self._time.thread(self._run, "RehearsalPoses")
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """No pose any more; idempotent."""
         self._ended.set()
 
     def _run(self) -> None:

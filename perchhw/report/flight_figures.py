@@ -9,6 +9,7 @@ import numpy as np
 from calibration.flights import Flight
 from calibration.flights.run_folder import RunRecord
 from onboard.app_interface import LandingState
+from onboard.battery import FULL_RATIO
 from onboard.policy.model import Policy
 from onboard.trajectory import ApproachPlan, sample_approach
 from perchhw.diagnosis.flip import CUES, approach_cues, values_of
@@ -16,7 +17,6 @@ from perchhw.report.style import BLUE, GREEN, INK, MUTED, ORANGE, TRIGGER, Margi
 from perchhw.report.trigger_plane import draw_region
 
 _BEFORE_S = 1.0
-_DUTY = 65535.0
 _PHASE_FILLS = ("#dce8f4", "#f0e6d6")
 
 
@@ -95,7 +95,7 @@ def power(flight: Flight) -> str | None:
         looks = zip("1234", (BLUE, ORANGE, GREEN, INK), ("-", "--", "-.", ":"), strict=True)
         for k, (name, colour, line) in enumerate(looks):
             panels[0].plot(
-                t - zero, duty[:, k] / _DUTY * 100.0, line, color=colour, lw=1.0, label=f"motor {name}"
+                t - zero, duty[:, k] / FULL_RATIO * 100.0, line, color=colour, lw=1.0, label=f"motor {name}"
             )
         panels[0].set(ylabel="thrust command (%)", ylim=(0.0, 104.0))
         panels[0].legend(frameon=False, fontsize=7.5, ncols=4, loc="upper left", bbox_to_anchor=(-0.02, 1.18))

@@ -155,18 +155,8 @@ class CEngine:
 
     def post(self, armed: bool, approach: ApproachRequest) -> int:
         """Post a request."""
-        numbers = Approach(
-            approach.vx,
-            approach.vz,
-            approach.impact_x,
-            approach.impact_y,
-            approach.ceiling_z,
-            approach.ax,
-            approach.az,
-            approach.tau0,
-        )
         self._view.outputs.trajectory_status = TrajectoryStatus.NONE
-        return int(self._library.perch_post(self._core, armed, numbers))
+        return int(self._library.perch_post(self._core, armed, Approach(*approach)))
 
     def is_consumed(self, number: int) -> bool:
         """Whether request `number` was the last that was taken."""

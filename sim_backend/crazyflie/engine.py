@@ -8,7 +8,7 @@ flags and staged bundles; what comes out are motor ratios, and what there is to 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum, IntFlag
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,9 +71,8 @@ def as_in_flight(sample: Sample) -> Sample:
     return replace(sample, flying=True, levelling=False, setpoint=here)
 
 
-@dataclass(frozen=True, slots=True)
-class ApproachRequest:
-    """The approach of the present parameters: m/s, m, m/s2, s."""
+class ApproachRequest(NamedTuple):
+    """Arguments of :func:`onboard.trajectory.plan_from_velocity`, as parameters say now: m/s, m, m/s2, s."""
 
     vx: float
     vz: float

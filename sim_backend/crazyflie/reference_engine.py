@@ -163,16 +163,7 @@ class ReferenceEngine:
         """Post a request; one of a plan of NaNs, which nothing accepts, when its numbers make none."""
         plan = _NO_PLAN
         if approach.ax > 0.0 and approach.az > 0.0:
-            plan = plan_from_velocity(
-                approach.vx,
-                approach.vz,
-                approach.impact_x,
-                approach.impact_y,
-                approach.ceiling_z,
-                approach.ax,
-                approach.az,
-                approach.tau0,
-            )
+            plan = plan_from_velocity(*approach)
         self._request = _Request(self._request.number + 1, armed, plan)
         self.trajectory_status = TrajectoryStatus.NONE
         return self._request.number

@@ -4,7 +4,6 @@ import math
 import shutil
 import tempfile
 from collections.abc import Sequence
-from dataclasses import astuple
 from pathlib import Path
 
 import numpy as np
@@ -161,7 +160,7 @@ class ShellEngine:
         return self._shell.read(Parameter.POLICY_ARM) == 1
 
     def post(self, armed: bool, approach: ApproachRequest) -> int:
-        for name, value in zip(APPROACH, astuple(approach), strict=True):
+        for name, value in zip(APPROACH, approach, strict=True):
             assert self._shell.write(name, value)
         assert self._shell.write(Parameter.TRAJECTORY_ARM, armed)
         self._posted += 1

@@ -1,20 +1,21 @@
 """Policy, vehicle, legs, room and drone belong together: refused with both sides, or accepted and kept."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from onboard.errors import InputError
+from onboard.errors import InputError, PerchhwError
 from onboard.policy.files import find_policy, load_policy
 from onboard.policy.model import Policy
 from onboard.room import RoomGeometry
 from onboard.vehicle import Vehicle, known_leg_designs, load_vehicle
 from perchhw.attempt import STORED_VEHICLE
 from perchhw.cli.main import run
-from perchhw.flight import fly_attempt
+from perchhw.flight import check_attempt, fly_attempt
 from perchhw.flight.fit import Fit, fit_of
 from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
 from perchhw.learning.setup import LearningSetup, trained_on
@@ -100,6 +101,17 @@ def test_nobody_is_asked_before_it_fits(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"no legs.*\n.*\n.*--accept-mismatch"):
         fly_attempt(replace(REQUEST, vehicle="crazyflie21-stock", folder=tmp_path / "run"))
     assert not (tmp_path / "run").exists()
+
+
+def test_what_was_checked_is_what_flies_whatever_becomes_of_its_file(tmp_path: Path) -> None:
+    file = Path(shutil.copy(find_policy("default"), tmp_path / "mine.policy.json"))
+    request = replace(REQUEST, policy=str(file), folder=tmp_path / "run")
+    checked = check_attempt(request)
+    file.write_text("{}")
+    with pytest.raises(PerchhwError, match=r"127\.0\.0\.1:9"):  # on to the drone, that nobody serves
+        fly_attempt(request, checked=checked)
+    with pytest.raises(InputError, match=r"mine\.policy\.json"):
+        fly_attempt(replace(request, folder=tmp_path / "again"))
 
 
 def test_a_campaign_is_refused_before_its_folder_is_made(

@@ -17,8 +17,8 @@ from calibration.gap.landings.kernels import COLUMNS, POSITION, fly
 from calibration.gap.landings.problem import Solver, pose_problems
 from calibration.gap.landings.search import HIGHEST, NOMINAL, Theta, apply
 from calibration.gap.landings.segments import LandingSegment, landing_of
-from calibration.gap.report.document import as_json
 from calibration.gap.report.effects import landing_section
+from onboard.json_file import as_json
 from onboard.room import RoomGeometry
 from onboard.vehicle import Vehicle, load_vehicle
 from sim_backend.physics.parameters import physics_parameters

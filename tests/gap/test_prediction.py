@@ -9,6 +9,7 @@ import pytest
 
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.replay import PredictionError, evaluate, fly_again
+from calibration.gap.replay.flight_prediction import rotation_between
 from calibration.gap.replay.inputs import prediction_inputs, velocity_from_the_past
 from calibration.gap.replay.windows import usable_lengths
 from onboard.gravity import GRAVITY
@@ -285,16 +286,13 @@ def test_flying_again_needs_what_the_model_lacks(laps: FlightRecord) -> None:
     own, other = fly_again(laps, VEHICLE), fly_again(weak, VEHICLE)
     assert own is not None
     assert other is not None
-    assert own.to_json()["thrust_ratio"] == pytest.approx(1.0, abs=0.01)
-    assert own.to_json()["position_rms_m"] < 0.06
-    assert other.to_json()["thrust_ratio"] == pytest.approx(0.95, abs=0.01)
+    assert (own.needed_duty / own.duty).mean() == pytest.approx(1.0, abs=0.01)
+    # Thrust grows a little faster than in proportion to duty.
+    assert 0.95 < (other.needed_duty / other.duty).mean() < 0.985
     draggy = fly_again(laps, with_effects({"rotor_drag": {"coefficient": 8e-6}}))
     assert draggy is not None
-    assert draggy.to_json()["attitude_rms_deg"] > 2.0 * own.to_json()["attitude_rms_deg"]
-    # A model that cannot lift itself is lost, and gives no numbers.
-    heavy = fly_again(laps, with_effects({"mass_error": {"relative": 1.0}, "thrust_scale": {"scale": 0.6}}))
-    assert heavy is not None
-    assert heavy.to_json() == {"flight": "simulated", "lost": True}
+    leans = [rotation_between(one.attitude, one.needed_attitude) for one in (own, draggy)]
+    assert np.linalg.norm(leans[1]) > 2.0 * np.linalg.norm(leans[0])
     assert fly_again(dataclasses.replace(laps, flying=laps.t < 1.0), VEHICLE) is None
 
 

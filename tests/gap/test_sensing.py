@@ -109,8 +109,8 @@ def test_delay_is_found_and_taken_out() -> None:
     findings = judge_sensing(records)
     assert names(findings) == ["pose_delay"]
     (effect,) = findings.effects
-    assert effect.values["delay"] == pytest.approx(0.012, abs=3e-4)
-    low, high = effect.intervals["delay"]
+    assert effect.parameters["delay"].value == pytest.approx(0.012, abs=3e-4)
+    low, high = effect.parameters["delay"].ci95
     assert low < 0.012 < high
     assert effect.error_after < 0.8 * effect.error_before
     assert (
@@ -127,7 +127,7 @@ def test_rotation_is_found_about_all_axes_beside_accelerometer_biases() -> None:
     findings = judge_sensing(records)
     assert names(findings) == ["pose_rotation"]
     effect = findings.effects[0]
-    assert [effect.values[axis] for axis in "xyz"] == pytest.approx(truth, abs=1.5e-3)
+    assert [effect.parameters[axis].value for axis in "xyz"] == pytest.approx(truth, abs=1.5e-3)
     assert names(judge_sensing(apply_sensing(records, findings))) == []
 
 
@@ -146,7 +146,7 @@ def test_offset_is_found() -> None:
     records = campaign(4, offset=truth)
     findings = judge_sensing(records)
     assert names(findings) == ["pose_offset"]
-    assert [findings.effects[0].values[axis] for axis in "xyz"] == pytest.approx(truth, abs=1e-3)
+    assert [findings.effects[0].parameters[axis].value for axis in "xyz"] == pytest.approx(truth, abs=1e-3)
     corrected = apply_sensing(records, findings)[0]
     rng = np.random.default_rng(4)
     ideal = seen("flight_0", rng, accelerometer=tuple(rng.normal(0.0, 0.05, 3)))
@@ -157,14 +157,14 @@ def test_gyro_bias_is_found() -> None:
     truth = (0.01, 0.0, -0.02)
     findings = judge_sensing(campaign(5, bias=truth))
     assert names(findings) == ["gyro_bias"]
-    assert [findings.effects[0].values[axis] for axis in "xyz"] == pytest.approx(truth, abs=5e-4)
+    assert [findings.effects[0].parameters[axis].value for axis in "xyz"] == pytest.approx(truth, abs=5e-4)
 
 
 def test_all_at_once() -> None:
     rotation, offset, bias = (0.02, 0.03, -0.02), (0.01, 0.0, 0.02), (0.02, -0.01, 0.01)
     findings = judge_sensing(campaign(6, delay=0.02, rotation=rotation, offset=offset, bias=bias))
     assert sorted(names(findings)) == ["gyro_bias", "pose_delay", "pose_offset", "pose_rotation"]
-    found = {effect.name: list(effect.values.values()) for effect in findings.effects}
+    found = {effect.name: [one.value for one in effect.parameters.values()] for effect in findings.effects}
     assert found["pose_delay"] == pytest.approx([0.02], abs=3e-4)
     assert found["pose_rotation"] == pytest.approx(rotation, abs=2e-3)
     assert found["pose_offset"] == pytest.approx(offset, abs=1.5e-3)
@@ -246,7 +246,7 @@ def test_gaps_do_not_bias() -> None:
         records.append(replace(record, rate=rate, inertial_known=known))
     findings = judge_sensing(records)
     assert names(findings) == ["pose_delay"]
-    assert findings.effects[0].values["delay"] == pytest.approx(0.01, abs=5e-4)
+    assert findings.effects[0].parameters["delay"].value == pytest.approx(0.01, abs=5e-4)
 
 
 def test_pooling_by_hand() -> None:
@@ -310,7 +310,7 @@ def test_hidden_effects(case: str, tmp_path: Path) -> None:
     assert names(findings) == expected
     if expected:
         truth = json.loads(answer.read_text())["effects"][0]["parameters"]
-        found = findings.effects[0].values
+        found = {key: one.value for key, one in findings.effects[0].parameters.items()}
         size = np.linalg.norm(list(truth.values()))
         assert np.linalg.norm([found[key] - truth[key] for key in truth]) < 0.1 * size
 

@@ -12,10 +12,9 @@ from typing import Any
 
 from calibration.bench.instruments import errors
 from calibration.bench.instruments.errors import InstrumentError, InstrumentLost, InstrumentTimeout
-from calibration.bench.instruments.supply import SupplyReading
+from calibration.bench.instruments.supply import OFF_BY_HAND, OffWhenClosed, SupplyReading
 from calibration.bench.instruments.supply_keeper import HANG_S
 from onboard.clock import monotonic
-from onboard.closing import Closing
 
 #: The keeper has to start and to open the port, also on a busy machine [s].
 START_WITHIN_S = 30.0
@@ -24,10 +23,9 @@ ANSWER_WITHIN_S = 6.0
 #: A keeper that takes no more of our lines is as good as gone [s].
 SEND_WITHIN_S = 0.2
 _RECEIVE_BYTES = 4096
-_OFF_BY_HAND = "SWITCH THE SUPPLY OFF BY HAND"
 
 
-class KeptSupply(Closing):
+class KeptSupply(OffWhenClosed):
     """A :class:`~calibration.bench.instruments.supply.Supply` and a
     :class:`~calibration.bench.instruments.motor_stand.RemoteCut`; a context manager.
 
@@ -66,7 +64,6 @@ class KeptSupply(Closing):
         self._numbers = itertools.count(1)
         self._rest = b""
         self._sending, self._asking = threading.Lock(), threading.Lock()
-        self._closed = False
         try:
             self.device, self.identity = self._reply(0, START_WITHIN_S)
         except BaseException:
@@ -110,21 +107,8 @@ class KeptSupply(Closing):
         """No motor turns any more: the heart may stop. Errors as :meth:`beat`."""
         self._send({"do": "rest"})
 
-    def close(self) -> None:
-        """Switch the output off, and let keeper and port go; idempotent.
-
-        Raises:
-            InstrumentError: the output could not be switched off: do it by hand.
-        """
-        if self._closed:
-            return
-        self._closed = True
-        try:
-            self._ask("close")
-        except InstrumentError as error:
-            raise InstrumentError(f"{_OFF_BY_HAND}: {self.device} did not obey ({error})") from error
-        finally:
-            self._let_go()
+    def _last_switch_off(self) -> None:
+        self._ask("close")
 
     def _ask(self, what: str, *arguments: float) -> Any:
         with self._asking:
@@ -155,7 +139,7 @@ class KeptSupply(Closing):
             if not select.select([self._socket], [], [], max(0.0, deadline - monotonic()))[0]:
                 raise InstrumentTimeout(
                     f"the keeper of the supply (process {self.keeper}) is silent for {within_s:g} s: "
-                    f"{_OFF_BY_HAND}"
+                    f"{OFF_BY_HAND}"
                 )
             try:
                 data = self._socket.recv(_RECEIVE_BYTES)
@@ -168,7 +152,7 @@ class KeptSupply(Closing):
         return line
 
     def _gone(self) -> InstrumentLost:
-        return InstrumentLost(f"the keeper of the supply (process {self.keeper}) is gone: {_OFF_BY_HAND}")
+        return InstrumentLost(f"the keeper of the supply (process {self.keeper}) is gone: {OFF_BY_HAND}")
 
     def _let_go(self) -> None:
         """Without a goodbye before, the keeper switches off now, and may take a while."""

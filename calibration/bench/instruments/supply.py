@@ -29,6 +29,7 @@ _KORAD_REST_S = 0.06
 _QUEUE_MAX = 32
 #: Bits of Korad's one-byte status.
 _KORAD_CONSTANT_VOLTAGE, _KORAD_OUTPUT = 0x01, 0x40
+OFF_BY_HAND = "SWITCH THE SUPPLY OFF BY HAND"
 _PLAIN = re.compile(r"[+-]?\d+(\.\d*)?([eE][+-]?\d+)?|[+-]?\.\d+")
 
 
@@ -73,19 +74,50 @@ class Supply(Protocol):
         """Switch the output off and let go; idempotent."""
 
 
-class SerialSupply(Closing):
-    """An open supply; a context manager that switches the output off before it lets go."""
+class OffWhenClosed(Closing):
+    """An open supply; a context manager that switches the output off before it lets go.
+
+    Attributes:
+        device: name of its port.
+    """
+
+    device: str
+    _closed = False
+
+    def close(self) -> None:
+        """Switch the output off and let go; idempotent.
+
+        Raises:
+            InstrumentError: the output could not be switched off: do it by hand.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        try:
+            self._last_switch_off()
+        except InstrumentError as error:
+            raise InstrumentError(f"{OFF_BY_HAND}: {self.device} did not obey ({error})") from error
+        finally:
+            self._let_go()
+
+    @abstractmethod
+    def _last_switch_off(self) -> None:
+        """Raises InstrumentError where it is not known to be off."""
+
+    @abstractmethod
+    def _let_go(self) -> None:
+        """Of the port, whether it is off or not."""
+
+
+class SerialSupply(OffWhenClosed):
+    """A supply at the port of this process."""
 
     def __init__(self, conversation: Conversation, clock: Clock) -> None:
+        self.device = conversation.device
         self._conversation = conversation
         self._clock = clock
         self.identity = ""
         self._voltage = self._limit = 0.0
-
-    @property
-    def device(self) -> str:
-        """Name of its port."""
-        return self._conversation.device
 
     def set(self, voltage: float, current_limit: float) -> None:
         """Set voltage [V] and current limit [A]; does not switch on.
@@ -124,25 +156,11 @@ class SerialSupply(Closing):
     @abstractmethod
     def _set(self, voltage: float, current_limit: float) -> None: ...
 
-    def close(self) -> None:
-        """Switch the output off and close the port; idempotent.
+    def _last_switch_off(self) -> None:
+        self.switch(on=False)
 
-        Raises:
-            InstrumentError: the output could not be switched off: do it by hand.
-        """
-        if self._closed:
-            return
-        self._closed = True
-        try:
-            self.switch(on=False)
-        except InstrumentError as error:
-            raise InstrumentError(
-                f"SWITCH THE SUPPLY OFF BY HAND: {self.device} did not obey ({error})"
-            ) from error
-        finally:
-            self._conversation.close()
-
-    _closed = False
+    def _let_go(self) -> None:
+        self._conversation.close()
 
     def _limited(self, voltage: float, current: float) -> bool:
         return (

@@ -4,7 +4,7 @@ The drone must carry the map that was measured: its firmware divides by the volt
 of it. On a supply the voltage is lowered in steps; on a battery it falls by itself.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from itertools import repeat
@@ -14,7 +14,8 @@ import numpy as np
 
 from calibration.bench.instruments.motor_stand import PWM_STEP, UNLOCK_PHRASE
 from calibration.bench.procedures.run_book import Json, RunBook
-from calibration.bench.procedures.thrust import CURRENT_LIMIT_A, kept_calibration, prepare_stand
+from calibration.bench.procedures.stand_wizard import StandStep, StandWizard, kept_calibration
+from calibration.bench.procedures.thrust import CURRENT_LIMIT_A
 from calibration.bench.procedures.thrust_recording import COAST_S, MOTORS, StandReading, ThrustStand
 from calibration.bench.thrust.compensation import Discharge, read_discharge, write_discharge
 from calibration.bench.thrust.errors import ThrustTableError
@@ -57,30 +58,23 @@ class DischargePlan:
         return {"vehicle": self.vehicle.name}
 
 
-class DischargeWizard:
-    """Leads through scale, stand and discharges.
+class DischargeWizard(StandWizard):
+    """Leads through scale, stand and discharges; a battery is discharged once, at the thrust that hovers.
 
     Args:
         plan: what is asked for.
-        stand: motors, which this wizard has the operator unlock; scale; and supply, if there is one.
+        stand: with a supply in the battery's place, or without.
     """
 
     def __init__(self, plan: DischargePlan, stand: ThrustStand) -> None:
+        super().__init__(stand)
         self._plan = plan
-        self._stand = stand
 
-    def run(self, book: RunBook) -> None:
-        """All steps that are not done yet; a battery is discharged once, at the thrust that hovers.
-
-        Raises:
-            NotConfirmed: nothing was started. Paused, StepBack: the operator's wish.
-            ScaleUnusable, InstrumentError, LinkError, MotorsRefused: motors stopped, supply off.
-        """
-        prepare_stand(book, self._stand)
+    def _steps(self, book: RunBook) -> Iterator[StandStep]:
         for command in self._plan.commands[: 1 if self._stand.supply is None else None]:
             asked = self._plan.thrust(command) / GRAM_FORCE
             title = f"{asked:.1f} gf of each motor while the voltage falls"
-            book.step(f"discharge-{command}", title, partial(self._discharge, book, command))
+            yield StandStep(f"discharge-{command}", title, partial(self._discharge, book, command))
 
     def _discharge(self, book: RunBook, command: int) -> Json:
         stand, operator = self._stand, book.operator

@@ -1,6 +1,6 @@
 """The thrust wizard: weights, tares, commands in random order, and thrust against voltage comes out."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
@@ -10,18 +10,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from calibration.bench.instruments.motor_stand import UNLOCK_PHRASE
-from calibration.bench.instruments.scale import ScaleCalibration
-from calibration.bench.procedures.inertia import PlanError
-from calibration.bench.procedures.motors import SAFETY
-from calibration.bench.procedures.operator import Gauge, Light, Operator, Question, Task
+from calibration.bench.procedures.operator import Gauge, Light, Operator, Question
 from calibration.bench.procedures.run_book import Json, RunBook
+from calibration.bench.procedures.stand_wizard import StandStep, StandWizard, kept_calibration, unit_shown
 from calibration.bench.procedures.thrust_recording import (
     COAST_S,
     FALL_S,
     SETTLE_S,
     ThrustStand,
     ThrustTable,
-    calibrate_scale,
 )
 from calibration.bench.thrust.errors import ThrustTableError
 from calibration.bench.thrust.pwm import exact_set_points
@@ -40,8 +37,6 @@ if TYPE_CHECKING:
 Show = Callable[[Sequence[Gauge]], None]
 
 KIND = "thrust"
-WEIGHTS = (0.0, 0.02, 0.05)
-"""kg, of the check of the scale."""
 MULTIMETER = Question(
     "supply_voltage", "multimeter at the drone's battery plug, motors off", "V", "V", (2.5, 4.6), 5e-3
 )
@@ -100,95 +95,22 @@ class ThrustPlan:
         return rows
 
 
-def prepare_stand(book: RunBook, stand: ThrustStand) -> None:
-    """Before motors turn: the operator confirms; the scale against weights, and the drone on it.
-
-    Raises:
-        NotConfirmed: nothing was started. Paused, StepBack: the operator's wish. ScaleUnusable.
-    """
-    book.operator.confirm(SAFETY, UNLOCK_PHRASE)
-    book.step("scale", "Check the scale with weights", partial(_check_scale, book, stand))
-    book.step("mount", "Put the drone on the stand", partial(_mount, book))
-
-
-def kept_calibration(book: RunBook, stand: ThrustStand) -> ScaleCalibration:
-    """What the check with weights said.
-
-    Raises:
-        PlanError: it was left out, or made with a scale of another kind.
-    """
-    kept = book.steps["scale"]
-    if not kept:
-        raise PlanError(f"{book.folder}: the scale was not checked; begin anew with another --out")
-    if _unit(kept) != stand.scale.unit:
-        raise PlanError(
-            f"{book.folder}: the scale was checked in {_unit(kept)}, this one shows {stand.scale.unit}: "
-            "give the same --scale, or begin anew with another --out"
-        )
-    return ScaleCalibration(kept["zero"], kept["counts_per_kg"])
-
-
-def _unit(kept: Json) -> str:
-    """Of what the scale showed: a run that does not say so had a load cell."""
-    return str(kept.get("unit", "counts"))
-
-
-def _check_scale(book: RunBook, stand: ThrustStand) -> Json:
-    indications = []
-    for mass in WEIGHTS:
-        if mass == 0.0:
-            task = Task("remove_weight", "Empty the scale: nothing on it, nothing touches it.")
-        else:
-            task = Task("put_weight", f"Put {1e3 * mass:g} g in the middle of the scale.", {"mass": mass})
-        book.operator.do(task)
-        indications.append(stand.read().indication)
-    book.operator.do(Task("remove_weight", "Take the weight off."))
-    calibration = calibrate_scale(stand.scale, WEIGHTS, indications)
-    unit = stand.scale.unit
-    book.operator.tell(
-        f"{abs(calibration.per_kg):.5g} {unit} shown for a kg, linear within "
-        f"{1e3 * calibration.nonlinearity:.3f} g"
-    )
-    return {
-        "zero": calibration.zero,
-        "counts_per_kg": calibration.per_kg,
-        "unit": unit,
-        "counts": indications,
-    }
-
-
-def _mount(book: RunBook) -> Json:
-    text = (
-        "Mount the drone upside down on a stalk of 150 mm or more, so that its thrust pushes the scale. "
-        "All four propellers on, power from the supply with short leads."
-    )
-    book.operator.do(Task("mount_on_scale", text))
-    return {}
-
-
-class ThrustWizard:
+class ThrustWizard(StandWizard):
     """Leads through scale, stand and sweeps.
 
     Args:
         plan: what is measured.
-        stand: motors, which this wizard has the operator unlock; scale; and supply, which must be there.
+        stand: with a supply, which must be there.
     """
 
     def __init__(self, plan: ThrustPlan, stand: ThrustStand) -> None:
+        super().__init__(stand)
         self._plan = plan
-        self._stand = stand
 
-    def run(self, book: RunBook) -> None:
-        """All steps that are not done yet; the operator confirms that motors may turn, each time anew.
-
-        Raises:
-            NotConfirmed: nothing was started. Paused, StepBack: the operator's wish.
-            ScaleUnusable, InstrumentError, LinkError, MotorsRefused: motors stopped, supply off.
-        """
-        prepare_stand(book, self._stand)
+    def _steps(self, book: RunBook) -> Iterator[StandStep]:
         for block, voltage in enumerate(self._plan.voltages):
-            key = f"sweep-{voltage:g}"
-            book.step(key, f"Thrust at {voltage:g} V", partial(self._sweep, book, block, voltage))
+            work = partial(self._sweep, book, block, voltage)
+            yield StandStep(f"sweep-{voltage:g}", f"Thrust at {voltage:g} V", work)
 
     def _sweep(self, book: RunBook, block: int, voltage: float) -> Json:
         operator, stand = book.operator, self._stand
@@ -293,7 +215,7 @@ def thrust_inputs(steps: Mapping[str, Any]) -> dict[str, Estimate]:
     }
     scale = steps.get("scale")
     if scale:
-        inputs[f"scale, {_unit(scale)} shown for a kg"] = Estimate(abs(scale["counts_per_kg"]), "1", 0.0)
+        inputs[f"scale, {unit_shown(scale)} shown for a kg"] = Estimate(abs(scale["counts_per_kg"]), "1", 0.0)
     return inputs
 
 

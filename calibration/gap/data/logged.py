@@ -8,6 +8,7 @@ from calibration.flights.flight import POSE_CHANNELS, Flight, UnusableFlightErro
 from calibration.gap.data.kinematics import continuous_quaternions
 from calibration.gap.data.radio import Received, received
 from calibration.gap.data.samples import Samples, check_rate, samples_of
+from onboard.battery import FULL_RATIO
 
 _LONGEST_BREAK_S = 60.0
 _STANDING_SHARE = 0.6
@@ -32,9 +33,6 @@ def check_clock(flight: Flight, pose: Samples) -> None:
             flight.source, f"broken clock: time jumps by {steps[widest]:.1f} s at {pose.t[widest]:.3f} s"
         )
 
-
-FULL_SCALE = 65535.0
-"""PWM of full voltage."""
 
 # Second differences below these are those of a straight line: far below the noise, far above rounding.
 _PWM_RESOLUTION = 2.0
@@ -112,7 +110,7 @@ def _motors(flight: Flight) -> tuple[Received, int]:
         raise UnusableFlightError(flight.source, "never flies: the motor commands are 0 throughout")
     signal = _measured(flight, "motor commands", received(pwm, _PWM_RESOLUTION, off))
     values = signal.samples.values
-    clipped = np.clip(values, 0.0, FULL_SCALE)
+    clipped = np.clip(values, 0.0, FULL_RATIO)
     count = int(np.count_nonzero(np.any(clipped != values, axis=1)))
     return Received(Samples(signal.samples.t, clipped), signal.lost_s, signal.dead_s), count
 

@@ -9,12 +9,13 @@ from calibration.flights import Flight, UnusableFlight, UnusableFlightError
 from calibration.gap.data.duplicates import duplicate_of
 from calibration.gap.data.kinematics import continuous_quaternions, differentiate
 from calibration.gap.data.limitations import limitations
-from calibration.gap.data.logged import FULL_SCALE, LoggedSignals, read_signals
+from calibration.gap.data.logged import LoggedSignals, read_signals
 from calibration.gap.data.phases import LEAST_FLYING_S, free_flight, resting
 from calibration.gap.data.plausible import check_plausible
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.samples import grid_interval, resample, uniform_grid
 from calibration.gap.data.shapes import kinds_of
+from onboard.battery import FULL_RATIO
 
 
 @dataclass(frozen=True)
@@ -91,7 +92,7 @@ def _record(flight: Flight, signals: LoggedSignals, interval: float) -> FlightRe
         attitude=continuous_quaternions(poses[:, 3:]),
         rate=rate,
         specific_force=specific_force,
-        duty=pwm / FULL_SCALE,
+        duty=pwm / FULL_RATIO,
         voltage=None if signals.battery is None else resample(signals.battery, t)[0][:, 0],
         flying=free_flight(flight, t, pwm, poses[:, :3], rest),
         motors_known=motors_known,

@@ -5,6 +5,7 @@ The same weights applied to an accelerometer, or to the forces of a model, leave
 """
 
 import numpy as np
+from scipy.ndimage import correlate1d
 from scipy.signal import savgol_coeffs
 
 from calibration.gap.data.record import FlightRecord
@@ -28,11 +29,11 @@ class Smoothing:
 
     def second_derivative(self, values: FloatArray) -> FloatArray:
         """Of a position-like quantity, shape (n, ...); the first and last `half` rows are no use."""
-        return _correlate(values, self._second)
+        return _weighed(values, self._second)
 
     def mean(self, values: FloatArray) -> FloatArray:
         """Of an acceleration-like quantity, with the weights that match."""
-        return _correlate(values, self._weights)
+        return _weighed(values, self._weights)
 
     def reach(self, known: BoolArray) -> BoolArray:
         """Where all that the filters see is known."""
@@ -41,10 +42,8 @@ class Smoothing:
         return ~bad
 
 
-def _correlate(values: FloatArray, weights: FloatArray) -> FloatArray:
-    flat = values.reshape(values.shape[0], -1)
-    columns = [np.convolve(column, weights[::-1], mode="same") for column in flat.T]
-    return np.column_stack(columns).reshape(values.shape)
+def _weighed(values: FloatArray, weights: FloatArray) -> FloatArray:
+    return np.asarray(correlate1d(values, weights, axis=0, mode="constant"))
 
 
 def force_from_poses(record: FlightRecord) -> FloatArray:

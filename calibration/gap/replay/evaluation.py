@@ -1,7 +1,7 @@
 """How well a model predicts flights, by horizon, flight, phase and channel, and how well anything could."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
@@ -89,10 +89,6 @@ class FlightErrors:
     nuisances: Nuisances
     thrust_ratio: float
 
-    def source(self, floor: bool) -> BothWays:
-        """The errors of the model, or of its floor where there is one."""
-        return self.floor if floor and self.floor is not None else self.model
-
 
 @dataclass(frozen=True)
 class Unpredicted:
@@ -144,9 +140,15 @@ class PredictionErrors:
         return self._pair(self.flights)
 
     @property
+    def of_sensors(self) -> "PredictionErrors":
+        """The inertial sensors in place of the model, on the flights with an accelerometer."""
+        flights = tuple(replace(f, model=f.floor) for f in self.flights if f.floor is not None)
+        return replace(self, flights=flights)
+
+    @property
     def floor(self) -> ErrorPair | None:
-        """The inertial sensors in place of the model, on the flights with an accelerometer; None without."""
-        return self._pair(self._with_floor(), floor=True) if self._with_floor() else None
+        """Errors of the sensors over all starts; None without an accelerometer."""
+        return self.of_sensors.overall if self.of_sensors.flights else None
 
     @property
     def with_torque_estimate(self) -> ByHorizon:
@@ -161,23 +163,35 @@ class PredictionErrors:
 
     def by_phase(self) -> dict[str, ErrorPair]:
         """Errors over the starts of each phase that occurs."""
-        return self._phases(self.flights)
-
-    def floor_by_phase(self) -> dict[str, ErrorPair]:
-        """The floor by phase; empty without an accelerometer."""
-        return self._phases(self._with_floor(), floor=True)
+        occurring = {index for flight in self.flights for index in flight.phases.tolist()}
+        return {
+            str(phase): self._pair(self.flights, index)
+            for index, phase in enumerate(PHASES)
+            if index in occurring
+        }
 
     def by_channel(self) -> dict[float, dict[str, float]]:
         """Mean absolute errors along the body axes of the start, by horizon: ``velocity_x_m_s`` and so on.
 
         Position and velocity with given attitude, attitude and rate open loop: so each channel shows one
-        equation of motion.
+        equation of motion. Quantities that nobody predicts (the sensors' rates) are left out.
         """
-        return self._channels(self.flights)
-
-    def floor_by_channel(self) -> dict[float, dict[str, float]]:
-        """The floor by channel, without the rates, which have none; empty without an accelerometer."""
-        return self._channels(self._with_floor(), floor=True)
+        if not self.flights:
+            return {}
+        absolute = np.abs(np.concatenate([f.model.in_body_axes(f.rotation) for f in self.flights]))
+        channels: dict[float, dict[str, float]] = {}
+        for index, horizon in enumerate(self.horizons):
+            reached = absolute[np.isfinite(absolute[:, index, 0, 0]), index]
+            if reached.shape[0] == 0:
+                continue
+            means = reached.mean(axis=0) * np.asarray(SCALES)[:, None]
+            channels[horizon] = {
+                name.replace("_", f"_{axis}_", 1): float(means[q, a])
+                for q, name in enumerate(QUANTITIES)
+                for a, axis in enumerate(_AXES)
+                if np.isfinite(means[q, a])
+            }
+        return channels
 
     def doubts(self) -> list[str]:
         """What should be looked at before the numbers are believed, in words."""
@@ -226,47 +240,15 @@ class PredictionErrors:
             ],
         }
 
-    def _with_floor(self) -> list[FlightErrors]:
-        return [flight for flight in self.flights if flight.floor is not None]
-
-    def _pair(
-        self, flights: Sequence[FlightErrors], phase: int | None = None, floor: bool = False
-    ) -> ErrorPair:
+    def _pair(self, flights: Sequence[FlightErrors], phase: int | None = None) -> ErrorPair:
         """Errors over the starts of flights: all, or those of the phase with that index."""
-        starts = [np.full(f.phases.size, True) if phase is None else f.phases == phase for f in flights]
-        chosen = [(flight.source(floor), these) for flight, these in zip(flights, starts, strict=True)]
+        chosen = [
+            (f.model, np.full(f.phases.size, True) if phase is None else f.phases == phase) for f in flights
+        ]
         return ErrorPair(
-            self._means([(source.open_loop, these) for source, these in chosen]),
-            self._means([(source.given_attitude, these) for source, these in chosen]),
+            self._means([(model.open_loop, these) for model, these in chosen]),
+            self._means([(model.given_attitude, these) for model, these in chosen]),
         )
-
-    def _phases(self, flights: Sequence[FlightErrors], floor: bool = False) -> dict[str, ErrorPair]:
-        occurring = {index for flight in flights for index in flight.phases.tolist()}
-        return {
-            str(phase): self._pair(flights, index, floor)
-            for index, phase in enumerate(PHASES)
-            if index in occurring
-        }
-
-    def _channels(
-        self, flights: Sequence[FlightErrors], floor: bool = False
-    ) -> dict[float, dict[str, float]]:
-        if not flights:
-            return {}
-        absolute = np.abs(np.concatenate([f.source(floor).in_body_axes(f.rotation) for f in flights]))
-        channels: dict[float, dict[str, float]] = {}
-        for index, horizon in enumerate(self.horizons):
-            reached = absolute[np.isfinite(absolute[:, index, 0, 0]), index]
-            if reached.shape[0] == 0:
-                continue
-            means = reached.mean(axis=0) * np.asarray(SCALES)[:, None]
-            channels[horizon] = {
-                name.replace("_", f"_{axis}_", 1): float(means[q, a])
-                for q, name in enumerate(QUANTITIES)
-                for a, axis in enumerate(_AXES)
-                if np.isfinite(means[q, a])
-            }
-        return channels
 
     def _means(self, chosen: Sequence[tuple[WindowErrors, BoolArray]]) -> ByHorizon:
         norms = np.concatenate([errors.norms()[these] for errors, these in chosen])
@@ -357,10 +339,9 @@ def _calibrated(inputs: PredictionInputs, lengths: Rows, split: float) -> Nuisan
 def _scored(
     inputs: PredictionInputs, rows: Rows, ends: Rows, lengths: Rows, nuisances: Nuisances
 ) -> FlightErrors:
-    p, trim = nuisances.scaled(inputs.parameters), nuisances.trim()
+    replay = nuisances.replay(inputs, rows, ends, lengths)
     model = BothWays(
-        prediction_errors(inputs, rows, ends, lengths, given_attitude=False, parameters=p, trims=trim),
-        prediction_errors(inputs, rows, ends, lengths, given_attitude=True, parameters=p, trims=trim),
+        prediction_errors(inputs, replay), prediction_errors(inputs, replace(replay, given_attitude=True))
     )
     return FlightErrors(
         record=inputs.record,

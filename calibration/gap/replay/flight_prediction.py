@@ -113,68 +113,58 @@ def in_body_axes(errors: WindowErrors, rotation: FloatArray) -> FloatArray:
     return vectors
 
 
-def predicted_states(
-    inputs: PredictionInputs,
-    rows: Rows,
-    ends: Rows,
-    lengths: Rows,
-    *,
-    given_attitude: bool,
-    parameters: Any = None,
-    trims: FloatArray | None = None,
-    velocity: FloatArray | None = None,
-) -> FloatArray:
-    """States of the model at the horizons after each start.
+@dataclass(frozen=True, kw_only=True)
+class Replay:
+    """What is predicted of a flight, with which numbers.
 
-    Args:
-        inputs: the flight.
+    Attributes:
         rows: starts, increasing, shape (m,).
         ends: samples of the horizons, increasing, shape (h,).
         lengths: samples that may be predicted from each start, shape (m,).
-        given_attitude: attitude and rate are the measured ones.
-        parameters: of the physics; default: those of the inputs.
+        parameters: of the physics.
         trims: of each start, shape (m, 5) or (5,), see :data:`~calibration.gap.replay.kernels.Trim`.
+        given_attitude: attitude and rate are the measured ones.
         velocity: m/s, shape (m, 3), to start with; default: that from the past alone.
+    """
+
+    rows: Rows
+    ends: Rows
+    lengths: Rows
+    parameters: Any
+    trims: FloatArray
+    given_attitude: bool = False
+    velocity: FloatArray | None = None
+
+
+def predicted_states(inputs: PredictionInputs, replay: Replay) -> FloatArray:
+    """States of the model at the horizons after each start of a flight.
 
     Returns:
         Position, velocity, quaternion, rate: shape (m, h, 13), NaN beyond the length of a start.
     """
-    p = inputs.parameters if parameters is None else parameters
+    rows, ends, p = replay.rows, replay.ends, replay.parameters
     starts, _ = motor_starts(inputs, p, rows)
-    if velocity is not None:
-        starts["velocity"] = velocity
+    if replay.velocity is not None:
+        starts["velocity"] = replay.velocity
     every = np.zeros((rows.size, TRIMS))
-    if trims is not None:
-        every[:] = trims
+    every[:] = replay.trims
     out = np.full((rows.size, ends.size, 13), np.nan)
     predict(
-        starts, rows, np.minimum(lengths, ends[-1]), ends, every, p, inputs.duty, inputs.voltage,
-        inputs.quaternion, inputs.rate, given_attitude, inputs.substeps, inputs.step, out,
+        starts, rows, np.minimum(replay.lengths, ends[-1]), ends, every, p, inputs.duty, inputs.voltage,
+        inputs.quaternion, inputs.rate, replay.given_attitude, inputs.substeps, inputs.step, out,
     )  # fmt: skip
     return out
 
 
-def prediction_errors(
-    inputs: PredictionInputs,
-    rows: Rows,
-    ends: Rows,
-    lengths: Rows,
-    *,
-    given_attitude: bool,
-    parameters: Any = None,
-    trims: FloatArray | None = None,
-    velocity: FloatArray | None = None,
-) -> WindowErrors:
-    """Errors of :func:`predicted_states` against the measurements; the same arguments."""
-    states = predicted_states(
-        inputs, rows, ends, lengths,
-        given_attitude=given_attitude, parameters=parameters, trims=trims, velocity=velocity,
-    )  # fmt: skip
+def prediction_errors(inputs: PredictionInputs, replay: Replay) -> WindowErrors:
+    """Errors of :func:`predicted_states` against the measurements."""
+    rows, ends = replay.rows, replay.ends
+    states = predicted_states(inputs, replay)
     at = np.minimum(rows[:, None] + ends[None, :], inputs.position.shape[0] - 1)
     vectors = np.full((rows.size, ends.size, 4, 3), np.nan)
     vectors[:, :, 0] = states[:, :, 0:3] - inputs.position[at]
     vectors[:, :, 1] = states[:, :, 3:6] - inputs.velocity[at]
-    if not given_attitude:
+    if not replay.given_attitude:
         vectors[:, :, 2] = rotation_between(inputs.quaternion[at], states[:, :, 6:10])
         vectors[:, :, 3] = states[:, :, 10:13] - inputs.rate[at]
-    return WindowErrors(rows, vectors, ends[None, :] <= lengths[:, None])
+    return WindowErrors(rows, vectors, ends[None, :] <= replay.lengths[:, None])

@@ -7,12 +7,12 @@ what is left is noise of start, reference and sensors.
 
 import numpy as np
 
+from calibration.gap.data.rotations import integrate_rate
 from calibration.gap.replay.flight_prediction import WindowErrors, in_body_axes, rotation_between
 from calibration.gap.replay.inputs import PredictionInputs, twice_integrated
 from calibration.gap.replay.windows import Rows
 from onboard.arrays import BoolArray, FloatArray
-from onboard.jit import kernel
-from onboard.rotation import integrate, to_matrices
+from onboard.rotation import to_matrices
 
 NO_BIAS = np.zeros(3)
 
@@ -56,7 +56,7 @@ def gyro_driven(
 ) -> WindowErrors:
     """As :func:`accelerometer_driven`, with the attitude from the gyro; the rate itself has no floor."""
     vectors = np.full((rows.size, ends.size, 4, 3), np.nan)
-    turned = integrated_rate(np.nan_to_num(inputs.rate), inputs.dt)
+    turned = integrate_rate(np.nan_to_num(inputs.rate), inputs.dt)
     # One path of the gyro through the flight serves all starts: C turns it into the world of a start.
     rotation = to_matrices(turned)
     into_world = inputs.rotation[rows] @ rotation[rows].transpose(0, 2, 1)
@@ -93,20 +93,6 @@ def _translation(
     start_v = inputs.start_velocity[rows][:, None]
     vectors[:, :, 1] = start_v + gained - inputs.velocity[at]
     vectors[:, :, 0] = inputs.position[rows][:, None] + time * start_v + moved - inputs.position[at]
-
-
-@kernel
-def integrated_rate(rate: FloatArray, dt: float) -> FloatArray:
-    """Attitude, shape (n, 4), after turning at the mean rate (rad/s) of each two samples; level at first."""
-    turned = np.empty((rate.shape[0], 4))
-    q = (0.0, 0.0, 0.0, 1.0)
-    for row in range(rate.shape[0]):
-        if row > 0:
-            mean = 0.5 * (rate[row - 1] + rate[row])
-            q = integrate(q, mean, dt)
-        for i in range(4):
-            turned[row, i] = q[i]
-    return turned
 
 
 def _exponential(vector: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from calibration.gap.replay.flight_prediction import in_body_axes, prediction_errors
+from calibration.gap.replay.flight_prediction import Replay, in_body_axes, prediction_errors
 from calibration.gap.replay.floors import accelerometer_bias
 from calibration.gap.replay.inputs import PredictionInputs
 from calibration.gap.replay.windows import Rows
@@ -60,6 +60,16 @@ class Nuisances:
         scaled["command_gain"] *= self.thrust_scale
         scaled["command_on"] = 1
         return scaled
+
+    def replay(self, inputs: PredictionInputs, rows: Rows, ends: Rows, lengths: Rows) -> Replay:
+        """What to predict of a flight with these numbers, everything open loop."""
+        return Replay(
+            rows=rows,
+            ends=ends,
+            lengths=lengths,
+            parameters=self.scaled(inputs.parameters),
+            trims=self.trim(),
+        )
 
     def to_json(self) -> dict[str, Any]:
         """By name, SI."""
@@ -123,19 +133,14 @@ def _velocity_errors(
 ) -> FloatArray:
     """Velocity errors (m/s, body axes) with this scale and lean, shape (3 m,)."""
     nuisances = Nuisances(thrust_scale=force[0], lean_x=force[1], lean_y=force[2])
-    errors = prediction_errors(
-        inputs, rows, end, lengths,
-        given_attitude=True, parameters=nuisances.scaled(inputs.parameters), trims=nuisances.trim(),
-    )  # fmt: skip
+    replay = replace(nuisances.replay(inputs, rows, end, lengths), given_attitude=True)
+    errors = prediction_errors(inputs, replay)
     return in_body_axes(errors, inputs.rotation[rows])[:, 0, 1].ravel()
 
 
 def _trim(inputs: PredictionInputs, rows: Rows, lengths: Rows, found: Nuisances) -> Vector:
     """Angular acceleration (rad/s2) that the model lacks."""
     end = np.array([max(1, inputs.rows(TORQUE_HORIZON))])
-    errors = prediction_errors(
-        inputs, rows, end, lengths,
-        given_attitude=False, parameters=found.scaled(inputs.parameters), trims=found.trim(),
-    )  # fmt: skip
+    errors = prediction_errors(inputs, found.replay(inputs, rows, end, lengths))
     x, y, z = -errors.vectors[:, 0, 3].mean(axis=0) / (end[0] * inputs.dt)
     return float(x), float(y), float(z)

@@ -5,6 +5,8 @@ disturbances that a replay never sees (gap note, 2). With the mean unexplained a
 last 0.2 s held constant, the error falls with every right effect.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from calibration.gap.replay.flight_prediction import WindowErrors, predicted_states, prediction_errors
@@ -26,11 +28,8 @@ def unexplained_acceleration(inputs: PredictionInputs, nuisances: Nuisances) -> 
         where that state or the next rate is not known.
     """
     rows = np.arange(inputs.duty.shape[0] - 1)
-    following = predicted_states(
-        inputs, rows, np.array([1]), np.ones(rows.size, dtype=np.int64),
-        given_attitude=False, parameters=nuisances.scaled(inputs.parameters), trims=nuisances.trim(),
-        velocity=inputs.velocity[rows],
-    )  # fmt: skip
+    next_sample = nuisances.replay(inputs, rows, np.array([1]), np.ones(rows.size, dtype=np.int64))
+    following = predicted_states(inputs, replace(next_sample, velocity=inputs.velocity[rows]))
     acceleration = (inputs.rate[1:] - following[:, 0, 10:13]) / inputs.dt
     acceleration[~(inputs.known[:-1] & inputs.known[1:])] = np.nan
     return acceleration
@@ -53,7 +52,4 @@ def with_torque_estimate(
     rows, lengths = rows[usable], lengths[usable]
     trims = np.tile(nuisances.trim(), (rows.size, 1))
     trims[:, 2:] += (total[rows] - total[rows - memory]) / memory
-    return prediction_errors(
-        inputs, rows, end, lengths,
-        given_attitude=False, parameters=nuisances.scaled(inputs.parameters), trims=trims,
-    )  # fmt: skip
+    return prediction_errors(inputs, replace(nuisances.replay(inputs, rows, end, lengths), trims=trims))

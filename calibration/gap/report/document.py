@@ -7,17 +7,16 @@ what was rejected, settings) stands beside it.
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, is_dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
 from calibration.errors import CalibrationError
+from calibration.gap.data.found import FoundEffect
 from calibration.gap.landings.flip import FlipResidual
+from onboard.json_file import as_json
 
 SCHEMA = "perchhw.gap/1"
-
-Interval = tuple[float, float]
-"""Low and high end of a 95 % interval."""
 
 
 class Verdict(StrEnum):
@@ -27,46 +26,6 @@ class Verdict(StrEnum):
     NO_GAP = "no_gap"
     UNEXPLAINED_GAP = "unexplained_gap"
     """something structured is left that no known effect explains, whether or not others were found"""
-
-
-@dataclass(frozen=True, kw_only=True)
-class FoundParameter:
-    """A number of an effect. `at_bound`: the fit ended at the limit of what is physical: a warning."""
-
-    value: float
-    unit: str
-    ci95: Interval
-    at_bound: bool = False
-
-    def to_json(self) -> dict[str, Any]:
-        """As in the contract; `at_bound` where it is so."""
-        shown: dict[str, Any] = {"value": self.value, "unit": self.unit, "ci95": list(self.ci95)}
-        return {**shown, "at_bound": True} if self.at_bound else shown
-
-
-@dataclass(frozen=True, kw_only=True)
-class FoundEffect:
-    """One effect that was missing.
-
-    Attributes:
-        name: as in :data:`onboard.vehicle.effects.EFFECTS`.
-        parameters: by name.
-        error_before, error_after: without and with it, on flights that no fit saw, in the metric that it
-            improves most; with the effects before it in the model.
-        improvement_ci95: of `error_before` minus `error_after`.
-        ambiguous_with: effects that these flights cannot tell from it.
-        separated_by: what a flight must do to tell them apart, in words.
-        metric: what the errors are, with the unit.
-    """
-
-    name: str
-    parameters: Mapping[str, FoundParameter]
-    error_before: float
-    error_after: float
-    improvement_ci95: Interval
-    ambiguous_with: tuple[str, ...] = ()
-    separated_by: str = ""
-    metric: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -262,17 +221,6 @@ class GapReport:
     def text(self) -> str:
         """The document as text."""
         return json.dumps(self.to_json(), indent=1, allow_nan=False) + "\n"
-
-
-def as_json(value: Any) -> Any:
-    """Data as JSON has it: the parts of a report by attribute, tuples as lists."""
-    if isinstance(value, FoundParameter | Gap):
-        return value.to_json()
-    if isinstance(value, Mapping):
-        return {key: as_json(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [as_json(item) for item in value]
-    return as_json(vars(value)) if is_dataclass(value) else value
 
 
 def leaves(value: Any, place: str = "") -> list[tuple[str, Any]]:

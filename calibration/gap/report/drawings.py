@@ -1,12 +1,12 @@
 """The figures of a report, drawn: each function takes what it shows and gives a matplotlib figure."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from calibration.gap.replay.closed_loop import ClosedLoopFlight
 from calibration.gap.report.figures_data import (
-    ClosedLoopTrace,
     HeatMap,
     HorizonCurves,
     ResidualCloud,
@@ -31,7 +31,7 @@ _LEGEND_COLUMN = 1.3
 """Inches that a name in a legend takes."""
 
 
-def stage_colours(stages: Mapping[str, FloatArray]) -> dict[str, object]:
+def stage_colours(stages: Iterable[str]) -> dict[str, object]:
     """First stage orange, last blue, those between from light to dark grey-blue."""
     from matplotlib import colormaps
 
@@ -97,8 +97,7 @@ def heat_maps(data: HeatMap) -> "Figure":
     image = None
     pair = figure.subplots(1, 2, sharey=True)
     for axes, cells, title in zip(pair, (data.before, data.after), ("before", "after"), strict=True):
-        chance = np.zeros_like(cells) if data.chance is None else data.chance
-        faint = np.where(cells > chance, 1.0, 0.3)
+        faint = np.where(cells > data.chance, 1.0, 0.3)
         image = axes.imshow(
             np.nan_to_num(cells), cmap="YlOrRd", vmin=0.0, vmax=most, aspect="auto", alpha=faint
         )
@@ -151,17 +150,19 @@ def quantile_bands(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray
     return middle, bands[:, 0], bands[:, 1], bands[:, 2]
 
 
-def closed_loop_trace(data: ClosedLoopTrace) -> "Figure":
+def closed_loop_trace(stages: Mapping[str, ClosedLoopFlight]) -> "Figure":
     """Duty and tilt that the flight had and that the model needs."""
     figure = new_figure(10.4, 3.6)
     top, bottom = figure.subplots(2, 1, sharex=True)
-    t = data.t - data.t[0] if data.t.size else data.t
+    one, colours = next(iter(stages.values())), stage_colours(stages)
+    t = one.t - one.t[0]
+    duties = {name: flight.needed_duty for name, flight in stages.items()}
+    tilts = {name: _tilt_deg(flight.needed_attitude) for name, flight in stages.items()}
     rows = (
-        (top, np.where(data.known, data.duty, np.nan), data.needed_duty, "duty (share of battery)"),
-        (bottom, data.tilt_deg, data.needed_tilt_deg, "tilt (deg)"),
+        (top, np.where(one.known, one.duty, np.nan), duties, "duty (share of battery)"),
+        (bottom, _tilt_deg(one.attitude), tilts, "tilt (deg)"),
     )
     for axes, measured, needed, label in rows:
-        colours = stage_colours(needed)
         for name, values in needed.items():
             axes.plot(t, values, lw=1.2, color=colours[name], label=name)
         axes.plot(t, measured, lw=1.0, color=INK, alpha=0.75, label="measured")
@@ -169,6 +170,12 @@ def closed_loop_trace(data: ClosedLoopTrace) -> "Figure":
     bottom.set_xlabel("s")
     _shared_legend(figure, [top])
     return figure
+
+
+def _tilt_deg(attitude: FloatArray) -> FloatArray:
+    """Angle between body axis and vertical, shape (n,), of quaternions, shape (n, 4)."""
+    up = 1.0 - 2.0 * (attitude[:, 0] ** 2 + attitude[:, 1] ** 2)
+    return np.degrees(np.arccos(np.clip(up, -1.0, 1.0)))
 
 
 def _panels(count: int, height: float, side_by_side: int = _ROW) -> "tuple[Figure, list[Axes]]":

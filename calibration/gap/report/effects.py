@@ -1,15 +1,15 @@
-"""Every effect as the report has it: found in the air, in the sensors, and in legs and feet at landings."""
+"""Effects as the report has them: those found in the air, and those of legs and feet at landings."""
 
 import math
 from collections.abc import Sequence
 
 import numpy as np
 
+from calibration.gap.data.found import FoundEffect, FoundParameter
 from calibration.gap.estimate.held_out import HeldOutFlights, improvement
 from calibration.gap.landings import LandingEffect, LandingFindings
-from calibration.gap.report.document import FoundEffect, FoundParameter, Landings, UnusableFile
+from calibration.gap.report.document import Landings, UnusableFile
 from calibration.gap.search.naming import NINETY_FIVE, Named
-from calibration.gap.sensors import SensingEffect
 from onboard.vehicle import EFFECTS, Vehicle
 
 
@@ -47,26 +47,6 @@ def _parameters(name: str, names: Named) -> dict[str, FoundParameter]:
                 ci95=(value - half, value + half),
             )
     return parameters
-
-
-def sensing_effects(effects: Sequence[SensingEffect]) -> list[FoundEffect]:
-    """Effects of the sensors as the report has them."""
-    return [
-        FoundEffect(
-            name=effect.name,
-            parameters={
-                key: FoundParameter(
-                    value=value, unit=EFFECTS[effect.name].parameters[key].unit, ci95=effect.intervals[key]
-                )
-                for key, value in effect.values.items()
-            },
-            error_before=effect.error_before,
-            error_after=effect.error_after,
-            improvement_ci95=effect.improvement_ci95,
-            metric=f"{effect.metric}, {effect.unit}",
-        )
-        for effect in effects
-    ]
 
 
 def landing_effects(findings: Sequence[LandingEffect], vehicle: Vehicle) -> list[FoundEffect]:

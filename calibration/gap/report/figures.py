@@ -9,11 +9,11 @@ from calibration.gap.data.signals import CHANNELS, UNITS
 from calibration.gap.estimate.model import Model
 from calibration.gap.estimate.refine import Training
 from calibration.gap.replay import PredictionErrors, fly_again
+from calibration.gap.replay.closed_loop import ClosedLoopFlight
 from calibration.gap.report.document import Unexplained, Where
-from calibration.gap.report.figures_data import ClosedLoopTrace, HeatMap, ReportFigures, ResidualCloud
+from calibration.gap.report.figures_data import HeatMap, ReportFigures, ResidualCloud
 from calibration.gap.report.prediction_figures import (
     channel_bars,
-    closed_loop_trace,
     horizon_curves,
     phase_bars,
 )
@@ -84,7 +84,6 @@ def figures(
         channels=channel_bars(stages),
         phases=phase_bars(stages),
         heat_map=HeatMap(
-            meaning="share of the residual's variance that goes with the regressor",
             channels=before.channels,
             regressors=before.regressors,
             before=np.clip(before.share, 0.0, 1.0),
@@ -135,7 +134,7 @@ def _averaged(columns: Sequence[FloatArray], window: int) -> list[FloatArray]:
     return [mean[known] for mean in means]
 
 
-def _flown_again(names: Named, held_out: Sequence[FlightRecord]) -> tuple[ClosedLoopTrace, ...]:
+def _flown_again(names: Named, held_out: Sequence[FlightRecord]) -> dict[str, ClosedLoopFlight]:
     """The first flight that both models can fly again, in closed loop."""
     models = names.models()
     ends: dict[str, Model] = {"before": models["before"], "with all": list(models.values())[-1]}
@@ -143,5 +142,5 @@ def _flown_again(names: Named, held_out: Sequence[FlightRecord]) -> tuple[Closed
         flown = {name: fly_again(record, model.vehicle()) for name, model in ends.items()}
         whole = {name: flight for name, flight in flown.items() if flight is not None}
         if len(whole) == len(ends):
-            return (closed_loop_trace(whole),)
-    return ()
+            return whole
+    return {}

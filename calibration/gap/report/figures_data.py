@@ -6,10 +6,10 @@ are versions of the model in the order in which they are drawn: by convention ``
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from calibration.errors import CalibrationError
-from onboard.arrays import BoolArray, FloatArray
+from calibration.gap.replay.closed_loop import ClosedLoopFlight
+from onboard.arrays import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,34 +30,22 @@ class HorizonCurves:
     stages: Mapping[str, FloatArray]
     floor: FloatArray | None = None
 
-    def __post_init__(self) -> None:
-        """Check the shapes."""
-        curves = [*self.stages.values(), *([] if self.floor is None else [self.floor])]
-        _same_shape(self.quantity, self.horizons.shape, curves)
-
 
 @dataclass(frozen=True, kw_only=True)
 class StageBars:
     """One number a stage for each of some labels: channels, phases.
 
     Attributes:
-        title: what is compared, such as "by channel".
         unit: of all numbers, such as "share of before".
         labels: shape (k,).
         stages: numbers by stage, each shape (k,); NaN where a label has none.
         floor: shape (k,), or None.
     """
 
-    title: str
     unit: str
     labels: tuple[str, ...]
     stages: Mapping[str, FloatArray]
     floor: FloatArray | None = None
-
-    def __post_init__(self) -> None:
-        """Check the shapes."""
-        rows = [*self.stages.values(), *([] if self.floor is None else [self.floor])]
-        _same_shape(self.title, (len(self.labels),), rows)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,60 +66,23 @@ class ResidualCloud:
     before: FloatArray
     after: FloatArray
 
-    def __post_init__(self) -> None:
-        """Check the shapes."""
-        _same_shape(f"{self.channel} against {self.regressor}", self.x.shape, [self.before, self.after])
-
 
 @dataclass(frozen=True, kw_only=True)
 class HeatMap:
-    """Where the gap lives: channels against regressors, before and after.
+    """Where the gap lives: share of the residual's variance in a channel that goes with a regressor.
 
     Attributes:
-        meaning: what a cell is, such as "share of the residual's variance that goes with the regressor".
         channels: rows, shape (r,). regressors: columns, shape (c,).
         before, after: shape (r, c), 0 to 1; NaN where it cannot be said.
-        chance: shape (r, c) or None: what the colour of the noise alone reaches in 95 % of cases; cells below
-            it are drawn faint.
+        chance: shape (r, c): what the colour of the noise alone reaches in 95 % of cases; cells below it are
+            drawn faint.
     """
 
-    meaning: str
     channels: tuple[str, ...]
     regressors: tuple[str, ...]
     before: FloatArray
     after: FloatArray
-    chance: FloatArray | None = None
-
-    def __post_init__(self) -> None:
-        """Check the shapes."""
-        cells = [self.before, self.after, *([] if self.chance is None else [self.chance])]
-        _same_shape("heat map", (len(self.channels), len(self.regressors)), cells)
-
-
-@dataclass(frozen=True, kw_only=True)
-class ClosedLoopTrace:
-    """A held-out flight that the model flew again along the measured path.
-
-    Attributes:
-        flight: its name.
-        t: s, shape (n,).
-        known: where the measured commands are known, shape (n,).
-        duty: mean of the four motors, measured, shape (n,). needed_duty: by stage, each shape (n,).
-        tilt_deg: angle between body axis and vertical, measured, shape (n,). needed_tilt_deg: by stage.
-    """
-
-    flight: str
-    t: FloatArray
-    known: BoolArray
-    duty: FloatArray
-    needed_duty: Mapping[str, FloatArray]
-    tilt_deg: FloatArray
-    needed_tilt_deg: Mapping[str, FloatArray]
-
-    def __post_init__(self) -> None:
-        """Check the shapes."""
-        rows = [self.duty, self.tilt_deg, *self.needed_duty.values(), *self.needed_tilt_deg.values()]
-        _same_shape(self.flight, self.t.shape, rows)
+    chance: FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,7 +94,7 @@ class ReportFigures:
         channels, phases: bars by channel and by phase of flight.
         heat_map: where the gap lives.
         clouds: residuals against regressors, most telling first.
-        closed_loop: held-out flights that the model flew again.
+        closed_loop: a held-out flight, flown again by the models of some stages.
     """
 
     horizons: tuple[HorizonCurves, ...] = ()
@@ -151,10 +102,4 @@ class ReportFigures:
     phases: StageBars | None = None
     heat_map: HeatMap | None = None
     clouds: tuple[ResidualCloud, ...] = ()
-    closed_loop: tuple[ClosedLoopTrace, ...] = ()
-
-
-def _same_shape(name: str, shape: tuple[int, ...], arrays: list[FloatArray]) -> None:
-    for array in arrays:
-        if array.shape != shape:
-            raise CalibrationError(f"figure {name!r}: an array has shape {array.shape}, expected {shape}")
+    closed_loop: Mapping[str, ClosedLoopFlight] = field(default_factory=dict)

@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
-from calibration.gap.report.document import FoundEffect
+from calibration.gap.data.found import FoundEffect
 from calibration.gap.search.naming import NINETY_FIVE, Named
 from onboard.quantity import Quantity
 from onboard.vehicle import Effect, Vehicle, vehicle_to_toml

@@ -5,6 +5,7 @@ from html import escape
 from typing import Any
 
 from calibration.gap.landings.flip import FlipResidual
+from calibration.gap.replay.closed_loop import ClosedLoopFlight
 from calibration.gap.report import drawings, words
 from calibration.gap.report.document import GapReport, Landings, Levels, Verdict, leaves
 from calibration.gap.report.figures_data import ReportFigures
@@ -47,7 +48,8 @@ def _sections(report: GapReport, figures: ReportFigures) -> Iterator[str]:
             "What these flights cannot tell apart", table(["effects", "what would tell them"], rows)
         )
     yield from _where(report, figures)
-    yield from _closed_loop(figures)
+    if figures.closed_loop:
+        yield _closed_loop(figures.closed_loop)
     if report.unexplained.share > 0.0 or report.verdict is Verdict.UNEXPLAINED_GAP:
         yield section("What is left", _rest(report))
     if report.rejected:
@@ -173,9 +175,10 @@ def _where(report: GapReport, figures: ReportFigures) -> Iterator[str]:
         note = ""
         if figures.heat_map is not None:
             content += svg(drawings.heat_maps(figures.heat_map))
-            note = f"Cells, in percent: {figures.heat_map.meaning}."
-            if figures.heat_map.chance is not None:
-                note += " Faint cells are no larger than what the colour of the noise alone makes in 1 of 20."
+            note = (
+                "Cells, in percent: share of the residual's variance that goes with the regressor. Faint "
+                "cells are no larger than what the colour of the noise alone makes in 1 of 20."
+            )
         yield section("Where it lives", content, note)
     if figures.clouds:
         yield section(
@@ -186,16 +189,11 @@ def _where(report: GapReport, figures: ReportFigures) -> Iterator[str]:
         )
 
 
-def _closed_loop(figures: ReportFigures) -> Iterator[str]:
-    if not figures.closed_loop:
-        return
-    drawn = "".join(
-        f"<h3>{escape(trace.flight)}</h3>{svg(drawings.closed_loop_trace(trace))}"
-        for trace in figures.closed_loop
-    )
-    yield section(
+def _closed_loop(stages: Mapping[str, ClosedLoopFlight]) -> str:
+    name = next(iter(stages.values())).name
+    return section(
         "Flown again in closed loop",
-        drawn,
+        f"<h3>{escape(name)}</h3>{svg(drawings.closed_loop_trace(stages))}",
         "The project's own controller flies the model along the measured path. What the model needs should "
         "be what the vehicle needed.",
     )

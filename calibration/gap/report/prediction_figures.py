@@ -10,11 +10,10 @@ from operator import attrgetter
 
 import numpy as np
 
-from calibration.gap.replay.closed_loop import ClosedLoopFlight
 from calibration.gap.replay.evaluation import ErrorPair, PredictionErrors
 from calibration.gap.replay.flight_prediction import QUANTITIES, ByHorizon, HorizonErrors
 from calibration.gap.report.document import Gap, Levels
-from calibration.gap.report.figures_data import ClosedLoopTrace, HorizonCurves, StageBars
+from calibration.gap.report.figures_data import HorizonCurves, StageBars
 from onboard.arrays import FloatArray
 
 Stages = Mapping[str, PredictionErrors]
@@ -35,8 +34,8 @@ _CHANNELS = {
 """Channel by the prediction error that shows it, and its unit."""
 
 
-def prediction_gap(stages: Stages, horizon: float = HORIZON) -> Gap:
-    """The gap of first and last stage: position after `horizon` (s) with given attitude, and all else.
+def prediction_gap(stages: Stages) -> Gap:
+    """The gap of first and last stage: position after :data:`HORIZON` with given attitude, and all else.
 
     Where no flight reaches that far, the longest horizon that one does reach stands for it.
 
@@ -44,7 +43,7 @@ def prediction_gap(stages: Stages, horizon: float = HORIZON) -> Gap:
     rad/s) along the body axes after half a second.
     """
     first, last = _ends(stages)
-    horizon = _within_reach(first, horizon)
+    horizon = _within_reach(first, HORIZON)
     floor = first.floor
     one, other = first.overall, last.overall
     sensed = ErrorPair({}, {}) if floor is None else floor
@@ -57,7 +56,7 @@ def prediction_gap(stages: Stages, horizon: float = HORIZON) -> Gap:
         **_by_quantity(", all predicted", one.open_loop, other.open_loop, sensed.open_loop),
         **_by_quantity(", torque estimated", first.with_torque_estimate, last.with_torque_estimate, {}),
     }
-    later, quiet = last.by_phase(), first.floor_by_phase()
+    later, quiet = last.by_phase(), first.of_sensors.by_phase()
     return Gap(
         metric=f"position error after {horizon:g} s, {_GIVEN}",
         overall=by_horizon[str(horizon)],
@@ -98,10 +97,10 @@ def horizon_curves(stages: Stages) -> tuple[HorizonCurves, ...]:
     )
 
 
-def phase_bars(stages: Stages, horizon: float = 1.0) -> StageBars:
-    """Position error with given attitude after `horizon` (s), by phase of flight."""
+def phase_bars(stages: Stages) -> StageBars:
+    """Position error with given attitude after :data:`HORIZON`, by phase of flight."""
     first, _ = _ends(stages)
-    horizon = _within_reach(first, horizon)
+    horizon = _within_reach(first, HORIZON)
     labels = tuple(name for name, pair in first.by_phase().items() if horizon in pair.given_attitude)
 
     def row(phases: Mapping[str, ErrorPair]) -> FloatArray:
@@ -110,45 +109,29 @@ def phase_bars(stages: Stages, horizon: float = 1.0) -> StageBars:
 
     rows = {name: row(errors.by_phase()) for name, errors in stages.items()}
     return StageBars(
-        title="by phase",
         unit=f"m after {horizon:g} s",
         labels=labels,
         stages=rows,
-        floor=row(first.floor_by_phase()),
+        floor=row(first.of_sensors.by_phase()),
     )
 
 
-def channel_bars(stages: Stages, horizon: float = _CHANNEL_HORIZON) -> StageBars:
+def channel_bars(stages: Stages) -> StageBars:
     """Velocity errors (attitude given) and rate errors (open loop) by body axis, as shares of the first."""
     first, _ = _ends(stages)
-    horizon = _within_reach(first, horizon)
+    horizon = _within_reach(first, _CHANNEL_HORIZON)
     base = first.by_channel()[horizon]
     rows = {
         name: _floats([errors.by_channel()[horizon][key] / base[key] for key, _ in _CHANNELS.values()])
         for name, errors in stages.items()
     }
-    quiet = first.floor_by_channel().get(horizon, {})
+    quiet = first.of_sensors.by_channel().get(horizon, {})
     floor = [quiet[key] / base[key] if key in quiet else None for key, _ in _CHANNELS.values()]
     return StageBars(
-        title="by channel",
         unit="share of before",
         labels=tuple(_CHANNELS),
         stages=rows,
         floor=_floats(floor),
-    )
-
-
-def closed_loop_trace(stages: Mapping[str, ClosedLoopFlight]) -> ClosedLoopTrace:
-    """One flight flown again by one model after the other."""
-    one = next(iter(stages.values()))
-    return ClosedLoopTrace(
-        flight=one.name,
-        t=one.t,
-        known=one.known,
-        duty=one.duty,
-        needed_duty={name: flight.needed_duty for name, flight in stages.items()},
-        tilt_deg=_tilt_deg(one.attitude),
-        needed_tilt_deg={name: _tilt_deg(flight.needed_attitude) for name, flight in stages.items()},
     )
 
 
@@ -187,7 +170,7 @@ def _by_quantity(words: str, before: ByHorizon, after: ByHorizon, floor: ByHoriz
 
 def _by_channel(first: PredictionErrors, last: PredictionErrors, horizon: float) -> dict[str, Levels]:
     before, after = first.by_channel()[horizon], last.by_channel()[horizon]
-    floor = first.floor_by_channel().get(horizon, {})
+    floor = first.of_sensors.by_channel().get(horizon, {})
     return {
         channel: Levels(before=before[name], after=after[name], noise_floor=floor.get(name), unit=unit)
         for channel, (name, unit) in _CHANNELS.items()
@@ -201,8 +184,3 @@ def _curve(errors: ByHorizon, quantity: str, first: PredictionErrors) -> FloatAr
 
 def _floats(values: list[float | None]) -> FloatArray:
     return np.array([np.nan if value is None else value for value in values])
-
-
-def _tilt_deg(quaternion: FloatArray) -> FloatArray:
-    up = 1.0 - 2.0 * (quaternion[:, 0] ** 2 + quaternion[:, 1] ** 2)
-    return np.degrees(np.arccos(np.clip(up, -1.0, 1.0)))

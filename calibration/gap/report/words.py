@@ -1,6 +1,7 @@
 """The verdict in words, and numbers as the page shows them."""
 
-from calibration.gap.report.document import FoundEffect, FoundParameter, GapReport, Interval, Levels, Verdict
+from calibration.gap.data.found import FoundEffect, FoundParameter, Interval
+from calibration.gap.report.document import GapReport, Levels, Verdict
 
 
 def number(value: float | int | None) -> str:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calibration.gap.data.found import FoundEffect, FoundParameter
 from calibration.gap.data.record import FlightRecord, NotUsed
 from calibration.gap.sensors.correction import correct_flight
 from calibration.gap.sensors.flight_estimates import (
@@ -20,41 +21,19 @@ _LEAST_IMPROVEMENT = 0.001
 
 
 @dataclass(frozen=True)
-class SensingEffect:
-    """A sensing effect that all flights share.
-
-    Attributes:
-        name: as in ``onboard.vehicle.effects``.
-        values: by parameter, SI.
-        intervals: 95 % confidence, by parameter.
-        metric, unit: what the errors are.
-        error_before, error_after: rms on flights that the values applied there are not from.
-        improvement_ci95: of 1 - error_after / error_before, over flights.
-    """
-
-    name: str
-    values: dict[str, float]
-    intervals: dict[str, tuple[float, float]]
-    metric: str
-    unit: str
-    error_before: float
-    error_after: float
-    improvement_ci95: tuple[float, float]
-
-
-@dataclass(frozen=True)
 class SensingFindings:
     """Everything found about the sensors.
 
     Attributes:
-        effects: named effects, the most certain first.
+        effects: those that all flights share, the most certain first; their errors are on flights that the
+            values applied there are not from.
         flights: estimates of each flight that could be judged.
         pooled: means over flights by effect, one per parameter (delay, or x, y, z).
         broken: flights that must not be used further.
         notes: what differs between flights, and what could not be judged, in words.
     """
 
-    effects: tuple[SensingEffect, ...]
+    effects: tuple[FoundEffect, ...]
     flights: tuple[FlightSensing, ...]
     pooled: Mapping[str, tuple[Pooled, ...]]
     broken: tuple[NotUsed, ...]
@@ -71,7 +50,7 @@ def judge_sensing(records: Sequence[FlightRecord]) -> SensingFindings:
     pooled = pool_flights(flights)
     judged = {flight.name: flight for flight in flights}
     used = [record for record in records if record.name in judged]
-    effects: list[SensingEffect] = []
+    effects: list[FoundEffect] = []
     notes = list(_remarks(pooled))
     for name in sorted(
         (n for n in pooled if _stands_out(n, pooled[n])), key=lambda n: -_certainty(pooled[n])
@@ -101,17 +80,18 @@ def apply_sensing(records: Sequence[FlightRecord], findings: SensingFindings) ->
     )
 
 
-def _effect(name: str, pooled: Sequence[Pooled], errors: HeldOutErrors) -> SensingEffect:
-    keys = tuple(EFFECTS[name].parameters)
-    return SensingEffect(
+def _effect(name: str, pooled: Sequence[Pooled], errors: HeldOutErrors) -> FoundEffect:
+    parameters = zip(EFFECTS[name].parameters.items(), pooled, strict=True)
+    return FoundEffect(
         name=name,
-        values={key: p.mean for key, p in zip(keys, pooled, strict=True)},
-        intervals={key: p.interval for key, p in zip(keys, pooled, strict=True)},
-        metric=METRICS[name].meaning,
-        unit=METRICS[name].unit,
+        parameters={
+            key: FoundParameter(value=p.mean, unit=rule.unit, ci95=p.interval)
+            for (key, rule), p in parameters
+        },
         error_before=errors.before,
         error_after=errors.after,
         improvement_ci95=errors.improvement_ci95,
+        metric=f"{METRICS[name].meaning}, {METRICS[name].unit}",
     )
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
+from scipy.interpolate import BSpline
 
 from onboard.arrays import FloatArray
 
@@ -19,11 +20,7 @@ def cells(t: FloatArray, knots: FloatArray) -> NDArray[np.int64]:
 
 def hats(t: FloatArray, knots: FloatArray) -> sparse.csr_matrix:
     """Linear interpolation from `knots` to `t` as a matrix, shape (n, k)."""
-    cell = cells(t, knots)
-    share = (t - knots[cell]) / (knots[cell + 1] - knots[cell])
-    rows = np.tile(np.arange(t.size), 2)
-    values = np.concatenate([1.0 - share, share])
-    return sparse.csr_matrix((values, (rows, np.concatenate([cell, cell + 1]))), shape=(t.size, knots.size))
+    return sparse.csr_matrix(BSpline.design_matrix(t, np.r_[knots[0], knots, knots[-1]], 1))
 
 
 def block_means(rows: NDArray[np.int64], length: int) -> sparse.csr_matrix:

@@ -8,7 +8,9 @@ import math
 
 import numpy as np
 
+from calibration.gap.suggest.simulate import FORCE_DISTURBANCE, TORQUE_DISTURBANCE
 from onboard.arrays import FloatArray
+from onboard.gravity import GRAVITY
 
 GYRO_NOISE, ACCELEROMETER_NOISE = 0.01, 0.05
 """rad/s and m/s2, a sample."""
@@ -19,11 +21,9 @@ POSITION_NOISE, ATTITUDE_NOISE = 2e-4, 3e-3
 VOLTAGE_NOISE = 0.01
 """V, a sample."""
 
-_GRAVITY = 9.81
-
-_TORQUE = ((2.2, 0.06), (3.0, 2.0))
+_TORQUE = (TORQUE_DISTURBANCE, (3.0, 2.0))
 """(rad/s2, s): quick disturbances, and the slow torque of real flights that nothing explains."""
-_FORCE = ((0.06, 0.4),)
+_FORCE = (FORCE_DISTURBANCE,)
 _VOLTAGE = ((0.02, 10.0),)
 
 
@@ -48,7 +48,7 @@ def noise_spectra(count: int, dt: float) -> FloatArray:
     force = ACCELEROMETER_NOISE**2 + _coloured(frequency, _FORCE, dt)
     torque = GYRO_NOISE**2 * difference + _coloured(frequency, _TORQUE, dt)
     voltage = VOLTAGE_NOISE**2 + _coloured(frequency, _VOLTAGE, dt)
-    seen_force = ACCELEROMETER_NOISE**2 + (_GRAVITY * ATTITUDE_NOISE) ** 2 + POSITION_NOISE**2 * difference**2
+    seen_force = ACCELEROMETER_NOISE**2 + (GRAVITY * ATTITUDE_NOISE) ** 2 + POSITION_NOISE**2 * difference**2
     seen_rate = GYRO_NOISE**2 + ATTITUDE_NOISE**2 * difference
     columns = [*[force] * 3, *[torque] * 3, voltage, *[seen_force] * 3, *[seen_rate] * 3]
     return np.stack([column * one for column in columns], axis=1)

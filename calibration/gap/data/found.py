@@ -1,0 +1,48 @@
+"""An effect that was found, in the air, in the sensors or at landings, as the report has it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+Interval = tuple[float, float]
+"""Low and high end of a 95 % interval."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FoundParameter:
+    """A number of an effect. `at_bound`: the fit ended at the limit of what is physical: a warning."""
+
+    value: float
+    unit: str
+    ci95: Interval
+    at_bound: bool = False
+
+    def to_json(self) -> dict[str, Any]:
+        """As in the contract; `at_bound` where it is so."""
+        shown: dict[str, Any] = {"value": self.value, "unit": self.unit, "ci95": list(self.ci95)}
+        return {**shown, "at_bound": True} if self.at_bound else shown
+
+
+@dataclass(frozen=True, kw_only=True)
+class FoundEffect:
+    """One effect that was missing.
+
+    Attributes:
+        name: as in :data:`onboard.vehicle.effects.EFFECTS`.
+        parameters: by name.
+        error_before, error_after: without and with it, on flights that no fit saw, in the metric that it
+            improves most; with the effects before it in the model.
+        improvement_ci95: of `error_before` minus `error_after`.
+        ambiguous_with: effects that these flights cannot tell from it.
+        separated_by: what a flight must do to tell them apart, in words.
+        metric: what the errors are, with the unit.
+    """
+
+    name: str
+    parameters: Mapping[str, FoundParameter]
+    error_before: float
+    error_after: float
+    improvement_ci95: Interval
+    ambiguous_with: tuple[str, ...] = ()
+    separated_by: str = ""
+    metric: str = ""
