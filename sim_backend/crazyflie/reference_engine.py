@@ -10,7 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from onboard.app_interface import AVERAGED_MS, EndReason, LandingState, PolicyStatus, TrajectoryStatus
+from onboard.app_interface import (
+    AVERAGED_MS,
+    EndReason,
+    LandingState,
+    PolicyStatus,
+    Rehearsal,
+    TrajectoryStatus,
+)
 from onboard.arrays import Vector
 from onboard.controller import Wrench, attitude_control
 from onboard.cues import optical_flow_cues
@@ -31,9 +38,10 @@ from onboard.policy.trigger import trigger_value
 from onboard.ring import RingRecorder
 from onboard.trajectory import ApproachPlan, plan_from_velocity
 from onboard.vehicle import Vehicle
-from sim_backend.crazyflie.engine import ApproachRequest, Event, Sample, SnapshotField, as_in_flight
+from sim_backend.crazyflie.engine import ApproachRequest, Event, Sample, SnapshotField
 from sim_backend.crazyflie.hand_over import HandOver
 from sim_backend.crazyflie.power import COMPENSATION_GAIN, FULL_VOLTAGE
+from sim_backend.crazyflie.rehearsal import RehearsalMode
 from sim_backend.crazyflie.setpoint import Setpoint, complete_setpoint
 from sim_backend.crazyflie.stabilizer import CONTROL_PERIOD_MS, Stabilizer
 
@@ -92,7 +100,7 @@ class ReferenceEngine:
         self.trigger_value = self.a_rot = 0.0
         self._output: LandingOutput | None = None
         self.target = Setpoint()
-        self.rehearses = self._rehearsed = False
+        self._rehearsal = RehearsalMode(self._vehicle)
         self._hand_over = HandOver()
         self._recorder = RingRecorder()
         self._recent_ratios = np.zeros((AVERAGED_MS // CONTROL_PERIOD_MS, 4))
@@ -193,10 +201,19 @@ class ReferenceEngine:
         """Height (m) of the ceiling while nothing is armed."""
         self._idle_ceiling_z = ceiling_z
 
-    def rehearse(self, on: bool, at_rest: bool) -> bool:
+    def rehearse(self, wanted: int, at_rest: bool) -> Rehearsal:
         """Begin or end a rehearsal."""
-        self.rehearses = on and at_rest and (self.rehearses or self.state is LandingState.IDLE)
-        return self.rehearses
+        return self._rehearsal.ask(wanted, at_rest, self.state is LandingState.IDLE)
+
+    @property
+    def rehearses(self) -> bool:
+        """Whether a rehearsal is on."""
+        return self._rehearsal.is_on
+
+    @property
+    def model(self) -> tuple[Vector, Vector]:
+        """Position and velocity of the model."""
+        return self._rehearsal.model
 
     def record(self) -> bytes:
         """The recorder as the ground reads it."""
@@ -204,9 +221,11 @@ class ReferenceEngine:
 
     def step(self, sample: Sample) -> Event:
         """One ms."""
-        events = self._watch_rehearsal(sample)
+        events = self._forget(sample) if self._rehearsal.watch(sample) else Event.NONE
         if self.rehearses:
-            events |= self._compute(as_in_flight(sample)) & ~(Event.HANDED_OVER | Event.CUT)
+            self._go_to_start()
+            events |= self._compute(self._rehearsal.as_in_flight(sample)) & ~(Event.HANDED_OVER | Event.CUT)
+            self._rehearsal.move(sample.tick, self.thrusts)
             self._stabilizer.thrusts = (0.0, 0.0, 0.0, 0.0)
             self.ratios[:] = 0
         else:
@@ -215,14 +234,8 @@ class ReferenceEngine:
             self._recent_ratios[sample.tick // CONTROL_PERIOD_MS % len(self._recent_ratios)] = self.ratios
         return events
 
-    def _watch_rehearsal(self, sample: Sample) -> Event:
-        """It ends where somebody flies or a motor has a thrust; what was armed for it is forgotten."""
-        begun = self._rehearsed or self.rehearses
-        if sample.flying or sample.thrust_seen:
-            self.rehearses = False
-        self._rehearsed = self.rehearses
-        if self.rehearses or not begun:
-            return Event.NONE
+    def _forget(self, sample: Sample) -> Event:
+        """What was armed for a rehearsal must not wait for a flight."""
         self._recorder.end(sample.tick)
         self._memory["state"] = self.state = LandingState.IDLE
         self._memory["trajectory_status"] = self._memory["arm_seen"] = 0
@@ -230,6 +243,13 @@ class ReferenceEngine:
         self._consumed = self._request.number
         self._policy_armed = self._trajectory_armed = self._go = self._abort = False
         return Event.REHEARSAL_ENDED
+
+    def _go_to_start(self) -> None:
+        """An approach that is about to be armed finds the model at its start."""
+        request, plan = self._request, self._request.plan
+        arms = request.number != self._consumed and request.armed and self.state is LandingState.IDLE
+        if arms and math.isfinite(plan.x0 + plan.y0 + plan.z0):
+            self._rehearsal.start((plan.x0, plan.y0, plan.z0))
 
     def _compute(self, sample: Sample) -> Event:
         """One ms of a drone that flies, or rehearses."""

@@ -2,8 +2,12 @@
 
 #include <string.h>
 
-bool perch_rehearse(perch_core *core, bool on, bool at_rest) {
-  core->rehearses = on && at_rest && (core->rehearses || core->landing.state == PERCH_IDLE);
+#define STEP_S 0.001f
+
+uint8_t perch_rehearse(perch_core *core, uint8_t wanted, bool at_rest) {
+  const bool goes_on = core->rehearses != PERCH_NO_REHEARSAL && wanted == core->rehearses;
+  const bool may = at_rest && wanted <= PERCH_ON_MODEL && (goes_on || core->landing.state == PERCH_IDLE);
+  core->rehearses = may ? wanted : PERCH_NO_REHEARSAL;
   return core->rehearses;
 }
 
@@ -19,25 +23,55 @@ static void forget(perch_core *core, uint32_t tick) {
 }
 
 uint8_t perch_watch_rehearsal(perch_core *core, const perch_inputs *in) {
-  const bool begun = core->rehearsed || core->rehearses;
+  const uint8_t was = core->rehearsed;
+  const bool begun = was != PERCH_NO_REHEARSAL || core->rehearses != PERCH_NO_REHEARSAL;
   if (in->flying || in->thrust_seen) {
-    core->rehearses = false;
+    core->rehearses = PERCH_NO_REHEARSAL;
   }
   core->rehearsed = core->rehearses;
-  if (core->rehearsed || !begun) {
+  if (core->rehearsed == PERCH_ON_MODEL && was != PERCH_ON_MODEL) {
+    const perch_vector origin = {0.0f, 0.0f, 0.0f};
+    perch_start_model(&core->model, &origin, core->vehicle);
+  }
+  if (core->rehearsed != PERCH_NO_REHEARSAL || !begun) {
     return 0;
   }
   forget(core, in->tick);
   return PERCH_REHEARSAL_ENDED;
 }
 
-perch_inputs perch_as_in_flight(const perch_inputs *in) {
-  const perch_motion here = {.position = in->estimate.position};
+/* An approach that is about to be armed finds the model at its start. */
+static void go_to_start(perch_core *core) {
+  const perch_plan *plan = &core->request.plan;
+  const perch_vector start = {plan->x0, plan->y0, plan->z0};
+  const bool arms = core->posted != core->consumed && core->request.armed && core->landing.state == PERCH_IDLE;
+  if (arms && perch_is_finite(&start)) {
+    perch_start_model(&core->model, &start, core->vehicle);
+  }
+}
+
+perch_inputs perch_as_in_flight(perch_core *core, const perch_inputs *in) {
   perch_inputs inputs = *in;
+  if (core->rehearsed == PERCH_ON_MODEL) {
+    go_to_start(core);
+    inputs.estimate = core->model.estimate;
+    inputs.pose_age = 0;
+  }
+  const perch_motion here = {.position = inputs.estimate.position};
   inputs.flying = true;
   inputs.levelling = false;
   inputs.setpoint = perch_setpoint_of(&here);
   return inputs;
+}
+
+void perch_move_model(perch_core *core, uint32_t tick) {
+  if (core->rehearsed != PERCH_ON_MODEL) {
+    return;
+  }
+  if (tick % PERCH_CONTROL_PERIOD_MS == 0) { /* in between they have been taken back */
+    memcpy(core->model.asked, core->outputs.thrusts, sizeof core->model.asked);
+  }
+  perch_fly_model(&core->model, core->vehicle, STEP_S);
 }
 
 void perch_keep_still(perch_outputs *outputs) {
