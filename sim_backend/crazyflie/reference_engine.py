@@ -6,7 +6,6 @@ of the commander's setpoint; a null or levelled-out setpoint aborts an approach.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -36,17 +35,16 @@ from onboard.policy.bundle import PolicyBundleError, bundle_crc32, decode_bundle
 from onboard.policy.model import CompiledPolicy
 from onboard.policy.trigger import trigger_value
 from onboard.ring import RingRecorder
-from onboard.trajectory import ApproachPlan, plan_from_velocity
 from onboard.vehicle import Vehicle
 from sim_backend.crazyflie.engine import ApproachRequest, Event, Sample, SnapshotField
 from sim_backend.crazyflie.hand_over import HandOver
 from sim_backend.crazyflie.power import COMPENSATION_GAIN, FULL_VOLTAGE
 from sim_backend.crazyflie.rehearsal import RehearsalMode
+from sim_backend.crazyflie.requests import NO_PLAN, Request, planned
 from sim_backend.crazyflie.setpoint import Setpoint, complete_setpoint
 from sim_backend.crazyflie.stabilizer import CONTROL_PERIOD_MS, Stabilizer
 
 POLICY_PERIOD_MS = 10
-_NO_PLAN = ApproachPlan(*[math.nan] * 12)
 _CUT = (LandingState.CUT, LandingState.FAULT)
 _SCALARS = {
     SnapshotField.TAU: "snapshot_tau",
@@ -57,15 +55,6 @@ _SCALARS = {
     SnapshotField.Z: "snapshot_z",
     SnapshotField.PITCH: "snapshot_pitch",
 }
-
-
-@dataclass(frozen=True, slots=True)
-class _Request:
-    """What a write of ``perch.trjArm`` asks of the control loop."""
-
-    number: int
-    armed: bool
-    plan: ApproachPlan
 
 
 class ReferenceEngine:
@@ -87,12 +76,12 @@ class ReferenceEngine:
         self._supply = FULL_VOLTAGE
         self._memory = new_landing_memory()
         self.state, self.mode = LandingState.IDLE, OutputMode.PASS
-        self._plan = _NO_PLAN
+        self._plan = NO_PLAN
         self._limits = landing_limits(self._vehicle)
         self._policy: CompiledPolicy | None = None
         self.live_crc = 0
         self._policy_armed = self._trajectory_armed = self._go = self._abort = False
-        self._request = _Request(0, False, _NO_PLAN)
+        self._request = Request(0, False, NO_PLAN)
         self._consumed = 0
         self.trajectory_status = TrajectoryStatus.NONE
         self._idle_ceiling_z = 0.0
@@ -168,20 +157,8 @@ class ReferenceEngine:
         return self._policy_armed
 
     def post(self, armed: bool, approach: ApproachRequest) -> int:
-        """Post a request; one of a plan of NaNs, which nothing accepts, when its numbers make none."""
-        plan = _NO_PLAN
-        if approach.ax > 0.0 and approach.az > 0.0:
-            plan = plan_from_velocity(
-                approach.vx,
-                approach.vz,
-                approach.impact_x,
-                approach.impact_y,
-                approach.ceiling_z,
-                approach.ax,
-                approach.az,
-                approach.tau0,
-            )
-        self._request = _Request(self._request.number + 1, armed, plan)
+        """Post a request."""
+        self._request = Request(self._request.number + 1, armed, planned(approach))
         self.trajectory_status = TrajectoryStatus.NONE
         return self._request.number
 
@@ -225,7 +202,7 @@ class ReferenceEngine:
         if self.rehearses:
             self._go_to_start()
             events |= self._compute(self._rehearsal.as_in_flight(sample)) & ~(Event.HANDED_OVER | Event.CUT)
-            self._rehearsal.move(sample.tick, self.thrusts)
+            self._rehearsal.move(sample.tick, self.thrusts, self._goal())
             self._stabilizer.thrusts = (0.0, 0.0, 0.0, 0.0)
             self.ratios[:] = 0
         else:
@@ -249,7 +226,12 @@ class ReferenceEngine:
         request, plan = self._request, self._request.plan
         arms = request.number != self._consumed and request.armed and self.state is LandingState.IDLE
         if arms and math.isfinite(plan.x0 + plan.y0 + plan.z0):
+            self._stabilizer.stop()  # forgets what it followed
             self._rehearsal.start((plan.x0, plan.y0, plan.z0))
+
+    def _goal(self) -> Vector | None:
+        """Where the landing machine wants the drone."""
+        return self.target.position if self.mode is OutputMode.SETPOINT else None
 
     def _compute(self, sample: Sample) -> Event:
         """One ms of a drone that flies, or rehearses."""

@@ -59,22 +59,28 @@ class RehearsalMode:
 
     def start(self, position: Vector) -> None:
         """The model hovers at `position` (m)."""
-        self._state = hovering(position, self._model)
+        self._state, self._place = hovering(position, self._model), position
         m1, m2, m3, m4 = self._state[THRUST:].tolist()
         self._thrusts: Thrusts = (m1, m2, m3, m4)
 
     def as_in_flight(self, sample: Sample) -> Sample:
-        """What a drone has that flies and stays where it believes to be."""
+        """What a drone has that flies and stays where it believes to be, or where its model shall be."""
+        place = sample.estimator.position()
         if self._taken is Rehearsal.MODEL:
             self._believed.state[:RATE] = self._state[:RATE]
             gyro = self._state[RATE : RATE + 3].copy()
             sample = replace(sample, estimator=self._believed, gyro=gyro, pose_age=0)
-        here = complete_setpoint(sample.tick, sample.estimator.position())
+            place = self._place
+        here = complete_setpoint(sample.tick, place)
         return replace(sample, flying=True, levelling=False, setpoint=here)
 
-    def move(self, tick: int, thrusts: Thrusts) -> None:
-        """The model flies for a ms, by the `thrusts` (N) of the law's last step."""
+    def move(self, tick: int, thrusts: Thrusts, goal: Vector | None) -> None:
+        """The model flies for a ms, by the `thrusts` (N) of the law's last step.
+
+        `goal`: where the landing machine wants it (m); where the last one was it stays.
+        """
         if self._taken is Rehearsal.MODEL:
+            self._place = goal or self._place
             if tick % CONTROL_PERIOD_MS == 0:  # in between they have been taken back
                 self._thrusts = thrusts
             fly_model(self._state, self._thrusts, self._model, STEP_S)

@@ -22,6 +22,14 @@ static void forget(perch_core *core, uint32_t tick) {
   core->policy_armed = core->go = core->abort = false;
 }
 
+/* The model hovers at `position`, and nothing of an earlier flight is left. */
+static void start_model(perch_core *core, const perch_vector *position) {
+  perch_start_model(&core->model, position, core->vehicle);
+  memset(&core->follower, 0, sizeof core->follower);
+  memset(&core->lagged, 0, sizeof core->lagged);
+  core->outputs.motion = (perch_motion){.position = *position};
+}
+
 uint8_t perch_watch_rehearsal(perch_core *core, const perch_inputs *in) {
   const uint8_t was = core->rehearsed;
   const bool begun = was != PERCH_NO_REHEARSAL || core->rehearses != PERCH_NO_REHEARSAL;
@@ -31,7 +39,7 @@ uint8_t perch_watch_rehearsal(perch_core *core, const perch_inputs *in) {
   core->rehearsed = core->rehearses;
   if (core->rehearsed == PERCH_ON_MODEL && was != PERCH_ON_MODEL) {
     const perch_vector origin = {0.0f, 0.0f, 0.0f};
-    perch_start_model(&core->model, &origin, core->vehicle);
+    start_model(core, &origin);
   }
   if (core->rehearsed != PERCH_NO_REHEARSAL || !begun) {
     return 0;
@@ -46,18 +54,19 @@ static void go_to_start(perch_core *core) {
   const perch_vector start = {plan->x0, plan->y0, plan->z0};
   const bool arms = core->posted != core->consumed && core->request.armed && core->landing.state == PERCH_IDLE;
   if (arms && perch_is_finite(&start)) {
-    perch_start_model(&core->model, &start, core->vehicle);
+    start_model(core, &start);
   }
 }
 
 perch_inputs perch_as_in_flight(perch_core *core, const perch_inputs *in) {
   perch_inputs inputs = *in;
+  perch_motion here = {.position = in->estimate.position};
   if (core->rehearsed == PERCH_ON_MODEL) {
     go_to_start(core);
     inputs.estimate = core->model.estimate;
     inputs.pose_age = 0;
+    here.position = core->outputs.motion.position; /* where it was started, or where a hold left it */
   }
-  const perch_motion here = {.position = inputs.estimate.position};
   inputs.flying = true;
   inputs.levelling = false;
   inputs.setpoint = perch_setpoint_of(&here);

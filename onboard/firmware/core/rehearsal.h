@@ -12,7 +12,7 @@
 /* End the rehearsal where it must; to be called first in each step. Gives PERCH_REHEARSAL_ENDED or 0. */
 uint8_t perch_watch_rehearsal(perch_core *core, const perch_inputs *in);
 
-/* Inputs of a drone that flies and stays where it believes to be. */
+/* Inputs of a drone that flies and stays where it believes to be, or where its model shall be. */
 perch_inputs perch_as_in_flight(perch_core *core, const perch_inputs *in);
 
 /* The model flies for a ms, by the thrusts of the law's last step. */
