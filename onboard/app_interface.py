@@ -1,19 +1,21 @@
 """The interface of our firmware app: parameters, logs and memory, as ground and drone both see it.
 
 One place for the names, types and enumerations that the link, the simulated drone and the app in C share.
-Parameter group ``perch``; log groups ``perch`` (now), ``perchT`` (snapshot at the trigger) and ``perchM`` (the
-model of the vehicle, in a rehearsal on it). Parameters are volatile: after a reboot they have their defaults and there is no policy.
+Parameter group ``perch``; log groups ``perch`` (now), ``perchT`` (snapshot at the trigger) and ``perchM``
+(the model of the vehicle, in a rehearsal on it). Parameters are volatile: after a reboot they have their
+defaults and there is no policy.
 
 `OWN_LAW` says who flies take-off, hover and level-out, as the planner asks: 1 our law, 0 the firmware's PID.
 The simulated drone has no such PID; there it is always 1.
 `MOTOR_TOKEN` is written again and again by a host whose bench test runs motors through ``motorPowerSet``.
 Once it has been written, the app unsets them as soon as it is not written for `MOTOR_TOKEN_MS`.
 
-`REHEARSE` switches a rehearsal on the desk (`Rehearsal`): landing machine, policy and law compute as in flight, on
-poses that the host sends or on a model of the vehicle that the drone flies itself, and nothing turns. An approach
-that is armed finds the model hovering at its start. A rehearsal is taken only while the supervisor is neither armed nor flying, no
-motor has a thrust and the landing machine is IDLE; otherwise it reads back 0. While it is on the drone cannot
-be armed, and a thrust that is seen ends it. However it ends, all switches are off then, and the machine IDLE.
+`REHEARSE` switches a rehearsal on the desk (`Rehearsal`): landing machine, policy and law compute as in
+flight, on poses that the host sends or on a model of the vehicle that the drone flies itself, and nothing
+turns. An approach that is armed finds the model hovering at its start. A rehearsal is taken only while the
+supervisor is neither armed nor flying, no motor has a thrust and the landing machine is IDLE; otherwise it
+reads back 0. While it is on the drone cannot be armed, and a thrust that is seen ends it. However it ends, all
+switches are off then, and the machine IDLE.
 
 The recorder runs from the arming of an approach until 0.3 s after its end, and is read from `RECORD_ADDRESS`
 on.

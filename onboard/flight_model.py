@@ -1,9 +1,9 @@
-"""A small model of the vehicle, for a drone that rehearses by itself: the reference of ``core/flight_model.c``.
+"""A small model of the vehicle, for a drone that rehearses by itself: reference of ``core/flight_model.c``.
 
-It flies on the drone in the place of estimator and gyro. A rigid body whose four thrusts follow with a first-order
-lag; it knows no air, no ceiling, no floor and no noise, and takes the battery's compensation for perfect. One step
-is drift, kick, drift: half a step with the velocities that it has, the velocities' change by the forces in the
-middle, the other half. Second order; motors exact.
+It flies on the drone in the place of estimator and gyro. A rigid body whose four thrusts follow with a
+first-order lag; it knows no air, no ceiling, no floor and no noise, and takes the battery's compensation for
+perfect. One step is drift, kick, drift: half a step with the velocities that it has, their change by the
+forces in the middle, the other half. Second order; motors exact.
 """
 
 import math

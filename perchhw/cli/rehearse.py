@@ -107,9 +107,8 @@ def rehearse(
 
 def _in_words(rehearsal: "Rehearsed") -> str:
     verdict = rehearsal.verdict
-    lines = [
-        f"rehearsal {'passed' if verdict.passed else 'FAILED'} (on {rehearsal.physics}, engine {rehearsal.engine})"
-    ]
+    word = "passed" if verdict.passed else "FAILED"
+    lines = [f"rehearsal {word} (on {rehearsal.physics}, engine {rehearsal.engine})"]
     lines += [f"  {failure}" for failure in verdict.failures]
     if verdict.passed:
         lines.append(

@@ -15,7 +15,7 @@ BOUND = 1e-6
 
 
 def random_models(seed: int, count: int) -> Float32Array:
-    """States (17) with what the motors are asked for (4): any attitude, 30 rad/s, thrusts beyond both limits."""
+    """States (17) with the thrusts asked for (4): any attitude, 30 rad/s, beyond both limits of a motor."""
     rng = np.random.default_rng(seed)
     estimates = random_states(seed, count)[0]
     return floats(

@@ -1,6 +1,7 @@
-"""The model that a drone flies in a rehearsal of its own: what it must obey, and the physics that it is a part of."""
+"""The model that a drone flies in a rehearsal of its own: mechanics, and the simulated lab's physics."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -81,7 +82,7 @@ def test_without_thrust_it_keeps_energy_and_angular_momentum() -> None:
 
 
 def test_a_flip_about_one_axis_has_the_angle_of_the_textbook() -> None:
-    """A constant moment: half of it over the inertia times the time squared; the front motors turn the nose up."""
+    """A constant moment: half of it over the inertia times the time squared. Front motors: nose up."""
     each = 0.1
     start = hovering((0.0, 0.0, 1.0), MODEL)
     start[THRUST:] = each, 0.0, 0.0, each
@@ -127,7 +128,7 @@ def test_halving_the_step_divides_the_error_by_four() -> None:
     moving = np.s_[:THRUST]  # the motors have no error
     orders = [
         np.log2(np.linalg.norm(coarse[moving]) / np.linalg.norm(fine[moving]))
-        for coarse, fine in zip(errors[:2], errors[1:], strict=True)
+        for coarse, fine in pairwise(errors)
     ]
     assert np.all((np.array(orders) > 1.95) & (np.array(orders) < 2.05)), orders
     assert np.abs(errors[0][THRUST:]).max() < 1e-12

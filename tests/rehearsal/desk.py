@@ -45,7 +45,7 @@ class Desk:
         return self.flight.param(Parameter.REHEARSE) == self.kind
 
     def send(self, seconds: float, moving: bool = False) -> None:
-        """Poses at 100 Hz: of the approach's start, or on its way from the first one on. A model gets none."""
+        """Poses at 100 Hz: of the approach's start, or on its way from the first one on. None for a model."""
         for ms in range(round(1000 * seconds)):
             if ms % 10 == 0 and self.kind is Rehearsal.POSES:
                 position, _ = ideal_state(PLAN, SMOOTHING, 1e-3 * ms if moving else 0.0)

@@ -1,4 +1,4 @@
-"""A rehearsal on the drone's own model: what it flies, what the verdict says, that both engines do the same."""
+"""A rehearsal on the drone's own model: what it flies, what the verdict says, both engines the same."""
 
 import numpy as np
 import pytest
@@ -16,8 +16,8 @@ from tests.sim_crazyflie.simulated_flight import Flight
 
 START = (PLAN.x0, PLAN.y0, PLAN.z0)
 APART = 2e-4
-"""m, m/s, 1 and, times ten, rad/s: two programs that fly for a second and a half by their own numbers, in float32
-and in float64; the flip doubles a difference every few ms."""
+"""m, m/s, 1 and, times ten, rad/s: two programs that fly for two seconds and a half by their own numbers,
+one of them in float32."""
 
 
 @pytest.fixture(scope="module", params=list(EngineName))
@@ -169,7 +169,7 @@ def test_the_other_kind_in_an_approach_ends_the_rehearsal() -> None:
 
 
 def test_a_policy_that_does_not_fire_ends_in_a_brake_and_a_hold() -> None:
-    """The law has the model on its own numbers: it stops below the ceiling, is handed over, and stays there."""
+    """The law has the model on its own numbers: it stops below the ceiling, and stays there."""
     desk = Desk(kind=Rehearsal.MODEL)
     desk.arm()
     desk.flight.write(Parameter.POLICY_ARM, 0)

@@ -14,8 +14,8 @@ from onboard.app_interface import EndReason, Parameter, PolicyStatus
 from onboard.policy.bundle import decode_bundle, encode_bundle
 from onboard.policy.model import Float32Array, Policy
 from onboard.ring import Ring, decode_ring
-from perchhw.rehearsal.record import save_rehearsal
 from perchhw.rehearsal.physics import Physics
+from perchhw.rehearsal.record import save_rehearsal
 from perchhw.rehearsal.session import Rehearsed
 from perchhw.rehearsal.verdict import A_ROT_BOUND, FORCE_BOUND, TRIGGER_VALUE_BOUND, judge
 from sim_backend.crazyflie.policy_slot import with_a_weight_changed
