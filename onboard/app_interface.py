@@ -14,8 +14,8 @@ Once it has been written, the app unsets them as soon as it is not written for `
 flight, on poses that the host sends or on a model of the vehicle that the drone flies itself, and nothing
 turns. An approach that is armed finds the model hovering at its start. A rehearsal is taken only while the
 supervisor is neither armed nor flying, no motor has a thrust and the landing machine is IDLE; otherwise it
-reads back 0. While it is on the drone cannot be armed, and a thrust that is seen ends it. However it ends, all
-switches are off then, and the machine IDLE.
+reads back 0. While it is on the drone cannot be armed, and a thrust that is seen ends it. However it ends,
+all switches are off then, and the machine IDLE.
 
 The recorder runs from the arming of an approach until 0.3 s after its end, and is read from `RECORD_ADDRESS`
 on.
