@@ -39,7 +39,7 @@ from onboard.vehicle import Vehicle
 from sim_backend.crazyflie.engine import ApproachRequest, Event, Sample, SnapshotField
 from sim_backend.crazyflie.hand_over import HandOver
 from sim_backend.crazyflie.power import COMPENSATION_GAIN, FULL_VOLTAGE
-from sim_backend.crazyflie.rehearsal import RehearsalMode
+from sim_backend.crazyflie.rehearsal import ORIGIN, RehearsalMode
 from sim_backend.crazyflie.requests import NO_PLAN, Request, planned
 from sim_backend.crazyflie.setpoint import Setpoint, complete_setpoint
 from sim_backend.crazyflie.stabilizer import CONTROL_PERIOD_MS, Stabilizer
@@ -202,7 +202,8 @@ class ReferenceEngine:
         if self.rehearses:
             self._go_to_start()
             events |= self._compute(self._rehearsal.as_in_flight(sample)) & ~(Event.HANDED_OVER | Event.CUT)
-            self._rehearsal.move(sample.tick, self.thrusts, self._goal())
+            goal = self.target.position if self.mode is OutputMode.SETPOINT else None
+            self._rehearsal.move(sample.tick, self.thrusts, goal)
             self._stabilizer.thrusts = (0.0, 0.0, 0.0, 0.0)
             self.ratios[:] = 0
         else:
@@ -226,12 +227,15 @@ class ReferenceEngine:
         request, plan = self._request, self._request.plan
         arms = request.number != self._consumed and request.armed and self.state is LandingState.IDLE
         if arms and math.isfinite(plan.x0 + plan.y0 + plan.z0):
-            self._stabilizer.stop()  # forgets what it followed
-            self._rehearsal.start((plan.x0, plan.y0, plan.z0))
+            self._start_model((plan.x0, plan.y0, plan.z0))
+        elif self._rehearsal.begins:
+            self._start_model(ORIGIN)
 
-    def _goal(self) -> Vector | None:
-        """Where the landing machine wants the drone."""
-        return self.target.position if self.mode is OutputMode.SETPOINT else None
+    def _start_model(self, position: Vector) -> None:
+        """The model hovers at `position`, and nothing of an earlier flight is left."""
+        self._stabilizer.stop()
+        self._memory["attitude_known"] = 0
+        self._rehearsal.start(position)
 
     def _compute(self, sample: Sample) -> Event:
         """One ms of a drone that flies, or rehearses."""

@@ -17,9 +17,14 @@ ORIGIN: Vector = (0.0, 0.0, 0.0)
 
 
 class RehearsalMode:
-    """Of one drone: which rehearsal is on, and the model that flies in one on it."""
+    """Of one drone: which rehearsal is on, and the model that flies in one on it.
+
+    Attributes:
+        begins: whether one on the model begins with this step.
+    """
 
     def __init__(self, vehicle: Vehicle) -> None:
+        self.begins = False
         self._asked = self._taken = Rehearsal.OFF
         self._model = flight_model(vehicle)
         self.start(ORIGIN)
@@ -53,8 +58,7 @@ class RehearsalMode:
         if sample.flying or sample.thrust_seen:
             self._asked = Rehearsal.OFF
         self._taken = self._asked
-        if self._taken is Rehearsal.MODEL and was is not Rehearsal.MODEL:
-            self.start(ORIGIN)
+        self.begins = self._taken is Rehearsal.MODEL and was is not Rehearsal.MODEL
         return begun and not self.is_on
 
     def start(self, position: Vector) -> None:

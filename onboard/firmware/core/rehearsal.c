@@ -27,6 +27,7 @@ static void start_model(perch_core *core, const perch_vector *position) {
   perch_start_model(&core->model, position, core->vehicle);
   memset(&core->follower, 0, sizeof core->follower);
   memset(&core->lagged, 0, sizeof core->lagged);
+  core->landing.attitude_known = false; /* own: it begins anew with the estimate */
   core->outputs.motion = (perch_motion){.position = *position};
 }
 
