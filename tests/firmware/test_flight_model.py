@@ -32,7 +32,8 @@ def in_c(core: CoreLibrary, vehicle: Vehicle, models: Float32Array, dt: float) -
 def in_python(model: FlightModel, models: Float32Array, dt: float) -> np.ndarray:
     states = models[:, :SIZE].astype(np.float64)
     for state, asked in zip(states, models[:, SIZE:].astype(np.float64).tolist(), strict=True):
-        fly_model(state, tuple(asked), model, dt)
+        m1, m2, m3, m4 = asked
+        fly_model(state, (m1, m2, m3, m4), model, dt)
     return states
 
 

@@ -1,6 +1,6 @@
 """The model that a drone flies in a rehearsal of its own: mechanics, and the simulated lab's physics."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -25,6 +25,11 @@ OFF: Thrusts = (0.0, 0.0, 0.0, 0.0)
 DT = 1e-3
 
 
+def four(thrusts: Iterable[float]) -> Thrusts:
+    m1, m2, m3, m4 = (float(thrust) for thrust in thrusts)
+    return m1, m2, m3, m4
+
+
 def fly(
     state: FloatArray, thrusts: Thrusts, seconds: float, dt: float = DT, model: FlightModel = MODEL
 ) -> FloatArray:
@@ -46,7 +51,7 @@ def thrown(rate: Sequence[float] = (3.0, -20.0, 5.0), thrusts: Sequence[float] =
 
 def test_it_hovers_where_it_was_started() -> None:
     start = hovering((1.0, 2.0, 3.0), MODEL)
-    state = fly(start, tuple(start[THRUST:]), 2.0)
+    state = fly(start, four(start[THRUST:]), 2.0)
     np.testing.assert_allclose(state, start, atol=1e-12)
     assert start[THRUST:].sum() == pytest.approx(VEHICLE.body.mass.value * GRAVITY)
 
@@ -102,7 +107,7 @@ def test_each_motor_turns_the_body_its_own_way(motor: int, signs: tuple[int, int
     thrusts[motor] = 0.1
     state = hovering((0.0, 0.0, 0.0), MODEL)
     state[THRUST:] = thrusts
-    assert tuple(np.sign(fly(state, tuple(thrusts), DT)[10:13]).astype(int)) == signs
+    assert tuple(np.sign(fly(state, four(thrusts), DT)[10:13]).astype(int)) == signs
 
 
 def test_thrusts_follow_with_the_lag_of_each_direction_within_what_a_motor_can() -> None:
@@ -156,5 +161,5 @@ def test_it_flies_as_the_simulated_labs_physics_without_air() -> None:
     rng = np.random.default_rng(1)
     for _ in range(20):
         start = thrown(rate=rng.uniform(-15.0, 15.0, 3), thrusts=rng.uniform(0.0, 0.14, 4))
-        asked = tuple(rng.uniform(MODEL.thrust_min, MODEL.thrust_max, 4).tolist())
+        asked = four(rng.uniform(MODEL.thrust_min, MODEL.thrust_max, 4))
         np.testing.assert_allclose(fly(start, asked, 0.3), in_the_physics(start, asked, 0.3), atol=1e-9)
