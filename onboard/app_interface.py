@@ -1,8 +1,9 @@
 """The interface of our firmware app: parameters, logs and memory, as ground and drone both see it.
 
 One place for the names, types and enumerations that the link, the simulated drone and the app in C share.
-Parameter group ``perch``; log groups ``perch`` (now) and ``perchT`` (snapshot at the trigger). Parameters are
-volatile: after a reboot they have their defaults and there is no policy.
+Parameter group ``perch``; log groups ``perch`` (now), ``perchT`` (snapshot at the trigger) and ``perchM``
+(the model of the vehicle, in a rehearsal on it). Parameters are volatile: after a reboot they have their
+defaults and there is no policy.
 
 `OWN_LAW` says who flies take-off, hover and level-out, as the planner asks: 1 our law, 0 the firmware's PID.
 The simulated drone has no such PID; there it is always 1.
@@ -10,10 +11,12 @@ The simulated drone has no such PID; there it is always 1.
 Once it has been written, the app unsets them when it has not been written for `MOTOR_TOKEN_MS`; the motors
 are off within `MOTOR_STOP_MS` of the last write.
 
-`REHEARSE` switches a rehearsal on the desk: landing machine, policy and law compute as in flight, on poses
-that the host sends, and nothing turns. It is taken only while the supervisor is neither armed nor flying, no
-motor has a thrust and the landing machine is IDLE; otherwise it reads back 0. While it is on the drone cannot
-be armed, and a thrust that is seen ends it. However it ends, all switches are off then, and the machine IDLE.
+`REHEARSE` switches a rehearsal on the desk (`Rehearsal`): landing machine, policy and law compute as in
+flight, on poses that the host sends or on a model of the vehicle that the drone flies itself, and nothing
+turns. An approach that is armed finds the model hovering at its start. A rehearsal is taken only while the
+supervisor is neither armed nor flying, no motor has a thrust and the landing machine is IDLE; otherwise it
+reads back 0. While it is on the drone cannot be armed, and a thrust that is seen ends it. However it ends,
+all switches are off then, and the machine IDLE.
 
 The recorder runs from the arming of an approach until 0.3 s after its end, and is read from `RECORD_ADDRESS`
 on.
@@ -126,6 +129,16 @@ class RecorderState(IntEnum):
     ENDS = 2
 
 
+class Rehearsal(IntEnum):
+    """`Parameter.REHEARSE`: where a drone on the desk believes to be; any other number is refused."""
+
+    OFF = 0
+    POSES = 1
+    """Where the host's poses say."""
+    MODEL = 2
+    """Where its own model of the vehicle flies (:mod:`onboard.flight_model`)."""
+
+
 class Engine(IntEnum):
     """`Parameter.ENGINE`: which code computes on the drone."""
 
@@ -200,6 +213,12 @@ class Log(StrEnum):
     SNAPSHOT_Z = "perchT.z"
     SNAPSHOT_PITCH = "perchT.pitch"
     SNAPSHOT_COUNT = "perchT.count"
+    MODEL_X = "perchM.x"
+    MODEL_Y = "perchM.y"
+    MODEL_Z = "perchM.z"
+    MODEL_VX = "perchM.vx"
+    MODEL_VY = "perchM.vy"
+    MODEL_VZ = "perchM.vz"
 
 
 @dataclass(frozen=True)
@@ -275,6 +294,12 @@ LOGS: tuple[LogEntry, ...] = (
     LogEntry(Log.SNAPSHOT_Z, ValueType.FLOAT),
     LogEntry(Log.SNAPSHOT_PITCH, ValueType.FLOAT),
     LogEntry(Log.SNAPSHOT_COUNT, ValueType.UINT8),
+    LogEntry(Log.MODEL_X, ValueType.FLOAT),
+    LogEntry(Log.MODEL_Y, ValueType.FLOAT),
+    LogEntry(Log.MODEL_Z, ValueType.FLOAT),
+    LogEntry(Log.MODEL_VX, ValueType.FLOAT),
+    LogEntry(Log.MODEL_VY, ValueType.FLOAT),
+    LogEntry(Log.MODEL_VZ, ValueType.FLOAT),
 )
 """Every log variable of the app (s, 1/s, m, N m, m/s, rad, ms), in the order of its table of contents.
 

@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from onboard.app_interface import BUNDLE_ADDRESS, MEMORY_TYPE_APP, Parameter
+from onboard.app_interface import BUNDLE_ADDRESS, MEMORY_TYPE_APP, Parameter, Rehearsal
 from onboard.gravity import GRAVITY
 from onboard.kernel_cache import is_complete, note_complete
 from onboard.policy.bundle import bundle_crc32, encode_bundle
@@ -112,10 +112,17 @@ def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+def _rehearse(write: Callable[[str, float], None]) -> None:
+    """A client's rehearsal on the drone's own model, for as long as a write takes."""
+    write(Parameter.REHEARSE, Rehearsal.MODEL)
+    write(Parameter.REHEARSE, Rehearsal.OFF)
+
+
 def compile_firmware(engine: EngineName) -> None:
     """A drone that somebody holds in the air is armed and told to fly, with a policy and an approach."""
     firmware = Firmware(load_vehicle(ANY_VEHICLE), np.random.default_rng(0), engine=engine)
     _hold(firmware, 300)
+    _rehearse(lambda name, value: _write(firmware, name, value, lambda: _hold(firmware, 10)))
     _upload(firmware, lambda: _hold(firmware, 10))
     firmware.supervisor.arm(True)
     _hold(firmware, 100)
@@ -157,6 +164,7 @@ def _upload(firmware: Firmware, go_on: Callable[[], None]) -> None:
 def _fly_everything(pilot: _Pilot) -> None:
     firmware, commander = pilot.firmware, pilot.firmware.commander
     pilot.fly(0.3)
+    _rehearse(pilot.write)
     pilot.upload()
     firmware.supervisor.arm(True)
     pilot.fly(0.1)

@@ -1,7 +1,7 @@
 """The compiled core with typed functions: what Python calls of ``core`` and ``host``."""
 
 import ctypes
-from ctypes import POINTER, c_bool, c_char_p, c_float, c_uint32, c_void_p
+from ctypes import POINTER, c_bool, c_char_p, c_float, c_uint8, c_uint32, c_void_p
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -29,7 +29,7 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "perch_arm_policy": (c_bool, (_CORE, c_bool)),
     "perch_ask_go": (None, (_CORE, c_bool)),
     "perch_ask_abort": (None, (_CORE, c_bool)),
-    "perch_rehearse": (c_bool, (_CORE, c_bool, c_bool)),
+    "perch_rehearse": (c_uint8, (_CORE, c_uint8, c_bool)),
     "perch_set_ceiling": (None, (_CORE, c_float)),
     "perch_commit": (c_uint32, (_CORE, c_uint32, c_uint32, c_bool)),
     "perch_live_crc": (c_uint32, (_CORE,)),
@@ -50,6 +50,7 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "perch_host_plan": (None, (c_uint32, _FLOATS, _FLOATS)),
     "perch_host_approach": (None, (POINTER(s.Plan), c_uint32, _FLOATS, c_float, _FLOATS, _FLOATS)),
     "perch_host_stopping": (None, (c_uint32, _FLOATS, _FLOATS)),
+    "perch_host_model": (None, (_VEHICLE, c_uint32, _FLOATS, c_float)),
     "perch_host_landing": (
         None,
         (

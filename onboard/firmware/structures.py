@@ -140,12 +140,23 @@ class Snapshot(Structure):
     ]
 
 
+class FlightModel(Structure):
+    """``perch_flight_model``."""
+
+    _fields_: ClassVar[Fields] = [
+        ("estimate", Estimate),
+        ("thrusts", c_float * 4),
+        ("asked", c_float * 4),
+    ]
+
+
 class View(Structure):
     """``perch_view``."""
 
     _fields_: ClassVar[Fields] = [
         ("outputs", Outputs),
         ("snapshot", Snapshot),
+        ("model", FlightModel),
     ]
 
 

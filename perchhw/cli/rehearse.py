@@ -10,9 +10,10 @@ from perchhw.cli.lab_options import LabDrone, LabPolicy, LabVehicle
 from perchhw.cli.options import Lab
 from perchhw.cli.output import emit
 from perchhw.cli.view_option import LiveView, live_view
+from perchhw.rehearsal.physics import Physics
 
 if TYPE_CHECKING:
-    from perchhw.rehearsal.session import Rehearsal
+    from perchhw.rehearsal.session import Rehearsed
 
 app = typer.Typer(add_completion=False)
 
@@ -22,6 +23,12 @@ def rehearse(
     drone: LabDrone = None,
     speed: Annotated[float, typer.Option(help="Speed on the approach line, m/s.")] = 2.5,
     angle: Annotated[float, typer.Option(help="Angle of the approach line above the horizon, deg.")] = 50.0,
+    on: Annotated[
+        Physics,
+        typer.Option(
+            help="Who flies the approach: the host, by poses that it sends, or a model on the drone itself."
+        ),
+    ] = Physics.HOST,
     policy: LabPolicy = None,
     vehicle: LabVehicle = None,
     lab: Lab = None,
@@ -32,8 +39,9 @@ def rehearse(
 ) -> int:
     """Rehearse an approach on the desk, propellers off: the drone computes it, and nothing turns.
 
-    The drone gets policy and approach, and poses of a flight that nobody flies. What it recorded of its
-    trigger is held against the reference on the same inputs: same sample, same moment, same forces.
+    The drone gets policy and approach, and poses of a flight that nobody flies, or with --on drone flies a
+    model of itself. What it recorded of its trigger is held against the reference on the same inputs: same
+    sample, same moment, same forces.
 
     Exit codes: 0 passed, 1 failed, 2 input that cannot be used, 3 the drone is armed, flies or a motor turns,
     130 interrupted.
@@ -65,6 +73,7 @@ def rehearse(
             {
                 "speed_m_s": speed,
                 "angle_deg": angle,
+                "on": str(on),
                 "drone": setup.drone,
                 "policy": setup.policy,
                 "policy_crc32": f"{policy_crc32(loaded):08x}",
@@ -84,7 +93,7 @@ def rehearse(
             def on_stage(stage: Stage, waits_for: str) -> None:
                 display.stage(stage, waits_for, tuple(Stage))
 
-            rehearsal = rehearse_on(setup.drone, plan, loaded, design, open_record, on_stage)
+            rehearsal = rehearse_on(setup.drone, plan, loaded, design, open_record, on_stage, on)
     finally:
         if folder is not None:
             discard_if_empty(folder)
@@ -96,9 +105,10 @@ def rehearse(
     return exit_codes.DONE if rehearsal.verdict.passed else exit_codes.FAILED
 
 
-def _in_words(rehearsal: "Rehearsal") -> str:
+def _in_words(rehearsal: "Rehearsed") -> str:
     verdict = rehearsal.verdict
-    lines = [f"rehearsal {'passed' if verdict.passed else 'FAILED'} (engine {rehearsal.engine})"]
+    word = "passed" if verdict.passed else "FAILED"
+    lines = [f"rehearsal {word} (on {rehearsal.physics}, engine {rehearsal.engine})"]
     lines += [f"  {failure}" for failure in verdict.failures]
     if verdict.passed:
         lines.append(

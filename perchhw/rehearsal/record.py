@@ -12,7 +12,7 @@ from onboard.ring import SECOND_SAMPLE_MS, Ring
 from perchhw.record.folder import OutputFolderError, new_run_folder
 
 if TYPE_CHECKING:
-    from perchhw.rehearsal.session import Rehearsal
+    from perchhw.rehearsal.session import Rehearsed
 
 VERDICT_FILE, RING_FILE = "verdict.json", "ring.csv"
 
@@ -35,13 +35,14 @@ def ring_rows(ring: Ring) -> list[list[float]]:
     return rows
 
 
-def verdict_document(rehearsal: "Rehearsal") -> dict[str, Any]:
+def verdict_document(rehearsal: "Rehearsed") -> dict[str, Any]:
     """The verdict for a script; a difference that is no finite number is null, and `failures` says so."""
     verdict = rehearsal.verdict
     away = verdict.input_difference
     return {
         "pass": verdict.passed,
         "failures": list(verdict.failures),
+        "on": rehearsal.physics,
         "engine": rehearsal.engine,
         "policy_crc32": rehearsal.policy_crc32,
         "reason": verdict.reason.name.lower(),
@@ -58,7 +59,7 @@ def _finite(value: float | None) -> float | None:
     return value if value is not None and math.isfinite(value) else None
 
 
-def save_rehearsal(parent: Path, rehearsal: "Rehearsal", folder: Path | None = None) -> Path:
+def save_rehearsal(parent: Path, rehearsal: "Rehearsed", folder: Path | None = None) -> Path:
     """Write verdict and ring to `folder`, or to a new one in `parent`, and give it.
 
     Raises:

@@ -2,12 +2,12 @@
 
 import math
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from onboard.app_interface import EndReason, LandingState, Log, Parameter
+from onboard.app_interface import EndReason, LandingState, Log, Parameter, Rehearsal
 from onboard.errors import SafetyStop
 from onboard.firmware.constants import vehicle_crc32
 from onboard.lab_time import open_timebase
@@ -23,6 +23,7 @@ from onboard.timebase import Timebase
 from onboard.trajectory import ApproachPlan
 from onboard.vehicle import Vehicle
 from perchhw.errors import FlightStackError
+from perchhw.rehearsal.physics import Physics
 from perchhw.rehearsal.poses import ApproachPoses
 from perchhw.rehearsal.verdict import Verdict, judge
 from perchhw.rehearsal.watched import CUES, OpenRecord, RehearsalRecord
@@ -37,7 +38,12 @@ FLIP_TIMEOUT_S = 1.0
 """The flip of a drone that does not turn is cut after 0.5 s."""
 
 _RESET = "kalman.resetEstimation"
-_STATE = ("x", "y", "z", "vx", "vy", "vz")
+_STATES: dict[Physics, tuple[str, ...]] = {
+    Physics.HOST: tuple(f"stateEstimate.{name}" for name in ("x", "y", "z", "vx", "vy", "vz")),
+    Physics.DRONE: (Log.MODEL_X, Log.MODEL_Y, Log.MODEL_Z, Log.MODEL_VX, Log.MODEL_VY, Log.MODEL_VZ),
+}
+"""Where the drone believes to be: position, velocity."""
+_MODES = {Physics.HOST: Rehearsal.POSES, Physics.DRONE: Rehearsal.MODEL}
 _ENDED = frozenset(LandingState) - {LandingState.IDLE, LandingState.TRAJECTORY_ARMED, LandingState.APPROACH}
 
 
@@ -64,16 +70,18 @@ class RehearsalFailed(FlightStackError):
 
 
 @dataclass(frozen=True)
-class Rehearsal:
+class Rehearsed:
     """What came of a rehearsal.
 
     Attributes:
+        physics: where it was flown.
         engine: the code that computed on the drone, ``c`` or ``reference``.
         policy_crc32: of the policy, as the drone reads it back.
         ring: what the drone recorded.
         verdict: what is to be said about it.
     """
 
+    physics: Physics
     engine: str | None
     policy_crc32: int
     ring: Ring
@@ -87,13 +95,15 @@ def rehearse(
     vehicle: Vehicle,
     open_record: OpenRecord | None = None,
     on_stage: OnStage = lambda _stage, _waits_for: None,
-) -> Rehearsal:
+    physics: Physics = Physics.HOST,
+) -> Rehearsed:
     """Rehearse an approach on the drone at `drone` (URI), whose firmware was built for `vehicle`.
 
     Args:
         drone, plan, policy, vehicle: what is rehearsed.
         open_record: opens a record of it, for a view that follows; the drone then sends its cues too.
         on_stage: told what begins.
+        physics: where the approach is flown.
 
     Raises:
         RehearsalRefused, DroneIsFlying: the drone is armed, flies, or a motor turns.
@@ -112,46 +122,50 @@ def rehearse(
             on_stage(Stage.UPLOADING, "the policy to be read back")
             crc = link.upload_policy(encode_bundle(policy))
             _await_slot(time)
-            with _rehearsing(link), open_record(time) if open_record else nullcontext() as record:
-                ring, reason = _fly(link, plan, landing_limits(vehicle).smoothing, time, record, on_stage)
-    return Rehearsal(engine, crc, ring, judge(ring, reason, plan, policy, vehicle))
+            with _rehearsing(link, physics), open_record(time) if open_record else nullcontext() as record:
+                told = _Drone(link, physics, record)
+                ring = _fly(link, told, plan, landing_limits(vehicle).smoothing, physics, time, on_stage)
+    return Rehearsed(physics, engine, crc, ring, judge(ring, told.reason, plan, policy, vehicle))
 
 
 @contextmanager
-def _rehearsing(link: "DroneLink") -> Iterator[None]:
-    """The mode, until the end of the block; then the drone forgets where it believes to be."""
+def _rehearsing(link: "DroneLink", physics: Physics) -> Iterator[None]:
+    """The mode, until the end of the block; then the drone forgets where poses said that it was."""
+    mode = _MODES[physics]
     try:
-        link.set_param(Parameter.REHEARSE, 1)
-        if link.param(Parameter.REHEARSE) != 1:
+        link.set_param(Parameter.REHEARSE, mode)
+        if link.param(Parameter.REHEARSE) != mode:
             raise RehearsalRefused(
                 "the drone does not rehearse: it must be disarmed, on the ground, with all motors still "
                 "and its landing app idle; disarm it, or reboot it"
             )
-        link.set_param(_RESET, 1)
+        if physics is Physics.HOST:
+            link.set_param(_RESET, 1)
         yield
     finally:
-        link.set_param(Parameter.REHEARSE, 0)
-    link.set_param(_RESET, 1)
+        link.set_param(Parameter.REHEARSE, Rehearsal.OFF)
+    if physics is Physics.HOST:
+        link.set_param(_RESET, 1)
 
 
 class _Drone:
     """What the drone said last."""
 
-    def __init__(self, link: "DroneLink", record: RehearsalRecord | None) -> None:
-        self._record = record
+    def __init__(self, link: "DroneLink", physics: Physics, record: RehearsalRecord | None) -> None:
+        self.record = record
+        self._names = _STATES[physics]
         self.state, self.reason = LandingState.IDLE, EndReason.NONE
         self._estimate: tuple[float, ...] = (math.nan,) * 6
-        names = tuple(f"stateEstimate.{name}" for name in _STATE)
-        link.stream((*names, Log.STATE, Log.REASON), 10, self._take)
+        link.stream((*self._names, Log.STATE, Log.REASON), 10, self._take)
         if record is not None:
             link.stream(tuple(CUES), 10, record.take_cues)
 
     def _take(self, sample: "LogSample") -> None:
         values = sample.values
-        self._estimate = tuple(values[f"stateEstimate.{name}"] for name in _STATE)
+        self._estimate = tuple(values[name] for name in self._names)
         self.state, self.reason = LandingState(int(values[Log.STATE])), EndReason(int(values[Log.REASON]))
-        if self._record is not None:
-            self._record.take_state(self._estimate, self.state)
+        if self.record is not None:
+            self.record.take_state(self._estimate, self.state)
 
     def is_at_start(self, plan: ApproachPlan) -> bool:
         """Whether it believes to stand still where the approach begins."""
@@ -161,26 +175,26 @@ class _Drone:
 
 def _fly(
     link: "DroneLink",
+    told: _Drone,
     plan: ApproachPlan,
     smoothing: float,
+    physics: Physics,
     time: Timebase,
-    record: RehearsalRecord | None,
     on_stage: OnStage,
-) -> tuple[Ring, EndReason]:
+) -> Ring:
     """The approach from its arming to what was recorded."""
-    on_stage(Stage.BELIEVING, "the drone to believe its poses")
-    told = _Drone(link, record)
-    with ApproachPoses(link, plan, smoothing, time, None if record is None else record.take_pose) as poses:
-        if not poll(lambda: told.is_at_start(plan), bool, time, SETTLE_TIMEOUT_S):
-            raise RehearsalFailed(
-                f"the drone does not believe within {SETTLE_TIMEOUT_S:g} s the poses that it is sent; "
-                "does somebody else send it poses, or does it lie tilted?"
-            )
+    with ExitStack() as until_read:
+        poses = None
+        if physics is Physics.HOST:
+            on_pose = None if told.record is None else told.record.take_pose
+            poses = until_read.enter_context(ApproachPoses(link, plan, smoothing, time, on_pose))
+            _await_belief(told, plan, time, on_stage)
         _await_slot(time)  # the instant of belief depends on which thread looked first
         on_stage(Stage.APPROACHING, f"the flip, at most {plan.impact_time:.1f} s")
         arm_approach(link, plan, time)
         link.set_param(Parameter.GO, 1)
-        poses.go()
+        if poses is not None:
+            poses.go()
         within = plan.impact_time + 2.0 * smoothing + FLIP_TIMEOUT_S
         state = poll(lambda: told.state, lambda state: state in _ENDED, time, within)
         if state not in _ENDED:
@@ -189,7 +203,17 @@ def _fly(
         on_stage(Stage.READING, "what the drone recorded")
         ring = read_ring(link, time)
     _check_still_on(link)
-    return ring, told.reason
+    return ring
+
+
+def _await_belief(told: _Drone, plan: ApproachPlan, time: Timebase, on_stage: OnStage) -> None:
+    """Until the drone believes the poses of the approach's start."""
+    on_stage(Stage.BELIEVING, "the drone to believe its poses")
+    if not poll(lambda: told.is_at_start(plan), bool, time, SETTLE_TIMEOUT_S):
+        raise RehearsalFailed(
+            f"the drone does not believe within {SETTLE_TIMEOUT_S:g} s the poses that it is sent; "
+            "does somebody else send it poses, or does it lie tilted?"
+        )
 
 
 def _await_slot(time: Timebase) -> None:
@@ -198,5 +222,5 @@ def _await_slot(time: Timebase) -> None:
 
 
 def _check_still_on(link: "DroneLink") -> None:
-    if link.param(Parameter.REHEARSE) != 1:
+    if link.param(Parameter.REHEARSE) == Rehearsal.OFF:
         raise RehearsalRefused("the drone ended the rehearsal: a motor had a thrust, or it was flown")

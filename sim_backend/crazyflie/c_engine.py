@@ -6,7 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from onboard.app_interface import RECORD_ADDRESS, EndReason, LandingState, PolicyStatus, TrajectoryStatus
+from onboard.app_interface import (
+    RECORD_ADDRESS,
+    EndReason,
+    LandingState,
+    PolicyStatus,
+    Rehearsal,
+    TrajectoryStatus,
+)
 from onboard.arrays import Vector
 from onboard.battery import FULL_RATIO
 from onboard.controller import Wrench
@@ -170,15 +177,22 @@ class CEngine:
         """Set the flag `abort`."""
         self._library.perch_ask_abort(self._core, on)
 
-    def rehearse(self, on: bool, at_rest: bool) -> bool:
+    def rehearse(self, wanted: int, at_rest: bool) -> Rehearsal:
         """Begin or end a rehearsal."""
-        self._view.outputs.rehearses = self._library.perch_rehearse(self._core, on, at_rest)
-        return self.rehearses
+        taken = Rehearsal(self._library.perch_rehearse(self._core, wanted, at_rest))
+        self._view.outputs.rehearses = bool(taken)
+        return taken
 
     @property
     def rehearses(self) -> bool:
         """Whether a rehearsal is on."""
         return bool(self._view.outputs.rehearses)
+
+    @property
+    def model(self) -> tuple[Vector, Vector]:
+        """Position and velocity of the model."""
+        estimate = self._view.model.estimate
+        return _vector(estimate.position), _vector(estimate.velocity)
 
     def record(self) -> bytes:
         """The recorder as the ground reads it."""

@@ -6,20 +6,20 @@ flags and staged bundles; what comes out are motor ratios, and what there is to 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from onboard.app_interface import EndReason, LandingState, PolicyStatus, TrajectoryStatus
+from onboard.app_interface import EndReason, LandingState, PolicyStatus, Rehearsal, TrajectoryStatus
 from onboard.arrays import FloatArray, Vector
 from onboard.controller import Wrench
 from onboard.landing.model import OutputMode
 from onboard.mixer import Thrusts
 from sim_backend.crazyflie.estimator import Estimator
-from sim_backend.crazyflie.setpoint import Setpoint, complete_setpoint
+from sim_backend.crazyflie.setpoint import Setpoint
 
 
 class Event(IntFlag):
@@ -63,12 +63,6 @@ class Sample:
     flying: bool
     levelling: bool
     thrust_seen: bool = False
-
-
-def as_in_flight(sample: Sample) -> Sample:
-    """What a drone has that flies and stays where it believes to be: of one that rehearses."""
-    here = complete_setpoint(sample.tick, sample.estimator.position())
-    return replace(sample, flying=True, levelling=False, setpoint=here)
 
 
 class ApproachRequest(NamedTuple):
@@ -212,8 +206,10 @@ class Engine(Protocol):
         """Set the flag `abort`; it counts once."""
         ...
 
-    def rehearse(self, on: bool, at_rest: bool) -> bool:
-        """Begin or end a rehearsal; says whether it is on now.
+    def rehearse(self, wanted: int, at_rest: bool) -> Rehearsal:
+        """Begin or end a rehearsal; says which is on now.
+
+        `wanted`: a :class:`~onboard.app_interface.Rehearsal`; any other number ends it.
 
         `at_rest`: the supervisor is neither armed nor flying, and no motor has a thrust.
         """
@@ -222,6 +218,11 @@ class Engine(Protocol):
     @property
     def rehearses(self) -> bool:
         """Whether a rehearsal is on."""
+        ...
+
+    @property
+    def model(self) -> tuple[Vector, Vector]:
+        """Position (m) and velocity (m/s) of the model that flew in the last rehearsal on it."""
         ...
 
     def record(self) -> bytes:

@@ -13,6 +13,7 @@ from onboard.app_interface import (
     LandingState,
     Log,
     Parameter,
+    Rehearsal,
     TrajectoryStatus,
 )
 from onboard.firmware.constants import vehicle_crc32
@@ -36,6 +37,12 @@ _SNAPSHOT = {
     Log.SNAPSHOT_Z: SnapshotField.Z,
     Log.SNAPSHOT_PITCH: SnapshotField.PITCH,
 }
+_MODEL = (
+    (Log.MODEL_X, Log.MODEL_Y, Log.MODEL_Z),
+    (Log.MODEL_VX, Log.MODEL_VY, Log.MODEL_VZ),
+)
+"""Position and velocity."""
+
 _SWITCHES = (
     Parameter.REHEARSE,
     Parameter.TRAJECTORY_ARM,
@@ -122,6 +129,9 @@ class LandingApp:
         def mean_ratio(motor: int) -> Callable[[], Number]:
             return lambda: engine.mean_ratios[motor]
 
+        def of_model(part: int, axis: int) -> Callable[[], Number]:
+            return lambda: engine.model[part][axis]
+
         return {
             Log.STATE: lambda: int(engine.state),
             Log.REASON: lambda: int(engine.reason),
@@ -136,6 +146,7 @@ class LandingApp:
             Log.SNAPSHOT_COUNT: lambda: engine.snapshot_count & 0xFF,
             **{log: of_snapshot(field) for log, field in _SNAPSHOT.items()},
             **{log: mean_ratio(motor) for motor, log in enumerate(_MEANS)},
+            **{log: of_model(i, axis) for i, logs in enumerate(_MODEL) for axis, log in enumerate(logs)},
         }
 
     def answer(self, events: Event) -> None:
@@ -175,7 +186,8 @@ class LandingApp:
         self._vouched_until = self._tick() + MOTOR_TOKEN_MS
 
     def _on_rehearse(self, value: Number) -> None:
-        self.rehearses = self._engine.rehearse(bool(value), self._at_rest())
+        taken = self._engine.rehearse(int(value), self._at_rest())
+        self.rehearses = taken is not Rehearsal.OFF
         if not self.rehearses:
             self._params[Parameter.REHEARSE] = 0
 

@@ -6,11 +6,17 @@ of the commander's setpoint; a null or levelled-out setpoint aborts an approach.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from onboard.app_interface import AVERAGED_MS, EndReason, LandingState, PolicyStatus, TrajectoryStatus
+from onboard.app_interface import (
+    AVERAGED_MS,
+    EndReason,
+    LandingState,
+    PolicyStatus,
+    Rehearsal,
+    TrajectoryStatus,
+)
 from onboard.arrays import Vector
 from onboard.controller import Wrench, attitude_control
 from onboard.cues import optical_flow_cues
@@ -29,16 +35,16 @@ from onboard.policy.bundle import PolicyBundleError, bundle_crc32, decode_bundle
 from onboard.policy.model import CompiledPolicy
 from onboard.policy.trigger import trigger_value
 from onboard.ring import RingRecorder
-from onboard.trajectory import ApproachPlan, plan_from_velocity
 from onboard.vehicle import Vehicle
-from sim_backend.crazyflie.engine import ApproachRequest, Event, Sample, SnapshotField, as_in_flight
+from sim_backend.crazyflie.engine import ApproachRequest, Event, Sample, SnapshotField
 from sim_backend.crazyflie.hand_over import HandOver
 from sim_backend.crazyflie.power import COMPENSATION_GAIN, FULL_VOLTAGE
+from sim_backend.crazyflie.rehearsal import ORIGIN, RehearsalMode
+from sim_backend.crazyflie.requests import NO_PLAN, Request, planned
 from sim_backend.crazyflie.setpoint import Setpoint, complete_setpoint
 from sim_backend.crazyflie.stabilizer import CONTROL_PERIOD_MS, Stabilizer
 
 POLICY_PERIOD_MS = 10
-_NO_PLAN = ApproachPlan(*[math.nan] * 12)
 _CUT = (LandingState.CUT, LandingState.FAULT)
 _SCALARS = {
     SnapshotField.TAU: "snapshot_tau",
@@ -49,15 +55,6 @@ _SCALARS = {
     SnapshotField.Z: "snapshot_z",
     SnapshotField.PITCH: "snapshot_pitch",
 }
-
-
-@dataclass(frozen=True, slots=True)
-class _Request:
-    """What a write of ``perch.trjArm`` asks of the control loop."""
-
-    number: int
-    armed: bool
-    plan: ApproachPlan
 
 
 class ReferenceEngine:
@@ -79,12 +76,12 @@ class ReferenceEngine:
         self._supply = FULL_VOLTAGE
         self._memory = new_landing_memory()
         self.state, self.mode = LandingState.IDLE, OutputMode.PASS
-        self._plan = _NO_PLAN
+        self._plan = NO_PLAN
         self._limits = landing_limits(self._vehicle)
         self._policy: CompiledPolicy | None = None
         self.live_crc = 0
         self._policy_armed = self._trajectory_armed = self._go = self._abort = False
-        self._request = _Request(0, False, _NO_PLAN)
+        self._request = Request(0, False, NO_PLAN)
         self._consumed = 0
         self.trajectory_status = TrajectoryStatus.NONE
         self._idle_ceiling_z = 0.0
@@ -92,7 +89,7 @@ class ReferenceEngine:
         self.trigger_value = self.a_rot = 0.0
         self._output: LandingOutput | None = None
         self.target = Setpoint()
-        self.rehearses = self._rehearsed = False
+        self._rehearsal = RehearsalMode(self._vehicle)
         self._hand_over = HandOver()
         self._recorder = RingRecorder()
         self._recent_ratios = np.zeros((AVERAGED_MS // CONTROL_PERIOD_MS, 4))
@@ -160,11 +157,8 @@ class ReferenceEngine:
         return self._policy_armed
 
     def post(self, armed: bool, approach: ApproachRequest) -> int:
-        """Post a request; one of a plan of NaNs, which nothing accepts, when its numbers make none."""
-        plan = _NO_PLAN
-        if approach.ax > 0.0 and approach.az > 0.0:
-            plan = plan_from_velocity(*approach)
-        self._request = _Request(self._request.number + 1, armed, plan)
+        """Post a request."""
+        self._request = Request(self._request.number + 1, armed, planned(approach))
         self.trajectory_status = TrajectoryStatus.NONE
         return self._request.number
 
@@ -184,10 +178,19 @@ class ReferenceEngine:
         """Height (m) of the ceiling while nothing is armed."""
         self._idle_ceiling_z = ceiling_z
 
-    def rehearse(self, on: bool, at_rest: bool) -> bool:
+    def rehearse(self, wanted: int, at_rest: bool) -> Rehearsal:
         """Begin or end a rehearsal."""
-        self.rehearses = on and at_rest and (self.rehearses or self.state is LandingState.IDLE)
-        return self.rehearses
+        return self._rehearsal.ask(wanted, at_rest, self.state is LandingState.IDLE)
+
+    @property
+    def rehearses(self) -> bool:
+        """Whether a rehearsal is on."""
+        return self._rehearsal.is_on
+
+    @property
+    def model(self) -> tuple[Vector, Vector]:
+        """Position and velocity of the model."""
+        return self._rehearsal.model
 
     def record(self) -> bytes:
         """The recorder as the ground reads it."""
@@ -195,9 +198,12 @@ class ReferenceEngine:
 
     def step(self, sample: Sample) -> Event:
         """One ms."""
-        events = self._watch_rehearsal(sample)
+        events = self._forget(sample) if self._rehearsal.watch(sample) else Event.NONE
         if self.rehearses:
-            events |= self._compute(as_in_flight(sample)) & ~(Event.HANDED_OVER | Event.CUT)
+            self._go_to_start()
+            events |= self._compute(self._rehearsal.as_in_flight(sample)) & ~(Event.HANDED_OVER | Event.CUT)
+            goal = self.target.position if self.mode is OutputMode.SETPOINT else None
+            self._rehearsal.move(sample.tick, self.thrusts, goal)
             self._stabilizer.thrusts = (0.0, 0.0, 0.0, 0.0)
             self.ratios[:] = 0
         else:
@@ -206,14 +212,8 @@ class ReferenceEngine:
             self._recent_ratios[sample.tick // CONTROL_PERIOD_MS % len(self._recent_ratios)] = self.ratios
         return events
 
-    def _watch_rehearsal(self, sample: Sample) -> Event:
-        """It ends where somebody flies or a motor has a thrust; what was armed for it is forgotten."""
-        begun = self._rehearsed or self.rehearses
-        if sample.flying or sample.thrust_seen:
-            self.rehearses = False
-        self._rehearsed = self.rehearses
-        if self.rehearses or not begun:
-            return Event.NONE
+    def _forget(self, sample: Sample) -> Event:
+        """What was armed for a rehearsal must not wait for a flight."""
         self._recorder.end(sample.tick)
         self._memory["state"] = self.state = LandingState.IDLE
         self._memory["trajectory_status"] = self._memory["arm_seen"] = 0
@@ -221,6 +221,21 @@ class ReferenceEngine:
         self._consumed = self._request.number
         self._policy_armed = self._trajectory_armed = self._go = self._abort = False
         return Event.REHEARSAL_ENDED
+
+    def _go_to_start(self) -> None:
+        """An approach that is about to be armed finds the model at its start."""
+        request, plan = self._request, self._request.plan
+        arms = request.number != self._consumed and request.armed and self.state is LandingState.IDLE
+        if arms and math.isfinite(plan.x0 + plan.y0 + plan.z0):
+            self._start_model((plan.x0, plan.y0, plan.z0))
+        elif self._rehearsal.begins:
+            self._start_model(ORIGIN)
+
+    def _start_model(self, position: Vector) -> None:
+        """The model hovers at `position`, and nothing of an earlier flight is left."""
+        self._stabilizer.stop()
+        self._memory["attitude_known"] = 0
+        self._rehearsal.start(position)
 
     def _compute(self, sample: Sample) -> Event:
         """One ms of a drone that flies, or rehearses."""

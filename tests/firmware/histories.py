@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from onboard.app_interface import AVERAGED_MS
+from onboard.app_interface import AVERAGED_MS, Rehearsal
 from onboard.landing.model import OutputMode
 from onboard.policy.bundle import bundle_crc32, encode_bundle
 from onboard.policy.files import load_policy, shipped_policy_path
@@ -162,8 +162,8 @@ def write(engine: Engine, stretch: Stretch) -> Any:
         "go": lambda: engine.ask_go(True),
         "abort": lambda: engine.ask_abort(True),
         "ceiling": lambda: engine.set_ceiling(2.5),
-        "rehearse": lambda: engine.rehearse(True, not stretch.flying),
-        "rehearse off": lambda: engine.rehearse(False, not stretch.flying),
+        "rehearse": lambda: engine.rehearse(Rehearsal.POSES, not stretch.flying),
+        "rehearse off": lambda: engine.rehearse(Rehearsal.OFF, not stretch.flying),
     }
     return answers[stretch.write]() if stretch.write is not None else None
 

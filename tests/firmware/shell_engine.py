@@ -15,6 +15,7 @@ from onboard.app_interface import (
     Log,
     Parameter,
     PolicyStatus,
+    Rehearsal,
     TrajectoryStatus,
 )
 from onboard.arrays import Vector
@@ -175,14 +176,19 @@ class ShellEngine:
     def ask_abort(self, on: bool) -> None:
         assert self._shell.write(Parameter.ABORT, on)
 
-    def rehearse(self, on: bool, at_rest: bool) -> bool:
+    def rehearse(self, wanted: int, at_rest: bool) -> Rehearsal:
         self._shell.world.armed = self._shell.world.armed or not at_rest
-        assert self._shell.write(Parameter.REHEARSE, on)
-        return self.rehearses
+        assert self._shell.write(Parameter.REHEARSE, wanted)
+        return Rehearsal(int(self._shell.read(Parameter.REHEARSE)))
 
     @property
     def rehearses(self) -> bool:
-        return self._shell.read(Parameter.REHEARSE) == 1
+        return self._shell.read(Parameter.REHEARSE) != Rehearsal.OFF
+
+    @property
+    def model(self) -> tuple[Vector, Vector]:
+        x, y, z, vx, vy, vz = (self._shell.log(name) for name in Log if name.startswith("perchM."))
+        return (x, y, z), (vx, vy, vz)
 
     def record(self) -> bytes:
         parts = (
@@ -206,7 +212,7 @@ class ShellEngine:
         self._tick = sample.tick
         events = Event.NONE
         for name, event in FLAGS.items():
-            if before[name] == 1 and shell.read(name) == 0:
+            if before[name] != 0 and shell.read(name) == 0:
                 events |= event
         if shell.asked.planner_goals > goals:
             events |= Event.HANDED_OVER

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from onboard.app_interface import LandingState, Log, Parameter, TrajectoryStatus
+from onboard.app_interface import LandingState, Log, Parameter, Rehearsal, TrajectoryStatus
 from onboard.trajectory import plan_from_velocity
 from tests.firmware.shell import Shell
 from tests.firmware.test_shell import bundle, commit, fly, follow_the_approach
@@ -22,22 +22,23 @@ def shell(shell_library: Path, tmp_path: Path) -> Shell:
     return shell
 
 
-def asked(shell: Shell) -> bool:
+def asked(shell: Shell, kind: Rehearsal = Rehearsal.POSES) -> bool:
     """Whether the mode was taken."""
-    shell.set(Parameter.REHEARSE, 1)
-    return shell.read(Parameter.REHEARSE) == 1
+    shell.set(Parameter.REHEARSE, kind)
+    return shell.read(Parameter.REHEARSE) == kind
 
 
-def begin(shell: Shell) -> None:
+def begin(shell: Shell, kind: Rehearsal = Rehearsal.POSES) -> None:
     """As :func:`tests.firmware.test_shell.arm`, of a drone that nobody armed: its setpoint is null."""
     commit(shell, bundle())
-    assert asked(shell)
+    assert asked(shell, kind)
     for name, value in (
         (Parameter.CEILING_Z, 2.1), (Parameter.SPEED_X, 1.25), (Parameter.SPEED_Z, 2.165),
         (Parameter.ACCELERATION_X, 1.0), (Parameter.ACCELERATION_Z, 3.1), (Parameter.TAU_START, 0.5),
     ):  # fmt: skip
         shell.set(name, value)
-    shell.state.position.x, shell.state.position.z = PLAN.x0, PLAN.z0
+    if kind is Rehearsal.POSES:
+        shell.state.position.x, shell.state.position.z = PLAN.x0, PLAN.z0
     fly(shell, 100)
     shell.set(Parameter.TRAJECTORY_ARM, 1)
     assert shell.read(Parameter.TRAJECTORY_STATUS) == TrajectoryStatus.ARMED
@@ -65,6 +66,23 @@ def test_an_approach_is_computed_to_its_flip_and_nothing_comes_out(shell: Shell,
     assert list(shell.control.forces) == STILL
     assert shell.asked.pid_steps == pid_steps
     assert (shell.asked.planner_stops, shell.asked.planner_goals) == (0, 0), "the planner is left alone"
+
+
+def test_on_its_own_model_the_approach_is_flown_to_the_cut_and_nothing_comes_out(shell: Shell) -> None:
+    """The firmware's estimate stays where the desk is, and no pose comes."""
+    begin(shell, Rehearsal.MODEL)
+    seen, highest = [LandingState.APPROACH], 0.0
+    for _ in range(2500):
+        shell.step()
+        assert list(shell.control.forces) == STILL
+        assert list(shell.outputs.thrusts) == STILL
+        highest = max(highest, shell.log(Log.MODEL_Z))
+        state = LandingState(int(shell.log(Log.STATE)))
+        seen += [state] if state is not seen[-1] else []
+    assert seen == [LandingState.APPROACH, LandingState.FLIP, LandingState.CUT]
+    assert PLAN.z0 + 0.5 < highest
+    assert (shell.state.position.x, shell.state.position.z) == (0.0, 0.0)
+    assert (shell.asked.planner_stops, shell.asked.planner_goals, shell.asked.pid_steps) == (0, 0, 40)
 
 
 def test_whoever_arms_is_disarmed_at_once(shell: Shell) -> None:

@@ -13,6 +13,7 @@ from onboard.app_interface import (
     Log,
     Parameter,
     PolicyStatus,
+    Rehearsal,
     TrajectoryStatus,
     ValueType,
 )
@@ -27,7 +28,7 @@ def test_tables_hold_every_name_once() -> None:
 def test_names_fit_a_packet_of_the_table_of_contents(name: str) -> None:
     """crazyflie_protocol 1.2: group and name with their terminators take at most 26 bytes."""
     group, _, variable = name.partition(".")
-    assert group in ("perch", "perchT")
+    assert group in ("perch", "perchT", "perchM")
     assert variable
     assert len(group) + len(variable) + 2 <= 26
 
@@ -54,5 +55,6 @@ def test_numbers_are_those_of_the_contract() -> None:
     assert LandingState.CUT == 4
     assert {int(status) for status in PolicyStatus} == {0, 1, 16, 17, 18, 19, 20, 21}
     assert {int(status) for status in TrajectoryStatus} == {0, 1, 2, 16, 17, 18}
+    assert [int(kind) for kind in Rehearsal] == [0, 1, 2]
     assert (MEMORY_TYPE_APP, MEMORY_SIZE) == (0x18, 5120)
     assert (INTERFACE_VERSION, REQUEST_TIMEOUT_MS) == (2, 20)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from onboard.app_interface import LandingState, Parameter, PolicyStatus, TrajectoryStatus
+from onboard.app_interface import LandingState, Parameter, PolicyStatus, Rehearsal, TrajectoryStatus
 from onboard.landing.model import landing_limits
 from onboard.policy.bundle import encode_bundle
 from onboard.policy.files import load_policy, shipped_policy_path
@@ -22,13 +22,15 @@ SMOOTHING = landing_limits(TRUE).smoothing
 
 @dataclass
 class Desk:
-    """A drone on a desk, and a host that sends it the poses of an approach.
+    """A drone on a desk, and a host that sends it the poses of an approach, or lets it fly its own model.
 
     Attributes:
+        kind: which of these.
         most_thrust: N, the largest that any motor had in truth.
     """
 
     faults: DroneFaults | None = None
+    kind: Rehearsal = Rehearsal.POSES
     flight: Flight = field(init=False)
     most_thrust: float = 0.0
 
@@ -39,13 +41,13 @@ class Desk:
 
     def begin(self) -> bool:
         """Ask for the mode; whether it is on."""
-        self.flight.write(Parameter.REHEARSE, 1)
-        return self.flight.param(Parameter.REHEARSE) == 1
+        self.flight.write(Parameter.REHEARSE, self.kind)
+        return self.flight.param(Parameter.REHEARSE) == self.kind
 
     def send(self, seconds: float, moving: bool = False) -> None:
-        """Poses at 100 Hz: of the approach's start, or on its way from the first one on."""
+        """Poses at 100 Hz: of the approach's start, or on its way from the first one on. None for a model."""
         for ms in range(round(1000 * seconds)):
-            if ms % 10 == 0:
+            if ms % 10 == 0 and self.kind is Rehearsal.POSES:
                 position, _ = ideal_state(PLAN, SMOOTHING, 1e-3 * ms if moving else 0.0)
                 height = min(position[2], PLAN.ceiling_z - 0.02)
                 self.flight.firmware.localization.external_pose(position[0], position[1], height, *LEVEL)

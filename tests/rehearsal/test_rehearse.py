@@ -25,6 +25,7 @@ from perchhw.attempt import DEFAULT_VEHICLE
 from perchhw.cli.main import run
 from perchhw.lab import desk_setup
 from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
+from perchhw.rehearsal.physics import Physics
 from perchhw.rehearsal.record import COLUMNS, save_rehearsal
 from perchhw.rehearsal.session import rehearse as rehearse_in_session
 from perchhw.rehearsal.watched import record_in
@@ -54,22 +55,23 @@ def rehearse(uri: str, capsys: pytest.CaptureFixture[str], *arguments: str) -> t
     return code, json.loads(said.out)
 
 
+@pytest.mark.parametrize("on", Physics)
 @pytest.mark.parametrize("engine", EngineName)
 def test_the_papers_approach_passes_and_nothing_moves(
-    engine: EngineName, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    engine: EngineName, on: Physics, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     truth = tmp_path / "truth.csv"
     with lab(engine, "--truth", str(truth)) as served:
-        code, said = rehearse(served.drones[0], capsys, "--out", str(tmp_path / "out"))
+        code, said = rehearse(served.drones[0], capsys, "--on", on, "--out", str(tmp_path / "out"))
         uri = served.drones[0]
         with open_timebase("test", uri) as time, DroneLink.open(uri, clock=time) as link:
             assert link.param(Parameter.REHEARSE) == 0
     assert (code, said["pass"], said["failures"]) == (0, True, [])
-    assert (said["engine"], said["reason"], said["loop_us"]) == (engine, "triggered", None)
+    assert (said["on"], said["engine"], said["reason"], said["loop_us"]) == (on, engine, "triggered", None)
     assert said["trigger_sample_difference"] == 0
     assert said["a_rot_difference_n_m"] <= 1e-8
     assert said["force_difference_n"] <= 1e-6
-    assert 0.0 < said["input_difference"]["position_m"] < 0.3
+    assert 0.0 < said["input_difference"]["position_m"] < (0.3 if on is Physics.HOST else 0.05)
     with truth.open() as file:
         heights = [float(row["z"]) for row in csv.DictReader(file)]
     assert len(heights) > 300
@@ -81,12 +83,24 @@ def test_the_papers_approach_passes_and_nothing_moves(
     assert json.loads((Path(said["record"]) / "verdict.json").read_text())["pass"] is True
 
 
-def rehearse_on_record(uri: str, folder: Path) -> tuple[int, dict[str, Any]]:
+def test_a_view_follows_where_the_drones_own_model_flies(tmp_path: Path) -> None:
+    with lab(EngineName.REFERENCE) as served:
+        code, _ = rehearse_on_record(served.drones[0], tmp_path / "run", Physics.DRONE)
+    assert code == 0
+    flown = read_run(tmp_path / "run").series
+    assert np.nanmax(flown["estimate"].numbers("z")) > 1.2
+    assert np.nanmax(flown["cues"].numbers("trigger_value")) >= 0.0
+    assert "pose" not in flown, "nobody sends poses"
+
+
+def rehearse_on_record(uri: str, folder: Path, physics: Physics = Physics.HOST) -> tuple[int, dict[str, Any]]:
     """As the command does with ``--view``, but for the viewer."""
     setup = desk_setup(None, drone=uri, vehicle=None, policy=None)
     plan = fit_approach(2.5, 50.0, setup.room)
     policy, vehicle = load_policy(find_policy(setup.policy)), load_vehicle(setup.vehicle, setup.legs)
-    rehearsal = rehearse_in_session(setup.drone, plan, policy, vehicle, record_in(folder, {}))
+    rehearsal = rehearse_in_session(
+        setup.drone, plan, policy, vehicle, record_in(folder, {}), physics=physics
+    )
     save_rehearsal(folder.parent, rehearsal, folder)
     return int(not rehearsal.verdict.passed), json.loads((folder / "verdict.json").read_text())
 
@@ -115,12 +129,13 @@ def test_a_lab_in_lock_step_gives_the_same_verdict_again_also_on_record(
     assert run.closed
 
 
+@pytest.mark.parametrize("on", Physics)
 @pytest.mark.parametrize("engine", [EngineName.C, pytest.param(EngineName.REFERENCE, marks=pytest.mark.soak)])
 def test_one_weight_changed_in_the_drones_memory_fails(
-    engine: EngineName, capsys: pytest.CaptureFixture[str]
+    engine: EngineName, on: Physics, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with lab(engine, "--fault", "policy_weight=1.01") as served:
-        code, said = rehearse(served.drones[0], capsys)
+        code, said = rehearse(served.drones[0], capsys, "--on", on)
     assert (code, said["pass"]) == (1, False)
     assert any("moment differs" in failure for failure in said["failures"])
 

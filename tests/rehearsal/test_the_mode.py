@@ -4,12 +4,13 @@ from collections.abc import Callable
 
 import pytest
 
-from onboard.app_interface import EndReason, LandingState, Parameter
+from onboard.app_interface import EndReason, LandingState, Parameter, Rehearsal
 from onboard.firmware.compiler import find_compiler
 from sim_backend.engine_name import EngineName
 from tests.rehearsal.desk import PLAN, Desk
 from tests.sim_crazyflie.simulated_flight import Flight
 
+EACH_KIND = pytest.mark.parametrize("kind", [Rehearsal.POSES, Rehearsal.MODEL])
 SWITCHES = (Parameter.REHEARSE, Parameter.TRAJECTORY_ARM, Parameter.POLICY_ARM, Parameter.GO)
 
 
@@ -22,8 +23,9 @@ def engine(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> E
     return engine
 
 
-def test_an_approach_is_computed_to_its_flip_and_no_motor_turns() -> None:
-    desk = Desk()
+@EACH_KIND
+def test_an_approach_is_computed_to_its_flip_and_no_motor_turns(kind: Rehearsal) -> None:
+    desk = Desk(kind=kind)
     ring = desk.rehearse()
     assert desk.flight.log("perch.reason") == EndReason.TRIGGERED
     at = ring.ticks.tolist().index(ring.end_tick)
@@ -33,8 +35,9 @@ def test_an_approach_is_computed_to_its_flip_and_no_motor_turns() -> None:
     assert desk.flight.position[2] < 0.1
 
 
-def test_the_drone_cannot_be_armed_meanwhile() -> None:
-    desk = Desk()
+@EACH_KIND
+def test_the_drone_cannot_be_armed_meanwhile(kind: Rehearsal) -> None:
+    desk = Desk(kind=kind)
     assert desk.flight.firmware.supervisor.arm(True)
     assert desk.flight.firmware.supervisor.arm(False)
     desk.flight.run(0.2)
@@ -60,9 +63,10 @@ def motor_on(desk: Desk) -> None:
     desk.flight.run(0.1)
 
 
+@EACH_KIND
 @pytest.mark.parametrize("unfit", [armed, flying, motor_on])
-def test_the_mode_is_not_taken(unfit: Callable[[Desk], None]) -> None:
-    desk = Desk()
+def test_the_mode_is_not_taken(unfit: Callable[[Desk], None], kind: Rehearsal) -> None:
+    desk = Desk(kind=kind)
     unfit(desk)
     before = desk.flight.firmware.ratios.any()
     assert not desk.begin()
@@ -71,9 +75,10 @@ def test_the_mode_is_not_taken(unfit: Callable[[Desk], None]) -> None:
     assert desk.flight.firmware.ratios.any() == before, "who flies goes on"
 
 
+@EACH_KIND
 @pytest.mark.parametrize("seconds", [0.0, 0.7, 1.5])
-def test_a_thrust_that_is_seen_ends_it_and_everything_armed(seconds: float) -> None:
-    desk = Desk()
+def test_a_thrust_that_is_seen_ends_it_and_everything_armed(seconds: float, kind: Rehearsal) -> None:
+    desk = Desk(kind=kind)
     desk.arm()
     desk.flight.write(Parameter.GO, 1)
     desk.send(seconds, moving=True)
@@ -82,9 +87,10 @@ def test_a_thrust_that_is_seen_ends_it_and_everything_armed(seconds: float) -> N
     assert desk.state() is LandingState.IDLE
 
 
-def test_what_a_rehearsal_left_does_not_fly() -> None:
+@EACH_KIND
+def test_what_a_rehearsal_left_does_not_fly(kind: Rehearsal) -> None:
     """Switched off in a hold under the ceiling: the next flight is the planner's alone."""
-    desk = Desk()
+    desk = Desk(kind=kind)
     desk.arm()
     desk.flight.write(Parameter.GO, 1)
     desk.send(0.8, moving=True)

@@ -14,8 +14,9 @@ from onboard.app_interface import EndReason, Parameter, PolicyStatus
 from onboard.policy.bundle import decode_bundle, encode_bundle
 from onboard.policy.model import Float32Array, Policy
 from onboard.ring import Ring, decode_ring
+from perchhw.rehearsal.physics import Physics
 from perchhw.rehearsal.record import save_rehearsal
-from perchhw.rehearsal.session import Rehearsal
+from perchhw.rehearsal.session import Rehearsed
 from perchhw.rehearsal.verdict import A_ROT_BOUND, FORCE_BOUND, TRIGGER_VALUE_BOUND, judge
 from sim_backend.crazyflie.policy_slot import with_a_weight_changed
 from sim_backend.lab_faults import DroneFaults
@@ -149,7 +150,7 @@ def test_a_verdict_on_what_is_no_number_can_be_written(ring: Ring, tmp_path: Pat
     periods["law"]["estimate"]["velocity"][at] = np.nan
     spoilt = replace(ring, periods=periods)
     verdict = judge(spoilt, TRIGGERED, PLAN, POLICY, TRUE)
-    folder = save_rehearsal(tmp_path, Rehearsal("c", 1, spoilt, verdict))
+    folder = save_rehearsal(tmp_path, Rehearsed(Physics.HOST, "c", 1, spoilt, verdict))
     said = json.loads((folder / "verdict.json").read_text())
     assert said["pass"] is False
     assert (said["a_rot_difference_n_m"], said["input_difference"]["velocity_m_s"]) == (None, None)

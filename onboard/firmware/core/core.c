@@ -243,7 +243,7 @@ static void report(perch_core *core) {
   out->reason = core->landing.reason;
   out->trajectory_armed = core->trajectory_armed;
   out->policy_armed = core->policy_armed;
-  out->rehearses = core->rehearsed;
+  out->rehearses = core->rehearsed != PERCH_NO_REHEARSAL;
 }
 
 /* Whether nothing may turn: the app never runs the motors against a null setpoint. */
@@ -286,9 +286,10 @@ void perch_give_way(perch_core *core) {
 void perch_step(perch_core *core, const perch_inputs *in) {
   core->outputs.events = 0;
   const uint8_t ended = perch_watch_rehearsal(core, in);
-  if (core->rehearsed) {
-    const perch_inputs inputs = perch_as_in_flight(in);
+  if (core->rehearsed != PERCH_NO_REHEARSAL) {
+    const perch_inputs inputs = perch_as_in_flight(core, in);
     compute(core, &inputs);
+    perch_move_model(core, in->tick);
     perch_keep_still(&core->outputs);
   } else {
     compute(core, in);

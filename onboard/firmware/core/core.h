@@ -5,6 +5,7 @@
 #ifndef PERCH_CORE_H
 #define PERCH_CORE_H
 
+#include "flight_model.h"
 #include "follower.h"
 #include "landing.h"
 #include "recorder.h"
@@ -63,13 +64,14 @@ typedef struct {
   perch_vector lagged; /* memory of the moments' lead */
   uint16_t recent_ratios[PERCH_AVERAGED_STEPS][4];
   perch_outputs outputs;
+  perch_flight_model model; /* of a rehearsal on it */
 
   perch_request request;
   volatile uint32_t posted, consumed;
   volatile bool policy_armed, go, abort;
   bool trajectory_armed;
-  volatile bool rehearses;
-  bool rehearsed; /* in the step before */
+  volatile uint8_t rehearses; /* a perch_rehearsal */
+  uint8_t rehearsed;          /* in the step before */
   bool holds_on;  /* handed over, and the planner has not spoken yet */
   float idle_ceiling_z;
 
@@ -105,9 +107,9 @@ bool perch_arm_policy(perch_core *core, bool on);
 void perch_ask_go(perch_core *core, bool on);
 void perch_ask_abort(perch_core *core, bool on);
 
-/* Begin a rehearsal (rehearsal.h), or end it. `at_rest`: the supervisor is neither armed nor flying, and no motor
- * has a thrust. Says whether it is on now. */
-bool perch_rehearse(perch_core *core, bool on, bool at_rest);
+/* Begin a rehearsal (rehearsal.h), or end it: a perch_rehearsal. `at_rest`: the supervisor is neither armed nor
+ * flying, and no motor has a thrust. Says which is on now. */
+uint8_t perch_rehearse(perch_core *core, uint8_t wanted, bool at_rest);
 
 /* Height (m) of the ceiling for the cues while nothing is armed. */
 void perch_set_ceiling(perch_core *core, float ceiling_z);

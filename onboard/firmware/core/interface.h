@@ -32,6 +32,13 @@ typedef enum {
   PERCH_TRAJECTORY_REFUSED_NOT_FLYING = 18,
 } perch_trajectory_status;
 
+/* Where a drone that rehearses believes to be. */
+typedef enum {
+  PERCH_NO_REHEARSAL = 0,
+  PERCH_ON_POSES = 1, /* where the ground's poses say */
+  PERCH_ON_MODEL = 2, /* where its own model of the vehicle flies */
+} perch_rehearsal;
+
 typedef enum {
   PERCH_IDLE = 0,
   PERCH_TRAJECTORY_ARMED = 1,

@@ -13,6 +13,7 @@ void perch_host_step(perch_core *core, const perch_inputs *in, perch_view *view)
   perch_step(core, in);
   view->outputs = core->outputs;
   view->snapshot = core->landing.snapshot;
+  view->model = core->model;
 }
 
 perch_policy_status perch_host_policy(const perch_bank *bank, uint32_t length, uint32_t n, const perch_cues *cues,
@@ -92,6 +93,12 @@ void perch_host_approach(const perch_plan *plan, uint32_t n, const float *times,
 void perch_host_stopping(uint32_t n, const float (*in)[3], float *distances) {
   for (uint32_t i = 0; i < n; i++) {
     distances[i] = perch_stopping_distance(in[i][0], in[i][1], in[i][2]);
+  }
+}
+
+void perch_host_model(const perch_vehicle *vehicle, uint32_t n, perch_flight_model *models, float dt) {
+  for (uint32_t i = 0; i < n; i++) {
+    perch_fly_model(&models[i], vehicle, dt);
   }
 }
 

@@ -8,6 +8,7 @@
 typedef struct {
   perch_outputs outputs;
   perch_snapshot snapshot;
+  perch_flight_model model;
 } perch_view;
 
 /* Bytes of a core, inputs, view and recorder: what the other side must believe, too. */
@@ -35,6 +36,8 @@ void perch_host_plan(uint32_t n, const perch_approach *approaches, perch_plan *p
 void perch_host_approach(const perch_plan *plan, uint32_t n, const float *times, float half_width,
                          perch_motion *motions, float *jerks);
 void perch_host_stopping(uint32_t n, const float (*speed_acceleration_lag)[3], float *distances);
+
+void perch_host_model(const perch_vehicle *vehicle, uint32_t n, perch_flight_model *models, float dt);
 
 /* One step of the landing machine alone. */
 void perch_host_landing(perch_landing_memory *memory, const perch_landing_inputs *in, const perch_plan *plan,

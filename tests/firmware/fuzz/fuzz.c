@@ -138,6 +138,12 @@ static void random_commit(void) {
   }
 }
 
+/* Mostly what is on already, or nothing. */
+static uint8_t random_rehearsal(void) {
+  const bool goes_on = core.rehearses != PERCH_NO_REHEARSAL ? below(20) != 0 : below(3) != 0;
+  return (uint8_t)(goes_on ? core.rehearses : below(4));
+}
+
 /* Mostly an approach that is sound. */
 static void random_request(void) {
   perch_approach approach = {1.0f, 1.5f, 0.0f, 0.0f, 2.1f, 2.0f, 3.1f, 0.4f};
@@ -163,7 +169,7 @@ static void random_request(void) {
       random_commit();
       break;
     case 5:
-      perch_rehearse(&core, core.rehearses ? below(20) != 0 : below(3) == 0, below(20) != 0);
+      perch_rehearse(&core, random_rehearsal(), below(20) != 0);
       break;
     default:
       perch_set_ceiling(&core, random_float(3.0f));
@@ -265,6 +271,7 @@ static void check_outputs(const perch_inputs *in, uint32_t number) {
     require(!perch_setpoint_is_null(&in->setpoint) || out->duties[i] == 0.0f, "motors run unasked", number);
     require(!out->rehearses || (out->duties[i] == 0.0f && out->thrusts[i] == 0.0f), "motors run on the desk", number);
   }
+  require(core.rehearses <= PERCH_ON_MODEL, "an unknown rehearsal", number);
   require(!out->rehearses || !(in->flying || in->thrust_seen), "a rehearsal in flight", number);
   require(out->state != PERCH_FLIP || isfinite(core.landing.snapshot.a_rot), "a flip of NaN", number);
   require(core.recorder.state <= PERCH_RECORD_ENDS, "an unknown state of the recorder", number);

@@ -21,10 +21,10 @@ bool perch_sees_thrust(void) {
   return false;
 }
 
-bool perch_switch_rehearsal(bool on) {
+bool perch_switch_rehearsal(uint8_t wanted) {
   const bool at_rest = !supervisorIsArmed() && !supervisorIsFlying() && perch_is_configured() && !perch_sees_thrust();
-  is_on = on && at_rest; /* before the core, which may end it at once */
-  if (!perch_rehearse(&perch, on, at_rest)) {
+  is_on = wanted != PERCH_NO_REHEARSAL && at_rest; /* before the core, which may end it at once */
+  if (perch_rehearse(&perch, wanted, at_rest) == PERCH_NO_REHEARSAL) {
     is_on = false;
   }
   return is_on;

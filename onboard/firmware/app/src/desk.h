@@ -3,11 +3,12 @@
 #define PERCH_DESK_H
 
 #include <stdbool.h>
+#include <stdint.h>
 
 #include "stabilizer_types.h"
 
-/* Begin or end a rehearsal; says whether it is on now. */
-bool perch_switch_rehearsal(bool on);
+/* Begin or end a rehearsal (a perch_rehearsal); says whether it is on now. */
+bool perch_switch_rehearsal(uint8_t wanted);
 
 /* The core has ended it. */
 void perch_note_rehearsal_ended(void);

@@ -48,7 +48,7 @@ static void on_ceiling(void) { perch_set_ceiling(&perch, perch_ground.ceiling_z)
 static void on_motor_token(void) { perch_vouch(); }
 
 static void on_rehearse(void) {
-  if (!perch_switch_rehearsal(perch_ground.rehearse != 0)) {
+  if (!perch_switch_rehearsal(perch_ground.rehearse)) {
     perch_ground.rehearse = 0;
   }
 }

@@ -27,7 +27,7 @@ typedef struct {
   uint8_t version, engine;
   uint8_t own_law;     /* 1: our law flies what the planner asks, 0: the firmware's PID does */
   uint8_t motor_token; /* written by a host whose motor test runs */
-  uint8_t rehearse;
+  uint8_t rehearse; /* a perch_rehearsal */
 } perch_parameters;
 
 extern perch_parameters perch_ground;

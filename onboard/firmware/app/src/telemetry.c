@@ -1,4 +1,4 @@
-/* Log groups `perch` (now) and `perchT` (at the trigger) of onboard/app_interface.py.
+/* Log groups `perch` (now), `perchT` (at the trigger) and `perchM` (the model) of onboard/app_interface.py.
  *
  * The log task is not atomic with the control loop: the snapshot's count is written last, and a host believes two
  * blocks only when they have the same one. */
@@ -43,3 +43,12 @@ LOG_ADD(LOG_FLOAT, z, &perch.landing.snapshot.z)
 LOG_ADD(LOG_FLOAT, pitch, &perch.landing.snapshot.pitch)
 LOG_ADD(LOG_UINT8, count, &perch.landing.snapshot.count)
 LOG_GROUP_STOP(perchT)
+
+LOG_GROUP_START(perchM)
+LOG_ADD(LOG_FLOAT, x, &perch.model.estimate.position.x)
+LOG_ADD(LOG_FLOAT, y, &perch.model.estimate.position.y)
+LOG_ADD(LOG_FLOAT, z, &perch.model.estimate.position.z)
+LOG_ADD(LOG_FLOAT, vx, &perch.model.estimate.velocity.x)
+LOG_ADD(LOG_FLOAT, vy, &perch.model.estimate.velocity.y)
+LOG_ADD(LOG_FLOAT, vz, &perch.model.estimate.velocity.z)
+LOG_GROUP_STOP(perchM)
