@@ -33,6 +33,8 @@ CONTACTS: dict[str, tuple[dict[str, float], set[FootMode]]] = {
     "sliding on the ceiling": ({"minimum_preload": 1e3}, PRESSED),
     "too slow to stick": ({"capture_speed": 100.0}, PRESSED),
     "sticking where fast enough": ({"capture_speed": 1.5}, HELD | PRESSED),
+    "pressed for long enough": ({"pad_impulse": 0.01}, HELD | PRESSED),
+    "sticking where flat enough": ({"pad_angle": 0.6}, HELD | PRESSED),
     "adhering with pads that resist a turn": ({"pad_damping": 1e-3}, HELD),
     "sliding on the floor": ({}, {FootMode.PRESSING_FLOOR}),
 }
