@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calibration.gap.landings.outcomes.scores import score
-from calibration.gap.landings.outcomes.vehicles import HINGES, Point, filed_point, grid
+from calibration.gap.landings.outcomes.vehicles import HINGES, Point, filed_point
 from calibration.gap.landings.outcomes.verdict import Verdict, improved_vehicle, in_words, judge_outcomes
 from onboard.vehicle import load_vehicle
 from tests.gap.truth_landings.drone import Drone
@@ -33,7 +33,7 @@ def few() -> list[Judged]:
     """Eight landings, and a grid of two hinges."""
     pads = [(0.0, 0.0), *product((0.3, 0.6, 0.9, 1.2), (0.2,))]
     points = [Point(*hinge, *pad, 1.0) for hinge, pad in product(HINGES[:3:2], pads)]
-    return judge([HEALTHY, PADS], 8, 1, points, 40)
+    return judge([HEALTHY, PADS], 8, 1, 40, points)
 
 
 def test_nothing_is_named_where_nothing_is_hidden(few: list[Judged]) -> None:
@@ -53,7 +53,7 @@ def test_thirty_landings_name_drawn_pads() -> None:
     """docs/gap_landings.md has the figures of more seeds."""
     claims, named, inside = 0, 0, 0
     for seed in range(21, 24):
-        healthy, _, *pads = judge(drawn(seed, 4), 30, seed, grid(), 100)
+        healthy, _, *pads = judge(drawn(seed, 4), 30, seed, 100)
         claims += bool(healthy.named)
         for one in pads:
             if "pads" in one.named:

@@ -170,7 +170,7 @@ DESCRIPTIONS = (
     EffectDescription(
         name="pad_angle",
         domain=Domain.CONTACT,
-        equation="a foot that presses sticks while acos(u_z) <= angle - spread z, u along its rod, one z a landing",
+        equation="a foot that presses sticks where acos(u_z) <= angle - spread z, u its rod, one z a landing",
         parameters={
             "angle": EffectParameter(
                 unit="rad",

@@ -52,10 +52,11 @@ class Judged:
 
 
 def judge(
-    hidden: Sequence[Drone], count: int, seed: int, points: Sequence[Point], draws: int
+    hidden: Sequence[Drone], count: int, seed: int, draws: int, points: Sequence[Point] | None = None
 ) -> list[Judged]:
-    """Fly `count` landings with each hidden drone, and search."""
+    """Fly `count` landings with each hidden drone, and search among `points` (default: all vehicles)."""
     parameters = bare_parameters(load_vehicle(VEHICLE))
+    points = grid(parameters) if points is None else points
     prepared: Prepared | None = None
     table = np.empty(0)
     verdicts = []
@@ -111,7 +112,7 @@ def main() -> None:
     parser.add_argument("--draws", type=int, default=100)
     chosen = parser.parse_args()
     for seed in range(chosen.first, chosen.first + chosen.seeds):
-        for one in judge(drawn(seed, chosen.pads), chosen.count, seed, grid(), chosen.draws):
+        for one in judge(drawn(seed, chosen.pads), chosen.count, seed, chosen.draws):
             sys.stdout.write(json.dumps(line(seed, one)) + "\n")
             sys.stdout.flush()
 

@@ -25,7 +25,9 @@ def with_pads(effects: Effects) -> Any:
     return physics_parameters(with_effects(effects), ROOM)
 
 
-def thrown(effects: Effects, climb: float, deviate: float = 0.0, dt: float = 1e-3) -> tuple[Any, float, float]:
+def thrown(
+    effects: Effects, climb: float, deviate: float = 0.0, dt: float = 1e-3
+) -> tuple[Any, float, float]:
     """State 30 ms after a vehicle upside down was thrown up, impulse (N s) and peak push (N) of a foot."""
     p = with_pads(effects)
     state = upside_down(p, climb)
