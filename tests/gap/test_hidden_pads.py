@@ -13,6 +13,7 @@ from tests.gap.truth_landings.drone import Drone
 from tests.gap.truth_landings.judge import HEALTHY, VEHICLE, Judged, drawn, judge
 from tests.gap.truth_landings.judge import HINGES as DAMPED
 from tests.gap.truth_landings.outcomes import attempts, land
+from tests.likely import assert_likely
 
 PADS = Drone(stiffness=DAMPED.stiffness, damping=DAMPED.damping, capture=0.9, capture_spread=0.2)
 
@@ -38,6 +39,14 @@ def few() -> list[Judged]:
 
 def test_nothing_is_named_where_nothing_is_hidden(few: list[Judged]) -> None:
     assert few[0].named == ()
+
+
+def test_landings_of_another_program_end_as_often_as_ours_predict(few: list[Judged]) -> None:
+    """Healthy ones, and ones with hidden hinges and pads, each by the model that is right."""
+    for one in few:
+        assert one.predicted is not None
+        for landed, shares in zip(one.counts, one.predicted.T, strict=True):
+            assert_likely(landed, shares.tolist(), simulated=40)
 
 
 def test_hidden_pads_are_named_with_their_speed(few: list[Judged]) -> None:
