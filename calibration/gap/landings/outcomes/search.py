@@ -34,6 +34,9 @@ LEAST_GAIN = 0.05
 """Of the Brier score: what predicts flights better by less is not named, however sure. Where nearly all feet
 hold anyway, a vehicle that is a little surer of it gains 0.02 for certain."""
 
+DRAWN = 20_000
+"""Sets of flights behind the interval of a gain: a name must not hang on which sets were drawn."""
+
 SPLITS = 20
 """Ways of cutting the flights into halves: one alone says much about its own luck."""
 
@@ -163,7 +166,7 @@ class OutcomeSearch:
             to the best with it, left one out, with its 95 % interval (flights drawn again).
         spared: likewise without the flight that speaks most for the group: no name rests on one flight.
         behind: mean change of the Brier score from the law that is named, else the best one, to each law,
-            likewise.
+            likewise; with hinges open at most.
         filed: what the vehicle file says.
     """
 
@@ -240,7 +243,7 @@ def search_outcomes(
     """
     logs = np.array([-surprise(one, real, draws) for one in table])
     fits = tuple(_fit(groups, filed, np.array(points), table, logs, real, draws, rng) for groups in MODELS)
-    drawn = rng.integers(0, real.size, (REPLICATES, real.size))
+    drawn = rng.integers(0, real.size, (DRAWN, real.size))
     best_with = {group: _best([fit for fit in fits if group in fit.groups]) for group in GROUPS}
     gains, spared = {}, {}
     for group in GROUPS:
@@ -249,8 +252,10 @@ def search_outcomes(
         gains[group] = _mean_of(change, drawn)
         spared[group] = float(np.sort(change)[1:].mean())
     told = [group for group, (_, (_, high)) in gains.items() if high < 0.0 and spared[group] <= -LEAST_GAIN]
-    laws = {law: best_with[law].left_one_out.log for law in LAWS}
-    chosen = min((law for law in LAWS if law in told or not set(LAWS) & set(told)), key=laws.__getitem__)
+    like = [fit for fit in fits if "propellers" not in fit.groups]  # what all laws were tried with
+    laws = {law: _best([fit for fit in like if law in fit.groups]) for law in LAWS}
+    able = [law for law in LAWS if law in told] or LAWS
+    chosen = min(able, key=lambda law: laws[law].left_one_out.log)
     named = tuple(group for group in told if group not in LAWS or group == chosen)
     return OutcomeSearch(
         fits=fits,
@@ -258,7 +263,7 @@ def search_outcomes(
         named=named,
         gains=gains,
         spared=spared,
-        behind={law: _mean_of(best_with[law].brier - best_with[chosen].brier, drawn) for law in LAWS},
+        behind={law: _mean_of(laws[law].brier - laws[chosen].brier, drawn) for law in LAWS},
         filed=filed,
     )
 
