@@ -67,7 +67,7 @@ def _lacks(search: OutcomeSearch, group: str) -> str:
         mean, sigma, _ = search.best.values.get(coordinate, (getattr(search.filed, coordinate), 0.0, (0, 0)))
         unit = "" if UNITS[coordinate] == "1" else f" {UNITS[coordinate]}"
         filed = getattr(search.filed, coordinate)
-        said.append(f"{effect}.{parameter} {mean:.2f} +- {sigma:.2f}{unit} (filed {filed:g})")
+        said.append(f"{effect}.{parameter} {mean:.3g} +- {sigma:.2g}{unit} (filed {filed:g})")
     return f"the vehicle file is wrong about its {group}: {', '.join(said)}; Brier {gain:+.2f}"
 
 
