@@ -73,7 +73,6 @@ def check_predictions(document: dict[str, Any], attempts: int) -> list[float]:
     return [row["p_four"] for row in rows]
 
 
-@pytest.mark.timeout(300)
 def test_a_user_flies_the_demo_and_lands_as_often_as_it_was_told(tmp_path: Path) -> None:
     """The command as it is typed; landings by the world's own chance, at the level of :mod:`tests.likely`."""
     command = [sys.executable, "-m", "perchhw", "--json", "demo", "--attempts", "4", "--out", str(tmp_path)]
@@ -102,7 +101,6 @@ def demo_in(
     return code, json.loads(capsys.readouterr().out)
 
 
-@pytest.mark.timeout(300)
 def test_landings_that_fail_are_no_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -120,7 +118,6 @@ def test_landings_that_fail_are_no_error(
     assert code == exit_codes.DONE
 
 
-@pytest.mark.timeout(300)
 def test_an_attempt_that_was_not_flown_is_an_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
