@@ -184,7 +184,7 @@ class Drone:
         return self.firmware.localization
 
     def _draw_pads(self) -> None:
-        """How the pads of the next landing differ (effect ``pad_capture``): one draw a placement."""
+        """How the pads of the next landing differ (their limits' spreads): one draw a placement."""
         self.state["pad_deviate"] = self._pads.standard_normal()
 
     def pose(self) -> tuple[str, Vector, Quaternion]:

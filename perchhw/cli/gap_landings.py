@@ -173,11 +173,17 @@ def _tell_search(found: "OutcomeSearch") -> None:
     for fit in found.fits:
         one, half = fit.left_one_out, fit.halves
         values = ", ".join(
-            f"{name} {mean:.2f} +- {sigma:.2f}" for name, (mean, sigma, _) in fit.values.items()
+            f"{name} {mean:.3g} +- {sigma:.2g}" for name, (mean, sigma, _) in fit.values.items()
         )
         scores = (f"{value:.3f}" for value in (one.brier, one.brier_base, half.brier, half.brier_base))
         table.add_row(fit.name, *scores, "" if one.auc_four is None else f"{one.auc_four:.2f}", values)
     screen.print(table)
     for group, (gain, (low, high)) in found.gains.items():
-        verdict = "wrong" if group in found.named else "cannot be told"
+        verdict = (
+            "wrong"
+            if group in found.named
+            else "cannot be told"
+            if group in found.left_open
+            else "another law does better"
+        )
         screen.print(f"{group}: {verdict} (Brier {gain:+.3f}, {low:+.3f} to {high:+.3f})", soft_wrap=True)

@@ -1,5 +1,6 @@
 """What a foot does: when it touches, when it takes hold, slides, and comes off."""
 
+import math
 from typing import Any
 
 from onboard.arrays import Vector
@@ -66,6 +67,27 @@ def sticks(state: Any, p: Any, rot: Rotation, leg: int, foot: Vector) -> bool:
 
 
 @inner
+def bonds(state: Any, p: Any, leg: int, push: float, impulse: float, upright: float) -> bool:
+    """Whether a foot that presses against the ceiling takes hold.
+
+    It has to be pushed hard enough (``minimum_preload`` of the legs and of ``foot_slip``), long enough
+    (``pad_impulse``), and with its rod near enough to the ceiling's normal (``pad_angle``).
+
+    Args:
+        state, p: the vehicle. leg: index 0..3.
+        push: N, at present. impulse: N s, of the push since the touch.
+        upright: cosine of the angle between its rod and the normal.
+    """
+    z = state.pad_deviate[leg]
+    widest = min(max(p.pad_angle - p.pad_angle_spread * z, 0.0), math.pi)
+    return (
+        push >= p.minimum_preload + p.preload_spread * z
+        and impulse >= p.pad_impulse + p.pad_impulse_spread * z
+        and upright >= math.cos(widest)
+    )
+
+
+@inner
 def time_to_touch(state: Any, p: Any, rot: Rotation, horizon: float) -> float:
     """Time (s) until the next free foot meets the ceiling at its present velocity; `horizon` if none does."""
     soonest = horizon
@@ -96,31 +118,40 @@ def touch_feet(state: Any, p: Any, rot: Rotation) -> bool:
         if mode == RELEASED:
             if gap > CLEARANCE:
                 state.foot_mode[leg] = FREE
+                state.foot_impulse[leg] = 0.0
             continue
         if gap <= TOGETHER:
             state.foot_mode[leg] = PRESSING_CEILING
             if not state.foot_refused[leg] and not sticks(state, p, rot, leg, foot):
                 state.foot_refused[leg] = 1
-            if p.minimum_preload <= 0.0 and not state.foot_refused[leg]:
+            rod = p.leg_direction[leg]
+            upright = to_world(rot, rod[0], rod[1], rod[2])[2]
+            pressed = state.foot_impulse[leg]
+            if not state.foot_refused[leg] and bonds(state, p, leg, 0.0, pressed, upright):
                 state.foot_mode[leg] = ATTACHED
                 state.foot_attached[leg] = 1
             met = True
         elif z <= p.foot_radius:
             state.foot_mode[leg] = PRESSING_FLOOR
             state.foot_refused[leg] = 0
+            state.foot_impulse[leg] = 0.0
         else:
             if gap > CLEARANCE:
                 state.foot_refused[leg] = 0
+                state.foot_impulse[leg] = 0.0
             continue
         state.foot_anchor[leg, 0], state.foot_anchor[leg, 1], state.foot_anchor[leg, 2] = x, y, z
     return met
 
 
 @inner
-def hold_foot(p: Any, state: Any, leg: int, force: Vector, u: Vector, across: float, along: float) -> Vector:
+def hold_foot(
+    p: Any, state: Any, leg: int, force: Vector, u: Vector, across: float, along: float, dt: float
+) -> Vector:
     """What a touching foot holds of the force (N, world) that would keep it at its anchor.
 
-    Changes the foot's mode where it takes hold or comes off, and its anchor where it slides.
+    Changes the foot's mode where it takes hold or comes off, its anchor where it slides, and the impulse of
+    its push.
 
     Args:
         p, state: the vehicle.
@@ -128,6 +159,7 @@ def hold_foot(p: Any, state: Any, leg: int, force: Vector, u: Vector, across: fl
         force: that would keep it (N, world).
         u: direction of the rod, world.
         across, along: see :func:`sim_backend.physics.sliding.slide`.
+        dt: s, of the step.
     """
     mode = state.foot_mode[leg]
     if mode == ATTACHED:
@@ -140,14 +172,18 @@ def hold_foot(p: Any, state: Any, leg: int, force: Vector, u: Vector, across: fl
     if push <= 0.0:
         state.foot_mode[leg] = FREE
         return 0.0, 0.0, 0.0
-    if mode == PRESSING_CEILING and push >= p.minimum_preload and not state.foot_refused[leg]:
-        state.foot_mode[leg] = ATTACHED
-        state.foot_attached[leg] = 1
-        return force
+    if mode == PRESSING_CEILING and not state.foot_refused[leg]:
+        pressed = state.foot_impulse[leg] + dt * push
+        if bonds(state, p, leg, push, pressed, u[2]):
+            state.foot_mode[leg] = ATTACHED
+            state.foot_attached[leg] = 1
+            return force
     sign = 1.0 if mode == PRESSING_FLOOR else -1.0
     force, x, y = slide(p.foot_friction, force, sign, u, across, along)
     if force[2] == 0.0:
         state.foot_mode[leg] = FREE
+    if mode == PRESSING_CEILING:
+        state.foot_impulse[leg] -= dt * force[2]
     state.foot_anchor[leg, 0] += x
     state.foot_anchor[leg, 1] += y
     return force

@@ -191,8 +191,8 @@ def record_end(out: Any, state: Any, end: int) -> None:
 
 @inner
 def draw_pads(rng: Any, state: Any, p: Any) -> None:
-    """How the pads of this landing differ (``pad_capture``); a vehicle without spread draws nothing."""
-    if p.capture_spread > 0.0:
+    """How the pads of this landing differ; a vehicle whose pads have limits without spread draws nothing."""
+    if p.capture_spread + p.preload_spread + p.pad_impulse_spread + p.pad_angle_spread > 0.0:
         state.pad_deviate[:] = rng.standard_normal()
 
 

@@ -49,7 +49,8 @@ STATE = np.dtype(
         ("foot_mode", "i8", (4,)),  # FootMode; legs 1..4 beside motors M1..M4
         ("foot_attached", "i8", (4,)),  # 1 while the foot adheres to the ceiling
         ("foot_refused", "i8", (4,)),  # 1 from a touch too slow to stick until the foot is clear again
-        ("pad_deviate", "f8", (4,)),  # how this landing's pads differ, in standard deviations of pad_capture
+        ("foot_impulse", "f8", (4,)),  # N s, of the push on the ceiling since the foot was clear of it
+        ("pad_deviate", "f8", (4,)),  # how this landing's pads differ, in standard deviations of their limits
         ("foot_anchor", "f8", (4, 3)),  # m, world: where a foot that touches is held
         ("body_contact", "i8"),  # 1 once the body or a propeller touched the ceiling (latched)
         (

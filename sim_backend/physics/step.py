@@ -152,7 +152,7 @@ def foot_reaction(
     along = give / (dt + dt * dt * give * coupling(rod, rod, inverse))
     across = (p.hinge_damping / dt + 0.5 * p.hinge_stiffness) / p.leg_length**2
     force, u = to_world(rot, x, y, z), to_world(rot, rod[0], rod[1], rod[2])
-    wx, wy, wz = hold_foot(p, state, leg, force, u, across, along)
+    wx, wy, wz = hold_foot(p, state, leg, force, u, across, along, dt)
     x, y, z = to_body(rot, wx, wy, wz)
     return wrench_at(foot, (x - hinge[0], y - hinge[1], z - hinge[2]))
 
@@ -295,11 +295,13 @@ def any_foot_holds(state: Any) -> bool:
 @inner
 def near_surface(state: Any, p: Any, dt: float) -> bool:
     """Whether anything of the vehicle touches, or may touch, ceiling or floor within `dt` (s)."""
-    mode, refused = state.foot_mode, state.foot_refused
+    mode, refused, impulse = state.foot_mode, state.foot_refused, state.foot_impulse
     if mode[0] + mode[1] + mode[2] + mode[3] != FREE:
         return True
     if refused[0] + refused[1] + refused[2] + refused[3] != 0:
         return True  # until the foot is clear
+    if impulse[0] + impulse[1] + impulse[2] + impulse[3] > 0.0:
+        return True  # likewise
     margin = p.reach + dt * (abs(state.velocity[2]) + 1.0)
     z = state.position[2]
     return z + margin >= p.ceiling_z or z - margin <= 0.0

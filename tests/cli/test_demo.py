@@ -1,14 +1,28 @@
-"""What the demo expects of its landings."""
+"""The demo: what it expects of its landings, and what it says of those that it flew."""
 
+import csv
+import dataclasses
+import json
+import subprocess
+import sys
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pytest
 
+from onboard.quantity import Quantity
 from onboard.room import RoomGeometry
-from perchhw.attempt import AttemptRequest
-from perchhw.cli.demo import ANGLES_DEG, SPEEDS, demo_plan, predicted_rates
+from onboard.vehicle import Effect, load_vehicle, vehicle_to_toml
+from perchhw import lab_process
+from perchhw.attempt import DEFAULT_VEHICLE, AttemptRequest
+from perchhw.cli import exit_codes
+from perchhw.cli.demo import ANGLES_DEG, FOUR_LEGS, PREDICTIONS, SPEEDS, demo_plan, predicted_rates
+from perchhw.cli.main import run
 from perchhw.flight.mission import plan_attempt
+from perchhw.lab_process import SimulatedLab
+from tests.likely import assert_likely
 
 CONDITIONS = set(product(SPEEDS, ANGLES_DEG))
 
@@ -42,3 +56,74 @@ def test_every_condition_fits_the_room() -> None:
             seed=0,
         )
         plan_attempt(request, 0)
+
+
+def check_predictions(document: dict[str, Any], attempts: int) -> list[float]:
+    """Each attempt has the prediction of its condition, which is also in the file of the report."""
+    rows = document["attempts"]
+    assert len(rows) == attempts
+    with (Path(document["run"]) / "prediction.csv").open(encoding="utf-8", newline="") as stream:
+        kept = {
+            (float(row["speed_m_s"]), float(row["angle_deg"])): float(row["four_leg_rate"])
+            for row in csv.DictReader(stream)
+        }
+    for row in rows:
+        assert (row["speed"], row["angle_deg"]) in CONDITIONS
+        assert row["p_four"] == pytest.approx(kept[row["speed"], row["angle_deg"]])
+    return [row["p_four"] for row in rows]
+
+
+def test_a_user_flies_the_demo_and_lands_as_often_as_it_was_told(tmp_path: Path) -> None:
+    """The command as it is typed; landings by the world's own chance, at the level of :mod:`tests.likely`."""
+    command = [sys.executable, "-m", "perchhw", "--json", "demo", "--attempts", "4", "--out", str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == exit_codes.DONE, done.stderr
+    document = json.loads(done.stdout)
+    p_four = check_predictions(document, 4)
+    assert min(p_four) > 0.5
+    assert all(row["triggered"] for row in document["attempts"])
+    assert Path(document["report"]).is_file()
+    landed = sum(row["outcome"] in FOUR_LEGS for row in document["attempts"])
+    assert_likely(landed, p_four, simulated=PREDICTIONS)
+
+
+def demo_in(
+    lab: tuple[str, ...], out: Path, attempts: int, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> tuple[int, dict[str, Any]]:  # fmt: skip
+    """The demo in a lab with further arguments: exit code and document."""
+
+    def opened(part: str, arguments: list[str]) -> SimulatedLab:
+        return SimulatedLab(part, [*arguments, *lab])
+
+    monkeypatch.setattr(lab_process, "SimulatedLab", opened)
+    code = run(["--json", "demo", "--attempts", str(attempts), "--out", str(out)])
+    return code, json.loads(capsys.readouterr().out)
+
+
+def test_landings_that_fail_are_no_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In a world whose pads hold nothing every landing fails, and every attempt was flown."""
+    vehicle = load_vehicle(DEFAULT_VEHICLE)
+    none = {"speed": Quantity(5.0, "m/s", 0.0, "test"), "spread": Quantity(0.0, "m/s", 0.0, "test")}
+    others = tuple(effect for effect in vehicle.effects if effect.name != "pad_capture")
+    slippery = dataclasses.replace(vehicle, effects=(*others, Effect(name="pad_capture", parameters=none)))
+    file = tmp_path / "slippery.toml"
+    file.write_text(vehicle_to_toml(slippery), encoding="utf-8")
+    lab = ("--vehicle", str(file), "--flashed", DEFAULT_VEHICLE)
+    code, document = demo_in(lab, tmp_path, 2, monkeypatch, capsys)
+    assert [row["outcome"] for row in document["attempts"]] == ["failure"] * 2
+    assert min(check_predictions(document, 2)) > 0.5  # the demo does not know that world
+    assert code == exit_codes.DONE
+
+
+def test_an_attempt_that_was_not_flown_is_an_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An empty pack: the checks refuse to fly."""
+    code, document = demo_in(("--fault", "battery_voltage=3.0"), tmp_path, 1, monkeypatch, capsys)
+    [row] = document["attempts"]
+    assert (row["outcome"], row["triggered"]) == ("aborted", False)
+    assert check_predictions(document, 1)[0] > 0.5
+    assert code == exit_codes.SAFETY

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from calibration.gap.landings.outcomes.scores import score
-from calibration.gap.landings.outcomes.vehicles import HINGES, Point, filed_point, grid
+from calibration.gap.landings.outcomes.vehicles import HINGES, Point, filed_point
 from calibration.gap.landings.outcomes.verdict import Verdict, improved_vehicle, in_words, judge_outcomes
 from onboard.vehicle import load_vehicle
 from tests.gap.truth_landings.drone import Drone
 from tests.gap.truth_landings.judge import HEALTHY, VEHICLE, Judged, drawn, judge
 from tests.gap.truth_landings.judge import HINGES as DAMPED
 from tests.gap.truth_landings.outcomes import attempts, land
+from tests.likely import assert_likely
 
 PADS = Drone(stiffness=DAMPED.stiffness, damping=DAMPED.damping, capture=0.9, capture_spread=0.2)
 
@@ -33,11 +34,19 @@ def few() -> list[Judged]:
     """Eight landings, and a grid of two hinges."""
     pads = [(0.0, 0.0), *product((0.3, 0.6, 0.9, 1.2), (0.2,))]
     points = [Point(*hinge, *pad, 1.0) for hinge, pad in product(HINGES[:3:2], pads)]
-    return judge([HEALTHY, PADS], 8, 1, points, 40)
+    return judge([HEALTHY, PADS], 8, 1, 40, points)
 
 
 def test_nothing_is_named_where_nothing_is_hidden(few: list[Judged]) -> None:
     assert few[0].named == ()
+
+
+def test_landings_of_another_program_end_as_often_as_ours_predict(few: list[Judged]) -> None:
+    """Healthy ones, and ones with hidden hinges and pads, each by the model that is right."""
+    for one in few:
+        assert one.predicted is not None
+        for landed, shares in zip(one.counts, one.predicted.T, strict=True):
+            assert_likely(landed, shares.tolist(), simulated=40)
 
 
 def test_hidden_pads_are_named_with_their_speed(few: list[Judged]) -> None:
@@ -53,7 +62,7 @@ def test_thirty_landings_name_drawn_pads() -> None:
     """docs/gap_landings.md has the figures of more seeds."""
     claims, named, inside = 0, 0, 0
     for seed in range(21, 24):
-        healthy, _, *pads = judge(drawn(seed, 4), 30, seed, grid(), 100)
+        healthy, _, *pads = judge(drawn(seed, 4), 30, seed, 100)
         claims += bool(healthy.named)
         for one in pads:
             if "pads" in one.named:

@@ -16,6 +16,7 @@ from calibration.gap.landings.outcomes import (
     read_labels,
 )
 from calibration.gap.landings.outcomes.labels import LabelsFileError, landing_class
+from calibration.gap.landings.outcomes.pad_laws import LIMITS, mixture
 from calibration.gap.landings.outcomes.scores import (
     auc_of,
     brier,
@@ -25,12 +26,10 @@ from calibration.gap.landings.outcomes.scores import (
 )
 from calibration.gap.landings.outcomes.search import counts_inside, held_out
 from calibration.gap.landings.outcomes.vehicles import (
-    LIMITS,
     WITHOUT,
     bare_parameters,
     filed_point,
     grid,
-    mixture,
     with_point,
 )
 from calibration.gap.report.landings_page import landings_page
@@ -202,12 +201,12 @@ def test_what_could_roll_the_authors_flips(prepared: Prepared) -> None:
 
 
 def test_a_mixture_of_limits_is_their_normal_distribution() -> None:
-    assert mixture(0.6, 0.0) @ np.array(LIMITS) == pytest.approx(0.6)
-    shares = mixture(0.75, 0.3)
+    assert mixture(LIMITS, 0.6, 0.0) @ np.array(LIMITS) == pytest.approx(0.6)
+    shares = mixture(LIMITS, 0.75, 0.3)
     assert shares.sum() == pytest.approx(1.0)
     assert shares @ np.array(LIMITS) == pytest.approx(0.75, abs=0.02)
     # Below nothing there is nothing: what a limit under zero would refuse sticks.
-    assert mixture(0.0, 1.0)[0] > 0.5
+    assert mixture(LIMITS, 0.0, 1.0)[0] > 0.5
 
 
 def test_every_flight_is_predicted_from_flights_that_are_not_it() -> None:
@@ -226,9 +225,10 @@ def test_a_vehicle_that_has_the_effects_is_judged_as_it_is() -> None:
     """What the file says is one vehicle of the grid, and that vehicle is the file's own."""
     vehicle = load_vehicle("crazyflie21-upgraded")
     filed = filed_point(vehicle)
-    assert filed == (1.6, 8.0, 0.6, 0.4, 0.64)
-    assert filed in grid(filed)
-    assert with_point(bare_parameters(vehicle), filed) == physics_parameters(vehicle, RoomGeometry())
-    odd = filed._replace(stiffness=1.3, speed=0.57, reach=0.5)
-    assert odd in grid(odd)
+    bare = bare_parameters(vehicle)
+    assert filed == (1.6, 8.0, 0.6, 0.4, 0.64, *WITHOUT[5:])
+    assert filed in grid(bare, filed)
+    assert with_point(bare, filed) == physics_parameters(vehicle, RoomGeometry())
+    odd = filed._replace(stiffness=1.3, speed=0.57, reach=0.5, impulse=0.004)
+    assert odd in grid(bare, odd)
     assert filed_point(load_vehicle(STORED)) == WITHOUT

@@ -220,7 +220,11 @@ def test_effects_are_kept_with_their_parameters() -> None:
     assert sag == Effect(
         name="battery_sag", parameters={"resistance": Quantity(0.12, "ohm", 0.01, "gap finder")}
     )
-    assert slip.values() == {"adhesion_strength": math.inf, "minimum_preload": pytest.approx(0.0980665)}
+    assert slip.values() == {
+        "adhesion_strength": math.inf,
+        "minimum_preload": pytest.approx(0.0980665),
+        "preload_spread": 0.0,
+    }
     assert parse_vehicle(tomllib.loads(vehicle_to_toml(vehicle)), "copy") == vehicle
 
 
@@ -240,7 +244,7 @@ def test_every_effect_survives_writing(name: str) -> None:
 
 def test_descriptions_of_effects_hold_together() -> None:
     """CONTRACTS' thirty names, and six of ours; typical and neutral values within the bounds."""
-    assert len(EFFECTS) == 36
+    assert len(EFFECTS) == 38
     for name, effect in EFFECTS.items():
         assert name == effect.name
         assert effect.equation

@@ -80,6 +80,18 @@ def test_energy_never_grows_without_power(
     assert max(growth for growth, _ in fine) < 2e-4
 
 
+@pytest.mark.parametrize("law", [{"pad_impulse": 0.01}, {"pad_angle": 0.6}, {"minimum_preload": 5.0}])
+def test_feet_that_take_hold_late_give_no_energy(
+    parameters: Any, rng: np.random.Generator, law: dict[str, float]
+) -> None:
+    """In the middle of a push, with a bent leg: at 8 kHz as little as where feet hold from the touch on."""
+    for name, value in law.items():
+        parameters[name] = value
+    thrown = [_growth(parameters, False, rng, 1e-3 / 8) for _ in range(4)]
+    assert {FootMode.PRESSING_CEILING, FootMode.ATTACHED} <= set.union(*(modes for _, modes in thrown))
+    assert max(growth for growth, _ in thrown) < 2e-4
+
+
 @pytest.mark.parametrize("stiffness", [1e5, 1e7])
 def test_rods_of_any_stiffness_give_no_energy_to_the_body(
     parameters: Any, rng: np.random.Generator, stiffness: float

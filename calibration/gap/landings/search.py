@@ -85,7 +85,7 @@ def apply(parameters: Any, theta: Theta) -> Any:
     TERMS["leg_damping"].apply(changed, {"scale": math.exp(theta.damping)})
     if theta.adhesion < PERFECT or theta.preload > 0.0:
         strength = math.inf if theta.adhesion >= PERFECT else math.exp(theta.adhesion)
-        values = {"adhesion_strength": strength, "minimum_preload": theta.preload}
+        values = {"adhesion_strength": strength, "minimum_preload": theta.preload, "preload_spread": 0.0}
         TERMS["foot_slip"].apply(changed, values)
     return changed
 

@@ -103,7 +103,7 @@ def _search(found: OutcomeSearch) -> str:
     for fit in found.fits:
         one, half = fit.left_one_out, fit.halves
         values = ", ".join(
-            f"{name} {mean:.2f} &plusmn; {sigma:.2f}" for name, (mean, sigma, _) in fit.values.items()
+            f"{name} {mean:.3g} &plusmn; {sigma:.2g}" for name, (mean, sigma, _) in fit.values.items()
         )
         scores = [f"{value:.2f}" for value in (one.brier, one.brier_base, half.brier, half.brier_base)]
         auc = "" if one.auc_four is None else f"{one.auc_four:.2f}"

@@ -6,7 +6,8 @@ explicit and in world coordinates.
 """
 
 import numpy as np
-from numba import njit
+
+from tests.gap.truth_landings.jit import jitted
 
 FREE, PRESSED, HELD, TORN, REFUSED = 0, 1, 2, 3, 4
 CLEAR = 5e-4  # m, after which a torn foot may touch again
@@ -19,12 +20,12 @@ HULL_STIFFNESS = 3e4  # N/m
 ) = range(19)  # fmt: skip
 
 
-@njit(cache=True)
+@jitted
 def _cross(a, b):
     return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
-@njit(cache=True)
+@jitted
 def leg_pull(n, hip, hip_v, spin, anchor, rest):
     """Force of the surface on a held foot, all in the world: hip and its velocity, body rate, anchor."""
     r = anchor - hip
@@ -45,7 +46,7 @@ def leg_pull(n, hip, hip_v, spin, anchor, rest):
     return across + axial * u
 
 
-@njit(cache=True)
+@jitted
 def slide(n, force, anchor):
     """Move an anchor that friction cannot hold, and cut the force to the cone."""
     push = -force[2]
@@ -59,7 +60,7 @@ def slide(n, force, anchor):
         force[i] *= most / side
 
 
-@njit(cache=True)
+@jitted
 def feet(n, x, v, R, spin, hips, rests, mode, anchors, total):
     """Add the force and the world moment about the centre of mass of all feet to `total` (6,)."""
     for k in range(4):
@@ -100,7 +101,7 @@ def feet(n, x, v, R, spin, hips, rests, mode, anchors, total):
         total[3:] += _cross(anchors[k] - x, force)
 
 
-@njit(cache=True)
+@jitted
 def hull(n, x, v, R, spin, points, discs, total):
     """Add what the ceiling does to corners and propellers to `total` (6,); whether anything touched."""
     touched = False

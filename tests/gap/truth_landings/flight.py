@@ -6,10 +6,10 @@ State: position, momentum, rotation matrix and angular momentum, all in the worl
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from tests.gap.truth_landings import contact
 from tests.gap.truth_landings.drone import Drone, newton, volts
+from tests.gap.truth_landings.jit import jitted
 
 H = 5e-5  # s
 LOG_STEPS = 100  # 200 Hz
@@ -46,7 +46,7 @@ class Noise:
     gyro_range: float = np.radians(2000.0)
 
 
-@njit(cache=True)
+@jitted
 def _turned(R, w, h):
     """R after the world rate w for h (Rodrigues)."""
     angle = np.sqrt(w @ w) * h
@@ -57,7 +57,7 @@ def _turned(R, w, h):
     return (np.eye(3) + np.sin(angle) * S + (1.0 - np.cos(angle)) * (S @ S)) @ R
 
 
-@njit(cache=True)
+@jitted
 def advance(
     n,
     x,

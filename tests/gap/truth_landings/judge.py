@@ -22,6 +22,7 @@ from calibration.gap.landings.outcomes import Prepared, prepare, read_labels
 from calibration.gap.landings.outcomes.document import classified
 from calibration.gap.landings.outcomes.search import OutcomeSearch, search_outcomes
 from calibration.gap.landings.outcomes.vehicles import Point, bare_parameters, grid, tabulate
+from onboard.arrays import FloatArray
 from onboard.outcome import Outcome
 from onboard.vehicle import load_vehicle
 from tests.gap.truth_landings.drone import Drone
@@ -34,10 +35,14 @@ HINGES = Drone(stiffness=1.6 * HEALTHY.stiffness, damping=8.0 * HEALTHY.damping)
 
 @dataclass(frozen=True)
 class Judged:
-    """What was hidden, how the landings ended, and what the search said."""
+    """What was hidden, how the landings ended, what our model of it predicts, and what the search said.
+
+    `predicted`: probabilities (n, 3) of four legs, two, none; None where the hidden drone is not on the grid.
+    """
 
     hidden: Drone
     counts: tuple[int, ...]
+    predicted: FloatArray | None
     found: OutcomeSearch
 
     @property
@@ -52,10 +57,11 @@ class Judged:
 
 
 def judge(
-    hidden: Sequence[Drone], count: int, seed: int, points: Sequence[Point], draws: int
+    hidden: Sequence[Drone], count: int, seed: int, draws: int, points: Sequence[Point] | None = None
 ) -> list[Judged]:
-    """Fly `count` landings with each hidden drone, and search."""
+    """Fly `count` landings with each hidden drone, and search among `points` (default: all vehicles)."""
     parameters = bare_parameters(load_vehicle(VEHICLE))
+    points = grid(parameters) if points is None else points
     prepared: Prepared | None = None
     table = np.empty(0)
     verdicts = []
@@ -70,8 +76,21 @@ def judge(
             table = tabulate(prepared, parameters, points)
         rows, real = classified([outcomes[start.name] for start in prepared.starts])
         found = search_outcomes(points, table[:, rows], real, draws, np.random.default_rng([seed, 1]))
-        verdicts.append(Judged(drone, tuple(np.bincount(real, minlength=3).tolist()), found))
+        own = as_point(drone)
+        predicted = table[points.index(own), rows] if own in points else None
+        counts = tuple(np.bincount(real, minlength=3).tolist())
+        verdicts.append(Judged(drone, counts, predicted, found))
     return verdicts
+
+
+def as_point(drone: Drone) -> Point:
+    """The vehicle of the grid that is this drone."""
+    return Point(
+        stiffness=round(drone.stiffness / HEALTHY.stiffness, 9),
+        damping=round(drone.damping / HEALTHY.damping, 9),
+        speed=drone.capture,
+        spread=drone.capture_spread,
+    )
 
 
 def drawn(seed: int, pads: int) -> list[Drone]:
@@ -111,7 +130,7 @@ def main() -> None:
     parser.add_argument("--draws", type=int, default=100)
     chosen = parser.parse_args()
     for seed in range(chosen.first, chosen.first + chosen.seeds):
-        for one in judge(drawn(seed, chosen.pads), chosen.count, seed, grid(), chosen.draws):
+        for one in judge(drawn(seed, chosen.pads), chosen.count, seed, chosen.draws):
             sys.stdout.write(json.dumps(line(seed, one)) + "\n")
             sys.stdout.flush()
 

@@ -167,8 +167,9 @@ def search_report(
             "classify them in labels.csv"
         )
     filed = filed_point(vehicle)
-    points = grid(filed)
-    table = tabulate(report.prepared, bare_parameters(vehicle), points, progress)[:, rows]
+    bare = bare_parameters(vehicle)
+    points = grid(bare, filed)
+    table = tabulate(report.prepared, bare, points, progress)[:, rows]
     rng = np.random.default_rng([report.seed, 2])
     found = search_outcomes(points, table, known, report.forecast.draws, rng, filed)
     return replace(report, search=found)

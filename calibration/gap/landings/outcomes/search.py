@@ -34,6 +34,9 @@ LEAST_GAIN = 0.05
 """Of the Brier score: what predicts flights better by less is not named, however sure. Where nearly all feet
 hold anyway, a vehicle that is a little surer of it gains 0.02 for certain."""
 
+DRAWN = 20_000
+"""Sets of flights behind the interval of a gain: a name must not hang on which sets were drawn."""
+
 SPLITS = 20
 """Ways of cutting the flights into halves: one alone says much about its own luck."""
 
@@ -41,11 +44,20 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "hinges": ("stiffness", "damping"),
     "pads": ("speed", "spread"),
     "propellers": ("reach",),
+    "preload": ("preload", "preload_spread"),
+    "impulse": ("impulse", "impulse_spread"),
+    "angle": ("angle", "angle_spread"),
 }
 """Coordinates that are open together."""
 
-MODELS: tuple[tuple[str, ...], ...] = tuple(
-    groups for size in range(len(GROUPS) + 1) for groups in combinations(GROUPS, size)
+LAWS = ("pads", "preload", "impulse", "angle")
+"""Groups that say what a foot needs to stick, each in place of what the vehicle file says of that."""
+
+_CORE = ("hinges", "pads", "propellers")
+
+MODELS: tuple[tuple[str, ...], ...] = (
+    *(groups for size in range(len(_CORE) + 1) for groups in combinations(_CORE, size)),
+    *(groups for law in LAWS[1:] for groups in ((law,), ("hinges", law))),
 )
 """Which groups are open; the rest is as filed."""
 
@@ -147,27 +159,30 @@ class OutcomeSearch:
 
     Attributes:
         fits: of all models.
-        best: the model with the lowest log score, left one out.
-        gains: mean change of the Brier score by group, from the best model without it to the best with it,
-            left one out, with its 95 % interval (flights drawn again).
+        best: the model with the lowest log score, left one out, among those with the law that is named.
+        named: groups without which flights are predicted worse, beyond chance and by enough to matter; of the
+            laws of pads the best one.
+        gains: mean change of the Brier score by group, from the best model without it (of a law: without any)
+            to the best with it, left one out, with its 95 % interval (flights drawn again).
         spared: likewise without the flight that speaks most for the group: no name rests on one flight.
+        behind: mean change of the Brier score from the law that is named, else the best one, to each law,
+            likewise; with hinges open at most.
         filed: what the vehicle file says.
     """
 
     fits: tuple[ModelFit, ...]
     best: ModelFit
+    named: tuple[str, ...]
     gains: dict[str, tuple[float, Interval]]
     spared: dict[str, float]
+    behind: dict[str, tuple[float, Interval]]
     filed: Point
 
     @property
-    def named(self) -> tuple[str, ...]:
-        """Groups without which flights are predicted worse, beyond chance and by enough to matter."""
-        return tuple(
-            group
-            for group, (_, (_, high)) in self.gains.items()
-            if high < 0.0 and self.spared[group] <= -LEAST_GAIN
-        )
+    def left_open(self) -> tuple[str, ...]:
+        """Groups that the flights neither name nor refute: a law is refuted by another that does better."""
+        refuted = {law for law, (_, (low, _)) in self.behind.items() if low > 0.0}
+        return tuple(group for group in GROUPS if group not in self.named and group not in refuted)
 
     def to_json(self) -> dict[str, Any]:
         """``effects`` and ``search`` of the document."""
@@ -175,7 +190,6 @@ class OutcomeSearch:
         effects: dict[str, dict[str, Any]] = {}
         for group in self.named:
             gain, interval = self.gains[group]
-            others = [other for other in GROUPS if other not in self.named and other != group]
             for coordinate in GROUPS[group]:
                 effect, parameter = EFFECT_OF[coordinate]
                 mean, sigma, between = values.get(
@@ -189,7 +203,7 @@ class OutcomeSearch:
                         "error_after": self.best.left_one_out.brier,
                         "error_before": self.best.left_one_out.brier - gain,
                         "improvement_ci95": [-interval[1], -interval[0]],
-                        "ambiguous_with": [EFFECT_OF[GROUPS[other][0]][0] for other in others],
+                        "ambiguous_with": [EFFECT_OF[GROUPS[other][0]][0] for other in self.left_open],
                     },
                 )
                 entry["parameters"][parameter] = {
@@ -206,6 +220,10 @@ class OutcomeSearch:
                 "gains": {
                     group: {"brier": gain, "ci95": list(interval), "without_best_flight": self.spared[group]}
                     for group, (gain, interval) in self.gains.items()
+                },
+                "laws": {
+                    law: {"brier": change, "ci95": list(interval)}
+                    for law, (change, interval) in self.behind.items()
                 },
             },
         }
@@ -225,15 +243,35 @@ def search_outcomes(
     """
     logs = np.array([-surprise(one, real, draws) for one in table])
     fits = tuple(_fit(groups, filed, np.array(points), table, logs, real, draws, rng) for groups in MODELS)
-    drawn = rng.integers(0, real.size, (REPLICATES, real.size))
+    drawn = rng.integers(0, real.size, (DRAWN, real.size))
+    best_with = {group: _best([fit for fit in fits if group in fit.groups]) for group in GROUPS}
     gains, spared = {}, {}
     for group in GROUPS:
-        without = _best([fit for fit in fits if group not in fit.groups])
-        change = _best([fit for fit in fits if group in fit.groups]).brier - without.brier
-        low, high = np.quantile(change[drawn].mean(axis=1), [0.025, 0.975])
-        gains[group] = (float(change.mean()), (float(low), float(high)))
+        shut = LAWS if group in LAWS else (group,)
+        change = best_with[group].brier - _best([f for f in fits if not set(shut) & set(f.groups)]).brier
+        gains[group] = _mean_of(change, drawn)
         spared[group] = float(np.sort(change)[1:].mean())
-    return OutcomeSearch(fits, _best(fits), gains, spared, filed)
+    told = [group for group, (_, (_, high)) in gains.items() if high < 0.0 and spared[group] <= -LEAST_GAIN]
+    like = [fit for fit in fits if "propellers" not in fit.groups]  # what all laws were tried with
+    laws = {law: _best([fit for fit in like if law in fit.groups]) for law in LAWS}
+    able = [law for law in LAWS if law in told] or LAWS
+    chosen = min(able, key=lambda law: laws[law].left_one_out.log)
+    named = tuple(group for group in told if group not in LAWS or group == chosen)
+    return OutcomeSearch(
+        fits=fits,
+        best=_best([fit for fit in fits if chosen not in named or chosen in fit.groups]),
+        named=named,
+        gains=gains,
+        spared=spared,
+        behind={law: _mean_of(laws[law].brier - laws[chosen].brier, drawn) for law in LAWS},
+        filed=filed,
+    )
+
+
+def _mean_of(change: FloatArray, drawn: IntArray) -> tuple[float, Interval]:
+    """Mean over flights (n,), and its 95 % interval over sets of them (sets, n)."""
+    low, high = np.quantile(change[drawn].mean(axis=1), [0.025, 0.975])
+    return float(change.mean()), (float(low), float(high))
 
 
 def _best(fits: Sequence[ModelFit]) -> ModelFit:
@@ -246,7 +284,10 @@ def _fit(
 ) -> ModelFit:  # fmt: skip
     free = {name: Point._fields.index(name) for group in groups for name in GROUPS[group]}
     shut = np.setdiff1d(np.arange(len(filed)), list(free.values()))
-    rows = np.flatnonzero(np.all(points[:, shut] == np.array(filed)[shut], axis=1))
+    rest = filed
+    if set(LAWS) & set(groups):  # one law in place of what is filed
+        rest = filed._replace(**{name: getattr(WITHOUT, name) for law in LAWS for name in GROUPS[law]})
+    rows = np.flatnonzero(np.all(points[:, shut] == np.array(rest)[shut], axis=1))
     own, own_logs = table[rows], logs[rows]
     left = held_out(own, own_logs, np.arange(real.size))
     share = posterior(own_logs, np.ones(real.size, dtype=np.bool_))
@@ -269,14 +310,12 @@ def _halves(table: FloatArray, logs: FloatArray, real: IntArray, rng: np.random.
         own[split], base[split] = brier(predicted, real), brier(base_rates(real, folds), real)
         areas.append(auc_of(predicted[:, 0], real == 0))
     change = (own - base).mean(axis=0)
-    drawn = rng.integers(0, real.size, (REPLICATES, real.size))
-    low, high = np.quantile(change[drawn].mean(axis=1), [0.025, 0.975])
+    gain, interval = _mean_of(change, rng.integers(0, real.size, (REPLICATES, real.size)))
     known = [area for area in areas if area is not None]
     auc = float(np.mean(known)) if known else None
-    interval = (float(low), float(high))
     four, two, none = (float(share) for share in np.mean(inside, axis=0))
     held = (four, two, none)
-    return HalfScore(float(own.mean()), float(base.mean()), float(change.mean()), interval, auc, held)
+    return HalfScore(float(own.mean()), float(base.mean()), gain, interval, auc, held)
 
 
 def _moments(value: FloatArray, share: FloatArray) -> tuple[float, float, Interval]:

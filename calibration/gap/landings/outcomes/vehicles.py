@@ -4,20 +4,21 @@ A vehicle of the grid has these effects at values of its own in place of those o
 file that has them already is judged as it is, and the values are what its effects should be.
 """
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.stats import norm
 
+from calibration.gap.landings.outcomes.pad_laws import PadLaw, mixture, pad_laws
 from calibration.gap.landings.outcomes.predict import forecast_with
 from calibration.gap.landings.outcomes.prepare import Prepared
 from onboard.arrays import FloatArray
 from onboard.room import RoomGeometry
-from onboard.vehicle import Vehicle
+from onboard.vehicle import EFFECTS, Effect, Vehicle
 from sim_backend.physics.effects.registry import TERMS
 from sim_backend.physics.parameters import physics_parameters
 
@@ -30,9 +31,13 @@ class Point(NamedTuple):
     speed: float = 0.0
     spread: float = 0.0
     reach: float = 1.0
+    preload: float = 0.0
+    preload_spread: float = 0.0
+    impulse: float = 0.0
+    impulse_spread: float = 0.0
+    angle: float = math.pi
+    angle_spread: float = 0.0
 
-
-UNITS = {"stiffness": "1", "damping": "1", "speed": "m/s", "spread": "m/s", "reach": "1"}
 
 EFFECT_OF = {
     "stiffness": ("leg_stiffness", "scale"),
@@ -40,23 +45,22 @@ EFFECT_OF = {
     "speed": ("pad_capture", "speed"),
     "spread": ("pad_capture", "spread"),
     "reach": ("propeller_reach", "scale"),
+    "preload": ("foot_slip", "minimum_preload"),
+    "preload_spread": ("foot_slip", "preload_spread"),
+    "impulse": ("pad_impulse", "impulse"),
+    "impulse_spread": ("pad_impulse", "spread"),
+    "angle": ("pad_angle", "angle"),
+    "angle_spread": ("pad_angle", "spread"),
 }
 """Effect and parameter of the vehicle file that each coordinate stands for."""
+
+UNITS = {name: EFFECTS[effect].parameters[parameter].unit for name, (effect, parameter) in EFFECT_OF.items()}
 
 WITHOUT = Point()
 """None of the effects."""
 
 HINGES = ((1.0, 1.0), (1.0, 8.0), (1.6, 8.0), (1.6, 16.0))
 """Stiffness and damping: as the legs are filed, and around what the motion after the contact shows (docs)."""
-
-LIMITS = (0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.05, 1.2, 1.5, 2.0)
-"""m/s: least speed of a foot that sticks, at which landings are simulated."""
-
-SPEEDS = tuple(round(0.1 * count, 1) for count in range(1, 16))
-"""m/s: means of the limit."""
-
-SPREADS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
-"""m/s: standard deviations of the limit from landing to landing."""
 
 REACHES = (1.0, 0.64, 0.3)
 """Share of the propeller's radius that meets the ceiling: a disc, two blades at any angle, nearly none."""
@@ -71,22 +75,50 @@ def filed_point(vehicle: Vehicle) -> Point:
     return WITHOUT._replace(**found)
 
 
+def stripped(effects: Sequence[Effect], coordinates: Iterable[str]) -> tuple[Effect, ...]:
+    """Effects without what some coordinates stand for; what else they say stays."""
+    gone = {EFFECT_OF[name] for name in coordinates}
+    left = {
+        effect.name: {name: q for name, q in effect.parameters.items() if (effect.name, name) not in gone}
+        for effect in effects
+    }
+    return tuple(Effect(name=name, parameters=parameters) for name, parameters in left.items() if parameters)
+
+
 def bare_parameters(vehicle: Vehicle) -> Any:
     """Physics parameters of a vehicle without these effects: what :func:`with_point` begins with."""
-    searched = {effect for effect, _ in EFFECT_OF.values()}
-    others = tuple(effect for effect in vehicle.effects if effect.name not in searched)
-    return physics_parameters(replace(vehicle, effects=others), RoomGeometry())
+    return physics_parameters(replace(vehicle, effects=stripped(vehicle.effects, EFFECT_OF)), RoomGeometry())
 
 
-def grid(filed: Point = WITHOUT) -> tuple[Point, ...]:
-    """All vehicles, those of the file's own values among them."""
-    pads = dict.fromkeys([(0.0, 0.0), *product(SPEEDS, SPREADS), (filed.speed, filed.spread)])
+def without_pads(point: Point, laws: dict[str, PadLaw]) -> Point:
+    """The vehicle whose feet stick whatever they do."""
+    names = [name for law in laws.values() for name in (law.limit, law.spread)]
+    return point._replace(**{name: getattr(WITHOUT, name) for name in names})
+
+
+def grid(parameters: Any, filed: Point = WITHOUT) -> tuple[Point, ...]:
+    """All vehicles, those of the file's own values among them.
+
+    Hinges, pads and propellers in all combinations. The other laws of pads come one at a time, with all
+    hinges and the propellers as filed.
+
+    Args:
+        parameters: of the vehicle without these effects. filed: what its file says.
+    """
+    laws = pad_laws(parameters)
+    bare = without_pads(filed, laws)
     hinges = dict.fromkeys([*HINGES, (filed.stiffness, filed.damping)])
     reaches = dict.fromkeys([*REACHES, filed.reach])
-    return tuple(
-        Point(stiffness, damping, speed, spread, reach)
-        for (stiffness, damping), reach, (speed, spread) in product(hinges, reaches, pads)
-    )
+    found: dict[Point, None] = {}
+    for (stiffness, damping), reach in product(hinges, reaches):
+        body = bare._replace(stiffness=stiffness, damping=damping, reach=reach)
+        found[filed._replace(stiffness=stiffness, damping=damping, reach=reach)] = None
+        found[body] = None
+        for name, law in laws.items():
+            if name == "pads" or reach == filed.reach:
+                pairs = product(law.means, law.spreads)
+                found |= dict.fromkeys(body._replace(**{law.limit: m, law.spread: s}) for m, s in pairs)
+    return tuple(found)
 
 
 def with_point(parameters: Any, point: Point) -> Any:
@@ -95,7 +127,7 @@ def with_point(parameters: Any, point: Point) -> Any:
     values: dict[str, dict[str, float]] = {}
     for name, value in point._asdict().items():
         effect, parameter = EFFECT_OF[name]
-        values.setdefault(effect, {})[parameter] = value
+        values.setdefault(effect, EFFECTS[effect].values({}))[parameter] = value
     for effect, given in values.items():
         TERMS[effect].apply(changed, given)
     return changed
@@ -110,7 +142,7 @@ def tabulate(
 ) -> FloatArray:
     """Probabilities (points, flights, 3) of four legs, two, none.
 
-    Landings are simulated with pads of one limit each (:data:`LIMITS`); a spread of limits mixes them.
+    Landings are simulated with pads of one limit each (:mod:`..pad_laws`); a spread of limits mixes them.
 
     Args:
         prepared: the flights. parameters: of the vehicle without these effects (:func:`bare_parameters`).
@@ -118,35 +150,32 @@ def tabulate(
         progress: called with the share done, 0..1.
         workers: threads; the result does not depend on them.
     """
-    bodies = list(dict.fromkeys(point._replace(speed=0.0, spread=0.0) for point in points))
-    needed = [(body, limit) for body in bodies for limit in LIMITS]
+    laws = pad_laws(parameters)
+    mixed = [_mixed(point, laws) for point in points]
+    needed = list(dict.fromkeys(one for parts in mixed for one in parts))
 
-    def simulated(one: tuple[Point, float]) -> FloatArray:
-        body, limit = one
-        return forecast_with(prepared, with_point(parameters, body._replace(speed=limit))).probability
+    def simulated(one: Point) -> FloatArray:
+        return forecast_with(prepared, with_point(parameters, one)).probability
 
-    ladders: dict[Point, list[FloatArray]] = {body: [] for body in bodies}
+    found: dict[Point, FloatArray] = {}
     with ThreadPoolExecutor(workers) as pool:
-        for index, (one, found) in enumerate(zip(needed, pool.map(simulated, needed), strict=True)):
-            ladders[one[0]].append(found)
+        for index, (one, shares) in enumerate(zip(needed, pool.map(simulated, needed), strict=True)):
+            found[one] = shares
             if progress is not None:
                 progress((index + 1) / len(needed))
-    return np.array(
-        [
-            np.tensordot(
-                mixture(point.speed, point.spread),
-                np.array(ladders[point._replace(speed=0.0, spread=0.0)]),
-                1,
-            )
-            for point in points
-        ]
-    )
+    return np.array([np.sum([share * found[one] for one, share in parts.items()], axis=0) for parts in mixed])
 
 
-def mixture(speed: float, spread: float) -> FloatArray:
-    """Shares of :data:`LIMITS` in a normal distribution of limits (m/s); each stands for its surroundings."""
-    limits = np.array(LIMITS)
-    if spread <= 0.0:
-        return np.array([np.interp(speed, limits, row) for row in np.eye(limits.size)])
-    edges = np.concatenate([[-np.inf], 0.5 * (limits[1:] + limits[:-1]), [np.inf]])
-    return np.asarray(np.diff(norm.cdf(edges, speed, spread)))
+def _mixed(point: Point, laws: dict[str, PadLaw]) -> dict[Point, float]:
+    """The vehicles of one limit that a vehicle is made of, and their shares."""
+    body = without_pads(point, laws)
+    ruled = [
+        law for law in laws.values() if body._replace(**{law.limit: getattr(point, law.limit)}) != body
+        or getattr(point, law.spread) > 0.0
+    ]  # fmt: skip
+    if len(ruled) != 1:
+        return {point: 1.0}  # of several laws at once each landing draws its own limits
+    law = ruled[0]
+    shares = mixture(law.limits, getattr(point, law.limit), getattr(point, law.spread))
+    rungs = [body._replace(**{law.limit: limit}) for limit in law.limits]
+    return {rung: float(share) for rung, share in zip(rungs, shares, strict=True)}

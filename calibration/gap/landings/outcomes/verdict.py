@@ -4,8 +4,8 @@ import dataclasses
 from enum import StrEnum
 
 from calibration.gap.landings.outcomes.scores import Score, count_interval
-from calibration.gap.landings.outcomes.search import GROUPS, OutcomeSearch
-from calibration.gap.landings.outcomes.vehicles import EFFECT_OF, UNITS
+from calibration.gap.landings.outcomes.search import GROUPS, LAWS, OutcomeSearch
+from calibration.gap.landings.outcomes.vehicles import EFFECT_OF, UNITS, stripped
 from onboard.arrays import FloatArray
 from onboard.quantity import Quantity
 from onboard.vehicle import Effect, Vehicle
@@ -48,8 +48,8 @@ def in_words(verdict: Verdict, score: Score | None, search: OutcomeSearch | None
         return ("cannot tell: too few classified flights",)
     flights = f"{score.flights} flights"
     if verdict is Verdict.EFFECTS_FOUND and search is not None:
-        left = [group for group in GROUPS if group not in search.named]
-        open_ones = (f"what {flights} cannot tell: {', '.join(left)}",) if left else ()
+        left = ", ".join(search.left_open)
+        open_ones = (f"what {flights} cannot tell: {left}",) if left else ()
         return (*(_lacks(search, group) for group in search.named), *open_ones)
     if verdict is Verdict.NO_GAP:
         return (f"no gap that {flights} can show: four, two and none happened about as often as expected",)
@@ -67,14 +67,15 @@ def _lacks(search: OutcomeSearch, group: str) -> str:
         mean, sigma, _ = search.best.values.get(coordinate, (getattr(search.filed, coordinate), 0.0, (0, 0)))
         unit = "" if UNITS[coordinate] == "1" else f" {UNITS[coordinate]}"
         filed = getattr(search.filed, coordinate)
-        said.append(f"{effect}.{parameter} {mean:.2f} +- {sigma:.2f}{unit} (filed {filed:g})")
+        said.append(f"{effect}.{parameter} {mean:.3g} +- {sigma:.2g}{unit} (filed {filed:g})")
     return f"the vehicle file is wrong about its {group}: {', '.join(said)}; Brier {gain:+.2f}"
 
 
 def improved_vehicle(vehicle: Vehicle, search: OutcomeSearch, source: str) -> Vehicle:
     """The vehicle with what the best model found; other effects as filed.
 
-    What goes with a named group in the best model and has no name of its own is written too, and says so.
+    What goes with a named group in the best model and has no name of its own is written too, and says so. A
+    law of pads that is found stands in place of those that were filed.
 
     Args:
         vehicle: as given. search: with at least one named group. source: provenance of the numbers.
@@ -86,6 +87,10 @@ def improved_vehicle(vehicle: Vehicle, search: OutcomeSearch, source: str) -> Ve
             effect, parameter = EFFECT_OF[coordinate]
             mean, sigma, _ = search.best.values[coordinate]
             found.setdefault(effect, {})[parameter] = Quantity(mean, UNITS[coordinate], sigma, origin)
-    kept = tuple(effect for effect in vehicle.effects if effect.name not in found)
-    added = tuple(Effect(name=name, parameters=parameters) for name, parameters in found.items())
-    return dataclasses.replace(vehicle, effects=(*kept, *added))
+    groups = (*search.best.groups, *(LAWS if set(LAWS) & set(search.best.groups) else ()))
+    kept = stripped(vehicle.effects, [name for group in groups for name in GROUPS[group]])
+    effects = {effect.name: dict(effect.parameters) for effect in kept}
+    for name, parameters in found.items():
+        effects[name] = {**effects.pop(name, {}), **parameters}
+    made = tuple(Effect(name=name, parameters=parameters) for name, parameters in effects.items())
+    return dataclasses.replace(vehicle, effects=made)

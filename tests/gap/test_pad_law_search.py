@@ -1,0 +1,113 @@
+"""Which law of pads outcomes name, and what becomes of the vehicle file."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from calibration.gap.landings.outcomes.pad_laws import pad_laws
+from calibration.gap.landings.outcomes.search import LAWS, OutcomeSearch, search_outcomes
+from calibration.gap.landings.outcomes.vehicles import (
+    WITHOUT,
+    bare_parameters,
+    filed_point,
+    grid,
+    with_point,
+)
+from calibration.gap.landings.outcomes.verdict import improved_vehicle
+from onboard.quantity import Quantity
+from onboard.room import RoomGeometry
+from onboard.vehicle import Effect, Vehicle, load_vehicle
+from sim_backend.physics.parameters import physics_parameters
+
+FLIGHTS = 28
+REAL = np.arange(FLIGHTS) % 2
+"""Four legs and two in turn."""
+
+KIND = np.tile([0.9, 0.05, 0.05], (FLIGHTS, 1))
+"""As filed: nearly all hold on four."""
+RATES_ALONE = np.tile([0.5, 0.45, 0.05], (FLIGHTS, 1))
+"""How many hold, but not which."""
+KNOWS = np.where(np.arange(3) == REAL[:, None], 0.9, 0.05)
+
+SPEED = WITHOUT._replace(speed=0.6, spread=0.4)
+PUSH = WITHOUT._replace(preload=2.0, preload_spread=0.5)
+
+
+def searched(speed: np.ndarray, push: np.ndarray) -> OutcomeSearch:
+    """What is said where the vehicles with a speed and with a push predict this."""
+    table = np.stack([KIND, speed, push])
+    return search_outcomes([WITHOUT, SPEED, PUSH], table, REAL, 200, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize(("knows", "other"), [("pads", "preload"), ("preload", "pads")])
+def test_the_law_that_knows_which_flights_hold_is_named_and_the_other_one_refuted(
+    knows: str, other: str
+) -> None:
+    found = searched(KNOWS, RATES_ALONE) if knows == "pads" else searched(RATES_ALONE, KNOWS)
+    assert found.named == (knows,)
+    assert knows in found.best.groups
+    assert found.gains[other][0] < 0.0  # better than nothing
+    assert found.behind[other][1][0] > 0.0
+    assert other not in found.left_open
+
+
+def test_laws_that_predict_alike_are_one_name_and_an_open_question() -> None:
+    found = searched(RATES_ALONE, RATES_ALONE)
+    assert len(found.named) == 1
+    assert {"pads", "preload"} - set(found.named) <= set(found.left_open)
+    document = found.to_json()
+    assert document["effects"][0]["ambiguous_with"].count("foot_slip") == ("preload" not in found.named)
+    assert set(document["search"]["laws"]) == set(LAWS)
+
+
+def test_no_law_is_named_where_none_helps() -> None:
+    assert not set(LAWS) & set(searched(KIND, KIND).named)
+
+
+def lossy() -> Vehicle:
+    """A vehicle whose file has a speed, and feet that come off."""
+    vehicle = load_vehicle("crazyflie21-upgraded")
+    holds = {"adhesion_strength": Quantity(3.0, "N", 0.5, "test")}
+    return dataclasses.replace(
+        vehicle, effects=(*vehicle.effects, Effect(name="foot_slip", parameters=holds))
+    )
+
+
+def test_the_law_that_is_found_stands_in_place_of_the_filed_one_and_nothing_else_is_lost() -> None:
+    vehicle = lossy()
+    better = improved_vehicle(vehicle, searched(RATES_ALONE, KNOWS), "a test")
+    effects = {effect.name: effect.values() for effect in better.effects}
+    assert "pad_capture" not in effects
+    assert effects["foot_slip"] == {
+        "adhesion_strength": 3.0,
+        "minimum_preload": pytest.approx(2.0, abs=0.2),
+        "preload_spread": pytest.approx(0.5, abs=0.05),
+    }
+    before = {effect.name: effect.values() for effect in vehicle.effects}
+    for name in ("leg_stiffness", "leg_damping", "pad_damping", "propeller_reach"):
+        assert effects[name] == before[name]
+
+
+def test_a_vehicle_is_taken_apart_and_put_together_again() -> None:
+    vehicle = lossy()
+    bare, filed = bare_parameters(vehicle), filed_point(vehicle)
+    assert bare["adhesion_strength"] == 3.0  # not searched for: it stays
+    assert bare["capture_speed"] == 0.0
+    assert with_point(bare, filed) == physics_parameters(vehicle, RoomGeometry())
+    assert filed in grid(bare, filed)
+
+
+def test_limits_grow_with_the_vehicle() -> None:
+    """Impulses as m v, pushes as v sqrt(k m); speeds and angles not at all."""
+    p = bare_parameters(load_vehicle("crazyflie21-upgraded"))
+    heavy = p.copy()
+    heavy["mass"] *= 4.0
+    light, laws = pad_laws(p), pad_laws(heavy)
+    for name, ratio in (("pads", 1.0), ("angle", 1.0), ("impulse", 4.0), ("preload", 2.0)):
+        np.testing.assert_allclose(laws[name].limits, ratio * np.array(light[name].limits))
+        assert list(laws[name].limits) == sorted(laws[name].limits)
+    weight = float(p["mass"] * p["gravity"])
+    assert weight < light["preload"].limits[2] < light["preload"].limits[-1] < 20.0 * weight
+    assert max(light["angle"].limits) == pytest.approx(0.5 * math.pi)
