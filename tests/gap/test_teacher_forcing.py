@@ -15,6 +15,7 @@ STOCK = load_vehicle("crazyflie21-stock")
 SIZES = {
     "thrust_scale": {"scale": 0.92},
     "motor_lag": {"scale": 1.5},
+    "motor_warming": {"loss": 0.1, "time_constant": 4.0},
     "rotor_drag": {"coefficient": 1.5e-6},
     "com_offset": {"x": 0.002, "y": -0.001},
     "velocity_moment": {"roll": 2e-4, "pitch": 2e-4},

@@ -25,7 +25,7 @@ from sim_backend.physics.battery import draw, motor_targets
 from sim_backend.physics.jit import outlined
 from sim_backend.physics.motors import commanded, decay
 from sim_backend.physics.parameters import physics_parameters
-from sim_backend.physics.reset import charged
+from sim_backend.physics.reset import charged, with_cold_motors
 from sim_backend.physics.state import new_state
 from sim_backend.physics.step import free_substep
 
@@ -113,7 +113,7 @@ def fly_course(
     """
     p = physics_parameters(vehicle, room)
     count = course.t.size
-    state = charged(new_state(), p)
+    state = with_cold_motors(charged(new_state(), p))
     state["position"] = course.start
     state["quaternion"] = from_yaw(float(course.yaw[0]))
     state["thrust"] = p["mass"] * p["gravity"] / 4.0

@@ -1,8 +1,8 @@
 """How large something without a name must be to have a consequence: what it does to a position after 1 s.
 
 A force that stands for a time t moves the vehicle by a t^2 / 2. A torque stands against the control law,
-which gives way until its own moment is as large: J alpha = kr e_R. The thrust, tilted by e_R, then pushes like
-a force of g e_R. A heading that is off by as much pushes nobody, and turns what is flown by that angle.
+which gives way until its own moment is as large: J alpha = kr e_R. The thrust, tilted by e_R, then pushes as
+a force of g e_R does. A heading that is off by as much pushes nobody, and turns what is flown by that angle.
 """
 
 import numpy as np
