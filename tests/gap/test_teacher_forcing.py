@@ -100,6 +100,9 @@ def test_a_voltage_decides_about_the_battery_alone() -> None:
     plain = model.predict(records)
     curved = model.with_values({Variable("thrust_curve", "curvature"): 0.1}).predict(records)
     np.testing.assert_array_equal(curved[:, VOLTAGE], plain[:, VOLTAGE])
+    cold = model.with_values({Variable("motor_warming", "loss"): 0.1}).predict(records)
+    np.testing.assert_array_equal(cold[:, VOLTAGE], plain[:, VOLTAGE])
+    assert np.abs(cold[:, FORCE] - plain[:, FORCE]).max() > 0.1
     assert np.abs(curved[:, FORCE] - plain[:, FORCE]).max() > 0.1
     scale = model.derivative(records, Variable("thrust_scale", "scale"), plain)
     assert np.all(scale[:, VOLTAGE] == 0.0)
