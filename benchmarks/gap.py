@@ -27,11 +27,11 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 VEHICLE = "crazyflie21-stock"
 SINGLE = (
-    "thrust_scale", "mass_error", "battery_sag", "motor_lag", "motor_lag_asymmetry", "command_delay",
-    "rotor_drag", "body_drag", "inflow_thrust_loss", "translational_lift", "velocity_moment", "rate_damping",
-    "rotor_gyroscopic", "rotor_acceleration_torque", "inertia_error", "com_offset", "motor_imbalance",
-    "motor_saturation", "thrust_curve", "ceiling_effect", "ground_effect", "thrust_tilt", "pose_delay",
-    "pose_rotation", "pose_offset", "gyro_bias", "tether",
+    "thrust_scale", "mass_error", "battery_sag", "motor_warming", "motor_lag", "motor_lag_asymmetry",
+    "command_delay", "rotor_drag", "body_drag", "inflow_thrust_loss", "translational_lift",
+    "velocity_moment", "rate_damping", "rotor_gyroscopic", "rotor_acceleration_torque", "inertia_error",
+    "com_offset", "motor_imbalance", "motor_saturation", "thrust_curve", "ceiling_effect", "ground_effect",
+    "thrust_tilt", "pose_delay", "pose_rotation", "pose_offset", "gyro_bias", "tether",
 )  # fmt: skip
 OTHERS = ("none", "two", "three", "unlisted_force_region", "unlisted_torque_line")
 CEILING = 2.1
@@ -109,6 +109,7 @@ def _values(found: dict[str, Any], hidden: dict[str, Any]) -> list[dict[str, Any
     if found["name"] == "ceiling_effect":
         return [_ceiling_gain(found, hidden)]
     rules = EFFECTS[found["name"]].parameters
+    hidden = {**hidden, "parameters": {k: v for k, v in hidden["parameters"].items() if k != "time_constant"}}
     size = {k: abs(v - (rules[k].neutral or 0.0)) for k, v in hidden["parameters"].items()}
     pairs = []
     for key, value in hidden["parameters"].items():

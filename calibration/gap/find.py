@@ -41,7 +41,7 @@ from calibration.gap.search.naming import FEWEST, Named, name_effects
 from calibration.gap.search.retest import FAILED, retested
 from calibration.gap.search.selection import Progress
 from calibration.gap.sensors import SensingFindings, apply_sensing, judge_sensing
-from calibration.gap.unnamed.fitted_terms import residual_map
+from calibration.gap.unnamed.fitted_terms import FittedTerm, formulas, residual_map, with_consequence
 from onboard.errors import InputError
 from onboard.vehicle import EFFECTS, Vehicle
 
@@ -142,13 +142,14 @@ def _find(flights: Sequence[Flight], question: Question, progress: Progress) -> 
     maps = residual_map(found.first, training, rng), residual_map(found.final, training, rng)
     gap, chance = prediction_gap(stages), chance_floor(found.final, training, HORIZON)
     left = remaining(gap, chance, found.final, maps[1], question.vehicle, bool(effects))
+    nameless = with_consequence(found.unnamed, found.final, training)
     report = GapReport(
-        verdict=_verdict(effects, found, names, landings, left),
+        verdict=_verdict(effects, nameless, names, landings, left),
         vehicle=question.vehicle.name,
         effects=tuple(effects),
         gap=gap,
         where=where(maps[0]),
-        unexplained=unexplained(found, names, question.vehicle, left),
+        unexplained=unexplained(nameless, found.final, names, question.vehicle, left),
         train=tuple(record.name for record in training.records),
         held_out=tuple(corrected[i].name for i in kept_back),
         unusable=_unusable(question, prepared, (*sensing.broken, *strange)),
@@ -162,6 +163,7 @@ def _find(flights: Sequence[Flight], question: Question, progress: Progress) -> 
             *prepared.limitations,
             *stages["before"].doubts(),
             *_limitations(kept_back, found, names, sensing, landings),
+            *_negligible(found, nameless),
         ),
         landings=landing_section(landings) if landings else None,
         seed=question.seed,
@@ -195,13 +197,13 @@ def _ceiling(question: Question, records: Sequence[FlightRecord]) -> float | Non
 
 def _verdict(
     effects: Sequence[FoundEffect],
-    found: Search,
+    nameless: Sequence[FittedTerm],
     names: Named,
     landings: LandingFindings | None,
     left: Sequence[str],
 ) -> Verdict:
     odd_landings = landings is not None and landings.verdict is LandingVerdict.UNEXPLAINED_GAP
-    if found.unnamed or names.unconfirmed or odd_landings or left:
+    if nameless or names.unconfirmed or odd_landings or left:
         return Verdict.UNEXPLAINED_GAP
     return Verdict.EFFECTS_FOUND if effects else Verdict.NO_GAP
 
@@ -276,6 +278,13 @@ def _limitations(
             "important manoeuvre at least twice"
         )
     return tuple(limits)
+
+
+def _negligible(found: Search, nameless: Sequence[FittedTerm]) -> list[str]:
+    """Terms without a name that are no gap."""
+    small = [one.term for one in found.unnamed if one not in nameless]
+    words = formulas(found.final, small, found.final.model.base)
+    return [f"{formula}: real, but without a name and too small to matter to a flight" for formula in words]
 
 
 def _settings(model: Model) -> dict[str, Any]:

@@ -23,6 +23,12 @@ def charged(state: Any, parameters: Any, charge_used: float = 0.0) -> Any:
     return state
 
 
+def with_cold_motors(state: Any) -> Any:
+    """Give the state motors that have stood for long; returns the state."""
+    state["coldness"] = 1.0
+    return state
+
+
 def resting_on_floor(parameters: Any, x: float, y: float, yaw: float, charge_used: float = 0.0) -> Any:
     """A vehicle that stands on the floor with its motors off.
 
@@ -35,7 +41,7 @@ def resting_on_floor(parameters: Any, x: float, y: float, yaw: float, charge_use
     Returns:
         A state that has settled on its legs (or its hull, without legs); its time is 0.
     """
-    state = charged(new_state(), parameters, charge_used)
+    state = with_cold_motors(charged(new_state(), parameters, charge_used))
     feet = np.full(1, np.inf)
     if parameters["has_legs"]:
         feet = parameters["hip"][:, 2] + parameters["leg_length"] * parameters["leg_direction"][:, 2]

@@ -40,6 +40,7 @@ STATE = np.dtype(
         ),  # rad/s; kept only with a speed law, valid while it belongs to the thrust
         ("speed_ahead", "f8", (4,)),  # rad/s at the end of the step; kept only within a step, likewise
         ("rotor_acceleration", "f8", (4,)),  # rad/s2, mean over the step; kept only for its torque
+        ("coldness", "f8", (4,)),  # 1: has stood for long, 0: a long hover; kept only with motor_warming
         ("command_count", "i8"),  # commands so far; kept only with a command delay
         ("command_memory", "f8", (COMMAND_MEMORY, 4)),  # N, ring of the last commands, one a step
         ("specific_force", "f8", (3,)),  # m/s2, body: what an ideal accelerometer shows, mean over the step
@@ -68,7 +69,7 @@ STATE = np.dtype(
 
 
 def new_states(count: int) -> NDArray[np.void]:
-    """`count` vehicles at the origin: level, at rest, legs free, motors still, no battery yet."""
+    """`count` vehicles at the origin: level, at rest, legs free, motors still and warm, no battery yet."""
     states = np.zeros(count, dtype=STATE)
     states["quaternion"][:, 3] = 1.0
     states["impact_quaternion"][:, 3] = 1.0

@@ -24,7 +24,7 @@ from onboard.thrust_map import ThrustMap
 from onboard.vehicle import Vehicle
 from sim_backend.physics.effects.sensors import measured_rate, tracked_attitude, tracked_position
 from sim_backend.physics.parameters import physics_parameters
-from sim_backend.physics.reset import approaching
+from sim_backend.physics.reset import approaching, with_cold_motors
 from sim_backend.physics.step import step
 
 DT = 0.01
@@ -128,12 +128,13 @@ def fly(
     room = RoomGeometry(ceiling_z=1e6 if ceiling_z is None else ceiling_z)
     p = physics_parameters(vehicle, room)
     p["delay_steps"] *= fine / SUBSTEPS
+    p["warming_per_step"] *= SUBSTEPS / fine
     t = DT * np.arange(round(seconds / DT) + 1)
     position = path(t)
     velocity = np.gradient(position, DT, axis=0)
     setpoints = np.hstack([position, velocity, np.gradient(velocity, DT, axis=0)])
     voltage = 3.9 - sag * t / t[-1]
-    state = approaching(p, position[0], np.zeros(3))
+    state = with_cold_motors(approaching(p, position[0], np.zeros(3)))
     # What the accelerometer shows in a hover: the first sample comes before any step.
     state["specific_force"] = [0.0, 0.0, float(p["gravity"])]
     out = np.empty((t.size, 20))

@@ -12,7 +12,7 @@ import pytest
 
 from calibration.flights import open_flights
 from calibration.gap.data import prepare_flights
-from calibration.gap.estimate.model import Model
+from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import training_set
 from calibration.gap.search.forward import Search, search
 from calibration.gap.search.naming import Named, name_effects
@@ -49,6 +49,14 @@ def test_a_hidden_effect_is_named_first_and_measured(tmp_path: Path) -> None:
             and abs(truth[case][variable.parameter]) > names.model.rule(variable).practical_minimum
         ):
             assert value == pytest.approx(truth[case][variable.parameter], rel=0.06)
+
+
+@pytest.mark.soak
+def test_thrust_that_falls_as_motors_warm_is_named_alone_and_measured(tmp_path: Path) -> None:
+    names, truth = find("motor_warming", "medium", 52, tmp_path)
+    assert names.effects == ("motor_warming",)
+    loss = Variable("motor_warming", "loss")
+    assert names.model.values[loss] == pytest.approx(truth[loss.effect][loss.parameter], rel=0.25)
 
 
 @pytest.mark.soak

@@ -15,6 +15,7 @@ STOCK = load_vehicle("crazyflie21-stock")
 SIZES = {
     "thrust_scale": {"scale": 0.92},
     "motor_lag": {"scale": 1.5},
+    "motor_warming": {"loss": 0.1, "time_constant": 4.0},
     "rotor_drag": {"coefficient": 1.5e-6},
     "com_offset": {"x": 0.002, "y": -0.001},
     "velocity_moment": {"roll": 2e-4, "pitch": 2e-4},
@@ -99,6 +100,9 @@ def test_a_voltage_decides_about_the_battery_alone() -> None:
     plain = model.predict(records)
     curved = model.with_values({Variable("thrust_curve", "curvature"): 0.1}).predict(records)
     np.testing.assert_array_equal(curved[:, VOLTAGE], plain[:, VOLTAGE])
+    cold = model.with_values({Variable("motor_warming", "loss"): 0.1}).predict(records)
+    np.testing.assert_array_equal(cold[:, VOLTAGE], plain[:, VOLTAGE])
+    assert np.abs(cold[:, FORCE] - plain[:, FORCE]).max() > 0.1
     assert np.abs(curved[:, FORCE] - plain[:, FORCE]).max() > 0.1
     scale = model.derivative(records, Variable("thrust_scale", "scale"), plain)
     assert np.all(scale[:, VOLTAGE] == 0.0)

@@ -305,6 +305,21 @@ def test_gains_curve_and_limit(vehicle: np.ndarray) -> None:
     assert heads_for(with_effect(vehicle, "motor_saturation", thrust_limit=0.06), 0.7) == pytest.approx(0.06)
 
 
+def test_motors_lose_thrust_as_they_warm_and_none_beyond_a_long_hover(vehicle: np.ndarray) -> None:
+    p = with_effect(vehicle, "motor_warming", loss=0.04, time_constant=5.0)
+    cold, warm = a_state(), a_state()
+    cold[18] = 1.0
+    given = [change(p, y, 0.7)[0] for y in (cold, warm)]
+    plain = change(vehicle, warm, 0.7)[0]
+    told = [one[MOTORS] * 0.065 + HOVER for one in (*given, plain)]  # they rise, with 65 ms
+    assert told[0] == pytest.approx(1.04 * told[2])
+    assert told[1] == pytest.approx(told[2])
+    assert given[0][18] == pytest.approx(-1.0 / 5.0)
+    assert given[1][18] == pytest.approx(0.0, abs=1e-12)
+    resting = a_state(thrust=[0.0] * 4)
+    assert change(p, resting)[0][18] == pytest.approx(1.0 / 5.0)
+
+
 def test_unlisted_effects_act_where_the_answer_says(vehicle: np.ndarray) -> None:
     region = hide("unlisted_force_region", "medium", 5, vehicle)
     assert region.unlisted is not None

@@ -221,7 +221,7 @@ def test_weak_medium_and_strong_are_in_order() -> None:
         for size in SIZES:
             values = draw(name, size, rng)
             neutral = {k: v.neutral for k, v in EFFECTS[name].parameters.items()}
-            keys = ["stiffness"] if name == "tether" else list(values)
+            keys = {"tether": ["stiffness"], "motor_warming": ["loss"]}.get(name, list(values))
             sizes.append(np.linalg.norm([values[k] - (neutral[k] or 0.0) for k in keys]))
         assert sizes[0] < sizes[1] < sizes[2], name
 

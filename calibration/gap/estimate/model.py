@@ -116,8 +116,8 @@ class Model:
         """Predicted signals along the flights (:mod:`calibration.gap.data.signals`), shape (n, 7)."""
         p = self.parameters()
         predictions = self._along(records, p)
-        # An error of the thrust map says nothing of what the motors draw.
-        plain = self.without("thrust_curve")
+        # What a motor lifts at a voltage says nothing of what it draws.
+        plain = self.without("thrust_curve").without("motor_warming")
         drawing = predictions if plain.effects == self.effects else plain._along(records, plain.parameters())
         return stack_predictions(records, predictions, [terminal_voltage(p, one) for one in drawing])
 

@@ -19,7 +19,7 @@ from onboard.rotation import to_matrices
 from onboard.vehicle import Vehicle
 from sim_backend.physics.effects.command_delay import STEP
 from sim_backend.physics.parameters import physics_parameters
-from sim_backend.physics.reset import charged
+from sim_backend.physics.reset import charged, with_cold_motors
 from sim_backend.physics.state import new_state, new_states
 
 VELOCITY_WINDOW = 0.1
@@ -39,7 +39,7 @@ class PredictionInputs:
         start_velocity: m/s, shape (n, 3), from the past alone; NaN where there is not enough of it.
         duty: shape (n, 4). voltage: V, shape (n,), measured, or of the model's battery without a measurement.
         known: shape (n,): pose, gyro and motor commands are all known.
-        parameters: of the physics; a delay of the commands counts in steps of `step`.
+        parameters: of the physics; a delay of the commands, and their warming, count in steps of `step`.
         substeps, step: steps from one sample to the next, about 1 ms, and their length (s).
     """
 
@@ -81,6 +81,7 @@ def prediction_inputs(record: FlightRecord, vehicle: Vehicle) -> PredictionInput
     substeps = max(1, round(record.dt / STEP))
     step = record.dt / substeps
     p["delay_steps"] *= STEP / step
+    p["warming_per_step"] *= step / STEP
     pose, known = _pose_in_time(record, float(p["pose_delay"]))
     quaternion = _without_turn(pose[:, 6:10], p["pose_turn"])
     rotation = to_matrices(quaternion)
@@ -122,7 +123,7 @@ def motor_starts(inputs: PredictionInputs, parameters: Any, rows: Any) -> tuple[
     starts = new_states(rows.size)
     thrust = np.empty((inputs.duty.shape[0], 4))
     follow_duty(
-        new_state(), parameters, inputs.duty, inputs.voltage, inputs.substeps, inputs.step,
+        with_cold_motors(new_state()), parameters, inputs.duty, inputs.voltage, inputs.substeps, inputs.step,
         starts, rows, thrust,
     )  # fmt: skip
     starts["position"] = inputs.position[rows]
@@ -206,5 +207,6 @@ def _voltage(record: FlightRecord, p: Any, duty: FloatArray, substeps: int, step
     if record.voltage is not None:
         return _filled(record.voltage[:, None], np.isfinite(record.voltage))[:, 0]
     voltage = np.empty(duty.shape[0])
-    voltage_of_model(charged(new_state(), p), p, duty, substeps, step, voltage)
+    fresh = with_cold_motors(charged(new_state(), p))
+    voltage_of_model(fresh, p, duty, substeps, step, voltage)
     return voltage

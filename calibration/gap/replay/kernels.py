@@ -78,6 +78,7 @@ def copy_motors(source: Any, target: Any) -> None:
         target.thrust[motor] = source.thrust[motor]
         target.rotor_speed[motor] = source.rotor_speed[motor]
         target.rotor_acceleration[motor] = source.rotor_acceleration[motor]
+        target.coldness[motor] = source.coldness[motor]
     for slot in range(COMMAND_MEMORY):
         for motor in range(4):
             target.command_memory[slot, motor] = source.command_memory[slot, motor]

@@ -22,6 +22,7 @@ from sim_backend.physics.forces import free_flight_wrench
 from sim_backend.physics.frames import to_body
 from sim_backend.physics.jit import kernel, outlined
 from sim_backend.physics.motors import commanded, decay, lag_to_end, lag_to_middle
+from sim_backend.physics.reset import with_cold_motors
 from sim_backend.physics.rigid_body import rotation_matrix, unit
 from sim_backend.physics.state import new_state
 
@@ -140,6 +141,7 @@ def teacher_forced(record: FlightRecord, parameters: Any) -> Prediction:
 
     Commands and voltage are taken as straight lines between samples, as are pose and velocity; commands are
     a little older (:func:`~calibration.gap.replay.kernels.duty_between`), rates those of the past carried on.
+    Motors are cold at the first sample.
 
     Args:
         record: the flight.
@@ -170,5 +172,5 @@ def teacher_forced(record: FlightRecord, parameters: Any) -> Prediction:
         np.empty(count),
     )
     steps = max(1, math.ceil(record.dt / STEP - 1e-6))
-    _follow(new_state(), parameters, along, record.dt, steps, tuple(out))
+    _follow(with_cold_motors(new_state()), parameters, along, record.dt, steps, tuple(out))
     return out

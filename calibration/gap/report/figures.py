@@ -7,7 +7,7 @@ import numpy as np
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.signals import CHANNELS, UNITS
 from calibration.gap.estimate.model import Model
-from calibration.gap.estimate.refine import Training
+from calibration.gap.estimate.refine import Fitted, Training
 from calibration.gap.replay import PredictionErrors, fly_again
 from calibration.gap.replay.closed_loop import ClosedLoopFlight
 from calibration.gap.report.document import Unexplained, Where
@@ -19,7 +19,7 @@ from calibration.gap.report.prediction_figures import (
 )
 from calibration.gap.search.forward import Search
 from calibration.gap.search.naming import Named
-from calibration.gap.unnamed.fitted_terms import formulas
+from calibration.gap.unnamed.fitted_terms import FittedTerm, formulas
 from calibration.gap.unnamed.gap_map import GapMap
 from calibration.gap.unnamed.regressors import regressors
 from onboard.arrays import FloatArray
@@ -40,17 +40,20 @@ def where(before: GapMap) -> tuple[Where, ...]:
     )[:_PLACES]
 
 
-def unexplained(found: Search, names: Named, vehicle: Vehicle, left: Sequence[str]) -> Unexplained:
+def unexplained(
+    terms: Sequence[FittedTerm], final: Fitted, names: Named, vehicle: Vehicle, left: Sequence[str]
+) -> Unexplained:
     """What has no name; its share is of the residual's variance in the channel where most of it lives.
 
     Args:
-        found: the search.
+        terms: without a name.
+        final: the fit that they are in.
         names: what was named.
         vehicle: as given.
         left: what is left when all names are in, in words.
     """
-    structures = [one.structure for one in found.unnamed]
-    formula_words = formulas(found.final, vehicle)
+    structures = [one.structure for one in terms]
+    formula_words = formulas(final, [one.term for one in terms], vehicle)
     goes_with = [text for f in structures for text in (f.regressor, f.condition, *f.alike)]
     return Unexplained(
         share=max((float(structure.share) for structure in structures), default=0.0),

@@ -9,8 +9,9 @@ from calibration.gap.data.signals import FORCE
 from calibration.gap.estimate.refine import Fitted, Training
 from calibration.gap.estimate.shared_nuisances import shared_nuisances
 from calibration.gap.report.document import Gap
+from calibration.gap.unnamed.consequence import least_amplitude
 from calibration.gap.unnamed.gap_map import GapMap
-from calibration.gap.unnamed.structure import LEAST_AMPLITUDE, LEVEL
+from calibration.gap.unnamed.structure import LEVEL
 from onboard.vehicle import Vehicle
 
 _TIMES = 2.0
@@ -54,7 +55,7 @@ def remaining(
         vehicle: as given.
         named: whether anything has a name.
     """
-    return (*_error(gap, chance, named), *_places(after), *_means(final, vehicle))
+    return (*_error(gap, chance, named), *_places(after, vehicle), *_means(final, vehicle))
 
 
 def _error(gap: Gap, chance: float, named: bool) -> Iterator[str]:
@@ -69,11 +70,11 @@ def _error(gap: Gap, chance: float, named: bool) -> Iterator[str]:
         )
 
 
-def _places(after: GapMap) -> Iterator[str]:
+def _places(after: GapMap, vehicle: Vehicle) -> Iterator[str]:
     seen = set()
     for cell in after.cells:
         channel = cell.channel
-        large = np.sqrt(np.mean(cell.profile**2)) >= LEAST_AMPLITUDE[channel.kind]
+        large = np.sqrt(np.mean(cell.profile**2)) >= least_amplitude(channel, vehicle)
         if cell.share < _HALF or cell.p >= LEVEL or not large or channel.kind == "voltage":
             continue
         if channel.signal not in seen:

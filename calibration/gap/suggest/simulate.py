@@ -21,7 +21,7 @@ from onboard.room import RoomGeometry
 from onboard.rotation import from_yaw
 from onboard.vehicle import Vehicle
 from sim_backend.physics.parameters import physics_parameters
-from sim_backend.physics.reset import charged
+from sim_backend.physics.reset import charged, with_cold_motors
 from sim_backend.physics.state import new_state
 
 TORQUE_DISTURBANCE = (2.2, 0.06)
@@ -54,7 +54,7 @@ def fly_course(
     """
     p = physics_parameters(vehicle, room)
     count = course.t.size
-    state = charged(new_state(), p)
+    state = with_cold_motors(charged(new_state(), p))
     state["position"] = course.start
     state["quaternion"] = from_yaw(float(course.yaw[0]))
     state["thrust"] = p["mass"] * p["gravity"] / 4.0

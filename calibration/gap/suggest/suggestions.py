@@ -26,6 +26,7 @@ MEASUREMENTS: dict[str, str] = {
     "thrust_scale": _THRUST,
     "thrust_curve": _THRUST,
     "motor_saturation": _THRUST,
+    "motor_warming": "hold the motors at one duty for a minute on the stand, and log the thrust",
     "motor_imbalance": _THRUST,
     "battery_sag": "measure the battery's voltage at rest and under the hover current",
     "motor_lag": _TACHOMETER,

@@ -1,16 +1,18 @@
 """What is missing and has no name: terms of a place, a speed or a frequency, in competition with names."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from calibration.gap.estimate.acceptance import LEAST_GAIN, lower_bound
 from calibration.gap.estimate.refine import Fitted, Training, UnnamedTerm, refine
+from calibration.gap.unnamed.consequence import amplitude, least_amplitude
 from calibration.gap.unnamed.gap_map import GapMap, gap_map
 from calibration.gap.unnamed.lines import find_lines
 from calibration.gap.unnamed.structure import Structure, structured
 from calibration.gap.unnamed.term_search import unnamed_terms
+from onboard.arrays import FloatArray
 from onboard.vehicle import Vehicle
 
 _OFFERED = 3
@@ -63,15 +65,30 @@ def best_term(present: Fitted, training: Training, rng: np.random.Generator) -> 
     return max(believed, key=lambda one: one.gain, default=None)
 
 
-def formulas(fitted: Fitted, vehicle: Vehicle) -> list[str]:
-    """The unnamed terms of a fit with their coefficients, in words."""
+def formulas(fitted: Fitted, terms: Sequence[UnnamedTerm], vehicle: Vehicle) -> list[str]:
+    """Those unnamed terms of a fit with their coefficients, in words."""
+    return [term.formula(values, vehicle) for term, values in _coefficients(fitted) if term in terms]
+
+
+def with_consequence(
+    found: Sequence[FittedTerm], fitted: Fitted, training: Training
+) -> tuple[FittedTerm, ...]:
+    """Those that are large enough to matter to a flight; lines were held against that when they were found.
+
+    The others stay in the model: left out, a name would be given for them.
+    """
+    vehicle, valid = fitted.model.base, training.regression.signals.valid
+    sizes = [(term, amplitude(term, values, valid)) for term, values in _coefficients(fitted)]
+    large = [term for term, size in sizes if size >= least_amplitude(term.channel, vehicle)]
+    return tuple(one for one in found if one.structure.line is not None or one.term in large)
+
+
+def _coefficients(fitted: Fitted) -> Iterator[tuple[UnnamedTerm, FloatArray]]:
     values = fitted.estimate.fit.theta[len(fitted.variables) :]
-    words = []
     for term in fitted.unnamed:
         count = len(term.columns)
-        words.append(term.formula(values[:count], vehicle))
+        yield term, values[:count]
         values = values[count:]
-    return words
 
 
 def without_superfluous(present: Fitted, found: Sequence[FittedTerm], training: Training) -> Fitted:

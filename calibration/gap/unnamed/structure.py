@@ -16,7 +16,7 @@ LEAST_SHARE = 0.04
 LEAST_LINE = 0.03
 """Of a channel's variance."""
 
-LEAST_AMPLITUDE = {"force": 0.05, "torque": 0.5, "voltage": 0.0}
+_LEAST_AMPLITUDE = {"force": 0.05, "torque": 0.5, "voltage": 0.0}
 """m/s2, rad/s2: what shakes a vehicle less has no consequence for a flight, however clear the line is."""
 
 _ALIKE = 0.7
@@ -89,7 +89,7 @@ def _casts(strong: Structure, weak: Structure) -> bool:
 def _worth_telling(line: Line) -> bool:
     if line.p >= LEVEL or line.share < LEAST_LINE:
         return False
-    return line.amplitude >= LEAST_AMPLITUDE[line.channel.kind]
+    return line.amplitude >= _LEAST_AMPLITUDE[line.channel.kind]
 
 
 def _line(line: Line) -> Structure:

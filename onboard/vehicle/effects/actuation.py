@@ -31,6 +31,7 @@ DESCRIPTIONS = (
         confused_with=(
             "thrust_curve",
             "battery_sag",
+            "motor_warming",
             "motor_imbalance",
             "ceiling_effect",
             "ground_effect",
@@ -88,10 +89,45 @@ DESCRIPTIONS = (
         confused_with=(
             "thrust_scale",
             "thrust_curve",
+            "motor_warming",
             "motor_saturation",
             "mass_error",
         ),
         reference="source behind a resistance",
+    ),
+    EffectDescription(
+        name="motor_warming",
+        domain=Domain.ACTUATION,
+        equation="F = F* (1 + loss c), time_constant dc/dt = 1 - (F/F_hover)^2 - c",
+        parameters={
+            "loss": EffectParameter(
+                unit="1",
+                low=-0.1,
+                high=0.3,
+                typical=0.02,
+                neutral=0.0,
+                practical_minimum=0.005,
+                meaning="of thrust at equal duty and voltage, from motors that have stood to a long hover",
+                source="NanoBench flights: 2 % within 30 s [measured]",
+            ),
+            "time_constant": EffectParameter(
+                unit="s",
+                low=1.0,
+                high=40.0,
+                typical=12.0,
+                neutral=12.0,
+                practical_minimum=30.0,
+                meaning="of the warming; says nothing by itself",
+                source="NanoBench flights: most of it within 15 s [measured]",
+                spread=5.0,
+            ),
+        },
+        revealed_by="half a minute in the air on motors that have stood: hover, level flight at one speed",
+        confused_with=(
+            "thrust_scale",
+            "battery_sag",
+        ),
+        reference="copper's resistance grows by 0.39 % per K: at one voltage a warm brushed motor is slower",
     ),
     EffectDescription(
         name="motor_lag",

@@ -1,7 +1,8 @@
 """The vehicle between floor and ceiling, by RK4.
 
 State: position 0..2, velocity 3..5, quaternion 6..9, body rate 10..12, rotor thrusts 13..16 (N), charge drawn
-17 (C). SI units; world ENU, body FLU with its origin in the centre of mass.
+17 (C), coldness of the motors 18 (1: of the room). SI units; world ENU, body FLU with its origin in the
+centre of mass.
 """
 
 import math
@@ -84,10 +85,11 @@ def derivative(p: Any, t: float, y: Array, duty: Array, gust: Array, dy: Array, 
     rotation(y[6] / norm, y[7] / norm, y[8] / norm, y[9] / norm, r)
     volts = terminal_voltage(p, y)
     rates = dy[13:17]
+    fresh = 1.0 + p.warming_loss * y[18]
     for i in range(4):
         told = thrust_of(p, duty[i] * volts)
         told = max(told * (1.0 + p.curvature * (told / p.hover_thrust - 1.0)), 0.0)
-        told = min(p.gain[i] * told, p.thrust_limit)
+        told = min(p.gain[i] * fresh * told, p.thrust_limit)
         late = told - y[13 + i]
         rates[i] = late / (p.tau_up if late > 0.0 else p.tau_down)
     for k in range(3):
@@ -118,6 +120,9 @@ def derivative(p: Any, t: float, y: Array, duty: Array, gust: Array, dy: Array, 
     dy[11] = (torque[1] + (i2 - i0) * wz * wx) / i1
     dy[12] = (torque[2] + (i0 - i1) * wx * wy) / i2
     dy[17] = p.amps_per_newton * (y[13] + y[14] + y[15] + y[16])
+    # One temperature for all motors; what heats them is the power of the rotors, thrust to the power of 1.5.
+    load = max(y[13] + y[14] + y[15] + y[16], 0.0) / (4.0 * p.hover_thrust)
+    dy[18] = (1.0 - load * math.sqrt(load) - y[18]) / p.warming_time
 
 
 @jitted

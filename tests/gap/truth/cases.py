@@ -20,6 +20,7 @@ SINGLE = (
     "thrust_scale",
     "mass_error",
     "battery_sag",
+    "motor_warming",
     "motor_lag",
     "motor_lag_asymmetry",
     "command_delay",

@@ -43,6 +43,10 @@ def _sag(p: np.ndarray, v: Values) -> None:
     p["ohms"] += v["resistance"]
 
 
+def _warming(p: np.ndarray, v: Values) -> None:
+    p["warming_loss"], p["warming_time"] = v["loss"], v["time_constant"]
+
+
 def _asymmetry(p: np.ndarray, v: Values) -> None:
     root = np.sqrt(v["ratio"])
     p["tau_up"] /= root
@@ -90,6 +94,7 @@ _APPLY: dict[str, Callable[[np.ndarray, Values], None]] = {
     "thrust_scale": _scale("scale", "gain"),
     "thrust_curve": _set("curvature", "curvature"),
     "battery_sag": _sag,
+    "motor_warming": _warming,
     "motor_lag": _scale("scale", "tau_up", "tau_down"),
     "motor_lag_asymmetry": _asymmetry,
     "motor_imbalance": _imbalance,
@@ -180,6 +185,10 @@ def _weak_motor(k: int, rng: np.random.Generator) -> dict[str, float]:
     return gains
 
 
+def _warm(k: int, rng: np.random.Generator) -> dict[str, float]:
+    return {"loss": _about(rng, (0.01, 0.025, 0.06)[k]), "time_constant": _about(rng, 12.0)}
+
+
 def _string(k: int, rng: np.random.Generator) -> dict[str, float]:
     angle = rng.uniform(0.0, 2.0 * np.pi)
     place = {"x": float(1.3 * np.cos(angle)), "y": float(1.3 * np.sin(angle)), "z": 0.1}
@@ -201,6 +210,7 @@ _DRAW: dict[str, Callable[[int, np.random.Generator], dict[str, float]]] = {
     "thrust_scale": _off("scale", (0.02, 0.06, 0.15), 1.0),
     "thrust_curve": _off("curvature", (0.02, 0.06, 0.15)),
     "battery_sag": _more("resistance", (0.02, 0.06, 0.15)),
+    "motor_warming": _warm,
     "motor_lag": _more("scale", (0.15, 0.4, 1.0), 1.0),
     "motor_lag_asymmetry": _more("ratio", (0.2, 0.6, 1.5), 1.0),
     "motor_imbalance": _weak_motor,

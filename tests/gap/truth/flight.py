@@ -75,7 +75,7 @@ def rest_height(p: np.ndarray) -> float:
 def at_rest(p: np.ndarray, charge_used: float) -> np.ndarray:
     """State of a vehicle that stands on the floor at x = y = 0, with `charge_used` (C) gone."""
     state = np.zeros(STATES)
-    state[2], state[9], state[17] = rest_height(p), 1.0, charge_used
+    state[2], state[9], state[17], state[18] = rest_height(p), 1.0, charge_used, 1.0
     return state
 
 

@@ -12,7 +12,7 @@ SUBSTEPS = 4
 """RK4 steps per run of the controller: 2 kHz."""
 TICKS_PER_SAMPLE = 5
 """Runs of the controller per row of the log and per pose: 100 Hz."""
-STATES = 18
+STATES = 19
 MOTORS = slice(13, 17)
 """Where the rotors' thrusts are in the state."""
 MAP_QUADRATIC, MAP_CUBIC, MAP_LOG = 0, 1, 2
@@ -53,7 +53,7 @@ _SCALARS = """
     gyroscopic_inertia accelerated_inertia tether_length tether_stiffness tether_damping line_hertz
     lift_inflow floor_stiffness floor_damping filed_mass thrust_floor thrust_ceiling rate_filter
     gyro_noise accelerometer_noise voltage_noise position_noise attitude_noise gyro_count accelerometer_count
-    pose_delay
+    pose_delay warming_loss warming_time
 """
 _ARRAYS: dict[str, tuple[int, ...]] = {
     "map": (8,),
@@ -120,6 +120,7 @@ def _fill_body(p: np.ndarray, vehicle: Vehicle) -> None:
     p["corner"] = [(sx * half[0], sy * half[1], z) for sx in (-1, 1) for sy in (-1, 1) for z in faces]
     p["axis"] = (0.0, 0.0, 1.0)
     p["gain"] = 1.0
+    p["warming_time"] = np.inf
     p["linear_drag"] = (vehicle.air.drag_x.value, vehicle.air.drag_y.value, vehicle.air.drag_z.value)
     p["rotor_radius"] = body.propeller_radius.value
     p["ceiling"], p["ceiling_opening"] = CEILING, 1.0

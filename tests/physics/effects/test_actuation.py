@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from sim_backend.physics.effects.motor_speed_law import speed_after
 from sim_backend.physics.effects.thrust_curve import bent
-from sim_backend.physics.reset import approaching
+from sim_backend.physics.reset import approaching, with_cold_motors
 from sim_backend.physics.state import COMMAND_MEMORY
 from sim_backend.physics.step import step, step_thrust
 from tests.physics.effects.conftest import MakeParameters, typical
@@ -87,6 +87,33 @@ def test_a_rotor_gives_no_more_than_its_limit_and_below_it_is_untouched(make: Ma
     limited, free = fly(p, commands, 0.06), fly(make({}), commands, 0.06)
     np.testing.assert_allclose(limited[-1], [0.1, 0.05, 0.1, 0.1], rtol=1e-5)
     np.testing.assert_array_equal(limited[:, 1], free[:, 1])
+
+
+def test_cold_motors_give_more_and_warm_up_in_flight(make: MakeParameters) -> None:
+    loss, tau = 0.05, 3.0
+    p = make({"motor_warming": {"loss": loss, "time_constant": tau}})
+    hover = float(p["hover_thrust"])
+    p["time_constant_up"] = p["time_constant_down"] = 1e-3  # the lag is not what is looked at
+    state = with_cold_motors(approaching(p, HIGH, STILL))
+    thrusts = []
+    for _ in range(6000):
+        step_thrust(state, p, (hover, 0.8 * hover, 1.2 * hover, hover), 1e-3)
+        thrusts.append(state["thrust"] / hover)
+    times = 1e-3 * np.arange(1, 6001)
+    for motor, told in enumerate((1.0, 0.8, 1.2)):
+
+        def warms(_t: float, c: NDArray[np.float64], told: float = told) -> NDArray[np.float64]:
+            return (1.0 - (told * (1.0 + loss * c)) ** 2 - c) / tau
+
+        solution = solve_ivp(warms, (0.0, 6.0), [1.0], t_eval=times, rtol=1e-9)
+        expected = told * (1.0 + loss * solution.y[0])
+        np.testing.assert_allclose(np.array(thrusts)[100:, motor], expected[100:], rtol=5e-5)
+
+
+def test_motors_in_flight_are_warm_and_have_the_filed_thrust(make: MakeParameters) -> None:
+    p = make({"motor_warming": {"loss": 0.05, "time_constant": 3.0}})
+    commands = np.full((2000, 4), float(p["hover_thrust"]))
+    np.testing.assert_allclose(fly(p, commands), commands, rtol=1e-12)
 
 
 @pytest.mark.parametrize("steps", [1, 7, 60])

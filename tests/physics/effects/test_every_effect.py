@@ -108,6 +108,7 @@ def test_an_effect_at_its_neutral_values_does_nothing(name: str) -> None:
 SYMMETRIC = {
     "thrust_scale": {"scale": 0.95},
     "thrust_curve": {"curvature": 0.1},
+    "motor_warming": typical("motor_warming"),
     "motor_speed_law": typical("motor_speed_law"),
     "command_delay": {"delay": 0.004},
     "rotor_drag": {"coefficient": 1e-6},
