@@ -224,6 +224,8 @@ class ReferenceEngine:
 
     def _go_to_start(self) -> None:
         """An approach that is about to be armed finds the model at its start."""
+        if not self._rehearsal.is_on_model:
+            return
         request, plan = self._request, self._request.plan
         arms = request.number != self._consumed and request.armed and self.state is LandingState.IDLE
         if arms and math.isfinite(plan.x0 + plan.y0 + plan.z0):

@@ -36,6 +36,11 @@ class RehearsalMode:
         return self._asked is not Rehearsal.OFF
 
     @property
+    def is_on_model(self) -> bool:
+        """Whether the step under way is one of a rehearsal on the model."""
+        return self._taken is Rehearsal.MODEL
+
+    @property
     def model(self) -> tuple[Vector, Vector]:
         """Position (m) and velocity (m/s) of the model."""
         x, y, z, vx, vy, vz = self._state[:6].tolist()
@@ -70,7 +75,7 @@ class RehearsalMode:
     def as_in_flight(self, sample: Sample) -> Sample:
         """What a drone has that flies and stays where it believes to be, or where its model shall be."""
         place = sample.estimator.position()
-        if self._taken is Rehearsal.MODEL:
+        if self.is_on_model:
             self._believed.state[:RATE] = self._state[:RATE]
             gyro = self._state[RATE : RATE + 3].copy()
             sample = replace(sample, estimator=self._believed, gyro=gyro, pose_age=0)
@@ -83,7 +88,7 @@ class RehearsalMode:
 
         `goal`: where the landing machine wants it (m); where the last one was it stays.
         """
-        if self._taken is Rehearsal.MODEL:
+        if self.is_on_model:
             self._place = goal or self._place
             if tick % CONTROL_PERIOD_MS == 0:  # in between they have been taken back
                 self._thrusts = thrusts

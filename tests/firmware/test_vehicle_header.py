@@ -76,6 +76,8 @@ def test_c_and_the_host_have_the_same_numbers() -> None:
     for status in app_interface.TrajectoryStatus:
         name = "ARMED_STATUS" if status is app_interface.TrajectoryStatus.ARMED else status.name
         expected[f"PERCH_TRAJECTORY_{name}"] = int(status)
+    on = {"OFF": "NO_REHEARSAL", "POSES": "ON_POSES", "MODEL": "ON_MODEL"}
+    expected |= {f"PERCH_{on[kind.name]}": int(kind) for kind in app_interface.Rehearsal}
     expected |= {
         "PERCH_INTERFACE_VERSION": app_interface.INTERFACE_VERSION,
         "PERCH_MAX_VECTORS": model.MAX_SUPPORT_VECTORS,

@@ -39,7 +39,7 @@ def test_app_groups_come_last_and_change_both_crcs() -> None:
         assert table.crc != plain.crc
         names = [entry.full_name for entry in table.entries]
         assert names[: len(plain)] == [entry.full_name for entry in plain.entries]
-        assert {name.split(".")[0] for name in names[len(plain) :]} <= {"perch", "perchT"}
+        assert {name.split(".")[0] for name in names[len(plain) :]} <= {"perch", "perchT", "perchM"}
     assert LogTable.firmware().crc != ParameterTable.firmware().crc
 
 
