@@ -329,6 +329,20 @@ def test_a_failed_command_is_an_abort(phase: Phase, command: Command, answer: li
     assert "no answer" in (after.aborted_by or "")
 
 
+@pytest.mark.parametrize(
+    ("also", "more"), [({}, ""), ({"parameters_ok": False}, " (and 1 more)")], ids=["one", "two"]
+)
+def test_checks_that_do_not_pass_are_counted_in_what_they_wait_for(also: dict[str, bool], more: str) -> None:
+    waits = set()
+
+    def flat(o: Observation, now: float, state: FlightState) -> Observation:
+        waits.add(state.waiting_for)
+        return replace(o, battery_voltage=3.5, **also)
+
+    SimulatedAttempt(fault=flat).run()
+    assert f"battery_at_rest: 3.5 V, need at least 3.8 V{more}" in waits
+
+
 def test_checks_that_never_pass_end_with_every_rule_that_failed() -> None:
     waits = set()
 

@@ -129,6 +129,12 @@ def test_a_drone_that_tips_over_on_the_floor_has_not_fallen(
     assert after.fell == told
 
 
+@pytest.mark.parametrize("phase", [Phase.MOVING_TO_START, Phase.APPROACHING, Phase.BRAKING])
+def test_where_nothing_may_be_on_the_floor_it_has_fallen_there(phase: Phase) -> None:
+    after, _ = look(state_in(phase), drone=TUMBLED, estimate_position=(-3.0, 0.0, 0.1))
+    assert after.fell == LIES
+
+
 @pytest.mark.parametrize(
     ("reported", "then"),
     [
