@@ -11,7 +11,8 @@ from typing import Final
 import numpy as np
 
 from calibration.bench.instruments.drone_log import DroneLog, LogBatch
-from calibration.bench.instruments.motor_stand import MotorStand, pwm
+from calibration.bench.instruments.motor_stand import MotorStand
+from calibration.bench.instruments.set_points import pwm
 from perchhw.bringup.reaction import Reaction, reaction
 from perchhw.doctor.finding import Finding, judged, not_known
 

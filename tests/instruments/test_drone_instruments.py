@@ -1,13 +1,17 @@
 """Gyroscope and motors through the link to a simulated drone; the motors are off after every way out."""
 
+import itertools
 import os
 import signal
+import sys
 import threading
 from collections.abc import Iterator
+from types import FrameType
 
 import numpy as np
 import pytest
 
+from calibration.bench.instruments import motor_stand, uninterrupted
 from calibration.bench.instruments.drone_log import DroneLog
 from calibration.bench.instruments.errors import (
     InstrumentInputError,
@@ -16,7 +20,8 @@ from calibration.bench.instruments.errors import (
     MotorsRefused,
 )
 from calibration.bench.instruments.gyro_recorder import GyroRecorder, join
-from calibration.bench.instruments.motor_stand import RENEW_WITHIN_S, UNLOCK_PHRASE, MotorStand, pwm
+from calibration.bench.instruments.motor_stand import RENEW_WITHIN_S, UNLOCK_PHRASE, MotorStand
+from calibration.bench.instruments.set_points import pwm
 from onboard.clock import monotonic
 from onboard.link import DroneLink, LinkLost
 from onboard.link import reboot as reboot_within
@@ -305,6 +310,54 @@ def test_ctrl_c_again_and_again_leaves_no_motor_turning(drone: DroneLink) -> Non
     finally:
         witness.close()
         signal.signal(signal.SIGINT, before)
+
+
+class Key:
+    """A trace function that presses Ctrl-C before the line number `at` of the bench's closing code is run."""
+
+    FILES = (motor_stand.__file__, uninterrupted.__file__)
+
+    def __init__(self, at: int) -> None:
+        self._to_go = at
+        self.was_pressed = False
+
+    def __call__(self, frame: FrameType, event: str, _arg: object) -> "Key | None":
+        if frame.f_code.co_filename not in self.FILES:
+            return None
+        if event == "line":
+            if self._to_go == 0:
+                self.was_pressed = True
+                raise KeyboardInterrupt
+            self._to_go -= 1
+        return self
+
+
+def test_ctrl_c_at_any_line_of_the_end_stops_the_motors_all_the_same(drone: DroneLink) -> None:
+    """Also between two lines that look harmless. (Before the first one it is as if nobody renewed: below.)"""
+    witness = Witness(drone)
+    try:
+        for at in itertools.count(1):
+            witness.seen.clear()
+            stand, key = unlocked(drone), Key(at)
+            stand.spin({1: pwm(60)})
+            motors(stand, (pwm(60), 0, 0, 0), witness)
+            sys.settrace(key)
+            try:
+                stand.close()
+            except (KeyboardInterrupt, MotorsNotStopped):  # the key came before the drone's word
+                assert key.was_pressed
+            finally:
+                sys.settrace(None)
+            until(lambda stand=stand: stand.stopped is not None)
+            assert stand.stopped is not None
+            assert stand.stopped.confirmed, at
+            witness.await_ratios(STILL)
+            stand.close()
+            if not key.was_pressed:
+                break
+        assert at > 10
+    finally:
+        witness.close()
 
 
 def test_motors_stop_when_nobody_renews(drone_uri: str) -> None:

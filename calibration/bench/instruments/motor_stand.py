@@ -19,6 +19,7 @@ radio chip. And when the host itself dies or hangs, only somebody else can switc
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -30,6 +31,7 @@ from calibration.bench.instruments.errors import (
     MotorsRefused,
 )
 from calibration.bench.instruments.motor_token import MotorToken
+from calibration.bench.instruments.set_points import check_set_point
 from calibration.bench.instruments.supply_keeper import HANG_S
 from calibration.bench.instruments.uninterrupted import to_its_end
 from onboard.clock import Clock, monotonic
@@ -41,8 +43,6 @@ from onboard.link import DroneLink, LinkError, reboot
 UNLOCK_PHRASE = "props guarded, drone clamped"
 #: Renew at least so often. With the time of a stop the motors are off within 0.5 s [s].
 RENEW_WITHIN_S = 0.4
-#: PWM of brushed motors has 8 bits: the firmware drops the lower byte of a set-point.
-PWM_STEP, PWM_MAX = 256, 255 * 256
 _LOOK_S = 0.02
 _STOP_TRIES = 3
 #: A drone that sends 100 samples a second is out of reach when none comes for so long [s].
@@ -53,17 +53,6 @@ _MOTORS = (1, 2, 3, 4)
 _EACH, _ALL, _ALL_COMPENSATED = 1, 2, 3
 _ENABLE = "motorPowerSet.enable"
 _LOG_NAMES = ("pm.vbat", "motor.m1", "motor.m2", "motor.m3", "motor.m4")
-
-
-def pwm(step: int) -> int:
-    """The set-point whose duty is exactly ``step / 256``, `step` 0..255.
-
-    Raises:
-        InstrumentInputError: another step.
-    """
-    if not 0 <= step <= 255:
-        raise InstrumentInputError(f"PWM step {step}: the motors' PWM has 8 bits, 0 to 255")
-    return PWM_STEP * step
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,9 +130,12 @@ class MotorStand(Closing):
         self._failure: PerchhwError | None = None
         self._renewed = clock()
         self._token = MotorToken(drone, lambda: self._turning, clock)
+        self._last_stop = StopReport(False, 0.0, "", "nobody waited for the drone's word that they stand")
         self._closing = threading.Event()
-        self._watch = threading.Thread(target=self._watch_motors, name="MotorStand", daemon=True)
-        self._watch.start()
+        threading.Thread(target=self._watch_motors, name="MotorStand", daemon=True).start()
+        # No daemon: the interpreter does not end before the motors stand.
+        self._end = threading.Thread(target=self._stop_at_the_end, name="MotorStand's end")
+        self._end.start()
         if not self._off:
             self.stop("the override was on already: another program has left it so")
 
@@ -184,7 +176,7 @@ class MotorStand(Closing):
         for motor, value in set_points.items():
             if motor not in _MOTORS:
                 raise InstrumentInputError(f"motor {motor}: there are motors 1 to 4")
-            _check_set_point(value)
+            check_set_point(value)
         self._apply(_EACH, {motor: set_points.get(motor, 0) for motor in _MOTORS})
 
     def spin_all(self, set_point: int, *, compensated: bool = False) -> None:
@@ -193,7 +185,7 @@ class MotorStand(Closing):
         `compensated`: as a share of the full thrust, made into PWM by the firmware's thrust map and the
         battery voltage; for the verification. Errors as for :meth:`spin`.
         """
-        _check_set_point(set_point)
+        check_set_point(set_point)
         self._apply(_ALL_COMPENSATED if compensated else _ALL, {1: set_point})
 
     def renew(self) -> None:
@@ -241,22 +233,30 @@ class MotorStand(Closing):
         Raises:
             MotorsNotStopped: the drone did not confirm.
         """
-        if self._closing.is_set():
-            return
-        self._closing.set()
+        self._closing.set()  # before anything else, for from here on nobody can hold the stop back
         self._halted = True
-        report = to_its_end(self._end)  # an impatient operator must not get running motors for it
+        try:
+            to_its_end(self._end.join)
+        finally:
+            self._let_go()
+
+    def _stop_at_the_end(self) -> None:
+        """A thread's work: who interrupts :meth:`close`, however early or often, does not interrupt this."""
+        while not self._closing.wait(_LOOK_S) and threading.main_thread().is_alive():
+            pass
+        self._closing.set()
+        self._last_stop = self.stop("the end of the test")
+        self._token.close()
         if self._drone.lost is None:
-            self._log.close()
-        if not report.confirmed:
-            raise MotorsNotStopped(f"THE MOTORS MAY STILL TURN, cut the power by hand: {report.trouble}")
+            with suppress(LinkError):  # lost just now: the block ended with the link
+                self._log.close()
+
+    def _let_go(self) -> None:
+        last = self._last_stop
+        if not last.confirmed:
+            raise MotorsNotStopped(f"THE MOTORS MAY STILL TURN, cut the power by hand: {last.trouble}")
         if self._remote_cut is not None:
             self._remote_cut.rest()
-
-    def _end(self) -> StopReport:
-        self._watch.join()
-        self._token.close()
-        return self.stop("the end of the test")
 
     def _apply(self, mode: int, values: Mapping[int, int]) -> None:
         """Write set-points, then the mode. Whatever goes wrong on the way stops the motors."""
@@ -380,11 +380,3 @@ def _override_off(drone: DroneLink) -> bool:
     drone.set_param(_ENABLE, 0)
     drone.set_params({f"motorPowerSet.m{motor}": 0 for motor in _MOTORS})
     return drone.param(_ENABLE) == 0
-
-
-def _check_set_point(value: int) -> None:
-    if not 0 <= value <= PWM_MAX or value % PWM_STEP:
-        raise InstrumentInputError(
-            f"set-point {value}: the motors' PWM has 8 bits, so that only multiples of {PWM_STEP} from 0 to "
-            f"{PWM_MAX} are what they say"
-        )
