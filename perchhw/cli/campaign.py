@@ -1,5 +1,7 @@
 """``perchhw campaign``: fly a grid of attempts; resume, status, report."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -80,6 +82,7 @@ def run(
     names, stopped = drone_names(plan.drones), None
     try:
         with (
+            _told_how_to_go_on(folder),
             hold_all(plan.drones),
             ground_station(mavlink) as listener,
             flight_display(f"campaign {plan.name}", ", ".join(names.values()) or plan.drone) as display,
@@ -89,11 +92,18 @@ def run(
     except (CampaignStopped, DroneStopped) as stop:
         stopped = str(stop)
         progress_console().print(stopped, style="red", markup=False)
+    _emit_rows(folder, write_campaign_report(folder), stopped)
+    return 3 if stopped else 0
+
+
+@contextmanager
+def _told_how_to_go_on(folder: Path) -> Iterator[None]:
+    """Whoever interrupts the campaign in `folder` is told how to continue it."""
+    try:
+        yield
     except KeyboardInterrupt:
         progress_console().print(f"continue with --resume; the records are in {folder}", markup=False)
         raise
-    _emit_rows(folder, write_campaign_report(folder), stopped)
-    return 3 if stopped else 0
 
 
 def _fly_courses(
@@ -115,6 +125,7 @@ def _fly_courses(
 
     folder = out or Path("runs") / f"campaign-{slug(plan.name)}"
     with (
+        _told_how_to_go_on(folder),
         hold(plan.setup.drone),
         ground_station(mavlink) as listener,
         flight_display(f"campaign {plan.name}", plan.setup.drone) as display,

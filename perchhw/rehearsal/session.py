@@ -144,8 +144,6 @@ def _rehearsing(link: "DroneLink", physics: Physics) -> Iterator[None]:
         yield
     finally:
         link.set_param(Parameter.REHEARSE, Rehearsal.OFF)
-        # Who reads it back waits until the drone has done with the switch. A lab in lock step would stand
-        # still in it otherwise, and with it whoever connects next.
         still_on = link.param(Parameter.REHEARSE) != Rehearsal.OFF
     if still_on:
         raise RehearsalFailed("the drone still rehearses, though it was told to end it: reboot it")
