@@ -23,6 +23,8 @@ STEP = 40
 TURNS = 4
 PERIOD_S = 0.6
 """s for which a motor turns, and then stands."""
+UNLOCK_PHRASE: Final = "propellers off, drone hung or held"
+"""What the operator types before a motor turns: not that of a bench, where the drone is clamped."""
 _WHERE: Final = {1: "front right", 2: "back right", 3: "back left", 4: "front left"}
 _ANSWER: Final = re.compile(r"\s*([1-4])\s*(ccw|cw)?\s*", re.IGNORECASE)
 _WHY: Final = "a drone whose motors are exchanged, or turn the wrong way, turns over as it takes off"
@@ -39,7 +41,7 @@ def motors(drone: str, phrase: str, saw: Ask) -> tuple[Finding, ...]:
 
     Args:
         drone: its URI.
-        phrase: what the operator typed to unlock the motors.
+        phrase: what the operator typed to unlock the motors; must be :data:`UNLOCK_PHRASE`.
         saw: asks the operator; called while all motors stand.
 
     Raises:
@@ -50,7 +52,10 @@ def motors(drone: str, phrase: str, saw: Ask) -> tuple[Finding, ...]:
     from onboard.link import DroneLink
 
     findings = []
-    with DroneLink.open(drone) as link, MotorStand(link, no_remote_cut=True) as stand:
+    with (
+        DroneLink.open(drone) as link,
+        MotorStand(link, no_remote_cut=True, unlock_phrase=UNLOCK_PHRASE) as stand,
+    ):
         stand.unlock(phrase)
         for motor in DIRECTIONS:
             with DroneLog(link, ("gyro.z", f"motor.m{motor}")) as log:

@@ -193,6 +193,17 @@ def test_motors_never_turn_without_the_whole_phrase(drone: DroneLink, phrase: st
         assert drone.param("motorPowerSet.enable") == 0
 
 
+def test_a_stand_elsewhere_asks_for_what_is_so_there(drone: DroneLink) -> None:
+    hung = "propellers off, drone hung"
+    with MotorStand(drone, no_remote_cut=True, unlock_phrase=hung) as stand:
+        with pytest.raises(MotorsRefused, match=f"type '{hung}'"):
+            stand.unlock(UNLOCK_PHRASE)
+        with pytest.raises(MotorsRefused, match=f"unlock them with '{hung}'"):
+            stand.spin({1: pwm(40)})
+        stand.unlock(hung)
+        stand.spin({1: pwm(40)})
+
+
 def test_motors_never_turn_when_nobody_could_cut_them_off(drone: DroneLink) -> None:
     with MotorStand(drone) as stand:
         with pytest.raises(MotorsRefused, match="nothing would stop them if this program died"):

@@ -25,6 +25,7 @@ from perchhw.attempt import DEFAULT_VEHICLE
 from perchhw.cli.main import run
 from perchhw.lab import desk_setup
 from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
+from perchhw.rehearsal import loop_time
 from perchhw.rehearsal.physics import Physics
 from perchhw.rehearsal.record import COLUMNS, save_rehearsal
 from perchhw.rehearsal.session import rehearse as rehearse_in_session
@@ -160,6 +161,16 @@ def test_an_armed_drone_is_refused_by_safety(capsys: pytest.CaptureFixture[str])
         assert served.call(lambda: served.flight.firmware.supervisor.is_armed), "and left as it was"
     assert code == 3
     assert "it must be disarmed, on the ground, with all motors still" in said["error"]
+
+
+def test_what_a_processor_says_of_its_loop_is_told(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The simulated drone has none: its battery, in mV, says something in its place."""
+    monkeypatch.setattr(loop_time, "LOOP_TIME", "pm.vbatMV")
+    with lab(EngineName.C) as served:
+        _, said = rehearse(served.drones[0], capsys, "--on", Physics.DRONE)
+    assert 3700.0 < said["loop_us"]["mean"] <= said["loop_us"]["most"] < 4400.0
 
 
 def test_an_interrupt_switches_the_mode_off() -> None:

@@ -39,7 +39,7 @@ from onboard.closing import Closing
 from onboard.errors import PerchhwError
 from onboard.link import DroneLink, LinkError, reboot
 
-#: What the operator types to unlock the motors.
+#: What the operator of a bench types to unlock the motors; a stand elsewhere asks for what is so there.
 UNLOCK_PHRASE = "props guarded, drone clamped"
 #: Renew at least so often. With the time of a stop the motors are off within 0.5 s [s].
 RENEW_WITHIN_S = 0.4
@@ -99,6 +99,7 @@ class MotorStand(Closing):
         instruments: Sequence[Callable[[], None]] = (),
         remote_cut: RemoteCut | None = None,
         no_remote_cut: bool = False,
+        unlock_phrase: str = UNLOCK_PHRASE,
         clock: Clock = monotonic,
     ) -> None:
         """Start the log of voltage and motors; nothing turns.
@@ -109,6 +110,7 @@ class MotorStand(Closing):
                 instrument is lost. They run often, on the stand's own thread, too.
             remote_cut: used when the drone is silent or does not confirm a stop, and by whoever survives us.
             no_remote_cut: the operator was told what that means and lets motors turn without.
+            unlock_phrase: what the operator must type before anything turns, in small letters.
             clock: host clock [s].
 
         Raises:
@@ -118,6 +120,7 @@ class MotorStand(Closing):
         self._checks = (*instruments, self._check_drone)
         self._remote_cut = remote_cut
         self._may_turn = remote_cut is not None or no_remote_cut
+        self._unlock_phrase = unlock_phrase
         self._clock = clock
         self._renew_within = RENEW_WITHIN_S * drone.patience
         self._silence = _SILENCE_S * drone.patience
@@ -143,7 +146,7 @@ class MotorStand(Closing):
         """Allow motors to turn, until the next stop that nobody asked for.
 
         Args:
-            phrase: what the operator typed; must be :data:`UNLOCK_PHRASE`.
+            phrase: what the operator typed; must be the stand's own.
 
         Raises:
             MotorsRefused: another phrase; or nobody could switch the motors off if this process died; or the
@@ -151,8 +154,8 @@ class MotorStand(Closing):
                 ends.
             InstrumentLost: who should switch them off is gone.
         """
-        if " ".join(phrase.lower().split()) != UNLOCK_PHRASE:
-            raise MotorsRefused(f"the motors stay locked: type {UNLOCK_PHRASE!r} when that is so")
+        if " ".join(phrase.lower().split()) != self._unlock_phrase:
+            raise MotorsRefused(f"the motors stay locked: type {self._unlock_phrase!r} when that is so")
         if not self._may_turn:
             raise MotorsRefused(
                 "the motors stay locked: without a supply that can be switched off from here nothing would "
@@ -262,7 +265,7 @@ class MotorStand(Closing):
         """Write set-points, then the mode. Whatever goes wrong on the way stops the motors."""
         self._raise_failure()
         if self._halted:
-            raise MotorsRefused(f"the motors are locked: unlock them with {UNLOCK_PHRASE!r}")
+            raise MotorsRefused(f"the motors are locked: unlock them with {self._unlock_phrase!r}")
         self._renewed = self._clock()
         self._off = False
         try:
