@@ -56,4 +56,6 @@ def _grid(plan: CampaignPlan, fit: GridFit) -> str:
     axes.margins(0.12)
     axes.legend(frameon=False, ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.0))
     fitting, all_of_them = len(fit.approaches), len(fit.approaches) + len(fit.misfits)
-    return svg(figure, f"Grid of speeds and approach angles: {fitting} of {all_of_them} conditions fit the room")
+    return svg(
+        figure, f"Grid of speeds and approach angles: {fitting} of {all_of_them} conditions fit the room"
+    )

@@ -197,7 +197,9 @@ def _where(report: GapReport, figures: ReportFigures) -> Iterator[str]:
 
 def _closed_loop(stages: Mapping[str, ClosedLoopFlight]) -> str:
     name = next(iter(stages.values())).name
-    drawn = svg(drawings.closed_loop_trace(stages), f"Closed loop of {name}: what the models and the vehicle needed")
+    drawn = svg(
+        drawings.closed_loop_trace(stages), f"Closed loop of {name}: what the models and the vehicle needed"
+    )
     return section(
         "Flown again in closed loop",
         f"<h3>{escape(name)}</h3>{drawn}",
