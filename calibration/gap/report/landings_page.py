@@ -77,8 +77,8 @@ def landings_page(report: LandingReport, parameters: Any) -> str:
 
 _NOTE = (
     "Each row is a flight, simulated from its recorded trigger with the measured scatter of the starts. The "
-    "mark on the right is what really happened (dot: four legs, square: two, cross: none); the bars below are "
-    "all flights together."
+    "mark on the right is what really happened (dot: four legs, square: two, cross: none); the bars below "
+    "are all flights together."
 )
 _MOTION_NOTE = (
     "Black: the gyro. Grey: simulated landings. Vertical line: the measured contact. Time from the trigger."
