@@ -4,8 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-Interval = tuple[float, float]
-"""Low and high end of a 95 % interval."""
+from calibration.measurement import Interval
 
 
 @dataclass(frozen=True, kw_only=True)

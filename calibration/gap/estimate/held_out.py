@@ -8,6 +8,7 @@ import numpy as np
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.signals import CHANNELS, UNITS, Signals, stack_signals
 from calibration.gap.estimate.model import Model
+from calibration.measurement import Interval, interval_of
 from onboard.arrays import FloatArray
 
 WINDOW = 0.1
@@ -49,7 +50,7 @@ class Improvement:
     unit: str
     before: float
     after: float
-    interval: tuple[float, float]
+    interval: Interval
 
 
 class HeldOutFlights:
@@ -82,11 +83,10 @@ def improvement(before: ChannelErrors, after: ChannelErrors, rng: np.random.Gene
     flights = before.counts.shape[0]
     drawn = rng.integers(flights, size=(_DRAWS, flights))
     gains = [before.rms(draw)[channel] - after.rms(draw)[channel] for draw in drawn]
-    low, high = np.quantile(gains, [0.025, 0.975])
     return Improvement(
         channel=CHANNELS[channel],
         unit=UNITS[channel],
         before=float(one[channel]),
         after=float(other[channel]),
-        interval=(float(low), float(high)),
+        interval=interval_of(np.array(gains)),
     )

@@ -10,6 +10,7 @@ from calibration.gap.data.rotations import conjugates, integrate_rate, matrices,
 from calibration.gap.data.smoothing import Smoothing
 from calibration.gap.sensors.correction import align, best_values
 from calibration.gap.sensors.flight_estimates import FlightSensing, pool_flights
+from calibration.measurement import Interval, interval_of
 from onboard.arrays import FloatArray
 from onboard.gravity import GRAVITY
 
@@ -78,12 +79,12 @@ class HeldOutErrors:
 
     Attributes:
         before, after: rms without and with the effect taken out.
-        improvement_ci95: of 1 - after / before.
+        improvement_ci95: of `before` minus `after`, bootstrap over flights.
     """
 
     before: float
     after: float
-    improvement_ci95: tuple[float, float]
+    improvement_ci95: Interval
 
 
 def held_out_errors(
@@ -119,11 +120,9 @@ def held_out_errors(
 
 
 def _errors(squares: FloatArray) -> HeldOutErrors:
-    """From mean squares before and after, shape (n, 2); the interval is a bootstrap over flights."""
+    """From mean squares before and after, shape (n, 2)."""
     flights = squares.shape[0]
     draws = np.random.default_rng(_SEED).integers(0, flights, (_DRAWS, flights))
-    sums = squares[draws].sum(axis=1)
-    gains = 1.0 - np.sqrt(sums[:, 1] / sums[:, 0])
-    low, high = np.quantile(gains, [0.025, 0.975])
+    levels = np.sqrt(squares[draws].mean(axis=1))
     rms = np.sqrt(squares.mean(axis=0))
-    return HeldOutErrors(float(rms[0]), float(rms[1]), (float(low), float(high)))
+    return HeldOutErrors(float(rms[0]), float(rms[1]), interval_of(levels[:, 0] - levels[:, 1]))

@@ -20,6 +20,7 @@ from calibration.gap.landings.outcomes.vehicles import bare_parameters, filed_po
 from calibration.gap.landings.outcomes.verdict import Verdict, in_words, judge_outcomes
 from onboard.arrays import FloatArray, IntArray
 from onboard.errors import InputError
+from onboard.json_file import as_json
 from onboard.outcome import Outcome
 from onboard.vehicle import Vehicle
 
@@ -89,17 +90,17 @@ class LandingReport:
             "seed": self.seed,
             "draws": self.forecast.draws,
             "flights": [self._flight(index) for index in range(len(self.real))],
-            "score": None if self.score is None else self.score.to_json(),
-            "expectation": None if self.expectation is None else self.expectation.to_json(),
-            "dispersion": self.dispersion.to_json(),
-            "launch": None if self.launch is None else self.launch.to_json(),
+            "score": as_json(self.score),
+            "expectation": as_json(self.expectation),
+            "dispersion": as_json(self.dispersion),
+            "launch": as_json(self.launch),
             "flip": {
                 "pitch_rate_rms_rad_s": _rms(self.prepared.rate_error),
                 "pitch_slope": _mean(self.prepared.slopes.pitch),
                 "roll_per_pitch": _mean(self.prepared.slopes.roll),
                 "roll_rate_rms_rad_s": _rms(self.prepared.roll_error[:, 0]),
                 "roll_rate_rms_with_it_rad_s": _rms(self.prepared.roll_error[:, 1]),
-                "roll": None if self.prepared.roll is None else self.prepared.roll.to_json(),
+                "roll": as_json(self.prepared.roll),
             },
             **({"effects": None} if self.search is None else self.search.to_json()),
             "unusable": [{"file": item.name, "reason": item.reason} for item in self.unused],

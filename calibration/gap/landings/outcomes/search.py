@@ -26,9 +26,8 @@ from calibration.gap.landings.outcomes.scores import (
     surprise,
 )
 from calibration.gap.landings.outcomes.vehicles import EFFECT_OF, UNITS, WITHOUT, Point
+from calibration.measurement import Interval, interval_of
 from onboard.arrays import BoolArray, FloatArray, IntArray
-
-Interval = tuple[float, float]
 
 LEAST_GAIN = 0.05
 """Of the Brier score: what predicts flights better by less is not named, however sure. Where nearly all feet
@@ -270,8 +269,7 @@ def search_outcomes(
 
 def _mean_of(change: FloatArray, drawn: IntArray) -> tuple[float, Interval]:
     """Mean over flights (n,), and its 95 % interval over sets of them (sets, n)."""
-    low, high = np.quantile(change[drawn].mean(axis=1), [0.025, 0.975])
-    return float(change.mean()), (float(low), float(high))
+    return float(change.mean()), interval_of(change[drawn].mean(axis=1))
 
 
 def _best(fits: Sequence[ModelFit]) -> ModelFit:
