@@ -101,7 +101,7 @@ def _numbers(values: Any) -> Any:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class RehearsalVerdict:
     """Whether drone and reference did the same, and where not.
 
     Attributes:
@@ -130,7 +130,9 @@ class Verdict:
         return not self.failures
 
 
-def judge(ring: Ring, reason: EndReason, plan: ApproachPlan, policy: Policy, vehicle: Vehicle) -> Verdict:
+def judge(
+    ring: Ring, reason: EndReason, plan: ApproachPlan, policy: Policy, vehicle: Vehicle
+) -> RehearsalVerdict:
     """The verdict on one rehearsal.
 
     Args:
@@ -149,7 +151,7 @@ def judge(ring: Ring, reason: EndReason, plan: ApproachPlan, policy: Policy, veh
         force = float(np.abs(ring.periods["law"]["thrusts"][at] - np.asarray(reference.thrusts)).max())
     value = _largest(ring.periods["trigger_value"], reference.trigger_values)
     a_rot = _largest(ring.periods["a_rot"], reference.a_rots)
-    return Verdict(
+    return RehearsalVerdict(
         tuple(_failures(reason, at, reference, samples, value, a_rot, force)),
         reason,
         samples,

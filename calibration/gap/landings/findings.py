@@ -9,12 +9,12 @@ from calibration.measurement import Interval
 
 
 class LandingVerdict(StrEnum):
-    """What the landings say."""
+    """What the landings say, by their motion or by their outcomes."""
 
     EFFECTS_FOUND = "effects_found"
     NO_GAP = "no_gap"
     UNEXPLAINED_GAP = "unexplained_gap"
-    """the vehicle does not explain them, and no contact effect does"""
+    """the vehicle does not explain them, and no effect does"""
     CANNOT_TELL = "cannot_tell"
     """too few landings, or landings that would look alike with legs far from the filed ones"""
 

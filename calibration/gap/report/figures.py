@@ -22,12 +22,11 @@ from calibration.gap.search.naming import Named
 from calibration.gap.unnamed.fitted_terms import FittedTerm, formulas
 from calibration.gap.unnamed.gap_map import GapMap
 from calibration.gap.unnamed.regressors import regressors
+from calibration.gap.unnamed.structure import LEAST_SHARE, LEVEL
 from onboard.arrays import FloatArray
 from onboard.vehicle import Vehicle
 
 _PLACES = 8
-_CHANCE = 0.005
-_LEAST_SHARE = 0.04
 _CLOUDS = 4
 
 
@@ -36,7 +35,7 @@ def where(before: GapMap) -> tuple[Where, ...]:
     return tuple(
         Where(channel=cell.channel.name, condition=cell.condition, share=float(cell.share))
         for cell in before.cells
-        if cell.p < _CHANCE and cell.share >= _LEAST_SHARE
+        if cell.p < LEVEL and cell.share >= LEAST_SHARE
     )[:_PLACES]
 
 
@@ -104,7 +103,7 @@ def _clouds(before: GapMap, found: Search, training: Training) -> tuple[Residual
     window = max(1, round(0.1 / training.regression.signals.dt))
     clouds: list[ResidualCloud] = []
     for cell in before.cells:
-        if len(clouds) == _CLOUDS or cell.p >= _CHANCE:
+        if len(clouds) == _CLOUDS or cell.p >= LEVEL:
             break
         if cell.channel.frame == "world":
             continue

@@ -8,6 +8,7 @@ import numpy as np
 
 from calibration.errors import CalibrationError
 from calibration.gap.data.record import NotUsed
+from calibration.gap.landings.findings import LandingVerdict
 from calibration.gap.landings.outcomes.dispersion import Dispersion
 from calibration.gap.landings.outcomes.expectation import JudgedExpectation, judged_expectation
 from calibration.gap.landings.outcomes.labels import CLASS_NAMES, FOUR, landing_class
@@ -17,7 +18,7 @@ from calibration.gap.landings.outcomes.prepare import Prepared
 from calibration.gap.landings.outcomes.scores import Score, score
 from calibration.gap.landings.outcomes.search import OutcomeSearch, search_outcomes
 from calibration.gap.landings.outcomes.vehicles import bare_parameters, filed_point, grid, tabulate
-from calibration.gap.landings.outcomes.verdict import Verdict, in_words, judge_outcomes
+from calibration.gap.landings.outcomes.verdict import in_words, judge_outcomes
 from onboard.arrays import FloatArray, IntArray
 from onboard.errors import InputError
 from onboard.json_file import as_json
@@ -70,7 +71,7 @@ class LandingReport:
         return measured_launch(ready.starts, ready.ceilings, ready.dispersion.height)
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> LandingVerdict:
         """What the outcomes say of the vehicle."""
         rows, _ = classified(self.real)
         return judge_outcomes(self.score, self.forecast.probability[rows], self.search)

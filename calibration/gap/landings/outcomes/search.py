@@ -183,17 +183,18 @@ class OutcomeSearch:
         refuted = {law for law, (_, (low, _)) in self.behind.items() if low > 0.0}
         return tuple(group for group in GROUPS if group not in self.named and group not in refuted)
 
+    def value_of(self, coordinate: str) -> tuple[float, float, Interval]:
+        """Mean, standard deviation, 95 % interval by the best model; as filed where that leaves it shut."""
+        return self.best.values.get(coordinate, (getattr(self.filed, coordinate), 0.0, (0.0, 0.0)))
+
     def to_json(self) -> dict[str, Any]:
         """``effects`` and ``search`` of the document."""
-        values = self.best.values
         effects: dict[str, dict[str, Any]] = {}
         for group in self.named:
             gain, interval = self.gains[group]
             for coordinate in GROUPS[group]:
                 effect, parameter = EFFECT_OF[coordinate]
-                mean, sigma, between = values.get(
-                    coordinate, (getattr(self.filed, coordinate), 0.0, (0.0, 0.0))
-                )
+                mean, sigma, between = self.value_of(coordinate)
                 entry = effects.setdefault(
                     effect,
                     {
