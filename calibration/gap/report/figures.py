@@ -11,7 +11,7 @@ from calibration.gap.estimate.refine import Fitted, Training
 from calibration.gap.replay import PredictionErrors, fly_again
 from calibration.gap.replay.closed_loop import ClosedLoopFlight
 from calibration.gap.report.document import Unexplained, Where
-from calibration.gap.report.figures_data import HeatMap, ReportFigures, ResidualCloud
+from calibration.gap.report.figures_data import ReportFigures, ResidualCloud
 from calibration.gap.report.prediction_figures import (
     channel_bars,
     horizon_curves,
@@ -80,19 +80,12 @@ def figures(
         training: its flights.
         maps: where the residual lived before, and lives after.
     """
-    before, after = maps
     return ReportFigures(
         horizons=horizon_curves(stages),
         channels=channel_bars(stages),
         phases=phase_bars(stages),
-        heat_map=HeatMap(
-            channels=before.channels,
-            regressors=before.regressors,
-            before=np.clip(before.share, 0.0, 1.0),
-            after=np.clip(after.share, 0.0, 1.0),
-            chance=np.clip(before.chance, 0.0, 1.0),
-        ),
-        clouds=_clouds(before, found, training),
+        maps=maps,
+        clouds=_clouds(maps[0], found, training),
         closed_loop=_flown_again(names, held_out),
     )
 
