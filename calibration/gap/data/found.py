@@ -22,6 +22,22 @@ class FoundParameter:
         return {**shown, "at_bound": True} if self.at_bound else shown
 
 
+@dataclass(frozen=True)
+class Improvement:
+    """What an effect does for flights that no fit saw.
+
+    Attributes:
+        before, after: error without and with it.
+        interval: 95 %, of `before` minus `after`, over flights.
+        metric: what the errors are, with the unit.
+    """
+
+    before: float
+    after: float
+    interval: Interval
+    metric: str
+
+
 @dataclass(frozen=True, kw_only=True)
 class FoundEffect:
     """One effect that was missing.
