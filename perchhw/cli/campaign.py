@@ -58,7 +58,7 @@ def run(
     from perchhw.campaign.plan import Slot
     from perchhw.campaign.run import request_of
     from perchhw.campaign.seats import drone_names, hold_all
-    from perchhw.cli.shown_attempts import run_shown
+    from perchhw.cli.displayed_campaign import run_displayed
     from perchhw.flight.fit import check_fit
     from perchhw.flight.ground_station import ground_station
     from perchhw.lab import find_lab
@@ -85,7 +85,7 @@ def run(
             flight_display(f"campaign {plan.name}", ", ".join(names.values()) or plan.drone) as display,
             live_view(view, folder, display),
         ):
-            run_shown(plan, folder, display, yes, listener, resume=resume, retry_aborted=retry_aborted)
+            run_displayed(plan, folder, display, yes, listener, resume=resume, retry_aborted=retry_aborted)
     except (CampaignStopped, DroneStopped) as stop:
         stopped = str(stop)
         progress_console().print(stopped, style="red", markup=False)
@@ -106,7 +106,7 @@ def _fly_courses(
 ) -> int:
     """Fly a campaign of test flights."""
     from onboard.link.exclusive import hold
-    from perchhw.cli.shown_attempts import fly_courses_shown
+    from perchhw.cli.displayed_campaign import fly_courses_displayed
     from perchhw.flight.ground_station import ground_station
     from perchhw.record.folder import slug
     from perchhw.screen.flight_display import flight_display
@@ -118,7 +118,7 @@ def _fly_courses(
         flight_display(f"campaign {plan.name}", plan.setup.drone) as display,
         live_view(view, folder, display),
     ):
-        rows = fly_courses_shown(plan, folder, display, yes, listener, resume=resume)
+        rows = fly_courses_displayed(plan, folder, display, yes, listener, resume=resume)
     stopped = next((row.aborted_by for row in rows if row.aborted_by), None)
     _report_courses(folder)
     _emit_courses(folder, stopped)
