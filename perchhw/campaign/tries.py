@@ -359,10 +359,28 @@ def _columns(folder: Path) -> set[str]:
 
 
 def _connect(path: Path) -> sqlite3.Connection:
+    """Open the database.
+
+    Raises:
+        CampaignError: it is damaged.
+    """
     connection = sqlite3.connect(path, isolation_level=None, timeout=5.0)
     connection.row_factory = sqlite3.Row
-    connection.execute("PRAGMA journal_mode = WAL")
-    connection.execute("PRAGMA synchronous = FULL")
+    try:
+        connection.execute("PRAGMA journal_mode = WAL")
+        connection.execute("PRAGMA synchronous = FULL")
+        (found,) = connection.execute("PRAGMA quick_check(1)").fetchone()
+    except sqlite3.OperationalError:  # locked, say: nothing is wrong with the file
+        connection.close()
+        raise
+    except sqlite3.DatabaseError as error:
+        found = str(error)
+    if found != "ok":
+        connection.close()
+        raise CampaignError(
+            f"{path}: is damaged ({found}): restore it; the records beside it can be read without "
+            f"(perchhw log list {path.parent / 'attempts'})"
+        )
     return connection
 
 

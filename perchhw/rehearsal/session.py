@@ -25,7 +25,7 @@ from onboard.vehicle import Vehicle
 from perchhw.errors import FlightStackError
 from perchhw.rehearsal.physics import Physics
 from perchhw.rehearsal.poses import ApproachPoses
-from perchhw.rehearsal.verdict import RehearsalVerdict, judge
+from perchhw.rehearsal.verdict import Verdict, judge
 from perchhw.rehearsal.watched import CUES, OpenRecord, RehearsalRecord
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ class Rehearsed:
     engine: str | None
     policy_crc32: int
     ring: Ring
-    verdict: RehearsalVerdict
+    verdict: Verdict
 
 
 def rehearse(

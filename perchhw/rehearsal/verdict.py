@@ -101,7 +101,7 @@ def _numbers(values: Any) -> Any:
 
 
 @dataclass(frozen=True)
-class RehearsalVerdict:
+class Verdict:
     """Whether drone and reference did the same, and where not.
 
     Attributes:
@@ -130,9 +130,7 @@ class RehearsalVerdict:
         return not self.failures
 
 
-def judge(
-    ring: Ring, reason: EndReason, plan: ApproachPlan, policy: Policy, vehicle: Vehicle
-) -> RehearsalVerdict:
+def judge(ring: Ring, reason: EndReason, plan: ApproachPlan, policy: Policy, vehicle: Vehicle) -> Verdict:
     """The verdict on one rehearsal.
 
     Args:
@@ -151,7 +149,7 @@ def judge(
         force = float(np.abs(ring.periods["law"]["thrusts"][at] - np.asarray(reference.thrusts)).max())
     value = _largest(ring.periods["trigger_value"], reference.trigger_values)
     a_rot = _largest(ring.periods["a_rot"], reference.a_rots)
-    return RehearsalVerdict(
+    return Verdict(
         tuple(_failures(reason, at, reference, samples, value, a_rot, force)),
         reason,
         samples,

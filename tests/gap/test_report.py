@@ -130,7 +130,7 @@ def figures() -> ReportFigures:
                 floor=0.2 * horizons,
             ),
         ),
-        maps=(
+        heat_map=(
             gap_map([[0.1, 0.8, np.nan], [0.0, 0.2, 0.3]]),
             gap_map([[0.1, 0.02, np.nan], [0.0, 0.2, 0.1]]),
         ),

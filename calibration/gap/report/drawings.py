@@ -89,11 +89,12 @@ def stage_bars(data: StageBars) -> "Figure":
     return figure
 
 
-def heat_maps(before: GapMap, after: GapMap) -> "Figure":
+def heat_maps(maps: tuple[GapMap, GapMap]) -> "Figure":
     """Before and after side by side; what chance could have made before is faint."""
+    before, _ = maps
     rows, columns = before.share.shape
     figure = new_figure(10.4, 1.5 + 0.36 * rows)
-    shares = [np.clip(one.share, 0.0, 1.0) for one in (before, after)]
+    shares = [np.clip(one.share, 0.0, 1.0) for one in maps]
     most = max(*(float(np.nanmax(share, initial=0.0)) for share in shares), 1e-3)
     image = None
     pair = figure.subplots(1, 2, sharey=True)

@@ -84,7 +84,7 @@ def figures(
         horizons=horizon_curves(stages),
         channels=channel_bars(stages),
         phases=phase_bars(stages),
-        maps=maps,
+        heat_map=maps,
         clouds=_clouds(maps[0], found, training),
         closed_loop=_flown_again(names, held_out),
     )

@@ -75,7 +75,7 @@ class ReportFigures:
     Attributes:
         horizons: one panel each.
         channels, phases: bars by channel and by phase of flight.
-        maps: where the residual lived before, and lives after.
+        heat_map: where the residual lived before, and lives after.
         clouds: residuals against regressors, most telling first.
         closed_loop: a held-out flight, flown again by the models of some stages.
     """
@@ -83,6 +83,6 @@ class ReportFigures:
     horizons: tuple[HorizonCurves, ...] = ()
     channels: StageBars | None = None
     phases: StageBars | None = None
-    maps: tuple[GapMap, GapMap] | None = None
+    heat_map: tuple[GapMap, GapMap] | None = None
     clouds: tuple[ResidualCloud, ...] = ()
     closed_loop: Mapping[str, ClosedLoopFlight] = field(default_factory=dict)

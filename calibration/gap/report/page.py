@@ -166,15 +166,15 @@ def _folded(title: str, content: str) -> str:
 
 
 def _where(report: GapReport, figures: ReportFigures) -> Iterator[str]:
-    if report.where or figures.maps is not None:
+    if report.where or figures.heat_map is not None:
         rows = [
             [escape(plain(place.channel)), escape(place.condition), f"{number(place.share)}"]
             for place in report.where
         ]
         content = table(["channel", "condition", "share of the gap before"], rows) if rows else ""
         note = ""
-        if figures.maps is not None:
-            content += svg(drawings.heat_maps(*figures.maps))
+        if figures.heat_map is not None:
+            content += svg(drawings.heat_maps(figures.heat_map))
             note = (
                 "Cells, in percent: share of the residual's variance that goes with the regressor. Faint "
                 "cells are no larger than what the colour of the noise alone makes in 1 of 20."
