@@ -13,6 +13,7 @@ from calibration.flights import Flight, open_flight, open_flights
 from calibration.gap.landings import LandingFindings, LandingVerdict, judge_landings
 from calibration.gap.landings.choose import at_bound
 from calibration.gap.landings.flip import flip_residual
+from calibration.gap.landings.judge import improvement
 from calibration.gap.landings.kernels import COLUMNS, POSITION, fly
 from calibration.gap.landings.problem import Solver, pose_problems
 from calibration.gap.landings.search import HIGHEST, NOMINAL, Theta, apply
@@ -149,11 +150,18 @@ def test_soft_hinge_is_named_and_measured(soft_findings: LandingFindings) -> Non
     assert value == pytest.approx(0.5, rel=0.1)
     assert low < 0.5 < high
     assert finding.error_after < 0.3 * finding.error_before
-    assert finding.improvement_ci95[0] > 0.3
+    low, high = finding.improvement_ci95
+    assert 0.3 * finding.error_before < low < finding.error_before - finding.error_after < high
     assert not finding.at_bound
     assert len(soft_findings.usable) == COUNT
     assert soft_findings.misfit is not None
     assert soft_findings.misfit > 2.0
+
+
+def test_an_improvement_is_a_difference_in_the_unit_of_the_errors() -> None:
+    before, after = np.array([4.0, 5.0, 6.0, 4.5, 5.5, 5.2]), np.array([1.0, 1.2, 0.9, 1.1, 1.3, 1.0])
+    low, high = improvement(before, after, np.random.default_rng(0))
+    assert 2.5 < low < np.median(before) - np.median(after) < high < 5.5
 
 
 def test_a_fit_at_the_end_of_its_range_is_no_value() -> None:

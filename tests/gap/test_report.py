@@ -26,7 +26,7 @@ from calibration.gap.report.document import (
     leaves,
 )
 from calibration.gap.report.drawings import quantile_bands
-from calibration.gap.report.figures_data import HeatMap, HorizonCurves, ReportFigures, ResidualCloud
+from calibration.gap.report.figures_data import HorizonCurves, ReportFigures, ResidualCloud
 from calibration.gap.report.prediction_figures import (
     channel_bars,
     horizon_curves,
@@ -35,6 +35,7 @@ from calibration.gap.report.prediction_figures import (
 )
 from calibration.gap.report.words import number
 from calibration.gap.report.writing import ReportFolderError, write_report
+from calibration.gap.unnamed.gap_map import GapMap
 from onboard.vehicle import load_vehicle
 from tests.gap.simulated_flight import circle, fly, up_and_down, with_noise
 from tests.physics.effects.conftest import with_effects
@@ -106,6 +107,13 @@ def report(**changes: Any) -> GapReport:
     return dataclasses.replace(full, **changes)
 
 
+def gap_map(share: list[list[float]]) -> GapMap:
+    """Two channels against three regressors."""
+    chance = np.full((2, 3), 0.05)
+    names = ("force_x", "force_z"), ("height", "voltage", "speed")
+    return GapMap(*names, np.array(share), chance, np.ones((2, 3)), ())
+
+
 def figures() -> ReportFigures:
     """One of each kind, with a name that must be escaped."""
     horizons, x = np.array([0.1, 1.0]), RNG.uniform(3.0, 4.0, 300)
@@ -120,12 +128,9 @@ def figures() -> ReportFigures:
                 floor=0.2 * horizons,
             ),
         ),
-        heat_map=HeatMap(
-            channels=("force_x", "force_z"),
-            regressors=("height", "voltage", "speed"),
-            before=np.array([[0.1, 0.8, np.nan], [0.0, 0.2, 0.3]]),
-            after=np.array([[0.1, 0.02, np.nan], [0.0, 0.2, 0.1]]),
-            chance=np.full((2, 3), 0.05),
+        heat_map=(
+            gap_map([[0.1, 0.8, np.nan], [0.0, 0.2, 0.3]]),
+            gap_map([[0.1, 0.02, np.nan], [0.0, 0.2, 0.1]]),
         ),
         clouds=(
             ResidualCloud(

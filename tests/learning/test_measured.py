@@ -1,6 +1,7 @@
 """The measured dispersion: what the authors' flights show, and what it does to attempts."""
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +27,7 @@ def test_the_preset_is_what_the_authors_flights_show(shared_data: Path) -> None:
     found = measured_launch(ready.starts, ready.ceilings, ready.dispersion.height)
     assert found is not None
     preset = SENSING[MEASURED].launch
-    for name, value in found.to_json().items():
+    for name, value in asdict(found).items():
         if name != "flights":
             assert getattr(preset, name) == pytest.approx(value, abs=6e-4), name
     assert preset.flip_spread == pytest.approx(ready.dispersion.pitch, abs=6e-4)

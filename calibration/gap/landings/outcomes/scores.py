@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from calibration.measurement import wilson_interval
+from calibration.measurement import Interval, interval_of, wilson_interval
 from onboard.arrays import BoolArray, FloatArray, IntArray
 
 REPLICATES = 2000
@@ -19,8 +19,6 @@ REPLICATES = 2000
 
 BINS = 5
 """Of the reliability diagram, of equal count."""
-
-Interval = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -155,11 +153,11 @@ def score(
     return Score(
         flights=count,
         brier=float(own.mean()),
-        brier_interval=_interval(own[drawn].mean(axis=1)),
+        brier_interval=interval_of(own[drawn].mean(axis=1)),
         brier_base=float(by_base.mean()),
         brier_base_in_sample=float(brier(np.tile(happened.mean(axis=0), (count, 1)), real).mean()),
         gain=float((own - by_base).mean()),
-        gain_interval=_interval((own - by_base)[drawn].mean(axis=1)),
+        gain_interval=interval_of((own - by_base)[drawn].mean(axis=1)),
         log=float(logs.mean()),
         log_base=float(surprise(base, real, count).mean()),
         auc_four=auc,
@@ -229,11 +227,6 @@ def _counts(probability: FloatArray, real: IntArray) -> tuple[Count, Count, Coun
     return four, two, none
 
 
-def _interval(values: FloatArray) -> Interval:
-    low, high = np.quantile(values, [0.025, 0.975])
-    return float(low), float(high)
-
-
 def _auc_interval(value: FloatArray, positive: BoolArray, drawn: IntArray) -> Interval:
     found = [auc_of(value[rows], positive[rows]) for rows in drawn]
-    return _interval(np.array([auc for auc in found if auc is not None]))
+    return interval_of(np.array([auc for auc in found if auc is not None]))

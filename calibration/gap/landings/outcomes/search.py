@@ -26,9 +26,8 @@ from calibration.gap.landings.outcomes.scores import (
     surprise,
 )
 from calibration.gap.landings.outcomes.vehicles import EFFECT_OF, UNITS, WITHOUT, Point
+from calibration.measurement import Interval, interval_of
 from onboard.arrays import BoolArray, FloatArray, IntArray
-
-Interval = tuple[float, float]
 
 LEAST_GAIN = 0.05
 """Of the Brier score: what predicts flights better by less is not named, however sure. Where nearly all feet
@@ -184,17 +183,18 @@ class OutcomeSearch:
         refuted = {law for law, (_, (low, _)) in self.behind.items() if low > 0.0}
         return tuple(group for group in GROUPS if group not in self.named and group not in refuted)
 
+    def value_of(self, coordinate: str) -> tuple[float, float, Interval]:
+        """Mean, standard deviation, 95 % interval by the best model; as filed where that leaves it shut."""
+        return self.best.values.get(coordinate, (getattr(self.filed, coordinate), 0.0, (0.0, 0.0)))
+
     def to_json(self) -> dict[str, Any]:
         """``effects`` and ``search`` of the document."""
-        values = self.best.values
         effects: dict[str, dict[str, Any]] = {}
         for group in self.named:
             gain, interval = self.gains[group]
             for coordinate in GROUPS[group]:
                 effect, parameter = EFFECT_OF[coordinate]
-                mean, sigma, between = values.get(
-                    coordinate, (getattr(self.filed, coordinate), 0.0, (0.0, 0.0))
-                )
+                mean, sigma, between = self.value_of(coordinate)
                 entry = effects.setdefault(
                     effect,
                     {
@@ -270,8 +270,7 @@ def search_outcomes(
 
 def _mean_of(change: FloatArray, drawn: IntArray) -> tuple[float, Interval]:
     """Mean over flights (n,), and its 95 % interval over sets of them (sets, n)."""
-    low, high = np.quantile(change[drawn].mean(axis=1), [0.025, 0.975])
-    return float(change.mean()), (float(low), float(high))
+    return float(change.mean()), interval_of(change[drawn].mean(axis=1))
 
 
 def _best(fits: Sequence[ModelFit]) -> ModelFit:
