@@ -206,6 +206,31 @@ def test_a_drone_or_room_that_dies_on_the_approach_ends_the_attempt(victim: str,
     assert abs(float(run.series[topic].t[-1]) - killed_at) < 0.2
 
 
+@pytest.mark.soak
+@pytest.mark.timeout(400)
+@pytest.mark.parametrize(
+    ("how", "why"), [(signal.SIGKILL, "link_lost"), (signal.SIGSTOP, "it hangs, or is stopped")]
+)
+def test_who_flies_in_a_lab_that_dies_or_hangs_is_told_and_keeps_the_record(
+    how: signal.Signals, why: str, tmp_path: Path
+) -> None:
+    with open_lab() as lab:
+        process = fly_in_child(lab, tmp_path)
+        wait_for_phase(process, "moving to start")
+        os.kill(lab.pid, how)
+        output, errors = process.communicate(timeout=300)
+        os.kill(lab.pid, signal.SIGCONT)
+    assert process.returncode == 3, errors
+    assert why in errors
+    assert "MOTORS CUT BEFORE IT WAS DOWN" in errors
+    assert "STOP NOT CONFIRMED" in errors
+    assert "Traceback" not in errors
+    assert json.loads(output)["diagnosis"]["code"] == "link_lost"
+    run = read_run(only_run(tmp_path))
+    assert run.info["closed"] is True
+    assert run.info["fell"] is not None
+
+
 def test_a_flight_killed_on_the_approach_loses_nothing_but_its_last_instant(tmp_path: Path) -> None:
     with open_lab() as lab:
         process = fly_in_child(lab, tmp_path)
