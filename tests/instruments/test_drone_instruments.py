@@ -1,17 +1,11 @@
 """Gyroscope and motors through the link to a simulated drone; the motors are off after every way out."""
 
-import itertools
-import os
-import signal
-import sys
 import threading
 from collections.abc import Iterator
-from types import FrameType
 
 import numpy as np
 import pytest
 
-from calibration.bench.instruments import motor_stand, uninterrupted
 from calibration.bench.instruments.drone_log import DroneLog
 from calibration.bench.instruments.errors import (
     InstrumentInputError,
@@ -25,6 +19,7 @@ from calibration.bench.instruments.set_points import pwm
 from onboard.clock import monotonic
 from onboard.link import DroneLink, LinkLost
 from onboard.link import reboot as reboot_within
+from tests.instruments.stand import STILL, Power, Witness, motors, renew_for_ever, unlocked
 from tests.link.faulty_network import Faults, FaultyNetwork
 from tests.patience import PATIENCE_S, patient_link, until
 
@@ -47,81 +42,10 @@ def drone(drone_uri: str) -> Iterator[DroneLink]:
         yield link
 
 
-class Witness:
-    """A second look at the motors, by a log block of its own: what the drone drives."""
-
-    def __init__(self, link: DroneLink) -> None:
-        self._changed = threading.Condition()
-        self.ratios = (0, 0, 0, 0)
-        self.seen: set[tuple[int, ...]] = set()
-        self._stream = link.stream([f"motor.m{i}" for i in (1, 2, 3, 4)], 10, self._take)
-
-    def _take(self, sample: object) -> None:
-        with self._changed:
-            self.ratios = tuple(int(value) for value in sample.values.values())  # type: ignore[attr-defined]
-            self.seen.add(self.ratios)
-            self._changed.notify_all()
-
-    def await_ratios(self, ratios: tuple[int, int, int, int]) -> None:
-        """Wait for these ratios."""
-        with self._changed:
-            assert self._changed.wait_for(lambda: self.ratios == ratios, PATIENCE_S), self.ratios
-
-    def close(self) -> None:
-        self._stream.close()
-
-
-STILL = (0, 0, 0, 0)
-
-
-class Power:
-    """A remote cut that notes what it is told; `gone` makes it one that nobody holds any more."""
-
-    def __init__(self) -> None:
-        self.cuts: list[float] = []
-        self.beats: list[float] = []
-        self.resting = False
-        self.gone = threading.Event()
-
-    def cut(self) -> None:
-        self.cuts.append(monotonic())
-
-    def beat(self, within_s: float) -> None:
-        if self.gone.is_set():
-            raise InstrumentLost("the keeper is gone")
-        self.beats.append(monotonic())
-
-    def rest(self) -> None:
-        self.resting = True
-
-
-def unlocked(drone: DroneLink, **settings: object) -> MotorStand:
-    stand = MotorStand(drone, **{"no_remote_cut": "remote_cut" not in settings, **settings})  # type: ignore[arg-type]
-    stand.unlock(UNLOCK_PHRASE)
-    return stand
-
-
-def motors(stand: MotorStand, ratios: tuple[int, ...], witness: Witness | None = None) -> None:
-    """Renew until the stand's own log shows these ratios, and the witness has seen them."""
-    deadline, shown = monotonic() + PATIENCE_S, False
-    while monotonic() < deadline:
-        batch = stand.take(0.05)
-        if batch.times.size:
-            shown = tuple(batch.values[f"motor.m{i}"][-1] for i in (1, 2, 3, 4)) == ratios
-        if shown and (witness is None or ratios in witness.seen):
-            return
-    raise AssertionError(f"the motors do not show {ratios}")
-
-
 def missing(times: np.ndarray) -> int:
     """Samples of a 10 ms block that did not come, from whole milliseconds."""
     steps = np.diff(np.round(1e3 * times).astype(int))
     return sum(max(0, round(int(step) / 10) - 1) for step in steps)
-
-
-def renew_for_ever(stand: MotorStand) -> None:
-    while True:
-        stand.renew()
 
 
 def test_gyro_and_accelerometer_come_in_si_units_on_the_drones_clock(drone: DroneLink) -> None:
@@ -277,96 +201,6 @@ def test_motors_are_off_after_any_exception(drone: DroneLink, error: type[BaseEx
             motors(stand, (pwm(60), 0, 0, 0), witness)
             raise error
         witness.await_ratios(STILL)
-    finally:
-        witness.close()
-
-
-def test_ctrl_c_again_and_again_leaves_no_motor_turning(drone: DroneLink) -> None:
-    """Nothing else would stop them: on a battery, by the stock firmware."""
-    hangs, seen, goes_on = threading.Event(), threading.Event(), threading.Event()
-    heard: list[int] = []
-
-    def check() -> None:
-        if hangs.is_set():
-            seen.set()
-            goes_on.wait()
-
-    def interrupted(number: int, _frame: object) -> None:
-        heard.append(number)
-        raise KeyboardInterrupt
-
-    def press(stand: MotorStand) -> None:
-        try:
-            for count in (1, 2):  # the second while the stand closes
-                os.kill(os.getpid(), signal.SIGINT)
-                until(lambda count=count: len(heard) == count and stand._closing.is_set())
-        finally:
-            goes_on.set()
-
-    before = signal.signal(signal.SIGINT, interrupted)
-    witness = Witness(drone)
-    try:
-        with pytest.raises(KeyboardInterrupt), unlocked(drone, instruments=[check]) as stand:  # noqa: PT012
-            stand.spin({1: pwm(60)})
-            motors(stand, (pwm(60), 0, 0, 0), witness)
-            hangs.set()
-            until(seen.is_set)
-            presser = threading.Thread(target=press, args=(stand,))
-            presser.start()
-            until(lambda: False)
-        presser.join()
-        witness.await_ratios(STILL)
-        assert stand.stopped is not None
-        assert stand.stopped.confirmed
-    finally:
-        witness.close()
-        signal.signal(signal.SIGINT, before)
-
-
-class Key:
-    """A trace function that presses Ctrl-C before the line number `at` of the bench's closing code is run."""
-
-    FILES = (motor_stand.__file__, uninterrupted.__file__)
-
-    def __init__(self, at: int) -> None:
-        self._to_go = at
-        self.was_pressed = False
-
-    def __call__(self, frame: FrameType, event: str, _arg: object) -> "Key | None":
-        if frame.f_code.co_filename not in self.FILES:
-            return None
-        if event == "line":
-            if self._to_go == 0:
-                self.was_pressed = True
-                raise KeyboardInterrupt
-            self._to_go -= 1
-        return self
-
-
-def test_ctrl_c_at_any_line_of_the_end_stops_the_motors_all_the_same(drone: DroneLink) -> None:
-    """Also between two lines that look harmless. (Before the first one it is as if nobody renewed: below.)"""
-    witness = Witness(drone)
-    try:
-        for at in itertools.count(1):
-            witness.seen.clear()
-            stand, key = unlocked(drone), Key(at)
-            stand.spin({1: pwm(60)})
-            motors(stand, (pwm(60), 0, 0, 0), witness)
-            sys.settrace(key)
-            try:
-                stand.close()
-            except (KeyboardInterrupt, MotorsNotStopped):  # the key came before the drone's word
-                assert key.was_pressed
-            finally:
-                sys.settrace(None)
-            until(lambda stand=stand: stand.stopped is not None)
-            assert stand.stopped is not None
-            assert stand.stopped.confirmed, at
-            witness.await_ratios(STILL)
-            stand.close()
-            if not key.was_pressed:
-                break
-        assert at > 10
     finally:
         witness.close()
 

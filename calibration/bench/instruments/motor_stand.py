@@ -33,7 +33,6 @@ from calibration.bench.instruments.errors import (
 from calibration.bench.instruments.motor_token import MotorToken
 from calibration.bench.instruments.set_points import check_set_point
 from calibration.bench.instruments.supply_keeper import HANG_S
-from calibration.bench.instruments.uninterrupted import to_its_end
 from onboard.clock import Clock, monotonic
 from onboard.closing import Closing
 from onboard.errors import PerchhwError
@@ -235,13 +234,19 @@ class MotorStand(Closing):
 
         Raises:
             MotorsNotStopped: the drone did not confirm.
+            KeyboardInterrupt: somebody pressed Ctrl-C meanwhile; the motors are stopped all the same.
         """
         self._closing.set()  # before anything else, for from here on nobody can hold the stop back
         self._halted = True
-        try:
-            to_its_end(self._end.join)
-        finally:
-            self._let_go()
+        interrupt: KeyboardInterrupt | None = None
+        while self._end.is_alive():
+            try:
+                self._end.join()
+            except KeyboardInterrupt as key:  # heard when the motors stand
+                interrupt = key
+        self._let_go()
+        if interrupt is not None:
+            raise interrupt
 
     def _stop_at_the_end(self) -> None:
         """A thread's work: who interrupts :meth:`close`, however early or often, does not interrupt this."""
@@ -277,8 +282,7 @@ class MotorStand(Closing):
             self._drone.set_param(_ENABLE, mode)
         except BaseException as error:
             self._halted = True
-            reason = f"the command failed: {error}"
-            to_its_end(lambda: self.stop(reason))
+            self.stop(f"the command failed: {error}")
             raise
         self._off = False  # a stop meanwhile may have come before the mode
         if self._failure is not None:
