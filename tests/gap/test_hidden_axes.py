@@ -1,10 +1,12 @@
 """The hinge of two axes and the hull of the independent landings are those of our physics."""
 
+import dataclasses
 from typing import Any
 
 import numpy as np
 import pytest
 
+from calibration.gap.landings.outcomes.vehicles import WITHOUT
 from onboard.arrays import Vector
 from onboard.room import RoomGeometry
 from onboard.vehicle import load_vehicle
@@ -14,8 +16,17 @@ from sim_backend.physics.parameters import physics_parameters
 from tests.gap.truth_landings.contact import leg_pull
 from tests.gap.truth_landings.drone import Drone
 from tests.gap.truth_landings.flight import numbers
-from tests.gap.truth_landings.judge import VEHICLE
+from tests.gap.truth_landings.judge import HINGES, VEHICLE, Judged, as_point, judge
+from tests.likely import assert_likely
 from tests.physics.effects.conftest import with_effects
+
+PADS = dataclasses.replace(HINGES, capture=0.6)
+HIDDEN = (
+    PADS,
+    dataclasses.replace(PADS, side_stiffness=4.0, side_damping=4.0),
+    dataclasses.replace(PADS, box_half=0.055, box_top=0.03),
+)
+"""Damped hinges and pads with a limit: alone, with a stiff second axis, in a hull as wide as propellers."""
 
 
 @kernel
@@ -44,3 +55,28 @@ def test_a_leg_of_two_axes_pulls_as_in_the_other_program(ratios: tuple[float, fl
         u, d = tuple((r / length).tolist()), tuple(seen.tolist())
         mine = ours(p, np.int64(leg), u, 1.0 / length, d)
         np.testing.assert_allclose(mine, theirs, rtol=1e-8, atol=1e-9)
+
+
+@pytest.fixture(scope="module")
+def landed() -> list[Judged]:
+    """Eight landings of each."""
+    return judge(HIDDEN, 8, 1, 40, [WITHOUT, *(as_point(drone) for drone in HIDDEN)])
+
+
+def test_landings_of_another_program_end_as_often_as_ours_predict(landed: list[Judged]) -> None:
+    for one in landed:
+        assert one.predicted is not None
+        for count, shares in zip(one.counts, one.predicted.T, strict=True):
+            assert_likely(count, shares.tolist(), simulated=40)
+
+
+def test_a_hull_that_meets_the_ceiling_changes_how_landings_end_and_a_second_axis_hardly(
+    landed: list[Judged],
+) -> None:
+    """What docs/gap_landings.md finds of the real flights, whose hull comes behind its propellers."""
+    plain, axes, hull = (one.predicted for one in landed)
+    assert plain is not None
+    assert axes is not None
+    assert hull is not None
+    assert np.abs(hull - plain).max() > 0.4
+    assert 0.0 < np.abs(axes - plain).max() < 0.2

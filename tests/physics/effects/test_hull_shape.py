@@ -85,7 +85,7 @@ def test_a_box_that_is_made_as_narrow_as_can_be_is_a_line_and_not_less() -> None
 
 
 def test_a_wider_hull_leaves_feet_less_room() -> None:
-    """Least tilt at which a fore foot comes first: that of a foot 43.5 mm out, beyond the box or within it."""
+    """Least tilt at which a fore foot comes first; it stands 43.5 mm out, beyond the box or within it."""
     narrow, wide = window_low(parameters(shaped())), window_low(parameters(shaped(width=0.0225)))
     assert narrow < math.radians(85.0) < math.radians(95.0) < wide
 
