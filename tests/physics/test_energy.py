@@ -28,6 +28,12 @@ CONTACTS: dict[str, tuple[dict[str, float], set[FootMode]]] = {
         HELD,
     ),
     "adhering, on the hinge's stop": ({"hinge_limit": STOP, "hinge_limit_cosine": math.cos(STOP)}, HELD),
+    "adhering, stiff sideways": ({"sideways_stiffness": 24.0, "sideways_damping": 9.0}, HELD),
+    "adhering, loose sideways": ({"sideways_stiffness": -1.0, "sideways_damping": -1.0}, HELD),
+    "sliding, stiff sideways": (
+        {"sideways_stiffness": 24.0, "sideways_damping": 9.0, "minimum_preload": 1e3},
+        PRESSED,
+    ),
     "tearing off": ({"adhesion_strength": 0.3}, TORN),
     "pressed until it adheres": ({"minimum_preload": 0.5}, HELD | PRESSED),
     "sliding on the ceiling": ({"minimum_preload": 1e3}, PRESSED),
