@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from calibration.gap.landings.findings import LandingVerdict
 from calibration.gap.landings.outcomes.search import GROUPS, OutcomeSearch, search_outcomes
 from calibration.gap.landings.outcomes.vehicles import (
     WITHOUT,
@@ -15,7 +16,7 @@ from calibration.gap.landings.outcomes.vehicles import (
     shapes,
     with_point,
 )
-from calibration.gap.landings.outcomes.verdict import Verdict, improved_vehicle, in_words
+from calibration.gap.landings.outcomes.verdict import improved_vehicle, in_words
 from onboard.quantity import Quantity
 from onboard.room import RoomGeometry
 from onboard.vehicle import EFFECTS, Effect, Vehicle, load_vehicle
@@ -45,7 +46,7 @@ def test_a_shape_is_named_where_flights_are_predicted_worse_without_it(group: st
     entry = next(one for one in found.to_json()["effects"] if one["name"] == effect)
     assert set(entry["parameters"]) == set(EFFECTS[effect].parameters)
     assert f"its {group}: {effect}." in " ".join(
-        in_words(Verdict.EFFECTS_FOUND, found.fits[0].left_one_out, found)
+        in_words(LandingVerdict.EFFECTS_FOUND, found.fits[0].left_one_out, found)
     )
 
 
