@@ -98,6 +98,7 @@ def test_an_attempt_lands_and_its_record_tells_the_whole_story(tmp_path: Path) -
     assert float(np.nanmax(flight.data["z"])) > 1.9
 
 
+@pytest.mark.soak  # tests/docs/test_flight_day.py flies again in the same way
 def test_a_drone_that_was_put_back_flies_again(lab: SimulatedLab, tmp_path: Path) -> None:
     results = []
     for number in range(2):
@@ -142,13 +143,6 @@ def test_input_that_cannot_be_used_leaves_no_record(
     with pytest.raises(InputError):
         fly_attempt(request(lab, tmp_path / "run", **changes))
     assert not (tmp_path / "run").exists()
-
-
-def test_a_flat_battery_does_not_arm(tmp_path: Path) -> None:
-    with open_lab("--fault", "battery_voltage=3.6") as lab:
-        result = refused(lab, tmp_path / "run")
-    assert "battery_at_rest" in str(result.aborted_by)
-    assert told(result) == "battery_low"
 
 
 def test_frozen_poses_do_not_arm(tmp_path: Path) -> None:
