@@ -29,7 +29,7 @@ def air(lab: SimulatedLab, tmp_path_factory: pytest.TempPathFactory) -> Iterator
 
 
 @pytest.mark.timeout(300)
-@pytest.mark.parametrize("number", range(4))
+@pytest.mark.parametrize("number", range(len(WAYS)))
 def test_a_stop_packet_of_the_host_locks_the_drone(air: Airborne, lab: SimulatedLab, number: int) -> None:
     stop = stop_when_it_flies(air, lab.drones[0], number, SEED)
     assert stop.way == WAYS[number % len(WAYS)]
