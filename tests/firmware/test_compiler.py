@@ -43,7 +43,9 @@ def test_with_a_compiler_the_drones_own_code_flies() -> None:
 
 
 @needs_compiler
-def test_a_library_is_compiled_once_with_the_same_flags(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_library_is_compiled_once_with_the_same_flags(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     first = compiled_library()
     made = first.stat().st_mtime_ns
