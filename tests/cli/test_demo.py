@@ -94,6 +94,7 @@ def demo_as_typed(attempts: int, out: Path) -> dict[str, Any]:
     return document
 
 
+@pytest.mark.soak  # .ci/run flies `make demo` as it is
 def test_a_user_flies_the_demo_and_is_told_what_to_expect(tmp_path: Path) -> None:
     document = demo_as_typed(1, tmp_path)
     assert min(check_predictions(document, 1)) > 0.5
@@ -181,3 +182,4 @@ def test_an_attempt_that_was_not_flown_is_an_error(
     phases = [event["phase"] for event in attempt.events if event["event"] == "phase"]
     assert phases[0] == "checking"
     assert "taking off" not in phases
+    assert Path(document["report"]).is_file()
