@@ -26,7 +26,7 @@ from onboard.trajectory import ApproachError, ApproachPlan, fit_approach
 from onboard.vehicle import load_vehicle
 from perchhw.attempt import DEFAULT_POLICY, DEFAULT_VEHICLE
 from sim_backend.crazyflie.engine import SnapshotField
-from sim_backend.crazyflie.high_level import Command
+from sim_backend.crazyflie.high_level import HighLevelCommand
 from sim_backend.engine_name import EngineName, usable_engine
 from sim_backend.world import World
 
@@ -69,7 +69,7 @@ class Pilot:
         while self.firmware.params.busy:
             self.run(0.001)
 
-    def order(self, command: Command, layout: str, *values: float) -> None:
+    def order(self, command: HighLevelCommand, layout: str, *values: float) -> None:
         """A command of the planner."""
         self.firmware.commander.high_level(int(command), struct.pack(layout, *values))
 
@@ -84,9 +84,9 @@ class Pilot:
         self.write(Parameter.POLICY_COMMIT, 1)
         self.firmware.supervisor.arm(True)
         self.run(0.2)
-        self.order(Command.TAKEOFF_2, "<BffBf", 0, 0.5, 0.0, 1, 1.5)
+        self.order(HighLevelCommand.TAKEOFF_2, "<BffBf", 0, 0.5, 0.0, 1, 1.5)
         self.run(2.0)
-        self.order(Command.GO_TO_2, "<BBB5f", 0, 0, 0, plan.x0, plan.y0, plan.z0, 0.0, 3.0)
+        self.order(HighLevelCommand.GO_TO_2, "<BBB5f", 0, 0, 0, plan.x0, plan.y0, plan.z0, 0.0, 3.0)
         self.run(4.5)
         for name, value in approach_parameters(plan).items():
             self.write(name, value)

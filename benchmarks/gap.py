@@ -47,7 +47,7 @@ def run(case: str, size: str, seed: int, flights: int) -> dict[str, Any]:
     """Hide, find, compare."""
     from calibration.flights import open_flights
     from calibration.gap.data import prepare_flights
-    from calibration.gap.find import Question, find_gap
+    from calibration.gap.find import GapQuestion, find_gap
     from onboard.vehicle import load_vehicle
     from tests.gap.truth.campaign import make_flights
 
@@ -57,7 +57,7 @@ def run(case: str, size: str, seed: int, flights: int) -> dict[str, Any]:
         files = make_flights(case, size, seed, flights, out=Path(folder) / "flights", answer=answer)
         started = time.monotonic()
         read = open_flights(files)[0]
-        found = find_gap(read, Question(vehicle=vehicle, seed=seed))
+        found = find_gap(read, GapQuestion(vehicle=vehicle, seed=seed))
         seconds = time.monotonic() - started
         records = prepare_flights(read).records
         sealed = json.loads(answer.read_text())

@@ -35,7 +35,7 @@ def seed_of_commit() -> int:
 def run(seed: int) -> dict[str, Any]:
     """One set: fly, find, compare."""
     from calibration.flights import open_flights
-    from calibration.gap.find import Question, find_gap
+    from calibration.gap.find import GapQuestion, find_gap
     from tests.truth.tunnel import draw, make_flights, nominal
 
     rng = np.random.default_rng([seed, 3])
@@ -44,7 +44,7 @@ def run(seed: int) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         files = make_flights(truth, seed, int(rng.integers(4, 9)), Path(folder))
         report = find_gap(
-            open_flights(files)[0], Question(vehicle=nominal(truth), seed=seed)
+            open_flights(files)[0], GapQuestion(vehicle=nominal(truth), seed=seed)
         ).report.to_json()
     named = {effect["name"]: effect for effect in report["effects"]}
     found = named.get("wind", {}).get("parameters", {})

@@ -29,7 +29,7 @@ def run(folder: Path, vehicle: str, split: str, fitted: Sequence[str]) -> dict[s
     """Find on the flights named in `fitted`, predict the others."""
     from calibration.flights import open_flights
     from calibration.gap.data import prepare_flights
-    from calibration.gap.find import Question, find_gap
+    from calibration.gap.find import GapQuestion, find_gap
     from calibration.gap.replay import evaluate
     from calibration.gap.sensors import apply_sensing, judge_sensing
     from onboard.vehicle import load_vehicle
@@ -37,7 +37,7 @@ def run(folder: Path, vehicle: str, split: str, fitted: Sequence[str]) -> dict[s
     flights = open_flights(_files(folder))[0]
     everything = prepare_flights(flights).records
     some = [flight for flight in flights if flight.source.name.split(".")[0] in fitted]
-    found = find_gap(some, Question(vehicle=load_vehicle(vehicle)))
+    found = find_gap(some, GapQuestion(vehicle=load_vehicle(vehicle)))
     unseen = [r for r in apply_sensing(everything, judge_sensing(everything)) if r.name not in fitted]
     return {
         "split": split,

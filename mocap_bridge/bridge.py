@@ -15,7 +15,7 @@ from typing import Protocol, Self
 
 from mocap_bridge.correction import AS_TRACKED, PoseCorrection
 from mocap_bridge.errors import MocapError, PoseTimeout
-from mocap_bridge.health import HealthLimits, HealthStatistics, PoseHealth, Verdict
+from mocap_bridge.health import HealthLimits, HealthStatistics, PoseHealth, PoseVerdict
 from mocap_bridge.pose import PoseSample, PoseStream, SourceStatistics, open_pose_stream
 from mocap_bridge.rotation import continuous, normalised
 from mocap_bridge.uri import MocapUri, parse_mocap_uri
@@ -61,7 +61,7 @@ class BridgeStatus:
         source: what the open source knows of its connection, or None.
     """
 
-    verdict: Verdict
+    verdict: PoseVerdict
     connected: bool
     error: str | None
     age: float | None
@@ -97,7 +97,7 @@ class PoseBridge:
         sink: PoseSink | None,
         limits: HealthLimits | None = None,
         clock: Timebase = WALL,
-        on_sample: Callable[[PoseSample, Verdict], None] | None = None,
+        on_sample: Callable[[PoseSample, PoseVerdict], None] | None = None,
         correction: PoseCorrection = AS_TRACKED,
     ) -> None:
         self._uri = uri if isinstance(uri, MocapUri) else parse_mocap_uri(uri)
@@ -235,7 +235,7 @@ class PoseBridge:
             self._receipts.append(sample.receipt_time)
             while self._receipts[0] < sample.receipt_time - _RATE_WINDOW_S:
                 self._receipts.popleft()
-            if verdict is Verdict.OK:
+            if verdict is PoseVerdict.OK:
                 self._last_good = sample
                 self._superseded += self._mail is not None
                 self._mail = sample if self._sink is not None else None

@@ -17,7 +17,7 @@ from onboard.arrays import Vector
 from onboard.clock import Clock
 
 
-class Verdict(Enum):
+class PoseVerdict(Enum):
     """What is said of a sample, or of the source now. Only OK may be forwarded."""
 
     UNKNOWN = "unknown"  # not yet ten good samples in a row
@@ -88,7 +88,7 @@ class HealthStatistics:
 
     samples: int
     good: int
-    rejects: Mapping[Verdict, int]
+    rejects: Mapping[PoseVerdict, int]
     missing_frames: int
     duplicates: int
     restarts: int
@@ -118,19 +118,19 @@ class PoseHealth:
         self.in_flight = False
         self._limits = limits
         self._clock = clock
-        self._state = Verdict.UNKNOWN
+        self._state = PoseVerdict.UNKNOWN
         self._good_run = 0
         self._track: _Track | None = None
         self._rival: _Track | None = None
         self._last_good_time: float | None = None
-        self._last_reject: Verdict | None = None
+        self._last_reject: PoseVerdict | None = None
         self._last_frame: int | None = None
         self._last_position: Vector | None = None
         self._repeats = 0
         self._counts: Counter[str] = Counter()
-        self._rejects: Counter[Verdict] = Counter()
+        self._rejects: Counter[PoseVerdict] = Counter()
 
-    def observe(self, sample: PoseSample) -> Verdict:
+    def observe(self, sample: PoseSample) -> PoseVerdict:
         """Judge `sample`; OK is the only answer with which it may be forwarded.
 
         A good sample before the lock gets the state that still holds: UNKNOWN, STALE or LOST.
@@ -147,24 +147,24 @@ class PoseHealth:
             return reason
         self._good_run += 1
         self._last_good_time = sample.receipt_time
-        if self._state is not Verdict.OK:
+        if self._state is not PoseVerdict.OK:
             if self._good_run < self._limits.relock_samples:
                 self._rejects[self._state] += 1
                 return self._state
-            self._state = Verdict.OK
+            self._state = PoseVerdict.OK
         self._last_reject = None
         self._counts["good"] += 1
-        return Verdict.OK
+        return PoseVerdict.OK
 
-    def verdict(self, now: float | None = None) -> Verdict:
+    def verdict(self, now: float | None = None) -> PoseVerdict:
         """The state of the source at `now` (s; by default by the clock)."""
         now = self._clock() if now is None else now
         self._age(now)
-        if self._state is not Verdict.OK or self._last_good_time is None:
+        if self._state is not PoseVerdict.OK or self._last_good_time is None:
             return self._state
         if now - self._last_good_time <= self._limits.coasting_age:
-            return Verdict.OK
-        return self._last_reject or Verdict.COASTING
+            return PoseVerdict.OK
+        return self._last_reject or PoseVerdict.COASTING
 
     def statistics(self) -> HealthStatistics:
         """Counts since the start."""
@@ -187,38 +187,38 @@ class PoseHealth:
         age = now - self._last_good_time
         if age > self._limits.stale_age:
             self._good_run = 0
-            if self._state is Verdict.OK:
-                self._state = Verdict.STALE
-        if age > self._limits.lost_age and self._state is not Verdict.UNKNOWN:
-            self._state = Verdict.LOST
+            if self._state is PoseVerdict.OK:
+                self._state = PoseVerdict.STALE
+        if age > self._limits.lost_age and self._state is not PoseVerdict.UNKNOWN:
+            self._state = PoseVerdict.LOST
 
-    def _count_frame(self, sample: PoseSample) -> Verdict | None:
+    def _count_frame(self, sample: PoseSample) -> PoseVerdict | None:
         """Keep account of the frame number; a frame seen before brings nothing new."""
         last, self._last_frame = self._last_frame, sample.frame
         if last is None:
             return None
         if sample.frame == last:
             self._counts["duplicates"] += 1
-            return Verdict.COASTING
+            return PoseVerdict.COASTING
         if sample.frame < last:
             self._counts["restarts"] += 1
         else:
             self._counts["missing_frames"] += sample.frame - last - 1
         return None
 
-    def _without_motion(self, sample: PoseSample) -> Verdict | None:
+    def _without_motion(self, sample: PoseSample) -> PoseVerdict | None:
         """What can be said of a sample without knowing how the body moves."""
         if not has_pose(sample, self._limits.norm_tolerance):
-            return Verdict.OCCLUDED
+            return PoseVerdict.OCCLUDED
         self._repeats = self._repeats + 1 if sample.position == self._last_position else 1
         self._last_position = sample.position
         if self._repeats >= self._limits.frozen_repeats:
-            return Verdict.FROZEN
+            return PoseVerdict.FROZEN
         if sample.receipt_time - sample.capture_time > self._limits.late_age:
-            return Verdict.LATE
+            return PoseVerdict.LATE
         return None
 
-    def _gate(self, sample: PoseSample) -> Verdict | None:
+    def _gate(self, sample: PoseSample) -> PoseVerdict | None:
         """Assign the sample to the track or to its rival; the verdict when it is not the track."""
         if self._track is None:
             self._track = _Track(sample)
@@ -235,11 +235,11 @@ class PoseHealth:
         )
         if self._rival.count >= self._limits.relock_samples:
             if self.in_flight:
-                self._state = Verdict.LOST
-                return Verdict.LOST
+                self._state = PoseVerdict.LOST
+                return PoseVerdict.LOST
             self._accept_rival(self._rival)
             return None
-        return Verdict.FLIPPED if turn > jump else Verdict.JUMPED
+        return PoseVerdict.FLIPPED if turn > jump else PoseVerdict.JUMPED
 
     def _accept_rival(self, rival: _Track) -> None:
         self._counts["relocks"] += 1

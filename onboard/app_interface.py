@@ -139,7 +139,7 @@ class Rehearsal(IntEnum):
     """Where its own model of the vehicle flies (:mod:`onboard.flight_model`)."""
 
 
-class Engine(IntEnum):
+class EngineCode(IntEnum):
     """`Parameter.ENGINE`: which code computes on the drone."""
 
     REFERENCE = 0

@@ -240,5 +240,5 @@ def find_gap(
     """
     from calibration.gap import find
 
-    asked = find.Question(vehicle=vehicle, seed=seed, ceiling_z=ceiling_z)
+    asked = find.GapQuestion(vehicle=vehicle, seed=seed, ceiling_z=ceiling_z)
     return find.find_gap(flights, asked)

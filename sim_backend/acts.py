@@ -21,7 +21,7 @@ class ActError(SimulationError):
     """An act that cannot be done."""
 
 
-class Acts:
+class LiveFaults:
     """Faults on demand.
 
     Args:

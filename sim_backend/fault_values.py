@@ -16,7 +16,7 @@ class FaultError(SimulationError, InputError):
 
 
 @dataclass(frozen=True, slots=True)
-class Window:
+class FaultWindow:
     """A span of simulated time (s); `end` is infinite when the fault stays."""
 
     start: float
@@ -41,7 +41,7 @@ class FaultRule(NamedTuple):
     field: str | None = None
 
 
-NO_TIME = Window(NEVER, NEVER)
+NO_TIME = FaultWindow(NEVER, NEVER)
 
 FaultRules = Mapping[str, FaultRule]
 
@@ -115,13 +115,13 @@ def times(text: str) -> tuple[float, ...]:
     return tuple(TIME(part) for part in text.split(","))
 
 
-def window(duration: float = NEVER) -> Callable[[str], Window]:
+def window(duration: float = NEVER) -> Callable[[str], FaultWindow]:
     """``S[:DURATION]``; `duration` (s) where the text has none."""
 
-    def parse(text: str) -> Window:
+    def parse(text: str) -> FaultWindow:
         start, colon, length = text.partition(":")
         begin = TIME(start)
-        return Window(begin, begin + (TIME(length) if colon else duration))
+        return FaultWindow(begin, begin + (TIME(length) if colon else duration))
 
     return parse
 

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 from onboard.arrays import FloatArray, Quaternion
 from onboard.gravity import GRAVITY
-from sim_backend.fault_values import Window
+from sim_backend.fault_values import FaultWindow
 from sim_backend.lab_faults import DroneFaults
 
 HELD_HEIGHT = 1.0
@@ -51,7 +51,7 @@ def wiring_of(faults: DroneFaults) -> Wiring:
     return WIRED if wiring == WIRED else wiring
 
 
-def attitude_in_hand(held: Window, time: float) -> Quaternion | None:
+def attitude_in_hand(held: FaultWindow, time: float) -> Quaternion | None:
     """How a person holds a drone at `time` (s): nose down, then left side down; None: it is not held."""
     if not held.covers(time):
         return None

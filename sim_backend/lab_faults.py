@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from sim_backend.fault_values import NO_TIME, Window
+from sim_backend.fault_values import NO_TIME, FaultWindow
 from sim_backend.survey import CeilingTruth
 
 
@@ -37,9 +37,9 @@ class DroneFaults:
     motors_swapped: tuple[int, int] | None = None
     propeller_reversed: int = 0
     motor_reversed: int = 0
-    hung_at: Window = NO_TIME
-    held_at: Window = NO_TIME
-    survey_at: Window = NO_TIME
+    hung_at: FaultWindow = NO_TIME
+    held_at: FaultWindow = NO_TIME
+    survey_at: FaultWindow = NO_TIME
     survey_ceiling: CeilingTruth | None = None
 
 

@@ -12,7 +12,7 @@ from onboard.arrays import Quaternion, Vector
 from onboard.vehicle import Vehicle
 from sim_backend.crazyflie.firmware import Firmware
 from sim_backend.crazyflie.interfaces import Localization
-from sim_backend.world import DT, LAG_LIMIT_S, StartMark, start_marks
+from sim_backend.world import DT, LAG_LIMIT_S, Placement, start_marks
 
 
 class ParkedDrone:
@@ -23,7 +23,7 @@ class ParkedDrone:
         state: its true state, as fields of :data:`sim_backend.physics.state.STATE`.
     """
 
-    def __init__(self, name: str, firmware: Firmware, mark: StartMark, voltage: float) -> None:
+    def __init__(self, name: str, firmware: Firmware, mark: Placement, voltage: float) -> None:
         self.name = name
         self.firmware = firmware
         self.mark = mark

@@ -25,7 +25,7 @@ from typing import Any
 
 from onboard.errors import PerchhwError
 from onboard.vehicle import load_vehicle
-from sim_backend.acts import Acts
+from sim_backend.acts import LiveFaults
 from sim_backend.engine_name import usable_engine
 from sim_backend.errors import SimulationError
 from sim_backend.faults import parse_faults
@@ -54,7 +54,7 @@ class Stage:
         self._lab: Lab | None = None
         self._stop = asyncio.Event()
         self._living: asyncio.Task[None] | None = None
-        self._acts: Acts | None = None
+        self._acts: LiveFaults | None = None
         self._timekeeper: asyncio.Task[None] | None = None
         self._closed = 0
 
@@ -96,7 +96,7 @@ class Stage:
             await lab.close()
             raise
         self._lab = lab
-        self._acts = Acts(lab.world, lab.links, lab.poses)
+        self._acts = LiveFaults(lab.world, lab.links, lab.poses)
         self._timekeeper = asyncio.create_task(self._keep_time(self._acts))
         self._stop = asyncio.Event()
         self._living = asyncio.create_task(lab.run(self._stop))
@@ -119,14 +119,14 @@ class Stage:
             gc.unfreeze()  # a lab that begins freezes what there is, so that what earlier ones left stays
 
     @property
-    def _open_acts(self) -> Acts:
+    def _open_acts(self) -> LiveFaults:
         if self._acts is None:
             raise StageError("no lab is open")
         if self._living is not None and self._living.done():
             self._living.result()  # why it has ended
         return self._acts
 
-    async def _keep_time(self, acts: Acts) -> None:
+    async def _keep_time(self, acts: LiveFaults) -> None:
         while True:
             acts.due()
             await asyncio.sleep(_WAIT_S)

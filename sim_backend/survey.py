@@ -12,7 +12,7 @@ import numpy as np
 
 from onboard.arrays import Quaternion, Vector
 from onboard.room import RoomGeometry
-from sim_backend.fault_values import Window, vector
+from sim_backend.fault_values import FaultWindow, vector
 
 WAND = "wand"
 """Name of the wand in the motion capture; its origin is the centre of the marker that touches."""
@@ -39,7 +39,7 @@ def ceiling_truth(text: str) -> CeilingTruth:
     return CeilingTruth(height, math.radians(tilt_x), math.radians(tilt_y))
 
 
-class Survey:
+class SimulatedSurvey:
     """What the person does when.
 
     Args:
@@ -49,7 +49,9 @@ class Survey:
         seed: of the hand's errors.
     """
 
-    def __init__(self, window: Window, ceiling: CeilingTruth | None, room: RoomGeometry, seed: int) -> None:
+    def __init__(
+        self, window: FaultWindow, ceiling: CeilingTruth | None, room: RoomGeometry, seed: int
+    ) -> None:
         self._window = window
         self._ceiling = ceiling or CeilingTruth(room.ceiling_z, 0.0, 0.0)
         rng = np.random.default_rng((seed, _HANDS))

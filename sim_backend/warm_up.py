@@ -24,7 +24,7 @@ from onboard.policy.bundle import bundle_crc32, encode_bundle
 from onboard.policy.model import ActionLayer, Policy
 from onboard.vehicle import Vehicle, load_vehicle
 from sim_backend.crazyflie.firmware import Firmware
-from sim_backend.crazyflie.high_level import Command
+from sim_backend.crazyflie.high_level import HighLevelCommand
 from sim_backend.engine_name import EngineName
 from sim_backend.world import World
 
@@ -73,7 +73,7 @@ class _Pilot:
     def go_to(self, x: float, y: float, z: float) -> None:
         """Go there in a second."""
         payload = struct.pack("<BBB5f", 0, 0, 0, x, y, z, 0.0, 1.0)
-        self.firmware.commander.high_level(Command.GO_TO_2, payload)
+        self.firmware.commander.high_level(HighLevelCommand.GO_TO_2, payload)
 
 
 def is_first_start(engine: EngineName) -> bool:
@@ -126,7 +126,7 @@ def compile_firmware(engine: EngineName) -> None:
     _upload(firmware, lambda: _hold(firmware, 10))
     firmware.supervisor.arm(True)
     _hold(firmware, 100)
-    firmware.commander.high_level(Command.TAKEOFF_2, struct.pack("<BffBf", 0, HEIGHT, 0.0, 1, 1.0))
+    firmware.commander.high_level(HighLevelCommand.TAKEOFF_2, struct.pack("<BffBf", 0, HEIGHT, 0.0, 1, 1.0))
     for name, value in START.items():
         _write(firmware, name, value, lambda: _hold(firmware, 10))
     _write(firmware, Parameter.TRAJECTORY_ARM, 1, lambda: _hold(firmware, 10))
@@ -168,7 +168,7 @@ def _fly_everything(pilot: _Pilot) -> None:
     pilot.upload()
     firmware.supervisor.arm(True)
     pilot.fly(0.1)
-    commander.high_level(Command.TAKEOFF_2, struct.pack("<BffBf", 0, HEIGHT, 0.0, 1, 1.0))
+    commander.high_level(HighLevelCommand.TAKEOFF_2, struct.pack("<BffBf", 0, HEIGHT, 0.0, 1, 1.0))
     pilot.fly(1.5)
     x, y, z = firmware.estimator.position()
     commander.setpoint_generic(struct.pack("<Bffff", 9, 1.0, 1.0, 0.0, HEIGHT))

@@ -29,7 +29,7 @@ from sim_backend.physics.reset import resting_on_floor
 from sim_backend.physics.state import STATE
 from sim_backend.physics.step import is_finite, step_first
 from sim_backend.pose_feed import PERIOD_TICKS, PoseFeed
-from sim_backend.survey import Survey
+from sim_backend.survey import SimulatedSurvey
 from sim_backend.truth import RATE_HZ, TruthRecorder
 
 Pose = tuple[Vector, Quaternion]
@@ -52,7 +52,7 @@ class WorldError(SimulationError):
 
 
 @dataclass(frozen=True, slots=True)
-class StartMark:
+class Placement:
     """Where the operator puts a drone down: x, y [m], heading [rad]."""
 
     x: float
@@ -63,11 +63,11 @@ class StartMark:
 ROWS_TO_THE_WALL = 7
 
 
-def start_marks(count: int) -> list[StartMark]:
+def start_marks(count: int) -> list[Placement]:
     """Marks for `count` drones, 2.5 m before the impact point: side by side in threes, rows 0.6 m apart, away
     from that point until the wall, then towards it and beyond."""
     rows = [-k if k < ROWS_TO_THE_WALL else k - ROWS_TO_THE_WALL + 1 for k in range(-(-count // 3))]
-    return [StartMark(-2.5 + 0.6 * rows[i // 3], (0.0, 0.5, -0.5)[i % 3]) for i in range(count)]
+    return [Placement(-2.5 + 0.6 * rows[i // 3], (0.0, 0.5, -0.5)[i % 3]) for i in range(count)]
 
 
 class Drone:
@@ -91,7 +91,7 @@ class Drone:
         name: str,
         firmware: Firmware,
         parameters: Any,
-        mark: StartMark,
+        mark: Placement,
         charge_used: float,
         pads: np.random.Generator,
         wiring: Wiring = WIRED,
@@ -157,7 +157,7 @@ class Drone:
         """Whether its radio answers nothing any more."""
         return self.frozen or self.dead
 
-    def stand_turned(self, survey: Survey) -> None:
+    def stand_turned(self, survey: SimulatedSurvey) -> None:
         """On its mark, with another heading."""
         self.place_on_start_mark()
         half = 0.5 * (self.mark.yaw + survey.heading)
@@ -258,7 +258,7 @@ class World:
         bias = (np.array(self._faults.gyro_bias) + parameters["gyro_bias"]).tolist()
         gyro_bias = (bias[0], bias[1], bias[2])
         self._seed = seed
-        self._survey = Survey(self._faults.survey_at, self._faults.survey_ceiling, room, seed)
+        self._survey = SimulatedSurvey(self._faults.survey_at, self._faults.survey_ceiling, room, seed)
         self._generators = [np.random.default_rng((seed, i, 0)) for i in range(drones)]
         self.drones = [
             Drone(

@@ -10,10 +10,10 @@ from cflib.crazyflie import Crazyflie
 from cflib.crazyflie.log import LogConfig
 from cflib.crazyflie.syncCrazyflie import SyncCrazyflie
 
-from perchhw.testing import Lab, SimulatedDrone, StageFailed, StageProcess
+from perchhw.testing import RealTimeLab, SimulatedDrone, StageFailed, StageProcess
 from perchhw.testing.instant import InstantLab
 from sim_backend.acts import ActError
-from sim_backend.crazyflie.tables import NoSuchVariable, ValueNotRepresentable
+from sim_backend.crazyflie.tables import NoSuchTableEntry, ValueNotRepresentable
 
 WATCHED = ("gyro.z", "acc.x", "pm.vbat", "pm.state", "range.zrange")
 
@@ -94,7 +94,7 @@ def test_sensors_show_too_much_at_once_and_no_more_with_every_call(
 
 
 def test_what_is_not_there_cannot_be_injected(drone: SimulatedDrone) -> None:
-    with pytest.raises(NoSuchVariable, match=r"pm\.none"):
+    with pytest.raises(NoSuchTableEntry, match=r"pm\.none"):
         drone.set_log("pm.none", 1.0)
     with pytest.raises(ValueNotRepresentable, match="70000 does not fit U16"):
         drone.set_log("range.zrange", 70000)
@@ -104,7 +104,7 @@ def test_what_is_not_there_cannot_be_injected(drone: SimulatedDrone) -> None:
 
 def test_the_lab_of_a_process_does_the_same(tmp_path: Path) -> None:
     with StageProcess(parked=True) as stage:
-        lab = Lab(stage, tmp_path / "lab")
+        lab = RealTimeLab(stage, tmp_path / "lab")
         drone = lab.drones[0]
         drone.set_log("pm.vbat", 3.05)
         drone.offset_voltage(-0.5)

@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from calibration.errors import CalibrationError
 from calibration.flights import Flight
-from calibration.gap.data import Prepared, prepare_flights
+from calibration.gap.data import PreparedFlights, prepare_flights
 from calibration.gap.data.duplicates import content_hash
 from calibration.gap.data.found import FoundEffect
 from calibration.gap.data.record import FlightRecord, NotUsed
@@ -26,9 +26,9 @@ from calibration.gap.replay.hover_voltage import of_one_vehicle, voltage_for
 from calibration.gap.report.document import (
     AmbiguousSet,
     GapReport,
+    GapVerdict,
     Rejected,
     UnusableFile,
-    Verdict,
 )
 from calibration.gap.report.effects import found_effects, landing_effects, landing_section
 from calibration.gap.report.figures import figures, unexplained, where
@@ -75,7 +75,7 @@ class GapResult:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Question:
+class GapQuestion:
     """What is asked.
 
     Attributes:
@@ -91,7 +91,9 @@ class Question:
     unusable: Sequence[UnusableFile] = field(default=())
 
 
-def find_gap(flights: Sequence[Flight], question: Question, progress: Progress = lambda _: None) -> GapResult:
+def find_gap(
+    flights: Sequence[Flight], question: GapQuestion, progress: Progress = lambda _: None
+) -> GapResult:
     """Find what a vehicle file lacks.
 
     Args:
@@ -107,7 +109,7 @@ def find_gap(flights: Sequence[Flight], question: Question, progress: Progress =
         return _find(flights, question, progress)
 
 
-def _find(flights: Sequence[Flight], question: Question, progress: Progress) -> GapResult:
+def _find(flights: Sequence[Flight], question: GapQuestion, progress: Progress) -> GapResult:
     rng = np.random.default_rng(question.seed)
     flights = sorted(flights, key=content_hash)  # names and order of the files decide nothing
     prepared = _prepared(flights, question)
@@ -179,7 +181,7 @@ def _find(flights: Sequence[Flight], question: Question, progress: Progress) -> 
     )
 
 
-def _prepared(flights: Sequence[Flight], question: Question) -> Prepared:
+def _prepared(flights: Sequence[Flight], question: GapQuestion) -> PreparedFlights:
     prepared = prepare_flights(flights)
     if not prepared.records:
         refused = [(one.file, one.reason) for one in question.unusable]
@@ -189,7 +191,7 @@ def _prepared(flights: Sequence[Flight], question: Question) -> Prepared:
     return prepared
 
 
-def _ceiling(question: Question, records: Sequence[FlightRecord]) -> float | None:
+def _ceiling(question: GapQuestion, records: Sequence[FlightRecord]) -> float | None:
     """Height (m) of the ceiling: as asked, else as all records that know it agree on."""
     told = {record.ceiling_z for record in records if record.ceiling_z is not None}
     return question.ceiling_z if question.ceiling_z is not None or len(told) != 1 else told.pop()
@@ -201,11 +203,11 @@ def _verdict(
     names: Named,
     landings: LandingFindings | None,
     left: Sequence[str],
-) -> Verdict:
+) -> GapVerdict:
     odd_landings = landings is not None and landings.verdict is LandingVerdict.UNEXPLAINED_GAP
     if nameless or names.unconfirmed or odd_landings or left:
-        return Verdict.UNEXPLAINED_GAP
-    return Verdict.EFFECTS_FOUND if effects else Verdict.NO_GAP
+        return GapVerdict.UNEXPLAINED_GAP
+    return GapVerdict.EFFECTS_FOUND if effects else GapVerdict.NO_GAP
 
 
 def _ambiguous(effects: Sequence[FoundEffect]) -> tuple[AmbiguousSet, ...]:
@@ -242,7 +244,7 @@ def _worse(stages: dict[str, PredictionErrors]) -> bool:
 
 
 def _unusable(
-    question: Question, prepared: Prepared, not_used: Sequence[NotUsed]
+    question: GapQuestion, prepared: PreparedFlights, not_used: Sequence[NotUsed]
 ) -> tuple[UnusableFile, ...]:
     refused = [UnusableFile(file=str(item.file), reason=item.reason) for item in prepared.refused]
     broken = [UnusableFile(file=item.name, reason=item.reason) for item in not_used]

@@ -13,7 +13,7 @@ from mocap_bridge.errors import PacketError
 _COUNT = struct.Struct("<I")
 
 
-class Reader:
+class PayloadReader:
     """A position in a block's payload."""
 
     __slots__ = ("data", "end", "position")
@@ -39,12 +39,12 @@ class Reader:
         return int(n)
 
 
-class Field(Protocol):
+class WireField(Protocol):
     """How one field lies on the wire. `minimum_size` is the fewest bytes it can take."""
 
     minimum_size: int
 
-    def read(self, reader: Reader) -> Any:
+    def read(self, reader: PayloadReader) -> Any:
         """Decode at the reader's position and step over it."""
 
     def write(self, value: Any, out: bytearray) -> None:
@@ -58,7 +58,7 @@ class Scalar:
         self._struct = struct.Struct("<" + code)
         self.minimum_size = self._struct.size
 
-    def read(self, reader: Reader) -> Any:
+    def read(self, reader: PayloadReader) -> Any:
         """The number."""
         return self._struct.unpack_from(reader.data, reader.take(self.minimum_size))[0]
 
@@ -77,7 +77,7 @@ class Numbers:
         self._struct = struct.Struct(f"<{count}{code}")
         self.minimum_size = self._struct.size
 
-    def read(self, reader: Reader) -> tuple[Any, ...]:
+    def read(self, reader: PayloadReader) -> tuple[Any, ...]:
         """The numbers."""
         return self._struct.unpack_from(reader.data, reader.take(self.minimum_size))
 
@@ -94,7 +94,7 @@ class Text:
 
     minimum_size = 4
 
-    def read(self, reader: Reader) -> str:
+    def read(self, reader: PayloadReader) -> str:
         """The text."""
         n = reader.count(1)
         start = reader.take(n)
@@ -112,10 +112,10 @@ class Many:
 
     minimum_size = 4
 
-    def __init__(self, item: Field) -> None:
+    def __init__(self, item: WireField) -> None:
         self._item = item
 
-    def read(self, reader: Reader) -> tuple[Any, ...]:
+    def read(self, reader: PayloadReader) -> tuple[Any, ...]:
         """The items."""
         n = reader.count(self._item.minimum_size)
         return tuple([self._item.read(reader) for _ in range(n)])
@@ -130,12 +130,12 @@ class Many:
 class Record:
     """Fields one after the other; `make` builds the value from them (a NamedTuple class)."""
 
-    def __init__(self, make: Callable[..., Any], *fields: Field) -> None:
+    def __init__(self, make: Callable[..., Any], *fields: WireField) -> None:
         self.make = make
         self._fields = fields
         self.minimum_size = sum(field.minimum_size for field in fields)
 
-    def read(self, reader: Reader) -> Any:
+    def read(self, reader: PayloadReader) -> Any:
         """The record."""
         return self.make(*[field.read(reader) for field in self._fields])
 

@@ -7,7 +7,7 @@ angles rad. Segment ids start at 1; 0 means "no parent".
 
 from typing import NamedTuple
 
-from mocap_bridge.datastream.fields import Field, Many, Numbers, Record, Scalar, Text
+from mocap_bridge.datastream.fields import Many, Numbers, Record, Scalar, Text, WireField
 from mocap_bridge.rotation import Matrix
 from onboard.arrays import Vector
 
@@ -39,7 +39,7 @@ class RequestNextFrame(NamedTuple):
     frames: int
 
 
-class Contents(NamedTuple):
+class PacketContents(NamedTuple):
     """What the packet holds (id, how many) and which static objects are valid though not sent again."""
 
     counts: tuple[tuple[int, int], ...]
@@ -239,14 +239,14 @@ class Ping(NamedTuple):
 
 
 StreamObject = (
-    ObjectEnums | RequestFrame | RequestNextFrame | Contents | StreamInfo | SubjectInfo | FrameInfo |
+    ObjectEnums | RequestFrame | RequestNextFrame | PacketContents | StreamInfo | SubjectInfo | FrameInfo |
     GlobalSegments | LocalSegments | LightweightSegments | LatencyInfo | FrameRateInfo | Timecode |
     ApplicationInfo | ObjectQuality | SubjectHealth | SubjectTopology | SubjectScale |
     LabeledReconstructions | UnlabeledReconstructions | CameraInfo | HardwareFrameInfo | Ping
 )  # fmt: skip
 
 
-def _pair(first: Field, second: Field) -> Record:
+def _pair(first: WireField, second: WireField) -> Record:
     return Record(lambda *values: values, first, second)
 
 
@@ -282,7 +282,7 @@ LAYOUTS: dict[int, Record] = {
     28001: Record(SubjectScale, _U32, Many(_pair(_U32, _VECTOR))),
     100001: Record(ObjectEnums, Many(_U32)),
     100002: Record(RequestFrame, _U8),
-    100004: Record(Contents, Many(_pair(_U32, _U32)), Many(_U32)),
+    100004: Record(PacketContents, Many(_pair(_U32, _U32)), Many(_U32)),
     100008: Record(RequestNextFrame, _U32),
 }
 OBJECT_IDS: dict[type, int] = {

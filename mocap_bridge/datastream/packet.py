@@ -7,7 +7,7 @@ not count their own eight bytes. All objects of one frame travel in one packet.
 import struct
 from collections.abc import Collection, Iterable
 
-from mocap_bridge.datastream.fields import Reader
+from mocap_bridge.datastream.fields import PayloadReader
 from mocap_bridge.datastream.objects import LAYOUTS, OBJECT_IDS, StreamObject
 from mocap_bridge.errors import PacketError
 
@@ -65,7 +65,7 @@ def decode_packet(data: bytes, wanted: Collection[int] | None = None) -> list[St
             )
         layout = LAYOUTS.get(object_id)
         if layout is not None and (wanted is None or object_id in wanted):
-            reader = Reader(data, position, position + size)
+            reader = PayloadReader(data, position, position + size)
             objects.append(layout.read(reader))
             if reader.position != reader.end:
                 raise PacketError(f"object {object_id} leaves {reader.end - reader.position} bytes unread")

@@ -23,7 +23,7 @@ _SIGNING_EPOCH_S = 1_420_070_400
 """1 January 2015 UTC, from which signatures count in 10 us (https://mavlink.io/en/guide/message_signing.html)."""
 
 
-class Received(NamedTuple):
+class ReceivedMessage(NamedTuple):
     """A message, who sent it (system, component) and from where."""
 
     message: Any
@@ -106,7 +106,7 @@ class MavlinkEndpoint:
         """Wait until something arrives, at most `timeout_s`."""
         self._selector.select(timeout_s)
 
-    def receive(self) -> Iterator[Received]:
+    def receive(self) -> Iterator[ReceivedMessage]:
         """What has arrived, whole messages only."""
         for _ in range(_BURST):
             try:
@@ -119,7 +119,9 @@ class MavlinkEndpoint:
                 if message.get_type() == "BAD_DATA":
                     self.refused += 1
                 elif not message.get_type().startswith("UNKNOWN"):
-                    yield Received(message, message.get_srcSystem(), message.get_srcComponent(), source)
+                    yield ReceivedMessage(
+                        message, message.get_srcSystem(), message.get_srcComponent(), source
+                    )
 
     def close(self) -> None:
         """Close the socket."""

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from mocap_bridge.mavlink.endpoint import MESSAGES, Received
+from mocap_bridge.mavlink.endpoint import MESSAGES, ReceivedMessage
 
 _HARMLESS = frozenset({"HEARTBEAT", "TIMESYNC", "SYSTEM_TIME", "COMMAND_ACK", "MISSION_ACK", "STATUSTEXT"})
 _KEPT = 200
@@ -19,7 +19,7 @@ class Refusals:
         self._system = system
         self._told: set[tuple[str, int, int]] = set()
 
-    def answer(self, received: Received) -> tuple[Any | None, str | None]:
+    def answer(self, received: ReceivedMessage) -> tuple[Any | None, str | None]:
         """The protocol's way to say no, where it has one, and words, once a sender and kind.
 
         Returns:
@@ -36,7 +36,7 @@ class Refusals:
             text = f"refused {asked[0]} from {received.system}/{received.component}: no commands by MAVLink"
         return self._acknowledgement(received), text
 
-    def _acknowledgement(self, received: Received) -> Any | None:
+    def _acknowledgement(self, received: ReceivedMessage) -> Any | None:
         message, kind = received.message, received.message.get_type()
         if kind in ("COMMAND_LONG", "COMMAND_INT"):
             return MESSAGES.MAVLink_command_ack_message(

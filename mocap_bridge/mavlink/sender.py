@@ -6,7 +6,7 @@ from types import TracebackType
 from typing import Self
 
 from mocap_bridge.mavlink.address import MavlinkAddress
-from mocap_bridge.mavlink.endpoint import MavlinkEndpoint, Received
+from mocap_bridge.mavlink.endpoint import MavlinkEndpoint, ReceivedMessage
 from mocap_bridge.mavlink.refusal import Refusals, timesync_answer
 from onboard.clock import Clock
 
@@ -40,7 +40,7 @@ class MavlinkSender(ABC):
     def _run(self) -> None:
         """The thread, until it is stopping."""
 
-    def _answer(self, received: Received) -> str | None:
+    def _answer(self, received: ReceivedMessage) -> str | None:
         """Answer a request for the time, refuse a command; gives what is to be said about it."""
         refusal, text = self._refusals.answer(received)
         for message in (timesync_answer(received.message, self._clock()), refusal):

@@ -18,7 +18,7 @@ _LONGEST = 250
 _NUMBERS = 0xFFFF
 
 
-class Line(NamedTuple):
+class StatusText(NamedTuple):
     """One STATUSTEXT: severity (MAV_SEVERITY, 0 is worst), text, number (0: said once)."""
 
     severity: int
@@ -33,7 +33,7 @@ class StatusTexts:
     def __init__(self) -> None:
         self._once: deque[tuple[int, str]] = deque(maxlen=_KEPT)
         self._safety: deque[tuple[int, str]] = deque(maxlen=_KEPT)
-        self._repeating: deque[tuple[float, int, Line]] = deque(maxlen=_KEPT)
+        self._repeating: deque[tuple[float, int, StatusText]] = deque(maxlen=_KEPT)
         self._number = 0
 
     def say(self, text: str, severity: int, *, safety: bool = False) -> None:
@@ -45,13 +45,15 @@ class StatusTexts:
         """Whether anything is still to be said."""
         return bool(self._once or self._safety or self._repeating)
 
-    def due(self, now: float) -> Iterator[Line]:
+    def due(self, now: float) -> Iterator[StatusText]:
         """Lines to send at time `now` (s); from one thread."""
         while self._safety:
             severity, text = self._safety.popleft()
             for part in _parts(text, LINE_BYTES - len("#65535 ")):
                 self._number = self._number % _NUMBERS + 1
-                self._repeating.append((now, 0, Line(severity, f"#{self._number} {part}", self._number)))
+                self._repeating.append(
+                    (now, 0, StatusText(severity, f"#{self._number} {part}", self._number))
+                )
         for _ in range(len(self._repeating)):
             said, count, line = self._repeating.popleft()
             if now >= said + REPEATS_S[count]:
@@ -61,7 +63,7 @@ class StatusTexts:
                 self._repeating.append((said, count, line))
         while self._once:
             severity, text = self._once.popleft()
-            yield from (Line(severity, part, 0) for part in _parts(text, LINE_BYTES))
+            yield from (StatusText(severity, part, 0) for part in _parts(text, LINE_BYTES))
 
 
 def _parts(text: str, size: int) -> list[str]:

@@ -12,7 +12,7 @@ from enum import StrEnum
 from typing import Any
 
 from mocap_bridge.errors import MocapError
-from mocap_bridge.health import Verdict
+from mocap_bridge.health import PoseVerdict
 from mocap_bridge.mavlink.address import MavlinkAddress
 from mocap_bridge.mavlink.endpoint import MESSAGES
 from mocap_bridge.mavlink.frames import euler_zyx, swap_attitude, swap_world
@@ -62,12 +62,12 @@ class MavlinkPoseSink(MavlinkSender):
         self.sent = 0
         self.heard: set[tuple[int, int]] = set()
 
-    def on_sample(self, sample: PoseSample, verdict: Verdict) -> None:
+    def on_sample(self, sample: PoseSample, verdict: PoseVerdict) -> None:
         """Send the sample if it is good; from the bridge's thread."""
-        if verdict in (Verdict.STALE, Verdict.LOST):
+        if verdict in (PoseVerdict.STALE, PoseVerdict.LOST):
             self._resets += self._locked
             self._locked = False
-        if verdict is not Verdict.OK or sample.position is None or sample.quaternion is None:
+        if verdict is not PoseVerdict.OK or sample.position is None or sample.quaternion is None:
             return
         self._locked = True
         self._endpoint.send(pose_message(self._kind, sample, self._resets % 256), self._to)

@@ -10,7 +10,7 @@ from typing import Any
 
 from mocap_bridge.errors import MocapUriError, PoseTimeout, UnknownSubject
 from mocap_bridge.mavlink.address import read_key
-from mocap_bridge.mavlink.endpoint import MESSAGES, MavlinkEndpoint, Received
+from mocap_bridge.mavlink.endpoint import MESSAGES, MavlinkEndpoint, ReceivedMessage
 from mocap_bridge.mavlink.frames import quaternion_from_euler_zyx, swap_attitude, swap_world
 from mocap_bridge.mavlink.refusal import timesync_answer
 from mocap_bridge.pose import PoseSample, SourceStatistics
@@ -100,7 +100,7 @@ class MavlinkPoseStream(QueuedStream):
             self._take(received, receipt_time)
         return True
 
-    def _take(self, received: Received, receipt_time: float) -> None:
+    def _take(self, received: ReceivedMessage, receipt_time: float) -> None:
         self._systems[str(received.system)] = None
         answer = timesync_answer(received.message, receipt_time)
         if answer is not None:

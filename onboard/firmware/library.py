@@ -24,7 +24,7 @@ _CORE, _VEHICLE, _FLOATS = c_void_p, POINTER(c_float), c_void_p
 
 _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "perch_boot": (None, (_CORE, _VEHICLE)),
-    "perch_post": (c_uint32, (_CORE, c_bool, POINTER(s.Approach))),
+    "perch_post": (c_uint32, (_CORE, c_bool, POINTER(s.PerchApproach))),
     "perch_is_consumed": (c_bool, (_CORE, c_uint32)),
     "perch_arm_policy": (c_bool, (_CORE, c_bool)),
     "perch_ask_go": (None, (_CORE, c_bool)),
@@ -38,7 +38,7 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "perch_memory_write": (c_bool, (_CORE, c_uint32, c_uint32, c_char_p, c_bool)),
     "perch_vehicle_crc": (c_uint32, (_VEHICLE,)),
     "perch_host_sizes": (None, (POINTER(c_uint32),)),
-    "perch_host_step": (None, (_CORE, POINTER(s.Inputs), POINTER(s.View))),
+    "perch_host_step": (None, (_CORE, POINTER(s.PerchInputs), POINTER(s.PerchView))),
     "perch_host_policy": (c_uint32, (c_char_p, c_uint32, c_uint32, _FLOATS, _FLOATS, _FLOATS)),
     "perch_host_cues": (None, (c_uint32, _FLOATS, _FLOATS)),
     "perch_host_control": (None, (_VEHICLE, c_uint32, _FLOATS, _FLOATS, _FLOATS, _FLOATS, _FLOATS)),
@@ -48,17 +48,17 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "perch_host_flip": (None, (_VEHICLE, c_uint32, _FLOATS, _FLOATS)),
     "perch_host_duty": (None, (_VEHICLE, c_uint32, _FLOATS, _FLOATS, _FLOATS)),
     "perch_host_plan": (None, (c_uint32, _FLOATS, _FLOATS)),
-    "perch_host_approach": (None, (POINTER(s.Plan), c_uint32, _FLOATS, c_float, _FLOATS, _FLOATS)),
+    "perch_host_approach": (None, (POINTER(s.PerchPlan), c_uint32, _FLOATS, c_float, _FLOATS, _FLOATS)),
     "perch_host_stopping": (None, (c_uint32, _FLOATS, _FLOATS)),
     "perch_host_model": (None, (_VEHICLE, c_uint32, _FLOATS, c_float)),
     "perch_host_landing": (
         None,
         (
-            POINTER(s.LandingMemory),
-            POINTER(s.LandingInputs),
-            POINTER(s.Plan),
+            POINTER(s.PerchLandingMemory),
+            POINTER(s.PerchLandingInputs),
+            POINTER(s.PerchPlan),
             _VEHICLE,
-            POINTER(s.LandingOutput),
+            POINTER(s.PerchLandingOutput),
         ),
     ),
 }
@@ -87,7 +87,7 @@ class CoreLibrary:
         sizes = (c_uint32 * 4)()
         self.perch_host_sizes(sizes)
         self.core_bytes = int(sizes[0])
-        believed = [ctypes.sizeof(part) for part in (s.Inputs, s.View, s.Recorder)]
+        believed = [ctypes.sizeof(part) for part in (s.PerchInputs, s.PerchView, s.PerchRecorder)]
         if list(sizes[1:]) != believed:
             raise WrongLayout(f"{path}: its structures have {list(sizes[1:])} bytes, not {believed}")
 

@@ -10,60 +10,64 @@ def _floats(names: str) -> Fields:
     return [(name, c_float) for name in names.split()]
 
 
-class Vector(Structure):
+class PerchVector(Structure):
     """``perch_vector``."""
 
     _fields_: ClassVar[Fields] = _floats("x y z")
 
 
-class Quaternion(Structure):
+class PerchQuaternion(Structure):
     """``perch_quaternion``: scalar last, body to world."""
 
     _fields_: ClassVar[Fields] = _floats("x y z w")
 
 
-class Cues(Structure):
+class PerchCues(Structure):
     """``perch_cues``: s, rad/s, m."""
 
     _fields_: ClassVar[Fields] = _floats("tau theta_x d_ceil")
 
 
-class Plan(Structure):
+class PerchPlan(Structure):
     """``perch_plan``: the fields of :class:`onboard.trajectory.ApproachPlan`."""
 
     _fields_: ClassVar[Fields] = _floats("x0 y0 z0 t_x t_z vx vz ax az tau0 impact_x ceiling_z")
 
 
-class Approach(Structure):
+class PerchApproach(Structure):
     """``perch_approach``: the arguments of :func:`onboard.trajectory.plan_from_velocity`, in their order."""
 
     _fields_: ClassVar[Fields] = _floats("vx vz impact_x impact_y ceiling_z ax az tau0")
 
 
-class Motion(Structure):
+class PerchMotion(Structure):
     """``perch_motion``: m, m/s, m/s2, world frame."""
 
-    _fields_: ClassVar[Fields] = [("position", Vector), ("velocity", Vector), ("acceleration", Vector)]
+    _fields_: ClassVar[Fields] = [
+        ("position", PerchVector),
+        ("velocity", PerchVector),
+        ("acceleration", PerchVector),
+    ]
 
 
-class Wrench(Structure):
+class PerchWrench(Structure):
     """``perch_wrench``: N, N m."""
 
     _fields_: ClassVar[Fields] = _floats("collective tau_x tau_y tau_z")
 
 
-class Estimate(Structure):
+class PerchEstimate(Structure):
     """``perch_estimate``: m, m/s, world; body to world; rad/s, body."""
 
     _fields_: ClassVar[Fields] = [
-        ("position", Vector),
-        ("velocity", Vector),
-        ("quaternion", Quaternion),
-        ("gyro", Vector),
+        ("position", PerchVector),
+        ("velocity", PerchVector),
+        ("quaternion", PerchQuaternion),
+        ("gyro", PerchVector),
     ]
 
 
-class Setpoint(Structure):
+class PerchSetpoint(Structure):
     """``perch_setpoint``: the fields of :class:`sim_backend.crazyflie.setpoint.Setpoint`."""
 
     _fields_: ClassVar[Fields] = [
@@ -73,47 +77,47 @@ class Setpoint(Structure):
         ("mode_yaw", c_uint8),
         ("mode_quaternion", c_uint8),
         ("velocity_body", c_bool),
-        ("position", Vector),
-        ("velocity", Vector),
-        ("acceleration", Vector),
+        ("position", PerchVector),
+        ("velocity", PerchVector),
+        ("acceleration", PerchVector),
         *_floats("roll pitch yaw"),
-        ("rates", Vector),
-        ("quaternion", Quaternion),
+        ("rates", PerchVector),
+        ("quaternion", PerchQuaternion),
         ("thrust", c_float),
         ("age", c_float),
     ]
 
 
-class Inputs(Structure):
+class PerchInputs(Structure):
     """``perch_inputs``."""
 
     _fields_: ClassVar[Fields] = [
         ("tick", c_uint32),
         ("pose_age", c_uint32),
-        ("estimate", Estimate),
+        ("estimate", PerchEstimate),
         ("voltage", c_float),
         ("flying", c_bool),
         ("levelling", c_bool),
         ("thrust_seen", c_bool),
-        ("setpoint", Setpoint),
+        ("setpoint", PerchSetpoint),
     ]
 
 
-class PolicySample(Structure):
+class PerchPolicySample(Structure):
     """``perch_policy_sample``."""
 
-    _fields_: ClassVar[Fields] = [("cues", Cues), *_floats("trigger_value a_rot")]
+    _fields_: ClassVar[Fields] = [("cues", PerchCues), *_floats("trigger_value a_rot")]
 
 
-class Outputs(Structure):
+class PerchOutputs(Structure):
     """``perch_outputs``."""
 
     _fields_: ClassVar[Fields] = [
         ("thrusts", c_float * 4),
         ("duties", c_float * 4),
         ("mean_ratios", c_uint16 * 4),
-        ("wrench", Wrench),
-        ("motion", Motion),
+        ("wrench", PerchWrench),
+        ("motion", PerchMotion),
         ("mode", c_uint8),
         ("events", c_uint8),
         ("state", c_uint8),
@@ -122,66 +126,66 @@ class Outputs(Structure):
         ("trajectory_armed", c_bool),
         ("policy_armed", c_bool),
         ("rehearses", c_bool),
-        ("policy", PolicySample),
+        ("policy", PerchPolicySample),
         ("filtered_voltage", c_float),
     ]
 
 
-class Snapshot(Structure):
+class PerchSnapshot(Structure):
     """``perch_snapshot``: the sample that triggered the last flip."""
 
     _fields_: ClassVar[Fields] = [
         ("tick", c_uint32),
-        ("cues", Cues),
+        ("cues", PerchCues),
         *_floats("trigger_value a_rot"),
-        ("velocity", Vector),
+        ("velocity", PerchVector),
         *_floats("z pitch"),
         ("count", c_uint32),
     ]
 
 
-class FlightModel(Structure):
+class PerchFlightModel(Structure):
     """``perch_flight_model``."""
 
     _fields_: ClassVar[Fields] = [
-        ("estimate", Estimate),
+        ("estimate", PerchEstimate),
         ("thrusts", c_float * 4),
         ("asked", c_float * 4),
     ]
 
 
-class View(Structure):
+class PerchView(Structure):
     """``perch_view``."""
 
     _fields_: ClassVar[Fields] = [
-        ("outputs", Outputs),
-        ("snapshot", Snapshot),
-        ("model", FlightModel),
+        ("outputs", PerchOutputs),
+        ("snapshot", PerchSnapshot),
+        ("model", PerchFlightModel),
     ]
 
 
-class LawSample(Structure):
+class PerchLawSample(Structure):
     """``perch_law_sample``."""
 
     _fields_: ClassVar[Fields] = [
-        ("estimate", Estimate),
-        ("own_attitude", Quaternion),
+        ("estimate", PerchEstimate),
+        ("own_attitude", PerchQuaternion),
         ("voltage", c_float),
         ("thrusts", c_float * 4),
     ]
 
 
-class Period(Structure):
+class PerchPeriod(Structure):
     """``perch_period``: 10 ms."""
 
-    _fields_: ClassVar[Fields] = [("policy", PolicySample), ("law", LawSample * 2)]
+    _fields_: ClassVar[Fields] = [("policy", PerchPolicySample), ("law", PerchLawSample * 2)]
 
 
 PERIODS = 70
 """Periods that the recorder holds."""
 
 
-class Recorder(Structure):
+class PerchRecorder(Structure):
     """``perch_recorder``."""
 
     _fields_: ClassVar[Fields] = [
@@ -191,22 +195,22 @@ class Recorder(Structure):
         ("period_bytes", c_uint16),
         ("periods", c_uint8),
         ("state", c_uint8),
-        ("period", Period * PERIODS),
+        ("period", PerchPeriod * PERIODS),
     ]
 
 
-class LandingInputs(Structure):
+class PerchLandingInputs(Structure):
     """``perch_landing_inputs``."""
 
     _fields_: ClassVar[Fields] = [
         ("tick", c_uint32),
         ("pose_age", c_uint32),
         ("dt", c_float),
-        ("position", Vector),
-        ("velocity", Vector),
-        ("quaternion", Quaternion),
-        ("gyro", Vector),
-        ("cues", Cues),
+        ("position", PerchVector),
+        ("velocity", PerchVector),
+        ("quaternion", PerchQuaternion),
+        ("gyro", PerchVector),
+        ("cues", PerchCues),
         *_floats("trigger_value a_rot policy_tau_min"),
         *(
             (name, c_bool)
@@ -215,26 +219,26 @@ class LandingInputs(Structure):
     ]
 
 
-class LandingMemory(Structure):
+class PerchLandingMemory(Structure):
     """``perch_landing_memory``."""
 
     _fields_: ClassVar[Fields] = [
         *((name, c_uint8) for name in ("state", "trajectory_status", "reason")),
         *((name, c_bool) for name in ("arm_seen", "go_seen", "attitude_known")),
-        ("attitude", Quaternion),
+        ("attitude", PerchQuaternion),
         *((name, c_uint32) for name in ("start_tick", "flip_tick", "usable_tick", "hold_tick")),
-        ("hold_position", Vector),
-        ("hold_velocity", Vector),
-        ("snapshot", Snapshot),
+        ("hold_position", PerchVector),
+        ("hold_velocity", PerchVector),
+        ("snapshot", PerchSnapshot),
     ]
 
 
-class LandingOutput(Structure):
+class PerchLandingOutput(Structure):
     """``perch_landing_output``."""
 
     _fields_: ClassVar[Fields] = [
         ("mode", c_uint32),
-        ("motion", Motion),
+        ("motion", PerchMotion),
         ("collective", c_float),
         ("thrusts", c_float * 4),
     ]

@@ -24,12 +24,12 @@ from onboard.link.crazyflie import BareCrazyflie, broken_opening, closed_on_erro
 from onboard.link.deadline import GrowingDeadline
 from onboard.link.driver import install_driver, links_live_in
 from onboard.link.errors import LinkError, LinkLost, LinkTimeout
-from onboard.link.exchange import Exchange, Question
+from onboard.link.exchange import Exchange, Query
 from onboard.link.exclusive import hold
 from onboard.link.memory import MemoryInfo
 from onboard.link.table_cache import Rows, TableCache
 from onboard.link.uri import check_drone_uri
-from onboard.link.variables import Variable, log_table, parameter_table
+from onboard.link.variables import DroneVariable, log_table, parameter_table
 from onboard.timebase import WALL, Timebase
 
 #: First CRTP protocol version with the supervisor port (firmware 2025.12).
@@ -45,8 +45,8 @@ _LOG_RESET = 5
 class Contents:
     """What a drone says that it has: parameters and log variables by complete name, and memories."""
 
-    parameters: dict[str, Variable]
-    logs: dict[str, Variable]
+    parameters: dict[str, DroneVariable]
+    logs: dict[str, DroneVariable]
     memories: list[MemoryInfo]
 
 
@@ -130,10 +130,10 @@ class _Inquiry:
         """All of it."""
         self._refuse_strangers()
         _, logs, parameters, memories = self._ask(
-            Question(CRTPPort.LOGGING, _SETTINGS, bytes((_LOG_RESET,)), 1, 1),
-            Question(CRTPPort.LOGGING, _TABLE, bytes((_INFO,)), 1, 7),
-            Question(CRTPPort.PARAM, _TABLE, bytes((_INFO,)), 1, 7),
-            Question(CRTPPort.MEM, _TABLE, bytes((_COUNT,)), 1, 2),
+            Query(CRTPPort.LOGGING, _SETTINGS, bytes((_LOG_RESET,)), 1, 1),
+            Query(CRTPPort.LOGGING, _TABLE, bytes((_INFO,)), 1, 7),
+            Query(CRTPPort.PARAM, _TABLE, bytes((_INFO,)), 1, 7),
+            Query(CRTPPort.MEM, _TABLE, bytes((_COUNT,)), 1, 2),
         )
         return Contents(
             parameter_table(self._rows("parameters", CRTPPort.PARAM, parameters)),
@@ -143,8 +143,8 @@ class _Inquiry:
 
     def _refuse_strangers(self) -> None:
         source, version = self._ask(
-            Question(CRTPPort.LINKCTRL, _SOURCE, b"\0", 0, 1),
-            Question(CRTPPort.PLATFORM, _VERSION, b"\0", 1, 2),
+            Query(CRTPPort.LINKCTRL, _SOURCE, b"\0", 0, 1),
+            Query(CRTPPort.PLATFORM, _VERSION, b"\0", 1, 2),
         )
         if not source.startswith(_MAGIC):
             raise LinkError(f"what answers at {self._uri} is no Crazyflie; is this the drone's address?")
@@ -159,17 +159,17 @@ class _Inquiry:
         rows = self._tables.fetch(kind, checksum, length)
         if rows is None:
             asked = (bytes((_ROW,)) + struct.pack("<H", ident) for ident in range(length))
-            answers = self._ask(*(Question(port, _TABLE, payload, 3, 6) for payload in asked))
+            answers = self._ask(*(Query(port, _TABLE, payload, 3, 6) for payload in asked))
             rows = [_row(answer) for answer in answers]
             self._tables.keep(kind, checksum, rows)
         return rows
 
     def _memories(self, count: int) -> list[MemoryInfo]:
         asked = (bytes((_DETAILS, ident)) for ident in range(count))
-        answers = self._ask(*(Question(CRTPPort.MEM, _TABLE, payload, 2, 7) for payload in asked))
+        answers = self._ask(*(Query(CRTPPort.MEM, _TABLE, payload, 2, 7) for payload in asked))
         return [MemoryInfo(*struct.unpack_from("<BBI", answer, 1)) for answer in answers]
 
-    def _ask(self, *questions: Question) -> list[bytes]:
+    def _ask(self, *questions: Query) -> list[bytes]:
         """Ask in real time.
 
         Raises:

@@ -12,7 +12,7 @@ from cflib.crtp.crtpstack import CRTPPort
 
 from onboard.link.driver import install_driver, links_live_in
 from onboard.link.errors import LinkError, LinkLost, LinkTimeout
-from onboard.link.exclusive import Hold, hold
+from onboard.link.exclusive import DroneHold, hold
 from onboard.link.uri import check_drone_uri
 from onboard.timebase import Timebase
 
@@ -75,7 +75,7 @@ class GuardedCrazyflie(Crazyflie):
         held: the lock of the drone, released when the link is closed.
     """
 
-    def __init__(self, held: Hold) -> None:
+    def __init__(self, held: DroneHold) -> None:
         self._held = held
         self._took_over = False
         self._keeps_quiet = False
@@ -170,7 +170,7 @@ class BareCrazyflie(GuardedCrazyflie):
         opened: the driver is connected.
     """
 
-    def __init__(self, held: Hold) -> None:
+    def __init__(self, held: DroneHold) -> None:
         super().__init__(held)
         self.opened = threading.Event()
         self.connection_requested.remove_callback(self.param._connection_requested)

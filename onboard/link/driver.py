@@ -38,7 +38,7 @@ from cflib.crtp.udpdriver import UdpDriver
 
 from onboard.link.errors import LinkError
 from onboard.link.radio import GuardedRadioDriver
-from onboard.link.replies import ECHO_HEADER, PORT_AND_CHANNEL, OutstandingRequests, Packet
+from onboard.link.replies import ECHO_HEADER, PORT_AND_CHANNEL, CrtpPacket, OutstandingRequests
 from onboard.link.stop_ports import UdpStopPort
 from onboard.link.uri import UdpAddress, parse_udp_uri
 from onboard.timebase import WALL, Queue, Timebase, Transport
@@ -156,7 +156,7 @@ class ResendingUdpDriver(CRTPDriver):
             time.thread(self._resend_loop, "UdpLinkResend"),
         )
 
-    def send_packet(self, pk: Packet) -> bool:
+    def send_packet(self, pk: CrtpPacket) -> bool:
         """Send without blocking; False if the packet did not leave. Link errors come on a thread."""
         udp, now = self._socket, self._time()
         if udp is None or self._failed:
@@ -241,7 +241,7 @@ class ResendingUdpDriver(CRTPDriver):
         """Nothing: cflib's own UDP driver, which stays installed, does the scanning."""
         return []
 
-    def _transmit(self, udp: socket.socket, packet: Packet) -> bool:
+    def _transmit(self, udp: socket.socket, packet: CrtpPacket) -> bool:
         try:
             udp.send(bytes((packet.header,)) + packet.data)
         except (BlockingIOError, TimeoutError, InterruptedError):

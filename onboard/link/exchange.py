@@ -36,7 +36,7 @@ class _Waiter:
     reply: bytes | None = None
 
 
-class Question(NamedTuple):
+class Query(NamedTuple):
     """A request, and what its answer begins with.
 
     Attributes:
@@ -161,7 +161,7 @@ class Exchange:
         return Answer(waiter.reply, copies)
 
     def ask_all(
-        self, questions: Sequence[Question], *, time: Timebase, deadline: GrowingDeadline, what: str
+        self, questions: Sequence[Query], *, time: Timebase, deadline: GrowingDeadline, what: str
     ) -> list[bytes]:
         """Send requests, some at once, until all have their answers; these, in the same order.
 
@@ -201,7 +201,7 @@ class Exchange:
                 self._end(asked)
         return answers
 
-    def _begin(self, number: int, question: Question, something: Event, now: float) -> _Asked:
+    def _begin(self, number: int, question: Query, something: Event, now: float) -> _Asked:
         port, channel, payload, key, length = question
         start = payload[:key]
         waiter = _Waiter(port, channel, lambda d: d[:key] == start and len(d) >= length, something)

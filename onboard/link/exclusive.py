@@ -55,7 +55,7 @@ _guard = threading.Lock()
 _held: dict[str, _Held] = {}
 
 
-class Hold:
+class DroneHold:
     """One use of a drone by this process, until :meth:`release`; a context manager. Made by :func:`hold`."""
 
     def __init__(self, key: str) -> None:
@@ -82,7 +82,7 @@ class Hold:
         self.release()
 
 
-def hold(uri: str) -> Hold:
+def hold(uri: str) -> DroneHold:
     """Keep other processes off the drone at `uri`; returns at once.
 
     Raises:
@@ -96,7 +96,7 @@ def hold(uri: str) -> Hold:
             path = file_of(uri, ".lock")
             held = _held[key] = _Held(_locked_file(uri, path), path)
         held.holds += 1
-    return Hold(key)
+    return DroneHold(key)
 
 
 def _locked_file(uri: str, path: Path) -> int | None:

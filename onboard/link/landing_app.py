@@ -7,7 +7,7 @@ So each request here is followed by its answer, polled until a deadline, and eac
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
-from onboard.app_interface import INTERFACE_VERSION, Engine, LandingState, Parameter, TrajectoryStatus
+from onboard.app_interface import INTERFACE_VERSION, EngineCode, LandingState, Parameter, TrajectoryStatus
 from onboard.link.errors import CommandRefused, LinkTimeout, NoSuchVariable
 from onboard.timebase import WALL, Timebase
 from onboard.trajectory import ApproachPlan
@@ -104,7 +104,7 @@ def engine_of(link: "DroneLink") -> str | None:
         number = int(link.param(Parameter.ENGINE))
     except NoSuchVariable:
         return None
-    return Engine(number).name.lower() if number in frozenset(Engine) else None
+    return EngineCode(number).name.lower() if number in frozenset(EngineCode) else None
 
 
 def arm_approach(

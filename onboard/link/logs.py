@@ -24,7 +24,7 @@ from onboard.closing import Closing
 from onboard.link.crazyflie import GuardedCrazyflie
 from onboard.link.errors import CommandRefused, LinkError, LinkInputError
 from onboard.link.exchange import Exchange
-from onboard.link.variables import Variable, find
+from onboard.link.variables import DroneVariable, find
 from onboard.timebase import Timebase
 
 BLOCK_BYTES, BLOCKS = 26, 16
@@ -74,7 +74,7 @@ class LogStream(Closing):
     def __init__(
         self,
         block: int,
-        variables: Sequence[Variable],
+        variables: Sequence[DroneVariable],
         callback: Callable[[LogSample], None],
         clock: Timebase,
         end: Callable[["LogStream"], None],
@@ -161,7 +161,7 @@ class LogStreams:
         self,
         crazyflie: GuardedCrazyflie,
         exchange: Exchange,
-        table: dict[str, Variable],
+        table: dict[str, DroneVariable],
         reply_timeout_s: float,
         clock: Timebase,
     ) -> None:
@@ -211,7 +211,7 @@ class LogStreams:
             raise
         return stream
 
-    def _find(self, name: str, half: bool) -> Variable:
+    def _find(self, name: str, half: bool) -> DroneVariable:
         variable = find(self._table, name, "log variable")
         return replace(variable, format="<e") if half else variable
 
@@ -265,12 +265,12 @@ class LogStreams:
             stream.receive(payload)
 
 
-def _wanted(variable: Variable) -> int:
+def _wanted(variable: DroneVariable) -> int:
     """Code of the type that the variable is sent as."""
     return _HALF if variable.format == "<e" else variable.type_code
 
 
-def _in_order(variables: list[Variable]) -> list[Variable]:
+def _in_order(variables: list[DroneVariable]) -> list[DroneVariable]:
     """With the largest one first in the second packet; see the module's description."""
     if len(variables) <= PACKET_VARIABLES:
         return variables
@@ -279,7 +279,7 @@ def _in_order(variables: list[Variable]) -> list[Variable]:
     return [*others[:PACKET_VARIABLES], largest, *others[PACKET_VARIABLES:]]
 
 
-def _check_block(variables: Sequence[Variable], period_ms: int) -> None:
+def _check_block(variables: Sequence[DroneVariable], period_ms: int) -> None:
     size = sum(variable.size for variable in variables)
     if not 1 <= len(variables) <= BLOCK_VARIABLES or size > BLOCK_BYTES:
         raise LinkInputError(

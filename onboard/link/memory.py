@@ -14,7 +14,7 @@ from cflib.crtp.crtpstack import CRTPPort
 
 from onboard.link.deadline import GrowingDeadline
 from onboard.link.errors import CommandRefused, LinkInputError, LinkTimeout, NoSuchVariable
-from onboard.link.exchange import Exchange, Question
+from onboard.link.exchange import Exchange, Query
 from onboard.timebase import Timebase
 
 _READ, _WRITE = 1, 2
@@ -97,7 +97,7 @@ class Memories:
         """One request a chunk, some under way at once; a refusal ends it after at most a batch."""
         action = "write to" if channel == _WRITE else "read from"
         questions = [
-            Question(CRTPPort.MEM, channel, head + rest, len(head), len(head) + 1)
+            Query(CRTPPort.MEM, channel, head + rest, len(head), len(head) + 1)
             for head, rest in zip(heads, rests, strict=True)
         ]
         chunks = []

@@ -10,7 +10,7 @@ from cflib.crtp.crtpstack import CRTPPort
 
 from onboard.link.errors import CommandRefused
 from onboard.link.exchange import Exchange
-from onboard.link.variables import Variable, find
+from onboard.link.variables import DroneVariable, find
 
 _READ, _WRITE = 1, 2
 
@@ -18,7 +18,7 @@ _READ, _WRITE = 1, 2
 class Parameters:
     """Reads and writes parameters."""
 
-    def __init__(self, exchange: Exchange, table: dict[str, Variable], reply_timeout_s: float) -> None:
+    def __init__(self, exchange: Exchange, table: dict[str, DroneVariable], reply_timeout_s: float) -> None:
         self._exchange = exchange
         self._table = table
         self._within = reply_timeout_s

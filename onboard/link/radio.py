@@ -18,7 +18,7 @@ from typing import Any
 from cflib.crtp.crtpstack import CRTPPacket
 from cflib.crtp.radiodriver import RadioDriver
 
-from onboard.link.replies import ECHO_HEADER, PORT_AND_CHANNEL, Packet
+from onboard.link.replies import ECHO_HEADER, PORT_AND_CHANNEL, CrtpPacket
 from onboard.link.stop import LONGEST_S
 
 SEND_S = 0.02
@@ -32,7 +32,7 @@ _STREAM_HEADERS = frozenset({ECHO_HEADER, 0x30, 0x60, 0x61, 0x70})
 _KICK = (0x91, 0x04)
 
 
-def _of_a_stream(packet: Packet) -> bool:
+def _of_a_stream(packet: CrtpPacket) -> bool:
     header = packet.header & PORT_AND_CHANNEL
     return header in _STREAM_HEADERS or (len(packet.data) > 0 and (header, packet.data[0]) == _KICK)
 
@@ -42,7 +42,7 @@ class GuardedRadioDriver(RadioDriver):
 
     def __init__(self) -> None:
         super().__init__()
-        self._late: deque[tuple[float, Packet]] = deque(maxlen=_LATE_LIMIT)
+        self._late: deque[tuple[float, CrtpPacket]] = deque(maxlen=_LATE_LIMIT)
         self._late_noted = threading.Event()
         self._closed = threading.Event()
         self._kept_out_until = 0.0
@@ -57,7 +57,7 @@ class GuardedRadioDriver(RadioDriver):
         super().connect(uri, radio_link_statistics_callback, link_error_callback)
         threading.Thread(target=self._send_late, name="RadioLate", daemon=True).start()
 
-    def send_packet(self, pk: Packet) -> bool:
+    def send_packet(self, pk: CrtpPacket) -> bool:
         """Send within 20 ms; False if the packet was given up."""
         if time.monotonic() < self._kept_out_until:
             return False
@@ -71,7 +71,7 @@ class GuardedRadioDriver(RadioDriver):
         self._late_noted.set()
         return True
 
-    def displace(self, pk: Packet) -> None:
+    def displace(self, pk: CrtpPacket) -> None:
         """Send before everything that waits, which is not sent any more."""
         self._kept_out_until = time.monotonic() + KEPT_OUT_S
         self._late.clear()

@@ -70,7 +70,7 @@ _SUPERVISOR_HEADERS = (0x90, 0x91)
 _SUPERVISOR_REPLY_BIT = 0x80
 
 
-class Packet(Protocol):
+class CrtpPacket(Protocol):
     """The part of cflib's ``CRTPPacket`` that is used here."""
 
     header: int
@@ -101,7 +101,7 @@ def reply_key(header: int, payload: bytes | bytearray) -> bytes | None:
 
 @dataclass(slots=True)
 class _Request:
-    packet: Packet
+    packet: CrtpPacket
     first_sent: float
     due: float
     interval: float
@@ -123,7 +123,7 @@ class OutstandingRequests:
     def __len__(self) -> int:
         return len(self._requests)
 
-    def sending(self, packet: Packet, now: float) -> bool:
+    def sending(self, packet: CrtpPacket, now: float) -> bool:
         """Note that a client sends ``packet`` at ``now`` [s]; True for a request that is watched now."""
         key = reply_key(packet.header, packet.data)
         if key is None:
@@ -161,7 +161,7 @@ class OutstandingRequests:
             self._unmeasured += 1
         return True
 
-    def due(self, now: float) -> list[Packet]:
+    def due(self, now: float) -> list[CrtpPacket]:
         """Packets to send again at ``now`` [s]. Each wait is twice the one before, up to the longest."""
         packets = []
         for key, request in list(self._requests.items()):

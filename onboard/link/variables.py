@@ -25,7 +25,7 @@ _LOG_FORMATS = {1: "<B", 2: "<H", 3: "<I", 4: "<b", 5: "<h", 6: "<i", 7: "<f", 8
 
 
 @dataclass(frozen=True, slots=True)
-class Variable:
+class DroneVariable:
     """One parameter or log variable.
 
     Attributes:
@@ -76,26 +76,26 @@ class Variable:
             ) from error
 
 
-def parameter_table(rows: Rows) -> dict[str, Variable]:
+def parameter_table(rows: Rows) -> dict[str, DroneVariable]:
     """The parameters by complete name.
 
     Raises:
         LinkError: a type that is not known.
     """
     return {
-        name: Variable(name, ident, 0, _format(_PARAMETER_FORMATS, code, name), bool(code & _READ_ONLY))
+        name: DroneVariable(name, ident, 0, _format(_PARAMETER_FORMATS, code, name), bool(code & _READ_ONLY))
         for ident, (code, name) in enumerate(rows)
     }
 
 
-def log_table(rows: Rows) -> dict[str, Variable]:
+def log_table(rows: Rows) -> dict[str, DroneVariable]:
     """The log variables by complete name.
 
     Raises:
         LinkError: a type that is not known.
     """
     return {
-        name: Variable(name, ident, code & _TYPE, _format(_LOG_FORMATS, code, name))
+        name: DroneVariable(name, ident, code & _TYPE, _format(_LOG_FORMATS, code, name))
         for ident, (code, name) in enumerate(rows)
     }
 
@@ -107,7 +107,7 @@ def _format(formats: dict[int, str], code: int, name: str) -> str:
         raise LinkError(f"the drone says that {name} has type {code:#04x}, which is not known") from None
 
 
-def find(table: dict[str, Variable], name: str, kind: str) -> Variable:
+def find(table: dict[str, DroneVariable], name: str, kind: str) -> DroneVariable:
     """The variable of this name.
 
     Raises:

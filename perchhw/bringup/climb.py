@@ -5,7 +5,7 @@ from pathlib import Path
 
 from onboard.vehicle import load_vehicle
 from perchhw.bringup.passes import Passes, StepRefused
-from perchhw.doctor import Finding, examine, take_readings
+from perchhw.doctor import CheckResult, examine, take_readings
 from perchhw.lab.setup import FlightSetup
 
 LISTEN_S = 2.0
@@ -14,9 +14,9 @@ LISTEN_S = 2.0
 def climb(
     step: str,
     passes: Passes,
-    look: Callable[[], tuple[Finding, ...]],
-    run: Callable[[], tuple[Finding, ...]],
-) -> tuple[Finding, ...]:
+    look: Callable[[], tuple[CheckResult, ...]],
+    run: Callable[[], tuple[CheckResult, ...]],
+) -> tuple[CheckResult, ...]:
     """Run `step` when all below it have passed and `look` finds nothing missing; keep whether it passed.
 
     Raises:
@@ -34,7 +34,7 @@ def climb(
     return findings
 
 
-def doctors_look(setup: FlightSetup, out: Path) -> tuple[Finding, ...]:
+def doctors_look(setup: FlightSetup, out: Path) -> tuple[CheckResult, ...]:
     """What `perchhw doctor` says of this lab now."""
     readings = take_readings(
         drone=setup.drone,

@@ -14,8 +14,8 @@ from onboard.policy.files import find_policy, load_policy, save_policy
 from onboard.policy.model import Policy
 from onboard.vehicle import load_vehicle
 from perchhw.attempt import AttemptResult
-from perchhw.bringup.flown import Window, hover_findings, step_findings
-from perchhw.doctor.finding import Finding, judged
+from perchhw.bringup.flown import CourseWindow, hover_findings, step_findings
+from perchhw.doctor.check_result import CheckResult, judged
 from perchhw.flight import fly_attempt
 from perchhw.flight.course import CourseRequest, fly_uninterrupted
 from perchhw.lab.setup import FlightSetup
@@ -49,7 +49,7 @@ class Flights:
     angle_deg: float
     display: Display | None = None
 
-    def hover(self) -> tuple[Finding, ...]:
+    def hover(self) -> tuple[CheckResult, ...]:
         """20 s in one place: thrust, imbalance, vibration against the vehicle file."""
         vehicle = load_vehicle(self.setup.vehicle, self.setup.legs)
         return self._course(
@@ -59,11 +59,11 @@ class Flights:
             lambda window, course: hover_findings(window, course, vehicle),
         )
 
-    def step(self) -> tuple[Finding, ...]:
+    def step(self) -> tuple[CheckResult, ...]:
         """Steps to all sides, each levelled out."""
         return self._course("step", "attitude_doublets", {"repeats": 1.0}, step_findings)
 
-    def approach(self) -> tuple[Finding, ...]:
+    def approach(self) -> tuple[CheckResult, ...]:
         """An approach with a policy that cannot fire: it must brake, and hand back."""
         speed = min(self.speed, GENTLE_CLIMB / math.sin(math.radians(self.angle_deg)))
         folder = new_run_folder(self.out, "bringup-policy")
@@ -82,7 +82,7 @@ class Flights:
             ),
         )
 
-    def landing(self) -> tuple[Finding, ...]:
+    def landing(self) -> tuple[CheckResult, ...]:
         """The first landing."""
         result = self._attempt(self.setup, self.speed)
         return (
@@ -98,8 +98,12 @@ class Flights:
         )
 
     def _course(
-        self, name: str, kind: str, parameters: dict[str, float], judge: Callable[..., tuple[Finding, ...]]
-    ) -> tuple[Finding, ...]:
+        self,
+        name: str,
+        kind: str,
+        parameters: dict[str, float],
+        judge: Callable[..., tuple[CheckResult, ...]],
+    ) -> tuple[CheckResult, ...]:
         folder = new_run_folder(self.out, f"bringup-{name}")
         request = CourseRequest.of(self.setup, kind, parameters, folder)
         result = fly_uninterrupted(request, **self._shown(folder, name))
@@ -107,7 +111,7 @@ class Flights:
         if flight.missing:
             return (flight,)
         course = request.course()
-        return (flight, *judge(Window.of(read_run(result.record), course), course))
+        return (flight, *judge(CourseWindow.of(read_run(result.record), course), course))
 
     def _attempt(self, setup: FlightSetup, speed: float) -> AttemptResult:
         request = setup.attempt(speed, self.angle_deg, self.out)
@@ -128,7 +132,7 @@ def silent(policy: Policy) -> Policy:
     return dataclasses.replace(policy, name=f"{policy.name}, silent", intercept=np.float32(never))
 
 
-def _flight(aborted_by: str | None, record: Path, diagnosis: dict[str, Any] | None) -> Finding:
+def _flight(aborted_by: str | None, record: Path, diagnosis: dict[str, Any] | None) -> CheckResult:
     measured = f"ended by {aborted_by}" if aborted_by is not None else "to its end"
     remedy = _FLIGHT_REMEDY if diagnosis is None else f"{diagnosis['next']}; {_FLIGHT_REMEDY}"
     return judged("flight", aborted_by is None, f"{measured} ({record})", "to its end", _FLIGHT_WHY, remedy)

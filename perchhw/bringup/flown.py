@@ -10,7 +10,7 @@ from onboard.battery import FULL_RATIO, thrust_from_voltage
 from onboard.gravity import GRAVITY
 from onboard.manoeuvres import Course
 from onboard.vehicle import Vehicle
-from perchhw.doctor.finding import Finding, judged
+from perchhw.doctor.check_result import CheckResult, judged
 from perchhw.record import RunRecord
 
 THRUST = 0.15
@@ -29,7 +29,7 @@ _MOTORS: Final = ("m1", "m2", "m3", "m4")
 
 
 @dataclass(frozen=True)
-class Window:
+class CourseWindow:
     """The part of a record in which the course was flown: t from `begin` to `end` (s)."""
 
     run: RunRecord
@@ -37,7 +37,7 @@ class Window:
     end: float
 
     @classmethod
-    def of(cls, run: RunRecord, course: Course) -> "Window":
+    def of(cls, run: RunRecord, course: Course) -> "CourseWindow":
         """From the start of the course on."""
         begin = next(e["t"] for e in run.events if e["event"] == "phase" and e["phase"] == "test flight")
         return cls(run, begin, begin + course.duration)
@@ -50,7 +50,7 @@ class Window:
         return series.t[rows], values[rows]
 
 
-def hover_findings(window: Window, course: Course, vehicle: Vehicle) -> tuple[Finding, ...]:
+def hover_findings(window: CourseWindow, course: Course, vehicle: Vehicle) -> tuple[CheckResult, ...]:
     """Place, thrust, imbalance and vibration of a hover."""
     _, voltage = window.columns("power", "vbat")
     _, pwm = window.columns("motors", *_MOTORS)
@@ -92,7 +92,7 @@ def hover_findings(window: Window, course: Course, vehicle: Vehicle) -> tuple[Fi
     )
 
 
-def step_findings(window: Window, course: Course) -> tuple[Finding, ...]:
+def step_findings(window: CourseWindow, course: Course) -> tuple[CheckResult, ...]:
     """How far from its course the drone was, and whether it came to rest."""
     return (
         _near(window, course, "on_course", ASTRAY, 0.0),
@@ -100,7 +100,7 @@ def step_findings(window: Window, course: Course) -> tuple[Finding, ...]:
     )
 
 
-def _near(window: Window, course: Course, what: str, limit: float, since: float) -> Finding:
+def _near(window: CourseWindow, course: Course, what: str, limit: float, since: float) -> CheckResult:
     """The farthest of the poses from the course, from `since` (s) of it on."""
     t, position = window.columns("pose", "x", "y", "z")
     t = t - window.begin

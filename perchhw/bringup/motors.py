@@ -14,7 +14,7 @@ from calibration.bench.instruments.drone_log import DroneLog, LogBatch
 from calibration.bench.instruments.motor_stand import MotorStand
 from calibration.bench.instruments.set_points import pwm
 from perchhw.bringup.reaction import Reaction, reaction
-from perchhw.doctor.finding import Finding, judged, not_known
+from perchhw.doctor.check_result import CheckResult, judged, not_known
 
 DIRECTIONS: Final = {1: "ccw", 2: "cw", 3: "ccw", 4: "cw"}
 """Of motors 1 to 4 seen from above: M1 front right, M2 back right, M3 back left, M4 front left (Bitcraze)."""
@@ -36,7 +36,7 @@ Ask = Callable[[int, Reaction], str]
 """What the operator saw turn when motor n (1..4) was told to: "1 ccw", or "1" where the gyro tells."""
 
 
-def motors(drone: str, phrase: str, saw: Ask) -> tuple[Finding, ...]:
+def motors(drone: str, phrase: str, saw: Ask) -> tuple[CheckResult, ...]:
     """Turn each motor four times, and compare with what gyro and operator say.
 
     Args:
@@ -89,7 +89,7 @@ def _listen(stand: MotorStand, log: DroneLog) -> list[LogBatch]:
     return batches
 
 
-def judge(motor: int, said: str, felt: Reaction) -> Finding:
+def judge(motor: int, said: str, felt: Reaction) -> CheckResult:
     """Hold one motor against what the operator said and the gyro felt; both must agree where both speak."""
     what, wanted = f"motor_{motor}", f"{motor} {DIRECTIONS[motor]} ({_WHERE[motor]})"
     told = felt.direction

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from mocap_bridge.bridge import PoseBridge
-from mocap_bridge.health import Verdict
+from mocap_bridge.health import PoseVerdict
 from onboard.arrays import Vector
 from onboard.lab_time import open_timebase
 from onboard.timebase import Timebase
-from perchhw.doctor.finding import Finding, judged, not_known
+from perchhw.doctor.check_result import CheckResult, judged, not_known
 from perchhw.doctor.mocap_checks import STILL, up_of
 from perchhw.lab import correction_of
 
@@ -48,7 +48,7 @@ _TILTS = (
 )
 
 
-def tilt(setup: "FlightSetup", tell: Callable[[str], None]) -> tuple[Finding, ...]:
+def tilt(setup: "FlightSetup", tell: Callable[[str], None]) -> tuple[CheckResult, ...]:
     """Have the drone tilted by hand, and compare; the motors stay off.
 
     Args:
@@ -81,7 +81,7 @@ def _compare(
     samples: "deque[LogSample]",
     time: Timebase,
     tell: Callable[[str], None],
-) -> Finding:
+) -> CheckResult:
     why = "a subject that is turned about the vertical sends every correction the wrong way"
     remedy = "turn the subject in the motion capture so that x is forward and y left, or give subject_to_body"
     limit = f"at most {TOLERANCE_DEG:g} deg apart"
@@ -92,7 +92,7 @@ def _compare(
         felt = _held(list(samples), wanted)
         status = bridge.status()
         attitude = None if status.last_good is None else status.last_good.quaternion
-        if felt is None or attitude is None or status.verdict is not Verdict.OK:
+        if felt is None or attitude is None or status.verdict is not PoseVerdict.OK:
             continue
         seen = up_of(attitude)
         angle = math.degrees(_angle(felt, seen))

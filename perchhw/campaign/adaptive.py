@@ -13,7 +13,7 @@ import numpy as np
 from onboard.arrays import FloatArray
 from perchhw.attempt import Outcome
 from perchhw.campaign.plan import CampaignPlan, Condition, Slot
-from perchhw.campaign.rate_map import RateMap, RateSurrogate
+from perchhw.campaign.rate_map import ExpectedRates, RateSurrogate
 from perchhw.campaign.store import AttemptRow
 
 _TIE = 1e-9
@@ -32,7 +32,7 @@ class FlownMap:
     conditions: tuple[Condition, ...]
     flown: tuple[int, ...]
     landed: tuple[int, ...]
-    known: RateMap
+    known: ExpectedRates
 
 
 class AdaptiveOrder:
@@ -56,7 +56,7 @@ class AdaptiveOrder:
         return Slot(number, *chosen, len(before) + 1)
 
 
-def choose(known: RateMap, rng: np.random.Generator) -> int:
+def choose(known: ExpectedRates, rng: np.random.Generator) -> int:
     """Index of the condition where one more attempt lowers the map's error most; ties are drawn."""
     best = np.flatnonzero(known.gain >= known.gain.max() * (1.0 - _TIE))
     return int(rng.choice(best))

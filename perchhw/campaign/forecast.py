@@ -24,7 +24,7 @@ AROUND_A_COURSE = TO_THE_START + Timing().land
 
 
 @dataclass(frozen=True)
-class Forecast:
+class CampaignForecast:
     """What a campaign costs, as planned.
 
     Attributes:
@@ -42,13 +42,13 @@ class Forecast:
     new_pack_before: tuple[int, ...]
 
 
-def forecast(plan: CampaignPlan, approaches: Mapping[Condition, ApproachPlan]) -> Forecast:
+def forecast(plan: CampaignPlan, approaches: Mapping[Condition, ApproachPlan]) -> CampaignForecast:
     """What the attempts of `plan` cost, of which every condition is in `approaches`."""
     flights, model = _air_times(plan, approaches), PackModel.for_plan(plan)
     return _cost(flights, model, plan.day, drones=min(len(plan.drones), len(flights)))
 
 
-def forecast_courses(plan: "FlightPlan") -> Forecast:
+def forecast_courses(plan: "FlightPlan") -> CampaignForecast:
     """What the test flights of `plan` cost."""
     setup = plan.setup
     courses = (manoeuvre(f.kind).course(f.parameters, setup.room) for f in plan.flights)
@@ -57,7 +57,7 @@ def forecast_courses(plan: "FlightPlan") -> Forecast:
     return _cost([course.duration + AROUND_A_COURSE for course in courses], model, Day(), drones=1)
 
 
-def _cost(flights: Sequence[float], model: PackModel, day: Day, drones: int) -> Forecast:
+def _cost(flights: Sequence[float], model: PackModel, day: Day, drones: int) -> CampaignForecast:
     """What flights cost of which each takes so many seconds in the air, and the warm-ups before them."""
     hover = day.warm_up_s + AROUND_A_COURSE if day.warm_up_s > 0.0 else 0.0
     hovers = drones if day.warm_up_s > 0.0 else 0
@@ -66,7 +66,7 @@ def _cost(flights: Sequence[float], model: PackModel, day: Day, drones: int) -> 
     ground = CONNECTING + timing.checks_hold + UPLOADING + timing.settle + timing.disarm_hold
     air_time, starts = sum(flights) + hovers * hover, len(flights) + hovers
     between = day.turnaround_s * max(0, starts - 1) + day.new_pack_s * len(changes)
-    return Forecast(
+    return CampaignForecast(
         attempts=len(flights),
         duration=air_time + ground * starts + between,
         air_time=air_time,

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from itertools import groupby
 
 from perchhw.campaign.courses import FlightPlan
-from perchhw.campaign.forecast import Forecast
+from perchhw.campaign.forecast import CampaignForecast
 from perchhw.campaign.grid_fit import GridFit, row_of
 from perchhw.campaign.plan import ADAPTIVE, CampaignPlan, Day, Misfit
 from perchhw.campaign.seats import drone_names
@@ -15,7 +15,7 @@ _WIDTH = 78
 _WIDE, _NARROW = 6, 2
 
 
-def plan_text(plan: CampaignPlan, fit: GridFit, cost: Forecast) -> str:
+def plan_text(plan: CampaignPlan, fit: GridFit, cost: CampaignForecast) -> str:
     """Everything that ``perchhw campaign plan`` tells a person."""
     head = f"{plan.name}: {len(plan.conditions())} conditions, {_times(plan.repeats)} each, {plan.order}"
     turns = [f"in turn: {', '.join(f'{name} ({drone})' for drone, name in drone_names(plan.drones).items())}"]
@@ -32,7 +32,7 @@ def plan_text(plan: CampaignPlan, fit: GridFit, cost: Forecast) -> str:
     return "\n".join([*blocks, "", cost_text(cost, plan.day, at_most=plan.order == ADAPTIVE)])
 
 
-def flights_text(plan: FlightPlan, cost: Forecast) -> str:
+def flights_text(plan: FlightPlan, cost: CampaignForecast) -> str:
     """What ``perchhw campaign plan`` tells of test flights, each of which fits."""
     kinds = Counter(flight.kind for flight in plan.flights)
     lines = [f"  {kind}" + (f", {times} times" if times > 1 else "") for kind, times in kinds.items()]
@@ -62,7 +62,7 @@ def highest(fit: GridFit) -> list[str]:
     return [f"under {max(ceilings):.2f} m all of these would fit"] if len(ceilings) > 1 else []
 
 
-def cost_text(cost: Forecast, day: Day, at_most: bool = False) -> str:
+def cost_text(cost: CampaignForecast, day: Day, at_most: bool = False) -> str:
     """Attempts, time and packs."""
     flown, in_air = _duration(cost.duration), _duration(cost.air_time)
     most, several = "at most " if at_most else "", "" if cost.attempts == 1 else "s"

@@ -27,7 +27,7 @@ _WEIGHTS = _WEIGHTS / _WEIGHTS.sum()
 
 
 @dataclass(frozen=True)
-class RateMap:
+class ExpectedRates:
     """What is known of the landing rate at n conditions.
 
     Attributes:
@@ -47,7 +47,7 @@ class RateMap:
 
 
 class RateSurrogate:
-    """Makes :class:`RateMap` of counts at the conditions of one grid."""
+    """Makes :class:`ExpectedRates` of counts at the conditions of one grid."""
 
     def __init__(self, conditions: Sequence[Condition]) -> None:
         places = np.asarray(conditions, dtype=float)
@@ -60,7 +60,7 @@ class RateSurrogate:
         ]
         self._prior = np.stack(kernels)
 
-    def fit(self, landed: FloatArray, flown: FloatArray) -> RateMap:
+    def fit(self, landed: FloatArray, flown: FloatArray) -> ExpectedRates:
         """The map after `landed` of `flown` attempts, (n,) each, at the conditions of the grid."""
         mean, covariance, evidence = self._laplace(landed, flown)
         weight = np.exp(evidence - evidence.max())
@@ -74,7 +74,7 @@ class RateSurrogate:
         information = each * (1.0 - each)
         own = np.diagonal(covariance, axis1=1, axis2=2)
         lowered = np.einsum("hi,hij->hj", slope**2, covariance**2) / (1.0 / information + own)
-        return RateMap(rate, np.sqrt(np.maximum(variance, 0.0)), weight @ lowered / rate.size)
+        return ExpectedRates(rate, np.sqrt(np.maximum(variance, 0.0)), weight @ lowered / rate.size)
 
     def _laplace(self, landed: FloatArray, flown: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Mean (h, n) and covariance (h, n, n) of the logits, and log evidence (h,), by hyperparameters."""

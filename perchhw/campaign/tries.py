@@ -69,7 +69,7 @@ class Try:
 Row = TypeVar("Row", bound=Try)
 
 
-class Plan(Protocol):
+class StoredPlan(Protocol):
     """What a store keeps of a campaign file."""
 
     @property
@@ -99,7 +99,7 @@ class TryStore(Generic[Row]):
 
     @classmethod
     def _created(
-        cls, folder: Path, plan: Plan, facts: Mapping[str, Any], slots: Iterable[Sequence[Any]]
+        cls, folder: Path, plan: StoredPlan, facts: Mapping[str, Any], slots: Iterable[Sequence[Any]]
     ) -> Self:
         """Start a campaign.
 
@@ -147,7 +147,7 @@ class TryStore(Generic[Row]):
         return cls(folder, _connect(folder / DATABASE))
 
     @classmethod
-    def resumed(cls, folder: Path, plan: Plan, retry_aborted: bool) -> Self:
+    def resumed(cls, folder: Path, plan: StoredPlan, retry_aborted: bool) -> Self:
         """Open a campaign that goes on as `plan` says, with what a killed process left running settled.
 
         An attempt whose record was closed with an outcome, and not aborted, had ended: it is done. Any other
@@ -198,7 +198,7 @@ class TryStore(Generic[Row]):
         row = self._connection.execute("SELECT value FROM facts WHERE key = ?", (key,)).fetchone()
         return default if row is None else str(row[0])
 
-    def _check_plan(self, plan: Plan) -> None:
+    def _check_plan(self, plan: StoredPlan) -> None:
         ours, theirs = json.loads(self._fact("plan")), json.loads(_plan_text(plan))
         changed = sorted(key for key in ours.keys() | theirs.keys() if ours.get(key) != theirs.get(key))
         if changed:
@@ -384,5 +384,5 @@ def _connect(path: Path) -> sqlite3.Connection:
     return connection
 
 
-def _plan_text(plan: Plan) -> str:
+def _plan_text(plan: StoredPlan) -> str:
     return json.dumps(plan.fixed_part(), sort_keys=True)

@@ -17,7 +17,7 @@ from perchhw.operator_signals import ending_in_order
 if TYPE_CHECKING:
     from perchhw.bringup.passes import Passes
     from perchhw.bringup.reaction import Reaction
-    from perchhw.doctor import Finding
+    from perchhw.doctor import CheckResult
     from perchhw.lab.setup import FlightSetup
     from perchhw.screen.display import Display
 
@@ -109,14 +109,14 @@ def _runner(
     display: "Display | None",
     phrase: str | None,
     saw: str | None,
-) -> "Callable[[], tuple[Finding, ...]]":
+) -> "Callable[[], tuple[CheckResult, ...]]":
     """What flies, turns or watches in `step`."""
     from perchhw.bringup.flights import Flights
     from perchhw.bringup.tilt import tilt
 
     screen = progress_console()
     flights = Flights(setup, out, speed, angle, display)
-    steps: dict[str, Callable[[], tuple[Finding, ...]]] = {
+    steps: dict[str, Callable[[], tuple[CheckResult, ...]]] = {
         "motors": lambda: _motors(setup.drone, phrase, saw),
         "tilt": lambda: tilt(setup, lambda request: screen.print(f"{request}.", markup=False)),
         "hover": flights.hover,
@@ -127,7 +127,7 @@ def _runner(
     return steps[step]
 
 
-def _motors(drone: str, phrase: str | None, saw: str | None) -> "tuple[Finding, ...]":
+def _motors(drone: str, phrase: str | None, saw: str | None) -> "tuple[CheckResult, ...]":
     from perchhw.bringup.motors import motors
 
     with ending_in_order():
@@ -184,7 +184,7 @@ def _show(passes: "Passes") -> None:
     emit(document, "\n".join(words))
 
 
-def _tell(step: str, findings: "tuple[Finding, ...]") -> None:
+def _tell(step: str, findings: "tuple[CheckResult, ...]") -> None:
     from perchhw.cli.doctor import in_words
 
     passed = not any(one.missing for one in findings)

@@ -16,7 +16,7 @@ SCHEMA = "perchhw.campaign_plan/1"
 
 if TYPE_CHECKING:
     from perchhw.campaign import CampaignPlan
-    from perchhw.campaign.forecast import Forecast
+    from perchhw.campaign.forecast import CampaignForecast
     from perchhw.campaign.grid_fit import GridFit
 
 
@@ -81,7 +81,7 @@ def _plan_flights(file: Path, lab: Path | None, drones: Sequence[str]) -> int:
     return exit_codes.DONE
 
 
-def _cost(cost: "Forecast") -> dict[str, Any]:
+def _cost(cost: "CampaignForecast") -> dict[str, Any]:
     return {
         "attempts": cost.attempts,
         "duration_s": cost.duration,
@@ -91,7 +91,7 @@ def _cost(cost: "Forecast") -> dict[str, Any]:
     }
 
 
-def _document(campaign: "CampaignPlan", fit: "GridFit", cost: "Forecast") -> dict[str, Any]:
+def _document(campaign: "CampaignPlan", fit: "GridFit", cost: "CampaignForecast") -> dict[str, Any]:
     from perchhw.campaign.grid_fit import row_of
 
     rows = {f"grid.{key}": row_of(campaign.file, key) for key in ("speeds", "angles_deg")}

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from calibration.measurement import Estimate
     from perchhw.flight.course import CourseResult
     from perchhw.hover_check.check import HoverCheck
-    from perchhw.hover_check.judge import Line
+    from perchhw.hover_check.judge import CheckedQuantity
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help="Is it the same drone as yesterday?")
 
@@ -73,7 +73,7 @@ def hover(
     return exit_codes.DONE if check.same else exit_codes.FAILED
 
 
-def _tell_aborted(flown: "CourseResult", lines: "tuple[Line, ...]") -> None:
+def _tell_aborted(flown: "CourseResult", lines: "tuple[CheckedQuantity, ...]") -> None:
     document = {
         "same": None,
         "aborted_by": flown.aborted_by,
@@ -105,7 +105,7 @@ def _folding(check: "HoverCheck") -> str:
     return ", ".join(f"{name} at {one.folded_hz:.0f} Hz {one.gyro or 0.0:.2g} rad/s" for name, one in levels)
 
 
-def _line(line: "Line") -> str:
+def _line(line: "CheckedQuantity") -> str:
     held = line.held
     factor, unit = held.shown
     said = [f"{_number(line.measured, factor)} {unit}"]

@@ -62,7 +62,7 @@ def demo(
     rates = predicted_rates({(row.speed, row.angle_deg) for row in rows}, seed, folder / PREDICTION_FILE)
     report = write_campaign_report(folder)
     recording = _recording(rows)
-    _emit(Flown(folder, plan, rows, rates, report, recording, flown_by))
+    _emit(DemoResult(folder, plan, rows, rates, report, recording, flown_by))
     return exit_code(rows)
 
 
@@ -136,7 +136,7 @@ def _recording(rows: "list[AttemptRow]") -> Path | None:
 
 
 @dataclass(frozen=True)
-class Flown:
+class DemoResult:
     """What the demo has to tell.
 
     Attributes:
@@ -176,7 +176,7 @@ class Flown:
         }
 
 
-def _emit(flown: Flown) -> None:
+def _emit(flown: DemoResult) -> None:
     from rich.table import Table
 
     from perchhw.campaign.table import progress

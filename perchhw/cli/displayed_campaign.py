@@ -15,7 +15,7 @@ from perchhw.screen.display import Display, Progress
 if TYPE_CHECKING:
     from perchhw.campaign import AttemptRow, CampaignPlan
     from perchhw.campaign.courses import FlightPlan, FlightRow
-    from perchhw.campaign.forecast import Forecast
+    from perchhw.campaign.forecast import CampaignForecast
     from perchhw.flight.recording import RecordListener
 
 
@@ -62,7 +62,7 @@ def run_displayed(
     return run_campaign(plan, folder, run, on_change=show, **options)
 
 
-def progress_of(rows: "list[AttemptRow]", cost: "Forecast") -> Progress:
+def progress_of(rows: "list[AttemptRow]", cost: "CampaignForecast") -> Progress:
     """Counts so far; the time that the rest takes when it goes on as fast, operator and all, and before that
     is known as planned; packs that are still to be put in.
     """

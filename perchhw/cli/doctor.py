@@ -11,7 +11,7 @@ from perchhw.cli.options import Lab
 from perchhw.cli.output import emit
 
 if TYPE_CHECKING:
-    from perchhw.doctor import Finding
+    from perchhw.doctor import CheckResult
 
 app = typer.Typer(add_completion=False)
 
@@ -57,7 +57,7 @@ def doctor(
     return exit_codes.FAILED if missing else exit_codes.DONE
 
 
-def in_words(finding: "Finding") -> str:
+def in_words(finding: "CheckResult") -> str:
     """One line; why and what to do where something is missing."""
     line = f"{finding.verdict.value:8}{finding.what}: {finding.measured} (wanted: {finding.wanted})"
     return f"{line}\n        {finding.why}\n        -> {finding.remedy}" if finding.remedy else line

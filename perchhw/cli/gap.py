@@ -14,7 +14,7 @@ from perchhw.consoles import console, progress_console
 
 if TYPE_CHECKING:
     from calibration.flights import Flight
-    from calibration.gap.data import Prepared
+    from calibration.gap.data import PreparedFlights
     from calibration.gap.replay import PredictionErrors
     from calibration.gap.report import GapReport
 
@@ -76,7 +76,7 @@ def find(
     seed: Annotated[int, typer.Option(help="Of all random numbers.")] = 0,
 ) -> None:
     """Find where model and flights disagree, name what is missing, and write the improved vehicle file."""
-    from calibration.gap.find import Question, find_gap
+    from calibration.gap.find import GapQuestion, find_gap
     from calibration.gap.report import UnusableFile, write_report
     from calibration.gap.report.improved_vehicle import write_vehicle
     from onboard.vehicle import load_vehicle
@@ -84,7 +84,7 @@ def find(
     model = load_vehicle(vehicle, legs=legs)
     with progress_console().status("reading") as status:
         flights, refused = read_flights([*data, *(more or [])], format)
-        asked = Question(
+        asked = GapQuestion(
             vehicle=model,
             seed=seed,
             ceiling_z=ceiling,
@@ -96,7 +96,7 @@ def find(
     emit(result.report.to_json(), lambda: _tell(result.report, page))
 
 
-def read_records(paths: list[Path], format: str) -> tuple["Prepared", list[dict[str, str]]]:
+def read_records(paths: list[Path], format: str) -> tuple["PreparedFlights", list[dict[str, str]]]:
     """Records of all usable flights, and the files that hold none, each with the reason.
 
     Raises:

@@ -41,14 +41,14 @@ def watch(
 ) -> int:
     """Report rate, gaps, age, health and the last pose of a source; exit code 1 when it is not good."""
     from mocap_bridge.bridge import PoseBridge
-    from mocap_bridge.health import Verdict
+    from mocap_bridge.health import PoseVerdict
     from onboard.lab_time import open_timebase
     from perchhw.lab.partial import poses_of
 
     uri = uri or poses_of(lab, drone)
     ages: list[float] = []
 
-    def note_age(sample: Any, _: Verdict) -> None:
+    def note_age(sample: Any, _: PoseVerdict) -> None:
         if sample.latency is not None or sample.source_time is not None:
             ages.append(sample.receipt_time - sample.capture_time)
 
@@ -83,14 +83,14 @@ def summary(uri: str, seconds: float, status: "BridgeStatus", ages: list[float])
         status: the bridge's status at the end.
         ages: age at receipt (s) of each sample of which the source tells anything about time.
     """
-    from mocap_bridge.health import Verdict
+    from mocap_bridge.health import PoseVerdict
 
     health, source, last = status.health, status.source, status.last_sample
     ordered = sorted(ages)
     return {
         "uri": uri,
         "seconds": seconds,
-        "ok": status.verdict is Verdict.OK,
+        "ok": status.verdict is PoseVerdict.OK,
         "verdict": status.verdict.value,
         "error": status.error,
         "connected": status.connected,

@@ -55,7 +55,7 @@ def rehearse(
     from perchhw.lab import desk_setup, find_lab
     from perchhw.record import discard_if_empty, new_run_folder
     from perchhw.rehearsal.record import save_rehearsal, verdict_document
-    from perchhw.rehearsal.session import Stage
+    from perchhw.rehearsal.session import RehearsalStage
     from perchhw.rehearsal.session import rehearse as rehearse_on
     from perchhw.rehearsal.watched import record_in
     from perchhw.screen.flight_display import flight_display
@@ -90,8 +90,8 @@ def rehearse(
             live_view(view, folder or Path(), display),
         ):
 
-            def on_stage(stage: Stage, waits_for: str) -> None:
-                display.stage(stage, waits_for, tuple(Stage))
+            def on_stage(stage: RehearsalStage, waits_for: str) -> None:
+                display.stage(stage, waits_for, tuple(RehearsalStage))
 
             rehearsal = rehearse_on(setup.drone, plan, loaded, design, open_record, on_stage, on)
     finally:

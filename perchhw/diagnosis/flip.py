@@ -40,7 +40,7 @@ and cameras is between the trigger and the poses."""
 _QUARTER_TURN = math.pi / 2.0
 
 
-class Motion(NamedTuple):
+class PoseTrack(NamedTuple):
     """Poses: times of capture (s), heights (m), turns (rad, unwrapped), attitudes (n, 3, 3)."""
 
     t: FloatArray
@@ -167,7 +167,7 @@ def _single(states: FloatArray) -> NDArray[np.float32]:
     return np.ascontiguousarray(states, dtype=np.float32)
 
 
-def _motion(flight: Flight) -> Motion | None:
+def _motion(flight: Flight) -> PoseTrack | None:
     if not flight.has("z", "qw"):
         return None
     names = ("z", "qx", "qy", "qz", "qw")
@@ -177,10 +177,10 @@ def _motion(flight: Flight) -> Motion | None:
         return None
     rotations = to_matrices(pose[:, 1:5].copy())
     turn = np.unwrap(np.arctan2(rotations[:, 2, 0], rotations[:, 2, 2]))
-    return Motion(captured, pose[:, 0], turn, rotations)
+    return PoseTrack(captured, pose[:, 0], turn, rotations)
 
 
-def _delivered(motion: Motion, trigger: Trigger, vehicle: Vehicle, free_s: float) -> float | None:
+def _delivered(motion: PoseTrack, trigger: Trigger, vehicle: Vehicle, free_s: float) -> float | None:
     """Moment that turned the body as a share of the commanded one, from how long a quarter turn took.
 
     None where the ceiling was met before it, `free_s` after the trigger.
@@ -217,7 +217,7 @@ def _fading(t: float, lag: float) -> float:
     return lag * t - lag * lag * (1.0 - math.exp(-t / lag))
 
 
-def _estimate_late(motion: Motion, trigger: Trigger) -> float | None:
+def _estimate_late(motion: PoseTrack, trigger: Trigger) -> float | None:
     """Height that the estimate lacked at the trigger, as time (s) on the climb."""
     z, climb = trigger.snapshot.get("z"), trigger.snapshot.get("vz")
     if z is None or climb is None or climb <= 0.0:
@@ -226,7 +226,7 @@ def _estimate_late(motion: Motion, trigger: Trigger) -> float | None:
 
 
 def _touchdown(
-    flight: Flight, trigger_t: float, motion: Motion, geometry: LandingGeometry
+    flight: Flight, trigger_t: float, motion: PoseTrack, geometry: LandingGeometry
 ) -> Touchdown | None:
     blow = _first_blow(flight, trigger_t, motion)
     if blow is None:
@@ -242,7 +242,7 @@ def _touchdown(
     )
 
 
-def _first_blow(flight: Flight, trigger_t: float, motion: Motion) -> float | None:
+def _first_blow(flight: Flight, trigger_t: float, motion: PoseTrack) -> float | None:
     """Time (s) of the last row before the first blow of a ceiling, by the gyro or by the path, or None."""
     first, last = (trigger_t + bound for bound in _FLIP_S)
     blows: list[float] = []
@@ -259,7 +259,9 @@ def _first_blow(flight: Flight, trigger_t: float, motion: Motion) -> float | Non
     return min(near, default=None)
 
 
-def _least_gap(flight: Flight, trigger_t: float, motion: Motion, geometry: LandingGeometry) -> float | None:
+def _least_gap(
+    flight: Flight, trigger_t: float, motion: PoseTrack, geometry: LandingGeometry
+) -> float | None:
     flip = (motion.t > trigger_t) & (motion.t < trigger_t + _FLIP_S[1])
     if flight.ceiling_z is None or not flip.any():
         return None

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from onboard.app_interface import INTERFACE_VERSION, MEMORY_SIZE, Parameter
 from onboard.firmware.constants import vehicle_crc32
-from perchhw.doctor.finding import CheckVerdict, Finding, judged, not_known
+from perchhw.doctor.check_result import CheckResult, CheckVerdict, judged, not_known
 from perchhw.doctor.readings import DroneReadings, Readings
 from perchhw.supervisor import SafetyLimits
 
@@ -41,7 +41,7 @@ SETTINGS: dict[str, tuple[int, str, str]] = {
 """Parameter: value that a landing needs, why, and how the firmware comes to have it."""
 
 
-def link(readings: DroneReadings, _: Readings) -> Finding:
+def link(readings: DroneReadings, _: Readings) -> CheckResult:
     """Median and longest of the round trips."""
     ordered = sorted(readings.round_trips)
     median = ordered[len(ordered) // 2]
@@ -55,7 +55,7 @@ def link(readings: DroneReadings, _: Readings) -> Finding:
     )
 
 
-def firmware(readings: DroneReadings, _: Readings) -> Finding:
+def firmware(readings: DroneReadings, _: Readings) -> CheckResult:
     """A revision that we do not know is named; the tables decide what works."""
     why = "names and meanings of parameters change between releases"
     wanted = ", ".join(f"{name} ({number:08x})" for number, name in KNOWN_REVISIONS.items())
@@ -64,14 +64,14 @@ def firmware(readings: DroneReadings, _: Readings) -> Finding:
         measured = f"no {REVISION}"
     elif int(revision) in KNOWN_REVISIONS:
         name = KNOWN_REVISIONS[int(revision)]
-        return Finding("firmware", CheckVerdict.FINE, f"{name} ({int(revision):08x})", wanted, why)
+        return CheckResult("firmware", CheckVerdict.FINE, f"{name} ({int(revision):08x})", wanted, why)
     else:
         measured = f"revision {int(revision):08x}, unknown to perchhw"
     remedy = "what the lines below find works as it says; for the rest flash a known release"
-    return Finding("firmware", CheckVerdict.NOTE, measured, wanted, why, remedy)
+    return CheckResult("firmware", CheckVerdict.NOTE, measured, wanted, why, remedy)
 
 
-def landing_app(readings: DroneReadings, _: Readings) -> Finding:
+def landing_app(readings: DroneReadings, _: Readings) -> CheckResult:
     """All names of the interface, and its version."""
     wanted, why = f"version {INTERFACE_VERSION}", f"it takes the policy and lands; {WITHOUT_APP}"
     version = readings.parameters.get(Parameter.VERSION)
@@ -87,7 +87,7 @@ def landing_app(readings: DroneReadings, _: Readings) -> Finding:
     return judged("landing_app", True, f"version {version:g}", wanted, why, "")
 
 
-def vehicle(readings: DroneReadings, all_readings: Readings) -> Finding | None:
+def vehicle(readings: DroneReadings, all_readings: Readings) -> CheckResult | None:
     """The firmware was built for the vehicle that the host believes in."""
     flashed = readings.parameters.get(Parameter.VEHICLE_CRC)
     if flashed is None:
@@ -103,7 +103,7 @@ def vehicle(readings: DroneReadings, all_readings: Readings) -> Finding | None:
     )
 
 
-def app_memory(readings: DroneReadings, _: Readings) -> Finding:
+def app_memory(readings: DroneReadings, _: Readings) -> CheckResult:
     """The memory that policies are uploaded to."""
     problem = readings.app_memory_problem
     return judged(
@@ -116,11 +116,11 @@ def app_memory(readings: DroneReadings, _: Readings) -> Finding:
     )
 
 
-def setting(name: str) -> Callable[[DroneReadings, Readings], Finding]:
+def setting(name: str) -> Callable[[DroneReadings, Readings], CheckResult]:
     """The check of one parameter of :data:`SETTINGS`."""
     needed, why, remedy = SETTINGS[name]
 
-    def check(readings: DroneReadings, _: Readings) -> Finding:
+    def check(readings: DroneReadings, _: Readings) -> CheckResult:
         value = readings.parameters.get(name)
         if value is None:
             missing = f"the firmware has no {name}"
@@ -130,7 +130,7 @@ def setting(name: str) -> Callable[[DroneReadings, Readings], Finding]:
     return check
 
 
-def arming(readings: DroneReadings, _: Readings) -> Finding:
+def arming(readings: DroneReadings, _: Readings) -> CheckResult:
     """A build that arms by itself cannot be told when."""
     return judged(
         "arming",
@@ -142,7 +142,7 @@ def arming(readings: DroneReadings, _: Readings) -> Finding:
     )
 
 
-def drone_state(readings: DroneReadings, _: Readings) -> Finding:
+def drone_state(readings: DroneReadings, _: Readings) -> CheckResult:
     """The drone's own supervisor has no objection."""
     info = readings.supervisor
     wrong = [
@@ -165,7 +165,7 @@ def drone_state(readings: DroneReadings, _: Readings) -> Finding:
     )
 
 
-def battery(readings: DroneReadings, _: Readings) -> Finding:
+def battery(readings: DroneReadings, _: Readings) -> CheckResult:
     """The pack at rest."""
     limits = SafetyLimits()
     wanted = f"{limits.battery_at_rest:g} to {limits.battery_full:g} V at rest"
@@ -178,7 +178,7 @@ def battery(readings: DroneReadings, _: Readings) -> Finding:
     return judged("battery", fine, f"{readings.voltage:.2f} V", wanted, why, remedy)
 
 
-def drone_clock(readings: DroneReadings, _: Readings) -> Finding:
+def drone_clock(readings: DroneReadings, _: Readings) -> CheckResult:
     """Its milliseconds beside ours."""
     wanted = f"1 within {100 * CLOCK_RATE_OFF:g} %"
     why = "telemetry is put on the host's time by it"
@@ -191,7 +191,7 @@ def drone_clock(readings: DroneReadings, _: Readings) -> Finding:
     )
 
 
-CHECKS: tuple[Callable[[DroneReadings, Readings], Finding | None], ...] = (
+CHECKS: tuple[Callable[[DroneReadings, Readings], CheckResult | None], ...] = (
     link,
     firmware,
     landing_app,

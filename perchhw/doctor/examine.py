@@ -1,11 +1,11 @@
 """From readings to lines."""
 
 from perchhw.doctor import drone_checks, host_checks, mocap_checks
-from perchhw.doctor.finding import Finding, judged
+from perchhw.doctor.check_result import CheckResult, judged
 from perchhw.doctor.readings import DroneReadings, Readings
 
 
-def examine(readings: Readings) -> tuple[Finding, ...]:
+def examine(readings: Readings) -> tuple[CheckResult, ...]:
     """Every check that applies to what was asked for, in the order in which a person would look."""
     found = [check(readings) for check in host_checks.CHECKS]
     drone, mocap = readings.drone, readings.mocap
@@ -18,7 +18,7 @@ def examine(readings: Readings) -> tuple[Finding, ...]:
     return tuple(finding for finding in found if finding is not None)
 
 
-def _no_link(problem: str, readings: Readings) -> Finding:
+def _no_link(problem: str, readings: Readings) -> CheckResult:
     uri = readings.drone_uri or ""
     remedy = "is it on, its battery charged, the address that of its own configuration?"
     if uri.startswith("radio:") and not readings.host.usb:

@@ -3,14 +3,14 @@
 from collections.abc import Callable
 
 from onboard.attitude_margins import DELAY_LIMIT, PHASE_LIMIT_DEG, vehicle_margins
-from perchhw.doctor.finding import Finding, judged, not_known
+from perchhw.doctor.check_result import CheckResult, judged, not_known
 from perchhw.doctor.readings import Readings
 
 DISK_FREE = 1_000_000_000
 """Bytes: a day of attempts; one attempt of 15 s records about 2 MB."""
 
 
-def disk(readings: Readings) -> Finding:
+def disk(readings: Readings) -> CheckResult:
     """A record that cannot be written ends a campaign."""
     host = readings.host
     wanted, why = f"{DISK_FREE / 1e9:g} GB free and writable", "every flight is recorded as it goes on"
@@ -23,7 +23,7 @@ def disk(readings: Readings) -> Finding:
     return judged("disk", host.disk_free >= DISK_FREE, measured, wanted, why, remedy)
 
 
-def usb(readings: Readings) -> Finding | None:
+def usb(readings: Readings) -> CheckResult | None:
     """Only a drone by radio or cable needs USB."""
     uri = readings.drone_uri or ""
     if not uri.startswith(("radio:", "usb:")):
@@ -42,7 +42,7 @@ def usb(readings: Readings) -> Finding | None:
     return judged("usb", any(device.usable for device in devices), measured, wanted, why, remedy)
 
 
-def lab_file(readings: Readings) -> Finding | None:
+def lab_file(readings: Readings) -> CheckResult | None:
     """On hardware nothing flies without one."""
     problem = readings.host.lab_problem
     if problem is None:
@@ -57,7 +57,7 @@ def lab_file(readings: Readings) -> Finding | None:
     )
 
 
-def attitude_loop(readings: Readings) -> Finding:
+def attitude_loop(readings: Readings) -> CheckResult:
     """The vehicle file says whether the law has margin enough."""
     margins = vehicle_margins(readings.vehicle)
     return judged(
@@ -70,4 +70,4 @@ def attitude_loop(readings: Readings) -> Finding:
     )
 
 
-CHECKS: tuple[Callable[[Readings], Finding | None], ...] = (disk, usb, lab_file, attitude_loop)
+CHECKS: tuple[Callable[[Readings], CheckResult | None], ...] = (disk, usb, lab_file, attitude_loop)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from mocap_bridge.bridge import PoseBridge
 from mocap_bridge.correction import PoseCorrection
-from mocap_bridge.health import Verdict
+from mocap_bridge.health import PoseVerdict
 from mocap_bridge.pose import PoseSample
 from onboard.app_interface import LOGS, MEMORY_SIZE, MEMORY_TYPE_APP, PARAMETERS, Parameter
 from onboard.errors import InputError
@@ -156,7 +156,7 @@ def _clock_rate(samples: list["LogSample"]) -> float | None:
 def _bridge(
     uri: str | None, time: Timebase, correction: PoseCorrection, ages: list[float]
 ) -> PoseBridge | None:
-    def note_age(sample: PoseSample, _: Verdict) -> None:
+    def note_age(sample: PoseSample, _: PoseVerdict) -> None:
         if sample.latency is not None or sample.source_time is not None or correction.latency > 0.0:
             ages.append(sample.receipt_time - sample.capture_time)
 

@@ -3,9 +3,9 @@
 import math
 from collections.abc import Callable
 
-from mocap_bridge.health import HealthLimits, Verdict
+from mocap_bridge.health import HealthLimits, PoseVerdict
 from onboard.arrays import Quaternion, Vector
-from perchhw.doctor.finding import Finding, judged, not_known
+from perchhw.doctor.check_result import CheckResult, judged, not_known
 from perchhw.doctor.readings import DroneReadings, MocapReadings, Readings
 
 RATE = 90.0
@@ -18,20 +18,20 @@ STILL = (0.9, 1.1)
 """g: what the accelerometer of a drone shows that stands still."""
 
 
-def mocap(readings: MocapReadings, _: Readings) -> Finding:
+def mocap(readings: MocapReadings, _: Readings) -> CheckResult:
     """The health monitor's verdict."""
     measured = readings.verdict if readings.error is None else f"{readings.verdict} ({readings.error})"
     return judged(
         "mocap",
-        readings.verdict == Verdict.OK.value,
+        readings.verdict == PoseVerdict.OK.value,
         measured,
-        Verdict.OK.value,
+        PoseVerdict.OK.value,
         "the drone knows where it is by it",
         "is the subject tracked, its name right, the stream on? perchhw mocap watch says more",
     )
 
 
-def mocap_rate(readings: MocapReadings, _: Readings) -> Finding:
+def mocap_rate(readings: MocapReadings, _: Readings) -> CheckResult:
     """Frames a second."""
     return judged(
         "mocap_rate",
@@ -43,7 +43,7 @@ def mocap_rate(readings: MocapReadings, _: Readings) -> Finding:
     )
 
 
-def mocap_latency(readings: MocapReadings, _: Readings) -> Finding:
+def mocap_latency(readings: MocapReadings, _: Readings) -> CheckResult:
     """Age of the poses at receipt."""
     limit = HealthLimits().late_warning
     wanted, why = f"{1e3 * limit:.0f} ms", "at 3 m/s a pose of 35 ms is 10 cm behind"
@@ -54,7 +54,7 @@ def mocap_latency(readings: MocapReadings, _: Readings) -> Finding:
     return judged("mocap_latency", readings.age <= limit, f"{1e3 * readings.age:.1f} ms", wanted, why, remedy)
 
 
-def mocap_frame(readings: MocapReadings, all_readings: Readings) -> Finding | None:
+def mocap_frame(readings: MocapReadings, all_readings: Readings) -> CheckResult | None:
     """Where the poses say that up is, in the body, against the accelerometer."""
     drone = all_readings.drone
     if not isinstance(drone, DroneReadings):
@@ -82,7 +82,7 @@ def _angle(a: Vector, b: Vector) -> float:
     return math.acos(min(1.0, max(-1.0, inner / (math.hypot(*a) * math.hypot(*b)))))
 
 
-CHECKS: tuple[Callable[[MocapReadings, Readings], Finding | None], ...] = (
+CHECKS: tuple[Callable[[MocapReadings, Readings], CheckResult | None], ...] = (
     mocap,
     mocap_rate,
     mocap_latency,

@@ -21,8 +21,8 @@ from perchhw.flight.interrupts import OperatorInterrupts
 from perchhw.flight.loop import OnLook, OnPhase
 from perchhw.flight.mission import AttemptPlan, plan_attempt
 from perchhw.flight.readback import LANDING_SETTINGS, ReadBack
-from perchhw.flight.recording import FlightRecord, RecordListener
-from perchhw.flight.session import Flown, SupervisedFlight
+from perchhw.flight.recording import FlightRecorder, RecordListener
+from perchhw.flight.session import FlightEnd, SupervisedFlight
 from perchhw.flight.telemetry import BLOCKS
 from perchhw.lab import correction_of, in_record, limits_of, require_lab
 from perchhw.label import label_flight
@@ -95,7 +95,7 @@ def fly_attempt(
         open_timebase("fly", request.drone, request.mocap) as clock,
         RunRecorder(request.folder, _configuration(request, vehicle, plan, fit), clock) as recorder,
     ):
-        record = FlightRecord(recorder, listener)
+        record = FlightRecorder(recorder, listener)
 
         def prepared(link: DroneLink, events: Queue, readback: ReadBack) -> LandingCommands:
             refused = fit.ask_drone(link, vehicle, request.accept_mismatch)
@@ -157,8 +157,8 @@ def _conclude(
     request: AttemptRequest,
     vehicle: Vehicle,
     fit: Fit,
-    flown: Flown,
-    record: FlightRecord,
+    flown: FlightEnd,
+    record: FlightRecorder,
     clock: Timebase,
 ) -> AttemptResult:
     """Label what was flown and close the record."""

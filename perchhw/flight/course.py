@@ -22,7 +22,7 @@ from perchhw.flight.explain import explain, refusal_recorded
 from perchhw.flight.loop import OnLook, OnPhase
 from perchhw.flight.mission import LOWEST_HOVER
 from perchhw.flight.readback import TEST_FLIGHT_SETTINGS
-from perchhw.flight.recording import FlightRecord, RecordListener
+from perchhw.flight.recording import FlightRecorder, RecordListener
 from perchhw.flight.session import SupervisedFlight
 from perchhw.flight.telemetry import TEST_FLIGHT_BLOCKS
 from perchhw.lab import FlightSetup, correction_of, in_record, limits_of, require_lab
@@ -134,7 +134,7 @@ def fly_course(
         open_timebase("test flight", request.drone, request.mocap) as clock,
         RunRecorder(request.folder, _configuration(request, vehicle.name, design), clock) as recorder,
     ):
-        record = FlightRecord(recorder, listener)
+        record = FlightRecorder(recorder, listener)
         flight = SupervisedFlight(
             drone=request.drone,
             mocap=request.mocap,

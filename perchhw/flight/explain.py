@@ -11,13 +11,13 @@ from onboard.errors import PerchhwError
 from onboard.outcome import Outcome
 from perchhw.diagnosis import keep_diagnosis
 from perchhw.flight.caught import Caught
-from perchhw.flight.recording import FlightRecord
+from perchhw.flight.recording import FlightRecorder
 
 _log = logging.getLogger(__name__)
 
 
 @contextmanager
-def refusal_recorded(record: FlightRecord, clock: Clock, folder: Path) -> Iterator[None]:
+def refusal_recorded(record: FlightRecorder, clock: Clock, folder: Path) -> Iterator[None]:
     """An error within, before a flight has begun, closes its record in `folder` as refused, explained."""
     try:
         yield

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from mocap_bridge.health import Verdict
+from mocap_bridge.health import PoseVerdict
 from onboard.supervisor_info import SupervisorBits, SupervisorInfo
 from perchhw.flight.recording import RecordListener
 from perchhw.record.recorder import Scalar
@@ -164,7 +164,7 @@ class GroundStation:
             self._telemetry.set_voltage(numbers[0])
 
     def _pose(self, t: float, values: Mapping[str, Scalar]) -> None:
-        self._telemetry.set_poses_good(values.get("verdict") == Verdict.OK.name)
+        self._telemetry.set_poses_good(values.get("verdict") == PoseVerdict.OK.name)
 
     def _supervisor(self, t: float, values: Mapping[str, Scalar]) -> None:
         if (numbers := _numbers([values.get("bits")])) is not None:

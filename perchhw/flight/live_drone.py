@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from onboard.lab_time import open_timebase
 from perchhw.flight.recording import RecordListener
-from perchhw.flight.telemetry import TEST_FLIGHT_BLOCKS, Block
+from perchhw.flight.telemetry import TEST_FLIGHT_BLOCKS, TelemetryBlock
 
 if TYPE_CHECKING:
     from onboard.link import LogSample
@@ -35,7 +35,7 @@ def tell_drone(uri: str, listener: RecordListener, seconds: float = float("inf")
                 raise link.lost
 
 
-def _receiver(block: Block, listener: RecordListener) -> "Callable[[LogSample], None]":
+def _receiver(block: TelemetryBlock, listener: RecordListener) -> "Callable[[LogSample], None]":
     def receive(sample: "LogSample") -> None:
         topics: dict[str, dict[str, float]] = {}
         for variable, field in block.variables.items():

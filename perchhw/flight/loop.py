@@ -17,7 +17,7 @@ from perchhw.flight.actions import CommandRunner
 from perchhw.flight.caught import Caught
 from perchhw.flight.interrupts import OperatorInterrupts
 from perchhw.flight.kicker import HEART_S, WatchdogKicker
-from perchhw.flight.recording import FlightRecord
+from perchhw.flight.recording import FlightRecorder
 from perchhw.flight.telemetry import Telemetry
 from perchhw.supervisor import (
     CommandFailed,
@@ -79,7 +79,7 @@ class FlightLoop:
     bridge: PoseBridge
     telemetry: Telemetry
     commands: CommandRunner
-    record: FlightRecord
+    record: FlightRecorder
     interrupts: OperatorInterrupts
     kicker: WatchdogKicker
     events: Queue

@@ -22,7 +22,7 @@ class RecordListener(Protocol):
         """As :meth:`RunRecorder.event`."""
 
 
-class FlightRecord:
+class FlightRecorder:
     """A recorder that never raises: the first failure is kept, and after it nothing more is written.
 
     May be called from several threads.

@@ -20,8 +20,8 @@ from perchhw.flight.interrupts import OperatorInterrupts
 from perchhw.flight.kicker import WatchdogKicker
 from perchhw.flight.loop import FlightLoop, OnLook, OnPhase
 from perchhw.flight.readback import ReadBack
-from perchhw.flight.recording import FlightRecord
-from perchhw.flight.telemetry import Block, Telemetry, pose_recorder
+from perchhw.flight.recording import FlightRecorder
+from perchhw.flight.telemetry import Telemetry, TelemetryBlock, pose_recorder
 from perchhw.supervisor import FlightState, Mission, SafetyLimits
 
 _log = logging.getLogger(__name__)
@@ -31,7 +31,7 @@ CommandsFor = Callable[[DroneLink, Queue, ReadBack], CommandRunner]
 
 
 @dataclass(frozen=True)
-class Flown:
+class FlightEnd:
     """How a supervised flight ended.
 
     Attributes:
@@ -69,16 +69,16 @@ class SupervisedFlight:
     mocap: str
     mission: Mission
     limits: SafetyLimits
-    blocks: tuple[Block, ...]
+    blocks: tuple[TelemetryBlock, ...]
     settings: Mapping[str, int]
     commands: CommandsFor
-    record: FlightRecord
+    record: FlightRecorder
     clock: Timebase
     on_phase: OnPhase | None
     correction: PoseCorrection = AS_TRACKED
     on_look: OnLook | None = None
 
-    def run(self) -> Flown:
+    def run(self) -> FlightEnd:
         """Fly until the supervisor is done. What fails once it is does not cost the result.
 
         Raises:
@@ -100,7 +100,7 @@ class SupervisedFlight:
         self.record.event("internal_error", self.clock(), error=repr(error))
         _log.error("error in perchhw while it closed a flight that was over", exc_info=error)
 
-    def _fly(self, stack: ExitStack, interrupts: OperatorInterrupts) -> Flown:
+    def _fly(self, stack: ExitStack, interrupts: OperatorInterrupts) -> FlightEnd:
         """Everything is open in `stack`."""
         clock, record = self.clock, self.record
         stack.enter_context(interrupts)
@@ -144,7 +144,7 @@ class SupervisedFlight:
         trigger = telemetry.trigger_snapshot() if state.triggered else None
         if trigger is not None:
             record.write("trigger", clock(), trigger)
-        return Flown(state, trigger, interrupts.count > 0, telemetry.drone_clock_rate())
+        return FlightEnd(state, trigger, interrupts.count > 0, telemetry.drone_clock_rate())
 
 
 def _cut_motors(loop: FlightLoop) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from mocap_bridge.bridge import BridgeStatus, PoseBridge
-from mocap_bridge.health import Verdict
+from mocap_bridge.health import PoseVerdict
 from mocap_bridge.pose import PoseSample
 from onboard.app_interface import EndReason, LandingState, Log, Parameter
 from onboard.arrays import Quaternion
@@ -13,7 +13,7 @@ from onboard.gravity import GRAVITY
 from onboard.supervisor_info import SupervisorInfo
 from onboard.timebase import Timebase
 from perchhw.flight.readback import ReadBack
-from perchhw.flight.recording import FlightRecord
+from perchhw.flight.recording import FlightRecorder
 from perchhw.supervisor import Observation
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ _E = TypeVar("_E", LandingState, EndReason)
 _RAD = 0.017453292519943295
 
 
-class Field(NamedTuple):
+class LoggedField(NamedTuple):
     """A field of a record's topic, the factor that brings the drone's unit to the record's, and whether the
     drone sends it in half precision."""
 
@@ -36,20 +36,20 @@ class Field(NamedTuple):
 
 def _fields(
     group: str, topic: str, names: str, targets: str, scale: float = 1.0, *, half: bool = False
-) -> dict[str, Field]:
+) -> dict[str, LoggedField]:
     return {
-        f"{group}.{a}": Field(topic, b, scale, half)
+        f"{group}.{a}": LoggedField(topic, b, scale, half)
         for a, b in zip(names.split(), targets.split(), strict=True)
     }
 
 
-class Block(NamedTuple):
+class TelemetryBlock(NamedTuple):
     """One log block (at most 26 bytes): its period and where its variables go in the record."""
 
     period_ms: int
-    variables: dict[str, Field]
+    variables: dict[str, LoggedField]
 
-    def averaged(self) -> "Block":
+    def averaged(self) -> "TelemetryBlock":
         """The same with the mean motor ratios of our law in the place of those of an instant."""
         return self._replace(
             variables={
@@ -70,13 +70,13 @@ _MOTORS = _fields("motor", "motors", "m1 m2 m3 m4", "m1 m2 m3 m4")
 _MEAN_AGE_MS = 4
 """By so much a mean over five steps (:data:`onboard.app_interface.AVERAGED_MS`) is older than the last."""
 
-_POWER = {"pm.vbat": Field("power", "vbat", half=True), "pm.state": Field("power", "state")}
+_POWER = {"pm.vbat": LoggedField("power", "vbat", half=True), "pm.state": LoggedField("power", "state")}
 
 _ACCELERATION = _fields("acc", "acceleration", "x y z", "ax ay az", GRAVITY, half=True)
 
-BLOCKS: tuple[Block, ...] = (
-    Block(10, {**_MOTION, **_fields("gyro", "rates", "x y z", "gx gy gz", _RAD, half=True)}),
-    Block(
+BLOCKS: tuple[TelemetryBlock, ...] = (
+    TelemetryBlock(10, {**_MOTION, **_fields("gyro", "rates", "x y z", "gx gy gz", _RAD, half=True)}),
+    TelemetryBlock(
         10,
         {
             **_fields(
@@ -86,16 +86,16 @@ BLOCKS: tuple[Block, ...] = (
                 "tau theta_x d_ceil trigger_value a_rot",
                 half=True,
             ),
-            "perch.state": Field("cues", "state"),
-            "perch.reason": Field("cues", "reason"),
-            "perchT.count": Field("trigger", "count"),
-            "supervisor.info": Field("supervisor", "bits"),
+            "perch.state": LoggedField("cues", "state"),
+            "perch.reason": LoggedField("cues", "reason"),
+            "perchT.count": LoggedField("trigger", "count"),
+            "supervisor.info": LoggedField("supervisor", "bits"),
             **_MOTORS,
             **_POWER,
         },
     ),
-    Block(50, {**_ACCELERATION, "perch.polCrc": Field("", "policy_crc")}),
-    Block(
+    TelemetryBlock(50, {**_ACCELERATION, "perch.polCrc": LoggedField("", "policy_crc")}),
+    TelemetryBlock(
         50,
         {
             **_fields(
@@ -104,14 +104,14 @@ BLOCKS: tuple[Block, ...] = (
                 "tick tau thetaX dCeil trigVal aRot",
                 "tick_ms tau theta_x d_ceil trigger_value a_rot",
             ),
-            "perchT.count": Field("", "count_of_cues"),
+            "perchT.count": LoggedField("", "count_of_cues"),
         },
     ),
-    Block(
+    TelemetryBlock(
         50,
         {
             **_fields("perchT", "trigger", "vx vy vz z pitch", "vx vy vz z pitch"),
-            "perchT.count": Field("", "count_of_motion"),
+            "perchT.count": LoggedField("", "count_of_motion"),
         },
     ),
 )
@@ -121,9 +121,9 @@ They are 260 packets a second, of the 300 that Bitcraze's tests of the radio dem
 the drone's queue of 200 packets, and every answer then waits behind them.
 """
 
-TEST_FLIGHT_BLOCKS: tuple[Block, ...] = (
-    Block(10, {**_MOTION, "supervisor.info": Field("supervisor", "bits"), **_POWER}),
-    Block(10, {**_fields("gyro", "rates", "x y z", "gx gy gz", _RAD), **_ACCELERATION, **_MOTORS}),
+TEST_FLIGHT_BLOCKS: tuple[TelemetryBlock, ...] = (
+    TelemetryBlock(10, {**_MOTION, "supervisor.info": LoggedField("supervisor", "bits"), **_POWER}),
+    TelemetryBlock(10, {**_fields("gyro", "rates", "x y z", "gx gy gz", _RAD), **_ACCELERATION, **_MOTORS}),
 )
 """The log blocks of a test flight: what the gap finder uses at 100 Hz, nothing of the landing app."""
 
@@ -158,10 +158,10 @@ class Telemetry:
         self,
         link: "DroneLink",
         bridge: PoseBridge,
-        record: FlightRecord,
+        record: FlightRecorder,
         readback: ReadBack,
         clock: Timebase,
-        blocks: tuple[Block, ...] = BLOCKS,
+        blocks: tuple[TelemetryBlock, ...] = BLOCKS,
     ) -> None:
         self._blocks = blocks
         self._link = link
@@ -185,7 +185,7 @@ class Telemetry:
             receive = self._receiver(index, block)
             self._link.stream(tuple(block.variables), block.period_ms, receive, halves=halves)
 
-    def _receiver(self, index: int, block: Block) -> "Callable[[LogSample], None]":
+    def _receiver(self, index: int, block: TelemetryBlock) -> "Callable[[LogSample], None]":
         def receive(sample: "LogSample") -> None:
             values = {
                 (target.topic, target.name): sample.values[variable] * target.scale
@@ -311,7 +311,7 @@ def _known(kind: type[_E], value: float) -> _E | None:
 
 def _pose_problem(pose: BridgeStatus) -> str | None:
     """Why there are no good poses, in words, or ``None``."""
-    if pose.error is not None or pose.verdict is Verdict.OK:
+    if pose.error is not None or pose.verdict is PoseVerdict.OK:
         return pose.error
     refused = ", ".join(
         f"{count} {verdict.name.lower()}" for verdict, count in pose.health.rejects.items() if count
@@ -319,10 +319,10 @@ def _pose_problem(pose: BridgeStatus) -> str | None:
     return f"refused so far: {refused}" if refused else None
 
 
-def pose_recorder(flight_record: FlightRecord) -> Callable[[PoseSample, Verdict], None]:
+def pose_recorder(flight_record: FlightRecorder) -> Callable[[PoseSample, PoseVerdict], None]:
     """A callback for the pose bridge that records every sample with the verdict given to it."""
 
-    def record(sample: PoseSample, verdict: Verdict) -> None:
+    def record(sample: PoseSample, verdict: PoseVerdict) -> None:
         x, y, z = sample.position or (None, None, None)
         qx, qy, qz, qw = sample.quaternion or (None, None, None, None)
         flight_record.write(

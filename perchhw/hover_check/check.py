@@ -14,7 +14,7 @@ from onboard.vehicle import Vehicle, load_vehicle
 from perchhw.flight.course import CourseRequest, CourseResult, fly_uninterrupted
 from perchhw.hover_check.expected import expected
 from perchhw.hover_check.history import History
-from perchhw.hover_check.judge import Line, LineVerdict, in_words, judge
+from perchhw.hover_check.judge import CheckedQuantity, LineVerdict, in_words, judge
 from perchhw.hover_check.lag import motor_lag
 from perchhw.hover_check.poses import sensing, stream
 from perchhw.hover_check.thrust import hover_thrust
@@ -45,7 +45,7 @@ class HoverCheck:
         kept: file of this check.
     """
 
-    lines: tuple[Line, ...]
+    lines: tuple[CheckedQuantity, ...]
     rotors: tuple[RotorLine, ...]
     since: str | None
     checks: int

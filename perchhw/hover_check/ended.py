@@ -9,7 +9,7 @@ from onboard.gravity import GRAVITY
 from onboard.vehicle import Vehicle, load_vehicle
 from perchhw.hover_check.expected import expected
 from perchhw.hover_check.history import History
-from perchhw.hover_check.judge import Line, judge
+from perchhw.hover_check.judge import CheckedQuantity, judge
 from perchhw.hover_check.thrust import thrusts_of
 from perchhw.hover_check.windows import MOTORS
 from perchhw.lab.setup import FlightSetup
@@ -20,7 +20,7 @@ LAG = 0.1
 _LEAST_ROWS = 20
 
 
-def examine_ended(record: Path, setup: FlightSetup, out: Path) -> tuple[Line, ...]:
+def examine_ended(record: Path, setup: FlightSetup, out: Path) -> tuple[CheckedQuantity, ...]:
     """The battery's line of a check that came to no end, held against file and days; nothing is kept."""
     vehicle = load_vehicle(setup.vehicle, setup.legs)
     resistance = resistance_aloft(read_run(record), vehicle)

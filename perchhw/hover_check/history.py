@@ -14,7 +14,7 @@ from onboard.lab_file import split_subject
 from onboard.schema import schema_problem
 from onboard.vehicle import Vehicle, vehicle_to_toml
 from perchhw.errors import FlightStackError
-from perchhw.hover_check.judge import Line, LineVerdict
+from perchhw.hover_check.judge import CheckedQuantity, LineVerdict
 from perchhw.lab.hardware import on_this_machine
 from perchhw.record.folder import make_folder, slug
 
@@ -76,7 +76,9 @@ class History:
                 kept.append(EarlierCheck(document["when"], document["values"]))
         return tuple(kept[-LAST:])
 
-    def keep(self, when: datetime, record: Path, lines: Sequence[Line], *, begins_anew: bool) -> Path:
+    def keep(
+        self, when: datetime, record: Path, lines: Sequence[CheckedQuantity], *, begins_anew: bool
+    ) -> Path:
         """Write today's check.
 
         Raises:

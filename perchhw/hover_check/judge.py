@@ -45,7 +45,7 @@ class Days:
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class CheckedQuantity:
     """One quantity of a check.
 
     Attributes:
@@ -91,7 +91,7 @@ def judge(
     measured: Mapping[str, Estimate],
     expected: Mapping[str, Estimate],
     before: Sequence[Mapping[str, float]],
-) -> tuple[Line, ...]:
+) -> tuple[CheckedQuantity, ...]:
     """A line for each held quantity that was measured.
 
     Args:
@@ -110,7 +110,7 @@ def _line(
     measured: Estimate,
     expected: Estimate | None,
     before: Sequence[Mapping[str, float]],
-) -> Line:
+) -> CheckedQuantity:
     ratio = None if expected is None else normalised_difference(measured, expected)
     values = np.array([one[held.what] for one in before if held.what in one])
     days = against_days(held, values) if len(values) else None
@@ -125,7 +125,7 @@ def _line(
         verdict = LineVerdict.NOTE
     else:
         verdict = LineVerdict.SAME
-    return Line(held, measured, expected, ratio, days, verdict)
+    return CheckedQuantity(held, measured, expected, ratio, days, verdict)
 
 
 def against_days(held: HeldQuantity, values: np.ndarray) -> Days:
@@ -138,7 +138,7 @@ def against_days(held: HeldQuantity, values: np.ndarray) -> Days:
     return Days(mean - reach, mean + reach, mean, count)
 
 
-def in_words(lines: Sequence[Line], last_day: str | None) -> str:
+def in_words(lines: Sequence[CheckedQuantity], last_day: str | None) -> str:
     """The morning's answer in one sentence."""
     changed = [line.held.what for line in lines if line.verdict is LineVerdict.CHANGED]
     off = [line.held.what for line in lines if line.verdict is LineVerdict.OFF_FILE]

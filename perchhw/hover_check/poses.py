@@ -65,7 +65,7 @@ def stream(windows: CheckWindows) -> Stream:
 
 
 @dataclass(frozen=True)
-class Sensing:
+class SensorAgreement:
     """What poses and inertial sensors say of each other.
 
     Attributes:
@@ -79,7 +79,7 @@ class Sensing:
     bias: tuple[Estimate, Estimate, Estimate]
 
 
-def sensing(windows: CheckWindows) -> Sensing:
+def sensing(windows: CheckWindows) -> SensorAgreement:
     """Of the whole flight.
 
     Raises:
@@ -87,7 +87,7 @@ def sensing(windows: CheckWindows) -> Sensing:
     """
     found = flight_sensing(windows.run.folder)
     values, errors = found.values, found.errors
-    return Sensing(
+    return SensorAgreement(
         delay=unreported_delay(found),
         turn=_three(values["pose_rotation"], errors["pose_rotation"], "rad"),
         bias=_three(values["gyro_bias"], errors["gyro_bias"], "rad/s"),

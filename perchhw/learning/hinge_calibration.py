@@ -78,7 +78,7 @@ class Rates:
     rates: Mapping[str, FloatArray]
 
 
-class Score(NamedTuple):
+class HingeScore(NamedTuple):
     """Log likelihood (up to a constant) of the statements, and of the authors' rates."""
 
     statements: float
@@ -91,7 +91,7 @@ class Score(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Calibration:
+class HingeCalibration:
     """What a scan came to.
 
     Attributes:
@@ -101,7 +101,7 @@ class Calibration:
     """
 
     hinges: tuple[Hinge, ...]
-    scores: tuple[Score, ...]
+    scores: tuple[HingeScore, ...]
     statements: tuple[Mapping[str, float], ...]
     best: int
     picked: tuple[int, ...]
@@ -153,13 +153,13 @@ def statement_numbers(rates: Rates, chosen: IndexArray) -> dict[str, float]:
     }
 
 
-def score(rates: Rates, chosen: IndexArray, reference: Mapping[Condition, float]) -> Score:
+def score(rates: Rates, chosen: IndexArray, reference: Mapping[Condition, float]) -> HingeScore:
     """Score of a hinge on the conditions with these indices (repetition allowed)."""
     from scipy.special import log_ndtr
 
     differences = np.array(list(statement_numbers(rates, chosen).values()))
     misfit = band_differences(rates, chosen, reference) / DISCREPANCY
-    return Score(float(np.sum(log_ndtr(differences / VISIBLE))), -0.5 * float(np.sum(misfit**2)))
+    return HingeScore(float(np.sum(log_ndtr(differences / VISIBLE))), -0.5 * float(np.sum(misfit**2)))
 
 
 def band_differences(rates: Rates, chosen: IndexArray, reference: Mapping[Condition, float]) -> FloatArray:
@@ -180,7 +180,7 @@ def calibrate(
     reference: Mapping[Condition, float],
     rng: np.random.Generator,
     replicates: int = 200,
-) -> Calibration:
+) -> HingeCalibration:
     """Pick a hinge, and see how far the pick depends on the conditions.
 
     Args:
@@ -196,7 +196,7 @@ def calibrate(
     for _ in range(replicates):
         drawn = np.sort(rng.integers(0, count, count))
         picked.append(int(np.argmax([score(scanned[hinge], drawn, reference).total for hinge in hinges])))
-    return Calibration(
+    return HingeCalibration(
         hinges=hinges,
         scores=scores,
         statements=tuple(statement_numbers(scanned[hinge], everything) for hinge in hinges),
@@ -247,7 +247,7 @@ def run_hinge_calibration(
     return document
 
 
-def _result(found: Calibration) -> dict[str, Any]:
+def _result(found: HingeCalibration) -> dict[str, Any]:
     best = found.hinges[found.best]
     return {
         "stiffness": {

@@ -14,7 +14,7 @@ from perchhw.learning.ephe import sample
 from perchhw.learning.grid import Condition, generator
 from perchhw.learning.setup import Recipe, prepared
 from perchhw.learning.sweep_folder import Row, cell
-from perchhw.learning.trial import Bench, Rules, fly, new_bench, threshold_policy
+from perchhw.learning.trial import Rules, TrialMemory, fly, new_bench, threshold_policy
 from sim_backend.physics.landing_factors import FACTORS, landing_factors
 from sim_backend.physics.outcome import classify
 
@@ -46,7 +46,7 @@ def pair_of(row: Row) -> Pair:
 
 @kernel
 def fly_pair(
-    rng: Any, bench: Bench, factors: Any, mu: Any, sigma: Any, speed: float, angle: float, rules: Rules
+    rng: Any, bench: TrialMemory, factors: Any, mu: Any, sigma: Any, speed: float, angle: float, rules: Rules
 ) -> None:
     """Attempts of a learned distribution into ``bench.outs``, and the factors of those that touched."""
     for k in range(len(factors)):

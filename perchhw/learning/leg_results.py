@@ -25,7 +25,7 @@ SWING, GRAVITY, MOMENTUM, WINDOW = "swing_distance", "gravity_energy", "swing_ra
 
 
 @dataclass(frozen=True)
-class Landings:
+class LegLandings:
     """Fresh landings of all designs; all arrays are (n,).
 
     Attributes:
@@ -55,7 +55,7 @@ class LegResults:
     folder: Path
     study: dict[str, Any]
     maps: dict[str, RateMap]
-    landings: Landings
+    landings: LegLandings
 
     def bands_deg(self) -> list[tuple[float, float]]:
         """Bands of the approach angle that the study uses, right border outside except for 90 deg."""
@@ -101,9 +101,9 @@ def _read_study(path: Path) -> dict[str, Any]:
     return study
 
 
-def _read_landings(path: Path) -> Landings:
+def _read_landings(path: Path) -> LegLandings:
     table = read_csv(path, LearningInputError)
-    return Landings(
+    return LegLandings(
         design=np.array(table.text("design")),
         angle_deg=table.column("angle_deg"),
         success=np.array(table.text("outcome")) == Outcome.FOUR_LEG.value,

@@ -11,8 +11,8 @@ from perchhw.learning.grid import Condition, generator
 from perchhw.learning.setup import LearningSetup
 from perchhw.learning.trial import (
     TRIAL,
-    Bench,
     Rules,
+    TrialMemory,
     fly_next,
     learn_pair,
     new_bench,
@@ -35,11 +35,11 @@ class Trial(NamedTuple):
     """
 
     record: Any
-    bench: Bench
+    bench: TrialMemory
     rng: np.random.Generator
 
 
-class Flown(NamedTuple):
+class TrialRollout(NamedTuple):
     """One rollout of a trial.
 
     Attributes:
@@ -87,7 +87,7 @@ def learn_one(setup: LearningSetup, condition: Condition, repeat: int) -> Any:
     return run_trial(*setup.load(), setup.seed, condition, repeat).record
 
 
-def fly_again(setup: LearningSetup, condition: Condition, repeat: int, rollout: int) -> Flown:
+def fly_again(setup: LearningSetup, condition: Condition, repeat: int, rollout: int) -> TrialRollout:
     """One rollout of a sweep, flown again exactly, as a report of a fault names it.
 
     Args:
@@ -105,4 +105,4 @@ def fly_again(setup: LearningSetup, condition: Condition, repeat: int, rollout: 
     policy = threshold_policy(sample(rng, record["mu"], record["sigma"], rules.ephe))
     angle = math.radians(condition.angle_deg)
     fly_next(rng, bench, policy, condition.speed, angle, rules, record)
-    return Flown(policy, bench.drawn[0], bench.state[0], bench.outs[rollout])
+    return TrialRollout(policy, bench.drawn[0], bench.state[0], bench.outs[rollout])

@@ -33,7 +33,7 @@ class Rules(NamedTuple):
     ephe: EpheSettings
 
 
-class Bench(NamedTuple):
+class TrialMemory(NamedTuple):
     """The memory that one worker needs for its rollouts.
 
     Attributes:
@@ -85,9 +85,9 @@ def rollouts_most(s: EpheSettings) -> int:
     return s.rollouts * (s.episodes + s.evaluation_episodes)
 
 
-def new_bench(parameters: Any, results: int) -> Bench:
+def new_bench(parameters: Any, results: int) -> TrialMemory:
     """Memory for one worker and `results` rollouts."""
-    return Bench(
+    return TrialMemory(
         nominal=parameter_batch(parameters, 1),
         drawn=parameter_batch(parameters, 1),
         blank=new_states(1),
@@ -98,7 +98,9 @@ def new_bench(parameters: Any, results: int) -> Bench:
 
 
 @kernel
-def fly(rng: Any, bench: Bench, index: int, policy: Any, speed: float, angle: float, rules: Rules) -> float:
+def fly(
+    rng: Any, bench: TrialMemory, index: int, policy: Any, speed: float, angle: float, rules: Rules
+) -> float:
     """One rollout with a vehicle of its own into ``bench.outs[index]``; returns its reward.
 
     A rollout whose state is no longer finite has landed on nothing and earns nothing.
@@ -116,7 +118,7 @@ def fly(rng: Any, bench: Bench, index: int, policy: Any, speed: float, angle: fl
 
 @kernel
 def fly_next(
-    rng: Any, bench: Bench, policy: Any, speed: float, angle: float, rules: Rules, trial: Any
+    rng: Any, bench: TrialMemory, policy: Any, speed: float, angle: float, rules: Rules, trial: Any
 ) -> float:
     """The next rollout of a trial, with its counts; returns its reward."""
     index = trial.rollouts
@@ -135,7 +137,14 @@ def threshold_policy(theta: Any) -> ThresholdPolicy:
 
 @kernel
 def learn_pair(
-    rng: Any, bench: Bench, speed: float, angle: float, start_tau: float, rules: Rules, trial: Any, stop: int
+    rng: Any,
+    bench: TrialMemory,
+    speed: float,
+    angle: float,
+    start_tau: float,
+    rules: Rules,
+    trial: Any,
+    stop: int,
 ) -> None:
     """Learn the threshold and the moment for one approach condition, and measure their landing rate.
 

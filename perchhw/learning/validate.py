@@ -17,7 +17,7 @@ from perchhw.learning.grid import Condition, generator
 from perchhw.learning.one_trial import not_finite_rollouts
 from perchhw.learning.setup import LearningSetup, Recipe, prepared
 from perchhw.learning.sweep_folder import Row, cell, write_file
-from perchhw.learning.trial import TRIAL, Bench, Rules, fly_next, new_bench, summarise
+from perchhw.learning.trial import TRIAL, Rules, TrialMemory, fly_next, new_bench, summarise
 
 _PURPOSE = 2
 
@@ -29,7 +29,14 @@ COLUMNS = (
 
 @kernel
 def try_policy(
-    rng: Any, bench: Bench, policy: Any, speed: float, angle: float, rules: Rules, count: int, trial: Any
+    rng: Any,
+    bench: TrialMemory,
+    policy: Any,
+    speed: float,
+    angle: float,
+    rules: Rules,
+    count: int,
+    trial: Any,
 ) -> int:
     """`count` rollouts of a policy at one condition into `trial`; returns how many triggered."""
     triggered = 0

@@ -8,7 +8,7 @@ import numpy as np
 from calibration.room.errors import GeometryRefused
 from calibration.room.marker_body import Rest
 from mocap_bridge.bridge import PoseBridge
-from mocap_bridge.health import Verdict
+from mocap_bridge.health import PoseVerdict
 from mocap_bridge.pose import PoseSample
 from onboard.closing import Closing
 from onboard.timebase import Timebase
@@ -32,8 +32,8 @@ class SubjectWatch(Closing):
         self._bridge = PoseBridge(uri, sink=None, clock=time, on_sample=self._take)
         self._bridge.start()
 
-    def _take(self, sample: PoseSample, verdict: Verdict) -> None:
-        if verdict is Verdict.OK and sample.position is not None:
+    def _take(self, sample: PoseSample, verdict: PoseVerdict) -> None:
+        if verdict is PoseVerdict.OK and sample.position is not None:
             self._samples.append(sample)
 
     def rest(self, within: float, refuse: Callable[[Rest], str | None]) -> Rest:

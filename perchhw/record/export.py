@@ -30,7 +30,7 @@ class Column(NamedTuple):
     meaning: str
 
 
-class Table(NamedTuple):
+class ExportTable(NamedTuple):
     """Columns and rows, and what is to be said of the whole."""
 
     columns: list[Column]
@@ -97,7 +97,7 @@ def _written(run: RunRecord, out: Path, format: ExportFormat, rate_hz: float) ->
     return [*written, whole, resampled]
 
 
-def _writer(format: ExportFormat) -> Callable[[Path, Table], None]:
+def _writer(format: ExportFormat) -> Callable[[Path, ExportTable], None]:
     if format is ExportFormat.CSV:
         return _write_csv
     if importlib.util.find_spec("pyarrow") is None:
@@ -105,7 +105,7 @@ def _writer(format: ExportFormat) -> Callable[[Path, Table], None]:
     return _write_parquet
 
 
-def _topic_table(series: Series) -> Table:
+def _topic_table(series: Series) -> ExportTable:
     names = list(dict.fromkeys(name for message in series.messages for name in message))
     rows = (
         [float(t), *(message.get(name) for name in names)]
@@ -116,10 +116,10 @@ def _topic_table(series: Series) -> Table:
         Column(name, fields[name].unit, fields[name].meaning) if name in fields else Column(name, "", "")
         for name in names
     ]
-    return Table([_TIME, *columns], rows, _CLOCK)
+    return ExportTable([_TIME, *columns], rows, _CLOCK)
 
 
-def _flight_table(flight: Flight) -> Table:
+def _flight_table(flight: Flight) -> ExportTable:
     names = list(flight.data)
     columns = [flight.data[name] for name in names]
     valid = [flight.valid[name] for name in names]
@@ -130,10 +130,10 @@ def _flight_table(flight: Flight) -> Table:
         ]
         for i in range(flight.t.size)
     )
-    return Table([_TIME, *_channels(names)], rows, _CLOCK)
+    return ExportTable([_TIME, *_channels(names)], rows, _CLOCK)
 
 
-def _resampled_table(resampled: Resampled) -> Table:
+def _resampled_table(resampled: Resampled) -> ExportTable:
     columns = list(resampled.data.values())
     rows = (
         [float(t), *(None if math.isnan(c[i]) else float(c[i]) for c in columns)]
@@ -141,21 +141,21 @@ def _resampled_table(resampled: Resampled) -> Table:
     )
     rule = f"linear between a channel's samples, none where they are more than {GAP_PERIODS:g} periods apart"
     about = {**_CLOCK, "rate_hz": f"{resampled.rate_hz:g}", "interpolation": rule}
-    return Table([_TIME, *_channels(list(resampled.data))], rows, about)
+    return ExportTable([_TIME, *_channels(list(resampled.data))], rows, about)
 
 
 def _channels(names: list[str]) -> list[Column]:
     return [Column(name, CHANNELS[name].unit, CHANNELS[name].meaning) for name in names]
 
 
-def _write_csv(path: Path, table: Table) -> None:
+def _write_csv(path: Path, table: ExportTable) -> None:
     with path.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream)
         writer.writerow([column.name for column in table.columns])
         writer.writerows(["" if value is None else value for value in row] for row in table.rows)
 
 
-def _write_parquet(path: Path, table: Table) -> None:
+def _write_parquet(path: Path, table: ExportTable) -> None:
     pyarrow = importlib.import_module("pyarrow")  # optional, and without types
     parquet = importlib.import_module("pyarrow.parquet")
     values: list[list[Any]] = [[] for _ in table.columns]

@@ -25,7 +25,7 @@ from perchhw.record.flown import vehicle_of
 from perchhw.record.folder import make_folder
 from perchhw.record.foxglove_types import ERROR, INFO, LINE_STRIP, TYPES, WARNING, json_schema
 from perchhw.record.shapes import approach_of, approach_path, cage_shape, room_of, vehicle_shape
-from perchhw.record.topics import TOPICS, Field, Topic
+from perchhw.record.topics import TOPICS, Topic, TopicField
 from perchhw.record.wall_time import NANOSECOND, begin_of, wall_clock
 
 FILE = "foxglove.mcap"
@@ -180,7 +180,7 @@ def _can_be_shown(value: Any) -> bool:
     return value is not None and not (isinstance(value, float) and not math.isfinite(value))
 
 
-def plot_name(field: Field) -> str:
+def plot_name(field: TopicField) -> str:
     """The name of a field with its unit: ``tau_s``, ``gx_rad_s``, ``vbat_v``."""
     unit = _SUFFIXES.get(field.unit)
     if unit is None:

@@ -11,7 +11,7 @@ _TEXT = "text"
 
 
 @dataclass(frozen=True)
-class Field:
+class TopicField:
     """One field of a topic: its name, unit (``text`` for words) and meaning."""
 
     name: str
@@ -30,7 +30,7 @@ class Topic:
 
     name: str
     meaning: str
-    fields: tuple[Field, ...]
+    fields: tuple[TopicField, ...]
 
     def json_schema(self) -> dict[str, Any]:
         """The JSON schema that ``series.mcap`` carries for this topic."""
@@ -48,11 +48,11 @@ class Topic:
         }
 
 
-def _fields(unit: str, meaning: str, *names: str) -> tuple[Field, ...]:
-    return tuple(Field(name, unit, meaning) for name in names)
+def _fields(unit: str, meaning: str, *names: str) -> tuple[TopicField, ...]:
+    return tuple(TopicField(name, unit, meaning) for name in names)
 
 
-_DRONE_TIME = Field("drone_time_ms", "ms", "the drone's own time of the sample, unwrapped")
+_DRONE_TIME = TopicField("drone_time_ms", "ms", "the drone's own time of the sample, unwrapped")
 
 _TOPIC_LIST = (
     Topic(
@@ -61,9 +61,9 @@ _TOPIC_LIST = (
         (
             *_fields("m", "position, world; null when occluded", "x", "y", "z"),
             *_fields("1", "attitude quaternion, body to world; null when occluded", "qx", "qy", "qz", "qw"),
-            Field("frame", "1", "frame number of the source"),
-            Field("verdict", _TEXT, "verdict of the pose health monitor"),
-            Field("capture_time", "s", "capture time on the host's clock"),
+            TopicField("frame", "1", "frame number of the source"),
+            TopicField("verdict", _TEXT, "verdict of the pose health monitor"),
+            TopicField("capture_time", "s", "capture time on the host's clock"),
         ),
     ),
     Topic(
@@ -86,13 +86,13 @@ _TOPIC_LIST = (
         "cues",
         "what the landing app sees and decides on board",
         (
-            Field("tau", "s", "time to contact d_ceil / v_z"),
-            Field("theta_x", "1/s", "optical flow v_x / d_ceil, positive forward"),
-            Field("d_ceil", "m", "ceiling height minus height of the body's origin"),
-            Field("trigger_value", "1", "value of the trigger policy; fires at >= 0"),
-            Field("a_rot", "N m", "moment about b_y of the action policy; negative = nose up"),
-            Field("state", "1", "state of the landing state machine (onboard.landing.LandingState)"),
-            Field("reason", "1", "why the approach ended (onboard.landing.EndReason)"),
+            TopicField("tau", "s", "time to contact d_ceil / v_z"),
+            TopicField("theta_x", "1/s", "optical flow v_x / d_ceil, positive forward"),
+            TopicField("d_ceil", "m", "ceiling height minus height of the body's origin"),
+            TopicField("trigger_value", "1", "value of the trigger policy; fires at >= 0"),
+            TopicField("a_rot", "N m", "moment about b_y of the action policy; negative = nose up"),
+            TopicField("state", "1", "state of the landing state machine (onboard.landing.LandingState)"),
+            TopicField("reason", "1", "why the approach ended (onboard.landing.EndReason)"),
             _DRONE_TIME,
         ),
     ),
@@ -105,8 +105,8 @@ _TOPIC_LIST = (
         "power",
         "battery",
         (
-            Field("vbat", "V", "battery voltage"),
-            Field("state", "1", "the drone's charge state (pm.state)"),
+            TopicField("vbat", "V", "battery voltage"),
+            TopicField("state", "1", "the drone's charge state (pm.state)"),
             _DRONE_TIME,
         ),
     ),
@@ -114,8 +114,8 @@ _TOPIC_LIST = (
         "supervisor",
         "the drone's supervisor and the state of our own",
         (
-            Field("bits", "1", "info bits of the drone's supervisor"),
-            Field("state", _TEXT, "state of the host's flight supervisor"),
+            TopicField("bits", "1", "info bits of the drone's supervisor"),
+            TopicField("state", _TEXT, "state of the host's flight supervisor"),
             _DRONE_TIME,
         ),
     ),
@@ -123,16 +123,16 @@ _TOPIC_LIST = (
         "trigger",
         "snapshot taken on board when the policy fired",
         (
-            Field("tick_ms", "ms", "the drone's time of the trigger"),
-            Field("count", "1", "triggers since the approach was armed"),
-            Field("tau", "s", "time to contact"),
-            Field("theta_x", "1/s", "optical flow, positive forward"),
-            Field("d_ceil", "m", "distance to the ceiling"),
-            Field("trigger_value", "1", "value of the trigger policy"),
-            Field("a_rot", "N m", "moment about b_y; negative = nose up"),
+            TopicField("tick_ms", "ms", "the drone's time of the trigger"),
+            TopicField("count", "1", "triggers since the approach was armed"),
+            TopicField("tau", "s", "time to contact"),
+            TopicField("theta_x", "1/s", "optical flow, positive forward"),
+            TopicField("d_ceil", "m", "distance to the ceiling"),
+            TopicField("trigger_value", "1", "value of the trigger policy"),
+            TopicField("a_rot", "N m", "moment about b_y; negative = nose up"),
             *_fields("m/s", "velocity, world", "vx", "vy", "vz"),
-            Field("z", "m", "height of the body's origin"),
-            Field("pitch", "rad", "pitch of the body"),
+            TopicField("z", "m", "height of the body's origin"),
+            TopicField("pitch", "rad", "pitch of the body"),
         ),
     ),
 )

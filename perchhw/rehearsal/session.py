@@ -26,7 +26,7 @@ from perchhw.errors import FlightStackError
 from perchhw.rehearsal.loop_time import LoopTime, LoopWatch
 from perchhw.rehearsal.physics import Physics
 from perchhw.rehearsal.poses import ApproachPoses
-from perchhw.rehearsal.verdict import Verdict, judge
+from perchhw.rehearsal.verdict import RehearsalVerdict, judge
 from perchhw.rehearsal.watched import CUES, OpenRecord, RehearsalRecord
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ _MODES = {Physics.HOST: Rehearsal.POSES, Physics.DRONE: Rehearsal.MODEL}
 _ENDED = frozenset(LandingState) - {LandingState.IDLE, LandingState.TRAJECTORY_ARMED, LandingState.APPROACH}
 
 
-class Stage(StrEnum):
+class RehearsalStage(StrEnum):
     """What a rehearsal does, in its order."""
 
     CONNECTING = "connecting"
@@ -58,7 +58,7 @@ class Stage(StrEnum):
     READING = "reading"
 
 
-OnStage = Callable[[Stage, str], object]
+OnStage = Callable[[RehearsalStage, str], object]
 """Told which stage begins, and what it waits for in words."""
 
 
@@ -87,7 +87,7 @@ class Rehearsed:
     engine: str | None
     policy_crc32: int
     ring: Ring
-    verdict: Verdict
+    verdict: RehearsalVerdict
     loop: LoopTime | None = None
 
 
@@ -117,12 +117,12 @@ def rehearse(
     from onboard.link import DroneLink
 
     with hold(drone), open_timebase("rehearse", drone) as time:
-        on_stage(Stage.CONNECTING, "the drone to answer")
+        on_stage(RehearsalStage.CONNECTING, "the drone to answer")
         refuse_flying(drone, time)
         with DroneLink.open(drone, clock=time) as link:
             check_vehicle(link, vehicle_crc32(vehicle), vehicle.name)
             engine = engine_of(link)
-            on_stage(Stage.UPLOADING, "the policy to be read back")
+            on_stage(RehearsalStage.UPLOADING, "the policy to be read back")
             crc = link.upload_policy(encode_bundle(policy))
             _await_slot(time)
             with _rehearsing(link, physics), open_record(time) if open_record else nullcontext() as record:
@@ -197,7 +197,7 @@ def _fly(
             poses = until_read.enter_context(ApproachPoses(link, plan, smoothing, time, on_pose))
             _await_belief(told, plan, time, on_stage)
         _await_slot(time)  # the instant of belief depends on which thread looked first
-        on_stage(Stage.APPROACHING, f"the flip, at most {plan.impact_time:.1f} s")
+        on_stage(RehearsalStage.APPROACHING, f"the flip, at most {plan.impact_time:.1f} s")
         arm_approach(link, plan, time)
         link.set_param(Parameter.GO, 1)
         if poses is not None:
@@ -207,7 +207,7 @@ def _fly(
         if state not in _ENDED:
             _check_still_on(link)
             raise RehearsalFailed(f"the drone's approach did not end within {within:.1f} s: {state.name}")
-        on_stage(Stage.READING, "what the drone recorded")
+        on_stage(RehearsalStage.READING, "what the drone recorded")
         ring = read_ring(link, time)
     _check_still_on(link)
     return ring
@@ -215,7 +215,7 @@ def _fly(
 
 def _await_belief(told: _Drone, plan: ApproachPlan, time: Timebase, on_stage: OnStage) -> None:
     """Until the drone believes the poses of the approach's start."""
-    on_stage(Stage.BELIEVING, "the drone to believe its poses")
+    on_stage(RehearsalStage.BELIEVING, "the drone to believe its poses")
     if not poll(lambda: told.is_at_start(plan), bool, time, SETTLE_TIMEOUT_S):
         raise RehearsalFailed(
             f"the drone does not believe within {SETTLE_TIMEOUT_S:g} s the poses that it is sent; "

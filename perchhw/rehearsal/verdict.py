@@ -30,7 +30,7 @@ _CLIMBING = 0.05
 
 
 @dataclass(frozen=True)
-class Replay:
+class ReferenceReplay:
     """What the reference makes of the drone's inputs.
 
     Attributes:
@@ -46,7 +46,7 @@ class Replay:
     thrusts: Thrusts | None
 
 
-def replay(ring: Ring, plan: ApproachPlan, policy: Policy, vehicle: Vehicle) -> Replay:
+def replay(ring: Ring, plan: ApproachPlan, policy: Policy, vehicle: Vehicle) -> ReferenceReplay:
     """The reference on what the drone's policy had in each period of an approach.
 
     The landing machine starts in the approach, with the drone's own attitude in each step: the ring begins
@@ -65,7 +65,7 @@ def replay(ring: Ring, plan: ApproachPlan, policy: Policy, vehicle: Vehicle) -> 
             output = landing_step(memory, inputs, plan, limits)
             if memory.state == LandingState.FLIP:
                 trigger, thrusts = i, output.thrusts
-    return Replay(values, moments, trigger, thrusts)
+    return ReferenceReplay(values, moments, trigger, thrusts)
 
 
 def _inputs(ring: Ring, plan: ApproachPlan, policy: CompiledPolicy) -> Iterator[LandingInputs]:
@@ -101,7 +101,7 @@ def _numbers(values: Any) -> Any:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class RehearsalVerdict:
     """Whether drone and reference did the same, and where not.
 
     Attributes:
@@ -130,7 +130,9 @@ class Verdict:
         return not self.failures
 
 
-def judge(ring: Ring, reason: EndReason, plan: ApproachPlan, policy: Policy, vehicle: Vehicle) -> Verdict:
+def judge(
+    ring: Ring, reason: EndReason, plan: ApproachPlan, policy: Policy, vehicle: Vehicle
+) -> RehearsalVerdict:
     """The verdict on one rehearsal.
 
     Args:
@@ -149,7 +151,7 @@ def judge(ring: Ring, reason: EndReason, plan: ApproachPlan, policy: Policy, veh
         force = float(np.abs(ring.periods["law"]["thrusts"][at] - np.asarray(reference.thrusts)).max())
     value = _largest(ring.periods["trigger_value"], reference.trigger_values)
     a_rot = _largest(ring.periods["a_rot"], reference.a_rots)
-    return Verdict(
+    return RehearsalVerdict(
         tuple(_failures(reason, at, reference, samples, value, a_rot, force)),
         reason,
         samples,
@@ -176,7 +178,7 @@ def _largest(a: Any, b: FloatArray) -> float:
 def _failures(
     reason: EndReason,
     at: int | None,
-    reference: Replay,
+    reference: ReferenceReplay,
     samples: int | None,
     value: float,
     a_rot: float,

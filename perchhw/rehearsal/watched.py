@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from onboard.app_interface import LandingState, Log
 from onboard.arrays import Vector
 from onboard.timebase import Timebase
-from perchhw.flight.recording import FlightRecord
+from perchhw.flight.recording import FlightRecorder
 from perchhw.record import RunRecorder
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ class RehearsalRecord:
         time: clock of the rehearsal.
     """
 
-    def __init__(self, record: FlightRecord, time: Timebase) -> None:
+    def __init__(self, record: FlightRecorder, time: Timebase) -> None:
         self._record = record
         self._time = time
         self._state: LandingState | None = None
@@ -69,7 +69,7 @@ def record_in(folder: Path, config: dict[str, Any]) -> OpenRecord:
     @contextmanager
     def opened(time: Timebase) -> Iterator[RehearsalRecord]:
         with RunRecorder(folder, config, time) as recorder:
-            record = FlightRecord(recorder)
+            record = FlightRecorder(recorder)
             try:
                 yield RehearsalRecord(record, time)
             finally:

@@ -5,14 +5,14 @@ from html import escape
 from pathlib import Path
 
 from perchhw.campaign import CampaignPlan
-from perchhw.campaign.forecast import Forecast
+from perchhw.campaign.forecast import CampaignForecast
 from perchhw.campaign.grid_fit import GridFit
 from perchhw.campaign.plan import ADAPTIVE, Misfit
 from perchhw.campaign.plan_text import cost_text
 from perchhw.report.style import GREEN, INK, TRIGGER, new_figure, page, report_style, section, svg, table
 
 
-def write_campaign_plan(plan: CampaignPlan, fit: GridFit, cost: Forecast, file: Path) -> Path:
+def write_campaign_plan(plan: CampaignPlan, fit: GridFit, cost: CampaignForecast, file: Path) -> Path:
     """Write the page to `file`; it loads nothing from elsewhere."""
     with report_style():
         body = section("The grid", _grid(plan, fit), "The number at a cross: the ceiling it needs, m.")

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from onboard.arrays import BoolArray, FloatArray
-from perchhw.learning.leg_results import GRAVITY, MOMENTUM, SWING, WINDOW, Landings, LegResults
+from perchhw.learning.leg_results import GRAVITY, MOMENTUM, SWING, WINDOW, LegLandings, LegResults
 from perchhw.report.style import BLUE, INK, MUTED, ORANGE, new_figure
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def factors_by_angle(results: LegResults) -> "Figure":
     return figure
 
 
-def _within(landings: Landings, design: str, band: tuple[float, float]) -> BoolArray:
+def _within(landings: LegLandings, design: str, band: tuple[float, float]) -> BoolArray:
     low, high = band
     angle = landings.angle_deg
     return (

@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Mapping
 from typing import Any
 
-from mocap_bridge.health import Verdict
+from mocap_bridge.health import PoseVerdict
 from perchhw.record.recorder import Scalar
 from perchhw.supervisor import FlightState, Observation, Phase
 
@@ -109,7 +109,9 @@ class FlightWatch:
             "battery_v": seen.battery_voltage,
             "telemetry_hz": self._estimates.value(state.time),
             "silence_s": seen.link_silence,
-            "mocap": None if verdict is None else ("OK" if verdict is Verdict.OK else verdict.name.lower()),
+            "mocap": None
+            if verdict is None
+            else ("OK" if verdict is PoseVerdict.OK else verdict.name.lower()),
             "mocap_hz": self._poses.value(state.time),
             "mocap_age_s": seen.pose_age,
             "estimate_to_mocap_m": seen.estimate_to_pose,

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from math import exp, isfinite
 from typing import TypeVar
 
-from mocap_bridge.health import Verdict
+from mocap_bridge.health import PoseVerdict
 from onboard.app_interface import EndReason, LandingState
 from onboard.arrays import Quaternion, Vector
 from onboard.supervisor_info import SupervisorInfo
@@ -33,7 +33,7 @@ LARGEST_CRC = 2**32 - 1
 LARGEST_BITS = 2**16 - 1
 """``supervisor.info`` is a uint16."""
 
-_E = TypeVar("_E", Verdict, LandingState, EndReason)
+_E = TypeVar("_E", PoseVerdict, LandingState, EndReason)
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +60,7 @@ def admit(
     memory = _filtered(voltage if _fresh(battery_age, limits.battery_age) else None, memory, limits, now)
     admitted = Observation(
         link_silence=_age(o.link_silence),
-        pose_verdict=_member(Verdict, o.pose_verdict),
+        pose_verdict=_member(PoseVerdict, o.pose_verdict),
         pose_problem=o.pose_problem,
         pose_age=pose_age,
         pose_position=_vector(o.pose_position, FARTHEST) if seen else None,

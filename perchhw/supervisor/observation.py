@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from math import acos, atan2, dist, sqrt
 from typing import NewType
 
-from mocap_bridge.health import Verdict
+from mocap_bridge.health import PoseVerdict
 from onboard.app_interface import EndReason, LandingState
 from onboard.arrays import Quaternion, Vector
 from onboard.supervisor_info import SupervisorInfo
@@ -77,7 +77,7 @@ class Observation:
     """
 
     link_silence: float | None = None
-    pose_verdict: Verdict | None = None
+    pose_verdict: PoseVerdict | None = None
     pose_problem: str | None = None
     pose_age: float | None = None
     pose_position: Vector | None = None

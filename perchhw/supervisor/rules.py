@@ -6,7 +6,7 @@ value is a violation. Which rules hold when is the tuples at the end.
 
 from math import degrees, hypot, pi
 
-from mocap_bridge.health import Verdict
+from mocap_bridge.health import PoseVerdict
 from perchhw.supervisor.limits import SafetyLimits
 from perchhw.supervisor.observation import Admitted
 from perchhw.supervisor.space import (
@@ -29,19 +29,19 @@ def link_alive(o: Admitted, limits: SafetyLimits) -> Violation | None:
 def _bad_pose(o: Admitted) -> Violation:
     verdict = "unknown" if o.pose_verdict is None else o.pose_verdict.name
     measured = verdict if o.pose_problem is None else f"{verdict} ({o.pose_problem})"
-    return Violation("pose", measured, Verdict.OK.name)
+    return Violation("pose", measured, PoseVerdict.OK.name)
 
 
 def pose_good(o: Admitted, limits: SafetyLimits) -> Violation | None:
     """The pose stream is healthy, and its last good pose is fresh."""
-    if o.pose_verdict is not Verdict.OK:
+    if o.pose_verdict is not PoseVerdict.OK:
         return _bad_pose(o)
     return at_most("pose_age", o.pose_age, limits.pose_age, "s")
 
 
 def pose_usable(o: Admitted, limits: SafetyLimits) -> Violation | None:
     """Once begun, lost and rejected frames are bridged by the drone's own estimate, but not for long."""
-    if o.pose_verdict in (None, Verdict.UNKNOWN, Verdict.LOST):
+    if o.pose_verdict in (None, PoseVerdict.UNKNOWN, PoseVerdict.LOST):
         return _bad_pose(o)
     return at_most("pose_age", o.pose_age, limits.pose_age_bridged, "s")
 

@@ -16,9 +16,9 @@ import numpy as np
 
 from onboard.link.in_process import InProcessDriver, serve_in_process, stop_serving
 from onboard.vehicle import load_vehicle
-from perchhw.testing.lab import TRUTH_FILE, Lab, LabWaitTimeout, SimulatedDrone
+from perchhw.testing.lab import TRUTH_FILE, LabWaitTimeout, RealTimeLab, SimulatedDrone
 from perchhw.testing.values import MOST_DRONES, LabInputError, number, whole
-from sim_backend.acts import Acts
+from sim_backend.acts import LiveFaults
 from sim_backend.crazyflie.faults import DatagramFaults
 from sim_backend.crazyflie.server import CrazyflieServer
 from sim_backend.engine_name import usable_engine
@@ -67,7 +67,7 @@ class _Server(CrazyflieServer):
             self.driver.deliver(datagram)
 
 
-class InstantLab(Lab):
+class InstantLab(RealTimeLab):
     """As :class:`perchhw.testing.Lab`, in this process and at the pace of its test; its drones are at
     ``perchhw://cf1`` and so on, for cflib alone.
 
@@ -116,7 +116,7 @@ class InstantLab(Lab):
             _Server(self, drone, 0xE7 + i, link)
             for i, (drone, link) in enumerate(zip(self._world.drones, self._links, strict=True))
         ]
-        self._acts = Acts(self._world, self._links, feed)
+        self._acts = LiveFaults(self._world, self._links, feed)
         self.drones = [
             SimulatedDrone(self, i, serve_in_process(drone.name, server))
             for i, (drone, server) in enumerate(zip(self._world.drones, self._servers, strict=True))

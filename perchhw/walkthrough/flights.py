@@ -18,7 +18,7 @@ _ABORTED_IN_A_ROW = 3
 
 
 @dataclass(frozen=True)
-class LabDrone:
+class WalkthroughDrone:
     """A simulated drone that may differ from what others believe of it.
 
     Attributes:
@@ -46,7 +46,7 @@ def _nobody(_request: str) -> None:
 
 def fly_landings(
     folder: Path,
-    drone: LabDrone,
+    drone: WalkthroughDrone,
     policy: str,
     speeds: Sequence[float],
     angles_deg: Sequence[float],
@@ -84,7 +84,7 @@ def fly_landings(
     }
 
 
-def fly_tests(folder: Path, drone: LabDrone, kinds: Sequence[str]) -> dict[str, Any]:
+def fly_tests(folder: Path, drone: WalkthroughDrone, kinds: Sequence[str]) -> dict[str, Any]:
     """Test flights; goes on where an earlier campaign stopped.
 
     Raises:

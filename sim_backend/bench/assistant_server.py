@@ -7,7 +7,7 @@ from collections.abc import Awaitable, Callable
 from typing import Any
 
 from sim_backend.bench.errors import BenchError
-from sim_backend.bench.operator import Operator, Request
+from sim_backend.bench.operator import Request, SimulatedOperator
 
 LINE_MAX = 1 << 16
 
@@ -23,7 +23,7 @@ class AssistantServer:
         host: local address.
     """
 
-    def __init__(self, operator: Operator, wait_until: WaitUntil, host: str) -> None:
+    def __init__(self, operator: SimulatedOperator, wait_until: WaitUntil, host: str) -> None:
         self._operator = operator
         self._wait_until = wait_until
         self._host = host

@@ -12,7 +12,7 @@ SHAKE = 0.002
 """Standard deviation of a reading by the propellers' vibration, relative to the thrust."""
 
 
-class Balance:
+class SimulatedBalance:
     """What it weighs; call :meth:`step` with the load.
 
     Attributes:

@@ -11,14 +11,14 @@ import numpy as np
 from onboard.arrays import FloatArray
 from onboard.gravity import GRAVITY
 from onboard.vehicle import Vehicle
-from sim_backend.bench.balance import Balance
+from sim_backend.bench.balance import SimulatedBalance
 from sim_backend.bench.faults import BenchFaults
-from sim_backend.bench.hanging import HungDrone, Jig
-from sim_backend.bench.korad import KoradSupply
+from sim_backend.bench.hanging import BifilarDrone, SimulatedJig
+from sim_backend.bench.korad import SimulatedKoradSupply
 from sim_backend.bench.motors import BenchMotors
-from sim_backend.bench.power import BROWN_OUT_V, ELECTRONICS_A, RECOVERY_V, Pack, Supply
-from sim_backend.bench.scale import LoadCell, ScaleBoard
-from sim_backend.bench.scpi import ScpiSupply
+from sim_backend.bench.power import BROWN_OUT_V, ELECTRONICS_A, RECOVERY_V, Pack, PowerStage
+from sim_backend.bench.scale import ScaleBoard, SimulatedLoadCell
+from sim_backend.bench.scpi import SimulatedScpiSupply
 from sim_backend.bench.spin_record import SpinRecord
 from sim_backend.bench.tachometer import OpticalSensor, TachometerBoard
 from sim_backend.crazyflie.firmware import Firmware
@@ -56,7 +56,7 @@ class BenchOptions:
     seed: int = 0
     faults: BenchFaults = field(default_factory=BenchFaults)
     drone: DroneFaults = field(default_factory=DroneFaults)
-    jig: Jig = field(default_factory=Jig)
+    jig: SimulatedJig = field(default_factory=SimulatedJig)
 
 
 class BenchFirmware(Firmware):
@@ -116,17 +116,17 @@ class Bench:
         self.hands_rng = rngs["hands"]
         self.firmware = BenchFirmware(vehicle, rngs["firmware"], gyro_bias=options.drone.gyro_bias)
         self.motors = BenchMotors(vehicle, rngs["motors"], missing=faults.missing_propeller)
-        self.supply = Supply(faults)
+        self.supply = PowerStage(faults)
         self.pack = Pack(vehicle.battery, options.drone.battery_voltage)
         self.tachometer = TachometerBoard(rngs["tachometer"], faults)
         self.scale = ScaleBoard(rngs["scale"], faults)
-        self.scpi = ScpiSupply(self.supply, rngs["scpi"], faults)
+        self.scpi = SimulatedScpiSupply(self.supply, rngs["scpi"], faults)
         drawn = GAUGE_ERROR * float(rngs["gauge"].standard_normal())
         self.gauge_gain = 1.0 + (drawn if faults.gauge_error is None else faults.gauge_error)
-        self.korad = KoradSupply(self.supply)
-        self.cell = LoadCell(rngs["cell"], faults)
-        self.balance = Balance(rngs["balance"])
-        self.hung: HungDrone | None = None
+        self.korad = SimulatedKoradSupply(self.supply)
+        self.cell = SimulatedLoadCell(rngs["cell"], faults)
+        self.balance = SimulatedBalance(rngs["balance"])
+        self.hung: BifilarDrone | None = None
         self.place = Place.FLOOR
         self.watched = 1
         self.weights = 0.0

@@ -15,7 +15,7 @@ from sim_backend.fault_values import (
     TIME,
     FaultRule,
     FaultRules,
-    Window,
+    FaultWindow,
     choice,
     fault_values,
     flag,
@@ -84,7 +84,7 @@ class BenchFaults:
     flip: float = 0.0
     line_ends: str = "lf"
     protocol: int = 1
-    stall: Window = NO_TIME
+    stall: FaultWindow = NO_TIME
     unplug: Unplugging | None = None
     wrong_device: bool = False
     wrap_in: float | None = None
@@ -106,7 +106,7 @@ class BenchFaults:
     lead_resistance: float = 0.03
     on_battery: bool = False
     gauge_error: float | None = None
-    link_loss: Window = NO_TIME
+    link_loss: FaultWindow = NO_TIME
     touch: float = 0.0
     draught: float = 0.0
     swing: float | None = None

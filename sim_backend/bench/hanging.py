@@ -43,7 +43,7 @@ class Strings:
 
 
 @dataclass(frozen=True, slots=True)
-class Jig:
+class SimulatedJig:
     """What holds the drone: kg, and kg m2 about the vertical."""
 
     mass: float = 0.0
@@ -66,7 +66,7 @@ def air_inertia(vehicle: Vehicle, rng: np.random.Generator) -> FloatArray:
     return np.asarray(inertia * (1.0 + np.array(AIR) * rng.random(3)))
 
 
-class HungDrone:
+class BifilarDrone:
     """A drone on its strings; call :meth:`step` once a ms.
 
     Attributes:
@@ -81,7 +81,7 @@ class HungDrone:
         axis: FloatArray,
         inertia: FloatArray,
         mass: float,
-        jig: Jig,
+        jig: SimulatedJig,
         rng: np.random.Generator,
         faults: BenchFaults,
     ) -> None:

@@ -8,7 +8,7 @@ range is clipped and not complained about.
 import re
 from collections.abc import Callable
 
-from sim_backend.bench.power import Supply
+from sim_backend.bench.power import PowerStage
 
 IDENTITY = b"KORADKA3005P V2.0"
 VOLTAGE_MAX, CURRENT_MAX = 31.0, 5.1
@@ -16,10 +16,10 @@ _COMMAND = re.compile(r"(\*IDN|VSET1|ISET1|VOUT1|IOUT1|STATUS)\?|OUT([01])|([VI]
 _CONSTANT_VOLTAGE, _OUTPUT = 0x01, 0x40
 
 
-class KoradSupply:
+class SimulatedKoradSupply:
     """The supply as its second port shows it: :meth:`receive` bytes, get bytes."""
 
-    def __init__(self, supply: Supply) -> None:
+    def __init__(self, supply: PowerStage) -> None:
         self._supply = supply
         self._answers: dict[str, Callable[[], bytes]] = {
             "*IDN": lambda: IDENTITY,

@@ -12,7 +12,7 @@ import numpy as np
 
 from sim_backend.bench.bench import Bench, Place
 from sim_backend.bench.errors import BenchError
-from sim_backend.bench.hanging import HungDrone, Strings, air_inertia, strung
+from sim_backend.bench.hanging import BifilarDrone, Strings, air_inertia, strung
 from sim_backend.bench.readings import JIG, Grade
 from sim_backend.bench.scpi import CURRENT_MAX, VOLTAGE_MAX
 
@@ -43,7 +43,7 @@ class Reply:
     at: float
 
 
-class Operator:
+class SimulatedOperator:
     """A person with two hands and instruments of a grade.
 
     Args:
@@ -134,7 +134,7 @@ class Operator:
             self._asked, self._strings = asked, strung(asked, self._rng)
         bench = self._bench
         bench.put(Place.HANGING)
-        bench.hung = HungDrone(
+        bench.hung = BifilarDrone(
             self._strings,
             axis,
             self._inertia,
@@ -210,7 +210,7 @@ class Operator:
         if self._bench.driven or float(self._bench.motors.speed.max()) > NEARLY_STILL:
             raise CannotDo(f"the motors turn: stop them before I {what}")
 
-    def _hanging(self) -> HungDrone:
+    def _hanging(self) -> BifilarDrone:
         if self._bench.hung is None:
             raise CannotDo("the drone is not hanging: hang it first")
         return self._bench.hung

@@ -81,7 +81,7 @@ class AskedPort:
         return data
 
 
-class Port:
+class InstrumentPort:
     """One instrument's port.
 
     Attributes:

@@ -14,7 +14,7 @@ BROWN_OUT_V = 2.4
 RECOVERY_V = 2.8
 
 
-class Supply:
+class PowerStage:
     """The power stage of a laboratory supply.
 
     Attributes:

@@ -22,7 +22,7 @@ QUIET_CODE = 1
 QUIET_PERIOD_S = 0.5
 
 
-class LoadCell:
+class SimulatedLoadCell:
     """Cell and converter: grams that push, to counts.
 
     Attributes:

@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 
 from sim_backend.bench.faults import BenchFaults
-from sim_backend.bench.power import Supply
+from sim_backend.bench.power import PowerStage
 
 IDENTITY = "PERCHHW,SIMULATED SUPPLY,0001,1.0"
 VOLTAGE_MAX, CURRENT_MAX = 20.0, 10.0
@@ -24,10 +24,10 @@ _IGNORED = ("SOUR", "LEV", "LEVEL", "IMM", "IMMEDIATE", "AMPL", "AMPLITUDE", "ST
 """Parts of a header that may be left out."""
 
 
-class ScpiSupply:
+class SimulatedScpiSupply:
     """The supply as its port shows it: :meth:`receive` bytes, get bytes."""
 
-    def __init__(self, supply: Supply, rng: np.random.Generator, faults: BenchFaults) -> None:
+    def __init__(self, supply: PowerStage, rng: np.random.Generator, faults: BenchFaults) -> None:
         self._supply = supply
         self._rng = rng
         self._buffer = b""

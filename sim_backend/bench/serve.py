@@ -19,8 +19,8 @@ from sim_backend.bench.assistant_server import AssistantServer
 from sim_backend.bench.bench import DT, Bench, BenchOptions
 from sim_backend.bench.errors import BenchInputError
 from sim_backend.bench.faults import INSTRUMENTS, BenchFaults
-from sim_backend.bench.operator import CannotDo, Operator
-from sim_backend.bench.ports import AskedPort, BoardPort, Electronics, Port
+from sim_backend.bench.operator import CannotDo, SimulatedOperator
+from sim_backend.bench.ports import AskedPort, BoardPort, Electronics, InstrumentPort
 from sim_backend.crazyflie.faults import DatagramFaults
 from sim_backend.crazyflie.server import ACTIVITY_TIMEOUT_MS, CrazyflieServer
 from sim_backend.lab_faults import Faults
@@ -94,7 +94,7 @@ class ServedBench:
         if not 0.0 < settings.pace <= PACE_MAX:
             raise BenchInputError(f"pace {settings.pace:g}: must be above 0 and at most {PACE_MAX:g}")
         self.settings = settings
-        self.ports: dict[str, Port] = {}
+        self.ports: dict[str, InstrumentPort] = {}
         self.dropped = 0.0
         self._clock = clock
         self._waiting: list[tuple[float, int, asyncio.Future[None]]] = []
@@ -114,7 +114,7 @@ class ServedBench:
         faults = BenchFaults.parse(settings.faults.bench)
         options = BenchOptions(settings.seed, faults, settings.faults.drone)
         warm_up = Bench(vehicle, options)
-        operator = Operator(warm_up, lambda name: name)
+        operator = SimulatedOperator(warm_up, lambda name: name)
         strings = {"string_distance_top": 0.06, "string_distance_bottom": 0.06, "string_length": 0.6}
         operator.perform({"do": "hang", "axis": [0, 0, 1], **strings})
         warm_up.run(2.0)  # compiles, or loads, every kernel before the clock runs
@@ -144,9 +144,9 @@ class ServedBench:
             boards = electronics["scale"], electronics["tachometer"]
             electronics["tachometer"], electronics["scale"] = boards
         for name in INSTRUMENTS:
-            self.ports[name] = port = Port(electronics[name])
+            self.ports[name] = port = InstrumentPort(electronics[name])
             self._cleanup.callback(port.unplug)
-        self.operator = Operator(bench, self.replug)
+        self.operator = SimulatedOperator(bench, self.replug)
         self.assistant = AssistantServer(self.operator, self.wait_until, settings.host)
         await self.assistant.start()
         self._cleanup.push_async_callback(self.assistant.close)

@@ -18,14 +18,19 @@ from onboard.arrays import Vector
 from onboard.battery import FULL_RATIO
 from onboard.controller import Wrench
 from onboard.firmware.library import NO_POSE, Float32Array, core_library, vehicle_constants
-from onboard.firmware.structures import Approach, Estimate, Inputs, View
-from onboard.firmware.structures import Setpoint as CSetpoint
-from onboard.firmware.structures import Vector as CVector
+from onboard.firmware.structures import (
+    PerchApproach,
+    PerchEstimate,
+    PerchInputs,
+    PerchSetpoint,
+    PerchVector,
+    PerchView,
+)
 from onboard.landing.model import OutputMode
 from onboard.mixer import Thrusts
 from onboard.ring import RING_BYTES
 from onboard.vehicle import Vehicle
-from sim_backend.crazyflie.engine import ApproachRequest, Event, Sample, SnapshotField
+from sim_backend.crazyflie.engine import ApproachRequest, EngineEvent, Sample, SnapshotField
 from sim_backend.crazyflie.setpoint import Setpoint, complete_setpoint
 
 _WORD = ctypes.sizeof(ctypes.c_float)
@@ -44,11 +49,14 @@ class CEngine:
         self._library = core_library()
         self._constants = vehicle_constants(vehicle)  # the core keeps only where they are
         self._core = ctypes.create_string_buffer(self._library.core_bytes)
-        self._inputs, self._view = Inputs(), View()
-        begin = Inputs.estimate.offset
-        self._estimate = _floats_at(self._inputs, begin, begin + ctypes.sizeof(Estimate))
-        begin, size = Inputs.setpoint.offset + CSetpoint.position.offset, ctypes.sizeof(CSetpoint)
-        self._setpoint = _floats_at(self._inputs, begin, Inputs.setpoint.offset + size)
+        self._inputs, self._view = PerchInputs(), PerchView()
+        begin = PerchInputs.estimate.offset
+        self._estimate = _floats_at(self._inputs, begin, begin + ctypes.sizeof(PerchEstimate))
+        begin, size = (
+            PerchInputs.setpoint.offset + PerchSetpoint.position.offset,
+            ctypes.sizeof(PerchSetpoint),
+        )
+        self._setpoint = _floats_at(self._inputs, begin, PerchInputs.setpoint.offset + size)
         self._snapshot: Float32Array = np.zeros(len(SnapshotField), np.float32)
         self.ratios = np.zeros(4, dtype=np.int64)
         self.boot()
@@ -56,7 +64,7 @@ class CEngine:
     def boot(self) -> None:
         """Start anew."""
         self._library.perch_boot(self._core, self._constants)
-        self._view = View()
+        self._view = PerchView()
         self._view.outputs.policy.cues.tau = float("inf")
         self.ratios[:] = 0
 
@@ -136,7 +144,7 @@ class CEngine:
 
     def snapshot(self, field: SnapshotField) -> float:
         """One number of the sample that triggered the last flip: they lie in this order."""
-        begin = View.snapshot.offset + _WORD * (1 + field)
+        begin = PerchView.snapshot.offset + _WORD * (1 + field)
         return float(_floats_at(self._view, begin, begin + _WORD)[0])
 
     @property
@@ -163,7 +171,7 @@ class CEngine:
     def post(self, armed: bool, approach: ApproachRequest) -> int:
         """Post a request."""
         self._view.outputs.trajectory_status = TrajectoryStatus.NONE
-        return int(self._library.perch_post(self._core, armed, Approach(*approach)))
+        return int(self._library.perch_post(self._core, armed, PerchApproach(*approach)))
 
     def is_consumed(self, number: int) -> bool:
         """Whether request `number` was the last that was taken."""
@@ -204,7 +212,7 @@ class CEngine:
         """Height (m) of the ceiling while nothing is armed."""
         self._library.perch_set_ceiling(self._core, ceiling_z)
 
-    def step(self, sample: Sample) -> Event:
+    def step(self, sample: Sample) -> EngineEvent:
         """One ms."""
         inputs, state = self._inputs, sample.estimator.state
         inputs.tick = sample.tick
@@ -221,7 +229,7 @@ class CEngine:
         outputs = self._view.outputs
         for i in range(4):
             self.ratios[i] = int(outputs.duties[i] * FULL_RATIO)
-        return Event(outputs.events)
+        return EngineEvent(outputs.events)
 
     def _take_setpoint(self, s: Setpoint, tick: int) -> None:
         c = self._inputs.setpoint
@@ -242,5 +250,5 @@ class CEngine:
         )
 
 
-def _vector(v: CVector) -> Vector:
+def _vector(v: PerchVector) -> Vector:
     return (v.x, v.y, v.z)

@@ -22,7 +22,7 @@ from sim_backend.crazyflie.estimator import Estimator
 from sim_backend.crazyflie.setpoint import Setpoint
 
 
-class Event(IntFlag):
+class EngineEvent(IntFlag):
     """What happened in a step."""
 
     NONE = 0
@@ -233,6 +233,6 @@ class Engine(Protocol):
         """Height (m) of the ceiling for the cues while nothing is armed."""
         ...
 
-    def step(self, sample: Sample) -> Event:
+    def step(self, sample: Sample) -> EngineEvent:
         """One ms."""
         ...

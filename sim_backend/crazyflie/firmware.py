@@ -17,7 +17,7 @@ from onboard.vehicle import Vehicle
 from sim_backend.crazyflie.bindings import log_sources, parameter_setters
 from sim_backend.crazyflie.build import OURS, Build
 from sim_backend.crazyflie.commander import Commander, Priority
-from sim_backend.crazyflie.engine import Event, Sample
+from sim_backend.crazyflie.engine import EngineEvent, Sample
 from sim_backend.crazyflie.engines import make_engine
 from sim_backend.crazyflie.estimator import Estimator
 from sim_backend.crazyflie.high_level import FlatState, HighLevelCommander
@@ -36,7 +36,7 @@ from sim_backend.crazyflie.sensors import InertialSensors
 from sim_backend.crazyflie.services import CommanderService, LocalizationService
 from sim_backend.crazyflie.setpoint import Setpoint
 from sim_backend.crazyflie.stabilizer import applied_duties, level_out, motor_ratios
-from sim_backend.crazyflie.supervisor import RATE_HZ, State, Supervisor
+from sim_backend.crazyflie.supervisor import RATE_HZ, Supervisor, SupervisorState
 from sim_backend.crazyflie.tables import LogTable, Number, ParameterTable
 from sim_backend.engine_name import EngineName
 
@@ -255,7 +255,7 @@ class Firmware:
 
     def _overridden(self, setpoint: Setpoint) -> Setpoint:
         """The supervisor's say on the setpoint."""
-        if self.supervisor.state is State.WARNING_LEVEL_OUT:
+        if self.supervisor.state is SupervisorState.WARNING_LEVEL_OUT:
             return level_out(setpoint)
         return setpoint if self.supervisor.motors_allowed else Setpoint()
 
@@ -269,7 +269,7 @@ class Firmware:
             pose_age=None if self.last_pose_tick is None else tick - self.last_pose_tick,
             voltage=self.power.voltage,
             flying=self.supervisor.is_flying,
-            levelling=self.supervisor.state is State.WARNING_LEVEL_OUT,
+            levelling=self.supervisor.state is SupervisorState.WARNING_LEVEL_OUT,
             thrust_seen=bool(self.ratios.any()),
         )
         events = engine.step(sample)
@@ -284,11 +284,11 @@ class Firmware:
             self._override_motors()
         applied_duties(self.ratios, self._duties)
 
-    def _tell_others(self, tick: int, events: Event) -> None:
+    def _tell_others(self, tick: int, events: EngineEvent) -> None:
         """What a step of the engine means for the planner and for who asked."""
-        if events and Event.CUT in events:
+        if events and EngineEvent.CUT in events:
             self.high_level.stop()
-        if events and Event.HANDED_OVER in events:
+        if events and EngineEvent.HANDED_OVER in events:
             self.high_level.hold(self.flat_state(), tick * DT)
         if self.app is not None:
             self.app.answer(events)

@@ -1,7 +1,7 @@
 """From a hold to the planner: who is followed until the planner knows where the drone is."""
 
 from onboard.app_interface import LandingState
-from sim_backend.crazyflie.engine import Event, Sample
+from sim_backend.crazyflie.engine import EngineEvent, Sample
 
 HELD_ON_MS = 20
 """For which a hold that was handed over stays in force at most; the planner speaks every 10 ms."""
@@ -13,9 +13,9 @@ class HandOver:
     def __init__(self) -> None:
         self._tick: int | None = None
 
-    def holds_on(self, sample: Sample, state: LandingState, events: Event) -> bool:
+    def holds_on(self, sample: Sample, state: LandingState, events: EngineEvent) -> bool:
         """Whether the hold is still in force, at a step with these `events` that ended in `state`."""
-        if Event.HANDED_OVER in events:
+        if EngineEvent.HANDED_OVER in events:
             self._tick = sample.tick
         if self._tick is None:
             return False

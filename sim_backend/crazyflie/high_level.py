@@ -23,7 +23,7 @@ NUMBER_OF_DEFINITIONS = 31
 POLYNOMIAL_PIECE = struct.Struct("<33f")  # x, y, z, yaw with 8 coefficients each, then the duration
 
 
-class Command(IntEnum):
+class HighLevelCommand(IntEnum):
     """First byte of a packet on port 8."""
 
     SET_GROUP_MASK = 0
@@ -184,36 +184,38 @@ class HighLevelCommander:
         self._trajectory: Trajectory | None = None
         # The last setpoint while flying a plan, the estimate otherwise: where the next plan starts.
         self._last = FlatState()
-        self._handlers: dict[Command, Callable[[bytes, float], int]] = {
-            Command.TAKEOFF: lambda p, t: self._vertical(PlannerState.FLYING, "<Bff", p, t),
-            Command.LAND: lambda p, t: self._vertical(PlannerState.LANDING, "<Bff", p, t),
-            Command.TAKEOFF_2: lambda p, t: self._vertical(PlannerState.FLYING, "<Bff?f", p, t),
-            Command.LAND_2: lambda p, t: self._vertical(PlannerState.LANDING, "<Bff?f", p, t),
-            Command.TAKEOFF_WITH_VELOCITY: lambda p, t: self._with_velocity(PlannerState.FLYING, p, t),
-            Command.LAND_WITH_VELOCITY: lambda p, t: self._with_velocity(PlannerState.LANDING, p, t),
-            Command.GO_TO: lambda p, t: self._go_to("<BB5f", p, t),
-            Command.GO_TO_2: lambda p, t: self._go_to("<BBB5f", p, t),
-            Command.START_TRAJECTORY: lambda p, t: self._start("<BBBBf", p, t),
-            Command.START_TRAJECTORY_2: lambda p, t: self._start("<BBBBBf", p, t),
+        self._handlers: dict[HighLevelCommand, Callable[[bytes, float], int]] = {
+            HighLevelCommand.TAKEOFF: lambda p, t: self._vertical(PlannerState.FLYING, "<Bff", p, t),
+            HighLevelCommand.LAND: lambda p, t: self._vertical(PlannerState.LANDING, "<Bff", p, t),
+            HighLevelCommand.TAKEOFF_2: lambda p, t: self._vertical(PlannerState.FLYING, "<Bff?f", p, t),
+            HighLevelCommand.LAND_2: lambda p, t: self._vertical(PlannerState.LANDING, "<Bff?f", p, t),
+            HighLevelCommand.TAKEOFF_WITH_VELOCITY: lambda p, t: self._with_velocity(
+                PlannerState.FLYING, p, t
+            ),
+            HighLevelCommand.LAND_WITH_VELOCITY: lambda p, t: self._with_velocity(PlannerState.LANDING, p, t),
+            HighLevelCommand.GO_TO: lambda p, t: self._go_to("<BB5f", p, t),
+            HighLevelCommand.GO_TO_2: lambda p, t: self._go_to("<BBB5f", p, t),
+            HighLevelCommand.START_TRAJECTORY: lambda p, t: self._start("<BBBBf", p, t),
+            HighLevelCommand.START_TRAJECTORY_2: lambda p, t: self._start("<BBBBBf", p, t),
         }
 
     def command(self, command: int, payload: bytes, now: float) -> int:
         """Carry out one command of port 8; the answer's errno (0, EBUSY or ENOEXEC)."""
         try:
-            if command == Command.SET_GROUP_MASK:
+            if command == HighLevelCommand.SET_GROUP_MASK:
                 self._group_mask = payload[0]
                 return 0
-            if command == Command.STOP:
+            if command == HighLevelCommand.STOP:
                 if self._addressed(payload[0]):
                     self.stop()
                 return 0
-            if command == Command.DEFINE_TRAJECTORY:
+            if command == HighLevelCommand.DEFINE_TRAJECTORY:
                 return self._define(payload)
             if command not in self._handlers:
                 return errno.ENOEXEC
             if self._blocked:
                 return errno.EBUSY
-            return self._handlers[Command(command)](payload, now)
+            return self._handlers[HighLevelCommand(command)](payload, now)
         except (struct.error, IndexError):
             return errno.ENOEXEC
 

@@ -18,7 +18,7 @@ from onboard.app_interface import (
 )
 from onboard.firmware.constants import vehicle_crc32
 from onboard.vehicle import Vehicle
-from sim_backend.crazyflie.engine import ApproachRequest, Engine, Event, SnapshotField
+from sim_backend.crazyflie.engine import ApproachRequest, Engine, EngineEvent, SnapshotField
 from sim_backend.crazyflie.policy_slot import PolicySlot
 from sim_backend.crazyflie.tables import Number, ParameterTable
 from sim_backend.engine_name import EngineName
@@ -50,7 +50,7 @@ _SWITCHES = (
     Parameter.GO,
     Parameter.ABORT,
 )
-_ENGINES = {EngineName.REFERENCE: interface.Engine.REFERENCE, EngineName.C: interface.Engine.C}
+_ENGINES = {EngineName.REFERENCE: interface.EngineCode.REFERENCE, EngineName.C: interface.EngineCode.C}
 
 
 class LandingApp:
@@ -149,22 +149,22 @@ class LandingApp:
             **{log: of_model(i, axis) for i, logs in enumerate(_MODEL) for axis, log in enumerate(logs)},
         }
 
-    def answer(self, events: Event) -> None:
+    def answer(self, events: EngineEvent) -> None:
         """Say what a step of the engine made of what was posted."""
         if events:
             self._take_back(events)
         self._say(Parameter.STATE, int(self._engine.state))
         self._say(Parameter.TRAJECTORY_STATUS, int(self._engine.trajectory_status))
 
-    def _take_back(self, events: Event) -> None:
+    def _take_back(self, events: EngineEvent) -> None:
         """Switches that a step of the engine turned off."""
-        if Event.GO_TAKEN in events:
+        if EngineEvent.GO_TAKEN in events:
             self._params[Parameter.GO] = 0
-        if Event.ABORT_TAKEN in events:
+        if EngineEvent.ABORT_TAKEN in events:
             self._params[Parameter.ABORT] = 0
-        if Event.REFUSED in events:
+        if EngineEvent.REFUSED in events:
             self._params[Parameter.TRAJECTORY_ARM] = 0
-        if Event.REHEARSAL_ENDED in events:
+        if EngineEvent.REHEARSAL_ENDED in events:
             self.rehearses = False
             for name in _SWITCHES:
                 self._params[name] = 0

@@ -36,7 +36,7 @@ from onboard.policy.model import CompiledPolicy
 from onboard.policy.trigger import trigger_value
 from onboard.ring import RingRecorder
 from onboard.vehicle import Vehicle
-from sim_backend.crazyflie.engine import ApproachRequest, Event, Sample, SnapshotField
+from sim_backend.crazyflie.engine import ApproachRequest, EngineEvent, Sample, SnapshotField
 from sim_backend.crazyflie.hand_over import HandOver
 from sim_backend.crazyflie.power import COMPENSATION_GAIN, FULL_VOLTAGE
 from sim_backend.crazyflie.rehearsal import ORIGIN, RehearsalMode
@@ -195,12 +195,14 @@ class ReferenceEngine:
         """The recorder as the ground reads it."""
         return self._recorder.image()
 
-    def step(self, sample: Sample) -> Event:
+    def step(self, sample: Sample) -> EngineEvent:
         """One ms."""
-        events = self._forget(sample) if self._rehearsal.watch(sample) else Event.NONE
+        events = self._forget(sample) if self._rehearsal.watch(sample) else EngineEvent.NONE
         if self.rehearses:
             self._go_to_start()
-            events |= self._compute(self._rehearsal.as_in_flight(sample)) & ~(Event.HANDED_OVER | Event.CUT)
+            events |= self._compute(self._rehearsal.as_in_flight(sample)) & ~(
+                EngineEvent.HANDED_OVER | EngineEvent.CUT
+            )
             goal = self.target.position if self.mode is OutputMode.SETPOINT else None
             self._rehearsal.move(sample.tick, self.thrusts, goal)
             self._stabilizer.thrusts = (0.0, 0.0, 0.0, 0.0)
@@ -211,13 +213,13 @@ class ReferenceEngine:
             self._recent_ratios[sample.tick // CONTROL_PERIOD_MS % len(self._recent_ratios)] = self.ratios
         return events
 
-    def _forget(self, sample: Sample) -> Event:
+    def _forget(self, sample: Sample) -> EngineEvent:
         """What was armed for a rehearsal must not wait for a flight."""
         self._recorder.end(sample.tick)
         self._memory["state"] = self.state = LandingState.IDLE
         self._memory["trajectory_status"] = self._memory["arm_seen"] = 0
         self._posted.withdraw()
-        return Event.REHEARSAL_ENDED
+        return EngineEvent.REHEARSAL_ENDED
 
     def _go_to_start(self) -> None:
         """An approach that is about to be armed finds the model at its start."""
@@ -235,9 +237,9 @@ class ReferenceEngine:
         self._memory["attitude_known"] = 0
         self._rehearsal.start(position)
 
-    def _compute(self, sample: Sample) -> Event:
+    def _compute(self, sample: Sample) -> EngineEvent:
         """One ms of a drone that flies, or rehearses."""
-        events = Event.NONE
+        events = EngineEvent.NONE
         if math.isfinite(sample.voltage):  # one that is not would stay for ever
             self._supply += COMPENSATION_GAIN * (sample.voltage - self._supply)
         if sample.tick % CONTROL_PERIOD_MS == 0:
@@ -275,7 +277,7 @@ class ReferenceEngine:
             self.trigger_value = float(trigger_value(self._policy, *self.cues))
             self.a_rot = float(action_moment(self._policy, *self.cues))
 
-    def _step_machine(self, sample: Sample) -> Event:
+    def _step_machine(self, sample: Sample) -> EngineEvent:
         """One step of the landing machine: take what is posted, step, answer."""
         was, posted, memory = self.state, self._posted, self._memory
         posted.take(was, bool(memory["arm_seen"]))
@@ -322,7 +324,7 @@ class ReferenceEngine:
             flying=sample.flying,
         )
 
-    def _change(self, sample: Sample, was: LandingState) -> Event:
+    def _change(self, sample: Sample, was: LandingState) -> EngineEvent:
         """What a change of the machine's state means for others."""
         state = self.state
         if state is not was and state is LandingState.TRAJECTORY_ARMED:
@@ -330,10 +332,10 @@ class ReferenceEngine:
         elif state is not was and was is LandingState.APPROACH:
             self._recorder.end(sample.tick)
         if state is not was and state in _CUT:
-            return Event.CUT
+            return EngineEvent.CUT
         if was is LandingState.HOLD and state is LandingState.IDLE and not sample.setpoint.is_null:
-            return Event.HANDED_OVER
-        return Event.NONE
+            return EngineEvent.HANDED_OVER
+        return EngineEvent.NONE
 
     def _fly(self, sample: Sample) -> None:
         stabilizer, mode = self._stabilizer, self.mode

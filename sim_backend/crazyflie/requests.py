@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from onboard.app_interface import LandingState, TrajectoryStatus
 from onboard.trajectory import ApproachPlan, plan_from_velocity
-from sim_backend.crazyflie.engine import ApproachRequest, Event
+from sim_backend.crazyflie.engine import ApproachRequest, EngineEvent
 
 NO_PLAN = ApproachPlan(*[math.nan] * 12)
 """Which nothing accepts."""
@@ -75,26 +75,26 @@ class Posted:
         if request.armed and state is LandingState.IDLE:
             self.plan = request.plan
 
-    def clear_flags(self, go_taken: bool) -> Event:
+    def clear_flags(self, go_taken: bool) -> EngineEvent:
         """The machine has seen the flags, `go` where it was not the one before again."""
-        events = Event.NONE
+        events = EngineEvent.NONE
         if go_taken:
             self.go = False
-            events |= Event.GO_TAKEN
+            events |= EngineEvent.GO_TAKEN
         if self.abort:
             self.abort = False
-            events |= Event.ABORT_TAKEN
+            events |= EngineEvent.ABORT_TAKEN
         return events
 
-    def answer(self, status: TrajectoryStatus) -> Event:
+    def answer(self, status: TrajectoryStatus) -> EngineEvent:
         """What the machine makes of the last request, unless one is still to be consumed."""
         if self._waits:
-            return Event.NONE
+            return EngineEvent.NONE
         self.status = status
         if status >= TrajectoryStatus.REFUSED_TOO_FAR and self.trajectory_armed:
             self.trajectory_armed = False
-            return Event.REFUSED
-        return Event.NONE
+            return EngineEvent.REFUSED
+        return EngineEvent.NONE
 
     def withdraw(self) -> None:
         """Nothing waits, and nothing is on."""

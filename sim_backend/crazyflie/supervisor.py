@@ -26,7 +26,7 @@ UPSIDE_DOWN_TIME_MS = 100
 FREE_FALL_G = 0.1
 
 
-class State(IntEnum):
+class SupervisorState(IntEnum):
     """States, numbered as in the firmware."""
 
     NOT_INITIALIZED = 0
@@ -43,7 +43,7 @@ class State(IntEnum):
     CRASHED = 11
 
 
-class Condition(IntFlag):
+class SupervisorCondition(IntFlag):
     """What the rules look at."""
 
     NONE = 0
@@ -68,16 +68,16 @@ class When(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Rule:
+class Transition:
     """Go to `to` when the conditions `given` hold and `missing` do not; never while `blocked` holds."""
 
-    to: State
+    to: SupervisorState
     when: When
-    given: Condition = Condition.NONE
-    missing: Condition = Condition.NONE
-    blocked: Condition = Condition.NONE
+    given: SupervisorCondition = SupervisorCondition.NONE
+    missing: SupervisorCondition = SupervisorCondition.NONE
+    blocked: SupervisorCondition = SupervisorCondition.NONE
 
-    def fires(self, conditions: Condition) -> bool:
+    def fires(self, conditions: SupervisorCondition) -> bool:
         """Whether this rule moves the state under `conditions`."""
         if conditions & self.blocked:
             return False
@@ -89,71 +89,80 @@ class Rule:
         return not (absent & self.given) and not (conditions & self.missing)
 
 
-_C = Condition
-_E_STOP = Rule(State.EXCEPTION_FREE_FALL, When.ANY, given=_C.EMERGENCY_STOP)
+_C = SupervisorCondition
+_E_STOP = Transition(SupervisorState.EXCEPTION_FREE_FALL, When.ANY, given=_C.EMERGENCY_STOP)
 
-RULES: dict[State, tuple[Rule, ...]] = {
-    State.NOT_INITIALIZED: (Rule(State.PREFLIGHT_CHECKS_NOT_PASSED, When.ALWAYS),),
-    State.PREFLIGHT_CHECKS_NOT_PASSED: (
+RULES: dict[SupervisorState, tuple[Transition, ...]] = {
+    SupervisorState.NOT_INITIALIZED: (Transition(SupervisorState.PREFLIGHT_CHECKS_NOT_PASSED, When.ALWAYS),),
+    SupervisorState.PREFLIGHT_CHECKS_NOT_PASSED: (
         _E_STOP,
-        Rule(State.PREFLIGHT_CHECKS_PASSED, When.ALWAYS, blocked=_C.TUMBLED),
+        Transition(SupervisorState.PREFLIGHT_CHECKS_PASSED, When.ALWAYS, blocked=_C.TUMBLED),
     ),
-    State.PREFLIGHT_CHECKS_PASSED: (
+    SupervisorState.PREFLIGHT_CHECKS_PASSED: (
         _E_STOP,
-        Rule(State.PREFLIGHT_CHECKS_NOT_PASSED, When.ANY, given=_C.TUMBLED),
-        Rule(State.ARMING, When.ALL, given=_C.ARMED, blocked=_C.TUMBLED),
+        Transition(SupervisorState.PREFLIGHT_CHECKS_NOT_PASSED, When.ANY, given=_C.TUMBLED),
+        Transition(SupervisorState.ARMING, When.ALL, given=_C.ARMED, blocked=_C.TUMBLED),
     ),
-    State.ARMING: (
+    SupervisorState.ARMING: (
         _E_STOP,
-        Rule(
-            State.PREFLIGHT_CHECKS_NOT_PASSED,
+        Transition(
+            SupervisorState.PREFLIGHT_CHECKS_NOT_PASSED,
             When.ANY,
             given=_C.TUMBLED | _C.SPINUP_TIMEOUT,
             missing=_C.ARMED,
         ),
         # Without rpm feedback the spin-up counts as done at once.
-        Rule(State.READY_TO_FLY, When.ALWAYS),
+        Transition(SupervisorState.READY_TO_FLY, When.ALWAYS),
     ),
-    State.READY_TO_FLY: (
+    SupervisorState.READY_TO_FLY: (
         _E_STOP,
-        Rule(
-            State.PREFLIGHT_CHECKS_NOT_PASSED,
+        Transition(
+            SupervisorState.PREFLIGHT_CHECKS_NOT_PASSED,
             When.ANY,
             given=_C.TUMBLED | _C.PREFLIGHT_TIMEOUT,
             missing=_C.ARMED,
         ),
-        Rule(State.FLYING, When.ALL, given=_C.FLYING),
+        Transition(SupervisorState.FLYING, When.ALL, given=_C.FLYING),
     ),
-    State.FLYING: (
-        Rule(State.EXCEPTION_FREE_FALL, When.ANY, given=_C.COMMANDER_TIMEOUT | _C.EMERGENCY_STOP),
-        Rule(State.CRASHED, When.ANY, given=_C.TUMBLED),
-        Rule(State.RESET, When.ALL, missing=_C.ARMED),
-        Rule(State.WARNING_LEVEL_OUT, When.ALL, given=_C.COMMANDER_WARNING),
-        Rule(State.LANDED, When.ALL, missing=_C.FLYING),
+    SupervisorState.FLYING: (
+        Transition(
+            SupervisorState.EXCEPTION_FREE_FALL, When.ANY, given=_C.COMMANDER_TIMEOUT | _C.EMERGENCY_STOP
+        ),
+        Transition(SupervisorState.CRASHED, When.ANY, given=_C.TUMBLED),
+        Transition(SupervisorState.RESET, When.ALL, missing=_C.ARMED),
+        Transition(SupervisorState.WARNING_LEVEL_OUT, When.ALL, given=_C.COMMANDER_WARNING),
+        Transition(SupervisorState.LANDED, When.ALL, missing=_C.FLYING),
     ),
-    State.LANDED: (
-        Rule(State.RESET, When.ANY, given=_C.LANDING_TIMEOUT, missing=_C.ARMED),
-        Rule(State.FLYING, When.ALL, given=_C.FLYING),
+    SupervisorState.LANDED: (
+        Transition(SupervisorState.RESET, When.ANY, given=_C.LANDING_TIMEOUT, missing=_C.ARMED),
+        Transition(SupervisorState.FLYING, When.ALL, given=_C.FLYING),
     ),
-    State.RESET: (Rule(State.PREFLIGHT_CHECKS_NOT_PASSED, When.ALWAYS),),
-    State.WARNING_LEVEL_OUT: (
-        Rule(
-            State.EXCEPTION_FREE_FALL,
+    SupervisorState.RESET: (Transition(SupervisorState.PREFLIGHT_CHECKS_NOT_PASSED, When.ALWAYS),),
+    SupervisorState.WARNING_LEVEL_OUT: (
+        Transition(
+            SupervisorState.EXCEPTION_FREE_FALL,
             When.ANY,
             given=_C.COMMANDER_TIMEOUT | _C.TUMBLED | _C.EMERGENCY_STOP,
         ),
-        Rule(State.FLYING, When.ALL, missing=_C.COMMANDER_WARNING | _C.COMMANDER_TIMEOUT),
+        Transition(SupervisorState.FLYING, When.ALL, missing=_C.COMMANDER_WARNING | _C.COMMANDER_TIMEOUT),
     ),
-    State.EXCEPTION_FREE_FALL: (Rule(State.LOCKED, When.ALWAYS),),
-    State.LOCKED: (),
-    State.CRASHED: (
-        Rule(State.PREFLIGHT_CHECKS_NOT_PASSED, When.ALL, missing=_C.CRASHED | _C.TUMBLED),
-        Rule(State.LOCKED, When.ALL, given=_C.EMERGENCY_STOP),
+    SupervisorState.EXCEPTION_FREE_FALL: (Transition(SupervisorState.LOCKED, When.ALWAYS),),
+    SupervisorState.LOCKED: (),
+    SupervisorState.CRASHED: (
+        Transition(SupervisorState.PREFLIGHT_CHECKS_NOT_PASSED, When.ALL, missing=_C.CRASHED | _C.TUMBLED),
+        Transition(SupervisorState.LOCKED, When.ALL, given=_C.EMERGENCY_STOP),
     ),
 }
 
-_CAN_FLY = frozenset({State.READY_TO_FLY, State.FLYING, State.WARNING_LEVEL_OUT, State.LANDED})
-_ARMED_STATES = _CAN_FLY | {State.ARMING}
+_CAN_FLY = frozenset(
+    {
+        SupervisorState.READY_TO_FLY,
+        SupervisorState.FLYING,
+        SupervisorState.WARNING_LEVEL_OUT,
+        SupervisorState.LANDED,
+    }
+)
+_ARMED_STATES = _CAN_FLY | {SupervisorState.ARMING}
 
 
 class TumbleCheck:
@@ -192,7 +201,7 @@ class Supervisor:
     def __init__(self, auto_arm: bool = False, may_arm: Callable[[], bool] = lambda: True) -> None:
         self._auto_arm = auto_arm
         self._may_arm = may_arm
-        self.state = State.NOT_INITIALIZED
+        self.state = SupervisorState.NOT_INITIALIZED
         self.tumble = TumbleCheck()
         self.tumble_check_enabled = True
         self.preflight_timeout_ms = 30000
@@ -224,7 +233,7 @@ class Supervisor:
         """Arm or disarm; whether the request was accepted. Arming needs passed preflight checks."""
         if on == self._armed:
             return True
-        if on and not (self.state is State.PREFLIGHT_CHECKS_PASSED and self._may_arm()):
+        if on and not (self.state is SupervisorState.PREFLIGHT_CHECKS_PASSED and self._may_arm()):
             return False
         self._armed = on
         return True
@@ -247,7 +256,7 @@ class Supervisor:
     @property
     def watchdog_runs(self) -> bool:
         """Whether the emergency-stop watchdog was kicked and has not bitten yet."""
-        return self._watchdog_kick_ms is not None and self.state is not State.LOCKED
+        return self._watchdog_kick_ms is not None and self.state is not SupervisorState.LOCKED
 
     # What the stabilizer loop asks for.
 
@@ -264,7 +273,7 @@ class Supervisor:
     @property
     def is_flying(self) -> bool:
         """Flying, or levelling out on a missing setpoint."""
-        return self.state in (State.FLYING, State.WARNING_LEVEL_OUT)
+        return self.state in (SupervisorState.FLYING, SupervisorState.WARNING_LEVEL_OUT)
 
     @property
     def is_tumbled(self) -> bool:
@@ -311,15 +320,15 @@ class Supervisor:
             if rule.fires(conditions):
                 self._enter(rule.to, tick_ms)
                 break
-        self._tumbled = bool(conditions & Condition.TUMBLED)
-        if self._auto_arm and self._may_arm() and self.state is State.PREFLIGHT_CHECKS_PASSED:
+        self._tumbled = bool(conditions & SupervisorCondition.TUMBLED)
+        if self._auto_arm and self._may_arm() and self.state is SupervisorState.PREFLIGHT_CHECKS_PASSED:
             self._armed = True
         self._info = high_level | self._state_bits()
 
     def _state_bits(self) -> SupervisorBits:
         """Bits 0 to 7, as they are now."""
         bits = SupervisorBits(0)
-        if self.state is State.PREFLIGHT_CHECKS_PASSED:
+        if self.state is SupervisorState.PREFLIGHT_CHECKS_PASSED:
             bits |= SupervisorBits.CAN_ARM
         if self._armed:
             bits |= SupervisorBits.ARMED
@@ -331,7 +340,7 @@ class Supervisor:
             bits |= SupervisorBits.FLYING
         if self._tumbled:
             bits |= SupervisorBits.TUMBLED
-        if self.state is State.LOCKED:
+        if self.state is SupervisorState.LOCKED:
             bits |= SupervisorBits.LOCKED
         if self._crashed:
             bits |= SupervisorBits.CRASHED
@@ -341,49 +350,51 @@ class Supervisor:
         """Tell the time between updates (a watchdog kick is stamped with it)."""
         self._tick_ms = tick_ms
 
-    def _conditions(self, tick_ms: int, acc_g: tuple[float, float, float], setpoint_age_ms: int) -> Condition:
+    def _conditions(
+        self, tick_ms: int, acc_g: tuple[float, float, float], setpoint_age_ms: int
+    ) -> SupervisorCondition:
         in_state_ms = tick_ms - self._entered_ms
-        found = Condition.NONE
+        found = SupervisorCondition.NONE
         if self._armed:
-            found |= Condition.ARMED
+            found |= SupervisorCondition.ARMED
         if self._thrust_ms is not None and tick_ms - self._thrust_ms < FLYING_HYSTERESIS_MS:
-            found |= Condition.FLYING
+            found |= SupervisorCondition.FLYING
         if self.tumble.tumbled(tick_ms, acc_g) and self.tumble_check_enabled:
-            found |= Condition.TUMBLED
+            found |= SupervisorCondition.TUMBLED
         if setpoint_age_ms > COMMANDER_WARNING_MS:
-            found |= Condition.COMMANDER_WARNING
+            found |= SupervisorCondition.COMMANDER_WARNING
         if setpoint_age_ms > COMMANDER_TIMEOUT_MS:
-            found |= Condition.COMMANDER_TIMEOUT
+            found |= SupervisorCondition.COMMANDER_TIMEOUT
         kick = self._watchdog_kick_ms
         watchdog_expired = kick is not None and tick_ms >= kick + EMERGENCY_STOP_WATCHDOG_MS
         if self._emergency_stop or self.stop_parameter or watchdog_expired:
-            found |= Condition.EMERGENCY_STOP
+            found |= SupervisorCondition.EMERGENCY_STOP
         if self._crashed:
-            found |= Condition.CRASHED
-        if self.state is State.READY_TO_FLY and in_state_ms > self.preflight_timeout_ms:
-            found |= Condition.PREFLIGHT_TIMEOUT
-        if self.state is State.LANDED and in_state_ms > self.landed_timeout_ms:
-            found |= Condition.LANDING_TIMEOUT
-        if self.state is State.ARMING and in_state_ms > self.spinup_timeout_ms:
-            found |= Condition.SPINUP_TIMEOUT
+            found |= SupervisorCondition.CRASHED
+        if self.state is SupervisorState.READY_TO_FLY and in_state_ms > self.preflight_timeout_ms:
+            found |= SupervisorCondition.PREFLIGHT_TIMEOUT
+        if self.state is SupervisorState.LANDED and in_state_ms > self.landed_timeout_ms:
+            found |= SupervisorCondition.LANDING_TIMEOUT
+        if self.state is SupervisorState.ARMING and in_state_ms > self.spinup_timeout_ms:
+            found |= SupervisorCondition.SPINUP_TIMEOUT
         return found
 
-    def _enter(self, state: State, tick_ms: int) -> None:
+    def _enter(self, state: SupervisorState, tick_ms: int) -> None:
         was_armed = self._armed
         self.state = state
         self._entered_ms = tick_ms
-        if state is State.READY_TO_FLY:
+        if state is SupervisorState.READY_TO_FLY:
             self._say("Ready to fly")
-        elif state is State.EXCEPTION_FREE_FALL:
+        elif state is SupervisorState.EXCEPTION_FREE_FALL:
             self._say("free falling!")
-        elif state is State.LOCKED:
+        elif state is SupervisorState.LOCKED:
             self._say("Locked, reboot required")
-        elif state is State.CRASHED:
+        elif state is SupervisorState.CRASHED:
             self._say("Crashed, recovery required")
             self._crashed = True
         if state not in _ARMED_STATES:
             self._armed = False
-            if was_armed and state in (State.RESET, State.PREFLIGHT_CHECKS_NOT_PASSED):
+            if was_armed and state in (SupervisorState.RESET, SupervisorState.PREFLIGHT_CHECKS_NOT_PASSED):
                 self._say("Disarming")
 
     def _say(self, text: str) -> None:

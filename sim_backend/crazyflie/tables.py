@@ -28,7 +28,7 @@ Callback: TypeAlias = Callable[[Number], Iterator[None] | None]
 _END = object()
 
 
-class NoSuchVariable(SimulationError, KeyError):
+class NoSuchTableEntry(SimulationError, KeyError):
     """A parameter or log variable that the table does not have."""
 
     def __str__(self) -> str:
@@ -41,7 +41,7 @@ class ValueNotRepresentable(SimulationError):
 
 
 @dataclass(frozen=True, slots=True)
-class Parameter:
+class TableParameter:
     """One parameter of the table of contents. ``type_byte`` is what the client is told."""
 
     ident: int
@@ -129,7 +129,7 @@ class ParameterTable:
         check_blocks(blocks)
         self.crc = table_crc(blocks)
         self.entries = tuple(
-            Parameter(ident, group, row.name, row.type_byte, row.extended_type, row.default)
+            TableParameter(ident, group, row.name, row.type_byte, row.extended_type, row.default)
             for ident, (group, row) in enumerate((block.group, row) for block in blocks for row in block.rows)
         )
         self._by_name = {entry.full_name: entry for entry in self.entries}
@@ -153,7 +153,7 @@ class ParameterTable:
         """Whether there is a parameter ``group.name``."""
         return name in self._by_name
 
-    def entry(self, name: str) -> Parameter:
+    def entry(self, name: str) -> TableParameter:
         """The parameter ``group.name``.
 
         Raises:
@@ -162,7 +162,7 @@ class ParameterTable:
         try:
             return self._by_name[name]
         except KeyError:
-            raise NoSuchVariable(f"no parameter '{name}' in a table of {len(self.entries)}") from None
+            raise NoSuchTableEntry(f"no parameter '{name}' in a table of {len(self.entries)}") from None
 
     def __getitem__(self, name: str) -> Number:
         """Value of ``group.name``."""
@@ -323,7 +323,7 @@ class LogTable:
         try:
             return self._by_name[name]
         except KeyError:
-            raise NoSuchVariable(f"no log variable '{name}' in a table of {len(self.entries)}") from None
+            raise NoSuchTableEntry(f"no log variable '{name}' in a table of {len(self.entries)}") from None
 
     def bind(self, name: str, source: Callable[[], Number]) -> None:
         """Read ``group.name`` from ``source`` from now on."""

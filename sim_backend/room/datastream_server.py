@@ -12,8 +12,8 @@ from collections import Counter
 
 from mocap_bridge.datastream.objects import (
     OBJECT_IDS,
-    Contents,
     ObjectEnums,
+    PacketContents,
     Ping,
     RequestFrame,
     RequestNextFrame,
@@ -30,7 +30,7 @@ from mocap_bridge.errors import PacketError
 from sim_backend.room.cameras import CameraFrame
 from sim_backend.room.frame_objects import FRAME_OBJECTS, frame_objects
 
-_CONTENTS_ID = OBJECT_IDS[Contents]
+_CONTENTS_ID = OBJECT_IDS[PacketContents]
 SUPPORTED_IDS = tuple(sorted({OBJECT_IDS[kind] for kind in FRAME_OBJECTS} | {OBJECT_IDS[Ping], _CONTENTS_ID}))
 # A client that does not read: frames are left out for it rather than queued without end.
 _BACKLOG_BYTES = 256 * 1024
@@ -50,7 +50,7 @@ class _EncodedFrame:
             blocks = [encode_block(item) for _, item in chosen]
             if _CONTENTS_ID in wanted:
                 counts = Counter(object_id for object_id, _ in chosen)
-                blocks.insert(0, encode_block(Contents(tuple(sorted(counts.items())), ())))
+                blocks.insert(0, encode_block(PacketContents(tuple(sorted(counts.items())), ())))
             self._packets[wanted] = join_blocks(blocks)
         return self._packets[wanted]
 

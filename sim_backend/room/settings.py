@@ -11,7 +11,7 @@ from sim_backend.fault_values import (
     TIME,
     FaultRule,
     FaultRules,
-    Window,
+    FaultWindow,
     fault_values,
     integer,
     number,
@@ -42,9 +42,9 @@ class RoomFaults:
         reflections: so many unlabelled markers belong to nobody.
     """
 
-    freeze: Window | None = None
-    occlude: Window | None = None
-    flip180: Window | None = None
+    freeze: FaultWindow | None = None
+    occlude: FaultWindow | None = None
+    flip180: FaultWindow | None = None
     drop: float = 0.0
     jitter: float = 0.0
     dies_at: float | None = None

@@ -13,7 +13,7 @@ from onboard.policy.files import load_policy, shipped_policy_path
 from onboard.room import RoomGeometry
 from onboard.vehicle import load_vehicle
 from perchhw.bringup.flights import silent
-from perchhw.bringup.flown import Window, hover_findings
+from perchhw.bringup.flown import CourseWindow, hover_findings
 from perchhw.record import RunRecord, Series
 
 VEHICLE = load_vehicle("crazyflie21-upgraded")
@@ -56,7 +56,7 @@ def missing(
         events=({"t": 0.0, "event": "phase", "phase": "test flight"},),
         torn=(),
     )
-    return [one.what for one in hover_findings(Window.of(run, COURSE), COURSE, VEHICLE) if one.missing]
+    return [one.what for one in hover_findings(CourseWindow.of(run, COURSE), COURSE, VEHICLE) if one.missing]
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

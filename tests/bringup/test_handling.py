@@ -6,7 +6,7 @@ import pytest
 from onboard.gravity import GRAVITY
 from onboard.vehicle import load_vehicle
 from perchhw.doctor.mocap_checks import up_of
-from sim_backend.fault_values import FaultError, Window
+from sim_backend.fault_values import FaultError, FaultWindow
 from sim_backend.faults import parse_faults
 from sim_backend.handling import WIRED, wiring_of
 from sim_backend.lab_faults import DroneFaults
@@ -34,7 +34,7 @@ def test_motors_that_cannot_be_exchanged(text: str) -> None:
 
 
 def test_a_drone_in_a_hand_is_tilted_twice_and_then_put_back_on_its_mark() -> None:
-    world = World(load_vehicle("crazyflie21-upgraded"), faults=DroneFaults(held_at=Window(0.5, 1.5)))
+    world = World(load_vehicle("crazyflie21-upgraded"), faults=DroneFaults(held_at=FaultWindow(0.5, 1.5)))
     drone = world.drones[0]
     ups = []
     for until in (0.75, 1.25):
@@ -51,7 +51,7 @@ def test_a_drone_in_a_hand_is_tilted_twice_and_then_put_back_on_its_mark() -> No
 
 
 def test_a_drone_that_is_hung_turns_to_and_fro_until_it_is_put_back() -> None:
-    world = World(load_vehicle("crazyflie21-upgraded"), faults=DroneFaults(hung_at=Window(0.1, 4.2)))
+    world = World(load_vehicle("crazyflie21-upgraded"), faults=DroneFaults(hung_at=FaultWindow(0.1, 4.2)))
     drone = world.drones[0]
     world.run(0.1)
     rates = []
@@ -66,7 +66,7 @@ def test_a_drone_that_is_hung_turns_to_and_fro_until_it_is_put_back() -> None:
 
 
 def test_who_surveys_the_room_leaves_a_drone_in_the_air_alone() -> None:
-    world = World(load_vehicle("crazyflie21-upgraded"), faults=DroneFaults(survey_at=Window(0.0, 3.0)))
+    world = World(load_vehicle("crazyflie21-upgraded"), faults=DroneFaults(survey_at=FaultWindow(0.0, 3.0)))
     drone = world.drones[0]
     drone.state["position"][2] = 1.0
     world.run(0.2)

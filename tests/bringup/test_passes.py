@@ -8,12 +8,12 @@ import pytest
 from onboard.errors import SafetyStop
 from perchhw.bringup.climb import climb
 from perchhw.bringup.passes import STEPS, Passes, StepRefused
-from perchhw.doctor.finding import CheckVerdict, Finding, judged
+from perchhw.doctor.check_result import CheckResult, CheckVerdict, judged
 
 DAY = date(2026, 11, 23)
 FINE = judged("thing", True, "1", "1", "", "")
 BAD = judged("thing", False, "2", "1", "why", "remedy")
-UNKNOWN = Finding("thing", CheckVerdict.UNKNOWN, "", "1", "why", "remedy")
+UNKNOWN = CheckResult("thing", CheckVerdict.UNKNOWN, "", "1", "why", "remedy")
 
 
 def passes(
@@ -22,7 +22,7 @@ def passes(
     return Passes(drone, crc, day, tmp_path / "state" / "bringup.json")
 
 
-def run(kept: Passes, step: str, finding: Finding = FINE, look: Finding = FINE) -> None:
+def run(kept: Passes, step: str, finding: CheckResult = FINE, look: CheckResult = FINE) -> None:
     climb(step, kept, lambda: (look,), lambda: (finding,))
 
 
@@ -47,7 +47,7 @@ def test_passes_hold_for_one_drone_one_vehicle_and_one_day(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("finding", [BAD, UNKNOWN])
-def test_a_step_that_fails_takes_back_what_stood_on_it(finding: Finding, tmp_path: Path) -> None:
+def test_a_step_that_fails_takes_back_what_stood_on_it(finding: CheckResult, tmp_path: Path) -> None:
     kept = passes(tmp_path)
     for step in ("motors", "tilt", "hover"):
         run(kept, step)
@@ -59,7 +59,7 @@ def test_a_step_that_raises_has_not_passed(tmp_path: Path) -> None:
     kept = passes(tmp_path)
     run(kept, "motors")
 
-    def stumble() -> tuple[Finding, ...]:
+    def stumble() -> tuple[CheckResult, ...]:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):

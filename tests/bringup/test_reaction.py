@@ -9,13 +9,13 @@ from onboard.vehicle import load_vehicle
 from perchhw.bringup.motors import DIRECTIONS, PERIOD_S, STEP, TURNS, judge
 from perchhw.bringup.reaction import LEAST, Reaction, reaction
 from perchhw.doctor import CheckVerdict
-from sim_backend.fault_values import Window
+from sim_backend.fault_values import FaultWindow
 from sim_backend.hung import ROTOR_INERTIA, SPEED_PER_VOLT
 from sim_backend.lab_faults import DroneFaults
 from sim_backend.world import World
 
 VEHICLE = "crazyflie21-upgraded"
-HUNG = Window(0.0)
+HUNG = FaultWindow(0.0)
 PERIOD_MS = round(1000 * PERIOD_S)
 
 

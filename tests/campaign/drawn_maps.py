@@ -10,7 +10,7 @@ import numpy as np
 from onboard.arrays import FloatArray
 from perchhw.campaign.adaptive import choose
 from perchhw.campaign.plan import Condition
-from perchhw.campaign.rate_map import RateMap, RateSurrogate
+from perchhw.campaign.rate_map import ExpectedRates, RateSurrogate
 
 Shape = Callable[[FloatArray, FloatArray, np.random.Generator], FloatArray]
 
@@ -71,7 +71,7 @@ class DrawnMap:
         """Landings after as many attempts at each condition."""
         return np.array([self._lands[i, : int(n)].sum() for i, n in enumerate(flown)], dtype=float)
 
-    def known(self, flown: FloatArray) -> RateMap:
+    def known(self, flown: FloatArray) -> ExpectedRates:
         """The surrogate's map after them."""
         return self._surrogate.fit(self.landed(flown), flown)
 

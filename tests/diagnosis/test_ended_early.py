@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from calibration.flights.checksum import with_checksum
-from mocap_bridge.health import Verdict
+from mocap_bridge.health import PoseVerdict
 from perchhw.diagnosis import Cause, diagnose_run, keep_diagnosis
 from perchhw.diagnosis.ended_early import broken_rules
 from perchhw.diagnosis.rules import RULES
@@ -53,14 +53,14 @@ def test_reasons_in_words(ended: Ended, aborted_by: str, cause: Cause, said: str
 @pytest.mark.parametrize(
     ("verdict", "cause"),
     [
-        (Verdict.OCCLUDED, Cause.MOCAP_OCCLUDED),
-        (Verdict.FROZEN, Cause.MOCAP_FROZEN),
-        (Verdict.JUMPED, Cause.MOCAP_JUMPED),
-        (Verdict.FLIPPED, Cause.MOCAP_JUMPED),
-        (Verdict.LATE, Cause.MOCAP_LATE),
+        (PoseVerdict.OCCLUDED, Cause.MOCAP_OCCLUDED),
+        (PoseVerdict.FROZEN, Cause.MOCAP_FROZEN),
+        (PoseVerdict.JUMPED, Cause.MOCAP_JUMPED),
+        (PoseVerdict.FLIPPED, Cause.MOCAP_JUMPED),
+        (PoseVerdict.LATE, Cause.MOCAP_LATE),
     ],
 )
-def test_poses_are_told_apart_by_what_was_refused(ended: Ended, verdict: Verdict, cause: Cause) -> None:
+def test_poses_are_told_apart_by_what_was_refused(ended: Ended, verdict: PoseVerdict, cause: Cause) -> None:
     found = diagnose_run(ended(STALE, verdicts=verdict.name))
     assert found.cause is cause
     assert found.values[verdict.value] == 30
@@ -118,7 +118,7 @@ def test_a_link_at_whose_end_nobody_is_was_not_lost_to_a_busy_computer(
 
 @pytest.mark.parametrize(("rate", "busy"), [(0.95, True), (1.0, False)])
 def test_a_lab_that_is_late_hides_the_drone_from_its_cameras(ended: Ended, rate: float, busy: bool) -> None:
-    run = ended(STALE, verdicts=Verdict.OCCLUDED.name)
+    run = ended(STALE, verdicts=PoseVerdict.OCCLUDED.name)
     run.info.update({"drone_clock_rate": rate, "host": {"cpus": 2, "load": 17.0}})
     found = diagnose_run(run)
     assert found.cause is Cause.MOCAP_OCCLUDED

@@ -10,7 +10,7 @@ from onboard.app_interface import INTERFACE_VERSION, Parameter
 from onboard.firmware.constants import vehicle_crc32
 from onboard.supervisor_info import SupervisorBits, SupervisorInfo
 from onboard.vehicle import load_vehicle
-from perchhw.doctor import CheckVerdict, Finding, examine
+from perchhw.doctor import CheckResult, CheckVerdict, examine
 from perchhw.doctor.drone_checks import REVISION, SETTINGS
 from perchhw.doctor.measure import host_readings
 from perchhw.doctor.readings import DroneReadings, HostReadings, MocapReadings, Readings, UsbDevice
@@ -40,7 +40,7 @@ ALL = Readings(
 )
 
 
-def missing(readings: Readings) -> dict[str, Finding]:
+def missing(readings: Readings) -> dict[str, CheckResult]:
     return {finding.what: finding for finding in examine(readings) if finding.missing}
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from onboard.app_interface import MEMORY_TYPE_APP, Parameter
 from onboard.vehicle import load_vehicle
-from perchhw.doctor import CheckVerdict, Finding, examine, take_readings
+from perchhw.doctor import CheckResult, CheckVerdict, examine, take_readings
 from sim_backend.crazyflie.firmware import Firmware
 from sim_backend.lab_faults import DroneFaults
 from tests.patience import patient_uri
@@ -17,7 +17,7 @@ from tests.sim_crazyflie.simulated_flight import LEGS, VEHICLE, Flight
 Tampering = Callable[[Firmware], None]
 
 
-def examined(flight: Flight, vehicle: str = VEHICLE) -> dict[str, Finding]:
+def examined(flight: Flight, vehicle: str = VEHICLE) -> dict[str, CheckResult]:
     """The lines about a drone that is served in real time."""
     with serve_flight(flight) as served:
         readings = take_readings(

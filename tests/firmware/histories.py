@@ -16,7 +16,7 @@ from onboard.policy.files import load_policy, shipped_policy_path
 from onboard.rotation import integrate
 from onboard.trajectory import plan_from_velocity, sample_approach
 from sim_backend.crazyflie.c_engine import CEngine
-from sim_backend.crazyflie.engine import ApproachRequest, Engine, Event, Sample
+from sim_backend.crazyflie.engine import ApproachRequest, Engine, EngineEvent, Sample
 from sim_backend.crazyflie.estimator import Estimator
 from sim_backend.crazyflie.reference_engine import ReferenceEngine
 from sim_backend.crazyflie.setpoint import Mode, Setpoint
@@ -232,7 +232,7 @@ FORGOTTEN_MS = 200
 Told = tuple[Any, ...]
 
 
-def told(engine: Engine, events: Event) -> Told:
+def told(engine: Engine, events: EngineEvent) -> Told:
     """What must be the same: the decisions of a step."""
     return (
         engine.state, engine.reason, engine.trajectory_status, engine.mode, events, engine.snapshot_count,

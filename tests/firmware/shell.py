@@ -10,7 +10,7 @@ from typing import Any, ClassVar, NamedTuple, TypeAlias
 from onboard.app_interface import ValueType
 from onboard.firmware.compiler import FLAGS, SOURCES, needed_compiler
 from onboard.firmware.header import vehicle_header
-from onboard.firmware.structures import Outputs
+from onboard.firmware.structures import PerchOutputs
 from onboard.vehicle import Vehicle
 
 SHIM = Path(__file__).parent / "shim"
@@ -150,7 +150,7 @@ class Shell:
         self._library = ctypes.CDLL(str(library))
         self._library.shim_the_world.restype = POINTER(World)
         self._library.shim_what_was_asked.restype = POINTER(Asked)
-        self._library.shim_what_came_out.restype = POINTER(Outputs)
+        self._library.shim_what_came_out.restype = POINTER(PerchOutputs)
         for name in ("shim_parameter_name", "shim_log_name"):
             getattr(self._library, name).restype = c_char_p
         for name in ANSWERS:
@@ -158,7 +158,7 @@ class Shell:
         self._library.shim_live_policy.restype = POINTER(c_uint8)
         self.world: World = self._library.shim_the_world().contents
         self.asked: Asked = self._library.shim_what_was_asked().contents
-        self.outputs: Outputs = self._library.shim_what_came_out().contents
+        self.outputs: PerchOutputs = self._library.shim_what_came_out().contents
         self.state, self.sensors, self.setpoint, self.control = State(), Sensors(), Setpoint(), Control()
         self.state.quaternion.w = 1.0
         self.step_number = 1

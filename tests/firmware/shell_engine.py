@@ -26,7 +26,7 @@ from onboard.landing.model import OutputMode
 from onboard.mixer import Thrusts
 from onboard.ring import RING_BYTES
 from onboard.vehicle import Vehicle
-from sim_backend.crazyflie.engine import ApproachRequest, Event, Sample, SnapshotField
+from sim_backend.crazyflie.engine import ApproachRequest, EngineEvent, Sample, SnapshotField
 from sim_backend.crazyflie.setpoint import Setpoint, complete_setpoint
 from tests.firmware.shell import Shell, build_shell
 
@@ -37,10 +37,10 @@ APPROACH = (
 """In the order of an `ApproachRequest`."""
 
 FLAGS = {
-    Parameter.GO: Event.GO_TAKEN,
-    Parameter.ABORT: Event.ABORT_TAKEN,
-    Parameter.TRAJECTORY_ARM: Event.REFUSED,
-    Parameter.REHEARSE: Event.REHEARSAL_ENDED,
+    Parameter.GO: EngineEvent.GO_TAKEN,
+    Parameter.ABORT: EngineEvent.ABORT_TAKEN,
+    Parameter.TRAJECTORY_ARM: EngineEvent.REFUSED,
+    Parameter.REHEARSE: EngineEvent.REHEARSAL_ENDED,
 }
 """Switches that the app takes back, and what that says."""
 
@@ -200,7 +200,7 @@ class ShellEngine:
     def set_ceiling(self, ceiling_z: float) -> None:
         assert self._shell.write(Parameter.CEILING_Z, ceiling_z)
 
-    def step(self, sample: Sample) -> Event:
+    def step(self, sample: Sample) -> EngineEvent:
         """One ms of the firmware around the shell."""
         shell = self._shell
         self._show(sample)
@@ -210,14 +210,14 @@ class ShellEngine:
         shell.step()
         self.ratios[:] = [int(force * FULL_RATIO) for force in shell.control.forces]
         self._tick = sample.tick
-        events = Event.NONE
+        events = EngineEvent.NONE
         for name, event in FLAGS.items():
             if before[name] != 0 and shell.read(name) == 0:
                 events |= event
         if shell.asked.planner_goals > goals:
-            events |= Event.HANDED_OVER
+            events |= EngineEvent.HANDED_OVER
         elif shell.asked.planner_stops > stops:
-            events |= Event.CUT
+            events |= EngineEvent.CUT
         return events
 
     def _show(self, sample: Sample) -> None:

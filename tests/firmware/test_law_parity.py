@@ -11,7 +11,7 @@ import pytest
 from onboard.battery import duty_for_thrust
 from onboard.controller import attitude_control, geometric_control, lead_moments
 from onboard.firmware.library import CoreLibrary, Float32Array, vehicle_constants
-from onboard.firmware.structures import Plan
+from onboard.firmware.structures import PerchPlan
 from onboard.landing.braking import stopping_distance
 from onboard.mixer import flip_thrusts, mix
 from onboard.room import RoomGeometry
@@ -260,7 +260,7 @@ def test_rounded_off_approach(core: CoreLibrary, speed: float, angle: float) -> 
     times = floats(np.linspace(-0.5, plan.impact_time + 0.5, 2000), 1)
     motions, jerks = np.empty((len(times), 9), np.float32), np.empty(len(times), np.float32)
     core.perch_host_approach(
-        ctypes.byref(Plan(*plan)), len(times), address(times), 0.08, address(motions), address(jerks)
+        ctypes.byref(PerchPlan(*plan)), len(times), address(times), 0.08, address(motions), address(jerks)
     )
 
     def one(t: list[float]) -> tuple[float, ...]:

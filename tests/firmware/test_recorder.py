@@ -8,7 +8,7 @@ import pytest
 from onboard.app_interface import LandingState
 from onboard.cues import optical_flow_cues
 from onboard.firmware.library import CoreLibrary, vehicle_constants
-from onboard.firmware.structures import PERIODS, Recorder
+from onboard.firmware.structures import PERIODS, PerchRecorder
 from onboard.mixer import flip_thrusts
 from onboard.policy.action import action_moment
 from onboard.policy.bundle import MAX_BUNDLE_BYTES, decode_bundle
@@ -44,15 +44,15 @@ class Landing:
             self.states[sample.tick] = self.engine.state
             self.thrusts[sample.tick] = self.engine.thrusts
 
-    def record(self, core: CoreLibrary) -> Recorder:
+    def record(self, core: CoreLibrary) -> PerchRecorder:
         """Read as a client does: 24 bytes at a time."""
-        size, data = ctypes.sizeof(Recorder), b""
+        size, data = ctypes.sizeof(PerchRecorder), b""
         for place in range(0, size, 24):
             count = min(24, size - place)
             part = ctypes.create_string_buffer(count)
             assert core.perch_memory_read(self.engine._core, RECORD_ADDRESS + place, count, part)
             data += part.raw
-        return Recorder.from_buffer_copy(data)
+        return PerchRecorder.from_buffer_copy(data)
 
 
 @pytest.fixture(scope="module")
@@ -60,13 +60,13 @@ def landing() -> Landing:
     return Landing(LANDED)
 
 
-def ticks_of(record: Recorder) -> list[int]:
+def ticks_of(record: PerchRecorder) -> list[int]:
     """When each kept period began, the oldest first."""
     count = min(record.begun, PERIODS)
     return [record.last_tick - 10 * (count - 1 - i) for i in range(count)]
 
 
-def period(record: Recorder, tick: int) -> ctypes.Structure:
+def period(record: PerchRecorder, tick: int) -> ctypes.Structure:
     number = record.begun - 1 - (record.last_tick - tick) // 10
     return record.period[number % PERIODS]
 
@@ -140,8 +140,8 @@ def test_arming_begins_another_record(core: CoreLibrary) -> None:
         (MAX_BUNDLE_BYTES, 1, False),
         (RECORD_ADDRESS - 1, 2, False),
         (RECORD_ADDRESS, 24, True),
-        (RECORD_ADDRESS + ctypes.sizeof(Recorder) - 24, 24, True),
-        (RECORD_ADDRESS + ctypes.sizeof(Recorder) - 23, 24, False),
+        (RECORD_ADDRESS + ctypes.sizeof(PerchRecorder) - 24, 24, True),
+        (RECORD_ADDRESS + ctypes.sizeof(PerchRecorder) - 23, 24, False),
         (0xFFFFFFF0, 24, False),
         (0xFFFFFFFF, 1, False),
     ],
@@ -178,4 +178,4 @@ def test_writes_to_the_staged_bundle_alone(core: CoreLibrary, address: int, flyi
 
 
 def test_the_memory_ends_with_the_record(core: CoreLibrary) -> None:
-    assert core.perch_memory_size() == RECORD_ADDRESS + ctypes.sizeof(Recorder)
+    assert core.perch_memory_size() == RECORD_ADDRESS + ctypes.sizeof(PerchRecorder)

@@ -16,7 +16,7 @@ from onboard.app_interface import (
     MOTOR_STOP_MS,
     MOTOR_TOKEN_MS,
     PARAMETERS,
-    Engine,
+    EngineCode,
     LandingState,
     Log,
     Parameter,
@@ -33,7 +33,7 @@ from tests.firmware.shell import Shell, Variable
 
 VEHICLE = "crazyflie21-upgraded"
 POSITION_MODES = {"mode_x": 1, "mode_y": 1, "mode_z": 1, "mode_yaw": 1}
-ITS_OWN = {Parameter.VEHICLE_CRC: vehicle_crc32(load_vehicle(VEHICLE)), Parameter.ENGINE: Engine.C}
+ITS_OWN = {Parameter.VEHICLE_CRC: vehicle_crc32(load_vehicle(VEHICLE)), Parameter.ENGINE: EngineCode.C}
 RECORD_ADDRESS = 0x10000
 ENDED = (LandingState.BRAKE, LandingState.HOLD)
 CONTROL_MODE_LEGACY, CONTROL_MODE_FORCE = 0, 2

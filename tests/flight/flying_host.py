@@ -18,7 +18,7 @@ from onboard.room import RoomGeometry
 from onboard.timebase import WALL
 from perchhw.flight.actions import CommandRunner
 from perchhw.flight.readback import TEST_FLIGHT_SETTINGS
-from perchhw.flight.recording import FlightRecord
+from perchhw.flight.recording import FlightRecorder
 from perchhw.flight.session import SupervisedFlight
 from perchhw.flight.telemetry import TEST_FLIGHT_BLOCKS
 from perchhw.record import RunRecorder
@@ -66,7 +66,7 @@ def hover(drone: str, mocap: str, folder: Path, limits: SafetyLimits, hang_s: fl
             blocks=TEST_FLIGHT_BLOCKS,
             settings=TEST_FLIGHT_SETTINGS,
             commands=lambda link, events, _readback: CommandRunner(link, events, WALL),
-            record=FlightRecord(recorder),
+            record=FlightRecorder(recorder),
             clock=WALL,
             on_phase=on_phase,
         )

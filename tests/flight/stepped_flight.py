@@ -10,14 +10,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from mocap_bridge.health import Verdict
+from mocap_bridge.health import PoseVerdict
 from onboard.link.stop import StopReport
 from onboard.timebase import WallTime
 from perchhw.flight.actions import CommandRunner
 from perchhw.flight.interrupts import OperatorInterrupts
 from perchhw.flight.kicker import WatchdogKicker
 from perchhw.flight.loop import FlightLoop
-from perchhw.flight.recording import FlightRecord
+from perchhw.flight.recording import FlightRecorder
 from perchhw.record import RunRecorder
 from perchhw.supervisor import FlightState, Mission, Observation, Order, Phase, SafetyLimits
 from sim_backend.engine_name import usable_engine
@@ -175,7 +175,7 @@ class DirectLink:
         attitude = [flight.log(f"stateEstimate.{name}") for name in ("qx", "qy", "qz", "qw")]
         return Observation(
             link_silence=0.01,
-            pose_verdict=Verdict.OK,
+            pose_verdict=PoseVerdict.OK,
             pose_age=0.01,
             pose_position=position,
             pose_quaternion=quaternion,
@@ -239,7 +239,7 @@ def fly(folder: Path, injection: Injection) -> Stepped:
             bridge=trap("bridge", _Bridge()),
             telemetry=trap("telemetry", link),
             commands=trap("commands", runner),
-            record=FlightRecord(trap("recorder", recorder)),
+            record=FlightRecorder(trap("recorder", recorder)),
             interrupts=trap("interrupts", interrupts),
             kicker=trap("kicker", WatchdogKicker(link, time)),  # type: ignore[arg-type]
             events=trap("events", events),

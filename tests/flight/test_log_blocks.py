@@ -6,7 +6,7 @@ import pytest
 
 from onboard.link import DroneLink
 from onboard.link.drone import LogSample
-from perchhw.flight.telemetry import BLOCKS, TEST_FLIGHT_BLOCKS, Block
+from perchhw.flight.telemetry import BLOCKS, TEST_FLIGHT_BLOCKS, TelemetryBlock
 from perchhw.record.topics import TOPICS
 from tests.patience import PATIENCE_S, patient_link
 
@@ -16,7 +16,7 @@ FLIGHTS = {"landing": BLOCKS, "test flight": TEST_FLIGHT_BLOCKS}
 
 
 @pytest.mark.parametrize("blocks", FLIGHTS.values(), ids=list(FLIGHTS))
-def test_a_radio_carries_them(blocks: tuple[Block, ...]) -> None:
+def test_a_radio_carries_them(blocks: tuple[TelemetryBlock, ...]) -> None:
     assert sum(1000 / block.period_ms for block in blocks) <= RADIO_PACKETS
 
 
@@ -29,7 +29,7 @@ def test_a_landing_still_brings_every_field_of_the_drones_topics() -> None:
 
 
 @pytest.mark.parametrize("blocks", FLIGHTS.values(), ids=list(FLIGHTS))
-def test_the_drone_sends_each_of_them(crazyflie_uri: str, blocks: tuple[Block, ...]) -> None:
+def test_the_drone_sends_each_of_them(crazyflie_uri: str, blocks: tuple[TelemetryBlock, ...]) -> None:
     with patient_link(crazyflie_uri) as link:
         for block in blocks:
             halves = {name for name, field in block.variables.items() if field.half}

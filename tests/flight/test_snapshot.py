@@ -5,9 +5,9 @@ from typing import Any
 
 from onboard.app_interface import LOGS, Log, ValueType
 from onboard.link.drone import LogSample
-from perchhw.flight.telemetry import BLOCKS, Block, Field, Telemetry
+from perchhw.flight.telemetry import BLOCKS, LoggedField, Telemetry, TelemetryBlock
 
-WATCHED = Block(10, {Log.SNAPSHOT_COUNT: Field("trigger", "count")})
+WATCHED = TelemetryBlock(10, {Log.SNAPSHOT_COUNT: LoggedField("trigger", "count")})
 CUES, MOTION = BLOCKS[-2:]
 SIZES = {ValueType.UINT8: 1, ValueType.UINT16: 2, ValueType.UINT32: 4, ValueType.FLOAT: 4}
 
@@ -32,7 +32,7 @@ class Blocks:
     ) -> None:
         self._receivers.append(callback)
 
-    def send(self, block: Block, count: int, value: float) -> None:
+    def send(self, block: TelemetryBlock, count: int, value: float) -> None:
         self._time_ms += 10
         index = (WATCHED, CUES, MOTION).index(block)
         values = dict.fromkeys(block.variables, value) | {str(Log.SNAPSHOT_COUNT): count}

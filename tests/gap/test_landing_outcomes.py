@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from calibration.flights import flight_files, open_flights
 from calibration.gap.landings.outcomes import (
-    Prepared,
+    PreparedLandings,
     forecast,
     landing_report,
     prepare,
@@ -50,17 +50,17 @@ def labels(shared_data: Path) -> dict[Path, Outcome]:
 
 
 @pytest.fixture(scope="module")
-def prepared(labels: dict[Path, Outcome]) -> Prepared:
+def prepared(labels: dict[Path, Outcome]) -> PreparedLandings:
     flights, _ = open_flights(sorted(labels))
     return prepare(flights, load_vehicle(STORED), np.random.default_rng(0), DRAWS)
 
 
-def real_of(prepared: Prepared, labels: dict[Path, Outcome]) -> list[Outcome]:
+def real_of(prepared: PreparedLandings, labels: dict[Path, Outcome]) -> list[Outcome]:
     return [labels[start.flight.source] for start in prepared.starts]
 
 
 def test_the_filed_vehicle_scores_what_was_measured_outside(
-    prepared: Prepared, labels: dict[Path, Outcome]
+    prepared: PreparedLandings, labels: dict[Path, Outcome]
 ) -> None:
     """Brier 1.00 on 28 flights where the base rate of all gives 0.55; two legs nearly never expected."""
     found = forecast(prepared, load_vehicle(STORED))
@@ -76,7 +76,7 @@ def test_the_filed_vehicle_scores_what_was_measured_outside(
     assert not report.score.counts[1].inside
 
 
-def test_starts_are_where_the_flights_were(prepared: Prepared) -> None:
+def test_starts_are_where_the_flights_were(prepared: PreparedLandings) -> None:
     """The room differs by day, the log lags the trigger by less than two rows, and flips are followed."""
     by_day = {
         day: np.median(
@@ -202,7 +202,7 @@ def test_bins_hold_equal_counts_by_rising_probability() -> None:
     assert [one.predicted for one in bins] == sorted(one.predicted for one in bins)
 
 
-def test_what_could_roll_the_authors_flips(prepared: Prepared) -> None:
+def test_what_could_roll_the_authors_flips(prepared: PreparedLandings) -> None:
     """Neither a product of inertia nor motors nor the centre of mass (docs/gap_landings.md)."""
     found = prepared.roll
     assert found is not None

@@ -6,7 +6,7 @@ from calibration.gap.estimate.mixed import FIRST_SPREAD, MixedFit, Products
 from calibration.gap.estimate.model import Model
 from calibration.gap.estimate.nuisances import NUISANCES
 from calibration.gap.estimate.refine import Fitted
-from calibration.gap.estimate.regression import Estimate, Noise
+from calibration.gap.estimate.regression import LinearisedFit, Noise
 from calibration.gap.report.document import Gap, Levels
 from calibration.gap.report.remaining import remaining
 from calibration.gap.unnamed.gap_map import GapMap
@@ -34,7 +34,7 @@ def fitted(per_part: np.ndarray) -> Fitted:
         np.zeros((zeros.size, q, q)), np.zeros((zeros.size, q, 0)), square,
         np.zeros((zeros.size, q)), nothing, zeros, zeros,
     )  # fmt: skip
-    estimate = Estimate(mixed, products, Noise(np.zeros((7, 16)), np.ones(7)), np.zeros((0, 7)))
+    estimate = LinearisedFit(mixed, products, Noise(np.zeros((7, 16)), np.ones(7)), np.zeros((0, 7)))
     return Fitted(Model(VEHICLE), (), estimate, zeros, zeros, zeros.astype(int), np.zeros((0, 7)), ())
 
 

@@ -16,12 +16,12 @@ from calibration.gap.report.document import (
     AmbiguousSet,
     Gap,
     GapReport,
+    GapVerdict,
     Landings,
     Levels,
     Rejected,
     Unexplained,
     UnusableFile,
-    Verdict,
     Where,
     leaves,
 )
@@ -47,7 +47,7 @@ RNG = np.random.default_rng(11)
 def report(**changes: Any) -> GapReport:
     """A report with everything in it; `changes` replace fields."""
     full = GapReport(
-        verdict=Verdict.UNEXPLAINED_GAP,
+        verdict=GapVerdict.UNEXPLAINED_GAP,
         vehicle="crazyflie21-stock",
         effects=(
             FoundEffect(
@@ -207,8 +207,8 @@ def test_the_page_loads_nothing_and_draws_everything(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({"verdict": Verdict.NO_GAP, "effects": ()}, "Nothing is missing"),
-        ({"verdict": Verdict.EFFECTS_FOUND}, "Found: battery sag and motor saturation were missing"),
+        ({"verdict": GapVerdict.NO_GAP, "effects": ()}, "Nothing is missing"),
+        ({"verdict": GapVerdict.EFFECTS_FOUND}, "Found: battery sag and motor saturation were missing"),
         ({}, "Battery sag and motor saturation were missing, and something else"),
         ({"effects": ()}, "Something is missing that no known effect explains"),
     ],
@@ -217,7 +217,7 @@ def test_the_verdict_in_words_comes_first(tmp_path: Path, changes: dict[str, Any
     page = Page(write_report(report(**changes), tmp_path))
     head, _, _ = page.text.partition("Flights")
     assert sentence in head
-    if changes.get("verdict") is Verdict.NO_GAP:
+    if changes.get("verdict") is GapVerdict.NO_GAP:
         assert "What was missing" not in page.text
     if "effects" not in changes:
         assert "battery sag cannot be told from thrust scale. To tell: a long discharge" in head
@@ -225,9 +225,9 @@ def test_the_verdict_in_words_comes_first(tmp_path: Path, changes: dict[str, Any
 
 def test_reports_that_contradict_themselves_are_refused(tmp_path: Path) -> None:
     with pytest.raises(CalibrationError, match="cannot have effects"):
-        report(verdict=Verdict.NO_GAP)
+        report(verdict=GapVerdict.NO_GAP)
     with pytest.raises(CalibrationError, match="needs an effect"):
-        report(verdict=Verdict.EFFECTS_FOUND, effects=())
+        report(verdict=GapVerdict.EFFECTS_FOUND, effects=())
     with pytest.raises(CalibrationError, match=r"unexplained\.share is nan"):
         write_report(report(unexplained=Unexplained(share=float("nan"))), tmp_path)
     assert not (tmp_path / "report.json").exists()

@@ -6,22 +6,22 @@ from pathlib import Path
 import pytest
 
 from calibration.flights import open_flights
-from calibration.gap.find import GapResult, Question, find_gap
-from calibration.gap.report.document import Verdict
+from calibration.gap.find import GapQuestion, GapResult, find_gap
+from calibration.gap.report.document import GapVerdict
 from tests.truth import tunnel
 
 
 def found_in(speed: float, seed: int, folder: Path) -> tuple[tunnel.Truth, GapResult]:
     truth = tunnel.draw(seed, speed)
     flights = open_flights(tunnel.make_flights(truth, seed, 5, folder))[0]
-    return truth, find_gap(flights, Question(vehicle=tunnel.nominal(truth)))
+    return truth, find_gap(flights, GapQuestion(vehicle=tunnel.nominal(truth)))
 
 
 @pytest.mark.soak  # a quarter of a minute; benchmarks/gap_wind.py judges eight such sets
 def test_wind_is_named_with_direction_and_speed(tmp_path: Path) -> None:
     truth, found = found_in(6.0, 21, tmp_path)
     effects = {effect.name: effect for effect in found.report.effects}
-    assert found.report.verdict is Verdict.EFFECTS_FOUND
+    assert found.report.verdict is GapVerdict.EFFECTS_FOUND
     x, y = (effects["wind"].parameters[axis].value for axis in "xy")
     assert math.hypot(x, y) == pytest.approx(6.0, rel=0.25)
     turned = math.atan2(y, x) - math.atan2(truth.wind_y, truth.wind_x)

@@ -14,7 +14,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega
 
 from perchhw.flight.ground_station import ground_station
-from perchhw.flight.recording import FlightRecord
+from perchhw.flight.recording import FlightRecorder
 from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
 from perchhw.record import RunRecorder, read_run
 from tests.mavlink.ground import Listener
@@ -116,7 +116,7 @@ def test_a_listener_that_fails_is_dropped_and_the_record_goes_on(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     broken = Broken()
-    record = FlightRecord(RunRecorder(tmp_path / "run", {}), broken)
+    record = FlightRecorder(RunRecorder(tmp_path / "run", {}), broken)
     with caplog.at_level(logging.ERROR):
         for i in range(3):
             record.write("power", float(i), {"vbat": 4.0})
@@ -135,7 +135,7 @@ def test_without_an_address_there_is_no_listener() -> None:
 
 def test_an_emergency_stop_is_told(tmp_path: Path) -> None:
     with Listener() as station, ground_station(f"mavlink://127.0.0.1:{station.port}") as listener:
-        record = FlightRecord(RunRecorder(tmp_path / "run", {}), listener)
+        record = FlightRecorder(RunRecorder(tmp_path / "run", {}), listener)
         record.event("command", 1.0, command="EmergencyStop()", number=3)
         record.event("StopUnconfirmed", 1.1, what="StopUnconfirmed(reason='nothing was heard')")
         record.event("phase", 1.2, phase="stopping", aborted_by="fence: 0.3 m outside")

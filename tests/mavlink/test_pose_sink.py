@@ -8,7 +8,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega
 from scipy.spatial.transform import Rotation
 
-from mocap_bridge.health import Verdict
+from mocap_bridge.health import PoseVerdict
 from mocap_bridge.mavlink.address import MavlinkAddress
 from mocap_bridge.pose import PoseSample
 from mocap_bridge.sinks.mavlink import MavlinkPoseSink, PoseMessage
@@ -34,7 +34,7 @@ def test_a_vehicle_gets_the_pose_with_its_capture_time(kind: PoseMessage) -> Non
         Listener() as vehicle,
         MavlinkPoseSink(MavlinkAddress("127.0.0.1", vehicle.port, None), kind) as sink,
     ):
-        sink.on_sample(sample(), Verdict.OK)
+        sink.on_sample(sample(), PoseVerdict.OK)
         got = vehicle.until(names[kind])
     np.testing.assert_allclose((got.x, got.y, got.z), (-2.5, 1.25, -0.75), atol=1e-6)
     if kind is PoseMessage.VISION:
@@ -55,11 +55,18 @@ def test_a_vehicle_gets_the_pose_with_its_capture_time(kind: PoseMessage) -> Non
 
 def test_only_good_poses_go_out_and_a_lost_and_found_one_is_a_reset() -> None:
     with Listener() as vehicle, MavlinkPoseSink(MavlinkAddress("127.0.0.1", vehicle.port, None)) as sink:
-        for verdict in Verdict:
-            if verdict is not Verdict.OK:
+        for verdict in PoseVerdict:
+            if verdict is not PoseVerdict.OK:
                 sink.on_sample(sample(x=9.0), verdict)
         assert sink.sent == 0
-        for verdict in (Verdict.OK, Verdict.JUMPED, Verdict.OK, Verdict.STALE, Verdict.LOST, Verdict.OK):
+        for verdict in (
+            PoseVerdict.OK,
+            PoseVerdict.JUMPED,
+            PoseVerdict.OK,
+            PoseVerdict.STALE,
+            PoseVerdict.LOST,
+            PoseVerdict.OK,
+        ):
             sink.on_sample(sample(), verdict)
         counters = []
         while len(counters) < 3:

@@ -18,7 +18,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scipy.spatial.transform import Rotation
 
 from mocap_bridge.errors import MocapUriError, PoseTimeout, SourceLost, UnknownSubject
-from mocap_bridge.health import Verdict
+from mocap_bridge.health import PoseVerdict
 from mocap_bridge.mavlink.address import MavlinkAddress
 from mocap_bridge.pose import PoseSample, PoseStream, open_pose_stream
 from mocap_bridge.sinks.mavlink import MavlinkPoseSink, PoseMessage
@@ -107,7 +107,7 @@ def test_what_goes_out_comes_in(kind: PoseMessage) -> None:
         def send(frame: int) -> None:
             now = time.monotonic()
             pose = PoseSample("cf1", frame, now, now, (1.25, -2.5, 0.75), TURNED, False, None, None)
-            sink.on_sample(pose, Verdict.OK)
+            sink.on_sample(pose, PoseVerdict.OK)
 
         with repeating(send), opened(f"mavlink://:{port}") as stream:
             got = [stream.read(60.0) for _ in range(50)]

@@ -3,10 +3,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mocap_bridge.mavlink.status_texts import LINE_BYTES, REPEATS_S, Line, StatusTexts
+from mocap_bridge.mavlink.status_texts import LINE_BYTES, REPEATS_S, StatusText, StatusTexts
 
 
-def heard(texts: StatusTexts, seconds: float) -> list[Line]:
+def heard(texts: StatusTexts, seconds: float) -> list[StatusText]:
     """All lines sent in a time, looked for as often as the thread does."""
     return [line for tick in range(int(seconds / 0.02)) for line in texts.due(100.0 + 0.02 * tick)]
 
@@ -14,7 +14,7 @@ def heard(texts: StatusTexts, seconds: float) -> list[Line]:
 def test_what_is_not_about_safety_is_said_once() -> None:
     texts = StatusTexts()
     texts.say("landing", 6)
-    assert heard(texts, 6.0) == [Line(6, "landing", 0)]
+    assert heard(texts, 6.0) == [StatusText(6, "landing", 0)]
 
 
 def test_what_is_about_safety_is_repeated_with_its_number() -> None:
@@ -22,8 +22,8 @@ def test_what_is_about_safety_is_repeated_with_its_number() -> None:
     texts.say("link lost", 2, safety=True)
     texts.say("landing", 2, safety=True)
     lines = heard(texts, 6.0)
-    assert lines.count(Line(2, "#1 link lost", 1)) == len(REPEATS_S)
-    assert lines.count(Line(2, "#2 landing", 2)) == len(REPEATS_S)
+    assert lines.count(StatusText(2, "#1 link lost", 1)) == len(REPEATS_S)
+    assert lines.count(StatusText(2, "#2 landing", 2)) == len(REPEATS_S)
     assert heard(texts, 6.0) == []
 
 

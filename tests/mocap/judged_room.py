@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from mocap_bridge.health import HealthLimits, PoseHealth, Verdict
+from mocap_bridge.health import HealthLimits, PoseHealth, PoseVerdict
 from mocap_bridge.pose import PoseSample
 from mocap_bridge.rotation import Quaternion, Vector
 
@@ -42,7 +42,7 @@ class Room:
         age: float = 0.005,
         frames: int = 1,
         elapsed: float | None = None,
-    ) -> Verdict:
+    ) -> PoseVerdict:
         """One more sample, `frames` and `elapsed` s (by default as many periods) after the last one."""
         self.frame += frames
         self.now += self.period * frames if elapsed is None else elapsed
@@ -65,5 +65,5 @@ class Room:
     def lock(self, *, noisy: bool = True, age: float = 0.005) -> "Room":
         for _ in range(10):
             self.show(noisy=noisy, age=age)
-        assert self.health.verdict() is Verdict.OK
+        assert self.health.verdict() is PoseVerdict.OK
         return self

@@ -7,7 +7,7 @@ import pytest
 
 from mocap_bridge.bridge import BridgeStatus, PoseBridge
 from mocap_bridge.errors import MocapError, MocapUriError
-from mocap_bridge.health import Verdict
+from mocap_bridge.health import PoseVerdict
 from mocap_bridge.rotation import Quaternion, Vector
 from mocap_bridge.sinks.crazyflie import CrazyfliePoseSink
 from onboard.timebase import WallTime
@@ -49,7 +49,7 @@ def test_good_poses_reach_the_drone_in_order():
 
     def good(status: BridgeStatus) -> bool:
         seen.append(status)
-        return status.sent >= 150 and status.verdict is Verdict.OK
+        return status.sent >= 150 and status.verdict is PoseVerdict.OK
 
     with MovingRoom() as room, running(room.uri, drone) as bridge:
         assert bridge.wait_for(good, PATIENCE_S)
@@ -76,8 +76,8 @@ def test_every_sample_is_reported_with_its_verdict():
         bridge = PoseBridge(room.uri, None, on_sample=lambda sample, verdict: seen.append((sample, verdict)))
         with bridge:
             assert bridge.wait_for(lambda status: status.health.good >= 20, PATIENCE_S)
-    assert [verdict for _, verdict in seen[:10]].count(Verdict.OK) <= 1
-    assert Verdict.OK in [verdict for _, verdict in seen[10:]]
+    assert [verdict for _, verdict in seen[:10]].count(PoseVerdict.OK) <= 1
+    assert PoseVerdict.OK in [verdict for _, verdict in seen[10:]]
 
 
 def test_a_slow_drone_gets_the_newest_pose_and_delays_nothing():
@@ -114,14 +114,14 @@ def test_a_failing_sink_is_reported_and_does_not_end_the_bridge():
 def test_nothing_is_forwarded_while_the_world_is_gone():
     drone = Drone()
     with MovingRoom() as room, running(room.uri, drone) as bridge:
-        assert bridge.wait_for(lambda status: status.verdict is Verdict.OK, PATIENCE_S)
+        assert bridge.wait_for(lambda status: status.verdict is PoseVerdict.OK, PATIENCE_S)
         room.feeding.clear()
-        assert bridge.wait_for(lambda status: status.verdict is Verdict.LOST, PATIENCE_S)
+        assert bridge.wait_for(lambda status: status.verdict is PoseVerdict.LOST, PATIENCE_S)
         before = bridge.status()
         assert bridge.wait_for(lambda status: status.health.samples >= before.health.samples + 20, PATIENCE_S)
         assert bridge.status().sent == before.sent
         room.feeding.set()
-        assert bridge.wait_for(lambda status: status.verdict is Verdict.OK, PATIENCE_S)
+        assert bridge.wait_for(lambda status: status.verdict is PoseVerdict.OK, PATIENCE_S)
 
 
 def test_a_server_that_dies_is_found_again():
@@ -130,14 +130,14 @@ def test_a_server_that_dies_is_found_again():
         port = first.vicon_port
         bridge = running(first.uri, drone)
         bridge.start()
-        assert bridge.wait_for(lambda status: status.verdict is Verdict.OK, PATIENCE_S)
-    assert bridge.wait_for(lambda status: status.verdict is Verdict.LOST, PATIENCE_S)
+        assert bridge.wait_for(lambda status: status.verdict is PoseVerdict.OK, PATIENCE_S)
+    assert bridge.wait_for(lambda status: status.verdict is PoseVerdict.LOST, PATIENCE_S)
     status = bridge.status()
     assert not status.connected
     assert status.error is not None
     assert "no Vicon DataStream" in status.error or "closed" in status.error
     with MovingRoom(vicon_port=port):
-        assert bridge.wait_for(lambda status: status.verdict is Verdict.OK, PATIENCE_S)
+        assert bridge.wait_for(lambda status: status.verdict is PoseVerdict.OK, PATIENCE_S)
         assert bridge.status().reconnects >= 1
     bridge.stop()
 
@@ -164,7 +164,7 @@ def test_a_wrong_subject_is_said_and_never_ok():
             assert bridge.wait_for(
                 lambda status: "it offers: 'cf1', 'cf2'" in (status.error or ""), PATIENCE_S
             )
-            assert bridge.status().verdict is Verdict.UNKNOWN
+            assert bridge.status().verdict is PoseVerdict.UNKNOWN
     assert drone.poses == []
 
 

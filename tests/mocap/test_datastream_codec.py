@@ -11,7 +11,6 @@ from mocap_bridge.datastream.objects import (
     OBJECT_IDS,
     ApplicationInfo,
     CameraInfo,
-    Contents,
     FrameInfo,
     FrameRateInfo,
     GlobalSegments,
@@ -22,6 +21,7 @@ from mocap_bridge.datastream.objects import (
     LightweightSegments,
     ObjectEnums,
     ObjectQuality,
+    PacketContents,
     Ping,
     Reconstruction,
     RequestFrame,
@@ -56,7 +56,7 @@ def f32(value: float) -> float:
 # What Vicon's serializers were given, in their order.
 GOLDEN_OBJECTS = [
     ObjectEnums((1, 2, 5, 9, 100004)),
-    Contents(((2, 1), (9, 1)), (1, 2)),
+    PacketContents(((2, 1), (9, 1)), (1, 2)),
     StreamInfo(1350000),
     ApplicationInfo(0),
     SubjectInfo(7, "cf1", (Segment(0, 1, (0.0,) * 6, "cf1"),), ((3, "m3"),), ((3, 1),)),

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onboard.app_interface import RecorderState
-from onboard.firmware.structures import LawSample, Period, Recorder
+from onboard.firmware.structures import PerchLawSample, PerchPeriod, PerchRecorder
 from onboard.ring import (
     AFTER_MS,
     HEADER,
@@ -41,14 +41,14 @@ def recorded(begin: int, end: int, until: int) -> RingRecorder:
 
 
 def test_the_layout_is_that_of_the_code_in_c() -> None:
-    assert (LAW.itemsize, PERIOD.itemsize) == (ctypes.sizeof(LawSample), ctypes.sizeof(Period))
-    assert ctypes.sizeof(Recorder) == RING_BYTES
+    assert (LAW.itemsize, PERIOD.itemsize) == (ctypes.sizeof(PerchLawSample), ctypes.sizeof(PerchPeriod))
+    assert ctypes.sizeof(PerchRecorder) == RING_BYTES
     for name in HEADER.names or ():
         assert HEADER.fields is not None
-        assert HEADER.fields[name][1] == getattr(Recorder, name).offset
-    estimate = LawSample.estimate.offset
+        assert HEADER.fields[name][1] == getattr(PerchRecorder, name).offset
+    estimate = PerchLawSample.estimate.offset
     assert LAW.fields is not None
-    assert (estimate, LawSample.thrusts.offset) == (LAW.fields["estimate"][1], LAW.fields["thrusts"][1])
+    assert (estimate, PerchLawSample.thrusts.offset) == (LAW.fields["estimate"][1], LAW.fields["thrusts"][1])
 
 
 @given(begin=st.integers(0, 200), flown=st.integers(1, 1500))

@@ -11,7 +11,7 @@ from calibration.gap.report import write_report as write_gap_report
 from calibration.report_style import new_figure
 from perchhw.campaign import load_plan, run_campaign
 from perchhw.campaign.adaptive import FlownMap
-from perchhw.campaign.rate_map import RateMap
+from perchhw.campaign.rate_map import ExpectedRates
 from perchhw.cli.main import run
 from perchhw.report import write_campaign_report
 from perchhw.report.map_figure import map_figure
@@ -64,7 +64,7 @@ def test_an_adaptive_campaign_shows_its_map(pages: dict[str, Path]) -> None:
 
 
 def test_a_map_names_its_best_and_its_least_certain_condition() -> None:
-    known = RateMap(rate=np.array([0.2, 0.9]), deviation=np.array([0.25, 0.1]), gain=np.zeros(2))
+    known = ExpectedRates(rate=np.array([0.2, 0.9]), deviation=np.array([0.25, 0.1]), gain=np.zeros(2))
     drawn = map_figure(FlownMap(((2.0, 40.0), (2.5, 60.0)), (0, 4), (0, 4), known))
     assert "highest 2.5 m/s 60 deg (90%), least certain 2 m/s 40 deg (standard deviation 25%)" in drawn
     assert "<!-- 4 of 4 -->" in drawn

@@ -13,7 +13,7 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-from mocap_bridge.health import Verdict
+from mocap_bridge.health import PoseVerdict
 from perchhw.flight.interrupts import OperatorInterrupts
 from perchhw.record import RunRecorder
 from perchhw.screen.display import Progress
@@ -23,7 +23,7 @@ from perchhw.supervisor import FlightState, Observation, Phase
 TICK = 0.02
 SEEN = Observation(
     link_silence=0.01,
-    pose_verdict=Verdict.OK,
+    pose_verdict=PoseVerdict.OK,
     pose_age=0.01,
     pose_position=(0.0, 0.0, 0.5),
     estimate_age=0.01,

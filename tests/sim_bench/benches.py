@@ -8,7 +8,7 @@ from onboard.quantity import Quantity
 from onboard.vehicle import Effect, Vehicle, load_vehicle
 from sim_backend.bench.bench import Bench, BenchOptions
 from sim_backend.bench.faults import BenchFaults
-from sim_backend.bench.operator import Operator
+from sim_backend.bench.operator import SimulatedOperator
 from sim_backend.lab_faults import DroneFaults
 
 STRINGS = {"string_distance_top": 0.06, "string_distance_bottom": 0.06, "string_length": 0.6}
@@ -39,7 +39,7 @@ class Stand:
     def __init__(self, seed: int = 0, drone: DroneFaults | None = None, **faults: Any) -> None:
         options = BenchOptions(seed, BenchFaults(**faults), drone or DroneFaults())
         self.bench = Bench(vehicle(), options)
-        self.operator = Operator(self.bench, lambda name: f"/dev/new-{name}")
+        self.operator = SimulatedOperator(self.bench, lambda name: f"/dev/new-{name}")
 
     def say(self, **request: Any) -> dict[str, Any]:
         """One request, and the bench time that it takes."""

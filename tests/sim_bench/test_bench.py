@@ -4,7 +4,7 @@ import pytest
 
 from sim_backend.bench.bench import Place
 from sim_backend.bench.faults import BENCH_RULES, BenchFaults, Unplugging
-from sim_backend.fault_values import FaultError, Window
+from sim_backend.fault_values import FaultError, FaultWindow
 from sim_backend.faults import fault_table, parse_faults
 from sim_backend.lab_faults import DroneFaults
 from tests.sim_bench.benches import HANG_Z, Stand
@@ -147,7 +147,7 @@ def test_faults_by_name() -> None:
         }
     )
     assert faults.reset_at == (3.0, 7.5)
-    assert faults.stall == Window(4.0, 4.3)
+    assert faults.stall == FaultWindow(4.0, 4.3)
     assert faults.unplug == Unplugging("scale", 9.0)
     assert (faults.line_ends, faults.scale_rate, faults.inverted, faults.flicker) == ("mix", 10, True, 100.0)
     assert faults.link_loss.covers(6.9)

@@ -8,8 +8,8 @@ import pytest
 
 from onboard.gravity import GRAVITY
 from sim_backend.bench.bench import Bench, BenchOptions, Place
-from sim_backend.bench.hanging import Jig
-from sim_backend.bench.operator import Operator
+from sim_backend.bench.hanging import SimulatedJig
+from sim_backend.bench.operator import SimulatedOperator
 from sim_backend.bench.readings import Grade
 from tests.sim_bench.benches import HANG_Z, STRINGS, Stand, vehicle
 
@@ -161,15 +161,15 @@ def test_readings_spread_as_the_instruments_do() -> None:
         assert values.std() == pytest.approx(half / math.sqrt(3.0), rel=0.1)
     assert stand.say(ask="mass")["unit"] == "kg"
     assert stand.say(ask="mass")["value"] == pytest.approx(vehicle().body.mass.value, abs=2e-5)
-    ruler = Operator(stand.bench, lambda name: name, Grade(distance=5e-4, length=1e-3, mass=5e-5))
+    ruler = SimulatedOperator(stand.bench, lambda name: name, Grade(distance=5e-4, length=1e-3, mass=5e-5))
     ruler.perform(HANG_Z)
     rough = [ruler.perform({"ask": "string_distance_top"}).document["value"] for _ in range(300)]
     assert np.ptp(rough) == pytest.approx(2 * 5e-4, rel=0.05)
 
 
 def test_a_jig_weighs_and_turns_with_the_drone() -> None:
-    bench = Bench(vehicle(), BenchOptions(jig=Jig(0.004, 1e-6)))
-    operator = Operator(bench, lambda name: name)
+    bench = Bench(vehicle(), BenchOptions(jig=SimulatedJig(0.004, 1e-6)))
+    operator = SimulatedOperator(bench, lambda name: name)
     operator.perform(HANG_Z)
     assert bench.hung is not None
     hung = bench.hung.pendulum.hung

@@ -11,7 +11,7 @@ import pytest
 import serial
 
 from sim_backend.bench.faults import BenchFaults
-from sim_backend.bench.ports import AskedPort, BoardPort, Port
+from sim_backend.bench.ports import AskedPort, BoardPort, InstrumentPort
 from sim_backend.bench.tachometer import TachometerBoard
 from tests.patience import PATIENCE_S
 from tests.sim_bench.benches import Stand
@@ -26,7 +26,7 @@ class Plugged:
     def __init__(self, **faults: object) -> None:
         rng = np.random.default_rng(0)
         self.board = TachometerBoard(rng, BenchFaults(resonator=0.0, **faults))  # type: ignore[arg-type]
-        self.port = Port(BoardPort(self.board, rng))
+        self.port = InstrumentPort(BoardPort(self.board, rng))
         self.ticks = 0
 
     def run(self, seconds: float) -> None:
@@ -150,7 +150,7 @@ def test_port_does_not_echo(plugged: Plugged) -> None:
 
 
 def test_supply_answers_after_a_thought() -> None:
-    port = Port(AskedPort(Stand().bench.scpi))
+    port = InstrumentPort(AskedPort(Stand().bench.scpi))
     try:
         with serial.Serial(port.name, 9600, timeout=QUIET_S) as line:
             line.write(b"*IDN?\n")

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from sim_backend.bench.faults import BenchFaults
-from sim_backend.bench.scale import LIMIT, LoadCell, ScaleBoard
+from sim_backend.bench.scale import LIMIT, ScaleBoard, SimulatedLoadCell
 
 
 def counts(load: float, seconds: float = 2.0, thrust: float = 0.0, **faults: object) -> np.ndarray:
     """Conversions under a load and a thrust (g)."""
-    cell = LoadCell(np.random.default_rng(4), BenchFaults(**faults))  # type: ignore[arg-type]
+    cell = SimulatedLoadCell(np.random.default_rng(4), BenchFaults(**faults))  # type: ignore[arg-type]
     found = [cell.step(tick / 1000, load, thrust) for tick in range(1, round(seconds * 1000) + 1)]
     return np.array([value for value in found if value is not None])
 
@@ -17,11 +17,13 @@ def counts(load: float, seconds: float = 2.0, thrust: float = 0.0, **faults: obj
 def test_counts_are_a_line_in_the_load_with_the_noise_of_a_good_cell() -> None:
     low, high = counts(0.0), counts(50.0)
     slope = (high.mean() - low.mean()) / 50.0
-    cell = LoadCell(np.random.default_rng(4), BenchFaults())
+    cell = SimulatedLoadCell(np.random.default_rng(4), BenchFaults())
     assert slope == pytest.approx(cell.counts_per_gram, rel=1e-3)
     assert low.std() / slope == pytest.approx(0.006, rel=0.3)
     assert abs(cell.zero) > 1000.0
-    others = {LoadCell(np.random.default_rng(seed), BenchFaults()).counts_per_gram for seed in range(5)}
+    others = {
+        SimulatedLoadCell(np.random.default_rng(seed), BenchFaults()).counts_per_gram for seed in range(5)
+    }
     assert len(others) == 5
 
 
@@ -31,7 +33,7 @@ def test_conversions_a_second(rate: int) -> None:
 
 
 def test_a_step_needs_four_conversions() -> None:
-    cell = LoadCell(np.random.default_rng(4), BenchFaults(drift=0.0))
+    cell = SimulatedLoadCell(np.random.default_rng(4), BenchFaults(drift=0.0))
     found = []
     for tick in range(1, 2001):
         value = cell.step(tick / 1000, 0.0 if tick <= 1000 else 100.0, 0.0)

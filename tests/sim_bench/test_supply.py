@@ -3,7 +3,7 @@
 import pytest
 
 from sim_backend.bench.faults import BenchFaults
-from sim_backend.bench.power import Pack, Supply
+from sim_backend.bench.power import Pack, PowerStage
 from tests.sim_bench.benches import Stand, vehicle
 
 
@@ -61,7 +61,7 @@ def test_error_queue_overflows_and_is_cleared() -> None:
 
 
 def test_leads_cost_voltage() -> None:
-    supply = Supply(BenchFaults(lead_resistance=0.1))
+    supply = PowerStage(BenchFaults(lead_resistance=0.1))
     supply.voltage, supply.current_limit, supply.output = 4.0, 10.0, True
     for _ in range(1000):
         volts = supply.feed(3.0, 0.001)

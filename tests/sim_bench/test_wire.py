@@ -8,7 +8,7 @@ import pytest
 from sim_backend.bench.faults import BenchFaults
 from sim_backend.bench.line_protocol import checksum, line
 from sim_backend.bench.wire import Wire
-from sim_backend.fault_values import Window
+from sim_backend.fault_values import FaultWindow
 
 TEXT = line(1, "E", 12345, 4_000_000_000, 1200, 1204, 1200, 1204, 1200, 1204, 1200)
 
@@ -51,7 +51,7 @@ def test_an_idle_line_saves_no_time_up() -> None:
 
 
 def test_stall_holds_back_and_bursts() -> None:
-    wire = Wire(115200, np.random.default_rng(0), BenchFaults(stall=Window(1.0, 1.3)))
+    wire = Wire(115200, np.random.default_rng(0), BenchFaults(stall=FaultWindow(1.0, 1.3)))
     wire.take(0.999)
     wire.send_line(TEXT)
     wire.send_line(TEXT)

@@ -10,7 +10,7 @@ from onboard.supervisor_info import SupervisorInfo
 from onboard.trajectory import ApproachPlan
 from onboard.vehicle import Vehicle, load_vehicle
 from sim_backend.crazyflie.build import OURS, Build
-from sim_backend.crazyflie.high_level import Command
+from sim_backend.crazyflie.high_level import HighLevelCommand
 from sim_backend.engine_name import EngineName
 from sim_backend.lab_faults import DroneFaults
 from sim_backend.world import World
@@ -93,17 +93,17 @@ class Flight:
         assert self.firmware.supervisor.arm(True)
         self.run(0.2)
 
-    def high_level(self, command: Command, layout: str, *values: float) -> int:
+    def high_level(self, command: HighLevelCommand, layout: str, *values: float) -> int:
         return self.firmware.commander.high_level(int(command), struct.pack(layout, *values))
 
     def takeoff(self, height: float, duration: float = 2.0) -> int:
-        return self.high_level(Command.TAKEOFF_2, "<BffBf", 0, height, 0.0, 1, duration)
+        return self.high_level(HighLevelCommand.TAKEOFF_2, "<BffBf", 0, height, 0.0, 1, duration)
 
     def go_to(self, x: float, y: float, z: float, duration: float) -> int:
-        return self.high_level(Command.GO_TO_2, "<BBB5f", 0, 0, 0, x, y, z, 0.0, duration)
+        return self.high_level(HighLevelCommand.GO_TO_2, "<BBB5f", 0, 0, 0, x, y, z, 0.0, duration)
 
     def land(self, duration: float = 2.0) -> int:
-        return self.high_level(Command.LAND_2, "<BffBf", 0, 0.0, 0.0, 1, duration)
+        return self.high_level(HighLevelCommand.LAND_2, "<BffBf", 0, 0.0, 0.0, 1, duration)
 
     def hover(self, height: float = 0.5) -> None:
         self.arm()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sim_backend.crazyflie.build import Build, BuildError, known_decks
-from sim_backend.crazyflie.supervisor import State
+from sim_backend.crazyflie.supervisor import SupervisorState
 from tests.sim_crazyflie.simulated_flight import Flight
 
 
@@ -50,7 +50,7 @@ def test_no_motor_is_below_idle_in_flight_and_none_turns_when_stopped() -> None:
     assert min(lowest) >= 7000
     flight.firmware.supervisor.emergency_stop()
     flight.run(0.1)
-    assert flight.firmware.supervisor.state is State.LOCKED
+    assert flight.firmware.supervisor.state is SupervisorState.LOCKED
     assert not flight.firmware.ratios.any()
 
 

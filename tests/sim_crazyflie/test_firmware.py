@@ -11,10 +11,10 @@ from calibration.bench.instruments.motor_token import EVERY_S
 from onboard.app_interface import MOTOR_STOP_MS, MOTOR_TOKEN_MS, Parameter
 from onboard.policy.bundle import encode_bundle
 from sim_backend.crazyflie.estimator import P_VELOCITY
-from sim_backend.crazyflie.high_level import Command, PlannerState
+from sim_backend.crazyflie.high_level import HighLevelCommand, PlannerState
 from sim_backend.crazyflie.interfaces import FirmwareAssertion
 from sim_backend.crazyflie.power import PowerState
-from sim_backend.crazyflie.supervisor import State
+from sim_backend.crazyflie.supervisor import SupervisorState
 from sim_backend.engine_name import EngineName
 from sim_backend.lab_faults import DroneFaults
 from tests.sim_crazyflie.simulated_flight import Flight
@@ -122,10 +122,10 @@ def test_streamed_setpoints_that_stop_level_out_then_drop_the_drone_and_lock_it(
         hovering.firmware.commander.setpoint_generic(hold(mark.x, mark.y, 0.5))
         hovering.run(0.01)
     supervisor = hovering.firmware.supervisor
-    level_out = hovering.run(5.0, until=lambda: supervisor.state is State.WARNING_LEVEL_OUT)
+    level_out = hovering.run(5.0, until=lambda: supervisor.state is SupervisorState.WARNING_LEVEL_OUT)
     assert 0.48 <= level_out <= 0.56
     assert hovering.firmware.ratios.all()
-    locked = hovering.run(5.0, until=lambda: supervisor.state is State.LOCKED)
+    locked = hovering.run(5.0, until=lambda: supervisor.state is SupervisorState.LOCKED)
     assert 1.98 <= level_out + locked <= 2.12
     hovering.run(1.0)
     assert hovering.position[2] < 0.1
@@ -337,8 +337,8 @@ def test_uploaded_trajectory_is_flown_from_the_memory_port(hovering: Flight) -> 
     piece[2] = 0.05  # x = 0.05 t^2
     piece[16] = 0.0
     assert memory.write(0, struct.pack("<33f", *piece, 2.0))
-    assert hovering.high_level(Command.DEFINE_TRAJECTORY, "<BBBIB", 1, 1, 0, 0, 1) == 0
-    assert hovering.high_level(Command.START_TRAJECTORY_2, "<BBBBBf", 0, 1, 0, 0, 1, 1.0) == 0
+    assert hovering.high_level(HighLevelCommand.DEFINE_TRAJECTORY, "<BBBIB", 1, 1, 0, 0, 1) == 0
+    assert hovering.high_level(HighLevelCommand.START_TRAJECTORY_2, "<BBBBBf", 0, 1, 0, 0, 1, 1.0) == 0
     x = hovering.position[0]
     hovering.run(3.0)
     assert hovering.position[0] - x == pytest.approx(0.2, abs=0.05)

@@ -16,8 +16,8 @@ from sim_backend.crazyflie.commander import (
     decode_generic,
 )
 from sim_backend.crazyflie.high_level import (
-    Command,
     FlatState,
+    HighLevelCommand,
     HighLevelCommander,
     PlannerState,
     smooth_polynomial,
@@ -46,7 +46,7 @@ def planner() -> HighLevelCommander:
 
 @pytest.fixture
 def hovering(planner: HighLevelCommander) -> HighLevelCommander:
-    assert planner.command(Command.TAKEOFF_2, takeoff(0.5, 2.0), 0.0) == 0
+    assert planner.command(HighLevelCommand.TAKEOFF_2, takeoff(0.5, 2.0), 0.0) == 0
     return planner
 
 
@@ -85,12 +85,12 @@ def test_takeoff_rises_straight_and_stays(hovering: HighLevelCommander) -> None:
 
 
 def test_second_takeoff_is_refused(hovering: HighLevelCommander) -> None:
-    assert hovering.command(Command.TAKEOFF_2, takeoff(1.0, 2.0), 3.0) == 1
+    assert hovering.command(HighLevelCommand.TAKEOFF_2, takeoff(1.0, 2.0), 3.0) == 1
 
 
 def test_go_to_starts_from_the_plan_and_turns_the_short_way(hovering: HighLevelCommander) -> None:
-    assert hovering.command(Command.GO_TO_2, go_to(1.0, 0.0, 1.0, math.radians(-170), 2.0), 3.0) == 0
-    assert hovering.command(Command.GO_TO_2, go_to(1.0, 0.0, 1.0, math.radians(170), 2.0), 6.0) == 0
+    assert hovering.command(HighLevelCommand.GO_TO_2, go_to(1.0, 0.0, 1.0, math.radians(-170), 2.0), 3.0) == 0
+    assert hovering.command(HighLevelCommand.GO_TO_2, go_to(1.0, 0.0, 1.0, math.radians(170), 2.0), 6.0) == 0
     start, middle, end = at(hovering, 6.0), at(hovering, 7.0), at(hovering, 8.0)
     assert start.position == pytest.approx((1.0, 0.0, 1.0))
     assert math.cos(middle.yaw) == pytest.approx(-1.0), "over 180 degrees, not through 0"
@@ -98,13 +98,13 @@ def test_go_to_starts_from_the_plan_and_turns_the_short_way(hovering: HighLevelC
 
 
 def test_relative_go_to_adds_to_the_setpoint(hovering: HighLevelCommander) -> None:
-    hovering.command(Command.GO_TO_2, go_to(0.5, 0.0, 0.25, 0.0, 1.0, relative=True), 3.0)
+    hovering.command(HighLevelCommand.GO_TO_2, go_to(0.5, 0.0, 0.25, 0.0, 1.0, relative=True), 3.0)
     assert at(hovering, 5.0).position == pytest.approx((0.8, -0.2, 0.75))
 
 
 def test_landing_ends_in_motors_off(hovering: HighLevelCommander) -> None:
-    assert hovering.command(Command.LAND_2, takeoff(0.0, 2.0), 3.0) == 0
-    assert hovering.command(Command.LAND_2, takeoff(0.0, 2.0), 3.5) == 1, "already landing"
+    assert hovering.command(HighLevelCommand.LAND_2, takeoff(0.0, 2.0), 3.0) == 0
+    assert hovering.command(HighLevelCommand.LAND_2, takeoff(0.0, 2.0), 3.5) == 1, "already landing"
     assert not at(hovering, 4.9).is_null
     at(hovering, 5.0)
     assert at(hovering, 5.01).is_null
@@ -113,25 +113,25 @@ def test_landing_ends_in_motors_off(hovering: HighLevelCommander) -> None:
 def test_blocked_commander_answers_busy_and_forgets_its_plan(hovering: HighLevelCommander) -> None:
     hovering.block(True)
     assert hovering.state is PlannerState.IDLE
-    assert hovering.command(Command.TAKEOFF_2, takeoff(0.5, 2.0), 5.0) == errno.EBUSY
+    assert hovering.command(HighLevelCommand.TAKEOFF_2, takeoff(0.5, 2.0), 5.0) == errno.EBUSY
     hovering.block(False)
-    assert hovering.command(Command.TAKEOFF_2, takeoff(0.5, 2.0), 5.0) == 0
+    assert hovering.command(HighLevelCommand.TAKEOFF_2, takeoff(0.5, 2.0), 5.0) == 0
 
 
 def test_unknown_and_malformed_commands(planner: HighLevelCommander) -> None:
-    assert planner.command(Command.SPIRAL, bytes(27), 0.0) == errno.ENOEXEC
+    assert planner.command(HighLevelCommand.SPIRAL, bytes(27), 0.0) == errno.ENOEXEC
     assert planner.command(99, b"", 0.0) == errno.ENOEXEC
-    assert planner.command(Command.TAKEOFF_2, b"\0\0", 0.0) == errno.ENOEXEC
+    assert planner.command(HighLevelCommand.TAKEOFF_2, b"\0\0", 0.0) == errno.ENOEXEC
 
 
 def test_group_mask_selects(planner: HighLevelCommander) -> None:
-    planner.command(Command.SET_GROUP_MASK, b"\x02", 0.0)
+    planner.command(HighLevelCommand.SET_GROUP_MASK, b"\x02", 0.0)
     payload = bytearray(takeoff(0.5, 2.0))
     payload[0] = 1
-    assert planner.command(Command.TAKEOFF_2, bytes(payload), 0.0) == 0
+    assert planner.command(HighLevelCommand.TAKEOFF_2, bytes(payload), 0.0) == 0
     assert planner.state is PlannerState.IDLE
     payload[0] = 2
-    planner.command(Command.TAKEOFF_2, bytes(payload), 0.0)
+    planner.command(HighLevelCommand.TAKEOFF_2, bytes(payload), 0.0)
     assert planner.state is PlannerState.FLYING
 
 
@@ -140,18 +140,23 @@ def test_uploaded_polynomial_flies_relative_and_backwards(planner: HighLevelComm
     piece[1] = 1.0  # x = t for 2 s
     piece[16] = 0.7  # z = 0.7
     planner.memory[132:264] = struct.pack("<33f", *piece, 2.0)
-    assert planner.command(Command.DEFINE_TRAJECTORY, struct.pack("<BBBIB", 3, 1, 0, 132, 1), 0.0) == 0
-    assert planner.command(Command.START_TRAJECTORY_2, struct.pack("<BBBBBf", 0, 0, 0, 0, 3, 2.0), 0.0) == 0
+    assert (
+        planner.command(HighLevelCommand.DEFINE_TRAJECTORY, struct.pack("<BBBIB", 3, 1, 0, 132, 1), 0.0) == 0
+    )
+    assert (
+        planner.command(HighLevelCommand.START_TRAJECTORY_2, struct.pack("<BBBBBf", 0, 0, 0, 0, 3, 2.0), 0.0)
+        == 0
+    )
     assert at(planner, 2.0).position == pytest.approx((1.0, 0.0, 0.7))
     assert at(planner, 2.0).velocity[0] == pytest.approx(0.5)
     assert at(planner, 9.0).position == pytest.approx((2.0, 0.0, 0.7))
-    planner.command(Command.START_TRAJECTORY_2, struct.pack("<BBBBBf", 0, 1, 0, 1, 3, 1.0), 10.0)
+    planner.command(HighLevelCommand.START_TRAJECTORY_2, struct.pack("<BBBBBf", 0, 1, 0, 1, 3, 1.0), 10.0)
     assert at(planner, 10.5).position == pytest.approx((1.5, 0.0, 0.7))
     assert at(planner, 10.5).velocity[0] == pytest.approx(-1.0)
     outside = struct.pack("<BBBIB", 4, 1, 0, 4000, 1)
-    planner.command(Command.DEFINE_TRAJECTORY, outside, 0.0)
+    planner.command(HighLevelCommand.DEFINE_TRAJECTORY, outside, 0.0)
     start = struct.pack("<BBBBBf", 0, 0, 0, 0, 4, 1.0)
-    assert planner.command(Command.START_TRAJECTORY_2, start, 0.0) == errno.ENOEXEC
+    assert planner.command(HighLevelCommand.START_TRAJECTORY_2, start, 0.0) == errno.ENOEXEC
 
 
 # The commander
@@ -229,7 +234,7 @@ def test_a_landing_right_after_a_hand_over_comes_down_where_the_drone_is(
     at(hovering, 2.0)
     here = FlatState((1.7, 0.1, 0.48), (0.5, 0.0, 0.0))
     hovering.hold(here, 2.0)
-    assert hovering.command(Command.LAND_2, takeoff(0.0, 2.0), 2.001) == 0
+    assert hovering.command(HighLevelCommand.LAND_2, takeoff(0.0, 2.0), 2.001) == 0
     begins, ends = at(hovering, 2.01), at(hovering, 4.1)
     assert begins.position == pytest.approx(here.position, abs=0.02)
     assert ends.position[:2] == pytest.approx(here.position[:2], abs=1e-6)

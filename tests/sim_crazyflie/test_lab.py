@@ -20,7 +20,7 @@ from cflib.crazyflie.log import LogConfig
 from cflib.crazyflie.syncCrazyflie import SyncCrazyflie
 
 from mocap_bridge.bridge import PoseBridge
-from mocap_bridge.health import Verdict
+from mocap_bridge.health import PoseVerdict
 from perchhw.cli.main import run
 from tests.patience import PATIENCE_S, until
 
@@ -144,7 +144,7 @@ def test_unmodified_cflib_takes_off_on_poses_from_the_room(tmp_path: Path) -> No
             names = ("stateEstimate.x", "stateEstimate.z", "kalman.varX", "supervisor.info", "pm.vbat")
             telemetry = Telemetry(cf, *names)
             telemetry.wait("estimate", lambda v: abs(v["stateEstimate.x"] + 2.5) < 0.02)
-            assert bridge.wait_for(lambda status: status.verdict is Verdict.OK, PATIENCE_S)
+            assert bridge.wait_for(lambda status: status.verdict is PoseVerdict.OK, PATIENCE_S)
             assert telemetry.values["pm.vbat"] > 3.8
             telemetry.wait("may arm", lambda v: int(v["supervisor.info"]) & 1)
             cf.supervisor.send_arming_request(True)
@@ -195,8 +195,8 @@ def test_room_alone_shows_resting_drones() -> None:
         seen = threading.Event()
         places: list[tuple[float, ...]] = []
 
-        def take(sample: Any, verdict: Verdict) -> None:
-            if verdict is Verdict.OK and sample.position is not None:
+        def take(sample: Any, verdict: PoseVerdict) -> None:
+            if verdict is PoseVerdict.OK and sample.position is not None:
                 places.append(sample.position)
                 seen.set()
 

@@ -11,7 +11,7 @@ from numba.core.dispatcher import Dispatcher
 
 from onboard.app_interface import (
     RECORD_ADDRESS,
-    Engine,
+    EngineCode,
     LandingState,
     Log,
     Parameter,
@@ -25,7 +25,7 @@ from onboard.ring import RING_BYTES
 from onboard.room import RoomGeometry
 from onboard.trajectory import ApproachPlan, fit_approach, plan_approach
 from onboard.vehicle import load_vehicle
-from sim_backend.crazyflie.supervisor import State
+from sim_backend.crazyflie.supervisor import SupervisorState
 from sim_backend.engine_name import EngineName
 from sim_backend.warm_up import warm_up
 from tests.sim_crazyflie.simulated_flight import LEGS, VEHICLE, Flight
@@ -144,9 +144,9 @@ def test_refused_commit_keeps_the_previous_policy(
 
 def test_the_drone_says_which_code_it_runs(either_engine: EngineName) -> None:
     flight = Flight()
-    assert Engine(int(flight.param(Parameter.ENGINE))).name.lower() == either_engine
+    assert EngineCode(int(flight.param(Parameter.ENGINE))).name.lower() == either_engine
     flight.firmware.reboot()
-    assert Engine(int(flight.param(Parameter.ENGINE))).name.lower() == either_engine
+    assert EngineCode(int(flight.param(Parameter.ENGINE))).name.lower() == either_engine
 
 
 def test_nothing_is_accepted_while_flying() -> None:
@@ -212,7 +212,7 @@ def test_approach_triggers_flips_cuts_and_lands_on_four_feet() -> None:
     truth = flight.drone.state
     assert truth["foot_attached"].sum() == 4
     assert not truth["body_contact"]
-    assert flight.firmware.supervisor.state is State.CRASHED, "hanging upside down is a tumble"
+    assert flight.firmware.supervisor.state is SupervisorState.CRASHED, "hanging upside down is a tumble"
     assert not flight.firmware.ratios.any()
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_backend.crazyflie.tables import LogTable, NoSuchVariable, ParameterTable, ValueNotRepresentable
+from sim_backend.crazyflie.tables import LogTable, NoSuchTableEntry, ParameterTable, ValueNotRepresentable
 from sim_backend.crazyflie.toc import (
     Block,
     Row,
@@ -133,7 +133,7 @@ def test_unknown_names_are_errors_and_unbound_logs_read_zero() -> None:
     assert logs["stateEstimate.x"] == 0
     logs.bind("stateEstimate.x", lambda: 1.5)
     assert logs["stateEstimate.x"] == 1.5
-    with pytest.raises(NoSuchVariable, match=r"nothing\.here"):
+    with pytest.raises(NoSuchTableEntry, match=r"nothing\.here"):
         logs.bind("nothing.here", lambda: 0)
-    with pytest.raises(NoSuchVariable, match=r"nothing\.here"):
+    with pytest.raises(NoSuchTableEntry, match=r"nothing\.here"):
         ParameterTable.firmware()["nothing.here"]

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from mocap_bridge.rotation import angle_between
 from onboard.errors import InputError
-from sim_backend.fault_values import FaultError, Window
+from sim_backend.fault_values import FaultError, FaultWindow
 from sim_backend.room.cameras import Cameras
 from sim_backend.room.feed import TruePose
 from sim_backend.room.markers import LAYOUT
@@ -36,15 +36,15 @@ def test_same_seed_same_frames():
 
 
 def test_freeze_repeats_to_the_bit_and_ends():
-    seen = expose_at([0.98, 0.99, 1.0, 1.01, 1.09, 1.1], RoomFaults(freeze=Window(1.0, 1.1)))
+    seen = expose_at([0.98, 0.99, 1.0, 1.01, 1.09, 1.1], RoomFaults(freeze=FaultWindow(1.0, 1.1)))
     assert seen[1] == seen[2] == seen[3] == seen[4]
     assert seen[5] != seen[4]
 
 
 def test_occlusion_and_flip_by_world_time():
-    seen = expose_at([0.5, 1.0, 1.5], RoomFaults(occlude=Window(1.0, 1.2)))
+    seen = expose_at([0.5, 1.0, 1.5], RoomFaults(occlude=FaultWindow(1.0, 1.2)))
     assert [body.pose is None for body in seen] == [False, True, False]
-    seen = expose_at([0.5, 1.0, 1.5], RoomFaults(flip180=Window(1.0, 1.01)))
+    seen = expose_at([0.5, 1.0, 1.5], RoomFaults(flip180=FaultWindow(1.0, 1.01)))
     angles = [angle_between(body.pose.quaternion, (0.0, 0.0, 0.0, 1.0)) for body in seen]
     assert angles == pytest.approx([0.0, math.pi, 0.0], abs=2e-3)
 
@@ -69,7 +69,7 @@ def test_a_body_whose_fit_fails_leaves_its_markers_and_a_hidden_one_nothing():
     turned, distance = Rotation.align_vectors(np.array(frame.unlabelled) - pose.position, LAYOUT)
     assert distance < 1e-12
     np.testing.assert_allclose(turned.as_quat(), pose.quaternion, atol=1e-12)
-    hidden = RoomFaults(occlude=Window(0.0, 1.0), reflections=3)
+    hidden = RoomFaults(occlude=FaultWindow(0.0, 1.0), reflections=3)
     frame = Cameras(RoomSettings(faults=hidden), np.random.default_rng(4)).expose(1, 0.0, {"cf1": pose}, 0.5)
     assert len(frame.unlabelled) == 3
     assert all(height == 0.01 for _, _, height in frame.unlabelled)
@@ -92,7 +92,9 @@ def test_faults_by_their_names():
             "mocap_reflections": "2",
         }
     )
-    assert faults == RoomFaults(Window(3.5), Window(2.0, 2.5), Window(4.0, 4.01), 0.1, 0.02, 9.0, 2)
+    assert faults == RoomFaults(
+        FaultWindow(3.5), FaultWindow(2.0, 2.5), FaultWindow(4.0, 4.01), 0.1, 0.02, 9.0, 2
+    )
     assert RoomFaults.parse({}) == RoomFaults()
 
 

@@ -8,11 +8,11 @@ from mocap_bridge.bridge import PoseBridge
 from mocap_bridge.datastream.objects import (
     OBJECT_IDS,
     CameraInfo,
-    Contents,
     FrameInfo,
     GlobalSegments,
     LabeledReconstructions,
     ObjectEnums,
+    PacketContents,
     Ping,
     RequestFrame,
     RequestNextFrame,
@@ -22,7 +22,7 @@ from mocap_bridge.datastream.objects import (
 )
 from mocap_bridge.datastream.packet import PacketBuffer, decode_packet, encode_packet
 from mocap_bridge.errors import SourceLost
-from mocap_bridge.health import Verdict
+from mocap_bridge.health import PoseVerdict
 from mocap_bridge.pose import open_pose_stream
 from onboard.lab_time import open_timebase
 from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
@@ -32,7 +32,7 @@ from tests.mocap.moving_room import MovingRoom
 from tests.patience import PATIENCE_S
 from tests.room_thread import RoomThread
 
-WANTED = tuple(OBJECT_IDS[kind] for kind in (SubjectInfo, FrameInfo, GlobalSegments, Contents))
+WANTED = tuple(OBJECT_IDS[kind] for kind in (SubjectInfo, FrameInfo, GlobalSegments, PacketContents))
 
 
 class RawClient:
@@ -113,7 +113,7 @@ def test_a_client_gets_only_what_it_wants_and_may_want_more_later():
             got = client.receive()
             if len(got) > 1:
                 break
-        assert [type(item) for item in got] == [Contents, SubjectInfo, FrameInfo, GlobalSegments]
+        assert [type(item) for item in got] == [PacketContents, SubjectInfo, FrameInfo, GlobalSegments]
         assert got[0].counts == ((2, 1), (5, 1), (9, 1))
         client.close()
 
@@ -224,13 +224,13 @@ def test_bodies_vanish_when_the_feed_stops():
 @pytest.mark.parametrize(
     ("fault", "verdict", "end"),
     [
-        ("mocap_freeze_at=1", Verdict.FROZEN, Verdict.LOST),
-        ("mocap_occlude_at=1", Verdict.OCCLUDED, Verdict.LOST),
-        ("mocap_flip180_at=1", Verdict.FLIPPED, Verdict.OK),
+        ("mocap_freeze_at=1", PoseVerdict.FROZEN, PoseVerdict.LOST),
+        ("mocap_occlude_at=1", PoseVerdict.OCCLUDED, PoseVerdict.LOST),
+        ("mocap_flip180_at=1", PoseVerdict.FLIPPED, PoseVerdict.OK),
     ],
 )
-def test_faults_end_in_the_verdict_they_deserve(fault: str, verdict: Verdict, end: Verdict):
-    seen: list[Verdict] = []
+def test_faults_end_in_the_verdict_they_deserve(fault: str, verdict: PoseVerdict, end: PoseVerdict):
+    seen: list[PoseVerdict] = []
     with (
         SimulatedLab("lab", (*FREE_PORTS, *LOCKSTEP, "--fault", fault)) as lab,
         open_timebase("watcher", lab.mocap[0]) as time,

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from math import cos, sin
 
-from mocap_bridge.health import Verdict
+from mocap_bridge.health import PoseVerdict
 from onboard.app_interface import EndReason, LandingState
 from onboard.arrays import Quaternion
 from onboard.jit import interpreted
@@ -71,7 +71,7 @@ def good_on_ground() -> Observation:
     """All is known and well, on the start mark."""
     return Observation(
         link_silence=0.01,
-        pose_verdict=Verdict.OK,
+        pose_verdict=PoseVerdict.OK,
         pose_age=0.01,
         pose_position=(-3.0, 0.0, 0.07),
         pose_quaternion=LEVEL,

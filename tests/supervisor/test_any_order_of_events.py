@@ -7,7 +7,7 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mocap_bridge.health import Verdict
+from mocap_bridge.health import PoseVerdict
 from onboard.app_interface import EndReason, LandingState
 from onboard.supervisor_info import SupervisorBits, SupervisorInfo
 from perchhw.supervisor import (
@@ -55,7 +55,7 @@ LONGEST = 60.0
 
 CHANGES: dict[str, list[Any]] = {
     "link_silence": [None, 0.7, 2.0, nan, -1.0],
-    "pose_verdict": [None, *Verdict],
+    "pose_verdict": [None, *PoseVerdict],
     "pose_age": [None, 0.2, 0.4, 5.0, nan, -0.1],
     "pose_position": [None, (0.0, 0.0, 2.0), (0.0, 2.0, 1.0), (nan, 0.0, 0.0)],
     "pose_quaternion": [None, INVERTED, (0.0, 0.0, 0.0, 0.0)],

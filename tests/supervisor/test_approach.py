@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from mocap_bridge.health import Verdict
+from mocap_bridge.health import PoseVerdict
 from onboard.app_interface import EndReason, LandingState
 from onboard.room import RoomGeometry
 from perchhw.supervisor import FlightState, Observation, Phase, SafetyLimits, Tick, Timing, step
@@ -72,7 +72,7 @@ def test_a_brake_is_an_abort_unless_the_trigger_was_missed(
         return
     name = "unknown" if reason is None else reason.name.lower()
     assert why() == f"drone_broke_off: {name}"
-    assert why(pose_verdict=Verdict.LOST) == f"drone_broke_off: {name} (pose: LOST, need OK)"
+    assert why(pose_verdict=PoseVerdict.LOST) == f"drone_broke_off: {name} (pose: LOST, need OK)"
 
 
 @pytest.mark.parametrize(("before", "count", "fired"), [(0, 1, True), (3, 3, False), (3, 4, True)])
@@ -127,7 +127,7 @@ def test_a_flip_is_measured_from_where_the_drone_was_seen_last() -> None:
     place = (PLAN.x0, PLAN.y0 + 0.1, PLAN.z0 + 0.2)
     state, _ = look(state_in(Phase.APPROACHING), pose_position=place)
     assert state.flip_height == place[2]
-    unseen, _ = look(state, 2 * PERIOD, pose_position=None, pose_verdict=Verdict.OK)
+    unseen, _ = look(state, 2 * PERIOD, pose_position=None, pose_verdict=PoseVerdict.OK)
     assert unseen.flip_height == place[2]
 
 

@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import pytest
 
-from mocap_bridge.health import Verdict
+from mocap_bridge.health import PoseVerdict
 from onboard.app_interface import EndReason, LandingState
 from onboard.supervisor_info import SupervisorInfo
 from perchhw.supervisor import (
@@ -210,7 +210,7 @@ EDGES: list[tuple[str, Any, Any]] = [
     ("drone", SupervisorInfo(2**16 - 1), SupervisorInfo(2**16)),
     ("drone", SupervisorInfo(0), SupervisorInfo(-1)),
     ("drone", SupervisorInfo(0), 0),
-    ("pose_verdict", Verdict.LOST, 3),
+    ("pose_verdict", PoseVerdict.LOST, 3),
     ("end_reason", EndReason.NONE, 0),
     ("landing_state", LandingState.IDLE, EndReason.NONE),
     ("policy_armed", True, 1),

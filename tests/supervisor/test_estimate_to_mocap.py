@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mocap_bridge.health import Verdict
+from mocap_bridge.health import PoseVerdict
 from perchhw.supervisor import Phase, SafetyLimits, Tick, step
 from perchhw.supervisor.descent import estimate_believable
 from perchhw.supervisor.events import Brake
@@ -86,7 +86,7 @@ def test_poses_that_are_lost_for_long_end_the_approach_by_their_name() -> None:
     """Up to then the drone breaks it off by itself, and says why."""
     o = replace(
         good_in(Phase.APPROACHING),
-        pose_verdict=Verdict.STALE,
+        pose_verdict=PoseVerdict.STALE,
         pose_age=0.301,
         estimate_position=MISSION.start,
         estimate_velocity=(0.0, 0.0, 0.0),

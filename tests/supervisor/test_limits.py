@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from mocap_bridge.health import Verdict
+from mocap_bridge.health import PoseVerdict
 from onboard.room import RoomGeometry
 from onboard.supervisor_info import SupervisorBits, SupervisorInfo
 from perchhw.supervisor import Observation, Phase, SafetyLimits, Timing, Violation
@@ -152,7 +152,7 @@ IN_TEST_FLIGHT: list[Edge] = [
 ]
 PREFLIGHT: list[Edge] = [
     ("pose_age", {"pose_age": 0.1}, {"pose_age": 0.101}),
-    ("pose", {"pose_verdict": Verdict.OK}, {"pose_verdict": Verdict.STALE}),
+    ("pose", {"pose_verdict": PoseVerdict.OK}, {"pose_verdict": PoseVerdict.STALE}),
     ("drone_can_arm", {"drone": SupervisorInfo(READY)}, {"drone": SupervisorInfo(0)}),
 ]
 SETS: list[tuple[str, tuple[Rule, ...], Observation, list[Edge]]] = [
@@ -205,15 +205,15 @@ def test_the_drone_must_say_that_it_is_able(
     assert (None if violation is None else violation.measured) == said
 
 
-@pytest.mark.parametrize("verdict", [*Verdict, None])
-def test_what_is_said_of_the_pose_decides(verdict: Verdict | None) -> None:
+@pytest.mark.parametrize("verdict", [*PoseVerdict, None])
+def test_what_is_said_of_the_pose_decides(verdict: PoseVerdict | None) -> None:
     good = judged(pose_good, GROUND, pose_verdict=verdict)
     usable = judged(pose_usable, GROUND, pose_verdict=verdict)
     name = "unknown" if verdict is None else verdict.name
-    assert str(good) == ("None" if verdict is Verdict.OK else f"pose: {name}, need OK")
-    hopeless = verdict in (None, Verdict.UNKNOWN, Verdict.LOST)
+    assert str(good) == ("None" if verdict is PoseVerdict.OK else f"pose: {name}, need OK")
+    hopeless = verdict in (None, PoseVerdict.UNKNOWN, PoseVerdict.LOST)
     assert str(usable) == (f"pose: {name}, need OK" if hopeless else "None")
-    told = judged(pose_good, GROUND, pose_verdict=Verdict.LOST, pose_problem="no frames")
+    told = judged(pose_good, GROUND, pose_verdict=PoseVerdict.LOST, pose_problem="no frames")
     assert str(told) == "pose: LOST (no frames), need OK"
 
 

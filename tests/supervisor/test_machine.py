@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from mocap_bridge.health import Verdict
+from mocap_bridge.health import PoseVerdict
 from onboard.app_interface import EndReason, LandingState
 from onboard.supervisor_info import SupervisorInfo
 from perchhw.supervisor import (
@@ -167,7 +167,7 @@ AIRBORNE = [Phase.TAKING_OFF, Phase.MOVING_TO_START, Phase.ARMING_APPROACH]
 @pytest.mark.parametrize(
     "fault",
     [
-        {"pose_verdict": Verdict.LOST},
+        {"pose_verdict": PoseVerdict.LOST},
         {"pose_age": 0.4},
         {"link_silence": 0.7},
         {"estimate_age": 0.5},
@@ -198,7 +198,7 @@ def test_a_test_flight_needs_no_policy_and_lands_when_its_course_is_flown() -> N
 @pytest.mark.parametrize(
     "fault",
     [
-        {"pose_verdict": Verdict.LOST},
+        {"pose_verdict": PoseVerdict.LOST},
         {"pose_position": (0.0, 3.0, 1.0), "estimate_position": (0.0, 3.0, 1.0)},
         {"battery_voltage": 2.5},
         {"estimate_quaternion": turned(tilt=1.3)},
@@ -231,7 +231,7 @@ def test_a_course_that_does_not_end_is_landed() -> None:
 
 def test_a_fault_on_the_approach_brakes_on_the_drone_and_lands() -> None:
     def lost(o: Observation, now: float, state: FlightState) -> Observation:
-        return replace(o, pose_verdict=Verdict.LOST) if state.phase is Phase.APPROACHING else o
+        return replace(o, pose_verdict=PoseVerdict.LOST) if state.phase is Phase.APPROACHING else o
 
     attempt = SimulatedAttempt(fault=lost)
     state = attempt.run()
@@ -242,7 +242,7 @@ def test_a_fault_on_the_approach_brakes_on_the_drone_and_lands() -> None:
 def test_a_pose_lost_during_the_flip_does_not_abort_the_landing() -> None:
     def lost(o: Observation, now: float, state: FlightState) -> Observation:
         flipping = state.phase in (Phase.FLIPPING, Phase.SETTLING)
-        return replace(o, pose_verdict=Verdict.LOST, pose_age=1.0) if flipping else o
+        return replace(o, pose_verdict=PoseVerdict.LOST, pose_age=1.0) if flipping else o
 
     attempt = SimulatedAttempt(fault=lost)
     assert attempt.run().aborted_by is None
@@ -348,7 +348,7 @@ def test_checks_that_never_pass_end_with_every_rule_that_failed() -> None:
 
     def flat(o: Observation, now: float, state: FlightState) -> Observation:
         waits.add(state.waiting_for)
-        return replace(o, battery_voltage=3.5, parameters_ok=False, pose_verdict=Verdict.STALE)
+        return replace(o, battery_voltage=3.5, parameters_ok=False, pose_verdict=PoseVerdict.STALE)
 
     attempt = SimulatedAttempt(fault=flat)
     state = attempt.run()
@@ -360,7 +360,7 @@ def test_checks_that_never_pass_end_with_every_rule_that_failed() -> None:
 
 def test_checks_must_hold_without_a_break() -> None:
     def flicker(o: Observation, now: float, state: FlightState) -> Observation:
-        return replace(o, pose_verdict=Verdict.FROZEN) if int(now / 0.3) % 2 else o
+        return replace(o, pose_verdict=PoseVerdict.FROZEN) if int(now / 0.3) % 2 else o
 
     attempt = SimulatedAttempt(fault=flicker)
     assert attempt.run().aborted_by is not None

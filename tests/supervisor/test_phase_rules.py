@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from mocap_bridge.health import Verdict
+from mocap_bridge.health import PoseVerdict
 from onboard.room import RoomGeometry
 from onboard.supervisor_info import SupervisorBits, SupervisorInfo
 from perchhw.supervisor import FlightState, Phase, SafetyLimits, Step, Tick, Timing, step
@@ -22,7 +22,7 @@ EVERYWHERE: dict[str, dict[str, Any]] = {
     "link_silence": {"link_silence": 0.51},
     "drone_state_age": {"drone_age": 0.26},
     "drone_state": {"drone": TUMBLED},
-    "pose": {"pose_verdict": Verdict.LOST},
+    "pose": {"pose_verdict": PoseVerdict.LOST},
     "pose_age": {"pose_age": 0.31},
     "estimate_age": {"estimate_age": 0.26},
     "battery_age": {"battery_age": 1.01},
@@ -238,7 +238,7 @@ def test_a_descent_out_of_control_is_stopped_when_it_lasts(
 @pytest.mark.parametrize(
     "changes",
     [
-        {"pose_verdict": Verdict.LOST, "pose_age": 5.0},
+        {"pose_verdict": PoseVerdict.LOST, "pose_age": 5.0},
         {"estimate_age": 0.9},
         {"link_silence": 0.9, "drone_age": 0.9, "estimate_age": 0.9, "pose_age": 2.0},
         {"estimate_position": (-3.0, 0.5, 1.0), "pose_position": (-3.0, 0.0, 1.0)},

@@ -5,7 +5,7 @@ from math import degrees, inf, nan, nextafter, radians
 
 import pytest
 
-from mocap_bridge.health import Verdict
+from mocap_bridge.health import PoseVerdict
 from onboard.supervisor_info import SupervisorBits, SupervisorInfo
 from perchhw.supervisor import Observation, SafetyLimits, Violation
 from perchhw.supervisor.gate import GateMemory, admit
@@ -72,19 +72,21 @@ def test_knowing_nothing_never_flies() -> None:
             assert rule(Admitted(Observation()), marked) is not None, rule.__name__
 
 
-@pytest.mark.parametrize("verdict", [v for v in Verdict if v is not Verdict.OK])
-def test_only_a_good_pose_arms(verdict: Verdict) -> None:
+@pytest.mark.parametrize("verdict", [v for v in PoseVerdict if v is not PoseVerdict.OK])
+def test_only_a_good_pose_arms(verdict: PoseVerdict) -> None:
     assert broken(PREFLIGHT_RULES, replace(good_on_ground(), pose_verdict=verdict)) is not None
 
 
-@pytest.mark.parametrize("verdict", [None, Verdict.UNKNOWN, Verdict.LOST])
-def test_lost_poses_end_a_flight(verdict: Verdict | None) -> None:
+@pytest.mark.parametrize("verdict", [None, PoseVerdict.UNKNOWN, PoseVerdict.LOST])
+def test_lost_poses_end_a_flight(verdict: PoseVerdict | None) -> None:
     for rules in (HOVER_RULES, APPROACH_RULES):
         assert broken(rules, replace(good_in_flight(), pose_verdict=verdict)) is not None
 
 
-@pytest.mark.parametrize("verdict", [Verdict.FROZEN, Verdict.FLIPPED, Verdict.STALE, Verdict.OCCLUDED])
-def test_rejected_poses_are_bridged_for_a_moment_and_no_longer(verdict: Verdict) -> None:
+@pytest.mark.parametrize(
+    "verdict", [PoseVerdict.FROZEN, PoseVerdict.FLIPPED, PoseVerdict.STALE, PoseVerdict.OCCLUDED]
+)
+def test_rejected_poses_are_bridged_for_a_moment_and_no_longer(verdict: PoseVerdict) -> None:
     for rules in (HOVER_RULES, APPROACH_RULES):
         short = replace(good_in_flight(), pose_verdict=verdict, pose_age=LIMITS.pose_age_bridged)
         assert broken(rules, short) is None

@@ -9,7 +9,7 @@ from calibration.bench.inertia.checks import check_fit
 from calibration.bench.inertia.crossings import crossing_period, crossing_times
 from calibration.bench.inertia.envelope import Envelope, local_amplitude
 from calibration.bench.inertia.errors import UnusableSwingError
-from calibration.bench.inertia.nls import LawFit, add_second_mode, fit_law
+from calibration.bench.inertia.nls import LeastSquaresFit, add_second_mode, fit_law
 from calibration.bench.inertia.start import (
     DampedSine,
     PrincipalAxis,
@@ -79,14 +79,14 @@ def _start(swing: Swing) -> tuple[PrincipalAxis, FloatArray, DampedSine]:
     return axis, time, damped_sine(time, axis.rate, frequency)
 
 
-def _with_second_mode(time: FloatArray, rate: FloatArray, single: LawFit) -> LawFit:
+def _with_second_mode(time: FloatArray, rate: FloatArray, single: LeastSquaresFit) -> LeastSquaresFit:
     if _line(time, single)[1] <= SECOND_MODE_LINE:
         return single
     double = add_second_mode(time, rate, single)
     return double if double.bic < single.bic else single
 
 
-def _line(time: FloatArray, law: LawFit) -> tuple[float, float]:
+def _line(time: FloatArray, law: LeastSquaresFit) -> tuple[float, float]:
     """Frequency (Hz) of the strongest other line, and its amplitude as a share of the torsion's.
 
     At the release where the second mode was fitted, on average where it was not.
@@ -99,7 +99,9 @@ def _line(time: FloatArray, law: LawFit) -> tuple[float, float]:
     return frequency, amplitude / torsion
 
 
-def _describe(swing: Swing, axis: PrincipalAxis, time: FloatArray, sine: DampedSine, law: LawFit) -> SwingFit:
+def _describe(
+    swing: Swing, axis: PrincipalAxis, time: FloatArray, sine: DampedSine, law: LeastSquaresFit
+) -> SwingFit:
     """The fit in figures, without its findings."""
     span = float(time[-1])
     period = math.tau / law.pendulum.omega

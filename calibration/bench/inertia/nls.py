@@ -15,7 +15,7 @@ _MAX_ROOT = 0.2  # of an amplitude of 100 deg
 
 
 @dataclass(frozen=True, slots=True)
-class LawFit:
+class LeastSquaresFit:
     """What least squares found.
 
     Attributes:
@@ -40,7 +40,7 @@ class LawFit:
         return n * math.log(max(float(np.mean(self.residual**2)), 1e-300)) + parameters * math.log(n)
 
 
-def fit_law(time: FloatArray, rate: FloatArray, sine: DampedSine) -> LawFit:
+def fit_law(time: FloatArray, rate: FloatArray, sine: DampedSine) -> LeastSquaresFit:
     """The pendulum law on `rate` (rad/s) at `time` (s from the first sample), started from a damped sine."""
     period = 1.0 / sine.frequency
     early = time <= _FIRST_CYCLES * period
@@ -59,7 +59,7 @@ def fit_law(time: FloatArray, rate: FloatArray, sine: DampedSine) -> LawFit:
     return _result(time, rate, *_least_squares(time, rate, start))
 
 
-def add_second_mode(time: FloatArray, rate: FloatArray, single: LawFit) -> LawFit:
+def add_second_mode(time: FloatArray, rate: FloatArray, single: LeastSquaresFit) -> LeastSquaresFit:
     """The pendulum law and a free damped sine, started at the strongest line of what `single` leaves."""
     frequency, _ = strongest_line(time, single.residual)
     turn = math.tau * frequency * time
@@ -105,10 +105,12 @@ def _least_squares(time: FloatArray, rate: FloatArray, start: FloatArray) -> tup
     return np.asarray(found.x), np.asarray(found.jac)
 
 
-def _result(time: FloatArray, rate: FloatArray, p: FloatArray, jacobian: FloatArray) -> LawFit:
+def _result(time: FloatArray, rate: FloatArray, p: FloatArray, jacobian: FloatArray) -> LeastSquaresFit:
     residual = rate - _model(p, time)
     variance = float(np.sum(residual**2)) / max(len(rate) - len(p), 1)
     covariance = variance * np.linalg.pinv(jacobian.T @ jacobian)
     second = DampedSine(p[6], p[7], p[8], p[9], 0.0) if len(p) > 6 else None
     sigma = math.tau / p[0] ** 2 * math.sqrt(max(float(covariance[0, 0]), 0.0))
-    return LawFit(PendulumSwing(*(float(v) for v in p[:_PENDULUM])), second, float(p[5]), residual, sigma)
+    return LeastSquaresFit(
+        PendulumSwing(*(float(v) for v in p[:_PENDULUM])), second, float(p[5]), residual, sigma
+    )

@@ -16,7 +16,7 @@ from calibration.bench.instruments.errors import (
 )
 from calibration.bench.instruments.mailbox import Mailbox
 from calibration.bench.instruments.protocol import Banner, EventLine, Fault, Kind, LineParser, MarkLine
-from calibration.bench.instruments.reader import Reader, Reconnect
+from calibration.bench.instruments.reader import PortReader, Reconnect
 from calibration.bench.instruments.transport import IO_TIMEOUT_S, Address, SerialPort
 from onboard.clock import Clock, monotonic
 from onboard.closing import Closing
@@ -115,7 +115,7 @@ class LineDevice(Closing):
         self._epoch = 0
         self._heard = clock()
         self._faults_before = Counter(self._parser.faults)
-        self._reader = Reader(
+        self._reader = PortReader(
             port, self._on_bytes, self._on_reopened, self._box.fail, clock=clock, reconnect=reconnect
         )
         self._reader.start()

@@ -55,7 +55,7 @@ _LOG_NAMES = ("pm.vbat", "motor.m1", "motor.m2", "motor.m3", "motor.m4")
 
 
 @dataclass(frozen=True, slots=True)
-class StopReport:
+class MotorStopReport:
     """How a stop went.
 
     Attributes:
@@ -123,7 +123,7 @@ class MotorStand(Closing):
         self._clock = clock
         self._renew_within = RENEW_WITHIN_S * drone.patience
         self._silence = _SILENCE_S * drone.patience
-        self.stopped: StopReport | None = None
+        self.stopped: MotorStopReport | None = None
         self._off = drone.param(_ENABLE) == 0  # confirmed, and nothing was commanded since
         self._log = DroneLog(drone, _LOG_NAMES)
         self._stop_lock = threading.Lock()
@@ -132,7 +132,9 @@ class MotorStand(Closing):
         self._failure: PerchhwError | None = None
         self._renewed = clock()
         self._token = MotorToken(drone, lambda: self._turning, clock)
-        self._last_stop = StopReport(False, 0.0, "", "nobody waited for the drone's word that they stand")
+        self._last_stop = MotorStopReport(
+            False, 0.0, "", "nobody waited for the drone's word that they stand"
+        )
         self._closing = threading.Event()
         threading.Thread(target=self._watch_motors, name="MotorStand", daemon=True).start()
         # No daemon: the interpreter does not end before the motors stand.
@@ -211,13 +213,13 @@ class MotorStand(Closing):
         self.renew()
         return batch
 
-    def stop(self, reason: str = "asked for") -> StopReport:
+    def stop(self, reason: str = "asked for") -> MotorStopReport:
         """Stop the motors now and read back that they are. Never raises; look at the report."""
         with self._stop_lock:
             self._turning = False
             start = self._clock()
             if self._off and self._drone.lost is not None:
-                self.stopped = StopReport(True, 0.0, reason, "")
+                self.stopped = MotorStopReport(True, 0.0, reason, "")
                 return self.stopped
             # A drone that is silent may never hear the stop: do not wait for it with the power on.
             cut = self._power_off() if self._silent() else ""
@@ -226,7 +228,7 @@ class MotorStand(Closing):
                 cut = self._power_off()
             trouble = "; ".join(text for text in (trouble, cut) if text) if trouble else ""
             self._off = not trouble
-            self.stopped = StopReport(not trouble, self._clock() - start, reason, trouble)
+            self.stopped = MotorStopReport(not trouble, self._clock() - start, reason, trouble)
             return self.stopped
 
     def close(self) -> None:

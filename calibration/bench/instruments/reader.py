@@ -15,7 +15,7 @@ Reconnect = Callable[[InstrumentLost], str | None]
 may be a new one, or None to give up. Called again when that address does not open."""
 
 
-class Reader:
+class PortReader:
     """Reads a port until it is stopped. One thread.
 
     Attributes:

@@ -11,7 +11,7 @@ from calibration.gap.data.signals import FORCE, TORQUE, VOLTAGE
 from onboard.arrays import BoolArray, FloatArray
 
 
-class Channel(NamedTuple):
+class ResidualChannel(NamedTuple):
     """One component of the residual.
 
     Attributes:
@@ -40,10 +40,10 @@ class Channel(NamedTuple):
 
 
 CHANNELS = (
-    *(Channel(f"force_{a}", f"force_{a}", "body", "m/s2", f"along body {a}") for a in "xyz"),
-    *(Channel(f"world_force_{a}", f"force_{a}", "world", "m/s2", f"along world {a}") for a in "xyz"),
-    *(Channel(f"torque_{a}", f"torque_{a}", "body", "rad/s2", f"about body {a}") for a in "xyz"),
-    Channel("voltage", "voltage", "battery", "V", "at the battery"),
+    *(ResidualChannel(f"force_{a}", f"force_{a}", "body", "m/s2", f"along body {a}") for a in "xyz"),
+    *(ResidualChannel(f"world_force_{a}", f"force_{a}", "world", "m/s2", f"along world {a}") for a in "xyz"),
+    *(ResidualChannel(f"torque_{a}", f"torque_{a}", "body", "rad/s2", f"about body {a}") for a in "xyz"),
+    ResidualChannel("voltage", "voltage", "battery", "V", "at the battery"),
 )
 """All channels, those of one kind beside each other."""
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from calibration.flights.flight import POSE_CHANNELS, Flight, UnusableFlightError
 from calibration.gap.data.kinematics import continuous_quaternions
-from calibration.gap.data.radio import Received, received
+from calibration.gap.data.radio import ReceivedSignal, received
 from calibration.gap.data.samples import Samples, check_rate, samples_of
 from onboard.battery import FULL_RATIO
 
@@ -54,9 +54,9 @@ class LoggedSignals:
     """
 
     pose: Samples
-    gyro: Received
-    motors: Received
-    accelerometer: Received | None
+    gyro: ReceivedSignal
+    motors: ReceivedSignal
+    accelerometer: ReceivedSignal | None
     battery: Samples | None
     notes: tuple[str, ...]
 
@@ -95,13 +95,13 @@ def _required(flight: Flight, what: str, clock: str, *names: str) -> Samples:
     return samples
 
 
-def _measured(flight: Flight, what: str, signal: Received) -> Received:
+def _measured(flight: Flight, what: str, signal: ReceivedSignal) -> ReceivedSignal:
     if signal.samples.t.size < 2:
         raise UnusableFlightError(flight.source, f"no {what}: its log is a straight line throughout")
     return signal
 
 
-def _motors(flight: Flight) -> tuple[Received, int]:
+def _motors(flight: Flight) -> tuple[ReceivedSignal, int]:
     """Motor commands as received, and how many of them were clipped."""
     pwm = _required(flight, "motor commands", "motors_drone_time", "m1", "m2", "m3", "m4")
     check_rate(flight, pwm, "motor commands")
@@ -112,7 +112,7 @@ def _motors(flight: Flight) -> tuple[Received, int]:
     values = signal.samples.values
     clipped = np.clip(values, 0.0, FULL_RATIO)
     count = int(np.count_nonzero(np.any(clipped != values, axis=1)))
-    return Received(Samples(signal.samples.t, clipped), signal.lost_s, signal.dead_s), count
+    return ReceivedSignal(Samples(signal.samples.t, clipped), signal.lost_s, signal.dead_s), count
 
 
 def _notes(signals: LoggedSignals, clipped: int) -> tuple[str, ...]:

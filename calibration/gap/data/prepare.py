@@ -19,7 +19,7 @@ from onboard.battery import FULL_RATIO
 
 
 @dataclass(frozen=True)
-class Prepared:
+class PreparedFlights:
     """Flights that can be analysed.
 
     Attributes:
@@ -33,7 +33,7 @@ class Prepared:
     limitations: tuple[str, ...]
 
 
-def prepare_flights(flights: Sequence[Flight]) -> Prepared:
+def prepare_flights(flights: Sequence[Flight]) -> PreparedFlights:
     """Records of all flights that can be used; the others with the reason.
 
     Nothing that a sensing effect explains is corrected here (clock between pose and gyro, turned or shifted
@@ -62,7 +62,7 @@ def prepare_flights(flights: Sequence[Flight]) -> Prepared:
             refused.append(UnusableFlight(error.source, error.reason))
     kinds = kinds_of(records).tolist()
     records = [replace(record, shape=f"kind {kind:03d}") for record, kind in zip(records, kinds, strict=True)]
-    return Prepared(tuple(records), tuple(refused), limitations(records))
+    return PreparedFlights(tuple(records), tuple(refused), limitations(records))
 
 
 def _record(flight: Flight, signals: LoggedSignals, interval: float) -> FlightRecord:

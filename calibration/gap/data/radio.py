@@ -11,7 +11,7 @@ _LEAST_STRAIGHT = 4  # samples on one line, which are 5 intervals between measur
 
 
 @dataclass(frozen=True)
-class Received:
+class ReceivedSignal:
     """A logged quantity without what was made up.
 
     Attributes:
@@ -25,7 +25,7 @@ class Received:
     dead_s: float
 
 
-def received(samples: Samples, resolution: float, idle: BoolArray | None = None) -> Received:
+def received(samples: Samples, resolution: float, idle: BoolArray | None = None) -> ReceivedSignal:
     """The measured part of `samples`, shape (n, k).
 
     Commands of a controller and readings of a sensor never lie on a straight line: where the second
@@ -49,7 +49,7 @@ def received(samples: Samples, resolution: float, idle: BoolArray | None = None)
         else:
             keep[start:end] = False
             lost_s += float(samples.t[end] - samples.t[start - 1])
-    return Received(samples.where(keep), lost_s, dead_s)
+    return ReceivedSignal(samples.where(keep), lost_s, dead_s)
 
 
 def _straight(samples: Samples, resolution: float) -> BoolArray:

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.gap.data.channels import Channel
+from calibration.gap.data.channels import ResidualChannel
 from calibration.gap.data.excitation import excitation_weights
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.signals import PARTS, stack_signals
 from calibration.gap.data.split import FEW, folds
 from calibration.gap.estimate.mixed import FIRST_SPREAD, MOST, Prior, held_out_likelihood
 from calibration.gap.estimate.model import Model, Variable
-from calibration.gap.estimate.regression import Estimate, Noise, Regression
+from calibration.gap.estimate.regression import LinearisedFit, Noise, Regression
 from onboard.arrays import FloatArray
 from onboard.vehicle import Vehicle
 
@@ -28,7 +28,7 @@ class UnnamedTerm(ABC):
         columns: signals per unit of each value (m/s2, rad/s2 or V), shape (n, 7) each.
     """
 
-    channel: Channel
+    channel: ResidualChannel
     regressor: str
     columns: tuple[FloatArray, ...]
 
@@ -107,7 +107,7 @@ class Fitted:
 
     model: Model
     variables: tuple[Variable, ...]
-    estimate: Estimate
+    estimate: LinearisedFit
     held_out: FloatArray
     held_out_in_time: FloatArray
     folds: np.ndarray
@@ -177,7 +177,7 @@ def refine(
     variables: Sequence[Variable],
     training: Training,
     iterations: int = 5,
-    start: Estimate | None = None,
+    start: LinearisedFit | None = None,
     unnamed: Sequence[UnnamedTerm] = (),
     near: "Fitted | None" = None,
 ) -> Fitted:

@@ -22,7 +22,7 @@ class Noise:
 
 
 @dataclass(frozen=True)
-class Estimate:
+class LinearisedFit:
     """A linearised fit about one model.
 
     Attributes:
@@ -108,7 +108,7 @@ class Regression:
         prior: Prior,
         spread: FloatArray = FIRST_SPREAD,
         noise: Noise | None = None,
-    ) -> Estimate:
+    ) -> LinearisedFit:
         """Fit effects and nuisances under a noise model.
 
         Args:
@@ -124,7 +124,7 @@ class Regression:
         table = self.whitened([*nuisances, *columns], noise)
         products = self.products(table, raw, len(nuisances), noise)
         fit = fit_mixed(products, prior, spread)
-        return Estimate(fit, products, noise, self._left(raw, columns, nuisances, fit))
+        return LinearisedFit(fit, products, noise, self._left(raw, columns, nuisances, fit))
 
     def _left(
         self, raw: FloatArray, columns: Sequence[FloatArray], nuisances: FloatArray, fit: MixedFit

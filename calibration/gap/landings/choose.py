@@ -14,7 +14,7 @@ from calibration.gap.landings.search import (
     PERFECT,
     STRONGEST,
     LeaveOneOut,
-    Table,
+    ScoreTable,
     Theta,
     bootstrap,
     leave_one_out,
@@ -58,7 +58,7 @@ class Choice:
     rivals: tuple[str, ...]
 
 
-def choose(table: Table, best: Mapping[Effects, Theta], rng: np.random.Generator) -> Choice:
+def choose(table: ScoreTable, best: Mapping[Effects, Theta], rng: np.random.Generator) -> Choice:
     """Forward: the best accepted single effect, then a pair that is better still."""
     held = {model: leave_one_out(table, model, theta) for model, theta in best.items()}
     none = held[()].scores
@@ -111,7 +111,7 @@ def at_bound(theta: Theta, effect: str) -> tuple[str, ...]:
 
 
 def intervals(
-    table: Table, held: LeaveOneOut, rng: np.random.Generator
+    table: ScoreTable, held: LeaveOneOut, rng: np.random.Generator
 ) -> dict[str, dict[str, tuple[float, Interval]]]:
     """Value and 95 % interval of each parameter by effect.
 

@@ -27,7 +27,7 @@ from calibration.gap.landings.search import (
     MODELS,
     NOMINAL,
     PERFECT,
-    Table,
+    ScoreTable,
     Theta,
     apply,
     explore,
@@ -68,7 +68,7 @@ class _Evidence:
     """Everything between the fits and the words."""
 
     problems: list[Problem]
-    table: Table
+    table: ScoreTable
     choice: Choice
     allowed: dict[str, dict[str, tuple[float, Interval]]]
 
@@ -150,8 +150,8 @@ def _weigh(
 ) -> _Evidence:
     parameters = physics_parameters(vehicle, RoomGeometry())
     coarse = Solver([shortened(p, COARSE_HORIZON) for p in problems], rng, random_starts=6, descents=1)
-    fine = Table(Solver(problems, rng, random_starts=6, descents=2), parameters)
-    best = explore(Table(coarse, parameters), fine, progress)
+    fine = ScoreTable(Solver(problems, rng, random_starts=6, descents=2), parameters)
+    best = explore(ScoreTable(coarse, parameters), fine, progress)
     choice = choose(fine, best, rng)
     if choice.model:
         widen(fine, best[choice.model], choice.model)
@@ -189,7 +189,7 @@ def _findings(evidence: _Evidence, rng: np.random.Generator) -> tuple[LandingEff
     )
 
 
-def misfit_left(table: Table, theta: Theta) -> float:
+def misfit_left(table: ScoreTable, theta: Theta) -> float:
     """Median cost per residual of landings on feet alone if there are LEAST_CLEAN of them, else of all.
 
     How a hull bounces and slides is an engineering estimate of the simulation: that it is wrong there says
@@ -204,7 +204,7 @@ def misfit_left(table: Table, theta: Theta) -> float:
     return float(np.median(ratios[clean] if sum(clean) >= LEAST_CLEAN else ratios))
 
 
-def held_out_errors(table: Table, chosen: Sequence[Theta]) -> FloatArray:
+def held_out_errors(table: ScoreTable, chosen: Sequence[Theta]) -> FloatArray:
     """RMS rate error (rad/s, (n,)) of each landing with the vehicle chosen without it."""
     return np.array(
         [
@@ -217,7 +217,7 @@ def held_out_errors(table: Table, chosen: Sequence[Theta]) -> FloatArray:
 def _finer(problems: list[Problem], vehicle: Vehicle, theta: Theta, rng: np.random.Generator) -> float:
     """Adhesion strength (N) that a simulation in steps of 0.25 ms would find."""
     solver = Solver(problems, rng, random_starts=4, descents=2, iterations=3, parts=4)
-    table = Table(solver, physics_parameters(vehicle, RoomGeometry()))
+    table = ScoreTable(solver, physics_parameters(vehicle, RoomGeometry()))
     return math.exp(finer_adhesion(table, theta))
 
 

@@ -91,7 +91,7 @@ def apply(parameters: Any, theta: Theta) -> Any:
 
 
 @dataclass
-class Table:
+class ScoreTable:
     """Scores of all landings at every vehicle that was tried.
 
     Attributes:
@@ -150,7 +150,7 @@ def coarse_points() -> list[Theta]:
 
 
 def explore(
-    coarse: Table, fine: Table, progress: Callable[[float], None] = lambda share: None
+    coarse: ScoreTable, fine: ScoreTable, progress: Callable[[float], None] = lambda share: None
 ) -> dict[tuple[str, ...], Theta]:
     """Best vehicle of every model that was worth a fit; `fine` then holds all that was tried.
 
@@ -181,7 +181,7 @@ def explore(
 
 
 def _best_pair(
-    coarse: Table, fine: Table, model: tuple[str, ...], best: dict[tuple[str, ...], Theta]
+    coarse: ScoreTable, fine: ScoreTable, model: tuple[str, ...], best: dict[tuple[str, ...], Theta]
 ) -> Theta:
     """Fit of two effects: from the better of them alone, and from the best point of the coarse grid."""
     inner = max((best[(effect,)] for effect in model), key=fine.total)
@@ -193,14 +193,14 @@ def _best_pair(
     return max((_refine(fine, theta, model) for theta in starts), key=fine.total)
 
 
-def _coarse_best(coarse: Table, model: tuple[str, ...]) -> Theta:
+def _coarse_best(coarse: ScoreTable, model: tuple[str, ...]) -> Theta:
     """Best vehicle of the coarse grid that has an effect of the model."""
     thetas, scores = coarse.of_model(model)
     totals = scores.sum(axis=1)
     return next(thetas[k] for k in np.argsort(-totals) if thetas[k] != NOMINAL)
 
 
-def _refine(table: Table, theta: Theta, model: tuple[str, ...]) -> Theta:
+def _refine(table: ScoreTable, theta: Theta, model: tuple[str, ...]) -> Theta:
     """Scan along each parameter of a model, widely and then closely; twice where there are two effects."""
     names = [name for effect in model for name in CANDIDATES[effect]]
     table.total(theta)
@@ -212,7 +212,7 @@ def _refine(table: Table, theta: Theta, model: tuple[str, ...]) -> Theta:
     return theta
 
 
-def _scan(table: Table, theta: Theta, name: str, spacing: float) -> Theta:
+def _scan(table: ScoreTable, theta: Theta, name: str, spacing: float) -> Theta:
     """Best of the points along a parameter: outwards on both sides while the score does not fall far."""
     low, high = getattr(LOWEST, name), getattr(HIGHEST, name)
     best = theta
@@ -232,7 +232,7 @@ def _scan(table: Table, theta: Theta, name: str, spacing: float) -> Theta:
     return best
 
 
-def finer_adhesion(table: Table, theta: Theta) -> float:
+def finer_adhesion(table: ScoreTable, theta: Theta) -> float:
     """ln of the adhesion strength (N) that fits best in `table`, whose solver takes smaller steps.
 
     The pull on a foot peaks within milliseconds, and the implicit rods of a step of 1 ms (docs/physics.md)
@@ -241,7 +241,7 @@ def finer_adhesion(table: Table, theta: Theta) -> float:
     return _scan(table, theta._replace(adhesion=round(theta.adhesion + 0.2, 5)), "adhesion", 0.05).adhesion
 
 
-def widen(table: Table, theta: Theta, model: tuple[str, ...]) -> None:
+def widen(table: ScoreTable, theta: Theta, model: tuple[str, ...]) -> None:
     """Try a grid around a model's best vehicle, so that bootstrap and hold-out can choose across a ridge."""
     names = [
         name
@@ -272,7 +272,7 @@ class LeaveOneOut:
     scores: FloatArray
 
 
-def leave_one_out(table: Table, model: tuple[str, ...], theta: Theta) -> LeaveOneOut:
+def leave_one_out(table: ScoreTable, model: tuple[str, ...], theta: Theta) -> LeaveOneOut:
     """Fit a model to all landings but one, and score that one, for each."""
     thetas, scores = table.of_model(model)
     rest = scores.sum(axis=1, keepdims=True) - scores
@@ -282,7 +282,7 @@ def leave_one_out(table: Table, model: tuple[str, ...], theta: Theta) -> LeaveOn
 
 
 def bootstrap(
-    table: Table, model: tuple[str, ...], rng: np.random.Generator, replicates: int = 400
+    table: ScoreTable, model: tuple[str, ...], rng: np.random.Generator, replicates: int = 400
 ) -> FloatArray:
     """Fits (replicates, 4) of a model to landings drawn with replacement, between the vehicles tried."""
     thetas, scores = table.of_model(model)

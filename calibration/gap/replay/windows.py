@@ -26,7 +26,7 @@ SLOW = 0.25
 """m/s."""
 
 
-class Phase(StrEnum):
+class FlightPhase(StrEnum):
     """What kind of flying; the first that holds, in this order."""
 
     FLIP = "flip"
@@ -38,7 +38,7 @@ class Phase(StrEnum):
     CRUISE = "cruise"
 
 
-PHASES = tuple(Phase)
+PHASES = tuple(FlightPhase)
 
 
 def phase_indices(inputs: PredictionInputs, rows: Rows) -> Rows:
@@ -50,13 +50,13 @@ def phase_indices(inputs: PredictionInputs, rows: Rows) -> Rows:
     speed = np.linalg.norm(velocity, axis=1)
     ceiling = inputs.record.ceiling_z
     tests = {
-        Phase.FLIP: up < FLIPPING,
-        Phase.NEAR_CEILING: z > (np.inf if ceiling is None else ceiling - NEAR_CEILING),
-        Phase.NEAR_GROUND: z < NEAR_GROUND,
-        Phase.VERTICAL: (np.abs(velocity[:, 2]) > VERTICAL) & (np.abs(velocity[:, 2]) > level),
-        Phase.FAST: speed > FAST,
-        Phase.HOVER: speed < SLOW,
-        Phase.CRUISE: np.ones(rows.size, dtype=bool),
+        FlightPhase.FLIP: up < FLIPPING,
+        FlightPhase.NEAR_CEILING: z > (np.inf if ceiling is None else ceiling - NEAR_CEILING),
+        FlightPhase.NEAR_GROUND: z < NEAR_GROUND,
+        FlightPhase.VERTICAL: (np.abs(velocity[:, 2]) > VERTICAL) & (np.abs(velocity[:, 2]) > level),
+        FlightPhase.FAST: speed > FAST,
+        FlightPhase.HOVER: speed < SLOW,
+        FlightPhase.CRUISE: np.ones(rows.size, dtype=bool),
     }
     return np.select([tests[phase] for phase in PHASES], range(len(PHASES))).astype(np.int64)
 

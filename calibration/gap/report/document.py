@@ -19,7 +19,7 @@ from onboard.json_file import as_json
 SCHEMA = "perchhw.gap/1"
 
 
-class Verdict(StrEnum):
+class GapVerdict(StrEnum):
     """What the search came to."""
 
     EFFECTS_FOUND = "effects_found"
@@ -145,7 +145,7 @@ class GapReport:
     """What ``perchhw gap find`` found.
 
     Attributes:
-        verdict: see :class:`Verdict`.
+        verdict: see :class:`GapVerdict`.
         vehicle: name of the model that was held against the flights.
         effects: in the order found.
         gap: before and after.
@@ -162,7 +162,7 @@ class GapReport:
         noise: measured noise of the channels, by name; numbers, texts, lists or tables of them.
     """
 
-    verdict: Verdict
+    verdict: GapVerdict
     vehicle: str
     effects: tuple[FoundEffect, ...]
     gap: Gap
@@ -181,9 +181,9 @@ class GapReport:
 
     def __post_init__(self) -> None:
         """Check that verdict and effects agree."""
-        if bool(self.effects) and self.verdict is Verdict.NO_GAP:
+        if bool(self.effects) and self.verdict is GapVerdict.NO_GAP:
             raise CalibrationError("a report without a gap cannot have effects")
-        if not self.effects and self.verdict is Verdict.EFFECTS_FOUND:
+        if not self.effects and self.verdict is GapVerdict.EFFECTS_FOUND:
             raise CalibrationError("a report with the verdict effects_found needs an effect")
 
     def to_json(self) -> dict[str, Any]:

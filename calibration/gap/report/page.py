@@ -7,16 +7,16 @@ from typing import Any
 from calibration.gap.landings.flip import FlipResidual
 from calibration.gap.replay.closed_loop import ClosedLoopFlight
 from calibration.gap.report import drawings, words
-from calibration.gap.report.document import GapReport, Landings, Levels, Verdict, leaves
+from calibration.gap.report.document import GapReport, GapVerdict, Landings, Levels, leaves
 from calibration.gap.report.figures_data import ReportFigures
 from calibration.gap.report.words import interval, number, plain, unit
 from calibration.report_style import by_width, grid, page, report_style, section, svg, table
 from onboard.vehicle import EFFECTS
 
 _COLOURS = {
-    Verdict.EFFECTS_FOUND: "#2067b0",
-    Verdict.NO_GAP: "#1a7f4b",
-    Verdict.UNEXPLAINED_GAP: "#b5531c",
+    GapVerdict.EFFECTS_FOUND: "#2067b0",
+    GapVerdict.NO_GAP: "#1a7f4b",
+    GapVerdict.UNEXPLAINED_GAP: "#b5531c",
 }
 
 
@@ -50,7 +50,7 @@ def _sections(report: GapReport, figures: ReportFigures) -> Iterator[str]:
     yield from _where(report, figures)
     if figures.closed_loop:
         yield _closed_loop(figures.closed_loop)
-    if report.unexplained.share > 0.0 or report.verdict is Verdict.UNEXPLAINED_GAP:
+    if report.unexplained.share > 0.0 or report.verdict is GapVerdict.UNEXPLAINED_GAP:
         yield section("What is left", _rest(report))
     if report.rejected:
         rows = [[escape(plain(item.name)), escape(item.reason)] for item in report.rejected]
@@ -66,7 +66,7 @@ def _sections(report: GapReport, figures: ReportFigures) -> Iterator[str]:
 
 def _verdict(report: GapReport) -> str:
     sentences = [words.gap_in_words(report.gap.metric, report.gap.overall)]
-    if report.verdict is Verdict.UNEXPLAINED_GAP:
+    if report.verdict is GapVerdict.UNEXPLAINED_GAP:
         sentences.append(words.unexplained_in_words(report))
     sentences += [words.ambiguity_in_words(effect) for effect in report.effects if effect.ambiguous_with]
     bounds = [

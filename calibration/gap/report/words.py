@@ -1,7 +1,7 @@
 """The verdict in words, and numbers as the page shows them."""
 
 from calibration.gap.data.found import FoundEffect, FoundParameter
-from calibration.gap.report.document import GapReport, Levels, Verdict
+from calibration.gap.report.document import GapReport, GapVerdict, Levels
 from calibration.measurement import Interval
 
 
@@ -47,9 +47,9 @@ def headline(report: GapReport) -> str:
     """The verdict in one sentence."""
     names = [plain(effect.name) for effect in report.effects]
     missing = f"{listed(names)} {'was' if len(names) == 1 else 'were'} missing" if names else ""
-    if report.verdict is Verdict.NO_GAP:
+    if report.verdict is GapVerdict.NO_GAP:
         return "Nothing is missing: the model predicts these flights as well as their noise allows."
-    if report.verdict is Verdict.EFFECTS_FOUND:
+    if report.verdict is GapVerdict.EFFECTS_FOUND:
         return f"Found: {missing} in the model."
     if names:
         return f"{capital(missing)}, and something else that is not known is still missing."

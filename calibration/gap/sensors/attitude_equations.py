@@ -40,7 +40,7 @@ _LOST_RATE = 0.5  # rad/s by which an interpolated gyro may be off
 
 
 @dataclass(frozen=True)
-class State:
+class LinearisationPoint:
     """A point to linearise about, and the spreads of the priors.
 
     Attributes:
@@ -75,7 +75,7 @@ class Solution:
         factor: Cholesky factor of the precision of `change`.
     """
 
-    at: State
+    at: LinearisationPoint
     likelihood: float
     change: FloatArray
     factor: tuple[FloatArray, bool]
@@ -86,7 +86,9 @@ def delay_knots(record: FlightRecord) -> FloatArray:
     return knots_over(record.t, _DELAY_KNOT_S)
 
 
-def first_state(record: FlightRecord, path: FloatArray, noise: float, walk: float, wander: float) -> State:
+def first_state(
+    record: FlightRecord, path: FloatArray, noise: float, walk: float, wander: float
+) -> LinearisationPoint:
     """A state whose random walk takes the integrated gyro from tracked attitude to tracked attitude.
 
     So it stays small to linearise about, whatever happens in gaps; the fit takes back what is not needed.
@@ -98,13 +100,13 @@ def first_state(record: FlightRecord, path: FloatArray, noise: float, walk: floa
     predicted = products(tracked[at[:-1]], products(conjugates(gyro[at[:-1]]), gyro[at[1:]]))
     steps = rotation_vectors(products(tracked[at[1:]], conjugates(predicted)))
     correction = _body_rates(steps, tracked, record.t, knots)
-    return State(path, np.zeros(3), np.zeros(3), correction, steps, noise, walk, wander)
+    return LinearisationPoint(path, np.zeros(3), np.zeros(3), correction, steps, noise, walk, wander)
 
 
 class AttitudeEquations:
     """The equations of one flight about the path, rotation, bias and random walk of a state."""
 
-    def __init__(self, record: FlightRecord, used: BoolArray, state: State) -> None:
+    def __init__(self, record: FlightRecord, used: BoolArray, state: LinearisationPoint) -> None:
         self._record = record
         self._hats = hats(record.t, delay_knots(record))
         self._knots = knots_over(record.t, _DRIFT_KNOT_S)
@@ -125,7 +127,7 @@ class AttitudeEquations:
         self._bias_columns = -self._back @ area
         self._sum_up(state)
 
-    def _sum_up(self, state: State) -> None:
+    def _sum_up(self, state: LinearisationPoint) -> None:
         """Normal equations for unit noise; rows are block means, axis by axis."""
         means = block_means(self._rows, max(round(_BLOCK_S / self._record.dt), 1))
         rate = (self._record.rate - state.bias)[self._rows]
@@ -153,7 +155,7 @@ class AttitudeEquations:
         change = np.abs(self._phi[ends + 1] - self._phi[ends])
         return max(float(np.sqrt(0.5 * np.mean((np.median(change, axis=0) / 0.6745) ** 2))), _LEAST_NOISE)
 
-    def solve(self, state: State) -> Solution:
+    def solve(self, state: LinearisationPoint) -> Solution:
         """The most likely change, with the spreads of `state`, which differs in nothing else."""
         precision, pull, log_prior = self._prior(state)
         right = self._right / state.noise**2 + pull
@@ -167,7 +169,7 @@ class AttitudeEquations:
         )
         return Solution(state, likelihood, change, factor)
 
-    def moved(self, solution: Solution) -> State:
+    def moved(self, solution: Solution) -> LinearisationPoint:
         """The state after the change."""
         k = self._hats.shape[1]
         change, state = solution.change, solution.at
@@ -194,7 +196,7 @@ class AttitudeEquations:
         unit = np.eye(solution.change.size)[:, : k + 6]
         return np.asarray(cho_solve(solution.factor, unit, check_finite=False)[: k + 6])
 
-    def _prior(self, state: State) -> tuple[FloatArray, FloatArray, float]:
+    def _prior(self, state: LinearisationPoint) -> tuple[FloatArray, FloatArray, float]:
         """Precision of the unknowns, its product with their prior mean, and the log of its density at 0."""
         k, d = self._hats.shape[1], self._drift_hats.shape[1]
         size = k + 6 + 3 * d

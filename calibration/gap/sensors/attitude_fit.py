@@ -14,8 +14,8 @@ import numpy as np
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.sensors.attitude_equations import (
     AttitudeEquations,
+    LinearisationPoint,
     Solution,
-    State,
     delay_knots,
     first_state,
 )
@@ -85,5 +85,5 @@ def fit_attitude(record: FlightRecord, start: FirstPath) -> AttitudeFit:
     )
 
 
-def _likeliest(equations: AttitudeEquations, states: Sequence[State]) -> Solution:
+def _likeliest(equations: AttitudeEquations, states: Sequence[LinearisationPoint]) -> Solution:
     return max((equations.solve(state) for state in states), key=lambda solution: solution.likelihood)

@@ -7,7 +7,7 @@ a force of g e_R does. A heading that is off by as much pushes nobody, and turns
 
 import numpy as np
 
-from calibration.gap.data.channels import Channel
+from calibration.gap.data.channels import ResidualChannel
 from calibration.gap.estimate.refine import UnnamedTerm
 from onboard.arrays import BoolArray, FloatArray
 from onboard.controller import controller_gains
@@ -22,7 +22,7 @@ _HORIZON = 1.0
 """s."""
 
 
-def least_amplitude(channel: Channel, vehicle: Vehicle) -> float:
+def least_amplitude(channel: ResidualChannel, vehicle: Vehicle) -> float:
     """Force (m/s2) or torque (rad/s2) in a channel that moves this vehicle by :data:`LEAST_ERROR`; a voltage
     (V) has no consequence by itself, and no least size."""
     force = 2.0 * LEAST_ERROR / _HORIZON**2

@@ -12,7 +12,7 @@ import numpy as np
 
 from calibration.gap.data.channels import (
     CHANNELS,
-    Channel,
+    ResidualChannel,
     attitudes,
     channel_valid,
     channel_values,
@@ -62,7 +62,7 @@ class Cell:
             shape (k,), in the channel's unit.
     """
 
-    channel: Channel
+    channel: ResidualChannel
     regressor: Regressor
     share: float
     p: float
@@ -173,7 +173,10 @@ def _standardised(gain: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _cell(
-    equations: NormalEquations, at: tuple[int, int], pair: tuple[Channel, Regressor], knots: FloatArray
+    equations: NormalEquations,
+    at: tuple[int, int],
+    pair: tuple[ResidualChannel, Regressor],
+    knots: FloatArray,
 ) -> Cell:
     channel, regressor = pair
     profile, errors = fit_profile(equations, *at)

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.special import gammaincc
 
-from calibration.gap.data.channels import BY_NAME, Channel
+from calibration.gap.data.channels import BY_NAME, ResidualChannel
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.signals import CHANNELS, Signals
 from calibration.gap.unnamed.blocks import grouped_mean
@@ -35,7 +35,7 @@ _APART = 0.5
 
 
 @dataclass(frozen=True)
-class Line:
+class SpectralLine:
     """A sinusoid in one channel, on all flights at one frequency.
 
     Attributes:
@@ -46,7 +46,7 @@ class Line:
         p: chance of such a peak at any frequency of any channel.
     """
 
-    channel: Channel
+    channel: ResidualChannel
     frequency: float
     amplitude: float
     share: float
@@ -68,7 +68,7 @@ class _Flight:
         return np.asarray(2.0 * (turns @ self.values) / self.window.sum())
 
 
-def find_lines(signals: Signals, records: Sequence[FlightRecord], residual: FloatArray) -> list[Line]:
+def find_lines(signals: Signals, records: Sequence[FlightRecord], residual: FloatArray) -> list[SpectralLine]:
     """Lines that are beyond chance, strongest share first.
 
     Args:
@@ -108,7 +108,9 @@ def _flights(
     return found
 
 
-def _lines(flights: list[_Flight], channel: Channel, dt: float, variance: float, channels: int) -> list[Line]:
+def _lines(
+    flights: list[_Flight], channel: ResidualChannel, dt: float, variance: float, channels: int
+) -> list[SpectralLine]:
     grid, ratios, backgrounds = _spectra(flights, dt)
     longest = max(flight.t.size for flight in flights) * dt
     tests = channels * (grid[-1] - grid[0]) * longest
@@ -124,7 +126,7 @@ def _lines(flights: list[_Flight], channel: Channel, dt: float, variance: float,
             share = min(0.5 * amplitude**2 / variance, 1.0)
             if channel.kind == "torque":  # a mean over each interval shows less than there is
                 amplitude /= float(np.sinc(frequency * dt))
-            found.append(Line(channel, frequency, amplitude, share, float(p[peak])))
+            found.append(SpectralLine(channel, frequency, amplitude, share, float(p[peak])))
     return found
 
 

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from calibration.gap.data.channels import Channel
+from calibration.gap.data.channels import ResidualChannel
 from calibration.gap.unnamed.gap_map import Cell, GapMap
-from calibration.gap.unnamed.lines import Line
+from calibration.gap.unnamed.lines import SpectralLine
 
 LEVEL = 0.005
 """Chance that is believed in no longer, over the whole map."""
@@ -37,17 +37,17 @@ class Structure:
         cell, line: what it was found by, the other is None.
     """
 
-    channel: Channel
+    channel: ResidualChannel
     regressor: str
     condition: str
     share: float
     p: float
     alike: tuple[str, ...] = ()
     cell: Cell | None = None
-    line: Line | None = None
+    line: SpectralLine | None = None
 
 
-def structured(gap_map: GapMap, lines: Sequence[Line]) -> list[Structure]:
+def structured(gap_map: GapMap, lines: Sequence[SpectralLine]) -> list[Structure]:
     """What remains and is no noise, largest share first; one place per axis and kind, and every line."""
     found = [*_places(gap_map), *(_line(line) for line in lines if _worth_telling(line))]
     return sorted(found, key=lambda structure: -structure.share)
@@ -86,12 +86,12 @@ def _casts(strong: Structure, weak: Structure) -> bool:
     )
 
 
-def _worth_telling(line: Line) -> bool:
+def _worth_telling(line: SpectralLine) -> bool:
     if line.p >= LEVEL or line.share < LEAST_LINE:
         return False
     return line.amplitude >= _LEAST_AMPLITUDE[line.channel.kind]
 
 
-def _line(line: Line) -> Structure:
+def _line(line: SpectralLine) -> Structure:
     condition = f"{line.amplitude:.3g} {line.channel.unit} at {line.frequency:.2f} Hz"
     return Structure(line.channel, "time", condition, line.share, line.p, line=line)

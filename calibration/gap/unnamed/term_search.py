@@ -6,7 +6,7 @@ import numpy as np
 
 from calibration.gap.data.channels import (
     CHANNELS,
-    Channel,
+    ResidualChannel,
     attitudes,
     channel_valid,
     channel_values,
@@ -17,7 +17,7 @@ from calibration.gap.estimate.noise import ORDER, fit_autoregression, whiten, wh
 from calibration.gap.estimate.refine import UnnamedTerm
 from calibration.gap.unnamed.blocks import Blocks, grouped_mean, make_blocks
 from calibration.gap.unnamed.gap_map import Cell
-from calibration.gap.unnamed.lines import Line
+from calibration.gap.unnamed.lines import SpectralLine
 from calibration.gap.unnamed.normal_equations import Grid, whitened_equations
 from calibration.gap.unnamed.profile import places
 from calibration.gap.unnamed.regressors import Regressor
@@ -45,7 +45,7 @@ Ends = tuple[float | None, float | None]
 
 def unnamed_terms(
     cells: Sequence[Cell],
-    lines: Sequence[Line],
+    lines: Sequence[SpectralLine],
     signals: Signals,
     records: Sequence[FlightRecord],
     residual: FloatArray,
@@ -123,7 +123,9 @@ class _Whitened:
         return (None if i == 0 else float(ends[i - 1]), None if j == knots.size else float(ends[j - 1]))
 
 
-def _best_term(place: _Whitened, channel: Channel, regressor: Regressor, turns: FloatArray) -> UnnamedTerm:
+def _best_term(
+    place: _Whitened, channel: ResidualChannel, regressor: Regressor, turns: FloatArray
+) -> UnnamedTerm:
     values = regressor.values
     ends = _smaller_side(place.best_range(values), values)
     parameters = 1 + sum(end is not None for end in ends)

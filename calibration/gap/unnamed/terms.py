@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.gap.data.channels import Channel
+from calibration.gap.data.channels import ResidualChannel
 from calibration.gap.data.signals import CHANNELS as SIGNALS
 from calibration.gap.data.signals import FORCE, Signals
 from calibration.gap.estimate.refine import UnnamedTerm
@@ -65,7 +65,7 @@ class LineTerm(UnnamedTerm):
 
 
 def interval_term(
-    channel: Channel, quantity: Regressor, ends: tuple[float | None, float | None], turns: FloatArray
+    channel: ResidualChannel, quantity: Regressor, ends: tuple[float | None, float | None], turns: FloatArray
 ) -> IntervalTerm:
     """A term that acts inside an interval.
 
@@ -80,7 +80,7 @@ def interval_term(
 
 
 def polynomial_term(
-    channel: Channel, quantity: Regressor, centre: float, degree: int, turns: FloatArray
+    channel: ResidualChannel, quantity: Regressor, centre: float, degree: int, turns: FloatArray
 ) -> PolynomialTerm:
     """A term with the powers 1 .. `degree` of a regressor about `centre`."""
     shapes = powers(quantity.values, centre, degree)
@@ -88,7 +88,7 @@ def polynomial_term(
     return PolynomialTerm(channel, quantity.name, columns, quantity, centre)
 
 
-def line_term(channel: Channel, frequency: float, signals: Signals) -> LineTerm:
+def line_term(channel: ResidualChannel, frequency: float, signals: Signals) -> LineTerm:
     """A sinusoid in each flight; torques are means over the interval that begins at the sample."""
     index = SIGNALS.index(channel.signal)
     columns = []
@@ -119,7 +119,7 @@ def powers(values: FloatArray, centre: float, degree: int) -> FloatArray:
     return np.asarray(about[:, None] ** np.arange(1, degree + 1))
 
 
-def as_signals(channel: Channel, shape: FloatArray, turns: FloatArray) -> FloatArray:
+def as_signals(channel: ResidualChannel, shape: FloatArray, turns: FloatArray) -> FloatArray:
     """Signals, shape (n, 7), of something that acts in a channel with `shape`, shape (n,)."""
     column = np.zeros((shape.size, len(SIGNALS)))
     if channel.frame == "world":
@@ -131,7 +131,7 @@ def as_signals(channel: Channel, shape: FloatArray, turns: FloatArray) -> FloatA
     return column
 
 
-def _scale(channel: Channel, vehicle: Vehicle) -> float:
+def _scale(channel: ResidualChannel, vehicle: Vehicle) -> float:
     body = vehicle.body
     if channel.kind == "force":
         return body.mass.value
@@ -140,7 +140,7 @@ def _scale(channel: Channel, vehicle: Vehicle) -> float:
     return 1.0
 
 
-def _unit(channel: Channel) -> str:
+def _unit(channel: ResidualChannel) -> str:
     return f"{ {'force': 'N', 'torque': 'N m', 'voltage': 'V'}[channel.kind] } {channel.words}"
 
 

@@ -16,7 +16,7 @@ from perchhw.walkthrough.bench.story import (
     true_vehicle,
     write_true,
 )
-from perchhw.walkthrough.flights import LabDrone, fly_landings, fly_tests
+from perchhw.walkthrough.flights import WalkthroughDrone, fly_landings, fly_tests
 from perchhw.walkthrough.rates import learn_again
 from perchhw.walkthrough.steps import step
 from perchhw.walkthrough.tracking import tracking_errors
@@ -68,14 +68,14 @@ def run_bench_walkthrough(
     """
     true = write_true(out / "0-true")
     say("1  flights with the file as it is")
-    before = LabDrone(true, BELIEVED, seed, flashed=BELIEVED)
+    before = WalkthroughDrone(true, BELIEVED, seed, flashed=BELIEVED)
     flown = step(out / "1-before", lambda folder: _fly(folder, before, DEFAULT_POLICY))
     say("2  on the bench: inertia, motors, thrust")
     bench = step(out / "2-bench", lambda folder: measure_on_bench(folder, true, seed, say))
     say("3  learning the policy anew with the calibrated file")
     learned = step(out / "3-learn", lambda folder: learn_again(folder, bench["vehicle"], seed))
     say("4  flights with the calibrated file, on the drone and on the host")
-    after = LabDrone(true, bench["vehicle"], seed, flashed=bench["vehicle"])
+    after = WalkthroughDrone(true, bench["vehicle"], seed, flashed=bench["vehicle"])
     again = step(out / "4-after", lambda folder: _fly(folder, after, learned["policy"]))
     result = BenchWalkthrough(
         measured=against_truth(true_vehicle(), bench["runs"]),
@@ -88,7 +88,7 @@ def run_bench_walkthrough(
     return result
 
 
-def _fly(folder: Path, drone: LabDrone, policy: str) -> dict[str, Any]:
+def _fly(folder: Path, drone: WalkthroughDrone, policy: str) -> dict[str, Any]:
     """Test flights and landings of one drone with one file."""
     tests = fly_tests(folder / "tests", drone, TEST_FLIGHTS)
     landings = fly_landings(folder / "landings", drone, policy, LANDING_SPEEDS, LANDING_ANGLES)

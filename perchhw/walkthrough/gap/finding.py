@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from calibration.flights import Flight, flight_files, open_flight
-from calibration.gap.find import Question, find_gap
+from calibration.gap.find import GapQuestion, find_gap
 from calibration.gap.report import UnusableFile, write_report
 from calibration.gap.report.improved_vehicle import write_vehicle
 from onboard.errors import InputError
@@ -27,7 +27,7 @@ def find_in_records(folder: Path, records: Sequence[Path], seed: int) -> dict[st
             flights.append(open_flight(file, "perchhw"))
         except InputError as error:
             unusable.append(UnusableFile(file=str(file), reason=str(error)))
-    asked = Question(
+    asked = GapQuestion(
         vehicle=load_vehicle(BELIEVED),
         seed=seed,
         ceiling_z=RoomGeometry().ceiling_z,

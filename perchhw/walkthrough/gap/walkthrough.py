@@ -8,7 +8,7 @@ from typing import Any
 from onboard.json_file import write_json_atomically
 from onboard.policy.files import find_policy, load_policy
 from perchhw.attempt import DEFAULT_POLICY
-from perchhw.walkthrough.flights import LabDrone, fly_landings, fly_tests
+from perchhw.walkthrough.flights import WalkthroughDrone, fly_landings, fly_tests
 from perchhw.walkthrough.gap.finding import find_in_records
 from perchhw.walkthrough.gap.story import (
     BELIEVED,
@@ -64,7 +64,7 @@ def run_walkthrough(out: Path, seed: int, say: Callable[[str], None] = lambda te
         PerchhwError: a step could not be done; the message says which and why.
     """
     hidden = write_hidden(out / "0-hidden")
-    drone = LabDrone(hidden, BELIEVED, seed)
+    drone = WalkthroughDrone(hidden, BELIEVED, seed)
 
     def landings_with(policy: str) -> Callable[[Path], dict[str, Any]]:
         return lambda folder: fly_landings(folder / "campaign", drone, policy, LANDING_SPEEDS, LANDING_ANGLES)

@@ -15,7 +15,7 @@ from sim_backend.crazyflie.ports import Send
 SOURCE = b"Bitcraze Crazyflie".ljust(PAYLOAD_MAX, b"\0")
 
 
-class Channel(IntEnum):
+class LinkChannel(IntEnum):
     """Channels of port 15 that the firmware answers."""
 
     ECHO = 0
@@ -31,7 +31,7 @@ class LinkPort:
 
     def handle(self, packet: Packet) -> None:
         """One packet of the client."""
-        if packet.channel == Channel.ECHO:
+        if packet.channel == LinkChannel.ECHO:
             self._send(packet)
-        elif packet.channel == Channel.SOURCE:
+        elif packet.channel == LinkChannel.SOURCE:
             self._send(packet.reply(SOURCE))

@@ -37,7 +37,7 @@ PACKED_POSE = struct.Struct("<B3hI")
 MM = 1e-3
 
 
-class Channel(IntEnum):
+class LocalizationChannel(IntEnum):
     """Channels of port 6."""
 
     POSITION = 0
@@ -67,12 +67,12 @@ class LocalizationPort:
 
     def handle(self, packet: Packet) -> None:
         """One packet of the client."""
-        if packet.channel == Channel.POSITION:
+        if packet.channel == LocalizationChannel.POSITION:
             if len(packet.payload) >= POSITION.size:
                 self._localization.external_position(*POSITION.unpack_from(packet.payload))
-        elif packet.channel == Channel.GENERIC:
+        elif packet.channel == LocalizationChannel.GENERIC:
             self._generic(packet)
-        elif packet.channel == Channel.POSITION_PACKED:
+        elif packet.channel == LocalizationChannel.POSITION_PACKED:
             for ident, x, y, z in _items(PACKED_POSITION, packet.payload):
                 if ident == self._radio_id:
                     self._localization.external_position(x * MM, y * MM, z * MM)

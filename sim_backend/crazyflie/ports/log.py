@@ -49,7 +49,7 @@ _LENGTHS = {int(type_): struct.calcsize(FORMATS[type_.name]) for type_ in LogTyp
 _INTEGER_LIMITS = (-(2**31), 2**31 - 1)
 
 
-class Channel(IntEnum):
+class LogChannel(IntEnum):
     """Channels of port 5."""
 
     TOC = 0
@@ -103,9 +103,9 @@ class LogPort:
 
     def handle(self, packet: Packet) -> None:
         """One packet of the client."""
-        if packet.channel == Channel.TOC:
+        if packet.channel == LogChannel.TOC:
             self._toc(packet)
-        elif packet.channel == Channel.CONTROL:
+        elif packet.channel == LogChannel.CONTROL:
             command, block = packet.padded(2)[:2]
             handler = self._commands.get(command)
             error = ENOEXEC if handler is None else handler(block, packet)
@@ -217,7 +217,7 @@ class LogPort:
             if len(data) + len(encoded) > PAYLOAD_MAX:
                 break
             data += encoded
-        return Packet(Port.LOG, Channel.DATA, data)
+        return Packet(Port.LOG, LogChannel.DATA, data)
 
 
 def convert(value: Number, stored: LogType, wanted: int) -> bytes:

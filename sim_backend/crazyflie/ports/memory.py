@@ -30,7 +30,7 @@ SERIAL = bytes(8)
 ADDRESSED = 5  # bytes of id and address
 
 
-class Channel(IntEnum):
+class MemoryChannel(IntEnum):
     """Channels of port 4."""
 
     INFO = 0
@@ -52,11 +52,11 @@ class MemoryPort:
         Raises:
             FirmwareAssertion: unknown memory, or a reply that does not fit.
         """
-        if packet.channel == Channel.INFO:
+        if packet.channel == MemoryChannel.INFO:
             self._info(packet)
-        elif packet.channel == Channel.READ:
+        elif packet.channel == MemoryChannel.READ:
             self._read(packet)
-        elif packet.channel == Channel.WRITE:
+        elif packet.channel == MemoryChannel.WRITE:
             self._write(packet)
 
     def _memory(self, ident: int) -> Memory:

@@ -37,13 +37,13 @@ from enum import IntEnum
 from sim_backend.crazyflie.crtp import PAYLOAD_MAX, Packet, Port
 from sim_backend.crazyflie.interfaces import EACCES, EINVAL, ENOENT
 from sim_backend.crazyflie.ports import Send
-from sim_backend.crazyflie.tables import Parameter, ParameterTable
+from sim_backend.crazyflie.tables import ParameterTable, TableParameter
 from sim_backend.crazyflie.toc import CORE, EXTENDED, READ_ONLY
 
 PERSISTENT_NOT_STORED, PERSISTENT_STORED, NOT_FOUND = 0, 1, 2
 
 
-class Channel(IntEnum):
+class ParamChannel(IntEnum):
     """Channels of port 2."""
 
     TOC = 0
@@ -76,10 +76,10 @@ class ParamPort:
         self._queue: deque[Packet] = deque()
         self._answer: Packet | None = None
         self._channels = {
-            Channel.TOC: self._toc,
-            Channel.READ: self._read,
-            Channel.WRITE: self._write,
-            Channel.MISC: self._misc,
+            ParamChannel.TOC: self._toc,
+            ParamChannel.READ: self._read,
+            ParamChannel.WRITE: self._write,
+            ParamChannel.MISC: self._misc,
         }
         self._replies = {
             Misc.EXTENDED_TYPE: self._extended_type,
@@ -101,7 +101,7 @@ class ParamPort:
         self._work()
         for ident in self._params.take_updates():
             payload = struct.pack("<BH", Misc.VALUE_UPDATED, ident) + self._params.raw(ident)
-            self._send(Packet(Port.PARAM, Channel.MISC, payload))
+            self._send(Packet(Port.PARAM, ParamChannel.MISC, payload))
 
     def _work(self) -> None:
         """The parameter task, until it is in a callback or has nothing left to do."""
@@ -112,9 +112,9 @@ class ParamPort:
             if not self._queue:
                 return
             packet = self._queue.popleft()
-            self._channels[Channel(packet.channel)](packet)
+            self._channels[ParamChannel(packet.channel)](packet)
 
-    def _entry(self, ident: int) -> Parameter | None:
+    def _entry(self, ident: int) -> TableParameter | None:
         return self._params.entries[ident] if ident < len(self._params) else None
 
     def _toc(self, packet: Packet) -> None:
@@ -177,19 +177,19 @@ class ParamPort:
         self._params.notify(entry.ident)
         return 0
 
-    def _extended_type(self, _ident: int, entry: Parameter | None) -> bytes:
+    def _extended_type(self, _ident: int, entry: TableParameter | None) -> bytes:
         return bytes([entry.extended_type if entry and entry.extended else NOT_FOUND])
 
-    def _extended_type_v2(self, _ident: int, entry: Parameter | None) -> bytes:
+    def _extended_type_v2(self, _ident: int, entry: TableParameter | None) -> bytes:
         return bytes([0, entry.extended_type]) if entry and entry.extended else bytes([ENOENT])
 
-    def _store(self, ident: int, entry: Parameter | None) -> bytes:
+    def _store(self, ident: int, entry: TableParameter | None) -> bytes:
         return bytes([0 if entry and self._params.store(ident) else ENOENT])
 
-    def _clear(self, ident: int, entry: Parameter | None) -> bytes:
+    def _clear(self, ident: int, entry: TableParameter | None) -> bytes:
         return bytes([0 if entry and self._params.clear(ident) else ENOENT])
 
-    def _state(self, ident: int, entry: Parameter | None) -> bytes:
+    def _state(self, ident: int, entry: TableParameter | None) -> bytes:
         if entry is None:
             return bytes([NOT_FOUND])
         stored = self._params.stored(ident)
@@ -197,10 +197,10 @@ class ParamPort:
             return bytes([PERSISTENT_NOT_STORED]) + self._params.default_raw(ident)
         return bytes([PERSISTENT_STORED]) + self._params.default_raw(ident) + stored
 
-    def _default(self, ident: int, entry: Parameter | None) -> bytes:
+    def _default(self, ident: int, entry: TableParameter | None) -> bytes:
         return bytes([NOT_FOUND]) if entry is None or entry.read_only else self._params.default_raw(ident)
 
-    def _default_v2(self, ident: int, entry: Parameter | None) -> bytes:
+    def _default_v2(self, ident: int, entry: TableParameter | None) -> bytes:
         if entry is None or entry.read_only:
             return bytes([ENOENT])
         return b"\0" + self._params.default_raw(ident)

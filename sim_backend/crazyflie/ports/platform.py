@@ -29,7 +29,7 @@ FIRMWARE_TAG = b"2026.08 +2"
 DEVICE_NAME = b"Crazyflie 2.1"
 
 
-class Channel(IntEnum):
+class PlatformChannel(IntEnum):
     """Channels of port 13."""
 
     COMMAND = 0
@@ -37,7 +37,7 @@ class Channel(IntEnum):
     APP = 2
 
 
-class Command(IntEnum):
+class PlatformCommand(IntEnum):
     """Commands of channel 0 that do something here."""
 
     ARM = 1
@@ -61,19 +61,19 @@ class PlatformPort:
     def handle(self, packet: Packet) -> None:
         """One packet of the client."""
         command, argument = packet.padded(2)[:2]
-        if packet.channel == Channel.COMMAND:
+        if packet.channel == PlatformChannel.COMMAND:
             self._send(packet.reply(self._command(command, argument, packet.payload)))
-        elif packet.channel == Channel.VERSION and command in self._versions:
+        elif packet.channel == PlatformChannel.VERSION and command in self._versions:
             self._send(packet.reply(bytes([command]) + self._versions[command]))
 
     def _command(self, command: int, argument: int, payload: bytes) -> bytes:
-        if command == Command.ARM:
+        if command == PlatformCommand.ARM:
             on = bool(argument)
             if len(payload) < 2:
                 return bytes([command, 0, self._supervisor.is_armed])
             return bytes([command, *arm(self._supervisor, on)])
-        if command == Command.RECOVER:
+        if command == PlatformCommand.RECOVER:
             return bytes([command, *recover(self._supervisor)])
-        if command == Command.USER_NOTIFICATION:
+        if command == PlatformCommand.USER_NOTIFICATION:
             return b""
         return payload

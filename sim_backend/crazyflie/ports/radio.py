@@ -35,7 +35,7 @@ class Power(Enum):
     ON = "on"
 
 
-class Command(IntEnum):
+class RadioCommand(IntEnum):
     """Commands of the radio chip."""
 
     ALL_OFF = 0x01
@@ -75,18 +75,18 @@ class Radio:
             self._switch_off(Power.ALL_OFF)
 
     def _command(self, command: int, data: bytes) -> bytes:
-        if command == Command.ALL_OFF:
+        if command == RadioCommand.ALL_OFF:
             self._switch_off(Power.ALL_OFF)
-        elif command == Command.SYSTEM_OFF:
+        elif command == RadioCommand.SYSTEM_OFF:
             self._switch_off(Power.RADIO_ONLY)
-        elif command == Command.SYSTEM_ON:
+        elif command == RadioCommand.SYSTEM_ON:
             self._switch_on()
-        elif command == Command.BATTERY_VOLTAGE:
+        elif command == RadioCommand.BATTERY_VOLTAGE:
             return NULL + bytes([MARK, command]) + struct.pack("<f", self._firmware.battery_voltage())
-        elif command == Command.RESET_INIT:
+        elif command == RadioCommand.RESET_INIT:
             self._reset_ready = True
             return NULL + bytes([MARK, command]) + CHIP_ADDRESS
-        elif command == Command.RESET and self._reset_ready and len(data) == 1:
+        elif command == RadioCommand.RESET and self._reset_ready and len(data) == 1:
             self._reset_ready = False
             self._switch_off(Power.RADIO_ONLY)
             if data[0] != 0:

@@ -25,14 +25,14 @@ RESPONSE = 0x80
 FIRST_BIT_COMMAND, LAST_BIT_COMMAND, BITFIELD_COMMAND = 0x01, 0x0B, 0x0C
 
 
-class Channel(IntEnum):
+class SupervisorChannel(IntEnum):
     """Channels of port 9."""
 
     INFO = 0
     COMMAND = 1
 
 
-class Command(IntEnum):
+class SupervisorCommand(IntEnum):
     """Commands of channel 1."""
 
     ARM = 1
@@ -53,9 +53,9 @@ class SupervisorCrtpPort:
         """One packet of the client."""
         if not packet.payload:
             return
-        if packet.channel == Channel.INFO:
+        if packet.channel == SupervisorChannel.INFO:
             self._info(packet)
-        elif packet.channel == Channel.COMMAND:
+        elif packet.channel == SupervisorChannel.COMMAND:
             self._command(packet)
 
     def _info(self, packet: Packet) -> None:
@@ -68,13 +68,13 @@ class SupervisorCrtpPort:
 
     def _command(self, packet: Packet) -> None:
         command, argument = packet.padded(2)[:2]
-        if command == Command.ARM:
+        if command == SupervisorCommand.ARM:
             self._send(packet.reply(bytes([RESPONSE | command, *arm(self._supervisor, bool(argument))])))
-        elif command == Command.RECOVER:
+        elif command == SupervisorCommand.RECOVER:
             self._send(packet.reply(bytes([RESPONSE | command, *recover(self._supervisor)])))
-        elif command == Command.EMERGENCY_STOP:
+        elif command == SupervisorCommand.EMERGENCY_STOP:
             self._supervisor.emergency_stop()
-        elif command == Command.EMERGENCY_STOP_WATCHDOG:
+        elif command == SupervisorCommand.EMERGENCY_STOP_WATCHDOG:
             self._supervisor.kick_emergency_stop_watchdog()
 
 

@@ -10,13 +10,13 @@ from onboard.arrays import Vector as ThreeNumbers
 from onboard.firmware.constants import onboard_constants
 from onboard.firmware.library import NO_POSE, CoreLibrary
 from onboard.firmware.structures import (
-    Cues,
-    LandingInputs,
-    LandingMemory,
-    LandingOutput,
-    Plan,
-    Quaternion,
-    Vector,
+    PerchCues,
+    PerchLandingInputs,
+    PerchLandingMemory,
+    PerchLandingOutput,
+    PerchPlan,
+    PerchQuaternion,
+    PerchVector,
 )
 from onboard.landing import model
 from onboard.trajectory import ApproachPlan
@@ -44,9 +44,9 @@ class LandingInC:
         self, memory: Any, inputs: model.LandingInputs, plan: ApproachPlan, limits: model.LandingLimits
     ) -> model.LandingOutput:
         """One step; the memory is the reference's, in place."""
-        mine, output = _memory(memory), LandingOutput()
+        mine, output = _memory(memory), PerchLandingOutput()
         self._library.perch_host_landing(
-            mine, _inputs(inputs, limits), Plan(*plan), self._vehicle(limits), output
+            mine, _inputs(inputs, limits), PerchPlan(*plan), self._vehicle(limits), output
         )
         _remember(mine, memory, inputs.time)
         motion, own = output.motion, memory["attitude"]
@@ -72,37 +72,39 @@ def _tick(time: float) -> int:
     return round(1000.0 * time) & 0xFFFFFFFF if math.isfinite(time) else 0
 
 
-def _three(v: Vector) -> ThreeNumbers:
+def _three(v: PerchVector) -> ThreeNumbers:
     return (v.x, v.y, v.z)
 
 
-def _inputs(i: model.LandingInputs, limits: model.LandingLimits) -> LandingInputs:
+def _inputs(i: model.LandingInputs, limits: model.LandingLimits) -> PerchLandingInputs:
     age = NO_POSE if not math.isfinite(i.pose_age) else round(1000.0 * i.pose_age)
-    return LandingInputs(
-        _tick(i.time), age, i.dt, Vector(*i.position), Vector(*i.velocity), Quaternion(*i.quaternion),
-        Vector(*i.gyro), Cues(i.tau, i.theta_x, i.d_ceil), i.trigger_value, i.a_rot, limits.policy_tau_min,
+    return PerchLandingInputs(
+        _tick(i.time), age, i.dt,
+        PerchVector(*i.position), PerchVector(*i.velocity), PerchQuaternion(*i.quaternion),
+        PerchVector(*i.gyro), PerchCues(i.tau, i.theta_x, i.d_ceil),
+        i.trigger_value, i.a_rot, limits.policy_tau_min,
         i.evaluated, i.policy_armed, i.trajectory_armed, i.go, i.abort, i.flying,
     )  # fmt: skip
 
 
-def _memory(m: Any) -> LandingMemory:
-    mine = LandingMemory(
+def _memory(m: Any) -> PerchLandingMemory:
+    mine = PerchLandingMemory(
         *(int(m[name]) for name in _FLAGS),
-        Quaternion(*m["attitude"]),
+        PerchQuaternion(*m["attitude"]),
         *(_tick(float(m[f"{name}_time"])) for name in _CLOCKS),
-        Vector(*m["hold_position"]),
-        Vector(*m["hold_velocity"]),
+        PerchVector(*m["hold_position"]),
+        PerchVector(*m["hold_velocity"]),
     )
     mine.snapshot.tick = _tick(float(m["snapshot_time"]))
-    mine.snapshot.cues = Cues(*(m[f"snapshot_{name}"] for name in _CUES))
-    mine.snapshot.velocity = Vector(*m["snapshot_velocity"])
+    mine.snapshot.cues = PerchCues(*(m[f"snapshot_{name}"] for name in _CUES))
+    mine.snapshot.velocity = PerchVector(*m["snapshot_velocity"])
     for name in _SNAPSHOT:
         value = m[f"snapshot_{name}"]
         setattr(mine.snapshot, name, int(value) if name == "count" else value)
     return mine
 
 
-def _remember(mine: LandingMemory, m: Any, now: float) -> None:
+def _remember(mine: PerchLandingMemory, m: Any, now: float) -> None:
     """Put into the reference's memory what has changed; a number that is the same in float32 stays."""
     for name in _FLAGS:
         m[name] = getattr(mine, name)
@@ -120,7 +122,7 @@ def _remember(mine: LandingMemory, m: Any, now: float) -> None:
         _keep(m, f"snapshot_{name}", getattr(snapshot, name))
 
 
-def _when(mine: LandingMemory) -> tuple[str, int]:
+def _when(mine: PerchLandingMemory) -> tuple[str, int]:
     return "snapshot_time", mine.snapshot.tick
 
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from calibration.flights import flight_files, open_flights
-from calibration.gap.landings.outcomes import Prepared, prepare, read_labels
+from calibration.gap.landings.outcomes import PreparedLandings, prepare, read_labels
 from calibration.gap.landings.outcomes.document import classified
 from calibration.gap.landings.outcomes.search import OutcomeSearch, search_outcomes
 from calibration.gap.landings.outcomes.vehicles import Point, bare_parameters, grid, tabulate
@@ -62,7 +62,7 @@ def judge(
     """Fly `count` landings with each hidden drone, and search among `points` (default: all vehicles)."""
     parameters = bare_parameters(load_vehicle(VEHICLE))
     points = grid(parameters) if points is None else points
-    prepared: Prepared | None = None
+    prepared: PreparedLandings | None = None
     table = np.empty(0)
     verdicts = []
     for drone in hidden:

@@ -4,7 +4,7 @@ from calibration.gap.landings.outcomes.dispersion import Dispersion
 from calibration.gap.landings.outcomes.document import LandingReport, landing_report, search_report
 from calibration.gap.landings.outcomes.labels import LABELS_FILE, read_labels
 from calibration.gap.landings.outcomes.predict import Forecast, OutcomeForecast, forecast
-from calibration.gap.landings.outcomes.prepare import Prepared, prepare
+from calibration.gap.landings.outcomes.prepare import PreparedLandings, prepare
 from calibration.gap.landings.outcomes.scores import Score, score
 
 __all__ = [
@@ -13,7 +13,7 @@ __all__ = [
     "Forecast",
     "LandingReport",
     "OutcomeForecast",
-    "Prepared",
+    "PreparedLandings",
     "Score",
     "forecast",
     "landing_report",

@@ -14,7 +14,7 @@ from calibration.gap.landings.outcomes.expectation import JudgedExpectation, jud
 from calibration.gap.landings.outcomes.labels import CLASS_NAMES, FOUR, landing_class
 from calibration.gap.landings.outcomes.launch import MeasuredLaunch, measured_launch
 from calibration.gap.landings.outcomes.predict import OutcomeForecast
-from calibration.gap.landings.outcomes.prepare import Prepared
+from calibration.gap.landings.outcomes.prepare import PreparedLandings
 from calibration.gap.landings.outcomes.scores import Score, score
 from calibration.gap.landings.outcomes.search import OutcomeSearch, search_outcomes
 from calibration.gap.landings.outcomes.vehicles import bare_parameters, filed_point, grid, tabulate
@@ -51,7 +51,7 @@ class LandingReport:
 
     vehicle: str
     seed: int
-    prepared: Prepared
+    prepared: PreparedLandings
     forecast: OutcomeForecast
     real: tuple[Outcome | None, ...]
     score: Score | None
@@ -122,9 +122,13 @@ class LandingReport:
 
 
 def landing_report(
-    prepared: Prepared, found: OutcomeForecast, real: Sequence[Outcome | None], vehicle: str, seed: int,
+    prepared: PreparedLandings,
+    found: OutcomeForecast,
+    real: Sequence[Outcome | None],
+    vehicle: str,
+    seed: int,
     unreadable: Sequence[NotUsed] = (),
-) -> LandingReport:  # fmt: skip
+) -> LandingReport:
     """Score a forecast.
 
     Args:

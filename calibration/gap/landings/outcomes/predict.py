@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from calibration.gap.landings.outcomes.dispersion import Dispersion
 from calibration.gap.landings.outcomes.kernels import fly_flips
-from calibration.gap.landings.outcomes.prepare import SETTINGS, Prepared
+from calibration.gap.landings.outcomes.prepare import SETTINGS, PreparedLandings
 from calibration.gap.landings.outcomes.starts import TriggerStart
 from onboard.arrays import FloatArray
 from onboard.room import RoomGeometry
@@ -52,7 +52,7 @@ class OutcomeForecast:
 
 
 def forecast(
-    prepared: Prepared, vehicle: Vehicle, progress: Callable[[float], None] | None = None
+    prepared: PreparedLandings, vehicle: Vehicle, progress: Callable[[float], None] | None = None
 ) -> OutcomeForecast:
     """Simulate every flight with a vehicle.
 
@@ -64,7 +64,7 @@ def forecast(
 
 
 def forecast_with(
-    prepared: Prepared, parameters: Any, progress: Callable[[float], None] | None = None
+    prepared: PreparedLandings, parameters: Any, progress: Callable[[float], None] | None = None
 ) -> OutcomeForecast:
     """As :func:`forecast`, with a record of physics parameters; the ceiling is that of each flight."""
     p = parameters.copy()
@@ -77,7 +77,7 @@ def forecast_with(
     return OutcomeForecast(tuple(found), prepared.draws.shape[1])
 
 
-def _forecast_one(start: TriggerStart, prepared: Prepared, index: int, p: Any) -> Forecast:
+def _forecast_one(start: TriggerStart, prepared: PreparedLandings, index: int, p: Any) -> Forecast:
     states, flips = scattered(start, prepared.dispersion, prepared.draws[index], p)
     out = np.zeros(len(states), dtype=ROLLOUT)
     fly_flips(states, p, flips, SETTINGS, out)

@@ -46,7 +46,7 @@ _LEAST_CEILING = 3  # contacts that tell a session's ceiling
 
 
 @dataclass(frozen=True)
-class Prepared:
+class PreparedLandings:
     """Flights ready to be simulated with any vehicle.
 
     Attributes:
@@ -101,7 +101,7 @@ class _Flip:
 
 def prepare(
     flights: Sequence[Flight], vehicle: Vehicle, rng: np.random.Generator, draws: int = DRAWS
-) -> Prepared:
+) -> PreparedLandings:
     """Starts, clocks, ceilings and dispersion of flights.
 
     Args:
@@ -124,7 +124,7 @@ def prepare(
     ceilings = _ceilings(starts, implied)
     slopes = FlipSlopes(np.array([flip.pitch for flip in flips]), np.array([flip.roll for flip in flips]))
     climbs = np.array([flip.climb for flip in flips])
-    return Prepared(
+    return PreparedLandings(
         starts=tuple(starts),
         clocks=np.array([flip.clock for flip in flips]),
         ceilings=ceilings,

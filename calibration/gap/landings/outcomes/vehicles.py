@@ -15,7 +15,7 @@ import numpy as np
 
 from calibration.gap.landings.outcomes.pad_laws import PadLaw, mixture, pad_laws
 from calibration.gap.landings.outcomes.predict import forecast_with
-from calibration.gap.landings.outcomes.prepare import Prepared
+from calibration.gap.landings.outcomes.prepare import PreparedLandings
 from onboard.arrays import FloatArray
 from onboard.room import RoomGeometry
 from onboard.vehicle import EFFECTS, Effect, Vehicle
@@ -170,7 +170,7 @@ def with_point(parameters: Any, point: Point) -> Any:
 
 
 def tabulate(
-    prepared: Prepared,
+    prepared: PreparedLandings,
     parameters: Any,
     points: Sequence[Point],
     progress: Callable[[float], None] | None = None,

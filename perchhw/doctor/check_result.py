@@ -15,7 +15,7 @@ class CheckVerdict(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class CheckResult:
     """One line.
 
     Attributes:
@@ -50,13 +50,13 @@ class Finding:
         }
 
 
-def judged(what: str, fine: bool, measured: str, wanted: str, why: str, remedy: str) -> Finding:
+def judged(what: str, fine: bool, measured: str, wanted: str, why: str, remedy: str) -> CheckResult:
     """FINE, or BAD with its remedy."""
     if fine:
-        return Finding(what, CheckVerdict.FINE, measured, wanted, why)
-    return Finding(what, CheckVerdict.BAD, measured, wanted, why, remedy)
+        return CheckResult(what, CheckVerdict.FINE, measured, wanted, why)
+    return CheckResult(what, CheckVerdict.BAD, measured, wanted, why, remedy)
 
 
-def not_known(what: str, reason: str, wanted: str, why: str, remedy: str) -> Finding:
+def not_known(what: str, reason: str, wanted: str, why: str, remedy: str) -> CheckResult:
     """UNKNOWN, with the reason in the place of the measured value."""
-    return Finding(what, CheckVerdict.UNKNOWN, reason, wanted, why, remedy)
+    return CheckResult(what, CheckVerdict.UNKNOWN, reason, wanted, why, remedy)
