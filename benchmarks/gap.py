@@ -23,6 +23,8 @@ from typing import Any
 
 import numpy as np
 
+from onboard.json_file import as_json
+
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 VEHICLE = "crazyflie21-stock"
@@ -61,7 +63,7 @@ def run(case: str, size: str, seed: int, flights: int) -> dict[str, Any]:
         seconds = time.monotonic() - started
         records = prepare_flights(read).records
         sealed = json.loads(answer.read_text())
-    report = found.report.to_json()
+    report = as_json(found.report)
     return {
         "case": case,
         "size": size,

@@ -17,6 +17,8 @@ from typing import Any
 
 import numpy as np
 
+from onboard.json_file import as_json
+
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 CALM = 0.25
@@ -43,9 +45,8 @@ def run(seed: int) -> dict[str, Any]:
     truth = draw(seed, speed)
     with tempfile.TemporaryDirectory() as folder:
         files = make_flights(truth, seed, int(rng.integers(4, 9)), Path(folder))
-        report = find_gap(
-            open_flights(files)[0], GapQuestion(vehicle=nominal(truth), seed=seed)
-        ).report.to_json()
+        found_gap = find_gap(open_flights(files)[0], GapQuestion(vehicle=nominal(truth), seed=seed))
+        report = as_json(found_gap.report)
     named = {effect["name"]: effect for effect in report["effects"]}
     found = named.get("wind", {}).get("parameters", {})
     x, y = (found.get(axis, {}).get("value", 0.0) for axis in "xy")

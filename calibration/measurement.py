@@ -70,13 +70,13 @@ class Estimate:
         """The 95 % interval."""
         return self.value - self.u95, self.value + self.u95
 
-    def to_json(self) -> dict[str, Any]:
+    def json_shape(self) -> dict[str, Any]:
         """``{value, unit, u95}``; `u95` is None when nobody can say."""
         return {"value": self.value, "unit": self.unit, "u95": self.u95 if math.isfinite(self.u95) else None}
 
     def document(self) -> dict[str, Any]:
         """``{value, unit, u95, sigma, dof}``: all that is needed to read it back; None for infinite."""
-        return {**self.to_json(), "sigma": self.sigma, "dof": self.dof if self.dof < 1e9 else None}
+        return {**self.json_shape(), "sigma": self.sigma, "dof": self.dof if self.dof < 1e9 else None}
 
     def quantity(self, source: str) -> Quantity:
         """As vehicle files have it, with `source` as provenance."""

@@ -12,15 +12,16 @@ from typing import Any
 def as_json(value: Any) -> Any:
     """Data as JSON has it.
 
-    Dataclasses become tables by attribute, unless they have a ``to_json`` of their own; tuples become lists,
-    enumerations their values, paths text.
+    Dataclasses become tables by attribute: whose attributes are named as the document has them needs no more.
+    One whose document has another shape says which with ``json_shape()``, whose parts are again anything
+    that is known here. Keys become text, tuples lists, enumerations their values, paths text.
     """
-    if hasattr(value, "to_json"):
-        return value.to_json()
+    if hasattr(value, "json_shape"):
+        return as_json(value.json_shape())
     if is_dataclass(value) and not isinstance(value, type):
         return {field.name: as_json(getattr(value, field.name)) for field in fields(value)}
     if isinstance(value, Mapping):
-        return {key: as_json(one) for key, one in value.items()}
+        return {str(as_json(key)): as_json(one) for key, one in value.items()}
     if isinstance(value, list | tuple):
         return [as_json(one) for one in value]
     if isinstance(value, Enum):

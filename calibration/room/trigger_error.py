@@ -30,7 +30,7 @@ class TriggerError:
         """All together."""
         return math.sqrt(self.ceiling**2 + self.markers**2 + self.latency**2)
 
-    def to_json(self) -> dict[str, Any]:
+    def json_shape(self) -> dict[str, Any]:
         """95 % uncertainties, s."""
         return {
             "climb_m_s": self.climb,

@@ -31,7 +31,7 @@ class AttitudeLoop:
             if not margins.suffice
         ]
 
-    def to_json(self) -> dict[str, Any]:
+    def json_shape(self) -> dict[str, Any]:
         """``attitude_margins`` and ``warnings`` of the document."""
         from onboard.attitude_margins import DELAY_LIMIT, PHASE_LIMIT_DEG
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from onboard.json_file import as_json
 from perchhw.cli.output import emit
 
 if TYPE_CHECKING:
@@ -189,7 +190,7 @@ def fit_table(file: Path, force_unit: str, motors: int | None) -> None:
         )
         return
     result = analyse(table)
-    document = result.to_json()
+    document = as_json(result)
     lines = [
         f"{name}: rms {form['rms_gf']:.3f} gf, left out {form['cross_validation_gf']:.3f} gf"
         + (" <- chosen" if name == document["chosen"] else "")

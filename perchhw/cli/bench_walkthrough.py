@@ -26,7 +26,7 @@ def walkthrough_command(
 
     screen = progress_console()
     result = run_bench_walkthrough(out, seed, say=lambda text: screen.print(text, markup=False))
-    emit(result.to_json(), _in_words(result))
+    emit(result, _in_words(result))
 
 
 def _in_words(result: "BenchWalkthrough") -> str:
@@ -37,10 +37,10 @@ def _in_words(result: "BenchWalkthrough") -> str:
             f"  {row['key']}: {now['value']:.4g} ± {now['u95']:.2g} {now['unit']}, true {true['value']:.4g}"
         )
     lines.append("RMS distance from the course:")
-    for kind, before in result.tracking["before"].items():
-        after = result.tracking["after"][kind]
+    for kind, before in result.tracking_m["before"].items():
+        after = result.tracking_m["after"][kind]
         lines.append(f"  {kind}: {1e3 * before:.0f} mm before, {1e3 * after:.0f} mm after")
-    landed, again = result.landings["before"], result.landings["after"]
+    landed, again = result.landings_in_the_lab["before"], result.landings_in_the_lab["after"]
     lines.append(
         f"landings: {landed['clean']} of {landed['attempts']} before, {again['clean']} of "
         f"{again['attempts']} after"

@@ -188,6 +188,6 @@ def _tell(step: str, findings: "tuple[CheckResult, ...]") -> None:
     from perchhw.cli.doctor import in_words
 
     passed = not any(one.missing for one in findings)
-    document = {"step": step, "pass": passed, "findings": [one.to_json() for one in findings]}
+    document = {"step": step, "pass": passed, "findings": findings}
     lines = [f"{step} {'passed' if passed else 'FAILED'}", *map(in_words, findings)]
     emit(document, "\n".join(lines))

@@ -5,6 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
+from onboard.json_file import as_json
 from perchhw.attempt import DEFAULT_VEHICLE
 from perchhw.cli.bench_options import (
     Drone,
@@ -78,7 +79,7 @@ def verify_command(
         file = file / TABLE_FILE
     discharge = read_discharge(file)
     verdict = verify(discharge)
-    document: dict[str, Any] = verdict.to_json() | {"table": file, "report": None}
+    document: dict[str, Any] = as_json(verdict) | {"table": file, "report": None}
     below = verdict.saturated_below
     words = [
         f"{document['readings']} readings, largest error {verdict.worst_gf:.2f} gf "

@@ -77,7 +77,7 @@ def _tell_aborted(flown: "CourseResult", lines: "tuple[CheckedQuantity, ...]") -
     document = {
         "same": None,
         "aborted_by": flown.aborted_by,
-        "lines": [line.to_json() for line in lines],
+        "lines": lines,
         "diagnosis": flown.diagnosis,
         "record": str(flown.record),
     }
@@ -113,11 +113,11 @@ def _line(line: "CheckedQuantity") -> str:
         said.append(f"file {_number(line.expected, factor)}, E_n {line.ratio:.2f}")
     if line.days is not None:
         low, high = factor * line.days.low, factor * line.days.high
-        said.append(f"{line.days.count} checks {low:.4g} to {high:.4g}")
+        said.append(f"{line.days.checks} checks {low:.4g} to {high:.4g}")
     text = f"{line.verdict.value:9}{held.what}: {'; '.join(said)}"
-    if line.to_json()["settles"] is None:
+    if line.settles is None:
         return text
-    return f"{text}\n         {held.meaning}\n         -> {held.settles}"
+    return f"{text}\n         {held.meaning}\n         -> {line.settles}"
 
 
 def _number(estimate: "Estimate", factor: float) -> str:

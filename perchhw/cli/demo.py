@@ -153,7 +153,7 @@ class DemoResult:
     recording: Path | None
     engine: EngineName
 
-    def to_json(self) -> dict[str, Any]:
+    def json_shape(self) -> dict[str, Any]:
         """The demo's document."""
         from onboard.policy.files import load_policy, policy_crc32, shipped_policy_path
 
@@ -163,16 +163,16 @@ class DemoResult:
                     "speed": row.speed,
                     "angle_deg": row.angle_deg,
                     "triggered": bool(row.triggered),
-                    "outcome": None if row.outcome is None else row.outcome.value,
+                    "outcome": row.outcome,
                     "p_four": self.rates[row.speed, row.angle_deg],
                 }
                 for row in self.rows
             ],
             "policy_crc32": policy_crc32(load_policy(shipped_policy_path(self.plan.policy))),
-            "engine": self.engine.value,
-            "run": str(self.folder),
-            "report": str(self.report),
-            "recording": None if self.recording is None else str(self.recording),
+            "engine": self.engine,
+            "run": self.folder,
+            "report": self.report,
+            "recording": self.recording,
         }
 
 
@@ -198,4 +198,4 @@ def _emit(flown: DemoResult) -> None:
                 f"recording: {flown.recording}  (open with: rerun FILE)", markup=False, soft_wrap=True
             )
 
-    emit(flown.to_json(), draw)
+    emit(flown, draw)

@@ -51,7 +51,7 @@ def doctor(
         "mocap": named.mocap,
         "ok": not missing,
         "missing": missing,
-        "findings": [finding.to_json() for finding in findings],
+        "findings": findings,
     }
     emit(document, "\n".join(map(in_words, findings)))
     return exit_codes.FAILED if missing else exit_codes.DONE

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from onboard.json_file import as_json
 from perchhw.cli.gap_landings import landings_command
 from perchhw.cli.gap_suggest import suggest_command
 from perchhw.cli.gap_walkthrough import walkthrough_command
@@ -54,7 +55,7 @@ def evaluate(
     model = load_vehicle(vehicle, legs=legs)
     flights, unusable = read_records([*data, *(more or [])], format)
     errors = predict(flights.records, model, seconds, calibrate_first_s)
-    document = errors.to_json()
+    document = as_json(errors)
     document["unusable"] = unusable + [
         {"file": item["file"], "reason": item["reason"]} for item in document.pop("unpredicted")
     ]
@@ -93,7 +94,7 @@ def find(
         result = find_gap(flights, asked, progress=status.update)
     page = write_report(result.report, out, result.figures)
     write_vehicle(result.vehicle, out)
-    emit(result.report.to_json(), lambda: _tell(result.report, page))
+    emit(result.report, lambda: _tell(result.report, page))
 
 
 def read_records(paths: list[Path], format: str) -> tuple["PreparedFlights", list[dict[str, str]]]:

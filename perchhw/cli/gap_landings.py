@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from onboard.json_file import as_json
 from perchhw.cli.options import FlightFormat, Legs
 from perchhw.cli.output import emit
 from perchhw.consoles import console, progress_console
@@ -77,7 +78,7 @@ def landings_command(
             task = bar.add_task("searching", total=1.0)
             report = search_report(report, model, lambda share: bar.update(task, completed=share))
     written = None if out is None else _write(report, model, out)
-    emit(report.to_json(), lambda: _tell(report, written))
+    emit(report, lambda: _tell(report, written))
 
 
 def _outcome(flight: "Flight", labels: "dict[Path, Outcome]", vehicle: "Vehicle") -> "Outcome | None":
@@ -108,7 +109,7 @@ def _write(report: "LandingReport", vehicle: "Vehicle", folder: Path) -> Path:
     found = report.search
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / "landings.json").write_text(json.dumps(report.to_json(), indent=1) + "\n", encoding="utf-8")
+        (folder / "landings.json").write_text(json.dumps(as_json(report), indent=1) + "\n", encoding="utf-8")
         (folder / "landings.html").write_text(page, encoding="utf-8")
         if found is not None and found.named:
             source = f"gap landings: outcomes of {len(report.real)} flights, seed {report.seed}"
@@ -125,7 +126,7 @@ def _tell(report: "LandingReport", page: Path | None) -> None:
 
     screen = console()
     listed = Table("flight", "real", "four", "two", "none", "body contact", box=None, pad_edge=False)
-    for flight in report.to_json()["flights"]:
+    for flight in as_json(report)["flights"]:
         shares = [f"{flight[key]:.2f}" for key in ("p_four", "p_two", "p_none", "p_body_contact")]
         listed.add_row(flight["name"], flight["real"] or "", *shares)
     screen.print(listed)
@@ -143,7 +144,7 @@ def _tell(report: "LandingReport", page: Path | None) -> None:
         if found.auc_four is not None:
             screen.print(f"AUC of four legs {found.auc_four:.2f}")
         for word, count in zip(("four", "two", "none"), found.counts, strict=True):
-            low_count, high_count = count.interval
+            low_count, high_count = count.interval80
             screen.print(
                 f"{word}: {count.real} real, {count.expected:.1f} expected "
                 f"(80 %: {low_count} to {high_count}{'' if count.inside else '; outside'})"
@@ -175,7 +176,7 @@ def _tell_search(found: "OutcomeSearch") -> None:
         values = ", ".join(
             f"{name} {mean:.3g} +- {sigma:.2g}" for name, (mean, sigma, _) in fit.values.items()
         )
-        scores = (f"{value:.3f}" for value in (one.brier, one.brier_base, half.brier, half.brier_base))
+        scores = (f"{value:.3f}" for value in (one.brier, one.brier_base, half.brier, half.brier_base_rate))
         table.add_row(fit.name, *scores, "" if one.auc_four is None else f"{one.auc_four:.2f}", values)
     screen.print(table)
     for group, (gain, (low, high)) in found.gains.items():

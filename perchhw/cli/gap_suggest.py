@@ -72,7 +72,7 @@ def suggest_command(
             written.append(str(path))
     document = {
         "schema": "perchhw.gap_suggestion/1",
-        "suggestions": [suggestion.to_json() for suggestion in suggestions],
+        "suggestions": suggestions,
         "campaigns": written,
     }
     emit(document, _in_words(suggestions, written))

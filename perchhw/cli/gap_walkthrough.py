@@ -26,15 +26,14 @@ def walkthrough_command(
 
     screen = progress_console()
     result = run_walkthrough(out, seed, say=lambda text: screen.print(text, markup=False))
-    emit(result.to_json(), _in_words(result))
+    emit(result, _in_words(result))
 
 
 def _in_words(result: "Walkthrough") -> str:
-    document = result.to_json()
     lines = ["hidden change, and what the gap finder says:"]
-    found = result.identified["effects"]
-    for name in dict.fromkeys([*document["hidden"], *found]):
-        truth = document["hidden"].get(name, {})
+    found = result.found["effects"]
+    for name in dict.fromkeys([*result.hidden, *found]):
+        truth = result.hidden.get(name, {})
         values = found.get(name, {})
         for key in dict.fromkeys([*truth, *values]):
             said = values.get(key)
@@ -44,12 +43,12 @@ def _in_words(result: "Walkthrough") -> str:
                 f"found {'nothing' if said is None else format(said['value'], '.3g')}{interval}"
             )
     lines.append("landing rate by rollouts (four legs, no contact of the body):")
-    for sensing in result.rates["believed"]:
-        rates = [result.rates[case][sensing]["clean"] for case in ("believed", "hidden", "relearned")]
+    for sensing in result.landing_rates["believed"]:
+        rates = [result.landing_rates[case][sensing]["clean"] for case in ("believed", "hidden", "relearned")]
         lines.append(
             f"  {sensing} cues: as filed {rates[0]:.2f}, changed {rates[1]:.2f}, learned anew {rates[2]:.2f}"
         )
-    before, after = result.landings["before"], result.landings["after"]
+    before, after = result.landings_in_the_lab["before"], result.landings_in_the_lab["after"]
     lines.append(
         f"landings in the lab: {before['clean']} of {before['attempts']} before, "
         f"{after['clean']} of {after['attempts']} after"

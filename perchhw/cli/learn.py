@@ -286,7 +286,7 @@ def _validate(
         "policy_crc32": policy_crc32(loaded),
         "settings": flown_by.describe(),
         "measured": {"table": str(out / MEASURED_FILE), **_summary(measured)},
-        "real_rate": None if expected is None else expected.to_json(),
+        "real_rate": expected,
         "table": str(out / VALIDATION_FILE),
         "conditions": len(rows),
         "rollouts_per_condition": rollouts,

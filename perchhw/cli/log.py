@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from onboard.json_file import as_json
 from perchhw.attempt import DEFAULT_POLICY, DEFAULT_VEHICLE
 from perchhw.cli.options import FlightFormat, Legs, Policy
 from perchhw.cli.output import emit
@@ -107,7 +108,7 @@ def label(
         except (InputError, LabelError) as error:
             unusable.append({"file": str(file), "reason": str(error)})
             continue
-        labels.append({"file": str(file), **result.to_json(), "notes": list(flight.notes)})
+        labels.append({"file": str(file), **as_json(result), "notes": list(flight.notes)})
     document: dict[str, Any] = {"flights": labels, "unusable": unusable}
     if len(files) == 1 and labels:
         document["outcome"] = labels[0]["outcome"]
@@ -179,7 +180,7 @@ def report(run: _RunFolder) -> int:
         progress_console().print(note, style="yellow", markup=False)
     path = run / REPORT_FILE
     emit(
-        {"run": str(run), "report": str(path), "diagnosis": found.to_json()},
+        {"run": str(run), "report": str(path), "diagnosis": found},
         f"{found.in_words()}\nreport: {path}",
     )
     return 0
@@ -200,5 +201,5 @@ def replay(
     from perchhw.record.replay import replay_policy
 
     result = replay_policy(open_flight(file, format), load_policy(find_policy(policy)))
-    emit({"file": str(file), "policy": policy, **result.to_json()}, result.in_words())
+    emit({"file": str(file), "policy": policy, **as_json(result)}, result.in_words())
     return 0

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from onboard.json_file import as_json
 from perchhw.cli import exit_codes
 from perchhw.cli.lab_options import LabDrone
 from perchhw.cli.options import Lab
@@ -95,7 +96,7 @@ def calibrate(
         shutil.copyfile(before.file, out / "lab-before.toml")
         put_measured(Path(before.file), found.lab(before, plan.source), LIMITS)
         book.step(WRITTEN, "Written", lambda: {"lab": before.file})
-    document = found.to_json() | {"lab": before.file, "written": not dry_run, "record": str(record)}
+    document = as_json(found) | {"lab": before.file, "written": not dry_run, "record": str(record)}
     emit(document, _in_words(found, document))
     return exit_codes.DONE
 

@@ -80,7 +80,7 @@ def check(file: VehicleArgument) -> None:
         "usable": True,
         "quantities": len(_quantities(loaded)),
         "problems": [],
-        **loop.to_json(),
+        **loop.json_shape(),
     }
     fine = f"{file}: fine, {len(_quantities(loaded))} quantities, {len(loaded.effects)} effects"
     emit(document, "\n".join([fine, *loop.lines()]))

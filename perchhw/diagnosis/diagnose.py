@@ -39,7 +39,7 @@ def keep_diagnosis(folder: Path) -> Diagnosis:
     run = read_run(folder)
     found = diagnose_run(run)
     try:
-        told = with_checksum({**run.info, "diagnosis": found.to_json()})
+        told = with_checksum({**run.info, "diagnosis": found})
         write_json_atomically(folder / RUN_FILE, told)
     except OSError as error:
         raise OutputFolderError(folder, error.strerror) from error

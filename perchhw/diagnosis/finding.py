@@ -71,13 +71,13 @@ class Diagnosis:
     next: str
     values: Mapping[str, Number] = field(default_factory=dict)
 
-    def to_json(self) -> dict[str, Any]:
+    def json_shape(self) -> dict[str, Any]:
         """As it stands in ``run.json`` and in the JSON of ``fly``."""
         return {
-            "code": self.cause.value,
+            "code": self.cause,
             "sentence": self.sentence,
             "next": self.next,
-            "values": dict(self.values),
+            "values": self.values,
         }
 
     def in_words(self) -> str:

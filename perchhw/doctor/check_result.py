@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any
 
 
 class CheckVerdict(Enum):
@@ -23,7 +22,7 @@ class CheckResult:
         verdict: fine or not.
         measured, wanted: in words, with units.
         why: what it is needed for.
-        remedy: what to do; empty where all is fine.
+        remedy: what to do; None where all is fine.
     """
 
     what: str
@@ -31,23 +30,12 @@ class CheckResult:
     measured: str
     wanted: str
     why: str
-    remedy: str = ""
+    remedy: str | None = None
 
     @property
     def missing(self) -> bool:
         """Whether a flight lacks it."""
         return self.verdict in (CheckVerdict.BAD, CheckVerdict.UNKNOWN)
-
-    def to_json(self) -> dict[str, Any]:
-        """The line in the JSON document."""
-        return {
-            "what": self.what,
-            "verdict": self.verdict.value,
-            "measured": self.measured,
-            "wanted": self.wanted,
-            "why": self.why,
-            "remedy": self.remedy or None,
-        }
 
 
 def judged(what: str, fine: bool, measured: str, wanted: str, why: str, remedy: str) -> CheckResult:

@@ -8,6 +8,7 @@ from typing import Any
 
 from onboard.clock import Clock
 from onboard.errors import PerchhwError
+from onboard.json_file import as_json
 from onboard.outcome import Outcome
 from perchhw.diagnosis import keep_diagnosis
 from perchhw.flight.caught import Caught
@@ -36,5 +37,5 @@ def explain(folder: Path) -> dict[str, Any] | None:
         _log.error("no diagnosis of %s (%s)", folder, error, exc_info=None if ours else error)
 
     with Caught(untold):
-        return keep_diagnosis(folder).to_json()
+        return as_json(keep_diagnosis(folder))
     return None

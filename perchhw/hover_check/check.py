@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from calibration.measurement import Estimate
-from onboard.json_file import as_json
 from onboard.manoeuvres import manoeuvre
 from onboard.room import RoomGeometry
 from onboard.vehicle import Vehicle, load_vehicle
@@ -62,7 +61,7 @@ class HoverCheck:
         """In one sentence."""
         return in_words(self.lines, self.since)
 
-    def to_json(self) -> dict[str, Any]:
+    def json_shape(self) -> dict[str, Any]:
         """The JSON document, SI."""
         return {
             "schema": "perchhw.hover_check_result/1",
@@ -72,10 +71,10 @@ class HoverCheck:
             "off_file": [one.held.what for one in self.lines if one.verdict is LineVerdict.OFF_FILE],
             "checks_before": self.checks,
             "since": self.since,
-            "lines": [line.to_json() for line in self.lines],
-            "rotors": as_json(self.rotors),
-            "record": str(self.record),
-            "kept": str(self.kept),
+            "lines": self.lines,
+            "rotors": self.rotors,
+            "record": self.record,
+            "kept": self.kept,
             "aborted_by": None,
         }
 

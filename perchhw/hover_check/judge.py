@@ -41,7 +41,7 @@ class Days:
     low: float
     high: float
     mean: float
-    count: int
+    checks: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,26 +64,22 @@ class CheckedQuantity:
     days: Days | None
     verdict: LineVerdict
 
-    def to_json(self) -> dict[str, Any]:
+    @property
+    def settles(self) -> str | None:
+        """What settles it, where it is not as it was or should be."""
+        return self.held.settles if self.verdict in (LineVerdict.CHANGED, LineVerdict.OFF_FILE) else None
+
+    def json_shape(self) -> dict[str, Any]:
         """The line in the JSON document; SI."""
         return {
             "what": self.held.what,
             "meaning": self.held.meaning,
-            "measured": self.measured.to_json(),
-            "expected": None if self.expected is None else self.expected.to_json(),
+            "measured": self.measured,
+            "expected": self.expected,
             "ratio": self.ratio,
-            "days": None
-            if self.days is None
-            else {
-                "low": self.days.low,
-                "high": self.days.high,
-                "mean": self.days.mean,
-                "checks": self.days.count,
-            },
-            "verdict": self.verdict.value,
-            "settles": self.held.settles
-            if self.verdict in (LineVerdict.CHANGED, LineVerdict.OFF_FILE)
-            else None,
+            "days": self.days,
+            "verdict": self.verdict,
+            "settles": self.settles,
         }
 
 

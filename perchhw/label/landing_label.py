@@ -55,10 +55,10 @@ class LandingLabel:
     evidence: dict[str, Any]
     limits: tuple[str, ...] = ()
 
-    def to_json(self) -> dict[str, Any]:
+    def json_shape(self) -> dict[str, Any]:
         """The label as a JSON object."""
         evidence = {"method": self.method, "body_contact_seen": self.body_contact_seen, **self.evidence}
-        return {"outcome": self.outcome.value, "evidence": evidence, "limits": list(self.limits)}
+        return {"outcome": self.outcome, "evidence": evidence, "limits": self.limits}
 
 
 def label_flight(flight: Flight, vehicle: Vehicle, ceiling_z: float | None = None) -> LandingLabel:

@@ -55,7 +55,7 @@ class RoomFound:
             ),
         )
 
-    def to_json(self) -> dict[str, Any]:
+    def json_shape(self) -> dict[str, Any]:
         """The JSON document; SI, angles in deg where they say so."""
         sigma = np.sqrt(np.diag(self.markers.position_covariance))
         turn = np.degrees(1.96 * np.sqrt(np.diag(self.markers.rotation_covariance)))
@@ -63,7 +63,7 @@ class RoomFound:
         return {
             "subject_to_body": {
                 "position": [
-                    Estimate(float(v), "m", float(s)).to_json()
+                    Estimate(float(v), "m", float(s))
                     for v, s in zip(self.markers.position, sigma, strict=True)
                 ],
                 "quaternion": self.markers.rotation.as_quat().tolist(),
@@ -71,14 +71,14 @@ class RoomFound:
             },
             "plate_tilt_deg": self.markers.plate_tilt_deg,
             "ceiling": {
-                "height": Estimate(self.ceiling.height()[0], "m", self.ceiling.height()[1]).to_json(),
-                "tilt_x_deg": Estimate(tilts[0][0], "deg", tilts[0][1]).to_json(),
-                "tilt_y_deg": Estimate(tilts[1][0], "deg", tilts[1][1]).to_json(),
+                "height": Estimate(self.ceiling.height()[0], "m", self.ceiling.height()[1]),
+                "tilt_x_deg": Estimate(tilts[0][0], "deg", tilts[0][1]),
+                "tilt_y_deg": Estimate(tilts[1][0], "deg", tilts[1][1]),
                 "residuals_m": self.ceiling.residuals.tolist(),
             },
-            "latency": self.latency.to_json(),
-            "latency_unreported": self.unreported.to_json(),
-            "trigger": self.trigger.to_json(),
+            "latency": self.latency,
+            "latency_unreported": self.unreported,
+            "trigger": self.trigger,
         }
 
 

@@ -47,7 +47,7 @@ class PolicyReplay:
         """Highest value of the trigger policy; None when there was nothing to evaluate."""
         return float(self.trigger_value.max()) if self.trigger_value.size else None
 
-    def to_json(self) -> dict[str, Any]:
+    def json_shape(self) -> dict[str, Any]:
         """The replay as a JSON object (times in s, moment in N m)."""
         return {
             "samples": int(self.t.size),

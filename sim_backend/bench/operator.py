@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from onboard.json_file import as_json
 from sim_backend.bench.bench import Bench, Place
 from sim_backend.bench.errors import BenchError
 from sim_backend.bench.hanging import BifilarDrone, Strings, air_inertia, strung
@@ -111,7 +112,9 @@ class SimulatedOperator:
 
     def _ask(self, name: Any) -> dict[str, Any]:
         if name == "spin_record":
-            return {"value": {"now": self._bench.time, **self._bench.record.to_json()}, "unit": "s"}
+            record = self._bench.record
+            spins = {"now": self._bench.time, "spins": as_json(record.spins), "incidents": record.incidents}
+            return {"value": spins, "unit": "s"}
         reading = self._readings.get(name) if isinstance(name, str) else None
         if reading is None:
             raise CannotDo(f"ask for {name!r}? I can read {', '.join([*self._readings, 'spin_record'])}")

@@ -1,7 +1,6 @@
 """When the motors were driven, and how long after the last word from the computer they stopped."""
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 
 @dataclass(slots=True)
@@ -62,7 +61,3 @@ class SpinRecord:
         """Note what would have hurt; the same thing once only."""
         if not any(noted.endswith(text) for noted in self.incidents):
             self.incidents.append(f"{time:.3f} s: {text}")
-
-    def to_json(self) -> dict[str, Any]:
-        """``{"spins": [...], "incidents": [...]}``."""
-        return {"spins": [asdict(spin) for spin in self.spins], "incidents": self.incidents}

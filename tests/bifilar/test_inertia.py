@@ -14,6 +14,7 @@ from calibration.bench.inertia.inertia import InertiaResult, inertia_about_axis
 from calibration.bench.inertia.rig import Jig, Rig, check_rig, measured, unit_doubts
 from calibration.bench.inertia.swing_fit import SwingFit
 from calibration.measurement import Estimate, combine
+from onboard.json_file import as_json
 from tests.bifilar.world import Hang, record
 
 
@@ -108,7 +109,7 @@ def test_fewer_than_four_trials_claim_no_interval(fits: list[SwingFit]) -> None:
     result = inertia_about_axis(fits[:3], jig_rig())
     assert "few_trials" in codes(result)
     assert math.isinf(result.inertia.u95)
-    assert result.inertia.to_json()["u95"] is None
+    assert as_json(result.inertia)["u95"] is None
     assert "few_trials" not in codes(inertia_about_axis(fits[:4], jig_rig()))
 
 

@@ -12,6 +12,7 @@ from calibration.gap.landings.outcomes.expectation import (
     judged_expectation,
     model_error,
 )
+from onboard.json_file import as_json
 
 
 def flights(count: int, offset: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -32,8 +33,8 @@ def test_a_model_that_is_right_keeps_its_rates_and_one_that_is_kind_loses_them()
     assert kind.mean[0] == pytest.approx(-2.0, abs=3.0 * kind.sigma[0])
     rng = np.random.default_rng(0)
     promised = expect(kind, np.full(5, 0.8), rng)
-    assert promised.interval[0] < 0.35 < promised.interval[1]  # logit 1.39 - 2
-    assert promised.interval[1] < 0.5
+    assert promised.ci95[0] < 0.35 < promised.ci95[1]  # logit 1.39 - 2
+    assert promised.ci95[1] < 0.5
 
 
 def test_few_flights_leave_a_wide_interval() -> None:
@@ -41,9 +42,9 @@ def test_few_flights_leave_a_wide_interval() -> None:
     few = expect(model_error(simulated, real), simulated, np.random.default_rng(0))
     simulated, real = flights(100, 0.0, 3)
     many = expect(model_error(simulated, real), simulated, np.random.default_rng(0))
-    assert few.interval[1] - few.interval[0] > 2.0 * (many.interval[1] - many.interval[0])
-    low, high = many.count
-    assert 0 <= low < many.rate * NEXT < high <= NEXT
+    assert few.ci95[1] - few.ci95[0] > 2.0 * (many.ci95[1] - many.ci95[0])
+    low, high = many.four_leg_count80
+    assert 0 <= low < many.four_leg_rate * NEXT < high <= NEXT
 
 
 @pytest.mark.parametrize("offset", [0.0, -2.0])
@@ -59,12 +60,14 @@ def test_attempts_that_do_not_flip_do_not_land() -> None:
     error = model_error(*flights(100, 0.0, 4))
     rng = np.random.default_rng(0)
     half = expect(error, np.full(5, 0.7), rng, np.full(5, 0.5))
-    assert half.rate == pytest.approx(0.5 * expect(error, np.full(5, 0.7), rng).rate, abs=0.02)
+    assert half.four_leg_rate == pytest.approx(
+        0.5 * expect(error, np.full(5, 0.7), rng).four_leg_rate, abs=0.02
+    )
 
 
 def test_the_document_carries_the_error() -> None:
     simulated, real = flights(28, -1.0, 5)
-    document = {"expectation": judged_expectation(simulated, real, np.random.default_rng(0)).to_json()}
+    document = {"expectation": as_json(judged_expectation(simulated, real, np.random.default_rng(0)))}
     assert ModelError.from_document(document, "landings.json") == model_error(simulated, real)
     with pytest.raises(ModelErrorFileError, match=r"landings.json: has no expectation.model_error"):
         ModelError.from_document({"expectation": None}, "landings.json")

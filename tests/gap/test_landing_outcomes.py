@@ -35,6 +35,7 @@ from calibration.gap.landings.outcomes.vehicles import (
 )
 from calibration.gap.report.landings_page import landings_page
 from calibration.measurement import interval_of
+from onboard.json_file import as_json
 from onboard.outcome import Outcome
 from onboard.room import RoomGeometry
 from onboard.vehicle import load_vehicle
@@ -70,7 +71,7 @@ def test_the_filed_vehicle_scores_what_was_measured_outside(
     assert report.score.brier == pytest.approx(1.00, abs=0.06)
     assert report.score.brier_base_in_sample == pytest.approx(0.554, abs=0.001)
     assert report.score.brier_base == pytest.approx(0.595, abs=0.001)
-    document = report.to_json()["score"]
+    document = as_json(report)["score"]
     assert document["two_leg_share_real"] == pytest.approx(15 / 28)
     assert document["two_leg_share_model"] < 0.12
     assert not report.score.counts[1].inside
@@ -138,7 +139,7 @@ def test_certainty_about_the_truth_scores_nothing_and_the_base_rate_itself(
     perfect = score(np.eye(3)[classes], classes, 100, rng)
     assert perfect.brier == 0.0
     assert all(
-        count.real == count.expected == count.interval[0] == count.interval[1] for count in perfect.counts
+        count.real == count.expected == count.interval80[0] == count.interval80[1] for count in perfect.counts
     )
     frequencies = np.bincount(classes, minlength=3) / classes.size
     guess = score(np.tile(frequencies, (classes.size, 1)), classes, 100, rng)
@@ -199,7 +200,7 @@ def test_halves_say_how_often_counts_are_inside() -> None:
 def test_bins_hold_equal_counts_by_rising_probability() -> None:
     bins = reliability(np.linspace(0.0, 1.0, 12), np.arange(12) >= 6)
     assert sum(one.flights for one in bins) == 12
-    assert [one.predicted for one in bins] == sorted(one.predicted for one in bins)
+    assert [one.p_four for one in bins] == sorted(one.p_four for one in bins)
 
 
 def test_what_could_roll_the_authors_flips(prepared: PreparedLandings) -> None:

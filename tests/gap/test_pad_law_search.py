@@ -16,6 +16,7 @@ from calibration.gap.landings.outcomes.vehicles import (
     with_point,
 )
 from calibration.gap.landings.outcomes.verdict import improved_vehicle
+from onboard.json_file import as_json
 from onboard.quantity import Quantity
 from onboard.room import RoomGeometry
 from onboard.vehicle import Effect, Vehicle, load_vehicle
@@ -57,7 +58,7 @@ def test_laws_that_predict_alike_are_one_name_and_an_open_question() -> None:
     found = searched(RATES_ALONE, RATES_ALONE)
     assert len(found.named) == 1
     assert {"pads", "preload"} - set(found.named) <= set(found.left_open)
-    document = found.to_json()
+    document = as_json(found)
     assert document["effects"][0]["ambiguous_with"].count("foot_slip") == ("preload" not in found.named)
     assert set(document["search"]["laws"]) == set(LAWS)
 

@@ -13,6 +13,7 @@ from calibration.gap.replay.flight_prediction import rotation_between
 from calibration.gap.replay.inputs import prediction_inputs, velocity_from_the_past
 from calibration.gap.replay.windows import usable_lengths
 from onboard.gravity import GRAVITY
+from onboard.json_file import as_json
 from onboard.quantity import Quantity
 from onboard.vehicle import load_vehicle
 from tests.gap.simulated_flight import circle, fly, hover, up_and_down, with_noise
@@ -211,7 +212,7 @@ def test_every_start_is_in_one_phase_and_the_means_fit_together(laps: FlightReco
 
 
 def test_the_document_has_the_form_of_the_contract(laps: FlightRecord) -> None:
-    document = json.loads(json.dumps(evaluate([laps], VEHICLE, (0.5, 1.0)).to_json(), allow_nan=False))
+    document = json.loads(json.dumps(as_json(evaluate([laps], VEHICLE, (0.5, 1.0))), allow_nan=False))
     assert set(document["horizons"]["0.5"]) >= {"position_m", "velocity_m_s", "attitude_deg", "rate_rad_s"}
     assert set(document["given_attitude"]["1.0"]) == {"position_m", "velocity_m_s", "windows"}
     assert document["flights"] == 1
@@ -230,7 +231,7 @@ def test_a_model_that_runs_away_is_doubted(laps: FlightRecord) -> None:
     assert found.diverged > 0
     assert found.windows == evaluate([laps], VEHICLE).overall.open_loop[0.5].windows
     assert "runs away" in errors.doubts()[-1]
-    json.dumps(errors.to_json(), allow_nan=False)
+    json.dumps(as_json(errors), allow_nan=False)
 
 
 def _inertia(value: float) -> dict[str, Quantity]:

@@ -36,6 +36,7 @@ from calibration.gap.report.prediction_figures import (
 from calibration.gap.report.words import number
 from calibration.gap.report.writing import ReportFolderError, write_report
 from calibration.gap.unnamed.gap_map import GapMap
+from onboard.json_file import as_json
 from onboard.vehicle import load_vehicle
 from tests.gap.simulated_flight import circle, fly, up_and_down, with_noise
 from tests.physics.effects.conftest import with_effects
@@ -182,7 +183,7 @@ def test_the_document_is_that_of_the_contract(tmp_path: Path) -> None:
 
 def test_every_number_and_word_of_the_document_stands_on_the_page(tmp_path: Path) -> None:
     page = Page(write_report(report(), tmp_path, figures()))
-    for place, value in leaves(report().to_json()):
+    for place, value in leaves(as_json(report())):
         if place in ("schema", "gap.closed_share") or value is None or isinstance(value, bool):
             continue
         shown = number(value) if isinstance(value, int | float) else value.replace("_", " ")

@@ -17,6 +17,7 @@ from calibration.gap.landings.outcomes.vehicles import (
     with_point,
 )
 from calibration.gap.landings.outcomes.verdict import improved_vehicle, in_words
+from onboard.json_file import as_json
 from onboard.quantity import Quantity
 from onboard.room import RoomGeometry
 from onboard.vehicle import EFFECTS, Effect, Vehicle, load_vehicle
@@ -43,7 +44,7 @@ def test_a_shape_is_named_where_flights_are_predicted_worse_without_it(group: st
     assert set(found.named) == {"pads", group}
     assert found.best.groups[-1] == group
     effect = {"axes": "leg_sideways", "hull": "hull_shape"}[group]
-    entry = next(one for one in found.to_json()["effects"] if one["name"] == effect)
+    entry = next(one for one in as_json(found)["effects"] if one["name"] == effect)
     assert set(entry["parameters"]) == set(EFFECTS[effect].parameters)
     assert f"its {group}: {effect}." in " ".join(
         in_words(LandingVerdict.EFFECTS_FOUND, found.fits[0].left_one_out, found)

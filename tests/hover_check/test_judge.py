@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from calibration.measurement import Estimate
+from onboard.json_file import as_json
 from perchhw.hover_check.expected import expected
 from perchhw.hover_check.history import History, HistoryError
 from perchhw.hover_check.judge import LineVerdict, against_days, in_words, judge
@@ -78,7 +79,7 @@ def test_against_the_file_alone() -> None:
         ("motor_2", LineVerdict.OFF_FILE),
     ]
     assert "motor_2" in in_words(lines, None)
-    assert "tachometer" in lines[1].to_json()["settles"]
+    assert "tachometer" in as_json(lines[1])["settles"]
     assert "but not as its vehicle file says" in in_words(lines, "yesterday")
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from calibration.flights import Flight, Trigger
+from onboard.json_file import as_json
 from onboard.vehicle import Vehicle, load_vehicle
 from perchhw.attempt import Outcome
 from perchhw.label import LabelError, label_flight, label_from_truth
@@ -143,7 +144,7 @@ def test_truth_columns_decide_directly(four_leg: Flight, feet: int, contact: int
     flight = dataclasses.replace(four_leg, data=data, valid=valid, trigger=None)
     label = label_from_truth(flight)
     assert (label.outcome, label.method) == (outcome, "truth")
-    assert label.to_json()["evidence"]["n_feet"] == feet
+    assert as_json(label)["evidence"]["n_feet"] == feet
 
 
 def test_truth_without_a_flip_is_no_trigger(four_leg: Flight) -> None:

@@ -12,6 +12,7 @@ from calibration.gap.landings.outcomes import prepare
 from calibration.gap.landings.outcomes.document import SCHEMA
 from calibration.gap.landings.outcomes.expectation import ModelErrorFileError
 from calibration.gap.landings.outcomes.launch import measured_launch
+from onboard.json_file import as_json
 from onboard.vehicle import load_vehicle
 from perchhw.learning.errors import LearningInputError
 from perchhw.learning.launch_file import launch_of
@@ -46,7 +47,7 @@ def test_whose_error_is_known(tmp_path: Path) -> None:
     assert known_error(LearningSetup(legs="wide-long"), None) is None
     assert known_error(LearningSetup(vehicle="crazyflie21-upgraded-stored"), None) is None
     own = tmp_path / "landings.json"
-    own.write_text(json.dumps({"schema": SCHEMA, "expectation": {"model_error": AUTHORS_ERROR.to_json()}}))
+    own.write_text(json.dumps({"schema": SCHEMA, "expectation": {"model_error": as_json(AUTHORS_ERROR)}}))
     assert known_error(LearningSetup(legs="wide-long"), own) == AUTHORS_ERROR
     own.write_text(json.dumps({"schema": SCHEMA}))
     with pytest.raises(ModelErrorFileError, match="expectation"):
@@ -76,4 +77,5 @@ def test_a_lab_learns_with_its_own_scatter(tmp_path: Path) -> None:
 def test_conditions_without_a_trigger_expect_nothing() -> None:
     rows = [{"trigger_rate": 0.0, "four_leg_rate": 0.0}, {"trigger_rate": 0.5, "four_leg_rate": 0.4}]
     expected = real_rate(rows, AUTHORS_ERROR, 0)
-    assert 0.0 < expected.interval[0] < expected.rate < expected.interval[1] < 0.25
+    low, high = expected.ci95
+    assert 0.0 < low < expected.four_leg_rate < high < 0.25

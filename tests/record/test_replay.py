@@ -10,6 +10,7 @@ import pytest
 from calibration.flights import open_flight
 from onboard.app_interface import LandingState
 from onboard.arrays import FloatArray
+from onboard.json_file import as_json
 from onboard.policy.files import load_policy, shipped_policy_path
 from onboard.policy.trigger import trigger_values
 from perchhw.record import RunRecorder
@@ -116,7 +117,7 @@ def test_only_what_the_drone_saw_in_its_approach_counts(tmp_path: Path) -> None:
 def test_nothing_evaluated_is_null_not_zero(tmp_path: Path) -> None:
     write(tmp_path / "run", states=[LandingState.IDLE] * len(CUES), snapshot=False)
     result = replay(tmp_path / "run")
-    document = result.to_json()
+    document = as_json(result)
     assert document["samples"] == 0
     assert document["trigger_value_max"] is None
     assert (document["fires_at"], document["a_rot_at_firing"]) == (None, None)

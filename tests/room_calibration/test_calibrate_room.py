@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from calibration.flights import open_flight
 from calibration.gap.data import prepare_flights
+from onboard.json_file import as_json
 from onboard.lab_file import LabFile
 from onboard.manoeuvres import manoeuvre
 from onboard.vehicle import load_vehicle
@@ -113,7 +114,7 @@ def test_its_flight_is_a_morning_check_as_well_and_feeds_the_gap_finder(
     record = Path(measured[0]["record"])
     setup = flight_setup(read_lab(room / "lab.toml"))
     check = examine_check(record, setup, tmp_path)
-    found = check.to_json()
+    found = as_json(check)
     assert found["off_file"] == ["motor_2", "gyro_bias_x"]
     lines = {line["what"]: line for line in found["lines"]}
     assert abs(lines["motor_2"]["measured"]["value"] - 1.0 / 0.86) < 0.01
@@ -124,7 +125,7 @@ def test_its_flight_is_a_morning_check_as_well_and_feeds_the_gap_finder(
     assert "-> exchange that propeller" in said
     assert "not as its vehicle file says: motor_2, gyro_bias_x" in said
     again = examine_check(record, setup, tmp_path)
-    assert (again.checks, again.to_json()["changed"]) == (1, [])
+    assert (again.checks, as_json(again)["changed"]) == (1, [])
 
     run_of = read_run(record)
     phases = [e["phase"] for e in run_of.events if e["event"] == "phase"]

@@ -20,6 +20,7 @@ from calibration.room.marker_body import (
 )
 from calibration.room.trigger_error import trigger_error
 from onboard.arrays import FloatArray
+from onboard.json_file import as_json
 
 STANDING = Standing(height=0.045, height_sigma=1.5e-3)
 DRAWS = 200
@@ -172,5 +173,5 @@ def test_touches_in_a_line_too_few_or_off_the_plane_are_refused() -> None:
 def test_centimetres_are_milliseconds_at_the_trigger() -> None:
     error = trigger_error(2.5, 90.0, ceiling_sigma=0.01, markers_sigma=0.0, latency_sigma=0.003)
     assert error.tau == pytest.approx(0.005)
-    assert error.to_json()["u95_ceiling_s"] == pytest.approx(1.96 * 0.004)
+    assert as_json(error)["u95_ceiling_s"] == pytest.approx(1.96 * 0.004)
     assert trigger_error(2.5, 30.0, 0.01, 0.0, 0.0).tau == pytest.approx(0.008)

@@ -9,6 +9,7 @@ from calibration.bench.motors.figures import constants_figure, sizes_figure, ste
 from calibration.bench.motors.files import read_tachometer
 from calibration.bench.motors.propellers import propeller
 from calibration.bench.motors.tachometer_result import TachometerResult
+from onboard.json_file import as_json
 
 HOVER = 0.0381 * 9.81 / 4.0
 
@@ -63,7 +64,7 @@ def test_the_papers_constants_follow(result: TachometerResult) -> None:
     assert result.tau_down is not None
     assert result.tau_up.value == pytest.approx(0.06, abs=0.006)
     assert result.tau_down.value == pytest.approx(0.15, abs=0.01)
-    content = result.to_json()
+    content = as_json(result)
     assert content["tau_up"]["u95"] > 0.08 * content["tau_up"]["value"]
     assert {finding["code"] for finding in content["findings"]} >= {
         "window_averaged",

@@ -11,6 +11,7 @@ from calibration.bench.motors.propellers import propeller
 from calibration.bench.motors.settling import first_order_constant, time_to_share
 from calibration.bench.motors.tachometer_result import TachometerResult
 from calibration.measurement import Estimate
+from onboard.json_file import as_json
 from tests.tachometer.rotor import Motor, Run, Sensor, edges, staircase, turn, windows
 
 HOVER = 0.0934
@@ -44,7 +45,7 @@ def check_times(result: TachometerResult, relative: float, absolute: float, moto
         down = time_to_share(end, start, motor.a_down, motor.b_down)
         assert abs(result.down.time_63(end, start).value - down) < max(relative * down, absolute)
     hover = PROPELLER.speed(HOVER)
-    told = result.to_json()["hover"]
+    told = as_json(result)["hover"]
     tau = [told[name]["value"] for name in ("tau_up", "tau_down")]
     expected = [
         1.0 / (motor.a_up + 2.0 * motor.b_up * hover),

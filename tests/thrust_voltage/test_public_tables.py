@@ -13,6 +13,7 @@ from calibration.bench.thrust.figures import curve_figure, validation_figure
 from calibration.bench.thrust.shape import firmware_inverse, inverse
 from calibration.bench.thrust.thrust_result import ThrustResult, flyable_map, imported_json
 from onboard.battery import thrust_from_voltage, voltage_from_thrust
+from onboard.json_file import as_json
 from onboard.vehicle.file_format import read_thrust_map
 from onboard.vehicle.model import ThrustMapDescription
 
@@ -47,7 +48,7 @@ def test_fits_are_those_of_the_notes(folder: Path, file: str, cubic: float, log:
     assert result.forms["two_region_log"].fit.rms == pytest.approx(log, abs=3e-3)
     assert result.forms["quadratic_through_zero"].fit.rms > result.forms["firmware_cubic"].fit.rms
     assert result.chosen == "firmware_cubic"
-    content = result.to_json()
+    content = as_json(result)
     assert content["chosen"] == "firmware_cubic"
     assert content["rms_gf"] == result.best.fit.rms
     assert all(content["forms"][name]["coefficients"]["break_thrust" if name != "firmware_cubic" else "c0"]

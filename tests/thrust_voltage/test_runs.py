@@ -22,6 +22,7 @@ from calibration.bench.thrust.shape import shape_problems
 from calibration.bench.thrust.units import Units
 from calibration.measurement import Severity
 from onboard.battery import duty_for_thrust
+from onboard.json_file import as_json
 from onboard.thrust_map import ThrustMap
 from tests.thrust_voltage.bench import CUBICS, GF, record, truth
 
@@ -206,7 +207,7 @@ def test_discharge_is_verified_and_saturation_reported() -> None:
     assert result.passed
     assert result.saturated_below == pytest.approx(3.35, abs=0.15)
     assert [finding.code for finding in result.findings] == ["saturated"]
-    assert result.to_json()["passed"]
+    assert as_json(result)["passed"]
     assert discharge_figure(run, result).axes
     off = verify(discharge(error=-0.08))
     assert not off.passed

@@ -17,6 +17,7 @@ from calibration.bench.procedures.calibration import (
 from calibration.bench.procedures.compare import compare_calibrations, compare_with_vehicle
 from calibration.bench.procedures.report import write_report
 from calibration.measurement import Contribution, Estimate, Finding, Severity
+from onboard.json_file import as_json
 from onboard.vehicle import load_vehicle, vehicle_to_toml
 
 VEHICLE = "crazyflie21-upgraded"
@@ -154,7 +155,7 @@ def test_where_no_uncertainty_is_known_nothing_agrees_and_nothing_is_written(tmp
     write_calibration(calibration(few), tmp_path)
     result = load_calibration(tmp_path)
     row, known = compare_calibrations(calibration(), result)[:2]
-    assert (row.normalised, row.contradicts, row.to_json()["comparable"]) == (None, False, False)
+    assert (row.normalised, row.contradicts, as_json(row)["comparable"]) == (None, False, False)
     assert "nobody can say" in row.verdict
     assert known.verdict == "they agree"
     page = write_report(tmp_path, result, {}, {"before": [row]}).read_text()

@@ -40,7 +40,7 @@ class Advice:
     speeds: tuple[float, ...]
     half_width: float
 
-    def to_json(self) -> dict[str, Any]:
+    def json_shape(self) -> dict[str, Any]:
         """As a JSON object."""
         rows = [{"speed_m_s": v, "height_m": fall_height(v), "drops": BATCH} for v in self.speeds]
         return {"next": rows, "expected_u95_m_s": self.half_width}

@@ -9,7 +9,6 @@ from calibration.bench.motors.propellers import PropellerMap
 from calibration.bench.motors.settling import PAPER_DOWN, PAPER_UP, STANDARD_STEPS, ThrustStep
 from calibration.measurement import Estimate, Finding, rejected
 from onboard.gravity import GRAM_FORCE
-from onboard.json_file import as_json
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +83,7 @@ class TachometerResult:
     def _standard(self, step: ThrustStep) -> Estimate | None:
         return next((one.first_order for one in self.standard if one.step == step), None)
 
-    def to_json(self) -> dict[str, Any]:
+    def json_shape(self) -> dict[str, Any]:
         """``{tau_up, tau_down, speed_law, hover, standard_steps, steps, alternatives, findings, ...}``."""
         directions = {"up": self.up, "down": self.down}
         document: dict[str, Any] = {
@@ -122,7 +121,7 @@ class TachometerResult:
             "findings": self.findings,
             "warnings": [finding.text for finding in self.findings],
         }
-        return {key: as_json(part) for key, part in document.items()}
+        return document
 
     def _hover(self) -> dict[str, Any]:
         speed = self.propeller.speed(self.hover_thrust)

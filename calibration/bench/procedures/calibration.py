@@ -46,7 +46,7 @@ class VehicleChange:
 
     @classmethod
     def from_document(cls, document: Mapping[str, Any]) -> Self:
-        """What :meth:`to_json` wrote."""
+        """What :meth:`json_shape` wrote."""
         thrust_map = document["thrust_map"]
         return cls(
             quantities=_estimates(document["quantities"]),
@@ -54,7 +54,7 @@ class VehicleChange:
             effects={name: _estimates(parameters) for name, parameters in document["effects"].items()},
         )
 
-    def to_json(self) -> dict[str, Any]:
+    def json_shape(self) -> dict[str, Any]:
         """``{quantities, thrust_map, effects}``, estimates with all that is needed to read them back."""
         form, coefficients = self.thrust_map or (None, {})
         return {
@@ -150,7 +150,7 @@ class Calibration:
             "schema": SCHEMA,
             "kind": self.kind,
             "made": self.made,
-            "vehicle": self.change.to_json(),
+            "vehicle": self.change.json_shape(),
             "budgets": {
                 key: [{"name": one.name, "share": one.share, "advice": one.advice} for one in lines]
                 for key, lines in self.budgets.items()

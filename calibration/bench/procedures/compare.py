@@ -38,12 +38,12 @@ class Comparison:
             return "nobody can say: an uncertainty is not known"
         return "they contradict each other" if self.contradicts else "they agree"
 
-    def to_json(self) -> dict[str, Any]:
+    def json_shape(self) -> dict[str, Any]:
         """By name; an E_n that is infinite (both exact) or that nobody knows is None."""
         return {
             "key": self.key,
-            "before": self.before.to_json(),
-            "now": self.now.to_json(),
+            "before": self.before,
+            "now": self.now,
             "en": None if self.normalised is None or math.isinf(self.normalised) else self.normalised,
             "contradicts": self.contradicts,
             "comparable": self.normalised is not None,

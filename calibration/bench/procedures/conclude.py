@@ -14,6 +14,7 @@ from calibration.bench.procedures.motors import MotorFits
 from calibration.bench.procedures.thrust import KIND as THRUST
 from calibration.bench.procedures.thrust import thrust_inputs
 from calibration.measurement import Contribution, Estimate
+from onboard.json_file import as_json
 from onboard.vehicle import EFFECTS
 
 if TYPE_CHECKING:
@@ -40,7 +41,7 @@ def inertia_calibration(fits: InertiaFits, made: str, provenance: Mapping[str, A
     details = {
         axis: {
             "method": "pendulum law fitted to the gyro, period at zero amplitude",
-            "period_s": result.period.to_json(),
+            "period_s": as_json(result.period),
             "trials_s": list(result.trials),
             "spread": _number(result.spread),
             "paper_formula_kg_m2": result.formula,
@@ -101,7 +102,7 @@ def motor_calibration(fits: MotorFits, made: str, provenance: Mapping[str, Any])
         findings=tuple(dict.fromkeys(fits.findings)),
         details={
             "supply_sag": fits.sag,
-            **{f"motor {motor}": one.to_json() for motor, one in fits.results.items()},
+            **{f"motor {motor}": as_json(one) for motor, one in fits.results.items()},
         },
         inputs={},
         provenance=provenance,
@@ -143,7 +144,7 @@ def thrust_calibration(
         change=VehicleChange(thrust_map=(thrust_map.form.name.lower(), coefficients)),
         budgets={},
         findings=tuple(dict.fromkeys(result.findings)),
-        details=result.to_json(),
+        details=as_json(result),
         curve=_curve(result),
         inputs=thrust_inputs(steps),
         provenance=provenance,
@@ -166,7 +167,7 @@ def capture_calibration(
         "spread_ci95": list(fit.spread_interval),
         "separated": fit.drops.separated,
         "misfit_probability": fit.misfit,
-        **next_drops(fit).to_json(),
+        **as_json(next_drops(fit)),
     }
     return Calibration(
         kind=CAPTURE,

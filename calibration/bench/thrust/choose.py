@@ -78,7 +78,7 @@ class FormReport:
         best, worst = sorted((self, other), key=lambda one: one.cross_validation)
         return worst.cross_validation <= best.cross_validation + best.cross_validation_error
 
-    def to_json(self) -> dict[str, Any]:
+    def json_shape(self) -> dict[str, Any]:
         """Figures in gf, coefficients in SI with uncertainties."""
         deviation = np.sqrt(np.diag(self.fit.covariance))
         correlation = self.fit.covariance / np.outer(deviation, deviation)
@@ -98,7 +98,7 @@ class FormReport:
             "durbin_watson": self.durbin_watson,
             "correlation": np.round(correlation, 4).tolist(),
             "usable": self.usable,
-            "problems": list(self.problems),
+            "problems": self.problems,
             "coefficients": None if self.map is None else map_json(self.map),
         }
 

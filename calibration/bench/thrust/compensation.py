@@ -14,7 +14,6 @@ from onboard.arrays import BoolArray, FloatArray
 from onboard.battery import thrust_from_voltage
 from onboard.csv_file import read_csv, write_csv
 from onboard.gravity import GRAM_FORCE
-from onboard.json_file import as_json
 from onboard.thrust_map import ThrustMap
 
 REPORTED_VOLTAGES = (3.2, 3.5, 3.8)
@@ -77,7 +76,7 @@ class Verification:
         """Whether all judged readings lie within 3 % or 0.15 gf."""
         return self.worst_share <= 1.0
 
-    def to_json(self) -> dict[str, Any]:
+    def json_shape(self) -> dict[str, Any]:
         """Figures for reports."""
         return {
             "passed": self.passed,
@@ -86,7 +85,7 @@ class Verification:
             "saturated_below_v": self.saturated_below,
             "worst_relative": self.worst_relative,
             "worst_gf": self.worst_gf,
-            "findings": as_json(self.findings),
+            "findings": self.findings,
         }
 
 

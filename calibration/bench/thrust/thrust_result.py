@@ -13,7 +13,6 @@ from calibration.measurement import Estimate, Finding, rejected
 from onboard.arrays import FloatArray
 from onboard.battery import voltage_from_thrust
 from onboard.gravity import GRAM_FORCE
-from onboard.json_file import as_json
 from onboard.vehicle.model import ThrustMapDescription
 
 
@@ -64,7 +63,7 @@ class ThrustResult:
             found[battery] = Estimate(most, "N", self.thrust_at(voltage_from_thrust(compiled, most)).sigma)
         return found
 
-    def to_json(self) -> dict[str, Any]:
+    def json_shape(self) -> dict[str, Any]:
         """``{forms, chosen, rms_gf, thrust_min, thrust_max, achievable, findings, ...}``."""
         highest = float(np.max(self.data.voltage))
         document: dict[str, Any] = {
@@ -83,7 +82,7 @@ class ThrustResult:
             "findings": self.findings,
             "warnings": [finding.text for finding in self.findings],
         }
-        return {key: as_json(part) for key, part in document.items()}
+        return document
 
 
 def flyable_map(result: ThrustResult, form: str | None = None) -> ThrustMapDescription:

@@ -16,9 +16,9 @@ class FoundParameter:
     ci95: Interval
     at_bound: bool = False
 
-    def to_json(self) -> dict[str, Any]:
+    def json_shape(self) -> dict[str, Any]:
         """As in the contract; `at_bound` where it is so."""
-        shown: dict[str, Any] = {"value": self.value, "unit": self.unit, "ci95": list(self.ci95)}
+        shown: dict[str, Any] = {"value": self.value, "unit": self.unit, "ci95": self.ci95}
         return {**shown, "at_bound": True} if self.at_bound else shown
 
 

@@ -105,17 +105,12 @@ class ErrorPair:
     open_loop: ByHorizon
     given_attitude: ByHorizon
 
-    def to_json(self) -> dict[str, Any]:
+    def json_shape(self) -> dict[str, Any]:
         """``{"horizons": {"0.5": {...}}, "given_attitude": {"0.5": {...}}}``."""
         return {
-            "horizons": horizons_json(self.open_loop),
-            "given_attitude": horizons_json(self.given_attitude),
+            "horizons": self.open_loop,
+            "given_attitude": self.given_attitude,
         }
-
-
-def horizons_json(errors: ByHorizon) -> dict[str, Any]:
-    """Errors under their horizon as text."""
-    return {str(horizon): value.to_json() for horizon, value in errors.items()}
 
 
 @dataclass(frozen=True)
@@ -211,31 +206,30 @@ class PredictionErrors:
             )
         return doubts
 
-    def to_json(self) -> dict[str, Any]:
+    def json_shape(self) -> dict[str, Any]:
         """The document of ``perchhw gap evaluate``."""
-        floor = self.floor
         return {
-            **self.overall.to_json(),
+            **self.overall.json_shape(),
             "flights": len(self.flights),
-            "floor": None if floor is None else floor.to_json(),
-            "with_torque_estimate": horizons_json(self.with_torque_estimate),
-            "by_channel": {str(horizon): values for horizon, values in self.by_channel().items()},
-            "by_phase": {phase: pair.to_json() for phase, pair in self.by_phase().items()},
+            "floor": self.floor,
+            "with_torque_estimate": self.with_torque_estimate,
+            "by_channel": self.by_channel(),
+            "by_phase": self.by_phase(),
             "by_flight": [
                 {
                     "flight": flight.record.name,
-                    "file": str(flight.record.source),
+                    "file": flight.record.source,
                     "shape": flight.record.shape,
-                    **pair.to_json(),
+                    **pair.json_shape(),
                     "thrust_ratio": flight.thrust_ratio,
-                    "nuisances": flight.nuisances.to_json() if self.calibrated_s else None,
+                    "nuisances": flight.nuisances if self.calibrated_s else None,
                 }
                 for flight, pair in zip(self.flights, self.by_flight(), strict=True)
             ],
             "calibrated_first_s": self.calibrated_s,
             "doubts": self.doubts(),
             "unpredicted": [
-                {"flight": item.record.name, "file": str(item.record.source), "reason": item.reason}
+                {"flight": item.record.name, "file": item.record.source, "reason": item.reason}
                 for item in self.unpredicted
             ],
         }

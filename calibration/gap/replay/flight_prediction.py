@@ -71,7 +71,7 @@ class HorizonErrors:
     windows: int
     diverged: int = 0
 
-    def to_json(self) -> dict[str, Any]:
+    def json_shape(self) -> dict[str, Any]:
         """The errors that there are, and the number of windows."""
         found = {name: getattr(self, name) for name in QUANTITIES if getattr(self, name) is not None}
         counts = {"windows": self.windows, **({"diverged": self.diverged} if self.diverged else {})}

@@ -71,13 +71,13 @@ class Nuisances:
             trims=self.trim(),
         )
 
-    def to_json(self) -> dict[str, Any]:
+    def json_shape(self) -> dict[str, Any]:
         """By name, SI."""
         return {
             "thrust_scale": self.thrust_scale,
-            "lean_rad": [self.lean_x, self.lean_y],
-            "angular_acceleration_rad_s2": list(self.angular_acceleration),
-            "accelerometer_bias_m_s2": list(self.accelerometer_bias),
+            "lean_rad": (self.lean_x, self.lean_y),
+            "angular_acceleration_rad_s2": self.angular_acceleration,
+            "accelerometer_bias_m_s2": self.accelerometer_bias,
             "at_bound": self.at_bound,
         }
 

@@ -65,11 +65,11 @@ class Gap:
     by_phase: Mapping[str, Levels] = field(default_factory=dict)
     by_quantity: Mapping[str, Levels] = field(default_factory=dict)
 
-    def to_json(self) -> dict[str, Any]:
+    def json_shape(self) -> dict[str, Any]:
         """As in the contract; the share of the removable gap that was closed stands beside it."""
-        parts = {name: as_json(part) for name, part in vars(self).items() if name.startswith("by_")}
+        parts = {name: part for name, part in vars(self).items() if name.startswith("by_")}
         closed = {"closed_share": self.overall.closed_share}
-        return {"metric": self.metric, **as_json(self.overall), **closed, **parts}
+        return {"metric": self.metric, **vars(self.overall), **closed, **parts}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,7 +186,7 @@ class GapReport:
         if not self.effects and self.verdict is GapVerdict.EFFECTS_FOUND:
             raise CalibrationError("a report with the verdict effects_found needs an effect")
 
-    def to_json(self) -> dict[str, Any]:
+    def json_shape(self) -> dict[str, Any]:
         """The document.
 
         Raises:
@@ -202,7 +202,7 @@ class GapReport:
 
     def text(self) -> str:
         """The document as text."""
-        return json.dumps(self.to_json(), indent=1, allow_nan=False) + "\n"
+        return json.dumps(as_json(self), indent=1, allow_nan=False) + "\n"
 
 
 def leaves(value: Any, place: str = "") -> list[tuple[str, Any]]:

@@ -30,6 +30,7 @@ from calibration.report_style import (
     table,
 )
 from onboard.arrays import FloatArray
+from onboard.json_file import as_json
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -103,7 +104,7 @@ def _search(found: OutcomeSearch) -> str:
         values = ", ".join(
             f"{name} {mean:.3g} &plusmn; {sigma:.2g}" for name, (mean, sigma, _) in fit.values.items()
         )
-        scores = [f"{value:.2f}" for value in (one.brier, one.brier_base, half.brier, half.brier_base)]
+        scores = [f"{value:.2f}" for value in (one.brier, one.brier_base, half.brier, half.brier_base_rate)]
         auc = "" if one.auc_four is None else f"{one.auc_four:.2f}"
         rows.append([fit.name, *scores, auc, values])
     header = ["open", "Brier, left one out", "base rate", "from halves", "base rate", "AUC of four", "values"]
@@ -166,8 +167,8 @@ def reliability_diagram(found: Score) -> "Figure":
     axes = figure.add_subplot()
     axes.plot([0, 1], [0, 1], "--", color=MUTED, lw=1)
     for one in found.reliability:
-        axes.plot([one.predicted] * 2, one.interval, color=BLUE, lw=1.2)
-        axes.plot(one.predicted, one.real, "o", color=BLUE, ms=3 + one.flights**0.5)
+        axes.plot([one.p_four] * 2, one.ci95, color=BLUE, lw=1.2)
+        axes.plot(one.p_four, one.real, "o", color=BLUE, ms=3 + one.flights**0.5)
     axes.set(
         xlim=(-0.02, 1.02), ylim=(-0.02, 1.02), xlabel="probability of four legs", ylabel="share that did"
     )
@@ -231,7 +232,7 @@ def _scores(found: Score) -> str:
             word,
             str(count.real),
             f"{count.expected:.1f}",
-            f"{count.interval[0]} to {count.interval[1]}{'' if count.inside else ': <b>outside</b>'}",
+            f"{count.interval80[0]} to {count.interval80[1]}{'' if count.inside else ': <b>outside</b>'}",
         ]
         for word, count in zip(_WORDS, found.counts, strict=True)
     ]
@@ -244,7 +245,7 @@ def _interval(interval: tuple[float, float] | None) -> str:
 
 def _flights(report: LandingReport) -> str:
     rows = []
-    for flight, real in zip(report.to_json()["flights"], report.real, strict=True):
+    for flight, real in zip(as_json(report)["flights"], report.real, strict=True):
         shares = [f"{flight[f'p_{name}']:.2f}" for name in (*CLASS_NAMES, "body_contact")]
         times = [_time(flight["contact_s"]), _time(flight["contact_measured_s"])]
         rows.append([escape(flight["name"]), "" if real is None else real.value, *shares, *times])

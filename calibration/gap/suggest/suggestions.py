@@ -91,10 +91,10 @@ class Suggestion:
     ranking: tuple[tuple[str, Separation], ...]
     advice: str | None
 
-    def to_json(self) -> dict[str, object]:
+    def json_shape(self) -> dict[str, object]:
         """By name."""
         return {
-            "effects": list(self.pair),
+            "effects": self.pair,
             "flight": self.flight,
             "times": self.times,
             "advice": self.advice,

@@ -20,6 +20,7 @@ from calibration.bench.procedures.sessions import (
     measure_thrust,
 )
 from calibration.bench.procedures.thrust import ThrustPlan
+from onboard.json_file import as_json
 from onboard.vehicle import Vehicle, load_vehicle
 from perchhw.errors import FlightStackError
 from perchhw.lab_process import SimulatedLab
@@ -102,7 +103,7 @@ def _thrust(believed: Vehicle) -> Wizard:
 def against_truth(true: Vehicle, runs: dict[str, str]) -> list[dict[str, Any]]:
     """Each measured quantity beside the truth: E_n above 1 would be a wrong interval."""
     return [
-        row.to_json()
+        as_json(row)
         for run in runs.values()
         for row in compare_with_vehicle(true, load_calibration(Path(run)))
     ]

@@ -30,27 +30,17 @@ class BenchWalkthrough:
 
     Attributes:
         measured: what the bench said beside the truth, a row a quantity.
-        tracking: RMS distance (m) from the course by kind of flight, ``before`` and ``after``.
-        landings: campaigns ``before`` and ``after``.
+        tracking_m: RMS distance (m) from the course by kind of flight, ``before`` and ``after``.
+        landings_in_the_lab: campaigns ``before`` and ``after``.
         vehicle: the calibrated file.
         folder: of everything.
     """
 
     measured: list[dict[str, Any]]
-    tracking: dict[str, dict[str, float]]
-    landings: dict[str, dict[str, Any]]
+    tracking_m: dict[str, dict[str, float]]
+    landings_in_the_lab: dict[str, dict[str, Any]]
     vehicle: str
     folder: Path
-
-    def to_json(self) -> dict[str, Any]:
-        """By name."""
-        return {
-            "measured": self.measured,
-            "tracking_m": self.tracking,
-            "landings_in_the_lab": self.landings,
-            "vehicle": self.vehicle,
-            "folder": str(self.folder),
-        }
 
 
 def run_bench_walkthrough(
@@ -79,12 +69,12 @@ def run_bench_walkthrough(
     again = step(out / "4-after", lambda folder: _fly(folder, after, learned["policy"]))
     result = BenchWalkthrough(
         measured=against_truth(true_vehicle(), bench["runs"]),
-        tracking={"before": flown["tracking"], "after": again["tracking"]},
-        landings={"before": flown["landings"], "after": again["landings"]},
+        tracking_m={"before": flown["tracking"], "after": again["tracking"]},
+        landings_in_the_lab={"before": flown["landings"], "after": again["landings"]},
         vehicle=bench["vehicle"],
         folder=out,
     )
-    write_json_atomically(out / SUMMARY_FILE, result.to_json())
+    write_json_atomically(out / SUMMARY_FILE, result)
     return result
 
 

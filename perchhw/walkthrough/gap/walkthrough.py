@@ -29,27 +29,18 @@ class Walkthrough:
     """What came of it.
 
     Attributes:
-        rates: landing rates by rollouts: the shipped policy on the ``believed`` and the ``hidden`` vehicle,
+        hidden: the truth: parameters by effect. found: what the gap finder named.
+        landing_rates: by rollouts: the shipped policy on the ``believed`` and the ``hidden`` vehicle,
             the ``relearned`` one on the hidden vehicle.
-        landings: in the lab on the hidden vehicle, ``before`` and ``after`` learning anew.
-        identified: what the gap finder named.
+        landings_in_the_lab: on the hidden vehicle, ``before`` and ``after`` learning anew.
         folder: of everything.
     """
 
-    rates: dict[str, dict[str, dict[str, float]]]
-    landings: dict[str, dict[str, Any]]
-    identified: dict[str, Any]
+    hidden: dict[str, dict[str, float]]
+    found: dict[str, Any]
+    landing_rates: dict[str, dict[str, dict[str, float]]]
+    landings_in_the_lab: dict[str, dict[str, Any]]
     folder: Path
-
-    def to_json(self) -> dict[str, Any]:
-        """By name, with the hidden truth beside what was found."""
-        return {
-            "hidden": {name: dict(values) for name, values in HIDDEN.items()},
-            "found": self.identified,
-            "landing_rates": self.rates,
-            "landings_in_the_lab": self.landings,
-            "folder": str(self.folder),
-        }
 
 
 def run_walkthrough(out: Path, seed: int, say: Callable[[str], None] = lambda text: None) -> Walkthrough:
@@ -93,10 +84,11 @@ def run_walkthrough(out: Path, seed: int, say: Callable[[str], None] = lambda te
     after = step(out / "6-after", lambda folder: {"hidden": landing_rates(relearned, str(hidden), seed)})
     again = step(out / "7-landings", landings_with(learned["policy"]))
     result = Walkthrough(
-        rates={**before, "relearned": after["hidden"]},
-        landings={"before": landings, "after": again},
-        identified=found,
+        hidden={name: dict(values) for name, values in HIDDEN.items()},
+        found=found,
+        landing_rates={**before, "relearned": after["hidden"]},
+        landings_in_the_lab={"before": landings, "after": again},
         folder=out,
     )
-    write_json_atomically(out / SUMMARY_FILE, result.to_json())
+    write_json_atomically(out / SUMMARY_FILE, result)
     return result

@@ -21,7 +21,6 @@ from calibration.gap.landings.outcomes.vehicles import bare_parameters, filed_po
 from calibration.gap.landings.outcomes.verdict import in_words, judge_outcomes
 from onboard.arrays import FloatArray, IntArray
 from onboard.errors import InputError
-from onboard.json_file import as_json
 from onboard.outcome import Outcome
 from onboard.vehicle import Vehicle
 
@@ -81,29 +80,29 @@ class LandingReport:
         """The verdict for people, a sentence a line."""
         return in_words(self.verdict, self.score, self.search)
 
-    def to_json(self) -> dict[str, Any]:
+    def json_shape(self) -> dict[str, Any]:
         """The document ``perchhw.gap_landings/1``."""
         return {
             "schema": SCHEMA,
-            "verdict": self.verdict.value,
-            "says": list(self.words),
+            "verdict": self.verdict,
+            "says": self.words,
             "vehicle": self.vehicle,
             "seed": self.seed,
             "draws": self.forecast.draws,
             "flights": [self._flight(index) for index in range(len(self.real))],
-            "score": as_json(self.score),
-            "expectation": as_json(self.expectation),
-            "dispersion": as_json(self.dispersion),
-            "launch": as_json(self.launch),
+            "score": self.score,
+            "expectation": self.expectation,
+            "dispersion": self.dispersion,
+            "launch": self.launch,
             "flip": {
                 "pitch_rate_rms_rad_s": _rms(self.prepared.rate_error),
                 "pitch_slope": _mean(self.prepared.slopes.pitch),
                 "roll_per_pitch": _mean(self.prepared.slopes.roll),
                 "roll_rate_rms_rad_s": _rms(self.prepared.roll_error[:, 0]),
                 "roll_rate_rms_with_it_rad_s": _rms(self.prepared.roll_error[:, 1]),
-                "roll": as_json(self.prepared.roll),
+                "roll": self.prepared.roll,
             },
-            **({"effects": None} if self.search is None else self.search.to_json()),
+            **({"effects": None} if self.search is None else self.search.json_shape()),
             "unusable": [{"file": item.name, "reason": item.reason} for item in self.unused],
         }
 

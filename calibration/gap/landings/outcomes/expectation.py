@@ -61,7 +61,7 @@ class ModelError:
         drawn = rng.multivariate_normal(self.mean, covariance, _SAMPLES)
         return np.maximum(drawn, (-np.inf, 0.0))
 
-    def to_json(self) -> dict[str, Any]:
+    def json_shape(self) -> dict[str, Any]:
         """As a JSON object."""
         return {
             "offset": {"value": self.mean[0], "sigma": self.sigma[0]},
@@ -98,22 +98,14 @@ class Expectation:
     """What is to be expected of flights.
 
     Attributes:
-        rate: real share on four legs, mean. interval: 95 % of it.
-        count: LEVEL interval of how many of :data:`NEXT` such flights.
+        four_leg_rate: real share, mean. ci95: of it.
+        four_leg_count80: LEVEL interval of how many of `next_flights` such flights.
     """
 
-    rate: float
-    interval: Interval
-    count: tuple[int, int]
-
-    def to_json(self) -> dict[str, Any]:
-        """As a JSON object."""
-        return {
-            "four_leg_rate": self.rate,
-            "ci95": list(self.interval),
-            "next_flights": NEXT,
-            "four_leg_count80": list(self.count),
-        }
+    four_leg_rate: float
+    ci95: Interval
+    next_flights: int
+    four_leg_count80: tuple[int, int]
 
 
 @dataclass(frozen=True)
@@ -134,19 +126,19 @@ class JudgedExpectation:
     @property
     def words(self) -> str:
         """For people."""
-        (low, high), (least, most) = self.expected.interval, self.expected.count
+        (low, high), (least, most) = self.expected.ci95, self.expected.four_leg_count80
         return (
             f"to be expected of {NEXT} more flights like these: {least} to {most} on four legs (80 %), a "
-            f"rate of {self.expected.rate:.2f} ({low:.2f} to {high:.2f}); such intervals held the counts of "
-            f"left-out flights in {self.coverage:.0%}, those of the simulated rates alone in "
+            f"rate of {self.expected.four_leg_rate:.2f} ({low:.2f} to {high:.2f}); such intervals held the "
+            f"counts of left-out flights in {self.coverage:.0%}, those of the simulated rates alone in "
             f"{self.uncorrected:.0%}"
         )
 
-    def to_json(self) -> dict[str, Any]:
+    def json_shape(self) -> dict[str, Any]:
         """``expectation`` of the document ``perchhw.gap_landings/1``."""
         return {
-            **self.expected.to_json(),
-            "model_error": self.error.to_json(),
+            **vars(self.expected),
+            "model_error": self.error,
             "coverage80": self.coverage,
             "coverage80_of_simulated_rates": self.uncorrected,
         }
@@ -193,7 +185,7 @@ def expect(
     """
     rates = _rates(error, simulated, rng) * (1.0 if triggers is None else triggers)
     mean = rates.mean(axis=1)
-    return Expectation(float(mean.mean()), interval_of(mean), _count(rng.binomial(NEXT, mean)))
+    return Expectation(float(mean.mean()), interval_of(mean), NEXT, _count(rng.binomial(NEXT, mean)))
 
 
 def coverage(simulated: FloatArray, real: BoolArray, rng: np.random.Generator) -> tuple[float, float]:

@@ -17,7 +17,6 @@ import numpy as np
 from calibration.gap.landings.outcomes.starts import TriggerStart
 from calibration.gap.landings.segments import commanded_thrusts
 from onboard.arrays import FloatArray
-from onboard.json_file import as_json
 from onboard.vehicle import Vehicle
 
 LEAST_FLIPS = 5
@@ -76,13 +75,13 @@ class RollEvidence:
         """Candidates that nothing refutes."""
         return tuple(cause.name for cause in self.causes if not cause.refuted_by)
 
-    def to_json(self) -> dict[str, Any]:
+    def json_shape(self) -> dict[str, Any]:
         """As a JSON object."""
         return {
             "flips": self.flips,
             "measured": {name: {"value": v, "standard_error": s} for name, (v, s) in self.measured.items()},
-            "causes": as_json(self.causes),
-            "not_refuted": list(self.left),
+            "causes": self.causes,
+            "not_refuted": self.left,
         }
 
 

@@ -26,14 +26,14 @@ class Bin:
     """Flights of similar probability of four legs.
 
     Attributes:
-        flights: how many. predicted: their mean probability. real: share that landed on four.
-        interval: 95 % interval (Wilson) of that share.
+        flights: how many. p_four: their mean probability. real: share that landed on four.
+        ci95: interval (Wilson) of that share.
     """
 
     flights: int
-    predicted: float
+    p_four: float
     real: float
-    interval: Interval
+    ci95: Interval
 
 
 @dataclass(frozen=True)
@@ -42,17 +42,17 @@ class Count:
 
     Attributes:
         real: flights. expected: by the model.
-        interval: 80 % interval of the number that the model predicts (Poisson binomial).
+        interval80: of the number that the model predicts (Poisson binomial).
     """
 
     real: int
     expected: float
-    interval: tuple[int, int]
+    interval80: tuple[int, int]
 
     @property
     def inside(self) -> bool:
         """Whether the real number is one that the model expects."""
-        return self.interval[0] <= self.real <= self.interval[1]
+        return self.interval80[0] <= self.real <= self.interval80[1]
 
 
 @dataclass(frozen=True)
@@ -84,35 +84,29 @@ class Score:
     counts: tuple[Count, Count, Count]
     reliability: tuple[Bin, ...]
 
-    def to_json(self) -> dict[str, Any]:
+    def json_shape(self) -> dict[str, Any]:
         """The ``score`` of the document ``perchhw.gap_landings/1``."""
         four, two, none = self.counts
         return {
             "flights": self.flights,
             "brier": self.brier,
-            "brier_ci95": list(self.brier_interval),
+            "brier_ci95": self.brier_interval,
             "brier_base_rate": self.brier_base,
             "brier_base_rate_in_sample": self.brier_base_in_sample,
             "brier_gain": self.gain,
-            "brier_gain_ci95": list(self.gain_interval),
+            "brier_gain_ci95": self.gain_interval,
             "log_score": self.log,
             "log_score_base_rate": self.log_base,
             "auc_four": self.auc_four,
-            "auc_four_ci95": None if self.auc_interval is None else list(self.auc_interval),
+            "auc_four_ci95": self.auc_interval,
             "four_leg_share_real": four.real / self.flights,
             "four_leg_share_model": four.expected / self.flights,
             "two_leg_share_real": two.real / self.flights,
             "two_leg_share_model": two.expected / self.flights,
             "none_share_real": none.real / self.flights,
             "none_share_model": none.expected / self.flights,
-            "counts": {
-                name: {"real": count.real, "expected": count.expected, "interval80": list(count.interval)}
-                for name, count in zip(("four", "two", "none"), self.counts, strict=True)
-            },
-            "reliability": [
-                {"flights": b.flights, "p_four": b.predicted, "real": b.real, "ci95": list(b.interval)}
-                for b in self.reliability
-            ],
+            "counts": dict(zip(("four", "two", "none"), self.counts, strict=True)),
+            "reliability": self.reliability,
         }
 
 

@@ -96,30 +96,19 @@ class HalfScore:
     """Flights predicted from a half that they are not in, with the base rate of that half beside it.
 
     Attributes:
-        brier, brier_base: mean over flights and splits.
-        gain: their difference. gain_interval: 95 %, flights drawn again.
+        brier, brier_base_rate: mean over flights and splits.
+        brier_gain: their difference. brier_gain_ci95: 95 %, flights drawn again.
         auc_four: mean over splits; None where a split has no such flights.
-        inside: share of the halves whose numbers of four, two, none lie in the 80 % interval that the other
+        inside80: share of the halves whose numbers of four, two, none lie in the 80 % interval that the other
             half predicts of them.
     """
 
     brier: float
-    brier_base: float
-    gain: float
-    gain_interval: Interval
+    brier_base_rate: float
+    brier_gain: float
+    brier_gain_ci95: Interval
     auc_four: float | None
-    inside: tuple[float, float, float]
-
-    def to_json(self) -> dict[str, Any]:
-        """As a JSON object."""
-        return {
-            "brier": self.brier,
-            "brier_base_rate": self.brier_base,
-            "brier_gain": self.gain,
-            "brier_gain_ci95": list(self.gain_interval),
-            "auc_four": self.auc_four,
-            "inside80": dict(zip(CLASS_NAMES, self.inside, strict=True)),
-        }
+    inside80: dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -145,14 +134,14 @@ class ModelFit:
         """In words."""
         return ", ".join(self.groups) or "as filed"
 
-    def to_json(self) -> dict[str, Any]:
+    def json_shape(self) -> dict[str, Any]:
         """As a JSON object."""
         return {
             "model": self.name,
-            "left_one_out": self.left_one_out.to_json(),
-            "halves": self.halves.to_json(),
+            "left_one_out": self.left_one_out,
+            "halves": self.halves,
             "values": {
-                name: {"value": mean, "sigma": sigma, "unit": UNITS[name], "ci95": list(interval)}
+                name: {"value": mean, "sigma": sigma, "unit": UNITS[name], "ci95": interval}
                 for name, (mean, sigma, interval) in self.values.items()
             },
         }
@@ -193,7 +182,7 @@ class OutcomeSearch:
         """Mean, standard deviation, 95 % interval by the best model; as filed where that leaves it shut."""
         return self.best.values.get(coordinate, (getattr(self.filed, coordinate), 0.0, (0.0, 0.0)))
 
-    def to_json(self) -> dict[str, Any]:
+    def json_shape(self) -> dict[str, Any]:
         """``effects`` and ``search`` of the document."""
         effects: dict[str, dict[str, Any]] = {}
         for group in self.named:
@@ -216,19 +205,19 @@ class OutcomeSearch:
                     "value": mean,
                     "unit": UNITS[coordinate],
                     "sigma": sigma,
-                    "ci95": list(between),
+                    "ci95": between,
                 }
         return {
             "effects": list(effects.values()),
             "search": {
                 "best": self.best.name,
-                "models": [fit.to_json() for fit in self.fits],
+                "models": self.fits,
                 "gains": {
-                    group: {"brier": gain, "ci95": list(interval), "without_best_flight": self.spared[group]}
+                    group: {"brier": gain, "ci95": interval, "without_best_flight": self.spared[group]}
                     for group, (gain, interval) in self.gains.items()
                 },
                 "laws": {
-                    law: {"brier": change, "ci95": list(interval)}
+                    law: {"brier": change, "ci95": interval}
                     for law, (change, interval) in self.behind.items()
                 },
             },
@@ -318,8 +307,7 @@ def _halves(table: FloatArray, logs: FloatArray, real: IntArray, rng: np.random.
     gain, interval = _mean_of(change, rng.integers(0, real.size, (REPLICATES, real.size)))
     known = [area for area in areas if area is not None]
     auc = float(np.mean(known)) if known else None
-    four, two, none = (float(share) for share in np.mean(inside, axis=0))
-    held = (four, two, none)
+    held = {name: float(share) for name, share in zip(CLASS_NAMES, np.mean(inside, axis=0), strict=True)}
     return HalfScore(float(own.mean()), float(base.mean()), gain, interval, auc, held)
 
 
