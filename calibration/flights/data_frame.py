@@ -8,14 +8,14 @@ import numpy as np
 from calibration.flights.flight import CHANNELS
 from calibration.flights.perchhw_run import flight_from_run
 from calibration.flights.resample import resample
-from calibration.flights.run_folder import RunFolderError, RunRecord
+from onboard.record.run_record import RunFolderError, RunRecord
 
 if TYPE_CHECKING:
     import pandas
 
 
 def data_frame(run: RunRecord, rate_hz: float | None) -> "pandas.DataFrame":
-    """As :meth:`RunRecord.to_pandas`."""
+    """As :meth:`perchhw.record.run.Run.to_pandas`."""
     if importlib.util.find_spec("pandas") is None:
         raise RunFolderError(f"{run.folder}: a table of pandas needs pandas: pip install 'perchhw[parquet]'")
     import pandas

@@ -11,11 +11,11 @@ from calibration.flights.flight import Flight, FlightFileError, UnusableFlightEr
 from calibration.flights.habas import is_habas, load_habas
 from calibration.flights.nanobench import is_nanobench, load_nanobench
 from calibration.flights.perchhw_run import load_run
-from calibration.flights.run_folder import is_run_folder
 from calibration.flights.table import is_table, load_table
 from calibration.flights.usd import is_usd, load_usd
 from onboard.csv_file import read_header
 from onboard.errors import InputError
+from onboard.record.run_record import is_run_folder
 
 
 @dataclass(frozen=True)

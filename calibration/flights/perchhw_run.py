@@ -17,9 +17,9 @@ from calibration.flights.flight import (
     UnusableFlightError,
     finite_masks,
 )
-from calibration.flights.run_folder import RunRecord, Series, read_run
 from onboard.app_interface import LandingState
 from onboard.arrays import FloatArray
+from onboard.record.run_record import RunRecord, Series
 
 _TOPIC_CHANNELS: dict[str, dict[str, str]] = {
     "pose": {name: name for name in POSE_CHANNELS},
@@ -54,7 +54,7 @@ def load_run(path: Path) -> Flight:
         RunFolderError: broken.
         UnusableFlightError: no message in it.
     """
-    return flight_from_run(read_run(path))
+    return flight_from_run(RunRecord.read(path))
 
 
 def flight_from_run(run: RunRecord) -> Flight:

@@ -7,13 +7,8 @@ is lost; who opens it again hears it from the beginning.
 
 import json
 import math
-import struct
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
-
-from mcap.exceptions import McapError
-from mcap.reader import McapReader, NonSeekingReader
 
 from mocap_bridge.errors import MocapUriError, PoseTimeout, SourceLost, SourceUnusable
 from mocap_bridge.pose import PoseSample, SourceStatistics
@@ -21,10 +16,11 @@ from mocap_bridge.rotation import continuous
 from mocap_bridge.uri import MocapUri
 from onboard.arrays import Quaternion
 from onboard.closing import Closing
+from onboard.record.run_record import RUN_FILE, SERIES_FILE
+from onboard.record.series_file import RunFolderError, read_series
 from onboard.schema import RUN_SCHEMA, schema_problem
 from onboard.timebase import Timebase
 
-RUN_FILE, SERIES_FILE = "run.json", "series.mcap"
 TOPIC = "pose"
 _COORDINATES = ("x", "y", "z", "qx", "qy", "qz", "qw")
 
@@ -34,7 +30,7 @@ def open_recording(uri: MocapUri, clock: Timebase) -> "RecordedPoseStream":
 
     Raises:
         MocapUriError: there is no such file, or it is part of a record of another version.
-        SourceUnusable: it holds no poses.
+        SourceUnusable: it holds no poses, or is damaged elsewhere than at its end.
     """
     path = Path(uri.path)
     file = path / SERIES_FILE if path.is_dir() else path
@@ -61,28 +57,19 @@ class RecordedPoseStream(Closing):
     """A recording that is played (a ``PoseStream``); the first pose comes at once."""
 
     def __init__(self, file: Path, uri: MocapUri, clock: Timebase) -> None:
-        self._uri, self._file, self._clock = uri, file, clock
+        self._uri, self._clock = uri, clock
         self._pause = clock.event()
-        self._stream = file.open("rb")
-        self._messages = self._read_messages(NonSeekingReader(self._stream))
         self._frames = 0
         self._last: Quaternion | None = None
-        first = next(self._messages, None)
-        if first is None:
-            self._stream.close()
-            raise SourceUnusable(f"{uri}: {file} has no poses")
-        self._next: tuple[float, dict[str, Any]] | None = first
-        self._shift = clock() - first[0]
-
-    def _read_messages(self, reader: McapReader) -> Iterator[tuple[float, dict[str, Any]]]:
-        """Receipt times (s of the recorded clock) and poses, up to where the record is whole."""
         try:
-            for _, channel, message in reader.iter_messages(topics=[TOPIC], log_time_order=False):
-                if channel.message_encoding != "json":
-                    raise SourceUnusable(f"{self._uri}: {self._file} is no record of perchhw")
-                yield 1e-9 * message.log_time, json.loads(message.data)
-        except (McapError, ValueError, EOFError, struct.error):
-            return
+            series, _ = read_series(file, TOPIC)
+        except (RunFolderError, OSError) as error:
+            raise SourceUnusable(f"{uri}: {error}") from error
+        if TOPIC not in series:
+            raise SourceUnusable(f"{uri}: {file} has no poses")
+        self._poses = zip(series[TOPIC].t.tolist(), series[TOPIC].messages, strict=True)
+        self._next: tuple[float, dict[str, Any]] | None = next(self._poses)
+        self._shift = clock() - self._next[0]
 
     def read(self, timeout_s: float) -> PoseSample:
         """The next pose, when its time has come; see :meth:`PoseStream.read`."""
@@ -95,7 +82,7 @@ class RecordedPoseStream(Closing):
             raise PoseTimeout(f"{self._uri}: no pose within {timeout_s:.3g} s")
         if remaining > 0.0:
             self._pause.wait(remaining)
-        self._next = next(self._messages, None)
+        self._next = next(self._poses, None)
         return self._sample(t, pose)
 
     def _sample(self, t: float, pose: dict[str, Any]) -> PoseSample:
@@ -125,5 +112,4 @@ class RecordedPoseStream(Closing):
         return SourceStatistics(self._frames, (), None, None, 0)
 
     def close(self) -> None:
-        """Close the file."""
-        self._stream.close()
+        """Nothing is kept open: the poses were read when it was opened."""

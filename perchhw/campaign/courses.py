@@ -17,6 +17,7 @@ from onboard.lab_file import LabFile
 from onboard.link import check_drone_uri
 from onboard.manoeuvres import MANOEUVRES
 from onboard.outcome import Outcome
+from onboard.record.folder import make_folder, new_run_folder
 from onboard.toml_file import read_toml
 from onboard.vehicle import load_vehicle
 from perchhw.campaign.file_table import SCHEMA, CampaignFileError, FileTable, check_names, room_of, setup_of
@@ -25,7 +26,6 @@ from perchhw.campaign.tries import Try, TryStore, kept_in
 from perchhw.flight.course import FLOWN, CourseRequest, CourseResult, fly_course
 from perchhw.flight.turnaround import Turnaround
 from perchhw.lab import FlightSetup
-from perchhw.record.folder import make_folder, new_run_folder
 
 ON_THE_MARK = "Put the drone upright on its start mark facing +x, with a charged battery"
 

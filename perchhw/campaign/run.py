@@ -7,6 +7,8 @@ from pathlib import Path
 
 from onboard.errors import InputError, PerchhwError, SafetyStop
 from onboard.link.errors import DroneStopped
+from onboard.record.folder import make_folder, new_run_folder
+from onboard.record.recorder import DiskNearlyFull
 from perchhw.attempt import AttemptRequest, AttemptResult, AttemptRunner, Outcome, WarmUpAborted
 from perchhw.campaign.aborts import AbortCount
 from perchhw.campaign.adaptive import AdaptiveOrder
@@ -17,8 +19,6 @@ from perchhw.campaign.turns import Turns
 from perchhw.diagnosis.reasons import abort_kind
 from perchhw.diagnosis.rules import AbortKind
 from perchhw.errors import FlightStackError
-from perchhw.record.folder import make_folder, new_run_folder
-from perchhw.record.recorder import DiskNearlyFull
 
 LOCK_FILE = "campaign.lock"
 ATTEMPTS = "attempts"

@@ -5,12 +5,12 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-from calibration.flights.run_folder import RunFolderError, is_run_folder, read_info
 from mocap_bridge.uri import parse_mocap_uri
 from onboard.errors import InputError
 from onboard.lab_file import LabFile, split_subject
 from onboard.link import check_drone_uri
 from onboard.link.exclusive import hold
+from onboard.record.run_record import RunFolderError, is_run_folder, read_info
 from perchhw.campaign.file_table import FileTable, setup_of
 from perchhw.lab import FlightSetup, SetupError, flight_setup
 

@@ -14,12 +14,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Generic, Protocol, Self, TypeVar
 
-from calibration.flights.run_folder import RunFolderError, is_run_folder, read_info
-from onboard.errors import InputError
+from onboard.errors import InputError, PerchhwError
 from onboard.outcome import Outcome
+from onboard.record.folder import discard_if_empty, utc_now
+from onboard.record.run_record import RunFolderError, is_run_folder, read_info
 from perchhw.errors import FlightStackError
 from perchhw.flight.explain import explain
-from perchhw.record.folder import discard_if_empty, utc_now
 
 DATABASE = "campaign.db"
 
@@ -175,7 +175,7 @@ class TryStore(Generic[Row]):
                 for row in store.rows():
                     if row.state == "done" and row.outcome == Outcome.ABORTED:
                         store._interrupt(row)
-        except FlightStackError:
+        except PerchhwError:
             store.close()
             raise
         return store

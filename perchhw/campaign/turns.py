@@ -8,10 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibration.flights.run_folder import RunFolderError, is_run_folder, read_info, read_run
+from onboard.record.run_record import RunFolderError, is_run_folder, read_info
 from perchhw.attempt import AttemptRequest
 from perchhw.campaign.packs import PackModel
 from perchhw.campaign.plan import CampaignPlan, Slot
+from perchhw.record.run import read_run
 
 _RECOVERY = 1.0
 """s after the motors' last command: propellers coast, and the voltage comes back as they slow down."""

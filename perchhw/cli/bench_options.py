@@ -129,7 +129,7 @@ def needed(value: str | None, flag: str, what: str) -> str:
 
 def new_or_given(out: Path | None, kind: str) -> Path:
     """The folder of the run: as given, or a new one under ``runs``."""
-    from perchhw.record.folder import make_folder, new_run_folder
+    from onboard.record.folder import make_folder, new_run_folder
 
     folder = new_run_folder(Path("runs"), f"calibrate-{kind}") if out is None else out
     make_folder(folder)

@@ -55,6 +55,7 @@ def run(
     from dataclasses import replace
 
     from onboard.link.errors import DroneStopped
+    from onboard.record.folder import slug
     from perchhw.campaign import CampaignStopped, check_approaches, flyable_part, load_plan
     from perchhw.campaign.courses import has_flights, load_flight_plan
     from perchhw.campaign.plan import Slot
@@ -64,7 +65,6 @@ def run(
     from perchhw.flight.fit import check_fit
     from perchhw.flight.ground_station import ground_station
     from perchhw.lab import find_lab
-    from perchhw.record.folder import slug
     from perchhw.report import write_campaign_report
     from perchhw.screen.flight_display import flight_display
 
@@ -116,9 +116,9 @@ def _fly_courses(
 ) -> int:
     """Fly a campaign of test flights."""
     from onboard.link.exclusive import hold
+    from onboard.record.folder import slug
     from perchhw.cli.displayed_campaign import fly_courses_displayed
     from perchhw.flight.ground_station import ground_station
-    from perchhw.record.folder import slug
     from perchhw.screen.flight_display import flight_display
 
     folder = out or Path("runs") / f"campaign-{slug(plan.name)}"

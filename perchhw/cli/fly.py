@@ -60,13 +60,13 @@ def fly(
     from dataclasses import replace
 
     from onboard.link.exclusive import hold
+    from onboard.record.recorder import require_space
     from perchhw.cli.prompts import confirmation
     from perchhw.flight import check_attempt, fly_attempt
     from perchhw.flight.ground_station import Listeners, ground_station
     from perchhw.flight.turnaround import Turnaround
     from perchhw.lab import find_lab, flight_setup
     from perchhw.record import discard_if_empty
-    from perchhw.record.recorder import require_space
     from perchhw.report.run_report import report_flight
     from perchhw.screen.flight_display import flight_display
 

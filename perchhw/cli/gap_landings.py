@@ -101,8 +101,8 @@ def _write(report: "LandingReport", vehicle: "Vehicle", folder: Path) -> Path:
     from calibration.gap.landings.outcomes.verdict import improved_vehicle
     from calibration.gap.report.improved_vehicle import write_vehicle
     from calibration.gap.report.landings_page import landings_page
+    from onboard.record.folder import OutputFolderError
     from onboard.room import RoomGeometry
-    from perchhw.record.folder import OutputFolderError
     from sim_backend.physics.parameters import physics_parameters
 
     page = landings_page(report, physics_parameters(vehicle, RoomGeometry()))

@@ -88,7 +88,7 @@ def _beside(report: Path) -> str:
 
 
 def _write(path: Path, text: str) -> None:
-    from perchhw.record.folder import OutputFolderError
+    from onboard.record.folder import OutputFolderError
 
     try:
         path.write_text(text, encoding="utf-8")

@@ -61,8 +61,8 @@ def export(
     rate: Annotated[float, typer.Option(help="Rate of resampled.*, all channels on one clock, Hz.")] = 100.0,
 ) -> int:
     """Write a run for other tools: one file per topic and flight.* with all channels, or one MCAP file."""
-    from calibration.flights.run_folder import read_run
     from perchhw.record.export import ExportError, ExportFormat, export_run
+    from perchhw.record.run import read_run
 
     if to not in tuple(ExportFormat):
         raise ExportError(f"--to {to}: not a known format; use {', '.join(ExportFormat)}")
@@ -127,7 +127,7 @@ def _with_file(unusable: dict[str, str]) -> str:
 
 
 def _vehicle_of(flight: "Flight", vehicle: str | None, legs: str | None) -> "Vehicle":
-    from calibration.flights.run_folder import read_info
+    from onboard.record.run_record import read_info
     from onboard.vehicle import load_vehicle
 
     if vehicle is None and flight.format == "perchhw":
@@ -171,7 +171,7 @@ def _in_words(evidence: dict[str, Any]) -> str:
 @app.command()
 def report(run: _RunFolder) -> int:
     """Write report.html of one flight into its folder, and say what happened, why, and what to do next."""
-    from calibration.flights.run_folder import read_run
+    from perchhw.record.run import read_run
     from perchhw.report.run_report import REPORT_FILE, write_run_page
 
     record = read_run(run)

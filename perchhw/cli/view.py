@@ -46,7 +46,7 @@ def view(
     A run that is being flown is followed as its record grows; drone and flight do not notice. Everything is
     served on 127.0.0.1 only.
     """
-    from calibration.flights.growing_run import GrowingRun
+    from onboard.record.growing_run import GrowingRun
     from perchhw.view.errors import ViewError, require_rerun
     from perchhw.view.show import Show, newest_run, write_rrd
     from perchhw.view.viewer import open_desktop_viewer, web_viewer

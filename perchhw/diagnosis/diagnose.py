@@ -3,11 +3,12 @@
 from pathlib import Path
 
 from calibration.flights import UnusableFlightError
-from calibration.flights.checksum import with_checksum
 from calibration.flights.perchhw_run import flight_from_run
-from calibration.flights.run_folder import RUN_FILE, RunRecord, read_run
 from onboard.json_file import write_json_atomically
 from onboard.policy.files import find_policy, load_policy
+from onboard.record.checksum import with_checksum
+from onboard.record.folder import OutputFolderError
+from onboard.record.run_record import RUN_FILE, RunRecord
 from onboard.vehicle import Vehicle
 from perchhw.attempt import DEFAULT_POLICY, Outcome
 from perchhw.diagnosis.ended_early import diagnose_ended, where_it_ended
@@ -18,7 +19,7 @@ from perchhw.diagnosis.no_trigger import diagnose_no_trigger
 from perchhw.label import LabelError
 from perchhw.label.landing_label import MISSED_TRIGGER_RULES
 from perchhw.record.flown import known_vehicle_of, policy_of
-from perchhw.record.folder import OutputFolderError
+from perchhw.record.run import read_run
 
 _AGAIN = "fly it again"
 _UNTOLD = "the record does not tell why"

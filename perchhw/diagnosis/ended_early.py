@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibration.flights.run_folder import RunRecord
+from onboard.record.run_record import RunRecord
 from perchhw.diagnosis.busy import REMEDY, busy_words
 from perchhw.diagnosis.finding import Cause, Diagnosis, Number
 from perchhw.diagnosis.mocap import REMEDIES, WORDS, frames_share, mocap_fault

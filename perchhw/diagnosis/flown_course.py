@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from calibration.flights.run_folder import RunRecord
 from onboard.arrays import FloatArray
 from onboard.manoeuvres import CourseError, manoeuvre
+from onboard.record.run_record import RunRecord
 from perchhw.diagnosis.finding import Cause, Diagnosis, Number
 from perchhw.record.shapes import room_of
 from perchhw.supervisor import Phase

@@ -4,7 +4,7 @@ from collections import Counter
 
 import numpy as np
 
-from calibration.flights.run_folder import RunRecord
+from onboard.record.run_record import RunRecord
 from perchhw.diagnosis.finding import Cause
 
 _WINDOW_S = 0.6

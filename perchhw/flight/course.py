@@ -15,6 +15,7 @@ from onboard.lab_time import open_timebase
 from onboard.link.uri import check_drone_uri
 from onboard.manoeuvres import Course, manoeuvre
 from onboard.outcome import Outcome
+from onboard.record.folder import discard_if_empty
 from onboard.room import RoomGeometry
 from onboard.vehicle import load_vehicle
 from perchhw.flight.course_commands import CourseCommands
@@ -27,7 +28,6 @@ from perchhw.flight.session import SupervisedFlight
 from perchhw.flight.telemetry import TEST_FLIGHT_BLOCKS
 from perchhw.lab import FlightSetup, correction_of, in_record, limits_of, require_lab
 from perchhw.record import RunRecorder
-from perchhw.record.folder import discard_if_empty
 from perchhw.supervisor import Mission, SafetyLimits
 
 FLOWN = "flown"

@@ -9,9 +9,9 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from mocap_bridge.health import PoseVerdict
+from onboard.record.recorder import Scalar
 from onboard.supervisor_info import SupervisorBits, SupervisorInfo
 from perchhw.flight.recording import RecordListener
-from perchhw.record.recorder import Scalar
 from perchhw.supervisor import Phase
 
 if TYPE_CHECKING:

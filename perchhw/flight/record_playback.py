@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 
-from calibration.flights.growing_run import GrowingRun
-from calibration.flights.run_folder import RunRecord
+from onboard.record.growing_run import GrowingRun
+from onboard.record.run_record import RunRecord
 from onboard.timebase import WALL, Timebase
 from perchhw.flight.recording import RecordListener
 

@@ -5,9 +5,9 @@ from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 from onboard.errors import PerchhwError
+from onboard.record.recorder import Scalar
 from perchhw.flight.caught import Caught
 from perchhw.record import RunRecorder
-from perchhw.record.recorder import Scalar
 
 _log = logging.getLogger(__name__)
 

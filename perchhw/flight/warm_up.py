@@ -1,11 +1,11 @@
 """A hover before the first attempt of a drone: motors and pack are then as warm as in all that follow."""
 
 from onboard.manoeuvres import HOVER
+from onboard.record.folder import new_run_folder
 from perchhw.attempt import AttemptRequest, WarmUpAborted
 from perchhw.flight.course import CourseRequest, fly_uninterrupted
 from perchhw.flight.loop import OnPhase
 from perchhw.flight.recording import RecordListener
-from perchhw.record.folder import new_run_folder
 
 FOLDER = "warm-ups"
 """Beside the folder of the attempts."""

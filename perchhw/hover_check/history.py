@@ -11,12 +11,12 @@ from typing import Any
 from onboard.errors import InputError
 from onboard.json_file import write_json_atomically
 from onboard.lab_file import split_subject
+from onboard.record.folder import make_folder, slug
 from onboard.schema import schema_problem
 from onboard.vehicle import Vehicle, vehicle_to_toml
 from perchhw.errors import FlightStackError
 from perchhw.hover_check.judge import CheckedQuantity, LineVerdict
 from perchhw.lab.hardware import on_this_machine
-from perchhw.record.folder import make_folder, slug
 
 SCHEMA = "perchhw.hover_check/1"
 FOLDER = "hover-checks"

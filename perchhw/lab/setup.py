@@ -7,11 +7,11 @@ from mocap_bridge.uri import parse_mocap_uri
 from onboard.errors import InputError
 from onboard.lab_file import CEILING_HEIGHT, LabDrone, LabFile, SubjectToBody, plain, split_subject
 from onboard.link.uri import check_drone_uri
+from onboard.record.folder import new_run_folder
 from onboard.room import RoomGeometry
 from perchhw.attempt import DEFAULT_POLICY, DEFAULT_VEHICLE, AttemptRequest
 from perchhw.errors import FlightStackError
 from perchhw.lab.hardware import require_lab
-from perchhw.record.folder import new_run_folder
 
 _MISSING = "missing; give it, or a lab file that has it: --lab FILE, or lab.toml in this folder"
 

@@ -1,9 +1,10 @@
-"""The record of a run: a folder that survives a killed process. Format: ``docs/records.md``."""
+"""Records of runs: read as tables, listed, exported, in words; :mod:`onboard.record` writes them."""
 
-from calibration.flights.run_folder import RunRecord, Series, read_run
-from perchhw.record.folder import OutputFolderError, discard_if_empty, new_run_folder
-from perchhw.record.recorder import RecordError, RunRecorder
-from perchhw.record.topics import TOPICS
+from onboard.record.folder import OutputFolderError, discard_if_empty, new_run_folder
+from onboard.record.recorder import RecordError, RunRecorder
+from onboard.record.run_record import RunRecord, Series
+from onboard.record.topics import TOPICS
+from perchhw.record.run import read_run
 
 __all__ = [
     "TOPICS",

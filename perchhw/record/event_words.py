@@ -4,7 +4,7 @@ import re
 from enum import StrEnum
 from typing import Any
 
-from calibration.flights.run_folder import RunRecord
+from onboard.record.run_record import RunRecord
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _NAMES = {

@@ -13,13 +13,13 @@ from calibration.flights import Flight, UnusableFlightError
 from calibration.flights.flight import CHANNELS
 from calibration.flights.perchhw_run import flight_from_run
 from calibration.flights.resample import GAP_PERIODS, RATE_HZ, Resampled, resample
-from calibration.flights.run_folder import RunRecord, Series
 from onboard.errors import InputError
+from onboard.record.folder import OutputFolderError, make_folder
+from onboard.record.run_record import RunRecord, Series
+from onboard.record.topics import TOPICS
 from perchhw.errors import FlightStackError
-from perchhw.record.folder import OutputFolderError, make_folder
 from perchhw.record.foxglove import write_foxglove
 from perchhw.record.ros2_bag import write_ros2_bag
-from perchhw.record.topics import TOPICS
 
 
 class Column(NamedTuple):

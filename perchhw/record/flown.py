@@ -2,10 +2,10 @@
 
 from typing import Any
 
-from calibration.flights.run_folder import RunRecord
 from onboard.policy.bundle import policy_crc32
 from onboard.policy.files import find_policy, load_policy
 from onboard.policy.model import Policy, PolicyError
+from onboard.record.run_record import RunRecord
 from onboard.vehicle import Vehicle, VehicleFileError, load_vehicle
 from perchhw.attempt import DEFAULT_VEHICLE
 

@@ -14,18 +14,18 @@ import numpy as np
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import Writer
 
-from calibration.flights.run_folder import RunRecord
 from onboard.app_interface import LandingState
 from onboard.arrays import FloatArray
 from onboard.lab_file import split_subject
+from onboard.record.folder import make_folder
+from onboard.record.run_record import RunRecord
+from onboard.record.topics import TOPICS, Topic, TopicField
 from onboard.vehicle import Vehicle
 from perchhw.record import palette
 from perchhw.record.event_words import EventWords, Level, level_of
 from perchhw.record.flown import vehicle_of
-from perchhw.record.folder import make_folder
 from perchhw.record.foxglove_types import ERROR, INFO, LINE_STRIP, TYPES, WARNING, json_schema
 from perchhw.record.shapes import approach_of, approach_path, cage_shape, room_of, vehicle_shape
-from perchhw.record.topics import TOPICS, Topic, TopicField
 from perchhw.record.wall_time import NANOSECOND, begin_of, wall_clock
 
 FILE = "foxglove.mcap"

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from calibration.flights.run_folder import RUN_FILE, RunFolderError, is_run_folder, read_info
+from onboard.record.run_record import RUN_FILE, RunFolderError, is_run_folder, read_info
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,8 @@ import json
 import os
 from pathlib import Path
 
-from calibration.flights.checksum import with_checksum
-from calibration.flights.run_folder import EVENTS_FILE
+from onboard.record.checksum import with_checksum
+from onboard.record.run_record import EVENTS_FILE
 
 
 def add_note(folder: Path, t: float, text: str, phase: str | None = None) -> None:

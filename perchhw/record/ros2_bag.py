@@ -10,12 +10,12 @@ from typing import Any, NamedTuple
 
 from mcap.writer import Writer
 
-from calibration.flights.run_folder import RunRecord
 from mocap_bridge.rotation import normalised, rotate
 from onboard.lab_file import split_subject
-from perchhw.record.folder import make_folder
+from onboard.record.folder import make_folder
+from onboard.record.run_record import RunRecord
+from onboard.record.topics import TOPICS
 from perchhw.record.ros2_types import encode, schema_name, schema_text
-from perchhw.record.topics import TOPICS
 from perchhw.record.wall_time import NANOSECOND, wall_clock
 
 WORLD = "world"

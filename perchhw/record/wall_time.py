@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from datetime import datetime
 
-from calibration.flights.run_folder import RunFolderError, RunRecord
-from calibration.flights.series_file import REMEDY
+from onboard.record.run_record import RunFolderError, RunRecord
+from onboard.record.series_file import REMEDY
 
 NANOSECOND = 1_000_000_000
 _CLOCK_MAX_S = 1e9

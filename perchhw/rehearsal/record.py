@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from onboard.record.folder import OutputFolderError, new_run_folder
 from onboard.ring import SECOND_SAMPLE_MS, Ring
-from perchhw.record.folder import OutputFolderError, new_run_folder
 
 if TYPE_CHECKING:
     from perchhw.rehearsal.session import Rehearsed

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from html import escape
 from pathlib import Path
 
-from calibration.flights.run_folder import is_run_folder, read_info
+from onboard.record.run_record import is_run_folder, read_info
 from perchhw.report.style import section, table
 
 

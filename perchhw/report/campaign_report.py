@@ -12,9 +12,9 @@ import numpy as np
 
 from calibration.flights import Flight, UnusableFlightError
 from calibration.flights.perchhw_run import flight_from_run
-from calibration.flights.run_folder import RunFolderError, RunRecord, is_run_folder, read_info, read_run
 from calibration.measurement import wilson_interval
 from onboard.csv_file import read_csv
+from onboard.record.run_record import RunFolderError, RunRecord, is_run_folder, read_info
 from perchhw.attempt import Outcome
 from perchhw.campaign.adaptive import FlownMap, flown_map
 from perchhw.campaign.seats import drone_names, seat_of
@@ -22,6 +22,7 @@ from perchhw.campaign.store import CampaignStore
 from perchhw.campaign.tries import CampaignError
 from perchhw.diagnosis.diagnose import judge_of
 from perchhw.record.listing import find_runs
+from perchhw.record.run import read_run
 from perchhw.report.campaign_figures import (
     ShownAttempt,
     batteries,

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from calibration.flights import Flight
-from calibration.flights.run_folder import RunRecord
 from onboard.app_interface import LandingState
 from onboard.battery import FULL_RATIO
 from onboard.policy.model import Policy
+from onboard.record.run_record import RunRecord
 from onboard.trajectory import ApproachPlan, sample_approach
 from perchhw.diagnosis.flip import CUES, approach_cues, values_of
 from perchhw.report.style import BLUE, GREEN, INK, MUTED, ORANGE, TRIGGER, Margins, by_width, new_figure, svg

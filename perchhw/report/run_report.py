@@ -7,14 +7,15 @@ from typing import Any
 
 from calibration.flights import Flight, UnusableFlightError
 from calibration.flights.perchhw_run import flight_from_run
-from calibration.flights.run_folder import RunRecord, is_run_folder, read_run
 from onboard.errors import PerchhwError
+from onboard.record.folder import OutputFolderError
+from onboard.record.run_record import RunRecord, is_run_folder
 from perchhw.attempt import Outcome
 from perchhw.diagnosis.diagnose import diagnose_run, judge_of
 from perchhw.diagnosis.finding import Diagnosis
 from perchhw.record.event_words import time_line
 from perchhw.record.flown import known_vehicle_of
-from perchhw.record.folder import OutputFolderError
+from perchhw.record.run import read_run
 from perchhw.report import figures
 from perchhw.report.flight_figures import phases, power, tracking, trigger_region
 from perchhw.report.flight_picture import flight_picture, moments

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from perchhw.record.recorder import Scalar
+from onboard.record.recorder import Scalar
 from perchhw.screen.watch import FlightWatch
 from perchhw.supervisor import FlightState, Observation
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from mocap_bridge.health import PoseVerdict
-from perchhw.record.recorder import Scalar
+from onboard.record.recorder import Scalar
 from perchhw.supervisor import FlightState, Observation, Phase
 
 PLAN = (

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.flights.run_folder import RunRecord
 from onboard.arrays import FloatArray
 from onboard.policy.model import Policy
 from onboard.policy.trigger import trigger_values
+from onboard.record.run_record import RunRecord
 from perchhw.record.palette import BLUE, GREY, ORANGE, SKY, VERMILION
 from perchhw.view.plots import knows_ceiling
 from perchhw.view.timeline import Canvas

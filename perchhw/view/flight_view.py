@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from calibration.flights.growing_run import GrowingRun
-from calibration.flights.run_folder import RunRecord
 from onboard.policy.model import Policy
+from onboard.record.growing_run import GrowingRun
+from onboard.record.run_record import RunRecord
 from onboard.vehicle import Vehicle
 from perchhw.record.flown import policy_of, vehicle_of
 from perchhw.record.wall_time import begin_of

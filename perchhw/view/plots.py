@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.flights.run_folder import RunRecord
-from calibration.flights.series_file import Series
 from onboard.arrays import FloatArray
+from onboard.record.run_record import RunRecord
+from onboard.record.series_file import Series
 from perchhw.record.palette import AXES, BLUE, FOUR, GREEN, ORANGE, PURPLE, VERMILION, Colour
 from perchhw.view.timeline import Canvas
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from calibration.flights.run_folder import RunRecord
-from calibration.flights.series_file import Series
 from onboard.app_interface import LandingState
 from onboard.arrays import FloatArray
+from onboard.record.run_record import RunRecord
+from onboard.record.series_file import Series
 from onboard.room import RoomGeometry
 from onboard.trajectory import ApproachPlan, sample_approach
 from onboard.vehicle import Vehicle

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calibration.flights.growing_run import GrowingRun
-from calibration.flights.run_folder import EVENTS_FILE, RUN_FILE, SERIES_FILE, RunFolderError, is_run_folder
-from perchhw.record.folder import make_folder, utc_now
+from onboard.record.folder import make_folder, utc_now
+from onboard.record.growing_run import GrowingRun
+from onboard.record.run_record import EVENTS_FILE, RUN_FILE, SERIES_FILE, RunFolderError, is_run_folder
 from perchhw.view.blueprint import make_blueprint
 from perchhw.view.errors import ViewError, require_rerun
 from perchhw.view.flight_view import LOOK_PERIOD_S, follow

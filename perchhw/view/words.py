@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from calibration.flights.run_folder import RunRecord
+from onboard.record.run_record import RunRecord
 from onboard.supervisor_info import SupervisorBits
 from perchhw.record.event_words import EventWords, Level, level_of
 from perchhw.view.timeline import Canvas

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from onboard.json_file import write_json_atomically
-from perchhw.record.folder import make_folder
+from onboard.record.folder import make_folder
 
 RESULT_FILE = "result.json"
 

@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from calibration.flights.run_folder import RunRecord, read_run
 from onboard.manoeuvres import Course, manoeuvre
+from onboard.record.run_record import RunRecord
 from onboard.room import RoomGeometry
 from perchhw.errors import FlightStackError
+from perchhw.record.run import read_run
 
 _BEGIN, _END = "FlyCourse()", "Land("
 

@@ -6,10 +6,11 @@ from typing import Any
 
 import pytest
 
-from calibration.flights.run_folder import RunRecord, read_run
+from onboard.record.recorder import Scalar
+from onboard.record.run_record import RunRecord
 from onboard.vehicle import Vehicle, load_vehicle
 from perchhw.record import RunRecorder
-from perchhw.record.recorder import Scalar
+from perchhw.record.run import read_run
 
 Ended = Callable[..., RunRecord]
 

@@ -22,12 +22,11 @@ from typing import Any
 import numpy as np
 from scipy.stats import binom
 
-from calibration.flights.checksum import with_checksum
-from calibration.flights.run_folder import read_run
 from calibration.flights.table import load_table
 from onboard.arrays import FloatArray
 from onboard.policy.files import ActionLayer, find_policy, load_policy, save_policy
 from onboard.policy.model import Policy
+from onboard.record.checksum import with_checksum
 from onboard.room import RoomGeometry
 from onboard.rotation import to_matrices
 from onboard.vehicle import load_vehicle
@@ -36,6 +35,7 @@ from perchhw.diagnosis import Cause, diagnose_run
 from perchhw.flight import fly_attempt
 from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
 from perchhw.label import landing_geometry
+from perchhw.record.run import read_run
 from perchhw.supervisor import FlightState, Phase
 
 CHANCE = 0.01

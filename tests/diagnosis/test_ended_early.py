@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from calibration.flights.checksum import with_checksum
 from mocap_bridge.health import PoseVerdict
+from onboard.record.checksum import with_checksum
 from perchhw.diagnosis import Cause, diagnose_run, keep_diagnosis
 from perchhw.diagnosis.ended_early import broken_rules
 from perchhw.diagnosis.rules import RULES

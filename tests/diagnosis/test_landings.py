@@ -8,7 +8,6 @@ import pytest
 
 from calibration.flights import Trigger
 from calibration.flights.perchhw_run import flight_from_run
-from calibration.flights.run_folder import read_run
 from onboard.policy.action import action_moments
 from onboard.policy.files import find_policy, load_policy
 from onboard.policy.model import Policy
@@ -19,6 +18,7 @@ from perchhw.diagnosis import Cause, diagnose
 from perchhw.diagnosis.flip import measure_flip
 from perchhw.diagnosis.landing import Judge
 from perchhw.diagnosis.no_trigger import diagnose_no_trigger
+from perchhw.record.run import read_run
 from tests.label.simulated import Landing, land
 from tests.report.recorded import record_landing
 

@@ -6,8 +6,8 @@ import pytest
 
 from onboard.link import DroneLink
 from onboard.link.drone import LogSample
+from onboard.record.topics import TOPICS
 from perchhw.flight.telemetry import BLOCKS, TEST_FLIGHT_BLOCKS, TelemetryBlock
-from perchhw.record.topics import TOPICS
 from tests.patience import PATIENCE_S, patient_link
 
 RADIO_PACKETS = 260

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 
 from calibration.bench.procedures.calibration import load_calibration
 from calibration.bench.procedures.run_book import STATE_FILE, RunBook
-from calibration.flights.run_folder import read_info
 from calibration.gap.suggest.open_questions import read_questions
 from onboard.errors import InputError
 from onboard.lab_file import read_lab_file
 from onboard.policy.files import load_policy
+from onboard.record.run_record import read_info
 from onboard.schema import schema_problem
 from onboard.vehicle import load_vehicle
 from perchhw.campaign import load_plan

@@ -108,8 +108,14 @@ def test_what_is_no_record_says_so(tmp_path: Path) -> None:
     with pytest.raises(SourceUnusable, match="no poses"):
         open_pose_stream(f"file://{tmp_path}/empty")
     (tmp_path / "x.mcap").write_bytes(b"not an mcap file at all, whatever it says")
-    with pytest.raises(SourceUnusable, match="no poses"):
+    with pytest.raises(SourceUnusable, match="is not an MCAP file"):
         open_pose_stream(f"file://{tmp_path}/x.mcap")
+    series = record(tmp_path / "damaged") / "series.mcap"
+    content = bytearray(series.read_bytes())
+    content[len(content) // 2] ^= 1
+    series.write_bytes(content)
+    with pytest.raises(SourceUnusable, match=r"series\.mcap byte \d+: "):
+        open_pose_stream(f"file://{series}")
     with pytest.raises(MocapUriError, match="path of a file is missing"):
         parse_mocap_uri("file://")
 

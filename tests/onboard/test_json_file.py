@@ -36,3 +36,18 @@ def test_a_number_that_json_does_not_have_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="not JSON compliant"):
         write_json_atomically(tmp_path / "x.json", {"x": float("nan")})
     assert list(tmp_path.iterdir()) == []
+
+
+def test_of_a_shape_of_its_own_every_part_is_encoded_too() -> None:
+    part = Part("x", Path("a/b"), Estimate(1.0, "m", 0.1, 0.0), ())
+
+    @dataclass(frozen=True)
+    class Shaped:
+        by_horizon: dict[float, Part]
+
+        def json_shape(self) -> dict[str, Any]:
+            return {"horizons": self.by_horizon, "severest": (Severity.NOTE, None)}
+
+    document = as_json([Shaped({0.5: part})])
+    assert document == [{"horizons": {"0.5": as_json(part)}, "severest": ["note", None]}]
+    assert json.loads(json.dumps(document)) == document

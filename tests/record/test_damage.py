@@ -16,9 +16,10 @@ from mcap.stream_reader import StreamReader
 
 from calibration.flights import open_flight
 from calibration.flights.flight import UnusableFlightError
-from calibration.flights.run_folder import RunFolderError, RunRecord, read_run
+from onboard.record.run_record import RunFolderError, RunRecord
 from perchhw.cli.main import run
 from perchhw.record import TOPICS, RunRecorder
+from perchhw.record.run import read_run
 
 FILES = ("run.json", "series.mcap", "events.jsonl")
 MORE = settings(max_examples=250, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -10,11 +10,12 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
-from calibration.flights.run_folder import RunFolderError, read_run
+from onboard.record.run_record import RunFolderError
+from onboard.record.topics import TOPICS
 from perchhw.cli.main import run as perchhw
 from perchhw.record.export import ExportFormat, export_run
 from perchhw.record.foxglove_types import TYPES
-from perchhw.record.topics import TOPICS
+from perchhw.record.run import read_run
 from tests.view.flown import BEGIN, FLIP, GONE, STEPS, record
 
 needs_definitions = pytest.mark.skipif(

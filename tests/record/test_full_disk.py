@@ -7,19 +7,20 @@ from pathlib import Path
 
 import pytest
 
+from onboard.record import recorder
 from perchhw.cli.exit_codes import SAFETY
 from perchhw.cli.main import run
-from perchhw.record import RunRecorder, recorder
+from perchhw.record import RunRecorder
 from tests.campaign.conftest import CAMPAIGN
 
 _FILLS_UP = """
 import resource, sys
 from pathlib import Path
-from perchhw.flight.recording import FlightRecord
+from perchhw.flight.recording import FlightRecorder
 from perchhw.record import RunRecorder
 
 resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))  # as a disk with no room for more
-record = FlightRecord(RunRecorder(Path(sys.argv[1]), {}))
+record = FlightRecorder(RunRecorder(Path(sys.argv[1]), {}))
 for index in range(1000):
     record.write("power", 0.001 * index, {"vbat": 4.0})
 print(record.lost)

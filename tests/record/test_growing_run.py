@@ -8,10 +8,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from calibration.flights.checksum import with_checksum
-from calibration.flights.growing_run import GrowingRun
-from calibration.flights.run_folder import RunFolderError, read_run
+from onboard.record.checksum import with_checksum
+from onboard.record.growing_run import GrowingRun
+from onboard.record.run_record import RunFolderError
 from perchhw.record import RunRecorder
+from perchhw.record.run import read_run
 from tests.record.test_damage import FILES, write
 
 shares = st.lists(st.floats(0.0, 1.0), max_size=6).map(sorted)

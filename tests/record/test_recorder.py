@@ -16,8 +16,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
-from calibration.flights.run_folder import RunFolderError
 from onboard.errors import InputError
+from onboard.record.run_record import RunFolderError
 from perchhw.record import TOPICS, RecordError, RunRecorder, discard_if_empty, new_run_folder, read_run
 
 POSE = {
@@ -210,7 +210,7 @@ def test_run_folders_of_one_second_differ(tmp_path: Path) -> None:
 
 def test_run_folders_of_two_processes_differ(tmp_path: Path) -> None:
     program = (
-        "import sys; from pathlib import Path; from perchhw.record.folder import new_run_folder\n"
+        "import sys; from pathlib import Path; from onboard.record.folder import new_run_folder\n"
         "sys.stdin.readline()\n"
         "for _ in range(100): print(new_run_folder(Path(sys.argv[1]) / 'runs', 'fly'))"
     )

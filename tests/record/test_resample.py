@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from calibration.flights.flight import Flight, PoseSource, finite_masks
 from calibration.flights.resample import GAP_PERIODS, ResampleError, resample
-from calibration.flights.run_folder import read_run
 from onboard.arrays import FloatArray
 from perchhw.record.export import ExportFormat, export_run
+from perchhw.record.run import read_run
 from tests.view.flown import BEGIN, GONE, STEPS, record
 
 needs_pandas = pytest.mark.skipif(

@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from calibration.flights.checksum import with_checksum
-from calibration.flights.run_folder import read_run
 from onboard.errors import PerchhwError
+from onboard.record.checksum import with_checksum
 from perchhw.record.export import ExportFormat, export_run
+from perchhw.record.run import read_run
 from perchhw.view.show import write_rrd
 from tests.view.flown import record
 

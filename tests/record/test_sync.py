@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from calibration.flights.run_folder import read_run
+from onboard.record.sync import PeriodicSync
 from perchhw.record import RecordError, RunRecorder
-from perchhw.record.sync import PeriodicSync
+from perchhw.record.run import read_run
 
 PATIENCE_S = 60.0
 

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calibration.flights.run_folder import read_run
 from onboard.app_interface import LandingState, Parameter
 from onboard.firmware.compiler import find_compiler
 from onboard.lab_time import open_timebase
@@ -26,6 +25,7 @@ from perchhw.attempt import DEFAULT_VEHICLE
 from perchhw.cli.main import run
 from perchhw.lab import desk_setup
 from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
+from perchhw.record.run import read_run
 from perchhw.rehearsal import loop_time
 from perchhw.rehearsal.physics import Physics
 from perchhw.rehearsal.record import COLUMNS, save_rehearsal

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import rerun as rr
 
-from calibration.flights.checksum import with_checksum
-from calibration.flights.growing_run import GrowingRun
+from onboard.record.checksum import with_checksum
+from onboard.record.growing_run import GrowingRun
 from perchhw.cli.main import run as perchhw
 from perchhw.view.flight_view import follow
 from tests.view.flown import FLIP, GONE, STEPS, record

@@ -8,21 +8,18 @@ and says what it left out.
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Self
 
-from calibration.flights.checksum import checked
-from calibration.flights.series_file import NOT_FINITE, REMEDY, RunFolderError, Series, read_series
+from onboard.record.checksum import checked
+from onboard.record.series_file import NOT_FINITE, REMEDY, RunFolderError, Series, read_series
 from onboard.schema import RUN_SCHEMA, schema_problem
-
-if TYPE_CHECKING:
-    import pandas
 
 RUN_FILE, SERIES_FILE, EVENTS_FILE = "run.json", "series.mcap", "events.jsonl"
 _NUMBERS, _TEXTS = ("speed_m_s", "angle_deg", "ceiling_z"), ("vehicle", "legs")
 """Keys of the configuration that readers use."""
 _LARGEST = 1e6
 
-__all__ = ["RunFolderError", "RunRecord", "Series", "is_run_folder", "read_info", "read_run"]
+__all__ = ["RunFolderError", "RunRecord", "Series", "is_run_folder", "read_info"]
 
 
 @dataclass(frozen=True)
@@ -43,6 +40,25 @@ class RunRecord:
     events: tuple[dict[str, Any], ...]
     torn: tuple[str, ...]
 
+    @classmethod
+    def read(cls, folder: str | Path) -> Self:
+        """Read the run `folder`; a torn tail is left out and named in `torn`.
+
+        Raises:
+            RunFolderError: no run folder, damaged elsewhere than at the end, or not ours to read.
+        """
+        folder = Path(folder)
+        if not is_run_folder(folder):
+            raise RunFolderError(f"{folder} is not a run folder: it needs run.json and series.mcap")
+        try:
+            info = read_info(folder)
+            series, torn_series = read_series(folder / SERIES_FILE)
+            events, torn_events = _read_events(folder / EVENTS_FILE)
+        except OSError as error:
+            raise RunFolderError(f"{folder}: cannot be read ({error.strerror})") from error
+        torn = tuple(note for note in (torn_series, torn_events) if note)
+        return cls(folder, info, series, events, torn)
+
     @property
     def config(self) -> dict[str, Any]:
         """The configuration of the run."""
@@ -54,48 +70,10 @@ class RunRecord:
         """Whether the writer finished the record."""
         return bool(self.info["closed"])
 
-    def to_pandas(self, rate_hz: float | None = None) -> "pandas.DataFrame":
-        """All channels as a table with the time (s, on the run's clock) as index.
-
-        Args:
-            rate_hz: of one clock for all channels (:mod:`calibration.flights.resample`); None: the rows as
-                they were received, each with what it brought.
-
-        Returns:
-            A column a channel, NaN where there is no value; ``attrs["units"]`` has the units by column.
-
-        Raises:
-            RunFolderError: pandas is not installed.
-            UnusableFlightError: no message in the record.
-            ResampleError: not a rate.
-        """
-        from calibration.flights.data_frame import data_frame
-
-        return data_frame(self, rate_hz)
-
 
 def is_run_folder(path: Path) -> bool:
     """Whether `path` is a run folder."""
     return (path / RUN_FILE).is_file() and (path / SERIES_FILE).is_file()
-
-
-def read_run(folder: str | Path) -> RunRecord:
-    """Read the run `folder`; a torn tail is left out and named in :attr:`RunRecord.torn`.
-
-    Raises:
-        RunFolderError: no run folder, damaged elsewhere than at the end, or not ours to read.
-    """
-    folder = Path(folder)
-    if not is_run_folder(folder):
-        raise RunFolderError(f"{folder} is not a run folder: it needs run.json and series.mcap")
-    try:
-        info = read_info(folder)
-        series, torn_series = read_series(folder / SERIES_FILE)
-        events, torn_events = _read_events(folder / EVENTS_FILE)
-    except OSError as error:
-        raise RunFolderError(f"{folder}: cannot be read ({error.strerror})") from error
-    torn = tuple(note for note in (torn_series, torn_events) if note)
-    return RunRecord(folder, info, series, events, torn)
 
 
 def read_info(folder: Path) -> dict[str, Any]:

@@ -23,16 +23,15 @@ import numpy as np
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import IndexType, Writer
 
-from calibration.flights.checksum import with_checksum
-from calibration.flights.run_folder import EVENTS_FILE, RUN_FILE, SERIES_FILE
 from onboard.clock import Clock, monotonic
-from onboard.errors import SafetyStop
+from onboard.errors import OnboardError, SafetyStop
 from onboard.json_file import write_json_atomically
+from onboard.record.checksum import with_checksum
+from onboard.record.folder import make_folder, utc_now
+from onboard.record.run_record import EVENTS_FILE, RUN_FILE, SERIES_FILE
+from onboard.record.sync import PeriodicSync, Sync
+from onboard.record.topics import TOPICS
 from onboard.schema import RUN_SCHEMA
-from perchhw.errors import FlightStackError
-from perchhw.record.folder import make_folder, utc_now
-from perchhw.record.sync import PeriodicSync, Sync
-from perchhw.record.topics import TOPICS
 
 SPACE = 100_000_000
 """Bytes that must be free before a flight: ten times the record of the longest one (a minute)."""
@@ -40,7 +39,7 @@ SPACE = 100_000_000
 Scalar = float | int | str | bool | None
 
 
-class RecordError(FlightStackError):
+class RecordError(OnboardError):
     """The record cannot be written, or was asked to hold what its schema does not have."""
 
 
@@ -173,7 +172,7 @@ class RunRecorder:
         """Append one message; on return it is with the operating system.
 
         Args:
-            topic: a name in :data:`perchhw.record.topics.TOPICS`.
+            topic: a name in :data:`onboard.record.topics.TOPICS`.
             t: time on the recorder's clock (s).
             values: fields of the topic; any may be left out. Infinite and NaN numbers are kept.
 

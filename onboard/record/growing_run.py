@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from calibration.flights.run_folder import (
+from onboard.record.run_record import (
     EVENTS_FILE,
     SERIES_FILE,
     RunFolderError,
@@ -11,7 +11,7 @@ from calibration.flights.run_folder import (
     read_event,
     read_info,
 )
-from calibration.flights.series_file import GrowingSeries
+from onboard.record.series_file import GrowingSeries
 
 
 class GrowingRun:

@@ -6,11 +6,10 @@ import re
 from datetime import UTC, datetime
 from pathlib import Path
 
-from onboard.errors import InputError
-from perchhw.errors import FlightStackError
+from onboard.errors import InputError, OnboardError
 
 
-class OutputFolderError(FlightStackError, InputError):
+class OutputFolderError(OnboardError, InputError):
     """A folder for results cannot be written; the message names it and the reason."""
 
     def __init__(self, folder: Path, reason: str | None) -> None:
