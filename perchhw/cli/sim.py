@@ -102,7 +102,7 @@ def room(
         with_drones=False,
         vicon_port=vicon_port,
         vicon_udp_port=vicon_udp_port,
-        **of_world.given(),
+        **of_world.world_settings(),
     )
     return _serve_lab(settings, with_parent)
 
@@ -118,7 +118,7 @@ def bench(
     """Strings, tachometer, scale and supply for one drone, and somebody who works them when asked."""
     from sim_backend.bench.serve import BenchSettings, ServedBench
 
-    settings = BenchSettings(drone_port=drone_port, pace=pace, **of_world.given())
+    settings = BenchSettings(drone_port=drone_port, pace=pace, **of_world.world_settings())
     return _serve(ServedBench(settings), with_parent)
 
 

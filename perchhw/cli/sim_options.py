@@ -93,7 +93,7 @@ class WorldOptions:
     fault: Fault = None
     seed: Seed = 0
 
-    def given(self) -> dict[str, Any]:
+    def world_settings(self) -> dict[str, Any]:
         """Fields of the settings of a lab or a bench.
 
         Raises:
@@ -143,6 +143,6 @@ class DroneOptions(WorldOptions):
             feed_poses=self.feed_poses,
             radio=self.radio,
             build=Build(self.auto_arm, self.idle_thrust, known_decks(self.deck or ())),
-            **self.given(),
+            **self.world_settings(),
             **room,
         )

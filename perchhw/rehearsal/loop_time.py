@@ -37,7 +37,7 @@ class LoopWatch:
         if time > 0.0:
             self._times.append(time)
 
-    def told(self) -> LoopTime | None:
-        """What came of it; None where no processor was timed."""
+    def summary(self) -> LoopTime | None:
+        """Mean and most of the times heard; None where no processor was timed."""
         times = self._times
         return LoopTime(sum(times) / len(times), max(times)) if times else None

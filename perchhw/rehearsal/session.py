@@ -129,7 +129,7 @@ def rehearse(
                 told, watch = _Drone(link, physics, record), LoopWatch(link)
                 ring = _fly(link, told, plan, landing_limits(vehicle).smoothing, physics, time, on_stage)
     verdict = judge(ring, told.reason, plan, policy, vehicle)
-    return Rehearsed(physics, engine, crc, ring, verdict, watch.told())
+    return Rehearsed(physics, engine, crc, ring, verdict, watch.summary())
 
 
 @contextmanager

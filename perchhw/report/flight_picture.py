@@ -1,4 +1,4 @@
-"""The picture that a flight's report opens with: its path, and the drone at the moments that count."""
+"""The picture that a flight's report opens with: its path, and the drone at the instants that count."""
 
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -23,30 +23,30 @@ _CEILING_M = 0.06
 _MARGINS = Margins(top=0.28, between=0.16)
 
 
-class Moment(NamedTuple):
-    """A moment of a flight, in words, at a time (s)."""
+class Instant(NamedTuple):
+    """What happened at an instant of a flight, in words, and its time (s)."""
 
     words: str
     t: float
 
 
-def moments(flight: Flight, touch_t: float | None) -> list[Moment]:
-    """The moments that the drone is drawn at, in order; `touch_t` (s) is that of the first blow, if known."""
-    found: list[Moment] = []
+def instants(flight: Flight, touch_t: float | None) -> list[Instant]:
+    """When the drone is drawn, in order; `touch_t` (s) is that of the first blow, if known."""
+    found: list[Instant] = []
     if flight.has("landing_state"):
         t, state = flight.series("landing_state")
         begun = t[state[:, 0] == LandingState.APPROACH]
         if begun.size:
-            found.append(Moment("start of the approach", float(begun[0])))
+            found.append(Instant("start of the approach", float(begun[0])))
     if flight.trigger is not None:
-        found.append(Moment("trigger", flight.trigger.t))
+        found.append(Instant("trigger", flight.trigger.t))
         cut = _first_state(flight, LandingState.CUT)
         if cut is not None:
-            found.append(Moment("motors cut", cut))
+            found.append(Instant("motors cut", cut))
     if touch_t is not None:
-        found.append(Moment("first touch", touch_t))
+        found.append(Instant("first touch", touch_t))
     t, _ = flight.series("z")
-    return [*sorted(found, key=lambda moment: moment.t), Moment("end of the record", float(t[-1]))]
+    return [*sorted(found, key=lambda instant: instant.t), Instant("end of the record", float(t[-1]))]
 
 
 def _first_state(flight: Flight, wanted: LandingState) -> float | None:
@@ -58,16 +58,16 @@ def _first_state(flight: Flight, wanted: LandingState) -> float | None:
 
 
 def flight_picture(flight: Flight, vehicle: Vehicle | None, touch_t: float | None) -> str | None:
-    """Path in x and z under the ceiling with the drone at its moments, as inline SVG; None without poses."""
+    """Path in x and z under the ceiling with the drone at its instants, as inline SVG; None without poses."""
     if not flight.has("x", "z", "qw"):
         return None
-    shown = moments(flight, touch_t)
-    words = ", ".join(f"{number} {moment.words}" for number, moment in enumerate(shown, start=1))
+    shown = instants(flight, touch_t)
+    words = ", ".join(f"{number} {instant.words}" for number, instant in enumerate(shown, start=1))
     alt = f"Side view of the path under the ceiling with the drone at: {words}"
     return by_width(*(_drawn(flight, vehicle, shown, broad, alt) for broad in (True, False)))
 
 
-def _drawn(flight: Flight, vehicle: Vehicle | None, shown: list[Moment], broad: bool, alt: str) -> str:
+def _drawn(flight: Flight, vehicle: Vehicle | None, shown: list[Instant], broad: bool, alt: str) -> str:
     zoomed = flight.trigger is not None
     size = (10.4, 3.9) if broad else (5.2, 7.4 if zoomed else 3.6)
     figure = new_figure(*size, _MARGINS)
@@ -85,10 +85,10 @@ def _drawn(flight: Flight, vehicle: Vehicle | None, shown: list[Moment], broad: 
     return svg(figure, f"{alt}{'' if broad else ' (narrow)'}")
 
 
-def _near_ceiling(flight: Flight, shown: list[Moment]) -> BoolArray:
+def _near_ceiling(flight: Flight, shown: list[Instant]) -> BoolArray:
     """Which poses the close view shows: from shortly before the motors are cut until the body is caught."""
     t, _ = flight.series("z")
-    late = [moment.t for moment in shown[:-1] if moment.words in ("motors cut", "first touch")]
+    late = [instant.t for instant in shown[:-1] if instant.words in ("motors cut", "first touch")]
     begin = min(late, default=0.0 if flight.trigger is None else flight.trigger.t) - _ZOOM_BEFORE_S
     return (t > begin) & (t < begin + _ZOOM_BEFORE_S + _ZOOM_AFTER_S)
 
@@ -97,7 +97,7 @@ def _path(
     axes: "Axes",
     flight: Flight,
     vehicle: Vehicle | None,
-    shown: list[Moment],
+    shown: list[Instant],
     near: BoolArray | None = None,
 ) -> None:
     t, pose = flight.series("x", "y", "z", "qx", "qy", "qz", "qw")
@@ -115,21 +115,21 @@ def _path(
         for wanted in np.arange(t[0], t[-1], _GHOST_S):
             k = int(np.argmin(np.abs(t - wanted)))
             draw_drone(axes, pose[k, [0, 2]], to_matrices(pose[k : k + 1, 3:].copy())[0], vehicle, 0.18)
-    for number, moment in enumerate(shown, start=1):
-        if not t[0] <= moment.t <= t[-1]:
+    for number, instant in enumerate(shown, start=1):
+        if not t[0] <= instant.t <= t[-1]:
             continue
-        k = int(np.argmin(np.abs(t - moment.t)))
+        k = int(np.argmin(np.abs(t - instant.t)))
         rotation = to_matrices(pose[k : k + 1, 3:].copy())[0]
         place = pose[k, [0, 2]]
         if vehicle is not None:
             draw_drone(axes, place, rotation, vehicle)
-        colour = TRIGGER if moment.words == "trigger" else INK
+        colour = TRIGGER if instant.words == "trigger" else INK
         axes.annotate(
             str(number), (place[0], place[1]), xytext=(-15, 7), textcoords="offset points", color=colour,
             fontsize=9, fontweight="bold", zorder=7,
             bbox={"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.8},
         )  # fmt: skip
-        axes.plot(*place, "D" if moment.words == "trigger" else ".", color=colour, ms=5, zorder=6)
+        axes.plot(*place, "D" if instant.words == "trigger" else ".", color=colour, ms=5, zorder=6)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set(xlabel="x (m)", ylabel="z (m)")
 

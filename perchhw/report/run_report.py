@@ -18,7 +18,7 @@ from perchhw.record.flown import known_vehicle_of
 from perchhw.record.run import read_run
 from perchhw.report import figures
 from perchhw.report.flight_figures import phases, power, tracking, trigger_region
-from perchhw.report.flight_picture import flight_picture, moments
+from perchhw.report.flight_picture import flight_picture, instants
 from perchhw.report.style import badge, grid, page, report_style, section, table
 
 _log = logging.getLogger(__name__)
@@ -164,8 +164,8 @@ def _figures(run: RunRecord, flight: Flight, found: Diagnosis) -> str:
 
 
 def _legend(flight: Flight, touch_t: float | None) -> str:
-    shown = enumerate(moments(flight, touch_t), start=1)
-    words = ", ".join(f"{number} {moment.words}" for number, moment in shown)
+    shown = enumerate(instants(flight, touch_t), start=1)
+    words = ", ".join(f"{number} {instant.words}" for number, instant in shown)
     return f"{words}. The drone is drawn to scale from its side; its fore legs are the thick ones."
 
 

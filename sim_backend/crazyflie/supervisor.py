@@ -69,11 +69,11 @@ class When(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Transition:
-    """Go to `to` when the conditions `given` hold and `missing` do not; never while `blocked` holds."""
+    """Go to `to` when the conditions `present` hold and `missing` do not; never while `blocked` holds."""
 
     to: SupervisorState
     when: When
-    given: SupervisorCondition = SupervisorCondition.NONE
+    present: SupervisorCondition = SupervisorCondition.NONE
     missing: SupervisorCondition = SupervisorCondition.NONE
     blocked: SupervisorCondition = SupervisorCondition.NONE
 
@@ -85,72 +85,70 @@ class Transition:
             return True
         absent = ~conditions
         if self.when is When.ANY:
-            return bool(conditions & self.given) or bool(absent & self.missing)
-        return not (absent & self.given) and not (conditions & self.missing)
+            return bool(conditions & self.present) or bool(absent & self.missing)
+        return not (absent & self.present) and not (conditions & self.missing)
 
 
-_C = SupervisorCondition
-_E_STOP = Transition(SupervisorState.EXCEPTION_FREE_FALL, When.ANY, given=_C.EMERGENCY_STOP)
+_C, _S = SupervisorCondition, SupervisorState
+_E_STOP = Transition(_S.EXCEPTION_FREE_FALL, When.ANY, present=_C.EMERGENCY_STOP)
 
 RULES: dict[SupervisorState, tuple[Transition, ...]] = {
-    SupervisorState.NOT_INITIALIZED: (Transition(SupervisorState.PREFLIGHT_CHECKS_NOT_PASSED, When.ALWAYS),),
-    SupervisorState.PREFLIGHT_CHECKS_NOT_PASSED: (
+    _S.NOT_INITIALIZED: (Transition(_S.PREFLIGHT_CHECKS_NOT_PASSED, When.ALWAYS),),
+    _S.PREFLIGHT_CHECKS_NOT_PASSED: (
         _E_STOP,
-        Transition(SupervisorState.PREFLIGHT_CHECKS_PASSED, When.ALWAYS, blocked=_C.TUMBLED),
+        Transition(_S.PREFLIGHT_CHECKS_PASSED, When.ALWAYS, blocked=_C.TUMBLED),
     ),
-    SupervisorState.PREFLIGHT_CHECKS_PASSED: (
+    _S.PREFLIGHT_CHECKS_PASSED: (
         _E_STOP,
-        Transition(SupervisorState.PREFLIGHT_CHECKS_NOT_PASSED, When.ANY, given=_C.TUMBLED),
-        Transition(SupervisorState.ARMING, When.ALL, given=_C.ARMED, blocked=_C.TUMBLED),
+        Transition(_S.PREFLIGHT_CHECKS_NOT_PASSED, When.ANY, present=_C.TUMBLED),
+        Transition(_S.ARMING, When.ALL, present=_C.ARMED, blocked=_C.TUMBLED),
     ),
-    SupervisorState.ARMING: (
+    _S.ARMING: (
         _E_STOP,
         Transition(
-            SupervisorState.PREFLIGHT_CHECKS_NOT_PASSED,
+            _S.PREFLIGHT_CHECKS_NOT_PASSED,
             When.ANY,
-            given=_C.TUMBLED | _C.SPINUP_TIMEOUT,
+            present=_C.TUMBLED | _C.SPINUP_TIMEOUT,
             missing=_C.ARMED,
         ),
         # Without rpm feedback the spin-up counts as done at once.
-        Transition(SupervisorState.READY_TO_FLY, When.ALWAYS),
+        Transition(_S.READY_TO_FLY, When.ALWAYS),
     ),
-    SupervisorState.READY_TO_FLY: (
+    _S.READY_TO_FLY: (
         _E_STOP,
         Transition(
-            SupervisorState.PREFLIGHT_CHECKS_NOT_PASSED,
+            _S.PREFLIGHT_CHECKS_NOT_PASSED,
             When.ANY,
-            given=_C.TUMBLED | _C.PREFLIGHT_TIMEOUT,
+            present=_C.TUMBLED | _C.PREFLIGHT_TIMEOUT,
             missing=_C.ARMED,
         ),
-        Transition(SupervisorState.FLYING, When.ALL, given=_C.FLYING),
+        Transition(_S.FLYING, When.ALL, present=_C.FLYING),
     ),
-    SupervisorState.FLYING: (
+    _S.FLYING: (
+        Transition(_S.EXCEPTION_FREE_FALL, When.ANY, present=_C.COMMANDER_TIMEOUT | _C.EMERGENCY_STOP),
+        Transition(_S.CRASHED, When.ANY, present=_C.TUMBLED),
+        Transition(_S.RESET, When.ALL, missing=_C.ARMED),
+        Transition(_S.WARNING_LEVEL_OUT, When.ALL, present=_C.COMMANDER_WARNING),
+        Transition(_S.LANDED, When.ALL, missing=_C.FLYING),
+    ),
+    _S.LANDED: (
+        Transition(_S.RESET, When.ANY, present=_C.LANDING_TIMEOUT, missing=_C.ARMED),
+        Transition(_S.FLYING, When.ALL, present=_C.FLYING),
+    ),
+    _S.RESET: (Transition(_S.PREFLIGHT_CHECKS_NOT_PASSED, When.ALWAYS),),
+    _S.WARNING_LEVEL_OUT: (
         Transition(
-            SupervisorState.EXCEPTION_FREE_FALL, When.ANY, given=_C.COMMANDER_TIMEOUT | _C.EMERGENCY_STOP
-        ),
-        Transition(SupervisorState.CRASHED, When.ANY, given=_C.TUMBLED),
-        Transition(SupervisorState.RESET, When.ALL, missing=_C.ARMED),
-        Transition(SupervisorState.WARNING_LEVEL_OUT, When.ALL, given=_C.COMMANDER_WARNING),
-        Transition(SupervisorState.LANDED, When.ALL, missing=_C.FLYING),
-    ),
-    SupervisorState.LANDED: (
-        Transition(SupervisorState.RESET, When.ANY, given=_C.LANDING_TIMEOUT, missing=_C.ARMED),
-        Transition(SupervisorState.FLYING, When.ALL, given=_C.FLYING),
-    ),
-    SupervisorState.RESET: (Transition(SupervisorState.PREFLIGHT_CHECKS_NOT_PASSED, When.ALWAYS),),
-    SupervisorState.WARNING_LEVEL_OUT: (
-        Transition(
-            SupervisorState.EXCEPTION_FREE_FALL,
+            _S.EXCEPTION_FREE_FALL,
             When.ANY,
-            given=_C.COMMANDER_TIMEOUT | _C.TUMBLED | _C.EMERGENCY_STOP,
+            present=_C.COMMANDER_TIMEOUT | _C.TUMBLED | _C.EMERGENCY_STOP,
         ),
-        Transition(SupervisorState.FLYING, When.ALL, missing=_C.COMMANDER_WARNING | _C.COMMANDER_TIMEOUT),
+        Transition(_S.FLYING, When.ALL, missing=_C.COMMANDER_WARNING | _C.COMMANDER_TIMEOUT),
     ),
-    SupervisorState.EXCEPTION_FREE_FALL: (Transition(SupervisorState.LOCKED, When.ALWAYS),),
-    SupervisorState.LOCKED: (),
-    SupervisorState.CRASHED: (
-        Transition(SupervisorState.PREFLIGHT_CHECKS_NOT_PASSED, When.ALL, missing=_C.CRASHED | _C.TUMBLED),
-        Transition(SupervisorState.LOCKED, When.ALL, given=_C.EMERGENCY_STOP),
+    _S.EXCEPTION_FREE_FALL: (Transition(_S.LOCKED, When.ALWAYS),),
+    _S.LOCKED: (),
+    _S.CRASHED: (
+        Transition(_S.PREFLIGHT_CHECKS_NOT_PASSED, When.ALL, missing=_C.CRASHED | _C.TUMBLED),
+        Transition(_S.LOCKED, When.ALL, present=_C.EMERGENCY_STOP),
     ),
 }
 
