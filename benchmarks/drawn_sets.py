@@ -1,4 +1,4 @@
-"""Tables of sets that are drawn at random: seeds that nobody can have tuned to, runs that are kept, shares."""
+"""Sets that are drawn at random: seeds that nobody can have tuned to, tables that are kept, shares."""
 
 import json
 import math

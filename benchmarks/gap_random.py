@@ -2,10 +2,10 @@
 
     python benchmarks/gap_random.py --runs 10 --table FILE [--truths house mujoco] [--first N]
 
-Drawn are the laboratory (integrator, pilot, rates, noise, what the log lacks), the vehicle, how much is flown, and
-what is hidden: nothing, one effect, two, or something without a name, weak to strong. Seeds follow from the
-commit of the finder. Runs are appended to the table, one JSON document a line, and those that it holds are not
-repeated; the summary of all goes to stdout.
+Drawn are the laboratory (integrator, pilot, rates, noise, what the log lacks), the vehicle, how much is
+flown, and what is hidden: nothing, one effect, two, or something without a name, weak to strong. Seeds
+follow from the commit of the finder. Runs are appended to the table, one JSON document a line, and those that
+it holds are not repeated; the summary of all goes to stdout.
 """
 
 import argparse
@@ -24,6 +24,16 @@ from gap_judgement import closed_share, judge
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 TRUTHS = ("house", "mujoco")
+JUDGED = (
+    "named",
+    "ambiguous",
+    "verdict",
+    "expected_verdict",
+    "first_right",
+    "all_found",
+    "false_names",
+    "values",
+)
 
 
 def draw_house(seed: int, folder: Path) -> tuple[list[Path], Any, dict[str, Any], float | None]:
@@ -77,7 +87,7 @@ def run(key: tuple[str, int]) -> dict[str, Any]:
         read = open_flights(files)[0]
         try:
             found = find_gap(read, Question(vehicle=vehicle, seed=seed))
-        except Exception:  # whatever it is, a crash is what this table counts
+        except Exception:  # noqa: BLE001 -- whatever it is: a crash is what this table counts
             return {**row, "hidden": _hidden(answer), "crash": traceback.format_exc()}
         report = found.report.to_json()
         judged = judge(report, answer)
@@ -89,12 +99,12 @@ def run(key: tuple[str, int]) -> dict[str, Any]:
         **row,
         "cpu_s": round(time.process_time() - started, 1),
         "hidden": _hidden(answer),
-        **{key: judged[key] for key in ("named", "ambiguous", "verdict", "expected_verdict", "first_right", "all_found", "false_names", "values")},
+        **{key: judged[key] for key in JUDGED},
         "closed": None if closed is None else round(closed, 3),
         "before_m": round(gap["before"], 4),
         "after_m": round(gap["after"], 4),
         "crash": None,
-    }  # fmt: skip
+    }
 
 
 def _hidden(answer: dict[str, Any]) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Quadrotors of any size, as an owner's vehicle file has them: masses and levers right, thrust from a stand, no air."""
+"""Quadrotors of any size, and their owners' vehicle files: masses right, thrust from a stand, no air."""
 
 import dataclasses
 import math
@@ -14,10 +14,10 @@ G = 9.81
 
 
 class Airframe(NamedTuple):
-    """A quadrotor, SI units; thrust is ``kf n^2``, and as much as ``fastest`` gives at duty 1 and full voltage.
+    """A quadrotor, SI units; thrust is ``kf n^2``, its rotors turn at ``fastest`` at duty 1 and full voltage.
 
-    `arm` reaches from the centre to a hub; `lag_up`, `lag_down` are the rotors' time constants; `per_newton` is
-    the battery's current per thrust (A/N), `slope` what it loses over its whole `capacity` (V, C).
+    `arm` reaches from the centre to a hub; `lag_up`, `lag_down` are the rotors' time constants; `per_newton`
+    is the battery's current per thrust (A/N), `slope` what it loses over its whole `capacity` (V, C).
     """
 
     mass: float
@@ -43,7 +43,7 @@ class Airframe(NamedTuple):
 
 
 def draw_airframe(rng: np.random.Generator, lightest: float, heaviest: float) -> Airframe:
-    """A vehicle between two masses (kg): levers, inertias, rotors and pack as vehicles of that size have them."""
+    """A vehicle between two masses (kg), with levers, inertias, rotors and pack of its size."""
     mass = math.exp(rng.uniform(math.log(lightest), math.log(heaviest)))
     arm = 0.25 * (mass / 2.5) ** (1.0 / 3.0) * rng.uniform(0.8, 1.1)
     inertia = 0.2 * mass * arm**2 * rng.uniform(0.8, 1.2)

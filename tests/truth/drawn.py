@@ -1,6 +1,6 @@
 """Sets of flights in the MuJoCo room, everything about them drawn at random: lab, vehicle, what is hidden.
 
-An answer has the shape of `tests.gap.truth`'s: `verdict`, `effects` (name, parameters in SI units), `unlisted`.
+An answer has the shape of `tests.gap.truth`'s: `verdict`, `effects` (name, parameters in SI), `unlisted`.
 """
 
 import math
@@ -42,7 +42,7 @@ def draw_set(seed: int, folder: Path) -> DrawnSet:
     vehicle = nominal(frame, "mujoco-room")
     lab = draw_circumstances(rng, frame)
     size = str(rng.choice(list(SIZES)))
-    hidden, effects, unlisted = _hide(size, frame, vehicle, lab, rng)
+    hidden, effects, unlisted = _hide(size, frame, lab, rng)
     flights = int(rng.choice((4, 6, 8, 12, 16)))
     seconds = float(rng.uniform(15.0, 40.0)) + lab.rest
     folder.mkdir(parents=True, exist_ok=True)
@@ -53,11 +53,12 @@ def draw_set(seed: int, folder: Path) -> DrawnSet:
         goals = paths.draw_path(rng, kind, STEP, seconds, lab.rest, extent)
         log = fly(frame, hidden, lab, goals, np.random.default_rng([seed, 29, number]))
         files.append(folder / f"{kind}-{number + 1}.csv")
-        _write(files[-1], log)
+        write_log(files[-1], log)
     verdict = "unexplained_gap" if unlisted else "effects_found" if effects else "no_gap"
     answer = {
-        "size": size, "flights": flights, "hertz": round(1.0 / (lab.per_line * STEP)), "kilograms": round(frame.mass, 3),
-        "accelerometer": lab.accelerometer, "voltage": lab.voltage, "verdict": verdict,
+        "size": size, "flights": flights, "hertz": round(1.0 / (lab.per_line * STEP)),
+        "kilograms": round(frame.mass, 3), "accelerometer": lab.accelerometer, "voltage": lab.voltage,
+        "verdict": verdict,
         "effects": [{"name": name, "parameters": values} for name, values in effects.items()],
         "unlisted": unlisted,
     }  # fmt: skip
@@ -88,22 +89,32 @@ def draw_circumstances(rng: np.random.Generator, frame: Airframe) -> Circumstanc
 
 
 def _hide(
-    size: str, frame: Airframe, vehicle: Vehicle, lab: Circumstances, rng: np.random.Generator
+    size: str, frame: Airframe, lab: Circumstances, rng: np.random.Generator
 ) -> tuple[Hidden, dict[str, dict[str, float]], dict[str, Any] | None]:
     """Nothing, one effect, two that nobody takes for one another, or something that has no name."""
     kind = rng.random()
     if kind >= 0.85:
         return _unlisted(size, frame, rng)
-    hidden, effects = Hidden(), {}
+    hidden, effects = Hidden(), dict[str, dict[str, float]]()
     names = [name for name in EFFECTS_HERE if _shows(name, lab)]
     for _ in range(0 if kind < 0.2 else 1 if kind < 0.65 else 2):
         name = str(rng.choice(names))
-        hidden, effects[name] = EFFECTS_HERE[name](hidden, _Drawing(name, size, frame, vehicle, rng))
-        if name == "wind":
-            effects["linear_drag"] = dict.fromkeys("xyz", hidden.linear_drag)
+        hidden, new = hide(hidden, name, size, frame, rng)
+        effects |= new
         near = {name, *EFFECTS[name].confused_with, *(effects if name == "wind" else ())}
         names = [other for other in names if other not in near]
     return hidden, effects, None
+
+
+def hide(
+    hidden: Hidden, name: str, size: str, frame: Airframe, rng: np.random.Generator
+) -> tuple[Hidden, dict[str, dict[str, float]]]:
+    """`hidden` with one more effect of a size of `SIZES`, and its parameters (a wind brings a drag)."""
+    hidden, values = EFFECTS_HERE[name](hidden, _Drawing(name, size, frame, nominal(frame, name), rng))
+    effects = {name: values}
+    if name == "wind":
+        effects["linear_drag"] = dict.fromkeys("xyz", hidden.linear_drag)
+    return hidden, effects
 
 
 def _shows(name: str, lab: Circumstances) -> bool:
@@ -241,7 +252,7 @@ def _unlisted(
     return Hidden(line=tuple(turning)), {}, {**where, "acceleration_rad_s2": strength}
 
 
-def _write(path: Path, log: np.ndarray) -> None:
+def write_log(path: Path, log: np.ndarray) -> None:
     """A CSV of the `table` format with the columns that this lab measures."""
     measured = ~np.isnan(log).all(axis=0)
     names = [name for name, has in zip(HEADER.split(","), measured, strict=True) if has]

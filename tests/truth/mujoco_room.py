@@ -111,8 +111,10 @@ def build(frame: Airframe, hidden: Hidden, integrator: str, viscosity: float, de
         f'<site name="m{k}" pos="{_text((x * lever, y * lever, 0.0))}" zaxis="{_text(axis)}"/>'
         for k, (x, y) in enumerate(SIGNS)
     )
+    turn = _text(_quaternion(hidden.pose_turn))
     actuators = "".join(
-        f'<motor site="m{k}" gear="0 0 1 0 0 {turn * frame.yaw_lever:.9g}"/>' for k, turn in enumerate(TURNS)
+        f'<motor site="m{k}" gear="0 0 1 0 0 {sense * frame.yaw_lever:.9g}"/>'
+        for k, sense in enumerate(TURNS)
     )
     return mujoco.MjModel.from_xml_string(f"""
     <mujoco>
@@ -126,7 +128,7 @@ def build(frame: Airframe, hidden: Hidden, integrator: str, viscosity: float, de
                     diaginertia="{_text(inertia)}"/>
           <geom type="box" size="{_text((lever, lever, STANDS * frame.arm))}"/>
           <site name="imu"/>
-          <site name="marker" pos="{_text(hidden.pose_offset)}" quat="{_text(_quaternion(hidden.pose_turn))}"/>
+          <site name="marker" pos="{_text(hidden.pose_offset)}" quat="{turn}"/>
           {rotors}
         </body>
       </worldbody>
@@ -138,24 +140,28 @@ def build(frame: Airframe, hidden: Hidden, integrator: str, viscosity: float, de
     </mujoco>""")
 
 
-def room(frame: Airframe, hidden: Hidden, integrator: str) -> Any:
-    """The model whose medium drags as `hidden` says."""
-    viscous, dense = (_drag(frame, hidden, *medium)[0] for medium in ((1.0, 0.0), (0.0, 1.0)))
-    return build(frame, hidden, integrator, hidden.linear_drag / viscous, 0.5 * AIR * hidden.area / dense)
+def room(frame: Airframe, hidden: Hidden, integrator: str) -> tuple[Any, Array]:
+    """The model whose medium drags as `hidden` says, and how its viscosity damps rates (3, N m s/rad)."""
+    viscous, dense = (_drag(frame, hidden, *medium) for medium in ((1.0, 0.0), (0.0, 1.0)))
+    viscosity, density = hidden.linear_drag / viscous[0], 0.5 * AIR * hidden.area / dense[0]
+    return build(frame, hidden, integrator, viscosity, density), viscosity * viscous[3:]
 
 
 def faces_of(frame: Airframe, hidden: Hidden) -> Array:
     """How the area that the air meets along each body axis goes with that along b_x (3,)."""
     drag = _drag(frame, hidden, 0.0, 1.0)
-    return drag / drag[0]
+    return drag[:3] / drag[0]
 
 
 def _drag(frame: Airframe, hidden: Hidden, viscosity: float, density: float) -> Array:
-    """What MuJoCo's medium does at 1 m/s along each axis (3, N): it follows from the box of equal inertia."""
+    """What MuJoCo's medium does at 1 m/s along and 1 rad/s about each axis (6, N and N m).
+
+    It follows from the box that has the body's inertia.
+    """
     model = build(frame, replace(hidden, wind=(0.0, 0.0, 0.0)), "Euler", viscosity, density)
     data = mujoco.MjData(model)
-    pull = np.empty(3)
-    for axis in range(3):
+    pull = np.empty(6)
+    for axis in range(6):
         data.qvel[:] = 0.0
         data.qvel[axis] = 1.0
         mujoco.mj_forward(model, data)
@@ -200,8 +206,11 @@ class _Rotors:
 
 
 def fly(frame: Airframe, hidden: Hidden, lab: Circumstances, goals: Array, rng: np.random.Generator) -> Array:
-    """One flight along `goals` (one a step); lines of time, place, quaternion, rate, specific force, duty, voltage."""
-    model = room(frame, hidden, lab.integrator)
+    """One flight along `goals`, one a step.
+
+    Lines of the log: time, place, quaternion, rate, specific force, four duties, voltage (19 columns).
+    """
+    model, damping = room(frame, hidden, lab.integrator)
     data = mujoco.MjData(model)
     data.qpos[2] = STANDS * frame.arm if lab.rest else goals[0, 2]
     rotors = _Rotors(
@@ -224,7 +233,7 @@ def fly(frame: Airframe, hidden: Hidden, lab: Circumstances, goals: Array, rng: 
             ratio = frame.full_voltage / rotors.voltage if lab.compensated else 1.0
             duty = np.minimum(np.sqrt(wanted / frame.highest) * ratio, 1.0)
         data.ctrl[:] = rotors.step(duty)
-        _push(data, frame, hidden, inertia, gusts[k], trim, k * STEP)
+        _push(data, frame, hidden, inertia, gusts[k], trim, damping, k * STEP)
         mujoco.mj_step(model, data)
         line, over = divmod(k - lab.phase, lab.per_line)
         if over == 0 and line >= 0:
@@ -234,9 +243,19 @@ def fly(frame: Airframe, hidden: Hidden, lab: Circumstances, goals: Array, rng: 
 
 
 def _push(
-    data: Any, frame: Airframe, hidden: Hidden, inertia: Array, gust: Array, trim: Array, t: float
+    data: Any,
+    frame: Airframe,
+    hidden: Hidden,
+    inertia: Array,
+    gust: Array,
+    trim: Array,
+    damping: Array,
+    t: float,
 ) -> None:
-    """Forces (world) and torques (body) that MuJoCo has no word for; it takes them at the body's origin."""
+    """Forces (world) and torques (body) that MuJoCo has no word for; it takes them at the body's origin.
+
+    The `damping` of rates that its viscosity brings is taken back: `rate_damping` alone says what there is.
+    """
     force, torque = gust[:3].copy(), gust[3:] + (trim if t > 0.0 else 0.0)
     if hidden.slab[1] < data.qpos[0] < hidden.slab[2]:
         force[1] += frame.mass * hidden.slab[0]
@@ -249,7 +268,7 @@ def _push(
         u = across.reshape(3, 3).T @ (data.qvel[0:3] - np.array(hidden.wind))
         torque[0] += hidden.velocity_moment[0] * u[1]
         torque[1] -= hidden.velocity_moment[1] * u[0]
-    torque -= np.array(hidden.rate_damping) * data.qvel[3:6]
+    torque -= (np.array(hidden.rate_damping) - damping) * data.qvel[3:6]
     data.qfrc_applied[:3], data.qfrc_applied[3:] = force, torque
 
 

@@ -1,4 +1,4 @@
-"""Paths that a lab flies: laps, eights, Lissajous figures, climbs, steps and turns on the spot, eased in."""
+"""Paths that a lab flies: laps, eights, Lissajous figures, climbs, steps, shakes and turns, eased in."""
 
 import math
 
@@ -7,7 +7,7 @@ import numpy as np
 from tests.truth.airframe import G
 
 Array = np.ndarray
-KINDS = ("lap", "eight", "lissajous", "climbs", "steps")
+KINDS = ("lap", "eight", "shake", "steps", "lissajous", "climbs")
 TAKE_OFF = 2.5
 """s, from rest to hovering height."""
 
@@ -17,15 +17,15 @@ def draw_path(
 ) -> Array:
     """Goals at each `period` (s): place, velocity, acceleration, heading; shape (m, 10).
 
-    `rest` is how long the vehicle stands on the floor first (s, 0: it starts in the air), `size` the extent of
-    a path in units of what a Crazyflie flies in a room.
+    `rest` is how long the vehicle stands on the floor first (s, 0: it starts in the air), `size` the extent
+    of a path in units of what a Crazyflie flies in a room.
     """
     t = np.arange(round(seconds / period)) * period
     start = rest + (TAKE_OFF if rest else 0.5)
     u = np.maximum(t - start, 0.0)
     place = np.zeros((len(t), 4))
     fade = _ease(u / 3.0)
-    hardest = rng.uniform(2.0, 5.0)  # m/s2, at the bends
+    hardest = rng.uniform(3.0, 6.0)  # m/s2, at the bends
     reach = size * rng.uniform(0.5, 1.0)
     omega = min(math.sqrt(hardest / reach), 4.0 / math.sqrt(size))
     phase = omega * np.cumsum(fade) * period
@@ -38,6 +38,13 @@ def draw_path(
     elif kind == "lissajous":
         for axis, (share, ratio) in enumerate(((0.9, 0.7), (0.7, 0.53), (0.3, 0.83))):
             place[:, axis] = share * reach * (np.sin(ratio * phase + shift[axis]) - np.sin(shift[axis]))
+    elif kind == "shake":
+        for axis, (slow, quick) in enumerate(((0.5, 1.6), (0.6, 1.9))):
+            hertz = slow * (quick / slow) ** (0.5 - 0.5 * np.cos(2.0 * np.pi * u / 10.0)) / math.sqrt(size)
+            turning = 2.0 * np.pi * np.cumsum(hertz * fade) * period + shift[axis]
+            place[:, axis] = (
+                hardest / (2.0 * np.pi * hertz) ** 2 * fade * (np.sin(turning) - np.sin(shift[axis]))
+            )
     elif kind == "climbs":
         place[:, 2] = 0.35 * reach * np.sin(1.2 * phase)
         place[:, 0] = 0.4 * reach * np.sin(0.4 * phase)

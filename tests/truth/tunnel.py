@@ -72,8 +72,8 @@ def nominal(truth: Truth) -> Vehicle:
     """The vehicle file that an owner would have."""
     return airframe.nominal(
         Airframe(
-            truth.mass, truth.arm, truth.ix, truth.iy, truth.iz, truth.kf, truth.fastest, truth.lag, truth.lag,
-            truth.yaw_lever, FULL_VOLTAGE, 3.0, 20000.0, 0.02, 0.7,
+            truth.mass, truth.arm, truth.ix, truth.iy, truth.iz, truth.kf, truth.fastest,
+            truth.lag, truth.lag, truth.yaw_lever, FULL_VOLTAGE, 3.0, 20000.0, 0.02, 0.7,
         ),
         "tunnel",
     )  # fmt: skip
