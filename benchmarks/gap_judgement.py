@@ -99,6 +99,8 @@ def closed_share(
     from onboard.vehicle.effects import Domain
 
     hidden = sealed["effects"]
+    if any(record.voltage is None for record in records):
+        return None  # what stands for it is the finder's own, and differs from model to model
     if sealed["unlisted"] or not hidden or any(EFFECTS[e["name"]].domain is Domain.SENSING for e in hidden):
         return None
     values = {Variable(e["name"], k): x for e in hidden for k, x in e["parameters"].items()}

@@ -21,7 +21,8 @@ from tests.truth.mujoco_room import STEP, Circumstances, Hidden, fly
 
 CALM = Circumstances(
     integrator="RK4", pilot=pilots.GEOMETRIC, ticks=2, per_line=10, phase=3, speed_law=False,
-    compensated=True, battery_lag=0.0, accelerometer=True, voltage=True, rest=0.0, gust=0.05, pose_noise=1e-4, angle_noise=5e-4,
+    compensated=True, battery_lag=0.0, accelerometer=True, voltage=True, rest=0.0, gust=0.05,
+    pose_noise=1e-4, angle_noise=5e-4,
 )  # fmt: skip
 AT_ONCE = ("motor_lag", "inertia_error", "com_offset", "wind")
 MOVING = [
