@@ -9,13 +9,13 @@ table, one JSON document a line, and those that it holds are not repeated; the s
 import argparse
 import json
 import math
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from drawn_sets import runs_of, seed_of_commit, share
 
 from onboard.json_file import as_json
 
@@ -23,15 +23,6 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 CALM = 0.25
 """Share of the sets without wind."""
-
-
-def seed_of_commit() -> int:
-    """A number that the finder's last commit gives."""
-    done = subprocess.run(
-        ["git", "log", "-1", "--format=%H", "--", "calibration/gap"],
-        capture_output=True, text=True, check=True, cwd=Path(__file__).parent.parent,
-    )  # fmt: skip
-    return int(done.stdout[:8], 16)
 
 
 def run(seed: int) -> dict[str, Any]:
@@ -80,22 +71,12 @@ def summary(runs: list[dict[str, Any]]) -> dict[str, Any]:
     calm = [one for one in runs if one["wind"] == 0.0]
     return {
         "sets": len(runs),
-        "wind_within_10_deg_and_25_percent": _share(right),
-        "closed_85_percent": _share([one["after_m"] <= 0.15 * one["before_m"] for one in windy]),
-        "worse": _share([one["after_m"] > one["before_m"] for one in runs]),
-        "false_names": _share([bool(one["false_names"]) for one in runs]),
-        "calm_drag_and_no_wind": _share([not one["wind_named"] and bool(one["named"]) for one in calm]),
+        "wind_within_10_deg_and_25_percent": share(right),
+        "closed_85_percent": share([one["after_m"] <= 0.15 * one["before_m"] for one in windy]),
+        "worse": share([one["after_m"] > one["before_m"] for one in runs]),
+        "false_names": share([bool(one["false_names"]) for one in runs]),
+        "calm_drag_and_no_wind": share([not one["wind_named"] and bool(one["named"]) for one in calm]),
     }
-
-
-def _share(values: list[bool]) -> str:
-    count, z = len(values), 1.96
-    if not count:
-        return "none"
-    p = sum(values) / count
-    middle = (p + z * z / (2 * count)) / (1 + z * z / count)
-    half = z / (1 + z * z / count) * math.sqrt(p * (1 - p) / count + z * z / (4 * count * count))
-    return f"{sum(values)} of {count} ({max(middle - half, 0.0):.2f} to {min(middle + half, 1.0):.2f})"
 
 
 def main() -> None:
@@ -108,13 +89,7 @@ def main() -> None:
     parser.add_argument("--table", type=Path, required=True)
     asked = parser.parse_args()
     first = seed_of_commit() if asked.first is None else asked.first
-    runs = [json.loads(line) for line in asked.table.read_text().splitlines()] if asked.table.exists() else []
-    for seed in range(first, first + asked.runs):
-        if seed not in {one["seed"] for one in runs}:
-            runs.append(run(seed))
-            with asked.table.open("a") as table:
-                table.write(json.dumps(runs[-1]) + "\n")
-            print(json.dumps(runs[-1]), file=sys.stderr, flush=True)
+    runs = runs_of(asked.table, range(first, first + asked.runs), lambda one: one["seed"], run)
     print(json.dumps(summary(runs), indent=1))
 
 

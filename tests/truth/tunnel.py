@@ -5,7 +5,6 @@ rule, rotors that follow their speed and not their thrust, drag of the whole bod
 proportion to the speed, or to its square), cascaded PID loops at 250 Hz; the log has poses, rates and duties.
 """
 
-import dataclasses
 import math
 from pathlib import Path
 from typing import NamedTuple
@@ -13,11 +12,10 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from onboard.quantity import Quantity
-from onboard.thrust_map import ThrustMapForm
-from onboard.vehicle import Vehicle, load_vehicle
+from onboard.vehicle import Vehicle
+from tests.truth import airframe
+from tests.truth.airframe import Airframe, G
 
-G = 9.81
 STEP, PER_TICK, PER_LINE = 1e-3, 4, 20
 """s, of the integrator; steps to a tick of the controller, and to a line of the log."""
 SECONDS = 36.0
@@ -71,44 +69,14 @@ def draw(seed: int, speed: float) -> Truth:
 
 
 def nominal(truth: Truth) -> Vehicle:
-    """The vehicle file that an owner would have: masses and levers right, thrust from a stand, no air."""
-    base = load_vehicle("crazyflie21-stock")
-
-    def q(value: float, unit: str) -> Quantity:
-        return Quantity(value, unit, 0.0, "truth program")
-
-    lever = truth.arm / math.sqrt(2.0)
-    highest = truth.kf * truth.fastest**2
-    body = dataclasses.replace(
-        base.body,
-        mass=q(truth.mass, "kg"),
-        inertia_xx=q(truth.ix, "kg m2"), inertia_yy=q(truth.iy, "kg m2"), inertia_zz=q(truth.iz, "kg m2"),
-        arm_x=q(lever, "m"), arm_y=q(lever, "m"),
-        body_half_x=q(lever, "m"), body_half_y=q(lever, "m"),
-        body_top_z=q(0.1, "m"), body_bottom_z=q(-0.1, "m"),
-        propeller_radius=q(0.45 * truth.arm, "m"), propeller_height_z=q(0.0, "m"),
+    """The vehicle file that an owner would have."""
+    return airframe.nominal(
+        Airframe(
+            truth.mass, truth.arm, truth.ix, truth.iy, truth.iz, truth.kf, truth.fastest,
+            truth.lag, truth.lag, truth.yaw_lever, FULL_VOLTAGE, 3.0, 20000.0, 0.02, 0.7,
+        ),
+        "tunnel",
     )  # fmt: skip
-    cubic = {"c0": 0.0, "c1": 1e-6 * highest, "c2": highest / FULL_VOLTAGE**2, "c3": 0.0}
-    units = {"c0": "N", "c1": "N/V", "c2": "N/V2", "c3": "N/V3"}
-    thrust_map = dataclasses.replace(
-        base.motors.thrust_map,
-        form=ThrustMapForm.FIRMWARE_CUBIC,
-        coefficients={key: q(value, units[key]) for key, value in cubic.items()},
-        name=None,
-    )
-    motors = dataclasses.replace(
-        base.motors, thrust_map=thrust_map, thrust_max=q(highest, "N"), thrust_min=q(0.01 * highest, "N"),
-        time_constant_up=q(truth.lag, "s"), time_constant_down=q(truth.lag, "s"),
-        thrust_to_torque=q(truth.yaw_lever, "m"), thrust_coefficient=q(truth.kf, "N s2/rad2"),
-    )  # fmt: skip
-    battery = dataclasses.replace(
-        base.battery, open_circuit_full=q(FULL_VOLTAGE, "V"), open_circuit_slope=q(3.0, "V"),
-        capacity=q(20000.0, "C"), resistance=q(0.02, "ohm"), motor_current_per_newton=q(0.7, "A/N"),
-        cutoff=q(18.0, "V"),
-    )  # fmt: skip
-    return dataclasses.replace(
-        base, name="tunnel", description="quadrotor of the tunnel", body=body, motors=motors, battery=battery
-    )
 
 
 def make_flights(truth: Truth, seed: int, flights: int, out: Path) -> list[Path]:

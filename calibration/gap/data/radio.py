@@ -8,6 +8,8 @@ from calibration.gap.data.samples import Samples
 from onboard.arrays import BoolArray
 
 _LEAST_STRAIGHT = 4  # samples on one line, which are 5 intervals between measured ones
+_LEAST_STRAIGHT_S = 0.04  # and how long: a smooth command that is logged at 500 Hz looks straight over less
+_WINDOW = 256  # samples that are looked at together
 
 
 @dataclass(frozen=True)
@@ -28,21 +30,24 @@ class ReceivedSignal:
 def received(samples: Samples, resolution: float, idle: BoolArray | None = None) -> ReceivedSignal:
     """The measured part of `samples`, shape (n, k).
 
-    Commands of a controller and readings of a sensor never lie on a straight line: where the second
-    difference of all columns stays below `resolution` for 5 intervals or more, the log was interpolated (or
-    held); where that goes on to the end, the link was lost. `idle`, shape (n,), tells where a straight line
-    is true, such as motors that are off.
+    Commands of a controller and readings of a sensor never lie on a straight line for long: where all
+    columns do, within `resolution` in their second difference, for 5 intervals and 40 ms or more, the log was
+    interpolated (or held); where that goes on to the end, the link was lost. `idle`, shape (n,), tells where
+    a straight line is true, such as motors that are off.
     """
     straight = _straight(samples, resolution)
     if idle is not None:
         straight &= ~idle
     edges = np.flatnonzero(np.diff(np.concatenate([[False], straight, [False]])))
-    starts, ends = edges[::2], edges[1::2]
-    long = ends - starts >= _LEAST_STRAIGHT
     count = samples.t.size
     keep = np.ones(count, dtype=np.bool_)
     lost_s = dead_s = 0.0
-    for start, end in zip(starts[long], ends[long], strict=True):
+    lines = [
+        line
+        for start, end in zip(edges[::2], edges[1::2], strict=True)
+        for line in _lines(samples, int(start), int(end), 0.5 * resolution)
+    ]
+    for start, end in lines:
         if end == count - 1:  # the last sample has no second difference: it is as made up as those before
             keep[start:] = False
             dead_s = float(samples.t[-1] - samples.t[start - 1])
@@ -60,3 +65,34 @@ def _straight(samples: Samples, resolution: float) -> BoolArray:
     straight = np.zeros(t.size, dtype=np.bool_)
     straight[1:-1] = np.all(np.abs(bend) < resolution, axis=1)
     return straight
+
+
+def _lines(samples: Samples, start: int, end: int, tolerance: float) -> list[tuple[int, int]]:
+    """Parts of ``start:end`` that lie on one line each and are long enough to be a gap.
+
+    What bends a little at every sample has small second differences too; over a gap it leaves the line.
+    """
+    lines = []
+    while end - start >= _LEAST_STRAIGHT:
+        stop = _end_of_line(samples, start - 1, end, tolerance)
+        if stop - start >= _LEAST_STRAIGHT and samples.t[stop] - samples.t[start - 1] >= _LEAST_STRAIGHT_S:
+            lines.append((start, stop))
+        start = stop + 1
+    return lines
+
+
+def _end_of_line(samples: Samples, anchor: int, end: int, tolerance: float) -> int:
+    """Last index up to `end` that lies on one line with `anchor` and all between."""
+    low, high = np.full(samples.values.shape[1], -np.inf), np.full(samples.values.shape[1], np.inf)
+    first = anchor + 1
+    while first <= end:
+        part = slice(first, min(first + _WINDOW, end + 1))
+        run = (samples.t[part] - samples.t[anchor])[:, None]
+        off = samples.values[part] - samples.values[anchor]
+        lows = np.maximum.accumulate(np.vstack([low, (off - tolerance) / run]))[1:]
+        highs = np.minimum.accumulate(np.vstack([high, (off + tolerance) / run]))[1:]
+        missed = np.flatnonzero(np.any(lows > highs, axis=1))
+        if missed.size:
+            return first + int(missed[0]) - 1
+        low, high, first = lows[-1], highs[-1], part.stop
+    return end

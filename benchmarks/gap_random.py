@@ -1,0 +1,165 @@
+"""Judge the gap finder by sets of flights drawn at random from several programs that share nothing with it.
+
+    python benchmarks/gap_random.py --runs 10 --table FILE [--truths house mujoco] [--first N]
+
+Drawn are the laboratory (integrator, pilot, rates, noise, what the log lacks), the vehicle, how much is
+flown, and what is hidden: nothing, one effect, two, or something without a name, weak to strong. Seeds
+follow from the commit of the finder. Runs are appended to the table, one JSON document a line, and those that
+it holds are not repeated; the summary of all goes to stdout.
+"""
+
+import argparse
+import json
+import sys
+import tempfile
+import time
+import traceback
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from drawn_sets import runs_of, seed_of_commit, share
+from gap_judgement import closed_share, judge
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+TRUTHS = ("house", "mujoco")
+JUDGED = (
+    "named",
+    "ambiguous",
+    "verdict",
+    "expected_verdict",
+    "first_right",
+    "all_found",
+    "false_names",
+    "values",
+)
+
+
+def draw_house(seed: int, folder: Path) -> tuple[list[Path], Any, dict[str, Any], float | None]:
+    """A case of `tests/gap/truth`: a Crazyflie at 100 Hz, 6 to 20 flights of 35 s."""
+    from onboard.vehicle import load_vehicle
+    from tests.gap.truth.campaign import VEHICLE, make_flights
+    from tests.gap.truth.cases import SINGLE
+
+    rng = np.random.default_rng([seed, 31])
+    kind = rng.random()
+    case = (
+        "none" if kind < 0.2
+        else str(rng.choice(SINGLE)) if kind < 0.65
+        else "two" if kind < 0.85
+        else str(rng.choice(("unlisted_force_region", "unlisted_torque_line")))
+    )  # fmt: skip
+    size = str(rng.choice(("weak", "medium", "strong")))
+    answer = folder / "answer.json"
+    files = make_flights(
+        case, size, seed, int(rng.choice((6, 8, 12, 20))), out=folder / "flights", answer=answer
+    )
+    sealed = json.loads(answer.read_text())
+    return files, load_vehicle(VEHICLE), {**sealed, "flights": len(files)}, 2.1
+
+
+def draw_mujoco(seed: int, folder: Path) -> tuple[list[Path], Any, dict[str, Any], float | None]:
+    """A set of `tests/truth/drawn.py`."""
+    from tests.truth.drawn import draw_set
+
+    drawn = draw_set(seed, folder)
+    return drawn.files, drawn.vehicle, drawn.answer, None
+
+
+def run(key: tuple[str, int]) -> dict[str, Any]:
+    """One set: fly, find, compare."""
+    from calibration.flights import open_flights
+    from calibration.gap.data import prepare_flights
+    from calibration.gap.find import Question, find_gap
+
+    truth, seed = key
+    with tempfile.TemporaryDirectory() as folder:
+        draw = {"house": draw_house, "mujoco": draw_mujoco}[truth]
+        files, vehicle, answer, ceiling = draw(seed, Path(folder))
+        facts = {
+            name: answer[name]
+            for name in ("size", "flights", "hertz", "kilograms", "accelerometer", "voltage")
+            if name in answer
+        }
+        row = {"program": truth, "seed": seed, **facts}
+        started = time.process_time()
+        read = open_flights(files)[0]
+        try:
+            found = find_gap(read, Question(vehicle=vehicle, seed=seed))
+        except Exception:  # noqa: BLE001 -- whatever it is: a crash is what this table counts
+            return {**row, "hidden": _hidden(answer), "crash": traceback.format_exc()}
+        report = found.report.to_json()
+        judged = judge(report, answer)
+        closed = closed_share(
+            prepare_flights(read).records, report["flights"]["held_out"], found, vehicle, answer, ceiling
+        )
+    gap = report["gap"]
+    return {
+        **row,
+        "cpu_s": round(time.process_time() - started, 1),
+        "hidden": _hidden(answer),
+        **{key: judged[key] for key in JUDGED},
+        "closed": None if closed is None else round(closed, 3),
+        "before_m": round(gap["before"], 4),
+        "after_m": round(gap["after"], 4),
+        "crash": None,
+    }
+
+
+def _hidden(answer: dict[str, Any]) -> dict[str, Any]:
+    """By name, with its parameters."""
+    hidden = {effect["name"]: effect["parameters"] for effect in answer["effects"]}
+    return hidden or ({"unlisted": answer["unlisted"]} if answer["unlisted"] else {})
+
+
+def summary(runs: list[dict[str, Any]]) -> dict[str, Any]:
+    """The figures that a sceptic asks for, with Wilson's intervals of 95 %, of each program and of all."""
+    return {
+        "all": _figures(runs),
+        **{truth: _figures([one for one in runs if one["program"] == truth]) for truth in TRUTHS},
+    }
+
+
+def _figures(runs: list[dict[str, Any]]) -> dict[str, Any]:
+    ended = [one for one in runs if not one["crash"]]
+    listed = [one for one in ended if one["hidden"] and "unlisted" not in one["hidden"]]
+    clear = [one for one in listed if one["size"] != "weak"]
+    none = [one for one in ended if not one["hidden"]]
+    values = [pair["covered"] for one in listed for pair in one["values"] if pair["covered"] is not None]
+    return {
+        "sets": len(runs),
+        "crashes": len(runs) - len(ended),
+        "first_name_right_medium_and_strong": share([one["first_right"] for one in clear]),
+        "all_found_medium_and_strong": share([one["all_found"] for one in clear]),
+        "first_name_right_weak": share([one["first_right"] for one in listed if one["size"] == "weak"]),
+        "false_name_with_something_hidden": share([bool(one["false_names"]) for one in listed]),
+        "nothing_hidden_nothing_claimed": share([one["verdict"] == "no_gap" for one in none]),
+        "nothing_hidden_and_named": share([bool(one["named"]) for one in none]),
+        "intervals_hold": share(values),
+        "closed_90_percent": share([one["closed"] >= 0.9 for one in clear if one["closed"] is not None]),
+        "unlisted_flagged": share(
+            [one["verdict"] == "unexplained_gap" for one in ended if "unlisted" in one["hidden"]]
+        ),
+        "worse_than_before": share([one["after_m"] > one["before_m"] for one in ended]),
+    }
+
+
+def main() -> None:
+    """Parse, run what the table lacks, print."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--runs", type=int, default=10, help="of each program")
+    parser.add_argument("--first", type=int, help="first seed; default: from the commit")
+    parser.add_argument("--truths", nargs="+", choices=TRUTHS, default=list(TRUTHS))
+    parser.add_argument("--table", type=Path, required=True)
+    asked = parser.parse_args()
+    first = seed_of_commit() if asked.first is None else asked.first
+    keys = [(truth, seed) for seed in range(first, first + asked.runs) for truth in asked.truths]
+    runs = runs_of(asked.table, keys, lambda one: (one["program"], one["seed"]), run)
+    print(json.dumps(summary(runs), indent=1))
+
+
+if __name__ == "__main__":
+    main()
