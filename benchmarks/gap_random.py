@@ -21,6 +21,8 @@ import numpy as np
 from drawn_sets import runs_of, seed_of_commit, share
 from gap_judgement import closed_share, judge
 
+from onboard.json_file import as_json
+
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 TRUTHS = ("house", "mujoco")
@@ -71,7 +73,7 @@ def run(key: tuple[str, int]) -> dict[str, Any]:
     """One set: fly, find, compare."""
     from calibration.flights import open_flights
     from calibration.gap.data import prepare_flights
-    from calibration.gap.find import Question, find_gap
+    from calibration.gap.find import GapQuestion, find_gap
 
     truth, seed = key
     with tempfile.TemporaryDirectory() as folder:
@@ -86,10 +88,10 @@ def run(key: tuple[str, int]) -> dict[str, Any]:
         started = time.process_time()
         read = open_flights(files)[0]
         try:
-            found = find_gap(read, Question(vehicle=vehicle, seed=seed))
+            found = find_gap(read, GapQuestion(vehicle=vehicle, seed=seed))
         except Exception:  # noqa: BLE001 -- whatever it is: a crash is what this table counts
             return {**row, "hidden": _hidden(answer), "crash": traceback.format_exc()}
-        report = found.report.to_json()
+        report = as_json(found.report)
         judged = judge(report, answer)
         closed = closed_share(
             prepare_flights(read).records, report["flights"]["held_out"], found, vehicle, answer, ceiling
