@@ -263,7 +263,7 @@ class LabTime:
     # Turns: the caller holds the workers' lock
 
     def _go_on(self) -> None:
-        """Take a turn as far as it goes: called by whoever was the last to be at work, and where one begins."""
+        """Take a turn as far as it goes: called where one begins, and by whoever was the last at work."""
         workers = self._workers
         while self._turn is not None or self._turns_to_come:
             if self._turn is None:

@@ -1,8 +1,9 @@
-"""The feed of a room that lives in the lab's time: an update, and the room's word that it is dealt with.
+"""The feed of a room that lives in the lab's time: updates, and the room's word that they are dealt with.
 
 Datagrams as in :mod:`sim_backend.room.feed`: updates wait for the one after which a frame is due, and go with
-it. To that one, with the flag :data:`ANSWER`, the room answers with one JSON object, ``{"t": world time, "sent": {key: packets}}``: all frames that were due are sent, and so many packets
-have gone to each client so far (keys as in :mod:`onboard.lab_time.messages`).
+it. To that one, with the flag :data:`ANSWER`, the room answers with one JSON object, ``{"t": world time,
+"sent": {key: packets}}``: all frames that were due are sent, and so many packets have gone to each client so
+far (keys as in :mod:`onboard.lab_time.messages`).
 """
 
 import asyncio

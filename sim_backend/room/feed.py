@@ -1,7 +1,8 @@
 """True poses from the world's process to the room's: loopback UDP datagrams of one or more world updates.
 
 An update, little-endian, packed: ``u32 magic "PFD1" | u16 bodies | u16 flags | f64 world time (s)``, then per
-body ``char[24] name | f64 position[3] (m) | f64 quaternion[4] (x, y, z, w)``. A lost datagram costs its updates.
+body ``char[24] name | f64 position[3] (m) | f64 quaternion[4] (x, y, z, w)``. A lost datagram
+costs its updates.
 """
 
 import math
