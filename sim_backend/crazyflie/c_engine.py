@@ -18,7 +18,7 @@ from onboard.arrays import Vector
 from onboard.battery import FULL_RATIO
 from onboard.controller import Wrench
 from onboard.firmware.library import NO_POSE, Float32Array, core_library, vehicle_constants
-from onboard.firmware.structures import Approach, Estimate, Inputs, View
+from onboard.firmware.structures import Approach, Estimate, Inputs, Outputs, View
 from onboard.firmware.structures import Setpoint as CSetpoint
 from onboard.firmware.structures import Vector as CVector
 from onboard.landing.model import OutputMode
@@ -29,6 +29,10 @@ from sim_backend.crazyflie.engine import ApproachRequest, Event, Sample, Snapsho
 from sim_backend.crazyflie.setpoint import Setpoint, complete_setpoint
 
 _WORD = ctypes.sizeof(ctypes.c_float)
+_MODES = {int(mode): mode for mode in OutputMode}
+_STATES = {int(state): state for state in LandingState}
+_STATUSES = {int(status): status for status in TrajectoryStatus}
+"""By number: asked for every ms, and to call an enumeration takes longer than a step of the core."""
 
 
 def _floats_at(structure: Any, offset: int, end: int) -> Float32Array:
@@ -57,6 +61,8 @@ class CEngine:
         """Start anew."""
         self._library.perch_boot(self._core, self._constants)
         self._view = View()
+        begin = View.outputs.offset + Outputs.duties.offset
+        self._duties = _floats_at(self._view, begin, begin + 4 * _WORD)
         self._view.outputs.policy.cues.tau = float("inf")
         self.ratios[:] = 0
 
@@ -80,7 +86,7 @@ class CEngine:
     @property
     def mode(self) -> OutputMode:
         """What the landing machine does."""
-        return OutputMode(self._view.outputs.mode)
+        return _MODES[self._view.outputs.mode]
 
     @property
     def target(self) -> Setpoint:
@@ -96,7 +102,7 @@ class CEngine:
     @property
     def state(self) -> LandingState:
         """Of the landing machine."""
-        return LandingState(self._view.outputs.state)
+        return _STATES[self._view.outputs.state]
 
     @property
     def reason(self) -> EndReason:
@@ -106,7 +112,7 @@ class CEngine:
     @property
     def trajectory_status(self) -> TrajectoryStatus:
         """The answer to the last request."""
-        return TrajectoryStatus(self._view.outputs.trajectory_status)
+        return _STATUSES[self._view.outputs.trajectory_status]
 
     @property
     def cues(self) -> Vector:
@@ -218,10 +224,9 @@ class CEngine:
             self._estimate[10:] = sample.gyro
             self._take_setpoint(sample.setpoint, sample.tick)
         self._library.perch_host_step(self._core, inputs, self._view)
-        outputs = self._view.outputs
-        for i in range(4):
-            self.ratios[i] = int(outputs.duties[i] * FULL_RATIO)
-        return Event(outputs.events)
+        self.ratios[:] = [int(duty * FULL_RATIO) for duty in self._duties.tolist()]
+        events = self._view.outputs.events
+        return Event(events) if events else Event.NONE
 
     def _take_setpoint(self, s: Setpoint, tick: int) -> None:
         c = self._inputs.setpoint
