@@ -69,7 +69,8 @@ def decode_feed(data: bytes) -> list[FeedUpdate]:
     Raises:
         FeedError: wrong magic, length or values.
     """
-    updates, position = [], 0
+    updates: list[FeedUpdate] = []
+    position = 0
     while position < len(data) or not updates:
         update, position = _update_at(data, position)
         updates.append(update)
