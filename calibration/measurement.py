@@ -11,7 +11,6 @@ from enum import Enum
 from typing import Any, Self
 
 import numpy as np
-from scipy.special import stdtrit
 
 from onboard.arrays import FloatArray
 from onboard.quantity import Quantity
@@ -113,6 +112,8 @@ def coverage_factor(dof: float) -> float:
     """The factor that makes a standard uncertainty cover 95 %: Student's t, 1.96 for infinite dof."""
     if dof < 1.0:
         return math.inf
+    from scipy.special import stdtrit  # takes as long to import as all the rest of a flight's program
+
     return float(stdtrit(min(dof, 1e9), 0.5 + 0.5 * COVERAGE))
 
 

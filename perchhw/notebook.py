@@ -184,7 +184,7 @@ def fly_campaign(
     from perchhw.campaign import CampaignStopped, check_approaches, load_plan, run_campaign
     from perchhw.campaign.seats import drone_names, hold_all
     from perchhw.flight.turnaround import attempt_after_attempt
-    from perchhw.report import write_campaign_report
+    from perchhw.report.campaign_report import write_campaign_report
 
     plan = load_plan(Path(file), _lab_file(lab))
     check_approaches(plan)

@@ -100,7 +100,8 @@ class Participant:
         while self._running > 0 and not self.connecting and not self.gone:
             self._changed.clear()
             try:
-                await asyncio.wait_for(self._changed.wait(), SILENCE_LIMIT_S)
+                async with asyncio.timeout(SILENCE_LIMIT_S):
+                    await self._changed.wait()
             except TimeoutError:
                 raise TurnsError(
                     f"{self.name} takes part in the lab's time and has said nothing for "
@@ -208,7 +209,8 @@ class TurnsServer:
         for participant in due:
             await participant.finish_turn()
         try:
-            await asyncio.wait_for(self._everything_arrives(due), SILENCE_LIMIT_S)
+            async with asyncio.timeout(SILENCE_LIMIT_S):
+                await self._everything_arrives(due)
         except TimeoutError:
             late = ", ".join(p.name for p in due if not p.arrived(traffic))
             raise TurnsError(

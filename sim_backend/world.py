@@ -20,6 +20,7 @@ from sim_backend.crazyflie.firmware import Firmware
 from sim_backend.crazyflie.interfaces import Localization
 from sim_backend.engine_name import EngineName
 from sim_backend.errors import SimulationError
+from sim_backend.fault_values import NO_TIME
 from sim_backend.handling import WIRED, Wiring, attitude_in_hand, hold_in_hand, wiring_of
 from sim_backend.hung import HungDrone
 from sim_backend.lab_faults import DroneFaults
@@ -258,6 +259,10 @@ class World:
         bias = (np.array(self._faults.gyro_bias) + parameters["gyro_bias"]).tolist()
         gyro_bias = (bias[0], bias[1], bias[2])
         self._seed = seed
+        self._handled = any(
+            window is not NO_TIME
+            for window in (self._faults.hung_at, self._faults.held_at, self._faults.survey_at)
+        )
         self._survey = SimulatedSurvey(self._faults.survey_at, self._faults.survey_ceiling, room, seed)
         self._generators = [np.random.default_rng((seed, i, 0)) for i in range(drones)]
         self.drones = [
@@ -331,7 +336,8 @@ class World:
 
     def _strike(self) -> None:
         """Faults that have a time."""
-        self._hold()
+        if self._handled:
+            self._hold()
         if self.time >= self._faults.freeze_drone_at:
             for drone in self.drones:
                 drone.frozen = True

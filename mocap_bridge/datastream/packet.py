@@ -6,9 +6,17 @@ not count their own eight bytes. All objects of one frame travel in one packet.
 
 import struct
 from collections.abc import Collection, Iterable
+from functools import lru_cache
 
 from mocap_bridge.datastream.fields import PayloadReader
-from mocap_bridge.datastream.objects import LAYOUTS, OBJECT_IDS, StreamObject
+from mocap_bridge.datastream.objects import (
+    LAYOUTS,
+    OBJECT_IDS,
+    ApplicationInfo,
+    StreamInfo,
+    StreamObject,
+    SubjectInfo,
+)
 from mocap_bridge.errors import PacketError
 
 MAGIC = 0x1A2B0001
@@ -16,6 +24,8 @@ MAGIC = 0x1A2B0001
 PACKET_BYTES_LIMIT = 1024 * 1024
 
 _HEADER = struct.Struct("<II")
+_STANDING = frozenset(OBJECT_IDS[kind] for kind in (StreamInfo, ApplicationInfo, SubjectInfo))
+"""Sent with every frame, and the same in nearly all: each is decoded once."""
 
 
 def encode_packet(objects: Iterable[StreamObject]) -> bytes:
@@ -63,14 +73,26 @@ def decode_packet(data: bytes, wanted: Collection[int] | None = None) -> list[St
             raise PacketError(
                 f"object {object_id} says {size} bytes, {end - position} are left in the packet"
             )
-        layout = LAYOUTS.get(object_id)
-        if layout is not None and (wanted is None or object_id in wanted):
-            reader = PayloadReader(data, position, position + size)
-            objects.append(layout.read(reader))
-            if reader.position != reader.end:
-                raise PacketError(f"object {object_id} leaves {reader.end - reader.position} bytes unread")
+        if object_id in LAYOUTS and (wanted is None or object_id in wanted):
+            if object_id in _STANDING:
+                objects.append(_standing(object_id, data[position : position + size]))
+            else:
+                objects.append(_decoded(object_id, data, position, position + size))
         position += size
     return objects
+
+
+def _decoded(object_id: int, data: bytes, start: int, end: int) -> StreamObject:
+    reader = PayloadReader(data, start, end)
+    item: StreamObject = LAYOUTS[object_id].read(reader)
+    if reader.position != reader.end:
+        raise PacketError(f"object {object_id} leaves {reader.end - reader.position} bytes unread")
+    return item
+
+
+@lru_cache(maxsize=256)
+def _standing(object_id: int, payload: bytes) -> StreamObject:
+    return _decoded(object_id, payload, 0, len(payload))
 
 
 def packet_body_bytes(data: bytes | bytearray, start: int) -> int:

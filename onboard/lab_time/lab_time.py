@@ -2,10 +2,10 @@
 
 import contextlib
 import logging
-import queue
 import socket
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import TracebackType
@@ -13,6 +13,7 @@ from typing import IO, Any, Self
 
 from onboard.errors import PerchhwError
 from onboard.lab_time.messages import Message, decode, encode
+from onboard.lab_time.transport import LabTransport
 from onboard.lab_time.waiting import LabBell, LabEvent, LabQueue, Workers
 from onboard.timebase import Bell, Event, Queue, Transport
 
@@ -44,12 +45,13 @@ class LabTime:
     def __init__(self, host: str, port: int, name: str) -> None:
         self._address = (host, port)
         self._name = name
-        self._workers = Workers(0.0)
-        self._transports: dict[str, _LabTransport] = {}
+        self._workers = Workers(0.0, self._go_on)
+        self._transports: dict[str, LabTransport] = {}
         self._answers: dict[str, Message] = {}
         self._answered = threading.Condition()
         self._sending, self._asking = threading.Lock(), threading.Lock()
-        self._turns: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
+        self._turn: float | None = None  # the time of the turn that is not over; guarded by the workers' lock
+        self._turns_to_come: deque[Message] = deque()
         self._socket: socket.socket | None = None
         self._alone = self._runs = False
         self._left = threading.Event()
@@ -105,7 +107,7 @@ class LabTime:
     def transport(self, key: str) -> Transport:
         """The end of a socket; packets that were sent to its port before do not count."""
         before = int(self._ask("open", key=key).get("packets", 0))
-        transport = _LabTransport(self._workers, before, lambda packets: self._forget(key, packets))
+        transport = LabTransport(self._workers, before, lambda packets: self._forget(key, packets))
         with self._workers.lock:
             self._transports[key] = transport
         return transport
@@ -122,7 +124,7 @@ class LabTime:
         runs, connected = bool(answer.get("runs")), threading.Event()
         self._runs = runs
         pacer = threading.Thread(target=self._run_alone, args=(connected.is_set,), daemon=True)
-        self._workers.let_turns_hold(False)
+        self._let_turns_hold(False)
         if runs:
             pacer.start()
         try:
@@ -133,7 +135,7 @@ class LabTime:
                 pacer.join()
                 self._workers.now = float(self._ask("connected", t=self._workers.now)["t"])
             self._runs = False
-            self._workers.let_turns_hold(True)
+            self._let_turns_hold(True)
 
     def patience(self, limit: float) -> float:
         """As long as the lab itself waits; while it runs at the machine's pace, no longer than `limit`."""
@@ -165,8 +167,7 @@ class LabTime:
             self._workers.begin()
             self._workers.count()
         lines = self._socket.makefile("rb")
-        threading.Thread(target=self._receive, args=(lines,), name="LabTimeReceive", daemon=True).start()
-        threading.Thread(target=self._take_turns, name="LabTimeTurns", daemon=True).start()
+        threading.Thread(target=self._take_part, args=(lines,), name="LabTimeTurns", daemon=True).start()
         threading.Thread(target=self._feel_pulse, name="LabTimePulse", daemon=True).start()
         self._workers.now = float(self._ask("join", name=self._name)["t"])
 
@@ -231,15 +232,17 @@ class LabTime:
             self._transports.pop(key, None)
         self._tell({"close": key, "packets": packets})
 
-    def _receive(self, lines: IO[bytes]) -> None:
-        """Take in turns and answers as they come, until the lab is gone."""
+    def _take_part(self, lines: IO[bytes]) -> None:
+        """Take in turns and answers as they come; without a lab, let time go on by the machine's clock."""
         try:
             for line in lines:
                 message = decode(line)
                 if "answer" in message:
                     self._answer(message)
                 else:
-                    self._turns.put(message)
+                    with self._workers.lock:
+                        self._turns_to_come.append(message)
+                        self._go_on()
         except (OSError, ValueError) as error:
             _log.info("no longer in the lab's time: %s", error)  # closed by leave(), or broken off
         finally:
@@ -247,13 +250,9 @@ class LabTime:
         with self._answered:
             self._alone = True
             self._answered.notify_all()
-        self._turns.put(None)
-
-    def _take_turns(self) -> None:
-        """One turn after the other; without a lab, on the machine's clock."""
-        while (turn := self._turns.get()) is not None:
-            self._turn(float(turn["t"]), turn["packets"])
-        self._workers.let_turns_hold(False)
+        with self._workers.lock:
+            self._turn = None
+        self._let_turns_hold(False)
         self._run_alone(lambda: self._socket is None)
 
     def _answer(self, message: Message) -> None:
@@ -261,30 +260,40 @@ class LabTime:
             self._answers[str(message["answer"])] = message
             self._answered.notify_all()
 
-    def _turn(self, now: float, packets: dict[str, int]) -> None:
-        """One turn; see the class."""
+    # Turns: the caller holds the workers' lock
+
+    def _go_on(self) -> None:
+        """Take a turn as far as it goes: called where one begins, and by whoever was the last at work."""
         workers = self._workers
-        with workers.lock:
-            workers.now = now
-            for key, count in packets.items():
-                if key in self._transports:
-                    self._transports[key].expected = count
-            workers.changed.notify_all()
-            self._finish_work()
-            while workers.wake_next_due():
-                self._finish_work()
-            done: Message = {
-                "done": now,
-                "next": workers.next_deadline(),
-                "packets": {key: transport.count_sent for key, transport in self._transports.items()},
-            }
+        while self._turn is not None or self._turns_to_come:
+            if self._turn is None:
+                self._begin_turn(self._turns_to_come.popleft())
+            if workers.at_work > 0 or not all(t.caught_up for t in self._transports.values()):
+                return
+            if not workers.wake_next_due():
+                self._end_turn()
+
+    def _begin_turn(self, turn: Message) -> None:
+        self._turn = self._workers.now = float(turn["t"])
+        for key, count in turn["packets"].items():
+            if key in self._transports:
+                self._transports[key].expect(count)
+
+    def _end_turn(self) -> None:
+        done: Message = {
+            "done": self._turn,
+            "next": self._workers.next_deadline(),
+            "packets": {key: transport.count_sent for key, transport in self._transports.items()},
+        }
+        self._turn = None
         self._tell(done)
 
-    def _finish_work(self) -> None:
-        """Wait until every packet has come and nobody is at work; the caller holds the lock."""
-        workers = self._workers
-        while workers.at_work > 0 or not all(t.caught_up for t in self._transports.values()):
-            workers.changed.wait()
+    def _let_turns_hold(self, takes_turns: bool) -> None:
+        """Whether packets wait for their turn from here on."""
+        with self._workers.lock:
+            self._workers.takes_turns = takes_turns
+            for transport in self._transports.values():
+                transport.changed.notify_all()
 
     def _run_alone(self, ended: Callable[[], bool]) -> None:
         """Let time go on at the machine's pace until `ended`."""
@@ -295,66 +304,4 @@ class LabTime:
                 workers.now = lab_time + (time.monotonic() - started)
                 while workers.wake_next_due():
                     pass
-                workers.changed.wait(_OWN_PACE_STEP_S)
-
-
-class _LabTransport:
-    """A socket's end; see :class:`onboard.timebase.Transport`.
-
-    A packet may arrive before the turn that it belongs to. It then waits until the lab has said what time it
-    is, so that its time of receipt is the lab's.
-    """
-
-    def __init__(self, workers: Workers, before: int, forget: Callable[[int], None]) -> None:
-        self._workers = workers
-        self._forget = forget
-        self._received = self.expected = before
-        self._counted = self._closed = False
-        self.count_sent = 0
-
-    @property
-    def caught_up(self) -> bool:
-        """Whether every packet that the lab has sent was received."""
-        return self._received >= self.expected
-
-    def blocking(self) -> Self:
-        """The calling thread is not at work inside; it comes out with a packet of this turn."""
-        return self
-
-    def __enter__(self) -> None:
-        workers = self._workers
-        self._counted = workers.counted
-        if self._counted:
-            with workers.lock:
-                workers.end()
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        workers = self._workers
-        with workers.lock:
-            while kind is None and workers.takes_turns and self.caught_up and not self._closed:
-                workers.changed.wait()
-            if self._counted:
-                workers.begin()
-
-    def received(self, packets: int) -> None:
-        """Note packets that were received."""
-        with self._workers.lock:
-            self._received += packets
-            self._workers.changed.notify_all()
-
-    def sent(self, packets: int) -> None:
-        """Note packets that were sent."""
-        with self._workers.lock:
-            self.count_sent += packets
-
-    def close(self) -> None:
-        """Nothing is expected here any more; the lab still waits for what was sent."""
-        with self._workers.lock:
-            if self._closed:
-                return
-            self._closed = True
-        self._forget(self.count_sent)
-        with self._workers.lock:
-            self._workers.changed.notify_all()
+            time.sleep(_OWN_PACE_STEP_S)

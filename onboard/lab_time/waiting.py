@@ -11,6 +11,7 @@ import itertools
 import queue
 import threading
 from collections import deque
+from collections.abc import Callable
 from typing import Any
 
 
@@ -36,28 +37,25 @@ class Waiter:
 class Workers:
     """Who is at work and who waits, and what time it is; all under one lock.
 
+    Args:
+        now: the time, s.
+        all_wait: called under the lock when the last has ended its work.
+
     Attributes:
-        now: the time, s; set by who keeps the time.
+        now: set by who keeps the time.
         at_work: units of work that are not done.
-        changed: notified when work may be done, a packet was received, or a turn begins.
         takes_turns: packets wait for the turn that they belong to.
     """
 
-    def __init__(self, now: float) -> None:
+    def __init__(self, now: float, all_wait: Callable[[], None]) -> None:
         self.now = now
         self.at_work = 0
         self.takes_turns = True
         self.lock = threading.Lock()
-        self.changed = threading.Condition(self.lock)
+        self._all_wait = all_wait
         self._order = itertools.count()
         self._deadlines: list[tuple[float, int, Waiter]] = []
         self._counted: set[threading.Thread] = set()
-
-    def let_turns_hold(self, takes_turns: bool) -> None:
-        """Whether packets wait for their turn from here on."""
-        with self.lock:
-            self.takes_turns = takes_turns
-            self.changed.notify_all()
 
     # Work: the caller holds the lock
 
@@ -68,8 +66,12 @@ class Workers:
     def end(self) -> None:
         """One unit of work less."""
         self.at_work -= 1
+        self.look()
+
+    def look(self) -> None:
+        """Something was done: whether all was."""
         if self.at_work <= 0:
-            self.changed.notify_all()
+            self._all_wait()
 
     def block(self, waiters: "set[Waiter]", deadline: float | None, at_most: float | None = None) -> None:
         """Wait until woken, until `deadline`, or for `at_most` s by the machine's clock; the lock is free

@@ -12,16 +12,14 @@ import os
 import platform
 import shutil
 import threading
-from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from collections.abc import Mapping
+from contextlib import ExitStack
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
-from mcap.well_known import MessageEncoding, SchemaEncoding
-from mcap.writer import IndexType, Writer
 
 from onboard.clock import Clock, monotonic
 from onboard.errors import OnboardError, SafetyStop
@@ -29,6 +27,7 @@ from onboard.json_file import write_json_atomically
 from onboard.record.checksum import with_checksum
 from onboard.record.folder import make_folder, utc_now
 from onboard.record.run_record import EVENTS_FILE, RUN_FILE, SERIES_FILE
+from onboard.record.series_writer import SeriesWriter
 from onboard.record.sync import PeriodicSync, Sync
 from onboard.record.topics import TOPICS
 from onboard.schema import RUN_SCHEMA
@@ -37,6 +36,8 @@ SPACE = 100_000_000
 """Bytes that must be free before a flight: ten times the record of the longest one (a minute)."""
 
 Scalar = float | int | str | bool | None
+_FIELDS = {topic.name: frozenset(field.name for field in topic.fields) for topic in TOPICS.values()}
+_as_json = json.JSONEncoder(separators=(",", ":"), allow_nan=False).encode
 
 
 class RecordError(OnboardError):
@@ -62,10 +63,7 @@ def require_space(folder: Path) -> None:
 
 
 class _UnbufferedFile:
-    """The stream under the MCAP writer: each ``write`` reaches the operating system before it returns.
-
-    Not a ``RawIOBase`` on purpose: the MCAP writer would put a buffer around one.
-    """
+    """Each ``write`` reaches the operating system before it returns."""
 
     def __init__(self, path: Path) -> None:
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
@@ -76,19 +74,36 @@ class _UnbufferedFile:
         """Of the open file."""
         return self._descriptor
 
-    def write(self, data: bytes | bytearray | memoryview) -> int:
-        view = memoryview(data)
-        while view:
-            written = os.write(self._descriptor, view)
+    def write(self, data: bytes) -> None:
+        left = len(data)
+        while left:
+            written = os.write(self._descriptor, data if left == len(data) else data[-left:])
             self._position += written
-            view = view[written:]
-        return len(data)
+            left -= written
 
     def tell(self) -> int:
         return self._position
 
     def close(self) -> None:
         os.close(self._descriptor)
+
+
+class _DiskErrors:
+    """What the disk refuses within is an error of ours."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def __enter__(self) -> None:
+        """Nothing."""
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if isinstance(error, OSError):
+            raise RecordError(
+                f"{self._folder}: cannot be written any more ({error.strerror}): make room on its disk"
+            ) from error
 
 
 class RunRecorder:
@@ -115,8 +130,8 @@ class RunRecorder:
         self._clock = clock
         self._sync_file = sync
         self._lock = threading.Lock()
+        self._writing = _DiskErrors(folder)
         self._closed = False
-        self._sequence = dict.fromkeys(TOPICS, 0)
         make_folder(folder)
         require_space(folder)
         self._info: dict[str, Any] = {
@@ -141,27 +156,12 @@ class RunRecorder:
         self._stream = _UnbufferedFile(self.folder / SERIES_FILE)
         self._events = _UnbufferedFile(self.folder / EVENTS_FILE)
         self._write_info()
-        # A plain IO[bytes] would be wrapped into a buffer; the writer only needs write() and tell().
-        self._writer = Writer(
-            self._stream,  # type: ignore[arg-type]
-            use_chunking=False,
-            index_types=IndexType.NONE,
-            enable_data_crcs=True,
-        )
-        self._writer.start(profile="", library="perchhw")
-        self._channels = {name: self._register(name) for name in TOPICS}
-        # Makes the writer put schemas and channels into the file: those of a run without a message would come
-        # after its CRC had been computed, which would then be wrong.
-        self._writer.add_metadata("perchhw.run", {"schema": self._info["schema"]})
+        schemas = {name: json.dumps(topic.json_schema()).encode() for name, topic in TOPICS.items()}
+        self._writer = SeriesWriter(self._stream, schemas, ("perchhw.run", {"schema": self._info["schema"]}))
         self._sync = PeriodicSync((self._stream.descriptor, self._events.descriptor), self._sync_file)
 
     def _write_info(self) -> None:
         write_json_atomically(self.folder / RUN_FILE, with_checksum(self._info))
-
-    def _register(self, name: str) -> int:
-        schema = json.dumps(TOPICS[name].json_schema()).encode()
-        schema_id = self._writer.register_schema(f"perchhw.{name}", SchemaEncoding.JSONSchema, schema)
-        return self._writer.register_channel(name, MessageEncoding.JSON, schema_id)
 
     @property
     def closed(self) -> bool:
@@ -179,39 +179,36 @@ class RunRecorder:
         Raises:
             RecordError: unknown topic or field, or the record is closed or cannot be written.
         """
-        known = TOPICS.get(topic)
+        known = _FIELDS.get(topic)
         if known is None:
             raise RecordError(f"topic {topic!r} is not in the record's schema: {', '.join(TOPICS)}")
-        unknown = values.keys() - {f.name for f in known.fields}
-        if unknown:
-            raise RecordError(f"topic {topic!r} has no field {', '.join(sorted(unknown))}")
-        data = json.dumps({k: _encode(v) for k, v in values.items()}, separators=(",", ":")).encode()
+        if not known.issuperset(values):
+            unknown = ", ".join(sorted(values.keys() - known))
+            raise RecordError(f"topic {topic!r} has no field {unknown}")
+        data = _encode_all(values)
         time_ns = _nanoseconds(t)
-        with self._lock, self._writing():
+        with self._lock, self._writing:
             self._require_open()
-            self._sequence[topic] += 1
-            self._writer.add_message(
-                self._channels[topic], time_ns, data, publish_time=time_ns, sequence=self._sequence[topic]
-            )
+            self._writer.add(topic, time_ns, data)
 
     def event(self, name: str, t: float, **fields: Any) -> None:
         """Append one event (a line of ``events.jsonl``) at time `t` (s) on the recorder's clock."""
         said = {"t": t, "event": name, **{k: _encode(v) for k, v in fields.items()}}
         line = json.dumps(with_checksum(said)) + "\n"
-        with self._lock, self._writing():
+        with self._lock, self._writing:
             self._require_open()
             self._events.write(line.encode())
 
     def update(self, **fields: Any) -> None:
         """Put further facts into ``run.json`` while the run goes on (for example the active policy's crc)."""
-        with self._lock, self._writing():
+        with self._lock, self._writing:
             self._require_open()
             self._info.update(fields)
             self._write_info()
 
     def close(self, outcome: str | None = None, **result: Any) -> None:
         """Finish the files; `outcome` and further results go into ``run.json``. May be called twice."""
-        with self._lock, self._writing(), ExitStack() as rest:  # of it as much as the disk takes
+        with self._lock, self._writing, ExitStack() as rest:  # of it as much as the disk takes
             if self._closed:
                 return
             self._closed = True
@@ -222,16 +219,6 @@ class RunRecorder:
             rest.callback(self._stream.close)
             rest.callback(self._sync.stop)
             self._writer.finish()
-
-    @contextmanager
-    def _writing(self) -> Iterator[None]:
-        """What the disk refuses is an error of ours."""
-        try:
-            yield
-        except OSError as error:
-            raise RecordError(
-                f"{self.folder}: cannot be written any more ({error.strerror}): make room on its disk"
-            ) from error
 
     def _require_open(self) -> None:
         if self._closed:
@@ -252,6 +239,14 @@ class RunRecorder:
             self.close()
         else:
             self.close(error=f"{type(error).__name__}: {error}")
+
+
+def _encode_all(values: Mapping[str, Scalar]) -> bytes:
+    """As JSON; only what it cannot hold is looked at one by one."""
+    try:
+        return _as_json(dict(values)).encode()
+    except (ValueError, TypeError):  # a number that is not finite, or one of numpy
+        return _as_json({k: _encode(v) for k, v in values.items()}).encode()
 
 
 def _encode(value: Any) -> Any:

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from io import BytesIO
 from pathlib import Path
+from types import NoneType
 from typing import Any, TypeVar
 
 import numpy as np
@@ -62,15 +63,14 @@ class Series:
 
     @cached_property
     def _fields(self) -> tuple[str, ...]:
-        names = dict.fromkeys(
-            k for m in self.messages for k, v in m.items() if v is None or isinstance(v, int | float)
-        )
-        texts = {k for m in self.messages for k, v in m.items() if isinstance(v, str)}
-        return tuple(n for n in names if n not in texts)
+        kinds = dict.fromkeys((k, type(v)) for m in self.messages for k, v in m.items())
+        texts = {k for k, kind in kinds if kind is str}
+        numeric = (k for k, kind in kinds if issubclass(kind, int | float | NoneType) and k not in texts)
+        return tuple(dict.fromkeys(numeric))
 
     def numbers(self, name: str) -> FloatArray:
         """The numeric field `name`, shape (n,); NaN where a message does not have it."""
-        values = (m.get(name) for m in self.messages)
+        values = [m.get(name) for m in self.messages]
         return np.array([math.nan if v is None else float(v) for v in values], dtype=np.float64)
 
     def texts(self, name: str) -> tuple[str | None, ...]:
@@ -218,7 +218,7 @@ class _SeriesFile:
         topic = self._topics[channel]
         if self._only not in (None, topic.name):
             return
-        values = json.loads(content[_MESSAGE_HEAD.size :])
+        values = json.loads(content[_MESSAGE_HEAD.size :].decode())
         if not isinstance(values, dict):
             raise ValueError("not a JSON object")
         texts = topic.texts

@@ -65,7 +65,7 @@ def run(
     from perchhw.flight.fit import check_fit
     from perchhw.flight.ground_station import ground_station
     from perchhw.lab import find_lab
-    from perchhw.report import write_campaign_report
+    from perchhw.report.campaign_report import write_campaign_report
     from perchhw.screen.flight_display import flight_display
 
     if has_flights(file):
@@ -201,7 +201,7 @@ def status(folder: _CampaignFolder) -> int:
 def report(folder: _CampaignFolder) -> int:
     """Write the report of a campaign, or the pages of its test flights."""
     from perchhw.campaign.courses import FlightStore
-    from perchhw.report import write_campaign_report
+    from perchhw.report.campaign_report import write_campaign_report
 
     if FlightStore.exists(folder):
         _report_courses(folder)

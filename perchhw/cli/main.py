@@ -1,5 +1,6 @@
 """Root of the command line: global flags, verbs imported when called, and how errors become exit codes."""
 
+import gc
 import importlib
 import logging
 import os
@@ -17,6 +18,9 @@ from perchhw.cli.view_option import complete_view_option
 from perchhw.consoles import progress_console
 from perchhw.operator_signals import CUT, LAND, act_as_ctrl_c, known
 
+_GARBAGE_THRESHOLDS = (20_000, 50, 100)
+"""Of Python's collector. By default it runs 500 times while a flight's program is loaded and its page is
+drawn, where there is nothing to collect: a tenth of their time."""
 _GLOBAL_FLAGS = ("--json", "-v", "--verbose")
 
 
@@ -159,6 +163,7 @@ def _ended_by(message: str, exit_code: int) -> int:
 
 def main() -> None:
     """Entry point of the console script."""
+    gc.set_threshold(*_GARBAGE_THRESHOLDS)
     # Our matrices are small: threads of the linear algebra would only spin, in a wizard for 12 s out of 18.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     act_as_ctrl_c((LAND, CUT))  # outside of a flight, which listens itself

@@ -39,11 +39,14 @@ class FlightRecorder:
         self._recorder = recorder
         self._listener = listener
         self._closed = False
+        self._losing = Caught(self._lose)
         self.lost: str | None = None
 
     def write(self, topic: str, t: float, values: Mapping[str, Scalar]) -> None:
         """As :meth:`RunRecorder.write`."""
-        self._try(lambda: self._recorder.write(topic, t, values))
+        if self.lost is None and not self._closed:
+            with self._losing:
+                self._recorder.write(topic, t, values)
         if (listener := self._listener) is not None:
             with Caught(self._stop_telling):
                 listener.write(topic, t, values)
@@ -62,12 +65,12 @@ class FlightRecorder:
     def close(self, outcome: str | None = None, **result: Any) -> None:
         """As :meth:`RunRecorder.close`; tried even when the rest is lost, for its files are others."""
         self._closed = True  # a packet that comes now is not of this flight
-        with Caught(self._lose):
+        with self._losing:
             self._recorder.close(outcome=outcome, record_lost=self.lost, **result)
 
     def _try(self, write: Callable[[], None]) -> None:
         if self.lost is None and not self._closed:
-            with Caught(self._lose):
+            with self._losing:
                 write()
 
     def _stop_telling(self, error: BaseException) -> None:

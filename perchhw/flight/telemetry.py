@@ -171,6 +171,11 @@ class Telemetry:
         self._clock = clock
         self._latest: dict[int, _Latest] = {}
         self._first: dict[int, _Latest] = {}
+        self._block_of = {
+            (field.topic, field.name): index
+            for index, block in enumerate(blocks)
+            for field in block.variables.values()
+        }
         self._lock = threading.Lock()
         self._trigger_written = False
         self._averaged = False
@@ -217,12 +222,10 @@ class Telemetry:
         return self._with_age(topic, name)[0]
 
     def _with_age(self, topic: str, name: str) -> tuple[float | None, float | None]:
-        now = self._clock()
-        with self._lock:
-            for latest in self._latest.values():
-                if (topic, name) in latest.values:
-                    return latest.values[topic, name], now - latest.receipt_time
-        return None, None
+        latest = self._latest.get(self._block_of.get((topic, name), -1))
+        if latest is None:
+            return None, None
+        return latest.values[topic, name], self._clock() - latest.receipt_time
 
     def drone_clock_rate(self) -> float | None:
         """Seconds of the drone's clock in a second of the flight's, over all that came; ``None``: too little.

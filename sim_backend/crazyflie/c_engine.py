@@ -22,6 +22,7 @@ from onboard.firmware.structures import (
     PerchApproach,
     PerchEstimate,
     PerchInputs,
+    PerchOutputs,
     PerchSetpoint,
     PerchVector,
     PerchView,
@@ -34,6 +35,10 @@ from sim_backend.crazyflie.engine import ApproachRequest, EngineEvent, Sample, S
 from sim_backend.crazyflie.setpoint import Setpoint, complete_setpoint
 
 _WORD = ctypes.sizeof(ctypes.c_float)
+_MODES = {int(mode): mode for mode in OutputMode}
+_STATES = {int(state): state for state in LandingState}
+_STATUSES = {int(status): status for status in TrajectoryStatus}
+"""By number: asked for every ms, and to call an enumeration takes longer than a step of the core."""
 
 
 def _floats_at(structure: Any, offset: int, end: int) -> Float32Array:
@@ -65,6 +70,8 @@ class CEngine:
         """Start anew."""
         self._library.perch_boot(self._core, self._constants)
         self._view = PerchView()
+        begin = PerchView.outputs.offset + PerchOutputs.duties.offset
+        self._duties = _floats_at(self._view, begin, begin + 4 * _WORD)
         self._view.outputs.policy.cues.tau = float("inf")
         self.ratios[:] = 0
 
@@ -88,7 +95,7 @@ class CEngine:
     @property
     def mode(self) -> OutputMode:
         """What the landing machine does."""
-        return OutputMode(self._view.outputs.mode)
+        return _MODES[self._view.outputs.mode]
 
     @property
     def target(self) -> Setpoint:
@@ -104,7 +111,7 @@ class CEngine:
     @property
     def state(self) -> LandingState:
         """Of the landing machine."""
-        return LandingState(self._view.outputs.state)
+        return _STATES[self._view.outputs.state]
 
     @property
     def reason(self) -> EndReason:
@@ -114,7 +121,7 @@ class CEngine:
     @property
     def trajectory_status(self) -> TrajectoryStatus:
         """The answer to the last request."""
-        return TrajectoryStatus(self._view.outputs.trajectory_status)
+        return _STATUSES[self._view.outputs.trajectory_status]
 
     @property
     def cues(self) -> Vector:
@@ -226,10 +233,9 @@ class CEngine:
             self._estimate[10:] = sample.gyro
             self._take_setpoint(sample.setpoint, sample.tick)
         self._library.perch_host_step(self._core, inputs, self._view)
-        outputs = self._view.outputs
-        for i in range(4):
-            self.ratios[i] = int(outputs.duties[i] * FULL_RATIO)
-        return EngineEvent(outputs.events)
+        self.ratios[:] = [int(duty * FULL_RATIO) for duty in self._duties.tolist()]
+        events = self._view.outputs.events
+        return EngineEvent(events) if events else EngineEvent.NONE
 
     def _take_setpoint(self, s: Setpoint, tick: int) -> None:
         c = self._inputs.setpoint

@@ -6,7 +6,6 @@ flags and staged bundles; what comes out are motor ratios, and what there is to 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 from typing import NamedTuple, Protocol
 
@@ -38,8 +37,7 @@ class EngineEvent(IntFlag):
     """All switches are off again."""
 
 
-@dataclass(frozen=True, slots=True)
-class Sample:
+class Sample(NamedTuple):
     """What the control loop has in one ms.
 
     Attributes:

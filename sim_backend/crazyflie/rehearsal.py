@@ -1,7 +1,5 @@
 """Rehearsals on the desk, by the reference: ``core/rehearsal.c``."""
 
-from dataclasses import replace
-
 from onboard.app_interface import Rehearsal
 from onboard.arrays import Vector
 from onboard.flight_model import RATE, THRUST, flight_model, fly_model, hovering
@@ -78,10 +76,10 @@ class RehearsalMode:
         if self.is_on_model:
             self._believed.state[:RATE] = self._state[:RATE]
             gyro = self._state[RATE : RATE + 3].copy()
-            sample = replace(sample, estimator=self._believed, gyro=gyro, pose_age=0)
+            sample = sample._replace(estimator=self._believed, gyro=gyro, pose_age=0)
             place = self._place
         here = complete_setpoint(sample.tick, place)
-        return replace(sample, flying=True, levelling=False, setpoint=here)
+        return sample._replace(flying=True, levelling=False, setpoint=here)
 
     def move(self, tick: int, thrusts: Thrusts, goal: Vector | None) -> None:
         """The model flies for a ms, by the `thrusts` (N) of the law's last step.

@@ -9,6 +9,7 @@ because a packet with any of them replaces the client's whole static state.
 import asyncio
 import socket
 from collections import Counter
+from functools import lru_cache
 
 from mocap_bridge.datastream.objects import (
     OBJECT_IDS,
@@ -28,7 +29,7 @@ from mocap_bridge.datastream.packet import (
 )
 from mocap_bridge.errors import PacketError
 from sim_backend.room.cameras import CameraFrame
-from sim_backend.room.frame_objects import FRAME_OBJECTS, frame_objects
+from sim_backend.room.frame_objects import FRAME_OBJECTS, STANDING, frame_objects
 
 _CONTENTS_ID = OBJECT_IDS[PacketContents]
 SUPPORTED_IDS = tuple(sorted({OBJECT_IDS[kind] for kind in FRAME_OBJECTS} | {OBJECT_IDS[Ping], _CONTENTS_ID}))
@@ -36,20 +37,29 @@ SUPPORTED_IDS = tuple(sorted({OBJECT_IDS[kind] for kind in FRAME_OBJECTS} | {OBJ
 _BACKLOG_BYTES = 256 * 1024
 
 
+_KINDS = {OBJECT_IDS[kind]: kind for kind in FRAME_OBJECTS}
+
+_standing_block = lru_cache(maxsize=1024, typed=True)(encode_block)
+"""Of an object that is the same in every frame."""
+
+
 class _EncodedFrame:
     """A frame, put together and encoded once for each set of wanted ids."""
 
-    def __init__(self, objects: list[StreamObject]) -> None:
-        self._objects = [(OBJECT_IDS[type(item)], item) for item in objects]
+    def __init__(self, frame: CameraFrame, rate_hz: float, latency: float) -> None:
+        self._frame, self._rate_hz, self._latency = frame, rate_hz, latency
         self._packets: dict[frozenset[int], bytes] = {}
 
     def packet(self, wanted: frozenset[int]) -> bytes:
         """The packet for a client that wants these ids."""
         if wanted not in self._packets:
-            chosen = [(object_id, item) for object_id, item in self._objects if object_id in wanted]
-            blocks = [encode_block(item) for _, item in chosen]
+            kinds = {_KINDS[object_id] for object_id in wanted if object_id in _KINDS}
+            chosen = frame_objects(self._frame, self._rate_hz, self._latency, kinds)
+            blocks = [
+                _standing_block(item) if type(item) in STANDING else encode_block(item) for item in chosen
+            ]
             if _CONTENTS_ID in wanted:
-                counts = Counter(object_id for object_id, _ in chosen)
+                counts = Counter(OBJECT_IDS[type(item)] for item in chosen)
                 blocks.insert(0, encode_block(PacketContents(tuple(sorted(counts.items())), ())))
             self._packets[wanted] = join_blocks(blocks)
         return self._packets[wanted]
@@ -135,7 +145,7 @@ class DataStreamServer:
 
     def publish(self, frame: CameraFrame, latency: float) -> None:
         """Send a frame to every client that streams or has asked for it; `latency` (s) is reported in it."""
-        self.newest = _EncodedFrame(frame_objects(frame, self._rate_hz, latency))
+        self.newest = _EncodedFrame(frame, self._rate_hz, latency)
         for client in tuple(self.clients):
             client.send_frame(self.newest)
 

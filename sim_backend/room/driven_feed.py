@@ -1,8 +1,9 @@
-"""The feed of a room that lives in the lab's time: an update, and the room's word that it is dealt with.
+"""The feed of a room that lives in the lab's time: updates, and the room's word that they are dealt with.
 
-A datagram as in :mod:`sim_backend.room.feed`; with the flag :data:`ANSWER` the room answers with one JSON
-object, ``{"t": world time, "sent": {key: packets}}``: all frames that were due are sent, and so many packets
-have gone to each client so far (keys as in :mod:`onboard.lab_time.messages`).
+Datagrams as in :mod:`sim_backend.room.feed`: updates wait for the one after which a frame is due, and go with
+it. To that one, with the flag :data:`ANSWER`, the room answers with one JSON object, ``{"t": world time,
+"sent": {key: packets}}``: all frames that were due are sent, and so many packets have gone to each client so
+far (keys as in :mod:`onboard.lab_time.messages`).
 """
 
 import asyncio
@@ -14,6 +15,8 @@ from sim_backend.room.feed import FeedUpdate, TruePose, encode_feed
 from sim_backend.room.settings import RoomError
 
 ANSWER_LIMIT_S = 60.0
+_DATAGRAM_BYTES = 16384
+"""Updates that are more than this do not wait."""
 
 
 class DrivenFeed(asyncio.DatagramProtocol):
@@ -25,6 +28,7 @@ class DrivenFeed(asyncio.DatagramProtocol):
 
     def __init__(self) -> None:
         self.sent: dict[str, int] = {}
+        self._waiting = bytearray()
         self._transport: asyncio.DatagramTransport | None = None
         self._answered = asyncio.Event()
         self._answered_time = -1.0
@@ -45,10 +49,14 @@ class DrivenFeed(asyncio.DatagramProtocol):
     def send(
         self, world_time: float, bodies: Iterable[tuple[str, Vector, Quaternion]], *, answer: bool
     ) -> None:
-        """Send an update."""
-        if self._transport is not None and not self._gone:
-            update = FeedUpdate(world_time, {name: TruePose(p, q) for name, p, q in bodies})
-            self._transport.sendto(encode_feed(update, answer=answer))
+        """Send an update; one without `answer` goes later, with the next that has it."""
+        if self._transport is None or self._gone:
+            return
+        update = FeedUpdate(world_time, {name: TruePose(p, q) for name, p, q in bodies})
+        self._waiting += encode_feed(update, answer=answer)
+        if answer or len(self._waiting) > _DATAGRAM_BYTES:
+            self._transport.sendto(bytes(self._waiting))
+            self._waiting.clear()
 
     async def dealt_with(self, world_time: float) -> None:
         """Wait until the room has dealt with the update of `world_time`, or is gone.
@@ -59,7 +67,8 @@ class DrivenFeed(asyncio.DatagramProtocol):
         while self._answered_time < world_time and not self._gone:
             self._answered.clear()
             try:
-                await asyncio.wait_for(self._answered.wait(), ANSWER_LIMIT_S)
+                async with asyncio.timeout(ANSWER_LIMIT_S):
+                    await self._answered.wait()
             except TimeoutError:
                 raise RoomError(
                     f"the mocap room has said nothing for {ANSWER_LIMIT_S:g} s: it hangs or is stopped"

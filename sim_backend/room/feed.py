@@ -1,7 +1,8 @@
-"""True poses from the world's process to the room's: one loopback UDP datagram per world update.
+"""True poses from the world's process to the room's: loopback UDP datagrams of one or more world updates.
 
-Little-endian, packed: ``u32 magic "PFD1" | u16 bodies | u16 flags | f64 world time (s)``, then per body
-``char[24] name | f64 position[3] (m) | f64 quaternion[4] (x, y, z, w)``. A lost datagram costs one update.
+An update, little-endian, packed: ``u32 magic "PFD1" | u16 bodies | u16 flags | f64 world time (s)``, then per
+body ``char[24] name | f64 position[3] (m) | f64 quaternion[4] (x, y, z, w)``. A lost datagram
+costs its updates.
 """
 
 import math
@@ -54,7 +55,7 @@ def encode_feed(update: FeedUpdate, *, answer: bool = False) -> bytes:
     for name, pose in update.bodies.items():
         encoded = name.encode()
         values = (*pose.position, *pose.quaternion)
-        if len(encoded) > 24 or len(values) != 7 or not all(math.isfinite(value) for value in values):
+        if len(encoded) > 24 or len(values) != 7 or not all(map(math.isfinite, values)):
             raise FeedError(
                 f"body {name!r} at {values} cannot be fed: name up to 24 bytes, seven finite numbers"
             )
@@ -62,25 +63,37 @@ def encode_feed(update: FeedUpdate, *, answer: bool = False) -> bytes:
     return bytes(data)
 
 
-def decode_feed(data: bytes) -> FeedUpdate:
-    """The update in a datagram.
+def decode_feed(data: bytes) -> list[FeedUpdate]:
+    """The updates in a datagram, one or more, as they follow each other.
 
     Raises:
         FeedError: wrong magic, length or values.
     """
-    if len(data) < _HEADER.size:
-        raise FeedError(f"feed datagram of {len(data)} bytes has no header")
-    magic, count, flags, world_time = _HEADER.unpack_from(data, 0)
-    if magic != _MAGIC or len(data) != _HEADER.size + count * _BODY.size or not math.isfinite(world_time):
+    updates: list[FeedUpdate] = []
+    position = 0
+    while position < len(data) or not updates:
+        update, position = _update_at(data, position)
+        updates.append(update)
+    return updates
+
+
+def _update_at(data: bytes, start: int) -> tuple[FeedUpdate, int]:
+    """The update that begins at byte `start`, and where it ends."""
+    if len(data) - start < _HEADER.size:
+        raise FeedError(f"feed datagram of {len(data)} bytes has no header at byte {start}")
+    magic, count, flags, world_time = _HEADER.unpack_from(data, start)
+    place = start + _HEADER.size
+    end = place + count * _BODY.size
+    if magic != _MAGIC or len(data) < end or not math.isfinite(world_time):
         raise FeedError(f"not a feed datagram: magic {magic:#x}, {count} bodies in {len(data)} bytes")
     bodies = {}
     for i in range(count):
-        name, *values = _BODY.unpack_from(data, _HEADER.size + i * _BODY.size)
-        if not all(math.isfinite(value) for value in values):
+        name, *values = _BODY.unpack_from(data, place + i * _BODY.size)
+        if not all(map(math.isfinite, values)):
             raise FeedError(f"body {i} of the feed datagram has values {values}")
         pose = TruePose((values[0], values[1], values[2]), (values[3], values[4], values[5], values[6]))
         bodies[name.rstrip(b"\0").decode("utf-8", "replace")] = pose
-    return FeedUpdate(world_time, bodies, flags)
+    return FeedUpdate(world_time, bodies, flags), end
 
 
 class FeedSender(Closing):

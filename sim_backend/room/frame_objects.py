@@ -1,7 +1,9 @@
 """A frame of the simulated room as the objects of the DataStream protocol."""
 
 import math
+from collections.abc import Collection
 from fractions import Fraction
+from functools import lru_cache
 
 from mocap_bridge.datastream.objects import (
     STREAM_CLOCK_HZ,
@@ -50,44 +52,62 @@ _COVARIANCE = (0.01, 0.0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.0, 0.01)
 """Of a marker's place, mm2: 0.1 mm an axis."""
 
 
-def frame_objects(frame: CameraFrame, rate_hz: float, latency: float) -> list[StreamObject]:
-    """All objects of a frame; subjects are numbered from 0 in the order of the frame's bodies."""
-    period_ticks = round(STREAM_CLOCK_HZ / rate_hz)
-    objects: list[StreamObject] = [StreamInfo(period_ticks), ApplicationInfo(Z_UP)]
-    objects += [_camera(i, name, period_ticks) for i, name in enumerate(CAMERAS)]
-    for subject, body in enumerate(frame.bodies):
-        objects += _description(subject, body)
+STANDING = frozenset(
+    {StreamInfo, ApplicationInfo, CameraInfo, SubjectInfo, SubjectTopology, SubjectScale, SubjectHealth}
+)
+"""Those of them that are the same in every frame of a room."""
+
+
+def frame_objects(
+    frame: CameraFrame, rate_hz: float, latency: float, kinds: Collection[type] = FRAME_OBJECTS
+) -> list[StreamObject]:
+    """The objects of a frame of these `kinds`; subjects are numbered from 0 in the order of the bodies."""
     number = frame.number & 0xFFFFFFFF
-    objects += [
-        FrameInfo(number),
-        HardwareFrameInfo(number),
-        _timecode(frame.number, rate_hz),
-        LatencyInfo((("Data Processed", latency),)),
-        FrameRateInfo((("Hardware", rate_hz),)),
-        _labelled(frame.bodies),
-        UnlabeledReconstructions(
-            tuple(
-                Reconstruction(1000.0 * MARKER_RADIUS, _mm(place), _COVARIANCE, 100_000 + i)
-                for i, place in enumerate(frame.unlabelled)
-            )
-        ),
-    ]
+    room, subjects = _standing(rate_hz, tuple(body.name for body in frame.bodies))
+    objects: list[StreamObject] = list(room)
+    for subject, body in enumerate(frame.bodies):
+        objects += (*subjects[subject], ObjectQuality(subject, body.quality))
+    objects += [FrameInfo(number), HardwareFrameInfo(number)]
+    if Timecode in kinds:
+        objects.append(_timecode(frame.number, rate_hz))
+    objects += [LatencyInfo((("Data Processed", latency),)), FrameRateInfo((("Hardware", rate_hz),))]
+    if LabeledReconstructions in kinds:
+        objects.append(_labelled(frame.bodies))
+    if UnlabeledReconstructions in kinds:
+        objects.append(_unlabelled(frame.unlabelled))
     for subject, body in enumerate(frame.bodies):
         segments = _segments(body)
         objects += [LocalSegments(subject, segments), GlobalSegments(subject, segments)]
-    return objects
+    return [item for item in objects if type(item) in kinds]
 
 
-def _description(subject: int, body: SeenBody) -> list[StreamObject]:
-    names = tuple((marker, f"{body.name}_{marker}") for marker in range(1, len(LAYOUT) + 1))
+@lru_cache(maxsize=8)
+def _standing(rate_hz: float, names: tuple[str, ...]) -> tuple[list[StreamObject], list[list[StreamObject]]]:
+    """What every frame says of the room, and of each subject by its name."""
+    period_ticks = round(STREAM_CLOCK_HZ / rate_hz)
+    room: list[StreamObject] = [StreamInfo(period_ticks), ApplicationInfo(Z_UP)]
+    room += [_camera(i, name, period_ticks) for i, name in enumerate(CAMERAS)]
+    return room, [_description(subject, name) for subject, name in enumerate(names)]
+
+
+def _description(subject: int, name: str) -> list[StreamObject]:
+    names = tuple((marker, f"{name}_{marker}") for marker in range(1, len(LAYOUT) + 1))
     carried = tuple((marker, SEGMENT) for marker, _ in names)
     return [
-        SubjectInfo(subject, body.name, (Segment(0, SEGMENT, (0.0,) * 6, body.name),), names, carried),
+        SubjectInfo(subject, name, (Segment(0, SEGMENT, (0.0,) * 6, name),), names, carried),
         SubjectTopology(subject, (SegmentPose(SEGMENT, (0.0, 0.0, 0.0), _IDENTITY),)),
         SubjectScale(subject, ((SEGMENT, (1.0, 1.0, 1.0)),)),
         SubjectHealth(subject, 0.2, 1.0),
-        ObjectQuality(subject, body.quality),
     ]
+
+
+def _unlabelled(places: tuple[Vector, ...]) -> UnlabeledReconstructions:
+    return UnlabeledReconstructions(
+        tuple(
+            Reconstruction(1000.0 * MARKER_RADIUS, _mm(place), _COVARIANCE, 100_000 + i)
+            for i, place in enumerate(places)
+        )
+    )
 
 
 def _camera(index: int, name: str, period_ticks: int) -> CameraInfo:

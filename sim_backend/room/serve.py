@@ -29,11 +29,12 @@ class _FeedProtocol(asyncio.DatagramProtocol):
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
         try:
-            update = decode_feed(data)
+            updates = decode_feed(data)
         except FeedError:
             self.refused += 1
             return
-        self._take(update, addr)
+        for update in updates:
+            self._take(update, addr)
 
 
 class RoomServer:

@@ -351,7 +351,7 @@ def moved(sample: Sample) -> Iterator[Sample]:
         for by in (-ROUNDING, ROUNDING):
             estimator = copy.deepcopy(sample.estimator)
             estimator.state[place] += by
-            yield replace(sample, estimator=estimator)
+            yield sample._replace(estimator=estimator)
 
 
 def uncertainty(history: list[Stretch], seed: int, sample: Sample) -> float:

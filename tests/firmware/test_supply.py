@@ -1,7 +1,6 @@
 """Samples that are no numbers: what either engine makes of them."""
 
 import math
-from dataclasses import replace
 
 import pytest
 
@@ -18,6 +17,6 @@ def test_a_supply_that_was_not_measured_once_stops_no_motor(
 ) -> None:
     engine, undisturbed = kind(VEHICLE), kind(VEHICLE)
     for ms, (_, sample) in enumerate(samples([Stretch(40)], seed=1)):
-        engine.step(replace(sample, voltage=voltage) if ms == 20 else sample)
+        engine.step(sample._replace(voltage=voltage) if ms == 20 else sample)
         undisturbed.step(sample)
         assert engine.ratios == pytest.approx(undisturbed.ratios, abs=200)

@@ -13,7 +13,7 @@ from perchhw.campaign import load_plan, run_campaign
 from perchhw.campaign.adaptive import FlownMap
 from perchhw.campaign.rate_map import ExpectedRates
 from perchhw.cli.main import run
-from perchhw.report import write_campaign_report
+from perchhw.report.campaign_report import write_campaign_report
 from perchhw.report.map_figure import map_figure
 from tests.campaign.stand_in import fly
 from tests.campaign.test_adaptive import FILE

@@ -9,8 +9,8 @@ import pytest
 from perchhw.attempt import Outcome
 from perchhw.cli.main import run
 from perchhw.record.event_words import command_words
-from perchhw.report import write_campaign_report, write_run_report
-from perchhw.report.campaign_report import PREDICTION_FILE
+from perchhw.report.campaign_report import PREDICTION_FILE, write_campaign_report
+from perchhw.report.run_report import write_run_report
 from perchhw.report.style import OUTCOME_COLOURS, OUTCOME_MARKERS
 from tests.report.chromium import assert_they_fit
 from tests.report.page import Page, assert_self_contained

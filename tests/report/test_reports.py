@@ -10,9 +10,9 @@ import pytest
 from calibration.measurement import wilson_interval
 from perchhw.attempt import AttemptRequest, AttemptResult, Outcome
 from perchhw.campaign import CampaignError, load_plan, run_campaign
-from perchhw.report import write_campaign_report, write_run_report
 from perchhw.report.campaign_figures import ShownAttempt, batteries, landing_rates
-from perchhw.report.campaign_report import PREDICTION_FILE
+from perchhw.report.campaign_report import PREDICTION_FILE, write_campaign_report
+from perchhw.report.run_report import write_run_report
 from tests.campaign.stand_in import fly
 from tests.campaign.test_adaptive import FILE as ADAPTIVE
 from tests.report.page import Page, assert_self_contained

@@ -6,7 +6,7 @@ import struct
 import numpy as np
 import pytest
 
-from sim_backend.crazyflie.ports.log import convert
+from sim_backend.crazyflie.ports.log import encoder
 from sim_backend.crazyflie.toc import LogType
 from tests.sim_crazyflie.minimal_firmware import (
     MinimalFirmware,
@@ -110,9 +110,9 @@ class TestLog:
         ],
     )
     def test_conversion(self, value: float, stored: LogType, wanted: int, expected: bytes) -> None:
-        assert convert(value, stored, wanted) == expected
+        assert encoder(stored, wanted)(value) == expected
 
     def test_half_precision_is_that_of_numpy(self) -> None:
         values = np.random.default_rng(1).normal(0, 100, 500).astype(np.float32)
-        ours = np.array([struct.unpack("<e", convert(float(v), LogType.FLOAT, 8))[0] for v in values])
+        ours = np.array([struct.unpack("<e", encoder(LogType.FLOAT, 8)(float(v)))[0] for v in values])
         assert np.allclose(ours, values.astype(np.float16), rtol=2**-10)

@@ -29,7 +29,16 @@ def test_round_trip_of_several_bodies():
     sent = FeedUpdate(
         12.5, {"cf1": TruePose((1.0, 2.0, 3.0), IDENTITY), "é2": TruePose((0.0, -1.0, 0.5), IDENTITY)}
     )
-    assert decode_feed(encode_feed(sent)) == sent
+    assert decode_feed(encode_feed(sent)) == [sent]
+
+
+def test_updates_follow_each_other_in_a_datagram_and_a_torn_one_is_refused():
+    sent = [update(0.1 * i, 1.0 * i) for i in range(3)]
+    data = b"".join(encode_feed(one) for one in sent)
+    assert decode_feed(data) == sent
+    for torn in (data[:-1], data[:-80], data + b"\0", b""):
+        with pytest.raises(FeedError):
+            decode_feed(torn)
 
 
 @pytest.mark.parametrize(
@@ -59,7 +68,7 @@ def test_sender_reaches_a_socket_and_survives_its_absence():
         receiver.settimeout(2.0)
         with FeedSender(receiver.getsockname()[1]) as sender:
             assert sender.send(1.0, [("cf1", (1.0, 2.0, 3.0), IDENTITY)])
-            assert decode_feed(receiver.recv(2048)).bodies["cf1"].position == (1.0, 2.0, 3.0)
+            assert decode_feed(receiver.recv(2048))[0].bodies["cf1"].position == (1.0, 2.0, 3.0)
             receiver.close()
             for i in range(10):
                 sender.send(1.0 + i, [("cf1", (1.0, 2.0, 3.0), IDENTITY)])

@@ -31,6 +31,7 @@ import struct
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import IntEnum
+from functools import lru_cache
 
 from sim_backend.crazyflie.crtp import PAYLOAD_MAX, Packet, Port
 from sim_backend.crazyflie.interfaces import E2BIG, EEXIST, ENOENT, ENOEXEC, ENOMEM
@@ -46,6 +47,7 @@ RAW_MEMORY_ENTRIES = 3  # type and id, then an address in the place of two more 
 TICKS_MASK = 0xFFFFFF
 
 _LENGTHS = {int(type_): struct.calcsize(FORMATS[type_.name]) for type_ in LogType}
+_FLOAT = struct.Struct("<f")
 _INTEGER_LIMITS = (-(2**31), 2**31 - 1)
 
 
@@ -69,6 +71,10 @@ class Control(IntEnum):
     START_V2 = 8
 
 
+Part = tuple[int | None, "Callable[[Number], bytes]"]
+"""Id of a variable, and what makes its bytes."""
+
+
 @dataclass(slots=True)
 class LogBlock:
     """A block: pairs of variable id (None: reads 0) and wanted type, and when it is due."""
@@ -76,6 +82,8 @@ class LogBlock:
     variables: list[tuple[int | None, int]] = field(default_factory=list)
     period_ms: int = 0
     due_ms: int | None = None
+    parts: "list[Part] | None" = None
+    """Of the variables, made when a packet is; None: not yet."""
 
     def bytes_used(self) -> int:
         """Bytes of values in a packet."""
@@ -158,6 +166,7 @@ class LogPort:
         block = self.blocks.get(ident)
         if block is None:
             return ENOENT
+        block.parts = None
         entries = list(
             struct.iter_unpack("<BH", packet.payload[2 : 2 + max(0, len(packet.payload) - 2) // 3 * 3])
         )
@@ -209,47 +218,65 @@ class LogPort:
         return 0
 
     def _data(self, ident: int, block: LogBlock, now: int) -> Packet:
+        if block.parts is None:
+            block.parts = [self._part(variable, wanted) for variable, wanted in block.variables]
         data = bytes([ident]) + (now & TICKS_MASK).to_bytes(3, "little")
-        for variable, wanted in block.variables:
-            value: Number = 0 if variable is None else self._logs.value(variable)
-            stored = LogType.U8 if variable is None else self._logs.entries[variable].type
-            encoded = convert(value, stored, wanted)
+        value = self._logs.value
+        for variable, encode in block.parts:
+            encoded = encode(0 if variable is None else value(variable))
             if len(data) + len(encoded) > PAYLOAD_MAX:
                 break
             data += encoded
         return Packet(Port.LOG, LogChannel.DATA, data)
 
+    def _part(self, variable: int | None, wanted: int) -> Part:
+        return variable, encoder(
+            LogType.U8 if variable is None else self._logs.entries[variable].type, wanted
+        )
 
-def convert(value: Number, stored: LogType, wanted: int) -> bytes:
-    """Bytes of a value that the firmware stores as ``stored`` and the client wants as type ``wanted``.
+
+@lru_cache
+def encoder(stored: LogType, wanted: int) -> Callable[[Number], bytes]:
+    """What makes the bytes of a value that the firmware stores as ``stored`` and the client wants as type
+    ``wanted``.
 
     As in ``logRunBlock``: integers pass through a signed 32-bit integer and are cut to the wanted length;
     a float that is wanted as an integer is truncated (saturating, NaN gives 0). An undefined type has no
     bytes.
     """
     length = _LENGTHS.get(wanted, 0)
-    number = _as_float32(value) if stored == LogType.FLOAT else _as_stored_integer(value, stored)
-    if wanted == LogType.FLOAT:
-        return struct.pack("<f", number)
-    if wanted == LogType.FP16:
-        return _half(_as_float32(number))
-    integer = number if isinstance(number, int) else _truncated(number)
-    return (integer & 0xFFFFFFFF).to_bytes(4, "little")[:length]
-
-
-def _as_float32(value: Number) -> float:
-    try:
-        result: float = struct.unpack("<f", struct.pack("<f", value))[0]
-    except OverflowError:
-        return math.copysign(math.inf, value)
-    return result
-
-
-def _as_stored_integer(value: Number, stored: LogType) -> int:
+    if stored == LogType.FLOAT:
+        if wanted == LogType.FLOAT:
+            return _float32
+        if wanted == LogType.FP16:
+            return lambda value: _half(_float32(value))
+        return lambda value: (_truncated(_as_float32(value)) & 0xFFFFFFFF).to_bytes(4, "little")[:length]
     bits = 8 * _LENGTHS[stored]
-    integer = (int(value) if math.isfinite(value) else 0) & ((1 << bits) - 1)
-    signed = stored in (LogType.I8, LogType.I16, LogType.I32, LogType.U32)  # u32 passes through a signed int
-    return integer - (1 << bits) if signed and integer >> (bits - 1) else integer
+    mask = (1 << bits) - 1
+    # u32 passes through a signed int
+    signed = stored in (LogType.I8, LogType.I16, LogType.I32, LogType.U32)
+
+    def number(value: Number) -> int:
+        integer = (int(value) if math.isfinite(value) else 0) & mask
+        return integer - (1 << bits) if signed and integer >> (bits - 1) else integer
+
+    if wanted == LogType.FLOAT:
+        return lambda value: _float32(number(value))
+    if wanted == LogType.FP16:
+        return lambda value: _half(_float32(number(value)))
+    return lambda value: (number(value) & 0xFFFFFFFF).to_bytes(4, "little")[:length]
+
+
+def _float32(value: float) -> bytes:
+    try:
+        return _FLOAT.pack(value)
+    except OverflowError:
+        return _FLOAT.pack(math.copysign(math.inf, value))
+
+
+def _as_float32(value: float) -> float:
+    result: float = _FLOAT.unpack(_float32(value))[0]
+    return result
 
 
 def _truncated(value: float) -> int:
@@ -259,14 +286,15 @@ def _truncated(value: float) -> int:
     return int(min(max(value, low), high))
 
 
-def _half(value: float) -> bytes:
+def _half(single: bytes) -> bytes:
     """Half precision as ``single2half`` (``num.c``): halves round up in magnitude, below 2^-15 is zero."""
-    bits: int = struct.unpack("<I", struct.pack("<f", value))[0]
+    bits = int.from_bytes(single, "little")
     sign, exponent = bits >> 31, bits >> 23 & 0xFF
-    if math.isnan(value):
+    if exponent == 0xFF and bits & 0x7FFFFF:  # not a number
         return b"\x00\x7e"
     if exponent > 142:
-        return struct.pack("<H", sign << 15 | 0x7C00)
+        return (sign << 15 | 0x7C00).to_bytes(2, "little")
     if exponent < 112:
         return b"\0\0"
-    return struct.pack("<H", sign << 15 | ((exponent - 112 << 10) + (bits >> 13 & 0x3FF) + (bits >> 12 & 1)))
+    half = sign << 15 | ((exponent - 112 << 10) + (bits >> 13 & 0x3FF) + (bits >> 12 & 1))
+    return half.to_bytes(2, "little")
