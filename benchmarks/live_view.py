@@ -31,6 +31,7 @@ import numpy as np
 
 from mocap_bridge.bridge import PoseBridge
 from onboard.arrays import FloatArray
+from onboard.manoeuvres import HOVER
 from perchhw.attempt import DEFAULT_VEHICLE
 from perchhw.flight.course import CourseRequest, fly_course
 from perchhw.flight.turnaround import Turnaround
@@ -77,12 +78,12 @@ def noting() -> Iterator[list[tuple[float, float]]]:
 
 
 @contextmanager
-def view_of(folder: Path) -> Iterator[int]:
-    """A view of the record in `folder`; its group of processes."""
+def view_of(folder: Path) -> Iterator["subprocess.Popen[bytes]"]:
+    """A view of the record in `folder`, the first of a group of processes."""
     command = [sys.executable, "-m", "perchhw", "view", str(folder), "--web", "--wait", "60", "--linger", "0"]
-    viewer = subprocess.Popen(command, stdout=subprocess.DEVNULL, start_new_session=True)
+    viewer = subprocess.Popen(command, stdout=subprocess.PIPE, start_new_session=True)
     try:
-        yield viewer.pid
+        yield viewer
     finally:
         os.killpg(viewer.pid, signal.SIGCONT)
         os.killpg(viewer.pid, signal.SIGTERM)
@@ -90,9 +91,9 @@ def view_of(folder: Path) -> Iterator[int]:
 
 
 class Switch:
-    """Suspends a view and lets it go, block after block, while the drone is on its course."""
+    """Suspends an open view and lets it go, block after block, while the drone is on its course."""
 
-    def __init__(self, view: int, block: float, rng: np.random.Generator) -> None:
+    def __init__(self, view: "subprocess.Popen[bytes]", block: float, rng: np.random.Generator) -> None:
         self._view, self._block, self._rng = view, block, rng
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._switch, daemon=True)
@@ -106,10 +107,13 @@ class Switch:
             self._over.set()
 
     def _switch(self) -> None:
+        assert self._view.stdout is not None
+        if not self._view.stdout.readline():  # its address: it is open
+            raise RuntimeError("the view did not open")
         while True:
             pair: dict[bool, tuple[float, float]] = {}
             for viewed in self._rng.permutation([False, True]):
-                os.killpg(self._view, signal.SIGCONT if viewed else signal.SIGSTOP)
+                os.killpg(self._view.pid, signal.SIGCONT if viewed else signal.SIGSTOP)
                 begin = time.monotonic()
                 if self._over.wait(self._block):
                     return
@@ -125,7 +129,7 @@ def measure(flights: int, seconds: float, block: float, seed: int, folder: Path)
             place = folder / f"20260101T0000{index:02d}Z-flight"
             place.mkdir()
             request = CourseRequest(
-                kind="hover",
+                kind=HOVER,
                 parameters={"seconds": seconds},
                 folder=place,
                 drone=lab.drones[0],
