@@ -222,6 +222,8 @@ def _wrong_reason(row: AttemptRow, record: RunRecord, said: dict[str, Any]) -> l
     """A reason that neither a fault of the lab nor a blow to this flight gave cause for."""
     name = record.folder.name
     given = {Cause(text) for text in said["causes"]}
+    if "exit_code" not in said:  # the shift was cut off: whoever flew it was killed, and the lab with him
+        given |= {cause for blow in (Blow.KILLED, Blow.LAB_KILLED) for cause in CAUSES[blow]}
     for blow in said["struck"]:
         lasting = Blow(blow["blow"]) in (Blow.LAB_KILLED, Blow.ROOM_KILLED)
         if blow["record"] == name or lasting:
