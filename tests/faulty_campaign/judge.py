@@ -87,13 +87,14 @@ class World:
         """Whether the lab lived then."""
         return self.t.size > 0 and t <= self.t[-1] + SAMPLE_S
 
-    def watched(self, still: float, following: float) -> NDArray[np.bool_]:
+    def watched(self, still: float, following: float, lived: bool) -> NDArray[np.bool_]:
         """Rows (n,) in which motors must not turn: from the last one before `still` (s) on, for a second, or
-        until the next flight begins. Time stands still when nothing moves, so it may be the very last row.
+        until the next flight begins. Time stands still when nothing moves, so where the lab `lived` it may be
+        the very last row.
         """
         until = min(following, still + _UNTIL_S)
         rows = (self.t > still - SAMPLE_S) & (self.t < until)
-        if not rows.any() and following == np.inf and self.t.size:
+        if lived and not rows.any() and following == np.inf and self.t.size:
             rows[-1] = True
         return rows
 
@@ -129,6 +130,7 @@ def judge(shift: Path, campaign: Path, rows: Sequence[AttemptRow]) -> Judged:
         wrong += problem
         records += [] if record is None else [(row, record)]
     world, offset = World.read(shift / "truth.csv"), float(said.get("clock_offset", 0.0))
+    lived = "exit_code" in said and all(blow["blow"] != Blow.LAB_KILLED for blow in said["struck"])
     begins = [float(record.info["clock_at_start"]) - offset for _, record in records]
     aborts = reasons = labels = 0
     for (row, record), begin, following in zip(records, begins, [*begins[1:], np.inf], strict=False):
@@ -143,9 +145,9 @@ def judge(shift: Path, campaign: Path, rows: Sequence[AttemptRow]) -> Judged:
             if row.outcome not in seen:
                 wrong.append(Wrong(LABEL, record.folder.name, f"{row.outcome}, the world saw {seen}"))
         still = end if end is not None else _last(record, offset) + WATCHDOG_S
-        watched = world.watched(still, following)
-        if still > float(said["faults"].get("freeze_drone_at", np.inf)) or _has(said, Blow.LAB_KILLED):
-            continue  # its motors keep their command, whatever anybody does; or nobody watched
+        watched = world.watched(still, following, lived)
+        if still > float(said["faults"].get("freeze_drone_at", np.inf)):
+            continue  # its motors keep their command, whatever anybody does
         aborts += aborted and bool(watched.any())
         if (world.motors[watched] > 0.0).any():
             t = world.t[watched][world.motors[watched] > 0.0][0]
@@ -166,10 +168,6 @@ def counted(rows: Sequence[AttemptRow], campaign: Path, slots: int) -> list[Wron
     named = {record.name for record in records}
     there = (path.name for path in (campaign / ATTEMPTS).iterdir())
     return wrong + [Wrong(LOST, name, "no row names it") for name in there if name not in named]
-
-
-def _has(said: dict[str, Any], blow: Blow) -> bool:
-    return any(one["blow"] == blow for one in said["struck"])
 
 
 def _record(row: AttemptRow, said: dict[str, Any]) -> tuple[RunRecord | None, list[Wrong]]:
