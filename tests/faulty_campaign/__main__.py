@@ -92,7 +92,7 @@ def fly(days: list[tuple[Path, int]], seed: int) -> None:
         task = bar.add_task("attempts", total=sum(attempts for _, attempts in days), completed=done_of(days))
         for number, (day, attempts) in enumerate(days):
             while done_of([(day, attempts)]) < attempts and len(shifts_of(day)) < _MOST_SHIFTS * attempts:
-                fly_shift(day, draw_shift((seed, number), len(shifts_of(day))), seed, attempts)
+                fly_shift(day, draw_shift((seed, number), len(shifts_of(day)), attempts), seed, attempts)
                 judge_settled(day, last_too=False)
                 wrong = sum(len(each["wrong"]) for one, _ in days for each in said_of(one))
                 words = f"attempts, {wrong} wrong" if wrong else "attempts"

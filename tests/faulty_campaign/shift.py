@@ -12,6 +12,7 @@ from perchhw.supervisor import Phase
 
 LATEST_FAULT_S = 25.0
 """Of the lab's time: two flights or three."""
+_LATEST_ATTEMPT = 4
 DURATIONS_S = (0.02, 0.1, 0.3, 1.0, 5.0)
 MOST_FAULTS = 2
 
@@ -91,8 +92,8 @@ class Shift:
         return (*FREE_PORTS, *pace, "--seed", str(1000 * seed + self.number), *shown)
 
 
-def draw_shift(seed: tuple[int, int], number: int) -> Shift:
-    """The shift of this number, of a day with this seed."""
+def draw_shift(seed: tuple[int, int], number: int, attempts: int) -> Shift:
+    """The shift of this number, of a day with this seed and so many attempts."""
     rng = np.random.default_rng((*seed, number))
     blow = Blow(rng.choice([*_SHARES], p=[*_SHARES.values()]))
     if blow is Blow.SUSPENDED:

@@ -141,8 +141,8 @@ def test_what_is_lost_or_counted_twice_in_the_campaign(tmp_path: Path) -> None:
 
 
 def test_a_shift_is_drawn_again_by_its_number_and_all_blows_are_struck() -> None:
-    shifts = [draw_shift((1, 0), number) for number in range(200)]
-    assert shifts[7] == draw_shift((1, 0), 7)
+    shifts = [draw_shift((1, 0), number, 25) for number in range(200)]
+    assert shifts[7] == draw_shift((1, 0), 7, 25)
     assert {strike.blow for shift in shifts for strike in shift.strikes} == set(Blow)
     assert any(shift.file_limit for shift in shifts)
     assert any(shift.at_real_pace for shift in shifts)
