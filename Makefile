@@ -40,7 +40,7 @@ SEED ?= 1
 soak: $(VENV)/.dev
 	$(PYTEST) -m soak --hypothesis-profile soak
 	$(BIN)/python -m tests.lab_time.same_flight --busy 16 --flights 5 --seed $(SEED)
-	$(BIN)/python -m tests.flight.faulty_attempts --attempts 200 --seed $(SEED)
+	$(BIN)/python -m tests.faulty_campaign --attempts 200 --seed $(SEED)
 	$(BIN)/python -m tests.diagnosis.faulty_flights --flights 200 --seed $(SEED)
 	$(BIN)/python -m tests.flight.stop_proof --stops 1000 --drones 7 --seed $(SEED)
 	$(BIN)/python -m tests.mutation
@@ -50,7 +50,7 @@ soak: $(VENV)/.dev
 # A sample of them, another one with each SEED.
 soak-sample: $(VENV)/.dev
 	$(BIN)/python -m tests.lab_time.same_flight --busy 4 --flights 1 --seed $(SEED)
-	$(BIN)/python -m tests.flight.faulty_attempts --attempts 2 --seed $(SEED)
+	$(BIN)/python -m tests.faulty_campaign --attempts 1 --seed $(SEED)
 	$(BIN)/python -m tests.diagnosis.faulty_flights --flights 2 --seed $(SEED)
 	$(BIN)/python -m tests.flight.stop_proof --stops 4 --seed $(SEED)
 	$(BIN)/python -m tests.mutation --sample 20 --seed $(SEED)

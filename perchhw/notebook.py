@@ -193,9 +193,9 @@ def fly_campaign(
             fly_one = attempt_after_attempt(confirm, names=drone_names(plan.drones))
             rows = run_campaign(plan, Path(folder), fly_one, resume=resume)
     except CampaignStopped:
-        write_campaign_report(Path(folder))
+        write_campaign_report(Path(folder), draw_all=False)
         raise
-    write_campaign_report(Path(folder))
+    write_campaign_report(Path(folder), draw_all=False)
     return rows
 
 

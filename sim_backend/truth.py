@@ -7,7 +7,7 @@ from typing import Any
 from onboard.closing import Closing
 from sim_backend.errors import SimulationError
 
-COLUMNS = "t,drone,x,y,z,qx,qy,qz,qw,vx,vy,vz,wx,wy,wz,legs_attached,body_contact"
+COLUMNS = "t,drone,x,y,z,qx,qy,qz,qw,vx,vy,vz,wx,wy,wz,legs_attached,body_contact,motor_max"
 RATE_HZ = 100
 FLUSH_PERIOD_S = 0.1
 
@@ -21,7 +21,7 @@ class TruthRecorder(Closing):
 
     Columns: t [s of world time], drone (its name), position [m] and velocity [m/s] in the world frame,
     quaternion body to world, body rates [rad/s], number of feet that adhere, whether body or a
-    propeller has touched the ceiling since the last reset.
+    propeller has touched the ceiling since the last reset, largest of the four motor commands (0..65535).
     """
 
     def __init__(self, path: Path) -> None:
@@ -34,7 +34,7 @@ class TruthRecorder(Closing):
         self._file.write(COLUMNS + "\n")
         self._file.flush()
 
-    def record(self, t: float, drone: str, state: Any) -> None:
+    def record(self, t: float, drone: str, state: Any, motor_max: int) -> None:
         """One row from a record of :data:`sim_backend.physics.state.STATE`."""
         numbers = [
             *state["position"],
@@ -44,7 +44,7 @@ class TruthRecorder(Closing):
         ]
         text = ",".join(f"{number:.6g}" for number in numbers)
         legs = int(state["foot_attached"].sum())
-        self._file.write(f"{t:.3f},{drone},{text},{legs},{int(state['body_contact'])}\n")
+        self._file.write(f"{t:.3f},{drone},{text},{legs},{int(state['body_contact'])},{motor_max}\n")
         if t - self._flushed >= FLUSH_PERIOD_S:
             self._file.flush()
             self._flushed = t

@@ -332,7 +332,7 @@ class World:
             self._poses.send(self.drones)
         if self._truth is not None and self.ticks % TRUTH_PERIOD_TICKS == 0:
             for drone in self.drones:
-                self._truth.record(self.time, drone.name, drone.state)
+                self._truth.record(self.time, drone.name, drone.state, int(drone.firmware.ratios.max()))
 
     def _strike(self) -> None:
         """Faults that have a time."""

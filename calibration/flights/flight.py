@@ -85,6 +85,7 @@ CHANNELS: dict[str, Channel] = {
     **_named("setpoint_ax setpoint_ay setpoint_az", "m/s2", "world", "acceleration setpoint"),
     **_named("legs_attached", "1", "", "feet that hold (simulation truth)"),
     **_named("body_contact", "1", "", "1 while body or propellers touch (simulation truth)"),
+    **_named("motor_max", "pwm_u16", "", "largest of the four motor commands (simulation truth)"),
 }
 """Every channel that a flight may have. World: ENU, z up. Body: FLU (x forward, y left)."""
 

@@ -205,7 +205,7 @@ class ResendingUdpDriver(CRTPDriver):
         self._transport.close()
         with contextlib.suppress(queue.Full):
             self._incoming.put_nowait(None)  # ends a receive_packet that is waiting
-        if self._reader is not None:
+        if self._reader not in (None, threading.current_thread()):
             self._time.foreign(self._reader)  # cflib's; it polls for a next link in real time
 
     def stop_port(self) -> UdpStopPort:

@@ -92,7 +92,7 @@ def run(
     except (CampaignStopped, DroneStopped) as stop:
         stopped = str(stop)
         progress_console().print(stopped, style="red", markup=False)
-    _emit_rows(folder, write_campaign_report(folder), stopped)
+    _emit_rows(folder, write_campaign_report(folder, draw_all=False), stopped)
     return 3 if stopped else 0
 
 

@@ -20,7 +20,7 @@ from perchhw.campaign.adaptive import FlownMap, flown_map
 from perchhw.campaign.seats import drone_names, seat_of
 from perchhw.campaign.store import CampaignStore
 from perchhw.campaign.tries import CampaignError
-from perchhw.diagnosis.diagnose import judge_of
+from perchhw.diagnosis.diagnose import diagnose_run, judge_of
 from perchhw.record.listing import find_runs
 from perchhw.record.run import read_run
 from perchhw.report.campaign_figures import (
@@ -33,7 +33,7 @@ from perchhw.report.campaign_figures import (
 from perchhw.report.campaign_plan import misfit_section
 from perchhw.report.campaign_remarks import remarks_section
 from perchhw.report.map_figure import map_figure
-from perchhw.report.run_report import REPORT_FILE, write_run_page
+from perchhw.report.run_report import REPORT_FILE, has_current_page, write_run_page
 from perchhw.report.style import (
     MUTED,
     OUTCOME_COLOURS,
@@ -58,11 +58,12 @@ _APPROACH_S, _LANDING_S = 1.2, 0.5
 _NO_TIME = datetime.max.replace(tzinfo=UTC)
 
 
-def write_campaign_report(folder: Path) -> Path:
+def write_campaign_report(folder: Path, *, draw_all: bool = True) -> Path:
     """Write ``report.html`` into `folder`, and one for each of its runs; damaged records are named in it.
 
     Args:
         folder: a campaign, or a folder of runs (as ``demo`` makes one).
+        draw_all: draw the pages anew also of runs in which nothing was written since theirs.
 
     Raises:
         CampaignError: no campaign and no run in it.
@@ -82,7 +83,7 @@ def write_campaign_report(folder: Path) -> Path:
         title, attempts = f"Attempts in {folder.name}", _attempts_of_runs(folder)
         planned, skipped, found = len(attempts), [], None
     damaged: list[str] = []
-    looked_at = [_look(attempt, damaged) for attempt in attempts]
+    looked_at = [_look(attempt, damaged, draw_all) for attempt in attempts]
     path = folder / REPORT_FILE
     with report_style():
         body = _body(_in_order(looked_at), folder, damaged, found) + misfit_section(skipped)
@@ -91,13 +92,14 @@ def write_campaign_report(folder: Path) -> Path:
     return path
 
 
-def _look(attempt: ShownAttempt, damaged: list[str]) -> "_Seen":
+def _look(attempt: ShownAttempt, damaged: list[str], draw_all: bool) -> "_Seen":
     """Write the report of an attempt's run and take from its record what the campaign's page shows."""
     if attempt.record is None or not is_run_folder(attempt.record):
         return _Seen(attempt, None, None)
     try:
         run = read_run(attempt.record)
-        found = write_run_page(run)
+        drawn = not draw_all and has_current_page(attempt.record)
+        found = diagnose_run(run) if drawn else write_run_page(run)
     except RunFolderError as error:
         damaged.append(str(error))
         return _Seen(replace(attempt, record=None), None, None)

@@ -66,6 +66,15 @@ def write_run_page(run: RunRecord) -> Diagnosis:
     return found
 
 
+def has_current_page(run_folder: Path) -> bool:
+    """Whether the run folder has a page that was written after all else in it."""
+    page = run_folder / REPORT_FILE
+    if not page.is_file():
+        return False
+    written = page.stat().st_mtime_ns
+    return all(file.stat().st_mtime_ns <= written for file in run_folder.iterdir() if file.is_file())
+
+
 def report_flight(run_folder: Path) -> None:
     """The report of a flight that has just ended; what it fails of costs no result. No record: none."""
     if not is_run_folder(run_folder):

@@ -53,16 +53,20 @@ def ramp(x: FloatArray, y: FloatArray, rng: np.random.Generator) -> FloatArray:
 SHAPES: dict[str, Shape] = {shape.__name__: shape for shape in (cliff, island, facets, band, ramp)}
 
 
-class DrawnMap:
-    """One drawn truth over a grid, and what attempts at its conditions give."""
+class KnownMap:
+    """One truth over a grid, and what attempts at its conditions give.
 
-    def __init__(self, shape: str, conditions: list[Condition], seed: int, most: int) -> None:
-        self._rng = np.random.default_rng([seed, list(SHAPES).index(shape)])
-        places = np.array(conditions)
-        unit = (places - places.min(axis=0)) / np.ptp(places, axis=0)
-        self.rate = np.zeros(len(conditions))
-        while np.ptp(self.rate) < LEAST_CONTRAST:
-            self.rate = SHAPES[shape](unit[:, 0], unit[:, 1], self._rng)
+    Args:
+        rate: (n,) landing rates.
+        conditions: n of them.
+        rng: of the attempts.
+        most: attempts at a condition.
+    """
+
+    def __init__(
+        self, rate: FloatArray, conditions: list[Condition], rng: np.random.Generator, most: int
+    ) -> None:
+        self._rng, self.rate = rng, rate
         # The n-th attempt at a condition ends alike, whichever campaign flies it.
         self._lands = self._rng.random((len(conditions), most)) < self.rate[:, None]
         self._surrogate = RateSurrogate(conditions)
@@ -97,3 +101,16 @@ class DrawnMap:
             flown[choose(self.known(flown), self._rng)] += 1.0
             steps.append(flown)
         return steps
+
+
+class DrawnMap(KnownMap):
+    """One of a shape."""
+
+    def __init__(self, shape: str, conditions: list[Condition], seed: int, most: int) -> None:
+        rng = np.random.default_rng([seed, list(SHAPES).index(shape)])
+        places = np.array(conditions)
+        unit = (places - places.min(axis=0)) / np.ptp(places, axis=0)
+        rate = np.zeros(len(conditions))
+        while np.ptp(rate) < LEAST_CONTRAST:
+            rate = SHAPES[shape](unit[:, 0], unit[:, 1], rng)
+        super().__init__(rate, conditions, rng, most)

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from onboard.lab_time import LabTime, LabTimeError, open_timebase
+from onboard.link.driver import ResendingUdpDriver, links_live_in
 from onboard.timebase import WALL
 from tests.lab_time.toy_lab import ToyLab
 
@@ -255,3 +256,20 @@ def test_a_thread_that_others_disown_holds_no_turn(lab: ToyLab) -> None:
             time.foreign(reader)
         lab.done.get(timeout=120.0)
         polls.set()
+
+
+def test_who_read_a_link_and_closes_it_is_still_at_work(lab: ToyLab) -> None:
+    """Else the turn ends before it waits again, and nobody hears until when: a reboot over a link that loses
+    its answer would wait for ever."""
+    uri = "udp://127.0.0.1:9"
+    with LabTime("127.0.0.1", lab.port, "test") as time:
+        driver = ResendingUdpDriver()
+        with links_live_in(uri, time):
+            driver.connect(uri, None, None)
+        assert driver.receive_packet(0) is None
+        driver.close()
+        lab.begin_turn(0.0)
+        with pytest.raises(queue.Empty):
+            lab.done.get(timeout=0.2)
+        time.foreign()
+        assert lab.done.get(timeout=120.0)["done"] == 0.0

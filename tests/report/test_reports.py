@@ -1,5 +1,6 @@
 """Reports show what the record holds, and load nothing from elsewhere."""
 
+import os
 import re
 import shutil
 from dataclasses import replace
@@ -63,6 +64,30 @@ def test_a_damaged_record_is_named_and_the_others_are_shown(runs: Path, tmp_path
     assert "run-0/series.mcap byte" in page.text
     assert page.references.count("run-0/report.html") == 0
     assert page.references.count("run-1/report.html") == 1
+
+
+def test_the_end_of_a_campaign_draws_only_the_pages_of_runs_that_have_changed(
+    runs: Path, tmp_path: Path
+) -> None:
+    """Else each stop and resume of a long day would draw all of them again, seconds each."""
+    folder = tmp_path / "runs"
+    shutil.copytree(runs, folder)
+    write_campaign_report(folder)
+    (run, *_), names = sorted(folder.glob("run-*")), ("run.json", "events.jsonl", "series.mcap")
+    page, text = run / "report.html", (run / "report.html").read_text()
+    page.write_text("as it was")
+    whole = Page(write_campaign_report(folder, draw_all=False))
+    assert page.read_text() == "as it was"
+    written = page.stat().st_mtime_ns
+    for name in names:
+        os.utime(page, ns=(written, written))
+        os.utime(run / name, ns=(written + 1, written + 1))
+        assert Page(write_campaign_report(folder, draw_all=False)).text == whole.text
+        assert page.read_text() == text
+        page.write_text("as it was")
+        os.utime(run / name, ns=(written, written))
+    write_campaign_report(folder)
+    assert page.read_text() == text
 
 
 def test_a_campaign(tmp_path: Path) -> None:

@@ -1,7 +1,7 @@
 """The screen over real flights in the simulated lab: what is shown, and what the keys do to the drone."""
 
+import itertools
 import statistics
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,7 +10,8 @@ import pytest
 from onboard.link import DroneLink, reboot
 from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
 from perchhw.record import RunRecord, read_run
-from tests.flight.airborne import NotInTheAir, Witness, when_it_flies
+from tests.flight.airborne import Witness, when_it_flies
+from tests.screen.pressed import fly, from_space_to_motors_off
 from tests.screen.terminal import Terminal
 
 CAMPAIGN = """
@@ -25,11 +26,6 @@ speeds = [2.25, 2.5]
 angles_deg = [52.5]
 """
 KEY_WITHIN_S = 0.2
-
-
-def fly(lab: SimulatedLab, folder: Path, *more: str, columns: int = 80) -> Terminal:
-    place = ("--drone", lab.drones[0], "--mocap", lab.mocap[0], "--out", str(folder))
-    return Terminal("fly", *place, "--speed", "2.5", "--angle", "50", *more, columns=columns)
 
 
 def the_only(folder: Path) -> RunRecord:
@@ -115,25 +111,12 @@ def test_a_campaign_at_120_columns(lab: SimulatedLab, tmp_path: Path) -> None:
 @pytest.mark.timeout(600)
 def test_the_key_at_real_pace(tmp_path: Path) -> None:
     """From the key to motors that may not turn, by the drone's own word."""
-    times = []
+    folders = map(tmp_path.joinpath, map(str, itertools.count()))
     with SimulatedLab("lab", (*FREE_PORTS, "--seed", "3")) as lab:
         witness = Witness(lab.drones[0])
-
-        def stop() -> float:
-            with fly(lab, tmp_path / str(len(list(tmp_path.iterdir()))), "--put-back", "--yes") as terminal:
-                terminal.wait(
-                    lambda: "moving to start" in terminal.text() or terminal.process.poll() is not None
-                )
-                threading.Event().wait(0.3)
-                if not witness.bits().is_flying:
-                    raise NotInTheAir(terminal.text())
-                pressed = terminal.press(" ")
-                off = witness.motors_off(5.0)
-                assert off is not None
-                assert terminal.ended() == 130
-                return off - pressed
-
-        times = [when_it_flies(stop) for _ in range(5)]
+        times = [
+            when_it_flies(lambda: from_space_to_motors_off(lab, witness, next(folders))) for _ in range(5)
+        ]
         witness.close()
     assert statistics.median(times) < KEY_WITHIN_S, times
     assert max(times) < KEY_WITHIN_S, times
