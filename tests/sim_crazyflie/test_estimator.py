@@ -25,7 +25,7 @@ def settle(
     for tick in range(round(seconds / DT)):
         if tick % 10 == 0:
             estimator.external_pose(*position, *quaternion)
-        estimator.step(acc, gyro, DT)
+        estimator.step(acc, gyro, flying)
 
 
 def test_first_pose_pulls_the_position_over_at_once() -> None:
@@ -46,7 +46,7 @@ def test_sine_motion_is_followed_with_ten_ms_of_latency() -> None:
         acc = np.array([-amplitude * rate**2 * math.sin(rate * t), 0.0, 9.81]) + rng.normal(0, 0.05, 3)
         if tick % 10 == 0:
             estimator.external_pose(amplitude * math.sin(rate * (t - 0.01)), 0.0, 1.0, *LEVEL)
-        estimator.step(acc, STILL, DT)
+        estimator.step(acc, STILL, flying)
         if t > 3:
             worst = max(worst, abs(estimator.position()[0] - truth))
     # the latency alone is 10 ms * 1.57 m/s = 16 mm
@@ -61,7 +61,7 @@ def test_dead_reckoning_drifts_and_says_so() -> None:
     biased = HOVER_ACC + np.array([0.05, 0.0, 0.0])
     for _ in range(3):
         for _ in range(1000):
-            estimator.step(biased, STILL, DT)
+            estimator.step(biased, STILL, flying)
         drift.append(estimator.position()[0])
     assert drift[0] > 0.015
     assert drift[1] > 3 * drift[0]
@@ -83,7 +83,7 @@ def test_attitude_flip_in_the_mocap_throws_the_estimate() -> None:
     settle(estimator, 2.0)
     half_turn_less_a_bit = (0.0, math.sin(1.5), 0.0, math.cos(1.5))
     estimator.external_pose(0.0, 0.0, 1.0, *half_turn_less_a_bit)
-    estimator.step(HOVER_ACC, STILL, DT)
+    estimator.step(HOVER_ACC, STILL, flying)
     # 2 tan(1.5) = 28 rad of residual, nowhere near the 3 rad between the two attitudes
     assert abs(estimator.roll_pitch_yaw()[1]) > 0.5 or abs(estimator.quaternion()[3]) < 0.8
 
@@ -92,7 +92,7 @@ def test_gyro_alone_carries_the_attitude_between_poses() -> None:
     estimator = Estimator()
     settle(estimator, 1.0)
     for _ in range(100):
-        estimator.step(HOVER_ACC, np.array([0.0, -10.0, 0.0]), DT)
+        estimator.step(HOVER_ACC, np.array([0.0, -10.0, 0.0]), flying)
     assert estimator.roll_pitch_yaw()[1] == pytest.approx(-1.0, abs=2e-3)
 
 
@@ -100,7 +100,7 @@ def test_full_queue_drops_and_counts() -> None:
     estimator = Estimator()
     for _ in range(QUEUE_LENGTH + 5):
         estimator.external_position(0.0, 0.0, 1.0)
-    estimator.step(HOVER_ACC, STILL, DT)
+    estimator.step(HOVER_ACC, STILL, flying)
     assert estimator.rejected == 5
     assert estimator.corrections == QUEUE_LENGTH
 
@@ -120,7 +120,7 @@ def test_state_out_of_bounds_resets() -> None:
     estimator = Estimator()
     settle(estimator, 0.5)
     fast = np.array([0.0, 0.0, 40.0])
-    assert any(estimator.step(fast, STILL, DT) for _ in range(1000))
+    assert any(estimator.step(fast, STILL, flying) for _ in range(1000))
     assert abs(estimator.velocity()[2]) < 10
 
 
