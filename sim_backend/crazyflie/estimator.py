@@ -55,6 +55,7 @@ class Estimator:
         self.rejected = 0
         self.corrections = 0
         self._memory: FloatArray = np.zeros(kalman.MEMORY_SIZE)
+        self._memory[kalman.TO_PREDICTION] = kalman.FIRST_PREDICTION_MS
         self._covariance: FloatArray = np.zeros((kalman.ERRORS, kalman.ERRORS))
         self._queue: FloatArray = np.zeros((QUEUE_LENGTH, kalman.MEASUREMENT))
         self._queued = 0

@@ -1,5 +1,6 @@
 """Our firmware app in the simulated drone: policy upload, arming, approach, trigger, flip, cut, brake."""
 
+import math
 import struct
 import sys
 import zlib
@@ -196,6 +197,10 @@ def test_approach_triggers_flips_cuts_and_lands_on_four_feet() -> None:
     assert flight.log("perchT.vz") == pytest.approx(PLAN.vz, abs=0.1)
     assert flight.log("perchT.vx") == pytest.approx(PLAN.vx, abs=0.1)
     assert abs(flight.log("perchT.pitch")) < 0.1
+    # The firmware's own filter, linked against our physics: +14 to +19 mm/s and -15 to -18 mm.
+    truth, estimator = flight.drone.state, flight.firmware.estimator
+    assert 0.012 < estimator.velocity()[2] - truth["velocity"][2] < 0.021
+    assert -0.021 < estimator.position()[2] - truth["position"][2] < -0.014
     assert flight.log("perchT.dCeil") == pytest.approx(2.1 - flight.position[2], abs=0.06)
     assert flight.log("perchT.tau") == pytest.approx(
         flight.log("perchT.dCeil") / flight.log("perchT.vz"), rel=0.01
@@ -295,7 +300,7 @@ def test_a_hold_whose_estimate_is_lost_carries_its_weight_and_then_cuts() -> Non
     flight.run(1.5)
     sinking = float(flight.drone.state["velocity"][2])
     flight.poses = False
-    flight.firmware.estimator.state[:6] = np.nan
+    flight.firmware.localization.external_pose(math.nan, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
     flight.run(0.45)
     assert state(flight) is LandingState.HOLD
     assert float(flight.drone.state["velocity"][2]) == pytest.approx(sinking, abs=0.3)
