@@ -43,6 +43,7 @@ class Estimator:
         drag: (6,), 1/s and m: ``kalman.dragB_*`` and ``kalman.cop_*``.
         state: (25,), SI: what control and logs get, one ms old, laid out as in
             :mod:`sim_backend.crazyflie.kalman`.
+        covariance: (9, 9), SI, of the errors of position (world), velocity and attitude (body).
         rejected: measurements that found the queue full.
         corrections: measurements taken in.
     """
@@ -56,21 +57,16 @@ class Estimator:
         self.corrections = 0
         self._memory: FloatArray = np.zeros(kalman.MEMORY_SIZE)
         self._memory[kalman.TO_PREDICTION] = kalman.FIRST_PREDICTION_MS
-        self._covariance: FloatArray = np.zeros((kalman.ERRORS, kalman.ERRORS))
+        self.covariance: FloatArray = np.zeros((kalman.ERRORS, kalman.ERRORS))
         self._queue: FloatArray = np.zeros((QUEUE_LENGTH, kalman.MEASUREMENT))
         self._queued = 0
         self.reset()
 
-    @property
-    def covariance(self) -> FloatArray:
-        """Of the errors of position (m, world), velocity (m/s, body) and attitude (rad, body), (9, 9)."""
-        return self._covariance
-
     def reset(self) -> None:
         """Start anew from the initial position; the attitude is level (``kalman.resetEstimation``)."""
         px, py, pz, yaw = map(float, self.settings.initial)
-        kalman.start(self._memory, self._covariance, (px, py, pz), from_yaw(yaw))
-        kalman.publish(self._memory, self._covariance, self.state)
+        kalman.start(self._memory, self.covariance, (px, py, pz), from_yaw(yaw))
+        kalman.publish(self._memory, self.covariance, self.state)
 
     def external_position(self, x: float, y: float, z: float) -> None:
         """Queue a position (m, world)."""
@@ -91,7 +87,7 @@ class Estimator:
         settings, queued = self.settings, self._queued
         lost = kalman.run(
             self._memory,
-            self._covariance,
+            self.covariance,
             self.state,
             self.noise,
             self.drag,
