@@ -63,7 +63,12 @@ def demo(
     report = write_campaign_report(folder)
     recording = _recording(rows)
     _emit(Flown(folder, plan, rows, rates, report, recording, flown_by))
-    return exit_codes.SAFETY if any(row.outcome == "aborted" for row in rows) else exit_codes.DONE
+    return exit_code(rows)
+
+
+def exit_code(rows: "Iterable[AttemptRow]") -> int:
+    """Whether every attempt was flown: a landing that fails is none that was not."""
+    return exit_codes.SAFETY if any(row.outcome is Outcome.ABORTED for row in rows) else exit_codes.DONE
 
 
 def demo_plan(drone: str, mocap: str, attempts: int, seed: int) -> "CampaignPlan":

@@ -67,6 +67,13 @@ def soft(tmp_path_factory: pytest.TempPathFactory) -> Campaign:
 
 
 @pytest.fixture(scope="module")
+def one_soft(tmp_path_factory: pytest.TempPathFactory) -> Flight:
+    """A landing with the hinges of `soft`."""
+    (flight,) = _campaign(tmp_path_factory.mktemp("one"), "stiffness-0.5", seed=12, count=1).flights
+    return flight
+
+
+@pytest.fixture(scope="module")
 def soft_findings(soft: Campaign, vehicle: Vehicle) -> LandingFindings:
     return judge_landings(soft.flights, vehicle, np.random.default_rng(0))
 
@@ -188,8 +195,8 @@ def test_damped_hinge_is_not_called_stiff(tmp_path: Path, vehicle: Vehicle) -> N
     assert low < 10.0 < high
 
 
-def test_one_landing_or_its_copies_name_nothing(soft: Campaign, vehicle: Vehicle) -> None:
-    copies = [soft.flights[0]] * 8
+def test_one_landing_or_its_copies_name_nothing(one_soft: Flight, vehicle: Vehicle) -> None:
+    copies = [one_soft] * 8
     found = judge_landings(copies, vehicle, np.random.default_rng(0))
     assert found.verdict is LandingVerdict.CANNOT_TELL
     assert not found.findings
@@ -198,13 +205,13 @@ def test_one_landing_or_its_copies_name_nothing(soft: Campaign, vehicle: Vehicle
     assert sum("the same landing" in flight["reason"] for flight in refused) == 7
 
 
-def test_flights_without_a_landing_are_named(soft: Campaign, vehicle: Vehicle) -> None:
-    before = soft.flights[0].t < 0.5
+def test_flights_without_a_landing_are_named(one_soft: Flight, vehicle: Vehicle) -> None:
+    before = one_soft.t < 0.5
     flight = dataclasses.replace(
-        soft.flights[0],
-        t=soft.flights[0].t[before],
-        data={name: values[before] for name, values in soft.flights[0].data.items()},
-        valid={name: rows[before] for name, rows in soft.flights[0].valid.items()},
+        one_soft,
+        t=one_soft.t[before],
+        data={name: values[before] for name, values in one_soft.data.items()},
+        valid={name: rows[before] for name, rows in one_soft.valid.items()},
         trigger=None,
     )
     found = judge_landings([flight], vehicle, np.random.default_rng(0))

@@ -1,4 +1,4 @@
-"""Which legs and pads make landings end as they did: a posterior over a grid of vehicles.
+"""Which legs, pads and hull make landings end as they did: a posterior over a grid of vehicles.
 
 Every vehicle of the grid predicts every flight once (:mod:`..vehicles`). The probability of what happened,
 all flights together, is a vehicle's likelihood; with every vehicle of the grid as likely beforehand its share
@@ -46,6 +46,8 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "preload": ("preload", "preload_spread"),
     "impulse": ("impulse", "impulse_spread"),
     "angle": ("angle", "angle_spread"),
+    "axes": ("side_stiffness", "side_damping"),
+    "hull": ("width", "top", "bottom"),
 }
 """Coordinates that are open together."""
 
@@ -54,9 +56,13 @@ LAWS = ("pads", "preload", "impulse", "angle")
 
 _CORE = ("hinges", "pads", "propellers")
 
+_SHAPES = ("axes", "hull")
+"""Groups that are tried one at a time beside hinges and pads."""
+
 MODELS: tuple[tuple[str, ...], ...] = (
     *(groups for size in range(len(_CORE) + 1) for groups in combinations(_CORE, size)),
     *(groups for law in LAWS[1:] for groups in ((law,), ("hinges", law))),
+    *((*groups, shape) for shape in _SHAPES for groups in ((), ("hinges",), ("pads",), ("hinges", "pads"))),
 )
 """Which groups are open; the rest is as filed."""
 
@@ -154,7 +160,7 @@ class ModelFit:
 
 @dataclass(frozen=True)
 class OutcomeSearch:
-    """What the outcomes say of legs, pads and propellers.
+    """What the outcomes say of legs, pads, propellers and hull.
 
     Attributes:
         fits: of all models.
@@ -252,7 +258,7 @@ def search_outcomes(
         gains[group] = _mean_of(change, drawn)
         spared[group] = float(np.sort(change)[1:].mean())
     told = [group for group, (_, (_, high)) in gains.items() if high < 0.0 and spared[group] <= -LEAST_GAIN]
-    like = [fit for fit in fits if "propellers" not in fit.groups]  # what all laws were tried with
+    like = [fit for fit in fits if set(fit.groups) <= {"hinges", *LAWS}]  # what all laws were tried with
     laws = {law: _best([fit for fit in like if law in fit.groups]) for law in LAWS}
     able = [law for law in LAWS if law in told] or LAWS
     chosen = min(able, key=lambda law: laws[law].left_one_out.log)
