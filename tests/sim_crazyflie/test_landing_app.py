@@ -1,5 +1,6 @@
 """Our firmware app in the simulated drone: policy upload, arming, approach, trigger, flip, cut, brake."""
 
+import dataclasses
 import math
 import struct
 import sys
@@ -21,7 +22,7 @@ from onboard.app_interface import (
 )
 from onboard.landing.state_machine import EndReason
 from onboard.policy.bundle import bundle_crc32, encode_bundle
-from onboard.policy.files import import_authors_policy
+from onboard.policy.files import find_policy, import_authors_policy, load_policy
 from onboard.ring import RING_BYTES
 from onboard.room import RoomGeometry
 from onboard.trajectory import ApproachPlan, fit_approach, plan_approach
@@ -266,6 +267,25 @@ def test_missed_trigger_brakes_below_the_ceiling_and_hands_back() -> None:
     assert flight.land() == 0
     flight.run(5.0)
     assert flight.position[2] < 0.1
+
+
+@pytest.mark.parametrize("climb", [1.25, 1.75])
+def test_a_policy_that_does_not_fire_brakes_below_the_ceiling(climb: float) -> None:
+    """The shipped policy's range, a vertical approach, and the errors of the filter."""
+    default = load_policy(find_policy("default"))
+    never = encode_bundle(dataclasses.replace(default, intercept=np.float32(-1e3)))
+    flight = ready_to_go(plan_approach(climb, 89.0, 0.0, 2.1, 1.0, 3.1, 0.5), policy=never)
+    flight.write(Parameter.GO, 1)
+    run_until(flight, LandingState.HOLD)
+    assert flight.firmware.engine.reason is EndReason.MISSED_TRIGGER
+    assert not flight.drone.state["ceiling_contact"]
+    flight.write(Parameter.POLICY_ARM, 0)
+    flight.write(Parameter.TRAJECTORY_ARM, 0)
+    run_until(flight, LandingState.IDLE)
+    assert flight.land() == 0
+    flight.run(5.0)
+    assert flight.position[2] < 0.1
+    assert flight.info.can_fly  # its supervisor saw neither a tumble nor a crash
 
 
 def test_abort_brakes() -> None:
