@@ -18,9 +18,9 @@ Rules (default deny: what is not known is not allowed, and a NaN never starts an
   later trigger can come), without one when the stopping distance demands it (:mod:`onboard.landing.braking`).
   Without a policy the ceiling is always avoided. With one, waiting for the trigger takes longer than stopping
   would, above a climb that docs/flying.md gives, and the ceiling is met.
-- Contact takes the thrust away as any other brake, and ends none: a drone that is upright and falls is caught,
-  one whose motors were cut would fall to the floor. What the ceiling has tipped over by more than the tilt's
-  limit is cut.
+- Contact takes the thrust away as any other brake, and ends none: a drone that is upright and falls is
+  caught, one whose motors were cut would fall to the floor. What the ceiling has tipped over by more than
+  the tilt's limit is cut.
 - HOLD ends when the trajectory is disarmed and the vehicle has slowed down: whoever flies next starts from a
   standstill, and a climb that it would stop at once takes all thrust away.
 - Without poses BRAKE and HOLD go on by the estimate, which dead-reckons, until the drone is handed over to be
