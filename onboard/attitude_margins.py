@@ -2,11 +2,13 @@
 
 The loop is opened at the moments that the law asks for, linear about the hover, one body axis at a time::
 
-    L(s) = (kr P(s) + kw s) G(s) C(s) exp(-s LOOP_DELAY) / ((T s + 1) J s^2)
+    L(s) = (kr P(s) H(s) + kw s) G(s) C(s) exp(-s LOOP_DELAY) / ((T s + 1) J s^2)
 
 with the position loop's part in the wanted tilt, P = 1 + kd / (m s) + kp / (m s^2) + ki / (m s^3) about b_x
 and b_y and 1 about b_z, the firmware's low-pass of the gyro G, which the attitude estimate follows too, and
-the lead C as it is computed (:func:`onboard.controller.lead_moments`).
+the lead C as it is computed (:func:`onboard.controller.lead_moments`). The law's attitude is that of the
+firmware's filter, which stands still for ESTIMATE_PERIOD between two predictions, 5 ms old in the mean (a
+zero-order hold, H); its rate is the gyro's of the step before.
 
 T is the mean of the motors' time constants of rising and of falling thrust. One of the motors that make a
 moment rises while the other falls: for 50 ms up and 150 ms down the describing function of such a pair has up
@@ -29,6 +31,9 @@ GYRO_CUTOFF_HZ = 80.0
 
 LOOP_DELAY = 0.002
 """s, from a sample of the gyro to the motors' new command: state of the step before, law at 500 Hz."""
+
+ESTIMATE_PERIOD = 0.01
+"""s between two predictions of the filter (crazyflie-firmware 2026.08, ``estimator_kalman.c``)."""
 
 PHASE_LIMIT_DEG = 35.0
 DELAY_LIMIT = 0.015
@@ -72,7 +77,7 @@ def attitude_margins(
     """
     s = 1j * _FREQUENCIES
     motors = 1.0 / (0.5 * (lag_up + lag_down) * s + 1.0)
-    tilt, yaw = _tilt_feedback(s, gains), gains.kr_z + gains.kw_z * s
+    tilt, yaw = _tilt_feedback(s, gains), gains.kr_z * _held(s) + gains.kw_z * s
     axes = ((tilt, gains.inertia_xx), (tilt, gains.inertia_yy), (yaw, gains.inertia_zz))
     shared = _gyro(s) * _lead(s, gains) * motors * np.exp(-s * (LOOP_DELAY + delay))
     return _least([_margins(feedback * shared / (inertia * s**2)) for feedback, inertia in axes])
@@ -100,7 +105,13 @@ def _tilt_feedback(s: ComplexArray, gains: ControllerGains) -> ComplexArray:
     """Moment over angle about b_x or b_y (N m/rad): a tilt is also answered by way of the position."""
     m = gains.mass
     wanted = 1.0 + gains.kd_xy / (m * s) + gains.kp_xy / (m * s**2) + gains.ki_xy / (m * s**3)
-    return gains.kr_xy * wanted + gains.kw_xy * s
+    return gains.kr_xy * wanted * _held(s) + gains.kw_xy * s
+
+
+def _held(s: ComplexArray) -> ComplexArray:
+    """An estimate that stands still between two predictions."""
+    x = s * ESTIMATE_PERIOD
+    return np.asarray((1.0 - np.exp(-x)) / x)
 
 
 def _gyro(s: ComplexArray) -> ComplexArray:

@@ -1,7 +1,7 @@
 """Whether the drone's own estimate is fit to fly by while the landing machine brakes and holds.
 
 Without poses the estimate goes on by dead reckoning, and braking on that is far gentler than a fall: after
-4 s blind the simulated drone's is wrong by 0.06 m and 0.03 m/s (docs/safety.md). So it is not the age of the
+3.5 s blind the simulated drone's is wrong by 0.3 m and 0.1 m/s (docs/safety.md). So it is not the age of the
 last pose that makes an estimate useless, but numbers that cannot be true.
 """
 

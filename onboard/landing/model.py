@@ -145,8 +145,8 @@ def landing_limits(vehicle: Vehicle, policy_tau_min: float = math.nan) -> Landin
 
     The flip of the authors' flights took 0.196 to 0.275 s, so 0.5 s is no flip any more. The fastest approach
     flies 3.5 m/s, and the firmware's filter resets itself at 10: 5 m/s is neither. An estimate in a blind
-    hold was at most 0.34 m from its setpoint (15 simulated brakes from 1.5 to 3.5 m/s); that of a filter that
-    resets itself in flight jumps farther than 1 m.
+    hold was at most 0.26 m from its setpoint (15 simulated brakes from 1.5 to 3.5 m/s,
+    ``benchmarks/dead_reckoning.py``); that of a filter that resets itself in flight jumps farther than 1 m.
     """
     body, motors = vehicle.body, vehicle.motors
     top = max(body.body_top_z.value, body.propeller_height_z.value)

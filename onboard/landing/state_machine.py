@@ -14,12 +14,13 @@ Rules (default deny: what is not known is not allowed, and a NaN never starts an
 - The flip ends when b3.z <= 0 (errata 8). The attitude for this is the machine's own: it follows the gyro,
   is pulled slowly towards the estimate before the flip and not at all during it. A single bad pose cannot
   move the cut. A flip that takes too long, or an abort in it, cuts as well.
-- A missed trigger brakes: with an armed policy as soon as tau is below its range (no later trigger can
-  come), without one when the stopping distance demands it (:mod:`onboard.landing.braking`); contact and
-  tilt cut.
-  Without a policy the ceiling is always avoided. With one that fires down to 0.206 s, as the flown one,
-  and motors that fall with 0.15 s, it is avoided up to a climb of 1.6 m/s; above, waiting for the trigger
-  takes longer than stopping would, and the ceiling is met at 0.7 m/s (climb 2.0), 1.5 (2.5), 2.5 (3.5).
+- A missed trigger brakes: with an armed policy as soon as its next look would find tau below its range (no
+  later trigger can come), without one when the stopping distance demands it (:mod:`onboard.landing.braking`).
+  Without a policy the ceiling is always avoided. With one, waiting for the trigger takes longer than stopping
+  would, above a climb that docs/flying.md gives, and the ceiling is met.
+- Contact takes the thrust away as any other brake, and ends none: a drone that is upright and falls is
+  caught, one whose motors were cut would fall to the floor. What the ceiling has tipped over by more than
+  the tilt's limit is cut.
 - HOLD ends when the trajectory is disarmed and the vehicle has slowed down: whoever flies next starts from a
   standstill, and a climb that it would stop at once takes all thrust away.
 - Without poses BRAKE and HOLD go on by the estimate, which dead-reckons, until the drone is handed over to be
@@ -209,9 +210,9 @@ def _trigger_is_missed(memory: Any, inputs: LandingInputs, plan: ApproachPlan, l
         return False
     left = plan.ceiling_z - inputs.position[2]
     if inputs.policy_armed and limits.policy_tau_min > 0.0:
-        # Between two evaluations tau may pass the range's end unseen: wait for the one after.
-        floor = limits.policy_tau_min - (0.0 if inputs.evaluated else POLICY_PERIOD)
-        return left < floor * climb
+        # The policy has just looked, and when it looks again tau will be less by its period.
+        last = limits.policy_tau_min + (POLICY_PERIOD if inputs.evaluated else 0.0)
+        return left < last * climb
     climbing = inputs.time - memory.start_time < plan.t_x + plan.t_z + 2.0 * limits.smoothing
     acceleration = limits.thrust_reserve + (plan.az if climbing else 0.0)
     rise = stopping_distance(climb, acceleration, limits.motor_lag) + climb * limits.latency
@@ -239,7 +240,7 @@ def _step_approach(memory: Any, inputs: LandingInputs, plan: ApproachPlan, limit
     elif not has_pose(inputs, limits):
         _begin_brake(memory, inputs, _POSE_LOST)
     elif plan.ceiling_z - inputs.position[2] <= limits.contact_distance:
-        _end_approach(memory, CUT, _CONTACT)
+        _begin_brake(memory, inputs, _CONTACT)
     elif _triggers(memory, inputs):
         _begin_flip(memory, inputs)
     elif _trigger_is_missed(memory, inputs, plan, limits):
@@ -267,7 +268,7 @@ def _may_hand_over(memory: Any, inputs: LandingInputs) -> bool:
 
 @inner
 def _step_brake(memory: Any, inputs: LandingInputs, plan: ApproachPlan, limits: LandingLimits) -> None:
-    """BRAKE and HOLD: cut on tilt and contact, fault without an estimate, hold once the climb has ended."""
+    """BRAKE and HOLD: cut on tilt, fault without an estimate, hold once the climb has ended."""
     if _is_tilted(memory, limits):
         memory.state = CUT
         return
@@ -276,9 +277,6 @@ def _step_brake(memory: Any, inputs: LandingInputs, plan: ApproachPlan, limits: 
             memory.state = FAULT
         return
     memory.usable_time = inputs.time
-    if plan.ceiling_z - inputs.position[2] <= limits.contact_distance:
-        memory.state = CUT
-        return
     if memory.state == BRAKE:
         climb = inputs.velocity[2]
         # Low enough, it can stop in a controlled way at once (0.15 s for the controller to react).

@@ -10,7 +10,7 @@ from perchhw.supervisor.observation import Admitted
 from perchhw.supervisor.rules import APPROACH_RULES, pose_good
 from perchhw.supervisor.state import Context, FlightState, Phase, Step
 
-_FLOWN_TO_THE_END = (EndReason.TRIGGERED, EndReason.CONTACT, EndReason.TILT)
+_FLOWN_TO_THE_END = (EndReason.TRIGGERED, EndReason.TILT)
 """Why the drone cuts its motors by itself; any other reason is somebody else's: a stop, a disarming."""
 
 
@@ -29,7 +29,7 @@ def approaching(state: FlightState, o: Admitted, context: Context) -> Step:
         case LandingState.FLIP:
             return Step(replace(enter(state, Phase.FLIPPING, context, "the end of the flip"), triggered=True))
         case LandingState.CUT:
-            # The drone also cuts its motors on contact and on tilt; only its count tells a trigger.
+            # The drone also cuts its motors on tilt; only its count tells a trigger.
             fired = o.trigger_count is not None and o.trigger_count > state.triggers_before
             settling = replace(enter(state, Phase.SETTLING, context, "the body to rest"), triggered=fired)
             if not fired and o.end_reason not in _FLOWN_TO_THE_END:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from onboard.battery import FULL_RATIO
 from onboard.gravity import GRAVITY
 from sim_backend.crazyflie.commander import compress_quaternion
-from sim_backend.crazyflie.estimator import P_ATTITUDE, P_POSITION, P_VELOCITY
+from sim_backend.crazyflie.kalman import BODY_VELOCITY, P_ATTITUDE, P_POSITION, P_VELOCITY
 from sim_backend.crazyflie.tables import Number
 
 if TYPE_CHECKING:
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 Sources = dict[str, Callable[[], Number]]
 DEG = 180.0 / math.pi
 _I16 = 32767
+_NOISE = ("pNAcc_xy", "pNAcc_z", "mNGyro_rollpitch", "mNGyro_yaw", "pNVel", "pNPos", "pNAtt")
+_DRAG = ("dragB_x", "dragB_y", "dragB_z", "cop_x", "cop_y", "cop_z")
 
 
 def _i16(value: float) -> int:
@@ -56,11 +58,16 @@ def parameter_setters(fw: "Firmware") -> dict[str, Callable[[Number], None]]:
     def set_noise(index: int, value: Number) -> None:
         fw.estimator.noise[index] = value
 
+    def set_drag(index: int, value: Number) -> None:
+        fw.estimator.drag[index] = value
+
     def set_motor(index: int, value: Number) -> None:
         fw.motor_override[index] = int(value)
 
-    for index, name in enumerate(("pNAcc_xy", "pNAcc_z", "mNGyro_rollpitch", "mNGyro_yaw")):
+    for index, name in enumerate(_NOISE):
         setters[f"kalman.{name}"] = partial(set_noise, index)
+    for index, name in enumerate(_DRAG):
+        setters[f"kalman.{name}"] = partial(set_drag, index)
     for index, name in enumerate(("initialX", "initialY", "initialZ", "initialYaw")):
         setters[f"kalman.{name}"] = partial(_set_initial, fw, index)
     for index, name in enumerate(("enable", "m1", "m2", "m3", "m4")):
@@ -114,7 +121,7 @@ def _state_sources(fw: "Firmware") -> Sources:
         sources[f"stateEstimateZ.v{axis}"] = partial(milli, 3 + i)
         sources[f"stateEstimateZ.a{axis}"] = partial(milli, 10 + i, GRAVITY if axis == "z" else 0.0)
         sources[f"kalman.state{axis.upper()}"] = partial(estimate, i)
-        sources[f"kalman.stateP{axis.upper()}"] = partial(estimate, 3 + i)
+        sources[f"kalman.stateP{axis.upper()}"] = partial(estimate, BODY_VELOCITY + i)
         sources[f"kalman.var{axis.upper()}"] = partial(estimate, P_POSITION + i)
         sources[f"kalman.varP{axis.upper()}"] = partial(estimate, P_VELOCITY + i)
         sources[f"kalman.varD{i}"] = partial(estimate, P_ATTITUDE + i)

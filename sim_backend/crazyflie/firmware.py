@@ -191,7 +191,7 @@ class Firmware:
         self.sensors.sample(specific_force, rates)
         self.power.step(tick, terminal_voltage)
         self.supervisor.watch(tick)
-        if self.estimator.step(self.sensors.acc, self.sensors.gyro, DT):
+        if self.estimator.step(self.sensors.acc, self.sensors.gyro, self.supervisor.is_flying):
             self._console.append("ESTKALMAN: State out of bounds, resetting\n")
         setpoint = self._commanded(tick)
         self._supervise(tick, setpoint)

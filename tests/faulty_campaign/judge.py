@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.flights.run_folder import RunRecord, is_run_folder, read_run
 from calibration.flights.table import load_table
 from onboard.arrays import FloatArray
 from onboard.errors import PerchhwError
+from onboard.record.run_record import RunRecord, is_run_folder
 from perchhw.attempt import Outcome
 from perchhw.campaign.store import AttemptRow
 from perchhw.diagnosis import Cause
@@ -179,7 +179,7 @@ def _record(row: AttemptRow, said: dict[str, Any]) -> tuple[RunRecord | None, li
         lost = Wrong(LOST, row.record.name, f"{row.state} without a record: {row.aborted_by}")
         return None, [] if excused and told else [lost]
     try:
-        return read_run(row.record), []
+        return RunRecord.read(row.record), []
     except PerchhwError as error:
         return None, [Wrong(LOST, row.record.name, str(error))]
 

@@ -108,7 +108,7 @@ ENDS = {
         [*DESK, *(replace(s, flying=False) for s in BEGUN[1:]), Stretch(50, flying=True)],
         (LandingState.IDLE, EndReason.NONE),
     ),
-    "contact": ([*BEGUN, Stretch(9, motion="at the ceiling")], (LandingState.CUT, EndReason.CONTACT)),
+    "contact": ([*BEGUN, Stretch(9, motion="at the ceiling")], (LandingState.BRAKE, EndReason.CONTACT)),
 }
 
 

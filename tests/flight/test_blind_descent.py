@@ -18,7 +18,7 @@ UPRIGHT = 60.0
 STANDS = 10.0
 """deg: what counts as upright on the floor before arming."""
 DRIFT = 0.3
-"""m. What braking and landing blind may be wrong by: largest seen 0.22 m after 3.5 s."""
+"""m, across the approach. What braking and landing blind may be wrong by: largest seen 0.12 m after 3.5 s."""
 
 KINDS = ("mocap_occlude_at", "mocap_freeze_at", "mocap_dies_at", "mocap_flip180_at")
 TIMES = ("7.6", "8.0", "8.5", "8.9", "9.2", "9.35", "9.43")

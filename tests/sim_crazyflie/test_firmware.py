@@ -10,9 +10,9 @@ import pytest
 from calibration.bench.instruments.motor_token import EVERY_S
 from onboard.app_interface import MOTOR_STOP_MS, MOTOR_TOKEN_MS, Parameter
 from onboard.policy.bundle import encode_bundle
-from sim_backend.crazyflie.estimator import P_VELOCITY
 from sim_backend.crazyflie.high_level import HighLevelCommand, PlannerState
 from sim_backend.crazyflie.interfaces import FirmwareAssertion
+from sim_backend.crazyflie.kalman import P_VELOCITY
 from sim_backend.crazyflie.power import PowerState
 from sim_backend.crazyflie.supervisor import SupervisorState
 from sim_backend.engine_name import EngineName

@@ -1,5 +1,7 @@
 """Our firmware app in the simulated drone: policy upload, arming, approach, trigger, flip, cut, brake."""
 
+import dataclasses
+import math
 import struct
 import sys
 import zlib
@@ -20,7 +22,7 @@ from onboard.app_interface import (
 )
 from onboard.landing.state_machine import EndReason
 from onboard.policy.bundle import bundle_crc32, encode_bundle
-from onboard.policy.files import import_authors_policy
+from onboard.policy.files import find_policy, import_authors_policy, load_policy
 from onboard.ring import RING_BYTES
 from onboard.room import RoomGeometry
 from onboard.trajectory import ApproachPlan, fit_approach, plan_approach
@@ -196,6 +198,10 @@ def test_approach_triggers_flips_cuts_and_lands_on_four_feet() -> None:
     assert flight.log("perchT.vz") == pytest.approx(PLAN.vz, abs=0.1)
     assert flight.log("perchT.vx") == pytest.approx(PLAN.vx, abs=0.1)
     assert abs(flight.log("perchT.pitch")) < 0.1
+    # The firmware's own filter, linked against our physics: +14 to +19 mm/s and -15 to -18 mm.
+    truth, estimator = flight.drone.state, flight.firmware.estimator
+    assert 0.012 < estimator.velocity()[2] - truth["velocity"][2] < 0.021
+    assert -0.021 < estimator.position()[2] - truth["position"][2] < -0.014
     assert flight.log("perchT.dCeil") == pytest.approx(2.1 - flight.position[2], abs=0.06)
     assert flight.log("perchT.tau") == pytest.approx(
         flight.log("perchT.dCeil") / flight.log("perchT.vz"), rel=0.01
@@ -263,6 +269,25 @@ def test_missed_trigger_brakes_below_the_ceiling_and_hands_back() -> None:
     assert flight.position[2] < 0.1
 
 
+@pytest.mark.parametrize("climb", [1.25, 1.75])
+def test_a_policy_that_does_not_fire_brakes_below_the_ceiling(climb: float) -> None:
+    """The shipped policy's range, a vertical approach, and the errors of the filter."""
+    default = load_policy(find_policy("default"))
+    never = encode_bundle(dataclasses.replace(default, intercept=np.float32(-1e3)))
+    flight = ready_to_go(plan_approach(climb, 89.0, 0.0, 2.1, 1.0, 3.1, 0.5), policy=never)
+    flight.write(Parameter.GO, 1)
+    run_until(flight, LandingState.HOLD)
+    assert flight.firmware.engine.reason is EndReason.MISSED_TRIGGER
+    assert not flight.drone.state["ceiling_contact"]
+    flight.write(Parameter.POLICY_ARM, 0)
+    flight.write(Parameter.TRAJECTORY_ARM, 0)
+    run_until(flight, LandingState.IDLE)
+    assert flight.land() == 0
+    flight.run(5.0)
+    assert flight.position[2] < 0.1
+    assert flight.info.can_fly  # its supervisor saw neither a tumble nor a crash
+
+
 def test_abort_brakes() -> None:
     flight = ready_to_go()
     flight.write(Parameter.GO, 1)
@@ -295,7 +320,7 @@ def test_a_hold_whose_estimate_is_lost_carries_its_weight_and_then_cuts() -> Non
     flight.run(1.5)
     sinking = float(flight.drone.state["velocity"][2])
     flight.poses = False
-    flight.firmware.estimator.state[:6] = np.nan
+    flight.firmware.localization.external_pose(math.nan, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
     flight.run(0.45)
     assert state(flight) is LandingState.HOLD
     assert float(flight.drone.state["velocity"][2]) == pytest.approx(sinking, abs=0.3)

@@ -21,7 +21,7 @@ LOCKED = SupervisorInfo(FLYING | SupervisorBits.LOCKED)
     ("reason", "aborted_by"),
     [
         (EndReason.TRIGGERED, None),
-        (EndReason.CONTACT, None),
+        (EndReason.CONTACT, "drone_broke_off: contact"),
         (EndReason.TILT, None),
         (EndReason.NOT_FLYING, "drone_broke_off: not_flying"),
         (EndReason.ABORT, "drone_broke_off: abort"),

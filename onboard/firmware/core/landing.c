@@ -83,8 +83,8 @@ static bool trigger_is_missed(const perch_landing_memory *memory, const perch_la
   }
   const float left = plan->ceiling_z - in->position.z;
   if (in->policy_armed && in->policy_tau_min > 0.0f) {
-    /* Between two evaluations tau may pass the range's end unseen: wait for the one after. */
-    return left < (in->policy_tau_min - (in->evaluated ? 0.0f : POLICY_PERIOD)) * climb;
+    /* The policy has just looked, and when it looks again tau will be less by its period. */
+    return left < (in->policy_tau_min + (in->evaluated ? POLICY_PERIOD : 0.0f)) * climb;
   }
   const float t = perch_seconds(in->tick - memory->start_tick);
   const bool climbing = t < plan->t_x + plan->t_z + 2.0f * vehicle->limit_smoothing;
@@ -118,7 +118,7 @@ static void step_approach(perch_landing_memory *memory, const perch_landing_inpu
   } else if (!perch_has_pose(in, vehicle)) {
     begin_brake(memory, in, PERCH_REASON_POSE_LOST);
   } else if (plan->ceiling_z - in->position.z <= vehicle->limit_contact_distance) {
-    end_approach(memory, PERCH_CUT, PERCH_REASON_CONTACT);
+    begin_brake(memory, in, PERCH_REASON_CONTACT);
   } else if (triggers(memory, in)) {
     begin_flip(memory, in);
   } else if (trigger_is_missed(memory, in, plan, vehicle)) {
@@ -150,7 +150,7 @@ static bool may_hold(const perch_landing_inputs *in, const perch_plan *plan, con
   return climb <= FALL_SPEED || (climb > 0.0f && apex <= plan->ceiling_z - vehicle->limit_hold_clearance);
 }
 
-/* BRAKE and HOLD: cut on tilt and contact, fault without an estimate, hold once the climb has ended. */
+/* BRAKE and HOLD: cut on tilt, fault without an estimate, hold once the climb has ended. */
 static void step_brake(perch_landing_memory *memory, const perch_landing_inputs *in, const perch_plan *plan,
                        const perch_vehicle *vehicle) {
   if (is_tilted(memory, vehicle)) {
@@ -164,9 +164,7 @@ static void step_brake(perch_landing_memory *memory, const perch_landing_inputs 
     return;
   }
   memory->usable_tick = in->tick;
-  if (plan->ceiling_z - in->position.z <= vehicle->limit_contact_distance) {
-    memory->state = PERCH_CUT;
-  } else if (memory->state == PERCH_HOLD) {
+  if (memory->state == PERCH_HOLD) {
     if (!in->trajectory_armed && may_hand_over(memory, in)) {
       memory->state = PERCH_IDLE;
     }

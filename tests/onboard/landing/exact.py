@@ -49,7 +49,7 @@ GOES_ON = (LandingState.APPROACH, EndReason.NONE)
 OFF_TRACK = (LandingState.BRAKE, EndReason.OFF_TRACK)
 BAD_ESTIMATE = (LandingState.BRAKE, EndReason.BAD_ESTIMATE)
 POSE_LOST = (LandingState.BRAKE, EndReason.POSE_LOST)
-CONTACT = (LandingState.CUT, EndReason.CONTACT)
+CONTACT = (LandingState.BRAKE, EndReason.CONTACT)
 MISSED = (LandingState.BRAKE, EndReason.MISSED_TRIGGER)
 
 

@@ -62,7 +62,7 @@ def test_disarming_in_the_approach_brakes() -> None:
         ({"position": (0.0, 0.0, NAN)}, LandingState.BRAKE, EndReason.BAD_ESTIMATE),
         ({"gyro": (NAN, 0.0, 0.0)}, LandingState.BRAKE, EndReason.BAD_ESTIMATE),
         ({"position": (-1.0, 0.51, 1.0)}, LandingState.BRAKE, EndReason.OFF_TRACK),
-        ({"position": (0.0, 0.0, 2.08)}, LandingState.CUT, EndReason.CONTACT),
+        ({"position": (0.0, 0.0, 2.08)}, LandingState.BRAKE, EndReason.CONTACT),
         ({"flying": False}, LandingState.CUT, EndReason.NOT_FLYING),
     ],
 )
@@ -93,22 +93,30 @@ def test_an_approach_that_never_arrives_is_ended() -> None:
     assert (rig.state, rig.reason) == (LandingState.BRAKE, EndReason.OFF_TRACK)
 
 
-def test_missed_trigger_brakes_below_the_policys_range() -> None:
+def test_missed_trigger_brakes_once_the_next_look_would_be_below_the_policys_range() -> None:
     rig = Rig()
-    rig.approach(PLAN.impact_time - 0.2061, policy_armed=True, evaluated=True)
+    rig.approach(PLAN.impact_time - 0.2161, policy_armed=True, evaluated=True)
     assert rig.state is LandingState.APPROACH
-    position, velocity, _ = sample_approach(PLAN, PLAN.impact_time - 0.2059)
+    position, velocity, _ = sample_approach(PLAN, PLAN.impact_time - 0.2159)
     rig.step(position=position, velocity=velocity)
     assert (rig.state, rig.reason) == (LandingState.BRAKE, EndReason.MISSED_TRIGGER)
 
 
-def test_between_evaluations_the_brake_waits_for_the_next_one_only() -> None:
+def test_before_the_policy_has_looked_it_brakes_below_the_range_itself() -> None:
     rig = Rig()
-    rig.approach(PLAN.impact_time - 0.200, policy_armed=True, evaluated=False)
+    rig.approach(PLAN.impact_time - 0.2061, policy_armed=True, evaluated=False)
     assert rig.state is LandingState.APPROACH
     rig = Rig()
-    rig.approach(PLAN.impact_time - 0.195, policy_armed=True, evaluated=False)
+    rig.approach(PLAN.impact_time - 0.2059, policy_armed=True, evaluated=False)
     assert rig.state is LandingState.BRAKE
+
+
+def test_a_trigger_in_the_last_look_counts() -> None:
+    rig = Rig()
+    rig.approach(PLAN.impact_time - 0.3, policy_armed=True)
+    position, velocity, _ = sample_approach(PLAN, PLAN.impact_time - 0.207)
+    rig.step(**{**rig.trigger_sample(), "position": position, "velocity": velocity})
+    assert rig.state is LandingState.FLIP
 
 
 @pytest.mark.parametrize("tau_min", [NAN, 0.0, -1.0])

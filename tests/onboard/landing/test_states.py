@@ -159,7 +159,7 @@ def test_the_approach_says_that_it_flies() -> None:
     ("changes", "state", "reason"),
     [
         ({"flying": False}, LandingState.CUT, EndReason.NOT_FLYING),
-        ({"position": (0.0, 0.0, PLAN.ceiling_z)}, LandingState.CUT, EndReason.CONTACT),
+        ({"position": (0.0, 0.0, PLAN.ceiling_z)}, LandingState.BRAKE, EndReason.CONTACT),
         ({"abort": True}, LandingState.BRAKE, EndReason.ABORT),
         ({"trajectory_armed": False}, LandingState.BRAKE, EndReason.DISARMED),
         ({"pose_age": 1.0}, LandingState.BRAKE, EndReason.POSE_LOST),
