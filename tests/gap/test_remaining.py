@@ -34,8 +34,9 @@ def fitted(per_part: np.ndarray) -> Fitted:
         np.zeros((zeros.size, q, q)), np.zeros((zeros.size, q, 0)), square,
         np.zeros((zeros.size, q)), nothing, zeros, zeros,
     )  # fmt: skip
-    estimate = Estimate(mixed, products, Noise(np.zeros((7, 16)), np.ones(7)), np.zeros((0, 7)))
-    return Fitted(Model(VEHICLE), (), estimate, zeros, zeros, zeros.astype(int), np.zeros((0, 7)), ())
+    estimate = Estimate(mixed, products, products, Noise(np.zeros((7, 16)), np.ones(7)), np.zeros((0, 7)))
+    likelihoods = (zeros, zeros, zeros, zeros)
+    return Fitted(Model(VEHICLE), (), estimate, *likelihoods, zeros.astype(int), np.zeros((0, 7)), ())
 
 
 def left(levels: Gap, per_part: np.ndarray, named: bool) -> tuple[str, ...]:

@@ -20,6 +20,9 @@ from onboard.vehicle import EFFECTS, Effect, Vehicle
 from onboard.vehicle.effects import EffectParameter, Size
 from sim_backend.physics.parameters import physics_parameters
 
+BATTERY = "battery_sag"
+"""The effect that a voltage decides about."""
+
 NO_CEILING = 1e3
 """m: a ceiling that no rotor feels."""
 
@@ -143,7 +146,7 @@ class Model:
         if value + step > rule.high:
             step = -step
         change = (self.with_values({variable: value + step}).predict(records) - predicted) / step
-        if variable.effect == "battery_sag":
+        if variable.effect == BATTERY:
             change[:, :VOLTAGE] = 0.0
         else:
             change[:, VOLTAGE] = 0.0

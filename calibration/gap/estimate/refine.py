@@ -12,7 +12,7 @@ from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.signals import PARTS, stack_signals
 from calibration.gap.data.split import FEW, folds
 from calibration.gap.estimate.mixed import FIRST_SPREAD, MOST, Prior, held_out_likelihood
-from calibration.gap.estimate.model import Model, Variable
+from calibration.gap.estimate.model import BATTERY, Model, Variable
 from calibration.gap.estimate.regression import Estimate, Noise, Regression
 from onboard.arrays import FloatArray
 from onboard.vehicle import Vehicle
@@ -99,6 +99,7 @@ class Fitted:
         estimate: linearised about (nearly) these values.
         held_out: log-likelihood of each part with the shared parameters of the other shapes' flights.
         held_out_in_time: likewise, with those of the other parts of all flights.
+        of_voltage, of_voltage_in_time: what the battery's voltage has of each.
         folds: of each part, by kind of flight, shape (parts,).
         predicted: signals along the flights, shape (n, 7).
         columns: derivative of the signals by each variable, then the columns of the unnamed terms.
@@ -110,6 +111,8 @@ class Fitted:
     estimate: Estimate
     held_out: FloatArray
     held_out_in_time: FloatArray
+    of_voltage: FloatArray
+    of_voltage_in_time: FloatArray
     folds: np.ndarray
     predicted: FloatArray
     columns: tuple[FloatArray, ...]
@@ -124,14 +127,25 @@ class Fitted:
     def gains(self, over: "Fitted", in_time: bool) -> FloatArray:
         """Gain in held-out log-likelihood of each part over another fit.
 
+        A voltage decides about the battery alone: it counts where one of the fits has an effect of the battery
+        and the other does not. The model of its noise, fitted anew for every candidate, moves its likelihood
+        by more than a name must gain.
+
         Args:
             over: the other fit.
             in_time: whether parts of all flights are held out, not kinds of flights: where few flights, or
                 those of one kind, tell of what is new, the others could not have learned it.
         """
-        if in_time:
-            return self.held_out_in_time - over.held_out_in_time
-        return self.held_out - over.held_out
+        gained = self._held_out(in_time) - over._held_out(in_time)
+        if (BATTERY in self.model.effects) != (BATTERY in over.model.effects):
+            return gained
+        return gained - (self._held_out_of_voltage(in_time) - over._held_out_of_voltage(in_time))
+
+    def _held_out(self, in_time: bool) -> FloatArray:
+        return self.held_out_in_time if in_time else self.held_out
+
+    def _held_out_of_voltage(self, in_time: bool) -> FloatArray:
+        return self.of_voltage_in_time if in_time else self.of_voltage
 
     def columns_of(self, variables: Sequence[Variable]) -> list[int]:
         """Columns of the estimate that belong to these variables."""
@@ -218,8 +232,9 @@ def refine(
             break
         model = model.with_values({v: model.start_value(v) + d for v, d in zip(variables, step, strict=True)})
         spread, noise = estimate.fit.spread, training.regression.fit_noise(estimate.residual)
-    held_out, in_time = (
-        held_out_likelihood(estimate.products, estimate.fit, prior, split)
+    held_out, in_time, of_voltage, of_voltage_in_time = (
+        held_out_likelihood(products, estimate.fit, prior, split)
+        for products in (estimate.products, estimate.voltage)
         for split in (training.by_shape, training.by_time)
     )
     return Fitted(
@@ -228,6 +243,8 @@ def refine(
         estimate=estimate,
         held_out=held_out,
         held_out_in_time=in_time,
+        of_voltage=of_voltage,
+        of_voltage_in_time=of_voltage_in_time,
         folds=training.by_shape,
         predicted=predicted,
         columns=(*columns, *extra),

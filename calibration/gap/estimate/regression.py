@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.gap.data.signals import CHANNELS, Signals
+from calibration.gap.data.signals import CHANNELS, VOLTAGE, Signals
 from calibration.gap.estimate.mixed import FIRST_SPREAD, MixedFit, Prior, Products, fit_mixed
 from calibration.gap.estimate.noise import ORDER, fit_autoregression, whiten, whole_windows
 from calibration.gap.estimate.nuisances import nuisance_columns
@@ -28,12 +28,14 @@ class Estimate:
     Attributes:
         fit: shared effects (steps from the model's values) and nuisances.
         products: of all columns that were offered.
+        voltage: the share of these that the battery's voltage has.
         noise: that it was fitted under.
         residual: signals less prediction, nuisances and fitted effects, shape (n, 7), not whitened.
     """
 
     fit: MixedFit
     products: Products
+    voltage: Products
     noise: Noise
     residual: FloatArray
 
@@ -73,7 +75,14 @@ class Regression:
             table[:, index] = (self._root * innovations / noise.sigma).T
         return table
 
-    def products(self, table: FloatArray, residual: FloatArray, nuisances: int, noise: Noise) -> Products:
+    def products(
+        self,
+        table: FloatArray,
+        residual: FloatArray,
+        nuisances: int,
+        noise: Noise,
+        channels: Sequence[int] = range(len(CHANNELS)),
+    ) -> Products:
         """Products of whitened columns per part.
 
         Args:
@@ -81,11 +90,12 @@ class Regression:
             residual: signals less prediction, shape (n, 7), not whitened.
             nuisances: how many of the columns are nuisances.
             noise: that the columns were whitened with.
+            channels: that count.
         """
         bounds, q = self.signals.part_bounds, nuisances
         columns = np.concatenate([table, self.whitened([residual], noise)], axis=1)
         sums = np.zeros((bounds.size - 1, columns.shape[1], columns.shape[1]))
-        for channel in columns:
+        for channel in columns[list(channels)]:
             used = np.flatnonzero(channel.any(axis=1))
             rows = channel[used]
             for part, (first, end) in enumerate(itertools.pairwise(bounds)):
@@ -98,7 +108,7 @@ class Regression:
             zr=sums[:, :q, -1],
             xr=sums[:, q:-1, -1],
             rr=sums[:, -1, -1],
-            constant=-(self.weights * counts) @ np.log(noise.sigma),
+            constant=-(self.weights * counts)[:, list(channels)] @ np.log(noise.sigma[list(channels)]),
         )
 
     def estimate(
@@ -123,8 +133,9 @@ class Regression:
         noise = self.fit_noise(self._centred(raw)) if noise is None else noise
         table = self.whitened([*nuisances, *columns], noise)
         products = self.products(table, raw, len(nuisances), noise)
+        voltage = self.products(table, raw, len(nuisances), noise, (VOLTAGE,))
         fit = fit_mixed(products, prior, spread)
-        return Estimate(fit, products, noise, self._left(raw, columns, nuisances, fit))
+        return Estimate(fit, products, voltage, noise, self._left(raw, columns, nuisances, fit))
 
     def _left(
         self, raw: FloatArray, columns: Sequence[FloatArray], nuisances: FloatArray, fit: MixedFit
