@@ -18,7 +18,7 @@ from calibration.gap.data.signals import CHANNELS, UNITS
 from calibration.gap.data.split import split_flights
 from calibration.gap.estimate.held_out import HeldOutFlights
 from calibration.gap.estimate.model import Model
-from calibration.gap.estimate.nuisances import NUISANCES
+from calibration.gap.estimate.nuisances import NUISANCES, STEADY
 from calibration.gap.estimate.refine import Training, training_set
 from calibration.gap.landings import LandingFindings, LandingVerdict, judge_landings
 from calibration.gap.replay import PredictionErrors, evaluate
@@ -294,10 +294,13 @@ def _settings(model: Model) -> dict[str, Any]:
 def _noise(found: Search, training: Training) -> dict[str, Any]:
     estimate = found.final.estimate
     innovations = zip(CHANNELS, estimate.noise.sigma, UNITS, strict=True)
-    spreads = zip(NUISANCES, estimate.fit.spread, strict=True)
+    own, of_flights = np.split(estimate.fit.spread, [len(NUISANCES)])
+    spreads = zip(NUISANCES, own, strict=True)
+    steady = zip((NUISANCES[index] for index in STEADY), of_flights, strict=True)
     return {
         "sample_interval_s": training.regression.signals.dt,
         "innovations": {name: {"sigma": float(s), "unit": unit} for name, s, unit in innovations},
         "between_parts_of_flights": {n.name: {"sigma": float(s), "unit": n.unit} for n, s in spreads},
+        "between_flights": {n.name: {"sigma": float(s), "unit": n.unit} for n, s in steady},
         "log_timing_s": float(found.final.model.values.get(LOG_TIMING, 0.0)),
     }

@@ -1,7 +1,9 @@
 """What differs from flight to flight and is nobody's fault: scale of thrust, bias, trim, state of charge.
 
 Each part of a flight has its own values, drawn from normal distributions whose spread is estimated with
-everything else (random effects). Their mean is no nuisance: that is what effects are for.
+everything else (random effects). Their mean is no nuisance: that is what effects are for. A scale of thrust
+belongs to an airframe first, and its parts scatter about the flight's own. Otherwise flights of several
+airframes would let every part have any scale, and a thrust that falls in all flights would pass for scatter.
 """
 
 from typing import NamedTuple
@@ -31,7 +33,7 @@ class Nuisance(NamedTuple):
 
 
 NUISANCES = (
-    Nuisance("thrust_scale", "1", 0.01, 1e-3, 0.05),
+    Nuisance("thrust_scale", "1", 0.005, 1e-3, 0.05),
     Nuisance("force_bias_x", "m/s2", 0.05, 5e-3, 0.5),
     Nuisance("force_bias_y", "m/s2", 0.05, 5e-3, 0.5),
     Nuisance("torque_trim_x", "rad/s2", 1.0, 0.1, 20.0),
@@ -41,6 +43,13 @@ NUISANCES = (
     Nuisance("discharge", "V/s", 1e-3, 1e-4, 2e-2),
 )
 """Per flight: scale of thrust (propellers), bias of the accelerometer or tilt, torque trim, battery."""
+
+
+STEADY = (0,)
+"""Nuisances of which a flight has a value of its own, about which those of its parts scatter."""
+
+STEADY_SPREADS = ((0.01, 1e-3, 0.1),)
+"""Of each of them over flights: the spread assumed at first, the smallest and the largest believed."""
 
 
 def nuisance_columns(signals: Signals, predicted: FloatArray) -> FloatArray:
