@@ -13,7 +13,7 @@ from calibration.gap.estimate.mixed import (
 )
 from calibration.gap.estimate.nuisances import NUISANCES
 
-ROWS, PARTS, SPREAD, LEVEL, THETA = 80, 24, 0.03, 0.06, 0.4
+ROWS, PARTS, SPREAD, LEVEL, THETA = 80, 24, 0.03, 0.025, 0.4
 FLAT = Prior(np.zeros(1), np.array([1e-9]))
 NONE = Prior(np.zeros(0), np.zeros(0))
 
@@ -35,12 +35,14 @@ def products(rng: np.random.Generator, mean: float = 0.0, theta: float = THETA) 
     )  # fmt: skip
 
 
-def drawn(rng: np.random.Generator) -> tuple[Products, np.ndarray, np.ndarray, np.ndarray]:
-    """Parts with a level of their flight; products, and rows of effect, nuisance and residual."""
+def drawn(
+    rng: np.random.Generator, mean: float = 0.0
+) -> tuple[Products, np.ndarray, np.ndarray, np.ndarray]:
+    """Parts with a level of their flight about `mean`; products, and rows of effect, nuisance and residual."""
     q, flights = len(NUISANCES), PARTS // 4
     effect = rng.normal(size=(PARTS, ROWS)) + np.tile([1.0, 0.5, 0.2, 0.0], flights)[:, None]
     nuisance = 10.0 + 0.1 * rng.normal(size=(PARTS, ROWS))
-    levels = np.repeat(LEVEL * rng.normal(size=flights), 4) + SPREAD * rng.normal(size=PARTS)
+    levels = mean + np.repeat(LEVEL * rng.normal(size=flights), 4) + SPREAD * rng.normal(size=PARTS)
     residual = THETA * effect + levels[:, None] * nuisance + rng.normal(size=(PARTS, ROWS))
     table = np.zeros((PARTS, q + 2, ROWS))
     table[:, 0], table[:, q], table[:, -1] = nuisance, effect, residual
@@ -82,6 +84,12 @@ def test_spreads_over_flights_and_over_their_parts_are_told_apart() -> None:
     spreads = np.array([fit_mixed(drawn(rng)[0], FLAT, rounds=60).spread for _ in range(20)])
     assert np.mean(spreads[:, len(NUISANCES)]) == pytest.approx(LEVEL, rel=0.2)
     assert np.mean(spreads[:, 0]) == pytest.approx(SPREAD, rel=0.2)
+
+
+def test_a_mean_of_all_flights_is_no_scatter_between_them() -> None:
+    fits = [fit_mixed(drawn(np.random.default_rng([9, n]), mean=0.1)[0], FLAT, rounds=60) for n in range(20)]
+    assert np.mean([fit.spread[len(NUISANCES)] for fit in fits]) < 1.2 * LEVEL
+    assert np.mean([fit.per_part[:, 0].mean() for fit in fits]) == pytest.approx(0.1, abs=0.01)
 
 
 def test_effect_and_spread_of_the_nuisance_are_found() -> None:

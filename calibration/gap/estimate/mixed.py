@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.gap.data.signals import PARTS
-from calibration.gap.estimate.nuisances import NUISANCES, STEADY, STEADY_SPREADS
+from calibration.gap.estimate.nuisances import NUISANCES, SPREADS, STEADY
 from onboard.arrays import FloatArray
 
 MOST = 0.5
@@ -23,11 +23,8 @@ MOST = 0.5
 
 _ROUNDS = 12
 _OWN = len(NUISANCES)
-_LEAST = np.array([*(n.least for n in NUISANCES), *(least for _, least, _ in STEADY_SPREADS)])
-_MOST = np.array([*(n.most for n in NUISANCES), *(most for _, _, most in STEADY_SPREADS)])
-FIRST_SPREAD: FloatArray = np.array(
-    [*(n.spread for n in NUISANCES), *(first for first, _, _ in STEADY_SPREADS)]
-)
+_LEAST, _MOST = np.array([s.least for s in SPREADS]), np.array([s.most for s in SPREADS])
+FIRST_SPREAD: FloatArray = np.array([s.first for s in SPREADS])
 """Spreads to begin with: of the nuisances of parts, then of those that flights have as a whole."""
 
 
@@ -214,12 +211,18 @@ def fit_mixed(
 
 
 def _squares(marginal: _Marginal, own: FloatArray, level: FloatArray) -> FloatArray:
-    """Expected squares of the nuisances: of parts about their flight, then of flights."""
+    """Expected squares of the nuisances: of parts about their flight, then of flights about their mean.
+
+    A mean that all flights share is no scatter between them. Were it counted as such, a weight that is wrong in
+    all of them would cost next to nothing.
+    """
     moved = marginal.inverse @ marginal.steady
     doubt = marginal.inverse + moved @ marginal.level_covariance @ _transposed(moved)
     squares = (own**2 + np.diagonal(doubt, axis1=1, axis2=2)).mean(axis=0)
-    of_flights = level**2 + np.diagonal(marginal.level_covariance, axis1=1, axis2=2)
-    return np.concatenate([squares, of_flights.mean(axis=0)])
+    flights = level.shape[0] // PARTS
+    scatter = level.var(axis=0) * flights / (flights - 1) if flights > 1 else (level**2).mean(axis=0)
+    of_flights = scatter + np.diagonal(marginal.level_covariance, axis1=1, axis2=2).mean(axis=0)
+    return np.concatenate([squares, of_flights])
 
 
 def held_out_likelihood(p: Products, fit: MixedFit, prior: Prior, folds: np.ndarray) -> FloatArray:
