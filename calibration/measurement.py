@@ -18,6 +18,9 @@ from onboard.quantity import Quantity
 
 COVERAGE = 0.95
 
+Interval = tuple[float, float]
+"""Low and high end of a 95 % interval."""
+
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
@@ -181,7 +184,13 @@ def rejected(findings: Sequence[Finding]) -> bool:
     return any(finding.severity is Severity.REJECT for finding in findings)
 
 
-def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
+def interval_of(drawn: FloatArray) -> Interval:
+    """The middle 95 % of what was drawn, shape (n,)."""
+    low, high = np.quantile(drawn, [0.025, 0.975])
+    return float(low), float(high)
+
+
+def wilson_interval(successes: int, trials: int) -> Interval:
     """95 % interval of a rate (Wilson 1927): stays within 0 and 1 also for few trials."""
     z = 1.959964
     centre = (successes + z * z / 2) / (trials + z * z)

@@ -155,7 +155,7 @@ def report_style() -> Iterator[None]:
         yield
 
 
-def svg(figure: "Figure", alt: str = "") -> str:
+def svg(figure: "Figure", alt: str) -> str:
     """The figure as inline SVG; `alt` says what it shows to who cannot see it."""
     import matplotlib
 
@@ -167,7 +167,7 @@ def svg(figure: "Figure", alt: str = "") -> str:
         figure.savefig(stream, format="svg", dpi=RASTER_DPI, metadata={"Date": None, "Creator": None})
     text = stream.getvalue()
     text = text[text.index("<svg") :]
-    return f'<svg role="img" aria-label="{escape(alt)}"{text[4:]}' if alt else text
+    return f'<svg role="img" aria-label="{escape(alt)}"{text[4:]}'
 
 
 def _lay_out(figure: "Figure") -> None:

@@ -6,7 +6,9 @@ name. A file without one is none of ours.
 
 import re
 
-_SCHEMA = re.compile(r"perchhw\.(?P<kind>[a-z_]+)/(?P<number>\d+)")
+RUN_SCHEMA = "perchhw.run/1"
+"""Of a recorded run: here, since both who plays its poses and who reads all of it ask for it."""
+_SCHEMA = re.compile(r"perchhw\.(?P<kind>[a-z_-]+)/(?P<number>[0-9]{1,9})")
 
 
 def schema_problem(found: object, wanted: str) -> str | None:

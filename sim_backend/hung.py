@@ -8,7 +8,7 @@ import math
 from typing import Any
 
 from onboard.gravity import GRAVITY
-from sim_backend.hands import HELD_HEIGHT, Wiring
+from sim_backend.handling import HELD_HEIGHT, Wiring
 
 ROTOR_INERTIA = 4e-9
 """kg m2, engineering estimate, 2e-9 to 6e-9: the rotor of an 8x16 mm motor of the same kind has 5.1e-9 (data

@@ -71,6 +71,11 @@ class LabTraffic:
         """Whether a link loses or delays packets."""
         return self._delayed or any(link.at_work for link in self._links)
 
+    @property
+    def in_callback(self) -> bool:
+        """Whether a drone is in a parameter's callback."""
+        return any(server.in_callback for server in self._servers)
+
     def of_strangers(self) -> int:
         """Packets that came from clients that never took part."""
         return sum(

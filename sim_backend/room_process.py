@@ -20,7 +20,8 @@ from sim_backend.errors import SimulationError
 from sim_backend.room.serve import RoomServer
 from sim_backend.room.settings import RoomFaults, RoomSettings
 
-START_TIMEOUT_S = 20.0
+START_TIMEOUT_S = 60.0
+"""As long as a busy machine is waited for anywhere in a lab."""
 STOP_TIMEOUT_S = 0.5
 
 
@@ -84,7 +85,7 @@ class RoomProcess:
         """Start the process and wait until it serves.
 
         Raises:
-            RoomProcessError: it ended, or said nothing for 20 s; its own words are on stderr.
+            RoomProcessError: it ended, or said nothing for 60 s; its own words are on stderr.
         """
         process = await asyncio.create_subprocess_exec(
             sys.executable,
@@ -94,19 +95,11 @@ class RoomProcess:
             stdin=asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.PIPE,
         )
-        if process.stdout is None:
-            raise RoomProcessError("the room's process has no output to read")
         try:
-            line = await asyncio.wait_for(process.stdout.readline(), START_TIMEOUT_S)
-        except TimeoutError:
-            process.kill()
-            raise RoomProcessError(
-                f"the mocap room did not start within {START_TIMEOUT_S:g} s; see its messages above"
-            ) from None
-        if not line:
-            code = await process.wait()
-            raise RoomProcessError(f"the mocap room ended with code {code}; see its message above")
-        return cls(process, RoomPorts(**json.loads(line)), request.settings())
+            return cls(process, await _ports_of(process), request.settings())
+        except BaseException:  # also of whoever is told to end meanwhile
+            await _kill(process)
+            raise
 
     async def ended(self) -> int:
         """Wait for the process to end; its exit code."""
@@ -114,13 +107,44 @@ class RoomProcess:
 
     async def stop(self) -> None:
         """End the process, within half a second."""
-        if self._process.stdin is not None:
-            self._process.stdin.close()
         try:
-            await asyncio.wait_for(self._process.wait(), STOP_TIMEOUT_S)
+            await asyncio.wait_for(_end_of(self._process), STOP_TIMEOUT_S)
         except TimeoutError:
-            self._process.kill()
-            await self._process.wait()
+            await _kill(self._process)
+
+
+async def _ports_of(process: asyncio.subprocess.Process) -> RoomPorts:
+    """Wait until it serves, and says where."""
+    if process.stdout is None:
+        raise RoomProcessError("the room's process has no output to read")
+    try:
+        line = await asyncio.wait_for(process.stdout.readline(), START_TIMEOUT_S)
+    except TimeoutError:
+        raise RoomProcessError(
+            f"the mocap room did not start within {START_TIMEOUT_S:g} s; see its messages above"
+        ) from None
+    if not line:
+        code = await process.wait()
+        raise RoomProcessError(f"the mocap room ended with code {code}; see its message above")
+    return RoomPorts(**json.loads(line))
+
+
+async def _kill(process: asyncio.subprocess.Process) -> None:
+    with contextlib.suppress(ProcessLookupError):
+        process.kill()
+    await _end_of(process)
+
+
+async def _end_of(process: asyncio.subprocess.Process) -> None:
+    """End its input and wait for its end. Pipes that were still open when the loop is closed would say so in
+    a traceback."""
+    if process.stdin is not None:
+        process.stdin.close()
+        with contextlib.suppress(ConnectionError):
+            await process.stdin.wait_closed()
+    if process.stdout is not None:
+        await process.stdout.read()
+    await process.wait()
 
 
 async def serve(request: RoomRequest) -> None:

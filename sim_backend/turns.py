@@ -40,6 +40,10 @@ class Traffic(Protocol):
     def faulty(self) -> bool:
         """Whether links lose or delay packets: then a connection needs time to go on."""
 
+    @property
+    def in_callback(self) -> bool:
+        """Whether a drone is in a parameter's callback, which answers none, and ends when time goes on."""
+
 
 class Participant:
     """One process that takes part.
@@ -124,7 +128,8 @@ class Participant:
                 self.answer("open", packets=traffic.sent(key))
             case "connecting":
                 self.connecting = traffic.faulty
-                self.answer("connecting", runs=self.connecting)
+                wait = traffic.in_callback or not self.arrived(traffic)
+                self.answer("connecting", runs=self.connecting, wait=wait and not self.connecting)
             case "connected":
                 self._connected_at = float(message["t"])
         self.wake()

@@ -20,7 +20,7 @@ from sim_backend.crazyflie.firmware import Firmware
 from sim_backend.crazyflie.interfaces import Localization
 from sim_backend.engine_name import EngineName
 from sim_backend.errors import SimulationError
-from sim_backend.hands import WIRED, Wiring, attitude_in_hand, hold_in_hand, wiring_of
+from sim_backend.handling import WIRED, Wiring, attitude_in_hand, hold_in_hand, wiring_of
 from sim_backend.hung import HungDrone
 from sim_backend.lab_faults import DroneFaults
 from sim_backend.physics.effects.sensors import tracked_attitude, tracked_position

@@ -188,14 +188,14 @@ PLAIN = """
             with SyncCrazyflie(drone.uri, cf=Crazyflie()) as scf:
                 time.sleep(2)
                 scf.cf.supervisor.send_arming_request(True)
-                time.sleep(1)
-                scf.cf.high_level_commander.takeoff(0.5, 2.0)
-                time.sleep(3)
-                assert drone.position[2] == pytest.approx(0.5, abs=0.03)
-                scf.cf.high_level_commander.land(0.0, 2.0)
-                time.sleep(3)
+                time.sleep(0.5)
+                scf.cf.high_level_commander.takeoff(0.3, 1.0)
+                time.sleep(1.5)
+                assert drone.position[2] == pytest.approx(0.3, abs=0.03)
+                scf.cf.high_level_commander.land(0.0, 1.0)
+                time.sleep(1.5)
                 assert drone.position[2] < 0.1
-        assert instant_lab.time == pytest.approx(18.0)
+        assert instant_lab.time == pytest.approx(11.0)
         print("took", time.monotonic() - began)
 """
 

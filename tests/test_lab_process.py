@@ -5,11 +5,12 @@ import select
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from perchhw.lab_process import LabNotReady, SimulatedLab
-from tests.patience import PATIENCE_S
+from tests.patience import PATIENCE_S, until
 
 PORTS = ["--drone-port", "0", "--vicon-port", "0", "--vicon-udp-port", "0"]
 
@@ -67,5 +68,41 @@ def test_a_lab_that_is_ended_does_not_wait_for_its_parent() -> None:
         assert lab.wait(timeout=PATIENCE_S) == 0  # its standard input is still open
         assert lab.stderr.read() == b""
     finally:
+        lab.kill()
+        lab.communicate()
+
+
+def room_of(lab: int) -> int | None:
+    """Process id of the mocap room that the lab has started, once it runs its own program."""
+    for child in Path(f"/proc/{lab}/task/{lab}/children").read_text().split():
+        if b"sim_backend.room_process" in Path(f"/proc/{child}/cmdline").read_bytes():
+            return int(child)
+    return None
+
+
+@pytest.mark.parametrize(("how", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 0), (None, 0)])
+def test_a_lab_that_is_told_to_end_while_it_starts_ends_in_order(
+    how: signal.Signals | None, code: int
+) -> None:
+    """On a machine that gives its room no time; or its parent is gone."""
+    command = [sys.executable, "-m", "perchhw", "sim", "lab", "--with-parent", *PORTS]
+    lab = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    watch = None
+    try:
+        until(lambda: room_of(lab.pid))
+        room = room_of(lab.pid)
+        assert room is not None
+        watch = os.pidfd_open(room)
+        os.kill(room, signal.SIGSTOP)
+        if how is not None:
+            lab.send_signal(how)
+            assert lab.wait(timeout=PATIENCE_S) == code  # its standard input is still open
+        _, errors = lab.communicate(timeout=PATIENCE_S)
+        assert lab.returncode == code
+        assert b"Traceback" not in errors, errors.decode()
+        assert select.select([watch], [], [], PATIENCE_S)[0], "the room outlived its lab"
+    finally:
+        if watch is not None:
+            os.close(watch)
         lab.kill()
         lab.communicate()

@@ -10,7 +10,6 @@ import pytest
 
 import perchhw
 import perchhw.notebook
-from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
 from tests.conftest import REPOSITORY
 
 
@@ -57,17 +56,3 @@ def test_importing_perchhw_imports_nothing_heavy() -> None:
     code = "import perchhw, sys; sys.exit(str({'numpy', 'numba', 'cflib', 'torch'} & set(sys.modules) or ''))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.stderr.strip() == ""
-
-
-@pytest.mark.slow
-def test_a_flight_of_a_notebook_is_the_flight_of_the_command(tmp_path: Path) -> None:
-    with SimulatedLab("lab", (*FREE_PORTS, *LOCKSTEP, "--seed", "3")) as lab:
-        result = perchhw.fly(lab, 2.5, 52.5, out=tmp_path)
-        assert result.triggered
-    flights, unusable = perchhw.open_flights(result.record)
-    assert not unusable
-    assert flights[0].trigger is not None
-    assert (
-        perchhw.label_flight(flights[0], perchhw.load_vehicle("crazyflie21-upgraded")).outcome
-        is result.outcome
-    )

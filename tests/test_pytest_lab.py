@@ -308,11 +308,11 @@ def test_parked_drones_compile_nothing(tmp_path: Path) -> None:
     assert not [path for path in cache.rglob("*") if path.suffix in (".nbi", ".nbc")]
 
 
-@pytest.mark.parametrize(
-    ("marker", "says"), [("wings=2", "knows no 'wings'"), ("3", "takes names")], ids=["unknown", "nameless"]
-)
-def test_a_marker_that_is_wrong_says_so(pytester: pytest.Pytester, marker: str, says: str) -> None:
-    pytester.makepyfile(f"import pytest\n\n@pytest.mark.crazyflie({marker})\ndef test_it(drone):\n    pass\n")
+def test_a_marker_that_is_wrong_says_so(pytester: pytest.Pytester) -> None:
+    wrong = {"unknown": ("wings=2", "knows no 'wings'"), "nameless": ("3", "takes names")}
+    test = "import pytest\n\n@pytest.mark.crazyflie({})\ndef test_it(drone):\n    pass\n"
+    pytester.makepyfile(**{f"test_{name}": test.format(marker) for name, (marker, _) in wrong.items()})
     result = pytester.runpytest_subprocess(*STRICT)
-    result.assert_outcomes(errors=1)
-    result.stdout.fnmatch_lines([f"*{says}*"])
+    result.assert_outcomes(errors=2)
+    for name, (_, says) in wrong.items():
+        result.stdout.fnmatch_lines([f"*test_{name}.py::test_it: *{says}*"])

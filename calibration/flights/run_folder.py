@@ -12,12 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 from calibration.flights.checksum import checked
 from calibration.flights.series_file import NOT_FINITE, REMEDY, RunFolderError, Series, read_series
-from onboard.schema import schema_problem
+from onboard.schema import RUN_SCHEMA, schema_problem
 
 if TYPE_CHECKING:
     import pandas
 
-SCHEMA = "perchhw.run/1"
 RUN_FILE, SERIES_FILE, EVENTS_FILE = "run.json", "series.mcap", "events.jsonl"
 _NUMBERS, _TEXTS = ("speed_m_s", "angle_deg", "ceiling_z"), ("vehicle", "legs")
 """Keys of the configuration that readers use."""
@@ -118,7 +117,7 @@ def read_info(folder: Path) -> dict[str, Any]:
     for key in ("config", "closed"):
         if not isinstance(info, dict) or key not in info:
             raise RunFolderError(f"{path} has no key {key!r}: not a run of perchhw")
-    problem = schema_problem(info.get("schema"), SCHEMA)
+    problem = schema_problem(info.get("schema"), RUN_SCHEMA)
     if problem is not None:
         raise RunFolderError(f"{path} key 'schema': {problem}")
     if not isinstance(info["config"], dict):

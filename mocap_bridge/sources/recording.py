@@ -21,9 +21,10 @@ from mocap_bridge.rotation import continuous
 from mocap_bridge.uri import MocapUri
 from onboard.arrays import Quaternion
 from onboard.closing import Closing
+from onboard.schema import RUN_SCHEMA, schema_problem
 from onboard.timebase import Timebase
 
-SERIES_FILE = "series.mcap"
+RUN_FILE, SERIES_FILE = "run.json", "series.mcap"
 TOPIC = "pose"
 _COORDINATES = ("x", "y", "z", "qx", "qy", "qz", "qw")
 
@@ -32,14 +33,28 @@ def open_recording(uri: MocapUri, clock: Timebase) -> "RecordedPoseStream":
     """Open the run folder, or the ``.mcap`` file in it.
 
     Raises:
-        MocapUriError: there is no such file.
+        MocapUriError: there is no such file, or it is part of a record of another version.
         SourceUnusable: it holds no poses.
     """
     path = Path(uri.path)
     file = path / SERIES_FILE if path.is_dir() else path
     if not file.is_file():
         raise MocapUriError(f"{uri}: there is no {file}; give the folder of a run")
+    _require_version(file.with_name(RUN_FILE), uri)
     return RecordedPoseStream(file, uri, clock)
+
+
+def _require_version(run_file: Path, uri: MocapUri) -> None:
+    """Of what ``run.json`` says beside the poses nothing else is asked: they are played without it, too."""
+    if not run_file.is_file():
+        return
+    try:
+        info = json.loads(run_file.read_bytes())
+    except (OSError, ValueError, RecursionError) as error:
+        raise MocapUriError(f"{uri}: {run_file} cannot be read ({error})") from error
+    problem = schema_problem(info.get("schema") if isinstance(info, dict) else None, RUN_SCHEMA)
+    if problem is not None:
+        raise MocapUriError(f"{uri}: {run_file} key 'schema': {problem}")
 
 
 class RecordedPoseStream(Closing):

@@ -5,7 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from onboard.lab_file.model import LabFileError
+from onboard.lab_file.model import SCHEMA, LabFileError
+from onboard.schema import schema_problem
 from onboard.toml_file import read_toml
 
 _ADDRESS = re.compile(r"""(?<![\w+-])(?:udp|radio|usb)://[^\s"'`,;<>()\[\]{}#]+""")
@@ -36,16 +37,19 @@ def drone_addresses(path: Path) -> DroneAddresses:
     uris: list[str] = []
     try:
         text = path.read_bytes().decode("latin-1")
-        tables = read_toml(path, LabFileError).get("drones")
+        content = read_toml(path, LabFileError)
     except OSError as problem:
         raise LabFileError(f"{path}: cannot be read ({problem.strerror}); check the path") from problem
     except LabFileError as problem:
         doubt = str(problem)
     else:
+        tables = content.get("drones")
         rows = tables if isinstance(tables, list) else [None]
         uris = [row["uri"] for row in rows if isinstance(row, Mapping) and isinstance(row.get("uri"), str)]
         if len(uris) < len(rows):
             doubt = f"{path}: drones: has a drone without a uri"
+        elif "schema" in content and (wrong := schema_problem(content["schema"], SCHEMA)) is not None:
+            doubt = f"{path}: schema: {wrong}"  # which may have named drones elsewhere
     if doubt:
         uris += _in_text(text)
     if not uris:

@@ -23,6 +23,8 @@ PULSE_S = 5.0
 SLOT_PERIOD, SLOT_MARGIN = 2.0, 1.5
 """Motors are armed at multiples of the period, the first that is at least the margin away, lab s."""
 _OWN_PACE_STEP_S = 0.002
+_CALLBACK_STEP_S = 0.002
+"""Between two looks whether a drone has done with a parameter, lab s."""
 _log = logging.getLogger(__name__)
 
 
@@ -110,8 +112,14 @@ class LabTime:
 
     @contextmanager
     def connecting(self) -> Iterator[None]:
-        """The lab stands still; or, where its links lose or delay packets, lives at the machine's pace."""
-        runs, connected = bool(self._ask("connecting").get("runs")), threading.Event()
+        """The lab stands still; or, where its links lose or delay packets, lives at the machine's pace.
+
+        What a drone that stood still would never answer, because it is in a parameter's callback, is waited
+        for first, in the lab's time.
+        """
+        while (answer := self._ask("connecting")).get("wait"):
+            self.event().wait(_CALLBACK_STEP_S)
+        runs, connected = bool(answer.get("runs")), threading.Event()
         self._runs = runs
         pacer = threading.Thread(target=self._run_alone, args=(connected.is_set,), daemon=True)
         self._workers.let_turns_hold(False)

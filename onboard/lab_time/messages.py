@@ -6,8 +6,9 @@ here before `next` unless packets come, and so many packets have been sent.
 
 Asked of the lab, and answered by ``{"answer": name, ...}``: ``{"ask": "join", "name": str}`` -> `t`;
 ``{"ask": "open", "key": key}`` -> `packets` sent there before; ``{"ask": "connecting"}`` -> `runs`, whether
-time goes on meanwhile; ``{"ask": "connected", "t": s}`` -> `t`; ``{"ask": "leave"}``; ``{"ask": "status"}``
--> figures. Told without an answer: ``{"close": key, "packets": n}``, so many were sent there in all.
+time goes on meanwhile, and `wait`, whether a drone is not done yet with what was sent before: to be asked
+again later; ``{"ask": "connected", "t": s}`` -> `t`; ``{"ask": "leave"}``; ``{"ask": "status"}`` -> figures.
+Told without an answer: ``{"close": key, "packets": n}``, so many were sent there in all.
 
 A key is ``udp:PORT`` (a client of a drone), ``tcp:PORT`` (a client of the DataStream) or ``tracker:PORT``
 (a listener to the object stream); ports are those of the participant's sockets, on the lab's machine.

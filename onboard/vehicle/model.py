@@ -5,7 +5,8 @@ in the centre of mass, motors M1 front right, M2 back right, M3 back left, M4 fr
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -227,6 +228,12 @@ class Vehicle:
     def size(self) -> Size:
         """Magnitudes from which the sizes of effects follow."""
         return size_of(self.body, self.motors, self.battery)
+
+    def with_effects(self, effects: Iterable[Effect]) -> "Vehicle":
+        """The vehicle with these effects, each in the place of the one that it had under the same name."""
+        added = {effect.name: effect for effect in effects}
+        kept = (effect for effect in self.effects if effect.name not in added)
+        return replace(self, effects=(*kept, *added.values()))
 
 
 def size_of(body: Body, motors: Motors, battery: Battery) -> Size:

@@ -11,7 +11,8 @@ from typing import Final
 import numpy as np
 
 from calibration.bench.instruments.drone_log import DroneLog, LogBatch
-from calibration.bench.instruments.motor_stand import MotorStand, pwm
+from calibration.bench.instruments.motor_stand import MotorStand
+from calibration.bench.instruments.set_points import pwm
 from perchhw.bringup.reaction import Reaction, reaction
 from perchhw.doctor.finding import Finding, judged, not_known
 
@@ -22,6 +23,8 @@ STEP = 40
 TURNS = 4
 PERIOD_S = 0.6
 """s for which a motor turns, and then stands."""
+UNLOCK_PHRASE: Final = "propellers off, drone hung or held"
+"""What the operator types before a motor turns: not that of a bench, where the drone is clamped."""
 _WHERE: Final = {1: "front right", 2: "back right", 3: "back left", 4: "front left"}
 _ANSWER: Final = re.compile(r"\s*([1-4])\s*(ccw|cw)?\s*", re.IGNORECASE)
 _WHY: Final = "a drone whose motors are exchanged, or turn the wrong way, turns over as it takes off"
@@ -38,7 +41,7 @@ def motors(drone: str, phrase: str, saw: Ask) -> tuple[Finding, ...]:
 
     Args:
         drone: its URI.
-        phrase: what the operator typed to unlock the motors.
+        phrase: what the operator typed to unlock the motors; must be :data:`UNLOCK_PHRASE`.
         saw: asks the operator; called while all motors stand.
 
     Raises:
@@ -49,7 +52,10 @@ def motors(drone: str, phrase: str, saw: Ask) -> tuple[Finding, ...]:
     from onboard.link import DroneLink
 
     findings = []
-    with DroneLink.open(drone) as link, MotorStand(link, no_remote_cut=True) as stand:
+    with (
+        DroneLink.open(drone) as link,
+        MotorStand(link, no_remote_cut=True, unlock_phrase=UNLOCK_PHRASE) as stand,
+    ):
         stand.unlock(phrase)
         for motor in DIRECTIONS:
             with DroneLog(link, ("gyro.z", f"motor.m{motor}")) as log:

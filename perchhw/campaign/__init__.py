@@ -5,7 +5,8 @@ from perchhw.campaign.forecast import forecast
 from perchhw.campaign.grid_fit import check_approaches, fit_grid, flyable_part
 from perchhw.campaign.plan import CampaignPlan, load_plan
 from perchhw.campaign.run import CampaignStopped, run_campaign
-from perchhw.campaign.store import AttemptRow, CampaignError, CampaignStore
+from perchhw.campaign.store import AttemptRow, CampaignStore
+from perchhw.campaign.tries import CampaignError
 
 __all__ = [
     "AttemptRow",

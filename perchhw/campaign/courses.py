@@ -1,30 +1,32 @@
 """A campaign of test flights: ``[[flight]]`` tables instead of a grid of landings.
 
-What was flown is told by the records alone: a flight is done when its record says that it came to its end.
+They are kept as landings are (:mod:`perchhw.campaign.tries`); one that was aborted is flown again on resume.
 """
 
+import json
+import sqlite3
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from contextlib import closing
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
-from calibration.flights.run_folder import RunFolderError, is_run_folder, read_info
 from mocap_bridge.uri import parse_mocap_uri
 from onboard.lab_file import LabFile
 from onboard.link import check_drone_uri
 from onboard.manoeuvres import MANOEUVRES
+from onboard.outcome import Outcome
 from onboard.toml_file import read_toml
 from onboard.vehicle import load_vehicle
 from perchhw.campaign.file_table import SCHEMA, CampaignFileError, FileTable, check_names, room_of, setup_of
-from perchhw.campaign.run import only_one
-from perchhw.campaign.store import CampaignError
+from perchhw.campaign.run import ATTEMPTS, only_one
+from perchhw.campaign.tries import Try, TryStore, kept_in
 from perchhw.flight.course import FLOWN, CourseRequest, CourseResult, fly_course
 from perchhw.flight.turnaround import Turnaround
 from perchhw.lab import FlightSetup
-from perchhw.record.folder import make_folder, new_run_folder, slug
+from perchhw.record.folder import make_folder, new_run_folder
 
-ATTEMPTS = "attempts"
 ON_THE_MARK = "Put the drone upright on its start mark facing +x, with a charged battery"
 
 
@@ -59,29 +61,56 @@ class FlightPlan:
         request = CourseRequest.of(self.setup, flight.kind, flight.parameters, folder)
         return replace(request, operator=self.operator, note=self.note)
 
+    def fixed_part(self) -> dict[str, Any]:
+        """What must not change when a campaign is resumed."""
+        return {
+            "name": self.name,
+            "vehicle": self.setup.vehicle,
+            "legs": self.setup.legs,
+            "room": asdict(self.setup.room),
+            "flights": [asdict(flight) for flight in self.flights],
+        }
 
-@dataclass(frozen=True)
-class FlightRow:
-    """Where one flight of a campaign stands.
 
-    Attributes:
-        number: its place in the file, from 0.
-        kind: of the library.
-        record: run folder of the flight that came to its end, else of the last try; None before the first.
-        aborted_by: why the last try ended early, or None.
-        diagnosis: of that record, as in its ``run.json``, or None.
-    """
+@dataclass(frozen=True, kw_only=True)
+class FlightRow(Try):
+    """One try of one test flight: its kind and the parameters that its table gives."""
 
-    number: int
     kind: str
-    record: Path | None
-    aborted_by: str | None
-    diagnosis: dict[str, Any] | None = None
+    parameters: dict[str, float]
 
     @property
     def done(self) -> bool:
         """The flight came to its end."""
-        return self.record is not None and self.aborted_by is None
+        return self.state == "done" and self.outcome == FLOWN
+
+
+class FlightStore(TryStore[FlightRow]):
+    """The rows of one campaign of test flights."""
+
+    PLANNED: ClassVar = {"kind": "TEXT", "parameters": "TEXT"}
+    ENDS = (FLOWN,)
+    WHAT = "test flights"
+
+    @classmethod
+    def create(cls, folder: Path, plan: FlightPlan) -> "FlightStore":
+        """Start a campaign: all flights planned.
+
+        Raises:
+            CampaignError: the folder already holds a campaign.
+        """
+        slots = (
+            (number, flight.kind, json.dumps(flight.parameters)) for number, flight in enumerate(plan.flights)
+        )
+        return cls._created(folder, plan, {}, slots)
+
+    def last_tries(self) -> list[FlightRow]:
+        """Where each flight of the campaign stands, in their order: its last try."""
+        return list({row.slot: row for row in self.rows()}.values())
+
+    def _row(self, values: sqlite3.Row) -> FlightRow:
+        parameters = json.loads(values["parameters"])
+        return FlightRow(**self._tried(values), kind=values["kind"], parameters=parameters)
 
 
 Fly = Callable[[CourseRequest], CourseResult]
@@ -142,28 +171,6 @@ def _flights(table: FileTable) -> list[PlannedFlight]:
     return [PlannedFlight(kind, parameters)] * times
 
 
-def flight_rows(plan: FlightPlan, folder: Path) -> list[FlightRow]:
-    """Where each flight of the plan stands, by the records in the campaign's folder."""
-    return [_row(number, flight, folder) for number, flight in enumerate(plan.flights)]
-
-
-def _row(number: int, flight: PlannedFlight, folder: Path) -> FlightRow:
-    row = FlightRow(number, flight.kind, None, None)
-    for record in sorted((folder / ATTEMPTS).glob(f"*-{number:03d}-{slug(flight.kind)}*")):
-        if not is_run_folder(record):
-            continue
-        try:
-            info = read_info(record)
-        except RunFolderError as error:
-            row = FlightRow(number, flight.kind, record, str(error))
-            continue
-        if info["closed"] and info.get("outcome") == FLOWN:
-            return FlightRow(number, flight.kind, record, None, info.get("diagnosis"))
-        ended = info.get("aborted_by") or "its process ended"
-        row = FlightRow(number, flight.kind, record, ended, info.get("diagnosis"))
-    return row
-
-
 def fly_plan(
     plan: FlightPlan,
     folder: Path,
@@ -177,38 +184,42 @@ def fly_plan(
 
     Args:
         plan: the campaign.
-        folder: where its records live.
+        folder: where its database and records live.
         confirm: asks the operator to put the drone back.
-        resume: continue in a folder that holds records already.
+        resume: continue a campaign that is there already (one that is not is started).
         on_change: called with all rows after each flight, for a display.
         fly: flies one of them.
 
     Raises:
-        CampaignError: the folder holds records and `resume` is not given, or another process flies it.
+        CampaignError: the folder holds a campaign and `resume` is not given, the plan is not the one that it
+            was started with, or another process flies it.
         DroneStopped: somebody stopped the drone between two flights.
         PerchhwError: the drone cannot be reached.
         KeyboardInterrupt: the operator interrupted; the drone has landed.
     """
     make_folder(folder)
-    with only_one(folder):
-        rows = flight_rows(plan, folder)
-        if not resume and any(row.record is not None for row in rows):
-            raise CampaignError(
-                f"{folder} holds flights already: continue with --resume, or give another --out"
-            )
+    with only_one(folder), closing(_store(plan, folder, resume)) as store, kept_in(folder):
         turnaround = Turnaround(plan.setup.drone, confirm, ON_THE_MARK)
-        for row in rows:
-            if row.done:
-                continue
-            if any(other.record is not None for other in flight_rows(plan, folder)):
+        while (row := store.next_planned()) is not None:
+            if any(other.record is not None for other in store.rows()):
                 turnaround.put_back()
             else:
                 turnaround.put_back_if_needed()
-            record = new_run_folder(folder / ATTEMPTS, f"{row.number:03d}-{row.kind}")
-            result = fly(plan.request(row.number, record))
-            on_change(flight_rows(plan, folder))
-            if result.interrupted:
-                raise KeyboardInterrupt
+            record = new_run_folder(folder / ATTEMPTS, f"{row.slot:03d}-{row.kind}")
+            with store.settled(record):
+                store.start(row, record)
+                result = fly(plan.request(row.slot, record))
+                if result.interrupted:
+                    raise KeyboardInterrupt
+                outcome = FLOWN if result.aborted_by is None else Outcome.ABORTED
+                store.finish(row, outcome, result.aborted_by)
+            on_change(store.last_tries())
             if result.aborted_by is not None:
                 break
-        return flight_rows(plan, folder)
+        return store.last_tries()
+
+
+def _store(plan: FlightPlan, folder: Path, resume: bool) -> FlightStore:
+    if resume and FlightStore.exists(folder):
+        return FlightStore.resumed(folder, plan, retry_aborted=True)
+    return FlightStore.create(folder, plan)

@@ -1,28 +1,29 @@
 """Run a campaign: one attempt after another through a runner, until all are done or a rule stops it."""
 
 import fcntl
-import sqlite3
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 
-from calibration.flights.run_folder import is_run_folder
 from onboard.errors import InputError, PerchhwError, SafetyStop
 from onboard.link.errors import DroneStopped
 from perchhw.attempt import AttemptRequest, AttemptResult, AttemptRunner, Outcome, WarmUpAborted
 from perchhw.campaign.aborts import AbortCount
 from perchhw.campaign.adaptive import AdaptiveOrder
 from perchhw.campaign.plan import ADAPTIVE, CampaignPlan, Slot
-from perchhw.campaign.store import AttemptRow, CampaignError, CampaignStore, exists
+from perchhw.campaign.store import AttemptRow, CampaignStore
+from perchhw.campaign.tries import CampaignError, kept_in
 from perchhw.campaign.turns import Turns
 from perchhw.diagnosis.reasons import abort_kind
 from perchhw.diagnosis.rules import AbortKind
 from perchhw.errors import FlightStackError
-from perchhw.flight.explain import explain
-from perchhw.record.folder import discard_if_empty, make_folder, new_run_folder
+from perchhw.record.folder import make_folder, new_run_folder
 from perchhw.record.recorder import DiskNearlyFull
 
 LOCK_FILE = "campaign.lock"
+ATTEMPTS = "attempts"
+"""Folder of the records, in that of the campaign."""
+
 OnChange = Callable[[list[AttemptRow]], None]
 
 
@@ -63,40 +64,14 @@ def run_campaign(
         KeyboardInterrupt: interrupted; the running attempt is kept as interrupted and planned again.
     """
     make_folder(folder)
-    with only_one(folder):
-        store = _store(plan, folder, resume, retry_aborted)
-        try:
-            return _fly_all(plan, store, runner, on_change or (lambda rows: None))
-        except sqlite3.Error as error:
-            raise CampaignError(
-                f"{folder}: the campaign cannot be kept ({error}): make room, then continue with --resume"
-            ) from error
-        finally:
-            store.close()
+    with only_one(folder), closing(_store(plan, folder, resume, retry_aborted)) as store, kept_in(folder):
+        return _fly_all(plan, store, runner, on_change or (lambda rows: None))
 
 
 def _store(plan: CampaignPlan, folder: Path, resume: bool, retry_aborted: bool) -> CampaignStore:
-    if not (resume and exists(folder)):
-        return CampaignStore.create(folder, plan)
-    store = CampaignStore.open(folder)
-    try:
-        store.check_plan(plan)
-        _settle_killed(store)
-        if retry_aborted:
-            store.plan_aborted_again()
-    except PerchhwError:
-        store.close()
-        raise
-    return store
-
-
-def _settle_killed(store: CampaignStore) -> None:
-    """Settle what a killed process left running; it could not explain its record either."""
-    killed = [row.record for row in store.rows() if row.state == "running" and row.record is not None]
-    store.recover()
-    for record in killed:
-        if is_run_folder(record):
-            explain(record)
+    if resume and CampaignStore.exists(folder):
+        return CampaignStore.resumed(folder, plan, retry_aborted)
+    return CampaignStore.create(folder, plan)
 
 
 def _fly_all(
@@ -141,20 +116,14 @@ def _fly_one(
     of thing it was aborted, if it was.
     """
     name = f"{row.slot:03d}-try{row.try_number}-{row.speed:g}ms-{row.angle_deg:g}deg"
-    record = new_run_folder(store.folder / "attempts", name)
-    ended = False
-    try:
+    record = new_run_folder(store.folder / ATTEMPTS, name)
+    with store.settled(record):
         store.start(row, record)
         on_change(store.rows())
         request = turns.prepared(request_of(plan, row.place, record, row.try_number), row.place)
         result, kind = _result(request, runner)
         turns.flown(request)
-        store.finish(row, result)
-        ended = True
-    finally:  # whatever ends an attempt early (Ctrl-C, a bug): its record says whether it is planned again
-        if not ended:
-            store.recover()
-            discard_if_empty(record)
+        store.finish(row, result.outcome, result.aborted_by, result.triggered, result.trigger)
     return result, kind
 
 

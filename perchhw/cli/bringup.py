@@ -135,8 +135,8 @@ def _motors(drone: str, phrase: str | None, saw: str | None) -> "tuple[Finding, 
 
 
 def _phrase() -> str:
-    from calibration.bench.instruments.motor_stand import UNLOCK_PHRASE
     from onboard.app_interface import MOTOR_STOP_MS
+    from perchhw.bringup.motors import UNLOCK_PHRASE
 
     return _answer(
         "Take the propellers OFF. Hang the drone level on a thread, free to turn, and calm it: then its gyro "

@@ -1,5 +1,7 @@
 """``perchhw campaign``: fly a grid of attempts; resume, status, report."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,7 +16,7 @@ from perchhw.consoles import console, progress_console
 
 if TYPE_CHECKING:
     from perchhw.campaign.adaptive import FlownMap
-    from perchhw.campaign.courses import FlightPlan, FlightRow
+    from perchhw.campaign.courses import FlightPlan
 
 app = typer.Typer(add_completion=False)
 app.command("plan")(plan_command)
@@ -58,7 +60,7 @@ def run(
     from perchhw.campaign.plan import Slot
     from perchhw.campaign.run import request_of
     from perchhw.campaign.seats import drone_names, hold_all
-    from perchhw.cli.shown_attempts import run_shown
+    from perchhw.cli.displayed_campaign import run_displayed
     from perchhw.flight.fit import check_fit
     from perchhw.flight.ground_station import ground_station
     from perchhw.lab import find_lab
@@ -80,20 +82,28 @@ def run(
     names, stopped = drone_names(plan.drones), None
     try:
         with (
+            _told_how_to_go_on(folder),
             hold_all(plan.drones),
             ground_station(mavlink) as listener,
             flight_display(f"campaign {plan.name}", ", ".join(names.values()) or plan.drone) as display,
             live_view(view, folder, display),
         ):
-            run_shown(plan, folder, display, yes, listener, resume=resume, retry_aborted=retry_aborted)
+            run_displayed(plan, folder, display, yes, listener, resume=resume, retry_aborted=retry_aborted)
     except (CampaignStopped, DroneStopped) as stop:
         stopped = str(stop)
         progress_console().print(stopped, style="red", markup=False)
+    _emit_rows(folder, write_campaign_report(folder), stopped)
+    return 3 if stopped else 0
+
+
+@contextmanager
+def _told_how_to_go_on(folder: Path) -> Iterator[None]:
+    """Whoever interrupts the campaign in `folder` is told how to continue it."""
+    try:
+        yield
     except KeyboardInterrupt:
         progress_console().print(f"continue with --resume; the records are in {folder}", markup=False)
         raise
-    _emit_rows(folder, write_campaign_report(folder), stopped)
-    return 3 if stopped else 0
 
 
 def _fly_courses(
@@ -106,65 +116,97 @@ def _fly_courses(
 ) -> int:
     """Fly a campaign of test flights."""
     from onboard.link.exclusive import hold
-    from perchhw.campaign.courses import flight_rows
-    from perchhw.cli.shown_attempts import fly_courses_shown
+    from perchhw.cli.displayed_campaign import fly_courses_displayed
     from perchhw.flight.ground_station import ground_station
     from perchhw.record.folder import slug
-    from perchhw.report.run_report import report_flight
     from perchhw.screen.flight_display import flight_display
 
     folder = out or Path("runs") / f"campaign-{slug(plan.name)}"
     with (
+        _told_how_to_go_on(folder),
         hold(plan.setup.drone),
         ground_station(mavlink) as listener,
         flight_display(f"campaign {plan.name}", plan.setup.drone) as display,
         live_view(view, folder, display),
     ):
-        rows = fly_courses_shown(plan, folder, display, yes, listener, resume=resume)
-    for row in rows:
-        if row.record is not None:
-            report_flight(row.record)
-    stopped = next((row.aborted_by for row in flight_rows(plan, folder) if row.aborted_by), None)
+        rows = fly_courses_displayed(plan, folder, display, yes, listener, resume=resume)
+    stopped = next((row.aborted_by for row in rows if row.aborted_by), None)
+    _report_courses(folder)
+    _emit_courses(folder, stopped)
+    return 3 if stopped else 0
+
+
+def _report_courses(folder: Path) -> None:
+    """Write the page of each test flight of a campaign."""
+    from contextlib import closing
+
+    from perchhw.campaign.courses import FlightStore
+    from perchhw.report.run_report import report_flight
+
+    with closing(FlightStore.open(folder)) as store:
+        records = [row.record for row in store.rows() if row.record is not None]
+    for record in records:
+        report_flight(record)
+
+
+def _emit_courses(folder: Path, stopped: str | None = None) -> None:
+    """Where each test flight of a campaign stands."""
+    from contextlib import closing
+
+    from perchhw.campaign.courses import FlightStore
+    from perchhw.record.listing import kept_diagnosis
+
+    with closing(FlightStore.open(folder)) as store:
+        rows = store.last_tries()
+    flights: list[dict[str, Any]] = [
+        {
+            "kind": row.kind,
+            "done": row.done,
+            "record": row.record,
+            "aborted_by": row.aborted_by,
+            "diagnosis": kept_diagnosis(row.record),
+        }
+        for row in rows
+    ]
     document: dict[str, Any] = {
         "campaign": folder,
         "planned": len(rows),
         "done": sum(row.done for row in rows),
-        "flights": [
-            {
-                "kind": row.kind,
-                "done": row.done,
-                "record": row.record,
-                "aborted_by": row.aborted_by,
-                "diagnosis": row.diagnosis,
-            }
-            for row in rows
-        ],
+        "flights": flights,
         "stopped": stopped,
     }
-    emit(document, "\n".join(map(_course_in_words, rows)))
-    return 3 if stopped else 0
+    emit(document, "\n".join(map(_course_in_words, flights)))
 
 
-def _course_in_words(row: "FlightRow") -> str:
-    said = f"{row.kind}: {row.aborted_by or ('flown' if row.done else 'left')}"
-    said += "" if row.record is None else f"  {row.record}"
-    if row.diagnosis is None:
-        return said
-    return f"{said}\n  {row.diagnosis['sentence']}\n  next: {row.diagnosis['next']}"
+def _course_in_words(flight: dict[str, Any]) -> str:
+    said = f"{flight['kind']}: {flight['aborted_by'] or ('flown' if flight['done'] else 'left')}"
+    said += "" if flight["record"] is None else f"  {flight['record']}"
+    told = flight["diagnosis"]
+    return said if told is None else f"{said}\n  {told['sentence']}\n  next: {told['next']}"
 
 
 @app.command()
 def status(folder: _CampaignFolder) -> int:
     """What of a campaign was flown, how it ended, and what is left."""
-    _emit_rows(folder, None)
+    from perchhw.campaign.courses import FlightStore
+
+    if FlightStore.exists(folder):
+        _emit_courses(folder)
+    else:
+        _emit_rows(folder, None)
     return 0
 
 
 @app.command()
 def report(folder: _CampaignFolder) -> int:
-    """Write the report of a campaign."""
+    """Write the report of a campaign, or the pages of its test flights."""
+    from perchhw.campaign.courses import FlightStore
     from perchhw.report import write_campaign_report
 
+    if FlightStore.exists(folder):
+        _report_courses(folder)
+        _emit_courses(folder)
+        return 0
     _emit_rows(folder, write_campaign_report(folder))
     return 0
 

@@ -44,7 +44,7 @@ def demo(
     may fail. Exit codes say whether the attempts were flown, not how they ended: 0 every one was, 3 some were
     aborted by a safety rule.
     """
-    from perchhw.cli.shown_attempts import run_shown
+    from perchhw.cli.displayed_campaign import run_displayed
     from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
     from perchhw.record import new_run_folder
     from perchhw.report.campaign_report import PREDICTION_FILE, write_campaign_report
@@ -58,12 +58,17 @@ def demo(
         folder = new_run_folder(out, "demo")
         plan = demo_plan(lab.drones[0], lab.mocap[0], attempts, seed)
         with flight_display("demo", plan.drone) as display:
-            rows = run_shown(plan, folder, display, yes=True)
+            rows = run_displayed(plan, folder, display, yes=True)
     rates = predicted_rates({(row.speed, row.angle_deg) for row in rows}, seed, folder / PREDICTION_FILE)
     report = write_campaign_report(folder)
     recording = _recording(rows)
     _emit(Flown(folder, plan, rows, rates, report, recording, flown_by))
-    return exit_codes.SAFETY if any(row.outcome == "aborted" for row in rows) else exit_codes.DONE
+    return exit_code(rows)
+
+
+def exit_code(rows: "Iterable[AttemptRow]") -> int:
+    """Whether every attempt was flown: a landing that fails is none that was not."""
+    return exit_codes.SAFETY if any(row.outcome is Outcome.ABORTED for row in rows) else exit_codes.DONE
 
 
 def demo_plan(drone: str, mocap: str, attempts: int, seed: int) -> "CampaignPlan":

@@ -64,11 +64,11 @@ def landings_command(
     flights, unreadable = open_flights(files, format)
     labels = read_labels([flight.source for flight in flights])
     prepared = prepare(flights, model, np.random.default_rng(seed), draws)
-    if not prepared.starts:
-        reasons = "; ".join(f"{item.name}: {item.reason}" for item in prepared.unused)
-        raise InputError(f"no flight has a trigger to start from: {reasons or 'no flight can be read'}")
-    real = [_outcome(start.flight, labels, model) for start in prepared.starts]
     refused = tuple(NotUsed(str(item.file), item.reason) for item in unreadable)
+    if not prepared.starts:
+        reasons = "; ".join(f"{item.name}: {item.reason}" for item in (*prepared.unused, *refused))
+        raise InputError(f"no flight has a trigger to start from: {reasons or 'there is no flight'}")
+    real = [_outcome(start.flight, labels, model) for start in prepared.starts]
     with Progress(console=progress_console(), transient=True) as bar:
         task = bar.add_task("simulating", total=1.0)
         found = forecast(prepared, model, lambda share: bar.update(task, completed=share))

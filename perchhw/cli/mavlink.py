@@ -45,7 +45,7 @@ def serve(
     from mocap_bridge.mavlink.telemetry import MavlinkTelemetry
     from perchhw.flight.ground_station import GroundStation
     from perchhw.flight.live_drone import tell_drone
-    from perchhw.flight.told_record import tell_record
+    from perchhw.flight.record_playback import play_record
 
     address, limit = parse_mavlink_address(to), seconds or float("inf")
     with MavlinkTelemetry(address) as telemetry:
@@ -53,7 +53,7 @@ def serve(
         if drone is not None and record is None:
             tell_drone(drone, listener, limit)
         elif record is not None and drone is None:
-            tell_record(record, listener, limit)
+            play_record(record, listener, limit)
         else:
             raise NothingToServe("mavlink serve: give one of --drone URI and --record RUN")
     result = {"to": str(address), "sent": telemetry.sent, "lost": telemetry.lost}

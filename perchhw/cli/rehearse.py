@@ -123,4 +123,7 @@ def _in_words(rehearsal: "Rehearsed") -> str:
             f"{away['velocity_m_s']:.2f} m/s; at the trigger tau {1000.0 * away['tau_s']:+.0f} ms, "
             f"theta_x {away['theta_x_1_s']:+.2f} 1/s"
         )
+    loop = rehearsal.loop
+    if loop is not None:
+        lines.append(f"  control loop: {loop.mean:.0f} us a step, at most {loop.most:.0f} us of 1000")
     return "\n".join(lines)

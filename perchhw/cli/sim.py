@@ -7,6 +7,7 @@ import os
 import signal
 import sys
 import threading
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Protocol
 
 import typer
@@ -157,31 +158,34 @@ def _serve(lab: Served, with_parent: bool) -> int:
 
 
 async def _serve_until_told(lab: Served, with_parent: bool) -> int:
-    stop = asyncio.Event()
+    loop, stop = asyncio.get_running_loop(), asyncio.Event()
     caught: list[int] = []
+    starting = asyncio.create_task(lab.start())
 
-    def end(number: int) -> None:
-        caught.append(number)
+    def end(*number: int) -> None:
+        caught.extend(number)
         stop.set()
+        starting.cancel()
 
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, end, number)
+    if with_parent:
+        threading.Thread(target=_wait_for_parent, args=(loop, end), daemon=True).start()
     try:
-        await lab.start()
-        loop = asyncio.get_running_loop()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            loop.add_signal_handler(number, end, number)
-        if with_parent:
-            threading.Thread(target=_wait_for_parent, args=(loop, stop), daemon=True).start()
-        sys.stdout.write(json.dumps(lab.ready()) + "\n")
-        sys.stdout.flush()
-        await lab.run(stop)
+        with contextlib.suppress(asyncio.CancelledError):
+            await starting
+        if not stop.is_set():
+            sys.stdout.write(json.dumps(lab.ready()) + "\n")
+            sys.stdout.flush()
+            await lab.run(stop)
     finally:
         await lab.close()
     return exit_codes.INTERRUPTED if signal.SIGINT in caught else 0
 
 
-def _wait_for_parent(loop: asyncio.AbstractEventLoop, stop: asyncio.Event) -> None:
-    """Stop the lab when standard input ends. A thread, because not every kind of input can be polled."""
+def _wait_for_parent(loop: asyncio.AbstractEventLoop, end: Callable[[], None]) -> None:
+    """End the lab when standard input does. A thread, because not every kind of input can be polled."""
     while os.read(sys.stdin.fileno(), 4096):  # not through sys.stdin: Python's end would wait for its lock
         pass
     with contextlib.suppress(RuntimeError):  # the lab has ended by itself
-        loop.call_soon_threadsafe(stop.set)
+        loop.call_soon_threadsafe(end)

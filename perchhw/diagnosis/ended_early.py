@@ -19,6 +19,8 @@ _DRIFTING = (Cause.OFF_PATH, Cause.ESTIMATE_WRONG, Cause.START_NOT_REACHED)
 GYRO_BIAS_RAD_S = 0.03
 """Mean rate of a drone that stands still; a calibrated gyro is below 0.01."""
 _MANY_FRAMES = 0.9
+_NOBODY_THERE = ("cannot receive from udp:", "cannot send to udp:")
+"""What the link says where the system knows that nobody listens any more: no late computer's doing."""
 _PREFLIGHT = ("checking", "uploading", "ready")
 _LOOK = "look at the time line of the report (perchhw log report RUN)"
 
@@ -53,7 +55,8 @@ def diagnose_ended(run: RunRecord, aborted_by: str) -> Diagnosis:
             Cause.GYRO_BIASED, words, "reboot the drone where it stands still, and let it warm up first"
         )
         numbers = {**numbers, "gyro_bias_rad_s": bias}
-    if (busy := busy_words(run.info, found.cause)) is not None:
+    gone = any(words in aborted_by for words in _NOBODY_THERE)
+    if not gone and (busy := busy_words(run.info, found.cause)) is not None:
         found = RuleWords(found.cause, f"{found.words}; {busy[0]}", f"{REMEDY}; else {found.next}")
         numbers = {**numbers, **busy[1]}
     place = "before take-off" if phase in _PREFLIGHT else f"while {phase}"

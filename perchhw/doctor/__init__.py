@@ -6,7 +6,7 @@
 """
 
 from perchhw.doctor.examine import examine
-from perchhw.doctor.finding import Finding, Verdict
+from perchhw.doctor.finding import CheckVerdict, Finding
 from perchhw.doctor.measure import take_readings
 
-__all__ = ["Finding", "Verdict", "examine", "take_readings"]
+__all__ = ["Finding", "CheckVerdict", "examine", "take_readings"]

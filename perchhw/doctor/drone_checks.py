@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from onboard.app_interface import INTERFACE_VERSION, MEMORY_SIZE, Parameter
 from onboard.firmware.constants import vehicle_crc32
-from perchhw.doctor.finding import Finding, Verdict, judged, not_known
+from perchhw.doctor.finding import CheckVerdict, Finding, judged, not_known
 from perchhw.doctor.readings import DroneReadings, Readings
 from perchhw.supervisor import SafetyLimits
 
@@ -64,11 +64,11 @@ def firmware(readings: DroneReadings, _: Readings) -> Finding:
         measured = f"no {REVISION}"
     elif int(revision) in KNOWN_REVISIONS:
         name = KNOWN_REVISIONS[int(revision)]
-        return Finding("firmware", Verdict.FINE, f"{name} ({int(revision):08x})", wanted, why)
+        return Finding("firmware", CheckVerdict.FINE, f"{name} ({int(revision):08x})", wanted, why)
     else:
         measured = f"revision {int(revision):08x}, unknown to perchhw"
     remedy = "what the lines below find works as it says; for the rest flash a known release"
-    return Finding("firmware", Verdict.NOTE, measured, wanted, why, remedy)
+    return Finding("firmware", CheckVerdict.NOTE, measured, wanted, why, remedy)
 
 
 def landing_app(readings: DroneReadings, _: Readings) -> Finding:

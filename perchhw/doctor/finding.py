@@ -5,7 +5,7 @@ from enum import Enum
 from typing import Any
 
 
-class Verdict(Enum):
+class CheckVerdict(Enum):
     """What is said of one thing."""
 
     FINE = "fine"
@@ -27,7 +27,7 @@ class Finding:
     """
 
     what: str
-    verdict: Verdict
+    verdict: CheckVerdict
     measured: str
     wanted: str
     why: str
@@ -36,7 +36,7 @@ class Finding:
     @property
     def missing(self) -> bool:
         """Whether a flight lacks it."""
-        return self.verdict in (Verdict.BAD, Verdict.UNKNOWN)
+        return self.verdict in (CheckVerdict.BAD, CheckVerdict.UNKNOWN)
 
     def to_json(self) -> dict[str, Any]:
         """The line in the JSON document."""
@@ -53,10 +53,10 @@ class Finding:
 def judged(what: str, fine: bool, measured: str, wanted: str, why: str, remedy: str) -> Finding:
     """FINE, or BAD with its remedy."""
     if fine:
-        return Finding(what, Verdict.FINE, measured, wanted, why)
-    return Finding(what, Verdict.BAD, measured, wanted, why, remedy)
+        return Finding(what, CheckVerdict.FINE, measured, wanted, why)
+    return Finding(what, CheckVerdict.BAD, measured, wanted, why, remedy)
 
 
 def not_known(what: str, reason: str, wanted: str, why: str, remedy: str) -> Finding:
     """UNKNOWN, with the reason in the place of the measured value."""
-    return Finding(what, Verdict.UNKNOWN, reason, wanted, why, remedy)
+    return Finding(what, CheckVerdict.UNKNOWN, reason, wanted, why, remedy)

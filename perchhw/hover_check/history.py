@@ -8,8 +8,10 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from onboard.errors import InputError
 from onboard.json_file import write_json_atomically
 from onboard.lab_file import split_subject
+from onboard.schema import schema_problem
 from onboard.vehicle import Vehicle, vehicle_to_toml
 from perchhw.errors import FlightStackError
 from perchhw.hover_check.judge import Line, LineVerdict
@@ -22,7 +24,7 @@ LAST = 20
 """Checks that are looked back on."""
 
 
-class HistoryError(FlightStackError):
+class HistoryError(FlightStackError, InputError):
     """A check of an earlier day that cannot be read; the message names the file."""
 
 
@@ -101,8 +103,9 @@ class History:
 def _read(path: Path) -> dict[str, Any]:
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
-        if document["schema"] != SCHEMA:
-            raise ValueError(f"schema {document['schema']!r}, not {SCHEMA!r}")
+        problem = schema_problem(document.get("schema"), SCHEMA)
+        if problem is not None:
+            raise ValueError(f"schema {problem}")
         values = {str(key): float(value) for key, value in document["values"].items()}
         return {
             "when": str(document["when"]),

@@ -10,7 +10,7 @@ import numpy as np
 
 from onboard.arrays import FloatArray
 from onboard.gravity import GRAVITY
-from onboard.vehicle import Vehicle
+from onboard.vehicle import EFFECTS, Vehicle
 from perchhw.errors import FlightStackError
 
 _RIM_POINTS = 16
@@ -91,15 +91,17 @@ def landing_geometry(vehicle: Vehicle) -> LandingGeometry:
 
 def _body_points(vehicle: Vehicle) -> FloatArray:
     body = vehicle.body
-    half_x, half_y = body.body_half_x.value, body.body_half_y.value
+    shape = _effect(vehicle, "hull_shape")
+    half_x, half_y = (max(half.value + shape["width"], 0.0) for half in (body.body_half_x, body.body_half_y))
     box = [
         (sx * half_x, sy * half_y, z)
         for sx in (1, -1)
         for sy in (1, -1)
-        for z in (body.body_top_z.value, body.body_bottom_z.value)
+        for z in (body.body_top_z.value + shape["top"], body.body_bottom_z.value - shape["bottom"])
     ]
     angles = np.linspace(0.0, 2.0 * math.pi, _RIM_POINTS, endpoint=False)
-    radius, height = _reach(vehicle) * body.propeller_radius.value, body.propeller_height_z.value
+    reach = _effect(vehicle, "propeller_reach")["scale"]
+    radius, height = reach * body.propeller_radius.value, body.propeller_height_z.value
     rims = [
         (
             sx * body.arm_x.value + radius * math.cos(a),
@@ -113,9 +115,10 @@ def _body_points(vehicle: Vehicle) -> FloatArray:
     return np.array(box + rims, dtype=np.float64)
 
 
-def _reach(vehicle: Vehicle) -> float:
-    """Share of the propellers' radius that meets a ceiling (effect ``propeller_reach``)."""
-    return next((e.values()["scale"] for e in vehicle.effects if e.name == "propeller_reach"), 1.0)
+def _effect(vehicle: Vehicle, name: str) -> dict[str, float]:
+    """Values of an effect of the vehicle; the neutral ones where it has none."""
+    found = (effect.values() for effect in vehicle.effects if effect.name == name)
+    return next(found, EFFECTS[name].values({}))
 
 
 def _pendulum_hz(mass: float, inertia: float, length: float) -> float:

@@ -4,6 +4,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+from calibration.gap.landings.outcomes.document import SCHEMA
+from onboard.schema import schema_problem
 from perchhw.learning.errors import LearningInputError
 from sim_backend.physics.launch import Launch
 
@@ -14,7 +16,7 @@ def read_landings(path: Path) -> dict[str, Any]:
     """The document.
 
     Raises:
-        LearningInputError: it cannot be read.
+        LearningInputError: it cannot be read, or is of another version.
     """
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
@@ -22,7 +24,12 @@ def read_landings(path: Path) -> dict[str, Any]:
         raise LearningInputError(
             f"{path}: cannot be read ({error}): give the landings.json of perchhw gap landings --out"
         ) from error
-    return found if isinstance(found, dict) else {}
+    problem = schema_problem(found.get("schema") if isinstance(found, dict) else None, SCHEMA)
+    if problem is not None:
+        raise LearningInputError(
+            f"{path}: schema {problem}; give the landings.json of perchhw gap landings --out"
+        )
+    return dict(found)
 
 
 def launch_of(path: Path) -> tuple[float, ...]:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from calibration.flights.run_folder import RUN_FILE, RunFolderError, is_run_folder, read_info
 
@@ -75,9 +76,17 @@ def find_runs(root: Path) -> tuple[list[RunSummary], list[str]]:
     return runs, broken
 
 
-def kept_sentence(folder: Path | None) -> str | None:
-    """What the record `folder` says of what happened and why, or None where it was not explained."""
-    if folder is None or not (folder / RUN_FILE).is_file():
+def kept_diagnosis(folder: Path | None) -> dict[str, Any] | None:
+    """What the record `folder` says of what happened and why; None where it is not explained or broken."""
+    try:
+        kept = None if folder is None or not (folder / RUN_FILE).is_file() else read_info(folder)
+    except RunFolderError:
         return None
-    kept = read_info(folder).get("diagnosis")
-    return str(kept["sentence"]) if isinstance(kept, dict) and "sentence" in kept else None
+    diagnosis = None if kept is None else kept.get("diagnosis")
+    return diagnosis if isinstance(diagnosis, dict) and "sentence" in diagnosis else None
+
+
+def kept_sentence(folder: Path | None) -> str | None:
+    """Its sentence."""
+    kept = kept_diagnosis(folder)
+    return None if kept is None else str(kept["sentence"])

@@ -24,10 +24,11 @@ from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import IndexType, Writer
 
 from calibration.flights.checksum import with_checksum
-from calibration.flights.run_folder import EVENTS_FILE, RUN_FILE, SCHEMA, SERIES_FILE
+from calibration.flights.run_folder import EVENTS_FILE, RUN_FILE, SERIES_FILE
 from onboard.clock import Clock, monotonic
 from onboard.errors import SafetyStop
 from onboard.json_file import write_json_atomically
+from onboard.schema import RUN_SCHEMA
 from perchhw.errors import FlightStackError
 from perchhw.record.folder import make_folder, utc_now
 from perchhw.record.sync import PeriodicSync, Sync
@@ -120,7 +121,7 @@ class RunRecorder:
         make_folder(folder)
         require_space(folder)
         self._info: dict[str, Any] = {
-            "schema": SCHEMA,
+            "schema": RUN_SCHEMA,
             "config": dict(config),
             "versions": _versions(),
             "started_utc": utc_now().isoformat(),

@@ -3,6 +3,7 @@
 import csv
 import json
 import math
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -51,7 +52,7 @@ def verdict_document(rehearsal: "Rehearsed") -> dict[str, Any]:
         "a_rot_difference_n_m": _finite(verdict.a_rot_difference_n_m),
         "force_difference_n": _finite(verdict.force_difference_n),
         "input_difference": None if away is None else {name: _finite(value) for name, value in away.items()},
-        "loop_us": None,
+        "loop_us": None if rehearsal.loop is None else asdict(rehearsal.loop),
     }
 
 

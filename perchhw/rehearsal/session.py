@@ -23,6 +23,7 @@ from onboard.timebase import Timebase
 from onboard.trajectory import ApproachPlan
 from onboard.vehicle import Vehicle
 from perchhw.errors import FlightStackError
+from perchhw.rehearsal.loop_time import LoopTime, LoopWatch
 from perchhw.rehearsal.physics import Physics
 from perchhw.rehearsal.poses import ApproachPoses
 from perchhw.rehearsal.verdict import Verdict, judge
@@ -79,6 +80,7 @@ class Rehearsed:
         policy_crc32: of the policy, as the drone reads it back.
         ring: what the drone recorded.
         verdict: what is to be said about it.
+        loop: how long the drone's loop took meanwhile; None of a drone without a processor.
     """
 
     physics: Physics
@@ -86,6 +88,7 @@ class Rehearsed:
     policy_crc32: int
     ring: Ring
     verdict: Verdict
+    loop: LoopTime | None = None
 
 
 def rehearse(
@@ -123,9 +126,10 @@ def rehearse(
             crc = link.upload_policy(encode_bundle(policy))
             _await_slot(time)
             with _rehearsing(link, physics), open_record(time) if open_record else nullcontext() as record:
-                told = _Drone(link, physics, record)
+                told, watch = _Drone(link, physics, record), LoopWatch(link)
                 ring = _fly(link, told, plan, landing_limits(vehicle).smoothing, physics, time, on_stage)
-    return Rehearsed(physics, engine, crc, ring, judge(ring, told.reason, plan, policy, vehicle))
+    verdict = judge(ring, told.reason, plan, policy, vehicle)
+    return Rehearsed(physics, engine, crc, ring, verdict, watch.told())
 
 
 @contextmanager
@@ -144,8 +148,6 @@ def _rehearsing(link: "DroneLink", physics: Physics) -> Iterator[None]:
         yield
     finally:
         link.set_param(Parameter.REHEARSE, Rehearsal.OFF)
-        # Who reads it back waits until the drone has done with the switch. A lab in lock step would stand
-        # still in it otherwise, and with it whoever connects next.
         still_on = link.param(Parameter.REHEARSE) != Rehearsal.OFF
     if still_on:
         raise RehearsalFailed("the drone still rehearses, though it was told to end it: reboot it")

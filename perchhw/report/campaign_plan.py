@@ -55,4 +55,7 @@ def _grid(plan: CampaignPlan, fit: GridFit) -> str:
     axes.tick_params(axis="x", labelrotation=90 if len(plan.speeds) > 12 else 0)
     axes.margins(0.12)
     axes.legend(frameon=False, ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.0))
-    return svg(figure)
+    fitting, all_of_them = len(fit.approaches), len(fit.approaches) + len(fit.misfits)
+    return svg(
+        figure, f"Grid of speeds and approach angles: {fitting} of {all_of_them} conditions fit the room"
+    )

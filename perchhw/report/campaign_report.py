@@ -18,7 +18,8 @@ from onboard.csv_file import read_csv
 from perchhw.attempt import Outcome
 from perchhw.campaign.adaptive import FlownMap, flown_map
 from perchhw.campaign.seats import drone_names, seat_of
-from perchhw.campaign.store import CampaignError, CampaignStore, exists
+from perchhw.campaign.store import CampaignStore
+from perchhw.campaign.tries import CampaignError
 from perchhw.diagnosis.diagnose import judge_of
 from perchhw.record.listing import find_runs
 from perchhw.report.campaign_figures import (
@@ -65,7 +66,7 @@ def write_campaign_report(folder: Path) -> Path:
     Raises:
         CampaignError: no campaign and no run in it.
     """
-    if exists(folder):
+    if CampaignStore.exists(folder):
         with closing(CampaignStore.open(folder)) as store:
             title, rows, skipped = f"Campaign {store.name}", store.rows(), store.skipped
             planned = store.planned

@@ -48,7 +48,7 @@ def _page(
         body += section("Read with care", "<br>".join(escape(doubt) for doubt in doubts))
     first, *others = drawn
     body += _expected(results)
-    body += section(first.title, svg(first.figure), first.meaning)
+    body += section(first.title, svg(first.figure, first.title), first.meaning)
     body += section(
         "Landing rate by band",
         _bands(results, reference),
@@ -56,7 +56,7 @@ def _page(
         "propellers. For pairs it is the best of a condition's trials.",
     )
     for picture in others:
-        body += section(picture.title, svg(picture.figure), picture.meaning)
+        body += section(picture.title, svg(picture.figure, picture.title), picture.meaning)
     body += grid([section(title, table(["", ""], rows)) for title, rows in _facts(results) if rows])
     title = f"Learning to land: {settings.get('vehicle')}{legs}"
     return page(title, str(results.folder.resolve().name), body)

@@ -57,14 +57,14 @@ def _pictures(results: LegResults) -> list[Picture]:
 def _page(results: LegResults, drawn: list[Picture]) -> str:
     settings = results.study.get("settings", {})
     first, *others = drawn
-    body = section(first.title, svg(first.figure), first.meaning)
+    body = section(first.title, svg(first.figure, first.title), first.meaning)
     body += section(
         "Landing rate by band",
         _rates(results),
         "Mean over the trials of a band of the rate of four-leg landings without body contact.",
     )
     for picture in others:
-        body += section(picture.title, svg(picture.figure), picture.meaning)
+        body += section(picture.title, svg(picture.figure, picture.title), picture.meaning)
     body += section(
         "What the paper says", _trends(results), "Numbers are positive where the paper's sentence holds."
     )

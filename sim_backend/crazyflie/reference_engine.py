@@ -40,7 +40,7 @@ from sim_backend.crazyflie.engine import ApproachRequest, Event, Sample, Snapsho
 from sim_backend.crazyflie.hand_over import HandOver
 from sim_backend.crazyflie.power import COMPENSATION_GAIN, FULL_VOLTAGE
 from sim_backend.crazyflie.rehearsal import ORIGIN, RehearsalMode
-from sim_backend.crazyflie.requests import NO_PLAN, Request, planned
+from sim_backend.crazyflie.requests import Posted
 from sim_backend.crazyflie.setpoint import Setpoint, complete_setpoint
 from sim_backend.crazyflie.stabilizer import CONTROL_PERIOD_MS, Stabilizer
 
@@ -76,14 +76,10 @@ class ReferenceEngine:
         self._supply = FULL_VOLTAGE
         self._memory = new_landing_memory()
         self.state, self.mode = LandingState.IDLE, OutputMode.PASS
-        self._plan = NO_PLAN
+        self._posted = Posted()
         self._limits = landing_limits(self._vehicle)
         self._policy: CompiledPolicy | None = None
         self.live_crc = 0
-        self._policy_armed = self._trajectory_armed = self._go = self._abort = False
-        self._request = Request(0, False, NO_PLAN)
-        self._consumed = 0
-        self.trajectory_status = TrajectoryStatus.NONE
         self._idle_ceiling_z = 0.0
         self.cues: Vector = (math.inf, 0.0, 0.0)
         self.trigger_value = self.a_rot = 0.0
@@ -113,6 +109,11 @@ class ReferenceEngine:
     def reason(self) -> EndReason:
         """Why the last approach ended."""
         return EndReason(int(self._memory["reason"]))
+
+    @property
+    def trajectory_status(self) -> TrajectoryStatus:
+        """The answer to the last request."""
+        return self._posted.status
 
     @property
     def snapshot_tick(self) -> int:
@@ -153,26 +154,24 @@ class ReferenceEngine:
 
     def arm_policy(self, on: bool) -> bool:
         """Arm or disarm the policy."""
-        self._policy_armed = on and self.has_policy
-        return self._policy_armed
+        self._posted.policy_armed = on and self.has_policy
+        return self._posted.policy_armed
 
     def post(self, armed: bool, approach: ApproachRequest) -> int:
         """Post a request."""
-        self._request = Request(self._request.number + 1, armed, planned(approach))
-        self.trajectory_status = TrajectoryStatus.NONE
-        return self._request.number
+        return self._posted.post(armed, approach)
 
     def is_consumed(self, number: int) -> bool:
         """Whether request `number` was the last that was taken."""
-        return self._consumed == number
+        return self._posted.is_consumed(number)
 
     def ask_go(self, on: bool) -> None:
         """Set the flag `go`."""
-        self._go = on
+        self._posted.go = on
 
     def ask_abort(self, on: bool) -> None:
         """Set the flag `abort`."""
-        self._abort = on
+        self._posted.abort = on
 
     def set_ceiling(self, ceiling_z: float) -> None:
         """Height (m) of the ceiling while nothing is armed."""
@@ -217,18 +216,15 @@ class ReferenceEngine:
         self._recorder.end(sample.tick)
         self._memory["state"] = self.state = LandingState.IDLE
         self._memory["trajectory_status"] = self._memory["arm_seen"] = 0
-        self.trajectory_status = TrajectoryStatus.NONE
-        self._consumed = self._request.number
-        self._policy_armed = self._trajectory_armed = self._go = self._abort = False
+        self._posted.withdraw()
         return Event.REHEARSAL_ENDED
 
     def _go_to_start(self) -> None:
         """An approach that is about to be armed finds the model at its start."""
         if not self._rehearsal.is_on_model:
             return
-        request, plan = self._request, self._request.plan
-        arms = request.number != self._consumed and request.armed and self.state is LandingState.IDLE
-        if arms and math.isfinite(plan.x0 + plan.y0 + plan.z0):
+        plan = self._posted.to_be_armed(self.state)
+        if plan is not None and math.isfinite(plan.x0 + plan.y0 + plan.z0):
             self._start_model((plan.x0, plan.y0, plan.z0))
         elif self._rehearsal.begins:
             self._start_model(ORIGIN)
@@ -271,7 +267,7 @@ class ReferenceEngine:
         """Cues and policy on the estimated state."""
         vx, _, vz = sample.estimator.velocity()
         idle = self.state is LandingState.IDLE
-        ceiling_z = self._idle_ceiling_z if idle else self._plan.ceiling_z
+        ceiling_z = self._idle_ceiling_z if idle else self._posted.plan.ceiling_z
         tau, theta_x, d_ceil = optical_flow_cues(sample.estimator.position()[2], vx, vz, ceiling_z)
         self.cues = (float(tau), float(theta_x), float(d_ceil))
         self.trigger_value = self.a_rot = 0.0
@@ -281,14 +277,17 @@ class ReferenceEngine:
 
     def _step_machine(self, sample: Sample) -> Event:
         """One step of the landing machine: take what is posted, step, answer."""
-        was = self.state
-        self._take_request()
+        was, posted, memory = self.state, self._posted, self._memory
+        posted.take(was, bool(memory["arm_seen"]))
         inputs = self._inputs(sample)
-        self._output = landing_step(self._memory, inputs, self._plan, self._limits)
-        self.state = LandingState(int(self._memory["state"]))
-        events = self._clear_flags(inputs) | self._answer() | self._change(sample, was)
+        self._output = landing_step(memory, inputs, posted.plan, self._limits)
+        self.state = LandingState(int(memory["state"]))
+        events = posted.clear_flags(inputs.go) | posted.answer(
+            TrajectoryStatus(int(memory["trajectory_status"]))
+        )
+        events |= self._change(sample, was)
         if self._hand_over.holds_on(sample, self.state, events):
-            p, v, a = hold_setpoint(self._memory, inputs.time, self._plan, self._limits)
+            p, v, a = hold_setpoint(memory, inputs.time, posted.plan, self._limits)
             self._output = self._output._replace(
                 mode=OutputMode.SETPOINT, position=p, velocity=v, acceleration=a
             )
@@ -297,24 +296,8 @@ class ReferenceEngine:
             self.target = _setpoint(self._output, sample.tick)
         return events
 
-    def _take_request(self) -> None:
-        """Consume the posted request, once the machine has seen the switch as the last one left it.
-
-        An armed approach does not change: another plan first disarms, and is armed in the step after.
-        """
-        request, state = self._request, self.state
-        if request.number == self._consumed or self._trajectory_armed != bool(self._memory["arm_seen"]):
-            return
-        if request.armed and state is LandingState.TRAJECTORY_ARMED and request.plan != self._plan:
-            self._trajectory_armed = False
-            return
-        self._consumed = request.number
-        self._trajectory_armed = request.armed
-        if request.armed and state is LandingState.IDLE:
-            self._plan = request.plan
-
     def _inputs(self, sample: Sample) -> LandingInputs:
-        estimator, gyro = sample.estimator, sample.gyro
+        estimator, gyro, posted = sample.estimator, sample.gyro, self._posted
         tau, theta_x, d_ceil = self.cues
         withdrawn = sample.setpoint.is_null or sample.levelling
         evaluated = self._policy is not None and sample.tick % POLICY_PERIOD_MS == 0
@@ -332,33 +315,12 @@ class ReferenceEngine:
             evaluated=evaluated,
             trigger_value=self.trigger_value,
             a_rot=self.a_rot,
-            policy_armed=self._policy_armed,
-            trajectory_armed=self._trajectory_armed,
-            go=self._go and not self._memory["go_seen"],
-            abort=self._abort or (withdrawn and self.state is not LandingState.IDLE),
+            policy_armed=posted.policy_armed,
+            trajectory_armed=posted.trajectory_armed,
+            go=posted.go and not self._memory["go_seen"],
+            abort=posted.abort or (withdrawn and self.state is not LandingState.IDLE),
             flying=sample.flying,
         )
-
-    def _clear_flags(self, inputs: LandingInputs) -> Event:
-        """Each flag counts for one step."""
-        events = Event.NONE
-        if inputs.go:
-            self._go = False
-            events |= Event.GO_TAKEN
-        if self._abort:
-            self._abort = False
-            events |= Event.ABORT_TAKEN
-        return events
-
-    def _answer(self) -> Event:
-        """Say what the machine makes of the last request, unless one is still to be consumed."""
-        if self._request.number != self._consumed:
-            return Event.NONE
-        self.trajectory_status = TrajectoryStatus(int(self._memory["trajectory_status"]))
-        if self.trajectory_status >= TrajectoryStatus.REFUSED_TOO_FAR and self._trajectory_armed:
-            self._trajectory_armed = False
-            return Event.REFUSED
-        return Event.NONE
 
     def _change(self, sample: Sample, was: LandingState) -> Event:
         """What a change of the machine's state means for others."""

@@ -191,6 +191,11 @@ class CrazyflieServer:
         silence = self._firmware.tick_ms() - self._last_packet_ms
         return self._peer is not None and silence < ACTIVITY_TIMEOUT_MS
 
+    @property
+    def in_callback(self) -> bool:
+        """Whether the drone's parameter task is in a callback: until its end it answers nothing."""
+        return self.radio.power is Power.ON and self._firmware.params.busy
+
     def _connect_ports(self) -> None:
         """Ports in the state after boot."""
         firmware = self._firmware

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from onboard.arrays import Vector
+from sim_backend.physics.effects.leg_sideways import sideways_force
 from sim_backend.physics.jit import inner
 
 _POLYNOMIAL_END = 0.5
@@ -46,7 +47,8 @@ def bending_ratio(cosine: float) -> float:
 def hinge_force(p: Any, leg: int, u: Vector, inverse: float, d: Vector) -> Vector:
     """Force (N, body frame) on a held foot across its rod, by the hinge's spring and damper.
 
-    The spring's moment K delta about u x r and the damper's -c u x d / L, both over the lever L.
+    The spring's moment K delta about u x r and the damper's -c u x d / L, both over the lever L; and what a
+    second axis adds (``leg_sideways``).
 
     Args:
         p: parameters.
@@ -65,8 +67,10 @@ def hinge_force(p: Any, leg: int, u: Vector, inverse: float, d: Vector) -> Vecto
         moment += p.hinge_limit_stiffness * (ratio - p.hinge_limit / sine)
     along = u[0] * d[0] + u[1] * d[1] + u[2] * d[2]
     spring, damper = moment * inverse, p.hinge_damping * inverse * inverse
-    return (
-        damper * (d[0] - along * u[0]) - spring * (rx - cosine * u[0]),
-        damper * (d[1] - along * u[1]) - spring * (ry - cosine * u[1]),
-        damper * (d[2] - along * u[2]) - spring * (rz - cosine * u[2]),
-    )
+    x = damper * (d[0] - along * u[0]) - spring * (rx - cosine * u[0])
+    y = damper * (d[1] - along * u[1]) - spring * (ry - cosine * u[1])
+    z = damper * (d[2] - along * u[2]) - spring * (rz - cosine * u[2])
+    if p.sideways_stiffness != 0.0 or p.sideways_damping != 0.0:
+        more = sideways_force(p, leg, u, inverse, d)
+        return x + more[0], y + more[1], z + more[2]
+    return x, y, z

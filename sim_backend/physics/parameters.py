@@ -44,6 +44,7 @@ PARAMETERS = np.dtype(
         ("has_legs", "i8"),
         ("hip", "f8", (4, 3)),
         ("leg_direction", "f8", (4, 3)),  # unit, body frame, hip to foot at rest
+        ("leg_sideways", "f8", (4, 2)),  # x and y of the unit normal of the leg's plane, which holds b_z
         ("leg_length", "f8"),
         ("foot_radius", "f8"),
         ("hinge_stiffness", "f8"),
@@ -145,6 +146,7 @@ def _set_legs(p: Any, legs: Legs) -> None:
     # The leg leans outwards along the diagonal of its quadrant.
     p["leg_direction"][:, :2] = _QUADRANTS * (math.sin(psi) / math.sqrt(2.0))
     p["leg_direction"][:, 2] = -math.cos(psi)
+    p["leg_sideways"] = _QUADRANTS[:, ::-1] * (-1.0, 1.0) / math.sqrt(2.0)
     p["leg_length"], p["foot_radius"] = legs.length.value, legs.foot_radius.value
     p["hinge_stiffness"], p["hinge_damping"] = legs.stiffness.value, legs.damping.value
     p["hinge_limit"] = legs.deflection_limit.value

@@ -150,7 +150,9 @@ def foot_reaction(
         return pull * rod[0], pull * rod[1], pull * rod[2], pull * rod[3], pull * rod[4], pull * rod[5]
     give = p.axial_damping + 0.5 * dt * p.axial_stiffness
     along = give / (dt + dt * dt * give * coupling(rod, rod, inverse))
-    across = (p.hinge_damping / dt + 0.5 * p.hinge_stiffness) / p.leg_length**2
+    # Of a hinge of two axes the stiffer one: a foot that slid too far would gain what nobody paid for.
+    stiffer, slower = 1.0 + max(p.sideways_stiffness, 0.0), 1.0 + max(p.sideways_damping, 0.0)
+    across = (slower * p.hinge_damping / dt + 0.5 * stiffer * p.hinge_stiffness) / p.leg_length**2
     force, u = to_world(rot, x, y, z), to_world(rot, rod[0], rod[1], rod[2])
     wx, wy, wz = hold_foot(p, state, leg, force, u, across, along, dt)
     x, y, z = to_body(rot, wx, wy, wz)

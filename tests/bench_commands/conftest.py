@@ -1,9 +1,11 @@
 """A simulated bench with a drone that is not as the shipped file says, and the command line against it."""
 
+import io
 import json
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -47,23 +49,25 @@ def still_bench(true_file: Path) -> Iterator[SimulatedLab]:
 
 
 @pytest.fixture
-def said(capsys: pytest.CaptureFixture[str]) -> Said:
+def said() -> Said:
     """Runs a command line in this process; its JSON document."""
-
-    def document_of(line: list[str], expected: int = 0) -> dict[str, Any]:
-        capsys.readouterr()
-        code, told = main.run(line[line.index("--json") :]), capsys.readouterr()
-        assert code == expected, told.err
-        document: dict[str, Any] = json.loads(told.out)
-        return document
-
-    return document_of
+    return run_here
 
 
 @pytest.fixture
 def refused(said: Said) -> Refused:
     """The same, for a command that ends with an error: what that says."""
     return lambda line, expected: str(said(line, expected)["error"])
+
+
+def run_here(line: list[str], expected: int = 0) -> dict[str, Any]:
+    """Run a command line in this process, which saves its start; its JSON document."""
+    out, err = io.StringIO(), io.StringIO()
+    with redirect_stdout(out), redirect_stderr(err):
+        code = main.run(line[line.index("--json") :])
+    assert code == expected, err.getvalue()
+    document: dict[str, Any] = json.loads(out.getvalue())
+    return document
 
 
 def serve(vehicle: Path, *arguments: str, pace: float = PACE) -> SimulatedLab:

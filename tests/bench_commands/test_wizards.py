@@ -16,7 +16,7 @@ from calibration.bench.procedures.compare import compare_with_vehicle
 from onboard.vehicle import load_vehicle
 from perchhw.lab_process import SimulatedLab
 from perchhw.walkthrough.bench.story import BELIEVED
-from tests.bench_commands.conftest import Bench, Refused, Said, command, run, serve
+from tests.bench_commands.conftest import Bench, Refused, Said, command, run, run_here, serve
 from tests.bench_commands.until import until
 from tests.patience import PATIENCE_S
 
@@ -41,12 +41,13 @@ class InertiaRun:
 def inertia_run(true_file: Path, tmp_path_factory: pytest.TempPathFactory) -> InertiaRun:
     folder = tmp_path_factory.mktemp("inertia")
     with serve(true_file) as bench:
-        line = command("bifilar", bench, folder, "--axes", "z", "--trials", "4", "--operator", "Ada")
+        line = command("bifilar", bench, folder, "--axes", "z", "--trials", "4", "--cycles", "10")
+        line += ["--operator", "Ada"]
         with subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as wizard:
             until(lambda: "trial-z-1" in steps(folder), PATIENCE_S)
             wizard.kill()
         kept = steps(folder)
-        return InertiaRun(folder, kept, run(line), run(line))
+        return InertiaRun(folder, kept, run_here(line), run_here(line))
 
 
 def test_inertia_is_found_within_its_interval(inertia_run: InertiaRun, true_file: Path) -> None:
@@ -93,7 +94,7 @@ def test_a_calibration_is_applied_and_undone(
 
 def test_motors_are_measured_within_their_intervals(bench: Bench, tmp_path: Path, true_file: Path) -> None:
     served = bench(pace=2)
-    said = run(command("tachometer", served, tmp_path, "--motors", "1", "--repeats", "1"))
+    said = run_here(command("tachometer", served, tmp_path, "--motors", "1", "--repeats", "1"))
     rows = {row.key: row for row in compare_with_vehicle(load_vehicle(true_file), load_calibration(tmp_path))}
     assert {key: row.normalised for key, row in rows.items() if key.startswith("effects")} == {
         f"effects.motor_speed_law.{name}": pytest.approx(0.5, abs=0.5)

@@ -23,7 +23,7 @@ def test_all_figures_become_svg(fits: list[SwingFit]) -> None:
     separation, length = measured([0.06], 1e-4, "m"), measured([0.6], 5e-4, "m")
     result = inertia_about_axis(fits, Rig(measured([0.034], 2e-5, "kg"), separation, separation, length))
     for figure in (swing_figure(fits[0]), trials_figure(fits), budget_figure(result)):
-        assert svg(figure).startswith("<svg")
+        assert svg(figure, "a figure").startswith("<svg")
 
 
 def test_the_budget_names_what_to_measure_better(fits: list[SwingFit]) -> None:

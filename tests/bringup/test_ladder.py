@@ -15,7 +15,8 @@ from perchhw.cli.main import run
 from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
 from perchhw.record import read_run
 
-PHRASE = "props guarded, drone clamped"
+PHRASE = "propellers off, drone hung or held"
+PHRASE_OF_A_BENCH = "props guarded, drone clamped"
 
 
 @pytest.fixture(autouse=True)
@@ -128,9 +129,9 @@ def test_a_drone_that_is_put_together_wrongly_fails_the_hover(
 @pytest.mark.timeout(240)
 def test_motors_turn_one_by_one_and_what_was_seen_is_judged(capsys: pytest.CaptureFixture[str]) -> None:
     with patient_ladder(capsys) as climb:
-        code, document = climb("motors", "--confirm", "go", "--saw", "1 ccw")
+        code, document = climb("motors", "--confirm", PHRASE_OF_A_BENCH, "--saw", "1 ccw")
         assert code == 3
-        assert "the motors stay locked" in document["error"]
+        assert f"the motors stay locked: type {PHRASE!r}" in document["error"]
         right = "1 ccw,2 cw,3 ccw,4 cw"
         code, document = climb("motors", "--confirm", PHRASE, "--saw", right)
         assert (code, missing(document), climb()[1]["passed"]) == (0, [], ["motors"])

@@ -8,12 +8,12 @@ import pytest
 from onboard.errors import SafetyStop
 from perchhw.bringup.climb import climb
 from perchhw.bringup.passes import STEPS, Passes, StepRefused
-from perchhw.doctor.finding import Finding, Verdict, judged
+from perchhw.doctor.finding import CheckVerdict, Finding, judged
 
 DAY = date(2026, 11, 23)
 FINE = judged("thing", True, "1", "1", "", "")
 BAD = judged("thing", False, "2", "1", "why", "remedy")
-UNKNOWN = Finding("thing", Verdict.UNKNOWN, "", "1", "why", "remedy")
+UNKNOWN = Finding("thing", CheckVerdict.UNKNOWN, "", "1", "why", "remedy")
 
 
 def passes(

@@ -8,7 +8,7 @@ import pytest
 from onboard.vehicle import load_vehicle
 from perchhw.bringup.motors import DIRECTIONS, PERIOD_S, STEP, TURNS, judge
 from perchhw.bringup.reaction import LEAST, Reaction, reaction
-from perchhw.doctor import Verdict
+from perchhw.doctor import CheckVerdict
 from sim_backend.fault_values import Window
 from sim_backend.hung import ROTOR_INERTIA, SPEED_PER_VOLT
 from sim_backend.lab_faults import DroneFaults
@@ -87,19 +87,19 @@ def test_a_recording_that_breaks_off_tells_nothing() -> None:
 @pytest.mark.parametrize(
     ("said", "told", "verdict"),
     [
-        ("1 ccw", None, Verdict.FINE),
-        ("1", "ccw", Verdict.FINE),
-        (" 1 CCW ", "ccw", Verdict.FINE),
-        ("1", None, Verdict.UNKNOWN),
-        ("1", "cw", Verdict.BAD),
-        ("1 ccw", "cw", Verdict.BAD),
-        ("1 cw", "ccw", Verdict.BAD),
-        ("3", "ccw", Verdict.BAD),
-        ("2 cw", None, Verdict.BAD),
-        ("left", "ccw", Verdict.BAD),
-        ("", "ccw", Verdict.BAD),
+        ("1 ccw", None, CheckVerdict.FINE),
+        ("1", "ccw", CheckVerdict.FINE),
+        (" 1 CCW ", "ccw", CheckVerdict.FINE),
+        ("1", None, CheckVerdict.UNKNOWN),
+        ("1", "cw", CheckVerdict.BAD),
+        ("1 ccw", "cw", CheckVerdict.BAD),
+        ("1 cw", "ccw", CheckVerdict.BAD),
+        ("3", "ccw", CheckVerdict.BAD),
+        ("2 cw", None, CheckVerdict.BAD),
+        ("left", "ccw", CheckVerdict.BAD),
+        ("", "ccw", CheckVerdict.BAD),
     ],
 )
-def test_gyro_and_operator_must_agree(said: str, told: str | None, verdict: Verdict) -> None:
+def test_gyro_and_operator_must_agree(said: str, told: str | None, verdict: CheckVerdict) -> None:
     step = {"ccw": -5.0, "cw": 5.0, None: 0.1}[told]
     assert judge(1, said, Reaction(step, 0.1)).verdict is verdict

@@ -1,12 +1,14 @@
 """Campaigns of test flights: what their files mean, and that nothing is flown twice."""
 
+import json
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
-from perchhw.campaign import CampaignFileError
-from perchhw.campaign.courses import flight_rows, fly_plan, has_flights, load_flight_plan
-from perchhw.campaign.store import CampaignError
+from perchhw.campaign import CampaignError, CampaignFileError, CampaignStore
+from perchhw.campaign.courses import FlightStore, fly_plan, has_flights, load_flight_plan
+from perchhw.cli.main import run
 from perchhw.flight.course import CourseRequest, CourseResult
 from perchhw.record import RunRecorder
 
@@ -110,11 +112,63 @@ def test_an_aborted_flight_stops_the_campaign_and_is_flown_again_on_resume(
     assert fly_plan(plan, folder, asked.append, fly=third, resume=True) == rows
     assert third.flown == []
 
+    changed = FILE.replace("radius = 0.5", "radius = 0.4")
+    file.write_text(changed)
+    with pytest.raises(CampaignError, match="changed since the start in flights"):
+        fly_plan(load_flight_plan(file), folder, asked.append, fly=third, resume=True)
 
-def test_a_flight_whose_process_died_is_not_done(file: Path, tmp_path: Path) -> None:
+
+@pytest.fixture
+def still(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody asks or reboots the drone."""
+    monkeypatch.setattr("perchhw.flight.turnaround.reboot", lambda _drone: None)
+    monkeypatch.setattr("perchhw.flight.turnaround.ask_supervisor", lambda _drone: None)
+
+
+@pytest.mark.usefixtures("still")
+def test_a_flight_whose_process_died_is_flown_again_and_one_that_had_ended_is_not(
+    file: Path, tmp_path: Path
+) -> None:
     plan, folder = load_flight_plan(file), tmp_path / "out"
-    RunRecorder(folder / "attempts" / "20260101T000000Z-000-circles", {"flight": "circles"})
-    (row, *others) = flight_rows(plan, folder)
-    assert not row.done
-    assert row.aborted_by == "its process ended"
-    assert all(other.record is None for other in others)
+    with closing(FlightStore.create(folder, plan)) as store:
+        for number in range(2):
+            row, record = store.rows()[number], folder / "attempts" / str(number)
+            store.start(row, record)
+            recorder = RunRecorder(record, {"flight": row.kind})
+            if number == 0:
+                recorder.close(outcome="flown")
+    rest = StandIn()
+    rows = fly_plan(plan, folder, lambda _request: None, fly=rest, resume=True)
+    assert rest.flown == ["circles", "thrust_steps"]
+    assert [(row.try_number, row.done) for row in rows] == [(1, True), (2, True), (1, True)]
+    with closing(FlightStore.open(folder)) as store:
+        assert [row.state for row in store.rows()] == ["done", "interrupted", "done", "done"]
+
+
+@pytest.mark.usefixtures("still")
+def test_an_interrupted_flight_is_kept_and_planned_again(file: Path, tmp_path: Path) -> None:
+    plan, folder = load_flight_plan(file), tmp_path / "out"
+
+    def interrupted(request: CourseRequest) -> CourseResult:
+        result = StandIn(fails=1)(request)
+        return CourseResult(result.aborted_by, result.record, True)
+
+    with pytest.raises(KeyboardInterrupt):
+        fly_plan(plan, folder, lambda _request: None, fly=interrupted)
+    with closing(FlightStore.open(folder)) as store:
+        assert [row.state for row in store.rows()] == ["interrupted", "planned", "planned", "planned"]
+
+
+@pytest.mark.usefixtures("still")
+def test_status_says_what_is_left_of_test_flights(
+    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plan, folder = load_flight_plan(file), tmp_path / "out"
+    fly_plan(plan, folder, lambda _request: None, fly=StandIn(fails=1))
+    assert run(["--json", "campaign", "status", str(folder)]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["planned"], told["done"]) == (3, 0)
+    assert [flight["kind"] for flight in told["flights"]] == ["circles", "circles", "thrust_steps"]
+    assert "battery" in told["flights"][0]["aborted_by"]
+    with pytest.raises(CampaignError, match="no campaign of landings"):
+        CampaignStore.open(folder)

@@ -98,6 +98,24 @@ def test_a_computer_that_was_too_busy_is_named(ended: Ended, info: dict[str, Any
     assert "busy" not in diagnose_run(run).sentence
 
 
+@pytest.mark.parametrize(
+    ("why", "busy"),
+    [
+        ("no packet from udp://127.0.0.1:19850 for 1.00 s although asked: frozen or away", True),
+        ("cannot receive from udp://127.0.0.1:19850: Connection refused", False),
+        ("cannot send to udp://127.0.0.1:19850: Connection refused", False),
+    ],
+)
+def test_a_link_at_whose_end_nobody_is_was_not_lost_to_a_busy_computer(
+    ended: Ended, why: str, busy: bool
+) -> None:
+    run = ended(f"link_lost: the link to udp://127.0.0.1:19850 is lost: {why}")
+    run.info.update({"drone_clock_rate": 1.0, "host": {"cpus": 2, "load": 17.0}})
+    found = diagnose_run(run)
+    assert found.cause is Cause.LINK_LOST
+    assert ("too busy" in found.sentence) is ("--pace lockstep" in found.next) is busy
+
+
 @pytest.mark.parametrize(("rate", "busy"), [(0.95, True), (1.0, False)])
 def test_a_lab_that_is_late_hides_the_drone_from_its_cameras(ended: Ended, rate: float, busy: bool) -> None:
     run = ended(STALE, verdicts=Verdict.OCCLUDED.name)

@@ -10,7 +10,7 @@ from onboard.app_interface import INTERFACE_VERSION, Parameter
 from onboard.firmware.constants import vehicle_crc32
 from onboard.supervisor_info import SupervisorBits, SupervisorInfo
 from onboard.vehicle import load_vehicle
-from perchhw.doctor import Finding, Verdict, examine
+from perchhw.doctor import CheckVerdict, Finding, examine
 from perchhw.doctor.drone_checks import REVISION, SETTINGS
 from perchhw.doctor.measure import host_readings
 from perchhw.doctor.readings import DroneReadings, HostReadings, MocapReadings, Readings, UsbDevice
@@ -106,7 +106,7 @@ def test_stock_firmware_is_named_with_what_works_without_the_app() -> None:
 @pytest.mark.parametrize("name", SETTINGS)
 def test_a_setting_that_the_firmware_does_not_have_is_not_good(name: str) -> None:
     others = {key: value for key, value in DRONE.parameters.items() if key != name}
-    assert missing(with_drone(parameters=others))[name].verdict is Verdict.UNKNOWN
+    assert missing(with_drone(parameters=others))[name].verdict is CheckVerdict.UNKNOWN
 
 
 def test_a_vehicle_without_margin_is_found() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from onboard.app_interface import MEMORY_TYPE_APP, Parameter
 from onboard.vehicle import load_vehicle
-from perchhw.doctor import Finding, Verdict, examine, take_readings
+from perchhw.doctor import CheckVerdict, Finding, examine, take_readings
 from sim_backend.crazyflie.firmware import Firmware
 from sim_backend.lab_faults import DroneFaults
 from tests.patience import patient_uri
@@ -59,7 +59,7 @@ def test_what_is_wrong_with_a_drone_is_found_alone(what: str, tamper: Tampering,
     flight = Flight()
     tamper(flight.firmware)
     found = examined(flight)
-    assert found[what].verdict is Verdict.BAD
+    assert found[what].verdict is CheckVerdict.BAD
     assert measured in found[what].measured
     assert found[what].remedy
     # Round trip and clock rate are those of a busy machine here.
@@ -70,14 +70,14 @@ def test_what_is_wrong_with_a_drone_is_found_alone(what: str, tamper: Tampering,
 @pytest.mark.slow
 def test_a_low_battery_is_found() -> None:
     battery = examined(Flight(faults=DroneFaults(battery_voltage=3.6)))["battery"]
-    assert battery.verdict is Verdict.BAD
+    assert battery.verdict is CheckVerdict.BAD
     assert battery.measured.startswith("3.6")
 
 
 @pytest.mark.slow
 def test_a_drone_that_is_built_for_another_vehicle_is_found() -> None:
     found = examined(Flight(flashed=load_vehicle("crazyflie21-stock", LEGS)))
-    assert found["vehicle"].verdict is Verdict.BAD
+    assert found["vehicle"].verdict is CheckVerdict.BAD
     assert "flash the firmware that was built for crazyflie21-upgraded" in found["vehicle"].remedy
 
 
@@ -86,7 +86,7 @@ def test_an_unknown_revision_is_named_and_nothing_is_missing_by_it() -> None:
     flight = Flight()
     flight.firmware.params["firmware.revision0"] = 0xABCD1234
     firmware = examined(flight)["firmware"]
-    assert firmware.verdict is Verdict.NOTE
+    assert firmware.verdict is CheckVerdict.NOTE
     assert "abcd1234" in firmware.measured
     assert not firmware.missing
 
@@ -101,4 +101,4 @@ def test_a_drone_that_does_not_answer_is_one_line() -> None:
         seconds=0.5,
     )
     links = [finding for finding in examine(readings) if finding.what == "link"]
-    assert [finding.verdict for finding in links] == [Verdict.BAD]
+    assert [finding.verdict for finding in links] == [CheckVerdict.BAD]

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+import perchhw
 from tests.conftest import REPOSITORY
 
 EXAMPLES = REPOSITORY / "examples"
@@ -42,6 +43,18 @@ def test_an_example_prints_what_it_promises(script: str, tmp_path: Path) -> None
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert re.search(said, done.stdout), done.stdout
+    if script == "one_landing.py":
+        assert_a_flight_of_a_notebook_is_that_of_the_command(tmp_path, done.stdout)
+
+
+def assert_a_flight_of_a_notebook_is_that_of_the_command(folder: Path, said: str) -> None:
+    """``perchhw.fly``, as the example calls it, leaves a record whose label is the outcome that it told."""
+    flights, unusable = perchhw.open_flights(folder / "runs")
+    assert not unusable
+    [flight] = flights
+    assert flight.trigger is not None
+    label = perchhw.label_flight(flight, perchhw.load_vehicle("crazyflie21-upgraded"))
+    assert f"outcome: {label.outcome}\n" in said
 
 
 def test_every_example_is_tested_and_listed() -> None:

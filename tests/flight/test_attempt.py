@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ import pytest
 from calibration.flights import open_flight
 from onboard.arrays import FloatArray
 from onboard.errors import InputError, PerchhwError
-from onboard.link import DroneLink
+from onboard.link import DroneLink, reboot
 from perchhw.attempt import STORED_VEHICLE, AttemptRequest, AttemptResult, Outcome
 from perchhw.cli.main import run
 from perchhw.diagnosis import Cause, diagnose_run
@@ -33,12 +34,38 @@ def open_lab(*arguments: str) -> SimulatedLab:
 
 
 @pytest.fixture(scope="module")
-def lab() -> Iterator[SimulatedLab]:
-    with open_lab() as lab:
-        yield lab
+def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator["Watched"]:
+    truth = tmp_path_factory.mktemp("lab") / "truth.csv"
+    with open_lab("--truth", str(truth)) as lab:
+        yield Watched(lab, truth)
 
 
-def request(lab: SimulatedLab, folder: Path, **changes: Any) -> AttemptRequest:
+class Watched:
+    """A lab in which one test after another flies, and the truth of each of them."""
+
+    def __init__(self, lab: SimulatedLab, truth: Path) -> None:
+        self.drones, self.mocap, self._truth = lab.drones, lab.mocap, truth
+        self._seen = 0
+
+    @contextmanager
+    def flown(self) -> Iterator[None]:
+        """What is flown within it; then the drone is put back on its mark, wherever it is."""
+        self._seen = len(self._truth.read_text().splitlines())
+        try:
+            yield
+        finally:
+            reboot(self.drones[0], even_flying=True)
+
+    def truth(self, *names: str) -> list[FloatArray]:
+        """Columns of what was flown."""
+        header, *lines = self._truth.read_text().splitlines()
+        rows = [line.split(",") for line in lines[self._seen :]]
+        columns = header.split(",")
+        whole = [row for row in rows if len(row) == len(columns)]
+        return [np.array([row[columns.index(name)] for row in whole], dtype=float) for name in names]
+
+
+def request(lab: SimulatedLab | Watched, folder: Path, **changes: Any) -> AttemptRequest:
     values: dict[str, Any] = {
         "speed": 2.5,
         "angle_deg": 52.5,
@@ -59,7 +86,7 @@ def told(result: AttemptResult) -> str:
     return str(result.diagnosis["code"])
 
 
-def refused(lab: SimulatedLab, folder: Path, **changes: Any) -> AttemptResult:
+def refused(lab: SimulatedLab | Watched, folder: Path, **changes: Any) -> AttemptResult:
     """An attempt that must not arm: the record must show that it never did."""
     phases: list[Phase] = []
     result = fly_attempt(request(lab, folder, **changes), on_phase=lambda state: phases.append(state.phase))
@@ -98,7 +125,8 @@ def test_an_attempt_lands_and_its_record_tells_the_whole_story(tmp_path: Path) -
     assert float(np.nanmax(flight.data["z"])) > 1.9
 
 
-def test_a_drone_that_was_put_back_flies_again(lab: SimulatedLab, tmp_path: Path) -> None:
+@pytest.mark.soak  # tests/docs/test_flight_day.py flies again in the same way
+def test_a_drone_that_was_put_back_flies_again(lab: Watched, tmp_path: Path) -> None:
     results = []
     for number in range(2):
         results.append(fly_attempt(request(lab, tmp_path / f"run-{number}", speed=2.25, angle_deg=52.5)))
@@ -106,7 +134,7 @@ def test_a_drone_that_was_put_back_flies_again(lab: SimulatedLab, tmp_path: Path
     assert all(result.triggered for result in results)
 
 
-def test_a_dry_run_uploads_the_policy_and_never_arms(lab: SimulatedLab, tmp_path: Path) -> None:
+def test_a_dry_run_uploads_the_policy_and_never_arms(lab: Watched, tmp_path: Path) -> None:
     phases: list[Phase] = []
     result = fly_attempt(
         request(lab, tmp_path / "run"), dry_run=True, on_phase=lambda state: phases.append(state.phase)
@@ -116,18 +144,18 @@ def test_a_dry_run_uploads_the_policy_and_never_arms(lab: SimulatedLab, tmp_path
     assert phases == [Phase.CHECKING, Phase.UPLOADING, Phase.DONE]
 
 
-def test_a_wrong_subject_name_does_not_arm(lab: SimulatedLab, tmp_path: Path) -> None:
+def test_a_wrong_subject_name_does_not_arm(lab: Watched, tmp_path: Path) -> None:
     wrong = lab.mocap[0].replace("subject=", "subject=not-")
     result = refused(lab, tmp_path / "run", mocap=wrong)
     assert "pose" in str(result.aborted_by)
 
 
-def test_no_mocap_does_not_arm(lab: SimulatedLab, tmp_path: Path) -> None:
+def test_no_mocap_does_not_arm(lab: Watched, tmp_path: Path) -> None:
     result = refused(lab, tmp_path / "run", mocap="vicon://127.0.0.1:9?subject=cf1")
     assert "pose" in str(result.aborted_by)
 
 
-def test_no_drone_is_an_error_and_the_record_says_why(lab: SimulatedLab, tmp_path: Path) -> None:
+def test_no_drone_is_an_error_and_the_record_says_why(lab: Watched, tmp_path: Path) -> None:
     with pytest.raises(PerchhwError, match=r"127\.0\.0\.1:9"):
         fly_attempt(request(lab, tmp_path / "run", drone="udp://127.0.0.1:9"))
     assert "127.0.0.1:9" in read_run(tmp_path / "run").info["aborted_by"]
@@ -137,18 +165,11 @@ def test_no_drone_is_an_error_and_the_record_says_why(lab: SimulatedLab, tmp_pat
     "changes", [{"drone": "foo://1"}, {"mocap": "vicon://"}, {"policy": "no-such-policy"}]
 )
 def test_input_that_cannot_be_used_leaves_no_record(
-    changes: dict[str, str], lab: SimulatedLab, tmp_path: Path
+    changes: dict[str, str], lab: Watched, tmp_path: Path
 ) -> None:
     with pytest.raises(InputError):
         fly_attempt(request(lab, tmp_path / "run", **changes))
     assert not (tmp_path / "run").exists()
-
-
-def test_a_flat_battery_does_not_arm(tmp_path: Path) -> None:
-    with open_lab("--fault", "battery_voltage=3.6") as lab:
-        result = refused(lab, tmp_path / "run")
-    assert "battery_at_rest" in str(result.aborted_by)
-    assert told(result) == "battery_low"
 
 
 def test_frozen_poses_do_not_arm(tmp_path: Path) -> None:
@@ -158,7 +179,7 @@ def test_frozen_poses_do_not_arm(tmp_path: Path) -> None:
     assert told(result) == "mocap_frozen"
 
 
-def fly_in_child(lab: SimulatedLab, folder: Path) -> "subprocess.Popen[str]":
+def fly_in_child(lab: SimulatedLab | Watched, folder: Path) -> "subprocess.Popen[str]":
     """`perchhw fly` as a process of its own."""
     arguments = ["--drone", lab.drones[0], "--mocap", lab.mocap[0], "--speed", "2.5", "--angle", "60"]
     return subprocess.Popen(
@@ -206,8 +227,35 @@ def test_a_drone_or_room_that_dies_on_the_approach_ends_the_attempt(victim: str,
     assert abs(float(run.series[topic].t[-1]) - killed_at) < 0.2
 
 
-def test_a_flight_killed_on_the_approach_loses_nothing_but_its_last_instant(tmp_path: Path) -> None:
+@pytest.mark.soak
+@pytest.mark.timeout(400)
+@pytest.mark.parametrize(
+    ("how", "why"), [(signal.SIGKILL, "link_lost"), (signal.SIGSTOP, "it hangs, or is stopped")]
+)
+def test_who_flies_in_a_lab_that_dies_or_hangs_is_told_and_keeps_the_record(
+    how: signal.Signals, why: str, tmp_path: Path
+) -> None:
     with open_lab() as lab:
+        process = fly_in_child(lab, tmp_path)
+        wait_for_phase(process, "moving to start")
+        os.kill(lab.pid, how)
+        output, errors = process.communicate(timeout=300)
+        os.kill(lab.pid, signal.SIGCONT)
+    assert process.returncode == 3, errors
+    assert why in errors
+    assert "MOTORS CUT BEFORE IT WAS DOWN" in errors
+    assert "STOP NOT CONFIRMED" in errors
+    assert "Traceback" not in errors
+    assert json.loads(output)["diagnosis"]["code"] == "link_lost"
+    run = read_run(only_run(tmp_path))
+    assert run.info["closed"] is True
+    assert run.info["fell"] is not None
+
+
+def test_a_flight_killed_on_the_approach_loses_nothing_but_its_last_instant(
+    lab: Watched, tmp_path: Path
+) -> None:
+    with lab.flown():
         process = fly_in_child(lab, tmp_path)
         wait_for_phase(process, "approaching")
         process.kill()
@@ -218,15 +266,9 @@ def test_a_flight_killed_on_the_approach_loses_nothing_but_its_last_instant(tmp_
     assert approaching - float(run.series["pose"].t[-1]) < 0.05
 
 
-def truth_columns(path: Path, *names: str) -> list[FloatArray]:
-    """Columns of the lab's truth file."""
-    rows = [line.split(",") for line in path.read_text().splitlines()]
-    table = {name: [row[i] for row in rows[1:] if len(row) == len(rows[0])] for i, name in enumerate(rows[0])}
-    return [np.array(table[name], dtype=float) for name in names]
-
-
-def assert_landed_softly(truth: Path) -> None:
-    z, vz, feet = truth_columns(truth, "z", "vz", "legs_attached")
+def assert_landed_softly(lab: Watched) -> None:
+    z, vz, feet = lab.truth("z", "vz", "legs_attached")
+    assert z.max() > 0.4, "it did not fly"
     assert z[-1] < 0.15, "the drone is not on the floor"
     assert feet.max() == 0
     falling = vz[z < z.max() - 0.1]
@@ -234,41 +276,43 @@ def assert_landed_softly(truth: Path) -> None:
 
 
 @pytest.mark.parametrize("phase", [pytest.param("moving to start", marks=pytest.mark.soak), "approaching"])
-def test_ctrl_c_in_the_air_lands_stops_the_motors_and_exits_130(phase: str, tmp_path: Path) -> None:
-    truth = tmp_path / "truth.csv"
-    with open_lab("--truth", str(truth)) as lab:
+def test_ctrl_c_in_the_air_lands_stops_the_motors_and_exits_130(
+    phase: str, lab: Watched, tmp_path: Path
+) -> None:
+    with lab.flown():
         process = fly_in_child(lab, tmp_path / "runs")
         wait_for_phase(process, phase)
         process.send_signal(signal.SIGINT)
         output, errors = process.communicate(timeout=200)
+        assert_landed_softly(lab)
     assert process.returncode == 130, errors
     assert json.loads(output)["aborted_by"] == "operator"
     run = read_run(only_run(tmp_path / "runs"))
     assert run.info["closed"] is True
     assert run.info["aborted_by"] == "operator"
-    assert_landed_softly(truth)
 
 
 @pytest.mark.soak  # the road of Ctrl-C, which flies below
-def test_a_display_that_closes_in_the_air_lands_the_drone(tmp_path: Path) -> None:
+def test_a_display_that_closes_in_the_air_lands_the_drone(lab: Watched, tmp_path: Path) -> None:
     """``perchhw fly ... 2>&1 | head``."""
-    truth = tmp_path / "truth.csv"
-    with open_lab("--truth", str(truth)) as lab, fly_in_child(lab, tmp_path / "runs") as process:
+    with lab.flown(), fly_in_child(lab, tmp_path / "runs") as process:
         wait_for_phase(process, "moving to start")
         assert process.stderr is not None
         process.stderr.close()
         process.wait(timeout=200)
+        assert_landed_softly(lab)
     run = read_run(only_run(tmp_path / "runs"))
     assert run.info["closed"] is True
     assert run.info["outcome"] == Outcome.ABORTED
     assert "internal_error" in run.info["aborted_by"]
-    assert_landed_softly(truth)
 
 
 @pytest.mark.parametrize("phase", ["taking off", pytest.param("approaching", marks=pytest.mark.soak)])
-def test_ctrl_c_twice_stops_the_motors_and_knows_that_they_are_locked(phase: str, tmp_path: Path) -> None:
+def test_ctrl_c_twice_stops_the_motors_and_knows_that_they_are_locked(
+    phase: str, lab: Watched, tmp_path: Path
+) -> None:
     """Also in a lab that keeps its own time, which the stop does not go by."""
-    with open_lab() as lab:
+    with lab.flown():
         process = fly_in_child(lab, tmp_path / "runs")
         wait_for_phase(process, phase)
         process.send_signal(signal.SIGINT)
@@ -282,17 +326,16 @@ def test_ctrl_c_twice_stops_the_motors_and_knows_that_they_are_locked(phase: str
     assert "StopConfirmed" in events
 
 
-def test_a_trigger_that_does_not_come_ends_on_the_floor(tmp_path: Path) -> None:
-    truth = tmp_path / "truth.csv"
-    with open_lab("--truth", str(truth)) as lab:
+def test_a_trigger_that_does_not_come_ends_on_the_floor(lab: Watched, tmp_path: Path) -> None:
+    with lab.flown():
         result = fly_attempt(request(lab, tmp_path / "run", speed=1.5, angle_deg=88.0))
+        assert_landed_softly(lab)
     assert (result.outcome, result.aborted_by, result.triggered) == (Outcome.NO_TRIGGER, None, False)
     assert told(result) == "region_missed"
-    assert_landed_softly(truth)
 
 
 def test_fly_reports_one_json_document(
-    lab: SimulatedLab, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    lab: Watched, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     arguments = ["--drone", lab.drones[0], "--mocap", lab.mocap[0], "--speed", "2.5", "--angle", "60"]
     code = run(["fly", *arguments, "--dry-run", "--json", "--out", str(tmp_path)])

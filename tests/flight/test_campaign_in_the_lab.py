@@ -38,6 +38,18 @@ warm_up_s = 5
 """
 
 
+FLIGHTS = """
+schema = "perchhw.campaign/1"
+drone = "{drone}"
+mocap = "{mocap}"
+
+[[flight]]
+kind = "long_discharge"
+times = 2
+seconds = 5
+"""
+
+
 def campaign(*arguments: str) -> "subprocess.Popen[str]":
     return subprocess.Popen(
         [sys.executable, "-m", "perchhw", "--json", "campaign", *arguments],
@@ -53,14 +65,18 @@ def wait_for_flight(folder: Path, process: "subprocess.Popen[str]") -> None:
     for line in process.stderr:
         if line.startswith("1 of 2"):
             break
-    while not in_the_air(folder):
+    wait_in_the_air(folder, process)
+
+
+def wait_in_the_air(folder: Path, process: "subprocess.Popen[str]", name: str = "try1") -> None:
+    while not in_the_air(folder, name):
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(0.05)
             pytest.fail("the campaign ended before its second attempt took off")
 
 
-def in_the_air(folder: Path) -> bool:
-    records = sorted((folder / "attempts").glob("*-001-try1-*/events.jsonl"))
+def in_the_air(folder: Path, name: str) -> bool:
+    records = sorted((folder / "attempts").glob(f"*-001-{name}*/events.jsonl"))
     return bool(records) and "taking off" in records[0].read_text()
 
 
@@ -114,6 +130,28 @@ def test_a_campaign_killed_in_flight_resumes_without_losing_or_repeating(tmp_pat
     config = json.loads((Path(done[1]["record"]) / "run.json").read_text())["config"]
     assert (config["operator"], config["note"]) == ("Ada", "new pads")
     assert (folder / "report.html").is_file()
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(240)
+def test_test_flights_killed_in_the_air_resume_and_are_told_by_status(tmp_path: Path) -> None:
+    file, folder = tmp_path / "flights.toml", tmp_path / "campaign"
+    with SimulatedLab("lab", (*FREE_PORTS, *LOCKSTEP, "--seed", "5")) as lab:
+        file.write_text(FLIGHTS.format(drone=lab.drones[0], mocap=lab.mocap[0]))
+        first = campaign("run", str(file), "--yes", "--out", str(folder))
+        wait_in_the_air(folder, first, "long-discharge")
+        first.kill()
+        first.communicate()
+        halfway, _ = campaign("status", str(folder)).communicate()
+        second = campaign("run", str(file), "--yes", "--resume", "--out", str(folder))
+        output, errors = second.communicate()
+    assert second.returncode == 0, errors
+    assert [flight["done"] for flight in json.loads(halfway)["flights"]] == [True, False]
+    document = json.loads(output)
+    assert [flight["done"] for flight in document["flights"]] == [True, True], document
+    told, _ = campaign("report", str(folder)).communicate()
+    assert json.loads(told) == document
+    assert len(list(folder.glob("attempts/*/report.html"))) == 3, "the one that was killed has a page, too"
 
 
 @pytest.mark.soak

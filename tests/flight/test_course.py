@@ -19,7 +19,7 @@ from perchhw.record import read_run
 from perchhw.supervisor import Phase
 from sim_backend.physics.parameters import physics_parameters
 
-KIND, PARAMETERS = "circles", {"repeats": 1.0}
+KIND, PARAMETERS = "yaw_steps_with_doublets", {"repeats": 1.0}
 
 
 def request(folder: Path, drone: str, mocap: str, kind: str = KIND) -> CourseRequest:
@@ -44,7 +44,7 @@ def test_a_test_flight_follows_its_course_and_can_be_analysed(tmp_path: Path) ->
     assert result.aborted_by is None
     assert result.diagnosis is not None
     assert result.diagnosis["code"] == "flown"
-    assert result.diagnosis["sentence"].startswith("circles flown to its end; at most ")
+    assert result.diagnosis["sentence"].startswith(f"{KIND} flown to its end; at most ")
     assert 0.0 < result.diagnosis["values"]["from_course_m"] < 0.2
     assert 3.0 < result.diagnosis["values"]["lowest_v"] < 4.2
     assert phases[-4:] == [Phase.TEST_FLIGHT, Phase.LANDING, Phase.DISARMING, Phase.DONE]

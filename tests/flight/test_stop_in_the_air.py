@@ -1,7 +1,6 @@
 """A sample of the stop proof, and that its drone is locked by nothing but stop packets."""
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,15 +20,16 @@ def lab() -> Iterator[SimulatedLab]:
         yield lab
 
 
-@pytest.fixture
-def air(lab: SimulatedLab, tmp_path: Path) -> Iterator[Airborne]:
-    """A host for its drone."""
-    with Airborne(lab.drones[0], lab.mocap[0], tmp_path, np.random.default_rng(SEED)) as air:
+@pytest.fixture(scope="module")
+def air(lab: SimulatedLab, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Airborne]:
+    """A host for its drone, which flies again and again as in the proof."""
+    folder = tmp_path_factory.mktemp("air")
+    with Airborne(lab.drones[0], lab.mocap[0], folder, np.random.default_rng(SEED)) as air:
         yield air
 
 
 @pytest.mark.timeout(300)
-@pytest.mark.parametrize("number", range(4))
+@pytest.mark.parametrize("number", range(len(WAYS)))
 def test_a_stop_packet_of_the_host_locks_the_drone(air: Airborne, lab: SimulatedLab, number: int) -> None:
     stop = stop_when_it_flies(air, lab.drones[0], number, SEED)
     assert stop.way == WAYS[number % len(WAYS)]

@@ -13,6 +13,7 @@ from calibration.flights import Flight, open_flight, open_flights
 from calibration.gap.landings import LandingFindings, LandingVerdict, judge_landings
 from calibration.gap.landings.choose import at_bound
 from calibration.gap.landings.flip import flip_residual
+from calibration.gap.landings.judge import improvement
 from calibration.gap.landings.kernels import COLUMNS, POSITION, fly
 from calibration.gap.landings.problem import Solver, pose_problems
 from calibration.gap.landings.search import HIGHEST, NOMINAL, Theta, apply
@@ -63,6 +64,13 @@ def healthy(tmp_path_factory: pytest.TempPathFactory) -> Campaign:
 @pytest.fixture(scope="module")
 def soft(tmp_path_factory: pytest.TempPathFactory) -> Campaign:
     return _campaign(tmp_path_factory.mktemp("soft"), "stiffness-0.5", seed=12)
+
+
+@pytest.fixture(scope="module")
+def one_soft(tmp_path_factory: pytest.TempPathFactory) -> Flight:
+    """A landing with the hinges of `soft`."""
+    (flight,) = _campaign(tmp_path_factory.mktemp("one"), "stiffness-0.5", seed=12, count=1).flights
+    return flight
 
 
 @pytest.fixture(scope="module")
@@ -149,11 +157,18 @@ def test_soft_hinge_is_named_and_measured(soft_findings: LandingFindings) -> Non
     assert value == pytest.approx(0.5, rel=0.1)
     assert low < 0.5 < high
     assert finding.error_after < 0.3 * finding.error_before
-    assert finding.improvement_ci95[0] > 0.3
+    low, high = finding.improvement_ci95
+    assert 0.3 * finding.error_before < low < finding.error_before - finding.error_after < high
     assert not finding.at_bound
     assert len(soft_findings.usable) == COUNT
     assert soft_findings.misfit is not None
     assert soft_findings.misfit > 2.0
+
+
+def test_an_improvement_is_a_difference_in_the_unit_of_the_errors() -> None:
+    before, after = np.array([4.0, 5.0, 6.0, 4.5, 5.5, 5.2]), np.array([1.0, 1.2, 0.9, 1.1, 1.3, 1.0])
+    low, high = improvement(before, after, np.random.default_rng(0))
+    assert 2.5 < low < np.median(before) - np.median(after) < high < 5.5
 
 
 def test_a_fit_at_the_end_of_its_range_is_no_value() -> None:
@@ -180,8 +195,8 @@ def test_damped_hinge_is_not_called_stiff(tmp_path: Path, vehicle: Vehicle) -> N
     assert low < 10.0 < high
 
 
-def test_one_landing_or_its_copies_name_nothing(soft: Campaign, vehicle: Vehicle) -> None:
-    copies = [soft.flights[0]] * 8
+def test_one_landing_or_its_copies_name_nothing(one_soft: Flight, vehicle: Vehicle) -> None:
+    copies = [one_soft] * 8
     found = judge_landings(copies, vehicle, np.random.default_rng(0))
     assert found.verdict is LandingVerdict.CANNOT_TELL
     assert not found.findings
@@ -190,13 +205,13 @@ def test_one_landing_or_its_copies_name_nothing(soft: Campaign, vehicle: Vehicle
     assert sum("the same landing" in flight["reason"] for flight in refused) == 7
 
 
-def test_flights_without_a_landing_are_named(soft: Campaign, vehicle: Vehicle) -> None:
-    before = soft.flights[0].t < 0.5
+def test_flights_without_a_landing_are_named(one_soft: Flight, vehicle: Vehicle) -> None:
+    before = one_soft.t < 0.5
     flight = dataclasses.replace(
-        soft.flights[0],
-        t=soft.flights[0].t[before],
-        data={name: values[before] for name, values in soft.flights[0].data.items()},
-        valid={name: rows[before] for name, rows in soft.flights[0].valid.items()},
+        one_soft,
+        t=one_soft.t[before],
+        data={name: values[before] for name, values in one_soft.data.items()},
+        valid={name: rows[before] for name, rows in one_soft.valid.items()},
         trigger=None,
     )
     found = judge_landings([flight], vehicle, np.random.default_rng(0))

@@ -18,6 +18,7 @@ from calibration.gap.landings.outcomes import (
 from calibration.gap.landings.outcomes.labels import LabelsFileError, landing_class
 from calibration.gap.landings.outcomes.pad_laws import LIMITS, mixture
 from calibration.gap.landings.outcomes.scores import (
+    REPLICATES,
     auc_of,
     brier,
     count_interval,
@@ -33,6 +34,7 @@ from calibration.gap.landings.outcomes.vehicles import (
     with_point,
 )
 from calibration.gap.report.landings_page import landings_page
+from calibration.measurement import interval_of
 from onboard.outcome import Outcome
 from onboard.room import RoomGeometry
 from onboard.vehicle import load_vehicle
@@ -101,10 +103,13 @@ def test_the_seed_decides_and_flights_do_not_depend_on_each_other(labels: dict[P
     np.testing.assert_allclose(first.probability.sum(axis=1), 1.0)
 
 
-def test_the_page_opens_with_the_picture(prepared: Prepared, labels: dict[Path, Outcome]) -> None:
+def test_the_page_opens_with_the_picture(labels: dict[Path, Outcome]) -> None:
+    """Of a few flights: each has a panel of its own, drawn twice."""
     vehicle = load_vehicle(STORED)
-    found = forecast(prepared, vehicle)
-    report = landing_report(prepared, found, real_of(prepared, labels), STORED, seed=0)
+    flights, _ = open_flights(sorted(labels)[::4])
+    few = prepare(flights, vehicle, np.random.default_rng(0), 20)
+    report = landing_report(few, forecast(few, vehicle), real_of(few, labels), STORED, seed=0)
+    assert report.prepared.roll is not None
     text = landings_page(report, physics_parameters(vehicle, RoomGeometry()))
     assert text.index("<svg") < text.index("<table")
     assert "src=" not in text
@@ -150,6 +155,16 @@ def test_auc_orders_and_ties() -> None:
     value = np.array([0.1, 0.4, 0.4, 0.9])
     assert auc_of(value, np.array([False, False, True, True])) == pytest.approx(0.875)
     assert auc_of(value, np.array([True, True, True, True])) is None
+
+
+def test_the_interval_of_an_auc_is_that_of_flights_drawn_again() -> None:
+    rng = np.random.default_rng(2)
+    shares, real = rng.integers(0, 6, 20) / 5.0, rng.integers(0, 3, 20)
+    probability = np.column_stack([shares, 1.0 - shares, np.zeros(20)])
+    drawn = np.random.default_rng(7).integers(0, 20, (REPLICATES, 20))
+    found = [auc_of(shares[rows], real[rows] == 0) for rows in drawn]
+    expected = interval_of(np.array([auc for auc in found if auc is not None]))
+    assert score(probability, real, 100, np.random.default_rng(7)).auc_interval == pytest.approx(expected)
 
 
 @given(st.lists(st.floats(0.0, 1.0), min_size=1, max_size=12))

@@ -113,9 +113,8 @@ def test_delay_is_found_and_taken_out() -> None:
     low, high = effect.parameters["delay"].ci95
     assert low < 0.012 < high
     assert effect.error_after < 0.8 * effect.error_before
-    assert (
-        effect.improvement_ci95[0] < 1 - effect.error_after / effect.error_before < effect.improvement_ci95[1]
-    )
+    low, high = effect.improvement_ci95
+    assert 0.0 < low < effect.error_before - effect.error_after < high < effect.error_before
     again = judge_sensing(apply_sensing(records, findings))
     assert names(again) == []
     assert abs(again.pooled["pose_delay"][0].mean) < 3e-4
@@ -171,9 +170,12 @@ def test_all_at_once() -> None:
     assert found["gyro_bias"] == pytest.approx(bias, abs=1e-3)
 
 
-def test_nothing_is_claimed_of_good_sensors() -> None:
-    for seed in range(6):
-        findings = judge_sensing(campaign(100 + seed, flights=5))
+@pytest.mark.parametrize(
+    "seeds", [range(100, 103), pytest.param(range(103, 120), marks=pytest.mark.soak)], ids=["few", "more"]
+)
+def test_nothing_is_claimed_of_good_sensors(seeds: range) -> None:
+    for seed in seeds:
+        findings = judge_sensing(campaign(seed, flights=5))
         assert names(findings) == [], seed
         assert findings.broken == ()
 

@@ -64,7 +64,7 @@ def test_noise_is_hardly_ever_called_structure() -> None:
     assert sum(alarms) <= 1
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.soak) for seed in (2, 3))])
 def test_a_push_in_a_slab_of_the_room_is_found_and_measured(seed: int) -> None:
     flights = disturbed_flights(seed)
     x = flights.along("position")[:, 0]

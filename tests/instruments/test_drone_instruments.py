@@ -1,7 +1,5 @@
 """Gyroscope and motors through the link to a simulated drone; the motors are off after every way out."""
 
-import os
-import signal
 import threading
 from collections.abc import Iterator
 
@@ -16,10 +14,12 @@ from calibration.bench.instruments.errors import (
     MotorsRefused,
 )
 from calibration.bench.instruments.gyro_recorder import GyroRecorder, join
-from calibration.bench.instruments.motor_stand import RENEW_WITHIN_S, UNLOCK_PHRASE, MotorStand, pwm
+from calibration.bench.instruments.motor_stand import RENEW_WITHIN_S, UNLOCK_PHRASE, MotorStand
+from calibration.bench.instruments.set_points import pwm
 from onboard.clock import monotonic
 from onboard.link import DroneLink, LinkLost
 from onboard.link import reboot as reboot_within
+from tests.instruments.stand import STILL, Power, Witness, motors, renew_for_ever, unlocked
 from tests.link.faulty_network import Faults, FaultyNetwork
 from tests.patience import PATIENCE_S, patient_link, until
 
@@ -42,81 +42,10 @@ def drone(drone_uri: str) -> Iterator[DroneLink]:
         yield link
 
 
-class Witness:
-    """A second look at the motors, by a log block of its own: what the drone drives."""
-
-    def __init__(self, link: DroneLink) -> None:
-        self._changed = threading.Condition()
-        self.ratios = (0, 0, 0, 0)
-        self.seen: set[tuple[int, ...]] = set()
-        self._stream = link.stream([f"motor.m{i}" for i in (1, 2, 3, 4)], 10, self._take)
-
-    def _take(self, sample: object) -> None:
-        with self._changed:
-            self.ratios = tuple(int(value) for value in sample.values.values())  # type: ignore[attr-defined]
-            self.seen.add(self.ratios)
-            self._changed.notify_all()
-
-    def await_ratios(self, ratios: tuple[int, int, int, int]) -> None:
-        """Wait for these ratios."""
-        with self._changed:
-            assert self._changed.wait_for(lambda: self.ratios == ratios, PATIENCE_S), self.ratios
-
-    def close(self) -> None:
-        self._stream.close()
-
-
-STILL = (0, 0, 0, 0)
-
-
-class Power:
-    """A remote cut that notes what it is told; `gone` makes it one that nobody holds any more."""
-
-    def __init__(self) -> None:
-        self.cuts: list[float] = []
-        self.beats: list[float] = []
-        self.resting = False
-        self.gone = threading.Event()
-
-    def cut(self) -> None:
-        self.cuts.append(monotonic())
-
-    def beat(self, within_s: float) -> None:
-        if self.gone.is_set():
-            raise InstrumentLost("the keeper is gone")
-        self.beats.append(monotonic())
-
-    def rest(self) -> None:
-        self.resting = True
-
-
-def unlocked(drone: DroneLink, **settings: object) -> MotorStand:
-    stand = MotorStand(drone, **{"no_remote_cut": "remote_cut" not in settings, **settings})  # type: ignore[arg-type]
-    stand.unlock(UNLOCK_PHRASE)
-    return stand
-
-
-def motors(stand: MotorStand, ratios: tuple[int, ...], witness: Witness | None = None) -> None:
-    """Renew until the stand's own log shows these ratios, and the witness has seen them."""
-    deadline, shown = monotonic() + PATIENCE_S, False
-    while monotonic() < deadline:
-        batch = stand.take(0.05)
-        if batch.times.size:
-            shown = tuple(batch.values[f"motor.m{i}"][-1] for i in (1, 2, 3, 4)) == ratios
-        if shown and (witness is None or ratios in witness.seen):
-            return
-    raise AssertionError(f"the motors do not show {ratios}")
-
-
 def missing(times: np.ndarray) -> int:
     """Samples of a 10 ms block that did not come, from whole milliseconds."""
     steps = np.diff(np.round(1e3 * times).astype(int))
     return sum(max(0, round(int(step) / 10) - 1) for step in steps)
-
-
-def renew_for_ever(stand: MotorStand) -> None:
-    while True:
-        stand.renew()
 
 
 def test_gyro_and_accelerometer_come_in_si_units_on_the_drones_clock(drone: DroneLink) -> None:
@@ -186,6 +115,17 @@ def test_motors_never_turn_without_the_whole_phrase(drone: DroneLink, phrase: st
             with pytest.raises(MotorsRefused, match="locked"):
                 turn()
         assert drone.param("motorPowerSet.enable") == 0
+
+
+def test_a_stand_elsewhere_asks_for_what_is_so_there(drone: DroneLink) -> None:
+    hung = "propellers off, drone hung"
+    with MotorStand(drone, no_remote_cut=True, unlock_phrase=hung) as stand:
+        with pytest.raises(MotorsRefused, match=f"type '{hung}'"):
+            stand.unlock(UNLOCK_PHRASE)
+        with pytest.raises(MotorsRefused, match=f"unlock them with '{hung}'"):
+            stand.spin({1: pwm(40)})
+        stand.unlock(hung)
+        stand.spin({1: pwm(40)})
 
 
 def test_motors_never_turn_when_nobody_could_cut_them_off(drone: DroneLink) -> None:
@@ -263,48 +203,6 @@ def test_motors_are_off_after_any_exception(drone: DroneLink, error: type[BaseEx
         witness.await_ratios(STILL)
     finally:
         witness.close()
-
-
-def test_ctrl_c_again_and_again_leaves_no_motor_turning(drone: DroneLink) -> None:
-    """Nothing else would stop them: on a battery, by the stock firmware."""
-    hangs, seen, goes_on = threading.Event(), threading.Event(), threading.Event()
-    heard: list[int] = []
-
-    def check() -> None:
-        if hangs.is_set():
-            seen.set()
-            goes_on.wait()
-
-    def interrupted(number: int, _frame: object) -> None:
-        heard.append(number)
-        raise KeyboardInterrupt
-
-    def press(stand: MotorStand) -> None:
-        try:
-            for count in (1, 2):  # the second while the stand closes
-                os.kill(os.getpid(), signal.SIGINT)
-                until(lambda count=count: len(heard) == count and stand._closing.is_set())
-        finally:
-            goes_on.set()
-
-    before = signal.signal(signal.SIGINT, interrupted)
-    witness = Witness(drone)
-    try:
-        with pytest.raises(KeyboardInterrupt), unlocked(drone, instruments=[check]) as stand:  # noqa: PT012
-            stand.spin({1: pwm(60)})
-            motors(stand, (pwm(60), 0, 0, 0), witness)
-            hangs.set()
-            until(seen.is_set)
-            presser = threading.Thread(target=press, args=(stand,))
-            presser.start()
-            until(lambda: False)
-        presser.join()
-        witness.await_ratios(STILL)
-        assert stand.stopped is not None
-        assert stand.stopped.confirmed
-    finally:
-        witness.close()
-        signal.signal(signal.SIGINT, before)
 
 
 def test_motors_stop_when_nobody_renews(drone_uri: str) -> None:

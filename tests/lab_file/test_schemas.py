@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calibration.bench.procedures.calibration import load_calibration
+from calibration.bench.procedures.run_book import STATE_FILE, RunBook
 from calibration.flights.run_folder import read_info
 from calibration.gap.suggest.open_questions import read_questions
 from onboard.errors import InputError
@@ -17,8 +18,11 @@ from onboard.policy.files import load_policy
 from onboard.schema import schema_problem
 from onboard.vehicle import load_vehicle
 from perchhw.campaign import load_plan
+from perchhw.hover_check.history import History
+from perchhw.learning.launch_file import read_landings
 from perchhw.learning.leg_results import STUDY_FILE, read_leg_study
 from perchhw.learning.sweep_folder import read_settings
+from tests.wizards.quiet_operator import QuietOperator
 
 READERS: dict[str, tuple[str, Callable[[Path], object]]] = {
     "run": ("run.json", lambda path: read_info(path.parent)),
@@ -30,6 +34,9 @@ READERS: dict[str, tuple[str, Callable[[Path], object]]] = {
     "sweep": ("sweep.json", read_settings),
     "calibration": ("result.json", load_calibration),
     "leg_study": (STUDY_FILE, lambda path: read_leg_study(path.parent)),
+    "gap_landings": ("landings.json", read_landings),
+    "hover_check": ("a.json", lambda path: History(path.parent, 0).before()),
+    "calibration-run": (STATE_FILE, lambda path: RunBook(path.parent, "bifilar", {}, QuietOperator())),
 }
 
 

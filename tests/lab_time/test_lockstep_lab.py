@@ -9,8 +9,10 @@ from typing import Any
 
 import pytest
 
+from onboard.app_interface import Parameter
 from onboard.lab_time import open_timebase, time_address
 from onboard.lab_time.figures import lab_figures
+from onboard.link import DroneLink
 from perchhw.lab_process import FREE_PORTS, SimulatedLab
 from tests.lab_time.busy import busy_processes
 from tests.lab_time.hover import hover
@@ -76,6 +78,20 @@ def test_a_client_that_takes_no_part_finds_a_lab_in_real_time() -> None:
         lab_elapsed, elapsed = figures(lab)["t"] - lab_begin, time.monotonic() - begin
     assert heard[14] - heard[0] == 1400  # more may have come while this process waited for its turn
     assert lab_elapsed <= 1.1 * elapsed + 0.1
+
+
+def test_a_lab_lives_on_for_a_drone_that_is_not_done_with_a_parameter_when_somebody_connects() -> None:
+    """Its parameter task answers nobody before; a lab that stood still would wait for it for ever."""
+    with lab_at("lockstep") as lab, open_timebase("test", lab.drones[0]) as lab_time:
+        for _ in range(2):
+            begin = lab_time()
+            with DroneLink.open(lab.drones[0], clock=lab_time) as link:
+                taken = lab_time() - begin
+                link.set_param(Parameter.TRAJECTORY_ARM, 0)
+        assert 0.0 < taken <= 0.01
+        begin = lab_time()
+        with DroneLink.open(lab.drones[0], clock=lab_time) as link:
+            assert link.param(Parameter.TRAJECTORY_ARM) == 0
 
 
 @pytest.mark.parametrize("when", ["armed", "flying"])

@@ -15,6 +15,7 @@ class CountedPackets:
     """What a lab has received from each socket; nothing is sent."""
 
     faulty = False
+    in_callback = False
 
     def __init__(self) -> None:
         self.by_socket: dict[str, int] = {}
@@ -117,5 +118,23 @@ def test_packets_that_never_arrive_end_the_lab_with_the_reason(monkeypatch: pyte
         monkeypatch.setattr(turns, "SILENCE_LIMIT_S", 0.01)  # read once the turn is over
         with pytest.raises(turns.TurnsError, match=r"peer has sent packets that did not arrive"):
             await asyncio.wait_for(turn, 60.0)
+
+    with_a_peer(scene)
+
+
+def test_who_connects_is_told_to_wait_for_a_drone_that_is_not_done_with_what_was_sent() -> None:
+    async def scene(server: TurnsServer, packets: CountedPackets, peer: Peer) -> None:
+        await peer.ask("open", key="udp:1")
+        assert (await peer.ask("connecting"))["wait"] is False
+        packets.in_callback = True
+        assert (await peer.ask("connecting"))["wait"] is True
+        packets.in_callback = False
+        packets.by_socket["udp:1"] = 1
+        peer.say(close="udp:1", packets=2)
+        assert (await peer.ask("connecting"))["wait"] is True
+        packets.by_socket["udp:1"] = 2
+        assert (await peer.ask("connecting"))["wait"] is False
+        packets.in_callback = packets.faulty = True  # such a lab goes on by itself meanwhile
+        assert await peer.ask("connecting") == {"answer": "connecting", "runs": True, "wait": False}
 
     with_a_peer(scene)

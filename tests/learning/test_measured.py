@@ -1,6 +1,7 @@
 """The measured dispersion: what the authors' flights show, and what it does to attempts."""
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 from calibration.flights import flight_files, open_flights
 from calibration.gap.landings.outcomes import prepare
+from calibration.gap.landings.outcomes.document import SCHEMA
 from calibration.gap.landings.outcomes.expectation import ModelErrorFileError
 from calibration.gap.landings.outcomes.launch import measured_launch
 from onboard.vehicle import load_vehicle
@@ -25,7 +27,7 @@ def test_the_preset_is_what_the_authors_flights_show(shared_data: Path) -> None:
     found = measured_launch(ready.starts, ready.ceilings, ready.dispersion.height)
     assert found is not None
     preset = SENSING[MEASURED].launch
-    for name, value in found.to_json().items():
+    for name, value in asdict(found).items():
         if name != "flights":
             assert getattr(preset, name) == pytest.approx(value, abs=6e-4), name
     assert preset.flip_spread == pytest.approx(ready.dispersion.pitch, abs=6e-4)
@@ -44,9 +46,9 @@ def test_whose_error_is_known(tmp_path: Path) -> None:
     assert known_error(LearningSetup(legs="wide-long"), None) is None
     assert known_error(LearningSetup(vehicle="crazyflie21-upgraded-stored"), None) is None
     own = tmp_path / "landings.json"
-    own.write_text(json.dumps({"expectation": {"model_error": AUTHORS_ERROR.to_json()}}))
+    own.write_text(json.dumps({"schema": SCHEMA, "expectation": {"model_error": AUTHORS_ERROR.to_json()}}))
     assert known_error(LearningSetup(legs="wide-long"), own) == AUTHORS_ERROR
-    own.write_text("{}")
+    own.write_text(json.dumps({"schema": SCHEMA}))
     with pytest.raises(ModelErrorFileError, match="expectation"):
         known_error(LearningSetup(), own)
     with pytest.raises(LearningInputError, match="cannot be read"):
@@ -58,14 +60,15 @@ def test_a_lab_learns_with_its_own_scatter(tmp_path: Path) -> None:
     own = tmp_path / "landings.json"
     values = {name: 0.01 * k for k, name in enumerate(Launch._fields, start=1)}
     dispersion = {"pitch": values.pop("flip_spread"), "roll": values.pop("flip_roll")}
-    own.write_text(json.dumps({"launch": {"flights": 9, **values}, "dispersion": dispersion}))
+    document = {"schema": SCHEMA, "launch": {"flights": 9, **values}, "dispersion": dispersion}
+    own.write_text(json.dumps(document))
     setup = LearningSetup(sensing=MEASURED, launch=launch_of(own))
     _, rules = setup.load()
     assert rules.rollout.launch == pytest.approx([0.01 * k for k in range(1, 10)])
     assert rules.rollout.velocity_bias == SENSING[MEASURED].velocity_bias
     assert recorded_setup(json.loads(json.dumps(setup.describe())), "sweep") == setup
     assert "launch" not in LearningSetup().describe()  # folders of before go on
-    own.write_text(json.dumps({"launch": None}))
+    own.write_text(json.dumps({"schema": SCHEMA, "launch": None}))
     with pytest.raises(LearningInputError, match="at least five flights"):
         launch_of(own)
 

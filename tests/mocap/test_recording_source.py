@@ -114,6 +114,24 @@ def test_what_is_no_record_says_so(tmp_path: Path) -> None:
         parse_mocap_uri("file://")
 
 
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ('{"schema": "perchhw.run/0"}', "older than what this perchhw reads"),
+        ("{}", "is missing"),
+        ("[]", "is missing"),
+        ("{", "cannot be read"),
+    ],
+)
+def test_poses_of_a_record_of_another_version_are_not_played(text: str, why: str, tmp_path: Path) -> None:
+    folder = record(tmp_path / "run")
+    (folder / "run.json").write_text(text)
+    for place in (folder, folder / "series.mcap"):
+        with pytest.raises(MocapUriError, match=why) as refused:
+            open_pose_stream(f"file://{place}")
+        assert str(folder / "run.json") in str(refused.value)
+
+
 def test_the_address_comes_back_as_it_was(tmp_path: Path) -> None:
     uri = parse_mocap_uri("file:///my%20runs/a%3Fb?subject=cf2")
     assert (uri.path, uri.subject) == ("/my runs/a?b", "cf2")

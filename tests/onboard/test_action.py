@@ -49,7 +49,7 @@ def test_flown_policy_agrees_with_double_precision(shared_data):
 
 
 @given(policy=policies(), cues=st.tuples(*[st.floats(width=32)] * 3))
-@settings(max_examples=100)
+@settings(max_examples=40)
 def test_stays_within_the_limits_whatever_comes(policy, cues):
     assert policy.a_rot_min <= action_moment(policy.compiled(), *cues) <= policy.a_rot_max
 

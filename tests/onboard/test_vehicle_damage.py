@@ -49,7 +49,7 @@ def _damage(value: Any, rng: random.Random) -> Any:
     return rng.choice(junk)
 
 
-@settings(max_examples=300)
+@settings(max_examples=100)
 @given(st.integers(0, 2**32), st.integers(1, 6), st.sampled_from(known_vehicles()), st.booleans())
 def test_damaged_content_gives_a_vehicle_or_an_input_error(
     seed: int, hits: int, name: str, full: bool
@@ -78,7 +78,7 @@ _CONTENTS = {
 }
 
 
-@settings(max_examples=200)
+@settings(max_examples=80)
 @given(st.integers(0, 2**32), st.integers(1, 4))
 def test_damaged_text_gives_a_vehicle_or_an_input_error(
     tmp_path_factory: pytest.TempPathFactory, seed: int, hits: int

@@ -31,6 +31,14 @@ def hinge_energy(p: Any, angle: float) -> float:
 
 
 @inner
+def sideways_energy(p: Any, leg: int, ux: float, uy: float) -> float:
+    """Energy (J) that a hinge of two axes has besides, of a leg along the unit vector u (body frame)."""
+    sine = ux * p.leg_sideways[leg, 0] + uy * p.leg_sideways[leg, 1]
+    beta = math.asin(min(max(sine, -1.0), 1.0))
+    return 0.5 * p.sideways_stiffness * p.hinge_stiffness * beta * beta
+
+
+@inner
 def spring_energy(state: Any, p: Any) -> float:
     """Energy (J) in hinges and legs of the feet that touch."""
     rot = attitude(state)
@@ -43,7 +51,8 @@ def spring_energy(state: Any, p: Any) -> float:
         rx, ry, rz = px - p.hip[leg, 0], py - p.hip[leg, 1], pz - p.hip[leg, 2]
         length = (rx * rx + ry * ry + rz * rz) ** 0.5
         angle = bending(p, leg, rx / length, ry / length, rz / length)[0]
-        energy += hinge_energy(p, angle) + 0.5 * p.axial_stiffness * (length - p.leg_length) ** 2
+        energy += hinge_energy(p, angle) + sideways_energy(p, leg, rx / length, ry / length)
+        energy += 0.5 * p.axial_stiffness * (length - p.leg_length) ** 2
     return energy
 
 

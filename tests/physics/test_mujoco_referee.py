@@ -89,7 +89,14 @@ def test_free_flight_is_the_same() -> None:
         assert np.all(np.array(errors) < bounds), errors
 
 
-@pytest.mark.parametrize("attempt", FOUR_LEGS.values(), ids=FOUR_LEGS)
+@pytest.mark.parametrize(
+    "attempt",
+    [
+        # Between the steepest and the flattest: its crooked twin is flown here.
+        pytest.param(attempt, marks=pytest.mark.soak if name == "2.5 m/s 45 deg" else (), id=name)
+        for name, attempt in FOUR_LEGS.items()
+    ],
+)
 def test_four_leg_landing_is_the_same(attempt: Attempt) -> None:
     """Impact, swing, capture and rest, at our 1 kHz."""
     ours, mujoco = _both(attempt)

@@ -59,11 +59,11 @@ def test_free_tumble_keeps_momentum_energy_and_norm(open_sky: Any, high: NDArray
 
 
 def test_quaternion_keeps_its_norm_over_many_steps(open_sky: Any, high: NDArray[np.float64]) -> None:
-    """100,000 steps of a powered tumble, 100 s, at 40 rad/s and more."""
+    """30,000 steps of a powered tumble, 30 s, at 40 rad/s and more."""
     state = approaching(open_sky, high, np.zeros(3))
     state["omega"] = [30.0, -25.0, 20.0]
     worst = 0.0
-    for _ in range(100_000):
+    for _ in range(30_000):
         step_thrust(state, open_sky, (0.101, 0.1, 0.1, 0.1), 1e-3)
         worst = max(worst, abs(float(np.dot(state["quaternion"], state["quaternion"])) - 1.0))
     assert worst < 1e-14

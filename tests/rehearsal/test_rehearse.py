@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from perchhw.attempt import DEFAULT_VEHICLE
 from perchhw.cli.main import run
 from perchhw.lab import desk_setup
 from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
+from perchhw.rehearsal import loop_time
 from perchhw.rehearsal.physics import Physics
 from perchhw.rehearsal.record import COLUMNS, save_rehearsal
 from perchhw.rehearsal.session import rehearse as rehearse_in_session
@@ -47,6 +49,42 @@ def lab(engine: EngineName, *arguments: str) -> Iterator[SimulatedLab]:
         yield served
 
 
+@dataclass(frozen=True)
+class Desk:
+    """A lab in which one approach after another is rehearsed, and the file of its truth."""
+
+    served: SimulatedLab
+    truth: Path
+
+    @property
+    def drone(self) -> str:
+        """Its address."""
+        return self.served.drones[0]
+
+    def heights(self) -> list[float]:
+        """Of the drone, 100 a second of the lab's time until now."""
+        with self.truth.open() as file:
+            return [float(row["z"]) for row in csv.DictReader(file) if row["vx"] is not None]
+
+
+@contextmanager
+def desk(engine: EngineName, folder: Path) -> Iterator[Desk]:
+    with lab(engine, "--truth", str(folder / "truth.csv")) as served:
+        yield Desk(served, folder / "truth.csv")
+
+
+@pytest.fixture(scope="module")
+def c_desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Desk]:
+    with desk(EngineName.C, tmp_path_factory.mktemp("c")) as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def reference_desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Desk]:
+    with desk(EngineName.REFERENCE, tmp_path_factory.mktemp("reference")) as one:
+        yield one
+
+
 def rehearse(uri: str, capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, dict[str, Any]]:
     capsys.readouterr()
     code = run(["rehearse", "--drone", uri, "--json", *arguments])
@@ -58,23 +96,26 @@ def rehearse(uri: str, capsys: pytest.CaptureFixture[str], *arguments: str) -> t
 @pytest.mark.parametrize("on", Physics)
 @pytest.mark.parametrize("engine", EngineName)
 def test_the_papers_approach_passes_and_nothing_moves(
-    engine: EngineName, on: Physics, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    engine: EngineName,
+    on: Physics,
+    request: pytest.FixtureRequest,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    truth = tmp_path / "truth.csv"
-    with lab(engine, "--truth", str(truth)) as served:
-        code, said = rehearse(served.drones[0], capsys, "--on", on, "--out", str(tmp_path / "out"))
-        uri = served.drones[0]
-        with open_timebase("test", uri) as time, DroneLink.open(uri, clock=time) as link:
-            assert link.param(Parameter.REHEARSE) == 0
+    """One after the other on the same drone: what the first left behind is there for the second."""
+    here: Desk = request.getfixturevalue(f"{engine.value}_desk")
+    before = len(here.heights())
+    code, said = rehearse(here.drone, capsys, "--on", on, "--out", str(tmp_path / "out"))
+    with open_timebase("test", here.drone) as time, DroneLink.open(here.drone, clock=time) as link:
+        assert link.param(Parameter.REHEARSE) == 0
     assert (code, said["pass"], said["failures"]) == (0, True, [])
     assert (said["on"], said["engine"], said["reason"], said["loop_us"]) == (on, engine, "triggered", None)
     assert said["trigger_sample_difference"] == 0
     assert said["a_rot_difference_n_m"] <= 1e-8
     assert said["force_difference_n"] <= 1e-6
     assert 0.0 < said["input_difference"]["position_m"] < (0.3 if on is Physics.HOST else 0.05)
-    with truth.open() as file:
-        heights = [float(row["z"]) for row in csv.DictReader(file)]
-    assert len(heights) > 300
+    heights = here.heights()
+    assert len(heights) - before > 300
     assert max(heights) - min(heights) < 1e-3
     with (Path(said["record"]) / "ring.csv").open() as file:
         rows = list(csv.DictReader(file))
@@ -83,9 +124,8 @@ def test_the_papers_approach_passes_and_nothing_moves(
     assert json.loads((Path(said["record"]) / "verdict.json").read_text())["pass"] is True
 
 
-def test_a_view_follows_where_the_drones_own_model_flies(tmp_path: Path) -> None:
-    with lab(EngineName.REFERENCE) as served:
-        code, _ = rehearse_on_record(served.drones[0], tmp_path / "run", Physics.DRONE)
+def test_a_view_follows_where_the_drones_own_model_flies(reference_desk: Desk, tmp_path: Path) -> None:
+    code, _ = rehearse_on_record(reference_desk.drone, tmp_path / "run", Physics.DRONE)
     assert code == 0
     flown = read_run(tmp_path / "run").series
     assert np.nanmax(flown["estimate"].numbers("z")) > 1.2
@@ -129,20 +169,21 @@ def test_a_lab_in_lock_step_gives_the_same_verdict_again_also_on_record(
     assert run.closed
 
 
-@pytest.mark.parametrize("on", Physics)
 @pytest.mark.parametrize("engine", [EngineName.C, pytest.param(EngineName.REFERENCE, marks=pytest.mark.soak)])
 def test_one_weight_changed_in_the_drones_memory_fails(
-    engine: EngineName, on: Physics, capsys: pytest.CaptureFixture[str]
+    engine: EngineName, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with lab(engine, "--fault", "policy_weight=1.01") as served:
-        code, said = rehearse(served.drones[0], capsys, "--on", on)
-    assert (code, said["pass"]) == (1, False)
-    assert any("moment differs" in failure for failure in said["failures"])
+        for on in Physics:
+            code, said = rehearse(served.drones[0], capsys, "--on", on)
+            assert (code, said["pass"], said["on"]) == (1, False, on)
+            assert any("moment differs" in failure for failure in said["failures"])
 
 
-def test_an_approach_on_which_the_policy_does_not_fire_fails(capsys: pytest.CaptureFixture[str]) -> None:
-    with lab(EngineName.REFERENCE) as served:
-        code, said = rehearse(served.drones[0], capsys, "--speed", "0.5", "--angle", "30")
+def test_an_approach_on_which_the_policy_does_not_fire_fails(
+    reference_desk: Desk, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, said = rehearse(reference_desk.drone, capsys, "--speed", "0.5", "--angle", "30")
     assert (code, said["pass"], said["trigger_sample_difference"]) == (1, False, None)
     assert any("the drone did not trigger" in failure for failure in said["failures"])
 
@@ -160,6 +201,15 @@ def test_an_armed_drone_is_refused_by_safety(capsys: pytest.CaptureFixture[str])
         assert served.call(lambda: served.flight.firmware.supervisor.is_armed), "and left as it was"
     assert code == 3
     assert "it must be disarmed, on the ground, with all motors still" in said["error"]
+
+
+def test_what_a_processor_says_of_its_loop_is_told(
+    c_desk: Desk, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The simulated drone has none: its battery, in mV, says something in its place."""
+    monkeypatch.setattr(loop_time, "LOOP_TIME", "pm.vbatMV")
+    _, said = rehearse(c_desk.drone, capsys, "--on", Physics.DRONE)
+    assert 3700.0 < said["loop_us"]["mean"] <= said["loop_us"]["most"] < 4400.0
 
 
 def test_an_interrupt_switches_the_mode_off() -> None:

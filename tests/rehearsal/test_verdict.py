@@ -14,6 +14,7 @@ from onboard.app_interface import EndReason, Parameter, PolicyStatus
 from onboard.policy.bundle import decode_bundle, encode_bundle
 from onboard.policy.model import Float32Array, Policy
 from onboard.ring import Ring, decode_ring
+from perchhw.rehearsal.loop_time import LoopTime
 from perchhw.rehearsal.physics import Physics
 from perchhw.rehearsal.record import save_rehearsal
 from perchhw.rehearsal.session import Rehearsed
@@ -150,9 +151,12 @@ def test_a_verdict_on_what_is_no_number_can_be_written(ring: Ring, tmp_path: Pat
     periods["law"]["estimate"]["velocity"][at] = np.nan
     spoilt = replace(ring, periods=periods)
     verdict = judge(spoilt, TRIGGERED, PLAN, POLICY, TRUE)
-    folder = save_rehearsal(tmp_path, Rehearsed(Physics.HOST, "c", 1, spoilt, verdict))
+    folder = save_rehearsal(
+        tmp_path, Rehearsed(Physics.HOST, "c", 1, spoilt, verdict, LoopTime(310.5, 480.0))
+    )
     said = json.loads((folder / "verdict.json").read_text())
     assert said["pass"] is False
+    assert said["loop_us"] == {"mean": 310.5, "most": 480.0}
     assert (said["a_rot_difference_n_m"], said["input_difference"]["velocity_m_s"]) == (None, None)
     assert any("moment differs by inf N m" in failure for failure in said["failures"])
 

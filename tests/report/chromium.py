@@ -101,3 +101,14 @@ def show(pages: list[Path], folder: Path) -> tuple[list[Shown], list[str]]:
     found: list[dict[str, Any]] = json.loads(told.group(1).replace("&amp;", "&").replace("&lt;", "<"))
     console = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
     return [Shown(**one) for one in found], console
+
+
+def assert_they_fit(pages: list[Path], folder: Path) -> list[Shown]:
+    """No word on the console, nothing loaded, and nothing wider than the page, at every width."""
+    seen, console = show(pages, folder)
+    assert console == []
+    assert [one.width for one in seen] == [*WIDTHS] * len(pages)
+    for one in seen:
+        assert one.wide <= one.width, one
+        assert (one.beyond, one.scrolled, one.loaded) == ([], [], []), one
+    return seen

@@ -17,6 +17,7 @@ from perchhw.report.isosurface import zero_surface
 from perchhw.report.leg_figures import factors_by_angle
 from perchhw.report.rate_maps import smoothed
 from perchhw.report.style import report_style
+from tests.report.chromium import assert_they_fit
 from tests.report.page import Page, assert_self_contained
 
 pytestmark = pytest.mark.timeout(300)  # the first leg study compiles
@@ -64,6 +65,10 @@ def test_a_leg_study_is_reported_with_its_numbers(leg_study: Path) -> None:
     assert page.row("all", "all")[2:] == [f"{d['landing_rate']:.2f}" for d in designs.values()]
     assert page.row("approach angle", "speed")[2:] == ["narrow-short", "wide-long"]
     assert page.row("higher speed helps: from 2.5 m/s less below")[1] in ("yes", "not all")
+
+
+def test_a_leg_study_fits_a_phone(leg_study: Path, tmp_path: Path) -> None:
+    assert_they_fit([leg_study / "report.html"], tmp_path)
 
 
 def test_the_factors_figure_has_the_medians_of_the_landings(leg_study: Path) -> None:

@@ -16,6 +16,7 @@ from perchhw.learning.examples import example_flight, example_trial, make_exampl
 from perchhw.learning.grid import Condition
 from perchhw.learning.results import read_reference, read_results
 from perchhw.learning.setup import recorded_setup
+from tests.report.chromium import assert_they_fit
 from tests.report.page import Page, assert_self_contained
 
 pytestmark = pytest.mark.timeout(300)  # the first sweep compiles
@@ -48,6 +49,13 @@ def test_learn_all_writes_a_report_with_every_picture(learned: Path) -> None:
     assert path.stat().st_size < 3e6
     assert "url(http" not in path.read_text(encoding="utf-8")
     assert "Read with care" not in page.text
+
+
+def test_it_fits_a_phone_and_says_what_its_pictures_show(learned: Path, tmp_path: Path) -> None:
+    page = learned / "report.html"
+    text = page.read_text(encoding="utf-8")
+    assert text.count("<svg ") == text.count('<svg role="img" aria-label="')
+    assert_they_fit([page], tmp_path)
 
 
 def test_the_numbers_are_those_of_the_folder(learned: Path) -> None:
@@ -112,7 +120,7 @@ def test_reference_condition_and_pictures(copy_of_learned: Path, tmp_path: Path)
     assert "3 m/s at 50 deg, simulated" in page.text
 
 
-def test_a_sweep_alone_and_a_flown_approach(copy_of_learned: Path, runs: Path, tmp_path: Path) -> None:
+def test_a_sweep_alone_and_a_flown_approach(copy_of_learned: Path, runs: Path) -> None:
     for name in (
         "policy.policy.json",
         "training.json",
@@ -121,8 +129,8 @@ def test_a_sweep_alone_and_a_flown_approach(copy_of_learned: Path, runs: Path, t
         "validation_measured.csv",
     ):
         (copy_of_learned / name).unlink()
-    write_report(copy_of_learned, pictures=tmp_path / "a")
-    assert {path.stem for path in (tmp_path / "a").glob("*.png")} == PICTURES - POLICY_PICTURES
+    write_report(copy_of_learned)
+    assert Page(copy_of_learned / "report.html").svgs == len(PICTURES - POLICY_PICTURES)
     write_report(copy_of_learned, run=runs / "run-0")
     page = Page(copy_of_learned / "report.html")
     assert "One approach: run-0" in page.text

@@ -18,7 +18,7 @@ from perchhw.report.map_figure import map_figure
 from tests.campaign.stand_in import fly
 from tests.campaign.test_adaptive import FILE
 from tests.gap import test_report as gap
-from tests.report.chromium import WIDTHS, show
+from tests.report.chromium import assert_they_fit
 from tests.report.page import Page, assert_self_contained
 from tests.wizards.test_calibration import calibration
 from tests.wizards.test_verify import discharge
@@ -72,9 +72,4 @@ def test_a_map_names_its_best_and_its_least_certain_condition() -> None:
 
 
 def test_in_the_browser_they_fit_a_phone(pages: dict[str, Path], tmp_path: Path) -> None:
-    seen, console = show(list(pages.values()), tmp_path)
-    assert console == []
-    assert [one.width for one in seen] == [*WIDTHS] * len(pages)
-    for one in seen:
-        assert one.wide <= one.width, one
-        assert (one.beyond, one.scrolled, one.loaded) == ([], [], []), one
+    assert_they_fit(list(pages.values()), tmp_path)

@@ -12,7 +12,7 @@ from perchhw.record.event_words import command_words
 from perchhw.report import write_campaign_report, write_run_report
 from perchhw.report.campaign_report import PREDICTION_FILE
 from perchhw.report.style import OUTCOME_COLOURS, OUTCOME_MARKERS
-from tests.report.chromium import WIDTHS, show
+from tests.report.chromium import assert_they_fit
 from tests.report.page import Page, assert_self_contained
 
 
@@ -116,10 +116,5 @@ def test_log_report_writes_the_page_and_says_why(
 
 def test_in_the_browser_nothing_is_wider_than_the_page(shown: Path, tmp_path: Path) -> None:
     pages = [shown / "report.html", shown / "run-0" / "report.html", write_run_report(shown / "run-2")]
-    seen, console = show(pages, tmp_path)
-    assert console == []
-    assert [one.width for one in seen] == [*WIDTHS] * len(pages)
-    for one in seen:
-        assert one.wide <= one.width, one
-        assert (one.beyond, one.scrolled, one.loaded) == ([], [], []), one
+    seen = assert_they_fit(pages, tmp_path)
     assert seen[2].pictures >= 6

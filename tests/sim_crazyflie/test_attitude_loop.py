@@ -39,7 +39,10 @@ def hovers(vehicle: Vehicle) -> bool:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("lag_up", "lag_down"), [(0.05, 0.05), (0.075, 0.141), (0.15, 0.15)])
+@pytest.mark.parametrize(
+    ("lag_up", "lag_down"),
+    [(0.05, 0.05), pytest.param(0.075, 0.141, marks=pytest.mark.soak), (0.15, 0.15)],
+)
 def test_the_loop_is_lost_at_its_delay_margin(lag_up: float, lag_down: float) -> None:
     gains = controller_gains(load_vehicle(VEHICLE, LEGS))
     margin = attitude_margins(gains, lag_up, lag_down).delay

@@ -65,12 +65,6 @@ def running(*arguments: str) -> Iterator[LabProcess]:
             lab.end(signal.SIGKILL)
 
 
-@pytest.fixture(scope="module")
-def lab() -> Iterator[LabProcess]:
-    with running("lab", *FREE_PORTS) as served:
-        yield served
-
-
 def alive(pid: int) -> bool:
     """Whether a process that is not our child runs (a zombie does not)."""
     try:
@@ -126,7 +120,7 @@ class CflibSink:
         self._cf.extpos.send_extpose(*position, *quaternion)
 
 
-def test_ready_line_is_the_contract(lab: LabProcess) -> None:
+def assert_ready_line_is_the_contract(lab: LabProcess) -> None:
     assert lab.ready["ready"] is True
     assert lab.ready["drones"][0].startswith("udp://127.0.0.1:")
     assert lab.ready["mocap"][0].startswith("vicon://127.0.0.1:")
@@ -169,8 +163,9 @@ def test_unmodified_cflib_takes_off_on_poses_from_the_room(tmp_path: Path) -> No
             bridge.stop()
 
 
-def test_the_room_can_die_alone(tmp_path: Path) -> None:
+def test_the_ready_line_names_a_room_that_can_die_alone() -> None:
     with running("lab", *FREE_PORTS) as lab:
+        assert_ready_line_is_the_contract(lab)
         room = lab.ready["processes"]["room"]
         os.kill(room, signal.SIGKILL)
         until(lambda: not alive(room))
@@ -252,11 +247,9 @@ def test_bad_input_is_refused(
     assert not said.out
 
 
-def test_a_taken_port_is_named() -> None:
+def test_a_taken_port_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
-        lab = LabProcess("drone", "--drone-port", str(port))
-        _, errors = lab.process.communicate(timeout=READY_S)
-    assert lab.process.returncode == 1
-    assert str(port) in errors
+        assert run(["sim", "drone", "--drone-port", str(port)]) == 1
+    assert str(port) in capsys.readouterr().err

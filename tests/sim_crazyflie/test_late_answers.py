@@ -176,7 +176,9 @@ def test_the_state_can_be_asked_for() -> None:
         assert flight.param(Parameter.STATE) == wanted
 
 
-@pytest.mark.parametrize("phase_ms", [0, 2, 4, 6, 8])
+@pytest.mark.parametrize(
+    "phase_ms", [0, *(pytest.param(between, marks=pytest.mark.soak) for between in (2, 4, 6)), 8]
+)
 def test_a_drone_in_motion_is_handed_over_without_a_gap(phase_ms: int) -> None:
     """The planner speaks every 10 ms, its old goal is metres away: no step of the loop may follow that."""
     flight = hovering_at_the_start()

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from calibration.bench.thrust.analysis import analyse, questions, read_table
@@ -235,6 +235,7 @@ def test_a_form_that_falls_is_not_chosen() -> None:
         ThrustData("x", "x", voltage[:5], voltage[:5], voltage[:5])
 
 
+@settings(max_examples=40)
 @given(st.text(max_size=200))
 def test_any_text_is_read_or_refused(tmp_path_factory: pytest.TempPathFactory, text: str) -> None:
     path = tmp_path_factory.mktemp("fuzz") / "t.csv"

@@ -19,6 +19,7 @@ radio chip. And when the host itself dies or hangs, only somebody else can switc
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -30,19 +31,17 @@ from calibration.bench.instruments.errors import (
     MotorsRefused,
 )
 from calibration.bench.instruments.motor_token import MotorToken
+from calibration.bench.instruments.set_points import check_set_point
 from calibration.bench.instruments.supply_keeper import HANG_S
-from calibration.bench.instruments.uninterrupted import to_its_end
 from onboard.clock import Clock, monotonic
 from onboard.closing import Closing
 from onboard.errors import PerchhwError
 from onboard.link import DroneLink, LinkError, reboot
 
-#: What the operator types to unlock the motors.
+#: What the operator of a bench types to unlock the motors; a stand elsewhere asks for what is so there.
 UNLOCK_PHRASE = "props guarded, drone clamped"
 #: Renew at least so often. With the time of a stop the motors are off within 0.5 s [s].
 RENEW_WITHIN_S = 0.4
-#: PWM of brushed motors has 8 bits: the firmware drops the lower byte of a set-point.
-PWM_STEP, PWM_MAX = 256, 255 * 256
 _LOOK_S = 0.02
 _STOP_TRIES = 3
 #: A drone that sends 100 samples a second is out of reach when none comes for so long [s].
@@ -53,17 +52,6 @@ _MOTORS = (1, 2, 3, 4)
 _EACH, _ALL, _ALL_COMPENSATED = 1, 2, 3
 _ENABLE = "motorPowerSet.enable"
 _LOG_NAMES = ("pm.vbat", "motor.m1", "motor.m2", "motor.m3", "motor.m4")
-
-
-def pwm(step: int) -> int:
-    """The set-point whose duty is exactly ``step / 256``, `step` 0..255.
-
-    Raises:
-        InstrumentInputError: another step.
-    """
-    if not 0 <= step <= 255:
-        raise InstrumentInputError(f"PWM step {step}: the motors' PWM has 8 bits, 0 to 255")
-    return PWM_STEP * step
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +98,7 @@ class MotorStand(Closing):
         instruments: Sequence[Callable[[], None]] = (),
         remote_cut: RemoteCut | None = None,
         no_remote_cut: bool = False,
+        unlock_phrase: str = UNLOCK_PHRASE,
         clock: Clock = monotonic,
     ) -> None:
         """Start the log of voltage and motors; nothing turns.
@@ -120,6 +109,7 @@ class MotorStand(Closing):
                 instrument is lost. They run often, on the stand's own thread, too.
             remote_cut: used when the drone is silent or does not confirm a stop, and by whoever survives us.
             no_remote_cut: the operator was told what that means and lets motors turn without.
+            unlock_phrase: what the operator must type before anything turns, in small letters.
             clock: host clock [s].
 
         Raises:
@@ -129,6 +119,7 @@ class MotorStand(Closing):
         self._checks = (*instruments, self._check_drone)
         self._remote_cut = remote_cut
         self._may_turn = remote_cut is not None or no_remote_cut
+        self._unlock_phrase = unlock_phrase
         self._clock = clock
         self._renew_within = RENEW_WITHIN_S * drone.patience
         self._silence = _SILENCE_S * drone.patience
@@ -141,9 +132,12 @@ class MotorStand(Closing):
         self._failure: PerchhwError | None = None
         self._renewed = clock()
         self._token = MotorToken(drone, lambda: self._turning, clock)
+        self._last_stop = StopReport(False, 0.0, "", "nobody waited for the drone's word that they stand")
         self._closing = threading.Event()
-        self._watch = threading.Thread(target=self._watch_motors, name="MotorStand", daemon=True)
-        self._watch.start()
+        threading.Thread(target=self._watch_motors, name="MotorStand", daemon=True).start()
+        # No daemon: the interpreter does not end before the motors stand.
+        self._end = threading.Thread(target=self._stop_at_the_end, name="MotorStand's end")
+        self._end.start()
         if not self._off:
             self.stop("the override was on already: another program has left it so")
 
@@ -151,7 +145,7 @@ class MotorStand(Closing):
         """Allow motors to turn, until the next stop that nobody asked for.
 
         Args:
-            phrase: what the operator typed; must be :data:`UNLOCK_PHRASE`.
+            phrase: what the operator typed; must be the stand's own.
 
         Raises:
             MotorsRefused: another phrase; or nobody could switch the motors off if this process died; or the
@@ -159,8 +153,8 @@ class MotorStand(Closing):
                 ends.
             InstrumentLost: who should switch them off is gone.
         """
-        if " ".join(phrase.lower().split()) != UNLOCK_PHRASE:
-            raise MotorsRefused(f"the motors stay locked: type {UNLOCK_PHRASE!r} when that is so")
+        if " ".join(phrase.lower().split()) != self._unlock_phrase:
+            raise MotorsRefused(f"the motors stay locked: type {self._unlock_phrase!r} when that is so")
         if not self._may_turn:
             raise MotorsRefused(
                 "the motors stay locked: without a supply that can be switched off from here nothing would "
@@ -184,7 +178,7 @@ class MotorStand(Closing):
         for motor, value in set_points.items():
             if motor not in _MOTORS:
                 raise InstrumentInputError(f"motor {motor}: there are motors 1 to 4")
-            _check_set_point(value)
+            check_set_point(value)
         self._apply(_EACH, {motor: set_points.get(motor, 0) for motor in _MOTORS})
 
     def spin_all(self, set_point: int, *, compensated: bool = False) -> None:
@@ -193,7 +187,7 @@ class MotorStand(Closing):
         `compensated`: as a share of the full thrust, made into PWM by the firmware's thrust map and the
         battery voltage; for the verification. Errors as for :meth:`spin`.
         """
-        _check_set_point(set_point)
+        check_set_point(set_point)
         self._apply(_ALL_COMPENSATED if compensated else _ALL, {1: set_point})
 
     def renew(self) -> None:
@@ -240,29 +234,43 @@ class MotorStand(Closing):
 
         Raises:
             MotorsNotStopped: the drone did not confirm.
+            KeyboardInterrupt: somebody pressed Ctrl-C meanwhile; the motors are stopped all the same.
         """
-        if self._closing.is_set():
-            return
-        self._closing.set()
+        self._closing.set()  # before anything else, for from here on nobody can hold the stop back
         self._halted = True
-        report = to_its_end(self._end)  # an impatient operator must not get running motors for it
+        interrupt: KeyboardInterrupt | None = None
+        while self._end.is_alive():
+            try:
+                self._end.join()
+            except KeyboardInterrupt as key:  # heard when the motors stand
+                interrupt = key
+        self._let_go()
+        if interrupt is not None:
+            raise interrupt
+
+    def _stop_at_the_end(self) -> None:
+        """A thread's work: who interrupts :meth:`close`, however early or often, does not interrupt this."""
+        while not self._closing.wait(_LOOK_S) and threading.main_thread().is_alive():
+            pass
+        self._closing.set()
+        self._last_stop = self.stop("the end of the test")
+        self._token.close()
         if self._drone.lost is None:
-            self._log.close()
-        if not report.confirmed:
-            raise MotorsNotStopped(f"THE MOTORS MAY STILL TURN, cut the power by hand: {report.trouble}")
+            with suppress(LinkError):  # lost just now: the block ended with the link
+                self._log.close()
+
+    def _let_go(self) -> None:
+        last = self._last_stop
+        if not last.confirmed:
+            raise MotorsNotStopped(f"THE MOTORS MAY STILL TURN, cut the power by hand: {last.trouble}")
         if self._remote_cut is not None:
             self._remote_cut.rest()
-
-    def _end(self) -> StopReport:
-        self._watch.join()
-        self._token.close()
-        return self.stop("the end of the test")
 
     def _apply(self, mode: int, values: Mapping[int, int]) -> None:
         """Write set-points, then the mode. Whatever goes wrong on the way stops the motors."""
         self._raise_failure()
         if self._halted:
-            raise MotorsRefused(f"the motors are locked: unlock them with {UNLOCK_PHRASE!r}")
+            raise MotorsRefused(f"the motors are locked: unlock them with {self._unlock_phrase!r}")
         self._renewed = self._clock()
         self._off = False
         try:
@@ -274,8 +282,7 @@ class MotorStand(Closing):
             self._drone.set_param(_ENABLE, mode)
         except BaseException as error:
             self._halted = True
-            reason = f"the command failed: {error}"
-            to_its_end(lambda: self.stop(reason))
+            self.stop(f"the command failed: {error}")
             raise
         self._off = False  # a stop meanwhile may have come before the mode
         if self._failure is not None:
@@ -380,11 +387,3 @@ def _override_off(drone: DroneLink) -> bool:
     drone.set_param(_ENABLE, 0)
     drone.set_params({f"motorPowerSet.m{motor}": 0 for motor in _MOTORS})
     return drone.param(_ENABLE) == 0
-
-
-def _check_set_point(value: int) -> None:
-    if not 0 <= value <= PWM_MAX or value % PWM_STEP:
-        raise InstrumentInputError(
-            f"set-point {value}: the motors' PWM has 8 bits, so that only multiples of {PWM_STEP} from 0 to "
-            f"{PWM_MAX} are what they say"
-        )

@@ -22,8 +22,6 @@ class EdgeQuality:
         speed: rad/s over the latest whole revolutions; 0 for a rotor that stands.
         jitter: s, standard deviation of an edge's time beyond pattern and trend; NaN with too few edges.
         missed_share, doubled_share: of the edges; NaN with too few edges.
-        regularity: 1 for pulses as even as they can be, 0 for noise: share of intervals that differ by less
-            than a quarter from the one before; NaN with too few edges.
         lost: edges lost on the line.
     """
 
@@ -32,7 +30,6 @@ class EdgeQuality:
     jitter: float
     missed_share: float
     doubled_share: float
-    regularity: float
     lost: int
 
 
@@ -80,7 +77,6 @@ class EdgeMonitor:
             jitter=math.nan,
             missed_share=math.nan,
             doubled_share=math.nan,
-            regularity=math.nan,
             lost=0,
         )
 
@@ -106,12 +102,5 @@ class EdgeMonitor:
             jitter=jitter,
             missed_share=passages.missed_share,
             doubled_share=passages.doubled_share,
-            regularity=_regularity(part),
             lost=passages.lost,
         )
-
-
-def _regularity(part: EdgeRecord) -> float:
-    intervals = np.diff(part.times) / np.diff(part.counts)
-    ratio = intervals[1:] / intervals[:-1]
-    return float(np.mean((ratio > 0.8) & (ratio < 1.25)))

@@ -5,7 +5,6 @@ from typing import Any
 
 from calibration.bench.motors.clock import ClockFit
 from calibration.bench.motors.direction import DirectionFit
-from calibration.bench.motors.errors import TachometerError
 from calibration.bench.motors.propellers import PropellerMap
 from calibration.bench.motors.settling import PAPER_DOWN, PAPER_UP, STANDARD_STEPS, ThrustStep
 from calibration.measurement import Estimate, Finding, rejected
@@ -84,17 +83,6 @@ class TachometerResult:
 
     def _standard(self, step: ThrustStep) -> Estimate | None:
         return next((one.first_order for one in self.standard if one.step == step), None)
-
-    def hover_constants(self) -> tuple[Estimate, Estimate]:
-        """Time constants (s) up and down of small changes about hover.
-
-        Raises:
-            TachometerError: a direction is missing.
-        """
-        if self.up is None or self.down is None:
-            raise TachometerError("steps up and down are needed: one direction was not recorded")
-        speed = self.propeller.speed(self.hover_thrust)
-        return self.up.local(speed), self.down.local(speed)
 
     def to_json(self) -> dict[str, Any]:
         """``{tau_up, tau_down, speed_law, hover, standard_steps, steps, alternatives, findings, ...}``."""

@@ -69,13 +69,10 @@ def _apply_one(vehicle: Vehicle, calibration: Calibration) -> Vehicle:
         vehicle = dataclasses.replace(
             vehicle, motors=dataclasses.replace(vehicle.motors, thrust_map=thrust_map)
         )
-    added = tuple(
+    return vehicle.with_effects(
         Effect(name=name, parameters=_quantities(parameters, source))
         for name, parameters in change.effects.items()
     )
-    names = {effect.name for effect in added}
-    kept = tuple(effect for effect in vehicle.effects if effect.name not in names)
-    return dataclasses.replace(vehicle, effects=(*kept, *added))
 
 
 def _quantities(estimates: Mapping[str, Estimate], source: str) -> dict[str, Quantity]:

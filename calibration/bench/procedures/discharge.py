@@ -12,7 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.bench.instruments.motor_stand import PWM_STEP, UNLOCK_PHRASE
+from calibration.bench.instruments.motor_stand import UNLOCK_PHRASE
+from calibration.bench.instruments.set_points import PWM_STEP
 from calibration.bench.procedures.run_book import Json, RunBook
 from calibration.bench.procedures.stand_wizard import StandStep, StandWizard, kept_calibration
 from calibration.bench.procedures.thrust import CURRENT_LIMIT_A

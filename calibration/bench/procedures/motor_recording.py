@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.bench.instruments.motor_stand import MotorStand, pwm
+from calibration.bench.instruments.motor_stand import MotorStand
+from calibration.bench.instruments.set_points import pwm
 from calibration.bench.instruments.tachometer import Tachometer, TachometerBatch
 from calibration.bench.motors.clock import RESONATOR_SIGMA, ClockFit, fit_clock
 from calibration.bench.motors.records import CommandRecord, EdgeRecord

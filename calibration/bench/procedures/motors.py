@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from calibration.bench.instruments.errors import MotorsRefused
-from calibration.bench.instruments.motor_stand import UNLOCK_PHRASE, MotorStand, pwm
+from calibration.bench.instruments.motor_stand import UNLOCK_PHRASE, MotorStand
+from calibration.bench.instruments.set_points import pwm
 from calibration.bench.instruments.tachometer import Tachometer, TachometerBatch
 from calibration.bench.motors.analysis import analyse
 from calibration.bench.motors.clock import ClockFit

@@ -60,15 +60,15 @@ class RunBook:
     def _read(self, kind: str, settings: Json) -> Json:
         try:
             state: Json = json.loads(self._path.read_text(encoding="utf-8"))
+            problem = schema_problem(state.get("schema"), SCHEMA)
+            if problem is not None:
+                raise RunBookError(f"{self._path}: schema {problem}; give another folder with --out")
             same_kind, kept = state["kind"] == kind, state["settings"]
-        except (ValueError, KeyError, TypeError) as error:
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise RunBookError(
                 f"{self._path}: is damaged ({error}); move the folder away, recordings in "
                 f"{RAW_FOLDER}/ can be read with --from-log"
             ) from error
-        problem = schema_problem(state.get("schema"), SCHEMA)
-        if problem is not None:
-            raise RunBookError(f"{self._path}: schema {problem}; give another folder with --out")
         if not same_kind:
             raise RunBookError(f"{self._path}: is a {state['kind']} run; give another folder with --out")
         different = [key for key in {*kept, *settings} if kept.get(key) != settings.get(key)]

@@ -4,8 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-Interval = tuple[float, float]
-"""Low and high end of a 95 % interval."""
+from calibration.measurement import Interval
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,6 +20,22 @@ class FoundParameter:
         """As in the contract; `at_bound` where it is so."""
         shown: dict[str, Any] = {"value": self.value, "unit": self.unit, "ci95": list(self.ci95)}
         return {**shown, "at_bound": True} if self.at_bound else shown
+
+
+@dataclass(frozen=True)
+class Improvement:
+    """What an effect does for flights that no fit saw.
+
+    Attributes:
+        before, after: error without and with it.
+        interval: 95 %, of `before` minus `after`, over flights.
+        metric: what the errors are, with the unit.
+    """
+
+    before: float
+    after: float
+    interval: Interval
+    metric: str
 
 
 @dataclass(frozen=True, kw_only=True)

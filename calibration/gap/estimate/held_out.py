@@ -5,9 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calibration.gap.data.found import Improvement
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.signals import CHANNELS, UNITS, Signals, stack_signals
 from calibration.gap.estimate.model import Model
+from calibration.measurement import interval_of
 from onboard.arrays import FloatArray
 
 WINDOW = 0.1
@@ -33,23 +35,6 @@ class ChannelErrors:
         rows = slice(None) if flights is None else flights
         counts = np.maximum(self.counts[rows].sum(axis=0), 1.0)
         return np.asarray(np.sqrt(self.squares[rows].sum(axis=0) / counts))
-
-
-@dataclass(frozen=True)
-class Improvement:
-    """What one effect did for the channel that it improved most.
-
-    Attributes:
-        channel, unit: which.
-        before, after: rms of the residual, averaged over :data:`WINDOW`.
-        interval: 95 %, of before less after, over flights.
-    """
-
-    channel: str
-    unit: str
-    before: float
-    after: float
-    interval: tuple[float, float]
 
 
 class HeldOutFlights:
@@ -82,11 +67,9 @@ def improvement(before: ChannelErrors, after: ChannelErrors, rng: np.random.Gene
     flights = before.counts.shape[0]
     drawn = rng.integers(flights, size=(_DRAWS, flights))
     gains = [before.rms(draw)[channel] - after.rms(draw)[channel] for draw in drawn]
-    low, high = np.quantile(gains, [0.025, 0.975])
     return Improvement(
-        channel=CHANNELS[channel],
-        unit=UNITS[channel],
         before=float(one[channel]),
         after=float(other[channel]),
-        interval=(float(low), float(high)),
+        interval=interval_of(np.array(gains)),
+        metric=f"{CHANNELS[channel]} residual, means of {WINDOW:g} s, {UNITS[channel]}",
     )

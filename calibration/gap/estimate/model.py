@@ -96,8 +96,8 @@ class Model:
 
     def vehicle(self) -> Vehicle:
         """The vehicle with all its effects, values without uncertainty."""
-        found = {
-            name: Effect(
+        return self.base.with_effects(
+            Effect(
                 name=name,
                 parameters={
                     v.parameter: Quantity(x, EFFECTS[name].parameters[v.parameter].unit, 0.0, "gap finder")
@@ -106,9 +106,7 @@ class Model:
                 },
             )
             for name in self.effects
-        }
-        kept = tuple(effect for effect in self.base.effects if effect.name not in found)
-        return dataclasses.replace(self.base, effects=(*kept, *found.values()))
+        )
 
     def parameters(self) -> Any:
         """The record of physics parameters."""

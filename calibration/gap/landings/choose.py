@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.gap.landings.findings import Interval
 from calibration.gap.landings.search import (
     CANDIDATES,
     HIGHEST,
@@ -20,6 +19,7 @@ from calibration.gap.landings.search import (
     bootstrap,
     leave_one_out,
 )
+from calibration.measurement import Interval, interval_of
 from onboard.arrays import FloatArray
 from onboard.vehicle import EFFECTS
 
@@ -126,7 +126,7 @@ def intervals(
             value = held.theta[axis]
             if value == NOMINAL[axis]:
                 continue
-            low, high = np.quantile(drawn[:, axis], [0.025, 0.975])
+            low, high = interval_of(drawn[:, axis])
             others = np.array([theta[axis] for theta in held.chosen])
             jackknife = 1.96 * float(np.sqrt((others.size - 1) * np.var(others)))
             numerical = 1.96 * NUMERICAL[name]

@@ -5,18 +5,16 @@ from enum import StrEnum
 
 from calibration.gap.data.record import NotUsed
 from calibration.gap.landings.flip import FlipResidual
-
-Interval = tuple[float, float]
-"""95 % interval."""
+from calibration.measurement import Interval
 
 
 class LandingVerdict(StrEnum):
-    """What the landings say."""
+    """What the landings say, by their motion or by their outcomes."""
 
     EFFECTS_FOUND = "effects_found"
     NO_GAP = "no_gap"
     UNEXPLAINED_GAP = "unexplained_gap"
-    """the vehicle does not explain them, and no contact effect does"""
+    """the vehicle does not explain them, and no effect does"""
     CANNOT_TELL = "cannot_tell"
     """too few landings, or landings that would look alike with legs far from the filed ones"""
 
@@ -30,7 +28,7 @@ class LandingEffect:
         parameters: value and 95 % interval by parameter, SI, relative to the vehicle file.
         error_before, error_after: rad/s, median over landings of the RMS rate error in the 0.3 s after the
             contact, without and with the effect, each landing with values that were fitted to the others.
-        improvement_ci95: of 1 - after/before, bootstrap over landings.
+        improvement_ci95: rad/s, of `error_before` minus `error_after`, bootstrap over landings.
         ambiguous_with: effects that explain these landings as well.
         at_bound: parameters that ended at the end of what is searched: no values.
     """

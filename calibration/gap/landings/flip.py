@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from calibration.gap.landings.kernels import COLUMNS, DT, OMEGA, fly
-from calibration.gap.landings.segments import LandingSegment, commanded_thrusts, on_steps
+from calibration.gap.landings.segments import LandingSegment, commanded_thrusts, on_steps, running_until
 from onboard.arrays import FloatArray
 from onboard.room import RoomGeometry
 from onboard.vehicle import Vehicle
@@ -121,17 +121,16 @@ def _errors(
 ) -> FloatArray:
     """Model minus gyro (rad/s) at `times`; none where not all motors ran before the trigger.
 
-    The thrusts start from the last command in which all four motors ran: some logs have the flip's thrusts
-    one row before its flag.
+    The thrusts start from the last command in which all four motors ran.
     """
-    command_t, commanded = commands
-    running = np.flatnonzero((command_t <= landing.trigger) & (commanded.min(axis=1) > 0.0))
-    if not running.size:
+    approach = running_until(commands, landing.trigger)
+    if approach is None:
         return np.zeros(0)
+    command_t, commanded = commands
     steps = int(np.ceil((times[-1] - landing.trigger) / DT)) + 1
     state = new_states(1)
     state["position"][0, 2] = 100.0
-    state["thrust"][0] = commanded[running[-1]]
+    state["thrust"][0] = approach[1][-1]
     state["omega"][0, 1] = np.interp(landing.trigger, landing.gyro_t, landing.gyro[:, 1])
     trace = np.empty((steps + 1, COLUMNS))
     fly(state[0], p, on_steps(command_t + late, commanded, landing.trigger, steps), 1, trace)

@@ -9,7 +9,7 @@ import numpy as np
 from calibration.flights import Flight
 from calibration.gap.data.record import NotUsed
 from calibration.gap.landings.choose import REPLICATES, Choice, at_bound, choose, intervals
-from calibration.gap.landings.findings import Interval, LandingEffect, LandingFindings, LandingVerdict
+from calibration.gap.landings.findings import LandingEffect, LandingFindings, LandingVerdict
 from calibration.gap.landings.flip import flip_residual
 from calibration.gap.landings.kernels import BODY
 from calibration.gap.landings.limitations import limitations
@@ -35,6 +35,7 @@ from calibration.gap.landings.search import (
     widen,
 )
 from calibration.gap.landings.segments import LandingSegment, landing_of
+from calibration.measurement import Interval, interval_of
 from onboard.arrays import FloatArray
 from onboard.room import RoomGeometry
 from onboard.vehicle import Vehicle
@@ -180,7 +181,7 @@ def _findings(evidence: _Evidence, rng: np.random.Generator) -> tuple[LandingEff
             parameters=values[effect],
             error_before=float(np.median(before)),
             error_after=float(np.median(after)),
-            improvement_ci95=_improvement(before, after, rng),
+            improvement_ci95=improvement(before, after, rng),
             ambiguous_with=choice.rivals,
             at_bound=at_bound(held_out.theta, effect),
         )
@@ -229,11 +230,10 @@ def _up_to(finding: LandingEffect, strength: float) -> LandingEffect:
     return replace(finding, parameters={**finding.parameters, "adhesion_strength": reached})
 
 
-def _improvement(before: FloatArray, after: FloatArray, rng: np.random.Generator) -> Interval:
+def improvement(before: FloatArray, after: FloatArray, rng: np.random.Generator) -> Interval:
+    """95 % interval (rad/s) of the median of errors before less that after, (n,), landings drawn again."""
     drawn = rng.integers(0, before.size, (REPLICATES, before.size))
-    share = 1.0 - np.median(after[drawn], axis=1) / np.median(before[drawn], axis=1)
-    low, high = np.quantile(share, [0.025, 0.975])
-    return float(low), float(high)
+    return interval_of(np.median(before[drawn], axis=1) - np.median(after[drawn], axis=1))
 
 
 def _verdict(

@@ -1,6 +1,7 @@
 """Landings in flights: when something first touched the ceiling; what was seen and commanded around it."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -71,11 +72,10 @@ def landing_of(flight: Flight) -> LandingSegment | NotUsed:
     """The landing of one flight, or why there is none."""
     if flight.trigger is None:
         return NotUsed(flight.name, "the flight has no flip")
-    gyro = samples_of(flight, *_GYRO, clock="rates_drone_time")
-    tracker = samples_of(flight, *_POSE, clock="capture_time")
-    if gyro is None or tracker is None:
+    motion = motion_of(flight)
+    if motion is None:
         return NotUsed(flight.name, "a landing needs gyro and pose")
-    t, rates = fresh(gyro.t, gyro.values)
+    t, rates, pose_t, pose = motion
     start = _flip_start(t, rates, flight.trigger.t)
     touched = first_contact(t, rates, start)
     if touched is None:
@@ -83,7 +83,6 @@ def landing_of(flight: Flight) -> LandingSegment | NotUsed:
     before, after = touched
     end = after + LONGEST
     tracked = flight.pose_source is not PoseSource.ONBOARD_ESTIMATE
-    pose_t, pose = tracker.t, tracker.values
     # An onboard estimate is trusted up to the flip only: the filter fails during some of them.
     used = (pose_t > start - 0.4) & (pose_t < (end if tracked else start + 1e-9))
     if np.count_nonzero(used) < 3:
@@ -93,8 +92,32 @@ def landing_of(flight: Flight) -> LandingSegment | NotUsed:
     rows = (t > start - 0.4) & (t < end)
     if np.count_nonzero(t[rows] > after) < 8:
         return NotUsed(flight.name, "the gyro ends with the contact")
-    pose_t, pose = pose_t[used], np.hstack([continuous_quaternions(pose[used, :4]), pose[used, 4:]])
-    return LandingSegment(flight, start, before, after, t[rows], rates[rows], pose_t, pose, tracked)
+    pose = continued(pose[used])
+    return LandingSegment(flight, start, before, after, t[rows], rates[rows], pose_t[used], pose, tracked)
+
+
+class Motion(NamedTuple):
+    """What gyro and tracker said: times (s) and rates (rad/s, (n, 3)), times and quaternion with position
+    (m, (m, 7))."""
+
+    t: FloatArray
+    rates: FloatArray
+    pose_t: FloatArray
+    pose: FloatArray
+
+
+def motion_of(flight: Flight) -> Motion | None:
+    """Samples of gyro, each once, and pose by the clocks of their sources; None without either."""
+    gyro = samples_of(flight, *_GYRO, clock="rates_drone_time")
+    tracker = samples_of(flight, *_POSE, clock="capture_time")
+    if gyro is None or tracker is None:
+        return None
+    return Motion(*fresh(gyro.t, gyro.values), tracker.t, tracker.values)
+
+
+def continued(pose: FloatArray) -> FloatArray:
+    """Poses, shape (n, 7), whose quaternions have the sign that is nearest to the one before."""
+    return np.hstack([continuous_quaternions(pose[:, :4]), pose[:, 4:]])
 
 
 def first_contact(t: FloatArray, rates: FloatArray, start: float) -> tuple[float, float] | None:
@@ -147,6 +170,16 @@ def commanded_thrusts(flight: Flight, vehicle: Vehicle) -> tuple[FloatArray, Flo
     at_motor = np.clip(pwm.values / FULL_RATIO, 0.0, 1.0) * supply[:, None]
     thrust = np.array([[thrust_from_voltage(thrust_map, float(v)) for v in row] for row in at_motor])
     return pwm.t, thrust
+
+
+def running_until(commands: tuple[FloatArray, FloatArray], at: float) -> tuple[FloatArray, FloatArray] | None:
+    """Commands (s; N) up to the last row until `at` (s) in which all four motors run; None without one.
+
+    Some logs have the thrusts of a flip one row before its flag.
+    """
+    t, thrust = commands
+    rows = np.flatnonzero((t <= at) & (thrust.min(axis=1) > 0.0))
+    return (t[: rows[-1] + 1], thrust[: rows[-1] + 1]) if rows.size else None
 
 
 def on_steps(times: FloatArray, thrusts: FloatArray, start: float, steps: int) -> FloatArray:

@@ -7,7 +7,7 @@ what was rejected, settings) stands beside it.
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from typing import Any
 
@@ -192,27 +192,9 @@ class GapReport:
         Raises:
             CalibrationError: a number that is not finite; names its place.
         """
-        document = {
-            "schema": SCHEMA,
-            "verdict": str(self.verdict),
-            "vehicle": self.vehicle,
-            "effects": as_json(self.effects),
-            "gap": self.gap.to_json(),
-            "where": as_json(self.where),
-            "unexplained": as_json(self.unexplained),
-            "flights": {
-                "train": list(self.train),
-                "held_out": list(self.held_out),
-                "unusable": as_json(self.unusable),
-            },
-            "ambiguous": as_json(self.ambiguous),
-            "rejected": as_json(self.rejected),
-            "limitations": list(self.limitations),
-            "landings": as_json(self.landings),
-            "seed": self.seed,
-            "settings": dict(self.settings),
-            "noise": dict(self.noise),
-        }
+        document: dict[str, Any] = {"schema": SCHEMA}
+        document |= {one.name: as_json(getattr(self, one.name)) for one in fields(self)}
+        document["flights"] = {name: document.pop(name) for name in ("train", "held_out", "unusable")}
         for place, number in leaves(document):
             if isinstance(number, float) and not math.isfinite(number):
                 raise CalibrationError(f"report: {place} is {number}; a missing number must be null")

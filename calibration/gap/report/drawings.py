@@ -7,12 +7,12 @@ import numpy as np
 
 from calibration.gap.replay.closed_loop import ClosedLoopFlight
 from calibration.gap.report.figures_data import (
-    HeatMap,
     HorizonCurves,
     ResidualCloud,
     StageBars,
 )
 from calibration.gap.report.words import plain
+from calibration.gap.unnamed.gap_map import GapMap
 from calibration.report_style import BLUE, INK, MUTED, ORANGE, new_figure
 from onboard.arrays import FloatArray
 
@@ -89,15 +89,17 @@ def stage_bars(data: StageBars) -> "Figure":
     return figure
 
 
-def heat_maps(data: HeatMap) -> "Figure":
-    """Before and after side by side; what chance could have made is faint."""
-    rows, columns = len(data.channels), len(data.regressors)
+def heat_maps(maps: tuple[GapMap, GapMap]) -> "Figure":
+    """Before and after side by side; what chance could have made before is faint."""
+    before, _ = maps
+    rows, columns = before.share.shape
     figure = new_figure(10.4, 1.5 + 0.36 * rows)
-    most = max(float(np.nanmax(data.before, initial=0.0)), float(np.nanmax(data.after, initial=0.0)), 1e-3)
+    shares = [np.clip(one.share, 0.0, 1.0) for one in maps]
+    most = max(*(float(np.nanmax(share, initial=0.0)) for share in shares), 1e-3)
     image = None
     pair = figure.subplots(1, 2, sharey=True)
-    for axes, cells, title in zip(pair, (data.before, data.after), ("before", "after"), strict=True):
-        faint = np.where(cells > data.chance, 1.0, 0.3)
+    for axes, cells, title in zip(pair, shares, ("before", "after"), strict=True):
+        faint = np.where(cells > before.chance, 1.0, 0.3)
         image = axes.imshow(
             np.nan_to_num(cells), cmap="YlOrRd", vmin=0.0, vmax=most, aspect="auto", alpha=faint
         )
@@ -108,8 +110,8 @@ def heat_maps(data: HeatMap) -> "Figure":
                     column, row, f"{100 * value:.0f}", ha="center", va="center", fontsize=8,
                     color="white" if dark else INK, alpha=0.55 if faint[row, column] < 1.0 else 1.0,
                 )  # fmt: skip
-        axes.set_xticks(range(columns), [plain(r) for r in data.regressors], rotation=40, ha="right")
-        axes.set_yticks(range(rows), [plain(c) for c in data.channels])
+        axes.set_xticks(range(columns), [plain(r) for r in before.regressors], rotation=40, ha="right")
+        axes.set_yticks(range(rows), [plain(c) for c in before.channels])
         axes.grid(visible=False)
         axes.tick_params(length=0)
         axes.set_title(title, fontsize=9.5, loc="left")

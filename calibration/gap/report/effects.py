@@ -30,7 +30,7 @@ def found_effects(names: Named, flights: HeldOutFlights, rng: np.random.Generato
                 improvement_ci95=gain.interval,
                 ambiguous_with=rivals,
                 separated_by=separations([name, *rivals]) if rivals else "",
-                metric=f"{gain.channel} residual, means of 0.1 s, {gain.unit}",
+                metric=gain.metric,
             )
         )
     return effects

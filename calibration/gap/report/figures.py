@@ -11,7 +11,7 @@ from calibration.gap.estimate.refine import Fitted, Training
 from calibration.gap.replay import PredictionErrors, fly_again
 from calibration.gap.replay.closed_loop import ClosedLoopFlight
 from calibration.gap.report.document import Unexplained, Where
-from calibration.gap.report.figures_data import HeatMap, ReportFigures, ResidualCloud
+from calibration.gap.report.figures_data import ReportFigures, ResidualCloud
 from calibration.gap.report.prediction_figures import (
     channel_bars,
     horizon_curves,
@@ -22,12 +22,11 @@ from calibration.gap.search.naming import Named
 from calibration.gap.unnamed.fitted_terms import FittedTerm, formulas
 from calibration.gap.unnamed.gap_map import GapMap
 from calibration.gap.unnamed.regressors import regressors
+from calibration.gap.unnamed.structure import LEAST_SHARE, LEVEL
 from onboard.arrays import FloatArray
 from onboard.vehicle import Vehicle
 
 _PLACES = 8
-_CHANCE = 0.005
-_LEAST_SHARE = 0.04
 _CLOUDS = 4
 
 
@@ -36,7 +35,7 @@ def where(before: GapMap) -> tuple[Where, ...]:
     return tuple(
         Where(channel=cell.channel.name, condition=cell.condition, share=float(cell.share))
         for cell in before.cells
-        if cell.p < _CHANCE and cell.share >= _LEAST_SHARE
+        if cell.p < LEVEL and cell.share >= LEAST_SHARE
     )[:_PLACES]
 
 
@@ -81,19 +80,12 @@ def figures(
         training: its flights.
         maps: where the residual lived before, and lives after.
     """
-    before, after = maps
     return ReportFigures(
         horizons=horizon_curves(stages),
         channels=channel_bars(stages),
         phases=phase_bars(stages),
-        heat_map=HeatMap(
-            channels=before.channels,
-            regressors=before.regressors,
-            before=np.clip(before.share, 0.0, 1.0),
-            after=np.clip(after.share, 0.0, 1.0),
-            chance=np.clip(before.chance, 0.0, 1.0),
-        ),
-        clouds=_clouds(before, found, training),
+        heat_map=maps,
+        clouds=_clouds(maps[0], found, training),
         closed_loop=_flown_again(names, held_out),
     )
 
@@ -104,7 +96,7 @@ def _clouds(before: GapMap, found: Search, training: Training) -> tuple[Residual
     window = max(1, round(0.1 / training.regression.signals.dt))
     clouds: list[ResidualCloud] = []
     for cell in before.cells:
-        if len(clouds) == _CLOUDS or cell.p >= _CHANCE:
+        if len(clouds) == _CLOUDS or cell.p >= LEVEL:
             break
         if cell.channel.frame == "world":
             continue

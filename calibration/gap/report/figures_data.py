@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from calibration.gap.replay.closed_loop import ClosedLoopFlight
+from calibration.gap.unnamed.gap_map import GapMap
 from onboard.arrays import FloatArray
 
 
@@ -68,31 +69,13 @@ class ResidualCloud:
 
 
 @dataclass(frozen=True, kw_only=True)
-class HeatMap:
-    """Where the gap lives: share of the residual's variance in a channel that goes with a regressor.
-
-    Attributes:
-        channels: rows, shape (r,). regressors: columns, shape (c,).
-        before, after: shape (r, c), 0 to 1; NaN where it cannot be said.
-        chance: shape (r, c): what the colour of the noise alone reaches in 95 % of cases; cells below it are
-            drawn faint.
-    """
-
-    channels: tuple[str, ...]
-    regressors: tuple[str, ...]
-    before: FloatArray
-    after: FloatArray
-    chance: FloatArray
-
-
-@dataclass(frozen=True, kw_only=True)
 class ReportFigures:
     """All figures of a report; what is empty or None is left out.
 
     Attributes:
         horizons: one panel each.
         channels, phases: bars by channel and by phase of flight.
-        heat_map: where the gap lives.
+        heat_map: where the residual lived before, and lives after.
         clouds: residuals against regressors, most telling first.
         closed_loop: a held-out flight, flown again by the models of some stages.
     """
@@ -100,6 +83,6 @@ class ReportFigures:
     horizons: tuple[HorizonCurves, ...] = ()
     channels: StageBars | None = None
     phases: StageBars | None = None
-    heat_map: HeatMap | None = None
+    heat_map: tuple[GapMap, GapMap] | None = None
     clouds: tuple[ResidualCloud, ...] = ()
     closed_loop: Mapping[str, ClosedLoopFlight] = field(default_factory=dict)

@@ -1,6 +1,5 @@
 """The improved vehicle: the file that was given, with the effects that were found, each with its source."""
 
-import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -47,9 +46,7 @@ def improved_vehicle(vehicle: Vehicle, effects: Sequence[FoundEffect], names: Na
         )
         for name in names.minor
     )
-    replaced = {effect.name for effect in (*added, *small)}
-    kept = tuple(effect for effect in vehicle.effects if effect.name not in replaced)
-    return dataclasses.replace(vehicle, effects=(*kept, *added, *small))
+    return vehicle.with_effects((*added, *small))
 
 
 def provenance(flights: int, held_out: int, seed: int) -> str:

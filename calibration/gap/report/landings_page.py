@@ -21,6 +21,7 @@ from calibration.report_style import (
     MUTED,
     ORANGE,
     TRIGGER,
+    by_width,
     new_figure,
     page,
     report_style,
@@ -34,13 +35,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _COLOURS = (GREEN, ORANGE, TRIGGER)
+_MARKERS = ("o", "s", "X")
 _WORDS = ("four legs", "two legs", "none")
 _MOTION = 0.6
 """s after the trigger that the motion is drawn for."""
 _MOTIONS = 30
 """Simulated landings whose motion is drawn."""
-_ROW = 4
-"""Panels side by side."""
 
 
 def landings_page(report: LandingReport, parameters: Any) -> str:
@@ -50,19 +50,16 @@ def landings_page(report: LandingReport, parameters: Any) -> str:
         report: what to show. parameters: physics of its vehicle, for the motions.
     """
     with report_style():
-        parts = [section("What the simulation expects, and what happened", svg(outcome_bars(report)), _NOTE)]
+        parts = [section("What the simulation expects, and what happened", _outcomes(report), _NOTE)]
         parts.append(section("What the simulation lacks", _verdict(report)))
         if report.expectation is not None:
             parts.append(section("What to expect of the next flights", escape(report.expectation.words)))
         if report.score is not None:
             parts.append(section("How good the probabilities are", _scores(report.score)))
-            parts.append(
-                section("Does it happen as often as it is said to", svg(reliability_diagram(report.score)))
-            )
+            drawn = svg(reliability_diagram(report.score), "Share of four legs against their probability")
+            parts.append(section("Does it happen as often as it is said to", drawn))
         parts.append(section("Flights", _flights(report)))
-        parts.append(
-            section("Pitch rate, real and simulated", svg(motions(report, parameters)), _MOTION_NOTE)
-        )
+        parts.append(section("Pitch rate, real and simulated", _motions(report, parameters), _MOTION_NOTE))
         parts.append(section("How starts and flips scatter", _dispersion(report)))
         if report.prepared.roll is not None:
             parts.append(section("Why flips roll", _roll(report.prepared.roll), _ROLL_NOTE))
@@ -80,7 +77,8 @@ def landings_page(report: LandingReport, parameters: Any) -> str:
 
 _NOTE = (
     "Each row is a flight, simulated from its recorded trigger with the measured scatter of the starts. The "
-    "mark on the right is what really happened; the bars below are all flights together."
+    "mark on the right is what really happened (dot: four legs, square: two, cross: none); the bars below "
+    "are all flights together."
 )
 _MOTION_NOTE = (
     "Black: the gyro. Grey: simulated landings. Vertical line: the measured contact. Time from the trigger."
@@ -112,20 +110,27 @@ def _search(found: OutcomeSearch) -> str:
     return table(header, rows)
 
 
-def outcome_bars(report: LandingReport) -> "Figure":
+def _outcomes(report: LandingReport) -> str:
+    real = [None if one is None else landing_class(one) for one in report.real]
+    counts = ", ".join(f"{word} {real.count(number)}" for number, word in enumerate(_WORDS))
+    alt = f"Probabilities of {len(real)} flights beside what happened: {counts}"
+    return by_width(svg(outcome_bars(report), alt), svg(outcome_bars(report, broad=False), f"{alt} (narrow)"))
+
+
+def outcome_bars(report: LandingReport, *, broad: bool = True) -> "Figure":
     """Stacked probabilities of each flight with the real outcome, and all flights together."""
     shares = report.forecast.probability
     classes = [None if real is None else landing_class(real) for real in report.real]
     order = np.argsort(shares[:, 0], kind="stable")
-    figure = new_figure(8.6, 1.6 + 0.21 * len(order))
+    figure = new_figure(8.6 if broad else 4.4, 1.6 + 0.21 * len(order))
     axes = figure.add_subplot()
-    names = [_short(report.forecast.flights[k].name) for k in order]
+    names = [_short(report.forecast.flights[k].name, 34 if broad else 16) for k in order]
     at = np.arange(len(order)) + 3.5
     for position, k in zip(at, order, strict=True):
         _stack(axes, float(position), shares[k], 0.8)
         real = classes[k]
         if real is not None:
-            axes.plot(1.03, position, "s", ms=8, color=_COLOURS[real], clip_on=False)
+            axes.plot(1.03, position, _MARKERS[real], ms=7, color=_COLOURS[real], clip_on=False)
     known = [one for one in classes if one is not None]
     rows = [k for k, one in enumerate(classes) if one is not None]
     ends = [("real", np.bincount(known, minlength=3) / len(known))] if known else []
@@ -136,7 +141,10 @@ def outcome_bars(report: LandingReport) -> "Figure":
     axes.set_yticks(ticks, [*[name for name, _ in ends], *names], fontsize=8)
     axes.set(xlim=(0.0, 1.0), xlabel="probability")
     axes.grid(axis="y", visible=False)
-    handles = [axes.barh([0], [0], color=colour) for colour in _COLOURS]
+    handles = [
+        axes.plot([], [], marker, ms=7, color=colour)[0]
+        for marker, colour in zip(_MARKERS, _COLOURS, strict=True)
+    ]
     axes.legend(handles, _WORDS, ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False)
     return figure
 
@@ -148,8 +156,8 @@ def _stack(axes: Any, y: float, shares: FloatArray, height: float) -> None:
         left += float(share)
 
 
-def _short(name: str) -> str:
-    return name if len(name) <= 34 else f"{name[:33]}…"
+def _short(name: str, most: int = 34) -> str:
+    return name if len(name) <= most else f"{name[: most - 1]}…"
 
 
 def reliability_diagram(found: Score) -> "Figure":
@@ -166,12 +174,19 @@ def reliability_diagram(found: Score) -> "Figure":
     return figure
 
 
-def motions(report: LandingReport, parameters: Any) -> "Figure":
+def _motions(report: LandingReport, parameters: Any) -> str:
+    alt = f"Pitch rates of {len(report.real)} flights by the gyro, over those of simulated landings"
+    broad, narrow = (motions(report, parameters, side_by_side) for side_by_side in (4, 2))
+    return by_width(svg(broad, alt), svg(narrow, f"{alt} (narrow)"))
+
+
+def motions(report: LandingReport, parameters: Any, side_by_side: int) -> "Figure":
     """Pitch rate of each flight: the gyro over simulated landings."""
     starts = report.prepared.starts
-    rows = -(-len(starts) // _ROW)
-    figure = new_figure(10.4, 1.7 * rows)
-    axes = np.atleast_1d(figure.subplots(rows, _ROW, sharex=True, sharey=True, squeeze=False)).ravel()
+    rows = -(-len(starts) // side_by_side)
+    figure = new_figure(2.6 * side_by_side, 1.7 * rows)
+    panels = figure.subplots(rows, side_by_side, sharex=True, sharey=True, squeeze=False)
+    axes = np.atleast_1d(panels).ravel()
     at = SETTINGS.dt * np.arange(round(_MOTION / SETTINGS.dt) + 1)
     p = parameters.copy()
     for index, start in enumerate(starts):

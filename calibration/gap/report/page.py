@@ -130,7 +130,7 @@ def _gap(report: GapReport, figures: ReportFigures) -> Iterator[str]:
     ):
         if bars is None and not levels:
             continue
-        drawn = "" if bars is None else svg(drawings.stage_bars(bars))
+        drawn = "" if bars is None else svg(drawings.stage_bars(bars), f"{title}, before and after")
         parts.append(section(title, drawn + _levels(levels, "")))
     if parts:
         yield grid(parts)
@@ -174,7 +174,10 @@ def _where(report: GapReport, figures: ReportFigures) -> Iterator[str]:
         content = table(["channel", "condition", "share of the gap before"], rows) if rows else ""
         note = ""
         if figures.heat_map is not None:
-            content += svg(drawings.heat_maps(figures.heat_map))
+            content += svg(
+                drawings.heat_maps(figures.heat_map),
+                "Share of each channel's residual that goes with each regressor, before and after",
+            )
             note = (
                 "Cells, in percent: share of the residual's variance that goes with the regressor. Faint "
                 "cells are no larger than what the colour of the noise alone makes in 1 of 20."
@@ -183,7 +186,10 @@ def _where(report: GapReport, figures: ReportFigures) -> Iterator[str]:
     if figures.clouds:
         yield section(
             "Residuals against what they may depend on",
-            svg(drawings.cloud_panels(figures.clouds)),
+            svg(
+                drawings.cloud_panels(figures.clouds),
+                "Residuals against what they may depend on, with medians",
+            ),
             "Measured minus modelled; medians of parts of equal count, and the middle two thirds of each. A "
             "model that lacks nothing is flat at zero.",
         )
@@ -191,9 +197,12 @@ def _where(report: GapReport, figures: ReportFigures) -> Iterator[str]:
 
 def _closed_loop(stages: Mapping[str, ClosedLoopFlight]) -> str:
     name = next(iter(stages.values())).name
+    drawn = svg(
+        drawings.closed_loop_trace(stages), f"Closed loop of {name}: what the models and the vehicle needed"
+    )
     return section(
         "Flown again in closed loop",
-        f"<h3>{escape(name)}</h3>{svg(drawings.closed_loop_trace(stages))}",
+        f"<h3>{escape(name)}</h3>{drawn}",
         "The project's own controller flies the model along the measured path. What the model needs should "
         "be what the vehicle needed.",
     )

@@ -1,7 +1,8 @@
 """The verdict in words, and numbers as the page shows them."""
 
-from calibration.gap.data.found import FoundEffect, FoundParameter, Interval
+from calibration.gap.data.found import FoundEffect, FoundParameter
 from calibration.gap.report.document import GapReport, Levels, Verdict
+from calibration.measurement import Interval
 
 
 def number(value: float | int | None) -> str:

@@ -5,11 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calibration.gap.data.found import Improvement
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.rotations import conjugates, integrate_rate, matrices, products, rotation_vectors
 from calibration.gap.data.smoothing import Smoothing
 from calibration.gap.sensors.correction import align, best_values
 from calibration.gap.sensors.flight_estimates import FlightSensing, pool_flights
+from calibration.measurement import interval_of
 from onboard.arrays import FloatArray
 from onboard.gravity import GRAVITY
 
@@ -72,24 +74,12 @@ METRICS = {
 """By effect."""
 
 
-@dataclass(frozen=True)
-class HeldOutErrors:
-    """Errors on flights whose shape the applied values are not from.
-
-    Attributes:
-        before, after: rms without and with the effect taken out.
-        improvement_ci95: of 1 - after / before.
-    """
-
-    before: float
-    after: float
-    improvement_ci95: tuple[float, float]
-
-
-def held_out_errors(
+def held_out_improvement(
     name: str, records: Sequence[FlightRecord], flights: Sequence[FlightSensing]
-) -> HeldOutErrors | None:
-    """Errors of the effect `name`; None when there are not two flights to hold out.
+) -> Improvement | None:
+    """What the effect `name` does for flights whose shape the applied values are not from.
+
+    None when there are not two to hold out.
 
     What a flight does not share with the others is taken out before and after, as are the other effects.
     After, the mean over the flights of other shapes is taken out too.
@@ -115,15 +105,14 @@ def held_out_errors(
         ]
         if all(count > 0 for _, count in errors):
             squares.append([total / count for total, count in errors])
-    return _errors(np.array(squares)) if len(squares) > 1 else None
+    metric = f"{METRICS[name].meaning}, {METRICS[name].unit}"
+    return _improvement(np.array(squares), metric) if len(squares) > 1 else None
 
 
-def _errors(squares: FloatArray) -> HeldOutErrors:
+def _improvement(squares: FloatArray, metric: str) -> Improvement:
     """From mean squares before and after, shape (n, 2); the interval is a bootstrap over flights."""
     flights = squares.shape[0]
     draws = np.random.default_rng(_SEED).integers(0, flights, (_DRAWS, flights))
-    sums = squares[draws].sum(axis=1)
-    gains = 1.0 - np.sqrt(sums[:, 1] / sums[:, 0])
-    low, high = np.quantile(gains, [0.025, 0.975])
+    levels = np.sqrt(squares[draws].mean(axis=1))
     rms = np.sqrt(squares.mean(axis=0))
-    return HeldOutErrors(float(rms[0]), float(rms[1]), (float(low), float(high)))
+    return Improvement(float(rms[0]), float(rms[1]), interval_of(levels[:, 0] - levels[:, 1]), metric)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.gap.data.found import FoundEffect, FoundParameter
+from calibration.gap.data.found import FoundEffect, FoundParameter, Improvement
 from calibration.gap.data.record import FlightRecord, NotUsed
 from calibration.gap.sensors.correction import correct_flight
 from calibration.gap.sensors.flight_estimates import (
@@ -13,7 +13,7 @@ from calibration.gap.sensors.flight_estimates import (
     estimate_flights,
     pool_flights,
 )
-from calibration.gap.sensors.held_out import METRICS, HeldOutErrors, held_out_errors
+from calibration.gap.sensors.held_out import held_out_improvement
 from calibration.gap.sensors.pooling import Pooled
 from onboard.vehicle.effects import EFFECTS
 
@@ -58,9 +58,9 @@ def judge_sensing(records: Sequence[FlightRecord]) -> SensingFindings:
         if not _within_bounds(name, pooled[name]):
             notes.append(f"{name} {_words(name, pooled[name])} is beyond its physical bounds: not named")
             continue
-        errors = held_out_errors(name, used, [judged[r.name] for r in used])
-        if errors is not None and _helps(errors):
-            effects.append(_effect(name, pooled[name], errors))
+        gain = held_out_improvement(name, used, [judged[r.name] for r in used])
+        if gain is not None and _helps(gain):
+            effects.append(_effect(name, pooled[name], gain))
         else:
             notes.append(f"{name} {_words(name, pooled[name])} does not help on other flights: not named")
     return SensingFindings(tuple(effects), flights, pooled, broken, tuple(notes))
@@ -80,7 +80,7 @@ def apply_sensing(records: Sequence[FlightRecord], findings: SensingFindings) ->
     )
 
 
-def _effect(name: str, pooled: Sequence[Pooled], errors: HeldOutErrors) -> FoundEffect:
+def _effect(name: str, pooled: Sequence[Pooled], gain: Improvement) -> FoundEffect:
     parameters = zip(EFFECTS[name].parameters.items(), pooled, strict=True)
     return FoundEffect(
         name=name,
@@ -88,10 +88,10 @@ def _effect(name: str, pooled: Sequence[Pooled], errors: HeldOutErrors) -> Found
             key: FoundParameter(value=p.mean, unit=rule.unit, ci95=p.interval)
             for (key, rule), p in parameters
         },
-        error_before=errors.before,
-        error_after=errors.after,
-        improvement_ci95=errors.improvement_ci95,
-        metric=f"{METRICS[name].meaning}, {METRICS[name].unit}",
+        error_before=gain.before,
+        error_after=gain.after,
+        improvement_ci95=gain.interval,
+        metric=gain.metric,
     )
 
 
@@ -112,8 +112,8 @@ def _within_bounds(name: str, pooled: Sequence[Pooled]) -> bool:
     return all(p.low <= q.mean <= p.high for p, q in zip(parameters, pooled, strict=True))
 
 
-def _helps(errors: HeldOutErrors) -> bool:
-    return errors.improvement_ci95[0] > 0.0 and errors.after < (1.0 - _LEAST_IMPROVEMENT) * errors.before
+def _helps(gain: Improvement) -> bool:
+    return gain.interval[0] > 0.0 and gain.after < (1.0 - _LEAST_IMPROVEMENT) * gain.before
 
 
 def _remarks(pooled: Mapping[str, Sequence[Pooled]]) -> list[str]:

@@ -89,6 +89,17 @@ static uint32_t instructions_of(void (*function)(void)) {
   return (with - without) * INSTRUCTIONS_A_TICK / REPEATS;
 }
 
+/* The machine takes what was posted, and then the order to go, in a step of the policy. */
+static void arm_and_go(void) {
+  for (int i = 0; i < 20; i++) {
+    sample.tick++;
+    perch_step(&core, &sample);
+  }
+  perch_ask_go(&core, true);
+  sample.tick += 2 - sample.tick % 2;
+  perch_step(&core, &sample);
+}
+
 /* A core in an approach that climbs, with a policy that is not armed: the way to the ceiling is looked at. */
 static void begin_approach(void) {
   const perch_approach approach = {0.5f, 0.5f, 0.0f, 0.0f, 3.0f, 1.0f, 3.1f, 1.0f};
@@ -103,13 +114,7 @@ static void begin_approach(void) {
   sample.setpoint = perch_setpoint_of(&start);
   sample.voltage = 3.9f;
   sample.flying = true;
-  for (int i = 0; i < 20; i++) {
-    sample.tick++;
-    perch_step(&core, &sample);
-  }
-  perch_ask_go(&core, true);
-  sample.tick += 2 - sample.tick % 2;
-  perch_step(&core, &sample);
+  arm_and_go();
   sample.estimate.velocity.z = 0.4f;
 }
 
@@ -122,13 +127,7 @@ static void begin_rehearsal(void) {
   perch_boot(&core, &in.vehicle);
   perch_rehearse(&core, PERCH_ON_MODEL, true);
   perch_post(&core, true, &approach);
-  for (int i = 0; i < 20; i++) {
-    sample.tick++;
-    perch_step(&core, &sample);
-  }
-  perch_ask_go(&core, true);
-  sample.tick += 2 - sample.tick % 2;
-  perch_step(&core, &sample);
+  arm_and_go();
 }
 
 static void count(void) {

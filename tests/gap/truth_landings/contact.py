@@ -16,8 +16,8 @@ HULL_STIFFNESS = 3e4  # N/m
 # Order of the numbers of a vehicle in the compiled code.
 (
     MASS, IXX, IYY, IZZ, LEG, K, C, STOP, ROD_K, ROD_C, ADHESION, PRELOAD, RESTITUTION, HULL_MU, FOOT_MU,
-    FOOT_R, CEILING, ROTOR_R, CAPTURE,
-) = range(19)  # fmt: skip
+    FOOT_R, CEILING, ROTOR_R, CAPTURE, SIDE_K, SIDE_C,
+) = range(21)  # fmt: skip
 
 
 @jitted
@@ -26,8 +26,11 @@ def _cross(a, b):
 
 
 @jitted
-def leg_pull(n, hip, hip_v, spin, anchor, rest):
-    """Force of the surface on a held foot, all in the world: hip and its velocity, body rate, anchor."""
+def leg_pull(n, hip, hip_v, spin, anchor, rest, up):
+    """Force of the surface on a held foot, all in the world: hip and its velocity, body rate, anchor.
+
+    `rest` is the rod at rest and `up` the body's axis: the leg's plane, which the second axis lies in.
+    """
     r = anchor - hip
     size = np.sqrt(r @ r)
     u = r / size
@@ -41,6 +44,13 @@ def leg_pull(n, hip, hip_v, spin, anchor, rest):
         bend = np.arctan2(sine, rest @ u)
         torque = n[K] * bend + 10.0 * n[K] * max(0.0, bend - n[STOP])
         moment = moment - torque * axis / sine
+    if n[SIDE_K] != 1.0 or n[SIDE_C] != 1.0:
+        normal = _cross(up, rest)
+        normal = normal / np.sqrt(normal @ normal)
+        lean = np.arcsin(u @ normal)
+        faster = (u_dot @ normal) / np.cos(lean)
+        more = (n[SIDE_K] - 1.0) * n[K] * lean + (n[SIDE_C] - 1.0) * n[C] * faster
+        moment = moment - more * _cross(u, normal) / np.cos(lean)
     across = _cross(r, moment) / size**2
     axial = n[ROD_K] * (size - n[LEG]) + n[ROD_C] * size_dot
     return across + axial * u
@@ -80,7 +90,7 @@ def feet(n, x, v, R, spin, hips, rests, mode, anchors, total):
                 mode[k] = HELD if n[PRELOAD] <= 0.0 else PRESSED
         if mode[k] == FREE or mode[k] == TORN:
             continue
-        force = leg_pull(n, hip, v + _cross(spin, arm), spin, anchors[k], rest)
+        force = leg_pull(n, hip, v + _cross(spin, arm), spin, anchors[k], rest, np.ascontiguousarray(R[:, 2]))
         if mode[k] == REFUSED:
             if force[2] >= 0.0:
                 mode[k] = TORN  # until it is clear of the ceiling; the same push cannot catch later

@@ -30,6 +30,8 @@ class Drone:
     foot_radius: float = 0.004
     stiffness: float = 0.08
     damping: float = 6.788e-5
+    side_stiffness: float = 1.0
+    side_damping: float = 1.0
     stop: float = np.pi / 3.0
     rod_stiffness: float = 5000.0
     rod_damping: float = 5.0

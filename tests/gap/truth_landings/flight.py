@@ -116,7 +116,7 @@ def numbers(drone: Drone, ceiling: float) -> np.ndarray:
         [drone.mass, *drone.inertia, drone.leg, drone.stiffness, drone.damping, drone.stop,
          drone.rod_stiffness, drone.rod_damping, drone.adhesion, drone.preload, drone.restitution,
          drone.hull_friction, drone.foot_friction, drone.foot_radius, ceiling, drone.propeller_radius,
-         drone.capture]
+         drone.capture, drone.side_stiffness, drone.side_damping]
     )  # fmt: skip
 
 

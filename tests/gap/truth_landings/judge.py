@@ -90,6 +90,11 @@ def as_point(drone: Drone) -> Point:
         damping=round(drone.damping / HEALTHY.damping, 9),
         speed=drone.capture,
         spread=drone.capture_spread,
+        side_stiffness=drone.side_stiffness,
+        side_damping=drone.side_damping,
+        width=round(drone.box_half - HEALTHY.box_half, 9),
+        top=round(drone.box_top - HEALTHY.box_top, 9),
+        bottom=round(HEALTHY.box_bottom - drone.box_bottom, 9),
     )
 
 

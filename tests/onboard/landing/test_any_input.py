@@ -37,7 +37,7 @@ samples = st.fixed_dictionaries(
 )
 
 
-@settings(max_examples=200)
+@settings(max_examples=80)
 @given(st.sampled_from(["idle", "approach", "trigger", "brake", "hold"]), st.lists(samples, max_size=8))
 def test_no_input_makes_it_forget_its_rules(where: str, sequence: list[dict[str, Any]]) -> None:
     rig = Rig()

@@ -6,7 +6,7 @@ two gyro samples makes of it. Flips scatter as the slopes of measured over predi
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -39,12 +39,6 @@ class Dispersion:
     rate: Vector
     pitch: float
     roll: float
-
-    def to_json(self) -> dict[str, object]:
-        """As a JSON object."""
-        return {
-            key: list(value) if isinstance(value, tuple) else value for key, value in asdict(self).items()
-        }
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ import numpy as np
 
 from calibration.errors import CalibrationError
 from calibration.gap.data.record import NotUsed
+from calibration.gap.landings.findings import LandingVerdict
 from calibration.gap.landings.outcomes.dispersion import Dispersion
 from calibration.gap.landings.outcomes.expectation import JudgedExpectation, judged_expectation
 from calibration.gap.landings.outcomes.labels import CLASS_NAMES, FOUR, landing_class
@@ -17,9 +18,10 @@ from calibration.gap.landings.outcomes.prepare import Prepared
 from calibration.gap.landings.outcomes.scores import Score, score
 from calibration.gap.landings.outcomes.search import OutcomeSearch, search_outcomes
 from calibration.gap.landings.outcomes.vehicles import bare_parameters, filed_point, grid, tabulate
-from calibration.gap.landings.outcomes.verdict import Verdict, in_words, judge_outcomes
+from calibration.gap.landings.outcomes.verdict import in_words, judge_outcomes
 from onboard.arrays import FloatArray, IntArray
 from onboard.errors import InputError
+from onboard.json_file import as_json
 from onboard.outcome import Outcome
 from onboard.vehicle import Vehicle
 
@@ -69,7 +71,7 @@ class LandingReport:
         return measured_launch(ready.starts, ready.ceilings, ready.dispersion.height)
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> LandingVerdict:
         """What the outcomes say of the vehicle."""
         rows, _ = classified(self.real)
         return judge_outcomes(self.score, self.forecast.probability[rows], self.search)
@@ -89,17 +91,17 @@ class LandingReport:
             "seed": self.seed,
             "draws": self.forecast.draws,
             "flights": [self._flight(index) for index in range(len(self.real))],
-            "score": None if self.score is None else self.score.to_json(),
-            "expectation": None if self.expectation is None else self.expectation.to_json(),
-            "dispersion": self.dispersion.to_json(),
-            "launch": None if self.launch is None else self.launch.to_json(),
+            "score": as_json(self.score),
+            "expectation": as_json(self.expectation),
+            "dispersion": as_json(self.dispersion),
+            "launch": as_json(self.launch),
             "flip": {
                 "pitch_rate_rms_rad_s": _rms(self.prepared.rate_error),
                 "pitch_slope": _mean(self.prepared.slopes.pitch),
                 "roll_per_pitch": _mean(self.prepared.slopes.roll),
                 "roll_rate_rms_rad_s": _rms(self.prepared.roll_error[:, 0]),
                 "roll_rate_rms_with_it_rad_s": _rms(self.prepared.roll_error[:, 1]),
-                "roll": None if self.prepared.roll is None else self.prepared.roll.to_json(),
+                "roll": as_json(self.prepared.roll),
             },
             **({"effects": None} if self.search is None else self.search.to_json()),
             "unusable": [{"file": item.name, "reason": item.reason} for item in self.unused],

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.special import expit, logit
 
 from calibration.errors import CalibrationError
+from calibration.measurement import Interval, interval_of
 from onboard.arrays import BoolArray, FloatArray
 from onboard.errors import InputError
 
@@ -33,8 +34,6 @@ _SAMPLES = 4000
 _GROUP = 7
 """Flights that are predicted together when intervals are judged."""
 _SPLITS = 20
-
-Interval = tuple[float, float]
 
 
 class ModelErrorFileError(CalibrationError, InputError):
@@ -194,8 +193,7 @@ def expect(
     """
     rates = _rates(error, simulated, rng) * (1.0 if triggers is None else triggers)
     mean = rates.mean(axis=1)
-    low, high = np.quantile(mean, [0.025, 0.975])
-    return Expectation(float(mean.mean()), (float(low), float(high)), _count(rng.binomial(NEXT, mean)))
+    return Expectation(float(mean.mean()), interval_of(mean), _count(rng.binomial(NEXT, mean)))
 
 
 def coverage(simulated: FloatArray, real: BoolArray, rng: np.random.Generator) -> tuple[float, float]:

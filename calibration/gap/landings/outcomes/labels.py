@@ -1,10 +1,10 @@
 """Real outcomes of flights: ``labels.csv`` beside the files, columns ``file`` and ``outcome``."""
 
-import csv
 from collections.abc import Iterable
 from pathlib import Path
 
 from calibration.errors import CalibrationError
+from onboard.csv_file import read_csv
 from onboard.errors import InputError
 from onboard.outcome import Outcome
 
@@ -49,21 +49,13 @@ def read_labels(sources: Iterable[Path]) -> dict[Path, Outcome]:
 
 
 def _read(table: Path) -> dict[Path, Outcome]:
-    with table.open(encoding="utf-8", newline="") as stream:
-        reader = csv.DictReader(stream)
-        for column in ("file", "outcome"):
-            if column not in (reader.fieldnames or ()):
-                raise LabelsFileError(f"{table}: no column {column!r}; a table of outcomes has file, outcome")
-        found = {}
-        for number, row in enumerate(reader, start=2):
-            name, text = row["file"], row["outcome"]
-            if not text:
-                continue  # a flight that nobody classified
-            try:
-                found[table.parent / name] = Outcome(text)
-            except ValueError:
-                known = ", ".join(outcome.value for outcome in Outcome)
-                raise LabelsFileError(
-                    f"{table} row {number} column 'outcome': {text!r} is none of {known}"
-                ) from None
-        return found
+    rows = read_csv(table, LabelsFileError)
+    found = {}
+    for row, name, text in zip(rows.rows, rows.text("file"), rows.text("outcome"), strict=True):
+        if not text:
+            continue  # a flight that nobody classified
+        try:
+            found[table.parent / name] = Outcome(text)
+        except ValueError:
+            raise rows.problem(row, "outcome", f"{text!r} is none of {', '.join(Outcome)}") from None
+    return found

@@ -5,7 +5,7 @@ scatter is in :mod:`..dispersion`. Flights that lie far outside the others do no
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -34,10 +34,6 @@ class MeasuredLaunch:
     spread_z: float
     ceiling: float
     ceiling_spread: float
-
-    def to_json(self) -> dict[str, float]:
-        """As a JSON object."""
-        return asdict(self)
 
 
 def measured_launch(

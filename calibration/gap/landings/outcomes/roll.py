@@ -17,6 +17,7 @@ import numpy as np
 from calibration.gap.landings.outcomes.starts import TriggerStart
 from calibration.gap.landings.segments import commanded_thrusts
 from onboard.arrays import FloatArray
+from onboard.json_file import as_json
 from onboard.vehicle import Vehicle
 
 LEAST_FLIPS = 5
@@ -80,16 +81,7 @@ class RollEvidence:
         return {
             "flips": self.flips,
             "measured": {name: {"value": v, "standard_error": s} for name, (v, s) in self.measured.items()},
-            "causes": [
-                {
-                    "name": one.name,
-                    "value": one.value,
-                    "unit": one.unit,
-                    "predicted": one.predicted,
-                    "refuted_by": list(one.refuted_by),
-                }
-                for one in self.causes
-            ],
+            "causes": as_json(self.causes),
             "not_refuted": list(self.left),
         }
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from calibration.measurement import wilson_interval
+from calibration.measurement import Interval, interval_of, wilson_interval
 from onboard.arrays import BoolArray, FloatArray, IntArray
 
 REPLICATES = 2000
@@ -19,8 +19,6 @@ REPLICATES = 2000
 
 BINS = 5
 """Of the reliability diagram, of equal count."""
-
-Interval = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -155,11 +153,11 @@ def score(
     return Score(
         flights=count,
         brier=float(own.mean()),
-        brier_interval=_interval(own[drawn].mean(axis=1)),
+        brier_interval=interval_of(own[drawn].mean(axis=1)),
         brier_base=float(by_base.mean()),
         brier_base_in_sample=float(brier(np.tile(happened.mean(axis=0), (count, 1)), real).mean()),
         gain=float((own - by_base).mean()),
-        gain_interval=_interval((own - by_base)[drawn].mean(axis=1)),
+        gain_interval=interval_of((own - by_base)[drawn].mean(axis=1)),
         log=float(logs.mean()),
         log_base=float(surprise(base, real, count).mean()),
         auc_four=auc,
@@ -185,8 +183,7 @@ def auc_of(value: FloatArray, positive: BoolArray) -> float | None:
     yes, no = value[positive], value[~positive]
     if not yes.size or not no.size:
         return None
-    difference = yes[:, None] - no[None, :]
-    return float(np.mean((difference > 0.0) + 0.5 * (difference == 0.0)))
+    return float(np.mean(_wins(yes, no)))
 
 
 def count_interval(
@@ -229,11 +226,18 @@ def _counts(probability: FloatArray, real: IntArray) -> tuple[Count, Count, Coun
     return four, two, none
 
 
-def _interval(values: FloatArray) -> Interval:
-    low, high = np.quantile(values, [0.025, 0.975])
-    return float(low), float(high)
-
-
 def _auc_interval(value: FloatArray, positive: BoolArray, drawn: IntArray) -> Interval:
-    found = [auc_of(value[rows], positive[rows]) for rows in drawn]
-    return _interval(np.array([auc for auc in found if auc is not None]))
+    """Of the drawn sets that have both: a pair counts as often as both of its flights were drawn."""
+    wins = _wins(value[positive], value[~positive])
+    times = np.zeros((len(drawn), value.size))
+    np.add.at(times, (np.arange(len(drawn))[:, None], drawn), 1.0)
+    yes, no = times[:, positive], times[:, ~positive]
+    pairs = yes.sum(axis=1) * no.sum(axis=1)
+    won = ((yes @ wins) * no).sum(axis=1)
+    return interval_of(won[pairs > 0.0] / pairs[pairs > 0.0])
+
+
+def _wins(yes: FloatArray, no: FloatArray) -> FloatArray:
+    """1 where the row's value is larger than the column's, 0.5 where they are the same."""
+    difference = yes[:, None] - no[None, :]
+    return (difference > 0.0) + 0.5 * (difference == 0.0)

@@ -1,4 +1,4 @@
-"""Which legs and pads make landings end as they did: a posterior over a grid of vehicles.
+"""Which legs, pads and hull make landings end as they did: a posterior over a grid of vehicles.
 
 Every vehicle of the grid predicts every flight once (:mod:`..vehicles`). The probability of what happened,
 all flights together, is a vehicle's likelihood; with every vehicle of the grid as likely beforehand its share
@@ -26,9 +26,8 @@ from calibration.gap.landings.outcomes.scores import (
     surprise,
 )
 from calibration.gap.landings.outcomes.vehicles import EFFECT_OF, UNITS, WITHOUT, Point
+from calibration.measurement import Interval, interval_of
 from onboard.arrays import BoolArray, FloatArray, IntArray
-
-Interval = tuple[float, float]
 
 LEAST_GAIN = 0.05
 """Of the Brier score: what predicts flights better by less is not named, however sure. Where nearly all feet
@@ -47,6 +46,8 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "preload": ("preload", "preload_spread"),
     "impulse": ("impulse", "impulse_spread"),
     "angle": ("angle", "angle_spread"),
+    "axes": ("side_stiffness", "side_damping"),
+    "hull": ("width", "top", "bottom"),
 }
 """Coordinates that are open together."""
 
@@ -55,9 +56,13 @@ LAWS = ("pads", "preload", "impulse", "angle")
 
 _CORE = ("hinges", "pads", "propellers")
 
+_SHAPES = ("axes", "hull")
+"""Groups that are tried one at a time beside hinges and pads."""
+
 MODELS: tuple[tuple[str, ...], ...] = (
     *(groups for size in range(len(_CORE) + 1) for groups in combinations(_CORE, size)),
     *(groups for law in LAWS[1:] for groups in ((law,), ("hinges", law))),
+    *((*groups, shape) for shape in _SHAPES for groups in ((), ("hinges",), ("pads",), ("hinges", "pads"))),
 )
 """Which groups are open; the rest is as filed."""
 
@@ -155,7 +160,7 @@ class ModelFit:
 
 @dataclass(frozen=True)
 class OutcomeSearch:
-    """What the outcomes say of legs, pads and propellers.
+    """What the outcomes say of legs, pads, propellers and hull.
 
     Attributes:
         fits: of all models.
@@ -184,17 +189,18 @@ class OutcomeSearch:
         refuted = {law for law, (_, (low, _)) in self.behind.items() if low > 0.0}
         return tuple(group for group in GROUPS if group not in self.named and group not in refuted)
 
+    def value_of(self, coordinate: str) -> tuple[float, float, Interval]:
+        """Mean, standard deviation, 95 % interval by the best model; as filed where that leaves it shut."""
+        return self.best.values.get(coordinate, (getattr(self.filed, coordinate), 0.0, (0.0, 0.0)))
+
     def to_json(self) -> dict[str, Any]:
         """``effects`` and ``search`` of the document."""
-        values = self.best.values
         effects: dict[str, dict[str, Any]] = {}
         for group in self.named:
             gain, interval = self.gains[group]
             for coordinate in GROUPS[group]:
                 effect, parameter = EFFECT_OF[coordinate]
-                mean, sigma, between = values.get(
-                    coordinate, (getattr(self.filed, coordinate), 0.0, (0.0, 0.0))
-                )
+                mean, sigma, between = self.value_of(coordinate)
                 entry = effects.setdefault(
                     effect,
                     {
@@ -252,7 +258,7 @@ def search_outcomes(
         gains[group] = _mean_of(change, drawn)
         spared[group] = float(np.sort(change)[1:].mean())
     told = [group for group, (_, (_, high)) in gains.items() if high < 0.0 and spared[group] <= -LEAST_GAIN]
-    like = [fit for fit in fits if "propellers" not in fit.groups]  # what all laws were tried with
+    like = [fit for fit in fits if set(fit.groups) <= {"hinges", *LAWS}]  # what all laws were tried with
     laws = {law: _best([fit for fit in like if law in fit.groups]) for law in LAWS}
     able = [law for law in LAWS if law in told] or LAWS
     chosen = min(able, key=lambda law: laws[law].left_one_out.log)
@@ -270,8 +276,7 @@ def search_outcomes(
 
 def _mean_of(change: FloatArray, drawn: IntArray) -> tuple[float, Interval]:
     """Mean over flights (n,), and its 95 % interval over sets of them (sets, n)."""
-    low, high = np.quantile(change[drawn].mean(axis=1), [0.025, 0.975])
-    return float(change.mean()), (float(low), float(high))
+    return float(change.mean()), interval_of(change[drawn].mean(axis=1))
 
 
 def _best(fits: Sequence[ModelFit]) -> ModelFit:

@@ -14,14 +14,14 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from calibration.flights import Flight, PoseSource, Trigger
-from calibration.gap.data.kinematics import continuous_quaternions
 from calibration.gap.data.record import NotUsed
-from calibration.gap.data.samples import samples_of
 from calibration.gap.landings.segments import (
     LandingSegment,
     commanded_thrusts,
-    fresh,
+    continued,
     landing_of,
+    motion_of,
+    running_until,
 )
 from calibration.gap.landings.start_state import LEAD, start_state
 from onboard.arrays import BoolArray, FloatArray
@@ -108,7 +108,7 @@ def trigger_start(flight: Flight, vehicle: Vehicle, parameters: Any) -> TriggerS
     moment = _flip_moment(flight, flight.trigger)
     if around is None or commands is None or moment is None:
         return NotUsed(flight.name, "a start needs pose, gyro, motor commands and the flip's moment")
-    approach = _running(commands, at)
+    approach = running_until(commands, at)
     if approach is None:
         return NotUsed(flight.name, "no row before the trigger has all motors running")
     state = start_state(around, parameters, approach).state.copy()
@@ -134,19 +134,18 @@ def trigger_start(flight: Flight, vehicle: Vehicle, parameters: Any) -> TriggerS
 
 def _around(flight: Flight, at: float) -> LandingSegment | None:
     """Gyro and poses around the trigger, as a landing whose contact is the trigger itself."""
-    gyro = samples_of(flight, "gx", "gy", "gz", clock="rates_drone_time")
-    poses = samples_of(flight, "qx", "qy", "qz", "qw", "x", "y", "z", clock="capture_time")
-    if gyro is None or poses is None:
+    motion = motion_of(flight)
+    if motion is None:
         return None
-    t, rates = fresh(gyro.t, gyro.values)
-    used = (poses.t > at - _BEFORE) & (poses.t <= at + 1e-9)
+    t, rates, pose_t, pose = motion
+    used = (pose_t > at - _BEFORE) & (pose_t <= at + 1e-9)
     rows = (t > at - _BEFORE) & (t < at + _AFTER)
     if np.count_nonzero(used) < 3 or np.count_nonzero(t[rows] <= at) < 4:
         return None
-    pose = np.hstack([continuous_quaternions(poses.values[used, :4]), poses.values[used, 4:]])
     tracked = flight.pose_source is not PoseSource.ONBOARD_ESTIMATE
     end = at + LEAD
-    return LandingSegment(flight, at, end, end, t[rows], rates[rows], poses.t[used], pose, tracked)
+    pose = continued(pose[used])
+    return LandingSegment(flight, at, end, end, t[rows], rates[rows], pose_t[used], pose, tracked)
 
 
 def _flip_moment(flight: Flight, trigger: Trigger) -> float | None:
@@ -159,13 +158,6 @@ def _flip_moment(flight: Flight, trigger: Trigger) -> float | None:
     t, moment = flight.series("a_rot")
     rows = moment[t >= trigger.t, 0]
     return float(np.median(rows)) if rows.size else None
-
-
-def _running(commands: tuple[FloatArray, FloatArray], at: float) -> tuple[FloatArray, FloatArray] | None:
-    """Commands (s; N) up to the last row before the trigger in which all four motors run."""
-    t, thrust = commands
-    rows = np.flatnonzero((t <= at) & (thrust.min(axis=1) > 0.0))
-    return (t[: rows[-1] + 1], thrust[: rows[-1] + 1]) if rows.size else None
 
 
 def _take_snapshot(snapshot: Mapping[str, float], ceiling: float, state: Any) -> None:

@@ -1,4 +1,4 @@
-"""Vehicles that may explain how landings end: legs, pads and propellers on a grid, and what each predicts.
+"""Vehicles that may explain how landings end: legs, pads, propellers, hull on a grid, and what each predicts.
 
 A vehicle of the grid has these effects at values of its own in place of those of the vehicle file, so that a
 file that has them already is judged as it is, and the values are what its effects should be.
@@ -37,6 +37,11 @@ class Point(NamedTuple):
     impulse_spread: float = 0.0
     angle: float = math.pi
     angle_spread: float = 0.0
+    side_stiffness: float = 1.0
+    side_damping: float = 1.0
+    width: float = 0.0
+    top: float = 0.0
+    bottom: float = 0.0
 
 
 EFFECT_OF = {
@@ -51,6 +56,11 @@ EFFECT_OF = {
     "impulse_spread": ("pad_impulse", "spread"),
     "angle": ("pad_angle", "angle"),
     "angle_spread": ("pad_angle", "spread"),
+    "side_stiffness": ("leg_sideways", "stiffness"),
+    "side_damping": ("leg_sideways", "damping"),
+    "width": ("hull_shape", "width"),
+    "top": ("hull_shape", "top"),
+    "bottom": ("hull_shape", "bottom"),
 }
 """Effect and parameter of the vehicle file that each coordinate stands for."""
 
@@ -64,6 +74,24 @@ HINGES = ((1.0, 1.0), (1.0, 8.0), (1.6, 8.0), (1.6, 16.0))
 
 REACHES = (1.0, 0.64, 0.3)
 """Share of the propeller's radius that meets the ceiling: a disc, two blades at any angle, nearly none."""
+
+
+AXES = ((1.0, 1.0), (0.5, 0.5), (2.0, 2.0), (4.0, 4.0), (1.0, 4.0))
+"""Stiffness and damping across the leg's plane over those in it: alike, half, the authors' simulated hinge, a
+strip twice as wide as thick, dampers alone."""
+
+HULLS = ((0.0, 0.0, 0.0), (-0.7, 0.0, 0.0), (0.0, 0.3, 0.0), (0.0, 0.0, 0.2))
+"""What is added to half widths, top and bottom of the box, over the length of an arm: nothing, the board
+alone, markers above, feet of the motor mounts below (of a Crazyflie 23, 10 and 6.5 mm)."""
+
+
+def shapes(parameters: Any) -> list[dict[str, float]]:
+    """Hinges of two axes and hulls that are tried, as coordinates, for a vehicle's physics parameters."""
+    arm = float(parameters["arm_x"])
+    hulls = [
+        dict(zip(("width", "top", "bottom"), (arm * share for share in hull), strict=True)) for hull in HULLS
+    ]
+    return [*({"side_stiffness": k, "side_damping": c} for k, c in AXES), *hulls]
 
 
 def filed_point(vehicle: Vehicle) -> Point:
@@ -100,25 +128,33 @@ def grid(parameters: Any, filed: Point = WITHOUT) -> tuple[Point, ...]:
     """All vehicles, those of the file's own values among them.
 
     Hinges, pads and propellers in all combinations. The other laws of pads come one at a time, with all
-    hinges and the propellers as filed.
+    hinges and the propellers as filed; and so do second axes and hulls, with all hinges and pads.
 
     Args:
         parameters: of the vehicle without these effects. filed: what its file says.
     """
     laws = pad_laws(parameters)
-    bare = without_pads(filed, laws)
+    speeds = {"pads": laws["pads"]}
     hinges = dict.fromkeys([*HINGES, (filed.stiffness, filed.damping)])
     reaches = dict.fromkeys([*REACHES, filed.reach])
     found: dict[Point, None] = {}
-    for (stiffness, damping), reach in product(hinges, reaches):
-        body = bare._replace(stiffness=stiffness, damping=damping, reach=reach)
-        found[filed._replace(stiffness=stiffness, damping=damping, reach=reach)] = None
-        found[body] = None
-        for name, law in laws.items():
-            if name == "pads" or reach == filed.reach:
-                pairs = product(law.means, law.spreads)
-                found |= dict.fromkeys(body._replace(**{law.limit: m, law.spread: s}) for m, s in pairs)
+    for stiffness, damping in hinges:
+        legs = filed._replace(stiffness=stiffness, damping=damping)
+        for reach in reaches:
+            found |= _padded(legs._replace(reach=reach), laws, laws if reach == filed.reach else speeds)
+        for shape in shapes(parameters):
+            found |= _padded(legs._replace(**shape), laws, speeds)
     return tuple(found)
+
+
+def _padded(point: Point, laws: dict[str, PadLaw], tried: dict[str, PadLaw]) -> dict[Point, None]:
+    """A vehicle with its pads, without any, and with those of the laws that are tried."""
+    body = without_pads(point, laws)
+    found = dict.fromkeys([point, body])
+    for law in tried.values():
+        pairs = product(law.means, law.spreads)
+        found |= dict.fromkeys(body._replace(**{law.limit: m, law.spread: s}) for m, s in pairs)
+    return found
 
 
 def with_point(parameters: Any, point: Point) -> Any:

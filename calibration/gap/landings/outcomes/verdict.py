@@ -1,8 +1,8 @@
 """What predicted and real outcomes say of a vehicle file: what it lacks, what the flights leave open."""
 
 import dataclasses
-from enum import StrEnum
 
+from calibration.gap.landings.findings import LandingVerdict
 from calibration.gap.landings.outcomes.scores import Score, count_interval
 from calibration.gap.landings.outcomes.search import GROUPS, LAWS, OutcomeSearch
 from calibration.gap.landings.outcomes.vehicles import EFFECT_OF, UNITS, stripped
@@ -14,16 +14,9 @@ LEVEL = 1.0 - 0.05 / 3.0
 """Of the intervals of three counts, one of which lies outside in at most 5 % where the model is right."""
 
 
-class Verdict(StrEnum):
-    """As in the report of the gap finder."""
-
-    EFFECTS_FOUND = "effects_found"
-    NO_GAP = "no_gap"
-    UNEXPLAINED_GAP = "unexplained_gap"
-    CANNOT_TELL = "cannot_tell"
-
-
-def judge_outcomes(score: Score | None, probability: FloatArray, search: OutcomeSearch | None) -> Verdict:
+def judge_outcomes(
+    score: Score | None, probability: FloatArray, search: OutcomeSearch | None
+) -> LandingVerdict:
     """The verdict.
 
     Args:
@@ -32,26 +25,26 @@ def judge_outcomes(score: Score | None, probability: FloatArray, search: Outcome
         search: None where it was not asked for.
     """
     if score is None:
-        return Verdict.CANNOT_TELL
+        return LandingVerdict.CANNOT_TELL
     if search is not None and search.named:
-        return Verdict.EFFECTS_FOUND
+        return LandingVerdict.EFFECTS_FOUND
     intervals = [count_interval(shares, LEVEL) for shares in probability.T]
     expected = all(
         low <= count.real <= high for count, (low, high) in zip(score.counts, intervals, strict=True)
     )
-    return Verdict.NO_GAP if expected else Verdict.UNEXPLAINED_GAP
+    return LandingVerdict.NO_GAP if expected else LandingVerdict.UNEXPLAINED_GAP
 
 
-def in_words(verdict: Verdict, score: Score | None, search: OutcomeSearch | None) -> tuple[str, ...]:
+def in_words(verdict: LandingVerdict, score: Score | None, search: OutcomeSearch | None) -> tuple[str, ...]:
     """What a lab is told, a sentence a line."""
     if score is None:
         return ("cannot tell: too few classified flights",)
     flights = f"{score.flights} flights"
-    if verdict is Verdict.EFFECTS_FOUND and search is not None:
+    if verdict is LandingVerdict.EFFECTS_FOUND and search is not None:
         left = ", ".join(search.left_open)
         open_ones = (f"what {flights} cannot tell: {left}",) if left else ()
         return (*(_lacks(search, group) for group in search.named), *open_ones)
-    if verdict is Verdict.NO_GAP:
+    if verdict is LandingVerdict.NO_GAP:
         return (f"no gap that {flights} can show: four, two and none happened about as often as expected",)
     counts = zip(("four", "two", "none"), score.counts, strict=True)
     often = ", ".join(f"{word} {count.real} (expected {count.expected:.1f})" for word, count in counts)
@@ -64,7 +57,7 @@ def _lacks(search: OutcomeSearch, group: str) -> str:
     said = []
     for coordinate in GROUPS[group]:
         effect, parameter = EFFECT_OF[coordinate]
-        mean, sigma, _ = search.best.values.get(coordinate, (getattr(search.filed, coordinate), 0.0, (0, 0)))
+        mean, sigma, _ = search.value_of(coordinate)
         unit = "" if UNITS[coordinate] == "1" else f" {UNITS[coordinate]}"
         filed = getattr(search.filed, coordinate)
         said.append(f"{effect}.{parameter} {mean:.3g} +- {sigma:.2g}{unit} (filed {filed:g})")

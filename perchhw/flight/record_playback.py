@@ -1,4 +1,4 @@
-"""A record told to a listener: one that grows as it grows, a finished one at the pace of its flight."""
+"""A record played to a listener: one that grows as it grows, a finished one at the pace of its flight."""
 
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -12,10 +12,10 @@ from perchhw.flight.recording import RecordListener
 LOOK_PERIOD_S = 0.05
 
 
-def tell_record(
+def play_record(
     folder: Path, listener: RecordListener, seconds: float = float("inf"), time: Timebase = WALL
 ) -> None:
-    """Tell `listener` the record in `folder`, until it ends or so many `seconds` have passed.
+    """Play the record in `folder` to `listener`, until it ends or so many `seconds` have passed.
 
     Of a record that grows, what is there already is told at once.
 

@@ -8,7 +8,7 @@ from onboard.vehicle import load_vehicle
 from perchhw.doctor.mocap_checks import up_of
 from sim_backend.fault_values import FaultError, Window
 from sim_backend.faults import parse_faults
-from sim_backend.hands import WIRED, wiring_of
+from sim_backend.handling import WIRED, wiring_of
 from sim_backend.lab_faults import DroneFaults
 from sim_backend.world import World
 

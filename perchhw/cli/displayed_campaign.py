@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from perchhw.flight.recording import RecordListener
 
 
-def run_shown(
+def run_displayed(
     plan: "CampaignPlan",
     folder: Path,
     display: Display,
@@ -84,7 +84,7 @@ def progress_of(rows: "list[AttemptRow]", cost: "Forecast") -> Progress:
     )
 
 
-def fly_courses_shown(
+def fly_courses_displayed(
     plan: "FlightPlan",
     folder: Path,
     display: Display,
@@ -95,7 +95,7 @@ def fly_courses_shown(
     """As :func:`perchhw.campaign.courses.fly_plan`; all rows."""
     from perchhw.campaign.courses import fly_plan
 
-    fly_course_shown = partial(
+    fly_displayed = partial(
         fly_course,
         on_phase=display.phase,
         on_look=display.look,
@@ -107,7 +107,7 @@ def fly_courses_shown(
     def fly(request: CourseRequest) -> CourseResult:
         display.between()
         display.begin(request.folder, request.kind, next(number))
-        return fly_course_shown(request)
+        return fly_displayed(request)
 
     def show(rows: "list[FlightRow]") -> None:
         done = sum(row.done for row in rows)

@@ -1,0 +1,43 @@
+"""A campaign that is ended where nothing flies says how it goes on."""
+
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.patience import PATIENCE_S
+
+GRID = "[grid]\nspeeds = [2.25]\nangles_deg = [52.5]\n"
+FLIGHTS = '[[flight]]\nkind = "thrust_steps"\n'
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("content", [GRID, FLIGHTS], ids=["grid", "flights"])
+def test_a_campaign_that_is_ended_before_a_flight_says_how_to_go_on(
+    content: str, number: signal.Signals, tmp_path: Path
+) -> None:
+    """Without a terminal, while it waits for what its drone says of itself."""
+    file, folder = tmp_path / "two.toml", tmp_path / "campaign"
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as drone:
+        drone.bind(("127.0.0.1", 0))
+        drone.settimeout(PATIENCE_S)
+        where = f'drone = "udp://127.0.0.1:{drone.getsockname()[1]}?connect_s={PATIENCE_S}"'
+        head = f'schema = "perchhw.campaign/1"\n{where}\nmocap = "vicon://127.0.0.1:1?subject=cf1"\n'
+        file.write_text(head + content)
+        running = subprocess.Popen(
+            [sys.executable, "-m", "perchhw", "campaign", "run", str(file), "--yes", "--out", str(folder)],
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        try:
+            drone.recv(64)
+            running.send_signal(number)
+            errors = running.communicate()[1]
+        finally:
+            running.kill()
+    assert running.returncode == 130, errors
+    assert "continue with --resume" in errors
+    assert str(folder) in errors.replace("\n", "")
