@@ -1,5 +1,6 @@
 """Find the gap: sensors first, then the missing effects, then the proof on flights that no fit saw."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
@@ -35,7 +36,7 @@ from calibration.gap.report.figures import figures, unexplained, where
 from calibration.gap.report.figures_data import ReportFigures
 from calibration.gap.report.improved_vehicle import improved_vehicle, provenance
 from calibration.gap.report.prediction_figures import HORIZON, prediction_gap
-from calibration.gap.report.remaining import chance_floor, remaining
+from calibration.gap.report.remaining import chance_floor, own_floor, remaining
 from calibration.gap.search.forward import LOG_TIMING, Search, search
 from calibration.gap.search.naming import FEWEST, Named, name_effects
 from calibration.gap.search.retest import FAILED, retested
@@ -140,7 +141,10 @@ def _find(flights: Sequence[Flight], question: Question, progress: Progress) -> 
     ]
     progress("where it lives")
     maps = residual_map(found.first, training, rng), residual_map(found.final, training, rng)
-    gap, chance = prediction_gap(stages), chance_floor(found.final, training, HORIZON)
+    gap = prediction_gap(stages)
+    chance = math.hypot(
+        chance_floor(found.final, training, HORIZON), own_floor(found.final, HORIZON, len(held_out))
+    )
     left = remaining(gap, chance, found.final, maps[1], question.vehicle, bool(effects))
     nameless = with_consequence(found.unnamed, found.final, training)
     report = GapReport(

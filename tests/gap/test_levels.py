@@ -1,4 +1,4 @@
-"""A weight that is wrong in all flights is an effect; one that differs from flight to flight is a nuisance."""
+"""A weight that is wrong in all flights is an effect; one that differs between flights is a nuisance."""
 
 import dataclasses
 
@@ -19,7 +19,7 @@ MASS = Variable("mass_error", "relative")
 
 
 def fitted(mass: float, scales: list[float]) -> tuple[Fitted, Fitted, Judgement]:
-    """Flights of one mass error and these scales of thrust: without the effect, with it, and its judgement."""
+    """Flights of one mass error and these scales of thrust: without the effect, with it, its judgement."""
     rng = np.random.default_rng(5)
     paths = (circle(), up_and_down(), circle(period=3.0), up_and_down(period=2.0))
     records = []

@@ -35,10 +35,8 @@ def products(rng: np.random.Generator, mean: float = 0.0, theta: float = THETA) 
     )  # fmt: skip
 
 
-def drawn(
-    rng: np.random.Generator, mean: float = 0.0
-) -> tuple[Products, np.ndarray, np.ndarray, np.ndarray]:
-    """Parts with a level of their flight about `mean`; products, and rows of effect, nuisance and residual."""
+def drawn(rng: np.random.Generator, mean: float = 0.0) -> tuple[Products, np.ndarray, np.ndarray, np.ndarray]:
+    """Parts with a level of their flight about `mean`; products, rows of effect, nuisance and residual."""
     q, flights = len(NUISANCES), PARTS // 4
     effect = rng.normal(size=(PARTS, ROWS)) + np.tile([1.0, 0.5, 0.2, 0.0], flights)[:, None]
     nuisance = 10.0 + 0.1 * rng.normal(size=(PARTS, ROWS))

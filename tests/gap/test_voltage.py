@@ -25,9 +25,7 @@ def training() -> Training:
     truth = dataclasses.replace(STOCK, effects=(heavy,))
     paths = (circle(), up_and_down(), circle(period=3.0), up_and_down(period=2.0))
     records = [
-        with_noise(
-            fly(truth, path, 12.0, shape=f"shape {n}", name=f"flight {n}", believed=STOCK), 0.5, rng
-        )
+        with_noise(fly(truth, path, 12.0, shape=f"shape {n}", name=f"flight {n}", believed=STOCK), 0.5, rng)
         for n, path in enumerate(paths)
     ]
     return training_set(records, Model(STOCK))
@@ -38,7 +36,7 @@ def fitted(*variables: Variable) -> Fitted:
 
 
 def voltage_gain(fit: Fitted, over: Fitted) -> float:
-    return float((fit.of_voltage - over.of_voltage).sum())
+    return float((fit.held_out - over.held_out)[-1].sum())
 
 
 def test_a_fit_that_is_only_gone_on_with_gains_nothing() -> None:

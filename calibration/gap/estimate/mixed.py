@@ -9,7 +9,7 @@ spreads found by expectation-maximisation (Laird, Ware, Biometrics 38, 1982).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
@@ -48,6 +48,10 @@ class Products:
     xr: FloatArray
     rr: FloatArray
     constant: FloatArray
+
+    def __add__(self, other: "Products") -> "Products":
+        """Those of both sets of rows."""
+        return Products(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
 
     def of(self, columns: Sequence[int]) -> "Products":
         """The same with some of the effect columns only."""
@@ -213,8 +217,8 @@ def fit_mixed(
 def _squares(marginal: _Marginal, own: FloatArray, level: FloatArray) -> FloatArray:
     """Expected squares of the nuisances: of parts about their flight, then of flights about their mean.
 
-    A mean that all flights share is no scatter between them. Were it counted as such, a weight that is wrong in
-    all of them would cost next to nothing.
+    A mean that all flights share is no scatter between them. Were it counted as such, a weight that is wrong
+    in all of them would cost next to nothing.
     """
     moved = marginal.inverse @ marginal.steady
     doubt = marginal.inverse + moved @ marginal.level_covariance @ _transposed(moved)
@@ -237,14 +241,29 @@ def held_out_likelihood(p: Products, fit: MixedFit, prior: Prior, folds: np.ndar
         prior: as for :func:`fit_mixed`.
         folds: fold of each part, shape (parts,).
     """
-    result = np.empty(folds.size)
-    marginal = _without_nuisances(p, fit.spread)
-    information, score = marginal.information, marginal.score
+    return held_out_shares(p, (p,), fit, prior, folds)[0]
+
+
+def held_out_shares(
+    p: Products, shares: Sequence[Products], fit: MixedFit, prior: Prior, folds: np.ndarray
+) -> FloatArray:
+    """What each of some kinds of signals has of :func:`held_out_likelihood`, shape (kinds, parts).
+
+    Args:
+        p: products of all signals, to which the effects are fitted.
+        shares: products of the signals of each kind, none of which has a nuisance in common with another.
+        fit, prior, folds: as there.
+    """
+    whole = _without_nuisances(p, fit.spread)
+    kinds = [(one, _without_nuisances(one, fit.spread)) for one in shares]
+    result = np.empty((len(kinds), folds.size))
     for fold in np.unique(folds):
         out = folds == fold
-        theta = _fitted_elsewhere(fit, information, score, prior, out)
-        quadratic = marginal.left - 2.0 * score @ theta + np.einsum("g,fgh,h->f", theta, information, theta)
-        result[out] = (p.constant + marginal.volume - 0.5 * quadratic)[out]
+        theta = _fitted_elsewhere(fit, whole.information, whole.score, prior, out)
+        for kind, (one, told) in enumerate(kinds):
+            quadratic = np.einsum("g,fgh,h->f", theta, told.information, theta)
+            quadratic += told.left - 2.0 * told.score @ theta
+            result[kind, out] = (one.constant + told.volume - 0.5 * quadratic)[out]
     return result
 
 

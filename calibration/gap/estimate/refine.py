@@ -11,8 +11,8 @@ from calibration.gap.data.excitation import excitation_weights
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.signals import PARTS, stack_signals
 from calibration.gap.data.split import FEW, folds
-from calibration.gap.estimate.mixed import FIRST_SPREAD, MOST, Prior, held_out_likelihood
-from calibration.gap.estimate.model import BATTERY, Model, Variable
+from calibration.gap.estimate.mixed import FIRST_SPREAD, MOST, Prior, held_out_shares
+from calibration.gap.estimate.model import Model, Variable, kinds_that_tell
 from calibration.gap.estimate.regression import Estimate, Noise, Regression
 from onboard.arrays import FloatArray
 from onboard.vehicle import Vehicle
@@ -97,9 +97,9 @@ class Fitted:
         model: with the values found.
         variables: that were fitted, in the order of the estimate's columns.
         estimate: linearised about (nearly) these values.
-        held_out: log-likelihood of each part with the shared parameters of the other shapes' flights.
+        held_out: log-likelihood of forces, torques and voltage of each part with the shared parameters of the
+            other shapes' flights, shape (3, parts).
         held_out_in_time: likewise, with those of the other parts of all flights.
-        of_voltage, of_voltage_in_time: what the battery's voltage has of each.
         folds: of each part, by kind of flight, shape (parts,).
         predicted: signals along the flights, shape (n, 7).
         columns: derivative of the signals by each variable, then the columns of the unnamed terms.
@@ -111,8 +111,6 @@ class Fitted:
     estimate: Estimate
     held_out: FloatArray
     held_out_in_time: FloatArray
-    of_voltage: FloatArray
-    of_voltage_in_time: FloatArray
     folds: np.ndarray
     predicted: FloatArray
     columns: tuple[FloatArray, ...]
@@ -127,25 +125,18 @@ class Fitted:
     def gains(self, over: "Fitted", in_time: bool) -> FloatArray:
         """Gain in held-out log-likelihood of each part over another fit.
 
-        A voltage decides about the battery alone: it counts where one of the fits has an effect of the battery
-        and the other does not. The model of its noise, fitted anew for every candidate, moves its likelihood
-        by more than a name must gain.
+        A voltage decides about the battery alone, and torques have no say about a force
+        (:func:`~calibration.gap.estimate.model.kinds_that_tell`): where nobody asks them, the model of their
+        noise, which is fitted anew for every candidate, moves their likelihood by more than a name must gain.
 
         Args:
             over: the other fit.
             in_time: whether parts of all flights are held out, not kinds of flights: where few flights, or
                 those of one kind, tell of what is new, the others could not have learned it.
         """
-        gained = self._held_out(in_time) - over._held_out(in_time)
-        if (BATTERY in self.model.effects) != (BATTERY in over.model.effects):
-            return gained
-        return gained - (self._held_out_of_voltage(in_time) - over._held_out_of_voltage(in_time))
-
-    def _held_out(self, in_time: bool) -> FloatArray:
-        return self.held_out_in_time if in_time else self.held_out
-
-    def _held_out_of_voltage(self, in_time: bool) -> FloatArray:
-        return self.of_voltage_in_time if in_time else self.of_voltage
+        kinds = kinds_that_tell(set(self.model.effects) ^ set(over.model.effects))
+        gained = self.held_out_in_time - over.held_out_in_time if in_time else self.held_out - over.held_out
+        return np.asarray(gained[kinds].sum(axis=0))
 
     def columns_of(self, variables: Sequence[Variable]) -> list[int]:
         """Columns of the estimate that belong to these variables."""
@@ -232,9 +223,8 @@ def refine(
             break
         model = model.with_values({v: model.start_value(v) + d for v, d in zip(variables, step, strict=True)})
         spread, noise = estimate.fit.spread, training.regression.fit_noise(estimate.residual)
-    held_out, in_time, of_voltage, of_voltage_in_time = (
-        held_out_likelihood(products, estimate.fit, prior, split)
-        for products in (estimate.products, estimate.voltage)
+    held_out, in_time = (
+        held_out_shares(estimate.products, estimate.by_kind, estimate.fit, prior, split)
         for split in (training.by_shape, training.by_time)
     )
     return Fitted(
@@ -243,8 +233,6 @@ def refine(
         estimate=estimate,
         held_out=held_out,
         held_out_in_time=in_time,
-        of_voltage=of_voltage,
-        of_voltage_in_time=of_voltage_in_time,
         folds=training.by_shape,
         predicted=predicted,
         columns=(*columns, *extra),

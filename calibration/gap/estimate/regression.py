@@ -1,12 +1,13 @@
 """One linearised estimate: shared effects, nuisances and coloured noise, fitted together."""
 
+import functools
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.gap.data.signals import CHANNELS, VOLTAGE, Signals
+from calibration.gap.data.signals import CHANNELS, KINDS, Signals
 from calibration.gap.estimate.mixed import FIRST_SPREAD, MixedFit, Prior, Products, fit_mixed
 from calibration.gap.estimate.noise import ORDER, fit_autoregression, whiten, whole_windows
 from calibration.gap.estimate.nuisances import nuisance_columns
@@ -28,14 +29,14 @@ class Estimate:
     Attributes:
         fit: shared effects (steps from the model's values) and nuisances.
         products: of all columns that were offered.
-        voltage: the share of these that the battery's voltage has.
+        by_kind: the shares of these that forces, torques and the battery's voltage have.
         noise: that it was fitted under.
         residual: signals less prediction, nuisances and fitted effects, shape (n, 7), not whitened.
     """
 
     fit: MixedFit
     products: Products
-    voltage: Products
+    by_kind: tuple[Products, ...]
     noise: Noise
     residual: FloatArray
 
@@ -81,7 +82,7 @@ class Regression:
         residual: FloatArray,
         nuisances: int,
         noise: Noise,
-        channels: Sequence[int] = range(len(CHANNELS)),
+        channels: slice = slice(None),
     ) -> Products:
         """Products of whitened columns per part.
 
@@ -95,7 +96,7 @@ class Regression:
         bounds, q = self.signals.part_bounds, nuisances
         columns = np.concatenate([table, self.whitened([residual], noise)], axis=1)
         sums = np.zeros((bounds.size - 1, columns.shape[1], columns.shape[1]))
-        for channel in columns[list(channels)]:
+        for channel in columns[channels]:
             used = np.flatnonzero(channel.any(axis=1))
             rows = channel[used]
             for part, (first, end) in enumerate(itertools.pairwise(bounds)):
@@ -108,7 +109,7 @@ class Regression:
             zr=sums[:, :q, -1],
             xr=sums[:, q:-1, -1],
             rr=sums[:, -1, -1],
-            constant=-(self.weights * counts)[:, list(channels)] @ np.log(noise.sigma[list(channels)]),
+            constant=-(self.weights * counts)[:, channels] @ np.log(noise.sigma[channels]),
         )
 
     def estimate(
@@ -132,10 +133,10 @@ class Regression:
         raw = self.misfit(predicted)
         noise = self.fit_noise(self._centred(raw)) if noise is None else noise
         table = self.whitened([*nuisances, *columns], noise)
-        products = self.products(table, raw, len(nuisances), noise)
-        voltage = self.products(table, raw, len(nuisances), noise, (VOLTAGE,))
+        by_kind = tuple(self.products(table, raw, len(nuisances), noise, kind) for kind in KINDS)
+        products = functools.reduce(Products.__add__, by_kind)
         fit = fit_mixed(products, prior, spread)
-        return Estimate(fit, products, voltage, noise, self._left(raw, columns, nuisances, fit))
+        return Estimate(fit, products, by_kind, noise, self._left(raw, columns, nuisances, fit))
 
     def _left(
         self, raw: FloatArray, columns: Sequence[FloatArray], nuisances: FloatArray, fit: MixedFit
