@@ -37,6 +37,7 @@ from calibration.gap.report.figures_data import ReportFigures
 from calibration.gap.report.improved_vehicle import improved_vehicle, provenance
 from calibration.gap.report.prediction_figures import HORIZON, prediction_gap
 from calibration.gap.report.remaining import chance_floor, own_floor, remaining
+from calibration.gap.search.differing import differing, in_words
 from calibration.gap.search.forward import LOG_TIMING, Search, search
 from calibration.gap.search.naming import FEWEST, Named, name_effects
 from calibration.gap.search.retest import FAILED, retested
@@ -168,6 +169,7 @@ def _find(flights: Sequence[Flight], question: Question, progress: Progress) -> 
             *stages["before"].doubts(),
             *_limitations(kept_back, found, names, sensing, landings),
             *_negligible(found, nameless),
+            *_differing(found, names, training),
         ),
         landings=landing_section(landings) if landings else None,
         seed=question.seed,
@@ -289,6 +291,15 @@ def _negligible(found: Search, nameless: Sequence[FittedTerm]) -> list[str]:
     small = [one.term for one in found.unnamed if one not in nameless]
     words = formulas(found.final, small, found.final.model.base)
     return [f"{formula}: real, but without a name and too small to matter to a flight" for formula in words]
+
+
+def _differing(found: Search, names: Named, training: Training) -> list[str]:
+    """Named effects that one number does not tell for all flights."""
+    flights = [record.name for record in training.records]
+    return [
+        in_words(one, found.final.model.rule(one.variable).unit, flights)
+        for one in differing(found.final, names.effects)
+    ]
 
 
 def _settings(model: Model) -> dict[str, Any]:

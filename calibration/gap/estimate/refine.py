@@ -122,7 +122,7 @@ class Fitted:
         others = len(self.columns) - len(self.variables)
         return prior_step(self.model, self.variables).and_of(_unnamed_prior(others))
 
-    def gains(self, over: "Fitted", in_time: bool) -> FloatArray:
+    def gains(self, over: "Fitted", in_time: bool, kinds: Sequence[int] | None = None) -> FloatArray:
         """Gain in held-out log-likelihood of each part over another fit.
 
         A voltage decides about the battery alone, and torques have no say about a force
@@ -133,8 +133,10 @@ class Fitted:
             over: the other fit.
             in_time: whether parts of all flights are held out, not kinds of flights: where few flights, or
                 those of one kind, tell of what is new, the others could not have learned it.
+            kinds: of signals that count; None: those that tell of the effects that one of the fits has.
         """
-        kinds = kinds_that_tell(set(self.model.effects) ^ set(over.model.effects))
+        if kinds is None:
+            kinds = kinds_that_tell(set(self.model.effects) ^ set(over.model.effects))
         gained = self.held_out_in_time - over.held_out_in_time if in_time else self.held_out - over.held_out
         return np.asarray(gained[kinds].sum(axis=0))
 
