@@ -34,7 +34,7 @@ from calibration.gap.report.document import (
 from calibration.gap.report.effects import found_effects, landing_effects, landing_section
 from calibration.gap.report.figures import figures, unexplained, where
 from calibration.gap.report.figures_data import ReportFigures
-from calibration.gap.report.improved_vehicle import improved_vehicle, provenance
+from calibration.gap.report.improved_vehicle import hard_to_fly, improved_vehicle, provenance
 from calibration.gap.report.prediction_figures import HORIZON, prediction_gap
 from calibration.gap.report.remaining import chance_floor, own_floor, remaining
 from calibration.gap.search.differing import differing, in_words
@@ -148,6 +148,8 @@ def _find(flights: Sequence[Flight], question: Question, progress: Progress) -> 
     )
     left = remaining(gap, chance, found.final, maps[1], question.vehicle, bool(effects))
     nameless = with_consequence(found.unnamed, found.final, training)
+    source = provenance(len(fit_to), len(kept_back), question.seed)
+    improved = improved_vehicle(question.vehicle, effects, names, source)
     report = GapReport(
         verdict=_verdict(effects, nameless, names, landings, left),
         vehicle=question.vehicle.name,
@@ -170,17 +172,17 @@ def _find(flights: Sequence[Flight], question: Question, progress: Progress) -> 
             *_limitations(kept_back, found, names, sensing, landings),
             *_negligible(found, nameless),
             *_differing(found, names, training),
+            *hard_to_fly(improved),
         ),
         landings=landing_section(landings) if landings else None,
         seed=question.seed,
         settings=_settings(names.model),
         noise=_noise(found, training),
     )
-    source = provenance(len(fit_to), len(kept_back), question.seed)
     return GapResult(
         report=report,
         figures=figures(stages, names, held_out, found, training, maps),
-        vehicle=improved_vehicle(question.vehicle, effects, names, source),
+        vehicle=improved,
         ceiling_z=names.model.ceiling_z,
     )
 

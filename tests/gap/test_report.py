@@ -219,7 +219,20 @@ def test_the_page_loads_nothing_and_draws_everything(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({"verdict": Verdict.NO_GAP, "effects": ()}, "Nothing is missing"),
+        (
+            {"verdict": Verdict.NO_GAP, "effects": ()},
+            "Nothing is missing: the model",
+        ),
+        (
+            {
+                "verdict": Verdict.NO_GAP,
+                "effects": (),
+                "rejected": (
+                    Rejected(name="com_offset", reason="real, but too small for a name (x = 2e-4 m)"),
+                ),
+            },
+            "Nothing is missing that matters; what is real and too small for a name is in the vehicle file",
+        ),
         ({"verdict": Verdict.EFFECTS_FOUND}, "Found: battery sag and motor saturation were missing"),
         ({}, "Battery sag and motor saturation were missing, and something else"),
         ({"effects": ()}, "Something is missing that no known effect explains"),
