@@ -10,6 +10,8 @@ from calibration.gap.data.signals import TORQUE
 from calibration.gap.estimate.acceptance import judge
 from calibration.gap.estimate.model import Model, Variable, kinds_that_tell
 from calibration.gap.estimate.refine import Fitted, Training, refine, training_set
+from calibration.gap.search.candidates import Candidate
+from calibration.gap.search.forward import gain_where
 from onboard.vehicle import load_vehicle
 from tests.gap.simulated_flight import circle, fly, up_and_down, with_noise
 
@@ -63,3 +65,11 @@ def test_two_fits_without_a_different_effect_are_compared_by_forces_and_torques(
     one = fitted(INFLOW)
     other = dataclasses.replace(one, held_out=one.held_out + np.array([[1.0], [2.0], [4.0]]))
     assert float(other.gains(one, in_time=False)[0]) == 3.0
+
+
+def test_a_torque_that_is_not_believed_keeps_no_force_from_its_name() -> None:
+    none, damped = fitted(), fitted(DAMPING)
+    inflow, damping = (Candidate(v.effect, (v,), (none.model,)) for v in (INFLOW, DAMPING))
+    assert gain_where(damping, (damping, damped), none) > 100.0
+    assert abs(gain_where(inflow, (damping, damped), none)) < 5.0
+    assert gain_where(inflow, (inflow, fitted(INFLOW)), none) > 100.0

@@ -239,7 +239,7 @@ def _forward(
     fits.sort(key=lambda item: _PARSIMONY * len(item[1].variables) - item[0])
     significant = [(candidate, fitted) for _, candidate, fitted, judgement in fits if judgement.significant]
     for gain, candidate, fitted, judgement in fits:
-        best = max((_gain_where(candidate, one, present) for one in significant), default=0.0)
+        best = max((gain_where(candidate, one, present) for one in significant), default=0.0)
         if gain < max(LEAST_GAIN, _NEARLY * best):
             continue
         if judgement.believed:
@@ -249,7 +249,7 @@ def _forward(
     return None
 
 
-def _gain_where(candidate: Candidate, other: tuple[Candidate, Fitted], present: Fitted) -> float:
+def gain_where(candidate: Candidate, other: tuple[Candidate, Fitted], present: Fitted) -> float:
     """What another candidate gains in the signals that tell of both: torques that nobody believes keep no
     force from its name."""
     its, fitted = other
