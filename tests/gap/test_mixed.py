@@ -57,17 +57,18 @@ def test_a_level_of_each_flight_is_integrated_out_exactly() -> None:
     p, effect, nuisance, residual = drawn(np.random.default_rng(7))
     spread = FIRST_SPREAD.copy()
     spread[0], spread[len(NUISANCES)] = 0.05, 0.4
-    information = score = likelihood = 0.0
+    information, score, likelihood = 0.0, 0.0, 0.0
     for flight in range(PARTS // 4):
         rows = slice(4 * flight, 4 * flight + 4)
-        own = np.zeros((4, ROWS, 4))
-        own[range(4), :, range(4)] = nuisance[rows]
-        own, whole = own.reshape(4 * ROWS, 4), nuisance[rows].ravel()
+        by_part = np.zeros((4, ROWS, 4))
+        by_part[range(4), :, range(4)] = nuisance[rows]
+        own, whole = by_part.reshape(4 * ROWS, 4), nuisance[rows].ravel()
         covariance = np.eye(4 * ROWS) + 0.05**2 * own @ own.T + 0.4**2 * np.outer(whole, whole)
         x, r = effect[rows].ravel(), residual[rows].ravel()
         weighed = np.linalg.solve(covariance, np.column_stack([x, r]))
-        information, score = information + x @ weighed[:, 0], score + x @ weighed[:, 1]
-        likelihood -= 0.5 * (r @ weighed[:, 1] + np.linalg.slogdet(covariance)[1])
+        information += float(x @ weighed[:, 0])
+        score += float(x @ weighed[:, 1])
+        likelihood -= 0.5 * float(r @ weighed[:, 1] + np.linalg.slogdet(covariance)[1])
     fit = fit_mixed(p, FLAT, spread, rounds=0)
     assert fit.information.sum() == pytest.approx(information)
     assert np.all(fit.information >= 0.0)

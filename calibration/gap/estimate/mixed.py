@@ -114,7 +114,7 @@ class _Marginal(NamedTuple):
 
 def _without_nuisances(p: Products, spread: FloatArray) -> _Marginal:
     precision, believed = np.diag(spread[:_OWN] ** -2.0), np.diag(spread[_OWN:] ** -2.0)
-    inverse = np.linalg.inv(p.zz + precision)
+    inverse = _inverse(p.zz + precision)
     steady = p.zz[:, :, STEADY]
     across = _transposed(steady)
     # What a part tells of theta, and of the flight's level.
@@ -124,7 +124,7 @@ def _without_nuisances(p: Products, spread: FloatArray) -> _Marginal:
     ux = p.zx[:, STEADY] - across @ inverse @ p.zx
     uu = steady[:, STEADY] - across @ inverse @ steady
     ur = p.zr[:, STEADY] - _times(across, _times(inverse, p.zr))
-    covariance = np.linalg.inv(_of_flights(uu) + believed)
+    covariance = _inverse(_of_flights(uu) + believed)
     by_effect, level = covariance @ _of_flights(ux), _times(covariance, _of_flights(ur))
     by_effect, level, covariance = (np.repeat(each, PARTS, axis=0) for each in (by_effect, level, covariance))
     # Each part less its flight's level; the level itself, which is believed to be small, in equal shares.
@@ -143,6 +143,10 @@ def _without_nuisances(p: Products, spread: FloatArray) -> _Marginal:
         left=rr - 2.0 * np.sum(ur * level, axis=1) + np.sum(level * _times(shared, level), axis=1),
         volume=0.5 * (own_volume + level_volume / PARTS),
     )
+
+
+def _inverse(matrices: FloatArray) -> FloatArray:
+    return np.asarray(np.linalg.inv(matrices), dtype=np.float64)
 
 
 def _transposed(matrices: FloatArray) -> FloatArray:
