@@ -74,8 +74,8 @@ def attitude_margins(
     motors = 1.0 / (0.5 * (lag_up + lag_down) * s + 1.0)
     tilt, yaw = _tilt_feedback(s, gains), gains.kr_z + gains.kw_z * s
     axes = ((tilt, gains.inertia_xx), (tilt, gains.inertia_yy), (yaw, gains.inertia_zz))
-    shared = _gyro(s) * _lead(s, gains) * motors * np.exp(-s * (LOOP_DELAY + delay))
-    return _least([_margins(feedback * shared / (inertia * s**2)) for feedback, inertia in axes])
+    shared = _gyro(s) * _lead(s, gains) * motors * np.exp(-s * LOOP_DELAY)
+    return _least([_margins(feedback * shared / (inertia * s**2), delay) for feedback, inertia in axes])
 
 
 def vehicle_margins(vehicle: Vehicle) -> AttitudeMargins:
@@ -118,8 +118,13 @@ def _lead(s: ComplexArray, gains: ControllerGains) -> ComplexArray:
     return np.asarray(1.0 + gain * (1.0 - back * lagged))
 
 
-def _margins(loop: ComplexArray) -> AttitudeMargins:
-    """Margins of an open loop where its size crosses 1; a loop that does not stands everything."""
+def _margins(loop: ComplexArray, delay: float) -> AttitudeMargins:
+    """Margins of an open loop where its size crosses 1; a loop that does not stands everything.
+
+    Args:
+        loop: without `delay`, which may turn it by more than its phase is known to be within.
+        delay: s, further delay.
+    """
     size = np.log(np.abs(loop))
     phase = _unwrapped(loop)
     cases = [AttitudeMargins(math.inf, math.inf)]
@@ -127,6 +132,7 @@ def _margins(loop: ComplexArray) -> AttitudeMargins:
         share = size[i] / (size[i] - size[i + 1])
         left = math.pi + float(phase[i] + share * (phase[i + 1] - phase[i]))
         at = float(_FREQUENCIES[i] + share * (_FREQUENCIES[i + 1] - _FREQUENCIES[i]))
+        left -= at * delay
         cases.append(AttitudeMargins(math.degrees(left), max(left, 0.0) / at))
     return _least(cases)
 

@@ -1,5 +1,6 @@
 """Find the gap: sensors first, then the missing effects, then the proof on flights that no fit saw."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
@@ -18,7 +19,7 @@ from calibration.gap.data.signals import CHANNELS, UNITS
 from calibration.gap.data.split import split_flights
 from calibration.gap.estimate.held_out import HeldOutFlights
 from calibration.gap.estimate.model import Model
-from calibration.gap.estimate.nuisances import NUISANCES
+from calibration.gap.estimate.nuisances import NUISANCES, STEADY
 from calibration.gap.estimate.refine import Training, training_set
 from calibration.gap.landings import LandingFindings, LandingVerdict, judge_landings
 from calibration.gap.replay import PredictionErrors, evaluate
@@ -33,9 +34,10 @@ from calibration.gap.report.document import (
 from calibration.gap.report.effects import found_effects, landing_effects, landing_section
 from calibration.gap.report.figures import figures, unexplained, where
 from calibration.gap.report.figures_data import ReportFigures
-from calibration.gap.report.improved_vehicle import improved_vehicle, provenance
+from calibration.gap.report.improved_vehicle import hard_to_fly, improved_vehicle, provenance
 from calibration.gap.report.prediction_figures import HORIZON, prediction_gap
-from calibration.gap.report.remaining import chance_floor, remaining
+from calibration.gap.report.remaining import chance_floor, own_floor, remaining
+from calibration.gap.search.differing import differing, in_words
 from calibration.gap.search.forward import LOG_TIMING, Search, search
 from calibration.gap.search.naming import FEWEST, Named, name_effects
 from calibration.gap.search.retest import FAILED, retested
@@ -140,9 +142,14 @@ def _find(flights: Sequence[Flight], question: Question, progress: Progress) -> 
     ]
     progress("where it lives")
     maps = residual_map(found.first, training, rng), residual_map(found.final, training, rng)
-    gap, chance = prediction_gap(stages), chance_floor(found.final, training, HORIZON)
+    gap = prediction_gap(stages)
+    chance = math.hypot(
+        chance_floor(found.final, training, HORIZON), own_floor(found.final, HORIZON, len(held_out))
+    )
     left = remaining(gap, chance, found.final, maps[1], question.vehicle, bool(effects))
     nameless = with_consequence(found.unnamed, found.final, training)
+    source = provenance(len(fit_to), len(kept_back), question.seed)
+    improved = improved_vehicle(question.vehicle, effects, names, source)
     report = GapReport(
         verdict=_verdict(effects, nameless, names, landings, left),
         vehicle=question.vehicle.name,
@@ -164,17 +171,18 @@ def _find(flights: Sequence[Flight], question: Question, progress: Progress) -> 
             *stages["before"].doubts(),
             *_limitations(kept_back, found, names, sensing, landings),
             *_negligible(found, nameless),
+            *_differing(found, names, training),
+            *hard_to_fly(improved),
         ),
         landings=landing_section(landings) if landings else None,
         seed=question.seed,
         settings=_settings(names.model),
         noise=_noise(found, training),
     )
-    source = provenance(len(fit_to), len(kept_back), question.seed)
     return GapResult(
         report=report,
         figures=figures(stages, names, held_out, found, training, maps),
-        vehicle=improved_vehicle(question.vehicle, effects, names, source),
+        vehicle=improved,
         ceiling_z=names.model.ceiling_z,
     )
 
@@ -287,6 +295,15 @@ def _negligible(found: Search, nameless: Sequence[FittedTerm]) -> list[str]:
     return [f"{formula}: real, but without a name and too small to matter to a flight" for formula in words]
 
 
+def _differing(found: Search, names: Named, training: Training) -> list[str]:
+    """Named effects that one number does not tell for all flights."""
+    flights = [record.name for record in training.records]
+    return [
+        in_words(one, found.final.model.rule(one.variable).unit, flights)
+        for one in differing(found.final, names.effects)
+    ]
+
+
 def _settings(model: Model) -> dict[str, Any]:
     return {"ceiling_z_m": model.ceiling_z, "versions": {name: version(name) for name in _VERSIONS}}
 
@@ -294,10 +311,13 @@ def _settings(model: Model) -> dict[str, Any]:
 def _noise(found: Search, training: Training) -> dict[str, Any]:
     estimate = found.final.estimate
     innovations = zip(CHANNELS, estimate.noise.sigma, UNITS, strict=True)
-    spreads = zip(NUISANCES, estimate.fit.spread, strict=True)
+    own, of_flights = np.split(estimate.fit.spread, [len(NUISANCES)])
+    spreads = zip(NUISANCES, own, strict=True)
+    steady = zip((NUISANCES[index] for index in STEADY), of_flights, strict=True)
     return {
         "sample_interval_s": training.regression.signals.dt,
         "innovations": {name: {"sigma": float(s), "unit": unit} for name, s, unit in innovations},
         "between_parts_of_flights": {n.name: {"sigma": float(s), "unit": n.unit} for n, s in spreads},
+        "between_flights": {n.name: {"sigma": float(s), "unit": n.unit} for n, s in steady},
         "log_timing_s": float(found.final.model.values.get(LOG_TIMING, 0.0)),
     }

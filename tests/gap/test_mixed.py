@@ -3,10 +3,17 @@
 import numpy as np
 import pytest
 
-from calibration.gap.estimate.mixed import Prior, Products, bootstrap_theta, fit_mixed, held_out_likelihood
+from calibration.gap.estimate.mixed import (
+    FIRST_SPREAD,
+    Prior,
+    Products,
+    bootstrap_theta,
+    fit_mixed,
+    held_out_likelihood,
+)
 from calibration.gap.estimate.nuisances import NUISANCES
 
-ROWS, PARTS, SPREAD, THETA = 80, 24, 0.03, 0.4
+ROWS, PARTS, SPREAD, LEVEL, THETA = 80, 24, 0.03, 0.025, 0.4
 FLAT = Prior(np.zeros(1), np.array([1e-9]))
 NONE = Prior(np.zeros(0), np.zeros(0))
 
@@ -26,6 +33,61 @@ def products(rng: np.random.Generator, mean: float = 0.0, theta: float = THETA) 
         zz=sums[:, :q, :q], zx=sums[:, :q, q:-1], xx=sums[:, q:-1, q:-1], zr=sums[:, :q, -1],
         xr=sums[:, q:-1, -1], rr=sums[:, -1, -1], constant=np.zeros(PARTS),
     )  # fmt: skip
+
+
+def drawn(rng: np.random.Generator, mean: float = 0.0) -> tuple[Products, np.ndarray, np.ndarray, np.ndarray]:
+    """Parts with a level of their flight about `mean`; products, rows of effect, nuisance and residual."""
+    q, flights = len(NUISANCES), PARTS // 4
+    effect = rng.normal(size=(PARTS, ROWS)) + np.tile([1.0, 0.5, 0.2, 0.0], flights)[:, None]
+    nuisance = 10.0 + 0.1 * rng.normal(size=(PARTS, ROWS))
+    levels = mean + np.repeat(LEVEL * rng.normal(size=flights), 4) + SPREAD * rng.normal(size=PARTS)
+    residual = THETA * effect + levels[:, None] * nuisance + rng.normal(size=(PARTS, ROWS))
+    table = np.zeros((PARTS, q + 2, ROWS))
+    table[:, 0], table[:, q], table[:, -1] = nuisance, effect, residual
+    sums = table @ np.swapaxes(table, 1, 2)
+    made = Products(
+        zz=sums[:, :q, :q], zx=sums[:, :q, q:-1], xx=sums[:, q:-1, q:-1], zr=sums[:, :q, -1],
+        xr=sums[:, q:-1, -1], rr=sums[:, -1, -1], constant=np.zeros(PARTS),
+    )  # fmt: skip
+    return made, effect, nuisance, residual
+
+
+def test_a_level_of_each_flight_is_integrated_out_exactly() -> None:
+    """Against the covariance of all rows of a flight, written out."""
+    p, effect, nuisance, residual = drawn(np.random.default_rng(7))
+    spread = FIRST_SPREAD.copy()
+    spread[0], spread[len(NUISANCES)] = 0.05, 0.4
+    information = score = likelihood = 0.0
+    for flight in range(PARTS // 4):
+        rows = slice(4 * flight, 4 * flight + 4)
+        own = np.zeros((4, ROWS, 4))
+        own[range(4), :, range(4)] = nuisance[rows]
+        own, whole = own.reshape(4 * ROWS, 4), nuisance[rows].ravel()
+        covariance = np.eye(4 * ROWS) + 0.05**2 * own @ own.T + 0.4**2 * np.outer(whole, whole)
+        x, r = effect[rows].ravel(), residual[rows].ravel()
+        weighed = np.linalg.solve(covariance, np.column_stack([x, r]))
+        information, score = information + x @ weighed[:, 0], score + x @ weighed[:, 1]
+        likelihood -= 0.5 * (r @ weighed[:, 1] + np.linalg.slogdet(covariance)[1])
+    fit = fit_mixed(p, FLAT, spread, rounds=0)
+    assert fit.information.sum() == pytest.approx(information)
+    assert np.all(fit.information >= 0.0)
+    assert fit.theta[0] == pytest.approx(score / information)
+    bare = p.of([])
+    kept = fit_mixed(bare, NONE, spread, rounds=0)
+    assert held_out_likelihood(bare, kept, NONE, np.zeros(PARTS)).sum() == pytest.approx(likelihood)
+
+
+def test_spreads_over_flights_and_over_their_parts_are_told_apart() -> None:
+    rng = np.random.default_rng(8)
+    spreads = np.array([fit_mixed(drawn(rng)[0], FLAT, rounds=60).spread for _ in range(20)])
+    assert np.mean(spreads[:, len(NUISANCES)]) == pytest.approx(LEVEL, rel=0.2)
+    assert np.mean(spreads[:, 0]) == pytest.approx(SPREAD, rel=0.2)
+
+
+def test_a_mean_of_all_flights_is_no_scatter_between_them() -> None:
+    fits = [fit_mixed(drawn(np.random.default_rng([9, n]), mean=0.1)[0], FLAT, rounds=60) for n in range(20)]
+    assert np.mean([fit.spread[len(NUISANCES)] for fit in fits]) < 1.2 * LEVEL
+    assert np.mean([fit.per_part[:, 0].mean() for fit in fits]) == pytest.approx(0.1, abs=0.01)
 
 
 def test_effect_and_spread_of_the_nuisance_are_found() -> None:

@@ -142,6 +142,10 @@ def _late_motors(given: Flight) -> Flight:
     return replace(given, valid=valid)
 
 
+def _in_range(given: Flight, full: float, zero: float = 0.0) -> Flight:
+    return changed(given, **{name: zero + full / 65535.0 * given.data[name] for name in MOTORS})
+
+
 def _on_the_floor(given: Flight) -> Flight:
     hop = 0.05 + 0.06 * np.abs(np.sin(3.0 * given.t)) * (given.t > ON)
     full = {name: np.where(given.data[name] > 0.0, 65535.0 - (given.data[name] % 97), 0.0) for name in MOTORS}
@@ -156,6 +160,10 @@ def _on_the_floor(given: Flight) -> Flight:
         (lambda f: changed(f, z=np.full(f.t.size, np.nan)), "no pose"),
         (lambda f: changed(f, **dict.fromkeys(MOTORS, 0.0 * f.t)), "never flies: the motor commands are 0"),
         (lambda f: changed(f, **{m: f.data[m] * 0.1 for m in MOTORS}), "never flies: the motors hardly run"),
+        (lambda f: _in_range(f, 1.0), "look like shares of full power (0 to 1); convert them to 0 to 65535"),
+        (lambda f: _in_range(f, 100.0), "look like percent"),
+        (lambda f: _in_range(f, 255.0), "look like bytes"),
+        (lambda f: _in_range(f, 1000.0, 1000.0), "look like pulse widths"),
         (lambda f: changed(f, **dict.fromkeys(MOTORS, 30000.0 + 0.0 * f.t)), "log is a straight line"),
         (_on_the_floor, "stays on the floor with the motors running (highest"),
         (lambda f: replace(f, trigger=Trigger(ON + 1.5)), "s in free flight"),

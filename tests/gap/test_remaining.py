@@ -1,6 +1,9 @@
 """What is left with all names in the model: errors, places and means that keep a verdict from being given."""
 
+import dataclasses
+
 import numpy as np
+import pytest
 
 from calibration.gap.estimate.mixed import FIRST_SPREAD, MixedFit, Products
 from calibration.gap.estimate.model import Model
@@ -8,7 +11,7 @@ from calibration.gap.estimate.nuisances import NUISANCES
 from calibration.gap.estimate.refine import Fitted
 from calibration.gap.estimate.regression import Estimate, Noise
 from calibration.gap.report.document import Gap, Levels
-from calibration.gap.report.remaining import remaining
+from calibration.gap.report.remaining import own_floor, remaining
 from calibration.gap.unnamed.gap_map import GapMap
 from onboard.vehicle import load_vehicle
 
@@ -34,12 +37,24 @@ def fitted(per_part: np.ndarray) -> Fitted:
         np.zeros((zeros.size, q, q)), np.zeros((zeros.size, q, 0)), square,
         np.zeros((zeros.size, q)), nothing, zeros, zeros,
     )  # fmt: skip
-    estimate = Estimate(mixed, products, Noise(np.zeros((7, 16)), np.ones(7)), np.zeros((0, 7)))
-    return Fitted(Model(VEHICLE), (), estimate, zeros, zeros, zeros.astype(int), np.zeros((0, 7)), ())
+    noise = Noise(np.zeros((7, 16)), np.ones(7))
+    estimate = Estimate(mixed, products, (products,) * 3, noise, np.zeros((0, 7)))
+    likelihoods = (np.zeros((3, zeros.size)),) * 2
+    return Fitted(Model(VEHICLE), (), estimate, *likelihoods, zeros.astype(int), np.zeros((0, 7)), ())
 
 
 def left(levels: Gap, per_part: np.ndarray, named: bool) -> tuple[str, ...]:
     return remaining(levels, 0.0, fitted(per_part), NO_MAP, VEHICLE, named)
+
+
+def own(scale: float, kept_back: int) -> float:
+    """Floor of flights whose scales of thrust scatter by so much, and nothing else."""
+    one = fitted(quiet())
+    spread = np.where(np.arange(FIRST_SPREAD.size) == len(NUISANCES), scale, 0.0)
+    mixed = dataclasses.replace(one.estimate.fit, spread=spread)
+    return own_floor(
+        dataclasses.replace(one, estimate=dataclasses.replace(one.estimate, fit=mixed)), 1.0, kept_back
+    )
 
 
 def quiet() -> np.ndarray:
@@ -49,6 +64,18 @@ def quiet() -> np.ndarray:
 
 def test_errors_below_twice_the_floor_leave_nothing() -> None:
     assert left(gap(0.039, 0.039), quiet(), False) == ()
+
+
+def test_a_single_flight_that_lifts_less_than_the_others_is_no_gap() -> None:
+    error = 0.5 * 9.81 * 3.0 * 0.005  # of three standard deviations, after 1 s
+    assert own(0.005, 1) == pytest.approx(0.5 * error)
+    assert remaining(gap(error, error), own(0.005, 1), fitted(quiet()), NO_MAP, VEHICLE, False) == ()
+    assert own(0.005, 4) == own(0.005, 9) == pytest.approx(error / 3.0)  # of many it would be one
+
+
+def test_scatter_beyond_what_is_ordinary_is_a_gap() -> None:
+    ordinary = FIRST_SPREAD[len(NUISANCES)]
+    assert own(5.0 * ordinary, 4) == own(ordinary, 4) == pytest.approx(0.5 * 9.81 * ordinary)
 
 
 def test_an_error_without_a_name_is_left() -> None:

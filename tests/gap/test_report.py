@@ -26,7 +26,7 @@ from calibration.gap.report.document import (
     leaves,
 )
 from calibration.gap.report.drawings import quantile_bands
-from calibration.gap.report.figures_data import HorizonCurves, ReportFigures, ResidualCloud
+from calibration.gap.report.figures_data import EffectPicture, HorizonCurves, ReportFigures, ResidualCloud
 from calibration.gap.report.prediction_figures import (
     channel_bars,
     horizon_curves,
@@ -119,6 +119,18 @@ def figures() -> ReportFigures:
     horizons, x = np.array([0.1, 1.0]), RNG.uniform(3.0, 4.0, 300)
     noise = RNG.normal(size=300)
     return ReportFigures(
+        effects=(
+            EffectPicture(
+                effect="battery_sag",
+                channel="force_z",
+                channel_unit="m/s2",
+                regressor="voltage",
+                regressor_unit="V",
+                x=x,
+                shown=x + noise,
+                said=x,
+            ),
+        ),
         horizons=(
             HorizonCurves(
                 quantity="position <given>",
@@ -195,7 +207,7 @@ def test_the_page_loads_nothing_and_draws_everything(tmp_path: Path) -> None:
     path = write_report(report(), tmp_path, figures())
     page = Page(path)
     assert_self_contained(page, tmp_path)
-    assert page.svgs == 4  # horizons for two widths
+    assert page.svgs == 5  # horizons for two widths
     text = path.read_text()
     assert "url(http" not in text
     assert "<script" not in text
@@ -207,7 +219,20 @@ def test_the_page_loads_nothing_and_draws_everything(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({"verdict": Verdict.NO_GAP, "effects": ()}, "Nothing is missing"),
+        (
+            {"verdict": Verdict.NO_GAP, "effects": ()},
+            "Nothing is missing: the model",
+        ),
+        (
+            {
+                "verdict": Verdict.NO_GAP,
+                "effects": (),
+                "rejected": (
+                    Rejected(name="com_offset", reason="real, but too small for a name (x = 2e-4 m)"),
+                ),
+            },
+            "Nothing is missing that matters; what is real and too small for a name is in the vehicle file",
+        ),
         ({"verdict": Verdict.EFFECTS_FOUND}, "Found: battery sag and motor saturation were missing"),
         ({}, "Battery sag and motor saturation were missing, and something else"),
         ({"effects": ()}, "Something is missing that no known effect explains"),

@@ -98,6 +98,15 @@ def test_an_inertia_that_is_10_percent_off_leaves_the_margins(factor: float) -> 
     assert over_all_lags(gains).suffice
 
 
+@pytest.mark.parametrize("delay", [0.01, 0.03, 0.06])
+def test_a_delay_of_any_length_costs_what_it_turns_the_loop_by(delay: float) -> None:
+    gains = controller_gains(load_vehicle("crazyflie21-stock"))
+    for lag in LAGS:
+        free, late = attitude_margins(gains, lag, lag), attitude_margins(gains, lag, lag, delay)
+        assert late.phase_deg < free.phase_deg
+        assert late.delay == pytest.approx(max(free.delay - delay, 0.0), abs=1e-12)
+
+
 def test_more_lag_of_the_loop_costs_the_phase_that_it_has_at_the_crossover() -> None:
     slow = attitude_margins(DEFAULT_GAINS, 0.2, 0.2)
     slower = attitude_margins(DEFAULT_GAINS, 0.25, 0.25)

@@ -6,6 +6,7 @@ import numpy as np
 
 from calibration.flights.flight import POSE_CHANNELS, Flight, UnusableFlightError
 from calibration.gap.data.kinematics import continuous_quaternions
+from calibration.gap.data.motor_range import check_range
 from calibration.gap.data.radio import Received, received
 from calibration.gap.data.samples import Samples, check_rate, samples_of
 from onboard.battery import FULL_RATIO
@@ -108,6 +109,7 @@ def _motors(flight: Flight) -> tuple[Received, int]:
     off = np.all(pwm.values == 0.0, axis=1)
     if off.all():
         raise UnusableFlightError(flight.source, "never flies: the motor commands are 0 throughout")
+    check_range(flight, pwm)
     signal = _measured(flight, "motor commands", received(pwm, _PWM_RESOLUTION, off))
     values = signal.samples.values
     clipped = np.clip(values, 0.0, FULL_RATIO)

@@ -22,6 +22,9 @@ UNITS = ("m/s2", "m/s2", "m/s2", "rad/s2", "rad/s2", "rad/s2", "V")
 
 FORCE, TORQUE, VOLTAGE = slice(0, 3), slice(3, 6), 6
 
+KINDS = (FORCE, TORQUE, slice(VOLTAGE, VOLTAGE + 1))
+"""Channels of each kind of signal."""
+
 SETTLING = 0.3
 """s after lost motor commands until the predicted thrust is right again: two time constants of a motor."""
 

@@ -1,5 +1,6 @@
 """Errors of models on flights that no fit saw."""
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -21,6 +22,8 @@ _DRAWS = 400
 @dataclass(frozen=True)
 class ChannelErrors:
     """Residuals of one model by flight and channel, averaged over :data:`WINDOW`.
+
+    A single flight stands in parts, by whose scatter an interval is better than by none.
 
     Attributes:
         squares: sums of squares, shape (flights, 7).
@@ -48,9 +51,10 @@ class HeldOutFlights:
         """Residuals of a model; the battery's resting voltage, which is each flight's own, is taken out."""
         residual = np.where(self.signals.valid, self.signals.measured - model.predict(self.records), np.nan)
         window = max(1, round(WINDOW / self.signals.dt))
+        signals = self.signals
         squares, counts = [], []
-        for flight in range(self.signals.flights):
-            rows = residual[self.signals.rows(flight)]
+        for first, end in itertools.pairwise(signals.bounds if signals.flights > 1 else signals.part_bounds):
+            rows = residual[first:end]
             rows = rows[: rows.shape[0] // window * window].reshape(-1, window, len(CHANNELS))
             means = rows.mean(axis=1)  # NaN where a sample of the window is not valid
             if np.isfinite(means[:, -1]).any():

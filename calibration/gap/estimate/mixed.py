@@ -1,29 +1,31 @@
 """Linear mixed-effects regression by normal equations: shared effects, and nuisances of each part.
 
-    whitened residual of part f = X_f theta + Z_f b_f + white noise,   b_f ~ N(0, diag(spread^2))
+    whitened residual of part f = X_f theta + Z_f b_f + white noise,   b_f ~ N(u, diag(spread^2))
 
-The products of all columns are formed once per part (:class:`Products`); every fit, hold-out and bootstrap
-after that is algebra of small matrices. Nuisances are integrated out, their spreads found by
-expectation-maximisation (Laird, Ware, Biometrics 38, 1982).
+where u is 0 but for what a flight has as a whole (:data:`~calibration.gap.estimate.nuisances.STEADY`), which
+is drawn once for its parts. The products of all columns are formed once per part (:class:`Products`); every
+fit, hold-out and bootstrap after that is algebra of small matrices. Nuisances are integrated out, and their
+spreads found by expectation-maximisation (Laird, Ware, Biometrics 38, 1982).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import numpy as np
 
-from calibration.gap.estimate.nuisances import NUISANCES
+from calibration.gap.data.signals import PARTS
+from calibration.gap.estimate.nuisances import NUISANCES, SPREADS, STEADY
 from onboard.arrays import FloatArray
 
 MOST = 0.5
 """Share of the information about an effect that one fold may have for the others to learn it without."""
 
 _ROUNDS = 12
-_LEAST = np.array([n.least for n in NUISANCES])
-_MOST = np.array([n.most for n in NUISANCES])
-FIRST_SPREAD: FloatArray = np.array([n.spread for n in NUISANCES])
-"""Spreads of the nuisances to begin with."""
+_OWN = len(NUISANCES)
+_LEAST, _MOST = np.array([s.least for s in SPREADS]), np.array([s.most for s in SPREADS])
+FIRST_SPREAD: FloatArray = np.array([s.first for s in SPREADS])
+"""Spreads to begin with: of the nuisances of parts, then of those that flights have as a whole."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,10 @@ class Products:
     rr: FloatArray
     constant: FloatArray
 
+    def __add__(self, other: "Products") -> "Products":
+        """Those of both sets of rows."""
+        return Products(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
+
     def of(self, columns: Sequence[int]) -> "Products":
         """The same with some of the effect columns only."""
         index = np.asarray(columns, dtype=np.intp)
@@ -68,7 +74,7 @@ class MixedFit:
     Attributes:
         theta: shared effects, shape (g,).
         covariance: of theta by the model, shape (g, g).
-        spread: standard deviations of the nuisances, shape (q,).
+        spread: standard deviations of the nuisances over parts, then over flights; as :data:`FIRST_SPREAD`.
         per_part: nuisances of each part, shape (parts, q).
         information: shape (parts, g, g); each part's share of the normal matrix, nuisances integrated out.
         score: shape (parts, g); its part of the right-hand side.
@@ -82,15 +88,75 @@ class MixedFit:
     score: FloatArray
 
 
-def _without_nuisances(p: Products, spread: FloatArray) -> tuple[Any, ...]:
-    precision = np.diag(spread**-2.0)
+class _Marginal(NamedTuple):
+    """The normal equations of each part with the nuisances integrated out.
+
+    Attributes:
+        inverse: covariance of a part's own nuisances, shape (parts, q, q).
+        steady: nuisance by those that a flight has as a whole, shape (parts, q, m).
+        level, level_by_effect: of these, where theta is 0, and per theta, shapes (parts, m), (parts, m, g);
+            the same for the parts of one flight.
+        level_covariance: shape (parts, m, m).
+        information, score, left, volume: shapes (parts, g, g), (parts, g), (parts,), (parts,); summed over a
+            flight they are exact, and each part's share of them is what it tells about the flight's level.
+    """
+
+    inverse: FloatArray
+    steady: FloatArray
+    level: FloatArray
+    level_by_effect: FloatArray
+    level_covariance: FloatArray
+    information: FloatArray
+    score: FloatArray
+    left: FloatArray
+    volume: FloatArray
+
+
+def _without_nuisances(p: Products, spread: FloatArray) -> _Marginal:
+    precision, believed = np.diag(spread[:_OWN] ** -2.0), np.diag(spread[_OWN:] ** -2.0)
     inverse = np.linalg.inv(p.zz + precision)
-    gain = np.einsum("fqp,fpg->fqg", inverse, p.zx)
-    information = p.xx - np.einsum("fqg,fqh->fgh", p.zx, gain)
-    score = p.xr - np.einsum("fqg,fq->fg", gain, p.zr)
-    left = p.rr - np.einsum("fq,fqp,fp->f", p.zr, inverse, p.zr)
-    volume = 0.5 * (np.sum(np.log(spread**-2.0)) + np.linalg.slogdet(inverse)[1])
-    return inverse, information, score, left, volume
+    steady = p.zz[:, :, STEADY]
+    across = _transposed(steady)
+    # What a part tells of theta, and of the flight's level.
+    xx = p.xx - _transposed(p.zx) @ inverse @ p.zx
+    xr = p.xr - _times(_transposed(p.zx), _times(inverse, p.zr))
+    rr = p.rr - np.sum(p.zr * _times(inverse, p.zr), axis=1)
+    ux = p.zx[:, STEADY] - across @ inverse @ p.zx
+    uu = steady[:, STEADY] - across @ inverse @ steady
+    ur = p.zr[:, STEADY] - _times(across, _times(inverse, p.zr))
+    covariance = np.linalg.inv(_of_flights(uu) + believed)
+    by_effect, level = covariance @ _of_flights(ux), _times(covariance, _of_flights(ur))
+    by_effect, level, covariance = (np.repeat(each, PARTS, axis=0) for each in (by_effect, level, covariance))
+    # Each part less its flight's level; the level itself, which is believed to be small, in equal shares.
+    ours, shared = _transposed(by_effect), uu + believed / PARTS
+    mixed = _transposed(ux) @ by_effect
+    own_volume = np.sum(np.log(spread[:_OWN] ** -2.0)) + np.linalg.slogdet(inverse)[1]
+    level_volume = np.sum(np.log(spread[_OWN:] ** -2.0)) + np.linalg.slogdet(covariance)[1]
+    return _Marginal(
+        inverse=inverse,
+        steady=steady,
+        level=level,
+        level_by_effect=by_effect,
+        level_covariance=covariance,
+        information=xx - mixed - _transposed(mixed) + ours @ shared @ by_effect,
+        score=xr - _times(_transposed(ux), level) - _times(ours, ur - _times(shared, level)),
+        left=rr - 2.0 * np.sum(ur * level, axis=1) + np.sum(level * _times(shared, level), axis=1),
+        volume=0.5 * (own_volume + level_volume / PARTS),
+    )
+
+
+def _transposed(matrices: FloatArray) -> FloatArray:
+    return np.swapaxes(matrices, 1, 2)
+
+
+def _times(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
+    return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])
+
+
+def _of_flights(by_part: FloatArray) -> FloatArray:
+    """Sums over the parts of each flight."""
+    flights = by_part.shape[0] // PARTS
+    return np.asarray(by_part.reshape(flights, PARTS, *by_part.shape[1:]).sum(axis=1))
 
 
 class Prior(NamedTuple):
@@ -127,24 +193,40 @@ def fit_mixed(
     Args:
         p: products of the columns.
         prior: of the shared effects.
-        spread: standard deviations of the nuisances to begin with, shape (q,).
+        spread: standard deviations of the nuisances to begin with.
         rounds: of expectation-maximisation; 0 keeps the spreads.
     """
     for last in (*[False] * rounds, True):
-        inverse, information, score, _, _ = _without_nuisances(p, spread)
-        theta = solve(information.sum(axis=0), score.sum(axis=0), prior)
-        per_part = np.einsum("fqp,fp->fq", inverse, p.zr - p.zx @ theta)
+        marginal = _without_nuisances(p, spread)
+        theta = solve(marginal.information.sum(axis=0), marginal.score.sum(axis=0), prior)
+        level = marginal.level - marginal.level_by_effect @ theta
+        per_part = _times(marginal.inverse, p.zr - p.zx @ theta - _times(marginal.steady, level))
         if not last:
-            square = per_part**2 + np.diagonal(inverse, axis1=1, axis2=2)
-            spread = np.clip(np.sqrt(square.mean(axis=0)), _LEAST, _MOST)
+            spread = np.clip(np.sqrt(_squares(marginal, per_part, level)), _LEAST, _MOST)
+        per_part[:, STEADY] += level
     return MixedFit(
         theta=theta,
-        covariance=np.linalg.inv(information.sum(axis=0) + np.diag(prior.precision)),
+        covariance=np.linalg.inv(marginal.information.sum(axis=0) + np.diag(prior.precision)),
         spread=spread,
         per_part=per_part,
-        information=information,
-        score=score,
+        information=marginal.information,
+        score=marginal.score,
     )
+
+
+def _squares(marginal: _Marginal, own: FloatArray, level: FloatArray) -> FloatArray:
+    """Expected squares of the nuisances: of parts about their flight, then of flights about their mean.
+
+    A mean that all flights share is no scatter between them. Were it counted as such, a weight that is wrong
+    in all of them would cost next to nothing.
+    """
+    moved = marginal.inverse @ marginal.steady
+    doubt = marginal.inverse + moved @ marginal.level_covariance @ _transposed(moved)
+    squares = (own**2 + np.diagonal(doubt, axis1=1, axis2=2)).mean(axis=0)
+    flights = level.shape[0] // PARTS
+    scatter = level.var(axis=0) * flights / (flights - 1) if flights > 1 else (level**2).mean(axis=0)
+    of_flights = scatter + np.diagonal(marginal.level_covariance, axis1=1, axis2=2).mean(axis=0)
+    return np.concatenate([squares, of_flights])
 
 
 def held_out_likelihood(p: Products, fit: MixedFit, prior: Prior, folds: np.ndarray) -> FloatArray:
@@ -159,13 +241,29 @@ def held_out_likelihood(p: Products, fit: MixedFit, prior: Prior, folds: np.ndar
         prior: as for :func:`fit_mixed`.
         folds: fold of each part, shape (parts,).
     """
-    result = np.empty(folds.size)
-    _, information, score, left, volume = _without_nuisances(p, fit.spread)
+    return held_out_shares(p, (p,), fit, prior, folds)[0]
+
+
+def held_out_shares(
+    p: Products, shares: Sequence[Products], fit: MixedFit, prior: Prior, folds: np.ndarray
+) -> FloatArray:
+    """What each of some kinds of signals has of :func:`held_out_likelihood`, shape (kinds, parts).
+
+    Args:
+        p: products of all signals, to which the effects are fitted.
+        shares: products of the signals of each kind, none of which has a nuisance in common with another.
+        fit, prior, folds: as there.
+    """
+    whole = _without_nuisances(p, fit.spread)
+    kinds = [(one, _without_nuisances(one, fit.spread)) for one in shares]
+    result = np.empty((len(kinds), folds.size))
     for fold in np.unique(folds):
         out = folds == fold
-        theta = _fitted_elsewhere(fit, information, score, prior, out)
-        quadratic = left - 2.0 * score @ theta + np.einsum("g,fgh,h->f", theta, information, theta)
-        result[out] = (p.constant + volume - 0.5 * quadratic)[out]
+        theta = _fitted_elsewhere(fit, whole.information, whole.score, prior, out)
+        for kind, (one, told) in enumerate(kinds):
+            quadratic = np.einsum("g,fgh,h->f", theta, told.information, theta)
+            quadratic += told.left - 2.0 * told.score @ theta
+            result[kind, out] = (one.constant + told.volume - 0.5 * quadratic)[out]
     return result
 
 

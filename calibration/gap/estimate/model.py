@@ -1,7 +1,7 @@
 """A vehicle with effects whose parameters are being searched for, and its predictions along flights."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cache, cached_property
@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from calibration.gap.data.record import FlightRecord
-from calibration.gap.data.signals import CHANNELS, FORCE, TORQUE, VOLTAGE
+from calibration.gap.data.signals import CHANNELS, FORCE, KINDS, TORQUE, VOLTAGE
 from calibration.gap.data.smoothing import as_poses_see
 from calibration.gap.replay.teacher_forcing import Prediction, teacher_forced
 from onboard.arrays import FloatArray
@@ -19,6 +19,11 @@ from onboard.room import RoomGeometry
 from onboard.vehicle import EFFECTS, Effect, Vehicle
 from onboard.vehicle.effects import EffectParameter, Size
 from sim_backend.physics.parameters import physics_parameters
+
+_BATTERY = "battery_sag"
+"""The effect that a voltage decides about."""
+
+_FORCES, _TORQUES, _VOLTAGES = range(len(KINDS))
 
 NO_CEILING = 1e3
 """m: a ceiling that no rotor feels."""
@@ -129,7 +134,8 @@ class Model:
         """Derivative of the predicted signals by one variable, shape (n, 7).
 
         Voltage is left to the battery alone: it is known to millivolts, what a motor draws for a thrust is
-        not, and so a voltage must not decide about a thrust.
+        not, and so a voltage must not decide about a thrust. Likewise forces alone decide about some effects
+        (`by_forces` of :class:`~onboard.vehicle.effects.EffectDescription`).
 
         Args:
             records: flights.
@@ -141,16 +147,25 @@ class Model:
         if value + step > rule.high:
             step = -step
         change = (self.with_values({variable: value + step}).predict(records) - predicted) / step
-        if variable.effect == "battery_sag":
+        if variable.effect == _BATTERY:
             change[:, :VOLTAGE] = 0.0
         else:
             change[:, VOLTAGE] = 0.0
+        if EFFECTS[variable.effect].by_forces:
+            change[:, TORQUE] = 0.0
         return change
 
 
 @cache
 def _rule(variable: Variable, size: Size) -> EffectParameter:
     return EFFECTS[variable.effect].parameters[variable.parameter].for_size(size)
+
+
+def kinds_that_tell(effects: Collection[str]) -> list[int]:
+    """Which of the :data:`~calibration.gap.data.signals.KINDS` of signals decide which of these there are."""
+    if effects and all(EFFECTS[name].by_forces for name in effects):
+        return [_FORCES]
+    return [_FORCES, _TORQUES, _VOLTAGES] if _BATTERY in effects else [_FORCES, _TORQUES]
 
 
 def terminal_voltage(p: Any, prediction: Prediction) -> FloatArray:

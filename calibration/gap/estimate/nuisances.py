@@ -1,9 +1,12 @@
 """What differs from flight to flight and is nobody's fault: scale of thrust, bias, trim, state of charge.
 
 Each part of a flight has its own values, drawn from normal distributions whose spread is estimated with
-everything else (random effects). Their mean is no nuisance: that is what effects are for.
+everything else (random effects). Their mean is no nuisance: that is what effects are for. A scale of thrust
+belongs to an airframe first, and its parts scatter about the flight's own. Otherwise flights of several
+airframes would let every part have any scale, and a thrust that falls in all flights would pass for scatter.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -12,35 +15,58 @@ from calibration.gap.data.signals import CHANNELS, FORCE, Signals
 from onboard.arrays import FloatArray
 
 
-class Nuisance(NamedTuple):
-    """One value per flight.
+class Spread(NamedTuple):
+    """Standard deviation of a nuisance.
 
     Attributes:
-        name: what it is.
-        unit: of its value.
-        spread: standard deviation over flights that is assumed at first.
-        least: smallest standard deviation that is believed.
-        most: largest; a flight beyond three times this is not one of these vehicles.
+        first: that is assumed at first.
+        least: the smallest that is believed.
+        most: the largest; what is beyond three times this is not one of these vehicles.
     """
 
-    name: str
-    unit: str
-    spread: float
+    first: float
     least: float
     most: float
 
 
+class Nuisance(NamedTuple):
+    """One value per part of a flight.
+
+    Attributes:
+        name: what it is.
+        unit: of its value.
+        parts: spread over parts of flights.
+        flights: spread over flights of the value about which their parts scatter; None: about zero.
+    """
+
+    name: str
+    unit: str
+    parts: Spread
+    flights: Spread | None = None
+
+    @property
+    def first(self) -> float:
+        """Standard deviation in one part of one flight that is assumed at first."""
+        return self.parts.first if self.flights is None else math.hypot(self.parts.first, self.flights.first)
+
+
 NUISANCES = (
-    Nuisance("thrust_scale", "1", 0.01, 1e-3, 0.05),
-    Nuisance("force_bias_x", "m/s2", 0.05, 5e-3, 0.5),
-    Nuisance("force_bias_y", "m/s2", 0.05, 5e-3, 0.5),
-    Nuisance("torque_trim_x", "rad/s2", 1.0, 0.1, 20.0),
-    Nuisance("torque_trim_y", "rad/s2", 1.0, 0.1, 20.0),
-    Nuisance("torque_trim_z", "rad/s2", 0.5, 0.05, 10.0),
-    Nuisance("open_circuit", "V", 0.1, 1e-2, 1.0),
-    Nuisance("discharge", "V/s", 1e-3, 1e-4, 2e-2),
+    Nuisance("thrust_scale", "1", Spread(0.005, 1e-3, 0.05), Spread(0.01, 5e-3, 0.05)),
+    Nuisance("force_bias_x", "m/s2", Spread(0.05, 5e-3, 0.5)),
+    Nuisance("force_bias_y", "m/s2", Spread(0.05, 5e-3, 0.5)),
+    Nuisance("torque_trim_x", "rad/s2", Spread(1.0, 0.1, 20.0)),
+    Nuisance("torque_trim_y", "rad/s2", Spread(1.0, 0.1, 20.0)),
+    Nuisance("torque_trim_z", "rad/s2", Spread(0.5, 0.05, 10.0)),
+    Nuisance("open_circuit", "V", Spread(0.1, 1e-2, 1.0)),
+    Nuisance("discharge", "V/s", Spread(1e-3, 1e-4, 2e-2)),
 )
-"""Per flight: scale of thrust (propellers), bias of the accelerometer or tilt, torque trim, battery."""
+"""Scale of thrust (propellers), bias of the accelerometer or tilt, torque trim, battery."""
+
+STEADY = tuple(index for index, nuisance in enumerate(NUISANCES) if nuisance.flights is not None)
+"""Nuisances of which a flight has a value of its own, about which those of its parts scatter."""
+
+SPREADS = (*(n.parts for n in NUISANCES), *(n.flights for n in NUISANCES if n.flights is not None))
+"""Of the nuisances over parts, then of the steady ones over flights."""
 
 
 def nuisance_columns(signals: Signals, predicted: FloatArray) -> FloatArray:

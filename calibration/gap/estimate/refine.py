@@ -11,8 +11,8 @@ from calibration.gap.data.excitation import excitation_weights
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.signals import PARTS, stack_signals
 from calibration.gap.data.split import FEW, folds
-from calibration.gap.estimate.mixed import FIRST_SPREAD, MOST, Prior, held_out_likelihood
-from calibration.gap.estimate.model import Model, Variable
+from calibration.gap.estimate.mixed import FIRST_SPREAD, MOST, Prior, held_out_shares
+from calibration.gap.estimate.model import Model, Variable, kinds_that_tell
 from calibration.gap.estimate.regression import Estimate, Noise, Regression
 from onboard.arrays import FloatArray
 from onboard.vehicle import Vehicle
@@ -97,7 +97,8 @@ class Fitted:
         model: with the values found.
         variables: that were fitted, in the order of the estimate's columns.
         estimate: linearised about (nearly) these values.
-        held_out: log-likelihood of each part with the shared parameters of the other shapes' flights.
+        held_out: log-likelihood of forces, torques and voltage of each part with the shared parameters of the
+            other shapes' flights, shape (3, parts).
         held_out_in_time: likewise, with those of the other parts of all flights.
         folds: of each part, by kind of flight, shape (parts,).
         predicted: signals along the flights, shape (n, 7).
@@ -121,17 +122,23 @@ class Fitted:
         others = len(self.columns) - len(self.variables)
         return prior_step(self.model, self.variables).and_of(_unnamed_prior(others))
 
-    def gains(self, over: "Fitted", in_time: bool) -> FloatArray:
+    def gains(self, over: "Fitted", in_time: bool, kinds: Sequence[int] | None = None) -> FloatArray:
         """Gain in held-out log-likelihood of each part over another fit.
+
+        A voltage decides about the battery alone, and torques have no say about a force
+        (:func:`~calibration.gap.estimate.model.kinds_that_tell`): where nobody asks them, the model of their
+        noise, which is fitted anew for every candidate, moves their likelihood by more than a name must gain.
 
         Args:
             over: the other fit.
             in_time: whether parts of all flights are held out, not kinds of flights: where few flights, or
                 those of one kind, tell of what is new, the others could not have learned it.
+            kinds: of signals that count; None: those that tell of the effects that one of the fits has.
         """
-        if in_time:
-            return self.held_out_in_time - over.held_out_in_time
-        return self.held_out - over.held_out
+        if kinds is None:
+            kinds = kinds_that_tell(set(self.model.effects) ^ set(over.model.effects))
+        gained = self.held_out_in_time - over.held_out_in_time if in_time else self.held_out - over.held_out
+        return np.asarray(gained[kinds].sum(axis=0))
 
     def columns_of(self, variables: Sequence[Variable]) -> list[int]:
         """Columns of the estimate that belong to these variables."""
@@ -219,7 +226,7 @@ def refine(
         model = model.with_values({v: model.start_value(v) + d for v, d in zip(variables, step, strict=True)})
         spread, noise = estimate.fit.spread, training.regression.fit_noise(estimate.residual)
     held_out, in_time = (
-        held_out_likelihood(estimate.products, estimate.fit, prior, split)
+        held_out_shares(estimate.products, estimate.by_kind, estimate.fit, prior, split)
         for split in (training.by_shape, training.by_time)
     )
     return Fitted(

@@ -1,12 +1,13 @@
 """One linearised estimate: shared effects, nuisances and coloured noise, fitted together."""
 
+import functools
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.gap.data.signals import CHANNELS, Signals
+from calibration.gap.data.signals import CHANNELS, KINDS, Signals
 from calibration.gap.estimate.mixed import FIRST_SPREAD, MixedFit, Prior, Products, fit_mixed
 from calibration.gap.estimate.noise import ORDER, fit_autoregression, whiten, whole_windows
 from calibration.gap.estimate.nuisances import nuisance_columns
@@ -28,12 +29,14 @@ class Estimate:
     Attributes:
         fit: shared effects (steps from the model's values) and nuisances.
         products: of all columns that were offered.
+        by_kind: the shares of these that forces, torques and the battery's voltage have.
         noise: that it was fitted under.
         residual: signals less prediction, nuisances and fitted effects, shape (n, 7), not whitened.
     """
 
     fit: MixedFit
     products: Products
+    by_kind: tuple[Products, ...]
     noise: Noise
     residual: FloatArray
 
@@ -73,7 +76,14 @@ class Regression:
             table[:, index] = (self._root * innovations / noise.sigma).T
         return table
 
-    def products(self, table: FloatArray, residual: FloatArray, nuisances: int, noise: Noise) -> Products:
+    def products(
+        self,
+        table: FloatArray,
+        residual: FloatArray,
+        nuisances: int,
+        noise: Noise,
+        channels: slice = slice(None),
+    ) -> Products:
         """Products of whitened columns per part.
 
         Args:
@@ -81,11 +91,12 @@ class Regression:
             residual: signals less prediction, shape (n, 7), not whitened.
             nuisances: how many of the columns are nuisances.
             noise: that the columns were whitened with.
+            channels: that count.
         """
         bounds, q = self.signals.part_bounds, nuisances
         columns = np.concatenate([table, self.whitened([residual], noise)], axis=1)
         sums = np.zeros((bounds.size - 1, columns.shape[1], columns.shape[1]))
-        for channel in columns:
+        for channel in columns[channels]:
             used = np.flatnonzero(channel.any(axis=1))
             rows = channel[used]
             for part, (first, end) in enumerate(itertools.pairwise(bounds)):
@@ -98,7 +109,7 @@ class Regression:
             zr=sums[:, :q, -1],
             xr=sums[:, q:-1, -1],
             rr=sums[:, -1, -1],
-            constant=-(self.weights * counts) @ np.log(noise.sigma),
+            constant=-(self.weights * counts)[:, channels] @ np.log(noise.sigma[channels]),
         )
 
     def estimate(
@@ -122,9 +133,10 @@ class Regression:
         raw = self.misfit(predicted)
         noise = self.fit_noise(self._centred(raw)) if noise is None else noise
         table = self.whitened([*nuisances, *columns], noise)
-        products = self.products(table, raw, len(nuisances), noise)
+        by_kind = tuple(self.products(table, raw, len(nuisances), noise, kind) for kind in KINDS)
+        products = functools.reduce(Products.__add__, by_kind)
         fit = fit_mixed(products, prior, spread)
-        return Estimate(fit, products, noise, self._left(raw, columns, nuisances, fit))
+        return Estimate(fit, products, by_kind, noise, self._left(raw, columns, nuisances, fit))
 
     def _left(
         self, raw: FloatArray, columns: Sequence[FloatArray], nuisances: FloatArray, fit: MixedFit

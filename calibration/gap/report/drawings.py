@@ -7,6 +7,7 @@ import numpy as np
 
 from calibration.gap.replay.closed_loop import ClosedLoopFlight
 from calibration.gap.report.figures_data import (
+    EffectPicture,
     HorizonCurves,
     ResidualCloud,
     StageBars,
@@ -135,6 +136,25 @@ def cloud_panels(clouds: tuple[ResidualCloud, ...]) -> "Figure":
             xlabel=f"{plain(data.regressor)} ({data.regressor_unit})",
             ylabel=f"{plain(data.channel)} ({data.channel_unit})",
         )
+    _shared_legend(figure, axes)
+    return figure
+
+
+def effect_panels(pictures: tuple[EffectPicture, ...]) -> "Figure":
+    """Per effect: the data beyond a model without it (medians, middle two thirds), and what it says."""
+    figure, axes = _panels(len(pictures), 2.9)
+    for panel, data in zip(axes, pictures, strict=True):
+        panel.axhline(0.0, color=_BEFORE, lw=1.4, label="model without it")
+        x, low, middle, high = quantile_bands(data.x, data.shown)
+        panel.fill_between(x, low, high, color=INK, alpha=0.12, lw=0)
+        panel.plot(x, middle, "o", ms=3.5, color=INK, label="flights")
+        x, _, middle, _ = quantile_bands(data.x, data.said)
+        panel.plot(x, middle, lw=1.8, color=_AFTER, label="with it")
+        behind = f" ({data.regressor_unit})" if data.regressor_unit else ""
+        panel.set(
+            xlabel=f"{plain(data.regressor)}{behind}", ylabel=f"{plain(data.channel)} ({data.channel_unit})"
+        )
+        panel.set_title(plain(data.effect), fontsize=9.5, loc="left")
     _shared_legend(figure, axes)
     return figure
 

@@ -11,6 +11,7 @@ from calibration.gap.estimate.refine import Fitted, Training
 from calibration.gap.replay import PredictionErrors, fly_again
 from calibration.gap.replay.closed_loop import ClosedLoopFlight
 from calibration.gap.report.document import Unexplained, Where
+from calibration.gap.report.effect_pictures import effect_pictures
 from calibration.gap.report.figures_data import ReportFigures, ResidualCloud
 from calibration.gap.report.prediction_figures import (
     channel_bars,
@@ -81,6 +82,7 @@ def figures(
         maps: where the residual lived before, and lives after.
     """
     return ReportFigures(
+        effects=effect_pictures(names.effects, found.final, training),
         horizons=horizon_curves(stages),
         channels=channel_bars(stages),
         phases=phase_bars(stages),

@@ -69,10 +69,31 @@ class ResidualCloud:
 
 
 @dataclass(frozen=True, kw_only=True)
+class EffectPicture:
+    """What the data show of an effect, beyond a model without it, and what it says, along a regressor.
+
+    Attributes:
+        effect: its name.
+        channel, channel_unit, regressor, regressor_unit: as of a :class:`ResidualCloud`.
+        x: shape (n,). shown, said: by data and effect, shape (n,).
+    """
+
+    effect: str
+    channel: str
+    channel_unit: str
+    regressor: str
+    regressor_unit: str
+    x: FloatArray
+    shown: FloatArray
+    said: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
 class ReportFigures:
     """All figures of a report; what is empty or None is left out.
 
     Attributes:
+        effects: one picture per named effect.
         horizons: one panel each.
         channels, phases: bars by channel and by phase of flight.
         heat_map: where the residual lived before, and lives after.
@@ -80,6 +101,7 @@ class ReportFigures:
         closed_loop: a held-out flight, flown again by the models of some stages.
     """
 
+    effects: tuple[EffectPicture, ...] = ()
     horizons: tuple[HorizonCurves, ...] = ()
     channels: StageBars | None = None
     phases: StageBars | None = None

@@ -1,10 +1,11 @@
 """The improved vehicle: the file that was given, with the effects that were found, each with its source."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from calibration.gap.data.found import FoundEffect
 from calibration.gap.search.naming import NINETY_FIVE, Named
+from onboard.attitude_margins import DELAY_LIMIT, PHASE_LIMIT_DEG, vehicle_margins
 from onboard.quantity import Quantity
 from onboard.vehicle import Effect, Vehicle, vehicle_to_toml
 
@@ -47,6 +48,18 @@ def improved_vehicle(vehicle: Vehicle, effects: Sequence[FoundEffect], names: Na
         for name in names.minor
     )
     return vehicle.with_effects((*added, *small))
+
+
+def hard_to_fly(improved: Vehicle) -> Iterator[str]:
+    """A sentence where the law that flies this project's vehicles may lose the one that was found."""
+    margins = vehicle_margins(improved)
+    if not margins.suffice:
+        wanted = f"{PHASE_LIMIT_DEG:.0f} deg and {1e3 * DELAY_LIMIT:.0f} ms are wanted"
+        yield (
+            f"our attitude law has margins of {margins.phase_deg:.0f} deg and {1e3 * margins.delay:.0f} ms "
+            f"with the vehicle that was found ({wanted}) and may lose it in closed loop: was another law "
+            "flown, or is the delay elsewhere?"
+        )
 
 
 def provenance(flights: int, held_out: int, seed: int) -> str:

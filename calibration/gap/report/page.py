@@ -31,6 +31,16 @@ def report_page(report: GapReport, figures: ReportFigures) -> str:
 
 def _sections(report: GapReport, figures: ReportFigures) -> Iterator[str]:
     yield _verdict(report)
+    if figures.effects:
+        drawn = svg(
+            drawings.effect_panels(figures.effects), "Each effect: what the flights show, what it says"
+        )
+        yield section(
+            "What the flights show of it",
+            drawn,
+            "Measured, beyond the model without the effect and with the others: medians of parts of equal "
+            "count, and the middle two thirds of each. The line is what the effect says.",
+        )
     yield from _gap(report, figures)
     if report.effects:
         yield section(

@@ -1,21 +1,32 @@
 """What is left when all names are in the model, and where: without it there is no verdict but this one."""
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
 
 from calibration.gap.data.channels import attitudes
 from calibration.gap.data.signals import FORCE
+from calibration.gap.estimate.mixed import FIRST_SPREAD
+from calibration.gap.estimate.nuisances import NUISANCES, STEADY
 from calibration.gap.estimate.refine import Fitted, Training
 from calibration.gap.estimate.shared_nuisances import shared_nuisances
 from calibration.gap.report.document import Gap
 from calibration.gap.unnamed.consequence import least_amplitude
 from calibration.gap.unnamed.gap_map import GapMap
 from calibration.gap.unnamed.structure import LEVEL
+from onboard.gravity import GRAVITY
 from onboard.vehicle import Vehicle
 
 _TIMES = 2.0
 """Errors below this many floors are the flights' own."""
+
+_DEVIATIONS = 3.0
+"""Standard deviations of what the flights kept back have of their own on average that leave a healthy model
+below :data:`_TIMES` floors."""
+
+_FORCE_OF = {"thrust_scale": GRAVITY, "force_bias_x": 1.0, "force_bias_y": 1.0}
+"""Force (m/s2) in hover per unit of a nuisance."""
 
 _HALF = 0.5
 """Share of the error above the floor that names must close; of a channel that no place may hold."""
@@ -42,6 +53,25 @@ def chance_floor(final: Fitted, training: Training, horizon: float) -> float:
     return float(np.mean(errors)) if errors else 0.0
 
 
+def own_floor(final: Fitted, horizon: float, kept_back: int) -> float:
+    """Position error (m) that kept-back flights make in `horizon` (s) by what each has of its own.
+
+    Scale of thrust and bias differ from flight to flight (random effects), and no model knows those of a
+    flight that it has not seen: of few flights kept back, one that lifts 1.5 % less than the others says
+    nothing about a model. Beyond what is ordinary they are a gap.
+
+    Args:
+        final: the fit with all names, whose spreads count.
+        horizon: s.
+        kept_back: how many flights are predicted.
+    """
+    ordinary = np.minimum(final.estimate.fit.spread, FIRST_SPREAD)
+    spreads = zip((*NUISANCES, *(NUISANCES[index] for index in STEADY)), ordinary, strict=True)
+    forces = [spread * _FORCE_OF[nuisance.name] for nuisance, spread in spreads if nuisance.name in _FORCE_OF]
+    few = max(1.0, _DEVIATIONS / (_TIMES * math.sqrt(kept_back)))
+    return few * 0.5 * horizon**2 * math.hypot(*forces)
+
+
 def remaining(
     gap: Gap, chance: float, final: Fitted, after: GapMap, vehicle: Vehicle, named: bool
 ) -> tuple[str, ...]:
@@ -49,7 +79,7 @@ def remaining(
 
     Args:
         gap: on flights kept back.
-        chance: m, from :func:`chance_floor`.
+        chance: m, from :func:`chance_floor` and :func:`own_floor`.
         final: the fit with all names.
         after: where its residual lives.
         vehicle: as given.

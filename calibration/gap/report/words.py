@@ -2,6 +2,7 @@
 
 from calibration.gap.data.found import FoundEffect, FoundParameter
 from calibration.gap.report.document import GapReport, Levels, Verdict
+from calibration.gap.search.naming import REAL
 from calibration.measurement import Interval
 
 
@@ -47,6 +48,10 @@ def headline(report: GapReport) -> str:
     """The verdict in one sentence."""
     names = [plain(effect.name) for effect in report.effects]
     missing = f"{listed(names)} {'was' if len(names) == 1 else 'were'} missing" if names else ""
+    if report.verdict is Verdict.NO_GAP and any(one.reason.startswith(REAL) for one in report.rejected):
+        return (
+            "Nothing is missing that matters; what is real and too small for a name is in the vehicle file."
+        )
     if report.verdict is Verdict.NO_GAP:
         return "Nothing is missing: the model predicts these flights as well as their noise allows."
     if report.verdict is Verdict.EFFECTS_FOUND:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.gap.estimate.acceptance import DETECTABLE, LEAST_GAIN, Judgement, judge
-from calibration.gap.estimate.model import WORKERS, Model, Variable
+from calibration.gap.estimate.model import WORKERS, Model, Variable, kinds_that_tell
 from calibration.gap.estimate.refine import Fitted, Training, refine, settled
 from calibration.gap.search.candidates import Candidate, candidates_for
 from calibration.gap.search.rivals import Rival
@@ -237,15 +237,26 @@ def _forward(
         judgement = judge(present, fitted, own, training, rng)
         fits.append((judgement.gain, promise.candidate, fitted, judgement))
     fits.sort(key=lambda item: _PARSIMONY * len(item[1].variables) - item[0])
-    best = max((gain for gain, _, _, judgement in fits if judgement.significant), default=0.0)
+    significant = [(candidate, fitted) for _, candidate, fitted, judgement in fits if judgement.significant]
     for gain, candidate, fitted, judgement in fits:
+        best = max((gain_where(candidate, one, present) for one in significant), default=0.0)
         if gain < max(LEAST_GAIN, _NEARLY * best):
-            break
+            continue
         if judgement.believed:
             rivals = {c.effect: gain - g for g, c, _, _ in fits if c is not candidate}
             return SelectionStep(candidate.effect, judgement, settled(fitted, training), rivals)
         refused[candidate.effect] = _reason(judgement)
     return None
+
+
+def gain_where(candidate: Candidate, other: tuple[Candidate, Fitted], present: Fitted) -> float:
+    """What another candidate gains in the signals that tell of both: torques that nobody believes keep no
+    force from its name."""
+    its, fitted = other
+    in_time = fitted.few_kinds(fitted.columns_of(its.variables))
+    of_other = kinds_that_tell([its.effect])
+    kinds = [kind for kind in kinds_that_tell([candidate.effect]) if kind in of_other]
+    return float(fitted.gains(present, in_time, kinds).sum())
 
 
 def _reason(judgement: Judgement) -> str:

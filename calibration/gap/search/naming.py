@@ -17,7 +17,8 @@ from calibration.gap.search.rivals import needed
 from onboard.vehicle import EFFECTS, Vehicle, VehicleFileError, vehicle_to_toml
 from onboard.vehicle.file_format import parse_vehicle
 
-_REAL = "real, but too small for a name"
+REAL = "real, but too small for a name"
+"""How the reason begins for which an effect is in the improved vehicle without a name."""
 
 FEWEST = 3
 """Flights: what fewer show may be of one of them alone."""
@@ -94,7 +95,7 @@ def name_effects(found: Search, training: Training, rng: np.random.Generator) ->
     doubts = {name: _doubt(name, final, training, errors) for name in order}
     confirmed = len(training.records) >= FEWEST
     worthy = [name for name in order if doubts[name] is None]
-    believed = [*worthy, *(name for name in order if (doubts[name] or "").startswith(_REAL))]
+    believed = [*worthy, *(name for name in order if (doubts[name] or "").startswith(REAL))]
     believed = (
         [name for name in believed if doubts[name] is None or name != LOG_TIMING.effect] if confirmed else []
     )
@@ -170,4 +171,4 @@ def _small(values: Mapping[Variable, float]) -> str:
     values_in_words = ", ".join(
         f"{v.parameter} = {x:.3g} {EFFECTS[v.effect].parameters[v.parameter].unit}" for v, x in values.items()
     )
-    return f"{_REAL} ({values_in_words})"
+    return f"{REAL} ({values_in_words})"

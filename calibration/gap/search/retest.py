@@ -23,7 +23,7 @@ def retested(found: Search, kept_back: Sequence[FlightRecord], training: Trainin
     unseen = training_set(kept_back, Model(found.first.model.base, {}, found.first.model.ceiling_z))
     for step in reversed(found.steps):
         reduced = without(found.final, step.effect, training)
-        gain = _likelihood(found.final, unseen) - _likelihood(reduced, unseen)
+        gain = float(_on(unseen, found.final).gains(_on(unseen, reduced), in_time=False).sum())
         if step.effect != LOG_TIMING.effect and gain < _WORSE:
             found = dataclasses.replace(
                 found,
@@ -34,6 +34,6 @@ def retested(found: Search, kept_back: Sequence[FlightRecord], training: Trainin
     return found
 
 
-def _likelihood(fitted: Fitted, unseen: Training) -> float:
-    """Marginal log-likelihood of other flights, whose nuisances are integrated out."""
-    return float(refine(fitted.model, (), unseen, iterations=1, start=fitted.estimate).held_out.sum())
+def _on(unseen: Training, fitted: Fitted) -> Fitted:
+    """The model of a fit held against other flights, whose nuisances are integrated out."""
+    return refine(fitted.model, (), unseen, iterations=1, start=fitted.estimate)

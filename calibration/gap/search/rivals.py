@@ -114,7 +114,7 @@ def _rival(final: Fitted, effect: str, reduced: Fitted, candidate: Candidate, tr
         refine(start, variables, training, start=final.estimate, unnamed=final.unnamed, near=reduced)
         for start in candidate.starts
     ]
-    other = max(fits, key=lambda fit: float(fit.held_out_in_time.sum()))
+    other = max(fits, key=lambda fit: float(fit.gains(reduced, True).sum()))
     rival = _compared(final, effect, reduced, other, candidate, training)
     if rival.told_apart and rival.lead > 0.0:
         return rival

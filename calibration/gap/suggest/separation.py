@@ -157,7 +157,7 @@ def _nuisances(
     """
     per_flight = nuisance_columns(stack_signals([record]), Model(vehicle).predict([record]))
     columns = [weighed(np.pad(column, ((0, 0), (0, 6)))[SETTLED], spectra) for column in per_flight]
-    sigma = [nuisance.spread for nuisance in NUISANCES]
+    sigma = [nuisance.first for nuisance in NUISANCES]
     flown = predicted(record, vehicle)
     for effect, parameter, spread in _filed(vehicle):
         if effect in pair:

@@ -55,6 +55,7 @@ DESCRIPTIONS = (
             "Mahony, Kumar, Corke, IEEE RAM 19(3), 2012; Faessler, Franchi, Scaramuzza, IEEE RA-L 3(2), 2018"
         ),
         needs=(Needs.ROTOR_SPEED,),
+        by_forces=True,
     ),
     EffectDescription(
         name="linear_drag",
@@ -85,6 +86,7 @@ DESCRIPTIONS = (
             "pose_rotation",
         ),
         reference="Mahony, Kumar, Corke, IEEE RAM 19(3), 2012, at the centre of mass",
+        by_forces=True,
     ),
     EffectDescription(
         name="body_drag",
@@ -116,6 +118,7 @@ DESCRIPTIONS = (
             "pose_rotation",
         ),
         reference="quadratic drag of a bluff body (Hoerner, Fluid-Dynamic Drag, 1965)",
+        by_forces=True,
     ),
     EffectDescription(
         name="inflow_thrust_loss",
@@ -144,6 +147,7 @@ DESCRIPTIONS = (
         ),
         reference="blade element theory, first order in the inflow (Svacha, Mohta, Kumar, ICUAS 2017)",
         needs=(Needs.ROTOR_SPEED,),
+        by_forces=True,
     ),
     EffectDescription(
         name="translational_lift",
@@ -168,6 +172,7 @@ DESCRIPTIONS = (
             "body_drag",
         ),
         reference="Glauert, ARC R&M 1111, 1926; Leishman, Principles of Helicopter Aerodynamics, 2006, 2.14",
+        by_forces=True,
     ),
     EffectDescription(
         name="ceiling_effect",
@@ -257,6 +262,7 @@ DESCRIPTIONS = (
         ),
         reference="constant wind",
         needs=(Needs.AIR_FORCE,),
+        by_forces=True,
     ),
     EffectDescription(
         name="velocity_moment",

@@ -96,6 +96,8 @@ class EffectDescription:
         excludes: effects that describe the same thing in another way.
         alike: effects that no flight tells from this one unless inertias are known better than they ever
             are; only `revealed_by` does.
+        by_forces: it is a force whose torques are by-products, so that only forces are asked about it: the
+            torques of a controlled vehicle answer disturbances, which passes for a drag many times as large.
     """
 
     name: str
@@ -108,6 +110,7 @@ class EffectDescription:
     needs: tuple[Needs, ...] = ()
     excludes: tuple[str, ...] = ()
     alike: tuple[str, ...] = ()
+    by_forces: bool = False
 
     def values(self, given: Mapping[str, Quantity]) -> dict[str, float]:
         """Every parameter's value (SI), those that are not given at their neutral value.

@@ -1,0 +1,81 @@
+"""One picture per named effect: what the data show without it, and what it says (component and residual).
+
+An effect is drawn in the channel in which it stands out most, over what it goes with most.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from calibration.gap.data.signals import CHANNELS, UNITS
+from calibration.gap.estimate.refine import Fitted, Training
+from calibration.gap.report.figures_data import EffectPicture
+from calibration.gap.unnamed.regressors import Regressor, regressors
+from onboard.arrays import BoolArray, FloatArray
+
+_WINDOW_S = 0.1
+"""s that samples are averaged over."""
+
+_BINS = 20
+"""Of a regressor, by count, over which an effect's means are taken."""
+
+_TELLING = 0.5
+"""Share of an effect's variance that must go with a regressor; otherwise it is drawn over itself."""
+
+_ITSELF = "what the effect says"
+
+
+def effect_pictures(names: Sequence[str], final: Fitted, training: Training) -> tuple[EffectPicture, ...]:
+    """Pictures of these effects of a fit, in their order; none of an effect that does nothing here."""
+    along = regressors(training.records)
+    pictures = (_picture(name, final, training, along) for name in names)
+    return tuple(picture for picture in pictures if picture is not None)
+
+
+def _picture(
+    name: str, final: Fitted, training: Training, along: Sequence[Regressor]
+) -> EffectPicture | None:
+    signals = training.regression.signals
+    says = final.predicted - final.model.without(name).predict(training.records)
+    says = np.where(signals.valid, says, 0.0)
+    power = (says**2).mean(axis=0) / final.estimate.noise.sigma**2
+    channel = int(np.argmax(power))
+    if power[channel] == 0.0:
+        return None
+    window = max(1, round(_WINDOW_S / signals.dt))
+    valid = signals.valid[:, channel]
+    said = _averaged(says[:, channel], valid, window)
+    shown = _averaged(final.estimate.residual[:, channel] + says[:, channel], valid, window)
+    shares = [_share(_averaged(one.values, valid, window), said) for one in along]
+    best = int(np.argmax(shares))
+    itself = shares[best] < _TELLING
+    x = said if itself else _averaged(along[best].values, valid, window)
+    known = np.isfinite(x) & np.isfinite(said) & np.isfinite(shown)
+    return EffectPicture(
+        effect=name,
+        channel=CHANNELS[channel],
+        channel_unit=UNITS[channel],
+        regressor=_ITSELF if itself else along[best].name,
+        regressor_unit=UNITS[channel] if itself else along[best].unit,
+        x=x[known],
+        shown=shown[known],
+        said=said[known],
+    )
+
+
+def _averaged(values: FloatArray, valid: BoolArray, window: int) -> FloatArray:
+    """Means over windows all of which is valid; NaN for the others."""
+    count = values.size // window * window
+    known = np.where(valid, values, np.nan)[:count]
+    return np.asarray(known.reshape(-1, window).mean(axis=1))
+
+
+def _share(x: FloatArray, y: FloatArray) -> float:
+    """Share of the variance of `y` that goes with `x`, by means over parts of equal count."""
+    known = np.isfinite(x) & np.isfinite(y)
+    if np.count_nonzero(known) < 2 * _BINS or np.ptp(x[known]) == 0.0:
+        return 0.0
+    ordered = y[known][np.argsort(x[known], kind="stable")]
+    total = float(ordered.var())
+    between = sum(part.size * (part.mean() - ordered.mean()) ** 2 for part in np.array_split(ordered, _BINS))
+    return float(between / ordered.size / total) if total > 0.0 else 0.0

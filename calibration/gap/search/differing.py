@@ -1,0 +1,94 @@
+"""Named effects whose size differs from flight to flight, though the model has one size for all.
+
+A wind that was on for some of the flights, a payload, another battery: each flight by itself tells a step
+from the common value, and these steps scatter by more than their errors (random effects: DerSimonian and
+Laird, Controlled Clinical Trials 7, 1986).
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from calibration.gap.data.signals import PARTS
+from calibration.gap.estimate.model import Variable
+from calibration.gap.estimate.refine import Fitted
+from onboard.arrays import FloatArray
+
+_CHANCE = 4.0
+"""Standard deviations of the scatter of equal flights beyond which theirs is not chance."""
+
+_SHARE = 0.5
+"""Of a value by which it must scatter to be said to differ: less is within what its name promises."""
+
+
+class Differing(NamedTuple):
+    """A parameter of which flights have values of their own.
+
+    Attributes:
+        variable: which.
+        scatter: standard deviation over flights, beyond the errors, in the parameter's unit.
+        values, errors: of each flight by itself, shape (flights,); NaN where a flight says nothing.
+    """
+
+    variable: Variable
+    scatter: float
+    values: FloatArray
+    errors: FloatArray
+
+
+def differing(final: Fitted, names: Sequence[str]) -> tuple[Differing, ...]:
+    """The parameters of these effects that differ between the flights of a fit."""
+    found = (_scatter(final, v) for v in final.variables if v.effect in names)
+    return tuple(
+        one
+        for one in found
+        if one is not None
+        and one.scatter
+        > max(
+            final.model.rule(one.variable).practical_minimum, _SHARE * abs(final.model.change(one.variable))
+        )
+    )
+
+
+def _scatter(final: Fitted, variable: Variable) -> Differing | None:
+    """How the steps that single flights would take scatter; None where that is chance."""
+    fit, column = final.estimate.fit, final.variables.index(variable)
+    left = fit.score - np.einsum("pgh,h->pg", fit.information, fit.theta)
+    weights = fit.information[:, column, column].reshape(-1, PARTS).sum(axis=1)
+    told = weights > 0.0
+    free = int(np.count_nonzero(told)) - 1
+    if free < 1:
+        return None
+    errors = np.full(weights.size, np.nan)
+    errors[told] = weights[told] ** -0.5
+    steps = left[:, column].reshape(-1, PARTS).sum(axis=1) * errors**2
+    mean = np.average(steps[told], weights=weights[told])
+    squares = float(weights[told] @ (steps[told] - mean) ** 2)
+    if squares < free + _CHANCE * math.sqrt(2.0 * free):
+        return None
+    total = float(weights.sum())
+    scatter = math.sqrt((squares - free) / (total - float(weights @ weights) / total))
+    return Differing(variable, scatter, final.model.start_value(variable) + steps, errors)
+
+
+def in_words(one: Differing, unit: str, flights: Sequence[str]) -> str:
+    """A sentence with the value of each flight.
+
+    Args:
+        one: what differs.
+        unit: of its values.
+        flights: their names.
+    """
+    behind = "" if unit == "1" else f" {unit}"
+    each = ", ".join(
+        f"{name} {value:.3g} +- {1.96 * error:.2g}"
+        for name, value, error in zip(flights, one.values, one.errors, strict=True)
+        if np.isfinite(value)
+    )
+    effect, parameter = one.variable
+    return (
+        f"{effect} differs between flights: {parameter} scatters by {one.scatter:.2g}{behind}, and the "
+        f"vehicle file has one value for all ({each}); fit flights that belong together apart"
+    )

@@ -1,0 +1,45 @@
+"""A wind that blew on some of the flights is said flight by flight; one that always blew is not."""
+
+import numpy as np
+import pytest
+
+from calibration.gap.estimate.model import Model, Variable
+from calibration.gap.estimate.refine import Fitted, refine, training_set
+from calibration.gap.search.differing import differing, in_words
+from onboard.vehicle import load_vehicle
+from tests.gap.simulated_flight import circle, fly, up_and_down, with_noise
+
+STOCK = load_vehicle("crazyflie21-stock")
+DRAG, WIND = Variable("rotor_drag", "coefficient"), (Variable("wind", "x"), Variable("wind", "y"))
+
+
+def fitted(winds: list[float]) -> Fitted:
+    """Flights of a vehicle with a known drag in these winds (m/s, along x), and one wind for all of them."""
+    rng = np.random.default_rng(5)
+    paths = (circle(), up_and_down(), circle(period=3.0), up_and_down(period=2.0))
+    records = []
+    for n, wind in enumerate(winds):
+        truth = Model(STOCK, {DRAG: 2e-6, WIND[0]: wind}).vehicle()
+        record = fly(truth, paths[n], 12.0, shape=f"shape {n}", name=f"flight {n}", believed=STOCK)
+        records.append(with_noise(record, 0.5, rng))
+    known = Model(Model(STOCK, {DRAG: 2e-6}).vehicle())
+    return refine(known, WIND, training_set(records, known))
+
+
+def test_a_wind_that_blew_on_two_flights_of_four_differs() -> None:
+    winds = [0.0, 2.0, 0.0, 2.0]
+    (one,) = differing(fitted(winds), ["wind"])
+    assert one.variable == WIND[0]
+    assert one.values == pytest.approx(np.array(winds), abs=0.3)
+    assert one.scatter == pytest.approx(1.0, rel=0.3)
+    sentence = in_words(one, "m/s", [f"flight {n}" for n in range(4)])
+    assert "wind differs between flights" in sentence
+    assert "flight 1 2" in sentence or "flight 1 1.9" in sentence
+
+
+def test_one_wind_for_all_does_not() -> None:
+    assert differing(fitted([2.0, 2.0, 2.0, 2.0]), ["wind"]) == ()
+
+
+def test_only_what_has_a_name_is_told() -> None:
+    assert differing(fitted([0.0, 2.0, 0.0, 2.0]), ["rotor_drag"]) == ()

@@ -1,0 +1,47 @@
+"""The picture of an effect shows it where it stands out, and the flights agree with what it says."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from calibration.gap.estimate.model import Model, Variable
+from calibration.gap.estimate.refine import Fitted, Training, refine, training_set
+from calibration.gap.report.effect_pictures import effect_pictures
+from onboard.vehicle import load_vehicle
+from tests.gap.simulated_flight import circle, fly, up_and_down, with_noise
+
+STOCK = load_vehicle("crazyflie21-stock")
+INFLOW, DELAY = Variable("inflow_thrust_loss", "coefficient"), Variable("command_delay", "delay")
+
+
+@cache
+def found() -> tuple[Fitted, Training]:
+    rng = np.random.default_rng(5)
+    truth = Model(STOCK, {INFLOW: 3e-6, DELAY: 0.012}).vehicle()
+    paths = (circle(), up_and_down(), circle(period=3.0), up_and_down(period=2.0))
+    records = [
+        with_noise(fly(truth, path, 12.0, shape=f"shape {n}", name=f"{n}", believed=STOCK), 0.5, rng)
+        for n, path in enumerate(paths)
+    ]
+    training = training_set(records, Model(STOCK))
+    return refine(Model(STOCK), (INFLOW, DELAY), training), training
+
+
+def test_a_loss_by_climbing_is_drawn_over_the_speed_along_the_thrust() -> None:
+    (picture,) = effect_pictures(["inflow_thrust_loss"], *found())
+    assert (picture.channel, picture.regressor) == ("force_z", "velocity_z")
+    slope = np.polyfit(picture.x, picture.said, 1)[0]
+    assert slope < 0.0
+    assert np.polyfit(picture.x, picture.shown, 1)[0] == pytest.approx(slope, rel=0.1)
+
+
+def test_what_goes_with_nothing_is_drawn_over_itself() -> None:
+    (picture,) = effect_pictures(["command_delay"], *found())
+    assert picture.regressor == "what the effect says"
+    np.testing.assert_array_equal(picture.x, picture.said)
+    assert np.polyfit(picture.said, picture.shown, 1)[0] > 0.3  # answers to noise take from it
+
+
+def test_an_effect_that_is_not_in_the_fit_has_no_picture() -> None:
+    assert effect_pictures(["battery_sag"], *found()) == ()
