@@ -39,7 +39,7 @@ from calibration.gap.report.prediction_figures import HORIZON, prediction_gap
 from calibration.gap.report.remaining import chance_floor, own_floor, remaining
 from calibration.gap.search.differing import differing, in_words
 from calibration.gap.search.forward import LOG_TIMING, Search, search
-from calibration.gap.search.naming import FEWEST, Named, name_effects
+from calibration.gap.search.naming import FEWEST, Named, as_believed, name_effects
 from calibration.gap.search.retest import FAILED, retested
 from calibration.gap.search.selection import Progress
 from calibration.gap.sensors import SensingFindings, apply_sensing, judge_sensing
@@ -143,12 +143,13 @@ def _find(flights: Sequence[Flight], question: GapQuestion, progress: Progress) 
         *landing_effects(landings.findings if landings else (), question.vehicle),
     ]
     progress("where it lives")
-    maps = residual_map(found.first, training, rng), residual_map(found.final, training, rng)
+    believed = as_believed(found, names, training)
+    maps = residual_map(found.first, training, rng), residual_map(believed, training, rng)
     gap = prediction_gap(stages)
     chance = math.hypot(
-        chance_floor(found.final, training, HORIZON), own_floor(found.final, HORIZON, len(held_out))
+        chance_floor(believed, training, HORIZON), own_floor(believed, HORIZON, len(held_out))
     )
-    left = remaining(gap, chance, found.final, maps[1], question.vehicle, bool(effects))
+    left = remaining(gap, chance, believed, maps[1], question.vehicle, bool(effects))
     nameless = with_consequence(found.unnamed, found.final, training)
     source = provenance(len(fit_to), len(kept_back), question.seed)
     improved = improved_vehicle(question.vehicle, effects, names, source)

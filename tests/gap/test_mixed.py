@@ -14,8 +14,8 @@ from calibration.gap.estimate.mixed import (
 from calibration.gap.estimate.nuisances import NUISANCES
 
 ROWS, PARTS, SPREAD, LEVEL, THETA = 80, 24, 0.03, 0.025, 0.4
-FLAT = Prior(np.zeros(1), np.array([1e-9]))
-NONE = Prior(np.zeros(0), np.zeros(0))
+FLAT = Prior.independent(np.zeros(1), np.array([1e-9]))
+NONE = Prior.independent(np.zeros(0), np.zeros(0))
 
 
 def products(rng: np.random.Generator, mean: float = 0.0, theta: float = THETA) -> Products:
@@ -130,7 +130,10 @@ def test_what_is_believed_beforehand_counts_where_flights_say_little_and_not_whe
     p = products(np.random.default_rng(6))
     flights = fit_mixed(p, FLAT)
     error = float(np.sqrt(flights.covariance[0, 0]))
-    believed = [fit_mixed(p, Prior(np.array([2.0]), np.array([(error * s) ** -2.0]))) for s in (0.01, 1, 100)]
+    believed = [
+        fit_mixed(p, Prior.independent(np.array([2.0]), np.array([(error * s) ** -2.0])))
+        for s in (0.01, 1, 100)
+    ]
     assert believed[0].theta[0] == pytest.approx(2.0, abs=1e-3)
     assert believed[1].theta[0] == pytest.approx(0.5 * (flights.theta[0] + 2.0), abs=0.05)
     assert believed[2].theta[0] == pytest.approx(flights.theta[0], abs=0.1 * error)

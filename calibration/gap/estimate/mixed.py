@@ -13,6 +13,7 @@ from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from calibration.gap.data.signals import PARTS
 from calibration.gap.estimate.nuisances import NUISANCES, SPREADS, STEADY
@@ -164,29 +165,43 @@ def _of_flights(by_part: FloatArray) -> FloatArray:
 
 
 class Prior(NamedTuple):
-    """What is believed of the shared effects before any flight: normal, each by itself.
+    """What is believed of the shared effects before any flight: normal.
 
     Attributes:
         mean: shape (g,).
-        precision: shape (g,).
+        precision: shape (g, g).
     """
 
     mean: FloatArray
     precision: FloatArray
 
+    @classmethod
+    def independent(cls, mean: FloatArray, precision: FloatArray) -> "Prior":
+        """Of effects each by itself; `precision` of each, shape (g,)."""
+        return cls(mean, np.diag(precision))
+
     def of(self, columns: Sequence[int]) -> "Prior":
         """The same of some of the effects only."""
-        return Prior(self.mean[list(columns)], self.precision[list(columns)])
+        return Prior(self.mean[list(columns)], self.precision[np.ix_(columns, columns)])
 
     def and_of(self, others: "Prior") -> "Prior":
         """The same with others behind."""
-        return Prior(*(np.concatenate(pair) for pair in zip(self, others, strict=True)))
+        return Prior(
+            np.concatenate([self.mean, others.mean]),
+            np.asarray(block_diag(self.precision, others.precision)),
+        )
+
+    def tied(self, weights: FloatArray, sum_of: float, sigma: float) -> "Prior":
+        """The same, and the weighted sum of the effects is `sum_of`, give or take `sigma`."""
+        precision = self.precision + np.outer(weights, weights) * sigma**-2.0
+        pull = self.precision @ self.mean + weights * sum_of * sigma**-2.0
+        return Prior(np.asarray(np.linalg.solve(precision, pull)), precision)
 
 
 def solve(information: FloatArray, score: FloatArray, prior: Prior) -> FloatArray:
     """theta, shape (g,), from summed normal equations."""
-    matrix = information + np.diag(prior.precision)
-    return np.asarray(np.linalg.solve(matrix, score + prior.precision * prior.mean))
+    matrix = information + prior.precision
+    return np.asarray(np.linalg.solve(matrix, score + prior.precision @ prior.mean))
 
 
 def fit_mixed(
@@ -210,7 +225,7 @@ def fit_mixed(
         per_part[:, STEADY] += level
     return MixedFit(
         theta=theta,
-        covariance=np.linalg.inv(marginal.information.sum(axis=0) + np.diag(prior.precision)),
+        covariance=np.linalg.inv(marginal.information.sum(axis=0) + prior.precision),
         spread=spread,
         per_part=per_part,
         information=marginal.information,
@@ -277,8 +292,8 @@ def _fitted_elsewhere(
     """theta from the parts that are not `out`, but for what those that are tell most of."""
     told = np.einsum("fgg->fg", information)
     kept = told[out].sum(axis=0) > MOST * told.sum(axis=0)
-    matrix = information[~out].sum(axis=0) + np.diag(prior.precision)
-    right = score[~out].sum(axis=0) + prior.precision * prior.mean
+    matrix = information[~out].sum(axis=0) + prior.precision
+    right = score[~out].sum(axis=0) + prior.precision @ prior.mean
     theta = fit.theta.copy()
     free = ~kept
     rest = right[free] - matrix[np.ix_(free, kept)] @ theta[kept]
@@ -301,6 +316,6 @@ def bootstrap_theta(
     count = int(clusters.max()) + 1
     drawn = rng.multinomial(count, np.full(count, 1.0 / count), size=repeats).astype(float)
     weights = drawn[:, clusters]
-    information = np.einsum("rf,fgh->rgh", weights, fit.information) + np.diag(prior.precision)
-    score = weights @ fit.score + prior.precision * prior.mean
+    information = np.einsum("rf,fgh->rgh", weights, fit.information) + prior.precision
+    score = weights @ fit.score + prior.precision @ prior.mean
     return np.asarray(np.linalg.solve(information, score[:, :, None])[:, :, 0])

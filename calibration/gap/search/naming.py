@@ -13,7 +13,7 @@ from calibration.gap.estimate.acceptance import clustered_errors, drifts, sizeab
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training
 from calibration.gap.search.forward import AT_BOUND, DRIFTS, LOG_TIMING, Search
-from calibration.gap.search.rivals import needed
+from calibration.gap.search.rivals import needed, without
 from onboard.vehicle import EFFECTS, Vehicle, VehicleFileError, vehicle_to_toml
 from onboard.vehicle.file_format import parse_vehicle
 
@@ -113,6 +113,18 @@ def name_effects(found: Search, training: Training, rng: np.random.Generator) ->
         unconfirmed=() if confirmed else tuple(worthy),
         rejected={name: doubt for name, doubt in doubts.items() if doubt is not None},
     )
+
+
+def as_believed(found: Search, names: Named, training: Training) -> Fitted:
+    """The last fit without the effects that got no name, small ones aside: nothing explains what they did.
+
+    A verdict is passed on what is said, not on what was tried.
+    """
+    final, believed = found.final, {*names.effects, *names.minor, LOG_TIMING.effect}
+    for step in () if names.unconfirmed else found.steps:
+        if step.effect not in believed:
+            final = without(final, step.effect, training)
+    return final
 
 
 def _model_of(names: Sequence[str], final: Fitted) -> Model:
