@@ -9,21 +9,16 @@ from numpy.typing import NDArray
 
 from calibration.flights import open_flights
 from calibration.gap.data import prepare_flights
-from calibration.gap.data.record import FlightRecord
 from calibration.gap.estimate.held_out import HeldOutFlights
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.sensors import judge_sensing
 from onboard.vehicle import EFFECTS
 from onboard.vehicle.effects import Domain
-from tests.truth import drawn, paths, pilots
-from tests.truth.airframe import Airframe, draw_airframe, nominal
-from tests.truth.mujoco_room import STEP, Circumstances, Hidden, fly
+from tests.gap.mujoco_flights import flights, frame
+from tests.truth import drawn
+from tests.truth.airframe import nominal
+from tests.truth.mujoco_room import Hidden
 
-CALM = Circumstances(
-    integrator="RK4", pilot=pilots.GEOMETRIC, ticks=2, per_line=10, phase=3, speed_law=False,
-    compensated=True, battery_lag=0.0, accelerometer=True, voltage=True, rest=0.0, gust=0.05,
-    pose_noise=1e-4, angle_noise=5e-4,
-)  # fmt: skip
 AT_ONCE = ("motor_lag", "inertia_error", "com_offset", "wind")
 MOVING = [
     pytest.param(name, marks=() if name in AT_ONCE else pytest.mark.soak)
@@ -31,20 +26,6 @@ MOVING = [
     if EFFECTS[name].domain not in (Domain.SENSING, Domain.TIMING) and name != "battery_sag"
 ]
 """Effects that change how the vehicle moves; the battery's shows in the voltage alone."""
-
-
-def frame() -> Airframe:
-    return draw_airframe(np.random.default_rng(3), *drawn.CLASSES[0])
-
-
-def flights(hidden: Hidden, folder: Path) -> list[FlightRecord]:
-    folder.mkdir(exist_ok=True)
-    files = []
-    for number, kind in enumerate(("eight", "shake", "climbs")):
-        goals = paths.draw_path(np.random.default_rng([5, number]), kind, STEP, 14.0, 0.0, 1.0)
-        files.append(folder / f"{kind}.csv")
-        drawn.write_log(files[-1], fly(frame(), hidden, CALM, goals, np.random.default_rng([7, number])))
-    return prepare_flights(open_flights(files)[0]).records
 
 
 @cache

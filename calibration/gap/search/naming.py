@@ -11,9 +11,9 @@ import numpy as np
 from calibration.gap.data.excitation import excited
 from calibration.gap.estimate.acceptance import clustered_errors, drifts, sizeable, stuck
 from calibration.gap.estimate.model import Model, Variable
-from calibration.gap.estimate.refine import Fitted, Training
+from calibration.gap.estimate.refine import Fitted, Training, refine
 from calibration.gap.search.forward import AT_BOUND, DRIFTS, LOG_TIMING, Search
-from calibration.gap.search.rivals import needed, without
+from calibration.gap.search.rivals import needed
 from onboard.vehicle import EFFECTS, Vehicle, VehicleFileError, vehicle_to_toml
 from onboard.vehicle.file_format import parse_vehicle
 
@@ -118,13 +118,16 @@ def name_effects(found: Search, training: Training, rng: np.random.Generator) ->
 def as_believed(found: Search, names: Named, training: Training) -> Fitted:
     """The last fit without the effects that got no name, small ones aside: nothing explains what they did.
 
-    A verdict is passed on what is said, not on what was tried.
+    A verdict is passed on what is said, not on what was tried. The spreads of nuisances are found anew: those of
+    a fit in which they had nothing to explain keep them from taking it.
     """
     final, believed = found.final, {*names.effects, *names.minor, LOG_TIMING.effect}
-    for step in () if names.unconfirmed else found.steps:
-        if step.effect not in believed:
-            final = without(final, step.effect, training)
-    return final
+    gone = {step.effect for step in found.steps} - believed
+    if names.unconfirmed or not gone:
+        return final
+    values = {v: x for v, x in final.model.values.items() if v.effect not in gone}
+    model = Model(final.model.base, values, final.model.ceiling_z)
+    return refine(model, [v for v in final.variables if v.effect not in gone], training, unnamed=final.unnamed)
 
 
 def _model_of(names: Sequence[str], final: Fitted) -> Model:

@@ -1,0 +1,55 @@
+"""Four motors and a scale of thrust: no number without a meaning; names that were withdrawn are missing."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calibration.gap.estimate.acceptance import clustered_errors
+from calibration.gap.estimate.mixed import Prior
+from calibration.gap.estimate.model import Model, Variable
+from calibration.gap.estimate.refine import refine, training_set
+from calibration.gap.estimate.shared_nuisances import shared_nuisances
+from calibration.gap.search.forward import MADE_SCALE, search
+from calibration.gap.search.naming import as_believed, name_effects
+from tests.gap.mujoco_flights import flights, frame
+from tests.truth.airframe import nominal
+from tests.truth.mujoco_room import Hidden
+
+MOTORS = tuple(Variable("motor_imbalance", motor) for motor in ("m1", "m2", "m3", "m4"))
+UNEQUAL = (1.03, 0.96, 1.02, 0.99)
+
+
+def test_a_tie_says_what_the_flights_cannot() -> None:
+    flat = Prior.independent(np.zeros(2), np.full(2, 1e-6))
+    tied = flat.tied(np.array([0.5, 0.5]), 3.0, 0.1)
+    difference = 1e4 * np.array([[1.0, -1.0], [-1.0, 1.0]])  # known, and 4: the sum is not
+    matrix = difference + tied.precision
+    values = np.linalg.solve(matrix, difference @ np.array([2.0, -2.0]) + tied.precision @ tied.mean)
+    np.testing.assert_allclose(values, [5.0, 1.0], atol=1e-3)
+    np.testing.assert_allclose(np.sqrt(np.diag(np.linalg.inv(matrix))), 0.1, rtol=1e-2)
+
+
+def test_each_motor_is_known_beside_a_scale_of_thrust(tmp_path: Path) -> None:
+    model = Model(nominal(frame(), "gauge"))
+    training = training_set(flights(Hidden(motors=UNEQUAL), tmp_path), model)
+    fitted = refine(model, (MADE_SCALE, *MOTORS), training)
+    errors = clustered_errors(fitted, training, np.random.default_rng(1))
+    found = np.array([fitted.model.values[motor] for motor in MOTORS])
+    assert found.mean() == pytest.approx(1.0, abs=2e-3)
+    np.testing.assert_allclose(found, UNEQUAL, atol=5e-3)
+    assert max(errors[motor] for motor in MOTORS) < 0.01
+
+
+def test_what_loses_its_name_is_missing_again(tmp_path: Path) -> None:
+    vehicle = nominal(frame(), "gauge")
+    rng = np.random.default_rng(1)
+    training = training_set(flights(Hidden(motors=UNEQUAL), tmp_path), Model(vehicle))
+    found = search(Model(vehicle), training, rng)
+    names = name_effects(found, training, rng)
+    assert "motor_imbalance" in names.effects
+    assert as_believed(found, names, training) is found.final
+    believed = as_believed(found, names.without_any("withdrawn"), training)
+    told = {shared.nuisance.name for shared in shared_nuisances(believed, vehicle)}
+    assert {"torque_trim_x", "torque_trim_y"} & told
+    assert not shared_nuisances(found.final, vehicle)
