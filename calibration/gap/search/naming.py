@@ -118,8 +118,8 @@ def name_effects(found: Search, training: Training, rng: np.random.Generator) ->
 def as_believed(found: Search, names: Named, training: Training) -> Fitted:
     """The last fit without the effects that got no name, small ones aside: nothing explains what they did.
 
-    A verdict is passed on what is said, not on what was tried. The spreads of nuisances are found anew: those of
-    a fit in which they had nothing to explain keep them from taking it.
+    A verdict is passed on what is said, not on what was tried. Spreads of nuisances are found anew: those
+    of a fit in which they had nothing to explain keep them from taking it.
     """
     final, believed = found.final, {*names.effects, *names.minor, LOG_TIMING.effect}
     gone = {step.effect for step in found.steps} - believed
@@ -127,7 +127,9 @@ def as_believed(found: Search, names: Named, training: Training) -> Fitted:
         return final
     values = {v: x for v, x in final.model.values.items() if v.effect not in gone}
     model = Model(final.model.base, values, final.model.ceiling_z)
-    return refine(model, [v for v in final.variables if v.effect not in gone], training, unnamed=final.unnamed)
+    return refine(
+        model, [v for v in final.variables if v.effect not in gone], training, unnamed=final.unnamed
+    )
 
 
 def _model_of(names: Sequence[str], final: Fitted) -> Model:

@@ -128,7 +128,6 @@ DESCRIPTIONS = (
             "battery_sag",
         ),
         reference="copper's resistance grows by 0.39 % per K: at one voltage a warm brushed motor is slower",
-        by_forces=True,
     ),
     EffectDescription(
         name="motor_lag",
