@@ -66,6 +66,7 @@ class LabSettings:
         parked: the drones never fly, and nothing is compiled; only in real time and without a room.
         vicon_port, vicon_udp_port: of the room; 0 takes free ones.
         truth: CSV file for the true state, or None.
+        truth_motors: whether it has the motors' commands too.
         lab_file: where the lab file of this room is to be; None: in a temporary folder.
         faults: what goes wrong.
         seed: of all random numbers.
@@ -88,6 +89,7 @@ class LabSettings:
     vicon_port: int = 18801
     vicon_udp_port: int = 51001
     truth: Path | None = None
+    truth_motors: bool = False
     lab_file: Path | None = None
     faults: Faults = field(default_factory=Faults)
     seed: int = 0
@@ -171,7 +173,7 @@ class Lab:
             self.room = await RoomProcess.start(request)
             await self._open_feed(self.room)
         if settings.truth is not None:
-            self._truth = TruthRecorder(settings.truth)
+            self._truth = TruthRecorder(settings.truth, settings.truth_motors)
         self.world = self._world()
         if settings.with_drones:
             for index, drone in enumerate(self.world.drones):

@@ -7,7 +7,8 @@ from typing import Any
 from onboard.closing import Closing
 from sim_backend.errors import SimulationError
 
-COLUMNS = "t,drone,x,y,z,qx,qy,qz,qw,vx,vy,vz,wx,wy,wz,legs_attached,body_contact,motor_max"
+COLUMNS = "t,drone,x,y,z,qx,qy,qz,qw,vx,vy,vz,wx,wy,wz,legs_attached,body_contact"
+MOTORS = "motor_max"
 RATE_HZ = 100
 FLUSH_PERIOD_S = 0.1
 
@@ -21,17 +22,19 @@ class TruthRecorder(Closing):
 
     Columns: t [s of world time], drone (its name), position [m] and velocity [m/s] in the world frame,
     quaternion body to world, body rates [rad/s], number of feet that adhere, whether body or a
-    propeller has touched the ceiling since the last reset, largest of the four motor commands (0..65535).
+    propeller has touched the ceiling since the last reset; with `motors` the largest of the four motor
+    commands (0..65535).
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, motors: bool = False) -> None:
+        self._motors = motors
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._file: TextIOWrapper = path.open("w", encoding="ascii", newline="")
         except OSError as error:
             raise TruthError(f"--truth {path}: {error}; give a file that can be written") from error
         self._flushed = 0.0
-        self._file.write(COLUMNS + "\n")
+        self._file.write((f"{COLUMNS},{MOTORS}" if motors else COLUMNS) + "\n")
         self._file.flush()
 
     def record(self, t: float, drone: str, state: Any, motor_max: int) -> None:
@@ -44,7 +47,8 @@ class TruthRecorder(Closing):
         ]
         text = ",".join(f"{number:.6g}" for number in numbers)
         legs = int(state["foot_attached"].sum())
-        self._file.write(f"{t:.3f},{drone},{text},{legs},{int(state['body_contact'])},{motor_max}\n")
+        last = f",{motor_max}" if self._motors else ""
+        self._file.write(f"{t:.3f},{drone},{text},{legs},{int(state['body_contact'])}{last}\n")
         if t - self._flushed >= FLUSH_PERIOD_S:
             self._file.flush()
             self._flushed = t

@@ -23,6 +23,9 @@ ViconUdpPort = Annotated[
     int, typer.Option(min=0, max=65535, help="UDP port that the Vicon object stream is sent to; 0: free.")
 ]
 Truth = Annotated[Path | None, typer.Option(help="Write the true state to this CSV file at 100 Hz.")]
+TruthMotors = Annotated[
+    bool, typer.Option("--truth-motors", help="With the largest motor command as the last column of --truth.")
+]
 LabFileOut = Annotated[
     Path | None,
     typer.Option(
@@ -115,6 +118,7 @@ class DroneOptions(WorldOptions):
     drones: Drones = 1
     flashed: Flashed = None
     truth: Truth = None
+    truth_motors: TruthMotors = False
     pace: LabPace = "real"
     engine: Engine = None
     feed_poses: FeedPoses = False
@@ -138,6 +142,7 @@ class DroneOptions(WorldOptions):
             drones=self.drones,
             drone_port=self.drone_port,
             truth=self.truth,
+            truth_motors=self.truth_motors,
             pace=Pace.parse(self.pace),
             engine=self.engine,
             feed_poses=self.feed_poses,

@@ -95,7 +95,7 @@ def fly_shift(day: Path, shift: Shift, seed: int, attempts: int) -> None:
             in_a_row=shift.aborted_in_a_row,
         )
     )
-    arguments = (*shift.lab_arguments(seed), "--truth", str(folder / "truth.csv"))
+    arguments = (*shift.lab_arguments(seed), "--truth", str(folder / "truth.csv"), "--truth-motors")
     with SimulatedLab("lab", arguments) as lab, (folder / "said.txt").open("w") as said:
         run = ("campaign", "run", str(file), "--lab", lab.ready["lab"], "--out", str(campaign))
         process = subprocess.Popen(
