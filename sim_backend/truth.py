@@ -8,7 +8,7 @@ from onboard.closing import Closing
 from sim_backend.errors import SimulationError
 
 COLUMNS = "t,drone,x,y,z,qx,qy,qz,qw,vx,vy,vz,wx,wy,wz,legs_attached,body_contact"
-MOTORS = "motor_max"
+MOTOR_COLUMN = "motor_max"
 RATE_HZ = 100
 FLUSH_PERIOD_S = 0.1
 
@@ -34,7 +34,7 @@ class TruthRecorder(Closing):
         except OSError as error:
             raise TruthError(f"--truth {path}: {error}; give a file that can be written") from error
         self._flushed = 0.0
-        self._file.write((f"{COLUMNS},{MOTORS}" if motors else COLUMNS) + "\n")
+        self._file.write((f"{COLUMNS},{MOTOR_COLUMN}" if motors else COLUMNS) + "\n")
         self._file.flush()
 
     def record(self, t: float, drone: str, state: Any, motor_max: int) -> None:

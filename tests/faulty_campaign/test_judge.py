@@ -10,7 +10,7 @@ import pytest
 from perchhw.attempt import Outcome
 from perchhw.campaign.store import AttemptRow
 from perchhw.record import RunRecorder
-from sim_backend.truth import COLUMNS, MOTORS
+from sim_backend.truth import COLUMNS, MOTOR_COLUMN
 from tests.faulty_campaign.judge import ERROR, LABEL, LOST, MOTORS, REASON, TWICE, Judged, counted, judge
 from tests.faulty_campaign.shift import Blow, draw_shift
 
@@ -56,7 +56,7 @@ class Scene:
         said = {"number": 0, "before": [], "records": [NAME], "hung": False, "file_limit": None, **self.said}
         (shift / "shift.json").write_text(json.dumps(said))
         (shift / "truth.csv").write_text(
-            "\n".join([f"{COLUMNS},{MOTORS}", *map(self.truth, range(0, 700)), ""])
+            "\n".join([f"{COLUMNS},{MOTOR_COLUMN}", *map(self.truth, range(0, 700)), ""])
         )
         times = itertools.chain([BEGIN], itertools.repeat(END))
         with RunRecorder(self.folder / "campaign/attempts" / NAME, {}, lambda: next(times)) as recorder:
