@@ -26,7 +26,7 @@ from machine import machine
 
 from onboard.link.in_process import InProcessDriver
 from perchhw.lab_process import SimulatedLab
-from perchhw.testing import RealTimeLab, StageProcess
+from perchhw.testing import Lab, StageProcess
 from perchhw.testing.instant import InstantLab
 
 ECHO = b"\xf0\x01"
@@ -46,7 +46,7 @@ def of_stage(stage: StageProcess, folder: Path) -> Callable[[], None]:
     """A lab of a process that is there."""
 
     def once() -> None:
-        lab = RealTimeLab(stage, folder)
+        lab = Lab(stage, folder)
         answers(lab.drones[0].uri)
         lab.close()
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from onboard.link import DroneLink
     from perchhw.lab_process import SimulatedLab
-    from perchhw.testing import RealTimeLab, SimulatedDrone, StageProcess
+    from perchhw.testing import Lab, SimulatedDrone, StageProcess
     from perchhw.testing.instant import InstantLab
 
 _CONNECT_TIMEOUT_S = 60.0
@@ -94,12 +94,12 @@ def _stages() -> Iterator[dict[bool, "StageProcess"]]:
 @pytest.fixture
 def lab(
     request: pytest.FixtureRequest, _stages: dict[bool, "StageProcess"], tmp_path: Path
-) -> Iterator["RealTimeLab"]:
+) -> Iterator["Lab"]:
     """A fresh simulated lab for this test, in real time: ``drones``, faults of its poses, its time.
 
     ``@pytest.mark.crazyflie(drones=3, seed=7, ...)`` says what it has.
     """
-    from perchhw.testing import RealTimeLab, StageProcess
+    from perchhw.testing import Lab, StageProcess
 
     options = _options(request.node)
     parked = not options.pop("flies", True)
@@ -111,7 +111,7 @@ def lab(
         _stages.pop(parked).close()
     if parked not in _stages:
         _stages[parked] = StageProcess(parked).open()
-    lab = RealTimeLab(_stages[parked], tmp_path / "lab", **options)
+    lab = Lab(_stages[parked], tmp_path / "lab", **options)
     request.node.stash[_RECORDED] = lab.folder
     with ExitStack() as stack:
         stack.callback(_keep_record, request.node, lab.folder)
@@ -177,13 +177,13 @@ def instant_lab(
 
 
 @pytest.fixture
-def drone(lab: "RealTimeLab") -> "SimulatedDrone":
+def drone(lab: "Lab") -> "SimulatedDrone":
     """The first drone of a fresh simulated lab: its ``uri``, the truth about it, faults."""
     return lab.drones[0]
 
 
 @pytest.fixture
-def drones(lab: "RealTimeLab") -> list["SimulatedDrone"]:
+def drones(lab: "Lab") -> list["SimulatedDrone"]:
     """All drones of a fresh simulated lab."""
     return lab.drones
 

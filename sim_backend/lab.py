@@ -100,7 +100,7 @@ class LabSettings:
     host: str = "127.0.0.1"
 
 
-class Lab:
+class LabServer:
     """A lab: ``prepare()``, ``await start()``, then it answers; ``await run(stop)``; ``await close()``.
 
     Attributes:

@@ -29,7 +29,7 @@ from sim_backend.acts import LiveFaults
 from sim_backend.engine_name import usable_engine
 from sim_backend.errors import SimulationError
 from sim_backend.faults import parse_faults
-from sim_backend.lab import Lab, LabSettings
+from sim_backend.lab import LabServer, LabSettings
 from sim_backend.warm_up import ANY_VEHICLE, warm_up
 
 _WAIT_S = 0.005
@@ -51,7 +51,7 @@ class Stage:
 
     def __init__(self, parked: bool) -> None:
         self._parked = parked
-        self._lab: Lab | None = None
+        self._lab: LabServer | None = None
         self._stop = asyncio.Event()
         self._living: asyncio.Task[None] | None = None
         self._acts: LiveFaults | None = None
@@ -88,7 +88,7 @@ class Stage:
             faults=parse_faults(command["faults"]),
             seed=command["seed"],
         )
-        lab = Lab(settings)
+        lab = LabServer(settings)
         lab.load()
         try:
             await lab.start()

@@ -10,7 +10,7 @@ from cflib.crazyflie import Crazyflie
 from cflib.crazyflie.log import LogConfig
 from cflib.crazyflie.syncCrazyflie import SyncCrazyflie
 
-from perchhw.testing import RealTimeLab, SimulatedDrone, StageFailed, StageProcess
+from perchhw.testing import Lab, SimulatedDrone, StageFailed, StageProcess
 from perchhw.testing.instant import InstantLab
 from sim_backend.acts import ActError
 from sim_backend.crazyflie.tables import NoSuchTableEntry, ValueNotRepresentable
@@ -104,7 +104,7 @@ def test_what_is_not_there_cannot_be_injected(drone: SimulatedDrone) -> None:
 
 def test_the_lab_of_a_process_does_the_same(tmp_path: Path) -> None:
     with StageProcess(parked=True) as stage:
-        lab = RealTimeLab(stage, tmp_path / "lab")
+        lab = Lab(stage, tmp_path / "lab")
         drone = lab.drones[0]
         drone.set_log("pm.vbat", 3.05)
         drone.offset_voltage(-0.5)

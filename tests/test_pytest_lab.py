@@ -14,7 +14,7 @@ import pytest
 from perchhw.testing import (
     LabInputError,
     LabWaitTimeout,
-    RealTimeLab,
+    Lab,
     SimulatedDrone,
     StageFailed,
     StageProcess,
@@ -46,7 +46,7 @@ def test_it_says_all_that_there_is() -> None:
 
     for name in pytest_plugin._OPTIONS:
         assert f"`{name}" in PAGE
-    for name, value in vars(RealTimeLab).items():
+    for name, value in vars(Lab).items():
         if not name.startswith("_") and callable(value) and name not in ("look", "ask", "note", "close"):
             assert f"lab.{name}(" in PAGE
     for name in vars(SimulatedDrone):
@@ -61,19 +61,19 @@ def stage():
 
 @pytest.fixture
 def fresh(stage: StageProcess, tmp_path: Path):
-    lab = RealTimeLab(stage, tmp_path / "lab")
+    lab = Lab(stage, tmp_path / "lab")
     yield lab
     lab.close()
 
 
 def test_a_fresh_lab_knows_nothing_of_the_one_before(stage: StageProcess, tmp_path: Path) -> None:
-    first = RealTimeLab(stage, tmp_path / "1")
+    first = Lab(stage, tmp_path / "1")
     with first.drones[0].connect() as cf:
         cf.param.set_value("ring.effect", "7")
         first.drones[0].reboot()
     first.drones[0].lose_packets(1.0)
     first.stop_poses()
-    second = RealTimeLab(stage, tmp_path / "2", drones=2)
+    second = Lab(stage, tmp_path / "2", drones=2)
     assert [drone.boots for drone in second.drones] == [1, 1]
     assert second.time < 30.0
     with second.drones[1].connect() as cf:
@@ -84,13 +84,13 @@ def test_a_fresh_lab_knows_nothing_of_the_one_before(stage: StageProcess, tmp_pa
 def test_two_labs_of_one_seed_begin_alike(stage: StageProcess, tmp_path: Path) -> None:
     looks = []
     for name in ("1", "2"):
-        lab = RealTimeLab(stage, tmp_path / name, seed=5)
+        lab = Lab(stage, tmp_path / name, seed=5)
         looks.append((*lab.drones[0].position, lab.drones[0].voltage))
         lab.close()
     assert looks[0] == pytest.approx(looks[1])
 
 
-def test_freeze_and_thaw(fresh: RealTimeLab) -> None:
+def test_freeze_and_thaw(fresh: Lab) -> None:
     drone = fresh.drones[0]
     with drone.connect() as cf:
         drone.freeze()
@@ -101,7 +101,7 @@ def test_freeze_and_thaw(fresh: RealTimeLab) -> None:
         assert cf.link_uri == drone.uri
 
 
-def test_brown_out(fresh: RealTimeLab) -> None:
+def test_brown_out(fresh: Lab) -> None:
     drone = fresh.drones[0]
     drone.brown_out(0.2)
     assert not drone.powered
@@ -112,14 +112,14 @@ def test_brown_out(fresh: RealTimeLab) -> None:
     assert drone.boots == 2
 
 
-def test_a_drone_that_is_hit_finds_itself_tumbled(fresh: RealTimeLab) -> None:
+def test_a_drone_that_is_hit_finds_itself_tumbled(fresh: Lab) -> None:
     drone = fresh.drones[0]
     fresh.wait_until(lambda: drone.ready, within=10.0)
     drone.tumble()
     fresh.wait_until(lambda: drone.tumbled, within=5.0)
 
 
-def test_poses_that_jump_take_the_estimate_with_them_and_not_the_drone(fresh: RealTimeLab) -> None:
+def test_poses_that_jump_take_the_estimate_with_them_and_not_the_drone(fresh: Lab) -> None:
     drone = fresh.drones[0]
     fresh.wait_until(lambda: drone.ready, within=10.0)
     x = drone.position[0]
@@ -147,17 +147,17 @@ def _estimates(cf) -> list[float]:
     return seen
 
 
-def test_what_does_not_come_to_pass_says_what_is(fresh: RealTimeLab) -> None:
+def test_what_does_not_come_to_pass_says_what_is(fresh: Lab) -> None:
     with pytest.raises(LabWaitTimeout, match=r"within 0\.1 s.*motors"):
         fresh.wait_until(lambda: False, within=0.1)
 
 
 def test_what_cannot_be_done_says_why(stage: StageProcess, tmp_path: Path) -> None:
     with pytest.raises(StageFailed, match="known: "):
-        RealTimeLab(stage, tmp_path / "1", faults=["lightning=1"])
+        Lab(stage, tmp_path / "1", faults=["lightning=1"])
     with pytest.raises(StageFailed, match="brick"):
-        RealTimeLab(stage, tmp_path / "2", vehicle="brick")
-    lab = RealTimeLab(stage, tmp_path / "3", poses=False)
+        Lab(stage, tmp_path / "2", vehicle="brick")
+    lab = Lab(stage, tmp_path / "3", poses=False)
     with pytest.raises(StageFailed, match="sends no poses"):
         lab.stop_poses()
     lab.close()
@@ -168,7 +168,7 @@ def test_what_cannot_be_done_says_why(stage: StageProcess, tmp_path: Path) -> No
 def test_a_room_serves_poses_as_well(stage: StageProcess, tmp_path: Path) -> None:
     from mocap_bridge.bridge import PoseBridge
 
-    lab = RealTimeLab(stage, tmp_path / "lab", room=True)
+    lab = Lab(stage, tmp_path / "lab", room=True)
     with PoseBridge(lab.mocap[0], sink=None) as bridge:
         assert bridge.wait_for(lambda status: status.last_good is not None, 60.0)
         assert bridge.status().last_good.position == pytest.approx(lab.drones[0].position, abs=0.001)
@@ -256,12 +256,12 @@ def test_fixtures_that_fail_leave_records_and_a_lab_that_dies_ends_one_test(
 def test_a_lab_that_cannot_be_is_refused(
     stage: StageProcess, tmp_path: Path, options: dict[str, Any]
 ) -> None:
-    for lab in (lambda: RealTimeLab(stage, tmp_path, **options), lambda: InstantLab(tmp_path, **options)):
+    for lab in (lambda: Lab(stage, tmp_path, **options), lambda: InstantLab(tmp_path, **options)):
         with pytest.raises(LabInputError, match="is not a whole number"):
             lab()
 
 
-def test_values_that_no_lab_can_have_are_refused(fresh: RealTimeLab) -> None:
+def test_values_that_no_lab_can_have_are_refused(fresh: Lab) -> None:
     drone = fresh.drones[0]
     for ask in (
         lambda: drone.lose_packets(10),

@@ -30,7 +30,7 @@ _FOOTER = struct.Struct("<BQQQ")
 _FOOTER_LENGTH = 20
 
 
-class Stream(Protocol):
+class ByteStream(Protocol):
     """Where the file goes."""
 
     def write(self, data: bytes) -> object:
@@ -50,7 +50,7 @@ class SeriesWriter:
     """
 
     def __init__(
-        self, stream: Stream, schemas: dict[str, bytes], metadata: tuple[str, dict[str, str]]
+        self, stream: ByteStream, schemas: dict[str, bytes], metadata: tuple[str, dict[str, str]]
     ) -> None:
         self._stream = stream
         self._schemas = [

@@ -141,9 +141,9 @@ def faults() -> None:
 
 
 def _serve_lab(settings: "LabSettings", with_parent: bool) -> int:
-    from sim_backend.lab import Lab as ServedLab
+    from sim_backend.lab import LabServer
 
-    return _serve(ServedLab(settings), with_parent)
+    return _serve(LabServer(settings), with_parent)
 
 
 def _serve(lab: Served, with_parent: bool) -> int:

@@ -1,7 +1,7 @@
 """What the pytest plugin gives to tests: a lab of simulated Crazyflies, their faults, the truth."""
 
-from perchhw.testing.lab import LabWaitTimeout, RealTimeLab, SimulatedDrone
+from perchhw.testing.lab import LabWaitTimeout, Lab, SimulatedDrone
 from perchhw.testing.stage import StageFailed, StageProcess
 from perchhw.testing.values import LabInputError
 
-__all__ = ["RealTimeLab", "LabInputError", "LabWaitTimeout", "SimulatedDrone", "StageFailed", "StageProcess"]
+__all__ = ["Lab", "LabInputError", "LabWaitTimeout", "SimulatedDrone", "StageFailed", "StageProcess"]

@@ -16,7 +16,7 @@ import numpy as np
 
 from onboard.link.in_process import InProcessDriver, serve_in_process, stop_serving
 from onboard.vehicle import load_vehicle
-from perchhw.testing.lab import TRUTH_FILE, LabWaitTimeout, RealTimeLab, SimulatedDrone
+from perchhw.testing.lab import TRUTH_FILE, LabWaitTimeout, Lab, SimulatedDrone
 from perchhw.testing.values import MOST_DRONES, LabInputError, number, whole
 from sim_backend.acts import LiveFaults
 from sim_backend.crazyflie.faults import DatagramFaults
@@ -67,7 +67,7 @@ class _Server(CrazyflieServer):
             self.driver.deliver(datagram)
 
 
-class InstantLab(RealTimeLab):
+class InstantLab(Lab):
     """As :class:`perchhw.testing.Lab`, in this process and at the pace of its test; its drones are at
     ``perchhw://cf1`` and so on, for cflib alone.
 

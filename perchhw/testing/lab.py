@@ -36,7 +36,7 @@ class SimulatedDrone:
         uri: what a client connects to, ``udp://127.0.0.1:PORT``.
     """
 
-    def __init__(self, lab: "RealTimeLab", index: int, uri: str) -> None:
+    def __init__(self, lab: "Lab", index: int, uri: str) -> None:
         self.name, self.uri = f"cf{index + 1}", uri
         self._lab, self._index = lab, index
 
@@ -196,7 +196,7 @@ class SimulatedDrone:
         return dict(self._lab.look()["drones"][self._index])
 
 
-class RealTimeLab:
+class Lab:
     """A fresh lab of one test, in real time.
 
     Args:

@@ -12,7 +12,7 @@ import pytest
 from tests.conftest import REPOSITORY
 from tests.docs.test_documented_commands import PAGES
 
-SHARED = ("machine.py", "peer_process.py")
+SHARED = ("drawn_sets.py", "gap_judgement.py", "machine.py", "peer_process.py")
 SCRIPTS = sorted(path for path in (REPOSITORY / "benchmarks").glob("*.py") if path.name not in SHARED)
 
 

@@ -74,7 +74,7 @@ class World:
 
     @classmethod
     def read(cls, truth: Path) -> "World":
-        """From the file of ``sim lab --truth --truth-motors``; a lab that was killed may have torn its last row."""
+        """From the file of ``sim lab --truth --truth-motors``; a lab that is killed may tear its last row."""
         whole = truth.read_text().rpartition("\n")[0] if truth.exists() else ""
         if whole.count("\n") < 2:
             return cls(*np.zeros((5, 0)))

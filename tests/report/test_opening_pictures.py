@@ -40,7 +40,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     figures = {"First swing": first, "Trials": second}
     return {
         "Landing rates": write_campaign_report(folder / "campaign"),
-        "The gap by horizon": write_gap_report(gap.report(), folder / "gap", gap.figures()),
+        "What the flights show of it": write_gap_report(gap.report(), folder / "gap", gap.figures()),
         "First swing": write_bench_report(folder / "bench", calibration(), figures, {}),
         "Thrust over the discharge": report,
     }

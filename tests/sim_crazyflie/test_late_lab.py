@@ -4,7 +4,7 @@ import asyncio
 import socket
 import struct
 
-from sim_backend.lab import Lab, LabSettings
+from sim_backend.lab import LabServer, LabSettings
 from tests.patience import StandingClock
 
 CREATE, START = (
@@ -20,7 +20,7 @@ def test_a_lab_that_slept_sends_every_sample_of_a_log_block() -> None:
 
 async def _sleep_and_count() -> None:
     clock = StandingClock()
-    lab = Lab(LabSettings(drone_port=0, with_room=False, parked=True), clock)
+    lab = LabServer(LabSettings(drone_port=0, with_room=False, parked=True), clock)
     lab.load()
     await lab.start()
     client = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)

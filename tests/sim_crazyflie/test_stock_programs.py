@@ -22,7 +22,7 @@ from cflib.positioning.position_hl_commander import PositionHlCommander
 from cflib.utils.multiranger import Multiranger
 from cflib.utils.reset_estimator import reset_estimator
 
-from perchhw.testing import RealTimeLab, SimulatedDrone, StageProcess
+from perchhw.testing import Lab, SimulatedDrone, StageProcess
 from tests.patience import PATIENCE_S
 
 pytestmark = pytest.mark.slow
@@ -35,33 +35,33 @@ def stage() -> Iterator[StageProcess]:
 
 
 @pytest.fixture
-def lab(stage: StageProcess, tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[RealTimeLab]:
-    lab = RealTimeLab(stage, tmp_path / "lab", drones=getattr(request, "param", 1))
+def lab(stage: StageProcess, tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Lab]:
+    lab = Lab(stage, tmp_path / "lab", drones=getattr(request, "param", 1))
     cflib.crtp.init_drivers()
     yield lab
     lab.close()
 
 
 @pytest.fixture
-def scf(lab: RealTimeLab, tmp_path: Path) -> Iterator[SyncCrazyflie]:
+def scf(lab: Lab, tmp_path: Path) -> Iterator[SyncCrazyflie]:
     with SyncCrazyflie(lab.drones[0].uri, cf=Crazyflie(rw_cache=str(tmp_path / "cache"))) as connected:
         yield connected
 
 
-def arm(lab: RealTimeLab, drone: SimulatedDrone, cf: Crazyflie) -> None:
+def arm(lab: Lab, drone: SimulatedDrone, cf: Crazyflie) -> None:
     lab.wait_until(lambda: drone.ready, within=10.0)
     cf.supervisor.send_arming_request(True)
     lab.wait_until(lambda: drone.armed, within=5.0)
     lab.run_for(0.2)
 
 
-def highest(lab: RealTimeLab, name: str = "cf1") -> float:
+def highest(lab: Lab, name: str = "cf1") -> float:
     """Greatest true height so far, m."""
     rows = (line.split(",") for line in (lab.folder / "truth.csv").read_text().splitlines()[1:])
     return max(float(row[4]) for row in rows if row[1] == name)
 
 
-def test_motion_commander(lab: RealTimeLab, scf: SyncCrazyflie) -> None:
+def test_motion_commander(lab: Lab, scf: SyncCrazyflie) -> None:
     drone = lab.drones[0]
     reset_estimator(scf)
     arm(lab, drone, scf.cf)
@@ -77,7 +77,7 @@ def test_motion_commander(lab: RealTimeLab, scf: SyncCrazyflie) -> None:
     lab.wait_until(lambda: drone.position[2] < 0.15, within=5.0)
 
 
-def test_position_high_level_commander(lab: RealTimeLab, scf: SyncCrazyflie) -> None:
+def test_position_high_level_commander(lab: Lab, scf: SyncCrazyflie) -> None:
     drone = lab.drones[0]
     arm(lab, drone, scf.cf)
     x, y, _ = drone.position
@@ -87,7 +87,7 @@ def test_position_high_level_commander(lab: RealTimeLab, scf: SyncCrazyflie) -> 
     lab.wait_until(lambda: drone.position[2] < 0.15, within=5.0)
 
 
-def test_autonomous_sequence_of_setpoints(lab: RealTimeLab, scf: SyncCrazyflie) -> None:
+def test_autonomous_sequence_of_setpoints(lab: Lab, scf: SyncCrazyflie) -> None:
     drone = lab.drones[0]
     arm(lab, drone, scf.cf)
     x, y, _ = drone.position
@@ -101,7 +101,7 @@ def test_autonomous_sequence_of_setpoints(lab: RealTimeLab, scf: SyncCrazyflie) 
     lab.wait_until(lambda: drone.motors == (0, 0, 0, 0), within=2.0)
 
 
-def test_a_trajectory_is_uploaded_and_flown(lab: RealTimeLab, scf: SyncCrazyflie) -> None:
+def test_a_trajectory_is_uploaded_and_flown(lab: Lab, scf: SyncCrazyflie) -> None:
     drone = lab.drones[0]
     memory = scf.cf.mem.get_mems(MemoryElement.TYPE_TRAJ)[0]
     straight = Poly4D.Poly([0.0, 0.0, 0.0, 0.3] + [0.0] * 4)  # 0.3 t^3 along x
@@ -120,7 +120,7 @@ def test_a_trajectory_is_uploaded_and_flown(lab: RealTimeLab, scf: SyncCrazyflie
     lab.wait_until(lambda: drone.position[2] < 0.15, within=5.0)
 
 
-def test_logging_beside_the_truth(lab: RealTimeLab, scf: SyncCrazyflie) -> None:
+def test_logging_beside_the_truth(lab: Lab, scf: SyncCrazyflie) -> None:
     drone = lab.drones[0]
     config = LogConfig("Position", period_in_ms=10)
     for axis in "xyz":
@@ -132,7 +132,7 @@ def test_logging_beside_the_truth(lab: RealTimeLab, scf: SyncCrazyflie) -> None:
     assert math.dist(seen, drone.position) < 0.01
 
 
-def test_a_ramp_of_thrust_that_does_not_lift_it(lab: RealTimeLab, scf: SyncCrazyflie) -> None:
+def test_a_ramp_of_thrust_that_does_not_lift_it(lab: Lab, scf: SyncCrazyflie) -> None:
     drone, commander = lab.drones[0], scf.cf.commander
     arm(lab, drone, scf.cf)
     commander.send_setpoint(0.0, 0.0, 0.0, 0)  # unlocks the thrust
@@ -148,7 +148,7 @@ def test_a_ramp_of_thrust_that_does_not_lift_it(lab: RealTimeLab, scf: SyncCrazy
     assert highest(lab) < 0.1
 
 
-def test_a_circle_of_hover_setpoints(lab: RealTimeLab, scf: SyncCrazyflie) -> None:
+def test_a_circle_of_hover_setpoints(lab: Lab, scf: SyncCrazyflie) -> None:
     drone, commander = lab.drones[0], scf.cf.commander
     arm(lab, drone, scf.cf)
 
@@ -168,7 +168,7 @@ def test_a_circle_of_hover_setpoints(lab: RealTimeLab, scf: SyncCrazyflie) -> No
     lab.wait_until(lambda: drone.motors == (0, 0, 0, 0), within=2.0)
 
 
-def test_a_hand_pushes_it_away(lab: RealTimeLab, scf: SyncCrazyflie) -> None:
+def test_a_hand_pushes_it_away(lab: Lab, scf: SyncCrazyflie) -> None:
     drone = lab.drones[0]
     for side in ("front", "back", "left", "right", "up"):
         drone.set_log(f"range.{side}", 32766)  # nothing in sight
@@ -186,7 +186,7 @@ def test_a_hand_pushes_it_away(lab: RealTimeLab, scf: SyncCrazyflie) -> None:
     lab.wait_until(lambda: drone.position[2] < 0.15, within=5.0)
 
 
-def test_parameters_are_listed_watched_and_set(lab: RealTimeLab, scf: SyncCrazyflie) -> None:
+def test_parameters_are_listed_watched_and_set(lab: Lab, scf: SyncCrazyflie) -> None:
     parameters, heard = scf.cf.param, queue.SimpleQueue[tuple[str, str]]()
     parameters.add_update_callback(group="ring", cb=lambda name, value: heard.put((name, value)))
     listed = {f"{group}.{name}" for group, names in parameters.toc.toc.items() for name in names}
@@ -203,7 +203,7 @@ def test_parameters_are_listed_watched_and_set(lab: RealTimeLab, scf: SyncCrazyf
 
 
 @pytest.mark.parametrize("lab", [2], indirect=True)
-def test_a_swarm_takes_off_and_lands(lab: RealTimeLab, tmp_path: Path) -> None:
+def test_a_swarm_takes_off_and_lands(lab: Lab, tmp_path: Path) -> None:
     uris = [drone.uri for drone in lab.drones]
     by_uri = dict(zip(uris, lab.drones, strict=True))
 
