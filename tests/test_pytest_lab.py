@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 
 from perchhw.testing import (
+    Lab,
     LabInputError,
     LabWaitTimeout,
-    Lab,
     SimulatedDrone,
     StageFailed,
     StageProcess,

@@ -4,6 +4,8 @@ import math
 import os
 import signal
 import sys
+import threading
+from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
@@ -63,9 +65,31 @@ def view(
     if (shown := newest_run(run)) is not None:
         GrowingRun(shown).look()  # what is damaged is told before anything opens
     os.nice(_NICE)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C: the page is not left behind
+    wait_or_end = _until_told_to_end()
     with web_viewer(port) if web else nullcontext(open_desktop_viewer()) as viewer:
         emit({"run": str(run), "url": viewer.page}, f"view: {viewer.address or 'opened'}")
         sys.stdout.flush()
-        Show(run, viewer).run(wait, linger if linger is not None else (math.inf if web else 0.0))
+        Show(run, viewer, wait_or_end).run(wait, linger if linger is not None else (math.inf if web else 0.0))
     return 0
+
+
+def _until_told_to_end() -> Callable[[float], None]:
+    """A wait (s) that Ctrl-C and SIGTERM end, so that no page is left behind.
+
+    Python drops a signal's exception where it strikes a callback of Rerun's or a finalizer; the next wait
+    raises it again.
+    """
+    told = threading.Event()
+
+    def end(number: int, frame: object) -> None:
+        told.set()
+        raise KeyboardInterrupt
+
+    def wait(seconds: float) -> None:
+        if told.wait(seconds):
+            raise KeyboardInterrupt
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, end)
+    return wait

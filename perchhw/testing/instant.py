@@ -16,7 +16,7 @@ import numpy as np
 
 from onboard.link.in_process import InProcessDriver, serve_in_process, stop_serving
 from onboard.vehicle import load_vehicle
-from perchhw.testing.lab import TRUTH_FILE, LabWaitTimeout, Lab, SimulatedDrone
+from perchhw.testing.lab import TRUTH_FILE, Lab, LabWaitTimeout, SimulatedDrone
 from perchhw.testing.values import MOST_DRONES, LabInputError, number, whole
 from sim_backend.acts import LiveFaults
 from sim_backend.crazyflie.faults import DatagramFaults
