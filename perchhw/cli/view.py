@@ -65,7 +65,7 @@ def view(
     if (shown := newest_run(run)) is not None:
         GrowingRun(shown).look()  # what is damaged is told before anything opens
     os.nice(_NICE)
-    wait_or_end = _until_told_to_end()
+    wait_or_end = until_told_to_end()
     with web_viewer(port) if web else nullcontext(open_desktop_viewer()) as viewer:
         emit({"run": str(run), "url": viewer.page}, f"view: {viewer.address or 'opened'}")
         sys.stdout.flush()
@@ -73,7 +73,7 @@ def view(
     return 0
 
 
-def _until_told_to_end() -> Callable[[float], None]:
+def until_told_to_end() -> Callable[[float], None]:
     """A wait (s) that Ctrl-C and SIGTERM end, so that no page is left behind.
 
     Python drops a signal's exception where it strikes a callback of Rerun's or a finalizer; the next wait
