@@ -90,7 +90,9 @@ def rehearse(uri: str, capsys: pytest.CaptureFixture[str], *arguments: str) -> t
     code = run(["rehearse", "--drone", uri, "--json", *arguments])
     said = capsys.readouterr()
     assert said.err.lstrip().startswith("connecting: waits for the drone to answer")
-    return code, json.loads(said.out)
+    document = json.loads(said.out)
+    assert "error" not in document, document
+    return code, document
 
 
 @pytest.mark.parametrize("on", Physics)
