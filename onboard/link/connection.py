@@ -84,7 +84,6 @@ def connect(uri: str, *, timeout_s: float, clock: Timebase, tables: TableCache) 
         with clock.connecting(), links_live_in(uri, clock):
             _open(crazyflie, uri, exchange, deadline)
             contents = _Inquiry(crazyflie, uri, exchange, deadline, tables).contents()
-        crazyflie.link_statistics.start()  # asks ten times a second: so a silence is noticed
         return Connection(crazyflie, exchange, contents)
 
 

@@ -24,6 +24,7 @@ from onboard.link.errors import LinkLost, LinkTimeout
 from onboard.link.logs import LogSample, LogStream, LogStreams
 from onboard.link.memory import Memories
 from onboard.link.parameters import Parameters
+from onboard.link.pings import Pings
 from onboard.link.policy_upload import PolicyUpload
 from onboard.link.power import reboot
 from onboard.link.radio import CflibStopPort
@@ -73,6 +74,7 @@ class DroneLink(Closing):
         port = link.stop_port() if isinstance(link, ResendingUdpDriver) else CflibStopPort(link)
         self.stop_path = StopPath(port, clock)
         self._closing = threading.Event()
+        self._pings = Pings(crazyflie, clock)
         self._watch = threading.Thread(target=self._watch_link, name="DroneLinkWatch", daemon=True)
         self._watch.start()
 
@@ -348,6 +350,7 @@ class DroneLink(Closing):
         self._closing.set()
         self.stop_path.close()
         self._logs.stop_delivery()
+        self._pings.close()
         self._exchange.close()
         self._crazyflie.close_within(_CLOSE_DEADLINE_S)
         self._watch.join(timeout=1.0)

@@ -10,6 +10,8 @@ from onboard.lab_time import LabTime, LabTimeError, open_timebase
 from onboard.link.driver import ResendingUdpDriver, links_live_in
 from onboard.timebase import WALL
 from tests.lab_time.toy_lab import ToyLab
+from tests.link.tiny_drone import TinyDrone
+from tests.patience import patient_link
 
 
 @pytest.fixture
@@ -273,3 +275,22 @@ def test_who_read_a_link_and_closes_it_is_still_at_work(lab: ToyLab) -> None:
             lab.done.get(timeout=0.2)
         time.foreign()
         assert lab.done.get(timeout=120.0)["done"] == 0.0
+
+
+def test_a_link_that_only_listens_says_ten_times_a_second_of_the_labs_time_that_it_is_there(
+    lab: ToyLab,
+) -> None:
+    """However fast the lab is: after a second of its own without a packet a drone ends its log blocks."""
+    with (
+        TinyDrone() as drone,
+        LabTime("127.0.0.1", lab.port, "test") as time,
+        patient_link(drone.uri, clock=time) as link,
+    ):
+        time.foreign()
+        turn = first = lab.turn(0.0)
+        while turn["next"] < 2.95:
+            turn = lab.turn(turn["next"])  # cflib, which reads the link, looks up now and then as well
+        before, after = (sum(said["packets"].values()) for said in (first, turn))
+        assert after - before == 29
+        lab.die()
+        link.close()
