@@ -91,6 +91,9 @@ def test_a_stderr_that_takes_nothing_holds_nobody_up(monkeypatch: pytest.MonkeyP
             assert told.wait(60.0)
             drain = threading.Thread(target=read_all, args=(reader,), daemon=True)
             drain.start()
+            writer_thread = next(one for one in threading.enumerate() if one.name == "lines")
+        writer_thread.join(60.0)  # a command gives up sooner; the pipe is closed when nobody writes to it
+        assert not writer_thread.is_alive()
     finally:
         logging.getLogger().removeHandler(handler)
         full.close()

@@ -5,6 +5,7 @@ of a flight can be used.
 """
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -72,6 +73,18 @@ class FlightRecord:
             raise CalibrationError(
                 f"{self.source}: a record needs a uniform time grid of two samples or more"
             )
+
+    @cached_property
+    def inputs(self) -> tuple[FloatArray, ...]:
+        """Position, velocity, attitude, rate, duty, voltage as compiled code takes them: 0 where not known.
+
+        Raises:
+            CalibrationError: the flight has no battery voltage, so that a command means no thrust.
+        """
+        if self.voltage is None:
+            raise CalibrationError(f"{self.source}: no battery voltage; teacher forcing needs it")
+        known = (self.position, self.velocity, self.attitude, self.rate, self.duty, self.voltage)
+        return tuple(np.ascontiguousarray(np.nan_to_num(values)) for values in known)
 
     @property
     def dt(self) -> float:

@@ -35,22 +35,35 @@ def whole_windows(valid: BoolArray, starts: np.ndarray, order: int) -> BoolArray
     return whole
 
 
-@njit(cache=True, nogil=True)
 def _normal_equations(residual: FloatArray, whole: BoolArray, order: int) -> FloatArray:
     """Sums of products of each row and its past, shape (order + 1, order + 1)."""
-    sums = np.zeros((order + 1, order + 1))
-    for k in range(order, residual.size):
-        if whole[k]:
-            for i in range(order + 1):
-                for j in range(i + 1):
-                    sums[i, j] += residual[k - i] * residual[k - j]
-    for i in range(order + 1):
-        for j in range(i):
-            sums[j, i] = sums[i, j]
-    return sums
+    rows = np.flatnonzero(whole)
+    past = np.stack([residual[rows - i] for i in range(order + 1)])
+    return np.asarray(past @ past.T)
+
+
+_BLOCK = 2048
+"""Rows that are whitened together: with their past they stay in the processor's first cache."""
 
 
 @njit(cache=True, nogil=True)
+def whiten_channel(values: FloatArray, whole: BoolArray, coefficients: FloatArray, out: FloatArray) -> None:
+    """:func:`whiten` of one channel, into `out`; all contiguous, so that several rows are one instruction."""
+    order, count = coefficients.size, values.size
+    out[:order] = 0.0
+    for first in range(order, count, _BLOCK):
+        end = min(first + _BLOCK, count)
+        for k in range(first, end):
+            out[k] = values[k]
+        for i in range(order):
+            coefficient = coefficients[i]
+            for k in range(first, end):
+                out[k] -= coefficient * values[k - 1 - i]
+        for k in range(first, end):
+            if not whole[k]:
+                out[k] = 0.0
+
+
 def whiten(signal: FloatArray, whole: BoolArray, coefficients: FloatArray) -> FloatArray:
     """Innovations e_k = y_k - sum_i a_i y_(k-i) of each channel; 0 where the window is not whole.
 
@@ -59,18 +72,13 @@ def whiten(signal: FloatArray, whole: BoolArray, coefficients: FloatArray) -> Fl
         whole: shape (n, channels), from :func:`whole_windows`.
         coefficients: a_1 .. a_order, shape (channels, order).
     """
-    out = np.zeros(signal.shape)
-    order = coefficients.shape[1]
-    for c in range(signal.shape[1]):
-        if not np.any(signal[:, c]):
-            continue
-        for k in range(order, signal.shape[0]):
-            if whole[k, c]:
-                total = signal[k, c]
-                for i in range(order):
-                    total -= coefficients[c, i] * signal[k - 1 - i, c]
-                out[k, c] = total
-    return out
+    out = np.zeros(signal.shape[::-1])
+    for c, values in enumerate(signal.T):
+        if values.any():
+            whiten_channel(
+                np.ascontiguousarray(values), np.ascontiguousarray(whole[:, c]), coefficients[c], out[c]
+            )
+    return np.ascontiguousarray(out.T)
 
 
 def fit_autoregression(residual: FloatArray, whole: BoolArray, order: int = ORDER) -> FloatArray:

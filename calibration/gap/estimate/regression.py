@@ -9,7 +9,7 @@ import numpy as np
 
 from calibration.gap.data.signals import CHANNELS, KINDS, Signals
 from calibration.gap.estimate.mixed import FIRST_SPREAD, MixedFit, Prior, Products, fit_mixed
-from calibration.gap.estimate.noise import ORDER, fit_autoregression, whiten, whole_windows
+from calibration.gap.estimate.noise import ORDER, fit_autoregression, whiten, whiten_channel, whole_windows
 from calibration.gap.estimate.nuisances import nuisance_columns
 from onboard.arrays import BoolArray, FloatArray
 
@@ -53,8 +53,9 @@ class Regression:
     def __init__(self, signals: Signals, weights: FloatArray) -> None:
         self.signals = signals
         self.weights = weights
-        self._root: FloatArray = np.sqrt(weights)[signals.part]
+        self._root: FloatArray = np.ascontiguousarray(np.sqrt(weights)[signals.part].T)
         self.whole: BoolArray = whole_windows(signals.valid, signals.bounds, ORDER)
+        self._whole_by_channel: BoolArray = np.ascontiguousarray(self.whole.T)
 
     def misfit(self, predicted: FloatArray) -> FloatArray:
         """Signals less prediction, shape (n, 7); 0 where not valid."""
@@ -70,10 +71,13 @@ class Regression:
 
     def whitened(self, columns: Sequence[FloatArray], noise: Noise) -> FloatArray:
         """Columns, (n, 7) each, as weighted innovations in units of their sigma: shape (7, columns, n)."""
-        table = np.empty((len(CHANNELS), len(columns), self.signals.valid.shape[0]))
+        table = np.zeros((len(CHANNELS), len(columns), self.signals.valid.shape[0]))
         for index, column in enumerate(columns):
-            innovations = whiten(column, self.whole, noise.coefficients)
-            table[:, index] = (self._root * innovations / noise.sigma).T
+            for channel, values in enumerate(column.T):
+                if values.any():
+                    row, whole = table[channel, index], self._whole_by_channel[channel]
+                    whiten_channel(np.ascontiguousarray(values), whole, noise.coefficients[channel], row)
+                    row *= self._root[channel] / noise.sigma[channel]
         return table
 
     def products(
@@ -93,15 +97,16 @@ class Regression:
             noise: that the columns were whitened with.
             channels: that count.
         """
-        bounds, q = self.signals.part_bounds, nuisances
-        columns = np.concatenate([table, self.whitened([residual], noise)], axis=1)
-        sums = np.zeros((bounds.size - 1, columns.shape[1], columns.shape[1]))
-        for channel in columns[channels]:
-            used = np.flatnonzero(channel.any(axis=1))
-            rows = channel[used]
+        bounds, count = self.signals.part_bounds, table.shape[1] + 1
+        left = self.whitened([residual], noise)
+        sums = np.zeros((bounds.size - 1, count, count))
+        for columns, last in zip(table[channels], left[channels], strict=True):
+            used = np.flatnonzero([*columns.any(axis=1), True])
+            rows = np.vstack([columns[used[:-1]], last])
             for part, (first, end) in enumerate(itertools.pairwise(bounds)):
                 sums[part][np.ix_(used, used)] += rows[:, first:end] @ rows[:, first:end].T
         counts = np.add.reduceat(self.whole.astype(float), bounds[:-1], axis=0)
+        q = nuisances
         return Products(
             zz=sums[:, :q, :q],
             zx=sums[:, :q, q:-1],

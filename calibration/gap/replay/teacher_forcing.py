@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from calibration.errors import CalibrationError
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.replay.kernels import duty_between
 from onboard.arrays import FloatArray
@@ -150,20 +149,7 @@ def teacher_forced(record: FlightRecord, parameters: Any) -> Prediction:
     Raises:
         CalibrationError: the flight has no battery voltage, so that a command means no thrust.
     """
-    if record.voltage is None:
-        raise CalibrationError(f"{record.source}: no battery voltage; teacher forcing needs it")
     count = record.t.size
-    along = tuple(
-        np.ascontiguousarray(np.nan_to_num(values))
-        for values in (
-            record.position,
-            record.velocity,
-            record.attitude,
-            record.rate,
-            record.duty,
-            record.voltage,
-        )
-    )
     out = Prediction(
         np.empty((count, 3)),
         np.empty((count - 1, 3)),
@@ -172,5 +158,5 @@ def teacher_forced(record: FlightRecord, parameters: Any) -> Prediction:
         np.empty(count),
     )
     steps = max(1, math.ceil(record.dt / STEP - 1e-6))
-    _follow(with_cold_motors(new_state()), parameters, along, record.dt, steps, tuple(out))
+    _follow(with_cold_motors(new_state()), parameters, record.inputs, record.dt, steps, tuple(out))
     return out

@@ -6,6 +6,7 @@ small to matter stays in the model without a name: left out, another would be na
 """
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -46,6 +47,10 @@ _NO_PROMISE = 2.0
 """Log-likelihood: who promises less by a linear fit is not looked at closely, beyond the first few."""
 
 _AT_LEAST = 3
+
+_MORE = 1.2
+"""Factor by which the promise of a candidate whose gain did not hold across flights must have grown before it
+is looked at again, while nothing but terms without a name comes in."""
 
 _HALF = 0.6
 """Share of what an unnamed term gains that a name must gain to be preferred to it."""
@@ -132,11 +137,12 @@ def _grow(
     refused: dict[str, str],
 ) -> list[Promise]:
     """Take in what explains most, round by round, until nothing is believed; the last round's promises."""
+    doubted: dict[str, float] = {}
     for _ in range(_MOST_ROUNDS):
         present = grown.present
         progress("every effect")
         promises = screen(present, candidates_for(present, training), training)
-        step = _forward(present, promises, training, rng, progress, refused)
+        step = _forward(present, promises, training, rng, progress, refused, doubted)
         anything = grown.steps or grown.unnamed
         scale = None if anything else _far_off(present, promises, training, rng)
         calibrates = scale is not None and not _outdone(scale, step, training, rng, progress)
@@ -151,6 +157,7 @@ def _grow(
             others = [e for e in step.after.model.effects if e not in {*before, step.effect}]
             grown.steps += [dataclasses.replace(step, effect=effect) for effect in (step.effect, *others)]
             grown.present = step.after
+            doubted.clear()
         else:
             break
     return promises
@@ -189,7 +196,7 @@ def _outdone(
     if other is None or other.judgement.gain < scale.judgement.gain:
         return False
     promises = screen(scale.after, candidates_for(scale.after, training), training)
-    after = _forward(scale.after, promises, training, rng, progress, {})
+    after = _forward(scale.after, promises, training, rng, progress, {}, {})
     both = scale.judgement.gain + (after.judgement.gain if after else 0.0)
     return other.judgement.gain > both
 
@@ -214,9 +221,23 @@ def _forward(
     rng: np.random.Generator,
     progress: Progress,
     refused: dict[str, str],
+    doubted: dict[str, float],
 ) -> SelectionStep | None:
-    """The best candidate that is believed; None when there is none."""
-    looked_at = [p for n, p in enumerate(promises[:_CLOSELY]) if p.gain >= _NO_PROMISE or n < _AT_LEAST]
+    """The best candidate that is believed; None when there is none.
+
+    Args:
+        present: the model that it would come into.
+        promises: of all candidates, the best first.
+        training, rng, progress: as in :func:`search`.
+        refused: receives why a candidate is not believed.
+        doubted: what those promised whose gain did not hold across flights, since the last effect came in.
+    """
+    looked_at = [
+        promise
+        for rank, promise in enumerate(promises[:_CLOSELY])
+        if (promise.gain >= _NO_PROMISE or rank < _AT_LEAST)
+        and promise.gain > _MORE * doubted.get(promise.candidate.effect, -math.inf)
+    ]
     progress(", ".join(promise.candidate.effect for promise in looked_at))
 
     def closely(promise: Promise) -> Fitted:
@@ -236,6 +257,8 @@ def _forward(
         own = [v for v in promise.candidate.variables if v.effect == promise.candidate.effect]
         judgement = judge(present, fitted, own, training, rng)
         fits.append((judgement.gain, promise.candidate, fitted, judgement))
+        if not judgement.significant:
+            doubted[promise.candidate.effect] = promise.gain
     fits.sort(key=lambda item: _PARSIMONY * len(item[1].variables) - item[0])
     significant = [(candidate, fitted) for _, candidate, fitted, judgement in fits if judgement.significant]
     for gain, candidate, fitted, judgement in fits:

@@ -1,13 +1,14 @@
 """The second look: is each name needed, and would another do as well?"""
 
-from collections.abc import Sequence
+import functools
+from collections.abc import Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 
 from calibration.gap.estimate.acceptance import LEAST_GAIN
-from calibration.gap.estimate.model import WORKERS, Variable
+from calibration.gap.estimate.model import WORKERS, Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training, refine, settled
 from calibration.gap.estimate.shared_nuisances import shared_nuisances
 from calibration.gap.search.candidates import Candidate, candidates_for
@@ -77,17 +78,18 @@ class Rival:
         return self.lead > min(max(NOT_TOLD_APART, _STANDARD_ERRORS * self.error), _BEYOND_DOUBT)
 
 
-def without(final: Fitted, effect: str, training: Training) -> Fitted:
-    """The model fitted without one of its effects."""
-    rest = [v for v in final.variables if v.effect != effect]
-    return refine(final.model.without(effect), rest, training, start=final.estimate, unnamed=final.unnamed)
+def without(final: Fitted, effects: Collection[str], training: Training) -> Fitted:
+    """The model fitted without some of its effects."""
+    rest = [v for v in final.variables if v.effect not in effects]
+    model = functools.reduce(Model.without, effects, final.model)
+    return refine(model, rest, training, start=final.estimate, unnamed=final.unnamed)
 
 
 def needed(final: Fitted, effect: str, training: Training) -> bool:
     """Whether the flights get less likely when an effect is taken out and the others are fitted anew, or the
     nuisances take what it explained."""
     in_time = final.few_kinds(final.columns_of(_variables(final, effect)))
-    reduced = without(final, effect, training)
+    reduced = without(final, [effect], training)
     return float(final.gains(reduced, in_time).sum()) >= LEAST_GAIN or bool(swallowed(final, reduced))
 
 
@@ -100,7 +102,7 @@ def rivals(final: Fitted, effect: str, close: Sequence[str], training: Training)
         close: effects that came close when it was found; those it is commonly confused with are added.
         training: the flights.
     """
-    reduced = without(final, effect, training)
+    reduced = without(final, [effect], training)
     names = {*close, *EFFECTS[effect].confused_with} - {effect}
     offered = candidates_for(reduced, training, names)
     with ThreadPoolExecutor(WORKERS) as pool:

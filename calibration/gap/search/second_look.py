@@ -70,7 +70,7 @@ def _drop_superfluous(
     for step in sorted(steps, key=lambda s: s.judgement.gain):
         progress(f"without {step.effect}")
         if len(steps) > 1 and not needed(present, step.effect, training):
-            present = without(present, step.effect, training)
+            present = without(present, [step.effect], training)
     return present
 
 
@@ -95,11 +95,13 @@ def _one_for_two(
         if not common:
             continue
         progress(f"one effect for {one.effect} and {other.effect}")
-        reduced = without(without(present, one.effect, training), other.effect, training)
+        reduced = without(present, (one.effect, other.effect), training)
         cause = _common_cause(present, reduced, common, training)
         if cause is None or not _explains(cause[1], present, (one.effect, other.effect), training):
             continue
-        candidate, fitted = cause
+        candidate, fitted = cause[0], settled(cause[1], training)
+        if not _explains(fitted, present, (one.effect, other.effect), training):
+            continue  # with derivatives of a model near by it looked better than it is
         step = SelectionStep(
             candidate.effect, judge(reduced, fitted, candidate.variables, training, rng), fitted
         )
@@ -111,7 +113,7 @@ def _one_for_two(
 def _common_cause(
     present: Fitted, reduced: Fitted, names: set[str], training: Training
 ) -> tuple[Candidate, Fitted] | None:
-    """The effect of these that promises most in a model without the two names, and the fit with it."""
+    """The effect of these that promises most in a model without the two names, and a first fit with it."""
     fewer = len(present.variables) - len(reduced.variables)
     offered = [
         candidate
@@ -129,6 +131,7 @@ def _common_cause(
         training,
         start=present.estimate,
         unnamed=present.unnamed,
+        near=reduced,
     )
     return best, fitted
 
@@ -142,5 +145,5 @@ def _explains(cause: Fitted, present: Fitted, names: Sequence[str], training: Tr
         for name in names
     )
     lost = float(present.gains(cause, in_time).sum())
-    gained = [float(present.gains(without(present, name, training), in_time).sum()) for name in names]
+    gained = [float(present.gains(without(present, [name], training), in_time).sum()) for name in names]
     return lost <= (1.0 - KEPT) * min(gained)

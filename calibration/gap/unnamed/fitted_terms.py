@@ -1,12 +1,12 @@
 """What is missing and has no name: terms of a place, a speed or a frequency, in competition with names."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calibration.gap.estimate.acceptance import LEAST_GAIN, lower_bound
-from calibration.gap.estimate.refine import Fitted, Training, UnnamedTerm, refine
+from calibration.gap.estimate.refine import Fitted, Training, UnnamedTerm, refine, settled
 from calibration.gap.unnamed.consequence import amplitude, least_amplitude
 from calibration.gap.unnamed.gap_map import GapMap, gap_map
 from calibration.gap.unnamed.lines import find_lines
@@ -62,7 +62,8 @@ def best_term(present: Fitted, training: Training, rng: np.random.Generator) -> 
         for structure, term in zip([*places, *lines], terms, strict=True)
     ]
     believed = [one for one in offered if one is not None]
-    return max(believed, key=lambda one: one.gain, default=None)
+    best = max(believed, key=lambda one: one.gain, default=None)
+    return None if best is None else replace(best, after=settled(best.after, training))
 
 
 def formulas(fitted: Fitted, terms: Sequence[UnnamedTerm], vehicle: Vehicle) -> list[str]:
@@ -97,24 +98,26 @@ def without_superfluous(present: Fitted, found: Sequence[FittedTerm], training: 
         rest = tuple(term for term in present.unnamed if term is not one.term)
         if len(rest) == len(present.unnamed):
             continue
-        reduced = refine(present.model, present.variables, training, start=present.estimate, unnamed=rest)
+        reduced = _with_terms(present, rest, training)
         columns = list(range(len(present.columns)))[-len(one.term.columns) :]
         in_time = _own_phase(one.structure) or present.few_kinds(columns)
         if float(present.gains(reduced, in_time).sum()) < _least_gain(one.structure):
-            present = reduced
+            present = settled(reduced, training)
     return present
+
+
+def _with_terms(present: Fitted, terms: Sequence[UnnamedTerm], training: Training) -> Fitted:
+    """The fit with these terms in the place of its own, and the derivatives that it had: a term moves the
+    named parameters by little, and derivatives are most of the work."""
+    return refine(
+        present.model, present.variables, training, start=present.estimate, unnamed=terms, near=present
+    )
 
 
 def _offer(
     present: Fitted, structure: Structure, term: UnnamedTerm, training: Training, rng: np.random.Generator
 ) -> FittedTerm | None:
-    fitted = refine(
-        present.model,
-        present.variables,
-        training,
-        start=present.estimate,
-        unnamed=(*present.unnamed, term),
-    )
+    fitted = _with_terms(present, (*present.unnamed, term), training)
     columns = list(range(len(fitted.columns)))[-len(term.columns) :]
     if structure.line is None and fitted.few_flights(columns):
         return None  # it may be of those flights alone, and nobody knows a physics that says otherwise
