@@ -102,6 +102,7 @@ class LabDrone:
         policy: policy file (relative to the lab file's folder) or name of a shipped one; None: the default.
         subject: its name in the motion capture, where it is not that of ``[mocap]``.
         start: its start mark, where it is not that of ``[room]``.
+        own_law: our law flies take-off, hover and level-out too, which a drone leaves to its firmware's PID.
     """
 
     uri: str
@@ -110,6 +111,7 @@ class LabDrone:
     policy: str | None = None
     subject: str | None = None
     start: StartMark | None = None
+    own_law: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

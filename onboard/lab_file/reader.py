@@ -37,7 +37,7 @@ from onboard.vehicle.schema import (
 )
 
 _TABLES = ("schema", "clock", "room", "drones", "mocap", "limits")
-_DRONE_KEYS = ("uri", "vehicle", "legs", "policy", "subject", "start")
+_DRONE_KEYS = ("uri", "vehicle", "legs", "policy", "subject", "start", "own_law")
 _NORM_TOLERANCE = 1e-3
 
 
@@ -203,15 +203,18 @@ def _drone(raw: object, key: str, problems: Problems) -> LabDrone | None:
     texts = {
         name: as_text(table.get(name), f"{key}.{name}", problems, required=name in ("uri", "vehicle"))
         for name in _DRONE_KEYS
-        if name != "start"
+        if name not in ("start", "own_law")
     }
+    own_law = table.get("own_law", False)
+    if not isinstance(own_law, bool):
+        problems.add(f"{key}.own_law", "must be true or false")
     start = None
     if "start" in table:
         start = _section(StartMark, table["start"], f"{key}.start", problems)
     uri, vehicle = texts.pop("uri"), texts.pop("vehicle")
     if len(problems.messages) > before or uri is None or vehicle is None:
         return None
-    return LabDrone(uri=uri, vehicle=vehicle, start=start, **texts)
+    return LabDrone(uri=uri, vehicle=vehicle, start=start, own_law=own_law is True, **texts)
 
 
 def _mocap(raw: object, problems: Problems) -> LabMocap | None:

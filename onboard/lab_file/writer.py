@@ -64,10 +64,13 @@ def measured_lines(lab: LabFile) -> dict[str, list[str]]:
 
 
 def _drone_lines(drone: LabDrone) -> Iterable[str]:
-    texts = {item.name: getattr(drone, item.name) for item in fields(drone) if item.name != "start"}
+    others = ("start", "own_law")
+    texts = {item.name: getattr(drone, item.name) for item in fields(drone) if item.name not in others}
     yield from (f"{key} = {toml_text(text)}" for key, text in texts.items() if text is not None)
     if drone.start is not None:
         yield f"start = {_inline(drone.start)}"
+    if drone.own_law:
+        yield "own_law = true"
 
 
 def _lines(section: LabRoom | LabMocap | Ceiling | StartMark) -> list[str]:

@@ -33,12 +33,14 @@ class Passes:
         vehicle_crc: CRC of the vehicle's constants: another propeller is another drone.
         day: on which they count.
         file: where they are kept.
+        own_law: our law flies its hovers: what the firmware's PID has shown says nothing of that.
     """
 
     drone: str
     vehicle_crc: int
     day: date
     file: Path
+    own_law: bool = False
 
     @property
     def passed(self) -> tuple[str, ...]:
@@ -72,7 +74,8 @@ class Passes:
     @property
     def _key(self) -> str:
         address = self.drone.partition("?")[0]  # what follows is the clock of a simulated lab
-        return f"{address} {self.vehicle_crc:08x} {self.day.isoformat()}"
+        law = " own law" if self.own_law else ""
+        return f"{address} {self.vehicle_crc:08x}{law} {self.day.isoformat()}"
 
     def _keep(self, steps: list[str]) -> None:
         kept = {key: old for key, old in self._read().items() if key.endswith(self.day.isoformat())}

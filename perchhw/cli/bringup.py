@@ -65,14 +65,15 @@ def bringup(
     from onboard.vehicle import load_vehicle
     from perchhw.bringup.climb import climb, doctors_look
     from perchhw.bringup.passes import STEPS, Passes, passes_file
-    from perchhw.lab import find_lab, flight_setup
+    from perchhw.lab import find_lab, flies_by_own_law, flight_setup
 
     if step is not None and step not in STEPS:
         raise typer.BadParameter(f"{step!r} is no step; the steps are {', '.join(STEPS)}")
     setup = flight_setup(find_lab(lab), drone=drone, mocap=mocap, vehicle=vehicle, policy=policy)
     setup.check()
     crc = vehicle_crc32(load_vehicle(setup.vehicle, setup.legs))
-    passes = Passes(setup.drone, crc, datetime.now().astimezone().date(), passes_file())
+    own_law = flies_by_own_law(setup.lab, setup.drone)
+    passes = Passes(setup.drone, crc, datetime.now().astimezone().date(), passes_file(), own_law)
     if step is None:
         _show(passes)
         return exit_codes.DONE

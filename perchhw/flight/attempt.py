@@ -24,7 +24,7 @@ from perchhw.flight.readback import LANDING_SETTINGS, ReadBack
 from perchhw.flight.recording import FlightRecorder, RecordListener
 from perchhw.flight.session import FlightEnd, SupervisedFlight
 from perchhw.flight.telemetry import BLOCKS
-from perchhw.lab import correction_of, in_record, limits_of, require_lab
+from perchhw.lab import correction_of, flies_by_own_law, in_record, limits_of, require_lab
 from perchhw.label import label_flight
 from perchhw.record import RunRecorder
 from perchhw.supervisor import FlightState, SafetyLimits
@@ -118,6 +118,7 @@ def fly_attempt(
             on_phase=on_phase,
             on_look=on_look,
             correction=correction_of(request.lab),
+            own_law=flies_by_own_law(request.lab, request.drone),
         )
         with refusal_recorded(record, clock, request.folder):
             flown = flight.run()

@@ -26,7 +26,7 @@ from perchhw.flight.readback import TEST_FLIGHT_SETTINGS
 from perchhw.flight.recording import FlightRecorder, RecordListener
 from perchhw.flight.session import SupervisedFlight
 from perchhw.flight.telemetry import TEST_FLIGHT_BLOCKS
-from perchhw.lab import FlightSetup, correction_of, in_record, limits_of, require_lab
+from perchhw.lab import FlightSetup, correction_of, flies_by_own_law, in_record, limits_of, require_lab
 from perchhw.record import RunRecorder
 from perchhw.supervisor import Mission, SafetyLimits
 
@@ -148,6 +148,7 @@ def fly_course(
             on_phase=on_phase,
             on_look=on_look,
             correction=correction_of(request.lab),
+            own_law=flies_by_own_law(request.lab, request.drone),
         )
         with refusal_recorded(record, clock, request.folder):
             flown = flight.run()

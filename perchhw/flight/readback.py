@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
+from onboard.app_interface import Parameter
 from onboard.link.errors import LinkError
 
 if TYPE_CHECKING:
@@ -18,6 +19,9 @@ TEST_FLIGHT_SETTINGS: Mapping[str, int] = _COMMON
 """Stock firmware; its controller may be any."""
 LANDING_SETTINGS: Mapping[str, int] = {"stabilizer.controller": 6, **_COMMON}
 """Our firmware: the controller is the landing app (out of tree)."""
+
+OWN_LAW: Mapping[str, int] = {Parameter.OWN_LAW: 1}
+"""Beside these, where our law shall fly take-off, hover and level-out too."""
 
 
 @dataclass

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from mocap_bridge.bridge import PoseBridge
 from mocap_bridge.correction import AS_TRACKED, PoseCorrection
 from mocap_bridge.sinks.crazyflie import CrazyfliePoseSink
+from onboard.app_interface import Parameter
 from onboard.link import DroneLink
 from onboard.link.exclusive import hold
 from onboard.link.landing_app import engine_of
@@ -19,7 +20,7 @@ from perchhw.flight.host_load import host_load
 from perchhw.flight.interrupts import OperatorInterrupts
 from perchhw.flight.kicker import WatchdogKicker
 from perchhw.flight.loop import FlightLoop, OnLook, OnPhase
-from perchhw.flight.readback import ReadBack
+from perchhw.flight.readback import OWN_LAW, ReadBack
 from perchhw.flight.recording import FlightRecorder
 from perchhw.flight.telemetry import Telemetry, TelemetryBlock, pose_recorder
 from perchhw.supervisor import FlightState, Mission, SafetyLimits
@@ -63,6 +64,7 @@ class SupervisedFlight:
         on_phase: called when the phase or the alert changes, for a display.
         correction: of the poses, before anything else sees them.
         on_look: called with every look of the supervisor, for a display.
+        own_law: the drone is told to leave nothing to its firmware's PID.
     """
 
     drone: str
@@ -77,6 +79,7 @@ class SupervisedFlight:
     on_phase: OnPhase | None
     correction: PoseCorrection = AS_TRACKED
     on_look: OnLook | None = None
+    own_law: bool = False
 
     def run(self) -> FlightEnd:
         """Fly until the supervisor is done. What fails once it is does not cost the result.
@@ -110,7 +113,9 @@ class SupervisedFlight:
             refuse_flying(self.drone, clock)
         link = stack.enter_context(DroneLink.open(self.drone, clock=clock))
         readback, events = ReadBack(), clock.queue()
-        readback.check_settings(link, self.settings)
+        if self.own_law:
+            link.set_param(Parameter.OWN_LAW, 1)
+        readback.check_settings(link, {**self.settings, **OWN_LAW} if self.own_law else self.settings)
         record.update(engine=engine_of(link))
         bridge = PoseBridge(
             self.mocap,

@@ -21,6 +21,12 @@ def limits_of(lab: LabFile | None, room: RoomGeometry, drone: str) -> SafetyLimi
     return SafetyLimits(room=room, start_mark=lab.start(lab.drone(drone)).pose, **given)
 
 
+def flies_by_own_law(lab: LabFile | None, drone: str) -> bool:
+    """Whether `drone` is told to leave nothing to its firmware's PID."""
+    known = None if lab is None else lab.drone(drone)
+    return known is not None and known.own_law
+
+
 def correction_of(lab: LabFile | None) -> PoseCorrection:
     """What is done to the poses of the lab's motion capture before anything else sees them."""
     if lab is None:

@@ -1,5 +1,6 @@
 """What a drone has passed today, and what is refused for it."""
 
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
@@ -42,6 +43,7 @@ def test_passes_hold_for_one_drone_one_vehicle_and_one_day(tmp_path: Path) -> No
     assert passes(tmp_path, drone="radio://0/90/2M/E7E7E7E7E7").passed == ()
     assert passes(tmp_path, crc=8).passed == ()
     assert passes(tmp_path, day=date(2026, 11, 24)).passed == ()
+    assert replace(passes(tmp_path), own_law=True).passed == (), "the PID's hover is not ours"
     run(passes(tmp_path, crc=8), "motors")
     assert passes(tmp_path).passed == ("motors",)
 

@@ -106,6 +106,7 @@ drones = st.lists(
         policy=st.none() | texts,
         subject=st.none() | texts,
         start=st.none() | marks,
+        own_law=st.booleans(),
     ),
     min_size=1,
     max_size=3,
@@ -185,6 +186,12 @@ def test_a_subject_put_into_a_uri_comes_out_again(address: str, subject: str, ot
         ("[[drones]]", "[drones]", "drones", "add [[drones]]"),
         ('uri = "udp://127.0.0.1:19850?time=shm"', "", "drones[0].uri", "is missing"),
         ('vehicle = "crazyflie21-upgraded"', "vehicle = 3", "drones[0].vehicle", "must be text"),
+        (
+            'vehicle = "crazyflie21-upgraded"',
+            'vehicle = "v"\nown_law = 1',
+            "drones[0].own_law",
+            "true or false",
+        ),
         ('vehicle = "crazyflie21-upgraded"', 'vehicle = "v"\nleg = "x"', "drones[0].leg", "'legs'"),
         (
             'vehicle = "crazyflie21-upgraded"',

@@ -109,7 +109,7 @@ def test_frozen_drone_is_noticed_without_any_call(tiny: TinyDrone) -> None:
     with patient_link(tiny.uri, silence_s=0.3, clock=WallTime(clock)) as link:
         tiny.frozen.set()
         before = len(tiny.requests)
-        until(lambda: len(tiny.requests) > before)  # cflib pings
+        until(lambda: len(tiny.requests) > before)  # the link pings
         clock.now = 0.31
         until(lambda: link.lost)
         assert "no packet" in str(link.lost)

@@ -36,6 +36,7 @@ PARAMETERS: list[tuple[str, int, str, float]] = [
     ("perch.tau0", 0x06, "<f", 0),
     ("perch.state", 0x48, "<B", 0),
     ("perch.vehCrc", 0x4A, "<I", 0x1234),
+    ("perch.ownLaw", 0x08, "<B", 0),
     ("stabilizer.estimator", 0x18, "<B", 2),
     ("ring.solid", 0x06, "<f", 0.25),
     ("motion.offset", 0x01, "<h", -3),
