@@ -25,6 +25,10 @@ FEWEST = 3
 
 _LAGS = ("motor_lag", "motor_lag_asymmetry")
 
+_RESISTANCE = Variable("battery_sag", "resistance")
+_SCALE, _MASS = Variable("thrust_scale", "scale"), Variable("mass_error", "relative")
+_MOTORS = tuple(Variable("motor_imbalance", motor) for motor in ("m1", "m2", "m3", "m4"))
+
 NINETY_FIVE = 1.96
 """Standard errors to either side of a 95 % interval."""
 
@@ -43,7 +47,8 @@ class Named:
         minor: effects that are real, but too small for a name: they are in the improved vehicle.
         model: the base vehicle with the named effects alone.
         improved: with the minor ones too.
-        errors: standard error of each variable: clustered, and :data:`SYSTEMATIC`.
+        errors: standard error of each variable: clustered, :data:`SYSTEMATIC`, and of a resistance that of
+            the current.
         ambiguous: by effect, those that the flights do not rule out in its place.
         unconfirmed: effects that would have been named, had there been flights to confirm them on.
         rejected: effects that are in the final fit and got no name, with the reason.
@@ -86,10 +91,11 @@ def name_effects(found: Search, training: Training, rng: np.random.Generator) ->
     """
     final = found.final
     order = [step.effect for step in found.steps]
+    by_current = {_RESISTANCE: _by_current(final.model)}
     if LOG_TIMING in final.model.values and needed(final, LOG_TIMING.effect, training):
         order.append(LOG_TIMING.effect)
     errors = {
-        v: math.hypot(error, SYSTEMATIC * abs(final.model.change(v)))
+        v: math.hypot(error, SYSTEMATIC * abs(final.model.change(v)), by_current.get(v, 0.0))
         for v, error in clustered_errors(final, training, rng).items()
     }
     doubts = {name: _doubt(name, final, training, errors) for name in order}
@@ -182,6 +188,19 @@ def _not_loaded(vehicle: Vehicle) -> str | None:
     except VehicleFileError as error:
         return str(error)
     return None
+
+
+def _by_current(model: Model) -> float:
+    """Standard error (ohm) of a battery's resistance by what nobody knows of the current through it.
+
+    Rotors that lift less than the vehicle file says draw less (worn propellers), or as much as before (warm
+    magnets): the current is anywhere between that of the thrust, which the model has, and of the command. A
+    mass is never told from a scale.
+    """
+    lifted = model.start_value(_SCALE) * (1.0 + model.start_value(_MASS))
+    lifted *= sum(model.start_value(v) for v in _MOTORS) / len(_MOTORS)
+    whole = model.base.battery.resistance.value + model.start_value(_RESISTANCE)
+    return whole * abs(lifted - 1.0) / math.sqrt(3.0)
 
 
 def _small(values: Mapping[Variable, float]) -> str:
