@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.gap.data.excitation import excited
-from calibration.gap.estimate.acceptance import clustered_errors, drifts, sizeable, stuck
+from calibration.gap.estimate.acceptance import clustered_errors, drift, drifting, sizeable, stuck
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training, refine
 from calibration.gap.search.forward import AT_BOUND, DRIFTS, LOG_TIMING, Search
@@ -47,8 +47,8 @@ class Named:
         minor: effects that are real, but too small for a name: they are in the improved vehicle.
         model: the base vehicle with the named effects alone.
         improved: with the minor ones too.
-        errors: standard error of each variable: clustered, :data:`SYSTEMATIC`, and of a resistance that of
-            the current.
+        errors: standard error of each variable: clustered, :data:`SYSTEMATIC`, what quiet and hard flying
+            disagree by, and of a resistance that of the current.
         ambiguous: by effect, those that the flights do not rule out in its place.
         unconfirmed: effects that would have been named, had there been flights to confirm them on.
         rejected: effects that are in the final fit and got no name, with the reason.
@@ -94,11 +94,12 @@ def name_effects(found: Search, training: Training, rng: np.random.Generator) ->
     by_current = {_RESISTANCE: _by_current(final.model)}
     if LOG_TIMING in final.model.values and needed(final, LOG_TIMING.effect, training):
         order.append(LOG_TIMING.effect)
+    chance = clustered_errors(final, training, rng)
     errors = {
-        v: math.hypot(error, SYSTEMATIC * abs(final.model.change(v)), by_current.get(v, 0.0))
-        for v, error in clustered_errors(final, training, rng).items()
+        v: math.hypot(error, SYSTEMATIC * abs(final.model.change(v)), by_current.get(v, 0.0), drift(v, final))
+        for v, error in chance.items()
     }
-    doubts = {name: _doubt(name, final, training, errors) for name in order}
+    doubts = {name: _doubt(name, final, training, chance, errors) for name in order}
     confirmed = len(training.records) >= FEWEST
     worthy = [name for name in order if doubts[name] is None]
     believed = [*worthy, *(name for name in order if (doubts[name] or "").startswith(REAL))]
@@ -155,15 +156,28 @@ def _not_ruled_out(effect: str, found: Search, named: list[str]) -> tuple[str, .
     return tuple(dict.fromkeys([*rivals, *(name for name in EFFECTS[effect].alike if name not in named)]))
 
 
-def _doubt(effect: str, final: Fitted, training: Training, errors: Mapping[Variable, float]) -> str | None:
-    """Why an effect of the final model gets no name; None where it is large, free and steady."""
+def _doubt(
+    effect: str,
+    final: Fitted,
+    training: Training,
+    chance: Mapping[Variable, float],
+    errors: Mapping[Variable, float],
+) -> str | None:
+    """Why an effect of the final model gets no name; None where it is large, free and steady.
+
+    Args:
+        effect: which.
+        final: the fit.
+        training: the flights.
+        chance, errors: standard error of each variable, clustered, and with all doubts.
+    """
     values = {v: x for v, x in final.model.values.items() if v.effect == effect}
     if effect == LOG_TIMING.effect and not excited(training.regression.weights):
         return "too little was commanded to tell it"
     if at_bound := [v.parameter for v, x in values.items() if stuck(final.model, v)]:
         return AT_BOUND.format(", ".join(at_bound))
-    if drifting := [v.parameter for v in values if v in final.variables and drifts(v, final)]:
-        return DRIFTS.format(", ".join(drifting))
+    if unsteady := drifting([v for v in values if v in final.variables], final, chance):
+        return DRIFTS.format(", ".join(v.parameter for v in unsteady))
     if effect == LOG_TIMING.effect:
         half = 0.5 * training.regression.signals.dt
         return None if final.model.values[LOG_TIMING] > half else _small(values)
