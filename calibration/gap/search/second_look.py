@@ -1,4 +1,5 @@
-"""The second look at a search's names: drop what is superfluous, exchange what another explains better.
+"""The second look at a search's names: drop what is superfluous, exchange what another explains better, or
+something too small for a name as well.
 
 A greedy search takes the effect that gains most alone. Where two causes overlap, that may be a third one, or
 two that together do what one does (a scale of thrust is a mass and three inertias).
@@ -52,6 +53,11 @@ def second_look(
         if not step.judgement.sizeable:
             continue
         found = _rivals(present, step, training, progress)
+        small = next((rival for rival in found if rival.negligible), None)
+        if small is not None:
+            present = settled(small.fitted, training)
+            left[index] = dataclasses.replace(step, effect=small.effect, after=present)
+            continue
         best = next((rival for rival in found if rival.outdoes), None)
         # A single name gained most of all when it was found.
         if best is not None and (best.freed or len(left) > 1):
