@@ -3,13 +3,14 @@
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from calibration.gap.estimate.model import Model
 from calibration.gap.estimate.refine import refine, training_set
 from calibration.gap.search.rivals import Rival
 from onboard.vehicle import load_vehicle
-from tests.gap.simulated_flight import circle, fly
+from tests.gap.simulated_flight import circle, fly, with_noise
 
 STOCK = load_vehicle("crazyflie21-stock")
 
@@ -17,7 +18,8 @@ STOCK = load_vehicle("crazyflie21-stock")
 @pytest.fixture(scope="module")
 def rival() -> Rival:
     """Three small numbers that explain as much as one name."""
-    record = fly(STOCK, circle(), 3.0, shape="circle", name="flight", believed=STOCK)
+    flight = fly(STOCK, circle(), 3.0, shape="circle", name="flight", believed=STOCK)
+    record = with_noise(flight, 0.1, np.random.default_rng(1))
     model = Model(STOCK)
     return Rival(
         effect="inertia_error", lead=-0.6, otherwise=1.4, gain=30.0, error=2.0, richer=True, sizeable=False,
