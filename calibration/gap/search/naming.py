@@ -125,8 +125,7 @@ def name_effects(found: Search, training: Training, rng: np.random.Generator) ->
 def as_believed(found: Search, names: Named, training: Training) -> Fitted:
     """The last fit without the effects that got no name, small ones aside: nothing explains what they did.
 
-    A verdict is passed on what is said, not on what was tried. Spreads of nuisances are found anew: those
-    of a fit in which they had nothing to explain keep them from taking it.
+    A verdict is passed on what is said, not on what was tried; noise and spreads of nuisances are found anew.
     """
     final, believed = found.final, {*names.effects, *names.minor, LOG_TIMING.effect}
     gone = {step.effect for step in found.steps} - believed
