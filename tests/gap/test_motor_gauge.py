@@ -10,8 +10,9 @@ from calibration.gap.estimate.mixed import Prior
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import refine, training_set
 from calibration.gap.estimate.shared_nuisances import shared_nuisances
-from calibration.gap.search.forward import MADE_SCALE, search
+from calibration.gap.search.forward import LOG_TIMING, MADE_SCALE, search
 from calibration.gap.search.naming import as_believed, name_effects
+from calibration.gap.search.rivals import without
 from tests.gap.mujoco_flights import flights, frame
 from tests.truth.airframe import nominal
 from tests.truth.mujoco_room import Hidden
@@ -39,6 +40,18 @@ def test_each_motor_is_known_beside_a_scale_of_thrust(tmp_path: Path) -> None:
     assert found.mean() == pytest.approx(1.0, abs=2e-3)
     np.testing.assert_allclose(found, UNEQUAL, atol=5e-3)
     assert max(errors[motor] for motor in MOTORS) < 0.01
+
+
+def test_what_a_name_is_needed_for_does_not_depend_on_where_a_fit_began(tmp_path: Path) -> None:
+    """Nuisances that had nothing to explain beside a name are small; its noise must not take their place."""
+    model = Model(nominal(frame(), "gauge"))
+    training = training_set(flights(Hidden(motors=UNEQUAL), tmp_path), model)
+    named = refine(model, (LOG_TIMING, *MOTORS), training)
+    reduced, never = without(named, "motor_imbalance", training), refine(model, (LOG_TIMING,), training)
+    assert float(reduced.gains(never, False).sum()) == pytest.approx(0.0, abs=2.0)
+    missing = {shared.nuisance.name for shared in shared_nuisances(never, model.base)}
+    assert {"torque_trim_x", "torque_trim_y"} <= missing
+    assert {shared.nuisance.name for shared in shared_nuisances(reduced, model.base)} == missing
 
 
 def test_what_loses_its_name_is_missing_again(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ Flights are few and their noise is coloured, so that a gain in likelihood alone 
 regressors "held-out gain > 0" called a third significant. A name needs all of these together.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +27,10 @@ be soft or stiff), half of what is worth a name."""
 _DRIFT = 0.5
 """Share of its size by which a value may differ between quiet and hard flying."""
 
+_CARRIES = 0.1
+"""Share of the evidence for an effect that its numbers may carry which so differ: the others make the name.
+Along one axis of three a law may be another."""
+
 _REPEATS = 400
 
 
@@ -39,7 +43,7 @@ class Judgement:
         significant: whether the gain and at least one parameter are beyond chance.
         sizeable: whether at least one parameter is as far from neutral as is worth a name.
         at_bound: parameters that ended at a bound.
-        drifting: parameters whose value depends on how hard the vehicle was flown.
+        drifting: parameters that carry the evidence, and depend on how hard the vehicle was flown.
         errors: clustered standard error of each new variable.
     """
 
@@ -93,7 +97,7 @@ def judge(
         significant=bool(fitted) and float(gains.sum()) >= LEAST_GAIN and lower > 0.0 and far,
         sizeable=any(sizeable(model, v) for v in fitted),
         at_bound=tuple(v for v in fitted if stuck(model, v)),
-        drifting=tuple(v for v in fitted if drifts(v, offered)),
+        drifting=drifting(fitted, offered, errors),
         errors=errors,
     )
 
@@ -104,8 +108,25 @@ def sizeable(model: Model, variable: Variable) -> bool:
     return rule.neutral is None or abs(model.change(variable)) >= rule.practical_minimum
 
 
-def drifts(variable: Variable, offered: Fitted) -> bool:
-    """Whether quiet and hard flying disagree about a value.
+def drifting(
+    variables: Sequence[Variable], offered: Fitted, errors: Mapping[Variable, float]
+) -> tuple[Variable, ...]:
+    """Those of an effect's fitted variables about which quiet and hard flying disagree, where they matter.
+
+    Args:
+        variables: all of the effect.
+        offered: the fit.
+        errors: standard error of each variable.
+    """
+    found = tuple(v for v in variables if drift(v, offered) > 0.0)
+    if any(offered.model.rule(v).neutral is None for v in variables):
+        return found
+    evidence = {v: (offered.model.change(v) / errors[v]) ** 2 for v in variables}
+    return found if sum(evidence[v] for v in found) > _CARRIES * sum(evidence.values()) else ()
+
+
+def drift(variable: Variable, offered: Fitted) -> float:
+    """By how much quiet and hard flying disagree about a value; 0 where that may be chance, or is little.
 
     A command that answers a disturbance looks like a wrong lever or inertia; how wrong depends on how much of
     the motion was commanded. A true effect has one size.
@@ -120,9 +141,9 @@ def drifts(variable: Variable, offered: Fitted) -> bool:
     quiet, hard = order[:half], order[half:]
     steps = [score[part, column].sum() / max(information[part].sum(), 1e-300) for part in (quiet, hard)]
     error = np.sqrt(sum(1.0 / max(information[part].sum(), 1e-300) for part in (quiet, hard)))
-    difference = abs(steps[1] - steps[0])
+    difference = float(abs(steps[1] - steps[0]))
     size = abs(offered.model.change(variable))
-    return bool(difference > DETECTABLE * error and difference > _DRIFT * size)
+    return difference if difference > max(DETECTABLE * error, _DRIFT * size) else 0.0
 
 
 def stuck(model: Model, variable: Variable) -> bool:

@@ -62,7 +62,13 @@ class Regression:
         return np.where(self.signals.valid, self.signals.measured - predicted, 0.0)
 
     def fit_noise(self, residual: FloatArray) -> Noise:
-        """Noise model of a residual, shape (n, 7)."""
+        """Noise model of a residual, shape (n, 7), less its mean in each part.
+
+        What a part has of its own is a nuisance, not noise. A model that has learned the mean that is left
+        where a nuisance was kept small takes all of it for noise from then on: what is missing would depend
+        on where a fit began.
+        """
+        residual = self._centred(residual)
         coefficients = fit_autoregression(residual, self.whole)
         innovations = whiten(residual, self.whole, coefficients)
         counts = np.maximum(self.whole.sum(axis=0), 1)
@@ -132,11 +138,11 @@ class Regression:
             columns: derivatives by each variable, shape (n, 7) each.
             prior: of the step of each variable from its present value.
             spread: of the nuisances, to begin with.
-            noise: without one it is fitted to the residual less its mean per part.
+            noise: without one it is fitted to what the model leaves.
         """
         nuisances = nuisance_columns(self.signals, predicted)
         raw = self.misfit(predicted)
-        noise = self.fit_noise(self._centred(raw)) if noise is None else noise
+        noise = self.fit_noise(raw) if noise is None else noise
         table = self.whitened([*nuisances, *columns], noise)
         by_kind = tuple(self.products(table, raw, len(nuisances), noise, kind) for kind in KINDS)
         products = functools.reduce(Products.__add__, by_kind)

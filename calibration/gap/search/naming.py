@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.gap.data.excitation import excited
-from calibration.gap.estimate.acceptance import clustered_errors, drifts, sizeable, stuck
+from calibration.gap.estimate.acceptance import clustered_errors, drift, drifting, sizeable, stuck
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training, refine
 from calibration.gap.search.forward import AT_BOUND, DRIFTS, LOG_TIMING, Search
@@ -24,6 +24,10 @@ FEWEST = 3
 """Flights: what fewer show may be of one of them alone."""
 
 _LAGS = ("motor_lag", "motor_lag_asymmetry")
+
+_RESISTANCE = Variable("battery_sag", "resistance")
+_SCALE, _MASS = Variable("thrust_scale", "scale"), Variable("mass_error", "relative")
+_MOTORS = tuple(Variable("motor_imbalance", motor) for motor in ("m1", "m2", "m3", "m4"))
 
 NINETY_FIVE = 1.96
 """Standard errors to either side of a 95 % interval."""
@@ -43,7 +47,8 @@ class Named:
         minor: effects that are real, but too small for a name: they are in the improved vehicle.
         model: the base vehicle with the named effects alone.
         improved: with the minor ones too.
-        errors: standard error of each variable: clustered, and :data:`SYSTEMATIC`.
+        errors: standard error of each variable: clustered, :data:`SYSTEMATIC`, what quiet and hard flying
+            disagree by, and of a resistance that of the current.
         ambiguous: by effect, those that the flights do not rule out in its place.
         unconfirmed: effects that would have been named, had there been flights to confirm them on.
         rejected: effects that are in the final fit and got no name, with the reason.
@@ -86,13 +91,15 @@ def name_effects(found: Search, training: Training, rng: np.random.Generator) ->
     """
     final = found.final
     order = [step.effect for step in found.steps]
+    by_current = {_RESISTANCE: _by_current(final.model)}
     if LOG_TIMING in final.model.values and needed(final, LOG_TIMING.effect, training):
         order.append(LOG_TIMING.effect)
+    chance = clustered_errors(final, training, rng)
     errors = {
-        v: math.hypot(error, SYSTEMATIC * abs(final.model.change(v)))
-        for v, error in clustered_errors(final, training, rng).items()
+        v: math.hypot(error, SYSTEMATIC * abs(final.model.change(v)), by_current.get(v, 0.0), drift(v, final))
+        for v, error in chance.items()
     }
-    doubts = {name: _doubt(name, final, training, errors) for name in order}
+    doubts = {name: _doubt(name, final, training, chance, errors) for name in order}
     confirmed = len(training.records) >= FEWEST
     worthy = [name for name in order if doubts[name] is None]
     believed = [*worthy, *(name for name in order if (doubts[name] or "").startswith(REAL))]
@@ -118,8 +125,7 @@ def name_effects(found: Search, training: Training, rng: np.random.Generator) ->
 def as_believed(found: Search, names: Named, training: Training) -> Fitted:
     """The last fit without the effects that got no name, small ones aside: nothing explains what they did.
 
-    A verdict is passed on what is said, not on what was tried. Spreads of nuisances are found anew: those
-    of a fit in which they had nothing to explain keep them from taking it.
+    A verdict is passed on what is said, not on what was tried; noise and spreads of nuisances are found anew.
     """
     final, believed = found.final, {*names.effects, *names.minor, LOG_TIMING.effect}
     gone = {step.effect for step in found.steps} - believed
@@ -149,15 +155,28 @@ def _not_ruled_out(effect: str, found: Search, named: list[str]) -> tuple[str, .
     return tuple(dict.fromkeys([*rivals, *(name for name in EFFECTS[effect].alike if name not in named)]))
 
 
-def _doubt(effect: str, final: Fitted, training: Training, errors: Mapping[Variable, float]) -> str | None:
-    """Why an effect of the final model gets no name; None where it is large, free and steady."""
+def _doubt(
+    effect: str,
+    final: Fitted,
+    training: Training,
+    chance: Mapping[Variable, float],
+    errors: Mapping[Variable, float],
+) -> str | None:
+    """Why an effect of the final model gets no name; None where it is large, free and steady.
+
+    Args:
+        effect: which.
+        final: the fit.
+        training: the flights.
+        chance, errors: standard error of each variable, clustered, and with all doubts.
+    """
     values = {v: x for v, x in final.model.values.items() if v.effect == effect}
     if effect == LOG_TIMING.effect and not excited(training.regression.weights):
         return "too little was commanded to tell it"
     if at_bound := [v.parameter for v, x in values.items() if stuck(final.model, v)]:
         return AT_BOUND.format(", ".join(at_bound))
-    if drifting := [v.parameter for v in values if v in final.variables and drifts(v, final)]:
-        return DRIFTS.format(", ".join(drifting))
+    if unsteady := drifting([v for v in values if v in final.variables], final, chance):
+        return DRIFTS.format(", ".join(v.parameter for v in unsteady))
     if effect == LOG_TIMING.effect:
         half = 0.5 * training.regression.signals.dt
         return None if final.model.values[LOG_TIMING] > half else _small(values)
@@ -182,6 +201,19 @@ def _not_loaded(vehicle: Vehicle) -> str | None:
     except VehicleFileError as error:
         return str(error)
     return None
+
+
+def _by_current(model: Model) -> float:
+    """Standard error (ohm) of a battery's resistance by what nobody knows of the current through it.
+
+    Rotors that lift less than the vehicle file says draw less (worn propellers), or as much as before (warm
+    magnets): the current is anywhere between that of the thrust, which the model has, and of the command. A
+    mass is never told from a scale.
+    """
+    lifted = model.start_value(_SCALE) * (1.0 + model.start_value(_MASS))
+    lifted *= sum(model.start_value(v) for v in _MOTORS) / len(_MOTORS)
+    whole = model.base.battery.resistance.value + model.start_value(_RESISTANCE)
+    return whole * abs(lifted - 1.0) / math.sqrt(3.0)
 
 
 def _small(values: Mapping[Variable, float]) -> str:

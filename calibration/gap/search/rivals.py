@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.gap.estimate.acceptance import LEAST_GAIN
+from calibration.gap.estimate.acceptance import LEAST_GAIN, sizeable
 from calibration.gap.estimate.model import WORKERS, Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training, refine, settled
 from calibration.gap.estimate.shared_nuisances import shared_nuisances
@@ -26,6 +26,9 @@ known to a few hundredths, and the more numbers, the more of that they fit."""
 
 _STANDARD_ERRORS = 2.0
 
+_AS_WELL = 2.0
+"""Log-likelihood that a rival may lack to explain as much."""
+
 _BEYOND_DOUBT = 50.0
 """Log-likelihood of a lead that needs no scatter over flights to be believed: few flights may carry it."""
 
@@ -41,6 +44,7 @@ class Rival:
         gain: what the named effect gains over neither.
         error: standard error of the lead, over flights.
         richer: whether it has more parameters than the named effect.
+        sizeable: whether any of its parameters is large enough to be worth a name.
         swallowed: nuisances whose mean over the flights takes what the named effect explained.
         freed: nuisances whose mean it explains, and the named effect does not.
         fitted: the model with the rival.
@@ -52,6 +56,7 @@ class Rival:
     gain: float
     error: float
     richer: bool
+    sizeable: bool
     swallowed: tuple[str, ...]
     freed: tuple[str, ...]
     fitted: Fitted
@@ -65,6 +70,11 @@ class Rival:
             return self.lead < (1.0 - KEPT) * self.gain
         least = max(LEAST_GAIN, _SAYS_MORE * self.gain) if self.richer else LEAST_GAIN
         return self.lead < -least and self.otherwise < 0.0
+
+    @property
+    def negligible(self) -> bool:
+        """Whether something too small for a name explains as much: the name claims more than is known."""
+        return not (self.sizeable or self.swallowed) and max(self.lead, self.otherwise) <= _AS_WELL
 
     @property
     def told_apart(self) -> bool:
@@ -138,6 +148,7 @@ def _compared(
         gain=float(final.gains(reduced, in_time).sum()),
         error=float(np.sqrt(leads.size) * leads.std(ddof=1)) if leads.size > 1 else float("inf"),
         richer=len(of_rival) > len(own),
+        sizeable=any(sizeable(other.model, v) for v in of_rival),
         swallowed=swallowed(final, other),
         freed=swallowed(other, final),
         fitted=other,

@@ -1,4 +1,5 @@
-"""The second look at a search's names: drop what is superfluous, exchange what another explains better.
+"""The second look at a search's names: drop what is superfluous, exchange what another explains better, or
+something too small for a name as well.
 
 A greedy search takes the effect that gains most alone. Where two causes overlap, that may be a third one, or
 two that together do what one does (a scale of thrust is a mass and three inertias).
@@ -15,7 +16,7 @@ from calibration.gap.estimate.refine import Fitted, Training, refine, settled
 from calibration.gap.search.candidates import Candidate, candidates
 from calibration.gap.search.rivals import KEPT, Rival, needed, rivals, swallowed, without
 from calibration.gap.search.screen import screen
-from calibration.gap.search.selection import Progress, SelectionStep
+from calibration.gap.search.selection import Pace, Progress, SelectionStep
 from onboard.vehicle import EFFECTS
 
 Ambiguous = dict[str, tuple[Rival, ...]]
@@ -48,16 +49,23 @@ def second_look(
     left = [step for step in steps if step.effect in present.model.effects]
     present, left = _one_for_two(present, left, training, rng, progress)
     ambiguous: Ambiguous = {}
+    names = Pace()
     for index, step in enumerate(left):
         if not step.judgement.sizeable:
             continue
-        found = _rivals(present, step, training, progress)
+        progress(f"{step.effect} or another{names.to_go(len(left) - index)}")
+        found = _rivals(present, step, training)
+        small = next((rival for rival in found if rival.negligible), None)
+        if small is not None:
+            present = settled(small.fitted, training)
+            left[index] = dataclasses.replace(step, effect=small.effect, after=present)
+            continue
         best = next((rival for rival in found if rival.outdoes), None)
         # A single name gained most of all when it was found.
         if best is not None and (best.freed or len(left) > 1):
             present = settled(best.fitted, training)
             left[index] = step = dataclasses.replace(step, effect=best.effect, after=present)
-            found = _rivals(present, step, training, progress)
+            found = _rivals(present, step, training)
         if doubtful := tuple(rival for rival in found if not rival.told_apart):
             ambiguous[step.effect] = doubtful
     return present, left, ambiguous
@@ -74,9 +82,8 @@ def _drop_superfluous(
     return present
 
 
-def _rivals(present: Fitted, step: SelectionStep, training: Training, progress: Progress) -> list[Rival]:
+def _rivals(present: Fitted, step: SelectionStep, training: Training) -> list[Rival]:
     """Effects in the place of a named one, the closest first."""
-    progress(f"{step.effect} or another")
     close = [name for name, lack in step.rivals.items() if lack < _CLOSE * step.judgement.gain]
     return rivals(present, step.effect, close, training)
 

@@ -1,5 +1,6 @@
-"""One effect that came into the model, and why."""
+"""One effect that came into the model, and why; what is told while the search goes on."""
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -8,6 +9,29 @@ from calibration.gap.estimate.refine import Fitted
 
 Progress = Callable[[str], None]
 """Called with what is being looked at."""
+
+
+class Pace:
+    """How long things of one kind have taken, and with it the time to go.
+
+    Args:
+        clock: that tells the time in s.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock, self._began = clock, clock()
+        self._done = 0
+
+    def to_go(self, left: int = 1) -> str:
+        """In words, at the mean pace of the things done; empty before the first is.
+
+        Args:
+            left: things still to do, the next included.
+        """
+        done, self._done = self._done, self._done + 1
+        if not done:
+            return ""
+        return f" (about {left * (self._clock() - self._began) / done:.0f} s to go)"
 
 
 @dataclass(frozen=True)

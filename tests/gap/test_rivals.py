@@ -1,0 +1,47 @@
+"""What a rival's lead means: it may take a name's place, leave it in doubt, or make it too large a word."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calibration.gap.estimate.model import Model
+from calibration.gap.estimate.refine import refine, training_set
+from calibration.gap.search.rivals import Rival
+from onboard.vehicle import load_vehicle
+from tests.gap.simulated_flight import circle, fly, with_noise
+
+STOCK = load_vehicle("crazyflie21-stock")
+
+
+@pytest.fixture(scope="module")
+def rival() -> Rival:
+    """Three small numbers that explain as much as one name."""
+    flight = fly(STOCK, circle(), 3.0, shape="circle", name="flight", believed=STOCK)
+    record = with_noise(flight, 0.1, np.random.default_rng(1))
+    model = Model(STOCK)
+    return Rival(
+        effect="inertia_error", lead=-0.6, otherwise=1.4, gain=30.0, error=2.0, richer=True, sizeable=False,
+        swallowed=(), freed=(), fitted=refine(model, (), training_set([record], model), iterations=1),
+    )  # fmt: skip
+
+
+def test_what_is_too_small_for_a_name_and_explains_as_much_makes_a_name_too_much(rival: Rival) -> None:
+    assert rival.negligible
+    assert not rival.outdoes
+
+
+@pytest.mark.parametrize(
+    "different",
+    [
+        {"sizeable": True},
+        {"lead": 5.0},
+        {"otherwise": 5.0},
+        {"swallowed": ("thrust_scale",)},
+    ],
+)
+def test_what_is_large_or_explains_less_or_hides_a_cause_does_not(
+    rival: Rival, different: dict[str, Any]
+) -> None:
+    assert not replace(rival, **different).negligible
