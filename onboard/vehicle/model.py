@@ -213,8 +213,8 @@ class Effect:
 
 @dataclass(frozen=True, kw_only=True)
 class Vehicle:
-    """One vehicle. `legs` is None for a bare drone; `effects` are the effects that this vehicle has, `unnamed`
-    what flights showed besides, without a name."""
+    """One vehicle. `legs` is None for a bare drone; `effects` are the effects that this vehicle has,
+    `unnamed` what flights showed besides, without a name."""
 
     name: str
     description: str

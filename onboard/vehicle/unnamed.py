@@ -33,8 +33,8 @@ REGRESSORS = {
     "rate_y": "rad/s",
     "rate_z": "rad/s",
 }
-"""Quantities of the state that a curve may go with, and their units: place in the room, distance of the body's
-origin from the ceiling, velocity along the body axes, speed (that through still air), climb rate, body rates."""
+"""Quantities of the state that a curve may go with, and their units: place in the room, distance of the
+body's origin from the ceiling, velocity along the body axes, speed (through still air), climb, body rates."""
 
 CHANNELS = {
     **{f"force_{axis}": "N" for axis in "xyz"},
@@ -108,9 +108,7 @@ def parse_unnamed(raw: object, problems: Problems) -> tuple[UnnamedCurve, ...]:
     return tuple(one for one in parsed if one is not None)
 
 
-def check_unnamed(
-    curves: Sequence[UnnamedCurve], force: float, torque: float, problems: Problems
-) -> None:
+def check_unnamed(curves: Sequence[UnnamedCurve], force: float, torque: float, problems: Problems) -> None:
     """Note curves that no vehicle of this size could fly against.
 
     Args:
@@ -183,9 +181,7 @@ class _Numbers(NamedTuple):
     table: Mapping[str, object]
 
 
-def _numbers(
-    raw: object, key: str, unit: str, keys: Sequence[str], problems: Problems
-) -> _Numbers | None:
+def _numbers(raw: object, key: str, unit: str, keys: Sequence[str], problems: Problems) -> _Numbers | None:
     """What ``{ values = [...], unit = "..." }`` holds; None with the problems noted."""
     given = raw.get("values") if isinstance(raw, Mapping) else None
     if not isinstance(raw, Mapping) or not isinstance(given, list):

@@ -1,4 +1,4 @@
-"""What a vehicle file knows without a name: force or torque over one quantity of the state, straight between knots.
+"""What a vehicle file knows without a name: a force or torque over one quantity of the state.
 
 One equation for all who fly a vehicle: simulation, rollouts of the learning, predictions of the gap finder.
 """

@@ -78,8 +78,8 @@ def gap_in_words(metric: str, levels: Levels) -> str:
 def nameless_in_words(levels: Levels) -> str:
     """What terms without a name do, which are in the vehicle file."""
     return (
-        f"With names alone {number(levels.before)}{unit(levels.unit)} would be left; what has no name and is in "
-        f"the vehicle file all the same brings it to {number(levels.after)}{unit(levels.unit)}."
+        f"With names alone {number(levels.before)}{unit(levels.unit)} would be left; what has no name and is "
+        f"in the vehicle file all the same brings it to {number(levels.after)}{unit(levels.unit)}."
     )
 
 

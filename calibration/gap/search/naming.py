@@ -73,8 +73,8 @@ class Named:
         )
 
     def models(self) -> dict[str, Model]:
-        """The model before, after each effect, and with all that is real: "before", "with <effect>" ..., at last
-        with what has no name."""
+        """The model before, after each effect, and with all that is real: "before", "with <effect>" ...,
+        at last with what has no name."""
         model = Model(self.model.base, {}, self.model.ceiling_z)
         stages = {"before": model}
         for name in self.effects:

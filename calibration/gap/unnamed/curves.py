@@ -36,8 +36,8 @@ def worded_terms(fitted: Fitted, parameters: Any, source: str) -> Iterator[Worde
 
     Args:
         fitted: the fit.
-        parameters: record of the physics of the vehicle that gets the curves: its mass and inertia make forces
-            and torques of what the flights show, which are accelerations.
+        parameters: record of the physics of the vehicle that gets the curves: its mass and inertia make
+            forces and torques of what the flights show, which are accelerations.
         source: provenance of the numbers, for the file.
     """
     covariance = fitted.estimate.fit.covariance
