@@ -20,7 +20,7 @@ _COLOURS = {
 }
 _NAMELESS = (
     "What is a function of place, speed or turn, and holds on flights that no fit saw, is in the vehicle file "
-    "as [[unnamed]]: the simulation flies it, and nobody knows what it is."
+    "as [[unnamed]]: the simulation flies it; nobody knows what it is."
 )
 
 
