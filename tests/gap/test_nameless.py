@@ -3,7 +3,7 @@
 import dataclasses
 import json
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -11,8 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calibration.flights import open_flights
-from calibration.gap.data import prepare_flights
 from calibration.gap.data.channels import BY_NAME, attitudes
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.estimate.model import Model, Variable
@@ -37,6 +35,7 @@ from tests.gap.truth.log_file import write_log
 from tests.gap.truth.shapes import campaign
 
 STOCK = load_vehicle("crazyflie21-stock")
+MODEL = Model(STOCK)
 MASS = STOCK.body.mass.value
 PUSH, DRAG = 0.5, -0.3
 """m/s2 along world y in the slab; m/s2 per m/s of forward speed."""
@@ -77,22 +76,27 @@ def along(records: Sequence[FlightRecord], name: str) -> Regressor:
 
 
 def slab(records: Sequence[FlightRecord]) -> UnnamedTerm:
-    return interval_term(
-        BY_NAME["world_force_y"], along(records, "x"), (0.1, 0.3), attitudes(records)
-    )
+    return interval_term(BY_NAME["world_force_y"], along(records, "x"), (0.1, 0.3), attitudes(records))
 
 
 def power(records: Sequence[FlightRecord], channel: str, name: str, degree: int = 1) -> UnnamedTerm:
     return polynomial_term(BY_NAME[channel], along(records, name), 0.0, degree, attitudes(records))
 
 
-def fit(records: Sequence[FlightRecord], *terms: UnnamedTerm, model: Model = Model(STOCK)) -> Fitted:
-    return refine(model, (), training_set(records, model), unnamed=terms)
+def fit(records: Sequence[FlightRecord], *terms: UnnamedTerm) -> Fitted:
+    return refine(MODEL, (), training_set(records, MODEL), unnamed=terms)
 
 
-def named(model: Model = Model(STOCK), **changes: Any) -> Named:
+def named(model: Model = MODEL, **changes: Any) -> Named:
     nothing = Named(
-        effects=(), minor=(), model=model, improved=model, errors={}, ambiguous={}, unconfirmed=(), rejected={}
+        effects=(),
+        minor=(),
+        model=model,
+        improved=model,
+        errors={},
+        ambiguous={},
+        unconfirmed=(),
+        rejected={},
     )
     return dataclasses.replace(nothing, **changes)
 
@@ -154,7 +158,7 @@ def test_what_flights_kept_back_do_not_bear_out_is_not_written() -> None:
 
 def test_what_no_vehicle_file_can_say_is_refused_with_its_reason() -> None:
     records, unseen = fitted_to(SLAB), kept_back(SLAB)
-    line = line_term(BY_NAME["torque_x"], 4.0, training_set(records, Model(STOCK)).regression.signals)
+    line = line_term(BY_NAME["torque_x"], 4.0, training_set(records, MODEL).regression.signals)
     duty = power(records, "force_z", "collective")
     found = written(fit(records, slab(records), line, duty), unseen)
     assert [one.channel for one in found.curves.values()] == ["world_force_y"]
@@ -181,3 +185,56 @@ def test_every_regressor_of_the_file_is_one_that_the_search_looks_along() -> Non
     record = dataclasses.replace(fly(STOCK, up_and_down(), 3.0), ceiling_z=2.0)
     known = {one.name: one.unit for one in regressors([record])}
     assert {name: known[name] for name in REGRESSORS} == REGRESSORS
+
+
+Answer = dict[str, Any]
+
+
+@pytest.fixture
+def answer(capsys: pytest.CaptureFixture[str]) -> Callable[..., Answer]:
+    """What a command of perchhw says to programs."""
+
+    def of(*words: str) -> Answer:
+        capsys.readouterr()
+        assert run(["--json", *words]) == 0
+        said: Answer = json.loads(capsys.readouterr().out)
+        return said
+
+    return of
+
+
+@pytest.mark.soak
+def test_a_slab_of_another_program_is_found_written_and_flown(
+    tmp_path: Path, answer: Callable[..., Answer]
+) -> None:
+    """From flights of the truth program to a vehicle file that predicts its other flights."""
+    case, size, seed = "unlisted_force_region", "medium", 200
+    make_flights(case, size, seed, 12, out=tmp_path / "flights", answer=tmp_path / "answer.json")
+    truth = hide(case, size, seed, nominal("crazyflie21-stock"))
+    (tmp_path / "new").mkdir()
+    for number, (name, shape) in enumerate(campaign(6)):
+        flight = hidden_flight(truth.vehicle, name, shape, seed + 1000, number)
+        write_log(tmp_path / "new" / f"{name}.csv", flight.log)
+    data = ("--data", str(tmp_path / "flights"))
+    report = answer("gap", "find", "--vehicle", "crazyflie21-stock", "--out", str(tmp_path / "out"), *data)
+    assert report["verdict"] == "unexplained_gap"
+    assert report["effects"] == []
+    (formula,) = report["nameless"]["written"]
+    assert "N along world y where" in formula
+    closes = report["nameless"]["closes"]
+    assert closes["after"] < 0.7 * closes["before"]
+    file = str(tmp_path / "out" / "vehicle.toml")
+    before, after = (
+        answer("gap", "evaluate", "--vehicle", vehicle, "--data", str(tmp_path / "new"))
+        for vehicle in ("crazyflie21-stock", file)
+    )
+    told = [one["given_attitude"]["1.0"]["position_m"] for one in (before, after)]
+    assert told[1] < 0.7 * told[0]
+    rows = answer("vehicle", "diff", "crazyflie21-stock", file)["differences"]
+    (inside, *_) = [row for row in rows if abs(row["second"]["value"]) > 0.0]
+    assert inside["key"].startswith("unnamed[0]: world_force_y at x = ")
+    low, high = truth.unlisted["range_m"]
+    assert [row["first"] for row in rows] == [None] * 4
+    newton = truth.unlisted["acceleration_m_s2"] * MASS
+    assert inside["second"]["value"] == pytest.approx(newton, rel=0.15)
+    assert low - 0.02 < float(inside["key"].split()[-2]) < high

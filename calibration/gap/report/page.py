@@ -19,8 +19,8 @@ _COLOURS = {
     GapVerdict.UNEXPLAINED_GAP: "#b5531c",
 }
 _NAMELESS = (
-    "What is a function of place, speed or turn, and holds on flights that no fit saw, is in the vehicle file "
-    "as [[unnamed]]: the simulation flies it; nobody knows what it is."
+    "What is a function of place, speed or turn, and holds on flights that no fit saw, is in the vehicle "
+    "file as [[unnamed]]: the simulation flies it; nobody knows what it is."
 )
 
 
