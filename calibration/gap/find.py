@@ -1,5 +1,6 @@
 """Find the gap: sensors first, then the missing effects, then the proof on flights that no fit saw."""
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -32,14 +33,15 @@ from calibration.gap.report.document import (
     UnusableFile,
 )
 from calibration.gap.report.effects import found_effects, landing_effects, landing_section
-from calibration.gap.report.figures import figures, unexplained, where
+from calibration.gap.report.figures import figures, nameless_terms, unexplained, where
 from calibration.gap.report.figures_data import ReportFigures
 from calibration.gap.report.improved_vehicle import hard_to_fly, improved_vehicle, provenance
-from calibration.gap.report.prediction_figures import HORIZON, prediction_gap
+from calibration.gap.report.prediction_figures import HORIZON, acted_on, prediction_gap
 from calibration.gap.report.remaining import chance_floor, own_floor, remaining
 from calibration.gap.search.differing import differing, in_words
 from calibration.gap.search.forward import LOG_TIMING, Search, search
-from calibration.gap.search.naming import FEWEST, Named, as_believed, name_effects
+from calibration.gap.search.nameless import Nameless, nameless_curves
+from calibration.gap.search.naming import FEWEST, NAMELESS, Named, as_believed, name_effects
 from calibration.gap.search.retest import FAILED, retested
 from calibration.gap.search.selection import Progress
 from calibration.gap.sensors import SensingFindings, apply_sensing, judge_sensing
@@ -133,6 +135,11 @@ def _find(flights: Sequence[Flight], question: GapQuestion, progress: Progress) 
     if _worse(stages):
         names = names.without_any(FAILED)
         stages = _stages(names, held_out)
+    source = provenance(len(fit_to), len(kept_back), question.seed)
+    believed = as_believed(found, names, training)
+    nameless = nameless_curves(names, believed, [corrected[i] for i in kept_back], source)
+    by_names = prediction_gap(stages)
+    names, nameless = _with_curves(names, nameless, stages, held_out)
     unseen = HeldOutFlights(held_out)
     in_the_air = found_effects(names, unseen, rng)
     progress("landings")
@@ -143,23 +150,22 @@ def _find(flights: Sequence[Flight], question: GapQuestion, progress: Progress) 
         *landing_effects(landings.findings if landings else (), question.vehicle),
     ]
     progress("where it lives")
-    believed = as_believed(found, names, training)
     maps = residual_map(found.first, training, rng), residual_map(believed, training, rng)
-    gap = prediction_gap(stages)
     chance = math.hypot(
         chance_floor(believed, training, HORIZON), own_floor(believed, HORIZON, len(held_out))
     )
-    left = remaining(gap, chance, believed, maps[1], question.vehicle, bool(effects))
-    nameless = with_consequence(found.unnamed, found.final, training)
-    source = provenance(len(fit_to), len(kept_back), question.seed)
+    left = remaining(by_names, chance, believed, maps[1], question.vehicle, bool(effects))
+    sizeable = with_consequence(found.unnamed, found.final, training)
+    gap = prediction_gap(stages)
     improved = improved_vehicle(question.vehicle, effects, names, source)
     report = GapReport(
-        verdict=_verdict(effects, nameless, names, landings, left),
+        verdict=_verdict(effects, sizeable, names, landings, left),
         vehicle=question.vehicle.name,
         effects=tuple(effects),
         gap=gap,
         where=where(maps[0]),
-        unexplained=unexplained(nameless, found.final, names, question.vehicle, left),
+        unexplained=unexplained(sizeable, found.final, names, question.vehicle, left),
+        nameless=nameless_terms(nameless, by_names, gap),
         train=tuple(record.name for record in training.records),
         held_out=tuple(corrected[i].name for i in kept_back),
         unusable=_unusable(question, prepared, (*sensing.broken, *strange)),
@@ -173,7 +179,7 @@ def _find(flights: Sequence[Flight], question: GapQuestion, progress: Progress) 
             *prepared.limitations,
             *stages["before"].doubts(),
             *_limitations(kept_back, found, names, sensing, landings),
-            *_negligible(found, nameless),
+            *_negligible(found, sizeable),
             *_differing(found, names, training),
             *hard_to_fly(improved),
         ),
@@ -244,6 +250,24 @@ def _stages(names: Named, records: Sequence[FlightRecord]) -> dict[str, Predicti
     if len(stages) == 1:
         stages["after"] = stages["before"]
     return stages
+
+
+def _with_curves(
+    names: Named, nameless: Nameless, stages: dict[str, PredictionErrors], records: Sequence[FlightRecord]
+) -> tuple[Named, Nameless]:
+    """The names with the curves, whose predictions are added to the stages; without them, where those are
+    worse: nobody knows a physics that would speak for them."""
+    if not nameless.curves:
+        return names, nameless
+    added = dataclasses.replace(names, curves=tuple(nameless.curves.values()))
+    vehicle = added.models()[NAMELESS].vehicle()
+    errors = evaluate(voltage_for(records, vehicle), vehicle)
+    *_, last = stages.values()
+    if any(levels.after > levels.before for levels in acted_on(last, errors, added.curves)):
+        return names, nameless.without_any(FAILED)
+    stages.pop("after", None)  # where there are no names
+    stages[NAMELESS] = errors
+    return added, nameless
 
 
 def _worse(stages: dict[str, PredictionErrors]) -> bool:

@@ -36,6 +36,7 @@ from onboard.vehicle.schema import (
     parse_quantities,
     parse_section,
 )
+from onboard.vehicle.unnamed import check_unnamed, parse_unnamed, unnamed_to_toml
 
 LIBRARY = Path(__file__).parent / "library"
 LEGS_FILE = LIBRARY / "legs.toml"
@@ -53,6 +54,7 @@ _SECTIONS = (
     "air",
     "sensing",
     "effects",
+    "unnamed",
 )
 
 
@@ -131,8 +133,12 @@ def parse_vehicle(content: Mapping[str, object], file: str) -> Vehicle:
     air = parse_section(Air, content.get("air"), "air", problems)
     sensing = parse_section(Sensing, content.get("sensing"), "sensing", problems)
     effects = parse_effects(content.get("effects", []), problems)
+    unnamed = parse_unnamed(content.get("unnamed", []), problems)
     _check_consistency(body, motors, battery, problems)
     check_effects(effects, body, motors, battery, "legs" in content, air, problems)
+    if body is not None and motors is not None:
+        force = 4.0 * motors.thrust_max.value
+        check_unnamed(unnamed, force, force * max(body.arm_x.value, body.arm_y.value), problems)
     problems.raise_any()
     if not (name and description and body and motors and battery and air and sensing):
         raise VehicleFileError(f"{file}: cannot be used; run perchhw vehicle check on it")
@@ -146,6 +152,7 @@ def parse_vehicle(content: Mapping[str, object], file: str) -> Vehicle:
         air=air,
         sensing=sensing,
         effects=effects,
+        unnamed=unnamed,
     )
 
 
@@ -289,6 +296,7 @@ def vehicle_to_toml(vehicle: Vehicle) -> str:
     for effect in vehicle.effects:
         lines += ["", "[[effects]]", f"name = {toml_text(effect.name)}"]
         lines += [quantity_line(toml_key(key), quantity) for key, quantity in effect.parameters.items()]
+    lines += unnamed_to_toml(vehicle.unnamed)
     return "\n".join(lines) + "\n"
 
 

@@ -17,6 +17,7 @@ from onboard.thrust_map import COEFFICIENT_UNITS, ThrustMap, ThrustMapForm
 from onboard.vehicle.effects import EFFECTS, Size
 from onboard.vehicle.effects.size import REFERENCE
 from onboard.vehicle.schema import Measured, Range
+from onboard.vehicle.unnamed import UnnamedCurve
 
 SCHEMA = "perchhw.vehicle/1"
 
@@ -212,7 +213,8 @@ class Effect:
 
 @dataclass(frozen=True, kw_only=True)
 class Vehicle:
-    """One vehicle. `legs` is None for a bare drone; `effects` are the effects that this vehicle has."""
+    """One vehicle. `legs` is None for a bare drone; `effects` are the effects that this vehicle has,
+    `unnamed` what flights showed besides, without a name."""
 
     name: str
     description: str
@@ -223,6 +225,7 @@ class Vehicle:
     air: Air
     sensing: Sensing
     effects: tuple[Effect, ...] = ()
+    unnamed: tuple[UnnamedCurve, ...] = ()
 
     @property
     def size(self) -> Size:
@@ -234,6 +237,10 @@ class Vehicle:
         added = {effect.name: effect for effect in effects}
         kept = (effect for effect in self.effects if effect.name not in added)
         return replace(self, effects=(*kept, *added.values()))
+
+    def with_unnamed(self, curves: Iterable[UnnamedCurve]) -> "Vehicle":
+        """The vehicle with these curves, besides those that it had."""
+        return replace(self, unnamed=(*self.unnamed, *curves))
 
 
 def size_of(body: Body, motors: Motors, battery: Battery) -> Size:

@@ -137,8 +137,8 @@ def parse_quantity(raw: object, key: str, rule: Measured | None, problems: Probl
             problems.add(f"{key}.{name}", "is missing; every quantity needs value, unit, sigma and source")
     if len(problems.messages) > before:
         return None
-    value = _finite(raw["value"], f"{key}.value", problems)
-    sigma = _finite(raw["sigma"], f"{key}.sigma", problems)
+    value = finite(raw["value"], f"{key}.value", problems)
+    sigma = finite(raw["sigma"], f"{key}.sigma", problems)
     unit, source = raw["unit"], raw["source"]
     if not isinstance(unit, str):
         problems.add(f"{key}.unit", f"must be text, not {unit!r}")
@@ -168,7 +168,8 @@ def _in_si(quantity: Quantity, key: str, rule: Measured | None, problems: Proble
     return Quantity(value, target, sigma, quantity.source)
 
 
-def _finite(raw: object, key: str, problems: Problems) -> float | None:
+def finite(raw: object, key: str, problems: Problems) -> float | None:
+    """`raw` if it is a finite number, else None with the problem noted."""
     if isinstance(raw, bool) or not isinstance(raw, int | float):
         problems.add(key, f"must be a number, not {raw!r}")
         return None

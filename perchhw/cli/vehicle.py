@@ -83,6 +83,8 @@ def check(file: VehicleArgument) -> None:
         **loop.json_shape(),
     }
     fine = f"{file}: fine, {len(_quantities(loaded))} quantities, {len(loaded.effects)} effects"
+    if loaded.unnamed:
+        fine += f", {len(loaded.unnamed)} curves without a name"
     emit(document, "\n".join([fine, *loop.lines()]))
 
 
@@ -137,6 +139,8 @@ def _quantities(vehicle: "Vehicle") -> dict[str, dict[str, Any]]:
             found.update({f"motors.thrust_map.{key}": value for key, value in coefficients.items()})
     for effect in vehicle.effects:
         found.update({f"effects.{effect.name}.{key}": value for key, value in effect.parameters.items()})
+    for index, curve in enumerate(vehicle.unnamed):
+        found.update({f"unnamed[{index}]: {where}": value for where, value in curve.at_knots().items()})
     return {key: asdict(value) for key, value in found.items()}
 
 

@@ -83,8 +83,11 @@ def all_draws(content: dict[str, Any]) -> tuple[Draw, ...]:
 
 
 def quantities(content: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """The quantity tables of a vehicle file by dotted name, in the order of the file; changes go through."""
-    return dict(_quantities(content, ""))
+    """The quantity tables of a vehicle file by dotted name, in the order of the file; changes go through.
+
+    Curves without a name stay as they are: nobody knows how their values vary together.
+    """
+    return dict(_quantities({key: table for key, table in content.items() if key != "unnamed"}, ""))
 
 
 def _quantities(table: dict[str, Any], prefix: str) -> Iterator[tuple[str, dict[str, Any]]]:

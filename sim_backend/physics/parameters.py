@@ -10,6 +10,8 @@ from onboard.gravity import GRAVITY
 from onboard.room import RoomGeometry
 from onboard.vehicle import Legs, Vehicle
 from sim_backend.physics.effects.registry import FIELDS, apply_effects
+from sim_backend.physics.unnamed import FIELDS as UNNAMED_FIELDS
+from sim_backend.physics.unnamed import apply_unnamed
 
 RESTITUTION = 0.3
 """Body and propellers against a surface: hard plastic and blades on plywood, engineering estimate."""
@@ -78,6 +80,7 @@ PARAMETERS = np.dtype(
         ("forces_on", "i8"),  # on the forces,
         ("sensors_on", "i8"),  # on what is measured
         *((field.name, "f8", field.shape) for field in FIELDS),
+        *UNNAMED_FIELDS,
     ],
     align=True,
 )
@@ -123,6 +126,7 @@ def physics_parameters(vehicle: Vehicle, room: RoomGeometry) -> Any:
         _set_legs(p, vehicle.legs)
     _prepare_effects(p, vehicle)
     apply_effects(p, vehicle)
+    apply_unnamed(p, vehicle)
     p["reach"] = _reach(p)
     return p
 

@@ -10,13 +10,14 @@ import pytest
 
 from onboard.room import RoomGeometry
 from onboard.vehicle import load_vehicle, vehicle_to_toml
+from onboard.vehicle.unnamed import UnnamedCurve
 from perchhw.learning.domain_randomisation import PAPER, draw_vehicle
 from perchhw.learning.errors import LearningInputError
 from perchhw.learning.executor import LocalThreads
 from perchhw.learning.setup import LearningSetup
 from perchhw.learning.sweep import SweepGrid, run_sweep
 from perchhw.learning.trial import new_bench
-from perchhw.learning.vehicle_pool import POOL, Draw, vehicle_pool
+from perchhw.learning.vehicle_pool import POOL, Draw, all_draws, vehicle_pool
 
 VEHICLE = "crazyflie21-upgraded"
 
@@ -46,6 +47,23 @@ def test_the_papers_draw_moves_mass_and_pitch_inertia_alone() -> None:
     for name in drawn.dtype.names or ():
         if name not in ("mass", "inertia"):
             np.testing.assert_array_equal(drawn[name], np.repeat(nominal[name][None], len(drawn), axis=0))
+
+
+def test_every_vehicle_drawn_keeps_the_curves_without_a_name() -> None:
+    one = UnnamedCurve(
+        channel="world_force_x",
+        regressor="z",
+        knots=(0.2, 0.4),
+        values=(0.01, 0.0),
+        sigma=0.002,
+        source="test",
+    )
+    content = tomllib.loads(vehicle_to_toml(load_vehicle(VEHICLE).with_unnamed([one])))
+    assert not any(draw.name.startswith("unnamed") for draw in all_draws(content))
+    pool = vehicle_pool(np.random.default_rng(0), [Draw("body.mass", 0.001)], content, RoomGeometry())
+    assert len(np.unique(pool["mass"])) == POOL
+    assert np.all(pool["unnamed_count"] == 1)
+    assert np.all(pool["unnamed_values"][:, 0, 0] == 0.01)
 
 
 def test_a_named_quantity_is_drawn_by_the_sigma_of_the_file_or_by_the_given_one() -> None:

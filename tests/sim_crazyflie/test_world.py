@@ -12,6 +12,7 @@ import pytest
 from onboard.gravity import GRAVITY
 from onboard.room import RoomGeometry
 from onboard.vehicle import load_vehicle
+from onboard.vehicle.unnamed import UnnamedCurve
 from sim_backend.fault_values import FaultError
 from sim_backend.faults import fault_table, parse_faults
 from sim_backend.lab_faults import DroneFaults
@@ -118,6 +119,29 @@ def test_a_drone_flashed_with_the_map_of_other_motors_misses_its_height() -> Non
         assert (map_thrust == pytest.approx(weight, rel=0.05)) == (thrust_map is true.motors.thrust_map)
     assert heights[0] == pytest.approx(0.8, abs=0.02)
     assert abs(heights[1] - 0.8) > 3.0 * abs(heights[0] - 0.8)
+
+
+def test_a_hovering_drone_leans_against_a_force_without_a_name() -> None:
+    """Five hundredths of the weight along world x, wherever it is higher than 0.3 m."""
+    vehicle = load_vehicle(VEHICLE, LEGS)
+    force = 0.05 * vehicle.body.mass.value * GRAVITY
+    breeze = UnnamedCurve(
+        channel="world_force_x",
+        regressor="z",
+        knots=(0.25, 0.3),
+        values=(0.0, force),
+        sigma=0.0,
+        source="test",
+    )
+    flight = Flight(vehicle=vehicle.with_unnamed([breeze]), flashed=vehicle)
+    flight.hover(0.6)
+    leans = []
+    for _ in range(200):
+        flight.run(0.01)
+        x, y, z, w = flight.drone.state["quaternion"]
+        leans.append(math.atan2(2.0 * (x * z + w * y), 1.0 - 2.0 * (x * x + y * y)))
+    assert np.mean(leans) == pytest.approx(-math.atan(0.05), abs=0.01)
+    assert flight.position[2] == pytest.approx(0.6, abs=0.05)
 
 
 def test_drones_stand_apart_and_differ() -> None:

@@ -1,7 +1,7 @@
 """A vehicle with effects whose parameters are being searched for, and its predictions along flights."""
 
 import dataclasses
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cache, cached_property
@@ -18,6 +18,7 @@ from onboard.quantity import Quantity
 from onboard.room import RoomGeometry
 from onboard.vehicle import EFFECTS, Effect, Vehicle
 from onboard.vehicle.effects import EffectParameter, Size
+from onboard.vehicle.unnamed import UnnamedCurve
 from sim_backend.physics.parameters import physics_parameters
 
 _BATTERY = "battery_sag"
@@ -76,6 +77,10 @@ class Model:
     def without(self, effect: str) -> "Model":
         """The model without one effect (with what the vehicle file says of it)."""
         return dataclasses.replace(self, values={v: x for v, x in self.values.items() if v.effect != effect})
+
+    def with_curves(self, curves: Iterable[UnnamedCurve]) -> "Model":
+        """The model of a vehicle with these curves, besides those that its file has."""
+        return dataclasses.replace(self, base=self.base.with_unnamed(curves))
 
     def at_ceiling(self, ceiling_z: float) -> "Model":
         """The model under a ceiling at this height (m)."""

@@ -99,6 +99,29 @@ class Unexplained:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Rejected:
+    """An effect that looked like one, and the rule of acceptance that it failed, in words."""
+
+    name: str
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class NamelessTerms:
+    """What was found, has no name, and whether the improved vehicle has it all the same.
+
+    Attributes:
+        written: in words, those that are in the vehicle file as ``[[unnamed]]``.
+        refused: the others, with the reason.
+        closes: the gap's metric with names alone, and with what is written besides; None: nothing is.
+    """
+
+    written: tuple[str, ...] = ()
+    refused: tuple[Rejected, ...] = ()
+    closes: Levels | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
 class UnusableFile:
     """A file that was not used, and why."""
 
@@ -112,14 +135,6 @@ class AmbiguousSet:
 
     names: tuple[str, ...]
     separated_by: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class Rejected:
-    """An effect that looked like one, and the rule of acceptance that it failed, in words."""
-
-    name: str
-    reason: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,6 +166,7 @@ class GapReport:
         gap: before and after.
         where: where the gap lived, largest share first.
         unexplained: what is left.
+        nameless: what was found without a name.
         train, held_out: names of the flights that were fitted and of those that no fit saw.
         unusable: files that were not used.
         ambiguous: sets of effects that the data cannot tell apart, whether or not one of them was found.
@@ -174,6 +190,7 @@ class GapReport:
     ambiguous: tuple[AmbiguousSet, ...] = ()
     rejected: tuple[Rejected, ...] = ()
     limitations: tuple[str, ...] = ()
+    nameless: NamelessTerms = NamelessTerms()
     landings: Landings | None = None
     seed: int = 0
     settings: Mapping[str, Any] = field(default_factory=dict)

@@ -1,5 +1,6 @@
 """What a report shows of a search: where the gap lived, what is left of it, and the figures."""
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -10,7 +11,7 @@ from calibration.gap.estimate.model import Model
 from calibration.gap.estimate.refine import Fitted, Training
 from calibration.gap.replay import PredictionErrors, fly_again
 from calibration.gap.replay.closed_loop import ClosedLoopFlight
-from calibration.gap.report.document import Unexplained, Where
+from calibration.gap.report.document import Gap, NamelessTerms, Rejected, Unexplained, Where
 from calibration.gap.report.effect_pictures import effect_pictures
 from calibration.gap.report.figures_data import ReportFigures, ResidualCloud
 from calibration.gap.report.prediction_figures import (
@@ -19,6 +20,7 @@ from calibration.gap.report.prediction_figures import (
     phase_bars,
 )
 from calibration.gap.search.forward import Search
+from calibration.gap.search.nameless import Nameless
 from calibration.gap.search.naming import Named
 from calibration.gap.unnamed.fitted_terms import FittedTerm, formulas
 from calibration.gap.unnamed.gap_map import GapMap
@@ -60,6 +62,16 @@ def unexplained(
         channels=tuple(dict.fromkeys(structure.channel.name for structure in structures)),
         suspects=tuple(dict.fromkeys([*goes_with, *names.unconfirmed, *left])),
         formula="; ".join(formula_words) or None,
+    )
+
+
+def nameless_terms(nameless: Nameless, by_names: Gap, gap: Gap) -> NamelessTerms:
+    """What is said of terms without a name; the gap with names alone, and with what is written."""
+    closes = dataclasses.replace(by_names.overall, before=by_names.overall.after, after=gap.overall.after)
+    return NamelessTerms(
+        written=tuple(nameless.curves),
+        refused=tuple(Rejected(name=name, reason=reason) for name, reason in nameless.refused.items()),
+        closes=closes if nameless.curves else None,
     )
 
 

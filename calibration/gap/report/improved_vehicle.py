@@ -18,7 +18,8 @@ def improved_vehicle(vehicle: Vehicle, effects: Sequence[FoundEffect], names: Na
     Args:
         vehicle: as given.
         effects: found; parameters that were not found stay neutral.
-        names: of the search, with the effects that are real and too small for a name.
+        names: of the search, with the effects that are real and too small for a name, and with curves that
+            have none.
         source: provenance of the numbers, for the file.
     """
     added = tuple(
@@ -47,7 +48,7 @@ def improved_vehicle(vehicle: Vehicle, effects: Sequence[FoundEffect], names: Na
         )
         for name in names.minor
     )
-    return vehicle.with_effects((*added, *small))
+    return vehicle.with_effects((*added, *small)).with_unnamed(names.curves)
 
 
 def hard_to_fly(improved: Vehicle) -> Iterator[str]:

@@ -18,6 +18,10 @@ _COLOURS = {
     GapVerdict.NO_GAP: "#1a7f4b",
     GapVerdict.UNEXPLAINED_GAP: "#b5531c",
 }
+_NAMELESS = (
+    "What is a function of place, speed or turn, and holds on flights that no fit saw, is in the vehicle "
+    "file as [[unnamed]]: the simulation flies it; nobody knows what it is."
+)
 
 
 def report_page(report: GapReport, figures: ReportFigures) -> str:
@@ -62,6 +66,8 @@ def _sections(report: GapReport, figures: ReportFigures) -> Iterator[str]:
         yield _closed_loop(figures.closed_loop)
     if report.unexplained.share > 0.0 or report.verdict is GapVerdict.UNEXPLAINED_GAP:
         yield section("What is left", _rest(report))
+    if report.nameless.written or report.nameless.refused:
+        yield section("What was found without a name", _nameless(report), _NAMELESS)
     if report.rejected:
         rows = [[escape(plain(item.name)), escape(item.reason)] for item in report.rejected]
         yield section("What looked missing and was not accepted", table(["effect", "why not"], rows))
@@ -78,6 +84,8 @@ def _verdict(report: GapReport) -> str:
     sentences = [words.gap_in_words(report.gap.metric, report.gap.overall)]
     if report.verdict is GapVerdict.UNEXPLAINED_GAP:
         sentences.append(words.unexplained_in_words(report))
+    if report.nameless.closes is not None:
+        sentences.append(words.nameless_in_words(report.nameless.closes))
     sentences += [words.ambiguity_in_words(effect) for effect in report.effects if effect.ambiguous_with]
     bounds = [
         f"{plain(effect.name)}: {plain(name)} ended at the limit of what is physical, which is a warning and "
@@ -227,6 +235,16 @@ def _rest(report: GapReport) -> str:
         ["closest formula", f"<code>{escape(rest.formula)}</code>" if rest.formula else "none"],
     ]
     return table(["", ""], rows)
+
+
+def _nameless(report: GapReport) -> str:
+    told = report.nameless
+    rows = [[f"<code>{escape(text)}</code>", "yes"] for text in told.written]
+    rows += [[f"<code>{escape(one.name)}</code>", f"no: {escape(one.reason)}"] for one in told.refused]
+    content = table(["what", "in the vehicle file"], rows)
+    if told.closes is not None:
+        content += _levels({report.gap.metric: told.closes}, "with names alone, and with these")
+    return content
 
 
 def _flights(report: GapReport) -> str:

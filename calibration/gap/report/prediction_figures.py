@@ -5,7 +5,7 @@ the order of :class:`~calibration.gap.report.figures_data.ReportFigures`: before
 with all of them.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from operator import attrgetter
 
 import numpy as np
@@ -15,6 +15,7 @@ from calibration.gap.replay.flight_prediction import QUANTITIES, ByHorizon, Hori
 from calibration.gap.report.document import Gap, Levels
 from calibration.gap.report.figures_data import HorizonCurves, StageBars
 from onboard.arrays import FloatArray
+from onboard.vehicle.unnamed import UnnamedCurve
 
 Stages = Mapping[str, PredictionErrors]
 
@@ -32,6 +33,8 @@ _CHANNELS = {
     **{f"torque_{axis}": (f"rate_{axis}_rad_s", "rad/s") for axis in "xyz"},
 }
 """Channel by the prediction error that shows it, and its unit."""
+
+_TORQUES = ("torque_x", "torque_y", "torque_z")
 
 
 def prediction_gap(stages: Stages) -> Gap:
@@ -74,6 +77,18 @@ def prediction_gap(stages: Stages) -> Gap:
         },
         by_quantity=by_quantity,
     )
+
+
+def acted_on(
+    without: PredictionErrors, with_them: PredictionErrors, curves: Iterable[UnnamedCurve]
+) -> list[Levels]:
+    """Errors that curves without a name act on, without and with them: the position where they are forces,
+    the rates about their axes where they are torques."""
+    gap = prediction_gap({"before": without, "after": with_them})
+    channels = {curve.channel for curve in curves}
+    rates = [levels for channel, levels in gap.by_channel.items() if channel in channels & set(_TORQUES)]
+    forces = [gap.overall] if channels - set(_TORQUES) else []
+    return [*forces, *rates]
 
 
 def horizon_curves(stages: Stages) -> tuple[HorizonCurves, ...]:

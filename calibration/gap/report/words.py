@@ -75,6 +75,14 @@ def gap_in_words(metric: str, levels: Levels) -> str:
     return text
 
 
+def nameless_in_words(levels: Levels) -> str:
+    """What terms without a name do, which are in the vehicle file."""
+    return (
+        f"With names alone {number(levels.before)}{unit(levels.unit)} would be left; what has no name and is "
+        f"in the vehicle file all the same brings it to {number(levels.after)}{unit(levels.unit)}."
+    )
+
+
 def closed(share: float) -> str:
     """Share of the removable gap that was closed; noise may put a model below its floor."""
     return "all" if share >= 1.0 else f"{100.0 * share:.0f} %"

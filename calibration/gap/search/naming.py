@@ -16,12 +16,16 @@ from calibration.gap.search.forward import AT_BOUND, DRIFTS, LOG_TIMING, Search
 from calibration.gap.search.rivals import needed
 from onboard.vehicle import EFFECTS, Vehicle, VehicleFileError, vehicle_to_toml
 from onboard.vehicle.file_format import parse_vehicle
+from onboard.vehicle.unnamed import UnnamedCurve
 
 REAL = "real, but too small for a name"
 """How the reason begins for which an effect is in the improved vehicle without a name."""
 
 FEWEST = 3
 """Flights: what fewer show may be of one of them alone."""
+
+NAMELESS = "with what has no name"
+"""The stage of a model with terms without a name."""
 
 _LAGS = ("motor_lag", "motor_lag_asymmetry")
 
@@ -52,6 +56,7 @@ class Named:
         ambiguous: by effect, those that the flights do not rule out in its place.
         unconfirmed: effects that would have been named, had there been flights to confirm them on.
         rejected: effects that are in the final fit and got no name, with the reason.
+        curves: what has no name and is in the improved vehicle.
     """
 
     effects: tuple[str, ...]
@@ -62,6 +67,7 @@ class Named:
     ambiguous: dict[str, tuple[str, ...]]
     unconfirmed: tuple[str, ...]
     rejected: dict[str, str]
+    curves: tuple[UnnamedCurve, ...] = ()
 
     def without_any(self, reason: str) -> "Named":
         """The same without a name, each refused for one reason."""
@@ -72,7 +78,8 @@ class Named:
         )
 
     def models(self) -> dict[str, Model]:
-        """The model before, after each effect, and with all that is real: "before", "with <effect>" ..."""
+        """The model before, after each effect, and with all that is real: "before", "with <effect>" ...,
+        at last with what has no name."""
         model = Model(self.model.base, {}, self.model.ceiling_z)
         stages = {"before": model}
         for name in self.effects:
@@ -80,6 +87,8 @@ class Named:
             stages[f"with {name}"] = model
         if self.minor:
             stages["with the small ones"] = self.improved
+        if self.curves:
+            stages[NAMELESS] = self.improved.with_curves(self.curves)
         return stages
 
 
@@ -106,7 +115,7 @@ def name_effects(found: Search, training: Training, rng: np.random.Generator) ->
     believed = (
         [name for name in believed if doubts[name] is None or name != LOG_TIMING.effect] if confirmed else []
     )
-    while believed and (problem := _not_loaded(_model_of(believed, final).vehicle())):
+    while believed and (problem := not_loaded(_model_of(believed, final).vehicle())):
         doubts[believed.pop()] = f"no vehicle file can say it: {problem}"
     order = [name for name in believed if doubts[name] is None]
     minor = [name for name in believed if name not in order]
@@ -194,7 +203,7 @@ def _doubt(
     return None
 
 
-def _not_loaded(vehicle: Vehicle) -> str | None:
+def not_loaded(vehicle: Vehicle) -> str | None:
     """Why a vehicle file with these effects would be refused; None where it would not."""
     try:
         parse_vehicle(tomllib.loads(vehicle_to_toml(vehicle)), vehicle.name)

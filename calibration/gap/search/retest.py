@@ -23,7 +23,8 @@ def retested(found: Search, kept_back: Sequence[FlightRecord], training: Trainin
     unseen = training_set(kept_back, Model(found.first.model.base, {}, found.first.model.ceiling_z))
     for step in reversed(found.steps):
         reduced = without(found.final, [step.effect], training)
-        gain = float(_on(unseen, found.final).gains(_on(unseen, reduced), in_time=False).sum())
+        with_it, without_it = (on_unseen(unseen, one, one.model) for one in (found.final, reduced))
+        gain = float(with_it.gains(without_it, in_time=False).sum())
         if step.effect != LOG_TIMING.effect and gain < _WORSE:
             found = dataclasses.replace(
                 found,
@@ -34,6 +35,6 @@ def retested(found: Search, kept_back: Sequence[FlightRecord], training: Trainin
     return found
 
 
-def _on(unseen: Training, fitted: Fitted) -> Fitted:
-    """The model of a fit held against other flights, whose nuisances are integrated out."""
-    return refine(fitted.model, (), unseen, iterations=1, start=fitted.estimate)
+def on_unseen(unseen: Training, fitted: Fitted, model: Model) -> Fitted:
+    """A model held against other flights, whose nuisances are integrated out, with the noise of a fit."""
+    return refine(model, (), unseen, iterations=1, start=fitted.estimate)

@@ -68,7 +68,7 @@ def best_term(present: Fitted, training: Training, rng: np.random.Generator) -> 
 
 def formulas(fitted: Fitted, terms: Sequence[UnnamedTerm], vehicle: Vehicle) -> list[str]:
     """Those unnamed terms of a fit with their coefficients, in words."""
-    return [term.formula(values, vehicle) for term, values in _coefficients(fitted) if term in terms]
+    return [term.formula(values, vehicle) for term, values in coefficients(fitted) if term in terms]
 
 
 def with_consequence(
@@ -79,12 +79,13 @@ def with_consequence(
     The others stay in the model: left out, a name would be given for them.
     """
     vehicle, valid = fitted.model.base, training.regression.signals.valid
-    sizes = [(term, amplitude(term, values, valid)) for term, values in _coefficients(fitted)]
+    sizes = [(term, amplitude(term, values, valid)) for term, values in coefficients(fitted)]
     large = [term for term, size in sizes if size >= least_amplitude(term.channel, vehicle)]
     return tuple(one for one in found if one.structure.line is not None or one.term in large)
 
 
-def _coefficients(fitted: Fitted) -> Iterator[tuple[UnnamedTerm, FloatArray]]:
+def coefficients(fitted: Fitted) -> Iterator[tuple[UnnamedTerm, FloatArray]]:
+    """The unnamed terms of a fit, each with its values, in the order of the estimate's columns."""
     values = fitted.estimate.fit.theta[len(fitted.variables) :]
     for term in fitted.unnamed:
         count = len(term.columns)
