@@ -73,7 +73,6 @@ def missing(document: Any) -> list[str]:
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(300)
 def test_the_ladder_leads_to_a_landing_that_is_judged_by_its_label(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -92,7 +91,6 @@ def test_the_ladder_leads_to_a_landing_that_is_judged_by_its_label(
         assert climb()[1]["next"] == (None if attached else "landing")
 
 
-@pytest.mark.timeout(120)
 def test_a_subject_that_is_turned_fails_the_tilt_though_the_doctor_cannot_see_it(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
@@ -110,7 +108,6 @@ def test_a_subject_that_is_turned_fails_the_tilt_though_the_doctor_cannot_see_it
         assert climb("hover")[0] == 3
 
 
-@pytest.mark.timeout(120)
 @pytest.mark.parametrize(
     "fault", ["motors_swapped=1,3", pytest.param("propeller_reversed=2", marks=pytest.mark.soak)]
 )
@@ -126,7 +123,6 @@ def test_a_drone_that_is_put_together_wrongly_fails_the_hover(
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(240)
 def test_motors_turn_one_by_one_and_what_was_seen_is_judged(capsys: pytest.CaptureFixture[str]) -> None:
     with patient_ladder(capsys) as climb:
         code, document = climb("motors", "--confirm", PHRASE_OF_A_BENCH, "--saw", "1 ccw")
@@ -141,7 +137,6 @@ def test_motors_turn_one_by_one_and_what_was_seen_is_judged(capsys: pytest.Captu
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(240)
 @pytest.mark.parametrize(
     ("fault", "wrong"),
     [

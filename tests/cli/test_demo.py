@@ -103,7 +103,6 @@ def test_a_user_flies_the_demo_and_is_told_what_to_expect(tmp_path: Path) -> Non
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(900)
 def test_the_demo_lands_as_often_as_it_says(tmp_path: Path) -> None:
     """By the world's own chance, at the level of :mod:`tests.likely`."""
     document = demo_as_typed(20, tmp_path)

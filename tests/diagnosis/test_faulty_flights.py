@@ -13,7 +13,6 @@ SAMPLE = "fires late"
 
 
 @pytest.mark.soak  # tests/flight/test_attempt.py names eight causes in flights that it flies anyway
-@pytest.mark.timeout(300)
 def test_the_fault_is_named(tmp_path: Path) -> None:
     told = fly(tmp_path, 3, SAMPLE)
     assert told.right, told

@@ -54,7 +54,6 @@ def lab() -> Iterator[SimulatedLab]:
         yield lab
 
 
-@pytest.mark.timeout(240)
 @pytest.mark.parametrize(
     "page",
     [
@@ -78,7 +77,6 @@ def test_console_lines_run(
 
 
 @pytest.mark.soak  # tests/bench_commands works the same wizard with the same options, killed and resumed
-@pytest.mark.timeout(240)
 @pytest.mark.parametrize("page", [p for p in PAGES if BENCH in console_lines(p)], ids=lambda page: page.name)
 def test_console_lines_run_on_the_bench(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -51,7 +51,6 @@ def test_a_step(core: CoreLibrary, vehicle: Vehicle) -> None:
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(900)
 def test_a_step_from_a_million_states(core: CoreLibrary) -> None:
     for part in range(10):
         check(core, VEHICLES[0], random_models(100 + part, 100_000))

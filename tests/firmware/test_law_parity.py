@@ -91,7 +91,6 @@ def test_controller(core: CoreLibrary, vehicle: Vehicle) -> None:
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(900)
 def test_controller_in_a_million_states(core: CoreLibrary) -> None:
     for part in range(10):
         check_controller(core, VEHICLES[0], random_states(100 + part, LONG // 10))
@@ -191,7 +190,6 @@ def test_mixer(core: CoreLibrary, vehicle: Vehicle) -> None:
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(900)
 def test_mixer_of_a_million_wrenches(core: CoreLibrary) -> None:
     for part in range(10):
         check_mixer(core, VEHICLES[0], random_wrenches(VEHICLES[0], 200 + part, LONG // 10))

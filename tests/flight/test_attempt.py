@@ -96,7 +96,6 @@ def refused(lab: SimulatedLab | Watched, folder: Path, **changes: Any) -> Attemp
     return result
 
 
-@pytest.mark.timeout(300)
 def test_an_attempt_lands_and_its_record_tells_the_whole_story(tmp_path: Path) -> None:
     truth = tmp_path / "truth.csv"
     with open_lab("--truth", str(truth), "--vehicle", STORED_VEHICLE) as lab:  # whose feet always hold
@@ -228,7 +227,6 @@ def test_a_drone_or_room_that_dies_on_the_approach_ends_the_attempt(victim: str,
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(400)
 @pytest.mark.parametrize(
     ("how", "why"), [(signal.SIGKILL, "link_lost"), (signal.SIGSTOP, "it hangs, or is stopped")]
 )

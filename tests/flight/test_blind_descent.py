@@ -83,7 +83,6 @@ def assert_told(result: AttemptResult) -> None:
     assert not [event for event in events if "EmergencyStop" in str(event)]
 
 
-@pytest.mark.timeout(300)
 @pytest.mark.parametrize(
     ("kind", "at"),
     [
@@ -101,7 +100,6 @@ def test_mocap_that_is_lost_on_the_approach_ends_in_a_gentle_landing(
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(300)
 @pytest.mark.parametrize("at", TIMES)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("lasts", ["1", "60"])

@@ -81,7 +81,6 @@ def in_the_air(folder: Path, name: str) -> bool:
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(240)
 def test_a_campaign_does_not_fly_a_drone_again_that_somebody_stopped(tmp_path: Path) -> None:
     with SimulatedLab("lab", (*FREE_PORTS, *LOCKSTEP, "--seed", "6")) as lab:
         file = tmp_path / "two.toml"
@@ -105,7 +104,6 @@ def test_a_campaign_does_not_fly_a_drone_again_that_somebody_stopped(tmp_path: P
 
 
 @pytest.mark.soak  # tests/campaign kills and resumes without a lab; docs/flight_day.md flies one here
-@pytest.mark.timeout(240)
 def test_a_campaign_killed_in_flight_resumes_without_losing_or_repeating(tmp_path: Path) -> None:
     with SimulatedLab("lab", (*FREE_PORTS, *LOCKSTEP, "--seed", "5")) as lab:
         file = tmp_path / "two.toml"
@@ -133,7 +131,6 @@ def test_a_campaign_killed_in_flight_resumes_without_losing_or_repeating(tmp_pat
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(240)
 def test_test_flights_killed_in_the_air_resume_and_are_told_by_status(tmp_path: Path) -> None:
     file, folder = tmp_path / "flights.toml", tmp_path / "campaign"
     with SimulatedLab("lab", (*FREE_PORTS, *LOCKSTEP, "--seed", "5")) as lab:
@@ -155,7 +152,6 @@ def test_test_flights_killed_in_the_air_resume_and_are_told_by_status(tmp_path: 
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(300)
 def test_two_drones_warm_up_and_fly_in_turn_as_long_as_forecast(tmp_path: Path) -> None:
     with SimulatedLab("lab", (*FREE_PORTS, *LOCKSTEP, "--drones", "2", "--seed", "6")) as lab:
         file, folder = tmp_path / "turns.toml", tmp_path / "campaign"

@@ -33,7 +33,6 @@ def request(folder: Path, drone: str, mocap: str, kind: str = KIND) -> CourseReq
     )
 
 
-@pytest.mark.timeout(300)
 def test_a_test_flight_follows_its_course_and_can_be_analysed(tmp_path: Path) -> None:
     phases: list[Phase] = []
     with SimulatedLab("lab", (*FREE_PORTS, *LOCKSTEP, "--seed", "3")) as lab:

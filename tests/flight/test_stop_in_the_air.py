@@ -28,7 +28,6 @@ def air(lab: SimulatedLab, tmp_path_factory: pytest.TempPathFactory) -> Iterator
         yield air
 
 
-@pytest.mark.timeout(300)
 @pytest.mark.parametrize("number", range(len(WAYS)))
 def test_a_stop_packet_of_the_host_locks_the_drone(air: Airborne, lab: SimulatedLab, number: int) -> None:
     stop = stop_when_it_flies(air, lab.drones[0], number, SEED)
@@ -38,7 +37,6 @@ def test_a_stop_packet_of_the_host_locks_the_drone(air: Airborne, lab: Simulated
 
 
 @pytest.mark.soak  # of which continuous integration runs a sample
-@pytest.mark.timeout(300)
 def test_without_its_packets_nothing_stops_the_drone_and_the_operator_is_told(air: Airborne) -> None:
     """What the proof rests on: neither watchdog nor closing setpoint is left."""
     air.withhold(everything_that_stops=True)

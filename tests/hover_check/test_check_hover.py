@@ -31,7 +31,6 @@ def lab_of(vehicle: str, *arguments: str) -> SimulatedLab:
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(1500)
 def test_twenty_mornings_of_drones_that_are_the_same_accuse_none_and_changed_ones_are_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

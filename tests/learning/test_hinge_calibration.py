@@ -22,8 +22,6 @@ from perchhw.learning.hinge_calibration import (
 from perchhw.learning.setup import LearningSetup
 from perchhw.learning.sweep import SweepGrid
 
-pytestmark = pytest.mark.timeout(300)  # the first sweep compiles
-
 CONDITIONS = tuple(Condition(v, a) for a in (30.0, 45.0, 60.0, 75.0, 90.0) for v in (1.5, 2.0, 2.5, 3.0))
 THEIRS = dict.fromkeys(CONDITIONS, 0.7)
 

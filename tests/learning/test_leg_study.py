@@ -19,8 +19,6 @@ from perchhw.learning.leg_trends import Pairs, trends
 from perchhw.learning.setup import LearningSetup
 from perchhw.learning.sweep import SweepGrid
 
-pytestmark = pytest.mark.timeout(300)  # the first sweep compiles
-
 GRID = SweepGrid(speeds=(2.0, 3.0), angles_deg=(37.5, 75.0), repeats=2)
 SETUP = LearningSetup(vehicle="crazyflie21-upgraded-stored", seed=5)
 

@@ -22,8 +22,6 @@ from perchhw.learning.setup import LearningSetup
 from perchhw.learning.sweep import LearnTrial, SweepGrid
 from perchhw.learning.validate import validate_policy
 
-pytestmark = pytest.mark.timeout(300)  # the first sweep compiles
-
 GRID = SweepGrid((1.6, 2.2, 2.8, 3.4), (30.0, 37.5, 45.0, 60.0, 75.0, 90.0), 3)
 # Feet that always hold, as in the authors' simulation.
 SETUP = LearningSetup(vehicle=STORED_VEHICLE, sensing="realistic", seed=0)

@@ -36,8 +36,6 @@ from tests.patience import PATIENCE_S, patient_uri, until
 from tests.sim_crazyflie.served_flight import ServedFlight, serve_flight
 from tests.sim_crazyflie.simulated_flight import Flight
 
-pytestmark = pytest.mark.timeout(240)
-
 
 @contextmanager
 def lab(engine: EngineName, *arguments: str) -> Iterator[SimulatedLab]:

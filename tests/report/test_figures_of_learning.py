@@ -20,8 +20,6 @@ from perchhw.report.style import report_style
 from tests.report.chromium import assert_they_fit
 from tests.report.page import Page, assert_self_contained
 
-pytestmark = pytest.mark.timeout(300)  # the first leg study compiles
-
 
 def test_the_zero_surface_of_a_ball_is_its_sphere() -> None:
     axes = tuple(np.linspace(-1.2, 1.3, n) for n in (30, 33, 36))

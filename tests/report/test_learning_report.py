@@ -19,8 +19,6 @@ from perchhw.learning.setup import recorded_setup
 from tests.report.chromium import assert_they_fit
 from tests.report.page import Page, assert_self_contained
 
-pytestmark = pytest.mark.timeout(300)  # the first sweep compiles
-
 PICTURES = {
     "landing_rates", "pairs", "trigger_region", "trigger_slices", "moment", "approach", "convergence",
 }  # fmt: skip

@@ -72,7 +72,6 @@ def measured(room: Path) -> tuple[dict[str, Any], LabFile]:
     return json.loads(said.getvalue()), before
 
 
-@pytest.mark.timeout(180)
 def test_a_room_with_wrong_values_is_recovered_within_the_uncertainty(
     measured: tuple[dict[str, Any], LabFile],
 ) -> None:
@@ -204,7 +203,6 @@ def test_rests_that_cannot_be_used_are_forgotten_and_the_touches_kept(
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(120)
 def test_a_check_that_a_rule_refuses_is_not_judged(
     room: Path,
     measured: tuple[dict[str, Any], LabFile],

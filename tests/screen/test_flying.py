@@ -43,7 +43,6 @@ def lab() -> Iterator[SimulatedLab]:
         yield lab
 
 
-@pytest.mark.timeout(240)
 def test_space_locks_the_drone(lab: SimulatedLab, tmp_path: Path) -> None:
     with fly(lab, tmp_path / "space") as terminal:
         rows = terminal.until("waits for the first hover")
@@ -59,7 +58,6 @@ def test_space_locks_the_drone(lab: SimulatedLab, tmp_path: Path) -> None:
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(240)
 def test_l_lands_however_often_and_the_prompt_has_its_place(lab: SimulatedLab, tmp_path: Path) -> None:
     with fly(lab, tmp_path / "land", "--put-back") as terminal:
         rows = terminal.until("press Enter")
@@ -82,7 +80,6 @@ def test_l_lands_however_often_and_the_prompt_has_its_place(lab: SimulatedLab, t
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(240)
 def test_a_campaign_at_120_columns(lab: SimulatedLab, tmp_path: Path) -> None:
     file, folder = tmp_path / "two.toml", tmp_path / "campaign"
     file.write_text(CAMPAIGN.format(drone=lab.drones[0], mocap=lab.mocap[0]))
@@ -108,7 +105,6 @@ def test_a_campaign_at_120_columns(lab: SimulatedLab, tmp_path: Path) -> None:
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(600)
 def test_the_key_at_real_pace(tmp_path: Path) -> None:
     """From the key to motors that may not turn, by the drone's own word."""
     folders = map(tmp_path.joinpath, map(str, itertools.count()))
