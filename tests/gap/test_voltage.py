@@ -42,13 +42,13 @@ def voltage_gain(fit: Fitted, over: Fitted) -> float:
 def test_a_fit_that_is_only_gone_on_with_gains_nothing() -> None:
     once = fitted(MASS)
     again = settled(settled(once, training()), training())
-    assert abs(voltage_gain(again, once)) > 5.0  # its noise was modelled anew, twice
+    assert abs(voltage_gain(again, once)) < 5.0  # though its noise was modelled anew, twice
     assert abs(float(again.gains(once, in_time=False).sum())) < 0.5
 
 
 def test_a_mass_is_judged_by_forces() -> None:
     none, found = fitted(), fitted(MASS)
-    assert voltage_gain(found, none) < -100.0  # which is more than the forces speak for it
+    assert abs(voltage_gain(found, none)) < 5.0  # a mass says nothing of it
     assert judge(none, found, [MASS], training(), np.random.default_rng(1)).believed
     assert found.model.values[MASS] == pytest.approx(0.02, abs=0.001)
 
