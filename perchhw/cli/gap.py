@@ -150,8 +150,8 @@ def _tell(report: "GapReport", page: Path) -> None:
         console().print(f"unexplained: {report.unexplained.formula}", markup=False)
     for text in report.nameless.written:
         console().print(f"in the vehicle file, without a name: {text}", markup=False)
-    for term in report.nameless.refused:
-        console().print(f"not in the vehicle file: {term.name}: {term.reason}", markup=False)
+    for rejected in report.nameless.refused:
+        console().print(f"not in the vehicle file: {rejected.name}: {rejected.reason}", markup=False)
     console().print(f"report: {page}", markup=False, soft_wrap=True)
 
 
