@@ -2,9 +2,7 @@
 
 import dataclasses
 import math
-import struct
 import sys
-import zlib
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +10,6 @@ import pytest
 from numba.core.dispatcher import Dispatcher
 
 from onboard.app_interface import (
-    RECORD_ADDRESS,
     EngineCode,
     LandingState,
     Log,
@@ -21,9 +18,8 @@ from onboard.app_interface import (
     TrajectoryStatus,
 )
 from onboard.landing.state_machine import EndReason
-from onboard.policy.bundle import bundle_crc32, encode_bundle
+from onboard.policy.bundle import encode_bundle
 from onboard.policy.files import find_policy, import_authors_policy, load_policy
-from onboard.ring import RING_BYTES
 from onboard.room import RoomGeometry
 from onboard.trajectory import ApproachPlan, fit_approach, plan_approach
 from onboard.vehicle import load_vehicle
@@ -39,27 +35,6 @@ BUNDLE = encode_bundle(small_policy())
 PLAN = fit_approach(2.5, 60.0, RoomGeometry())
 STEPS_S = 0.004
 """Two steps of the control loop: every request is consumed by then."""
-NUMBERS_OFFSET = 24  # gamma, the first number of the header
-
-
-def damaged(offset: int, raw: bytes, seal: bool = True) -> bytes:
-    """The bundle with other bytes at `offset`; `seal`: with the header's checksum put right again."""
-    data = bytearray(BUNDLE)
-    data[offset : offset + len(raw)] = raw
-    if seal:
-        data[12:16] = struct.pack("<L", zlib.crc32(data[16:], zlib.crc32(data[:12])))
-    return bytes(data)
-
-
-def commit(flight: Flight, data: bytes, length: int | None = None, crc: int | None = None) -> PolicyStatus:
-    """Stage `data` and commit it with these words about it."""
-    memory = flight.firmware.memories[1]
-    for address in range(0, len(data), 24):
-        assert memory.write(address, data[address : address + 24])
-    flight.write(Parameter.POLICY_LENGTH, len(data) if length is None else length)
-    flight.write(Parameter.POLICY_CRC, bundle_crc32(data) if crc is None else crc)
-    flight.write(Parameter.POLICY_COMMIT, 1)
-    return PolicyStatus(int(flight.param(Parameter.POLICY_STATUS)))
 
 
 def ready_to_go(plan: ApproachPlan = PLAN, *, policy: bytes | None = BUNDLE, seed: int = 0) -> Flight:
@@ -93,79 +68,11 @@ def run_until(flight: Flight, wanted: LandingState, seconds: float = 6.0) -> flo
     return passed
 
 
-def test_commit_makes_the_policy_live_and_readable() -> None:
-    flight = Flight()
-    assert commit(flight, BUNDLE) is PolicyStatus.ACTIVE
-    assert flight.param(Parameter.POLICY_ACTIVE_CRC) == zlib.crc32(BUNDLE)
-    assert flight.log("perch.polCrc") == zlib.crc32(BUNDLE)
-    assert flight.log("perch.polStat") == PolicyStatus.ACTIVE
-    assert flight.param(Parameter.POLICY_COMMIT) == 0
-    memory = flight.firmware.memories[1]
-    assert (memory.type_id, memory.size) == (0x18, RECORD_ADDRESS + RING_BYTES)
-    assert memory.read(0, len(BUNDLE)) == BUNDLE
-
-
-@pytest.mark.parametrize(
-    ("data", "length", "crc", "status"),
-    [
-        (BUNDLE, 0, None, PolicyStatus.REFUSED_LENGTH),
-        (BUNDLE, 8193, None, PolicyStatus.REFUSED_LENGTH),
-        (BUNDLE, len(BUNDLE) - 4, bundle_crc32(BUNDLE[:-4]), PolicyStatus.REFUSED_LENGTH),
-        (BUNDLE, None, 0x12345678, PolicyStatus.REFUSED_CRC),
-        (damaged(100, b"\x01", seal=False), None, None, PolicyStatus.REFUSED_CRC),
-        (damaged(0, b"NOPE"), None, None, PolicyStatus.REFUSED_FORMAT),
-        (damaged(4, b"\x09"), None, None, PolicyStatus.REFUSED_FORMAT),
-        (damaged(18, struct.pack("<H", 251)), None, None, PolicyStatus.REFUSED_VECTORS),
-        (damaged(NUMBERS_OFFSET, struct.pack("<f", float("nan"))), None, None, PolicyStatus.REFUSED_RANGE),
-        (damaged(NUMBERS_OFFSET + 36, bytes(4)), None, None, PolicyStatus.REFUSED_RANGE),
-    ],
-    ids=[
-        "empty",
-        "too-long",
-        "cut",
-        "other-crc",
-        "flipped-byte",
-        "magic",
-        "version",
-        "251-vectors",
-        "nan",
-        "zero-scale",
-    ],
-)
-def test_refused_commit_keeps_the_previous_policy(
-    data: bytes, length: int | None, crc: int | None, status: PolicyStatus
-) -> None:
-    flight = Flight()
-    other = encode_bundle(small_policy(a_rot=-6e-3))
-    assert commit(flight, other) is PolicyStatus.ACTIVE
-    assert commit(flight, data, length, crc) is status
-    assert flight.param(Parameter.POLICY_ACTIVE_CRC) == zlib.crc32(other)
-    assert flight.firmware.app is not None
-    assert flight.firmware.engine.has_policy
-
-
 def test_the_drone_says_which_code_it_runs(either_engine: EngineName) -> None:
     flight = Flight()
     assert EngineCode(int(flight.param(Parameter.ENGINE))).name.lower() == either_engine
     flight.firmware.reboot()
     assert EngineCode(int(flight.param(Parameter.ENGINE))).name.lower() == either_engine
-
-
-def test_nothing_is_accepted_while_flying() -> None:
-    flight = Flight()
-    assert commit(flight, BUNDLE) is PolicyStatus.ACTIVE
-    flight.hover()
-    assert not flight.firmware.memories[1].write(0, b"123")
-    assert flight.firmware.memories[1].read(0, 4) == BUNDLE[:4]
-    flight.write(Parameter.POLICY_COMMIT, 1)
-    assert flight.param(Parameter.POLICY_STATUS) == PolicyStatus.REFUSED_FLYING
-    assert flight.param(Parameter.POLICY_ACTIVE_CRC) == zlib.crc32(BUNDLE)
-
-
-def test_a_policy_that_is_not_there_cannot_be_armed() -> None:
-    flight = Flight()
-    flight.write(Parameter.POLICY_ARM, 1)
-    assert flight.param(Parameter.POLICY_ARM) == 0
 
 
 def test_trajectory_arming_is_refused_with_a_reason() -> None:
@@ -399,19 +306,3 @@ def test_a_log_of_the_motors_is_their_mean_over_its_interval() -> None:
     means = [flight.log(name) for name in (Log.MEAN_M1, Log.MEAN_M2, Log.MEAN_M3, Log.MEAN_M4)]
     assert means == pytest.approx(np.mean(given, axis=0), abs=2.0)
     assert np.ptp(given, axis=0).max() > 20.0, "a mean of the same numbers would show nothing"
-
-
-def test_what_is_staged_after_a_commit_stays_there() -> None:
-    """Two drones of the same seed decide alike, though one has its staged bytes overwritten."""
-
-    def decision(overwritten: bool) -> tuple[float, float]:
-        flight = Flight()
-        flight.write(Parameter.CEILING_Z, PLAN.ceiling_z)
-        assert flight.upload(BUNDLE) == PolicyStatus.ACTIVE
-        if overwritten:
-            assert flight.firmware.memories[1].write(NUMBERS_OFFSET, bytes(24))
-        flight.run(0.1)
-        return flight.log(Log.TRIGGER_VALUE), flight.log(Log.A_ROT)
-
-    assert decision(True) == decision(False)
-    assert decision(True)[1] == pytest.approx(-5.5e-3)
