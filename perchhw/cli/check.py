@@ -1,5 +1,7 @@
 """``perchhw check``: the morning's question."""
 
+import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,7 +13,6 @@ from perchhw.cli.options import Lab
 from perchhw.cli.output import emit
 
 if TYPE_CHECKING:
-    from calibration.measurement import Estimate
     from perchhw.flight.course import CourseResult
     from perchhw.hover_check.check import HoverCheck
     from perchhw.hover_check.judge import CheckedQuantity
@@ -81,7 +82,7 @@ def _tell_aborted(flown: "CourseResult", lines: "tuple[CheckedQuantity, ...]") -
         "diagnosis": flown.diagnosis,
         "record": str(flown.record),
     }
-    said = [*map(_line, lines), f"not judged: the flight was ended by {flown.aborted_by}"]
+    said = [*as_table(lines), f"not judged: the flight was ended by {flown.aborted_by}"]
     if flown.diagnosis is not None:
         said += [flown.diagnosis["sentence"], f"next: {flown.diagnosis['next']}"]
     said += [f"record: {flown.record}", "perchhw bringup --step hover says more; docs/safety.md has the rule"]
@@ -90,7 +91,7 @@ def _tell_aborted(flown: "CourseResult", lines: "tuple[CheckedQuantity, ...]") -
 
 def in_words(check: "HoverCheck") -> str:
     """A line a quantity, what to do about those that changed, and the answer."""
-    lines = [_line(line) for line in check.lines]
+    lines = as_table(check.lines)
     if check.rotors:
         each = ", ".join(f"M{number} {rotor.rate_hz:.0f} Hz" for number, rotor in enumerate(check.rotors, 1))
         sigma = max(rotor.sigma_hz for rotor in check.rotors)
@@ -105,25 +106,36 @@ def _folding(check: "HoverCheck") -> str:
     return ", ".join(f"{name} at {one.folded_hz:.0f} Hz {one.gyro or 0.0:.2g} rad/s" for name, one in levels)
 
 
-def _line(line: "CheckedQuantity") -> str:
-    held = line.held
-    factor, unit = held.shown
-    said = [f"{_number(line.measured, factor)} {unit}"]
-    if line.expected is not None and line.ratio is not None:
-        said.append(f"file {_number(line.expected, factor)}, E_n {line.ratio:.2f}")
+def as_table(lines: "Sequence[CheckedQuantity]") -> list[str]:
+    """A row a quantity under a head, as wide as must be; what to do about it below its row."""
+    if not lines:
+        return []
+    rows = [("", "what", "today", "vehicle file", "E_n", "days before"), *map(_cells, lines)]
+    wide = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    head, *shown = ("  ".join(map(str.ljust, row, wide)).rstrip() for row in rows)
+    told = [head]
+    for text, line in zip(shown, lines, strict=True):
+        told.append(text)
+        if line.settles is not None:
+            below = " " * (wide[0] + 2)
+            told += [f"{below}{line.held.meaning}", f"{below}-> {line.settles}"]
+    return told
+
+
+def _cells(line: "CheckedQuantity") -> tuple[str, ...]:
+    factor, unit = line.held.shown
+    today, days = in_digits(factor * line.measured.value, factor * line.measured.u95), ""
     if line.days is not None:
-        low, high = factor * line.days.low, factor * line.days.high
-        said.append(f"{line.days.checks} checks {low:.4g} to {high:.4g}")
-    text = f"{line.verdict.value:9}{held.what}: {'; '.join(said)}"
-    if line.settles is None:
-        return text
-    return f"{text}\n         {held.meaning}\n         -> {line.settles}"
+        mean, reach = factor * line.days.mean, factor * (line.days.high - line.days.mean)
+        days = f"{in_digits(mean, reach)} of {line.days.checks}"
+    expected, ratio = line.expected, "" if line.ratio is None else f"{line.ratio:.2f}"
+    file = "" if expected is None else in_digits(factor * expected.value, factor * expected.u95)
+    return line.verdict.value, line.held.what, f"{today} {unit}", file, ratio, days
 
 
-def _number(estimate: "Estimate", factor: float) -> str:
-    return f"{_tidy(factor * estimate.value):.4g} ± {_tidy(factor * estimate.u95):.2g}"
-
-
-def _tidy(value: float) -> float:
-    """Without what is left of a computation that has no more to say."""
-    return 0.0 if abs(value) < 1e-9 else value
+def in_digits(value: float, u95: float) -> str:
+    """A value to the second digit of its uncertainty; four digits of one that has none."""
+    if u95 < 1e-9 or not math.isfinite(u95):
+        return f"{0.0 if abs(value) < 1e-9 else value:.4g} ± {0 if u95 < 1e-9 else u95:g}"
+    places = max(0, 1 - math.floor(math.log10(u95)))
+    return f"{round(value, places) + 0.0:.{places}f} ± {u95:.{places}f}"

@@ -94,7 +94,7 @@ def _flown(run: RunRecord, vehicle: Vehicle | None, judge: Judge) -> Diagnosis:
         return diagnose_test_flight(run)
     outcome = Outcome(run.info["outcome"]) if run.info.get("outcome") in tuple(Outcome) else None
     if outcome is None or outcome is Outcome.ABORTED:
-        return Diagnosis(Cause.FLOWN, "flown to its end", "look at its report (perchhw log report RUN)")
+        return Diagnosis(Cause.FLOWN, "flown to its end", "perchhw log label RUN says how it ended")
     try:
         flight = flight_from_run(run)
         if flight.trigger is None:

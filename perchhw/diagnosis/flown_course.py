@@ -11,7 +11,9 @@ from perchhw.supervisor import Phase
 
 ASTRAY_M = 0.6
 """m from the course, as the ladder to the first flight allows (docs/hardware.md)."""
-_LOOK = "look at its report (perchhw log report RUN)"
+_LOOK = (
+    "nothing needs mending; perchhw gap find --data RUN --vehicle VEHICLE holds it against the vehicle file"
+)
 _ASIDE = "perchhw check hover tells what pulls it aside: thrust, motors, lag or motion capture"
 
 

@@ -9,7 +9,18 @@ from perchhw.campaign.forecast import CampaignForecast
 from perchhw.campaign.grid_fit import GridFit
 from perchhw.campaign.plan import ADAPTIVE, Misfit
 from perchhw.campaign.plan_text import cost_text
-from perchhw.report.style import GREEN, INK, TRIGGER, new_figure, page, report_style, section, svg, table
+from perchhw.report.style import (
+    GREEN,
+    INK,
+    TRIGGER,
+    by_width,
+    new_figure,
+    page,
+    report_style,
+    section,
+    svg,
+    table,
+)
 
 
 def write_campaign_plan(plan: CampaignPlan, fit: GridFit, cost: CampaignForecast, file: Path) -> Path:
@@ -28,13 +39,22 @@ def write_campaign_plan(plan: CampaignPlan, fit: GridFit, cost: CampaignForecast
 
 def misfit_section(misfits: Sequence[Misfit]) -> str:
     """What does not fit the room, and why; nothing where everything does."""
-    rows = [[f"{m.speed:g}", f"{m.angle_deg:g}", escape(m.remedy), escape(m.reason)] for m in misfits]
-    return section("What does not fit", table(["m/s", "deg", "remedy", "why"], rows)) if rows else ""
+    rows = [
+        [f"{m.speed:g}", f"{m.angle_deg:g}", f"{escape(m.remedy)}<br><small>{escape(m.reason)}</small>"]
+        for m in misfits
+    ]
+    return section("What does not fit", table(["m/s", "deg", "remedy, and why"], rows)) if rows else ""
 
 
 def _grid(plan: CampaignPlan, fit: GridFit) -> str:
     """A dot for what fits, a cross for what does not."""
-    figure = new_figure(7.0, 4.6)
+    fitting, all_of_them = len(fit.approaches), len(fit.approaches) + len(fit.misfits)
+    alt = f"Grid of speeds and approach angles: {fitting} of {all_of_them} conditions fit the room"
+    return by_width(_grid_drawn(plan, fit, alt, True), _grid_drawn(plan, fit, f"{alt} (narrow)", False))
+
+
+def _grid_drawn(plan: CampaignPlan, fit: GridFit, alt: str, broad: bool) -> str:
+    figure = new_figure(10.4 if broad else 5.2, 4.6)
     axes = figure.add_subplot()
     if fit.approaches:
         axes.plot(*zip(*fit.approaches, strict=True), "o", ms=9, color=GREEN, label="fits")
@@ -52,10 +72,7 @@ def _grid(plan: CampaignPlan, fit: GridFit) -> str:
                 fontsize=7.5,
             )
     axes.set(xlabel="speed (m/s)", ylabel="approach angle (deg)", xticks=plan.speeds, yticks=plan.angles_deg)
-    axes.tick_params(axis="x", labelrotation=90 if len(plan.speeds) > 12 else 0)
+    axes.tick_params(axis="x", labelrotation=90 if len(plan.speeds) > (20 if broad else 10) else 0)
     axes.margins(0.12)
     axes.legend(frameon=False, ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.0))
-    fitting, all_of_them = len(fit.approaches), len(fit.approaches) + len(fit.misfits)
-    return svg(
-        figure, f"Grid of speeds and approach angles: {fitting} of {all_of_them} conditions fit the room"
-    )
+    return svg(figure, alt)

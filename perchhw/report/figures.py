@@ -48,7 +48,7 @@ def cues_over_time(flight: Flight) -> str | None:
 
 
 def rates_in_flip(flight: Flight) -> str | None:
-    """Body rates around the flip."""
+    """Body rates around the flip; of all the flight where there was none."""
     if not flight.has("gx", "gy", "gz"):
         return None
     t, rates = flight.series("gx", "gy", "gz")
@@ -62,7 +62,8 @@ def rates_in_flip(flight: Flight) -> str | None:
     axes.set(xlabel=_time_label(flight), ylabel="rate (rad/s)")
     axes.legend(frameon=False, ncols=3)
     _mark_trigger(flight, t0, axes)
-    return svg(figure, "Body rates about the three axes around the flip")
+    around = "" if flight.trigger is None else " around the flip"
+    return svg(figure, f"Body rates about the three axes{around}")
 
 
 def _window(flight: Flight, before: float, after: float) -> tuple[float, Callable[[FloatArray], BoolArray]]:

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 _ZOOM_BEFORE_S, _ZOOM_AFTER_S = 0.03, 0.3
 _GHOST_S = 0.04
 """Time between the drones drawn faintly in the close view."""
-_MARGIN_M = 0.12
 _CEILING_M = 0.06
 """Thickness of the drawn ceiling."""
 _MARGINS = Margins(top=0.28, between=0.16)
@@ -106,11 +105,19 @@ def _path(
     if not t.size:
         return
     axes.plot(pose[:, 0], pose[:, 2], color=BLUE, lw=1.3, label="path")
-    low, high = pose[:, 0].min() - _MARGIN_M, pose[:, 0].max() + _MARGIN_M
     if flight.ceiling_z is not None:
         z = flight.ceiling_z
-        axes.fill_between([low, high], z, z + _CEILING_M, color="#c9ced4", lw=0)
-        axes.text(low, z + _CEILING_M / 2, f" ceiling {z:.2f} m", va="center", fontsize=8, color=INK)
+        axes.axhspan(z, z + _CEILING_M, color="#c9ced4", lw=0)
+        across = axes.get_yaxis_transform()
+        axes.text(
+            0.0,
+            z + _CEILING_M / 2,
+            f" ceiling {z:.2f} m",
+            va="center",
+            fontsize=8,
+            color=INK,
+            transform=across,
+        )
     if near is not None and vehicle is not None:
         for wanted in np.arange(t[0], t[-1], _GHOST_S):
             k = int(np.argmin(np.abs(t - wanted)))

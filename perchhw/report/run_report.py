@@ -1,6 +1,7 @@
 """The report of one run: a page that shows how the approach, the trigger and the landing went."""
 
 import logging
+from datetime import datetime
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,9 @@ from perchhw.report.style import badge, grid, page, report_style, section, table
 _log = logging.getLogger(__name__)
 
 REPORT_FILE = "report.html"
+
+_NAMED = {"policy_crc32": "policy CRC"}
+"""Keys of the configuration that a person would not say so."""
 
 _TRIGGER_UNITS = {
     "tau": ("s", 1.0),
@@ -108,7 +112,7 @@ def _page(run: RunRecord, found: Diagnosis) -> str:
 def _said(run: RunRecord, found: Diagnosis) -> str:
     """The outcome, the diagnosis, and what to do next."""
     outcome = run.info.get("outcome")
-    shown = badge(Outcome(outcome) if outcome in tuple(Outcome) else None)
+    shown = badge(Outcome(outcome) if outcome in tuple(Outcome) else outcome)
     said = f'<p class="said">{shown} {escape(found.sentence)}.</p><p><b>Next:</b> {escape(found.next)}.</p>'
     numbers = [[escape(name), escape(_short(value))] for name, value in found.values.items()]
     return said + (_folded("the numbers behind it", table(["", ""], numbers)) if numbers else "")
@@ -119,7 +123,10 @@ def _folded(title: str, content: str) -> str:
 
 
 def _subtitle(run: RunRecord) -> str:
-    return f"{run.folder.name}, started {run.info.get('started_utc', 'at an unknown time')}"
+    started = run.info.get("started_utc")
+    if not isinstance(started, str):
+        return f"{run.folder.name}, started at an unknown time"
+    return f"{run.folder.name}, started {datetime.fromisoformat(started):%Y-%m-%d %H:%M:%S} UTC"
 
 
 def _facts(run: RunRecord) -> str:
@@ -141,11 +148,12 @@ def _facts(run: RunRecord) -> str:
         "legs",
         "policy",
         "policy_crc32",
-        "ceiling_z",
         "seed",
     ):
         if config.get(name) is not None:
-            rows.append([name.replace("_", " "), escape(str(config[name]))])
+            rows.append([_NAMED.get(name, name), escape(str(config[name]))])
+    if isinstance(ceiling := config.get("ceiling_z"), int | float):
+        rows.append(["ceiling", f"{ceiling:.3f} m"])
     facts = table(["", ""], rows)
     trigger = info.get("trigger")
     return facts + (f"<h2 style='margin-top:14px'>At the trigger</h2>{_trigger(trigger)}" if trigger else "")
@@ -166,7 +174,7 @@ def _figures(run: RunRecord, flight: Flight, found: Diagnosis) -> str:
         ("Cues against the trigger region", trigger_region(flight, judge_of(run).region)),
         ("Towards the trigger", figures.cues_over_time(flight)),
         ("Tracking", tracking(flight, run.config.get("approach"))),
-        ("Rates during the flip", figures.rates_in_flip(flight)),
+        ("Body rates" if flight.trigger is None else "Rates during the flip", figures.rates_in_flip(flight)),
         ("Thrust and battery", power(flight)),
     ]
     return body + grid([section(title, drawing) for title, drawing in panels if drawing is not None])

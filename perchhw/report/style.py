@@ -1,5 +1,7 @@
 """How reports of flights look: the look of all reports, and the colours of the outcomes."""
 
+from html import escape
+
 from calibration.report_style import (
     BLUE,
     GREEN,
@@ -64,10 +66,11 @@ OUTCOME_MARKERS: dict[Outcome, str] = {
 _SHAPES = {"o": "●", "D": "◆", "s": "■", "^": "▲", "X": "✖", "P": "✚", "v": "▼"}
 
 
-def badge(outcome: Outcome | None) -> str:
-    """The outcome as a coloured label with its shape."""
-    if outcome is None:
-        return '<span class="badge" style="background:#aab1ba">none</span>'
+def badge(outcome: Outcome | str | None) -> str:
+    """The outcome as a coloured label with its shape; grey for what is no landing's, such as ``flown``."""
+    if not isinstance(outcome, Outcome):
+        words = "no outcome" if outcome is None else escape(outcome.replace("_", " "))
+        return f'<span class="badge" style="background:{MUTED}">{words}</span>'
     shape = _SHAPES[OUTCOME_MARKERS[outcome]]
     colour = OUTCOME_COLOURS[outcome]
     return f'<span class="badge" style="background:{colour}">{shape} {outcome.value}</span>'

@@ -73,7 +73,7 @@ def _title(s: Snapshot, width: int) -> Text:
 
 
 def _phase_bar(s: Snapshot, width: int, plain: bool) -> Text:
-    """Phases done, the present one, those to come: by name where all fit, else one sign each."""
+    """Phases done, the present one, those to come: as many of the latter two by name as fit, else signs."""
     done, now, later = ("#", ">", ".") if plain else ("●", "▶", "○")
     if not s.phases:
         return Text(f"{now} connecting" if s.flying else f"{done} no attempt under way", "cyan")
@@ -84,11 +84,16 @@ def _phase_bar(s: Snapshot, width: int, plain: bool) -> Text:
     ahead = list(s.planned[s.planned.index(known[-1]) + 1 :]) if known and to_plan else []
     marks = [(done, name, "green") for name in behind] + [(now, present, "bold cyan")]
     marks += [(later, name, "dim") for name in ahead]
-    named = [f"{mark} {_SHORT.get(name, name)}" for mark, name, _ in marks]
-    if sum(map(len, named)) + len(named) > width:
-        named = [mark for mark, _, _ in marks]
+    first, last = len(behind), len(marks)
+    for begin, end in ((0, last), *((first, end) for end in range(last, first - 1, -1))):
+        texts = [
+            f"{mark} {_SHORT.get(name, name)}" if begin <= k < end else mark
+            for k, (mark, name, _) in enumerate(marks)
+        ]
+        if sum(map(len, texts)) + len(texts) <= width:
+            break
     bar = Text()
-    for text, (_, _, style) in zip(named, marks, strict=True):
+    for text, (_, _, style) in zip(texts, marks, strict=True):
         bar.append(text, style).append(" ")
     return bar
 
@@ -144,10 +149,14 @@ def _left(s: Snapshot) -> Text:
     if not s.attempts:
         return Text()
     left = s.attempts - sum(count for _, count in s.outcomes)
-    words = [f"{left} attempts"]
+    words = [_counted(left, "attempt")]
     words += [] if s.time_left_s is None else [f"about {max(1, round(s.time_left_s / 60.0))} min"]
-    words += [] if s.packs_left is None else [f"{s.packs_left} new packs"]
+    words += [] if s.packs_left is None else [_counted(s.packs_left, "new pack")]
     return Text("left            ", "dim").append(", ".join(words), "")
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"
 
 
 def _alert(s: Snapshot, width: int, plain: bool) -> list[Text]:

@@ -9,6 +9,7 @@ import pytest
 
 from calibration.measurement import Estimate
 from onboard.json_file import as_json
+from perchhw.cli.check import as_table, in_digits
 from perchhw.hover_check.expected import expected
 from perchhw.hover_check.history import History, HistoryError
 from perchhw.hover_check.judge import LineVerdict, against_days, in_words, judge
@@ -38,6 +39,33 @@ def measured(values: dict[str, float]) -> dict[str, Estimate]:
 def changes(values: dict[str, float], before: list[dict[str, float]]) -> list[str]:
     lines = judge(measured(values), expected(VEHICLE), before)
     return [line.held.what for line in lines if line.verdict is LineVerdict.CHANGED]
+
+
+@pytest.mark.parametrize(
+    ("value", "u95", "shown"),
+    [
+        (99.78, 1.4, "99.8 ± 1.4"),
+        (101.2, 23.0, "101 ± 23"),
+        (-6.364e-05, 0.0038, "0.0001 ± 0.0038"),
+        (100.0, 0.0, "100 ± 0"),
+    ],
+)
+def test_a_figure_has_the_digits_that_its_uncertainty_allows(value: float, u95: float, shown: str) -> None:
+    assert in_digits(value, u95).removeprefix("-") == shown
+
+
+def test_the_lines_are_a_table() -> None:
+    rng = np.random.default_rng(7)
+    lines = judge(measured(day(rng, thrust=1.4)), expected(VEHICLE), [day(rng), day(rng)])
+    rows = as_table(lines)
+    head = rows[0]
+    for line in lines:
+        row = next(row for row in rows if line.held.what in row.split())
+        assert row.index(line.held.what) == head.index("what")
+        assert row.endswith("of 2")
+        assert row[head.index("days before") - 1] == " " != row[head.index("days before")]
+    below = rows[1 + next(k for k, row in enumerate(rows) if row.startswith("changed"))]
+    assert below.startswith(" " * head.index("what"))
 
 
 def test_a_drone_that_repeats_as_it_does_is_rarely_accused_and_a_changed_one_is_named() -> None:

@@ -8,6 +8,7 @@ import pytest
 
 from perchhw.attempt import Outcome
 from perchhw.cli.main import run
+from perchhw.record import RunRecorder
 from perchhw.record.event_words import command_words
 from perchhw.report.campaign_report import PREDICTION_FILE, write_campaign_report
 from perchhw.report.run_report import write_run_report
@@ -78,6 +79,25 @@ def test_a_campaign_opens_with_rates_beside_their_prediction(shown: Path) -> Non
     assert "10%" not in drawn
     ended = next(row for row in page.rows if row[0] == "2")
     assert ended[2] == "ended: battery <3.2 V & falling"
+
+
+def test_a_flight_that_was_no_landing_says_so(tmp_path: Path) -> None:
+    with RunRecorder(
+        tmp_path / "hover", {"flight": "attitude_doublets", "ceiling_z": 2.09966549251562}
+    ) as to:
+        for k in range(200):
+            t = 0.01 * k
+            pose = {"x": -2.5, "y": 0.0, "z": 0.1 + 0.5 * t, "qx": 0.0, "qy": 0.0, "qz": 0.0, "qw": 1.0}
+            to.write("pose", t, {**pose, "frame": k, "verdict": "OK"})
+            to.write("rates", t, {"gx": 0.0, "gy": 0.1, "gz": 0.0})
+        to.close(outcome="flown")
+    page = Page(write_run_report(tmp_path / "hover"))
+    assert "Body rates" in page.text
+    assert "flip" not in page.text
+    assert "attitude_doublets flown to its end" in page.text
+    assert "log report" not in page.text  # which is this page
+    assert ["ceiling", "2.100 m"] in page.rows
+    assert re.search(r"started \d{4}-\d\d-\d\d \d\d:\d\d:\d\d UTC", page.text)
 
 
 def test_every_outcome_has_a_shape_of_its_own() -> None:

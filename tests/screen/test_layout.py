@@ -87,6 +87,21 @@ def test_everything_that_is_known_is_on_it(width: int) -> None:
         assert "about 12 min, 2 new packs" in text
 
 
+def test_where_not_all_phases_fit_the_present_one_and_the_next_have_their_names() -> None:
+    assert plain(FLYING, 160)[1].startswith("● check ● upload ● ready ● arm ▶ take-off ○ to start")
+    bar = plain(FLYING, 80)[1]
+    assert bar.startswith("● ● ● ● ▶ take-off ○ to start ○ arm approach")
+    assert bar.endswith("settle ○")
+    narrow = plain(FLYING, 40)[1]
+    assert narrow.startswith("● ● ● ● ▶ take-off ○")
+    assert narrow.count("○") == bar.count("○")
+
+
+def test_one_is_no_plural() -> None:
+    last = FLYING.with_changes(attempts=3, packs_left=1)
+    assert "1 attempt, about 12 min, 1 new pack" in "\n".join(plain(last))
+
+
 def test_where_it_is_seen_fits_and_stays_among_messages() -> None:
     view = "view: http://127.0.0.1:9090/"
     assert view in plain(FLYING.with_changes(view=view, messages=("one", "two", "three")), 40)
