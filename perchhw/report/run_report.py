@@ -1,6 +1,7 @@
 """The report of one run: a page that shows how the approach, the trigger and the landing went."""
 
 import logging
+from contextlib import suppress
 from datetime import datetime
 from html import escape
 from pathlib import Path
@@ -123,10 +124,10 @@ def _folded(title: str, content: str) -> str:
 
 
 def _subtitle(run: RunRecord) -> str:
-    started = run.info.get("started_utc")
-    if not isinstance(started, str):
-        return f"{run.folder.name}, started at an unknown time"
-    return f"{run.folder.name}, started {datetime.fromisoformat(started):%Y-%m-%d %H:%M:%S} UTC"
+    started = str(run.info.get("started_utc", "at an unknown time"))
+    with suppress(ValueError):  # the record is shown as it is
+        started = f"{datetime.fromisoformat(started):%Y-%m-%d %H:%M:%S} UTC"
+    return f"{run.folder.name}, started {started}"
 
 
 def _facts(run: RunRecord) -> str:

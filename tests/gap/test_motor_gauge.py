@@ -47,7 +47,7 @@ def test_what_a_name_is_needed_for_does_not_depend_on_where_a_fit_began(tmp_path
     model = Model(nominal(frame(), "gauge"))
     training = training_set(flights(Hidden(motors=UNEQUAL), tmp_path), model)
     named = refine(model, (LOG_TIMING, *MOTORS), training)
-    reduced, never = without(named, "motor_imbalance", training), refine(model, (LOG_TIMING,), training)
+    reduced, never = without(named, training, "motor_imbalance"), refine(model, (LOG_TIMING,), training)
     assert float(reduced.gains(never, False).sum()) == pytest.approx(0.0, abs=2.0)
     missing = {shared.nuisance.name for shared in shared_nuisances(never, model.base)}
     assert {"torque_trim_x", "torque_trim_y"} <= missing

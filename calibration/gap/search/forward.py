@@ -20,7 +20,7 @@ from calibration.gap.search.candidates import Candidate, candidates_for
 from calibration.gap.search.rivals import Rival
 from calibration.gap.search.screen import Promise, screen
 from calibration.gap.search.second_look import second_look
-from calibration.gap.search.selection import Pace, Progress, SelectionStep
+from calibration.gap.search.selection import Progress, SelectionStep, TimeToGo
 from calibration.gap.unnamed.fitted_terms import FittedTerm, best_term, without_superfluous
 
 LOG_TIMING = Variable("command_delay", "delay")
@@ -138,7 +138,7 @@ def _grow(
 ) -> list[Promise]:
     """Take in what explains most, round by round, until nothing is believed; the last round's promises."""
     doubted: dict[str, float] = {}
-    rounds = Pace()
+    rounds = TimeToGo()
     for _ in range(_MOST_ROUNDS):
         present = grown.present
         progress(f"every effect{rounds.to_go()}")  # one round more for each effect that is found

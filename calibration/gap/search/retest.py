@@ -22,7 +22,7 @@ def retested(found: Search, kept_back: Sequence[FlightRecord], training: Trainin
         return found
     unseen = training_set(kept_back, Model(found.first.model.base, {}, found.first.model.ceiling_z))
     for step in reversed(found.steps):
-        reduced = without(found.final, [step.effect], training)
+        reduced = without(found.final, training, step.effect)
         with_it, without_it = (on_unseen(unseen, one, one.model) for one in (found.final, reduced))
         gain = float(with_it.gains(without_it, in_time=False).sum())
         if step.effect != LOG_TIMING.effect and gain < _WORSE:

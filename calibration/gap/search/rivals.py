@@ -1,7 +1,7 @@
 """The second look: is each name needed, and would another do as well?"""
 
 import functools
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -88,7 +88,7 @@ class Rival:
         return self.lead > min(max(NOT_TOLD_APART, _STANDARD_ERRORS * self.error), _BEYOND_DOUBT)
 
 
-def without(final: Fitted, effects: Collection[str], training: Training) -> Fitted:
+def without(final: Fitted, training: Training, *effects: str) -> Fitted:
     """The model fitted without some of its effects."""
     rest = [v for v in final.variables if v.effect not in effects]
     model = functools.reduce(Model.without, effects, final.model)
@@ -99,7 +99,7 @@ def needed(final: Fitted, effect: str, training: Training) -> bool:
     """Whether the flights get less likely when an effect is taken out and the others are fitted anew, or the
     nuisances take what it explained."""
     in_time = final.few_kinds(final.columns_of(_variables(final, effect)))
-    reduced = without(final, [effect], training)
+    reduced = without(final, training, effect)
     return float(final.gains(reduced, in_time).sum()) >= LEAST_GAIN or bool(swallowed(final, reduced))
 
 
@@ -112,7 +112,7 @@ def rivals(final: Fitted, effect: str, close: Sequence[str], training: Training)
         close: effects that came close when it was found; those it is commonly confused with are added.
         training: the flights.
     """
-    reduced = without(final, [effect], training)
+    reduced = without(final, training, effect)
     names = {*close, *EFFECTS[effect].confused_with} - {effect}
     offered = candidates_for(reduced, training, names)
     with ThreadPoolExecutor(WORKERS) as pool:

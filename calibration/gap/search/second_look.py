@@ -16,7 +16,7 @@ from calibration.gap.estimate.refine import Fitted, Training, refine, settled
 from calibration.gap.search.candidates import Candidate, candidates
 from calibration.gap.search.rivals import KEPT, Rival, needed, rivals, swallowed, without
 from calibration.gap.search.screen import screen
-from calibration.gap.search.selection import Pace, Progress, SelectionStep
+from calibration.gap.search.selection import Progress, SelectionStep, TimeToGo
 from onboard.vehicle import EFFECTS
 
 Ambiguous = dict[str, tuple[Rival, ...]]
@@ -49,7 +49,7 @@ def second_look(
     left = [step for step in steps if step.effect in present.model.effects]
     present, left = _one_for_two(present, left, training, rng, progress)
     ambiguous: Ambiguous = {}
-    names = Pace()
+    names = TimeToGo()
     for index, step in enumerate(left):
         if not step.judgement.sizeable:
             continue
@@ -78,7 +78,7 @@ def _drop_superfluous(
     for step in sorted(steps, key=lambda s: s.judgement.gain):
         progress(f"without {step.effect}")
         if len(steps) > 1 and not needed(present, step.effect, training):
-            present = without(present, [step.effect], training)
+            present = without(present, training, step.effect)
     return present
 
 
@@ -102,7 +102,7 @@ def _one_for_two(
         if not common:
             continue
         progress(f"one effect for {one.effect} and {other.effect}")
-        reduced = without(present, (one.effect, other.effect), training)
+        reduced = without(present, training, one.effect, other.effect)
         cause = _common_cause(present, reduced, common, training)
         if cause is None or not _explains(cause[1], present, (one.effect, other.effect), training):
             continue
@@ -152,5 +152,5 @@ def _explains(cause: Fitted, present: Fitted, names: Sequence[str], training: Tr
         for name in names
     )
     lost = float(present.gains(cause, in_time).sum())
-    gained = [float(present.gains(without(present, [name], training), in_time).sum()) for name in names]
+    gained = [float(present.gains(without(present, training, name), in_time).sum()) for name in names]
     return lost <= (1.0 - KEPT) * min(gained)

@@ -11,7 +11,7 @@ Progress = Callable[[str], None]
 """Called with what is being looked at."""
 
 
-class Pace:
+class TimeToGo:
     """How long things of one kind have taken, and with it the time to go.
 
     Args:
