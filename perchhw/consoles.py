@@ -1,6 +1,8 @@
 """The two consoles of a command: results on stdout, everything else on stderr; colour only on a terminal."""
 
 import sys
+import textwrap
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -19,3 +21,28 @@ def progress_console() -> "Console":
     from rich.console import Console
 
     return Console(file=sys.stderr, highlight=False)
+
+
+def in_width(text: str, screen: "Console", mark: str = "") -> str:
+    """`text` behind `mark`, every line as far in as it began.
+
+    A terminal gets its lines broken between words, since it breaks them anywhere itself; elsewhere a line
+    stays one, for whoever searches.
+    """
+    width = screen.width if screen.is_terminal else None
+    parts = [part for line in text.splitlines() for part in _broken(line, width, len(mark))]
+    return "\n".join(f"{' ' * len(mark) if k else mark}{part}" for k, part in enumerate(parts))
+
+
+def _broken(line: str, width: int | None, taken: int) -> Iterator[str]:
+    if width is None or taken + len(line) <= width:
+        yield line
+        return
+    indent = line[: len(line) - len(line.lstrip())]
+    yield from textwrap.wrap(
+        line,
+        max(20, width - taken),
+        subsequent_indent=indent,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )

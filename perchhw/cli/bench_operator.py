@@ -1,7 +1,6 @@
 """The person at the terminal, as the wizards see them: prompts, keys, live numbers; all on stderr."""
 
 import sys
-import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -19,7 +18,7 @@ from calibration.bench.procedures.operator import (
 )
 from calibration.bench.procedures.readings import parse_reading
 from onboard.quantity import UnitError
-from perchhw.consoles import progress_console
+from perchhw.consoles import in_width, progress_console
 from perchhw.errors import NobodyToAsk
 
 if TYPE_CHECKING:
@@ -48,23 +47,12 @@ class TerminalOperator:
 
     def tell(self, text: str) -> None:
         """Plain text."""
-        self._indented("    ", text)
+        self._screen.print(in_width(text, self._screen, "    "), markup=False, soft_wrap=True)
 
     def warn(self, text: str) -> None:
         """Text that stands out."""
-        self._indented("  ! ", text, style="yellow")
-
-    def _indented(self, mark: str, text: str, style: str | None = None) -> None:
-        """Every line of the text as far in as its first, which `mark` stands before; broken on a terminal."""
-        wrapped = text.splitlines()
-        if self._screen.is_terminal:
-            folded = textwrap.TextWrapper(
-                max(20, self._screen.width - len(mark)), break_long_words=False, break_on_hyphens=False
-            )
-            wrapped = [part for line in wrapped for part in folded.wrap(line) or [""]]
-        for k, part in enumerate(wrapped):
-            before = " " * len(mark) if k else mark
-            self._screen.print(f"{before}{part}", style=style, markup=False, soft_wrap=True)
+        told = in_width(text, self._screen, "  ! ")
+        self._screen.print(told, style="yellow", markup=False, soft_wrap=True)
 
     def do(self, task: Task) -> dict[str, Any]:
         """Say what to do; wait for Enter or a key unless the wizard notices by itself.

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any, TextIO
 
 from onboard.json_file import as_json
-from perchhw.consoles import console
+from perchhw.consoles import console, in_width
 
 
 @dataclass
@@ -68,6 +68,7 @@ def emit(result: Any, human: Callable[[], None] | str) -> bool:
         elif callable(human):
             human()
         else:
-            console().print(human, markup=False, soft_wrap=True)
+            screen = console()
+            screen.print(in_width(human, screen), markup=False, soft_wrap=True)
 
     return written(sys.stdout, tell)
