@@ -47,7 +47,7 @@ def test_space_locks_the_drone(lab: SimulatedLab, tmp_path: Path) -> None:
     with fly(lab, tmp_path / "space") as terminal:
         rows = terminal.until("waits for the first hover")
         assert "2.5 m/s, 50 deg" in rows[0]
-        assert rows[1].startswith("● ● ● ● ▶ ○ ○ ○")
+        assert rows[1].startswith("● ● ● ● ▶ take-off ○ to start ○")
         terminal.until("policy CRC")
         terminal.until(" V ")
         terminal.press(" ")
