@@ -12,6 +12,7 @@ from perchhw.cli.gap_walkthrough import walkthrough_command
 from perchhw.cli.options import FlightFormat, Legs
 from perchhw.cli.output import emit
 from perchhw.consoles import console, progress_console
+from perchhw.screen.long_work import activity
 
 if TYPE_CHECKING:
     from calibration.flights import Flight
@@ -83,7 +84,7 @@ def find(
     from onboard.vehicle import load_vehicle
 
     model = load_vehicle(vehicle, legs=legs)
-    with progress_console().status("reading") as status:
+    with activity("reading") as tell:
         flights, refused = read_flights([*data, *(more or [])], format)
         asked = GapQuestion(
             vehicle=model,
@@ -91,7 +92,7 @@ def find(
             ceiling_z=ceiling,
             unusable=[UnusableFile(file=item["file"], reason=item["reason"]) for item in refused],
         )
-        result = find_gap(flights, asked, progress=status.update)
+        result = find_gap(flights, asked, progress=tell)
     page = write_report(result.report, out, result.figures)
     write_vehicle(result.vehicle, out)
     emit(result.report, lambda: _tell(result.report, page))

@@ -9,6 +9,7 @@ from onboard.json_file import as_json
 from perchhw.cli.options import FlightFormat, Legs
 from perchhw.cli.output import emit
 from perchhw.consoles import console, progress_console
+from perchhw.screen.long_work import share_done
 
 if TYPE_CHECKING:
     from calibration.flights import Flight
@@ -43,7 +44,6 @@ def landings_command(
 ) -> None:
     """How likely four legs, two or none hold, simulated from each flight's trigger, beside what happened."""
     import numpy as np
-    from rich.progress import Progress
 
     from calibration.flights import flight_files, open_flights
     from calibration.gap.data.record import NotUsed
@@ -70,13 +70,12 @@ def landings_command(
         reasons = "; ".join(f"{item.name}: {item.reason}" for item in (*prepared.unused, *refused))
         raise InputError(f"no flight has a trigger to start from: {reasons or 'there is no flight'}")
     real = [_outcome(start.flight, labels, model) for start in prepared.starts]
-    with Progress(console=progress_console(), transient=True) as bar:
-        task = bar.add_task("simulating", total=1.0)
-        found = forecast(prepared, model, lambda share: bar.update(task, completed=share))
-        report = landing_report(prepared, found, real, model.name, seed, refused)
-        if search:
-            task = bar.add_task("searching", total=1.0)
-            report = search_report(report, model, lambda share: bar.update(task, completed=share))
+    with share_done("simulating") as simulated:
+        found = forecast(prepared, model, lambda share: simulated(share, 1.0))
+    report = landing_report(prepared, found, real, model.name, seed, refused)
+    if search:
+        with share_done("searching") as searched:
+            report = search_report(report, model, lambda share: searched(share, 1.0))
     written = None if out is None else _write(report, model, out)
     emit(report, lambda: _tell(report, written))
 

@@ -16,7 +16,6 @@ from perchhw.cli.learn_options import (
     SeedOption,
     SetupOptions,
     SweepOptions,
-    progress_count,
     progress_of,
 )
 from perchhw.cli.learn_report import report, write_report
@@ -30,6 +29,7 @@ from perchhw.learning.sweep_folder import (
     VALIDATION_FILE,
     VALIDATION_SUMMARY,
 )
+from perchhw.screen.long_work import share_done
 
 if TYPE_CHECKING:
     from onboard.policy.files import Policy
@@ -222,7 +222,7 @@ def _refined(policy: "Policy", swept: Path, refining: GridOptions) -> "Policy":
 
     settings = read_settings(swept / SWEEP_FILE)["settings"]
     grid = sorted({Condition(speed, angle) for speed, angle, _ in read_pairs(swept / PAIRS_FILE)})
-    with refining.executor() as executor, progress_count("refinement") as show:
+    with refining.executor() as executor, share_done("refinement") as show:
         return refine_action(
             policy, recorded_setup(settings, str(swept)), grid, executor=executor, on_condition=show
         )

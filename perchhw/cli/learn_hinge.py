@@ -7,10 +7,11 @@ from typing import Annotated, Any
 import typer
 
 from perchhw.attempt import STORED_VEHICLE
-from perchhw.cli.learn_options import GridOptions, OutOption, SeedOption, progress_count
+from perchhw.cli.learn_options import GridOptions, OutOption, SeedOption
 from perchhw.cli.option_groups import with_option_groups
 from perchhw.cli.output import emit
 from perchhw.consoles import console
+from perchhw.screen.long_work import share_done
 
 _OUT = Path("runs/hinge")
 
@@ -52,7 +53,7 @@ def hinge(
 
     k = parse_range(stiffnesses, "--stiffnesses") if stiffnesses else STIFFNESSES
     c = parse_range(dampings, "--dampings") if dampings else (AUTHORS_DAMPING,)
-    with grid.executor() as executor, progress_count("hinges") as show:
+    with grid.executor() as executor, share_done("hinges") as show:
         result = run_hinge_calibration(
             LearningSetup(vehicle=vehicle, reward="flown", gains="gazebo", sensing=sensing, seed=seed),
             [Hinge(stiffness, damping) for damping in c for stiffness in k],

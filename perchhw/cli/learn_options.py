@@ -10,10 +10,9 @@ import typer
 
 from perchhw.attempt import DEFAULT_VEHICLE
 from perchhw.consoles import progress_console
+from perchhw.screen.long_work import share_done
 
 if TYPE_CHECKING:
-    from rich.progress import Progress
-
     from perchhw.learning.executor import Executor
     from perchhw.learning.setup import LearningSetup
     from perchhw.learning.sweep_folder import Row
@@ -127,38 +126,18 @@ class SweepOptions:
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the sweep in the folder.")] = False
 
 
-def _progress() -> "Progress":
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        console=progress_console(),
-    )
-
-
 @contextmanager
 def progress_of(what: str, seed: int) -> "Iterator[Callable[[Row, int, int], None]]":
-    """Shows rows as they come: a bar, and a line for every row with rollouts that were not finite."""
+    """Shows how many rows there are, and a line for every row with rollouts that were not finite."""
     from perchhw.learning.sweep_folder import not_finite_report
 
-    with _progress() as bar:
-        task = bar.add_task(what, total=None)
+    screen = progress_console()
+    with share_done(what, screen) as tell:
 
         def show(row: "Row", done: int, total: int) -> None:
-            bar.update(task, completed=done, total=total)
+            tell(done, total)
             report = not_finite_report(row, seed)
             if report["rollouts"]:
-                bar.console.print(f"not finite, counted as failures: {report}", markup=False)
+                screen.print(f"not finite, counted as failures: {report}", markup=False)
 
         yield show
-
-
-@contextmanager
-def progress_count(what: str) -> "Iterator[Callable[[int, int], None]]":
-    """Shows how much is done: a bar."""
-    with _progress() as bar:
-        task = bar.add_task(what, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
