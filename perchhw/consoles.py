@@ -9,6 +9,11 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 
+_NARROWEST = 20
+"""Characters: on a terminal that leaves fewer, text is broken by the terminal itself; single words in a column
+would be worse to read."""
+
+
 def console() -> "Console":
     """On stdout, for results."""
     from rich.console import Console
@@ -41,7 +46,7 @@ def _broken(line: str, width: int | None, taken: int) -> Iterator[str]:
     indent = line[: len(line) - len(line.lstrip())]
     yield from textwrap.wrap(
         line,
-        max(20, width - taken),
+        max(_NARROWEST, width - taken),
         subsequent_indent=indent,
         break_long_words=False,
         break_on_hyphens=False,
