@@ -10,8 +10,7 @@ if TYPE_CHECKING:
 
 
 _NARROWEST = 20
-"""Characters: on a terminal that leaves fewer, text is broken by the terminal itself; single words in a column
-would be worse to read."""
+"""Characters: a terminal that leaves fewer breaks text itself, since single words in a column read worse."""
 
 
 def console() -> "Console":

@@ -100,7 +100,7 @@ class Unexplained:
 
 @dataclass(frozen=True, kw_only=True)
 class Rejected:
-    """An effect, or a term without a name, that looked like one, and in words the rule that it failed."""
+    """An effect, or a term without a name, and in words the rule of acceptance that it failed."""
 
     name: str
     reason: str
