@@ -216,6 +216,8 @@ class LabServer:
         radio_id = (RADIO_ID + index) & 0xFF
         air = RadioChannel(np.random.default_rng((settings.seed, index, 1))) if settings.radio else None
         server = CrazyflieServer(drone.firmware, settings.host, port, radio_id=radio_id, faults=link, air=air)
+        if settings.pace.waits:
+            server.by_wall_clock = self._traffic.is_stranger
         await server.start()
         self.servers.append(server)
         self.links.append(link)

@@ -76,11 +76,15 @@ class LabTraffic:
         """Whether a drone is in a parameter's callback."""
         return any(server.in_callback for server in self._servers)
 
+    def is_stranger(self, port: int) -> bool:
+        """Whether this socket is of a client that never took part."""
+        return port not in self._known
+
     def of_strangers(self) -> int:
         """Packets that came from clients that never took part."""
         return sum(
             count for server in self._servers for port, count in server.received.items()
-            if port not in self._known
+            if self.is_stranger(port)
         )  # fmt: skip
 
 

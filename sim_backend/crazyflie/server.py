@@ -13,6 +13,7 @@ import asyncio
 import heapq
 import itertools
 import socket
+import time
 from collections import Counter, deque
 from collections.abc import Callable
 from functools import partial
@@ -45,6 +46,8 @@ DATAGRAM_MAX = 2048
 ECHO_HEADERS = tuple(bytes((Port.LINK << 4 | link_bits << 2,)) for link_bits in range(4))
 #: Silence after which the firmware stops all logging (CONFIG_RADIO_ACTIVITY_TIMEOUT_MS).
 ACTIVITY_TIMEOUT_MS = 1000
+#: The same for a client that lives by the clock on the wall while the drone does not.
+ACTIVITY_TIMEOUT_S = 0.001 * ACTIVITY_TIMEOUT_MS
 #: Length of the firmware's queue towards the radio.
 CONSOLE_QUEUE = 200
 
@@ -73,6 +76,8 @@ class CrazyflieServer:
         received, sent: datagrams from and to each client, by its port.
         heard: set when a datagram has come.
         assertions: assertions of the firmware that packets have tripped, oldest first.
+        by_wall_clock: whether the client at this port counts its time by the clock on the wall: it is there
+            as long as it is heard once a second by either clock.
     """
 
     def __init__(
@@ -93,6 +98,7 @@ class CrazyflieServer:
         self.sent: Counter[int] = Counter()
         self.heard = asyncio.Event()
         self.assertions: list[str] = []
+        self.by_wall_clock: Callable[[int], bool] = lambda _port: False
         self._firmware = firmware
         self._requested: Address = (host, port)
         self._radio_id = radio_id
@@ -103,6 +109,7 @@ class CrazyflieServer:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._peer: Address | None = None
         self._last_packet_ms = 0
+        self._last_packet_at = 0.0
         self._console: deque[Packet] = deque(maxlen=CONSOLE_QUEUE)
         self._now = 0.0
         self._delayed: list[tuple[float, int, Callable[[], None]]] = []
@@ -187,9 +194,14 @@ class CrazyflieServer:
 
     @property
     def connected(self) -> bool:
-        """A client is there and the radio was not silent for a second of drone time."""
-        silence = self._firmware.tick_ms() - self._last_packet_ms
-        return self._peer is not None and silence < ACTIVITY_TIMEOUT_MS
+        """A client is there and the radio was not silent for a second of drone time, or of the client's."""
+        if self._peer is None:
+            return False
+        if self._firmware.tick_ms() - self._last_packet_ms < ACTIVITY_TIMEOUT_MS:
+            return True
+        if not self.by_wall_clock(self._peer[1]):
+            return False
+        return time.monotonic() - self._last_packet_at < ACTIVITY_TIMEOUT_S
 
     @property
     def in_callback(self) -> bool:
@@ -288,6 +300,7 @@ class CrazyflieServer:
     def _touch(self) -> None:
         if self.radio.power is Power.ON:
             self._last_packet_ms = self._firmware.tick_ms()
+            self._last_packet_at = time.monotonic()
             self._firmware.on_packet()
 
     def _send(self, packet: Packet) -> None:
