@@ -23,6 +23,11 @@ _NOBODY_THERE = ("cannot receive from udp:", "cannot send to udp:")
 """What the link says where the system knows that nobody listens any more: no late computer's doing."""
 _PREFLIGHT = ("checking", "uploading", "ready")
 _LOOK = "look at the time line of the report (perchhw log report RUN)"
+_CUT_BY_OPERATOR = RuleWords(
+    Cause.OPERATOR,
+    "the operator stopped it, and its motors were cut at once",
+    "look the drone over, for one in the air has fallen; it is locked until it is rebooted (--put-back)",
+)
 
 
 class Broken(NamedTuple):
@@ -49,6 +54,8 @@ def diagnose_ended(run: RunRecord, aborted_by: str) -> Diagnosis:
     if known is None:
         known = _by_rules(aborted_by)
     found, numbers = known
+    if found.cause is Cause.OPERATOR and _stopped(run):
+        found = _CUT_BY_OPERATOR
     if found.cause in _DRIFTING and (bias := _gyro_bias(run)) is not None and bias > GYRO_BIAS_RAD_S:
         words = f"the gyro read {bias:.2f} rad/s while the drone stood still; {found.words}"
         found = RuleWords(
@@ -65,6 +72,11 @@ def diagnose_ended(run: RunRecord, aborted_by: str) -> Diagnosis:
     if fell:
         sentence += "; its motors were cut before it was down"
     return Diagnosis(found.cause, sentence, found.next, {"phase": phase, **numbers})
+
+
+def _stopped(run: RunRecord) -> bool:
+    """Whether the motors were cut, and not landed with."""
+    return any(event["event"] == "phase" and event.get("phase") == "stopping" for event in run.events)
 
 
 def where_it_ended(run: RunRecord) -> tuple[str | None, float]:

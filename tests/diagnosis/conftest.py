@@ -37,7 +37,7 @@ def ended(tmp_path: Path) -> Ended:
                 recorder.write("rates", t, {"gx": info.get("bias", 0.0), "gy": 0.0, "gz": 0.0})
             recorder.event("phase", 0.5, phase="arming", aborted_by=None)
             recorder.event("phase", 0.6, phase="approaching", aborted_by=None)
-            recorder.event("phase", 1.0, phase="braking", aborted_by=aborted_by)
+            recorder.event("phase", 1.0, phase=info.get("way_out", "braking"), aborted_by=aborted_by)
             recorder.event("phase", 2.0, phase="done", aborted_by=aborted_by)
             recorder.close(outcome="aborted", aborted_by=aborted_by, record_lost=info.get("record_lost"))
         return read_run(folder)

@@ -50,6 +50,13 @@ def test_reasons_in_words(ended: Ended, aborted_by: str, cause: Cause, said: str
     assert found.next
 
 
+def test_an_operator_who_cut_the_motors_is_not_told_to_fly_again_at_once(ended: Ended) -> None:
+    found = diagnose_run(ended("operator", way_out="stopping"))
+    assert (found.cause, found.values["phase"]) == (Cause.OPERATOR, "approaching")
+    assert "its motors were cut" in found.sentence
+    assert "locked until it is rebooted" in found.next
+
+
 @pytest.mark.parametrize(
     ("verdict", "cause"),
     [
