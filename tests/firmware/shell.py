@@ -245,6 +245,10 @@ class Shell:
         """Interrupt the callback of the next write at this place, from 1 on; 0: nowhere."""
         self._library.shim_interrupt_parameters(c_int(place))
 
+    def interrupt_app(self, place: int) -> None:
+        """Interrupt the app's slow task at this place, from 1 on, until the next turn of the control loop."""
+        self._library.shim_interrupt_app(c_int(place))
+
     def go_on_with_parameters(self) -> None:
         """Let the interrupted callback go on."""
         self._library.shim_go_on_with_parameters()
