@@ -6,7 +6,6 @@ from onboard.app_interface import INTERFACE_VERSION, MEMORY_SIZE, Parameter
 from onboard.firmware.constants import vehicle_crc32
 from perchhw.doctor.check_result import CheckResult, CheckVerdict, judged, not_known
 from perchhw.doctor.readings import DroneReadings, Readings
-from perchhw.supervisor import SafetyLimits
 
 ROUND_TRIP = 0.05
 """s, median: at 100 poses a second a slower link queues them."""
@@ -165,9 +164,9 @@ def drone_state(readings: DroneReadings, _: Readings) -> CheckResult:
     )
 
 
-def battery(readings: DroneReadings, _: Readings) -> CheckResult:
+def battery(readings: DroneReadings, all_readings: Readings) -> CheckResult:
     """The pack at rest."""
-    limits = SafetyLimits()
+    limits = all_readings.limits
     wanted = f"{limits.battery_at_rest:g} to {limits.battery_full:g} V at rest"
     why, remedy = "a lower pack does not give the thrust of a flip", "charge or change the battery"
     if readings.voltage is None:

@@ -15,6 +15,7 @@ from perchhw.doctor.drone_checks import REVISION, SETTINGS
 from perchhw.doctor.measure import host_readings
 from perchhw.doctor.readings import DroneReadings, HostReadings, MocapReadings, Readings, UsbDevice
 from perchhw.doctor.usb import usb_devices
+from perchhw.supervisor import SafetyLimits
 
 PAGE = Path(__file__).parents[2] / "docs" / "doctor.md"
 VEHICLE = load_vehicle("crazyflie21-upgraded")
@@ -73,6 +74,7 @@ def test_where_all_is_fine_nothing_is_missing() -> None:
         ("drone_state", with_drone(supervisor=SupervisorInfo(int(SupervisorBits.LOCKED)))),
         ("battery", with_drone(voltage=4.6)),
         ("battery", with_drone(voltage=None)),
+        ("battery", dataclasses.replace(ALL, limits=SafetyLimits(battery_at_rest=4.1))),
         ("drone_clock", with_drone(clock_rate=0.9)),
         ("drone_clock", with_drone(clock_rate=None)),
         ("mocap", with_mocap(verdict="occluded")),
