@@ -150,7 +150,8 @@ def drone_state(readings: DroneReadings, _: Readings) -> CheckResult:
             ("locked", info.is_locked),
             ("tumbled", info.is_tumbled),
             ("crashed", info.is_crashed),
-            ("cannot arm", not info.can_arm),
+            ("armed", info.is_armed),
+            ("cannot arm", not (info.can_arm or info.is_armed)),
         )
         if holds
     ]

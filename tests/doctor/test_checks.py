@@ -97,6 +97,13 @@ def test_each_bad_reading_is_one_line_with_a_remedy(what: str, readings: Reading
     assert found[what].remedy
 
 
+def test_a_drone_that_somebody_has_armed_is_said_to_be_armed() -> None:
+    """An armed drone cannot be armed: that is not what is wrong with it."""
+    armed = with_drone(supervisor=SupervisorInfo(int(SupervisorBits.ARMED)))
+    assert missing(armed)["drone_state"].measured == "armed"
+    assert missing(with_drone(supervisor=SupervisorInfo(0)))["drone_state"].measured == "cannot arm"
+
+
 def test_stock_firmware_is_named_with_what_works_without_the_app() -> None:
     stock = {name: value for name, value in DRONE.parameters.items() if not name.startswith("perch.")}
     found = missing(with_drone(parameters=stock, missing=("perch.state",), app_memory_problem="none"))
