@@ -226,6 +226,14 @@ class Shell:
             self._library.shim_go_on_with_parameters()
             self._library.shim_go_on_with_app()
 
+    def step_another_controller(self, milliseconds: int) -> None:
+        """So many turns of a control loop in which another controller is chosen; the app's task goes on."""
+        for _ in range(milliseconds):
+            self.world.tick_ms += 1
+            self.step_number += 1
+            self._library.shim_go_on_with_parameters()
+            self._library.shim_go_on_with_app()
+
     def leave_to_another_controller(self, milliseconds: int) -> None:
         """Somebody chooses another controller (`stabilizer.controller`), and then ours again."""
         self.world.tick_ms += milliseconds
