@@ -141,6 +141,21 @@ def arming(readings: DroneReadings, _: Readings) -> CheckResult:
     )
 
 
+def rehearsal(readings: DroneReadings, _: Readings) -> CheckResult | None:
+    """A host that dies leaves the mode on, and the supervisor says nothing of it."""
+    mode = readings.parameters.get(Parameter.REHEARSE)
+    if mode is None:
+        return None  # landing_app says it
+    return judged(
+        "rehearsal",
+        mode == 0,
+        "off" if mode == 0 else "on",
+        "off",
+        "a drone that rehearses cannot be armed",
+        "rehearse again to its end, or switch the drone off and on",
+    )
+
+
 def drone_state(readings: DroneReadings, _: Readings) -> CheckResult:
     """The drone's own supervisor has no objection."""
     info = readings.supervisor
@@ -199,6 +214,7 @@ CHECKS: tuple[Callable[[DroneReadings, Readings], CheckResult | None], ...] = (
     app_memory,
     *(setting(name) for name in SETTINGS),
     arming,
+    rehearsal,
     drone_state,
     battery,
     drone_clock,

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 ROUND_TRIPS = 20
 _LOGGED: Final = ("pm.vbat", "acc.x", "acc.y", "acc.z")
 _PERIOD_MS = 10
-_ASKED: Final = (REVISION, Parameter.VERSION, Parameter.VEHICLE_CRC, *SETTINGS)
+_ASKED: Final = (REVISION, Parameter.VERSION, Parameter.VEHICLE_CRC, Parameter.REHEARSE, *SETTINGS)
 
 
 def take_readings(

@@ -26,6 +26,7 @@ DRONE = DroneReadings(
         REVISION: 0x2A18FC29,
         Parameter.VERSION: INTERFACE_VERSION,
         Parameter.VEHICLE_CRC: vehicle_crc32(VEHICLE),
+        Parameter.REHEARSE: 0,
         **{name: needed for name, (needed, _, _) in SETTINGS.items()},
     },
     missing=(),
@@ -102,6 +103,12 @@ def test_a_drone_that_somebody_has_armed_is_said_to_be_armed() -> None:
     armed = with_drone(supervisor=SupervisorInfo(int(SupervisorBits.ARMED)))
     assert missing(armed)["drone_state"].measured == "armed"
     assert missing(with_drone(supervisor=SupervisorInfo(0)))["drone_state"].measured == "cannot arm"
+
+
+@pytest.mark.parametrize("mode", [1, 2])
+def test_a_rehearsal_that_was_left_on_is_found(mode: int) -> None:
+    left_on = with_drone(parameters={**DRONE.parameters, Parameter.REHEARSE: mode})
+    assert set(missing(left_on)) == {"rehearsal"}
 
 
 def test_stock_firmware_is_named_with_what_works_without_the_app() -> None:

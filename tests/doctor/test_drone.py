@@ -53,6 +53,7 @@ TAMPERINGS: tuple[tuple[str, Tampering, str], ...] = (
     ("landing_app", parameter(Parameter.VERSION, 1), "version 1"),
     ("vehicle", parameter(Parameter.VEHICLE_CRC, 0x12345678), "12345678"),
     ("app_memory", without_app_memory, "memory"),
+    ("rehearsal", parameter(Parameter.REHEARSE, 1), "on"),
 )
 
 
