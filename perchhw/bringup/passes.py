@@ -88,4 +88,5 @@ class Passes:
             document = json.loads(self.file.read_text(encoding="utf-8"))
         except (OSError, ValueError):
             return {}
-        return document if isinstance(document, dict) else {}
+        kept = document if isinstance(document, dict) else {}
+        return {key: steps for key, steps in kept.items() if isinstance(steps, list)}

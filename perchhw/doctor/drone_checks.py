@@ -6,7 +6,6 @@ from onboard.app_interface import INTERFACE_VERSION, MEMORY_SIZE, Parameter
 from onboard.firmware.constants import vehicle_crc32
 from perchhw.doctor.check_result import CheckResult, CheckVerdict, judged, not_known
 from perchhw.doctor.readings import DroneReadings, Readings
-from perchhw.supervisor import SafetyLimits
 
 ROUND_TRIP = 0.05
 """s, median: at 100 poses a second a slower link queues them."""
@@ -142,6 +141,21 @@ def arming(readings: DroneReadings, _: Readings) -> CheckResult:
     )
 
 
+def rehearsal(readings: DroneReadings, _: Readings) -> CheckResult | None:
+    """A host that dies leaves the mode on, and the supervisor says nothing of it."""
+    mode = readings.parameters.get(Parameter.REHEARSE)
+    if mode is None:
+        return None  # landing_app says it
+    return judged(
+        "rehearsal",
+        mode == 0,
+        "off" if mode == 0 else "on",
+        "off",
+        "a drone that rehearses cannot be armed",
+        "rehearse again to its end, or switch the drone off and on",
+    )
+
+
 def drone_state(readings: DroneReadings, _: Readings) -> CheckResult:
     """The drone's own supervisor has no objection."""
     info = readings.supervisor
@@ -151,7 +165,8 @@ def drone_state(readings: DroneReadings, _: Readings) -> CheckResult:
             ("locked", info.is_locked),
             ("tumbled", info.is_tumbled),
             ("crashed", info.is_crashed),
-            ("cannot arm", not info.can_arm),
+            ("armed", info.is_armed),
+            ("cannot arm", not (info.can_arm or info.is_armed)),
         )
         if holds
     ]
@@ -165,9 +180,9 @@ def drone_state(readings: DroneReadings, _: Readings) -> CheckResult:
     )
 
 
-def battery(readings: DroneReadings, _: Readings) -> CheckResult:
+def battery(readings: DroneReadings, all_readings: Readings) -> CheckResult:
     """The pack at rest."""
-    limits = SafetyLimits()
+    limits = all_readings.limits
     wanted = f"{limits.battery_at_rest:g} to {limits.battery_full:g} V at rest"
     why, remedy = "a lower pack does not give the thrust of a flip", "charge or change the battery"
     if readings.voltage is None:
@@ -199,6 +214,7 @@ CHECKS: tuple[Callable[[DroneReadings, Readings], CheckResult | None], ...] = (
     app_memory,
     *(setting(name) for name in SETTINGS),
     arming,
+    rehearsal,
     drone_state,
     battery,
     drone_clock,

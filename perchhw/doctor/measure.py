@@ -14,13 +14,15 @@ from onboard.app_interface import LOGS, MEMORY_SIZE, MEMORY_TYPE_APP, PARAMETERS
 from onboard.errors import InputError
 from onboard.lab_time import open_timebase
 from onboard.link.errors import LinkError
+from onboard.room import RoomGeometry
 from onboard.timebase import Timebase
 from onboard.vehicle import Vehicle
 from perchhw.doctor.drone_checks import REVISION, SETTINGS
 from perchhw.doctor.readings import DroneReadings, HostReadings, MocapReadings, Readings
 from perchhw.doctor.usb import usb_devices
-from perchhw.lab.flying import correction_of
+from perchhw.lab.flying import correction_of, limits_of
 from perchhw.lab.hardware import require_lab
+from perchhw.supervisor import SafetyLimits
 
 if TYPE_CHECKING:
     from onboard.lab_file import LabFile
@@ -29,7 +31,7 @@ if TYPE_CHECKING:
 ROUND_TRIPS = 20
 _LOGGED: Final = ("pm.vbat", "acc.x", "acc.y", "acc.z")
 _PERIOD_MS = 10
-_ASKED: Final = (REVISION, Parameter.VERSION, Parameter.VEHICLE_CRC, *SETTINGS)
+_ASKED: Final = (REVISION, Parameter.VERSION, Parameter.VEHICLE_CRC, Parameter.REHEARSE, *SETTINGS)
 
 
 def take_readings(
@@ -67,7 +69,15 @@ def take_readings(
         finally:
             if bridge is not None:
                 bridge.stop()
-    return Readings(host=host, vehicle=vehicle, drone_uri=drone, drone=answered, mocap_uri=mocap, mocap=heard)
+    return Readings(
+        host=host,
+        vehicle=vehicle,
+        limits=SafetyLimits() if drone is None else limits_of(lab, RoomGeometry(), drone),
+        drone_uri=drone,
+        drone=answered,
+        mocap_uri=mocap,
+        mocap=heard,
+    )
 
 
 def host_readings(drone: str | None, mocap: str | None, lab: "LabFile | None", folder: Path) -> HostReadings:

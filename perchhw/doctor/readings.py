@@ -1,11 +1,12 @@
 """What the doctor has measured, before anybody judges it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from onboard.arrays import Quaternion, Vector
 from onboard.supervisor_info import SupervisorInfo
 from onboard.vehicle import Vehicle
+from perchhw.supervisor import SafetyLimits
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,10 +86,12 @@ class Readings:
         drone: its readings, or why there are none.
         mocap: likewise.
         vehicle: what the drone is believed to be.
+        limits: those of its flights, with what the lab file says of them.
     """
 
     host: HostReadings
     vehicle: Vehicle
+    limits: SafetyLimits = field(default_factory=SafetyLimits)
     drone_uri: str | None = None
     drone: DroneReadings | str | None = None
     mocap_uri: str | None = None

@@ -140,8 +140,9 @@ def _rehearsing(link: "DroneLink", physics: Physics) -> Iterator[None]:
         link.set_param(Parameter.REHEARSE, mode)
         if link.param(Parameter.REHEARSE) != mode:
             raise RehearsalRefused(
-                "the drone does not rehearse: it must be disarmed, on the ground, with all motors still "
-                "and its landing app idle; disarm it, or reboot it"
+                "the drone does not rehearse: it must be disarmed, on the ground, with all motors still, "
+                "its landing app idle and its firmware configured as the app needs it; disarm it, or reboot "
+                "it, and see what perchhw doctor says"
             )
         if physics is Physics.HOST:
             link.set_param(_RESET, 1)

@@ -43,6 +43,7 @@ from sim_backend.engine_name import EngineName
 DT = 0.001
 HIGH_LEVEL_PERIOD_MS = 10
 SUPERVISOR_PERIOD_MS = 1000 // RATE_HZ
+_KALMAN = 2
 
 
 class Firmware:
@@ -323,8 +324,12 @@ class Firmware:
         return self.app is not None and self.app.rehearses
 
     def _at_rest(self) -> bool:
+        """Nobody flies, nothing turns, and the firmware is configured as the app needs it."""
         supervisor = self.supervisor
-        return not (supervisor.is_armed or supervisor.is_flying or self.ratios.any())
+        configured = self.idle_thrust == 0 and self.params["stabilizer.estimator"] == _KALMAN
+        return configured and not (
+            self.motor_override[0] or supervisor.is_armed or supervisor.is_flying or self.ratios.any()
+        )
 
     def _boot(self) -> None:
         self.boot_count += 1
@@ -365,7 +370,7 @@ class Firmware:
     def _apply_parameters(self) -> None:
         self.params["system.selftestPassed"] = 1
         self._build.apply(self.params)
-        self.params["stabilizer.estimator"] = 2  # Kalman
+        self.params["stabilizer.estimator"] = _KALMAN
         self.params["stabilizer.controller"] = 6 if self.app else 5  # out of tree, Lee
         self.params.take_updates()
         for name, setter in self._setters.items():

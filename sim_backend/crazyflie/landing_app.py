@@ -62,7 +62,7 @@ class LandingApp:
         name: which one that is.
         params: the drone's parameters.
         is_flying: what the supervisor says.
-        at_rest: whether it is neither armed nor flying, and no motor has a thrust.
+        at_rest: whether it is configured, neither armed nor flying, and no motor has a thrust.
         tick: ms since boot.
         policy_weight: factor that a fault puts on a weight of the policy (:class:`PolicySlot`).
 

@@ -12,6 +12,8 @@ from perchhw.bringup.passes import STEPS, Passes, StepRefused
 from perchhw.doctor.check_result import CheckResult, CheckVerdict, judged
 
 DAY = date(2026, 11, 23)
+KEY = "radio://0/80/2M/E7E7E7E7E7 00000007 2026-11-23"
+"""Under which the passes of the drone here are kept."""
 FINE = judged("thing", True, "1", "1", "", "")
 BAD = judged("thing", False, "2", "1", "why", "remedy")
 UNKNOWN = CheckResult("thing", CheckVerdict.UNKNOWN, "", "1", "why", "remedy")
@@ -75,10 +77,14 @@ def test_what_the_doctor_misses_refuses_the_step_before_it_runs(tmp_path: Path) 
         climb("motors", kept, lambda: (BAD,), lambda: pytest.fail("it ran"))
 
 
-def test_a_file_that_is_no_json_has_no_passes(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "damaged",
+    ["{half", "[]", f'{{"{KEY}": null}}', f'{{"{KEY}": "motors tilt"}}', f'{{"{KEY}": {{"motors": true}}}}'],
+)
+def test_a_file_that_is_damaged_has_no_passes(damaged: str, tmp_path: Path) -> None:
     kept = passes(tmp_path)
     kept.file.parent.mkdir()
-    kept.file.write_text("{half", encoding="utf-8")
+    kept.file.write_text(damaged, encoding="utf-8")
     assert not kept.passed
     run(kept, "motors")
     assert kept.passed == ("motors",)

@@ -15,6 +15,7 @@ from perchhw.doctor.drone_checks import REVISION, SETTINGS
 from perchhw.doctor.measure import host_readings
 from perchhw.doctor.readings import DroneReadings, HostReadings, MocapReadings, Readings, UsbDevice
 from perchhw.doctor.usb import usb_devices
+from perchhw.supervisor import SafetyLimits
 
 PAGE = Path(__file__).parents[2] / "docs" / "doctor.md"
 VEHICLE = load_vehicle("crazyflie21-upgraded")
@@ -25,6 +26,7 @@ DRONE = DroneReadings(
         REVISION: 0x2A18FC29,
         Parameter.VERSION: INTERFACE_VERSION,
         Parameter.VEHICLE_CRC: vehicle_crc32(VEHICLE),
+        Parameter.REHEARSE: 0,
         **{name: needed for name, (needed, _, _) in SETTINGS.items()},
     },
     missing=(),
@@ -73,6 +75,7 @@ def test_where_all_is_fine_nothing_is_missing() -> None:
         ("drone_state", with_drone(supervisor=SupervisorInfo(int(SupervisorBits.LOCKED)))),
         ("battery", with_drone(voltage=4.6)),
         ("battery", with_drone(voltage=None)),
+        ("battery", dataclasses.replace(ALL, limits=SafetyLimits(battery_at_rest=4.1))),
         ("drone_clock", with_drone(clock_rate=0.9)),
         ("drone_clock", with_drone(clock_rate=None)),
         ("mocap", with_mocap(verdict="occluded")),
@@ -93,6 +96,19 @@ def test_each_bad_reading_is_one_line_with_a_remedy(what: str, readings: Reading
     found = missing(readings)
     assert set(found) == {what}
     assert found[what].remedy
+
+
+def test_a_drone_that_somebody_has_armed_is_said_to_be_armed() -> None:
+    """An armed drone cannot be armed: that is not what is wrong with it."""
+    armed = with_drone(supervisor=SupervisorInfo(int(SupervisorBits.ARMED)))
+    assert missing(armed)["drone_state"].measured == "armed"
+    assert missing(with_drone(supervisor=SupervisorInfo(0)))["drone_state"].measured == "cannot arm"
+
+
+@pytest.mark.parametrize("mode", [1, 2])
+def test_a_rehearsal_that_was_left_on_is_found(mode: int) -> None:
+    left_on = with_drone(parameters={**DRONE.parameters, Parameter.REHEARSE: mode})
+    assert set(missing(left_on)) == {"rehearsal"}
 
 
 def test_stock_firmware_is_named_with_what_works_without_the_app() -> None:

@@ -6,10 +6,13 @@ from pathlib import Path
 import pytest
 
 from onboard.app_interface import MEMORY_TYPE_APP, Parameter
+from onboard.lab_file import read_lab_file
 from onboard.vehicle import load_vehicle
 from perchhw.doctor import CheckResult, CheckVerdict, examine, take_readings
+from perchhw.lab.flying import LIMITS
 from sim_backend.crazyflie.firmware import Firmware
 from sim_backend.lab_faults import DroneFaults
+from tests.lab_file.labs import LAB
 from tests.patience import patient_uri
 from tests.sim_crazyflie.served_flight import serve_flight
 from tests.sim_crazyflie.simulated_flight import LEGS, VEHICLE, Flight
@@ -50,6 +53,7 @@ TAMPERINGS: tuple[tuple[str, Tampering, str], ...] = (
     ("landing_app", parameter(Parameter.VERSION, 1), "version 1"),
     ("vehicle", parameter(Parameter.VEHICLE_CRC, 0x12345678), "12345678"),
     ("app_memory", without_app_memory, "memory"),
+    ("rehearsal", parameter(Parameter.REHEARSE, 1), "on"),
 )
 
 
@@ -102,3 +106,19 @@ def test_a_drone_that_does_not_answer_is_one_line() -> None:
     )
     links = [finding for finding in examine(readings) if finding.what == "link"]
     assert [finding.verdict for finding in links] == [CheckVerdict.BAD]
+
+
+def test_the_limits_are_those_of_the_lab_file(tmp_path: Path) -> None:
+    """Else the doctor is content with a pack that no flight of this lab would take off with."""
+    file = tmp_path / "lab.toml"
+    file.write_text(LAB + "[limits]\nbattery_at_rest = 4.0\n", encoding="utf-8")
+    lab = read_lab_file(file, LIMITS)
+    readings = take_readings(
+        drone="udp://127.0.0.1:9",
+        mocap=None,
+        vehicle=load_vehicle(VEHICLE),
+        lab=lab,
+        folder=Path(),
+        seconds=0.5,
+    )
+    assert readings.limits.battery_at_rest == 4.0

@@ -226,6 +226,14 @@ class Shell:
             self._library.shim_go_on_with_parameters()
             self._library.shim_go_on_with_app()
 
+    def step_another_controller(self, milliseconds: int) -> None:
+        """So many turns of a control loop in which another controller is chosen; the app's task goes on."""
+        for _ in range(milliseconds):
+            self.world.tick_ms += 1
+            self.step_number += 1
+            self._library.shim_go_on_with_parameters()
+            self._library.shim_go_on_with_app()
+
     def leave_to_another_controller(self, milliseconds: int) -> None:
         """Somebody chooses another controller (`stabilizer.controller`), and then ours again."""
         self.world.tick_ms += milliseconds
@@ -244,6 +252,10 @@ class Shell:
     def interrupt_parameters(self, place: int) -> None:
         """Interrupt the callback of the next write at this place, from 1 on; 0: nowhere."""
         self._library.shim_interrupt_parameters(c_int(place))
+
+    def interrupt_app(self, place: int) -> None:
+        """Interrupt the app's slow task at this place, from 1 on, until the next turn of the control loop."""
+        self._library.shim_interrupt_app(c_int(place))
 
     def go_on_with_parameters(self) -> None:
         """Let the interrupted callback go on."""

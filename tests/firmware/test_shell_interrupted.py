@@ -104,3 +104,16 @@ def test_a_packet_in_the_middle_of_which_a_commit_begins_does_not_reach_it_eithe
             end_commit(shell)
             assert is_what_it_says(shell), f"interrupted at places {packet_place} and {commit_place}"
     assert commit(shell, BUNDLE) == PolicyStatus.ACTIVE
+
+
+def test_a_word_for_the_bench_motors_is_never_taken_for_silence(shell: Shell) -> None:
+    """A word comes, a ms later, wherever the app's task is while it looks for one."""
+    stage(shell)
+    for place in range(1, 61):
+        shell.world.motor_override = 1
+        shell.interrupt_app(place)
+        for _ in range(20):
+            shell.set(Parameter.MOTOR_TOKEN, 1)
+            shell.step()
+            shell.world.tick_ms += 1
+        assert shell.world.motor_override == 1, f"interrupted at place {place}"

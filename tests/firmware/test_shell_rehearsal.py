@@ -93,6 +93,20 @@ def test_whoever_arms_is_disarmed_at_once(shell: Shell) -> None:
     assert shell.read(Parameter.REHEARSE) == 1
 
 
+def test_whoever_arms_with_another_controller_is_disarmed_by_the_slow_task(shell: Shell) -> None:
+    assert asked(shell)
+    shell.world.armed = True
+    shell.step_another_controller(21)
+    assert not shell.world.armed
+
+
+def test_a_drone_that_flies_with_another_controller_is_left_alone(shell: Shell) -> None:
+    assert asked(shell)
+    shell.world.armed = shell.world.flying = True
+    shell.step_another_controller(100)
+    assert shell.world.armed
+
+
 @pytest.mark.parametrize(
     ("field", "value"),
     [("armed", True), ("flying", True), ("motor_override", 1), ("idle_thrust", 7000), ("estimator", 1)],

@@ -202,6 +202,18 @@ def test_an_armed_drone_is_refused_by_safety(capsys: pytest.CaptureFixture[str])
     assert "it must be disarmed, on the ground, with all motors still" in said["error"]
 
 
+def test_a_drone_with_another_configuration_is_refused_and_the_doctor_named(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """A reboot alone does not help there."""
+    with on_the_desk() as served:
+        served.call(lambda: served.flight.write("powerDist.idleThrust", 7000))
+        code, said = rehearse(patient_uri(served.uri), capsys)
+    assert code == 3
+    assert "configured as the app needs it" in said["error"]
+    assert "perchhw doctor" in said["error"]
+
+
 def test_what_a_processor_says_of_its_loop_is_told(
     c_desk: Desk, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

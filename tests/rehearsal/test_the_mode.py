@@ -63,8 +63,16 @@ def motor_on(desk: Desk) -> None:
     desk.flight.run(0.1)
 
 
+def idling(desk: Desk) -> None:
+    desk.flight.write("powerDist.idleThrust", 7000)
+
+
+def with_another_estimator(desk: Desk) -> None:
+    desk.flight.write("stabilizer.estimator", 1)
+
+
 @EACH_KIND
-@pytest.mark.parametrize("unfit", [armed, flying, motor_on])
+@pytest.mark.parametrize("unfit", [armed, flying, motor_on, idling, with_another_estimator])
 def test_the_mode_is_not_taken(unfit: Callable[[Desk], None], kind: Rehearsal) -> None:
     desk = Desk(kind=kind)
     unfit(desk)

@@ -70,6 +70,7 @@ void shim_go_on_with_app(void) {
 
 void shim_interrupt_parameters(int place) { parameter_task.interrupted_in = place; }
 void shim_interrupt_memory(int place) { memory_task.interrupted_in = place; }
+void shim_interrupt_app(int place) { app_task.interrupted_in = place; }
 
 bool shim_memory_read(uint32_t address, uint8_t length, uint8_t *buffer) {
   return memory.read(0, address, length, buffer);

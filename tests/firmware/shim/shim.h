@@ -60,10 +60,11 @@ bool shim_parameter_task_waits(void);
 void shim_go_on_with_parameters(void);
 void shim_go_on_with_app(void);
 
-/* Interrupt the parameter task, or that of the memory, at the so manieth place from now on where it can be (tasks.c); 0:
- * never. It stands still until it shall go on. */
+/* Interrupt the parameter task, that of the memory, or the app's slow task at the so manieth place from now on where it
+ * can be (tasks.c); 0: never. It stands still until it shall go on. */
 void shim_interrupt_parameters(int place);
 void shim_interrupt_memory(int place);
+void shim_interrupt_app(int place);
 
 bool shim_memory_read(uint32_t address, uint8_t length, uint8_t *buffer);
 bool shim_memory_write(uint32_t address, uint8_t length, const uint8_t *buffer);

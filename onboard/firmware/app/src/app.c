@@ -2,6 +2,7 @@
 #include "app.h"
 
 #include "FreeRTOS.h"
+#include "desk.h"
 #include "perch_vehicle_constants.h"
 #include "shell.h"
 #include "static_mem.h"
@@ -38,7 +39,9 @@ void appInit(void) {
 void appMain(void) {
   for (;;) {
     perch_check_configuration();
-    if (!perch_is_configured() && supervisorIsArmed() && !supervisorIsFlying()) {
+    /* On the desk the controller disarms at once; here for one who has chosen another controller. */
+    const bool may_arm = perch_is_configured() && !perch_is_on_the_desk();
+    if (!may_arm && supervisorIsArmed() && !supervisorIsFlying()) {
       supervisorRequestArming(false);
     }
     const uint32_t due_ms = perch_watch_bench_motors();

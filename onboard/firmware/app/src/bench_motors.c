@@ -29,10 +29,12 @@ static void stop_bench_motors(void) {
 }
 
 uint32_t perch_watch_bench_motors(void) {
-  const uint32_t silent_ms = (uint32_t)xTaskGetTickCount() - vouched_at;
   if (!is_vouched_for) {
     return TOKEN_MS;
   }
+  /* First the word, then the time: one that comes in between is not in the future, which would be silence. */
+  const uint32_t word_at = vouched_at;
+  const uint32_t silent_ms = (uint32_t)xTaskGetTickCount() - word_at;
   if (silent_ms < TOKEN_MS) {
     return TOKEN_MS - silent_ms;
   }
