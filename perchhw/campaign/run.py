@@ -175,3 +175,15 @@ def only_one(folder: Path) -> Iterator[None]:
         except BlockingIOError as error:
             raise CampaignError(f"{folder}: another process is running this campaign") from error
         yield
+
+
+def is_held(folder: Path) -> bool:
+    """Whether a process runs the campaign in `folder` now."""
+    try:
+        with (folder / LOCK_FILE).open() as stream:
+            fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+    return False

@@ -211,11 +211,15 @@ def report(folder: _CampaignFolder) -> int:
     return 0
 
 
+_LEFT_ALONE = "no process runs this campaign: the one that did ended in an attempt; go on with --resume"
+
+
 def _emit_rows(folder: Path, report: Path | None, stopped: str | None = None) -> None:
     from contextlib import closing
 
     from perchhw.campaign import CampaignStore
     from perchhw.campaign.adaptive import flown_map
+    from perchhw.campaign.run import is_held
     from perchhw.campaign.seats import seat_of
     from perchhw.campaign.table import attempts_table, outcome_counts
 
@@ -223,6 +227,7 @@ def _emit_rows(folder: Path, report: Path | None, stopped: str | None = None) ->
         rows, skipped, planned = store.rows(), store.skipped, store.planned
         found = flown_map(rows, store.conditions) if store.conditions else None
     counts = outcome_counts(rows)
+    left_alone = any(row.state == "running" for row in rows) and not is_held(folder)
     document: dict[str, Any] = {
         "campaign": folder,
         "planned": planned,
@@ -234,6 +239,7 @@ def _emit_rows(folder: Path, report: Path | None, stopped: str | None = None) ->
             for row in rows
         ],
         "skipped": skipped,
+        "left_alone": left_alone,
         "report": report,
         "stopped": stopped,
     }
@@ -243,6 +249,8 @@ def _emit_rows(folder: Path, report: Path | None, stopped: str | None = None) ->
         for misfit in skipped:
             left_out = f"left out: {misfit.speed:g} m/s at {misfit.angle_deg:g} deg {misfit.remedy}"
             console().print(left_out, markup=False, soft_wrap=True)
+        if left_alone:
+            console().print(_LEFT_ALONE, markup=False, soft_wrap=True)
         if report is not None:
             console().print(f"report: {report}", markup=False)
 

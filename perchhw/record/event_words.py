@@ -75,6 +75,7 @@ def time_line(run: RunRecord) -> list[tuple[float, str]]:
     teller = EventWords()
     told = ((float(event["t"]) - start, teller.say(event)) for event in run.events)
     lines = [(t, words) for t, words in told if words is not None]
+    lines.sort(key=lambda line: line[0])  # the words of a note are written after the flight
     outcome = run.info.get("outcome")
     if outcome is not None and lines:
         lines.append((lines[-1][0], f"outcome: {str(outcome).replace('_', ' ')}"))
@@ -101,6 +102,9 @@ def _words(event: dict[str, Any]) -> str | None:
             return (
                 "the operator's key: cut the motors" if "urgent=True" in what else "the operator's key: land"
             )
+        case "note":
+            text = str(event.get("text") or "")
+            return f"the operator's note: {text}" if text else "the operator's key: a moment to be noted"
         case "connecting":
             return f"connecting to {event.get('drone')} and {event.get('mocap')}"
         case "refused" | "StopUnconfirmed" | "LinkDown" | "RecordLost" | "InternalError" | "HostStoodStill":

@@ -42,7 +42,7 @@ def rows(snapshot: Snapshot, typed: str, width: int, height: int, plain: bool = 
     measured = [] if snapshot.on_desk else _readings(snapshot, width)
     middle = [*measured, Text(), _so_far(snapshot), _left(snapshot)]
     middle += [Text(snapshot.view, "cyan")] if snapshot.view else []
-    middle += [Text(message, "dim") for message in snapshot.messages]
+    middle += [Text(part, "dim") for message in snapshot.messages for part in _wrapped(message, width)]
     bottom = [
         *_alert(snapshot, width, plain),
         _rule(width, plain),

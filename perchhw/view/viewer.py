@@ -71,7 +71,7 @@ def web_viewer(port: int | None = None) -> Iterator[Viewer]:
     """Serve the viewer to a browser on this machine until the end of the block.
 
     Args:
-        port: of the page; None: 9090, or a free one where that is taken.
+        port: of the page; 0: a free one; None: 9090, or a free one where that is taken.
 
     Raises:
         ViewError: it does not start.
@@ -79,6 +79,8 @@ def web_viewer(port: int | None = None) -> Iterator[Viewer]:
     feed, original = _free_port(), _free_port()
     if port is None:
         port = WEB_PORT if _is_free(WEB_PORT) else _free_port()
+    elif port == 0:
+        port = _free_port()
     elif not _is_free(port):
         raise ViewError(f"--port {port}: taken by another program; give another one")
     arguments = ["--serve-web", "--port", str(feed), "--web-viewer-port", str(original)]

@@ -1,5 +1,6 @@
 """A campaign neither loses nor repeats an attempt, however its process dies."""
 
+import json
 import signal
 import sqlite3
 import subprocess
@@ -22,6 +23,7 @@ from perchhw.campaign import (
     load_plan,
     run_campaign,
 )
+from perchhw.campaign.run import only_one
 from perchhw.cli.main import run
 from perchhw.errors import FlightStackError
 from perchhw.record import read_run
@@ -78,6 +80,25 @@ def test_every_slot_ends_exactly_once_as_done_after_sigkill(
         assert row.record is not None
         assert len(read_run(row.record).series["pose"].t) == 11
         assert "was killed" in (kept_sentence(row.record) or "")
+
+
+def test_status_tells_a_campaign_that_was_killed_from_one_that_runs(
+    campaign_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "campaign"
+    assert run_process(campaign_file, folder, "inside", 1) == -signal.SIGKILL
+
+    def told() -> tuple[bool, bool]:
+        assert run(["campaign", "status", str(folder), "--json"]) == 0
+        left_alone = json.loads(capsys.readouterr().out)["left_alone"]
+        assert run(["campaign", "status", str(folder)]) == 0
+        return left_alone, "go on with --resume" in capsys.readouterr().out
+
+    assert told() == (True, True)
+    with only_one(folder):
+        assert told() == (False, False)
+    run_campaign(load_plan(campaign_file), folder, fly, resume=True)
+    assert told() == (False, False)
 
 
 def test_trigger_and_outcome_survive_the_way_into_the_database(campaign_file: Path, tmp_path: Path) -> None:

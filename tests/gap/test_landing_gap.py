@@ -133,6 +133,17 @@ def test_kernel_is_the_simulation(vehicle: Vehicle) -> None:
     assert trace[-1, POSITION : POSITION + 3] == pytest.approx(other["position"][0], abs=1e-9)
 
 
+def test_a_vehicle_too_stiff_for_the_step_is_infinitely_unlikely(healthy: Campaign, vehicle: Vehicle) -> None:
+    problems, _ = pose_problems(find_landings(healthy.flights), vehicle)
+    solver = Solver(problems[:2], np.random.default_rng(1), random_starts=2, descents=1)
+    too_stiff = apply(physics_parameters(vehicle, RoomGeometry()), Theta(stiffness=30.0, damping=20.0))
+
+    costs, found = solver.costs(too_stiff)
+
+    assert np.all(costs == np.inf)
+    assert np.all(np.isfinite(found))
+
+
 @pytest.mark.soak
 def test_hidden_hinge_costs_least_where_it_is(soft: Campaign, vehicle: Vehicle) -> None:
     problems, _ = pose_problems(find_landings(soft.flights), vehicle)

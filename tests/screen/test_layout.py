@@ -162,3 +162,10 @@ def test_colour_is_left_out_where_nobody_wants_it(environment: dict[str, str], c
     console = Console(file=stream, force_terminal=True, _environ=size, width=80, height=24)
     console.print(Group(*rows(ASKED, "", 80, 24)))
     assert ("\x1b[32m" in stream.getvalue()) == coloured
+
+
+def test_a_long_message_is_said_to_its_end() -> None:
+    words = "The drone is locked, as after every flight and every stop. Put it upright on its start mark"
+    shown = [row.plain for row in rows(Snapshot(title="fly", drone="cf1", messages=(words,)), "", 80, 24)]
+    assert " ".join(" ".join(shown).split()).count(words) == 1
+    assert max(map(len, shown)) <= 80

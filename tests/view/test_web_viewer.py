@@ -38,7 +38,7 @@ def test_two_attempts_of_a_campaign_reach_another_client_over_loopback(tmp_path:
     runs = [tmp_path / "attempts" / f"20260101T00000{i}Z-try" for i in range(2)]
     record(runs[0])
     saved = tmp_path / "saved.rrd"
-    command = [sys.executable, "-m", "perchhw", "--json", "view", str(tmp_path), "--web"]
+    command = [sys.executable, "-m", "perchhw", "--json", "view", str(tmp_path), "--web", "--port", "0"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as viewer:
         assert viewer.stdout is not None
         url = urlsplit(json.loads(viewer.stdout.readline())["url"])

@@ -207,17 +207,25 @@ def count_of(case: Any) -> int:
 
 @outlined
 def descend(x: Any, iterations: int, case: Any) -> float:
-    """Levenberg-Marquardt from x, which it improves in place; returns the cost."""
+    """Levenberg-Marquardt from x, which it improves in place; returns the cost.
+
+    A vehicle too stiff for the step of the physics has no finite residuals there: from such a start nothing
+    is descended, its cost is infinite; a nuisance that leads to one stays where it is.
+    """
     m = count_of(case)
     r, moved, slope = np.empty(m), np.empty(m), np.empty((m, NUISANCES))
     residuals(x, case, r)
     cost, damping = cost_of(x, r), 0.1
+    if cost == np.inf:
+        return cost
     for _ in range(iterations):
         for j in range(NUISANCES):
             probe = x.copy()
             probe[j] += PROBE
             residuals(probe, case, moved)
-            slope[:, j] = (moved - r) / PROBE
+            slope[:, j] = 0.0
+            if cost_of(probe, moved) < np.inf:
+                slope[:, j] = (moved - r) / PROBE
         weighted = slope.T * (1.0 / (1.0 + r * r / C2))
         normal = weighted @ slope + np.eye(NUISANCES)
         gradient = weighted @ r + x
