@@ -71,7 +71,9 @@ class TrainedFor:
         """In what `vehicle` is another one, one sentence each; empty when the policy may fly it."""
         legs, body = self._differing(vehicle, _LEGS), self._differing(vehicle, _BODY)
         found = []
+        learn = f"perchhw learn all --vehicle {vehicle.name}"
         if vehicle.legs is None:
+            learn += f" --legs {self.legs}"
             found.append(
                 f"{vehicle.name} has no legs, and policy {policy!r} was trained to land on {self.legs} ones: "
                 f"give the legs that it has (--legs {self.legs}), or a vehicle that has some"
@@ -86,7 +88,7 @@ class TrainedFor:
             found.append(
                 f"policy {policy!r} was trained for {self.vehicle}, and {vehicle.name} is another vehicle "
                 f"({'; '.join(body)}): give --vehicle {self.vehicle}, or a policy that was trained for "
-                f"{vehicle.name} (perchhw learn all --vehicle {vehicle.name})"
+                f"{vehicle.name} ({learn})"
             )
         return tuple(found)
 

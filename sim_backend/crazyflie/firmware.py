@@ -44,6 +44,8 @@ DT = 0.001
 HIGH_LEVEL_PERIOD_MS = 10
 SUPERVISOR_PERIOD_MS = 1000 // RATE_HZ
 _KALMAN = 2
+APP_PERIOD_MS = 20
+"""Between two looks of the app's slow task (`LOOK_PERIOD_MS` of its C code)."""
 
 
 class Firmware:
@@ -196,6 +198,7 @@ class Firmware:
             self._console.append("ESTKALMAN: State out of bounds, resetting\n")
         setpoint = self._commanded(tick)
         self._supervise(tick, setpoint)
+        self._hold_to_configuration(tick)
         self._control(tick, self._overridden(setpoint))
         self._idle_motors()
         self.run_parameter_task()
@@ -213,6 +216,7 @@ class Firmware:
             info = self.high_level.info_bits(self._tick * DT)
             self.supervisor.update(self._tick, (0.0, 0.0, 1.0), False, 0, info)
             self._console += self.supervisor.take_console()
+        self._hold_to_configuration(self._tick)
         self.run_parameter_task()
 
     def run_parameter_task(self) -> None:
@@ -253,6 +257,15 @@ class Firmware:
             self.pose_rate, self.poses_received = self.poses_received, 0
             self.rejected_rate = self.estimator.rejected - self._rejected
             self._rejected = self.estimator.rejected
+
+    def _hold_to_configuration(self, tick: int) -> None:
+        """Without the app's configuration nothing stays armed on the ground; in the air an approach ends."""
+        if self.app is None or not self.supervisor.is_armed or self._is_configured():
+            return
+        if self.supervisor.is_flying:
+            self.engine.ask_abort(True)
+        elif tick % APP_PERIOD_MS == 0:
+            self.supervisor.arm(False)
 
     def _overridden(self, setpoint: Setpoint) -> Setpoint:
         """The supervisor's say on the setpoint."""
@@ -323,13 +336,16 @@ class Firmware:
     def _rehearses(self) -> bool:
         return self.app is not None and self.app.rehearses
 
+    def _is_configured(self) -> bool:
+        """As the app needs it; else idle motors turn after CUT, or others have the estimate or the motors."""
+        has_kalman = self.params["stabilizer.estimator"] == _KALMAN
+        return has_kalman and self.idle_thrust == 0 and not self.motor_override[0]
+
     def _at_rest(self) -> bool:
         """Nobody flies, nothing turns, and the firmware is configured as the app needs it."""
         supervisor = self.supervisor
-        configured = self.idle_thrust == 0 and self.params["stabilizer.estimator"] == _KALMAN
-        return configured and not (
-            self.motor_override[0] or supervisor.is_armed or supervisor.is_flying or self.ratios.any()
-        )
+        moves = supervisor.is_armed or supervisor.is_flying or bool(self.ratios.any())
+        return self._is_configured() and not moves
 
     def _boot(self) -> None:
         self.boot_count += 1

@@ -54,6 +54,7 @@ def test_a_vehicle_without_legs_and_of_another_mass_hears_both() -> None:
     bare, other = fit("crazyflie21-stock").mismatches
     assert "crazyflie21-stock has no legs" in bare
     assert "trained with a mass of 38.1 g, flown with 30 g" in other
+    assert "learn all --vehicle crazyflie21-stock --legs semi-narrow-long" in other, "bare, it cannot learn"
 
 
 def test_a_measured_vehicle_of_the_same_kind_is_no_other() -> None:

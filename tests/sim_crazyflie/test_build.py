@@ -27,27 +27,47 @@ def test_a_build_that_arms_by_itself_says_so_and_arms_again() -> None:
     assert flight.info.is_armed, "it cannot be kept disarmed"
 
 
-def test_motors_idle_from_arming_on_and_that_is_no_flying() -> None:
+def test_a_build_with_an_idle_thrust_is_disarmed_before_it_can_fly() -> None:
     flight = Flight(build=Build(idle_thrust=7000))
     flight.run(1.0)
     assert flight.param("powerDist.idleThrust") == 7000
     assert not flight.firmware.ratios.any()
-    flight.arm()
-    assert (flight.firmware.ratios == 7000).all()
-    assert not flight.info.is_flying
-    flight.write("powerDist.idleThrust", 0)
-    flight.run(0.01)
+    assert flight.firmware.supervisor.arm(True)
+    assert not_armed_within_ms(flight, 20)
+    flight.run(0.1)
     assert not flight.firmware.ratios.any()
+    flight.write("powerDist.idleThrust", 0)
+    flight.arm()
+    flight.run(0.1)
+    assert flight.info.is_armed
+
+
+@pytest.mark.parametrize(("parameter", "wrong"), [("stabilizer.estimator", 1), ("motorPowerSet.enable", 1)])
+def test_whoever_has_the_estimate_or_the_motors_keeps_the_app_disarmed(parameter: str, wrong: int) -> None:
+    flight = Flight()
+    flight.arm()
+    flight.write(parameter, wrong)
+    assert not_armed_within_ms(flight, 21)
+
+
+def not_armed_within_ms(flight: Flight, milliseconds: int) -> bool:
+    """Whether the app's slow task, at its next look, has taken back that somebody armed."""
+    supervisor = flight.firmware.supervisor
+    flight.run(0.001 * milliseconds, until=lambda: not supervisor.is_armed)
+    return not supervisor.is_armed
 
 
 def test_no_motor_is_below_idle_in_flight_and_none_turns_when_stopped() -> None:
-    flight = Flight(build=Build(idle_thrust=7000))
+    """What flies when somebody changes the configuration does not fall."""
+    flight = Flight()
     flight.hover()
+    flight.write("powerDist.idleThrust", 7000)
     lowest = []
     for _ in range(500):
         flight.tick()
         lowest.append(int(flight.firmware.ratios.min()))
     assert min(lowest) >= 7000
+    assert flight.info.is_flying
     flight.firmware.supervisor.emergency_stop()
     flight.run(0.1)
     assert flight.firmware.supervisor.state is SupervisorState.LOCKED

@@ -207,6 +207,18 @@ def test_abort_brakes() -> None:
     assert flight.log("perchT.count") == 0
 
 
+def test_an_approach_ends_where_somebody_changes_the_configuration_and_nothing_falls() -> None:
+    flight = ready_to_go()
+    flight.write(Parameter.GO, 1)
+    flight.run(1.2)
+    flight.write("powerDist.idleThrust", 7000)
+    flight.run(3.0)
+    assert state(flight) is LandingState.HOLD
+    assert flight.info.is_flying
+    assert np.abs(flight.drone.state["velocity"]).max() < 0.1
+    assert flight.log("perchT.count") == 0
+
+
 def test_poses_that_stop_end_the_approach() -> None:
     flight = ready_to_go()
     flight.write(Parameter.GO, 1)
