@@ -290,19 +290,18 @@ def test_ctrl_c_in_the_air_lands_stops_the_motors_and_exits_130(
     assert run.info["aborted_by"] == "operator"
 
 
-@pytest.mark.soak  # the road of Ctrl-C, which flies below
-def test_a_display_that_closes_in_the_air_lands_the_drone(lab: Watched, tmp_path: Path) -> None:
+@pytest.mark.soak  # without a flight: tests/screen/test_lines.py
+def test_a_display_that_closes_in_the_air_ends_no_flight(lab: Watched, tmp_path: Path) -> None:
     """``perchhw fly ... 2>&1 | head``."""
     with lab.flown(), fly_in_child(lab, tmp_path / "runs") as process:
         wait_for_phase(process, "moving to start")
         assert process.stderr is not None
         process.stderr.close()
         process.wait(timeout=200)
-        assert_landed_softly(lab)
     run = read_run(only_run(tmp_path / "runs"))
     assert run.info["closed"] is True
-    assert run.info["outcome"] == Outcome.ABORTED
-    assert "internal_error" in run.info["aborted_by"]
+    assert run.info["aborted_by"] is None
+    assert run.info["outcome"] in (Outcome.FOUR_LEG, Outcome.TWO_LEG, Outcome.FAILURE)
 
 
 @pytest.mark.parametrize("phase", ["taking off", pytest.param("approaching", marks=pytest.mark.soak)])

@@ -21,8 +21,8 @@ DRIFT = 0.3
 """m, across the approach. What braking and landing blind may be wrong by: largest seen 0.12 m after 3.5 s."""
 
 KINDS = ("mocap_occlude_at", "mocap_freeze_at", "mocap_dies_at", "mocap_flip180_at")
-TIMES = ("7.6", "8.0", "8.5", "8.9", "9.2", "9.35", "9.43")
-"""s of the lab. The approach begins at 7.05, climbs from 8.9 on, and would trigger at 9.59."""
+TIMES = ("7.6", "8.0", "8.5", "8.9", "9.2", "9.3", "9.39")
+"""s of the lab. The approach begins at 7.00 to 7.05, climbs from 8.9 on, would trigger at 9.55 to 9.59."""
 
 
 def seen(kind: str, at: str, lasts: str) -> str:
