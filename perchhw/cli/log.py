@@ -46,7 +46,7 @@ def _draw_runs(runs: "list[RunSummary]") -> None:
             "" if run.angle_deg is None else f"{run.angle_deg:g}",
             run.outcome or "",
             {True: "yes", False: "no", None: ""}[run.triggered],
-            "closed" if run.closed else "torn",
+            "cut off: copy it again" if run.cut_off else "closed" if run.closed else "torn",
         )
     console().print(table)
 
