@@ -88,7 +88,7 @@ def report_flight(run_folder: Path) -> None:
     try:
         write_run_report(run_folder)
     except PerchhwError as error:
-        _log.warning("no report of %s: %s", run_folder, error)
+        _log.error("no report of %s: %s", run_folder, error)
 
 
 def _page(run: RunRecord, found: Diagnosis) -> str:

@@ -2,6 +2,7 @@
 
 import errno
 import json
+import logging
 import os
 import subprocess
 import sys
@@ -217,3 +218,30 @@ def test_what_is_left_of_a_reserve_does_no_harm(tmp_path: Path, capsys: pytest.C
     assert run(["--json", "log", "report", str(tmp_path / "run")]) == 0
     assert json.loads(capsys.readouterr().out)["diagnosis"]["code"] == "process_killed"
     record.close()
+
+
+def test_a_page_that_finds_no_room_is_told_beside_the_diagnosis(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    folder = tmp_path / "run"
+    with RunRecorder(folder, {}) as record:
+        record.close(outcome="aborted", record_lost="full")
+
+    def full(_path: int) -> None:
+        raise _no_space()
+
+    monkeypatch.setattr("onboard.atomic_file.os.fsync", full)
+    told = explain(folder)
+    assert told is not None
+    assert told["code"] == "record_lost"
+    with caplog.at_level(logging.ERROR):  # what is seen without --verbose
+        report_flight(folder)
+    assert f"no report of {folder}" in caplog.text
+    assert run(["log", "report", str(folder)]) == 2
+    said = capsys.readouterr()
+    assert said.out.startswith("the record was lost: full")
+    assert "No space left on device" in said.err
+    assert {file.name for file in folder.iterdir()} == {"run.json", "series.mcap", "events.jsonl"}
