@@ -1,12 +1,13 @@
 """Data as JSON has it, and JSON files that are replaced as a whole."""
 
 import json
-import os
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from pathlib import Path
 from typing import Any
+
+from onboard.atomic_file import write_atomically
 
 
 def as_json(value: Any) -> Any:
@@ -31,16 +32,6 @@ def as_json(value: Any) -> Any:
     return value
 
 
-def write_json_atomically(path: Path, document: Any) -> None:
-    """Write `document` (:func:`as_json`) in one step: a reader sees the old file or the new one, whole."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        with temporary.open("w", encoding="utf-8") as stream:
-            json.dump(as_json(document), stream, indent=2, allow_nan=False)
-            stream.write("\n")
-            stream.flush()
-            os.fsync(stream.fileno())
-        temporary.replace(path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)  # a full disk keeps no part of it
-        raise
+def write_json_atomically(path: Path, document: Any, room: Path | None = None) -> None:
+    """Write `document` (:func:`as_json`) in one step, as :func:`write_atomically` does."""
+    write_atomically(path, json.dumps(as_json(document), indent=2, allow_nan=False) + "\n", room)

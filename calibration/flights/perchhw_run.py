@@ -52,9 +52,13 @@ def load_run(path: Path) -> Flight:
 
     Raises:
         RunFolderError: broken.
-        UnusableFlightError: no message in it.
+        UnusableFlightError: no message in it, or its end is missing though it was closed: whatever is judged
+            of a part of a flight would be told of the whole.
     """
-    return flight_from_run(RunRecord.read(path))
+    run = RunRecord.read(path)
+    if run.cut_off:
+        raise UnusableFlightError(path, "; ".join(run.torn))
+    return flight_from_run(run)
 
 
 def flight_from_run(run: RunRecord) -> Flight:

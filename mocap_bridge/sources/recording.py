@@ -62,7 +62,7 @@ class RecordedPoseStream(Closing):
         self._frames = 0
         self._last: Quaternion | None = None
         try:
-            series, _ = read_series(file, TOPIC)
+            series = read_series(file, TOPIC).series
         except (RunFolderError, OSError) as error:
             raise SourceUnusable(f"{uri}: {error}") from error
         if TOPIC not in series:

@@ -36,6 +36,9 @@ SPACE = 100_000_000
 """Bytes that must be free before a flight: ten times the record of the longest one (a minute)."""
 
 Scalar = float | int | str | bool | None
+RESERVE_FILE = ".run.json.reserve"
+"""Beside an open record: the room for its last ``run.json`` on a disk that fills up in flight."""
+_RESERVE_BYTES = 65_536  # several times the longest run.json
 _FIELDS = {topic.name: frozenset(field.name for field in topic.fields) for topic in TOPICS.values()}
 _as_json = json.JSONEncoder(separators=(",", ":"), allow_nan=False).encode
 
@@ -75,11 +78,15 @@ class _UnbufferedFile:
         return self._descriptor
 
     def write(self, data: bytes) -> None:
+        """Append `data`, or nothing of it where the disk is full: what comes later must not follow a part."""
         left = len(data)
-        while left:
-            written = os.write(self._descriptor, data if left == len(data) else data[-left:])
-            self._position += written
-            left -= written
+        try:
+            while left:
+                left -= os.write(self._descriptor, data if left == len(data) else data[-left:])
+        except OSError:
+            os.ftruncate(self._descriptor, self._position)
+            raise
+        self._position += len(data)
 
     def tell(self) -> int:
         return self._position
@@ -156,12 +163,30 @@ class RunRecorder:
         self._stream = _UnbufferedFile(self.folder / SERIES_FILE)
         self._events = _UnbufferedFile(self.folder / EVENTS_FILE)
         self._write_info()
+        # Not zeros: a file system that compresses would keep no room for them.
+        (self.folder / RESERVE_FILE).write_bytes(os.urandom(_RESERVE_BYTES))
         schemas = {name: json.dumps(topic.json_schema()).encode() for name, topic in TOPICS.items()}
         self._writer = SeriesWriter(self._stream, schemas, ("perchhw.run", {"schema": self._info["schema"]}))
         self._sync = PeriodicSync((self._stream.descriptor, self._events.descriptor), self._sync_file)
 
     def _write_info(self) -> None:
         write_json_atomically(self.folder / RUN_FILE, with_checksum(self._info))
+
+    def _write_last_info(self) -> None:
+        """In the room that was kept for it, which is given back."""
+        try:
+            reserve = self.folder / RESERVE_FILE
+            write_json_atomically(self.folder / RUN_FILE, with_checksum(self._info), reserve)
+        except OSError:  # a file system that never writes in place; the reserve is gone, so there is room now
+            self._write_info()
+
+    def _finish_series(self) -> None:
+        try:
+            with self._writing:
+                self._writer.finish()
+        except RecordError as error:
+            self._info["record_lost"] = self._info.get("record_lost") or str(error)
+            raise
 
     @property
     def closed(self) -> bool:
@@ -214,11 +239,11 @@ class RunRecorder:
             self._closed = True
             ended = {"closed": True, "ended_utc": utc_now().isoformat(), "clock_at_end": self._clock()}
             self._info.update(ended, outcome=outcome, **result)
-            rest.callback(self._write_info)
+            rest.callback(self._write_last_info)
             rest.callback(self._events.close)
             rest.callback(self._stream.close)
             rest.callback(self._sync.stop)
-            self._writer.finish()
+            self._finish_series()
 
     def _require_open(self) -> None:
         if self._closed:

@@ -6,6 +6,7 @@ and says what it left out.
 """
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -19,7 +20,7 @@ _NUMBERS, _TEXTS = ("speed_m_s", "angle_deg", "ceiling_z"), ("vehicle", "legs")
 """Keys of the configuration that readers use."""
 _LARGEST = 1e6
 
-__all__ = ["RunFolderError", "RunRecord", "Series", "is_run_folder", "read_info"]
+__all__ = ["RunFolderError", "RunRecord", "Series", "is_run_folder", "read_info", "series_finished"]
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,7 @@ class RunRecord:
         series: topics that hold at least one message, by name.
         events: lines of ``events.jsonl`` in order, each with ``t`` (s) and ``event``.
         torn: what was left out, in words; empty for a record that was closed.
+        cut_off: whether its series was cut off after the record was closed: a damaged copy.
     """
 
     folder: Path
@@ -39,6 +41,7 @@ class RunRecord:
     series: dict[str, Series]
     events: tuple[dict[str, Any], ...]
     torn: tuple[str, ...]
+    cut_off: bool = False
 
     @classmethod
     def read(cls, folder: str | Path) -> Self:
@@ -52,12 +55,12 @@ class RunRecord:
             raise RunFolderError(f"{folder} is not a run folder: it needs run.json and series.mcap")
         try:
             info = read_info(folder)
-            series, torn_series = read_series(folder / SERIES_FILE)
+            content = read_series(folder / SERIES_FILE, finished=series_finished(info))
             events, torn_events = _read_events(folder / EVENTS_FILE)
         except OSError as error:
             raise RunFolderError(f"{folder}: cannot be read ({error.strerror})") from error
-        torn = tuple(note for note in (torn_series, torn_events) if note)
-        return cls(folder, info, series, events, torn)
+        torn = tuple(note for note in (content.note, torn_events) if note)
+        return cls(folder, info, content.series, events, torn, content.cut_off)
 
     @property
     def config(self) -> dict[str, Any]:
@@ -74,6 +77,11 @@ class RunRecord:
 def is_run_folder(path: Path) -> bool:
     """Whether `path` is a run folder."""
     return (path / RUN_FILE).is_file() and (path / SERIES_FILE).is_file()
+
+
+def series_finished(info: Mapping[str, Any]) -> bool:
+    """Whether the writer finished ``series.mcap``, by ``run.json``: a lost record is closed without."""
+    return bool(info["closed"]) and not info.get("record_lost")
 
 
 def read_info(folder: Path) -> dict[str, Any]:

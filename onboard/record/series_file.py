@@ -3,13 +3,14 @@
 Every record of the file is looked at, nothing is skipped: whatever is not as our writer writes it is damage,
 and an error that names the byte. A file that was finished carries a CRC-32 of all its messages; files of
 earlier versions have none, and neither has one whose writer was killed. Such a file ends early, with at most
-one torn record, which is left out and told.
+one torn record, which is left out and told. A file that was finished and ends early is a damaged copy.
 
 Format: https://mcap.dev/spec (unchunked; JSON messages).
 """
 
 import json
 import math
+import os
 import struct
 import zlib
 from collections.abc import Iterator
@@ -18,7 +19,7 @@ from functools import cached_property
 from io import BytesIO
 from pathlib import Path
 from types import NoneType
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from mcap.data_stream import ReadDataStream
@@ -35,7 +36,8 @@ _RECORD_HEAD = struct.Struct("<BQ")  # opcode, length of the content
 _MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel id, sequence, log time ns, publish time ns
 _RECORD_MAX = 1 << 20
 """Bytes; our longest record, a schema, has some 2000. A longer one is a damaged length, not a torn tail."""
-_FOOTER_BYTES = _RECORD_HEAD.size + 20
+_FOOTER_HEAD = _RECORD_HEAD.pack(Opcode.FOOTER, 20)
+_FOOTER_BYTES = len(_FOOTER_HEAD) + 20
 REMEDY = "fetch it again from where it was recorded, or leave this run out"
 
 
@@ -86,23 +88,58 @@ class _Topic:
     texts: dict[str, bool]
 
 
+class SeriesContent(NamedTuple):
+    """What a file holds: its messages by topic.
+
+    Attributes:
+        series: by topic.
+        note: in words what is missing or does not matter; None when all is well.
+        cut_off: whether messages at its end may be missing though its writer finished it.
+    """
+
+    series: dict[str, Series]
+    note: str | None
+    cut_off: bool
+
+
 class _Damage(Exception):
     """What is wrong with a record; becomes a RunFolderError that also says where."""
 
 
-def read_series(path: Path, topic: str | None = None) -> tuple[dict[str, Series], str | None]:
-    """Messages by topic, and in words what is missing or does not matter (None when all is well).
+def read_series(path: Path, topic: str | None = None, finished: bool = False) -> SeriesContent:
+    """All complete messages of a file.
 
     Args:
         path: of the file.
         topic: whose messages alone are wanted, which takes a fraction of the time; None: all.
+        finished: whether its writer finished it, as ``run.json`` says.
 
     Raises:
-        RunFolderError: damaged elsewhere than at its end.
+        RunFolderError: damaged elsewhere than at its end, or nothing is left of what was finished.
         OSError: cannot be read.
     """
-    series, note = _read(path, _SeriesFile(path.read_bytes(), topic))
-    return series, note and f"{path.name}: {note}"
+    data = path.read_bytes()
+    if finished and len(data) < len(_MAGIC):
+        raise RunFolderError(f"{path} byte {len(data)}: the file ends here, and it was finished: {REMEDY}")
+    file = _SeriesFile(data, topic)
+    series, note = _read(path, file)
+    cut_off = finished and not file.ended
+    if cut_off:
+        note = f"cut off at byte {len(data)} after it was closed, a damaged copy: {REMEDY}"
+    return SeriesContent(series, note and f"{path.name}: {note}", cut_off)
+
+
+def has_end(path: Path) -> bool:
+    """Whether the file has the last bytes of one that was finished, without a look at the others.
+
+    Raises:
+        OSError: cannot be read.
+    """
+    with path.open("rb") as stream:
+        length = stream.seek(0, os.SEEK_END)
+        stream.seek(max(length - _FOOTER_BYTES - len(_MAGIC), 0))
+        tail = stream.read()
+    return tail.startswith(_FOOTER_HEAD) and tail.endswith(_MAGIC)
 
 
 class GrowingSeries:
@@ -155,12 +192,14 @@ class _SeriesFile:
     Attributes:
         position: of the record that is looked at, or of the first that is not there any more.
         times: s, by topic. messages: by topic.
+        ended: whether the end of the messages was met.
     """
 
     def __init__(self, data: bytes | bytearray, only: str | None = None) -> None:
         self.position = len(_MAGIC)
         self.times: dict[str, list[float]] = {}
         self.messages: dict[str, list[dict[str, Any]]] = {}
+        self.ended = False
         self._data = data
         self._only = only
         self._schemas: dict[int, Schema] = {}
@@ -234,6 +273,7 @@ class _SeriesFile:
         written = _parsed(DataEnd, content).data_section_crc
         if written and written != zlib.crc32(memoryview(self._data)[: self.position]):
             raise _Damage("the CRC of the messages before is wrong: one or more of them are damaged")
+        self.ended = True
         return self._summary_note(self.position + _RECORD_HEAD.size + len(content))
 
     def _summary_note(self, start: int) -> str | None:
@@ -241,7 +281,7 @@ class _SeriesFile:
         data = self._data
         footer_at = len(data) - len(_MAGIC) - _FOOTER_BYTES
         whole = footer_at >= start and data.endswith(_MAGIC)
-        if whole and data[footer_at : footer_at + 9] == _RECORD_HEAD.pack(Opcode.FOOTER, 20):
+        if whole and data[footer_at : footer_at + 9] == _FOOTER_HEAD:
             footer = _parsed(Footer, data[footer_at + 9 : -len(_MAGIC)])
             begins = footer.summary_start or footer_at
             computed = zlib.crc32(memoryview(data)[begins : -len(_MAGIC) - 4])

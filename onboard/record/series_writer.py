@@ -78,12 +78,13 @@ class SeriesWriter:
     def add(self, topic: str, time_ns: int, data: bytes) -> None:
         """Append a message: JSON, at a time (ns)."""
         number = self._numbers[topic]
-        self._sequence[topic] = sequence = self._sequence[topic] + 1
+        sequence = self._sequence[topic] + 1
+        length = _LENGTH_AFTER_HEAD + len(data)
+        self._write(_MESSAGE.pack(Opcode.MESSAGE, length, number, sequence, time_ns, time_ns) + data)
+        self._sequence[topic] = sequence  # only of what the disk took
         self._first_ns = min(time_ns, self._first_ns) if self._counts else time_ns
         self._last_ns = max(time_ns, self._last_ns)
         self._counts[number] = sequence
-        length = _LENGTH_AFTER_HEAD + len(data)
-        self._write(_MESSAGE.pack(Opcode.MESSAGE, length, number, sequence, time_ns, time_ns) + data)
 
     def finish(self) -> None:
         """Write what stands at the end of the file."""
@@ -118,8 +119,8 @@ class SeriesWriter:
         self._stream.write(_encoded(Footer(start, offset_start, crc)) + MAGIC)
 
     def _write(self, data: bytes) -> None:
-        self._crc = zlib.crc32(data, self._crc)
         self._stream.write(data)
+        self._crc = zlib.crc32(data, self._crc)
 
 
 def _encoded(*records: McapRecord) -> bytes:

@@ -46,7 +46,7 @@ def _draw_runs(runs: "list[RunSummary]") -> None:
             "" if run.angle_deg is None else f"{run.angle_deg:g}",
             run.outcome or "",
             {True: "yes", False: "no", None: ""}[run.triggered],
-            "closed" if run.closed else "torn",
+            "cut off: copy it again" if run.cut_off else "closed" if run.closed else "torn",
         )
     console().print(table)
 
@@ -171,13 +171,20 @@ def _in_words(evidence: dict[str, Any]) -> str:
 @app.command()
 def report(run: _RunFolder) -> int:
     """Write report.html of one flight into its folder, and say what happened, why, and what to do next."""
+    from onboard.record.folder import OutputFolderError
+    from perchhw.diagnosis import diagnose_run
     from perchhw.record.run import read_run
     from perchhw.report.run_report import REPORT_FILE, write_run_page
 
     record = read_run(run)
-    found = write_run_page(record)
     for note in record.torn:
         progress_console().print(note, style="yellow", markup=False)
+    try:
+        found = write_run_page(record)
+    except OutputFolderError:  # a full disk: what happened is told all the same
+        found = diagnose_run(record)
+        emit({"run": str(run), "report": None, "diagnosis": found}, found.in_words())
+        raise
     path = run / REPORT_FILE
     emit(
         {"run": str(run), "report": str(path), "diagnosis": found},

@@ -10,9 +10,11 @@ from onboard.clock import Clock
 from onboard.errors import PerchhwError
 from onboard.json_file import as_json
 from onboard.outcome import Outcome
-from perchhw.diagnosis import keep_diagnosis
+from onboard.record.folder import OutputFolderError
+from perchhw.diagnosis import diagnose_run, keep_diagnosis
 from perchhw.flight.caught import Caught
 from perchhw.flight.recording import FlightRecorder
+from perchhw.record.run import read_run
 
 _log = logging.getLogger(__name__)
 
@@ -37,5 +39,9 @@ def explain(folder: Path) -> dict[str, Any] | None:
         _log.error("no diagnosis of %s (%s)", folder, error, exc_info=None if ours else error)
 
     with Caught(untold):
-        return as_json(keep_diagnosis(folder))
+        try:
+            return as_json(keep_diagnosis(folder))
+        except OutputFolderError as error:  # a full disk: it is told all the same
+            _log.error("the diagnosis of %s is not kept in its record (%s)", folder, error)
+            return as_json(diagnose_run(read_run(folder)))
     return None

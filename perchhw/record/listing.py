@@ -4,7 +4,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from onboard.record.run_record import RUN_FILE, RunFolderError, is_run_folder, read_info
+from onboard.record.run_record import (
+    RUN_FILE,
+    SERIES_FILE,
+    RunFolderError,
+    is_run_folder,
+    read_info,
+    series_finished,
+)
+from onboard.record.series_file import has_end
 
 
 @dataclass(frozen=True)
@@ -20,6 +28,7 @@ class RunSummary:
         triggered: whether the policy fired.
         aborted_by: rule that ended the run early.
         closed: whether the writer finished the record.
+        cut_off: whether the end of the series of a closed record is missing: a damaged copy.
     """
 
     folder: Path
@@ -30,17 +39,22 @@ class RunSummary:
     triggered: bool | None
     aborted_by: str | None
     closed: bool
+    cut_off: bool
 
 
 def summarise_run(folder: Path) -> RunSummary:
-    """Summarise one run from its ``run.json``.
+    """Summarise one run from its ``run.json``, and from the last bytes of its series.
 
     Raises:
-        RunFolderError: no run folder.
+        RunFolderError: no run folder, or one that cannot be read.
     """
     if not is_run_folder(folder):
         raise RunFolderError(f"{folder} is not a run folder: it needs run.json and series.mcap")
-    info = read_info(folder)
+    try:
+        info = read_info(folder)
+        cut_off = series_finished(info) and not has_end(folder / SERIES_FILE)
+    except OSError as error:
+        raise RunFolderError(f"{folder}: cannot be read ({error.strerror})") from error
     config = info["config"]
     outcome, aborted_by = info.get("outcome"), info.get("aborted_by")
     if outcome == "aborted" and aborted_by is None and config.get("dry_run"):
@@ -54,6 +68,7 @@ def summarise_run(folder: Path) -> RunSummary:
         triggered=info.get("triggered"),
         aborted_by=aborted_by,
         closed=bool(info["closed"]),
+        cut_off=cut_off,
     )
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from calibration.flights import Flight, UnusableFlightError
 from calibration.flights.perchhw_run import flight_from_run
 from calibration.measurement import wilson_interval
+from onboard.atomic_file import write_atomically
 from onboard.csv_file import read_csv
 from onboard.record.run_record import RunFolderError, RunRecord, is_run_folder, read_info
 from perchhw.attempt import Outcome
@@ -88,7 +89,7 @@ def write_campaign_report(folder: Path, *, draw_all: bool = True) -> Path:
     with report_style():
         body = _body(_in_order(looked_at), folder, damaged, found) + misfit_section(skipped)
     body += remarks_section(one.run.folder for one in looked_at if one.run is not None)
-    path.write_text(page(title, _subtitle(attempts, planned), body), encoding="utf-8")
+    write_atomically(path, page(title, _subtitle(attempts, planned), body))
     return path
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from calibration.flights import Flight, UnusableFlightError
 from calibration.flights.perchhw_run import flight_from_run
+from onboard.atomic_file import write_atomically
 from onboard.errors import PerchhwError
 from onboard.record.folder import OutputFolderError
 from onboard.record.run_record import RunRecord, is_run_folder
@@ -65,7 +66,7 @@ def write_run_page(run: RunRecord) -> Diagnosis:
     with report_style():
         text = _page(run, found)
     try:
-        (run.folder / REPORT_FILE).write_text(text, encoding="utf-8")
+        write_atomically(run.folder / REPORT_FILE, text)
     except OSError as error:
         raise OutputFolderError(run.folder, error.strerror) from error
     return found
@@ -87,7 +88,7 @@ def report_flight(run_folder: Path) -> None:
     try:
         write_run_report(run_folder)
     except PerchhwError as error:
-        _log.warning("no report of %s: %s", run_folder, error)
+        _log.error("no report of %s: %s", run_folder, error)
 
 
 def _page(run: RunRecord, found: Diagnosis) -> str:

@@ -98,7 +98,7 @@ def draw_shift(seed: tuple[int, int], number: int, attempts: int) -> Shift:
     blow = Blow(rng.choice([*_SHARES], p=[*_SHARES.values()]))
     if blow is Blow.SUSPENDED:
         return _suspended(rng, number)
-    limit = int(np.exp(rng.uniform(np.log(3e4), np.log(2e6)))) if rng.random() < 0.12 else None
+    limit = int(np.exp(rng.uniform(np.log(7e4), np.log(2e6)))) if rng.random() < 0.12 else None
     faults, causes = _faults(rng)
     if limit is not None:
         causes = (*causes, Cause.RECORD_LOST)

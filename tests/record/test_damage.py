@@ -16,6 +16,7 @@ from mcap.stream_reader import StreamReader
 
 from calibration.flights import open_flight
 from calibration.flights.flight import UnusableFlightError
+from onboard.record.checksum import with_checksum
 from onboard.record.run_record import RunFolderError, RunRecord
 from perchhw.cli.main import run
 from perchhw.record import TOPICS, RunRecorder
@@ -238,3 +239,42 @@ def test_one_damaged_flight_does_not_keep_the_others_from_their_labels(
     said = json.loads(capsys.readouterr().out)
     assert [entry["file"] for entry in said["unusable"]][:1] == [str(damaged)]
     assert str(closed) in [entry["file"] for entry in said["flights"] + said["unusable"]]
+
+
+def _listed(root: Path, capsys: pytest.CaptureFixture[str]) -> dict[str, bool]:
+    assert run(["--json", "log", "list", str(root)]) == 0
+    return {Path(one["folder"]).name: one["cut_off"] for one in json.loads(capsys.readouterr().out)["runs"]}
+
+
+def test_a_copy_that_ended_early_is_told_from_a_killed_flight(
+    closed: Path, killed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    copy(closed, tmp_path / "whole", "", lambda data: None)
+    copy(killed, tmp_path / "killed", "", lambda data: None)
+    cut = copy(closed, tmp_path / "cut", "series.mcap", lambda data: data.__delitem__(slice(-20_000, None)))
+    empty = copy(closed, tmp_path / "empty", "series.mcap", lambda data: data.clear())
+    assert _listed(tmp_path, capsys) == {"whole": False, "killed": False, "cut": True, "empty": True}
+    run(["log", "list", str(tmp_path)])
+    assert capsys.readouterr().out.count("cut off: copy it again") == 2
+    length = (cut / "series.mcap").stat().st_size
+    told = f"series.mcap: cut off at byte {length} after it was closed, a damaged copy: fetch it again"
+    (note,) = read_run(cut).torn
+    assert told in note
+    assert "not finished by its writer" in read_run(tmp_path / "killed").torn[0]
+    assert run(["--json", "log", "label", str(cut), str(empty)]) == 2
+    first, second = json.loads(capsys.readouterr().out)["unusable"]
+    assert told in first["reason"]
+    assert f"{empty}/series.mcap byte 0: the file ends here" in second["reason"]
+    landings = ["--json", "gap", "landings", "--data", str(cut), "--vehicle", "crazyflie21-upgraded"]
+    assert run([*landings, "--legs", "wide-long"]) == 2
+    assert told in json.loads(capsys.readouterr().out)["error"]
+
+
+def test_a_record_that_the_disk_ended_is_no_damaged_copy(tmp_path: Path, closed: Path) -> None:
+    lost = copy(closed, tmp_path / "run", "series.mcap", lambda data: data.__delitem__(slice(-20_000, None)))
+    info = json.loads((lost / "run.json").read_text())
+    (lost / "run.json").write_text(json.dumps(with_checksum({**info, "record_lost": "the disk is full"})))
+    record = read_run(lost)
+    assert not record.cut_off
+    assert "not finished by its writer" in record.torn[0]
+    open_flight(lost)

@@ -98,6 +98,10 @@ def test_truncation_at_any_byte_keeps_every_complete_message(
     (torn / "series.mcap").write_bytes(whole[:cut])
     (torn / "events.jsonl").write_bytes(events[:events_cut])
 
+    if cut < 8:
+        with pytest.raises(RunFolderError, match=rf"series\.mcap byte {cut}: "):
+            read_run(torn)
+        return
     run = read_run(torn)
 
     ends = _message_ends(whole)
@@ -105,7 +109,8 @@ def test_truncation_at_any_byte_keeps_every_complete_message(
     assert sum(len(s.t) for s in run.series.values()) == complete
     assert len(run.events) == events[:events_cut].count(b"\n")
     if cut < ends[-1]:
-        assert any("series.mcap" in note for note in run.torn)
+        assert run.cut_off
+        assert any(f"series.mcap: cut off at byte {cut} after it was closed" in note for note in run.torn)
 
 
 def _message_ends(data: bytes) -> list[int]:

@@ -43,7 +43,7 @@ def test_a_torn_record_is_reported_as_torn(runs: Path, tmp_path: Path) -> None:
     data = (runs / "run-0" / "series.mcap").read_bytes()
     (torn / "series.mcap").write_bytes(data[: len(data) // 2])
     page = Page(write_run_report(torn))
-    assert "not finished by its writer" in page.text
+    assert "after it was closed, a damaged copy" in page.text
     assert page.svgs >= 3
 
 
