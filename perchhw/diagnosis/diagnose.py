@@ -14,6 +14,7 @@ from perchhw.attempt import DEFAULT_POLICY, Outcome
 from perchhw.diagnosis.ended_early import diagnose_ended, where_it_ended
 from perchhw.diagnosis.finding import Cause, Diagnosis
 from perchhw.diagnosis.flown_course import diagnose_test_flight
+from perchhw.diagnosis.gyro import blame_gyro
 from perchhw.diagnosis.landing import Judge, diagnose_landing
 from perchhw.diagnosis.no_trigger import diagnose_no_trigger
 from perchhw.label import LabelError
@@ -98,9 +99,10 @@ def _flown(run: RunRecord, vehicle: Vehicle | None, judge: Judge) -> Diagnosis:
     try:
         flight = flight_from_run(run)
         if flight.trigger is None:
-            return diagnose_no_trigger(flight, judge.region)
+            return blame_gyro(run, diagnose_no_trigger(flight, judge.region))
         if vehicle is not None:
-            return diagnose_landing(flight, flight.trigger, outcome, vehicle, judge)
+            found = diagnose_landing(flight, flight.trigger, outcome, vehicle, judge)
+            return found if outcome is Outcome.FOUR_LEG else blame_gyro(run, found)
     except (UnusableFlightError, LabelError) as error:
         return Diagnosis(Cause.FLOWN, f"{outcome.value}; {_UNTOLD} ({error})", _AGAIN)
     return Diagnosis(Cause.FLOWN, f"{outcome.value}; its vehicle file is not at hand", _AGAIN)

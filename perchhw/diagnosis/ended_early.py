@@ -3,11 +3,10 @@
 import re
 from typing import NamedTuple
 
-import numpy as np
-
 from onboard.record.run_record import RunRecord
 from perchhw.diagnosis.busy import REMEDY, busy_words
 from perchhw.diagnosis.finding import Cause, Diagnosis, Number
+from perchhw.diagnosis.gyro import blame_gyro
 from perchhw.diagnosis.mocap import REMEDIES, WORDS, frames_share, mocap_fault
 from perchhw.diagnosis.reasons import reason_in_words
 from perchhw.diagnosis.rules import BROKE_OFF, FENCES, RULES, RuleWords
@@ -16,8 +15,6 @@ from perchhw.supervisor.machine import STOPPED_BY_OTHERS
 _BROKEN = re.compile(r"^(?P<rule>[a-z_]+): (?P<measured>.*), need (?P<demanded>.*)$")
 _POSE_RULES = ("pose", "pose_age")
 _DRIFTING = (Cause.OFF_PATH, Cause.ESTIMATE_WRONG, Cause.START_NOT_REACHED)
-GYRO_BIAS_RAD_S = 0.03
-"""Mean rate of a drone that stands still; a calibrated gyro is below 0.01."""
 _MANY_FRAMES = 0.9
 _NOBODY_THERE = ("cannot receive from udp:", "cannot send to udp:")
 """What the link says where the system knows that nobody listens any more: no late computer's doing."""
@@ -56,12 +53,6 @@ def diagnose_ended(run: RunRecord, aborted_by: str) -> Diagnosis:
     found, numbers = known
     if found.cause is Cause.OPERATOR and _stopped(run):
         found = _CUT_BY_OPERATOR
-    if found.cause in _DRIFTING and (bias := _gyro_bias(run)) is not None and bias > GYRO_BIAS_RAD_S:
-        words = f"the gyro read {bias:.2f} rad/s while the drone stood still; {found.words}"
-        found = RuleWords(
-            Cause.GYRO_BIASED, words, "reboot the drone where it stands still, and let it warm up first"
-        )
-        numbers = {**numbers, "gyro_bias_rad_s": bias}
     gone = any(words in aborted_by for words in _NOBODY_THERE)
     if not gone and (busy := busy_words(run.info, found.cause)) is not None:
         found = RuleWords(found.cause, f"{found.words}; {busy[0]}", f"{REMEDY}; else {found.next}")
@@ -71,7 +62,8 @@ def diagnose_ended(run: RunRecord, aborted_by: str) -> Diagnosis:
     fell = run.info.get("fell")
     if fell:
         sentence += "; its motors were cut before it was down"
-    return Diagnosis(found.cause, sentence, found.next, {"phase": phase, **numbers})
+    told = Diagnosis(found.cause, sentence, found.next, {"phase": phase, **numbers})
+    return blame_gyro(run, told) if found.cause in _DRIFTING else told
 
 
 def _stopped(run: RunRecord) -> bool:
@@ -169,14 +161,3 @@ def _limit(demanded: str) -> str:
     if demanded.startswith(("at most", "at least")):
         return f"{demanded} allowed" if demanded.startswith("at most") else f"{demanded} needed"
     return f"{demanded} needed"
-
-
-def _gyro_bias(run: RunRecord) -> float | None:
-    """Mean rate (rad/s) that the gyro reported before the motors were armed, or None."""
-    phases = [e for e in run.events if e["event"] == "phase"]
-    armed = next((e["t"] for e in phases if e.get("phase") in ("arming", "done")), None)
-    rates = run.series.get("rates")
-    if rates is None or armed is None or not (still := rates.t < armed).any():
-        return None
-    means = [float(np.nanmean(rates.numbers(name)[still])) for name in ("gx", "gy", "gz")]
-    return float(np.linalg.norm(means))
