@@ -11,7 +11,7 @@ from cflib.crazyflie import Crazyflie
 from cflib.crtp.crtpstack import CRTPPort
 
 from onboard.link.driver import install_driver, links_live_in
-from onboard.link.errors import LinkError, LinkLost, LinkTimeout
+from onboard.link.errors import BROKE_WHILE_SET_UP, LinkError, LinkLost, LinkTimeout
 from onboard.link.exclusive import DroneHold, hold
 from onboard.link.uri import check_drone_uri
 from onboard.timebase import Timebase
@@ -244,7 +244,7 @@ def broken_opening(uri: str, message: str, heard: bool) -> LinkError:
     """The error for a link that cflib could not open, or that failed at once, with its message."""
     refusal = message.strip().splitlines()[0]
     if heard:
-        return LinkLost(f"{uri} answered, but the connection broke while it was set up: {refusal}")
+        return LinkLost(f"{uri} answered, but {BROKE_WHILE_SET_UP}: {refusal}")
     if refusal.startswith(_NOT_OPENED) and uri.startswith("radio://"):
         reason = refusal.removeprefix(_NOT_OPENED)
         return LinkError(f"cannot open {uri}: {reason}; is a Crazyradio plugged in, and free?")

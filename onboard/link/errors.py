@@ -1,6 +1,11 @@
 """Errors of the link to a drone."""
 
+from typing import Final
+
 from onboard.errors import InputError, OnboardError, SafetyStop
+
+BROKE_WHILE_SET_UP: Final = "the connection broke while it was set up"
+"""What :class:`LinkLost` says of a drone that had answered."""
 
 
 class LinkError(OnboardError):

@@ -3,6 +3,7 @@
 import re
 from typing import NamedTuple
 
+from onboard.link.errors import BROKE_WHILE_SET_UP
 from onboard.record.run_record import RunRecord
 from perchhw.diagnosis.busy import REMEDY, busy_words
 from perchhw.diagnosis.finding import Cause, Diagnosis, Number
@@ -94,6 +95,8 @@ def _by_word(aborted_by: str) -> tuple[RuleWords, dict[str, Number]] | None:
     if " failed: " in aborted_by:
         command, _, why = aborted_by.partition(" failed: ")
         return RuleWords(Cause.COMMAND_FAILED, f"the order {command} failed ({why})", "perchhw doctor"), {}
+    if BROKE_WHILE_SET_UP in aborted_by:
+        return RuleWords(Cause.LINK_LOST, aborted_by, RULES["link_lost"].next), {}
     return None
 
 

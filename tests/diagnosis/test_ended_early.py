@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from mocap_bridge.health import PoseVerdict
+from onboard.link.crazyflie import broken_opening
 from onboard.record.checksum import with_checksum
 from perchhw.diagnosis import Cause, diagnose_run, keep_diagnosis
 from perchhw.diagnosis.ended_early import broken_rules
@@ -48,6 +49,12 @@ def test_reasons_in_words(ended: Ended, aborted_by: str, cause: Cause, said: str
     assert found.sentence.startswith("ended while approaching: ")
     assert said in found.sentence
     assert found.next
+
+
+def test_a_connection_that_breaks_while_it_is_set_up_is_a_lost_link(ended: Ended) -> None:
+    found = diagnose_run(ended(str(broken_opening("udp://127.0.0.1:1", "gone", heard=True))))
+    assert found.cause is Cause.LINK_LOST
+    assert "udp://127.0.0.1:1 answered" in found.sentence
 
 
 def test_an_operator_who_cut_the_motors_is_not_told_to_fly_again_at_once(ended: Ended) -> None:

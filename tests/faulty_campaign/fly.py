@@ -21,7 +21,7 @@ from tests.faulty_campaign.shift import Blow, Shift, Strike, as_document
 
 ATTEMPTS = "attempts"
 LONGEST_S = 300.0
-"""That no run of a shift takes, s: it hangs."""
+"""For which no run of a shift says nothing new, s: it hangs."""
 SPEEDS, ANGLES = (2.2, 2.35, 2.5, 2.65, 2.8), (50, 53, 56, 59, 62)
 _LOOK_S = 0.02
 _STILL_S = 0.7
@@ -146,11 +146,15 @@ def _watch(
 ) -> bool:
     """Strike when it is time, until the process has ended; False: it does not end."""
     pause, deadline = threading.Event(), time.monotonic() + LONGEST_S
+    told: tuple[int, str] | None = None
     while process.poll() is None:
         if time.monotonic() > deadline:
             return False
         pause.wait(_LOOK_S)
         new = [name for name in names(campaign) if name not in before]
+        now = (len(new), _events(campaign / ATTEMPTS / new[-1]) if new else "")
+        if now != told:
+            told, deadline = now, time.monotonic() + LONGEST_S
         if strikes and (record := _its_turn(strikes[0], campaign / ATTEMPTS, new)) is not None:
             strike = strikes.popleft()
             pause.wait(strike.later)

@@ -27,8 +27,8 @@ from tests.faulty_campaign.shift import CAUSES, Blow
 
 LOST, TWICE, MOTORS = "lost", "counted twice", "motors on"
 REASON, LABEL, ERROR = "wrong reason", "wrong label", "error of ours"
-WATCHDOG_S = 2.5
-"""After the last that a killed flight has written: 1 s from its last kick, and what it had yet to write."""
+WATCHDOG_S = 1.1
+"""After the last that a killed flight has written: 1 s from its last kick, which may come a little later."""
 SAMPLE_S = 0.02
 _UNTIL_S = 1.0
 """How long after the end of a flight its motors are watched."""
@@ -226,6 +226,8 @@ def _wrong_reason(row: AttemptRow, record: RunRecord, said: dict[str, Any]) -> l
         lasting = Blow(blow["blow"]) in (Blow.LAB_KILLED, Blow.ROOM_KILLED)
         if blow["record"] == name or lasting:
             given |= set(CAUSES[Blow(blow["blow"])])
+    if Cause.PROCESS_KILLED in given and any(event.get("phase") == "done" for event in record.events):
+        given.add(Cause.FLOWN)  # killed between the end of its flight and its label
     told = record.info.get("diagnosis")
     if told is None:
         return [Wrong(REASON, name, "none is told")]
@@ -241,8 +243,10 @@ def _end(record: RunRecord, offset: float) -> float | None:
 
 
 def _last(record: RunRecord, offset: float) -> float:
+    """The last that it has written: an event, or a row of a series."""
     begin = float(record.info["clock_at_start"])
-    return max([begin, *(float(event["t"]) for event in record.events)]) - offset
+    rows = [float(series.t[-1]) for series in record.series.values()]
+    return max([begin, *rows, *(float(event["t"]) for event in record.events)]) - offset
 
 
 def _untold(
