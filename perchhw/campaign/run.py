@@ -184,6 +184,6 @@ def is_held(folder: Path) -> bool:
             fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
         return True
-    except OSError:
+    except FileNotFoundError:  # nobody has run it yet
         return False
     return False

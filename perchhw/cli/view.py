@@ -29,7 +29,8 @@ def view(
         bool, typer.Option("--web", help="Serve it to a browser on this machine instead of opening a window.")
     ] = False,
     port: Annotated[
-        int | None, typer.Option(help="With --web: port of the page; 0: a free one; default: 9090, else 0.")
+        int | None,
+        typer.Option(help="With --web: port of the page, 0 for a free one; default: 9090, or a free one."),
     ] = None,
     save: Annotated[
         Path | None, typer.Option(help="Write a recording (.rrd) instead, to be opened with `rerun FILE`.")

@@ -6,9 +6,10 @@ from pathlib import Path
 import pytest
 
 from onboard.app_interface import MEMORY_TYPE_APP, Parameter
-from onboard.lab_file import read_lab_file
+from onboard.lab_file import LabFile, read_lab_file
 from onboard.vehicle import load_vehicle
 from perchhw.doctor import CheckResult, CheckVerdict, examine, take_readings
+from perchhw.doctor.readings import Readings
 from perchhw.lab.flying import LIMITS
 from sim_backend.crazyflie.firmware import Firmware
 from sim_backend.lab_faults import DroneFaults
@@ -95,25 +96,9 @@ def test_an_unknown_revision_is_named_and_nothing_is_missing_by_it() -> None:
     assert not firmware.missing
 
 
-def test_a_drone_that_does_not_answer_is_one_line() -> None:
-    readings = take_readings(
-        drone="udp://127.0.0.1:9",
-        mocap=None,
-        vehicle=load_vehicle(VEHICLE),
-        lab=None,
-        folder=Path(),
-        seconds=0.5,
-    )
-    links = [finding for finding in examine(readings) if finding.what == "link"]
-    assert [finding.verdict for finding in links] == [CheckVerdict.BAD]
-
-
-def test_the_limits_are_those_of_the_lab_file(tmp_path: Path) -> None:
-    """Else the doctor is content with a pack that no flight of this lab would take off with."""
-    file = tmp_path / "lab.toml"
-    file.write_text(LAB + "[limits]\nbattery_at_rest = 4.0\n", encoding="utf-8")
-    lab = read_lab_file(file, LIMITS)
-    readings = take_readings(
+def of_nobody(lab: LabFile | None) -> Readings:
+    """What is read where no drone answers."""
+    return take_readings(
         drone="udp://127.0.0.1:9",
         mocap=None,
         vehicle=load_vehicle(VEHICLE),
@@ -121,4 +106,15 @@ def test_the_limits_are_those_of_the_lab_file(tmp_path: Path) -> None:
         folder=Path(),
         seconds=0.5,
     )
-    assert readings.limits.battery_at_rest == 4.0
+
+
+def test_a_drone_that_does_not_answer_is_one_line() -> None:
+    links = [finding for finding in examine(of_nobody(lab=None)) if finding.what == "link"]
+    assert [finding.verdict for finding in links] == [CheckVerdict.BAD]
+
+
+def test_the_limits_are_those_of_the_lab_file(tmp_path: Path) -> None:
+    """Else the doctor is content with a pack that no flight of this lab would take off with."""
+    file = tmp_path / "lab.toml"
+    file.write_text(LAB + "[limits]\nbattery_at_rest = 4.0\n", encoding="utf-8")
+    assert of_nobody(read_lab_file(file, LIMITS)).limits.battery_at_rest == 4.0
