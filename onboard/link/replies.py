@@ -12,7 +12,7 @@ not (cflib 0.1.34):
 So a reply passes only while a request with the same key is outstanding, and the first reply settles the
 request. That is exact, not a time window: two equal replies to two requests both pass, two equal replies to
 one request do not. The answer to a write of a parameter repeats all of it: the echo of another value settles
-nothing.
+nothing. What writes a value is not settled while a copy of another value may still arrive (:mod:`strays`).
 
 What may legitimately repeat byte for byte passes always: console text, pushed parameter values (``2/3 01``),
 the app channel, localization, commander replies, echoes (a raw client may send the same echo many times and
@@ -27,6 +27,8 @@ request ago. Memory uploads are therefore read back and guarded by a CRC on the 
 from collections import deque
 from dataclasses import dataclass
 from typing import Protocol
+
+from onboard.link.strays import LIFETIME_S, StrayWrites
 
 ECHO_HEADER = 0xF0
 LOG_DATA_HEADER = 0x52
@@ -66,6 +68,8 @@ _KEY_LENGTH: dict[tuple[int, int | None], int] = {
     **{(0xD1, command): 1 for command in (0, 1, 2)},  # protocol and firmware version, device name
     (0xF1, None): 0,  # link source
 }
+#: Of these a late copy undoes what was written after it: parameters, memory, arming.
+_WRITES = (b"\x22", b"\x42", b"\x91\x01")
 _SUPERVISOR_HEADERS = (0x90, 0x91)
 _SUPERVISOR_REPLY_BIT = 0x80
 
@@ -103,9 +107,30 @@ def reply_key(header: int, payload: bytes | bytearray) -> bytes | None:
 class _Request:
     packet: CrtpPacket
     first_sent: float
-    due: float
     interval: float
-    sends: int = 1
+    safe_at: float
+    due: float = 0.0
+    last_sent: float = 0.0
+    sends: int = 0
+    too_early: int = 0
+    answers: int = 0
+
+    @property
+    def payload(self) -> bytes:
+        return bytes(self.packet.data)
+
+    def sent(self, now: float) -> None:
+        self.sends += 1
+        self.too_early += now < self.safe_at
+        self.last_sent = now
+
+    def answered(self, now: float) -> bool:
+        """Whether what it wrote stays."""
+        self.answers += 1
+        if self.last_sent < self.safe_at:
+            self.due = max(self.due, self.safe_at)
+            return False
+        return self.answers > self.too_early or now >= self.safe_at + LIFETIME_S
 
 
 class OutstandingRequests:
@@ -116,6 +141,7 @@ class OutstandingRequests:
 
     def __init__(self) -> None:
         self._requests: dict[bytes, _Request] = {}
+        self._strays = StrayWrites()
         self._log_packets: deque[bytes] = deque(maxlen=LOG_MEMORY)
         self._round_trip: float | None = None
         self._unmeasured = 0  # answers in a row to more than one copy
@@ -130,11 +156,15 @@ class OutstandingRequests:
             return False
         known = self._requests.get(key)
         if known is not None and known.packet is packet:
-            known.sends += 1  # the client sends it again by itself
+            known.sent(now)  # the client sends it again by itself
             return True
         # All these protocols are lock-step per key: a new request means that the client gave up the old one.
+        if known is not None:
+            self._leave(key, known, now)
         interval = self._first_interval()
-        self._requests[key] = _Request(packet, now, now + interval, interval)
+        safe_at = self._strays.threaten(key, bytes(packet.data), now)
+        self._requests[key] = request = _Request(packet, now, interval, safe_at, now + interval)
+        request.sent(now)
         return True
 
     def accept(self, datagram: bytes, now: float) -> bool:
@@ -150,10 +180,14 @@ class OutstandingRequests:
             return True
         request = self._requests.get(key)
         if request is None:
+            self._strays.came_home(key)
             return False
-        if header & PORT_AND_CHANNEL == PARAMETER_WRITE_HEADER and payload != request.packet.data:
+        if header & PORT_AND_CHANNEL == PARAMETER_WRITE_HEADER and payload != request.payload:
+            return False
+        if not request.answered(now):
             return False
         del self._requests[key]
+        self._leave(key, request, now)
         if request.sends == 1:  # otherwise it is unknown which of the sends was answered (Karn's rule)
             self._measure(now - request.first_sent)
             self._unmeasured = 0
@@ -168,7 +202,7 @@ class OutstandingRequests:
             if now - request.first_sent > FORGET_AFTER:
                 del self._requests[key]
             elif now >= request.due:
-                request.sends += 1
+                request.sent(now)
                 request.interval = min(2 * request.interval, RESEND_MAX)
                 request.due = now + request.interval
                 packets.append(request.packet)
@@ -177,6 +211,11 @@ class OutstandingRequests:
     def next_due(self) -> float | None:
         """When :meth:`due` will next have something to send or to forget [s], or None."""
         return min((min(r.due, r.first_sent + FORGET_AFTER) for r in self._requests.values()), default=None)
+
+    def _leave(self, key: bytes, request: _Request, now: float) -> None:
+        if key.startswith(_WRITES):
+            copies = request.sends - request.answers
+            self._strays.left(key, request.payload, copies, request.last_sent, now)
 
     def _first_interval(self) -> float:
         """Longer when answers come late again and again: then too soon may be why none can be measured."""
