@@ -17,6 +17,7 @@ from onboard.link.errors import (
     LinkTimeout,
     NoSuchVariable,
     PolicyRefused,
+    Superseded,
 )
 from onboard.link.uri import check_drone_uri
 
@@ -36,6 +37,7 @@ __all__ = [
     "LogStream",
     "NoSuchVariable",
     "PolicyRefused",
+    "Superseded",
     "check_drone_uri",
     "reboot",
 ]

@@ -16,6 +16,10 @@ class LinkTimeout(LinkError):
     """The drone did not answer by the deadline. Whether it acted on the request is unknown."""
 
 
+class Superseded(LinkError):
+    """Another thread wrote something else to the same place before this was confirmed."""
+
+
 class LinkLost(LinkError):
     """The connection is gone: the peer vanished, fell silent, or the radio gave up. Open a new link."""
 

@@ -15,7 +15,7 @@ from cflib.crtp.crtpstack import CRTPPacket
 
 from onboard.link.crazyflie import GuardedCrazyflie
 from onboard.link.deadline import GrowingDeadline
-from onboard.link.errors import LinkLost, LinkTimeout
+from onboard.link.errors import LinkLost, LinkTimeout, Superseded
 from onboard.link.replies import FORGET_AFTER
 from onboard.timebase import Event, Timebase
 
@@ -33,7 +33,15 @@ class _Waiter:
     channel: int
     accepts: Callable[[bytes], bool]
     event: Event
+    write: tuple[bytes, bytes] | None = None  # where to, and all of it
     reply: bytes | None = None
+    superseded: bool = False
+
+    def undoes(self, other: "_Waiter") -> bool:
+        """Whether this writes something else to where the other one writes to."""
+        if self.write is None or other.write is None:
+            return False
+        return self.write[0] == other.write[0] and self.write != other.write
 
 
 class Query(NamedTuple):
@@ -117,6 +125,7 @@ class Exchange:
         within: float,
         what: str,
         retry_s: float | None = None,
+        place: bytes | None = None,
     ) -> Answer:
         """Send a request; its answer, and how often it was sent.
 
@@ -129,19 +138,22 @@ class Exchange:
             what: what is asked for, for the error message.
             retry_s: repeat the request this often [s]. None: only if neither the driver nor the radio does
                 it.
+            place: what is written to, if it is a write: a write of something else to it that another thread
+                waits for is given up, for no driver repeats both.
 
         Raises:
             LinkTimeout: no answer by the deadline.
+            Superseded: another thread wrote to the same place before this was answered.
             LinkLost: the link is gone, or went while waiting.
         """
         packet = CRTPPacket(port << 4 | channel, payload)
-        waiter = _Waiter(port, channel, accepts, self._clock.event())
+        write = None if place is None else (place, payload)
+        waiter = _Waiter(port, channel, accepts, self._clock.event(), write)
         link = self._crazyflie.link
         if retry_s is None and link is not None and link.needs_resending:
             retry_s = RETRY_S
         deadline = self._clock() + within
-        with self._lock:
-            self._waiters.append(waiter)
+        self._wait_for(waiter)
         try:
             self._check_open()
             self._crazyflie.transmit(packet)
@@ -157,8 +169,18 @@ class Exchange:
                 self._waiters.remove(waiter)
         if waiter.reply is None:
             self._check_open()
+            if waiter.superseded:
+                raise Superseded(f"another thread wrote something else meanwhile: {what}")
             raise LinkLost(f"the link to {self._uri} broke while waiting: {what}")
         return Answer(waiter.reply, copies)
+
+    def _wait_for(self, waiter: _Waiter) -> None:
+        """Wait for its answer from now on, and no longer for that of a write which it undoes."""
+        with self._lock:
+            for other in filter(waiter.undoes, self._waiters):
+                other.superseded = True
+                other.event.set()
+            self._waiters.append(waiter)
 
     def ask_all(
         self, questions: Sequence[Query], *, time: Timebase, deadline: GrowingDeadline, what: str

@@ -54,7 +54,7 @@ class Parameters:
         what it was sent (``paramWriteProcess`` in ``param_logic.c``).
 
         Raises:
-            NoSuchVariable, LinkInputError, CommandRefused, LinkTimeout, LinkLost.
+            NoSuchVariable, LinkInputError, CommandRefused, LinkTimeout, Superseded, LinkLost.
         """
         variable = find(self._table, name, "parameter")
         if variable.read_only:
@@ -69,4 +69,5 @@ class Parameters:
             within=self._within,
             what=f"set {name} = {value}",
             retry_s=retry_s,
+            place=ident,
         )

@@ -283,6 +283,32 @@ def test_a_stop_is_confirmed_over_a_bad_network(drone_uri: str) -> None:
         network.faults = Faults()
 
 
+def test_a_set_point_that_takes_longer_than_a_renewal_may_is_no_hang(drone_uri: str) -> None:
+    """A copy of the first set-point never arrives: the next one is confirmed when it cannot any more."""
+    first = pwm(30).to_bytes(2, "little")
+    withheld: list[bytes] = []
+
+    def lose_one(packet: bytes) -> bool:
+        if packet[0] & 0xF3 != 0x22 or packet[3:] != first or withheld:
+            return False
+        withheld.append(packet)
+        return True
+
+    with (
+        FaultyNetwork(int(drone_uri.rpartition(":")[2]), np.random.default_rng(4), Faults()) as network,
+        patient_link(network.uri, silence_s=1.0) as link,
+        unlocked(link) as stand,
+    ):
+        network.withheld = lose_one
+        stand.spin({1: pwm(30)})
+        start = monotonic()
+        stand.spin({1: pwm(60)})
+        assert monotonic() - start > RENEW_WITHIN_S
+        assert withheld
+        assert stand.stopped is None
+        motors(stand, (pwm(60), 0, 0, 0))
+
+
 def test_a_drone_that_comes_back_into_reach_is_stopped_through_its_radio_chip(drone_uri: str) -> None:
     port = int(drone_uri.rpartition(":")[2])
     with FaultyNetwork(port, np.random.default_rng(4), Faults()) as network:

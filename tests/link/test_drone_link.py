@@ -19,6 +19,7 @@ from onboard.link import (
     LinkTimeout,
     NoSuchVariable,
     PolicyRefused,
+    Superseded,
     reboot,
 )
 from tests.link.tiny_drone import MEMORY_SIZE, MEMORY_TYPE, TinyDrone
@@ -91,6 +92,33 @@ def test_the_late_echo_of_an_earlier_write_is_not_taken_for_that_of_the_next(
     for value in (6, 7, 8):
         link.set_param("motion.offset", value)
     assert [data[2] for data in written] == [6, 7, 8], "each was sent once"
+
+
+def test_a_write_that_another_thread_undoes_is_given_up_at_once(tiny: TinyDrone, link: DroneLink) -> None:
+    """The stop of a bench motor must not leave the command that it undoes waiting until its deadline."""
+    lost = threading.Event()
+    failures: list[LinkError] = []
+
+    def lose_five(request: bytes) -> bool:
+        is_five = request[0] & 0xF3 == 0x22 and request[3] == 5
+        if is_five:
+            lost.set()
+        return is_five
+
+    def write_five() -> None:
+        try:
+            link.set_param("motion.offset", 5)
+        except LinkError as error:
+            failures.append(error)
+
+    tiny.drop = lose_five
+    thread = threading.Thread(target=write_five)
+    thread.start()
+    until(lost.is_set)
+    link.set_param("motion.offset", 6)
+    thread.join()
+    assert isinstance(failures[0], Superseded), "not the timeout two minutes later"
+    assert tiny.values["motion.offset"] == 6
 
 
 def test_no_answer_is_a_timeout_with_the_question_in_it(tiny: TinyDrone, hasty: DroneLink) -> None:
