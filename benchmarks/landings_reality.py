@@ -14,7 +14,7 @@ import json
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,9 +24,12 @@ from calibration.gap.landings.outcomes.labels import CLASS_NAMES, LABELS_FILE, l
 from onboard.outcome import Outcome
 from onboard.policy.files import Policy, import_authors_policy
 from perchhw.attempt import DEFAULT_VEHICLE, STORED_VEHICLE
+from perchhw.learning.as_flown import fly_policy
 from perchhw.learning.grid import Condition
 from perchhw.learning.setup import MEASURED, LearningSetup
+from perchhw.learning.sweep_folder import Row
 from perchhw.learning.validate import validate_policy
+from sim_backend.engine_name import usable_engine
 
 GRID = ("--domain", "none", "--speeds", "1.5:3.5:0.25", "--angles", "30:90:5", "--seed", "7")
 DESIGNS = {"NL": "semi-narrow-long", "WS": "wide-short", "NS": "semi-narrow-short"}
@@ -66,19 +69,27 @@ def flown_policy(flights: Path, policy: Policy, rollouts: int) -> dict[str, dict
     }
     approaches = [Condition(float(row["speed_m_s"]), float(row["angle_deg"])) for row in rows]
     found = {"real": real}
+    grid = tuple(dict.fromkeys(approaches))
     for sensing in (MEASURED, "realistic", "perfect"):
         setup = LearningSetup(sensing=sensing, domain="none", seed=3)
-        grid = tuple(dict.fromkeys(approaches))
-        flown = dict(zip(grid, validate_policy(policy, setup, grid, rollouts=rollouts), strict=True))
-        named = {
-            "triggers": "trigger_rate", "four": "four_leg_rate", "clean_four": "landing_rate",
-            "two": "two_leg_rate", "body_contact": "body_contact_rate",
-        }  # fmt: skip
-        found[sensing] = {
-            name: float(np.mean([float(flown[one][column] or 0.0) for one in approaches]))
-            for name, column in named.items()
-        }
+        rows = validate_policy(policy, setup, grid, rollouts=rollouts)
+        found[sensing] = shares(approaches, dict(zip(grid, rows, strict=True)))
+    setup = LearningSetup(domain="none", seed=3)
+    rows = fly_policy(policy, setup, grid, flights=rollouts, engine=usable_engine(None))
+    found["as_flown"] = shares(approaches, dict(zip(grid, rows, strict=True)))
     return found
+
+
+def shares(approaches: Sequence[Condition], flown: Mapping[Condition, Row]) -> dict[str, float]:
+    """Mean rates over the approaches."""
+    named = {
+        "triggers": "trigger_rate", "four": "four_leg_rate", "clean_four": "landing_rate",
+        "two": "two_leg_rate", "body_contact": "body_contact_rate",
+    }  # fmt: skip
+    return {
+        name: float(np.mean([float(flown[one][column] or 0.0) for one in approaches]))
+        for name, column in named.items()
+    }
 
 
 def policies(folder: Path, rollouts: int) -> dict[str, Any]:

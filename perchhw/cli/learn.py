@@ -1,6 +1,5 @@
 """``perchhw learn``: sweep, train, validate, or all three, and the leg study."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -23,6 +22,7 @@ from perchhw.cli.option_groups import with_option_groups
 from perchhw.cli.output import emit
 from perchhw.consoles import console, progress_console
 from perchhw.learning.sweep_folder import (
+    AS_FLOWN_FILE,
     MEASURED_FILE,
     POLICY_FILE,
     TRAINING_FILE,
@@ -33,6 +33,7 @@ from perchhw.screen.long_work import share_done
 
 if TYPE_CHECKING:
     from onboard.policy.files import Policy
+    from perchhw.learning.grid import Condition
     from perchhw.learning.setup import LearningSetup
     from perchhw.learning.sweep_folder import Row
 
@@ -100,9 +101,17 @@ def validate(
             help="landings.json of gap landings on your flights: how they scatter, how wrong the model is."
         ),
     ] = None,
+    as_flown: Annotated[
+        int,
+        typer.Option(
+            min=0,
+            help="Also so many attempts at each condition with estimator, law, motors and battery in the "
+            "loop, from the hover on, as in the simulated lab.",
+        ),
+    ] = 0,
 ) -> None:
     """Fly the two-stage policy at every condition of a grid, first as real approaches scatter."""
-    result = _validate(setup, grid, policy, rollouts, out, landings)
+    result = _validate(setup, grid, policy, rollouts, out, landings, as_flown)
     emit(result, lambda: _draw_validation(result))
 
 
@@ -177,7 +186,7 @@ def _train(
         SWEEP_FILE,
         make_folder,
         read_settings,
-        write_file,
+        write_document,
     )
     from perchhw.learning.train import train_policy
     from perchhw.learning.training_set import load_training_set
@@ -209,7 +218,7 @@ def _train(
         "action_rms_nm": policy.provenance["train_rms_nm"],
         "action_held_out_rms_nm": policy.provenance["held_out_rms_nm"],
     }
-    write_file(out / TRAINING_FILE, json.dumps(result, indent=1) + "\n")
+    write_document(out / TRAINING_FILE, result)
     return result
 
 
@@ -251,6 +260,7 @@ def _validate(
     rollouts: int,
     out: Path,
     landings: Path | None = None,
+    flights: int = 0,
 ) -> dict[str, Any]:
     from dataclasses import replace
 
@@ -259,7 +269,7 @@ def _validate(
     from perchhw.learning.launch_file import launch_of
     from perchhw.learning.real_rate import known_error, real_rate
     from perchhw.learning.setup import MEASURED
-    from perchhw.learning.sweep_folder import make_folder, not_finite_report, write_file
+    from perchhw.learning.sweep_folder import make_folder, not_finite_report, write_document
     from perchhw.learning.validate import validate_policy, write_validation
 
     loaded = _load_policy(policy, out)
@@ -287,6 +297,7 @@ def _validate(
         "settings": flown_by.describe(),
         "measured": {"table": str(out / MEASURED_FILE), **_summary(measured)},
         "real_rate": expected,
+        "as_flown": _fly(loaded, flown_by, approaches, flights, out) if flights else None,
         "table": str(out / VALIDATION_FILE),
         "conditions": len(rows),
         "rollouts_per_condition": rollouts,
@@ -295,8 +306,34 @@ def _validate(
         ],
         **_summary(rows),
     }
-    write_file(out / VALIDATION_SUMMARY, json.dumps(result, indent=1) + "\n")
+    write_document(out / VALIDATION_SUMMARY, result)
     return result
+
+
+def _fly(
+    policy: "Policy", setup: "LearningSetup", approaches: "tuple[Condition, ...]", flights: int, out: Path
+) -> dict[str, Any]:
+    """The same policy with all that is on board in the loop, where an approach fits the room."""
+    from perchhw.learning.as_flown import fly_policy, flyable
+    from perchhw.learning.errors import LearningInputError
+    from perchhw.learning.validate import write_validation
+    from sim_backend.engine_name import usable_engine
+
+    fit = flyable(approaches, setup.ceiling_z)
+    if not fit:
+        raise LearningInputError(
+            f"--as-flown: no approach of this grid fits a room of {setup.ceiling_z:g} m; "
+            "perchhw campaign plan says which would"
+        )
+    with progress_of("validation, as flown", setup.seed) as show:
+        rows = fly_policy(policy, setup, fit, flights=flights, engine=usable_engine(None), on_condition=show)
+    write_validation(rows, out / AS_FLOWN_FILE)
+    return {
+        "table": str(out / AS_FLOWN_FILE),
+        "conditions": len(rows),
+        "attempts_per_condition": flights,
+        **_summary(rows),
+    }
 
 
 def _summary(rows: "tuple[Row, ...]") -> dict[str, Any]:
@@ -314,7 +351,11 @@ def _draw_validation(result: dict[str, Any]) -> None:
     """The world as real flights show it first, then the one that was asked for."""
     sensing = result["settings"]["sensing"]
     worlds = [("as real approaches scatter", result["measured"]), (f"with {sensing} cues", result)]
-    for name, found in worlds[: 1 if sensing == "measured" else 2]:
+    if sensing == "measured":
+        del worlds[1]
+    if result["as_flown"] is not None:
+        worlds.append(("with all that is on board", result["as_flown"]))
+    for name, found in worlds:
         _draw_rates(f"landing rate of the two-stage policy, {name}", found["bands"])
         console().print(f"any four legs {found['four_leg_rate']:.2f}, two legs {found['two_leg_rate']:.2f}")
     expected = result["real_rate"]
@@ -323,10 +364,10 @@ def _draw_validation(result: dict[str, Any]) -> None:
             "no real flights tell what this vehicle does of that: perchhw gap landings, --landings"
         )
         return
-    (low, high), (least, most) = expected["ci95"], expected["four_leg_count80"]
+    (low, high), (least, most) = expected.ci95, expected.four_leg_count80
     console().print(
-        f"to be expected in reality, any four legs: {expected['four_leg_rate']:.2f} "
-        f"({low:.2f} to {high:.2f}); of {expected['next_flights']} flights {least} to {most} (80 %)",
+        f"to be expected in reality, any four legs: {expected.four_leg_rate:.2f} "
+        f"({low:.2f} to {high:.2f}); of {expected.next_flights} flights {least} to {most} (80 %)",
         soft_wrap=True,
     )
 

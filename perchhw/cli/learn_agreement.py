@@ -36,12 +36,10 @@ def agreement(
 def _compare(
     reference: Path, setup: "LearningSetup", grid: GridOptions, repeats: int, out: Path, resume: bool
 ) -> dict[str, Any]:
-    import json
-
     from perchhw.learning.agreement import agreement_of_sweeps
     from perchhw.learning.results import read_reference
     from perchhw.learning.sweep import SweepGrid, run_sweep
-    from perchhw.learning.sweep_folder import write_file
+    from perchhw.learning.sweep_folder import write_document
 
     theirs = read_reference(reference)
     with grid.executor() as executor, progress_of("learning trials", setup.seed) as show:
@@ -58,7 +56,7 @@ def _compare(
         "settings": setup.describe(),
         **agreement_of_sweeps(rows, theirs.rates),
     }
-    write_file(out / "agreement.json", json.dumps(found, indent=1) + "\n")
+    write_document(out / "agreement.json", found)
     return found
 
 

@@ -12,7 +12,6 @@ conditions that were flown shows in a bootstrap over them.
 """
 
 import dataclasses
-import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -34,7 +33,7 @@ from perchhw.learning.leg_trends import BEYOND, Pairs, rate_trends
 from perchhw.learning.results import read_reference
 from perchhw.learning.setup import LearningSetup, Recipe
 from perchhw.learning.sweep import LearnTrial, SweepGrid
-from perchhw.learning.sweep_folder import Key, Row, make_folder, write_file
+from perchhw.learning.sweep_folder import Key, Row, make_folder, write_document
 
 SCHEMA = "perchhw.hinge_calibration/1"
 HINGE_FILE = "hinge.json"
@@ -243,7 +242,7 @@ def run_hinge_calibration(
         "versions": versions(),
         **_result(found),
     }
-    write_file(folder / HINGE_FILE, json.dumps(document, indent=1, allow_nan=False) + "\n")
+    write_document(folder / HINGE_FILE, document)
     return document
 
 

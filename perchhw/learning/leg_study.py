@@ -6,7 +6,6 @@ trends as numbers (docs/leg_study.md).
 """
 
 import dataclasses
-import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
@@ -27,7 +26,7 @@ from perchhw.learning.leg_results import LANDINGS_FILE, SCHEMA, STUDY_FILE
 from perchhw.learning.leg_trends import ALL_ANGLES, BEYOND, pairs_of, trends
 from perchhw.learning.setup import LearningSetup
 from perchhw.learning.sweep import SweepGrid, run_sweep
-from perchhw.learning.sweep_folder import Row, make_folder, write_file
+from perchhw.learning.sweep_folder import Row, make_folder, write_document, write_file
 from sim_backend.physics.landing_factors import window_low
 
 BANDS_DEG = ((30.0, 50.0), (50.0, 65.0), (65.0, 80.0), (80.0, BEYOND))
@@ -99,7 +98,7 @@ def run_leg_study(
         landings += _land(legged, design, summary.rows, rollouts, executor)
     document = _document(setup, pairs, landings, rollouts)
     write_file(folder / LANDINGS_FILE, landings_text(landings))
-    write_file(folder / STUDY_FILE, json.dumps(document, indent=1, allow_nan=False) + "\n")
+    write_document(folder / STUDY_FILE, document)
     return LegStudy(document, pairs, tuple(landings))
 
 

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from onboard.json_file import as_json
 from onboard.schema import schema_problem
 from perchhw.learning.errors import LearningInputError
 
@@ -16,7 +17,7 @@ SCHEMA = "perchhw.sweep/1"
 PAIRS_FILE, SWEEP_FILE = "pairs.csv", "sweep.json"
 POLICY_FILE, TRAINING_FILE = "policy.policy.json", "training.json"
 VALIDATION_FILE, VALIDATION_SUMMARY = "validation.csv", "validation.json"
-MEASURED_FILE = "validation_measured.csv"
+MEASURED_FILE, AS_FLOWN_FILE = "validation_measured.csv", "validation_as_flown.csv"
 
 COLUMNS = (
     "speed_m_s", "angle_deg", "trial", "tau", "theta_x", "d_ceil", "a_rot", "landing_rate", "four_leg_rate",
@@ -139,7 +140,7 @@ def append_rows(folder: Path) -> Iterator[Callable[[Row], None]]:
 
 def write_settings(folder: Path, document: dict[str, Any]) -> None:
     """Write ``sweep.json``."""
-    write_file(folder / SWEEP_FILE, json.dumps(document, indent=1) + "\n")
+    write_document(folder / SWEEP_FILE, document)
 
 
 def read_settings(path: Path) -> dict[str, Any]:
@@ -243,6 +244,15 @@ def write_file(path: Path, text: str) -> None:
     with _named_if_unwritable(path):
         draft.write_text(text, encoding="utf-8")
         draft.replace(path)
+
+
+def write_document(path: Path, document: Any) -> None:
+    """Write what :func:`onboard.json_file.as_json` knows, as :func:`write_file` does.
+
+    Raises:
+        LearningInputError: it cannot be written.
+    """
+    write_file(path, json.dumps(as_json(document), indent=1, allow_nan=False) + "\n")
 
 
 @contextmanager

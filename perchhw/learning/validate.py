@@ -37,14 +37,11 @@ def try_policy(
     rules: Rules,
     count: int,
     trial: Any,
-) -> int:
-    """`count` rollouts of a policy at one condition into `trial`; returns how many triggered."""
-    triggered = 0
-    for k in range(count):
+) -> None:
+    """`count` rollouts of a policy at one condition into `trial`."""
+    for _ in range(count):
         trial.reward += fly_next(rng, bench, policy, speed, angle, rules, trial) / count
-        triggered += bench.outs[k].triggered
     summarise(bench.outs[:count], trial)
-    return triggered
 
 
 @dataclass(frozen=True)
@@ -58,24 +55,39 @@ class FlyPolicy:
     def __call__(self, condition: Condition) -> Row:
         """The row of one condition."""
         parameters, rules = prepared(self.recipe)
-        trial = np.zeros(1, TRIAL)[0]
         bench = new_bench(parameters, self.rollouts)
         rng = generator(self.recipe.setup.seed, _PURPOSE, condition)
         angle = math.radians(condition.angle_deg)
-        triggered = try_policy(
-            rng, bench, self.policy.compiled(), condition.speed, angle, rules, self.rollouts, trial
+        try_policy(
+            rng, bench, self.policy.compiled(), condition.speed, angle, rules, self.rollouts, new_trial()
         )
-        row: Row = {
-            "speed_m_s": condition.speed,
-            "angle_deg": condition.angle_deg,
-            "trigger_rate": triggered / self.rollouts,
-            "rollouts": self.rollouts,
-            "not_finite_rollouts": " ".join(map(str, not_finite_rollouts(bench.outs))) or None,
-        }
-        for name in COLUMNS[3:-2]:
-            value = float(trial[name])
-            row[name] = value if math.isfinite(value) else None
-        return row
+        return rates_row(condition, bench.outs)
+
+
+def new_trial() -> Any:
+    """A record of :data:`~perchhw.learning.trial.TRIAL`, zeroed."""
+    return np.zeros(1, TRIAL)[0]
+
+
+def rates_row(condition: Condition, outs: Any) -> Row:
+    """The row of one condition: its attempts' rates, and mean cues where any triggered.
+
+    Args:
+        outs: records of :data:`sim_backend.physics.rollout.ROLLOUT`, one an attempt.
+    """
+    trial = new_trial()
+    summarise(outs, trial)
+    row: Row = {
+        "speed_m_s": condition.speed,
+        "angle_deg": condition.angle_deg,
+        "trigger_rate": float(np.mean(outs["triggered"])),
+        "rollouts": len(outs),
+        "not_finite_rollouts": " ".join(map(str, not_finite_rollouts(outs))) or None,
+    }
+    for name in COLUMNS[3:-2]:
+        value = float(trial[name])
+        row[name] = value if math.isfinite(value) else None
+    return row
 
 
 def validate_policy(

@@ -24,22 +24,26 @@ from perchhw.cli.main import run
 from perchhw.flight.mission import plan_attempt
 from perchhw.lab_process import SimulatedLab
 from perchhw.record import read_run
+from sim_backend.engine_name import usable_engine
 from tests.likely import assert_likely
 
 CONDITIONS = set(product(SPEEDS, ANGLES_DEG))
+ENGINE = usable_engine(None)
 
 
+@pytest.mark.soak
 def test_the_demo_flies_where_the_policy_is_predicted_to_land_best() -> None:
-    """Better than any of its neighbours a little slower, flatter or steeper, in the mean."""
-    here = np.mean(list(predicted_rates(CONDITIONS, seed=0).values()))
-    assert here > 0.75
-    for slower, steeper in ((0.5, 0.0), (0.0, 10.0), (0.5, 10.0), (1.0, 0.0)):
+    """Better than any of its neighbours slower, flatter or steeper, in the mean."""
+    here = np.mean(list(predicted_rates(CONDITIONS, 0, ENGINE).values()))
+    assert here > 0.7
+    for slower, steeper in ((0.5, 0.0), (0.0, 5.0), (0.5, 5.0), (0.0, -5.0)):
         moved = {(round(speed - slower, 2), angle + steeper) for speed, angle in CONDITIONS}
-        assert np.mean(list(predicted_rates(moved, seed=0).values())) < here
+        assert np.mean(list(predicted_rates(moved, 0, ENGINE).values())) < here
 
 
 def test_predictions_are_those_of_the_seed() -> None:
-    assert predicted_rates(CONDITIONS, seed=4) == predicted_rates(CONDITIONS, seed=4)
+    one = {(SPEEDS[0], ANGLES_DEG[0])}
+    assert predicted_rates(one, 4, ENGINE) == predicted_rates(one, 4, ENGINE)
 
 
 def test_every_condition_fits_the_room() -> None:
