@@ -353,8 +353,9 @@ def _draw_validation(result: dict[str, Any]) -> None:
     worlds = [("as real approaches scatter", result["measured"]), (f"with {sensing} cues", result)]
     if sensing == "measured":
         del worlds[1]
-    if result["as_flown"] is not None:
-        worlds.append(("with all that is on board", result["as_flown"]))
+    if (whole := result["as_flown"]) is not None:
+        fit = f"{whole['conditions']} of {result['conditions']} conditions fit the room"
+        worlds.append((f"with all that is on board ({fit})", whole))
     for name, found in worlds:
         _draw_rates(f"landing rate of the two-stage policy, {name}", found["bands"])
         console().print(f"any four legs {found['four_leg_rate']:.2f}, two legs {found['two_leg_rate']:.2f}")
