@@ -1,8 +1,8 @@
 """Poses of a recorded flight, at the pace at which they came: the topic ``pose`` of a run's ``series.mcap``.
 
 What was recorded is what the judging saw: after the correction from markers to body, and before any verdict.
-A record that was torn by a killed process is played up to where it is whole. After the last pose the source
-is lost; who opens it again hears it from the beginning.
+A record that was torn by a killed process, or cut off by a copy, is played up to where it is whole. After its
+last pose the source is lost, and says whether poses are missing; who opens it again hears it from the start.
 """
 
 import json
@@ -16,7 +16,7 @@ from mocap_bridge.rotation import continuous
 from mocap_bridge.uri import MocapUri
 from onboard.arrays import Quaternion
 from onboard.closing import Closing
-from onboard.record.run_record import RUN_FILE, SERIES_FILE
+from onboard.record.run_record import RUN_FILE, SERIES_FILE, series_finished
 from onboard.record.series_file import RunFolderError, read_series
 from onboard.schema import RUN_SCHEMA, schema_problem
 from onboard.timebase import Timebase
@@ -36,14 +36,13 @@ def open_recording(uri: MocapUri, clock: Timebase) -> "RecordedPoseStream":
     file = path / SERIES_FILE if path.is_dir() else path
     if not file.is_file():
         raise MocapUriError(f"{uri}: there is no {file}; give the folder of a run")
-    _require_version(file.with_name(RUN_FILE), uri)
-    return RecordedPoseStream(file, uri, clock)
+    return RecordedPoseStream(file, uri, clock, _is_finished(file.with_name(RUN_FILE), uri))
 
 
-def _require_version(run_file: Path, uri: MocapUri) -> None:
-    """Of what ``run.json`` says beside the poses nothing else is asked: they are played without it, too."""
+def _is_finished(run_file: Path, uri: MocapUri) -> bool:
+    """Whether ``run.json`` says that the series was finished; poses are played without it, too."""
     if not run_file.is_file():
-        return
+        return False
     try:
         info = json.loads(run_file.read_bytes())
     except (OSError, ValueError, RecursionError) as error:
@@ -51,18 +50,19 @@ def _require_version(run_file: Path, uri: MocapUri) -> None:
     problem = schema_problem(info.get("schema") if isinstance(info, dict) else None, RUN_SCHEMA)
     if problem is not None:
         raise MocapUriError(f"{uri}: {run_file} key 'schema': {problem}")
+    return series_finished(info)
 
 
 class RecordedPoseStream(Closing):
     """A recording that is played (a ``PoseStream``); the first pose comes at once."""
 
-    def __init__(self, file: Path, uri: MocapUri, clock: Timebase) -> None:
+    def __init__(self, file: Path, uri: MocapUri, clock: Timebase, finished: bool) -> None:
         self._uri, self._clock = uri, clock
         self._pause = clock.event()
         self._frames = 0
         self._last: Quaternion | None = None
         try:
-            series = read_series(file, TOPIC).series
+            series, self._note, _ = read_series(file, TOPIC, finished)
         except (RunFolderError, OSError) as error:
             raise SourceUnusable(f"{uri}: {error}") from error
         if TOPIC not in series:
@@ -74,7 +74,8 @@ class RecordedPoseStream(Closing):
     def read(self, timeout_s: float) -> PoseSample:
         """The next pose, when its time has come; see :meth:`PoseStream.read`."""
         if self._next is None:
-            raise SourceLost(f"{self._uri}: the recording has ended")
+            missing = f"; {self._note}" if self._note else ""
+            raise SourceLost(f"{self._uri}: the recording has ended{missing}")
         t, pose = self._next
         remaining = t + self._shift - self._clock()
         if remaining > timeout_s:

@@ -81,7 +81,7 @@ def is_run_folder(path: Path) -> bool:
 
 def series_finished(info: Mapping[str, Any]) -> bool:
     """Whether the writer finished ``series.mcap``, by ``run.json``: a lost record is closed without."""
-    return bool(info["closed"]) and not info.get("record_lost")
+    return bool(info.get("closed")) and not info.get("record_lost")
 
 
 def read_info(folder: Path) -> dict[str, Any]:
