@@ -5,7 +5,8 @@ from pathlib import Path
 from calibration.flights import UnusableFlightError
 from calibration.flights.perchhw_run import flight_from_run
 from onboard.json_file import write_json_atomically
-from onboard.policy.files import find_policy, load_policy
+from onboard.policy.bundle import policy_crc32
+from onboard.policy.files import Policy, load_policy, shipped_policies, shipped_policy_path
 from onboard.record.checksum import with_checksum
 from onboard.record.folder import OutputFolderError
 from onboard.record.run_record import RUN_FILE, RunRecord
@@ -109,8 +110,16 @@ def _flown(run: RunRecord, vehicle: Vehicle | None, judge: Judge) -> Diagnosis:
 
 
 def judge_of(run: RunRecord) -> Judge:
-    """The policy that flew, and the one whose region counts: the shipped one where it is for this vehicle."""
-    flown, shipped = policy_of(run), load_policy(find_policy(DEFAULT_POLICY))
-    setup = shipped.provenance.get("sweep", {}).get("settings", {})
-    fits = all(run.config.get(name) == setup.get(name) for name in ("vehicle", "legs"))
-    return Judge(flown, shipped if fits else flown)
+    """The policy that flew, and the one whose region counts: itself where it ships for this vehicle, else the
+    default one where that is for it."""
+    flown = policy_of(run)
+    shipped = {name: load_policy(shipped_policy_path(name)) for name in shipped_policies()}
+    fitting = {name: policy for name, policy in shipped.items() if _is_for(policy, run)}
+    if flown is not None and policy_crc32(flown) in map(policy_crc32, fitting.values()):
+        return Judge(flown, flown)
+    return Judge(flown, fitting.get(DEFAULT_POLICY, flown))
+
+
+def _is_for(policy: Policy, run: RunRecord) -> bool:
+    learned = policy.provenance.get("sweep", {}).get("settings", {})
+    return all(run.config.get(name) == learned.get(name) for name in ("vehicle", "legs"))

@@ -9,12 +9,14 @@ import pytest
 from calibration.flights import Trigger
 from calibration.flights.perchhw_run import flight_from_run
 from onboard.policy.action import action_moments
-from onboard.policy.files import find_policy, load_policy
+from onboard.policy.bundle import policy_crc32
+from onboard.policy.files import find_policy, load_policy, save_policy
 from onboard.policy.model import Policy
 from onboard.policy.trigger import trigger_values
 from onboard.vehicle import Vehicle
 from perchhw.attempt import Outcome
 from perchhw.diagnosis import Cause, diagnose
+from perchhw.diagnosis.diagnose import judge_of
 from perchhw.diagnosis.flip import measure_flip
 from perchhw.diagnosis.landing import Judge
 from perchhw.diagnosis.no_trigger import diagnose_no_trigger
@@ -146,3 +148,19 @@ def test_a_trigger_that_never_came(
     data = {name: values for name, values in flight.data.items() if name != "tau"}
     valid = {name: mask for name, mask in flight.valid.items() if name != "tau"}
     assert diagnose_no_trigger(replace(flight, data=data, valid=valid), policy).cause is Cause.NO_CUES
+
+
+@pytest.mark.parametrize(
+    ("flown", "judged_by"), [("default", "default"), ("pads", "pads"), ("mine", "default")]
+)
+def test_a_policy_that_ships_for_the_vehicle_is_judged_by_itself(
+    landings: list[Landing], vehicle: Vehicle, tmp_path: Path, flown: str, judged_by: str
+) -> None:
+    """Any other of the same vehicle by the default one, so that it can be told where it differs."""
+    run = read_run(record_landing(landings[3], tmp_path / "run", vehicle, 2.5, 60.0))
+    pads = load_policy(find_policy("pads"))
+    save_policy(replace(pads, intercept=pads.intercept + np.float32(0.01)), tmp_path / "mine")
+    run.config["policy"] = str(tmp_path / "mine") if flown == "mine" else flown
+    region = judge_of(run).region
+    assert region is not None
+    assert policy_crc32(region) == policy_crc32(load_policy(find_policy(judged_by)))
