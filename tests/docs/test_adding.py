@@ -26,7 +26,7 @@ from onboard.manoeuvres import library as manoeuvres
 from onboard.quantity import Quantity
 from onboard.room import RoomGeometry
 from onboard.vehicle import EFFECTS, Effect, check_vehicle, load_vehicle, vehicle_to_toml
-from onboard.vehicle.effects import rigid_body
+from onboard.vehicle.effects import described
 from perchhw.cli.main import run as run_perchhw
 from sim_backend.physics.effects.registry import TERMS
 from sim_backend.physics.parameters import physics_parameters
@@ -36,10 +36,10 @@ NOBODY: Any = None
 PAGE = (REPOSITORY / "docs" / "adding.md").read_text(encoding="utf-8")
 
 
-def blocks(heading: str) -> list[str]:
+def blocks(heading: str, language: str = "python") -> list[str]:
     """The blocks of code in one section."""
     section = PAGE.split(f"\n## {heading}\n")[1].split("\n## ")[0]
-    return re.findall(r"```python\n(.*?)```", section, re.DOTALL)
+    return re.findall(rf"```{language}\n(.*?)```", section, re.DOTALL)
 
 
 def module_of(code: str, name: str) -> ModuleType:
@@ -55,15 +55,15 @@ def row_of(code: str, table: ModuleType, **names: Any) -> Any:
 
 
 def test_every_file_that_is_to_be_touched_is_there() -> None:
-    touched = re.findall(r"^\d\. `([\w/]+\.py)`(, a new module)?", PAGE, re.MULTILINE)
+    touched = re.findall(r"^\d\. `([\w/]+\.(?:py|toml))`(, a new module)?", PAGE, re.MULTILINE)
     assert len(touched) == 6
     for file, new in touched:
         assert (REPOSITORY / file).exists() != bool(new)
 
 
 def test_an_effect(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    described, equation = blocks("An effect")
-    description = row_of(described, rigid_body)
+    (table,), (equation,) = blocks("An effect", "toml"), blocks("An effect")
+    (description,) = described(table).values()
     term = module_of(equation, "sim_backend.physics.effects.propeller_guard").EFFECT
     monkeypatch.setitem(EFFECTS, description.name, description)
     monkeypatch.setitem(TERMS, term.name, term)

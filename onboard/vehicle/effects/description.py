@@ -59,10 +59,10 @@ class EffectParameter:
     low: float
     high: float
     typical: float
-    neutral: float | None
     practical_minimum: float
     meaning: str
     source: str
+    neutral: float | None = None
     spread: float | None = None
     grows: Mapping[str, float] = field(default_factory=dict)
 
@@ -105,8 +105,8 @@ class EffectDescription:
     equation: str
     parameters: Mapping[str, EffectParameter]
     revealed_by: str
-    confused_with: tuple[str, ...]
     reference: str
+    confused_with: tuple[str, ...] = ()
     needs: tuple[Needs, ...] = ()
     excludes: tuple[str, ...] = ()
     alike: tuple[str, ...] = ()
@@ -127,8 +127,3 @@ class EffectDescription:
             else:
                 complete[name] = parameter.neutral
         return complete
-
-
-def same_for(names: tuple[str, ...], parameter: EffectParameter) -> dict[str, EffectParameter]:
-    """The same parameter under several names, such as three axes."""
-    return dict.fromkeys(names, parameter)
