@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from typing import Any, NamedTuple
 
 from onboard.errors import InputError
@@ -33,12 +33,12 @@ class FaultRule(NamedTuple):
     Attributes:
         parse: its value from text; ValueError says what would be right.
         meaning: for help.
-        field: of the dataclass that holds its value; None where it is the fault's name.
+        field: of the dataclass that holds its value.
     """
 
     parse: Callable[[str], object]
     meaning: str
-    field: str | None = None
+    field: str
 
 
 NO_TIME = FaultWindow(NEVER, NEVER)
@@ -46,8 +46,23 @@ NO_TIME = FaultWindow(NEVER, NEVER)
 FaultRules = Mapping[str, FaultRule]
 
 
-def fault_values(texts: Mapping[str, str], rules: FaultRules, prefix: str = "") -> dict[str, Any]:
-    """Values by field, from texts by the name of the fault; a field has no `prefix`.
+def fault(parse: Callable[[str], object], meaning: str, default: object, name: str = "") -> Any:
+    """A field of a dataclass of faults; `name` is that of the command line, where it is another one."""
+    return field(default=default, metadata={"parse": parse, "meaning": meaning, "name": name})
+
+
+def fault_rules(faults: Any, prefix: str = "") -> FaultRules:
+    """The rules of a dataclass of faults, by their names on the command line: `prefix` and the field's."""
+    return {
+        prefix + (one.metadata["name"] or one.name): FaultRule(
+            one.metadata["parse"], one.metadata["meaning"], one.name
+        )
+        for one in fields(faults)
+    }
+
+
+def fault_values(texts: Mapping[str, str], rules: FaultRules) -> dict[str, Any]:
+    """Values by field, from texts by the name of the fault.
 
     Raises:
         FaultError: an unknown name or a value that cannot be used.
@@ -58,7 +73,7 @@ def fault_values(texts: Mapping[str, str], rules: FaultRules, prefix: str = "") 
             raise FaultError(f"--fault {name}={text}: no fault named {name!r}; known: {', '.join(rules)}")
         rule = rules[name]
         try:
-            values[rule.field or name.removeprefix(prefix)] = rule.parse(text)
+            values[rule.field] = rule.parse(text)
         except ValueError as error:
             raise FaultError(f"--fault {name}={text}: {error} ({name}={rule.meaning})") from error
     return values

@@ -8,54 +8,11 @@ are the drone's. Times count from the start of the lab (world time, s).
 from collections.abc import Iterable
 
 from sim_backend.bench.faults import BENCH_RULES
-from sim_backend.fault_values import (
-    CHANCE,
-    TIME,
-    FaultError,
-    FaultRule,
-    FaultRules,
-    fault_values,
-    integer,
-    motor_pair,
-    number,
-    vector,
-    window,
-)
+from sim_backend.fault_values import FaultError, fault_rules, fault_values
 from sim_backend.lab_faults import DroneFaults, Faults
 from sim_backend.room.settings import ROOM_RULES
-from sim_backend.survey import ceiling_truth
 
-_DRONE_RULES: FaultRules = {
-    "battery_voltage": FaultRule(number(2.0, 4.35), "V: open-circuit voltage of every fresh pack"),
-    "link_loss": FaultRule(CHANCE, "P: probability that a packet is lost, each way"),
-    "freeze_drone_at": FaultRule(TIME, "S: the firmware hangs and answers nothing any more"),
-    "drone_dies_at": FaultRule(TIME, "S: the drone loses its power"),
-    "policy_weight": FaultRule(
-        number(0.0, 2.0), "F: one weight of each policy that goes live is F times what it was"
-    ),
-    "motors_swapped": FaultRule(motor_pair, "A,B: the connectors of motors A and B (1 to 4) are exchanged"),
-    "propeller_reversed": FaultRule(
-        integer(1, 2, 3, 4), "N: the propeller of motor N is of the other direction and lifts nothing"
-    ),
-    "motor_reversed": FaultRule(
-        integer(1, 2, 3, 4), "N: motor N turns the wrong way, and its propeller lifts nothing"
-    ),
-    "hung_at": FaultRule(
-        window(120.0), "S[:DURATION]: the drone hangs on a thread, free to turn, its propellers off"
-    ),
-    "held_at": FaultRule(
-        window(2.0), "S[:DURATION]: a person holds the drone, nose down, then left side down, by 30 deg"
-    ),
-    "survey_at": FaultRule(
-        window(4.0),
-        "S[:DURATION]: a person turns the drone by half a turn, then touches the ceiling at four points "
-        "with the subject 'wand', each for DURATION",
-    ),
-    "survey_ceiling": FaultRule(
-        ceiling_truth, "H,X,Y: height and tilts along x and y (m, deg) of the ceiling that is touched"
-    ),
-    "gyro_bias": FaultRule(vector, "X,Y,Z: bias of the gyro after its calibration, rad/s"),
-}
+_DRONE_RULES = fault_rules(DroneFaults)
 
 
 def fault_table() -> dict[str, str]:

@@ -4,43 +4,69 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from sim_backend.fault_values import NO_TIME, FaultWindow
-from sim_backend.survey import CeilingTruth
+from sim_backend.fault_values import (
+    CHANCE,
+    NO_TIME,
+    TIME,
+    FaultWindow,
+    fault,
+    integer,
+    motor_pair,
+    number,
+    vector,
+    window,
+)
+from sim_backend.survey import CeilingTruth, ceiling_truth
+
+_MOTOR = integer(1, 2, 3, 4)
 
 
 @dataclass(frozen=True, slots=True)
 class DroneFaults:
-    """What goes wrong with every drone of the lab.
+    """What goes wrong with every drone of the lab, each with what the command line takes and what it means.
 
-    Attributes:
-        battery_voltage: open-circuit voltage of each fresh pack, V (None: full).
-        link_loss: probability that a packet is lost, each way.
-        freeze_drone_at: the firmware stops and answers nothing any more; the motors keep their command.
-        drone_dies_at: the drone loses its power at this time: motors off, radio silent.
-        gyro_bias: bias that the gyro develops after its calibration, about x, y, z, rad/s.
-        policy_weight: factor of one weight of each policy that goes live, which no checksum shows.
-        motors_swapped: two motors (1..4) whose connectors are exchanged.
-        propeller_reversed: motor (1..4) with the wrong kind of propeller, which lifts nothing; 0: none.
-        motor_reversed: motor (1..4) that turns the wrong way, so that its propeller lifts nothing; 0: none.
-        hung_at: while the drone hangs on a thread, free to turn, its propellers off.
-        survey_at: a person surveys the room from then on (:mod:`sim_backend.survey`).
-        survey_ceiling: the plane that is touched then; None: the room's.
-        held_at: while a person holds the drone: half of the time nose down, then left side down, by 30 deg.
+    A frozen drone's motors keep their command. No checksum shows a policy's changed weight. Motors count from
+    1, 0 is none. Windows and times are world time, s; the survey is :mod:`sim_backend.survey`.
     """
 
-    battery_voltage: float | None = None
-    link_loss: float = 0.0
-    freeze_drone_at: float = math.inf
-    drone_dies_at: float = math.inf
-    gyro_bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    policy_weight: float = 1.0
-    motors_swapped: tuple[int, int] | None = None
-    propeller_reversed: int = 0
-    motor_reversed: int = 0
-    hung_at: FaultWindow = NO_TIME
-    held_at: FaultWindow = NO_TIME
-    survey_at: FaultWindow = NO_TIME
-    survey_ceiling: CeilingTruth | None = None
+    battery_voltage: float | None = fault(
+        number(2.0, 4.35), "V: open-circuit voltage of every fresh pack", None
+    )
+    link_loss: float = fault(CHANCE, "P: probability that a packet is lost, each way", 0.0)
+    freeze_drone_at: float = fault(TIME, "S: the firmware hangs and answers nothing any more", math.inf)
+    drone_dies_at: float = fault(TIME, "S: the drone loses its power", math.inf)
+    policy_weight: float = fault(
+        number(0.0, 2.0), "F: one weight of each policy that goes live is F times what it was", 1.0
+    )
+    motors_swapped: tuple[int, int] | None = fault(
+        motor_pair, "A,B: the connectors of motors A and B (1 to 4) are exchanged", None
+    )
+    propeller_reversed: int = fault(
+        _MOTOR, "N: the propeller of motor N is of the other direction and lifts nothing", 0
+    )
+    motor_reversed: int = fault(_MOTOR, "N: motor N turns the wrong way, and its propeller lifts nothing", 0)
+    hung_at: FaultWindow = fault(
+        window(120.0),
+        "S[:DURATION]: the drone hangs on a thread, free to turn, its propellers off",
+        NO_TIME,
+    )
+    held_at: FaultWindow = fault(
+        window(2.0),
+        "S[:DURATION]: a person holds the drone, nose down, then left side down, by 30 deg",
+        NO_TIME,
+    )
+    survey_at: FaultWindow = fault(
+        window(4.0),
+        "S[:DURATION]: a person turns the drone by half a turn, then touches the ceiling at four points "
+        "with the subject 'wand', each for DURATION",
+        NO_TIME,
+    )
+    survey_ceiling: CeilingTruth | None = fault(
+        ceiling_truth, "H,X,Y: height and tilts along x and y (m, deg) of the ceiling that is touched", None
+    )
+    gyro_bias: tuple[float, float, float] = fault(
+        vector, "X,Y,Z: bias of the gyro after its calibration, rad/s", (0.0, 0.0, 0.0)
+    )
 
 
 @dataclass(frozen=True, slots=True)

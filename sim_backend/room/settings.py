@@ -9,9 +9,9 @@ from sim_backend.errors import SimulationError
 from sim_backend.fault_values import (
     CHANCE,
     TIME,
-    FaultRule,
-    FaultRules,
     FaultWindow,
+    fault,
+    fault_rules,
     fault_values,
     integer,
     number,
@@ -29,26 +29,32 @@ class RoomError(SimulationError):
 
 @dataclass(frozen=True, slots=True)
 class RoomFaults:
-    """Faults to show. Times are world time (s), as the feed carries it.
+    """Faults to show, each with what the command line takes, with the prefix ``mocap_``.
 
-    Attributes:
-        freeze: poses repeat exactly while frames go on.
-        occlude: all bodies are out of view.
-        flip180: all bodies appear turned by 180 deg about their z axis, as after a marker swap.
-        drop: probability that a frame is never sent.
-        jitter: extra delay of each frame on the network, uniform in 0..jitter (s); not in the reported
-        latency.
-        dies_at: the room closes every connection and stops serving.
-        reflections: so many unlabelled markers belong to nobody.
+    Times are world time (s), as the feed carries it. The reported latency knows nothing of `jitter` (s).
     """
 
-    freeze: FaultWindow | None = None
-    occlude: FaultWindow | None = None
-    flip180: FaultWindow | None = None
-    drop: float = 0.0
-    jitter: float = 0.0
-    dies_at: float | None = None
-    reflections: int = 0
+    freeze: FaultWindow | None = fault(
+        window(), "S[:DURATION]: poses repeat exactly while frames go on", None, "freeze_at"
+    )
+    occlude: FaultWindow | None = fault(window(), "S[:DURATION]: no body is seen", None, "occlude_at")
+    flip180: FaultWindow | None = fault(
+        window(0.01),
+        "S[:DURATION]: bodies appear turned half round about z (default: one frame)",
+        None,
+        "flip180_at",
+    )
+    drop: float = fault(CHANCE, "P: probability that a frame is never sent", 0.0)
+    jitter: float = fault(
+        number(0.0, scale=1e-3),
+        "MS: extra network delay of each frame, uniform up to this",
+        0.0,
+        "jitter_ms",
+    )
+    dies_at: float | None = fault(TIME, "S: the room closes every connection", None)
+    reflections: int = fault(
+        integer(*range(1, 10)), "N: unlabelled markers on the floor that belong to nobody", 0
+    )
 
     @classmethod
     def parse(cls, texts: Mapping[str, str]) -> Self:
@@ -60,21 +66,7 @@ class RoomFaults:
         return cls(**fault_values(texts, ROOM_RULES))
 
 
-ROOM_RULES: FaultRules = {
-    "mocap_freeze_at": FaultRule(window(), "S[:DURATION]: poses repeat exactly while frames go on", "freeze"),
-    "mocap_occlude_at": FaultRule(window(), "S[:DURATION]: no body is seen", "occlude"),
-    "mocap_flip180_at": FaultRule(
-        window(0.01), "S[:DURATION]: bodies appear turned half round about z (default: one frame)", "flip180"
-    ),
-    "mocap_drop": FaultRule(CHANCE, "P: probability that a frame is never sent", "drop"),
-    "mocap_jitter_ms": FaultRule(
-        number(0.0, scale=1e-3), "MS: extra network delay of each frame, uniform up to this", "jitter"
-    ),
-    "mocap_dies_at": FaultRule(TIME, "S: the room closes every connection", "dies_at"),
-    "mocap_reflections": FaultRule(
-        integer(*range(1, 10)), "N: unlabelled markers on the floor that belong to nobody", "reflections"
-    ),
-}
+ROOM_RULES = fault_rules(RoomFaults, "mocap_")
 """What each fault of the room takes and does, by name."""
 
 
