@@ -5,8 +5,8 @@ Where nothing flies they end the command, as Ctrl-C does: whoever sends them wan
 
 import signal
 import threading
-from collections.abc import Iterable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 
@@ -19,6 +19,8 @@ LAND: signal.Signals | None = getattr(signal, "SIGUSR1", None)
 """Asks for a landing, however often it comes; None where the system has no such signal."""
 CUT: signal.Signals | None = getattr(signal, "SIGUSR2", None)
 """Cuts the motors at once: both of an operator's Ctrl-C in one."""
+ENDS = known("SIGTERM", "SIGHUP")
+"""End a command as Ctrl-C does: somebody's ``kill``, and a terminal that closes."""
 
 
 def act_as_ctrl_c(numbers: Iterable[signal.Signals | None]) -> dict[signal.Signals, Any]:
@@ -40,18 +42,29 @@ def act_as_ctrl_c(numbers: Iterable[signal.Signals | None]) -> dict[signal.Signa
 
 
 @contextmanager
-def acting_as_ctrl_c(*names: str) -> Iterator[None]:
-    """As :func:`act_as_ctrl_c` while open, by the names of the signals."""
-    before = act_as_ctrl_c(known(*names))
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-def ending_in_order() -> AbstractContextManager[None]:
+def ending_in_order() -> Iterator[None]:
     """While motors may turn that nothing else stops: what ends or suspends a program by default, also a
     terminal that closes, Ctrl-\\ and Ctrl-Z, ends it in order.
     """
-    return acting_as_ctrl_c("SIGTERM", "SIGHUP", "SIGQUIT", "SIGTSTP")
+    before = act_as_ctrl_c((*ENDS, *known("SIGQUIT", "SIGTSTP")))
+    try:
+        yield
+    finally:
+        _restore(before)
+
+
+@contextmanager
+def unheard() -> Iterator[None]:
+    """While open, who ends the program once more does not: it is ending, and says what came of it."""
+    ours = threading.current_thread() is threading.main_thread()
+    signals = (signal.SIGINT, *ENDS, *(number for number in (LAND, CUT) if number is not None))
+    before = {number: signal.signal(number, signal.SIG_IGN) for number in signals if ours}
+    try:
+        yield
+    finally:
+        _restore(before)
+
+
+def _restore(before: Mapping[signal.Signals, Any]) -> None:
+    for number, handler in before.items():
+        signal.signal(number, handler)

@@ -80,7 +80,9 @@ def room_of(lab: int) -> int | None:
     return None
 
 
-@pytest.mark.parametrize(("how", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 0), (None, 0)])
+@pytest.mark.parametrize(
+    ("how", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 0), (signal.SIGHUP, 0), (None, 0)]
+)
 def test_a_lab_that_is_told_to_end_while_it_starts_ends_in_order(
     how: signal.Signals | None, code: int
 ) -> None:

@@ -65,12 +65,14 @@ def hover(
     with hold(setup.drone), flight_display("check hover", setup.drone) as display:
         Turnaround(setup.drone, confirmation(yes, display), _ON_ITS_MARK).put_back()
         flown = fly_check(setup, out, seconds, display)
-    report_flight(flown.record)
-    if flown.aborted_by is not None:
-        _tell_aborted(flown, examine_ended(flown.record, setup, out))
-        return exit_codes.SAFETY
-    check = examine_check(flown.record, setup, out, begins_anew=begin_anew)
-    emit(check, in_words(check))
+    try:
+        if flown.aborted_by is not None:
+            _tell_aborted(flown, examine_ended(flown.record, setup, out))
+            return exit_codes.SAFETY
+        check = examine_check(flown.record, setup, out, begins_anew=begin_anew)
+        emit(check, in_words(check))
+    finally:
+        report_flight(flown.record)  # last, for its drawing may be interrupted
     return exit_codes.DONE if check.same else exit_codes.FAILED
 
 

@@ -77,6 +77,7 @@ def fly(
     request = replace(
         setup.attempt(speed, angle, out), operator=operator, note=note, accept_mismatch=accept_mismatch
     )
+    result: AttemptResult | None = None
     try:
         checked = check_attempt(request, dry_run)  # before anybody who flies the drone is asked to make room
         require_space(request.folder)
@@ -100,12 +101,13 @@ def fly(
                 listener=Listeners(listener, display),
             )
     except AttemptInterrupted as interrupted:
-        _emit(interrupted.result, dry_run)
+        result = interrupted.result
         raise
     finally:
+        if result is not None:  # before the page, whose drawing somebody may interrupt
+            _emit(result, dry_run)
         report_flight(request.folder)
         discard_if_empty(request.folder)
-    _emit(result, dry_run)
     if result.aborted_by is not None:
         return exit_codes.SAFETY
     return exit_codes.DONE if dry_run or result.outcome.attached else exit_codes.FAILED

@@ -16,7 +16,7 @@ from perchhw.cli import exit_codes
 from perchhw.cli.output import emit_error, settings, written
 from perchhw.cli.view_option import complete_view_option
 from perchhw.consoles import progress_console
-from perchhw.operator_signals import CUT, LAND, act_as_ctrl_c, known
+from perchhw.operator_signals import CUT, ENDS, LAND, act_as_ctrl_c, known, unheard
 
 _GARBAGE_THRESHOLDS = (20_000, 50, 100)
 """Of Python's collector. By default it runs 500 times while a flight's program is loaded and its page is
@@ -134,18 +134,24 @@ def run(arguments: Sequence[str]) -> int:
     settings.as_json, settings.emitted = "--json" in ordered, False
     try:
         _command_line(called)(ordered, prog_name="perchhw")
-    except SystemExit as ended:
-        code = ended.code if isinstance(ended.code, int) else exit_codes.DONE
-        if code == exit_codes.USAGE:
-            emit_error("wrong usage: the message is on stderr", code)
-        if code == exit_codes.INTERRUPTED:
-            emit_error("interrupted", code)
-        return code
-    except KeyboardInterrupt:
-        return _ended_by("interrupted", exit_codes.INTERRUPTED)
-    except PerchhwError as error:
-        return _ended_by(f"error: {error}", _exit_code(error))
+    except (SystemExit, KeyboardInterrupt, PerchhwError) as ended:
+        with unheard():
+            return _told(ended)
     return exit_codes.DONE
+
+
+def _told(ended: SystemExit | KeyboardInterrupt | PerchhwError) -> int:
+    """Say how a verb ended, and give its exit code."""
+    if isinstance(ended, KeyboardInterrupt):
+        return _ended_by("interrupted", exit_codes.INTERRUPTED)
+    if isinstance(ended, PerchhwError):
+        return _ended_by(f"error: {ended}", _exit_code(ended))
+    code = ended.code if isinstance(ended.code, int) else exit_codes.DONE
+    if code == exit_codes.USAGE:
+        emit_error("wrong usage: the message is on stderr", code)
+    if code == exit_codes.INTERRUPTED:
+        emit_error("interrupted", code)
+    return code
 
 
 def _exit_code(error: PerchhwError) -> int:
@@ -166,8 +172,11 @@ def main() -> None:
     gc.set_threshold(*_GARBAGE_THRESHOLDS)
     # Our matrices are small: threads of the linear algebra would only spin, in a wizard for 12 s out of 18.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    act_as_ctrl_c((LAND, CUT))  # outside of a flight, which listens itself
-    code = run(sys.argv[1:])
+    act_as_ctrl_c((signal.SIGINT, LAND, CUT, *ENDS))  # outside of a flight, which listens itself
+    try:
+        code = run(sys.argv[1:])
+    except KeyboardInterrupt:  # once more, just when the first was to be told
+        code = exit_codes.INTERRUPTED
     for number in known("SIGINT", "SIGTERM", "SIGHUP", "SIGUSR1", "SIGUSR2"):
         signal.signal(number, signal.SIG_IGN)  # one more would turn the exit code into a death
     sys.exit(code)

@@ -7,7 +7,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 import typer
@@ -27,6 +27,7 @@ from perchhw.cli.sim_options import (
     WithParent,
     WorldOptions,
 )
+from perchhw.operator_signals import ENDS
 from sim_backend.faults import fault_table
 
 if TYPE_CHECKING:
@@ -147,17 +148,28 @@ def _serve_lab(settings: "LabSettings", with_parent: bool) -> int:
 
 
 def _serve(lab: Served, with_parent: bool) -> int:
-    """Serve until SIGINT (exit code 130), SIGTERM or, `with_parent`, the end of standard input (0)."""
+    """Serve until SIGINT (exit code 130), SIGTERM, the end of the terminal or, `with_parent`, of standard
+    input (0).
+    """
+    told = [signal.SIGINT, *(number for number in ENDS if signal.getsignal(number) is not signal.SIG_IGN)]
     # Compiled callbacks swallow a KeyboardInterrupt; nothing is open yet that would have to be closed.
-    previous = signal.signal(signal.SIGINT, lambda _number, _frame: os._exit(exit_codes.INTERRUPTED))
+    previous = {
+        number: signal.signal(number, lambda number, _frame: os._exit(_exit_code([number])))
+        for number in told
+    }
     try:
         lab.prepare()
     finally:
-        signal.signal(signal.SIGINT, previous)
-    return asyncio.run(_serve_until_told(lab, with_parent))
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+    return asyncio.run(_serve_until_told(lab, told, with_parent))
 
 
-async def _serve_until_told(lab: Served, with_parent: bool) -> int:
+def _exit_code(caught: Sequence[int]) -> int:
+    return exit_codes.INTERRUPTED if signal.SIGINT in caught else exit_codes.DONE
+
+
+async def _serve_until_told(lab: Served, told: Sequence[signal.Signals], with_parent: bool) -> int:
     loop, stop = asyncio.get_running_loop(), asyncio.Event()
     caught: list[int] = []
     starting = asyncio.create_task(lab.start())
@@ -167,7 +179,7 @@ async def _serve_until_told(lab: Served, with_parent: bool) -> int:
         stop.set()
         starting.cancel()
 
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in told:
         loop.add_signal_handler(number, end, number)
     if with_parent:
         threading.Thread(target=_wait_for_parent, args=(loop, end), daemon=True).start()
@@ -180,7 +192,7 @@ async def _serve_until_told(lab: Served, with_parent: bool) -> int:
             await lab.run(stop)
     finally:
         await lab.close()
-    return exit_codes.INTERRUPTED if signal.SIGINT in caught else 0
+    return _exit_code(caught)
 
 
 def _wait_for_parent(loop: asyncio.AbstractEventLoop, end: Callable[[], None]) -> None:

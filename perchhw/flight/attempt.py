@@ -124,8 +124,9 @@ def fly_attempt(
             flown = flight.run()
         with OperatorInterrupts() as late:  # a landing that was flown is labelled
             result = _conclude(request, vehicle, fit, flown, record, clock)
-    result = replace(result, diagnosis=explain(request.folder))
-    if flown.interrupted or late.count > 0:
+    with OperatorInterrupts() as later:  # and explained
+        result = replace(result, diagnosis=explain(request.folder))
+    if flown.interrupted or late.count + later.count > 0:
         raise AttemptInterrupted(result)
     return result
 

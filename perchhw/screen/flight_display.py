@@ -3,22 +3,20 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from perchhw.operator_signals import acting_as_ctrl_c
 from perchhw.screen.display import Display
 from perchhw.screen.lines import Lines
 
 
 @contextmanager
 def flight_display(title: str, drone: str) -> Iterator[Display]:
-    """The screen where there is a terminal for it, else lines. Between flights SIGTERM and a terminal that
-    closes end the command as Ctrl-C does.
+    """The screen where there is a terminal for it, else lines.
 
     Args:
         title: the command, with what it flies.
         drone: URI.
     """
     if not _fit_for_a_screen():
-        with acting_as_ctrl_c("SIGTERM", "SIGHUP"), Lines() as lines:
+        with Lines() as lines:
             yield lines
         return
     from perchhw.screen.screen import Screen
