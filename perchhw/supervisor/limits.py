@@ -36,13 +36,11 @@ def _deg(angle: float) -> float:
     return convert(angle, "deg", "rad")
 
 
-def _limit(
-    default: float, unit: str, strictest: float, loosest: float, why_strictest: str, why_loosest: str
-) -> float:
-    """A limit, the range that a lab file may choose from, and why that ends where it does."""
-    (least, why_least), (most, why_most) = sorted(((strictest, why_strictest), (loosest, why_loosest)))
+def _limit(default: float, unit: str, *, strictest: tuple[float, str], loosest: tuple[float, str]) -> float:
+    """A limit, and the range that a lab file may choose from: its ends, and why it ends there."""
+    (least, why_least), (most, why_most) = sorted((strictest, loosest))
     bounds = Bounds(unit, least, most, why_least, why_most)
-    return field(default=default, metadata={"allowed": Allowed(default, strictest, loosest, bounds)})
+    return field(default=default, metadata={"allowed": Allowed(default, strictest[0], loosest[0], bounds)})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,259 +112,235 @@ class SafetyLimits:
     link_silence: float = _limit(
         0.5,
         "s",
-        0.3,
-        0.5,
-        "three lost echoes in a row are nothing unusual",
-        "half of the drone's watchdog, so that a landing is ordered before it bites",
+        strictest=(0.3, "three lost echoes in a row are nothing unusual"),
+        loosest=(0.5, "half of the drone's watchdog, so that a landing is ordered before it bites"),
     )
     pose_age: float = _limit(
         0.1,
         "s",
-        0.03,
-        0.1,
-        "healthy motion capture is late by a frame or two",
-        "the health monitor says stale there",
+        strictest=(0.03, "healthy motion capture is late by a frame or two"),
+        loosest=(0.1, "the health monitor says stale there"),
     )
     pose_age_bridged: float = _limit(
         0.3,
         "s",
-        0.1,
-        0.4,
-        "a marker that is hidden for some frames is nothing unusual",
-        "mocap is lost, and the firmware levels, at 0.5 s",
+        strictest=(0.1, "a marker that is hidden for some frames is nothing unusual"),
+        loosest=(0.4, "mocap is lost, and the firmware levels, at 0.5 s"),
     )
     telemetry_age: float = _limit(
         0.25,
         "s",
-        0.1,
-        0.3,
-        "a radio link loses some packets in a row",
-        "the drone flies on by as much unseen",
+        strictest=(0.1, "a radio link loses some packets in a row"),
+        loosest=(0.3, "the drone flies on by as much unseen"),
     )
     battery_age: float = _limit(
         1.0,
         "s",
-        0.3,
-        1.0,
-        "three lost readings in a row are nothing unusual",
-        "after ten lost readings nothing is known of the pack",
+        strictest=(0.3, "three lost readings in a row are nothing unusual"),
+        loosest=(1.0, "after ten lost readings nothing is known of the pack"),
     )
     battery_filter: float = _limit(
-        0.2, "s", 0.1, 0.4, "a single sample would decide", "the pack would fail before it shows"
+        0.2,
+        "s",
+        strictest=(0.1, "a single sample would decide"),
+        loosest=(0.4, "the pack would fail before it shows"),
     )
     battery_at_rest: float = _limit(
-        3.8, "V", 4.1, 3.8, "a full cell rests at little more", "a lower pack sags below what a flip needs"
+        3.8,
+        "V",
+        strictest=(4.1, "a full cell rests at little more"),
+        loosest=(3.8, "a lower pack sags below what a flip needs"),
     )
     battery_in_flight: float = _limit(
-        2.72, "V", 3.3, 2.72, "a good pack sags to it", "15 gf of one motor need as much"
+        2.72,
+        "V",
+        strictest=(3.3, "a good pack sags to it"),
+        loosest=(2.72, "15 gf of one motor need as much"),
     )
     battery_full: float = _limit(
         4.4,
         "V",
-        4.25,
-        4.4,
-        "a full cell of 4.2 V, as the drone measures it",
-        "no cell of a Crazyflie goes higher, as the drone measures it",
+        strictest=(4.25, "a full cell of 4.2 V, as the drone measures it"),
+        loosest=(4.4, "no cell of a Crazyflie goes higher, as the drone measures it"),
     )
     disagreement_on_ground: float = _limit(
-        0.05, "m", 0.02, 0.1, "it is the noise of the estimate", "the estimate has not converged"
+        0.05,
+        "m",
+        strictest=(0.02, "it is the noise of the estimate"),
+        loosest=(0.1, "the estimate has not converged"),
     )
     disagreement_in_flight: float = _limit(
         0.25,
         "m",
-        0.15,
-        0.35,
-        "at 3 m/s the estimate lags by 0.1 m",
-        "that is no lag any more, and walls may be as near",
+        strictest=(0.15, "at 3 m/s the estimate lags by 0.1 m"),
+        loosest=(0.35, "that is no lag any more, and walls may be as near"),
     )
     yaw_disagreement: float = _limit(
         _deg(5.0),
         "rad",
-        _deg(2.0),
-        _deg(10.0),
-        "it is the noise of the estimate",
-        "a run-up of 3 m would end 0.5 m aside",
+        strictest=(_deg(2.0), "it is the noise of the estimate"),
+        loosest=(_deg(10.0), "a run-up of 3 m would end 0.5 m aside"),
     )
     tilt_on_ground: float = _limit(
         _deg(10.0),
         "rad",
-        _deg(3.0),
-        _deg(15.0),
-        "floors and feet are not more even",
-        "such a drone does not stand on its feet",
+        strictest=(_deg(3.0), "floors and feet are not more even"),
+        loosest=(_deg(15.0), "such a drone does not stand on its feet"),
     )
     tilt_in_hover: float = _limit(
         _deg(35.0),
         "rad",
-        _deg(15.0),
-        _deg(45.0),
-        "moves between hovers tilt by 10 deg, and swing",
-        "a controller in command tilts less even in test flights (50 deg at most)",
+        strictest=(_deg(15.0), "moves between hovers tilt by 10 deg, and swing"),
+        loosest=(_deg(45.0), "a controller in command tilts less even in test flights (50 deg at most)"),
     )
     tilt_in_test_flight: float = _limit(
         _deg(65.0),
         "rad",
-        _deg(55.0),
-        _deg(70.0),
-        "the controller asks for 50 deg",
-        "the drone's own limit outside a flip",
+        strictest=(_deg(55.0), "the controller asks for 50 deg"),
+        loosest=(_deg(70.0), "the drone's own limit outside a flip"),
     )
     speed_on_ground: float = _limit(
-        0.15, "m/s", 0.05, 0.25, "it is the noise of the estimate", "the estimate has not converged"
+        0.15,
+        "m/s",
+        strictest=(0.05, "it is the noise of the estimate"),
+        loosest=(0.25, "the estimate has not converged"),
     )
     speed_in_hover: float = _limit(
         2.5,
         "m/s",
-        2.0,
-        3.0,
-        "moves between hovers were seen at 1.91 m/s",
-        "as fast as the fastest approach flown",
+        strictest=(2.0, "moves between hovers were seen at 1.91 m/s"),
+        loosest=(3.0, "as fast as the fastest approach flown"),
     )
     speed_in_test_flight: float = _limit(
         7.0,
         "m/s",
-        2.0,
-        7.0,
-        "moves between hovers were seen at 1.91 m/s",
-        "the fastest course asks for 6 m/s",
+        strictest=(2.0, "moves between hovers were seen at 1.91 m/s"),
+        loosest=(7.0, "the fastest course asks for 6 m/s"),
     )
     rotation_in_hover: float = _limit(
-        10.0, "rad/s", 4.0, 10.0, "approaches turn at up to 2 rad/s", "a drone that is hit turns faster"
+        10.0,
+        "rad/s",
+        strictest=(4.0, "approaches turn at up to 2 rad/s"),
+        loosest=(10.0, "a drone that is hit turns faster"),
     )
     rotation_in_test_flight: float = _limit(
         20.0,
         "rad/s",
-        10.0,
-        25.0,
-        "less would be stricter than in the hover",
-        "real flights turn at 17 rad/s at most",
+        strictest=(10.0, "less would be stricter than in the hover"),
+        loosest=(25.0, "real flights turn at 17 rad/s at most"),
     )
     height_on_ground: float = _limit(
         0.25,
         "m",
-        0.12,
-        0.25,
-        "the origin of a drone on long legs is at 0.07 m",
-        "motors are disarmed below it",
+        strictest=(0.12, "the origin of a drone on long legs is at 0.07 m"),
+        loosest=(0.25, "motors are disarmed below it"),
     )
     room: RoomGeometry = field(default_factory=RoomGeometry)
-    wall_margin: float = _limit(0.0, "m", 1.0, 0.0, "move the walls instead", "a wall is a wall")
+    wall_margin: float = _limit(
+        0.0, "m", strictest=(1.0, "move the walls instead"), loosest=(0.0, "a wall is a wall")
+    )
     start_mark: tuple[float, float, float] | None = None
     start_mark_distance: float = _limit(
-        0.25, "m", 0.05, 0.5, "nobody puts a drone down better", "it may be another drone's mark"
+        0.25,
+        "m",
+        strictest=(0.05, "nobody puts a drone down better"),
+        loosest=(0.5, "it may be another drone's mark"),
     )
     start_mark_heading: float = _limit(
         _deg(15.0),
         "rad",
-        _deg(5.0),
-        _deg(30.0),
-        "nobody puts a drone down better",
-        "it may be another drone's mark",
+        strictest=(_deg(5.0), "nobody puts a drone down better"),
+        loosest=(_deg(30.0), "it may be another drone's mark"),
     )
     latency: float = _limit(
         0.1,
         "s",
-        0.3,
-        0.1,
-        "three times what was measured",
-        "mocap, telemetry, tick and order take as long together",
+        strictest=(0.3, "three times what was measured"),
+        loosest=(0.1, "mocap, telemetry, tick and order take as long together"),
     )
     braking: float = _limit(
         8.0,
         "m/s2",
-        3.0,
-        8.0,
-        "a fence would be met in the middle of a room",
-        "two thirds of what the controller's 50 deg give",
+        strictest=(3.0, "a fence would be met in the middle of a room"),
+        loosest=(8.0, "two thirds of what the controller's 50 deg give"),
     )
     corridor_distance: float = _limit(
         0.6,
         "m",
-        0.45,
-        0.75,
-        "good flights of the authors deviate by 0.38 m",
-        "a quarter more than usual, which is half more than the drone's own to the side",
+        strictest=(0.45, "good flights of the authors deviate by 0.38 m"),
+        loosest=(0.75, "a quarter more than usual, which is half more than the drone's own to the side"),
     )
     corridor_speed: float = _limit(
-        1.2, "m/s", 0.9, 1.5, "good flights of the authors deviate by 0.80 m/s", "a quarter more than usual"
+        1.2,
+        "m/s",
+        strictest=(0.9, "good flights of the authors deviate by 0.80 m/s"),
+        loosest=(1.5, "a quarter more than usual"),
     )
     corridor_tilt: float = _limit(
         _deg(35.0),
         "rad",
-        _deg(20.0),
-        _deg(45.0),
-        "good flights of the authors deviate by 18 deg",
-        "a quarter more than usual",
+        strictest=(_deg(20.0), "good flights of the authors deviate by 18 deg"),
+        loosest=(_deg(45.0), "a quarter more than usual"),
     )
     corridor_time: float = _limit(
-        0.2, "s", 0.1, 0.3, "the drone's path is rounded by 0.08 s", "the corridor is 0.9 m longer at 3 m/s"
+        0.2,
+        "s",
+        strictest=(0.1, "the drone's path is rounded by 0.08 s"),
+        loosest=(0.3, "the corridor is 0.9 m longer at 3 m/s"),
     )
     flight_time: float = _limit(
         60.0,
         "s",
-        40.0,
-        120.0,
-        "the phases of a flight take up to 35 s",
-        "the longest move in the largest room takes 60 s more",
+        strictest=(40.0, "the phases of a flight take up to 35 s"),
+        loosest=(120.0, "the longest move in the largest room takes 60 s more"),
     )
     flip_drop: float = _limit(
         0.5,
         "m",
-        0.45,
-        0.7,
-        "a flip that begins at rest loses 0.4 m",
-        "what falls deeper does not reach the ceiling any more",
+        strictest=(0.45, "a flip that begins at rest loses 0.4 m"),
+        loosest=(0.7, "what falls deeper does not reach the ceiling any more"),
     )
     hang_distance: float = _limit(
         0.15,
         "m",
-        0.13,
-        0.2,
-        "two feet hold at 0.087 m, ceiling and markers are good to 0.04 m",
-        "a body that falls is 0.4 m lower after 0.3 s",
+        strictest=(0.13, "two feet hold at 0.087 m, ceiling and markers are good to 0.04 m"),
+        loosest=(0.2, "a body that falls is 0.4 m lower after 0.3 s"),
     )
     hang_tilt: float = _limit(
         _deg(10.0),
         "rad",
-        _deg(7.0),
-        _deg(14.0),
-        "hinges give way by 2 deg, and ceilings tilt by up to 4",
-        "two feet let it hang at 15 deg or more",
+        strictest=(_deg(7.0), "hinges give way by 2 deg, and ceilings tilt by up to 4"),
+        loosest=(_deg(14.0), "two feet let it hang at 15 deg or more"),
     )
     descent_silence: float = _limit(
         1.0,
         "s",
-        0.6,
-        1.0,
-        "a landing that still works would be dropped, sooner than a flight is ended",
-        "the drone's own watchdog bites then",
+        strictest=(0.6, "a landing that still works would be dropped, sooner than a flight is ended"),
+        loosest=(1.0, "the drone's own watchdog bites then"),
     )
     descent_disagreement: float = _limit(
         1.0,
         "m",
-        0.5,
-        1.0,
-        "a landing that still works would be dropped",
-        "four times what already ended the flight",
+        strictest=(0.5, "a landing that still works would be dropped"),
+        loosest=(1.0, "four times what already ended the flight"),
     )
     descent_speed: float = _limit(
         4.0,
         "m/s",
-        3.5,
-        4.0,
-        "the fastest approach has 3 m/s to brake from",
-        "nothing that brakes or lands is faster",
+        strictest=(3.5, "the fastest approach has 3 m/s to brake from"),
+        loosest=(4.0, "nothing that brakes or lands is faster"),
     )
     descent_tilt: float = _limit(
         _deg(75.0),
         "rad",
-        _deg(60.0),
-        _deg(75.0),
-        "a landing that still works would be dropped",
-        "the drone's own limit is 70 deg",
+        strictest=(_deg(60.0), "a landing that still works would be dropped"),
+        loosest=(_deg(75.0), "the drone's own limit is 70 deg"),
     )
     descent_escape: float = _limit(
-        0.25, "m", 0.1, 0.25, "the estimate is not better", "people may be behind the walls"
+        0.25,
+        "m",
+        strictest=(0.1, "the estimate is not better"),
+        loosest=(0.25, "people may be behind the walls"),
     )
 
 
