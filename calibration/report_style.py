@@ -1,7 +1,7 @@
 """How reports look: colours, figures as inline SVG, the page, its sections and tables."""
 
 import io
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from html import escape
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -181,6 +181,12 @@ def _lay_out(figure: "Figure") -> None:
         figure.set_layout_engine(None)
 
 
-def by_width(broad: str, narrow: str) -> str:
-    """Two drawings of the same: one for a broad page and for print, one for a narrow page."""
+def by_width(draw: Callable[[bool], "Figure"], alt: str) -> str:
+    """Two drawings of the same as inline SVG: a broad one, also for print, and one for a narrow page.
+
+    Args:
+        draw: gives the figure; told whether the page is broad.
+        alt: as of :func:`svg`.
+    """
+    broad, narrow = svg(draw(True), alt), svg(draw(False), f"{alt} (narrow)")
     return f'<div class="broad">{broad}</div><div class="narrow">{narrow}</div>'

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calibration.flights import Flight
+from calibration.report_style import BLUE, GREEN, MUTED, TRIGGER, new_figure
 from perchhw.report.figures import draw_bodies
-from perchhw.report.style import BLUE, GREEN, MUTED, TRIGGER, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,14 +10,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from calibration.measurement import wilson_interval
+from calibration.report_style import BLUE, INK, MUTED, by_width, new_figure, svg
 from onboard.policy.model import Policy
 from perchhw.attempt import Outcome
 from perchhw.diagnosis.flip import CUES
-from perchhw.report.style import BLUE, INK, MUTED, OUTCOME_COLOURS, OUTCOME_MARKERS, by_width, new_figure, svg
+from perchhw.report.outcome_style import OUTCOME_COLOURS, OUTCOME_MARKERS
 from perchhw.report.trigger_plane import draw_region
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 Rates = Mapping[tuple[float, float], float]
 """Landing rates by speed (m/s) and angle (deg)."""
@@ -69,7 +71,7 @@ def landing_rates(attempts: Sequence[ShownAttempt], predicted: Rates) -> str:
     panels = [("flown", rates, labels)]
     if wanted:
         panels.append(("predicted by the simulation", wanted, {c: f"{p:.0%}" for c, p in wanted.items()}))
-    return by_width(*(_rates_drawn(panels, broad, alt) for broad in (True, False)))
+    return by_width(lambda broad: _rates_drawn(panels, broad), alt)
 
 
 def _rate_words(successes: int, trials: int) -> str:
@@ -77,7 +79,7 @@ def _rate_words(successes: int, trials: int) -> str:
     return f"{successes} of {trials}\n{low:.0%} to {high:.0%}"
 
 
-def _rates_drawn(panels: list[tuple[str, dict[Any, float], dict[Any, str]]], broad: bool, alt: str) -> str:
+def _rates_drawn(panels: list[tuple[str, dict[Any, float], dict[Any, str]]], broad: bool) -> "Figure":
     count = len(panels)
     figure = new_figure(10.4 if broad else 5.2, 4.0 if broad else 4.0 * count)
     shape = (1, count) if broad else (count, 1)
@@ -110,7 +112,7 @@ def _rates_drawn(panels: list[tuple[str, dict[Any, float], dict[Any, str]]], bro
         axes.set_title(title, loc="left", fontsize=10)
         axes.margins(0.25)
     figure.colorbar(drawn, ax=figure.axes[:count], label="four legs, no body contact", shrink=0.8)
-    return svg(figure, f"{alt}{'' if broad else ' (narrow)'}")
+    return figure
 
 
 def trigger_states(attempts: Sequence[ShownAttempt], policy: Policy | None) -> str | None:
@@ -157,16 +159,16 @@ def order_of_events(attempts: Sequence[ShownAttempt]) -> str | None:
     shown = [outcome for outcome in Outcome if any(a.outcome is outcome for a in attempts)]
     alt = f"Outcomes in the order of flying: {', '.join(a.outcome.value for a in attempts[:20])}"
 
-    def drawn(broad: bool) -> str:
+    def drawn(broad: bool) -> "Figure":
         figure = new_figure(10.4 if broad else 5.2, 0.34 * len(shown) + 0.9)
         axes = figure.add_subplot()
         _by_outcome(axes, [a.outcome for a in attempts], x, [shown.index(a.outcome) for a in attempts])
         labels = [outcome.value.replace("_", " ") for outcome in shown]
         axes.set(yticks=range(len(shown)), yticklabels=labels, ylim=(len(shown) - 0.4, -0.6))
         axes.set(xlabel="minutes since the first attempt" if timed else "attempt")
-        return svg(figure, f"{alt}{'' if broad else ' (narrow)'}")
+        return figure
 
-    return by_width(drawn(True), drawn(False))
+    return by_width(drawn, alt)
 
 
 def batteries(attempts: Sequence[ShownAttempt]) -> str | None:

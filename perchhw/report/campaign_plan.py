@@ -3,13 +3,9 @@
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from perchhw.campaign import CampaignPlan
-from perchhw.campaign.forecast import CampaignForecast
-from perchhw.campaign.grid_fit import GridFit
-from perchhw.campaign.plan import ADAPTIVE, Misfit
-from perchhw.campaign.plan_text import cost_text
-from perchhw.report.style import (
+from calibration.report_style import (
     GREEN,
     INK,
     TRIGGER,
@@ -18,9 +14,16 @@ from perchhw.report.style import (
     page,
     report_style,
     section,
-    svg,
     table,
 )
+from perchhw.campaign import CampaignPlan
+from perchhw.campaign.forecast import CampaignForecast
+from perchhw.campaign.grid_fit import GridFit
+from perchhw.campaign.plan import ADAPTIVE, Misfit
+from perchhw.campaign.plan_text import cost_text
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def write_campaign_plan(plan: CampaignPlan, fit: GridFit, cost: CampaignForecast, file: Path) -> Path:
@@ -50,10 +53,10 @@ def _grid(plan: CampaignPlan, fit: GridFit) -> str:
     """A dot for what fits, a cross for what does not."""
     fitting, all_of_them = len(fit.approaches), len(fit.approaches) + len(fit.misfits)
     alt = f"Grid of speeds and approach angles: {fitting} of {all_of_them} conditions fit the room"
-    return by_width(_grid_drawn(plan, fit, alt, True), _grid_drawn(plan, fit, f"{alt} (narrow)", False))
+    return by_width(lambda broad: _grid_drawn(plan, fit, broad), alt)
 
 
-def _grid_drawn(plan: CampaignPlan, fit: GridFit, alt: str, broad: bool) -> str:
+def _grid_drawn(plan: CampaignPlan, fit: GridFit, broad: bool) -> "Figure":
     figure = new_figure(10.4 if broad else 5.2, 4.6)
     axes = figure.add_subplot()
     if fit.approaches:
@@ -75,4 +78,4 @@ def _grid_drawn(plan: CampaignPlan, fit: GridFit, alt: str, broad: bool) -> str:
     axes.tick_params(axis="x", labelrotation=90 if len(plan.speeds) > (20 if broad else 10) else 0)
     axes.margins(0.12)
     axes.legend(frameon=False, ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.0))
-    return svg(figure, alt)
+    return figure

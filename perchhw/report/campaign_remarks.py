@@ -5,8 +5,8 @@ from collections.abc import Iterable
 from html import escape
 from pathlib import Path
 
+from calibration.report_style import section, table
 from onboard.record.run_record import is_run_folder, read_info
-from perchhw.report.style import section, table
 
 
 def remarks_section(records: Iterable[Path]) -> str:

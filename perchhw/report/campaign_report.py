@@ -13,6 +13,7 @@ import numpy as np
 from calibration.flights import Flight, UnusableFlightError
 from calibration.flights.perchhw_run import flight_from_run
 from calibration.measurement import wilson_interval
+from calibration.report_style import MUTED, grid, new_figure, page, report_style, section, svg, table
 from onboard.atomic_file import write_atomically
 from onboard.csv_file import read_csv
 from onboard.record.run_record import RunFolderError, RunRecord, is_run_folder, read_info
@@ -34,20 +35,8 @@ from perchhw.report.campaign_figures import (
 from perchhw.report.campaign_plan import misfit_section
 from perchhw.report.campaign_remarks import remarks_section
 from perchhw.report.map_figure import map_figure
+from perchhw.report.outcome_style import OUTCOME_COLOURS, OUTCOME_MARKERS, badge
 from perchhw.report.run_report import REPORT_FILE, has_current_page, write_run_page
-from perchhw.report.style import (
-    MUTED,
-    OUTCOME_COLOURS,
-    OUTCOME_MARKERS,
-    badge,
-    grid,
-    new_figure,
-    page,
-    report_style,
-    section,
-    svg,
-    table,
-)
 
 PREDICTION_FILE = "prediction.csv"
 """Rates that the simulation predicts, beside the attempts; columns as in ``validation.csv``."""

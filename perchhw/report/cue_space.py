@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from calibration.flights import Flight
+from calibration.report_style import INK, TRIGGER, new_figure
 from onboard.arrays import FloatArray
 from onboard.policy.files import Policy
 from onboard.policy.trigger import trigger_values
@@ -15,7 +16,6 @@ from perchhw.learning.results import columns
 from perchhw.learning.sweep_folder import Row
 from perchhw.report.isosurface import zero_surface
 from perchhw.report.rate_maps import GOOD_RATE, RATE_COLOURS
-from perchhw.report.style import INK, TRIGGER, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calibration.flights import Flight
+from calibration.report_style import BLUE, INK, MUTED, ORANGE, TRIGGER, Margins, new_figure, svg
 from onboard.arrays import BoolArray, FloatArray
 from onboard.rotation import to_matrices
-from perchhw.report.style import BLUE, INK, MUTED, ORANGE, TRIGGER, Margins, new_figure, svg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

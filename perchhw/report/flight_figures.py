@@ -2,19 +2,33 @@
 battery, the phases. Each function gives inline SVG, or None when the record lacks what it would show."""
 
 from itertools import cycle
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from calibration.flights import Flight
+from calibration.report_style import (
+    BLUE,
+    GREEN,
+    INK,
+    MUTED,
+    ORANGE,
+    TRIGGER,
+    Margins,
+    by_width,
+    new_figure,
+    svg,
+)
 from onboard.app_interface import LandingState
 from onboard.battery import FULL_RATIO
 from onboard.policy.model import Policy
 from onboard.record.run_record import RunRecord
 from onboard.trajectory import ApproachPlan, sample_approach
 from perchhw.diagnosis.flip import CUES, approach_cues, values_of
-from perchhw.report.style import BLUE, GREEN, INK, MUTED, ORANGE, TRIGGER, Margins, by_width, new_figure, svg
 from perchhw.report.trigger_plane import draw_region
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _BEFORE_S = 1.0
 _PHASE_FILLS = ("#dce8f4", "#f0e6d6")
@@ -117,10 +131,10 @@ def phases(run: RunRecord) -> str | None:
     if len(firsts) < 2:
         return None
     alt = "Time line: " + ", ".join(f"{phase} from {t:.1f} s" for t, phase in firsts)
-    return by_width(*(_phases_drawn(firsts, broad, alt) for broad in (True, False)))
+    return by_width(lambda broad: _phases_drawn(firsts, broad), alt)
 
 
-def _phases_drawn(firsts: list[tuple[float, str]], broad: bool, alt: str) -> str:
+def _phases_drawn(firsts: list[tuple[float, str]], broad: bool) -> "Figure":
     rows = len(firsts) - 1
     figure = new_figure(10.4 if broad else 5.2, 0.27 * rows + 0.7, Margins(left=0.12))
     axes = figure.add_subplot()
@@ -130,7 +144,7 @@ def _phases_drawn(firsts: list[tuple[float, str]], broad: bool, alt: str) -> str
         axes.text(until, row, f"  {phase}, {until - t:.2f} s", va="center", fontsize=8, color=INK)
     axes.set(xlabel="time from the start of the record (s)", yticks=[], ylim=(rows - 0.4, -0.6))
     axes.set_xlim(0.0, firsts[-1][0] * (1.25 if broad else 1.6))
-    return svg(figure, f"{alt}{'' if broad else ' (narrow)'}")
+    return figure
 
 
 def _seconds(flight: Flight) -> str:

@@ -5,14 +5,15 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from calibration.flights import Flight
+from calibration.report_style import BLUE, INK, MUTED, TRIGGER, Margins, by_width, new_figure
 from onboard.app_interface import LandingState
 from onboard.arrays import BoolArray, FloatArray
 from onboard.rotation import to_matrices
 from onboard.vehicle import Vehicle
-from perchhw.report.style import BLUE, INK, MUTED, TRIGGER, Margins, by_width, new_figure, svg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _ZOOM_BEFORE_S, _ZOOM_AFTER_S = 0.03, 0.3
 _GHOST_S = 0.04
@@ -63,10 +64,10 @@ def flight_picture(flight: Flight, vehicle: Vehicle | None, touch_t: float | Non
     shown = instants(flight, touch_t)
     words = ", ".join(f"{number} {instant.words}" for number, instant in enumerate(shown, start=1))
     alt = f"Side view of the path under the ceiling with the drone at: {words}"
-    return by_width(*(_drawn(flight, vehicle, shown, broad, alt) for broad in (True, False)))
+    return by_width(lambda broad: _drawn(flight, vehicle, shown, broad), alt)
 
 
-def _drawn(flight: Flight, vehicle: Vehicle | None, shown: list[Instant], broad: bool, alt: str) -> str:
+def _drawn(flight: Flight, vehicle: Vehicle | None, shown: list[Instant], broad: bool) -> "Figure":
     zoomed = flight.trigger is not None
     size = (10.4, 3.9) if broad else (5.2, 7.4 if zoomed else 3.6)
     figure = new_figure(*size, _MARGINS)
@@ -81,7 +82,7 @@ def _drawn(flight: Flight, vehicle: Vehicle | None, shown: list[Instant], broad:
     if zoomed:
         _path(panels[1], flight, vehicle, shown, _near_ceiling(flight, shown))
         panels[1].set_title("at the ceiling", loc="left", fontsize=10)
-    return svg(figure, f"{alt}{'' if broad else ' (narrow)'}")
+    return figure
 
 
 def _near_ceiling(flight: Flight, shown: list[Instant]) -> BoolArray:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from calibration.report_style import BLUE, MUTED, ORANGE, TRIGGER, new_figure
 from onboard.arrays import FloatArray
 from onboard.policy.action import action_moments
 from onboard.policy.files import Policy
@@ -14,7 +15,6 @@ from perchhw.learning.example_data import Convergence
 from perchhw.learning.results import columns
 from perchhw.learning.sweep_folder import Row
 from perchhw.report.rate_maps import GOOD_RATE, RATE_COLOURS
-from perchhw.report.style import BLUE, MUTED, ORANGE, TRIGGER, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from calibration.flights import Flight, PoseSource
+from calibration.report_style import grid, page, report_style, section, svg, table
 from onboard.policy.files import Policy, policy_crc32
 from perchhw.learning.bands import band_table
 from perchhw.learning.example_data import Convergence, Examples
@@ -15,7 +16,6 @@ from perchhw.report.approach import approach_views
 from perchhw.report.picture import Picture, save_pictures
 from perchhw.report.rate_maps import GOOD_RATE, rate_maps
 from perchhw.report.run_report import REPORT_FILE
-from perchhw.report.style import grid, page, report_style, section, svg, table
 
 
 def write_learning_report(

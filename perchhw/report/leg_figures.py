@@ -4,9 +4,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from calibration.report_style import BLUE, INK, MUTED, ORANGE, new_figure
 from onboard.arrays import BoolArray, FloatArray
 from perchhw.learning.leg_results import GRAVITY, MOMENTUM, SWING, WINDOW, LegLandings, LegResults
-from perchhw.report.style import BLUE, INK, MUTED, ORANGE, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -3,12 +3,12 @@
 from html import escape
 from pathlib import Path
 
+from calibration.report_style import page, report_style, section, svg, table
 from perchhw.learning.leg_results import LegResults
 from perchhw.report import leg_figures
 from perchhw.report.picture import Picture, save_pictures
 from perchhw.report.rate_maps import GOOD_RATE, rate_maps
 from perchhw.report.run_report import REPORT_FILE
-from perchhw.report.style import page, report_style, section, svg, table
 
 
 def write_leg_report(results: LegResults, pictures: Path | None = None) -> Path:

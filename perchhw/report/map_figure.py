@@ -4,11 +4,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from calibration.report_style import INK, by_width, new_figure
 from perchhw.campaign.adaptive import FlownMap
-from perchhw.report.style import INK, by_width, new_figure, svg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
     from onboard.arrays import FloatArray
 
@@ -29,16 +30,16 @@ def map_figure(found: FlownMap) -> str:
         f"highest {fast:g} m/s {steep:g} deg ({found.known.rate[best]:.0%}), "
         f"least certain {speed:g} m/s {angle:g} deg (standard deviation {found.known.deviation[least]:.0%})"
     )
-    return by_width(_drawn(found, alt, broad=True), _drawn(found, f"{alt} (narrow)", broad=False))
+    return by_width(lambda broad: _drawn(found, broad), alt)
 
 
-def _drawn(found: FlownMap, alt: str, *, broad: bool) -> str:
+def _drawn(found: FlownMap, broad: bool) -> "Figure":
     figure = new_figure(10.4 if broad else 5.2, 4.0 if broad else 8.0)
     left, right = figure.subplots(*((1, 2) if broad else (2, 1))).flat
     _panel(left, found, found.known.rate, "expected landing rate", "cividis", 1.0)
     most = max(float(found.known.deviation.max()), 0.01)
     _panel(right, found, found.known.deviation, "its standard deviation", "Oranges", most)
-    return svg(figure, alt)
+    return figure
 
 
 def _panel(

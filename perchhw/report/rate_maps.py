@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from calibration.report_style import INK, MUTED, new_figure
 from onboard.arrays import FloatArray
 from perchhw.learning.grid import Condition
 from perchhw.learning.results import RateMap
-from perchhw.report.style import INK, MUTED, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

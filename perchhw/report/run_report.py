@@ -9,6 +9,7 @@ from typing import Any
 
 from calibration.flights import Flight, UnusableFlightError
 from calibration.flights.perchhw_run import flight_from_run
+from calibration.report_style import grid, page, report_style, section, table
 from onboard.atomic_file import write_atomically
 from onboard.errors import PerchhwError
 from onboard.record.folder import OutputFolderError
@@ -22,7 +23,7 @@ from perchhw.record.run import read_run
 from perchhw.report import figures
 from perchhw.report.flight_figures import phases, power, tracking, trigger_region
 from perchhw.report.flight_picture import flight_picture, instants
-from perchhw.report.style import badge, grid, page, report_style, section, table
+from perchhw.report.outcome_style import badge
 
 _log = logging.getLogger(__name__)
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calibration.report_style import report_style
 from onboard.policy.files import load_policy, shipped_policy_path
 from onboard.policy.trigger import trigger_values
 from perchhw.cli.main import run
@@ -16,7 +17,6 @@ from perchhw.report.cue_space import trigger_surface
 from perchhw.report.isosurface import zero_surface
 from perchhw.report.leg_figures import factors_by_angle
 from perchhw.report.rate_maps import smoothed
-from perchhw.report.style import report_style
 from tests.report.chromium import assert_they_fit
 from tests.report.page import Page, assert_self_contained
 

@@ -11,8 +11,8 @@ from perchhw.cli.main import run
 from perchhw.record import RunRecorder
 from perchhw.record.event_words import command_words
 from perchhw.report.campaign_report import PREDICTION_FILE, write_campaign_report
+from perchhw.report.outcome_style import OUTCOME_COLOURS, OUTCOME_MARKERS
 from perchhw.report.run_report import write_run_report
-from perchhw.report.style import OUTCOME_COLOURS, OUTCOME_MARKERS
 from tests.report.chromium import assert_they_fit
 from tests.report.page import Page, assert_self_contained
 

@@ -42,9 +42,9 @@ def stage_colours(stages: Iterable[str]) -> dict[str, object]:
     return {**between, names[-1]: _AFTER, names[0]: _BEFORE}
 
 
-def horizon_panels(panels: tuple[HorizonCurves, ...], side_by_side: int = _ROW) -> "Figure":
+def horizon_panels(panels: tuple[HorizonCurves, ...], broad: bool) -> "Figure":
     """Errors against the horizon, one panel a quantity, one curve a stage, the floor dashed."""
-    figure, axes = _panels(len(panels), 3.1, side_by_side)
+    figure, axes = _panels(len(panels), 3.1, _ROW if broad else 1)
     for panel, data in zip(axes, panels, strict=True):
         colours = stage_colours(data.stages)
         for name, errors in data.stages.items():

@@ -115,10 +115,10 @@ def _outcomes(report: LandingReport) -> str:
     real = [None if one is None else landing_class(one) for one in report.real]
     counts = ", ".join(f"{word} {real.count(number)}" for number, word in enumerate(_WORDS))
     alt = f"Probabilities of {len(real)} flights beside what happened: {counts}"
-    return by_width(svg(outcome_bars(report), alt), svg(outcome_bars(report, broad=False), f"{alt} (narrow)"))
+    return by_width(lambda broad: outcome_bars(report, broad), alt)
 
 
-def outcome_bars(report: LandingReport, *, broad: bool = True) -> "Figure":
+def outcome_bars(report: LandingReport, broad: bool) -> "Figure":
     """Stacked probabilities of each flight with the real outcome, and all flights together."""
     shares = report.forecast.probability
     classes = [None if real is None else landing_class(real) for real in report.real]
@@ -177,8 +177,7 @@ def reliability_diagram(found: Score) -> "Figure":
 
 def _motions(report: LandingReport, parameters: Any) -> str:
     alt = f"Pitch rates of {len(report.real)} flights by the gyro, over those of simulated landings"
-    broad, narrow = (motions(report, parameters, side_by_side) for side_by_side in (4, 2))
-    return by_width(svg(broad, alt), svg(narrow, f"{alt} (narrow)"))
+    return by_width(lambda broad: motions(report, parameters, 4 if broad else 2), alt)
 
 
 def motions(report: LandingReport, parameters: Any, side_by_side: int) -> "Figure":

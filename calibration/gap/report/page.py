@@ -157,8 +157,7 @@ def _gap(report: GapReport, figures: ReportFigures) -> Iterator[str]:
 def _horizons(figures: ReportFigures) -> str:
     names = ", ".join(panel.quantity for panel in figures.horizons)
     alt = f"Errors of prediction against how far ahead, before and after: {names}"
-    broad = svg(drawings.horizon_panels(figures.horizons), alt)
-    return by_width(broad, svg(drawings.horizon_panels(figures.horizons, side_by_side=1), f"{alt} (narrow)"))
+    return by_width(lambda broad: drawings.horizon_panels(figures.horizons, broad), alt)
 
 
 def _levels(levels: Mapping[str, Levels], heading: str) -> str:

@@ -1,46 +1,9 @@
-"""How reports of flights look: the look of all reports, and the colours of the outcomes."""
+"""How outcomes look in reports: colours, shapes, labels."""
 
 from html import escape
 
-from calibration.report_style import (
-    BLUE,
-    GREEN,
-    INK,
-    MUTED,
-    ORANGE,
-    TRIGGER,
-    Margins,
-    by_width,
-    grid,
-    new_figure,
-    page,
-    report_style,
-    section,
-    svg,
-    table,
-)
+from calibration.report_style import MUTED
 from perchhw.attempt import Outcome
-
-__all__ = [
-    "BLUE",
-    "GREEN",
-    "INK",
-    "MUTED",
-    "ORANGE",
-    "OUTCOME_COLOURS",
-    "OUTCOME_MARKERS",
-    "TRIGGER",
-    "Margins",
-    "badge",
-    "by_width",
-    "grid",
-    "new_figure",
-    "page",
-    "report_style",
-    "section",
-    "svg",
-    "table",
-]
 
 OUTCOME_COLOURS: dict[Outcome, str] = {
     Outcome.FOUR_LEG: "#1a7f4b",
