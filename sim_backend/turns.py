@@ -68,11 +68,6 @@ class Participant:
         self._connected_at: float | None = None
         self._changed = asyncio.Event()
 
-    @property
-    def next_time(self) -> float | None:
-        """The time that it waits for, or None."""
-        return self._next
-
     def has_news(self, now: float, traffic: Traffic) -> bool:
         """Whether a turn is due."""
         if self._next is not None and self._next <= now:

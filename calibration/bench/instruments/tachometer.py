@@ -78,11 +78,6 @@ class TachometerReport:
     overflow: int
     disordered: int
 
-    @property
-    def complete(self) -> bool:
-        """Whether every edge is there and nothing went wrong."""
-        return self.link.clean and not self.lost_edges and not self.overflow and not self.disordered
-
 
 class Tachometer(LineInstrument):
     """An open tachometer; a context manager."""
