@@ -44,7 +44,7 @@ class TrackerStream:
 
     def statistics(self) -> SourceStatistics:
         """What is known of the connection."""
-        return SourceStatistics(self._frames, (self._uri.subject,), None, None, 0)
+        return SourceStatistics(self._frames, (self._uri.subject,))
 
     def close(self) -> None:
         """End the connection."""

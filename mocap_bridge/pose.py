@@ -38,8 +38,8 @@ class PoseSample:
     position: Vector | None
     quaternion: Quaternion | None
     occluded: bool
-    quality: float | None
-    latency: float | None
+    quality: float | None = None
+    latency: float | None = None
     source_time: float | None = None
 
 
@@ -57,10 +57,10 @@ class SourceStatistics:
     """
 
     frames: int
-    subjects: tuple[str, ...]
-    period: float | None
-    round_trip: float | None
-    ignored_latencies: int
+    subjects: tuple[str, ...] = ()
+    period: float | None = None
+    round_trip: float | None = None
+    ignored_latencies: int = 0
     refused: int = 0
 
 

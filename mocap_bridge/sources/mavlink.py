@@ -6,6 +6,7 @@ Frame numbers are counted here, because MAVLink has none for poses: what is lost
 """
 
 import math
+from dataclasses import replace
 from typing import Any
 
 from mocap_bridge.errors import MocapUriError, PoseTimeout, UnknownSubject
@@ -64,11 +65,7 @@ class MavlinkPoseStream(QueuedStream):
         )
         super().__init__(uri, clock)
         self._capture = CaptureClock()
-        self._systems: dict[str, None] = {}
         self._chosen: tuple[int, str] | None = None
-        self._last: Quaternion | None = None
-        self._frames = 0
-        self._refused = 0
 
     def find_subject(self, deadline: float) -> None:
         """Receive until a pose came; errors as :func:`open_mavlink`."""
@@ -76,13 +73,13 @@ class MavlinkPoseStream(QueuedStream):
             pass
         if self._samples:
             return
-        if not self._systems:
+        if not self._offered:
             refused = f" ({count} packets refused)" if (count := self.statistics().refused) else ""
             raise PoseTimeout(
                 f"{self._uri}: no MAVLink arrives{refused}; is it sent to this port of this computer? "
                 "Without an address only this computer is heard: name the one to listen on, or 0.0.0.0"
             )
-        offered = tuple(self._systems)
+        offered = tuple(self._offered)
         raise UnknownSubject(
             f"{self._uri}: no poses of system {self._uri.subject} in known axes; systems heard: "
             f"{', '.join(offered)}",
@@ -101,7 +98,7 @@ class MavlinkPoseStream(QueuedStream):
         return True
 
     def _take(self, received: ReceivedMessage, receipt_time: float) -> None:
-        self._systems[str(received.system)] = None
+        self._offered[str(received.system)] = None
         answer = timesync_answer(received.message, receipt_time)
         if answer is not None:
             self._endpoint.send(answer, received.source)
@@ -133,21 +130,12 @@ class MavlinkPoseStream(QueuedStream):
             position=swap_world(position) if seen else None,
             quaternion=self._last if seen else None,
             occluded=not seen,
-            quality=None,
-            latency=None,
             source_time=source_time,
         )
 
     def statistics(self) -> SourceStatistics:
         """What is known about the stream so far."""
-        return SourceStatistics(
-            frames=self._frames,
-            subjects=tuple(self._systems),
-            period=None,
-            round_trip=None,
-            ignored_latencies=0,
-            refused=self._refused + self._endpoint.refused,
-        )
+        return replace(super().statistics(), refused=self._refused + self._endpoint.refused)
 
     def close(self) -> None:
         """Close the socket."""

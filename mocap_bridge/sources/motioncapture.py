@@ -15,11 +15,10 @@ import tempfile
 from typing import Any
 
 from mocap_bridge.errors import MocapError, SourceLost, SourceUnusable, UnknownSubject
-from mocap_bridge.pose import PoseSample, SourceStatistics
+from mocap_bridge.pose import PoseSample
 from mocap_bridge.rotation import continuous
 from mocap_bridge.sources.queued import QueuedStream
 from mocap_bridge.uri import MocapUri
-from onboard.arrays import Quaternion
 from onboard.timebase import Timebase
 
 PREFIX = "motioncapture+"
@@ -62,10 +61,6 @@ class MotionCaptureStream(QueuedStream):
         self._selector = selectors.DefaultSelector()
         self._selector.register(self._output, selectors.EVENT_READ)
         self._rest = b""
-        self._names: dict[str, None] = {}
-        self._last: Quaternion | None = None
-        self._frames = 0
-        self._refused = 0
 
     def find_subject(self, deadline: float) -> None:
         """Receive until our subject has a pose; errors as :func:`open_motioncapture`."""
@@ -75,9 +70,9 @@ class MotionCaptureStream(QueuedStream):
                 break
         if self._samples:
             return
-        if self._frames == 0 and not self._names:
+        if self._frames == 0 and not self._offered:
             raise SourceLost(f"{self._uri}: no frame within {OPEN_TIMEOUT_S:g} s; does the server run there?")
-        offered = tuple(self._names)
+        offered = tuple(self._offered)
         raise UnknownSubject(
             f"{self._uri}: no pose of {self._uri.subject!r}, or it is out of view; seen: "
             f"{', '.join(map(repr, offered)) or 'none'}",
@@ -106,7 +101,7 @@ class MotionCaptureStream(QueuedStream):
         except (ValueError, TypeError, LookupError):  # the library prints on the same pipe
             self._refused += 1
             return
-        self._names.update(dict.fromkeys(names))
+        self._offered.update(dict.fromkeys(names))
         if pose is None and self._kind in _ABSENT_IS_NEWS:
             return
         self._frames += 1
@@ -125,8 +120,6 @@ class MotionCaptureStream(QueuedStream):
                 position=position,
                 quaternion=None if pose is None else self._last,
                 occluded=pose is None,
-                quality=None,
-                latency=None,
             )
         )
 
@@ -140,10 +133,6 @@ class MotionCaptureStream(QueuedStream):
                 f"{self._uri}: the library motioncapture is not installed ({last}): pip install motioncapture"
             )
         return SourceLost(f"{self._uri}: the library motioncapture ended with code {code}: {last}")
-
-    def statistics(self) -> SourceStatistics:
-        """What is known about the stream so far."""
-        return SourceStatistics(self._frames, tuple(self._names), None, None, 0, self._refused)
 
     def close(self) -> None:
         """Kill the child, which may hang or spin and would not end otherwise."""

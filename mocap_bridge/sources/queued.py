@@ -5,8 +5,9 @@ from collections import deque
 from typing import Self
 
 from mocap_bridge.errors import MocapError, PoseTimeout
-from mocap_bridge.pose import PoseSample
+from mocap_bridge.pose import PoseSample, SourceStatistics
 from mocap_bridge.uri import MocapUri
+from onboard.arrays import Quaternion
 from onboard.closing import Closing
 from onboard.timebase import Timebase
 
@@ -22,6 +23,10 @@ class QueuedStream(Closing):
     def __init__(self, uri: MocapUri, clock: Timebase) -> None:
         self._uri, self._clock = uri, clock
         self._samples: deque[PoseSample] = deque()
+        self._offered: dict[str, None] = {}
+        self._last: Quaternion | None = None
+        self._frames = 0
+        self._refused = 0
 
     @abstractmethod
     def find_subject(self, deadline: float) -> None:
@@ -47,3 +52,7 @@ class QueuedStream(Closing):
             if not self._receive(deadline):
                 raise PoseTimeout(f"{self._uri}: no pose within {timeout_s:.3g} s")
         return self._samples.popleft()
+
+    def statistics(self) -> SourceStatistics:
+        """What is known about the stream so far."""
+        return SourceStatistics(self._frames, tuple(self._offered), refused=self._refused)

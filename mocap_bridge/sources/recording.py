@@ -104,13 +104,11 @@ class RecordedPoseStream(Closing):
             position=position,
             quaternion=quaternion,
             occluded=not seen,
-            quality=None,
-            latency=None,
         )
 
     def statistics(self) -> SourceStatistics:
         """What was played so far."""
-        return SourceStatistics(self._frames, (), None, None, 0)
+        return SourceStatistics(self._frames)
 
     def close(self) -> None:
         """Nothing is kept open: the poses were read when it was opened."""

@@ -9,12 +9,11 @@ import socket
 from collections import deque
 
 from mocap_bridge.errors import PacketError, PoseTimeout, SourceLost, UnknownSubject
-from mocap_bridge.pose import PoseSample, SourceStatistics
+from mocap_bridge.pose import PoseSample
 from mocap_bridge.rotation import continuous, quaternion_from_euler_xyz
 from mocap_bridge.sources.queued import QueuedStream
 from mocap_bridge.tracker_udp import NAME_BYTES, TrackerItem, decode_block
 from mocap_bridge.uri import MocapUri
-from onboard.arrays import Quaternion
 from onboard.timebase import Timebase
 
 OPEN_TIMEOUT_S = 0.5
@@ -51,21 +50,17 @@ class ViconUdpStream(QueuedStream):
         # Tracker cuts names; a longer one in the URI means the cut one on the wire.
         self._key = uri.subject.encode()[:NAME_BYTES].decode("utf-8", "replace")
         self._transport = clock.transport(f"tracker:{uri.port}")
-        self._seen: dict[str, None] = {}
         self._open_frame: int | None = None
         self._open_receipt = 0.0
         self._answered = False
-        self._last_quaternion: Quaternion | None = None
-        self._frames = 0
-        self._refused = 0
 
     def find_subject(self, deadline: float) -> None:
         """Receive until our object appears; errors as :func:`open_vicon_udp`."""
-        while self._key not in self._seen:
+        while self._key not in self._offered:
             if not self._receive(deadline):
                 break
         self._samples = deque(sample for sample in self._samples if not sample.occluded)
-        if self._key in self._seen:
+        if self._key in self._offered:
             return
         if self._frames == 0:
             refused = f" ({self._refused} foreign datagrams)" if self._refused else ""
@@ -73,7 +68,7 @@ class ViconUdpStream(QueuedStream):
                 f"no Tracker object stream on UDP port {self._uri.port} of {self._uri.host}{refused}; is it "
                 f"enabled and sent to this computer?{self._elsewhere()}"
             )
-        names = tuple(self._seen)
+        names = tuple(self._offered)
         listed = ", ".join(repr(name) for name in names) or "none"
         raise UnknownSubject(
             f"the stream on UDP port {self._uri.port} has no object {self._uri.subject!r}, "
@@ -113,7 +108,7 @@ class ViconUdpStream(QueuedStream):
             return True
         self._begin_frame(block.frame, receipt_time)
         for item in block.items:
-            self._seen[item.name] = None
+            self._offered[item.name] = None
             if item.name == self._key and not self._answered:
                 self._answered = True
                 self._samples.append(self._sample(block.frame, receipt_time, item))
@@ -135,8 +130,7 @@ class ViconUdpStream(QueuedStream):
         if item is not None and item.has_pose():
             x, y, z = item.position
             position = (x / 1000.0, y / 1000.0, z / 1000.0)
-            quaternion = continuous(quaternion_from_euler_xyz(*item.angles), self._last_quaternion)
-            self._last_quaternion = quaternion
+            quaternion = self._last = continuous(quaternion_from_euler_xyz(*item.angles), self._last)
         return PoseSample(
             subject=self._uri.subject,
             frame=frame,
@@ -145,19 +139,6 @@ class ViconUdpStream(QueuedStream):
             position=position,
             quaternion=quaternion,
             occluded=position is None,
-            quality=None,
-            latency=None,
-        )
-
-    def statistics(self) -> SourceStatistics:
-        """What is known about the stream so far."""
-        return SourceStatistics(
-            frames=self._frames,
-            subjects=tuple(self._seen),
-            period=None,
-            round_trip=None,
-            ignored_latencies=0,
-            refused=self._refused,
         )
 
     def close(self) -> None:
