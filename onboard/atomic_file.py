@@ -3,6 +3,9 @@
 import os
 from pathlib import Path
 
+_UNFIT = "backslashreplace"
+"""What is no text, as bytes of a foreign encoding in a name that was typed, is written as its codes."""
+
 
 def write_atomically(path: Path, text: str, room: Path | None = None) -> None:
     """Write `text` in one step: a reader sees the old file or the new one, whole.
@@ -15,7 +18,7 @@ def write_atomically(path: Path, text: str, room: Path | None = None) -> None:
     """
     temporary = room or path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        with temporary.open("w" if room is None else "r+", encoding="utf-8") as stream:
+        with temporary.open("w" if room is None else "r+", encoding="utf-8", errors=_UNFIT) as stream:
             stream.write(text)
             stream.truncate()
             stream.flush()

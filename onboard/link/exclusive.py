@@ -24,13 +24,15 @@ from types import TracebackType
 from typing import Self
 
 from onboard.link.errors import DroneInUse
-from onboard.link.machine_files import drone_key, file_of, open_for_all
+from onboard.link.machine_files import drone_key, file_of, files_ending, open_for_all
+from onboard.link.uri import stop_command
 
 try:
     import fcntl
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
+_ENDING = ".lock"
 _NOTE_MAX = 300
 _log = logging.getLogger(__name__)
 
@@ -93,10 +95,23 @@ def hold(uri: str) -> DroneHold:
     with _guard:
         held = _held.get(key)
         if held is None:
-            path = file_of(uri, ".lock")
+            path = file_of(uri, _ENDING)
             held = _held[key] = _Held(_locked_file(uri, path), path)
         held.holds += 1
     return DroneHold(key)
+
+
+def drones_in_use() -> list[str]:
+    """Addresses of the drones with which processes of this machine talk now, by what they noted; no lock is
+    taken, and none in the way of anybody.
+    """
+    found = []
+    for path in files_ending(_ENDING):
+        with contextlib.suppress(OSError):  # just given back, or of a process that was killed
+            process, uri, _ = _noted(path)
+            os.kill(process, 0)
+            found.append(uri)
+    return found
 
 
 def _locked_file(uri: str, path: Path) -> int | None:
@@ -107,8 +122,7 @@ def _locked_file(uri: str, path: Path) -> int | None:
         file = _lock(path)
     except BlockingIOError as taken:
         raise DroneInUse(
-            f"{uri} is in use by {_holder(path)}: wait for it, or stop the drone with "
-            f"perchhw stop --drone {uri}"
+            f"{uri} is in use by {_holder(path)}: wait for it, or stop the drone with {stop_command(uri)}"
         ) from taken
     except OSError as error:
         _log.error(
@@ -117,7 +131,7 @@ def _locked_file(uri: str, path: Path) -> int | None:
         return None
     with contextlib.suppress(OSError):  # a full disk: it is locked all the same
         os.truncate(file, 0)
-        os.pwrite(file, f"{os.getpid()} {_command()}".encode(errors="replace")[:_NOTE_MAX], 0)
+        os.pwrite(file, f"{os.getpid()} {uri} {_command()}".encode(errors="replace")[:_NOTE_MAX], 0)
     return file
 
 
@@ -139,13 +153,24 @@ def _lock(path: Path) -> int:
 
 def _holder(path: Path) -> str:
     """Who holds the lock and since when, from its file, in words."""
-    note, since = "", None
-    with contextlib.suppress(OSError):  # just given back
-        note, since = path.read_text(errors="replace")[:_NOTE_MAX], path.stat().st_mtime
-    process, _, command = "".join(c for c in note if c.isprintable()).partition(" ")
-    if not process.isdecimal() or since is None:
+    try:
+        (process, _, command), since = _noted(path), path.stat().st_mtime
+    except OSError:  # just given back
         return "another process"
     return f"process {process} ({command}) since {datetime.fromtimestamp(since):%Y-%m-%d %H:%M:%S}"
+
+
+def _noted(path: Path) -> tuple[int, str, str]:
+    """Process, address and command line of whoever holds the drone of this file.
+
+    Raises:
+        OSError: the file cannot be read, or does not say.
+    """
+    note = path.read_text(errors="replace")[:_NOTE_MAX]
+    process, uri, command = [*"".join(c for c in note if c.isprintable()).split(" ", 2), "", ""][:3]
+    if not process.isdecimal() or not uri:
+        raise OSError(f"{path} does not say who holds the drone")
+    return int(process), uri, command
 
 
 def _command() -> str:

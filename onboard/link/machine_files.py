@@ -29,6 +29,11 @@ def file_of(uri: str, ending: str) -> Path:
     return FOLDER / (_UNFIT_FOR_NAMES.sub("-", drone_key(uri)) + ending)
 
 
+def files_ending(ending: str) -> list[Path]:
+    """All files of this kind that there are now."""
+    return sorted(FOLDER.glob(f"*{ending}"))
+
+
 def drone_key(uri: str) -> str:
     """What two addresses of one drone have in common: no query, no name of a host, no number of a radio.
 

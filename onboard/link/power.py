@@ -17,7 +17,7 @@ from onboard.lab_time import open_timebase
 from onboard.link.driver import install_driver, links_live_in
 from onboard.link.errors import DroneIsFlying, LinkError, LinkInputError, LinkTimeout
 from onboard.link.exclusive import hold
-from onboard.link.uri import check_drone_uri
+from onboard.link.uri import check_drone_uri, stop_command
 from onboard.supervisor_info import SupervisorInfo
 from onboard.timebase import Timebase
 
@@ -90,7 +90,7 @@ def refuse_flying(uri: str, time: Timebase) -> None:
         if time() > settled:
             raise DroneIsFlying(
                 f"{uri} says that it is flying, and is left alone: somebody else flies it. "
-                f"Wait until it has landed, or stop it with perchhw stop --drone {uri}"
+                f"Wait until it has landed, or stop it with {stop_command(uri)}"
             )
         time.event().wait(_ASK_AGAIN_S)
 

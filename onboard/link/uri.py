@@ -8,6 +8,7 @@ with udp or radio, is the least time for connecting.
 
 import math
 import re
+import shlex
 from collections.abc import Callable
 from dataclasses import dataclass
 from urllib.parse import parse_qs, urlsplit
@@ -54,6 +55,11 @@ def check_drone_uri(uri: str) -> None:
             f"write e.g. {' or '.join(EXAMPLES.values())}"
         )
     check(uri)
+
+
+def stop_command(uri: str) -> str:
+    """What to type to stop the drone at `uri`: a ``?`` in it is the shell's, unless it is quoted."""
+    return f"perchhw stop --drone {shlex.quote(uri)}"
 
 
 def parse_udp_uri(uri: str) -> UdpAddress:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 
-from onboard.errors import SafetyStop
+from onboard.errors import InputError, SafetyStop
 from onboard.json_file import write_json_atomically
 from perchhw.errors import FlightStackError
 
@@ -16,6 +16,10 @@ STEPS = ("motors", "tilt", "hover", "step", "approach", "landing")
 
 class StepRefused(FlightStackError, SafetyStop):
     """A step of the ladder whose steps below have not passed today, or that the lab is not ready for."""
+
+
+class PassesNotKept(FlightStackError, InputError):
+    """The file of the passes cannot be written; the message names it, the reason and what to do."""
 
 
 def passes_file() -> Path:
@@ -63,12 +67,20 @@ class Passes:
                 )
 
     def begin(self, step: str) -> None:
-        """Take back `step` and all above it: they count when they have passed anew."""
+        """Take back `step` and all above it: they count when they have passed anew.
+
+        Raises:
+            PassesNotKept: the file cannot be written: nothing is begun that could not be noted.
+        """
         below = STEPS[: STEPS.index(step)]
         self._keep([passed for passed in self.passed if passed in below])
 
     def add(self, step: str) -> None:
-        """Note that `step` has passed."""
+        """Note that `step` has passed.
+
+        Raises:
+            PassesNotKept: the file cannot be written.
+        """
         self._keep([*self.passed, step])
 
     @property
@@ -80,8 +92,14 @@ class Passes:
     def _keep(self, steps: list[str]) -> None:
         kept = {key: old for key, old in self._read().items() if key.endswith(self.day.isoformat())}
         kept[self._key] = steps
-        self.file.parent.mkdir(parents=True, exist_ok=True)
-        write_json_atomically(self.file, kept)
+        try:
+            self.file.parent.mkdir(parents=True, exist_ok=True)
+            write_json_atomically(self.file, kept)
+        except OSError as error:
+            raise PassesNotKept(
+                f"{self.file}: what has passed cannot be kept ({error.strerror}); name a folder that can be "
+                "written, with XDG_STATE_HOME"
+            ) from error
 
     def _read(self) -> dict[str, list[str]]:
         try:

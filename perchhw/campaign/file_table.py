@@ -18,6 +18,9 @@ from perchhw.lab import FlightSetup, SetupError, flight_setup
 SCHEMA = "perchhw.campaign/1"
 ROOM_KEYS = ("ceiling_z", "x_min", "x_max", "y_min", "y_max")
 
+MOST_VALUES = 1000
+"""Of a range; one more is a slip of its step."""
+
 
 class CampaignFileError(FlightStackError, InputError):
     """A campaign file cannot be used; the message names file and key, and what would be right."""
@@ -128,6 +131,8 @@ class FileTable:
         if not (step > 0.0 and last >= first and math.isfinite(last)):
             raise self.error(key, f"{text!r} needs first <= last and a step above 0")
         count = math.floor((last - first) / step + 1e-9) + 1
+        if count > MOST_VALUES:
+            raise self.error(key, f"{text!r} are {count} values, more than {MOST_VALUES}: is the step right?")
         return [round(first + i * step, 9) for i in range(count)]
 
     def refuse_unread(self) -> None:

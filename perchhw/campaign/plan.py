@@ -30,7 +30,8 @@ ORDERS = ("shuffled", "grid", ADAPTIVE)
 
 Condition = tuple[float, float]
 """A speed (m/s) and an angle (deg)."""
-
+MOST_ATTEMPTS = 10_000
+"""Of a grid: years of flights; one more is a slip of the pen."""
 
 _MAY_CHANGE = (
     "drone",
@@ -261,6 +262,8 @@ def load_plan(path: Path, lab: LabFile | None = None, drones: Sequence[str] = ()
     )
     for table in (root, grid, stop, day):
         table.refuse_unread()
+    if (every := len(plan.speeds) * len(plan.angles_deg) * plan.repeats) > MOST_ATTEMPTS:
+        raise grid.error("repeats", f"{every} attempts in all, more than {MOST_ATTEMPTS}: is that meant?")
     check_names(
         root,
         {

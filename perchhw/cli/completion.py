@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
+from perchhw.cli.output import emit
 from perchhw.cli.shell_scripts import SCRIPTS, CommandWords
 
 app = typer.Typer(add_completion=False)
@@ -29,7 +30,8 @@ def completion(
     """
     if shell not in SCRIPTS:
         raise typer.BadParameter(f"{shell!r}: no script for it; give {', '.join(SCRIPTS)}")
-    typer.echo(SCRIPTS[shell](list(command_words())))
+    script = SCRIPTS[shell](list(command_words()))
+    emit({"shell": shell, "script": script}, lambda: typer.echo(script))
     return 0
 
 

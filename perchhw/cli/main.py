@@ -2,6 +2,7 @@
 
 import gc
 import importlib
+import io
 import logging
 import os
 import signal
@@ -170,6 +171,9 @@ def _ended_by(message: str, exit_code: int) -> int:
 def main() -> None:
     """Entry point of the console script."""
     gc.set_threshold(*_GARBAGE_THRESHOLDS)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # what a terminal has no letter for costs no result
+            stream.reconfigure(errors="backslashreplace")
     # Our matrices are small: threads of the linear algebra would only spin, in a wizard for 12 s out of 18.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     act_as_ctrl_c((signal.SIGINT, LAND, CUT, *ENDS))  # outside of a flight, which listens itself

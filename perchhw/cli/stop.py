@@ -4,7 +4,7 @@ import contextlib
 import os
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import asdict
 from pathlib import Path
@@ -16,9 +16,11 @@ import typer
 
 from onboard.errors import InputError, PerchhwError
 from onboard.link.errors import LinkInputError
+from onboard.link.exclusive import drones_in_use
 from onboard.link.stop import StopReport
 from onboard.link.stop_drone import stop_drone
 from onboard.link.stop_note import note_stop
+from onboard.link.uri import stop_command
 from perchhw.cli import exit_codes
 from perchhw.cli.environment import DRONE_VARIABLE, LAB_VARIABLE
 from perchhw.cli.output import emit, written
@@ -41,6 +43,9 @@ app = typer.Typer(add_completion=False)
 
 @app.command()
 def stop(
+    drones: Annotated[
+        list[str] | None, typer.Argument(metavar="[URI]...", help="As --drone, for who is in a hurry.")
+    ] = None,
     drone: Annotated[
         list[str] | None,
         typer.Option(help="URI of the drone; may be repeated. Goes before --lab."),
@@ -61,7 +66,7 @@ def stop(
     were found in it), 2 no drone was named, or not in a way that can be used.
     """
     with _not_called_off():
-        uris, doubt = drones_to_stop(drone, lab)
+        uris, doubt = drones_to_stop([*(drones or []), *(drone or [])], lab)
         with ThreadPoolExecutor(len(uris)) as threads:
             stops = {uri: threads.submit(_stopped, uri) for uri in uris}
             _wait_aloud(stops)
@@ -76,7 +81,7 @@ def stop(
     return max(codes)
 
 
-def drones_to_stop(drone: list[str] | None, lab: Path | None) -> tuple[list[str], str]:
+def drones_to_stop(drone: Sequence[str], lab: Path | None) -> tuple[list[str], str]:
     """The URIs that were given, or else those of the lab file: the one given, or that of this folder; with
     them that of the environment. And why they are not sure to be all, else an empty text.
 
@@ -92,7 +97,10 @@ def drones_to_stop(drone: list[str] | None, lab: Path | None) -> tuple[list[str]
     if lab is None and not LAB_FILE.exists():
         if usual:
             return usual, ""
-        raise LinkInputError(f"no drone to stop: give --drone URI, or --lab FILE (here is no {LAB_FILE})")
+        flown = "".join(f"; in use on this machine: {stop_command(uri)}" for uri in drones_in_use())
+        raise LinkInputError(
+            f"no drone to stop: give --drone URI, or --lab FILE (here is no {LAB_FILE}){flown}"
+        )
     try:
         found = drone_addresses(lab or LAB_FILE)
     except LabFileError as problem:

@@ -99,9 +99,10 @@ def flight_setup(
     is the simulated one.
 
     Raises:
-        SetupError: nothing says which drone, which motion capture or which vehicle, the file's
-            ``subject_to_body`` is of another subject, or `ceiling` is no height of a ceiling.
+        SetupError: nothing says which drone, which motion capture or which vehicle, what was given is empty,
+            the file's ``subject_to_body`` is of another subject, or `ceiling` is no height of a ceiling.
     """
+    _refuse_empty(drone=drone, mocap=mocap)
     drone = drone or _only_drone(lab)
     known = None if lab is None else lab.drone(drone)
     mocap = mocap or _mocap(lab, known)
@@ -130,8 +131,9 @@ def desk_setup(
     """As :func:`flight_setup`, for who needs no poses.
 
     Raises:
-        SetupError: nothing says which drone or which vehicle.
+        SetupError: nothing says which drone or which vehicle, or what was given is empty.
     """
+    _refuse_empty(drone=drone, vehicle=vehicle, legs=legs, policy=policy)
     drone = drone or _only_drone(lab)
     known = None if lab is None else lab.drone(drone)
     if lab is not None and known is None and vehicle is None:
@@ -163,6 +165,13 @@ def _under(room: RoomGeometry, ceiling: float) -> RoomGeometry:
             "ceiling", f"comes down to {changed.lowest_ceiling:g} m between the walls; give more"
         )
     return changed
+
+
+def _refuse_empty(**given: str | None) -> None:
+    """A script's variable that is empty must not fly what is usual."""
+    for key, text in given.items():
+        if text is not None and not text.strip():
+            raise SetupError(key, "is empty; say what it is, or leave it out")
 
 
 def _only_drone(lab: LabFile | None) -> str:

@@ -8,7 +8,7 @@ import pytest
 
 from onboard.errors import SafetyStop
 from perchhw.bringup.climb import climb
-from perchhw.bringup.passes import STEPS, Passes, StepRefused
+from perchhw.bringup.passes import STEPS, Passes, PassesNotKept, StepRefused
 from perchhw.doctor.check_result import CheckResult, CheckVerdict, judged
 
 DAY = date(2026, 11, 23)
@@ -57,6 +57,19 @@ def test_a_step_that_fails_takes_back_what_stood_on_it(finding: CheckResult, tmp
         run(kept, step)
     run(kept, "tilt", finding)
     assert kept.passed == ("motors",)
+
+
+def test_nothing_turns_or_flies_that_could_not_be_noted(tmp_path: Path) -> None:
+    (tmp_path / "state").touch()  # where the folder should be
+    flown: list[str] = []
+
+    def fly() -> tuple[CheckResult, ...]:
+        flown.append("motors")
+        return (FINE,)
+
+    with pytest.raises(PassesNotKept, match=r"bringup\.json: .*XDG_STATE_HOME"):
+        climb("motors", passes(tmp_path), lambda: (FINE,), fly)
+    assert flown == []
 
 
 def test_a_step_that_raises_has_not_passed(tmp_path: Path) -> None:

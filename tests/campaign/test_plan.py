@@ -55,6 +55,12 @@ def test_a_range_includes_both_ends(campaign_file: Path) -> None:
         ("[2.0, 2.5]", "2.0", "key grid.speeds: 2.0 is not a list"),
         ('"40:60:20"', '"40:60"', "key grid.angles_deg: '40:60' is not a range"),
         ('"40:60:20"', '"60:40:5"', "key grid.angles_deg: '60:40:5' needs first <= last"),
+        (
+            '"40:60:20"',
+            '"40:60:0.001"',
+            "key grid.angles_deg: '40:60:0.001' are 20001 values, more than 1000",
+        ),
+        ("repeats = 2", "repeats = 2501", "key grid.repeats: 10004 attempts in all, more than 10000"),
         ('"40:60:20"', "[95]", "key grid.angles_deg: 95 is not among angles above 1.57 and up to 90"),
         ('"40:60:20"', "[0.87, 1.05]", "90 deg. That looks like radians; write degrees (49.85)"),
         ("[2.0, 2.5]", "[200, 250]", "key grid.speeds: 200 is not among positive speeds below 10 m/s. That"),

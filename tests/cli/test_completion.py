@@ -1,5 +1,6 @@
 """Completion: made from the parser, and asked of a real shell."""
 
+import json
 import shutil
 import subprocess
 from pathlib import Path
@@ -64,6 +65,13 @@ def test_other_shells_can_read_their_script(
     assert "accept-mismatch" in path.read_text()
     if shutil.which(shell) is not None:
         subprocess.run([shell, "--no-execute", path], check=True, timeout=30)
+
+
+def test_a_script_gets_one_document(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["completion", "bash", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["shell"] == "bash"
+    assert document["script"].startswith("_perchhw()")
 
 
 def test_another_shell_is_wrong_usage(capsys: pytest.CaptureFixture[str]) -> None:

@@ -80,6 +80,17 @@ def test_json_flag_is_set_for_the_verb(monkeypatch: pytest.MonkeyPatch) -> None:
     assert settings.as_json
 
 
+def test_what_a_terminal_has_no_letter_for_costs_no_result() -> None:
+    """Bytes of another encoding in a path; letters of ours on a terminal in ASCII."""
+    line = [sys.executable, "-m", "perchhw", "vehicle", "check", b"no-\xfc.toml"]
+    for encoding in ("utf-8:strict", "ascii"):
+        done = subprocess.run(
+            line, env=os.environ | {"PYTHONIOENCODING": encoding}, capture_output=True, text=True, check=False
+        )
+        assert (done.returncode, done.stderr) == (2, "")
+        assert "\\udcfc.toml" in done.stdout
+
+
 @pytest.mark.parametrize("flags", [[], ["--json"]])
 def test_a_reader_that_is_gone_changes_no_exit_code(flags: list[str]) -> None:
     """``perchhw ... | head``: what came of the verb is no less true."""

@@ -70,6 +70,26 @@ def test_nothing_to_stop_is_wrong_usage(
     assert "--drone" in capsys.readouterr().err
 
 
+def test_who_is_in_a_hurry_leaves_the_option_out() -> None:
+    with TinyDrone() as one, TinyDrone() as other:
+        assert run(["stop", one.uri, "--drone", other.uri]) == 0
+        assert one.supervisor_bits & other.supervisor_bits & LOCKED
+
+
+def test_who_names_no_drone_is_told_how_to_stop_those_that_are_in_use(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In another folder than the lab file's, beside a flight whose address has a question mark in it."""
+    monkeypatch.chdir(tmp_path)
+    with TinyDrone() as flown:
+        with connected_elsewhere(flown.uri):
+            assert run(["stop", "--json"]) == 2
+            told = json.loads(capsys.readouterr().out)["error"]
+            assert f"perchhw stop --drone '{flown.uri}?" in told
+        assert run(["stop"]) == 2  # that process was killed, and holds nothing
+        assert flown.uri not in capsys.readouterr().err
+
+
 def test_an_address_that_cannot_be_used_does_not_keep_the_other(capsys: pytest.CaptureFixture[str]) -> None:
     with TinyDrone() as good:
         assert run(["stop", "--drone", "udp//oops", "--drone", good.uri, "--json"]) == 2
@@ -250,7 +270,7 @@ def test_the_drone_of_the_environment_is_stopped_beside_those_of_the_lab_file(
     monkeypatch.chdir(tmp_path)
     with TinyDrone() as usual, TinyDrone() as other:
         monkeypatch.setenv("PERCHHW_DRONE", usual.uri)
-        assert drones_to_stop(None, None) == ([usual.uri], "")
+        assert drones_to_stop((), None) == ([usual.uri], "")
         Path("lab.toml").write_text(f'[[drones]]\nuri = "{other.uri}"\n')
         assert run(["stop"]) == 0
         assert usual.supervisor_bits & other.supervisor_bits & LOCKED

@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -74,6 +75,14 @@ def test_without_file_and_option_it_is_the_simulated_room() -> None:
 def test_what_nobody_gives_is_named_with_the_remedy(given: dict[str, str]) -> None:
     missing = "mocap" if "drone" in given else "drone"
     with pytest.raises(SetupError, match=rf"^--{missing}: missing; .*--lab FILE, or lab\.toml"):
+        flight_setup(None, **given)
+
+
+@pytest.mark.parametrize("key", ["drone", "mocap", "vehicle", "legs", "policy"])
+def test_what_is_empty_is_not_taken_for_what_is_usual(key: str) -> None:
+    """A script's ``--policy "$POLICY"``."""
+    given: dict[str, Any] = {"drone": DRONE, "mocap": MOCAP} | {key: ""}
+    with pytest.raises(SetupError, match=f"^--{key}: is empty"):
         flight_setup(None, **given)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from calibration.measurement import Estimate, Finding, Severity
+from onboard.atomic_file import write_atomically
 from onboard.json_file import as_json, write_json_atomically
 
 
@@ -30,6 +31,13 @@ def test_dataclasses_become_tables_and_what_says_it_itself_is_asked(tmp_path: Pa
     assert as_json(part) == expected
     write_json_atomically(tmp_path / "part.json", {"parts": [part]})
     assert json.loads((tmp_path / "part.json").read_text()) == {"parts": [expected]}
+
+
+def test_bytes_of_a_foreign_encoding_are_written_as_their_codes(tmp_path: Path) -> None:
+    """As Python has them of a command line: ``--operator J\xfcrgen`` from a terminal in Latin-1."""
+    operator = b"J\xfcrgen".decode("utf-8", "surrogateescape")
+    write_atomically(tmp_path / "page.html", operator)
+    assert (tmp_path / "page.html").read_text(encoding="utf-8") == "J\\udcfcrgen"
 
 
 def test_a_number_that_json_does_not_have_is_refused(tmp_path: Path) -> None:
