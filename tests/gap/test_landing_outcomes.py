@@ -63,12 +63,12 @@ def real_of(prepared: PreparedLandings, labels: dict[Path, Outcome]) -> list[Out
 def test_the_filed_vehicle_scores_what_was_measured_outside(
     prepared: PreparedLandings, labels: dict[Path, Outcome]
 ) -> None:
-    """Brier 1.00 on 28 flights where the base rate of all gives 0.55; two legs nearly never expected."""
+    """Brier 1.08 on 28 flights where the base rate of all gives 0.55; two legs nearly never expected."""
     found = forecast(prepared, load_vehicle(STORED))
     report = landing_report(prepared, found, real_of(prepared, labels), STORED, seed=0)
     assert report.score is not None
     assert report.score.flights == 28
-    assert report.score.brier == pytest.approx(1.00, abs=0.06)
+    assert report.score.brier == pytest.approx(1.08, abs=0.06)
     assert report.score.brier_base_in_sample == pytest.approx(0.554, abs=0.001)
     assert report.score.brier_base == pytest.approx(0.595, abs=0.001)
     document = as_json(report)["score"]
@@ -92,7 +92,8 @@ def test_starts_are_where_the_flights_were(prepared: PreparedLandings) -> None:
     assert max(prepared.dispersion.velocity) < 0.2
     assert np.nanmedian(prepared.slopes.roll) == pytest.approx(-0.15, abs=0.04)
     missed, left = np.sqrt(np.nanmean(prepared.roll_error**2, axis=0))
-    assert left < 0.75 * missed  # one number, from the other flights
+    assert missed < 2.1  # of 2.6 rad/s where trim counts as thrust
+    assert left < missed / 3.0  # one number, from the other flights
 
 
 def test_the_seed_decides_and_flights_do_not_depend_on_each_other(labels: dict[Path, Outcome]) -> None:

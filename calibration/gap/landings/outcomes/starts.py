@@ -4,6 +4,8 @@ Attitude and rate come from the poses and the gyro before the trigger (`start_st
 distance to the ceiling from the snapshot that the drone stored at the trigger, where it did, because rows of
 a radio log are up to 20 ms old. Thrusts are brought up by the motors' lag from the commands of the approach;
 the commands of the flip may stand one row ahead of its flag, so only rows with all motors running count.
+What these commands hold left against right, or one turning sense against the other, is no moment: the vehicle
+flew straight with it, since its propellers are not all alike (:func:`straightened`).
 """
 
 from collections.abc import Mapping
@@ -30,6 +32,12 @@ from onboard.vehicle import Vehicle
 
 EARLIER = 0.2
 """s between the window of poses at the trigger and the one that it is compared with."""
+
+STRAIGHT = 0.5
+"""s before the trigger: several motor lags long, and short against the time in which the speed changes."""
+
+_ROLL, _YAW = np.array([-1.0, -1.0, 1.0, 1.0]), np.array([-1.0, 1.0, -1.0, 1.0])
+"""Parts of the thrusts of M1 to M4 that roll and yaw; each has the square 4."""
 
 _BEFORE, _AFTER = 0.7, 1.2  # s of samples around the trigger that are kept
 _LINE = 0.06  # s of gyro samples that a straight line goes through
@@ -111,7 +119,7 @@ def trigger_start(flight: Flight, vehicle: Vehicle, parameters: Any) -> TriggerS
     approach = running_until(commands, at)
     if approach is None:
         return NotUsed(flight.name, "no row before the trigger has all motors running")
-    state = start_state(around, parameters, approach).state.copy()
+    state = start_state(around, parameters, straightened(approach, at)).state.copy()
     redundant = Redundant(
         _snapshot_difference(flight.trigger.snapshot, state[0]), _wander(around), _jump(around)
     )
@@ -130,6 +138,24 @@ def trigger_start(flight: Flight, vehicle: Vehicle, parameters: Any) -> TriggerS
         gyro=around.gyro[after],
         redundant=redundant,
     )
+
+
+def straightened(approach: tuple[FloatArray, FloatArray], at: float) -> tuple[FloatArray, FloatArray]:
+    """Commands (s; N, (n, 4)) of an approach without the roll and the yaw that they held to the end.
+
+    A vehicle that does not turn has no moment: what its controller holds about b_x and b_z makes up for
+    propellers and a centre of mass that are not as filed. Taken for thrusts it would turn the flip, as soon
+    as the motors are told something else. Not so about b_y, where an approach has moments of the air.
+
+    Args:
+        approach: with all motors running. at: s, of the trigger.
+    """
+    t, thrust = approach
+    rows = (t > at - STRAIGHT) & (t <= at)
+    if not rows.any():
+        return approach
+    held = thrust[rows].mean(axis=0)
+    return t, np.maximum(thrust - sum(0.25 * (held @ part) * part for part in (_ROLL, _YAW)), 0.0)
 
 
 def _around(flight: Flight, at: float) -> LandingSegment | None:
