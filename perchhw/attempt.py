@@ -19,6 +19,8 @@ DEFAULT_VEHICLE = "crazyflie21-upgraded"
 """The paper's flying vehicle."""
 STORED_VEHICLE = "crazyflie21-upgraded-stored"
 """The same as it was believed before its landings were looked at; the authors' simulation builds on it."""
+AUTHORS_VEHICLE = "crazyflie21-gazebo"
+"""That of the authors' simulation."""
 DEFAULT_POLICY = "default"
 """The policy that comes with the code, trained for it."""
 SHAPE = ("ax", "az", "tau0")

@@ -41,9 +41,9 @@ def hinge(
     out: OutOption = _OUT,
 ) -> None:
     """Scan one hinge for all leg designs against the paper's statements and the authors' sweep."""
+    from perchhw.learning.authors_models import AUTHORS_DAMPING
     from perchhw.learning.grid import parse_range
     from perchhw.learning.hinge_calibration import (
-        AUTHORS_DAMPING,
         STIFFNESSES,
         Hinge,
         run_hinge_calibration,

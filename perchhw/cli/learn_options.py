@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from perchhw.attempt import DEFAULT_VEHICLE
+from perchhw.attempt import AUTHORS_VEHICLE, DEFAULT_VEHICLE
 from perchhw.consoles import progress_console
 from perchhw.screen.long_work import share_done
 
@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from perchhw.learning.executor import Executor
     from perchhw.learning.setup import LearningSetup
     from perchhw.learning.sweep_folder import Row
-
-AUTHORS_VEHICLE = "crazyflie21-gazebo"
 
 OutOption = Annotated[Path, typer.Option(help="Folder for the results.")]
 SeedOption = Annotated[int, typer.Option(min=0, help="Of everything random.")]
@@ -42,7 +40,7 @@ class FlightOptions:
         str,
         typer.Option(
             help="Errors of cues and approach: perfect (the paper), realistic, late, measured (in real "
-            "flights), or gazebo (the authors')."
+            "flights), or gazebo and gazebo-later (the authors')."
         ),
     ] = "realistic"
     gains: Annotated[
@@ -78,9 +76,9 @@ class AuthorsOptions(SetupOptions):
     """What the authors' simulation did, unless it is told otherwise."""
 
     vehicle: Annotated[str, typer.Option(help="Vehicle: a known name or a vehicle file.")] = AUTHORS_VEHICLE
-    sensing: Annotated[str, typer.Option(help="Errors of the cues: gazebo, perfect, realistic or late.")] = (
-        "gazebo"
-    )
+    sensing: Annotated[
+        str, typer.Option(help="Errors of the cues: gazebo, gazebo-later, perfect, realistic or late.")
+    ] = "gazebo"
     gains: Annotated[str, typer.Option(help="Of the controller: gazebo, authors, or default.")] = "gazebo"
 
 

@@ -38,8 +38,13 @@ LEG_MASSES = {"semi-narrow-long": LegMass(0.74e-3, 0.159e-3)}
 LONG, SHORT = LegMass(0.66e-3, 0.01e-3), LegMass(0.44e-3, 0.01e-3)
 """The flown design has heavier legs; all other long ones and all short ones are alike."""
 
+AUTHORS_STIFFNESS, AUTHORS_DAMPING = 0.08, 6.788e-5
+"""N m/rad and N m s/rad of every hinge (paper errata 4)."""
 
-def authors_vehicle(name: str, design: str, stiffness: float, damping: float) -> Vehicle:
+
+def authors_vehicle(
+    name: str, design: str, stiffness: float = AUTHORS_STIFFNESS, damping: float = AUTHORS_DAMPING
+) -> Vehicle:
     """A vehicle as the authors' simulation has it with a leg design.
 
     Args:

@@ -41,9 +41,6 @@ HINGE_FILE = "hinge.json"
 STIFFNESSES = (0.02, 0.03, 0.04, 0.055, 0.08, 0.11, 0.16, 0.23, 0.32)
 """N m/rad, about sqrt(2) apart, around the authors' 0.08."""
 
-AUTHORS_DAMPING = 6.788e-5
-"""N m s/rad, of the authors' models: what is known comes from them, so only the stiffness is open."""
-
 REFERENCE_DESIGN = "semi-narrow-long"
 """Design of the authors' sweep."""
 

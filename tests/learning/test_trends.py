@@ -14,9 +14,10 @@ import pytest
 from onboard.policy.files import load_policy, shipped_policy_path
 from onboard.vehicle import known_leg_designs
 from perchhw.attempt import STORED_VEHICLE
+from perchhw.learning.authors_models import AUTHORS_DAMPING
 from perchhw.learning.executor import ALL_CORES
 from perchhw.learning.grid import conditions
-from perchhw.learning.hinge_calibration import AUTHORS_DAMPING, Hinge, hinge_rates, statement_numbers
+from perchhw.learning.hinge_calibration import Hinge, hinge_rates, statement_numbers
 from perchhw.learning.leg_trends import HIGH, LOW, Pairs, Trend, pairs_of, trends
 from perchhw.learning.setup import LearningSetup
 from perchhw.learning.sweep import LearnTrial, SweepGrid
