@@ -21,6 +21,8 @@ from perchhw.label.pose import judge_pose
 MISSED_TRIGGER_RULES = frozenset({"missed_trigger", "no_trigger"})
 """Names of abort rules that mean that the policy never fired: ``no_trigger``, not ``aborted``."""
 
+_TELL_A_FLIP = ("triggered", "landing_state", "qx")
+"""Channels of which one must be there before a flight without a trigger is one that did not flip."""
 _LIMIT_FEET = "three and four feet look alike, so do one and two"
 _LIMIT_NO_POSE = "no resting pose: judged by the gyro alone"
 _LIMIT_ESTIMATE = "the onboard estimate is unreliable after the trigger and was not used"
@@ -121,6 +123,11 @@ def _turned_over(flight: Flight) -> bool:
 
 
 def _label_without_trigger(flight: Flight) -> LandingLabel:
+    """Label a flight whose data have no trigger.
+
+    Raises:
+        LabelError: nothing says whether it flipped.
+    """
     evidence: dict[str, Any] = {
         "triggered": False,
         "aborted_by": flight.aborted_by,
@@ -131,6 +138,8 @@ def _label_without_trigger(flight: Flight) -> LandingLabel:
     missed = flight.aborted_by in MISSED_TRIGGER_RULES
     if (flight.aborted_by is not None and not missed) or not flight.finished:
         return LandingLabel(Outcome.ABORTED, "events", False, evidence)
+    if not any(map(flight.has, _TELL_A_FLIP)):
+        raise LabelError(f"{flight.source}: no attitude and no column triggered say whether it flipped")
     return LandingLabel(Outcome.NO_TRIGGER, "events", False, evidence)
 
 
