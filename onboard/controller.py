@@ -16,7 +16,7 @@ from typing import NamedTuple, TypeAlias
 
 from onboard.arrays import Vector
 from onboard.gravity import GRAVITY
-from onboard.jit import inner, kernel
+from onboard.jit import inner, kernel, outlined
 from onboard.rotation import Indexable, body_x, body_y, body_z
 from onboard.vehicle.model import Vehicle
 
@@ -244,7 +244,7 @@ def geometric_control(
     return (collective, tau_x, tau_y, tau_z)
 
 
-@kernel
+@outlined
 def attitude_control(
     quaternion: Indexable, omega: Indexable, collective: float, target_yaw: float, gains: ControllerGains
 ) -> Wrench:

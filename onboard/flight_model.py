@@ -13,7 +13,7 @@ import numpy as np
 
 from onboard.arrays import FloatArray, Vector
 from onboard.gravity import GRAVITY
-from onboard.jit import inner, kernel
+from onboard.jit import inner, outlined
 from onboard.mixer import Thrusts
 from onboard.rotation import body_z, integrate
 from onboard.vehicle import Vehicle
@@ -120,7 +120,7 @@ def _kick(state: FloatArray, model: FlightModel, dt: float) -> None:
         state[RATE + i] += dt * a[i]
 
 
-@kernel
+@outlined
 def fly_model(state: FloatArray, thrusts: Thrusts, model: FlightModel, dt: float) -> None:
     """`dt` s in which the motors are asked for `thrusts` (N), in place; what is no number gives no thrust.
 

@@ -18,7 +18,7 @@ from onboard.arrays import Quaternion, Vector
 from onboard.battery import FULL_RATIO
 from onboard.controller import ControllerGains, Wrench, geometric_control
 from onboard.gravity import GRAVITY
-from onboard.jit import inner, kernel
+from onboard.jit import inner, outlined
 from onboard.rotation import Indexable, body_z, euler_angles
 
 CONTROL_PERIOD_MS = 2
@@ -196,7 +196,7 @@ def _integrate(memory: Any, i: int, here: float, limit: float) -> None:
         memory.integral[i] = min(max(memory.integral[i] + error, -limit), limit)
 
 
-@kernel
+@outlined
 def follow(
     memory: Any,
     setpoint: FollowerSetpoint,
@@ -238,7 +238,7 @@ def follow(
         _integrate(memory, i, position[i], gains.integral_limit)
 
 
-@kernel
+@outlined
 def track(
     memory: Any,
     position: Indexable,

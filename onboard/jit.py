@@ -17,26 +17,30 @@ from numba.core.runtime.nrt import rtsys
 
 from onboard.kernel_cache import compiling, use_cache_of_this_source
 
-__all__ = ["APART", "INLINED", "inner", "interpreted", "kept", "kernel", "njit"]
+__all__ = ["APART", "INLINED", "for_kernels", "inner", "interpreted", "kept", "kernel", "outlined"]
 
 use_cache_of_this_source()
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
 
-APART: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
-"""Free of the interpreter lock, IEEE division as in C, and without an entry for C, which nobody calls.
+APART: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+"""Free of the interpreter lock, and IEEE division as in C.
 
 A division by zero gives inf or NaN as in numpy; nothing tests for it each time, callers catch it where it
 matters.
 """
+
+_NOT_FROM_C: dict[str, Any] = {"no_cfunc_wrapper": True}
+_NOT_FROM_PYTHON: dict[str, Any] = {"no_cpython_wrapper": True}
 
 INLINED: dict[str, Any] = APART | {"forceinline": True}
 """Inlined besides: takes a fifth off a step of physics and a quarter off one with the controller."""
 
 
 def kept(**options: Any) -> Callable[[Callable[_P, _R]], Callable[_P, _R]]:
-    """Decorator of functions that are compiled with numba's `options` and kept on disk.
+    """Decorator of functions that are compiled with numba's `options` and kept on disk, without an entry for
+    C, which nobody calls.
 
     Of several processes that need one at the same time, one compiles it and the others wait for it. One that
     finds it on disk loads it without all that numba knows for compiling, whose import takes a quarter of the
@@ -44,7 +48,7 @@ def kept(**options: Any) -> Callable[[Callable[_P, _R]], Callable[_P, _R]]:
     """
 
     def decorate(function: Callable[_P, _R]) -> Callable[_P, _R]:
-        dispatcher = njit(cache=True, **options)(function)
+        dispatcher = njit(cache=True, **_NOT_FROM_C, **options)(function)
         if dispatcher is function:  # numba is told not to compile
             return function
         compile_here = dispatcher.compile
@@ -68,10 +72,41 @@ def kept(**options: Any) -> Callable[[Callable[_P, _R]], Callable[_P, _R]]:
     return decorate
 
 
+def for_kernels(**options: Any) -> Callable[[Callable[_P, _R]], Callable[_P, _R]]:
+    """Decorator of functions that are compiled with numba's `options` where a kernel calls them.
+
+    They have no way in from Python, which takes the compiler a fifth of its time: called from there they
+    raise TypeError.
+    """
+
+    def decorate(function: Callable[_P, _R]) -> Callable[_P, _R]:
+        dispatcher = njit(**_NOT_FROM_PYTHON, **_NOT_FROM_C, **options)(function)
+        if dispatcher is function:  # numba is told not to compile
+            return function
+
+        def note(compiled: Any) -> None:
+            # As numba's own, but where a call from Python looks there is nothing: it would go astray.
+            dispatcher.overloads[tuple(compiled.signature.args)] = compiled
+
+        def refuse(*_: object, **__: object) -> None:
+            name = f"{function.__module__}.{function.__qualname__}"
+            raise TypeError(f"{name} is for kernels: Python has its py_func")
+
+        dispatcher.add_overload, dispatcher._compile_for_args = note, refuse
+        called: Callable[_P, _R] = dispatcher
+        return called
+
+    return decorate
+
+
 kernel = kept(**INLINED)
 """Decorator of kernels that Python calls, or that several others share: kept on disk."""
 
-inner = njit(**INLINED)
+outlined = kept(**APART)
+"""Decorator of large functions, and of those that Python calls alone: what is inlined is compiled once more
+for each caller, and Python's way in is one."""
+
+inner = for_kernels(**INLINED)
 """Decorator of kernels that only kernels call: on disk as a part of these, but not by themselves."""
 
 

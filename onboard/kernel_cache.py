@@ -4,9 +4,9 @@ Numba caches a kernel under the time stamp of its own file, and does not see tha
 from another file has changed: after an update of the project, old physics would go on flying. With a folder
 of its own for each state of the source, an update compiles anew, once.
 
-The source of the kernels is found, not listed: the files that import numba or a file that does (one of the
-two ``jit.py``), and all of ours that these import in turn, for a kernel takes functions and constants from
-there. Commands without kernels do not look for it: the rule is applied where numba is imported.
+The source of the kernels is found, not listed: the files that import numba or one of the two ``jit.py``,
+and all of ours that these import in turn, for a kernel takes functions and constants from there. Commands
+without kernels do not look for it: the rule is applied where numba is imported.
 """
 
 import hashlib
@@ -79,7 +79,11 @@ class _Source:
     def of_kernels(self) -> list[str]:
         """The modules of kernels and all that they import, sorted."""
         # Most files do not even name what is looked for: a search for the word takes a tenth of the time.
-        doors = {module for module, text in self.texts.items() if b"numba" in text and _NUMBA.search(text)}
+        doors = {
+            module
+            for module, text in self.texts.items()
+            if module.endswith(".jit") or (b"numba" in text and _NUMBA.search(text))
+        }
         names = [door.rpartition(".")[2].encode() for door in doors]
         waiting = [
             module

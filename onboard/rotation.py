@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 
 from onboard.arrays import FloatArray, Quaternion, Vector
-from onboard.jit import inner, kernel
+from onboard.jit import kernel
 
 Indexable: TypeAlias = Sequence[float] | FloatArray
 
@@ -29,7 +29,7 @@ def multiply(a: Indexable, b: Indexable) -> Quaternion:
     )
 
 
-@inner
+@kernel
 def conjugate(q: Indexable) -> Quaternion:
     """The inverse rotation of a unit quaternion."""
     return (-q[0], -q[1], -q[2], q[3])

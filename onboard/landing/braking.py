@@ -11,7 +11,7 @@ import math
 from typing import Any
 
 from onboard.gravity import GRAVITY
-from onboard.jit import inner, kernel
+from onboard.jit import kernel
 from onboard.landing.model import LandingLimits
 from onboard.trajectory import ApproachPlan, Setpoint
 
@@ -44,7 +44,7 @@ def stopping_distance(speed: float, acceleration: float, motor_lag: float) -> fl
     return speed * t + push * (t - motor_lag * (1.0 - decay)) - 0.5 * GRAVITY * t * t
 
 
-@inner
+@kernel
 def hold_setpoint(memory: Any, time: float, plan: ApproachPlan, limits: LandingLimits) -> Setpoint:
     """Stop sideways with the hold's acceleration, sink to `hold_clearance` below the ceiling, stay there."""
     t = max(0.0, time - memory.hold_time)

@@ -35,7 +35,7 @@ from typing import Any
 import numpy as np
 
 from onboard.app_interface import EndReason, LandingState, TrajectoryStatus
-from onboard.jit import inner, kernel
+from onboard.jit import inner, outlined
 from onboard.landing.attitude import is_finite, own_attitude, propagate_attitude
 from onboard.landing.braking import hold_setpoint, stopping_distance
 from onboard.landing.estimate import estimate_is_finite, estimate_is_usable, has_pose
@@ -350,7 +350,7 @@ def _output(memory: Any, inputs: LandingInputs, plan: ApproachPlan, limits: Land
     return LandingOutput(_PASS, _ZERO, _ZERO, _ZERO, 0.0, 0.0, _NO_THRUSTS, attitude)
 
 
-@kernel
+@outlined
 def landing_step(
     memory: Any, inputs: LandingInputs, plan: ApproachPlan, limits: LandingLimits
 ) -> LandingOutput:

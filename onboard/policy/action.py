@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from onboard.jit import kernel
+from onboard.jit import kernel, outlined
 from onboard.policy.model import CompiledPolicy
 
 
@@ -61,7 +61,7 @@ def action_moment(policy: CompiledPolicy, tau: float, theta_x: float, d_ceil: fl
     return moment
 
 
-@kernel
+@outlined
 def action_moments(policy: CompiledPolicy, states: NDArray[np.float32]) -> NDArray[np.float32]:
     """:func:`action_moment` for many states.
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from onboard.arrays import FloatArray
-from onboard.jit import njit
+from onboard.jit import kept
 
 TAU_SCALE = 10.0
 """First parameter per second of tau."""
@@ -53,7 +53,7 @@ class EpheSettings(NamedTuple):
     moment_most: float = 10.0
 
 
-@njit(cache=True)
+@kept()
 def truncated_normal(rng: Any, mu: float, sigma: float, low: float, high: float) -> float:
     """A sample of a normal distribution that lies within [low, high].
 
@@ -66,7 +66,7 @@ def truncated_normal(rng: Any, mu: float, sigma: float, low: float, high: float)
     return min(max(mu, low), high)
 
 
-@njit(cache=True)
+@kept()
 def sample(rng: Any, mu: FloatArray, sigma: FloatArray, s: EpheSettings) -> tuple[float, float]:
     """One sample of both parameters."""
     tau = truncated_normal(rng, mu[0], sigma[0], 0.0, s.tau_most)
@@ -74,7 +74,7 @@ def sample(rng: Any, mu: FloatArray, sigma: FloatArray, s: EpheSettings) -> tupl
     return tau, moment
 
 
-@njit(cache=True)
+@kept()
 def update(
     theta: FloatArray, rewards: FloatArray, best: int,
     mu: FloatArray, sigma: FloatArray,
@@ -103,7 +103,7 @@ def update(
         sigma[i] = math.sqrt(spread / total)
 
 
-@njit(cache=True)
+@kept()
 def converged(sigma: FloatArray, s: EpheSettings) -> bool:
     """Whether the distribution is narrow enough to stop."""
     return sigma[0] < s.sigma_stop and sigma[1] < s.sigma_stop

@@ -7,7 +7,7 @@ numbers (paper errata 10), so a preset is data.
 import math
 from typing import Any, NamedTuple
 
-from onboard.jit import njit
+from onboard.jit import kept
 from perchhw.learning.errors import LearningInputError
 
 
@@ -76,14 +76,14 @@ def reward_weights(name: str) -> RewardWeights:
     return PRESETS[name]
 
 
-@njit(cache=True)
+@kept()
 def saturated(distance: float, most: float) -> float:
     """clip(1 / |distance|, 0, most) / most."""
     size = abs(distance)
     return 1.0 if size * most <= 1.0 else 1.0 / (size * most)
 
 
-@njit(cache=True)
+@kept()
 def legs_part(feet: int, body_contact: int, w: RewardWeights) -> float:
     """Share of the legs part (paper Eq. r_legs and the factor for contact), 0..1."""
     share = 0.0
@@ -98,7 +98,7 @@ def legs_part(feet: int, body_contact: int, w: RewardWeights) -> float:
     return share * (w.contact_factor if feet >= 3 else w.contact_factor_few)
 
 
-@njit(cache=True)
+@kept()
 def reward(out: Any, w: RewardWeights) -> float:
     """Reward of a rollout.
 

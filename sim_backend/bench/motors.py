@@ -17,7 +17,7 @@ from onboard.thrust_map import ThrustMap
 from onboard.vehicle import Vehicle
 from sim_backend.bench.errors import BenchInputError
 from sim_backend.physics.effects.motor_speed_law import speed_after
-from sim_backend.physics.jit import kernel
+from sim_backend.physics.jit import outlined
 
 SPREAD_OF_THRUST = 0.02
 SPREAD_OF_TIMES = 0.01
@@ -47,7 +47,7 @@ class MotorLaw(NamedTuple):
     coefficient: float
 
 
-@kernel
+@outlined
 def advance_motors(
     law: FloatArray,
     form: int,

@@ -26,7 +26,7 @@ import numpy as np
 
 from onboard.arrays import FloatArray
 from onboard.gravity import GRAVITY
-from sim_backend.physics.jit import kernel
+from sim_backend.physics.jit import kernel, outlined
 
 SWING_DAMPING = 0.004
 """Damping ratio of both swings."""
@@ -95,7 +95,7 @@ def acceleration(theta: float, rate: float, torque: float, hung: FloatArray) -> 
     return force / (inertia + mass * slope * slope)
 
 
-@kernel
+@outlined
 def torsion_step(motion: FloatArray, hung: FloatArray, torque: float, dt: float) -> None:
     """Go on by `dt` (s), fourth-order Runge-Kutta, in place.
 

@@ -30,7 +30,7 @@ import numpy as np
 
 from onboard.arrays import FloatArray
 from onboard.gravity import GRAVITY
-from onboard.jit import APART, inner, kernel, njit
+from onboard.jit import APART, for_kernels, inner, kernel, outlined
 from onboard.rotation import (
     Indexable,
     body_x,
@@ -43,7 +43,7 @@ from onboard.rotation import (
     rotate,
 )
 
-_called = njit(**APART)  # inlined wherever they are used, these would take half a minute to compile
+_called = for_kernels(**APART)  # inlined wherever they are used, these would take half a minute to compile
 
 ERRORS = 9
 PREDICTION_MS, FIRST_PREDICTION_MS = 10.0, 3.0
@@ -112,7 +112,7 @@ def publish(memory: FloatArray, covariance: FloatArray, state: FloatArray) -> No
         state[QUATERNION + i] = q[i]
 
 
-@kernel
+@outlined
 def run(
     memory: FloatArray,
     covariance: FloatArray,

@@ -2,9 +2,7 @@
 
 from typing import Any
 
-from numba import njit
-
-from onboard.jit import APART, INLINED, kept
+from onboard.jit import APART, INLINED, for_kernels, kept
 
 _ROUNDING: dict[str, Any] = {"fastmath": {"contract", "reassoc", "arcp"}}
 """The compiler may fuse, reorder and take reciprocals: the last bits change, infinities and NaN do not."""
@@ -12,7 +10,7 @@ _ROUNDING: dict[str, Any] = {"fastmath": {"contract", "reassoc", "arcp"}}
 kernel = kept(**INLINED, **_ROUNDING)
 """As :data:`onboard.jit.kernel`, free in its rounding, which takes a quarter off a step in contact."""
 
-inner = njit(**INLINED, **_ROUNDING)
+inner = for_kernels(**INLINED, **_ROUNDING)
 """As :data:`onboard.jit.inner`, likewise."""
 
 outlined = kept(**APART, **_ROUNDING)

@@ -20,7 +20,7 @@ from onboard.mixer import Thrusts, flip_thrusts, mix
 from onboard.rotation import body_z
 from sim_backend.physics.decision import decide
 from sim_backend.physics.effects.sensors import measured_rate, tracked_attitude, tracked_position
-from sim_backend.physics.jit import inner, kernel
+from sim_backend.physics.jit import inner, kernel, outlined
 from sim_backend.physics.launch import (
     EXACT,
     Launch,
@@ -173,7 +173,7 @@ def record_trigger(out: Any, state: Any, tau: float, theta_x: float, d_ceil: flo
     out.velocity_x, out.velocity_z = state.velocity[0], state.velocity[2]
 
 
-@inner
+@kernel
 def record_end(out: Any, state: Any, end: int) -> None:
     """Keep how the rollout ended."""
     feet = 0
@@ -196,7 +196,7 @@ def draw_pads(rng: Any, state: Any, p: Any) -> None:
         state.pad_deviate[:] = rng.standard_normal()
 
 
-@kernel
+@outlined
 def rollout(
     rng: Any, state: Any, p: Any, gains: ControllerGains, policy: Any, speed: float, angle: float,
     s: RolloutSettings, out: Any,

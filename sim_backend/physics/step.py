@@ -21,7 +21,7 @@ from sim_backend.physics.feet import (
 )
 from sim_backend.physics.forces import add, free_flight_wrench
 from sim_backend.physics.frames import Rotation, Wrench, cross, to_body, to_world
-from sim_backend.physics.jit import inner, kernel
+from sim_backend.physics.jit import inner, kernel, outlined
 from sim_backend.physics.legs import hinge_force
 from sim_backend.physics.motors import commanded, decay, lag_to_end, lag_to_middle
 from sim_backend.physics.rigid_body import rotation_matrix, turn, turn_rate, unit
@@ -345,7 +345,7 @@ def step(state: Any, parameters: Any, duty: Any, dt: float) -> None:
     draw(state, parameters, dt)
 
 
-@kernel
+@outlined
 def step_first(states: Any, parameters: Any, duty: Any, dt: float) -> None:
     """:func:`step` of the first record of each array, for callers in Python.
 

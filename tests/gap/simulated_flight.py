@@ -16,7 +16,7 @@ from calibration.gap.replay.kernels import HELD
 from onboard.arrays import FloatArray
 from onboard.battery import duty_for_thrust
 from onboard.controller import ControllerGains, controller_gains, geometric_control
-from onboard.jit import kernel
+from onboard.jit import outlined
 from onboard.mixer import mix
 from onboard.room import RoomGeometry
 from onboard.rotation import from_rotation_vector, multiply
@@ -34,7 +34,7 @@ Path3 = Callable[[FloatArray], FloatArray]
 """Position (m, shape (n, 3)) at times (s, shape (n,))."""
 
 
-@kernel
+@outlined
 def _fly(
     state: Any, p: Any, gains: ControllerGains, thrust_map: ThrustMap, path: Any, voltage: Any, out: Any,
     step_s: float, fine: int,

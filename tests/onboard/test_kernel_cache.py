@@ -22,12 +22,12 @@ def g():
     return value()
 """
 BETWEEN = """\
-from onboard.jit import njit
+from onboard.jit import for_kernels
 from {package} import (  # in the way that long imports are written
     constants as numbers,
 )
 
-@njit
+@for_kernels()
 def value():
     return numbers.VALUE
 """
@@ -138,7 +138,7 @@ def test_decorators_come_through_the_file_that_chooses_the_folder() -> None:
         for path in (REPOSITORY / package).rglob("*.py")
         if re.search(r"^\s*(from numba import|import numba)\b", path.read_text(), re.MULTILINE)
     }
-    assert users == {"onboard/jit.py", "sim_backend/physics/jit.py"}
+    assert users == {"onboard/jit.py"}
 
 
 def test_what_no_kernel_imports_does_not_change_the_key(project: Path) -> None:

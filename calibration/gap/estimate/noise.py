@@ -8,7 +8,7 @@ Only one-step, causal innovations whose noise model is fitted together with the 
 import numpy as np
 
 from onboard.arrays import BoolArray, FloatArray
-from onboard.jit import njit
+from onboard.jit import kept
 
 ORDER = 16
 """Samples of the past: 0.16 s at 100 Hz, enough for a gyro whose noise is differenced."""
@@ -16,7 +16,7 @@ ORDER = 16
 _RIDGE = 1e-9
 
 
-@njit(cache=True, nogil=True)
+@kept(nogil=True)
 def whole_windows(valid: BoolArray, starts: np.ndarray, order: int) -> BoolArray:
     """Rows whose `order` predecessors and themselves are valid and of the same flight, shape (n, channels).
 
@@ -46,7 +46,7 @@ _BLOCK = 2048
 """Rows that are whitened together: with their past they stay in the processor's first cache."""
 
 
-@njit(cache=True, nogil=True)
+@kept(nogil=True)
 def whiten_channel(values: FloatArray, whole: BoolArray, coefficients: FloatArray, out: FloatArray) -> None:
     """:func:`whiten` of one channel, into `out`; all contiguous, so that several rows are one instruction."""
     order, count = coefficients.size, values.size

@@ -19,7 +19,7 @@ from calibration.gap.data.signals import Signals
 from calibration.gap.estimate.noise import ORDER, fit_autoregression, whiten, whole_windows
 from calibration.gap.unnamed.blocks import Blocks, grouped_mean
 from onboard.arrays import BoolArray, FloatArray
-from onboard.jit import njit
+from onboard.jit import kept
 
 _WEIGHTS = (0.5, 2.0)
 """Range of a flight's noise, in units of the median flight's, within which it weighs by its noise."""
@@ -58,7 +58,7 @@ class NormalEquations:
     part: np.ndarray
 
 
-@njit(cache=True, nogil=True)
+@kept(nogil=True)
 def _add_up(
     innovations: FloatArray,
     used: BoolArray,
