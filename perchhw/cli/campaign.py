@@ -80,19 +80,22 @@ def run(
         check_approaches(plan)
     folder = out or Path("runs") / f"campaign-{slug(plan.name)}"
     names, stopped = drone_names(plan.drones), None
-    try:
-        with (
-            _told_how_to_go_on(folder),
-            hold_all(plan.drones),
-            ground_station(mavlink) as listener,
-            flight_display(f"campaign {plan.name}", ", ".join(names.values()) or plan.drone) as display,
-            live_view(view, folder, display),
-        ):
-            run_displayed(plan, folder, display, yes, listener, resume=resume, retry_aborted=retry_aborted)
-    except (CampaignStopped, DroneStopped) as stop:
-        stopped = str(stop)
-        progress_console().print(stopped, style="red", markup=False)
-    _emit_rows(folder, write_campaign_report(folder, draw_all=False), stopped)
+    with _told_how_to_go_on(folder):
+        try:
+            with (
+                hold_all(plan.drones),
+                ground_station(mavlink) as listener,
+                flight_display(f"campaign {plan.name}", ", ".join(names.values()) or plan.drone) as display,
+                live_view(view, folder, display),
+            ):
+                run_displayed(
+                    plan, folder, display, yes, listener, resume=resume, retry_aborted=retry_aborted
+                )
+        except (CampaignStopped, DroneStopped) as stop:
+            stopped = str(stop)
+            progress_console().print(stopped, style="red", markup=False)
+        report = write_campaign_report(folder, draw_all=False)
+    _emit_rows(folder, report, stopped)
     return 3 if stopped else 0
 
 
@@ -122,16 +125,16 @@ def _fly_courses(
     from perchhw.screen.flight_display import flight_display
 
     folder = out or Path("runs") / f"campaign-{slug(plan.name)}"
-    with (
-        _told_how_to_go_on(folder),
-        hold(plan.setup.drone),
-        ground_station(mavlink) as listener,
-        flight_display(f"campaign {plan.name}", plan.setup.drone) as display,
-        live_view(view, folder, display),
-    ):
-        rows = fly_courses_displayed(plan, folder, display, yes, listener, resume=resume)
+    with _told_how_to_go_on(folder):
+        with (
+            hold(plan.setup.drone),
+            ground_station(mavlink) as listener,
+            flight_display(f"campaign {plan.name}", plan.setup.drone) as display,
+            live_view(view, folder, display),
+        ):
+            rows = fly_courses_displayed(plan, folder, display, yes, listener, resume=resume)
+        _report_courses(folder)
     stopped = next((row.aborted_by for row in rows if row.aborted_by), None)
-    _report_courses(folder)
     _emit_courses(folder, stopped)
     return 3 if stopped else 0
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from perchhw.cli.main import run
 from tests.patience import PATIENCE_S
 
 GRID = "[grid]\nspeeds = [2.25]\nangles_deg = [52.5]\n"
@@ -41,3 +42,23 @@ def test_a_campaign_that_is_ended_before_a_flight_says_how_to_go_on(
     assert running.returncode == 130, errors
     assert "continue with --resume" in errors
     assert str(folder) in errors.replace("\n", "")
+
+
+def test_a_campaign_that_is_ended_while_its_pages_are_drawn_says_so_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """All is flown: the same command draws what is left."""
+
+    def flown(*_: object, **__: object) -> list[object]:
+        return []
+
+    def interrupted(_folder: Path, **_: object) -> Path:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("perchhw.cli.displayed_campaign.run_displayed", flown)
+    monkeypatch.setattr("perchhw.report.campaign_report.write_campaign_report", interrupted)
+    file = tmp_path / "one.toml"
+    where = 'drone = "udp://127.0.0.1:1"\nmocap = "vicon://127.0.0.1:1?subject=cf1"\n'
+    file.write_text(f'schema = "perchhw.campaign/1"\n{where}{GRID}')
+    assert run(["campaign", "run", str(file), "--yes", "--out", str(tmp_path / "campaign")]) == 130
+    assert "continue with --resume" in capsys.readouterr().err
