@@ -32,8 +32,15 @@ check: $(VENV)/.dev
 	$(MAKE) lint
 
 # What a contributor must see green.
-test: $(VENV)/.dev
+test: $(VENV)/.warm
 	$(PYTEST)
+
+# Once for a fresh clone: else each of the tests' processes compiles the same modules, all at the same time.
+# A flight's kernels are compiled beside it, on the other core.
+$(VENV)/.warm: $(VENV)/.dev
+	: | $(BIN)/python -m sim_backend.stage >/dev/null & \
+	$(BIN)/python -m pytest --collect-only --quiet >/dev/null; wait
+	touch $@
 
 # The long proofs, two hours on two cores. Each goes on where it can when it is started again, and says its seed.
 SEED ?= 1

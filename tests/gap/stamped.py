@@ -24,7 +24,7 @@ def stamped(world: Path, **options: Any) -> Callable[[Callable[..., Any]], Any]:
     state = digest.hexdigest()
 
     def compiled(function: Callable[..., Any]) -> Any:
-        dispatcher = njit(cache=True, **options)(function)
+        dispatcher = njit(cache=True, no_cfunc_wrapper=True, **options)(function)
         if dispatcher is not function:  # numba is not told to leave it to Python
             dispatcher._cache._cache_file._source_stamp = state  # numba has no public way to it
         return dispatcher
