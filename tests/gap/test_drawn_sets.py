@@ -70,3 +70,12 @@ def test_a_set_comes_again_with_its_seed_and_can_be_read(tmp_path: Path) -> None
     assert [file.read_bytes() for file in first.files] == [file.read_bytes() for file in again.files]
     prepared = prepare_flights(open_flights(first.files)[0])
     assert len(prepared.records) == len(first.files)
+
+
+def test_a_body_whose_inertia_is_wrong_can_still_be() -> None:
+    for seed in range(200):
+        hidden, _ = drawn.hide(Hidden(), "inertia_error", "strong", frame(), np.random.default_rng(seed))
+        *small, large = sorted(
+            np.array([frame().ix, frame().iy, frame().iz]) * (1.0 + np.array(hidden.inertia))
+        )
+        assert sum(small) > large

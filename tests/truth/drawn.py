@@ -189,6 +189,16 @@ def _imbalance(hidden: Hidden, drawing: _Drawing) -> tuple[Hidden, dict[str, flo
     )
 
 
+def _inertia(hidden: Hidden, drawing: _Drawing) -> tuple[Hidden, dict[str, float]]:
+    """Of a body that can be: no moment is more than the other two together."""
+    frame = drawing.frame
+    while True:
+        changed, values = _vector(("xx", "yy", "zz"), "inertia")(hidden, drawing)
+        moments = np.array([frame.ix, frame.iy, frame.iz]) * (1.0 + np.array(changed.inertia))
+        if 2.0 * moments.max() < moments.sum():
+            return changed, values
+
+
 def _area(hidden: Hidden, drawing: _Drawing) -> tuple[Hidden, dict[str, float]]:
     area = drawing.times() * drawing.typical("area_x")
     hidden = replace(hidden, area=area)
@@ -217,7 +227,7 @@ EFFECTS_HERE: dict[str, Hide] = {
     "command_delay": _number("delay", "delay", 0.0, both_ways=False),
     "battery_sag": _number("resistance", "resistance", 0.0, both_ways=False),
     "mass_error": _number("relative", "mass", 0.0, both_ways=True),
-    "inertia_error": _vector(("xx", "yy", "zz"), "inertia"),
+    "inertia_error": _inertia,
     "com_offset": _vector(("x", "y", "z"), "centre"),
     "thrust_tilt": _vector(("x", "y"), "lean"),
     "linear_drag": _linear,
