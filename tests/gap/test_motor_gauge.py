@@ -49,9 +49,9 @@ def test_what_a_name_is_needed_for_does_not_depend_on_where_a_fit_began(tmp_path
     named = refine(model, (LOG_TIMING, *MOTORS), training)
     reduced, never = without(named, training, "motor_imbalance"), refine(model, (LOG_TIMING,), training)
     assert float(reduced.gains(never, False).sum()) == pytest.approx(0.0, abs=2.0)
-    missing = {shared.nuisance.name for shared in shared_nuisances(never, model.base)}
+    missing = {shared.name for shared in shared_nuisances(never, model.base)}
     assert {"torque_trim_x", "torque_trim_y"} <= missing
-    assert {shared.nuisance.name for shared in shared_nuisances(reduced, model.base)} == missing
+    assert {shared.name for shared in shared_nuisances(reduced, model.base)} == missing
 
 
 def test_what_loses_its_name_is_missing_again(tmp_path: Path) -> None:
@@ -63,6 +63,6 @@ def test_what_loses_its_name_is_missing_again(tmp_path: Path) -> None:
     assert "motor_imbalance" in names.effects
     assert as_believed(found, names, training) is found.final
     believed = as_believed(found, names.without_any("withdrawn"), training)
-    told = {shared.nuisance.name for shared in shared_nuisances(believed, vehicle)}
+    told = {shared.name for shared in shared_nuisances(believed, vehicle)}
     assert {"torque_trim_x", "torque_trim_y"} & told
     assert not shared_nuisances(found.final, vehicle)

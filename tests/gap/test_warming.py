@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from calibration.gap.data.signals import PARTS
-from calibration.gap.estimate.acceptance import Judgement, judge
+from calibration.gap.estimate.acceptance import LEAST_GAIN, Judgement, judge
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training, refine, training_set
+from calibration.gap.estimate.shared_nuisances import shared_courses, shared_nuisances
 from calibration.gap.search.candidates import candidates_for
 from calibration.gap.search.screen import screen
 from onboard.quantity import Quantity
@@ -66,13 +67,55 @@ def test_a_fall_of_thrust_is_measured_and_left_to_no_nuisance() -> None:
     assert abs(fall(found)) < 0.002
 
 
-def test_no_other_effect_promises_as_much() -> None:
-    none, _, _ = fitted(True)
-    first, *_ = screen(none, candidates_for(none, training(True)), training(True))
-    assert first.candidate.effect == "motor_warming"
+def test_what_passes_for_it_where_torques_are_asked_promises_nothing_beside_it() -> None:
+    none, found, _ = fitted(True)
+    before, beside = (
+        {promise.candidate.effect: promise.gain for promise in screen(fit, offered, training(True))}
+        for fit, offered in ((fit, candidates_for(fit, training(True))) for fit in (none, found))
+    )
+    for effect in ("inertia_error", "thrust_scale", "motor_imbalance", "thrust_curve"):
+        assert before[effect] > 500.0
+        assert beside[effect] < LEAST_GAIN
 
 
 def test_scales_that_differ_between_flights_are_no_fall() -> None:
     _, found, judgement = fitted(False)
     assert not judgement.sizeable
     assert abs(found.model.values[LOSS]) < 0.003
+
+
+def test_that_all_flights_begin_with_more_thrust_is_no_scatter_of_their_parts() -> None:
+    none, found, _ = fitted(True)
+    assert [shared.name for shared in shared_courses(none)] == ["thrust_scale at first"]
+    assert shared_nuisances(none, STOCK)
+    assert not shared_courses(found)
+    assert not shared_courses(fitted(False)[0])
+
+
+def with_gains(fit: Fitted, over: Fitted, gains: list[float]) -> Fitted:
+    """A fit that gains so much (log-likelihood of forces) over another on each flight."""
+    of_parts = np.zeros_like(over.held_out)
+    of_parts[0, ::PARTS] = gains
+    return dataclasses.replace(
+        fit, held_out=over.held_out + of_parts, held_out_in_time=over.held_out_in_time + of_parts
+    )
+
+
+@pytest.mark.parametrize(
+    ("gains", "believed"),
+    [
+        ([-12.0, -12.0, -12.0, 15.0, 15.0, 15.0, 4.0], True),  # 13, which may be chance
+        ([-12.0, -12.0, -12.0, 15.0, 15.0, 3.0, 2.0], False),  # -1
+    ],
+)
+def test_a_shared_course_needs_no_second_proof_that_it_is_shared_but_must_predict(
+    gains: list[float], believed: bool
+) -> None:
+    none, found, _ = fitted(True)
+    rng, offered = np.random.default_rng(1), with_gains(found, none, gains)
+    assert judge(none, offered, (LOSS, TIME), training(True), rng).significant == believed
+    alike = dataclasses.replace(
+        none.estimate.fit, per_part=np.zeros_like(none.estimate.fit.per_part)
+    )  # parts of flights that differ in nothing
+    without_course = dataclasses.replace(none, estimate=dataclasses.replace(none.estimate, fit=alike))
+    assert not judge(without_course, offered, (LOSS, TIME), training(True), rng).significant

@@ -12,6 +12,7 @@ import numpy as np
 from calibration.gap.estimate.mixed import bootstrap_theta
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training
+from calibration.gap.estimate.shared_nuisances import shared_courses
 from onboard.arrays import FloatArray
 
 LEAST_GAIN = 15.0
@@ -87,14 +88,19 @@ def judge(
     fitted = [v for v in new if v in offered.variables]
     errors = {v: e for v, e in clustered_errors(offered, training, rng).items() if v in fitted}
     columns = offered.columns_of(fitted)
-    gains = offered.gains(present, offered.few_kinds(columns))
+    in_time = offered.few_kinds(columns)
+    gains, otherwise = (offered.gains(present, way) for way in (in_time, not in_time))
     model = offered.model
     with_neutral = [v for v in fitted if model.rule(v).neutral is not None]
     far = not with_neutral or any(abs(model.change(v)) >= DETECTABLE * errors[v] for v in with_neutral)
     lower = lower_bound(gains, training, offered.few_flights(columns), rng)
+    holds = float(gains.sum()) >= LEAST_GAIN and lower > 0.0
+    if shared_courses(present) and not shared_courses(offered):
+        # That all flights share it, their courses have shown; whitened noise tells little of what is slow.
+        holds = holds or min(gains.sum(), otherwise.sum()) > 0.0
     return Judgement(
         gain=float(gains.sum()),
-        significant=bool(fitted) and float(gains.sum()) >= LEAST_GAIN and lower > 0.0 and far,
+        significant=bool(fitted) and holds and far,
         sizeable=any(sizeable(model, v) for v in fitted),
         at_bound=tuple(v for v in fitted if stuck(model, v)),
         drifting=drifting(fitted, offered, errors),

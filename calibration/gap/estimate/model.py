@@ -158,7 +158,9 @@ class Model:
             step = -step
         stepped = self.with_values({variable: value + step})
         of_battery = variable.effect == _BATTERY
-        change = ((stepped.predict(records) if of_battery else stepped._motion(records)) - predicted) / step
+        there = stepped.predict(records) if of_battery else stepped._motion(records)
+        # In the order in which channels are whitened, one after the other.
+        change = np.asfortranarray((there - predicted) / step)
         if of_battery:
             change[:, :VOLTAGE] = 0.0
         else:

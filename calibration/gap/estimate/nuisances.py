@@ -71,7 +71,8 @@ SPREADS = (*(n.parts for n in NUISANCES), *(n.flights for n in NUISANCES if n.fl
 
 def nuisance_columns(signals: Signals, predicted: FloatArray) -> FloatArray:
     """Signals per unit of each nuisance, shape (nuisances, n, 7); each row belongs to its own part."""
-    columns = np.zeros((len(NUISANCES), signals.valid.shape[0], len(CHANNELS)))
+    # In the order in which channels are whitened, one after the other.
+    columns = np.zeros((len(NUISANCES), len(CHANNELS), signals.valid.shape[0])).swapaxes(1, 2)
     columns[0][:, FORCE] = predicted[:, FORCE]
     columns[1][:, 0] = columns[2][:, 1] = 1.0
     for axis in range(3):

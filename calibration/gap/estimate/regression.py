@@ -78,12 +78,13 @@ class Regression:
     def whitened(self, columns: Sequence[FloatArray], noise: Noise) -> FloatArray:
         """Columns, (n, 7) each, as weighted innovations in units of their sigma: shape (7, columns, n)."""
         table = np.zeros((len(CHANNELS), len(columns), self.signals.valid.shape[0]))
+        units = self._root / noise.sigma[:, None]
         for index, column in enumerate(columns):
             for channel, values in enumerate(column.T):
                 if values.any():
                     row, whole = table[channel, index], self._whole_by_channel[channel]
                     whiten_channel(np.ascontiguousarray(values), whole, noise.coefficients[channel], row)
-                    row *= self._root[channel] / noise.sigma[channel]
+                    row *= units[channel]
         return table
 
     def products(

@@ -1,11 +1,13 @@
-"""Nuisances that all flights share: such a mean is no flight's own, and something explains it."""
+"""Nuisances that all flights share: such a mean, or such a course within a flight, is no flight's own, and
+something explains it."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from calibration.gap.data.signals import PARTS
-from calibration.gap.estimate.nuisances import NUISANCES, Nuisance
+from calibration.gap.estimate.nuisances import NUISANCES, STEADY
 from calibration.gap.estimate.refine import Fitted
 from onboard.arrays import FloatArray
 from onboard.gravity import GRAVITY
@@ -17,32 +19,63 @@ _LEAST_SCALE, _LEAST_BIAS, _LEAST_IMBALANCE = 0.02, 0.15, 0.01
 """Means over flights that have a consequence: of the scale of thrust, of a force (m/s2: 1.5 % of gravity),
 and of a torque, as the share of one rotor's hover thrust that makes it."""
 
+_LEAST_COURSE = 0.01
+"""Scale of thrust in the first part of a flight less that in the others, on average: 5 cm after 1 s."""
+
 
 class SharedNuisance(NamedTuple):
     """A nuisance whose mean over flights is beyond chance, and has a consequence.
 
     Attributes:
-        nuisance: which.
-        mean, error: over flights, and its standard error, in the nuisance's unit.
+        name, unit: of the nuisance, or of its course.
+        mean, error: over flights, and its standard error.
     """
 
-    nuisance: Nuisance
+    name: str
+    unit: str
     mean: float
     error: float
 
 
 def shared_nuisances(fitted: Fitted, vehicle: Vehicle) -> tuple[SharedNuisance, ...]:
     """What all flights share and the model does not say; empty for a single flight."""
-    per_flight = fitted.estimate.fit.per_part.reshape(-1, PARTS, len(NUISANCES)).mean(axis=1)
-    count = per_flight.shape[0]
+    of_flights = _by_part(fitted).mean(axis=1)
+    names = [(nuisance.name, nuisance.unit) for nuisance in NUISANCES]
+    return (*_beyond_chance(names, of_flights, _least(vehicle)), *shared_courses(fitted))
+
+
+def shared_courses(fitted: Fitted) -> tuple[SharedNuisance, ...]:
+    """Nuisances whose parts do not merely scatter about their flight's own value: all flights begin alike.
+
+    The first part is held against the others: what warms, relaxes or settles does so most at first.
+    """
+    parts = _by_part(fitted)[:, :, STEADY]
+    names = [(f"{NUISANCES[index].name} at first", NUISANCES[index].unit) for index in STEADY]
+    begun = parts[:, 0] - parts[:, 1:].mean(axis=1)
+    return _beyond_chance(names, begun, np.full(len(STEADY), _LEAST_COURSE))
+
+
+def _by_part(fitted: Fitted) -> FloatArray:
+    """Nuisances, shape (flights, parts, nuisances)."""
+    return fitted.estimate.fit.per_part.reshape(-1, PARTS, len(NUISANCES))
+
+
+def _beyond_chance(
+    names: Sequence[tuple[str, str]], of_flights: FloatArray, least: FloatArray
+) -> tuple[SharedNuisance, ...]:
+    """Columns, shape (flights, n), whose mean is beyond four standard errors and its least size."""
+    count = of_flights.shape[0]
     if count < 2:
         return ()
-    means = per_flight.mean(axis=0).tolist()
-    errors = (per_flight.std(axis=0, ddof=1) / np.sqrt(count)).tolist()
+    means = of_flights.mean(axis=0)
+    errors = of_flights.std(axis=0, ddof=1) / np.sqrt(count)
+    beyond = np.abs(means) > np.maximum(_STANDARD_ERRORS * errors, least)
     return tuple(
-        SharedNuisance(nuisance, mean, error)
-        for nuisance, mean, error, least in zip(NUISANCES, means, errors, _least(vehicle), strict=True)
-        if abs(mean) > max(_STANDARD_ERRORS * error, least)
+        SharedNuisance(name, unit, mean, error)
+        for (name, unit), mean, error, large in zip(
+            names, means.tolist(), errors.tolist(), beyond, strict=True
+        )
+        if large
     )
 
 

@@ -115,5 +115,5 @@ def _places(after: GapMap, vehicle: Vehicle) -> Iterator[str]:
 
 def _means(final: Fitted, vehicle: Vehicle) -> Iterator[str]:
     for shared in shared_nuisances(final, vehicle):
-        name, unit = shared.nuisance.name.replace("_", " "), shared.nuisance.unit
-        yield f"{name}: {shared.mean:.3g} +- {shared.error:.2g} {unit} in all flights"
+        name = shared.name.replace("_", " ")
+        yield f"{name}: {shared.mean:.3g} +- {shared.error:.2g} {shared.unit} in all flights"

@@ -264,7 +264,7 @@ def _forward(
     significant = [(candidate, fitted) for _, candidate, fitted, judgement in fits if judgement.significant]
     for gain, candidate, fitted, judgement in fits:
         best = max((gain_where(candidate, one, present) for one in significant), default=0.0)
-        if gain < max(LEAST_GAIN, _NEARLY * best):
+        if gain < _NEARLY * best or not (gain >= LEAST_GAIN or judgement.significant):
             continue
         if judgement.believed:
             rivals = {c.effect: gain - g for g, c, _, _ in fits if c is not candidate}

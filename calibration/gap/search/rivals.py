@@ -161,8 +161,8 @@ def swallowed(final: Fitted, other: Fitted) -> tuple[str, ...]:
     Each part of a flight has nuisances of its own, which cost little likelihood: a thrust that is weak on all
     flights would pass for their scatter where sharper signals decide.
     """
-    explained = {shared.nuisance.name for shared in shared_nuisances(final, final.model.base)}
-    taken = (shared.nuisance.name for shared in shared_nuisances(other, other.model.base))
+    explained = {shared.name for shared in shared_nuisances(final, final.model.base)}
+    taken = (shared.name for shared in shared_nuisances(other, other.model.base))
     return tuple(name for name in taken if name not in explained)
 
 
