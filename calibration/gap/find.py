@@ -129,7 +129,7 @@ def _find(flights: Sequence[Flight], question: GapQuestion, progress: Progress) 
     found = search(model, training, rng, progress)
     progress("flights that no fit saw")
     found = retested(found, [corrected[i] for i in kept_back], training)
-    names = name_effects(found, training, rng)
+    names = name_effects(found, training)
     held_out = [corrected[i] for i in kept_back] or list(training.records)
     stages = _stages(names, held_out)
     if _worse(stages):

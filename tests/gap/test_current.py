@@ -29,7 +29,7 @@ def named(hidden: Hidden, folder: Path) -> Named:
         SelectionStep(RESISTANCE.effect, judge(scaled, both, [RESISTANCE], training, rng), both),
     )
     assert steps[1].judgement.believed  # the voltage, beyond doubt, is not that of the model
-    return name_effects(Search(first, steps, both, {}, {}, (), ()), training, rng)
+    return name_effects(Search(first, steps, both, {}, {}, (), ()), training)
 
 
 def test_what_weak_motors_draw_is_no_resistance(tmp_path: Path) -> None:

@@ -1,5 +1,7 @@
 """Shared effects and nuisances of each flight are told apart, with honest errors."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -7,9 +9,9 @@ from calibration.gap.estimate.mixed import (
     FIRST_SPREAD,
     Prior,
     Products,
-    bootstrap_theta,
     fit_mixed,
     held_out_likelihood,
+    jackknife_errors,
 )
 from calibration.gap.estimate.nuisances import NUISANCES
 
@@ -101,15 +103,26 @@ def test_effect_and_spread_of_the_nuisance_are_found() -> None:
     assert np.mean([fit.spread[0] for fit in fits]) == pytest.approx(SPREAD, rel=0.15)
 
 
-def test_bootstrap_over_flights_agrees_with_the_scatter_of_repeats() -> None:
+def test_leaving_out_flights_agrees_with_the_scatter_of_repeats() -> None:
     rng = np.random.default_rng(4)
-    thetas, widths = [], []
+    thetas, errors = [], []
     for _ in range(40):
         fit = fit_mixed(products(rng), FLAT)
-        drawn = bootstrap_theta(fit, FLAT, np.arange(PARTS) // 2, rng, 200)
         thetas.append(fit.theta[0])
-        widths.append(drawn[:, 0].std())
-    assert np.mean(widths) == pytest.approx(np.std(thetas), rel=0.35)
+        errors.append(jackknife_errors(fit, FLAT, np.arange(PARTS) // 2)[0])
+    assert np.mean(errors) == pytest.approx(np.std(thetas), rel=0.35)
+
+
+def test_leaving_out_clusters_of_a_mean_gives_its_standard_error() -> None:
+    values = np.array([1.0, 4.0, 2.0, 7.0])
+    fit = dataclasses.replace(
+        fit_mixed(products(np.random.default_rng(1)), FLAT),
+        theta=np.array([values.mean()]),
+        information=np.ones((4, 1, 1)),
+        score=values[:, None],
+    )
+    told = jackknife_errors(fit, Prior.independent(np.zeros(1), np.full(1, 1e-12)), np.arange(4))
+    assert told[0] == pytest.approx(values.std(ddof=1) / 2.0)
 
 
 def test_held_out_likelihood_rises_with_a_true_effect_and_not_with_a_placebo() -> None:

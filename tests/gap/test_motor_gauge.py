@@ -35,7 +35,7 @@ def test_each_motor_is_known_beside_a_scale_of_thrust(tmp_path: Path) -> None:
     model = Model(nominal(frame(), "gauge"))
     training = training_set(flights(Hidden(motors=UNEQUAL), tmp_path), model)
     fitted = refine(model, (MADE_SCALE, *MOTORS), training)
-    errors = clustered_errors(fitted, training, np.random.default_rng(1))
+    errors = clustered_errors(fitted, training)
     found = np.array([fitted.model.values[motor] for motor in MOTORS])
     assert found.mean() == pytest.approx(1.0, abs=2e-3)
     np.testing.assert_allclose(found, UNEQUAL, atol=5e-3)
@@ -59,7 +59,7 @@ def test_what_loses_its_name_is_missing_again(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     training = training_set(flights(Hidden(motors=UNEQUAL), tmp_path), Model(vehicle))
     found = search(Model(vehicle), training, rng)
-    names = name_effects(found, training, rng)
+    names = name_effects(found, training)
     assert "motor_imbalance" in names.effects
     assert as_believed(found, names, training) is found.final
     believed = as_believed(found, names.without_any("withdrawn"), training)

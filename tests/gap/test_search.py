@@ -30,7 +30,7 @@ def searched(case: str, size: str, seed: int, folder: Path) -> tuple[Search, Nam
     model, rng = Model(load_vehicle("crazyflie21-stock")), np.random.default_rng(seed)
     training = training_set(records, model)
     found = search(model, training, rng)
-    return found, name_effects(found, training, rng), json.loads(answer.read_text())
+    return found, name_effects(found, training), json.loads(answer.read_text())
 
 
 def find(case: str, size: str, seed: int, folder: Path) -> tuple[Named, dict[str, dict[str, float]]]:

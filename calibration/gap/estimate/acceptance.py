@@ -8,8 +8,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import t as student
 
-from calibration.gap.estimate.mixed import bootstrap_theta
+from calibration.gap.estimate.mixed import jackknife_errors
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training
 from calibration.gap.estimate.shared_nuisances import shared_courses
@@ -20,6 +21,9 @@ LEAST_GAIN = 15.0
 
 DETECTABLE = 4.0
 """Distance from the neutral value, in clustered standard errors, of at least one parameter."""
+
+NINETY_FIVE = 1.96
+"""Standard errors to either side of a 95 % interval."""
 
 _AT_BOUND = 0.01
 """Share of the bounds' range within which a value counts as stuck there; where bounds are wide (a string may
@@ -61,24 +65,31 @@ class Judgement:
         return self.significant and not self.at_bound and not self.drifting
 
 
-def clustered_errors(fitted: Fitted, training: Training, rng: np.random.Generator) -> dict[Variable, float]:
-    """Standard error of each variable: of the model, or of the bootstrap over flights if that is larger.
+def clustered_errors(fitted: Fitted, training: Training) -> dict[Variable, float]:
+    """Standard error of each variable: of the model, or what flights left out in turn say if that is larger.
 
-    Where few flights tell of a variable, their parts are drawn instead of the flights.
+    Where few flights tell of a variable, their parts are left out instead of the flights. As many standard
+    errors as make 95 % of a normal distribution make 95 % here: those of few flights are themselves known
+    badly, and grow by Student's distribution with one degree of freedom less than there are flights.
     """
-    fit, prior = fitted.estimate.fit, fitted.prior
-    if not fitted.variables:
-        return {}
-    parts = np.arange(training.flight_of_part.size)
-    by_flight = bootstrap_theta(fit, prior, training.flight_of_part, rng, _REPEATS)
-    by_part = bootstrap_theta(fit, prior, parts, rng, _REPEATS)
+    fit = fitted.estimate.fit
     by_model = np.sqrt(np.diag(fit.covariance))
-    errors = {}
-    for index, variable in enumerate(fitted.variables):
-        drawn = by_part if fitted.few_flights([index]) else by_flight
-        low, high = np.quantile(drawn[:, index], [0.16, 0.84])
-        errors[variable] = float(max(by_model[index], 0.5 * (high - low)))
-    return errors
+    by_flight, by_part = (
+        _by_clusters(fitted, clusters)
+        for clusters in (training.flight_of_part, np.arange(training.flight_of_part.size))
+    )
+    return {
+        variable: float(
+            max(by_model[index], by_part[index] if fitted.few_flights([index]) else by_flight[index])
+        )
+        for index, variable in enumerate(fitted.variables)
+    }
+
+
+def _by_clusters(fitted: Fitted, clusters: np.ndarray) -> FloatArray:
+    free = int(clusters.max())
+    widened = student.ppf(0.975, max(free, 1)) / NINETY_FIVE
+    return jackknife_errors(fitted.estimate.fit, fitted.prior, clusters) * widened
 
 
 def judge(
@@ -86,7 +97,7 @@ def judge(
 ) -> Judgement:
     """Whether `offered`, which adds the variables `new` to `present`, is to be believed."""
     fitted = [v for v in new if v in offered.variables]
-    errors = {v: e for v, e in clustered_errors(offered, training, rng).items() if v in fitted}
+    errors = {v: e for v, e in clustered_errors(offered, training).items() if v in fitted}
     columns = offered.columns_of(fitted)
     in_time = offered.few_kinds(columns)
     gains, otherwise = (offered.gains(present, way) for way in (in_time, not in_time))

@@ -34,6 +34,9 @@ WORKERS = 2
 
 _SHARE_OF_RANGE = 1e-4
 
+_NO_DRAG = 1e-6
+"""1/rad, of a rotor in the law of its speed: next to none."""
+
 
 class Variable(NamedTuple):
     """One parameter of one effect."""
@@ -129,9 +132,19 @@ class Model:
         drawing = predictions if plain.effects == self.effects else plain._along(records, plain.parameters())
         return stack_predictions(records, predictions, [terminal_voltage(p, one) for one in drawing])
 
-    def _motion(self, records: Sequence[FlightRecord]) -> FloatArray:
+    def predict_by_speed(self, records: Sequence[FlightRecord]) -> FloatArray:
+        """:meth:`predict`, nothing in the voltage, with rotors whose speed follows in first order, not their
+        thrust; the same as ever where the vehicle file says the law, or nothing of speeds."""
+        p = self.parameters()
+        if p["speed_law_b"][0] == 0.0 and p["speed2_per_thrust"] > 0.0:
+            p["speed_law_a"] = [1.0 / p["time_constant_up"], 1.0 / p["time_constant_down"]]
+            p["speed_law_b"] = _NO_DRAG
+            p["motors_on"] = True
+        return self._motion(records, p)
+
+    def _motion(self, records: Sequence[FlightRecord], p: Any | None = None) -> FloatArray:
         """:meth:`predict` with nothing to go by in the voltage, which takes half of its time or more."""
-        predictions = self._along(records, self.parameters())
+        predictions = self._along(records, self.parameters() if p is None else p)
         return stack_predictions(records, predictions, [np.zeros_like(one.current) for one in predictions])
 
     def _along(self, records: Sequence[FlightRecord], p: Any) -> list[Prediction]:

@@ -52,11 +52,11 @@ class Nuisance(NamedTuple):
 
 NUISANCES = (
     Nuisance("thrust_scale", "1", Spread(0.005, 1e-3, 0.05), Spread(0.01, 5e-3, 0.05)),
-    Nuisance("force_bias_x", "m/s2", Spread(0.05, 5e-3, 0.5)),
-    Nuisance("force_bias_y", "m/s2", Spread(0.05, 5e-3, 0.5)),
-    Nuisance("torque_trim_x", "rad/s2", Spread(1.0, 0.1, 20.0)),
-    Nuisance("torque_trim_y", "rad/s2", Spread(1.0, 0.1, 20.0)),
-    Nuisance("torque_trim_z", "rad/s2", Spread(0.5, 0.05, 10.0)),
+    Nuisance("force_bias_x", "m/s2", Spread(0.05, 5e-3, 0.5), Spread(0.02, 5e-3, 0.5)),
+    Nuisance("force_bias_y", "m/s2", Spread(0.05, 5e-3, 0.5), Spread(0.02, 5e-3, 0.5)),
+    Nuisance("torque_trim_x", "rad/s2", Spread(1.0, 0.1, 20.0), Spread(0.5, 0.1, 20.0)),
+    Nuisance("torque_trim_y", "rad/s2", Spread(1.0, 0.1, 20.0), Spread(0.5, 0.1, 20.0)),
+    Nuisance("torque_trim_z", "rad/s2", Spread(0.5, 0.05, 10.0), Spread(0.2, 0.05, 10.0)),
     Nuisance("open_circuit", "V", Spread(0.1, 1e-2, 1.0)),
     Nuisance("discharge", "V/s", Spread(1e-3, 1e-4, 2e-2)),
 )

@@ -48,11 +48,11 @@ _ENOUGH = 0.1
 _UNNAMED_RANGE = 100.0
 """Range of the coefficient of an unnamed term, in the unit of its channel."""
 
-_SCALE = Variable("thrust_scale", "scale")
+_SCALES = (Variable("thrust_scale", "scale"), Variable("mass_error", "relative"))
 _MOTORS = tuple(Variable("motor_imbalance", motor) for motor in ("m1", "m2", "m3", "m4"))
 _GAUGE = 1e-3
-"""Four motors that are all stronger are a scale of thrust. Where both are fitted the mean of the four is 1,
-give or take this; else nothing tells how much of it is whose, and none of the five is known."""
+"""Four motors that are all stronger are a scale of thrust, or a mass. Where both are fitted the mean of the
+four is 1, give or take this; else nothing tells how much of it is whose, and none of the five is known."""
 
 _LONGEST = 0.34
 """Share of a variable's bounds that one step may go."""
@@ -179,7 +179,7 @@ def prior_step(model: Model, variables: Sequence[Variable]) -> Prior:
         precision[index] = (rule.high - rule.low) ** -2.0 if rule.spread is None else rule.spread**-2.0
         mean[index] = 0.0 if rule.spread is None else rule.typical - model.start_value(v)
     believed = Prior.independent(mean, precision)
-    if _SCALE in variables and all(motor in variables for motor in _MOTORS):
+    if any(scale in variables for scale in _SCALES) and all(motor in variables for motor in _MOTORS):
         weights = np.array([1.0 / len(_MOTORS) if v in _MOTORS else 0.0 for v in variables])
         start = np.array([model.start_value(v) for v in variables])
         believed = believed.tied(weights, 1.0 - float(weights @ start), _GAUGE)

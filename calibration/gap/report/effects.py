@@ -6,10 +6,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from calibration.gap.data.found import FoundEffect, FoundParameter
+from calibration.gap.estimate.acceptance import NINETY_FIVE
 from calibration.gap.estimate.held_out import HeldOutFlights, improvement
 from calibration.gap.landings import LandingEffect, LandingFindings
 from calibration.gap.report.document import Landings, UnusableFile
-from calibration.gap.search.naming import NINETY_FIVE, Named
+from calibration.gap.search.naming import Named
 from onboard.vehicle import EFFECTS, Vehicle
 
 

@@ -4,7 +4,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from calibration.gap.data.found import FoundEffect
-from calibration.gap.search.naming import NINETY_FIVE, Named
+from calibration.gap.estimate.acceptance import NINETY_FIVE
+from calibration.gap.search.naming import Named
 from onboard.attitude_margins import DELAY_LIMIT, PHASE_LIMIT_DEG, vehicle_margins
 from onboard.quantity import Quantity
 from onboard.vehicle import Effect, Vehicle, vehicle_to_toml

@@ -1,17 +1,15 @@
 """From a finished search to names, values and intervals."""
 
 import dataclasses
-import math
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from calibration.gap.data.excitation import excited
-from calibration.gap.estimate.acceptance import clustered_errors, drift, drifting, sizeable, stuck
+from calibration.gap.estimate.acceptance import NINETY_FIVE, clustered_errors, drifting, sizeable, stuck
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training, refine
+from calibration.gap.search.doubts import with_doubts
 from calibration.gap.search.forward import AT_BOUND, DRIFTS, LOG_TIMING, Search
 from calibration.gap.search.rivals import needed
 from onboard.vehicle import EFFECTS, Vehicle, VehicleFileError, vehicle_to_toml
@@ -29,18 +27,6 @@ NAMELESS = "with what has no name"
 
 _LAGS = ("motor_lag", "motor_lag_asymmetry")
 
-_RESISTANCE = Variable("battery_sag", "resistance")
-_SCALE, _MASS = Variable("thrust_scale", "scale"), Variable("mass_error", "relative")
-_MOTORS = tuple(Variable("motor_imbalance", motor) for motor in ("m1", "m2", "m3", "m4"))
-
-NINETY_FIVE = 1.96
-"""Standard errors to either side of a 95 % interval."""
-
-SYSTEMATIC = 0.02
-"""Share of an effect that its value may be off by for other reasons than noise: regressors are measured, with
-noise and filters of their own, and commands are known at the samples only. On flights with known effects of
-medium size the values were off by up to this much more than their scatter over flights says."""
-
 
 @dataclass(frozen=True)
 class Named:
@@ -51,8 +37,8 @@ class Named:
         minor: effects that are real, but too small for a name: they are in the improved vehicle.
         model: the base vehicle with the named effects alone.
         improved: with the minor ones too.
-        errors: standard error of each variable: clustered, :data:`SYSTEMATIC`, what quiet and hard flying
-            disagree by, and of a resistance that of the current.
+        errors: standard error of each variable: clustered, and with what no flight tells of it
+            (:mod:`calibration.gap.search.doubts`).
         ambiguous: by effect, those that the flights do not rule out in its place.
         unconfirmed: effects that would have been named, had there been flights to confirm them on.
         rejected: effects that are in the final fit and got no name, with the reason.
@@ -92,7 +78,7 @@ class Named:
         return stages
 
 
-def name_effects(found: Search, training: Training, rng: np.random.Generator) -> Named:
+def name_effects(found: Search, training: Training) -> Named:
     """The named effects of a search, in the order found.
 
     The log's timing, which is always fitted, is named where it is beyond half a sample: nobody knows better
@@ -100,14 +86,10 @@ def name_effects(found: Search, training: Training, rng: np.random.Generator) ->
     """
     final = found.final
     order = [step.effect for step in found.steps]
-    by_current = {_RESISTANCE: _by_current(final.model)}
     if LOG_TIMING in final.model.values and needed(final, LOG_TIMING.effect, training):
         order.append(LOG_TIMING.effect)
-    chance = clustered_errors(final, training, rng)
-    errors = {
-        v: math.hypot(error, SYSTEMATIC * abs(final.model.change(v)), by_current.get(v, 0.0), drift(v, final))
-        for v, error in chance.items()
-    }
+    chance = clustered_errors(final, training)
+    errors = with_doubts(chance, final, training)
     doubts = {name: _doubt(name, final, training, chance, errors) for name in order}
     confirmed = len(training.records) >= FEWEST
     worthy = [name for name in order if doubts[name] is None]
@@ -210,19 +192,6 @@ def not_loaded(vehicle: Vehicle) -> str | None:
     except VehicleFileError as error:
         return str(error)
     return None
-
-
-def _by_current(model: Model) -> float:
-    """Standard error (ohm) of a battery's resistance by what nobody knows of the current through it.
-
-    Rotors that lift less than the vehicle file says draw less (worn propellers), or as much as before (warm
-    magnets): the current is anywhere between that of the thrust, which the model has, and of the command. A
-    mass is never told from a scale.
-    """
-    lifted = model.start_value(_SCALE) * (1.0 + model.start_value(_MASS))
-    lifted *= sum(model.start_value(v) for v in _MOTORS) / len(_MOTORS)
-    whole = model.base.battery.resistance.value + model.start_value(_RESISTANCE)
-    return whole * abs(lifted - 1.0) / math.sqrt(3.0)
 
 
 def _small(values: Mapping[Variable, float]) -> str:

@@ -1,0 +1,113 @@
+"""What the values of a fit may be off by for other reasons than chance: what flights do not tell.
+
+Where the alternative can be computed, the flights are fitted with it, and what a value moves by is a bound of
+its error to either side: a third of its square is a variance (rectangular distribution; Guide to the
+expression of uncertainty in measurement, JCGM 100:2008, 4.3.7).
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+
+from calibration.gap.data.signals import VOLTAGE
+from calibration.gap.estimate.acceptance import NINETY_FIVE, drift
+from calibration.gap.estimate.model import Model, Variable
+from calibration.gap.estimate.refine import Fitted, Training
+from calibration.gap.search.forward import LOG_TIMING
+from onboard.arrays import FloatArray
+from onboard.vehicle import EFFECTS
+
+SYSTEMATIC = 0.02
+"""Share of an effect that its value may be off by for other reasons than noise: regressors are measured, with
+noise and filters of their own, and commands are known at the samples only. On flights with known effects of
+medium size the values were off by up to this much more than their scatter over flights says. Along one axis
+of several it is a share of the largest: axes are told apart no better than they are at right angles."""
+
+_RESISTANCE = Variable("battery_sag", "resistance")
+_SCALE, _MASS = Variable("thrust_scale", "scale"), Variable("mass_error", "relative")
+_MOTORS = tuple(Variable("motor_imbalance", motor) for motor in ("m1", "m2", "m3", "m4"))
+
+
+def with_doubts(chance: Mapping[Variable, float], final: Fitted, training: Training) -> dict[Variable, float]:
+    """Standard error of each variable with everything that is doubtful about it.
+
+    Args:
+        chance: clustered standard error of each variable.
+        final: the fit.
+        training: its flights.
+    """
+    half = 0.5 * training.regression.signals.dt
+    alternatives = [
+        _moved(final, training, [LOG_TIMING], _other_timing(final, training, half)),
+        _moved(final, training, [], _other_law(final, training)),
+        {LOG_TIMING: half, _RESISTANCE: _other_current(final.model)},
+    ]
+    return {
+        v: math.hypot(
+            error,
+            SYSTEMATIC * _size(v, chance, final.model),
+            drift(v, final),
+            *(bounds.get(v, 0.0) / math.sqrt(3.0) for bounds in alternatives),
+        )
+        for v, error in chance.items()
+    }
+
+
+def _size(variable: Variable, chance: Mapping[Variable, float], model: Model) -> float:
+    """Distance of an effect from neutral: of this variable, or what is sure of another in its unit."""
+    rules = EFFECTS[variable.effect].parameters
+    alike = (
+        abs(model.change(other)) - NINETY_FIVE * error
+        for other, error in chance.items()
+        if other.effect == variable.effect and rules[other.parameter].unit == rules[variable.parameter].unit
+    )
+    return max(abs(model.change(variable)), *alike)
+
+
+def _moved(
+    final: Fitted, training: Training, known: Sequence[Variable], predicted: FloatArray
+) -> dict[Variable, float]:
+    """What variables move by where signals are predicted otherwise, and those `known` keep their values."""
+    free = [i for i in range(len(final.columns)) if i not in final.columns_of(known)]
+    columns, prior, at = [final.columns[i] for i in free], final.prior.of(free), final.estimate
+    theta, other = (
+        training.regression.estimate(one, columns, prior, at.fit.spread, at.noise).fit.theta
+        for one in (final.predicted, predicted)
+    )
+    variables = [v for v in final.variables if v not in known]
+    return {v: abs(float(step)) for v, step in zip(variables, other - theta, strict=False)}
+
+
+def _other_timing(final: Fitted, training: Training, half: float) -> FloatArray:
+    """Predicted signals, shape (n, 7), had each line been written half an interval of the log (s) later.
+
+    A delay that is fitted does not settle it: between two lines the controller answered, and that answer is
+    told apart from a delay, and a delay from a lag, no better than the lines are from each other.
+    """
+    later = final.model.start_value(LOG_TIMING) + half
+    moved = final.model.with_values({LOG_TIMING: later}).predict(training.records)
+    moved[:, VOLTAGE] = final.predicted[:, VOLTAGE]
+    return moved
+
+
+def _other_law(final: Fitted, training: Training) -> FloatArray:
+    """Predicted signals, shape (n, 7), where the speed of a rotor follows in first order, not its thrust.
+
+    Nothing but a tachometer tells the two apart, and a lag that is equal up and down in the one is not in the
+    other.
+    """
+    moved = final.model.predict_by_speed(training.records)
+    moved[:, VOLTAGE] = final.predicted[:, VOLTAGE]
+    return moved
+
+
+def _other_current(model: Model) -> float:
+    """Doubt (ohm) of a battery's resistance by what nobody knows of the current through it.
+
+    Rotors that lift less than the vehicle file says draw less (worn propellers), or as much as before (warm
+    magnets): the current is anywhere between that of the thrust, which the model has, and of the command. A
+    mass is never told from a scale.
+    """
+    lifted = model.start_value(_SCALE) * (1.0 + model.start_value(_MASS))
+    lifted *= sum(model.start_value(v) for v in _MOTORS) / len(_MOTORS)
+    whole = model.base.battery.resistance.value + model.start_value(_RESISTANCE)
+    return whole * abs(lifted - 1.0)
