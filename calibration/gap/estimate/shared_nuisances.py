@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.gap.data.signals import PARTS
-from calibration.gap.estimate.nuisances import NUISANCES, STEADY
+from calibration.gap.estimate.nuisances import NUISANCES
 from calibration.gap.estimate.refine import Fitted
 from onboard.arrays import FloatArray
 from onboard.gravity import GRAVITY
@@ -19,6 +19,7 @@ _LEAST_SCALE, _LEAST_BIAS, _LEAST_IMBALANCE = 0.02, 0.15, 0.01
 """Means over flights that have a consequence: of the scale of thrust, of a force (m/s2: 1.5 % of gravity),
 and of a torque, as the share of one rotor's hover thrust that makes it."""
 
+_SCALE = [nuisance.name for nuisance in NUISANCES].index("thrust_scale")
 _LEAST_COURSE = 0.01
 """Scale of thrust in the first part of a flight less that in the others, on average: 5 cm after 1 s."""
 
@@ -45,14 +46,15 @@ def shared_nuisances(fitted: Fitted, vehicle: Vehicle) -> tuple[SharedNuisance, 
 
 
 def shared_courses(fitted: Fitted) -> tuple[SharedNuisance, ...]:
-    """Nuisances whose parts do not merely scatter about their flight's own value: all flights begin alike.
+    """The scale of thrust, where its parts do not merely scatter about their flight's own: all begin alike.
 
     The first part is held against the others: what warms, relaxes or settles does so most at first.
     """
-    parts = _by_part(fitted)[:, :, STEADY]
-    names = [(f"{NUISANCES[index].name} at first", NUISANCES[index].unit) for index in STEADY]
+    parts = _by_part(fitted)[:, :, [_SCALE]]
     begun = parts[:, 0] - parts[:, 1:].mean(axis=1)
-    return _beyond_chance(names, begun, np.full(len(STEADY), _LEAST_COURSE))
+    return _beyond_chance(
+        [("thrust_scale at first", NUISANCES[_SCALE].unit)], begun, np.array([_LEAST_COURSE])
+    )
 
 
 def _by_part(fitted: Fitted) -> FloatArray:
