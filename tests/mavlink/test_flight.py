@@ -19,6 +19,8 @@ from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
 from perchhw.record import RunRecorder, read_run
 from tests.mavlink.ground import Listener
 
+UNKNOWN_MV = 0xFFFF
+
 
 class Watching:
     """Takes all that is told, in a thread, and asks the vehicle to arm all the time."""
@@ -91,9 +93,11 @@ def test_a_ground_station_follows_a_flight_that_loses_its_poses(tmp_path: Path) 
     assert shown <= estimates
     states = {message.system_status for message in watching.of("HEARTBEAT")}
     assert states <= {3, 4, 5}
-    assert watching.of("BATTERY_STATUS")[-1].voltages[0] == pytest.approx(
-        1000.0 * record.series["power"].messages[-1]["vbat"], abs=100.0
-    )
+    voltages = [1000.0 * m["vbat"] for m in record.series["power"].messages if "vbat" in m]
+    told_voltages = {m.voltages[0] for m in watching.of("BATTERY_STATUS")} - {UNKNOWN_MV}
+    assert told_voltages
+    for voltage in told_voltages:  # which of them were lost on the way is the network's luck
+        assert any(voltage == pytest.approx(known, abs=1.0) for known in voltages)
 
 
 class Broken:

@@ -73,6 +73,7 @@ def test_a_day_at_120_columns(opened: Open, tmp_path: Path) -> None:
     terminal.press("\r")
     rows = terminal.until("attempt 2 of 2")
     terminal.wait(lambda: terminal.shown()[-3] == "", what="an empty place for questions")
+    terminal.until("waits for the checks")  # before its flight has begun there is nothing to land
 
     terminal.press("l")
     terminal.wait(lambda: find(tmp_path, "count"))
