@@ -19,9 +19,10 @@ import asyncio
 import gc
 import json
 import os
+import selectors
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from onboard.errors import PerchhwError
 from onboard.vehicle import load_vehicle
@@ -134,9 +135,13 @@ class Stage:
 
 async def serve(parked: bool) -> None:
     """Answer commands until standard input ends."""
-    loop = asyncio.get_running_loop()
     reader = asyncio.StreamReader()
-    await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)
+    if _has_all_at_once(sys.stdin):
+        reader.feed_data(sys.stdin.buffer.read())
+        reader.feed_eof()
+    else:
+        loop = asyncio.get_running_loop()
+        await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)
     stage = Stage(parked)
     _answer({"ready": True, "pid": os.getpid()})
     try:
@@ -147,6 +152,16 @@ async def serve(parked: bool) -> None:
                 _answer({"error": str(error)})
     finally:
         await stage.close()
+
+
+def _has_all_at_once(stream: TextIO) -> bool:
+    """Whether it is a file or /dev/null, for which no event loop can wait: it never has to."""
+    with selectors.DefaultSelector() as selector:
+        try:
+            selector.register(stream, selectors.EVENT_READ)
+        except PermissionError:
+            return True
+    return False
 
 
 def _answer(document: dict[str, Any]) -> None:

@@ -127,13 +127,18 @@ def needed(value: str | None, flag: str, what: str) -> str:
     return value
 
 
-def new_or_given(out: Path | None, kind: str) -> Path:
-    """The folder of the run: as given, or a new one under ``runs``."""
-    from onboard.record.folder import make_folder, new_run_folder
+@contextmanager
+def run_folder(out: Path | None, kind: str) -> Iterator[Path]:
+    """The folder of the run: as given, or a new one under ``runs``, which goes where nothing was kept."""
+    from onboard.record.folder import discard_if_empty, make_folder, new_run_folder
 
     folder = new_run_folder(Path("runs"), f"calibrate-{kind}") if out is None else out
     make_folder(folder)
     progress_console().print(
         f"run: {folder} (Ctrl-C pauses; --out {folder} goes on)", markup=False, soft_wrap=True
     )
-    return folder
+    try:
+        yield folder
+    finally:
+        if out is None:
+            discard_if_empty(folder)

@@ -12,8 +12,8 @@ from perchhw.cli.bench_options import (
     Out,
     Person,
     needed,
-    new_or_given,
     operator_of,
+    run_folder,
     tell,
 )
 from perchhw.cli.option_groups import with_option_groups
@@ -78,6 +78,5 @@ def bifilar_command(
 
     plan = InertiaPlan(load_vehicle(vehicle), axes, trials, cycles, tools or "jig", jig)
     uri = needed(drone, "--drone", "the URI of the drone that hangs")
-    folder = new_or_given(out, KIND)
-    with operator_of(helper) as person:
+    with run_folder(out, KIND) as folder, operator_of(helper) as person:
         tell(measure_inertia(plan, uri, folder, person, {"operator": operator}), folder)

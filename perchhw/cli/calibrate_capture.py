@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from perchhw.attempt import DEFAULT_VEHICLE
-from perchhw.cli.bench_options import Out, Person, new_or_given, tell
+from perchhw.cli.bench_options import Out, Person, run_folder, tell
 from perchhw.cli.options import Vehicle
 
 
@@ -37,7 +37,7 @@ def capture_command(
     compared = load_vehicle(vehicle)
     fit = fit_drops(read_drops(drops))
     advice = next_drops(fit)
-    folder = new_or_given(out, "capture")
     provenance = {"operator": operator, "table": str(drops)}
-    concluded = conclude_capture(fit, drops, compared, folder, TerminalOperator(), provenance)
-    tell(concluded, folder, {"next": str(advice)})
+    with run_folder(out, "capture") as folder:
+        concluded = conclude_capture(fit, drops, compared, folder, TerminalOperator(), provenance)
+        tell(concluded, folder, {"next": str(advice)})

@@ -15,8 +15,8 @@ from perchhw.cli.bench_options import (
     Scale,
     Supply,
     needed,
-    new_or_given,
     operator_of,
+    run_folder,
 )
 from perchhw.cli.option_groups import with_option_groups
 from perchhw.cli.options import Vehicle
@@ -47,8 +47,7 @@ def discharge_command(
     plan = DischargePlan(load_vehicle(vehicle))
     uri = needed(drone, "--drone", "the URI of the drone on the stand")
     weigher = needed(scale, "--scale", "the scale that the drone pushes: loadcell://, mtsics:// or manual://")
-    folder = new_or_given(out, KIND)
-    with operator_of(helper) as person:
+    with run_folder(out, KIND) as folder, operator_of(helper) as person:
         stand = Stand(uri, weigher, supply, FULL_V, no_remote_cut)
         measure_discharge(plan, stand, folder, person)
     return verify_command(folder)

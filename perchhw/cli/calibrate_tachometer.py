@@ -14,8 +14,8 @@ from perchhw.cli.bench_options import (
     Person,
     Supply,
     needed,
-    new_or_given,
     operator_of,
+    run_folder,
     tell,
 )
 from perchhw.cli.option_groups import with_option_groups
@@ -74,7 +74,6 @@ def tachometer_command(
     plan = MotorPlan(model, fitted, motors, repeats, seed)
     uri = needed(drone, "--drone", "the URI of the clamped drone")
     port = needed(tachometer, "--tachometer", "the port of the tachometer")
-    folder = new_or_given(out, KIND)
-    with operator_of(helper) as person:
+    with run_folder(out, KIND) as folder, operator_of(helper) as person:
         stand = Stand(uri, port, supply, voltage, no_remote_cut)
         tell(measure_motors(plan, stand, folder, person, {"operator": operator}), folder)

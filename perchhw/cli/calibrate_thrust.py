@@ -15,8 +15,8 @@ from perchhw.cli.bench_options import (
     Scale,
     Supply,
     needed,
-    new_or_given,
     operator_of,
+    run_folder,
     tell,
 )
 from perchhw.cli.option_groups import with_option_groups
@@ -79,7 +79,6 @@ def thrust_command(
     uri = needed(drone, "--drone", "the URI of the drone on the stand")
     weigher = needed(scale, "--scale", "the scale that the drone pushes: loadcell://, mtsics:// or manual://")
     feed = needed(supply, "--supply", "the supply that feeds the drone: scpi://, korad:// or manual://")
-    folder = new_or_given(out, KIND)
-    with operator_of(helper) as person:
+    with run_folder(out, KIND) as folder, operator_of(helper) as person:
         stand = Stand(uri, weigher, feed, volts[0], no_remote_cut)
         tell(measure_thrust(plan, stand, folder, person, {"operator": operator}), folder)

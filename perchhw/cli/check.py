@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from perchhw.cli import exit_codes
+from perchhw.cli.flight_page import draw_page
 from perchhw.cli.lab_options import LabDrone, LabLegs, LabMocap, LabVehicle
 from perchhw.cli.options import Lab
 from perchhw.cli.output import emit
@@ -57,7 +58,6 @@ def hover(
     from perchhw.hover_check.check import examine_check, fly_check
     from perchhw.hover_check.ended import examine_ended
     from perchhw.lab import find_lab, flight_setup
-    from perchhw.report.run_report import report_flight
     from perchhw.screen.flight_display import flight_display
 
     setup = flight_setup(find_lab(lab), drone=drone, mocap=mocap, vehicle=vehicle, legs=legs)
@@ -72,7 +72,7 @@ def hover(
         check = examine_check(flown.record, setup, out, begins_anew=begin_anew)
         emit(check, in_words(check))
     finally:
-        report_flight(flown.record)  # last, for its drawing may be interrupted
+        draw_page(flown.record)  # last, for its drawing may be interrupted
     return exit_codes.DONE if check.same else exit_codes.FAILED
 
 

@@ -11,6 +11,7 @@ from perchhw.attempt import (
     AttemptResult,
 )
 from perchhw.cli import exit_codes
+from perchhw.cli.flight_page import draw_page
 from perchhw.cli.lab_options import LabDrone, LabLegs, LabMocap, LabPolicy, LabVehicle
 from perchhw.cli.options import AcceptMismatch, Lab, Mavlink, Note, Operator
 from perchhw.cli.output import emit
@@ -67,7 +68,6 @@ def fly(
     from perchhw.flight.turnaround import Turnaround
     from perchhw.lab import find_lab, flight_setup
     from perchhw.record import discard_if_empty
-    from perchhw.report.run_report import report_flight
     from perchhw.screen.flight_display import flight_display
 
     setup = flight_setup(
@@ -106,7 +106,7 @@ def fly(
     finally:
         if result is not None:  # before the page, whose drawing somebody may interrupt
             _emit(result, dry_run)
-        report_flight(request.folder)
+        draw_page(request.folder)
         discard_if_empty(request.folder)
     if result.aborted_by is not None:
         return exit_codes.SAFETY

@@ -37,8 +37,11 @@ def list_runs(root: Annotated[Path, typer.Argument(help="Folder that holds runs.
 def _draw_runs(runs: "list[RunSummary]") -> None:
     from rich.table import Column, Table
 
-    name, outcome = Column("run", no_wrap=True), Column("outcome", overflow="fold")  # RUN is typed elsewhere
-    table = Table(name, "m/s", "deg", outcome, "triggered", "record", box=None, pad_edge=False)
+    name = Column("run", no_wrap=True)  # RUN is typed elsewhere
+    outcome = Column("outcome", overflow="fold", min_width=len("dry_run_passed"))
+    table = Table(
+        name, "m/s", "deg", outcome, "fired", "record", box=None, pad_edge=False, collapse_padding=True
+    )
     for run in runs:
         table.add_row(
             run.folder.name,
@@ -46,9 +49,11 @@ def _draw_runs(runs: "list[RunSummary]") -> None:
             "" if run.angle_deg is None else f"{run.angle_deg:g}",
             run.outcome or "",
             {True: "yes", False: "no", None: ""}[run.triggered],
-            "cut off: copy it again" if run.cut_off else "closed" if run.closed else "torn",
+            "cut off" if run.cut_off else "closed" if run.closed else "torn",
         )
     console().print(table)
+    if any(run.cut_off for run in runs):
+        console().print("cut off: a damaged copy, copy it again")
 
 
 @app.command()

@@ -19,6 +19,11 @@ from perchhw.consoles import console, progress_console
 if TYPE_CHECKING:
     from mocap_bridge.bridge import BridgeStatus
 
+_TAKE_PART = (
+    "is it a simulated lab with a pace of its own? It sends poses to those who take part in its turns: "
+    "give the whole address, with time=HOST:PORT, as its ready line and its lab file have it"
+)
+
 app = typer.Typer(add_completion=False, no_args_is_help=True, help="Motion capture: look at a source.")
 app.command()(send)
 app.command()(calibrate)
@@ -112,6 +117,7 @@ def summary(uri: str, seconds: float, status: "BridgeStatus", ages: list[float])
         "round_trip": source.round_trip if source else None,
         "frame_period": source.period if source else None,
         "subjects": list(source.subjects) if source else [],
+        "next": _TAKE_PART if health.samples == 0 and _may_be_a_lab_that_waits(uri) else None,
         "last_pose": None
         if last is None
         else {
@@ -123,6 +129,15 @@ def summary(uri: str, seconds: float, status: "BridgeStatus", ages: list[float])
             "latency": last.latency,
         },
     }
+
+
+def _may_be_a_lab_that_waits(uri: str) -> bool:
+    """Whether a simulated lab on this computer may be meant, by an address that does not name its clock."""
+    from mocap_bridge.uri import LOOPBACK, parse_mocap_uri
+    from onboard.lab_time import time_address
+
+    address = parse_mocap_uri(uri)
+    return address.host in (LOOPBACK, "localhost", "::1") and time_address(uri) is None
 
 
 def _table(result: dict[str, Any]) -> Callable[[], None]:
@@ -143,6 +158,8 @@ def _table(result: dict[str, Any]) -> Callable[[], None]:
         table.add_row("ping", _ms(result["round_trip"]))
         table.add_row("subjects", ", ".join(result["subjects"]) or "none known")
         table.add_row("last pose", _pose_text(result["last_pose"]))
+        if result["next"] is not None:
+            table.add_row("next", result["next"])
         console().print(table)
 
     return draw

@@ -82,14 +82,15 @@ def has_current_page(run_folder: Path) -> bool:
     return all(file.stat().st_mtime_ns <= written for file in run_folder.iterdir() if file.is_file())
 
 
-def report_flight(run_folder: Path) -> None:
+def report_flight(run_folder: Path) -> Path | None:
     """The report of a flight that has just ended; what it fails of costs no result. No record: none."""
     if not is_run_folder(run_folder):
-        return
+        return None
     try:
-        write_run_report(run_folder)
+        return write_run_report(run_folder)
     except PerchhwError as error:
         _log.error("no report of %s: %s", run_folder, error)
+        return None
 
 
 def _page(run: RunRecord, found: Diagnosis) -> str:

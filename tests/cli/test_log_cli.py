@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from onboard.record.checksum import with_checksum
 from onboard.vehicle import load_vehicle
 from perchhw.cli.main import run
 from tests.campaign.stand_in import fly
@@ -142,16 +143,23 @@ def test_list_names_runs_and_broken_ones(capsys: pytest.CaptureFixture[str], lan
     shutil.rmtree(damaged)
 
 
-def test_list_shows_whole_names_in_80_columns(
+def test_list_breaks_neither_names_nor_outcomes_in_80_columns(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, landing: Path, tmp_path: Path
 ) -> None:
-    """The name is what every other command takes."""
-    name = "20261123T100746Z-000-try1-2.5ms-55deg"
+    """The name is what every other command takes; beside it the widest values of every other column."""
+    name = "20261123T100746Z-000-try1-2.25ms-47.5deg"
     shutil.copytree(landing, tmp_path / name)
+    info = tmp_path / name / "run.json"
+    said = json.loads(info.read_text())
+    said["config"] |= {"speed_m_s": 2.25, "angle_deg": 47.5}
+    info.write_text(json.dumps(with_checksum(said | {"outcome": "dry_run_passed"})))
+    series = tmp_path / name / "series.mcap"
+    series.write_bytes(series.read_bytes()[:-100])
     monkeypatch.setenv("COLUMNS", "80")
     assert run(["log", "list", str(tmp_path)]) == 0
     shown = capsys.readouterr().out.splitlines()
-    assert any(name in line for line in shown)
+    (line,) = [line for line in shown if name in line]
+    assert line.split() == [name, "2.25", "47.5", "dry_run_passed", "yes", "cut", "off"]
     assert max(map(len, shown)) <= 80
 
 

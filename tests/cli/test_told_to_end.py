@@ -89,3 +89,21 @@ def test_an_outcome_is_told_before_the_page_is_drawn(
     where = ["--drone", "udp://127.0.0.1:1", "--mocap", "vicon://127.0.0.1:1?subject=cf1"]
     assert run(["--json", "fly", *where, "--speed", "2.5", "--angle", "50"]) == 130
     assert json.loads(capsys.readouterr().out)["outcome"] == "four_leg"
+
+
+def test_the_page_of_a_flight_is_named_once_it_is_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def landed(request: AttemptRequest, **_: object) -> AttemptResult:
+        return AttemptResult(Outcome.FOUR_LEG, True, None, None, request.folder)
+
+    pages = iter([tmp_path / "a" / "report.html", None])
+    monkeypatch.setattr("perchhw.flight.fly_attempt", landed)
+    monkeypatch.setattr("perchhw.report.run_report.report_flight", lambda _: next(pages))
+    monkeypatch.chdir(tmp_path)
+    line = ["fly", "--drone", "udp://127.0.0.1:1", "--mocap", "vicon://127.0.0.1:1?subject=cf1"]
+    line += ["--speed", "2.5", "--angle", "50"]
+    assert run(line) == 0
+    assert f"report: {tmp_path / 'a' / 'report.html'}" in capsys.readouterr().err.splitlines()
+    assert run(line) == 0
+    assert "report:" not in capsys.readouterr().err

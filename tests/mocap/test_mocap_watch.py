@@ -1,4 +1,5 @@
 import json
+import re
 import socket
 import subprocess
 import sys
@@ -53,7 +54,15 @@ def test_the_poses_of_the_lab_file(lab: SimulatedLab) -> None:
     done = watch("--lab", str(lab.ready["lab"]), "--seconds", "0.5")
     assert done.returncode == 0, done.stderr
     result = json.loads(done.stdout)
-    assert (result["uri"], result["verdict"]) == (lab.mocap[0], "ok")
+    assert (result["uri"], result["verdict"], result["next"]) == (lab.mocap[0], "ok", None)
+
+
+def test_an_address_without_the_labs_clock_is_told_of_it(lab: SimulatedLab) -> None:
+    address = re.sub(r"&time=[^&]*", "", lab.mocap[0])
+    done = watch(address, "--seconds", "0.3")
+    result = json.loads(done.stdout)
+    assert (done.returncode, result["frames"]) == (1, 0)
+    assert "give the whole address, with time=HOST:PORT" in result["next"]
 
 
 def test_nothing_to_watch(tmp_path: Path) -> None:

@@ -31,6 +31,14 @@ def test_a_finished_step_is_not_done_again(tmp_path: Path) -> None:
     assert result == {"n": 1}
 
 
+def test_a_run_that_did_nothing_leaves_no_trace(tmp_path: Path) -> None:
+    operator = QuietOperator(obstacles={"place": Paused("q")})
+    begun = book(tmp_path, operator)
+    with pytest.raises(Paused):
+        begun.step("place", "Place", lambda: operator.do(Task("place", "place it")))
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_pause_keeps_what_was_finished(tmp_path: Path) -> None:
     operator = QuietOperator(obstacles={"twist": Paused("q")})
     first = book(tmp_path, operator)

@@ -1,7 +1,8 @@
 """The book of one calibration run: a folder in which each finished step and each recording is kept.
 
 ``state.json`` is replaced as a whole after every step, recordings are written, flushed and hashed before the
-step that made them counts; a crash or an interruption loses the running step and nothing else.
+step that made them counts; a crash or an interruption loses the running step and nothing else. Before the
+first of either nothing is written: a run that never began leaves no trace.
 """
 
 import hashlib
@@ -37,10 +38,10 @@ class RunBook:
     """
 
     def __init__(self, folder: Path, kind: str, settings: Json, operator: Operator) -> None:
-        """Open the book in `folder`, or begin it.
+        """Open the book in `folder`, or begin it: with the first step or recording something is written.
 
         Args:
-            folder: of the run; made when it is not there.
+            folder: of the run; made with what is first written.
             kind: of calibration ("bifilar").
             settings: what must be the same when a run goes on (vehicle, number of trials).
             operator: who carries out the steps.
@@ -54,8 +55,6 @@ class RunBook:
         fresh: Json = {"schema": SCHEMA, "kind": kind, "settings": settings, "steps": {}}
         self._state: Json = self._read(kind, settings) if self._path.is_file() else fresh
         self._begun = 0
-        (folder / RAW_FOLDER).mkdir(parents=True, exist_ok=True)
-        self._save()
 
     def _read(self, kind: str, settings: Json) -> Json:
         try:
@@ -142,6 +141,7 @@ class RunBook:
         Returns:
             ``{file, sha256}``, once the file is on the disk.
         """
+        (self.folder / RAW_FOLDER).mkdir(parents=True, exist_ok=True)
         number = 1 + len(list((self.folder / RAW_FOLDER).glob(f"{stem}-*{suffix}")))
         name = f"{RAW_FOLDER}/{stem}-{number}{suffix}"
         path = self.folder / name
@@ -152,4 +152,5 @@ class RunBook:
         return {"file": name, "sha256": digest}
 
     def _save(self) -> None:
+        self.folder.mkdir(parents=True, exist_ok=True)
         write_json_atomically(self._path, self._state)
