@@ -28,7 +28,8 @@ def attempts_table(rows: list[AttemptRow], planned: int) -> Table:
     seats = [seat_of(row.record) for row in rows]
     names = drone_names(seat for seat in seats if seat is not None)
     columns: list[str | Column] = ["#", "m/s", "deg", "try", *(["drone"] if names else []), "state"]
-    columns += [Column("outcome", overflow="fold"), "tau", "what happened"]
+    whole = max((len(row.outcome.value) for row in rows if row.outcome is not None), default=0)
+    columns += [Column("outcome", overflow="fold", min_width=whole), "tau", "what happened"]
     table = Table(*columns, title=title, box=None, pad_edge=False, collapse_padding=True)
     for row, seat in zip(rows, seats, strict=True):
         outcome = "" if row.outcome is None else f"[{_STYLES[row.outcome]}]{row.outcome.value}[/]"

@@ -142,9 +142,10 @@ def _vehicle_of(flight: "Flight", vehicle: str | None, legs: str | None) -> "Veh
 
 
 def _draw_labels(labels: list[dict[str, Any]]) -> None:
-    from rich.table import Table
+    from rich.table import Column, Table
 
-    table = Table("flight", "outcome", "by", "evidence", box=None, pad_edge=False)
+    name, outcome = Column("flight", no_wrap=True), Column("outcome", overflow="fold")  # as in `log list`
+    table = Table(name, outcome, "by", "evidence", box=None, pad_edge=False, collapse_padding=True)
     for entry in labels:
         evidence = entry["evidence"]
         table.add_row(Path(entry["file"]).name, entry["outcome"], evidence["method"], _in_words(evidence))

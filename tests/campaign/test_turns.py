@@ -4,9 +4,11 @@ import json
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
+from io import StringIO
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 from perchhw.attempt import AttemptRequest, AttemptResult, Outcome
 from perchhw.campaign import (
@@ -29,6 +31,7 @@ from perchhw.cli.main import run
 from perchhw.flight.course import CourseRequest, CourseResult
 from perchhw.flight.turnaround import attempt_after_attempt
 from perchhw.record import RunRecorder
+from tests.campaign.stand_in import fly
 
 HEAD, GRID = (
     'schema = "perchhw.campaign/1"\norder = "grid"\n',
@@ -107,6 +110,20 @@ def test_who_flew_what_is_said_by_the_names_of_the_subjects(
     assert [one["drone"] for one in told] == [FIRST, SECOND, FIRST, None]
     cost = forecast(plan, fit_grid(plan).approaches)
     assert f"in turn: cf1 ({FIRST}), cf2 ({SECOND})" in plan_text(plan, fit_grid(plan), cost)
+
+
+def test_outcomes_are_whole_in_80_columns(tmp_path: Path) -> None:
+    plan = plan_of(tmp_path, GRID + DRONES)
+
+    def contact(request: AttemptRequest) -> AttemptResult:
+        return replace(fly(request), outcome=Outcome.FOUR_LEG_BODY_CONTACT)
+
+    rows = run_campaign(plan, tmp_path / "c", contact)
+    told = StringIO()
+    Console(file=told, width=80).print(attempts_table(rows, len(rows)))
+    lines = told.getvalue().splitlines()
+    assert sum(f" {Outcome.FOUR_LEG_BODY_CONTACT.value} " in line for line in lines) == len(rows) + 1, "the title as well"
+    assert max(map(len, lines)) <= 80
 
 
 def test_a_drone_without_a_name_of_its_own_is_called_by_its_address() -> None:

@@ -163,6 +163,18 @@ def test_list_breaks_neither_names_nor_outcomes_in_80_columns(
     assert max(map(len, shown)) <= 80
 
 
+def test_labels_are_shown_with_whole_names_in_80_columns(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, landing: Path, tmp_path: Path
+) -> None:
+    name = "20261123T100746Z-000-try1-2.25ms-47.5deg"
+    shutil.copytree(landing, tmp_path / name)
+    monkeypatch.setenv("COLUMNS", "80")
+    assert run(["log", "label", str(tmp_path / name)]) == 0
+    shown = capsys.readouterr().out.splitlines()
+    assert [line.split()[:2] for line in shown if name in line] == [[name, "four_leg"]]
+    assert "…" not in "".join(shown)
+
+
 @pytest.mark.parametrize(
     ("arguments", "file"),
     [
