@@ -3,6 +3,8 @@
 import math
 from typing import Any
 
+import numpy as np
+
 from onboard.arrays import Vector
 from sim_backend.physics.frames import Rotation, cross, to_world
 from sim_backend.physics.jit import inner
@@ -18,6 +20,11 @@ RELEASED = int(FootMode.RELEASED)
 CLEARANCE = 5e-4
 """m: a foot that was torn off may touch again, and one that did not stick may stick again, once its rest
 position is this far below the ceiling."""
+
+LAWS: Any = tuple(np.int64(law) for law in range(4))
+"""What a pad may ask of a foot, each with a limit of its own: indices of ``limits_met`` of the state."""
+
+SPEED, PUSH, IMPULSE, UPRIGHT = LAWS
 
 TOGETHER = 1e-7
 """m: a foot this close to the ceiling touches with the one that is there: left and right stay alike."""
@@ -60,10 +67,39 @@ def normal_speed(state: Any, rot: Rotation, foot: Vector) -> float:
 
 
 @inner
+def uprightness(widest: float) -> float:
+    """Least cosine of the angle between rod and normal, from the widest angle (rad, cut to 0..pi)."""
+    return math.cos(min(max(widest, 0.0), math.pi))
+
+
+@inner
+def pad_limit(p: Any, law: int) -> float:
+    """What a pad asks of a foot by one of its laws, where landings do not differ: m/s, N, N s, cosine."""
+    if law == SPEED:
+        return float(p.capture_speed)
+    if law == PUSH:
+        return float(p.minimum_preload)
+    return float(p.pad_impulse) if law == IMPULSE else uprightness(p.pad_angle)
+
+
+@inner
+def meets(state: Any, law: int, value: float, limit: float) -> bool:
+    """Whether a foot has what its pad asks for by a law.
+
+    A pad with a higher limit would have done the same as long as the limit is within ``limits_met``: then the
+    whole landing is the same.
+    """
+    if value < limit:
+        return False
+    state.limits_met[law] = min(state.limits_met[law], value)
+    return True
+
+
+@inner
 def sticks(state: Any, p: Any, rot: Rotation, leg: int, foot: Vector) -> bool:
     """Whether a foot that touches the ceiling now can adhere: fast enough for its pad (``pad_capture``)."""
     least = p.capture_speed + p.capture_spread * state.pad_deviate[leg]
-    return least <= 0.0 or normal_speed(state, rot, foot) >= least
+    return meets(state, SPEED, max(normal_speed(state, rot, foot), 0.0), least)
 
 
 @inner
@@ -79,11 +115,10 @@ def bonds(state: Any, p: Any, leg: int, push: float, impulse: float, upright: fl
         upright: cosine of the angle between its rod and the normal.
     """
     z = state.pad_deviate[leg]
-    widest = min(max(p.pad_angle - p.pad_angle_spread * z, 0.0), math.pi)
     return (
-        push >= p.minimum_preload + p.preload_spread * z
-        and impulse >= p.pad_impulse + p.pad_impulse_spread * z
-        and upright >= math.cos(widest)
+        meets(state, PUSH, push, p.minimum_preload + p.preload_spread * z)
+        and meets(state, IMPULSE, impulse, p.pad_impulse + p.pad_impulse_spread * z)
+        and meets(state, UPRIGHT, upright, uprightness(p.pad_angle - p.pad_angle_spread * z))
     )
 
 

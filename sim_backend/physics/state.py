@@ -52,6 +52,7 @@ STATE = np.dtype(
         ("foot_refused", "i8", (4,)),  # 1 from a touch too slow to stick until the foot is clear again
         ("foot_impulse", "f8", (4,)),  # N s, of the push on the ceiling since the foot was clear of it
         ("pad_deviate", "f8", (4,)),  # how this landing's pads differ, in standard deviations of their limits
+        ("limits_met", "f8", (4,)),  # least speed, push, impulse, cosine that was enough for a pad so far
         ("foot_anchor", "f8", (4, 3)),  # m, world: where a foot that touches is held
         ("body_contact", "i8"),  # 1 once the body or a propeller touched the ceiling (latched)
         (
@@ -75,6 +76,7 @@ def new_states(count: int) -> NDArray[np.void]:
     states["impact_quaternion"][:, 3] = 1.0
     states["impact_time"] = np.inf
     states["body_contact_time"] = np.inf
+    states["limits_met"] = np.inf
     return states
 
 

@@ -9,10 +9,16 @@ from onboard.arrays import FloatArray
 def integrate_rate(rate: FloatArray, dt: float) -> FloatArray:
     """Attitudes, shape (n, 4), of body rates (rad/s), shape (n, 3), sampled every `dt` s, from the identity.
 
-    The rate is taken as linear between samples. Products of all increments by a prefix scan (Hillis and
-    Steele, 1986), which needs log2 n vectorised steps.
+    The rate is taken as linear between samples.
     """
-    steps = 0.5 * (rate[1:] + rate[:-1]) * dt
+    return accumulated(0.5 * (rate[1:] + rate[:-1]) * dt)
+
+
+def accumulated(steps: FloatArray) -> FloatArray:
+    """Attitudes (n + 1, 4) from the identity by one rotation vector about body axes (n, 3) after another.
+
+    Products of all steps by a prefix scan (Hillis and Steele, 1986), which needs log2 n vectorised steps.
+    """
     attitude = np.vstack([[0.0, 0.0, 0.0, 1.0], Rotation.from_rotvec(steps).as_quat()])
     shift = 1
     while shift < attitude.shape[0]:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from calibration.gap.data.rotations import accumulated
 from calibration.gap.landings.kernels import DT, NUISANCES, spin
 from calibration.gap.landings.segments import LandingSegment, on_steps
 from onboard.arrays import FloatArray
@@ -113,11 +114,7 @@ def _thrusts(
 def _turned(landing: LandingSegment, first: float, steps: int) -> Rotation:
     """Rotation since `first` (s) at each of the steps' ends, from the gyro."""
     middle = np.asarray(first + DT * (np.arange(steps) + 0.5), dtype=np.float64)
-    each = Rotation.from_rotvec(_rate_at(landing, middle) * DT)
-    turned = [Rotation.identity()]
-    for k in range(steps):
-        turned.append(turned[-1] * each[k])
-    return Rotation.concatenate(turned)
+    return Rotation.from_quat(accumulated(_rate_at(landing, middle) * DT))
 
 
 def _rate_at(landing: LandingSegment, times: FloatArray) -> FloatArray:

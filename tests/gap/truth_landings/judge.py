@@ -1,6 +1,8 @@
 """Judge hidden pads by `gap landings --search`: names, values, false claims. One line of JSON each.
 
-python -m tests.gap.truth_landings.judge --seeds 8 --pads 3
+python -m tests.gap.truth_landings.judge --seeds 8 --pads 3 --table FILE
+
+The last line counts all that the table has; the next run goes on with it.
 
 Every seed has its own landings, flown healthy, with the hinges alone changed, and with pads of drawn limits
 besides; they share one table of predictions, since nothing differs before the first touch.
@@ -10,7 +12,7 @@ import argparse
 import json
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,8 +22,10 @@ import numpy as np
 from calibration.flights import flight_files, open_flights
 from calibration.gap.landings.outcomes import PreparedLandings, prepare, read_labels
 from calibration.gap.landings.outcomes.document import classified
-from calibration.gap.landings.outcomes.search import OutcomeSearch, search_outcomes
-from calibration.gap.landings.outcomes.vehicles import Point, bare_parameters, grid, tabulate
+from calibration.gap.landings.outcomes.search import LAWS, OutcomeSearch, search_outcomes
+from calibration.gap.landings.outcomes.tables import tabulate
+from calibration.gap.landings.outcomes.vehicles import Point, bare_parameters, grid
+from calibration.measurement import wilson_interval
 from onboard.arrays import FloatArray
 from onboard.outcome import Outcome
 from onboard.vehicle import load_vehicle
@@ -111,7 +115,7 @@ def drawn(seed: int, pads: int) -> list[Drone]:
 
 
 def line(seed: int, one: Judged) -> dict[str, Any]:
-    values = {name: [mean, *interval] for name, (mean, _, interval) in one.found.best.values.items()}
+    values = {name: _short(mean, *interval) for name, (mean, _, interval) in one.found.best.values.items()}
     return {
         "seed": seed,
         "hidden": {
@@ -122,8 +126,62 @@ def line(seed: int, one: Judged) -> dict[str, Any]:
         "four_two_none": one.counts,
         "named": one.named,
         "values": values,
-        "gains": {group: [gain, *interval] for group, (gain, interval) in one.found.gains.items()},
+        "gains": {group: _short(gain, *interval) for group, (gain, interval) in one.found.gains.items()},
     }
+
+
+def _short(*values: float) -> list[float]:
+    return [round(value, 3) for value in values]
+
+
+def lines_of(table: Path | None) -> list[dict[str, Any]]:
+    """What a table has already; nothing where there is none."""
+    if table is None or not table.exists():
+        return []
+    return [json.loads(text) for text in table.read_text(encoding="utf-8").splitlines()]
+
+
+def summary(lines: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Of each kind of hidden drone: sets, in how many of them what was named, with 95 % by Wilson."""
+    kinds: dict[str, list[Mapping[str, Any]]] = {}
+    for one in lines:
+        hidden = one["hidden"]
+        kind = "pads" if hidden["speed"] > 0.0 else "hinges" if hidden["hinges"] else "nothing"
+        kinds.setdefault(kind, []).append(one)
+    return {
+        kind: {
+            "sets": len(sets),
+            "named": {
+                name: _rate(sum(test(one) for one in sets), len(sets)) for name, test in _CLAIMS[kind].items()
+            },
+        }
+        for kind, sets in kinds.items()
+    }
+
+
+def _rate(count: int, sets: int) -> dict[str, Any]:
+    return {"sets": count, "wilson95": wilson_interval(count, sets)}
+
+
+def _inside(one: Mapping[str, Any]) -> bool:
+    _, low, high = one["values"].get("speed", (0.0, 0.0, 0.0))
+    return "pads" in one["named"] and bool(low <= one["hidden"]["speed"] <= high)
+
+
+_CLAIMS: dict[str, dict[str, Callable[[Mapping[str, Any]], bool]]] = {
+    "nothing": {"anything": lambda one: bool(one["named"])},
+    "hinges": {
+        "hinges": lambda one: "hinges" in one["named"],
+        "anything else": lambda one: bool(set(one["named"]) - {"hinges"}),
+    },
+    "pads": {
+        "pads": lambda one: "pads" in one["named"],
+        "pads, limit inside the interval": _inside,
+        "another law": lambda one: bool(set(one["named"]) & set(LAWS) - {"pads"}),
+        "axes, hull": lambda one: bool(set(one["named"]) & {"axes", "hull"}),
+    },
+}
+"""What is counted, by what was hidden."""
 
 
 def main() -> None:
@@ -133,11 +191,24 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=1)
     parser.add_argument("--pads", type=int, default=3)
     parser.add_argument("--draws", type=int, default=100)
+    parser.add_argument("--healthy", action="store_true", help="nothing hidden, and nothing else")
+    parser.add_argument(
+        "--table", type=Path, help="lines go to this file too; seeds in it are not judged again"
+    )
     chosen = parser.parse_args()
+    known = lines_of(chosen.table)
     for seed in range(chosen.first, chosen.first + chosen.seeds):
-        for one in judge(drawn(seed, chosen.pads), chosen.count, seed, chosen.draws):
-            sys.stdout.write(json.dumps(line(seed, one)) + "\n")
-            sys.stdout.flush()
+        if seed in {one["seed"] for one in known}:
+            continue
+        hidden = [HEALTHY] if chosen.healthy else drawn(seed, chosen.pads)
+        made = [line(seed, one) for one in judge(hidden, chosen.count, seed, chosen.draws)]
+        known += made
+        text = "".join(json.dumps(one) + "\n" for one in made)
+        sys.stdout.write(text)
+        if chosen.table is not None:
+            with chosen.table.open("a", encoding="utf-8") as stream:  # a seed whole or not at all
+                stream.write(text)
+    sys.stdout.write(json.dumps({"in_all": summary(known)}) + "\n")
 
 
 if __name__ == "__main__":

@@ -17,7 +17,8 @@ from calibration.gap.landings.outcomes.predict import OutcomeForecast
 from calibration.gap.landings.outcomes.prepare import PreparedLandings
 from calibration.gap.landings.outcomes.scores import Score, score
 from calibration.gap.landings.outcomes.search import OutcomeSearch, search_outcomes
-from calibration.gap.landings.outcomes.vehicles import bare_parameters, filed_point, grid, tabulate
+from calibration.gap.landings.outcomes.tables import tabulate
+from calibration.gap.landings.outcomes.vehicles import bare_parameters, filed_point, grid
 from calibration.gap.landings.outcomes.verdict import in_words, judge_outcomes
 from onboard.arrays import FloatArray, IntArray
 from onboard.errors import InputError

@@ -3,7 +3,10 @@
 from collections.abc import Iterable
 from pathlib import Path
 
+import numpy as np
+
 from calibration.errors import CalibrationError
+from onboard.arrays import FloatArray, IntArray
 from onboard.csv_file import read_csv
 from onboard.errors import InputError
 from onboard.outcome import Outcome
@@ -31,6 +34,12 @@ class LabelsFileError(CalibrationError, InputError):
 def landing_class(outcome: Outcome) -> int | None:
     """The class of an outcome; None where nothing was to land (no trigger, aborted)."""
     return _CLASSES.get(outcome)
+
+
+def shares_of(feet: IntArray) -> FloatArray:
+    """Shares (3,) of the classes among landings, from how many feet held in each (n,)."""
+    four, none = feet >= 3, feet == 0
+    return np.array([np.mean(four), np.mean(~four & ~none), np.mean(none)])
 
 
 def read_labels(sources: Iterable[Path]) -> dict[Path, Outcome]:

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from calibration.gap.landings.outcomes.dispersion import Dispersion
 from calibration.gap.landings.outcomes.kernels import fly_flips
+from calibration.gap.landings.outcomes.labels import shares_of
 from calibration.gap.landings.outcomes.prepare import SETTINGS, PreparedLandings
 from calibration.gap.landings.outcomes.starts import TriggerStart
 from onboard.arrays import FloatArray
@@ -81,8 +82,7 @@ def _forecast_one(start: TriggerStart, prepared: PreparedLandings, index: int, p
     states, flips = scattered(start, prepared.dispersion, prepared.draws[index], p)
     out = np.zeros(len(states), dtype=ROLLOUT)
     fly_flips(states, p, flips, SETTINGS, out)
-    four, none = out["feet"] >= 3, out["feet"] == 0
-    shares = np.array([np.mean(four), np.mean(~four & ~none), np.mean(none)])
+    shares = shares_of(out["feet"])
     touched = out["impact_time"][out["contact"] > 0]
     contact = float(np.median(touched)) if 2 * touched.size > len(out) else None
     body = float(np.mean(out["body_contact"]))

@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from calibration.flights import Flight, PoseSource, Trigger
 from calibration.gap.data.record import NotUsed
+from calibration.gap.data.rotations import accumulated
 from calibration.gap.landings.segments import (
     LandingSegment,
     commanded_thrusts,
@@ -214,13 +215,9 @@ def _carried(around: LandingSegment, rows: BoolArray) -> Rotation:
     """Attitudes of poses, turned by the gyro from their time to the trigger."""
     fine = np.arange(around.trigger - _BEFORE, around.trigger + 1e-3, 1e-3)
     rates = np.column_stack([np.interp(fine, around.gyro_t, around.gyro[:, i]) for i in range(3)])
-    carried = []
-    for t, quaternion in zip(around.pose_t[rows], around.pose[rows, :4], strict=True):
-        turn = Rotation.from_quat(quaternion)
-        for step in Rotation.from_rotvec(rates[fine >= t] * 1e-3):
-            turn = turn * step
-        carried.append(turn.as_quat())
-    return Rotation.from_quat(np.array(carried))
+    turned = Rotation.from_quat(accumulated(rates * 1e-3))
+    since = turned[np.searchsorted(fine, around.pose_t[rows])].inv() * turned[-1]
+    return Rotation.from_quat(around.pose[rows, :4]) * since
 
 
 def _jump(around: LandingSegment) -> FloatArray:

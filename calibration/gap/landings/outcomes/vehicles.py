@@ -5,18 +5,12 @@ file that has them already is judged as it is, and the values are what its effec
 """
 
 import math
-from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import product
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from calibration.gap.landings.outcomes.pad_laws import PadLaw, mixture, pad_laws
-from calibration.gap.landings.outcomes.predict import forecast_with
-from calibration.gap.landings.outcomes.prepare import PreparedLandings
-from onboard.arrays import FloatArray
+from calibration.gap.landings.outcomes.pad_laws import PadLaw, pad_laws
 from onboard.room import RoomGeometry
 from onboard.vehicle import EFFECTS, Effect, Vehicle
 from sim_backend.physics.effects.registry import TERMS
@@ -167,51 +161,3 @@ def with_point(parameters: Any, point: Point) -> Any:
     for effect, given in values.items():
         TERMS[effect].apply(changed, given)
     return changed
-
-
-def tabulate(
-    prepared: PreparedLandings,
-    parameters: Any,
-    points: Sequence[Point],
-    progress: Callable[[float], None] | None = None,
-    workers: int = 2,
-) -> FloatArray:
-    """Probabilities (points, flights, 3) of four legs, two, none.
-
-    Landings are simulated with pads of one limit each (:mod:`..pad_laws`); a spread of limits mixes them.
-
-    Args:
-        prepared: the flights. parameters: of the vehicle without these effects (:func:`bare_parameters`).
-        points: vehicles.
-        progress: called with the share done, 0..1.
-        workers: threads; the result does not depend on them.
-    """
-    laws = pad_laws(parameters)
-    mixed = [_mixed(point, laws) for point in points]
-    needed = list(dict.fromkeys(one for parts in mixed for one in parts))
-
-    def simulated(one: Point) -> FloatArray:
-        return forecast_with(prepared, with_point(parameters, one)).probability
-
-    found: dict[Point, FloatArray] = {}
-    with ThreadPoolExecutor(workers) as pool:
-        for index, (one, shares) in enumerate(zip(needed, pool.map(simulated, needed), strict=True)):
-            found[one] = shares
-            if progress is not None:
-                progress((index + 1) / len(needed))
-    return np.array([np.sum([share * found[one] for one, share in parts.items()], axis=0) for parts in mixed])
-
-
-def _mixed(point: Point, laws: dict[str, PadLaw]) -> dict[Point, float]:
-    """The vehicles of one limit that a vehicle is made of, and their shares."""
-    body = without_pads(point, laws)
-    ruled = [
-        law for law in laws.values() if body._replace(**{law.limit: getattr(point, law.limit)}) != body
-        or getattr(point, law.spread) > 0.0
-    ]  # fmt: skip
-    if len(ruled) != 1:
-        return {point: 1.0}  # of several laws at once each landing draws its own limits
-    law = ruled[0]
-    shares = mixture(law.limits, getattr(point, law.limit), getattr(point, law.spread))
-    rungs = [body._replace(**{law.limit: limit}) for limit in law.limits]
-    return {rung: float(share) for rung, share in zip(rungs, shares, strict=True)}
