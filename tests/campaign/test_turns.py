@@ -121,8 +121,8 @@ def test_outcomes_are_whole_in_80_columns(tmp_path: Path) -> None:
     rows = run_campaign(plan, tmp_path / "c", contact)
     told = StringIO()
     Console(file=told, width=80).print(attempts_table(rows, len(rows)))
-    lines = told.getvalue().splitlines()
-    assert sum(f" {Outcome.FOUR_LEG_BODY_CONTACT.value} " in line for line in lines) == len(rows) + 1, "the title as well"
+    _title, *lines = told.getvalue().splitlines()
+    assert sum(f" {Outcome.FOUR_LEG_BODY_CONTACT.value} " in line for line in lines) == len(rows)
     assert max(map(len, lines)) <= 80
 
 
