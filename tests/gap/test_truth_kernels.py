@@ -8,7 +8,10 @@ from types import ModuleType
 
 import pytest
 
+from tests import truth as programs
 from tests.gap import truth, truth_landings
+
+WORLDS, NAMES = [truth, truth_landings, programs], ["flights", "landings", "programs"]
 
 CALLED = "from {name}.jit import jitted\n\n@jitted\ndef called(x):\n    return x + {added}\n"
 CALLER = (
@@ -25,7 +28,7 @@ def call(package: str) -> float:
     return float(importlib.import_module(f"{package}.caller").caller(1.0))
 
 
-@pytest.mark.parametrize("world", [truth, truth_landings], ids=["flights", "landings"])
+@pytest.mark.parametrize("world", WORLDS, ids=NAMES)
 def test_a_kernel_follows_what_it_calls_in_another_file(
     world: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -40,9 +43,9 @@ def test_a_kernel_follows_what_it_calls_in_another_file(
         assert call(folder.name) == expected
 
 
-@pytest.mark.parametrize("world", [truth, truth_landings], ids=["flights", "landings"])
+@pytest.mark.parametrize("world", WORLDS, ids=NAMES)
 def test_every_kernel_of_a_hidden_world_is_kept_so(world: ModuleType) -> None:
     files = [*Path(str(world.__file__)).parent.glob("*.py")]
     assert any("@jitted" in file.read_text(encoding="utf-8") for file in files)
     for file in files:
-        assert "import njit" not in file.read_text(encoding="utf-8"), file
+        assert "njit" not in file.read_text(encoding="utf-8"), file

@@ -6,16 +6,16 @@ phase margin of 52 deg, and each loop outside is two to four times slower.
 
 import math
 
-import numba
 import numpy as np
 
 from tests.truth.airframe import G
+from tests.truth.jit import jitted
 
 Array = np.ndarray
 CASCADED, GEOMETRIC = 0, 1
 
 
-@numba.njit(cache=True)
+@jitted
 def rotation(q: Array) -> Array:
     """Rotation matrix (body to world) of a quaternion, scalar first."""
     w, x, y, z = q
@@ -26,7 +26,7 @@ def rotation(q: Array) -> Array:
     ])  # fmt: skip
 
 
-@numba.njit(cache=True)
+@jitted
 def steer(
     pilot: int, frame: Array, pose: Array, velocity: Array, goal: Array, total: Array, dt: float
 ) -> Array:
@@ -58,7 +58,7 @@ def steer(
     return np.minimum(np.maximum(f, 0.03 * highest), highest)
 
 
-@numba.njit(cache=True)
+@jitted
 def _cascaded(r: Array, push: Array, heading: float, gain: float) -> tuple[Array, float]:
     c, s = math.cos(heading), math.sin(heading)
     forward, left = c * push[0] + s * push[1], -s * push[0] + c * push[1]
@@ -70,7 +70,7 @@ def _cascaded(r: Array, push: Array, heading: float, gain: float) -> tuple[Array
     return rate, (G + push[2]) / max(r[2, 2], 0.5)
 
 
-@numba.njit(cache=True)
+@jitted
 def _geometric(r: Array, push: Array, heading: float, gain: float) -> tuple[Array, float]:
     wanted = push + np.array([0.0, 0.0, G])
     wanted[2] = max(wanted[2], 2.0)

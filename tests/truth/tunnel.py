@@ -9,12 +9,12 @@ import math
 from pathlib import Path
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from onboard.vehicle import Vehicle
 from tests.truth import airframe
 from tests.truth.airframe import Airframe, G
+from tests.truth.jit import jitted
 
 STEP, PER_TICK, PER_LINE = 1e-3, 4, 20
 """s, of the integrator; steps to a tick of the controller, and to a line of the log."""
@@ -103,7 +103,7 @@ def make_flights(truth: Truth, seed: int, flights: int, out: Path) -> list[Path]
     return paths
 
 
-@numba.njit(cache=True)
+@jitted
 def _wanted(figure: Array, t: float) -> tuple[float, float, float, float]:
     """Place and heading that are asked for."""
     growth = min(t / 3.0, 1.0)
@@ -113,7 +113,7 @@ def _wanted(figure: Array, t: float) -> tuple[float, float, float, float]:
     return x, y, 1.5 + growth * figure[4] * math.sin(0.7 * phase), figure[5]
 
 
-@numba.njit(cache=True)
+@jitted
 def _change(p: Array, s: Array, command: Array, wind: Array, kick: Array) -> Array:
     """d/dt of place, velocity, nine numbers of the attitude (rows), body rate and rotor speeds."""
     d = np.zeros(22)
@@ -143,7 +143,7 @@ def _change(p: Array, s: Array, command: Array, wind: Array, kick: Array) -> Arr
     return d
 
 
-@numba.njit(cache=True)
+@jitted
 def fly(p: Array, figure: Array, noise: Array, log: Array) -> None:
     """One flight; `log` gets time, place, quaternion, rate, duty at each line."""
     s = np.zeros(22)
@@ -186,7 +186,7 @@ def fly(p: Array, figure: Array, noise: Array, log: Array) -> None:
             s[6 + 3 * i], s[7 + 3 * i], s[8 + 3 * i] = x[i], y[i], z[i]
 
 
-@numba.njit(cache=True)
+@jitted
 def _control(p: Array, figure: Array, s: Array, t: float, total: Array) -> Array:
     """Cascaded loops: place, velocity (with an integral), tilt, rate; duty of the four rotors."""
     x, y, z, heading = _wanted(figure, t)
@@ -213,7 +213,7 @@ def _control(p: Array, figure: Array, s: Array, t: float, total: Array) -> Array
     return np.sqrt(np.minimum(np.maximum(f, 0.02 * most), most) / p[5]) / p[7]
 
 
-@numba.njit(cache=True)
+@jitted
 def _write(line: Array, t: float, s: Array, command: Array) -> None:
     r = s[6:15].reshape(3, 3)
     w = 0.5 * math.sqrt(max(1.0 + r[0, 0] + r[1, 1] + r[2, 2], 1e-12))

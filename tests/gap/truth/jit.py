@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.gap.stamped import stamped
+from tests.stamped import stamped
 
 Array = np.ndarray
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from tests.gap.stamped import stamped
+from tests.stamped import stamped
 
 jitted = stamped(Path(__file__).parent)
 """Kept on disk until one of the files here changes."""

@@ -9,11 +9,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from numba import njit
+from onboard.jit import kept
 
 
 def stamped(world: Path, **options: Any) -> Callable[[Callable[..., Any]], Any]:
-    """Decorator of kernels that are kept under the state of all files of the folder `world`.
+    """Decorator of kernels that are kept under the state of all files of the folder `world`, and compiled by
+    one of the processes that need them at the same time.
 
     Args:
         world: folder. options: of numba's njit.
@@ -24,7 +25,7 @@ def stamped(world: Path, **options: Any) -> Callable[[Callable[..., Any]], Any]:
     state = digest.hexdigest()
 
     def compiled(function: Callable[..., Any]) -> Any:
-        dispatcher = njit(cache=True, no_cfunc_wrapper=True, **options)(function)
+        dispatcher: Any = kept(**options)(function)
         if dispatcher is not function:  # numba is not told to leave it to Python
             dispatcher._cache._cache_file._source_stamp = state  # numba has no public way to it
         return dispatcher
