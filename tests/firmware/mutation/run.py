@@ -18,9 +18,10 @@ from tests.firmware.mutation.machine import LandingInC
 from tests.firmware.mutation.operators import mutants_of
 from tests.mutation.allowed import load_allowed
 from tests.mutation.document import document_of
-from tests.mutation.mutant import Key, Mutant
+from tests.mutation.mutant import Mutant
 from tests.mutation.run import drawn
-from tests.mutation.session import Known, MutationError, Verdict, some_at_a_time
+from tests.mutation.session import Known, MutationError, some_at_a_time
+from tests.mutation.store import Store, progress, state_of
 from tests.mutation.trial import Send, Trial, Watcher, end, likeliest, pytest_options, start
 from tests.onboard.landing import rig
 
@@ -31,6 +32,8 @@ TESTS = (
     "tests/firmware/test_landing_parity.py",
     "tests/firmware/test_law_parity.py::test_stopping_distance",
 )
+DEPENDS_ON = ("onboard", "tests/firmware", "tests/onboard/landing", "tests/mutation")
+"""Folders whose change makes earlier results void."""
 EQUIVALENT = Path(__file__).with_name("equivalent.toml")
 CPU_LIMIT = 60.0
 """s of processor time for all the tests."""
@@ -101,10 +104,9 @@ class _Reds:
 class _Session:
     """pytest plugin: instead of running the tests that were collected, tries mutants in forks."""
 
-    def __init__(self, library: Library, mutants: Sequence[Mutant], jobs: int) -> None:
-        self._library, self._mutants, self._jobs = library, mutants, jobs
+    def __init__(self, library: Library, mutants: Sequence[Mutant], jobs: int, store: Store) -> None:
+        self._library, self._mutants, self._jobs, self._store = library, mutants, jobs, store
         self.set_aside: list[str] = []
-        self.verdicts: dict[Key, Verdict] = {}
 
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
         items = session.items
@@ -118,8 +120,15 @@ class _Session:
             chosen = sorted(items, key=lambda item: key(item.nodeid))
             return start(lambda send: _notice(made, chosen, send), log, known.cpu_limit)
 
-        for mutant, verdict in some_at_a_time(self._mutants, begin, self._jobs, known):
-            self.verdicts[mutant.key] = verdict
+        left = [mutant for mutant in self._mutants if mutant.key not in self._store.verdicts]
+        with progress() as bar:
+            trying = bar.add_task(
+                "mutants", total=len(self._mutants), completed=len(self._mutants) - len(left)
+            )
+            for mutant, verdict in some_at_a_time(left, begin, self._jobs, known):
+                self._store.keep(mutant, verdict)
+                bar.advance(trying)
+                bar.refresh()
         return True
 
     def _green(self, items: Sequence[pytest.Item]) -> tuple[dict[str, float], list[str]]:
@@ -163,8 +172,14 @@ def _notice(made: Path | None, items: Sequence[pytest.Item], send: Send) -> None
     send({"code": 0, "failed": ""})
 
 
-def run(sample: int | None, seed: int, jobs: int, folder: Path) -> dict[str, Any]:
+def run(sample: int | None, seed: int, jobs: int, folder: Path, out: Path, *, again: bool) -> dict[str, Any]:
     """Try all mutants, or `sample` of them, and return the document that is printed.
+
+    Args:
+        sample, seed: how many, and of which draw.
+        jobs: mutants tried at a time.
+        folder: for objects and libraries.
+        out, again: as :class:`~tests.mutation.store.Store` has them.
 
     Raises:
         MutationError: the tests cannot be collected.
@@ -172,14 +187,16 @@ def run(sample: int | None, seed: int, jobs: int, folder: Path) -> dict[str, Any
     files = [(CORE / file).relative_to(REPOSITORY).as_posix() for file in FILES]
     every = [mutant for file in files for mutant in mutants_of(file, _text(file))]
     asked = drawn(every, sample, seed)
-    session = _Session(Library(folder), asked, jobs)
+    state = state_of(DEPENDS_ON, frozenset({".py", ".c", ".h"}))
+    store = Store(out, dict.fromkeys(files, state), again=again)
+    session = _Session(Library(folder), asked, jobs, store)
     said = StringIO()
     # A line that counts no tests, last in the log of a green run, would be read as a run without tests.
     with redirect_stdout(said), redirect_stderr(said):
         code = pytest.main(pytest_options(TESTS), plugins=[session])
     if code not in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED):
         raise MutationError(f"pytest ended with code {code}:\n{said.getvalue()}")
-    document = document_of(every, asked, session.verdicts, load_allowed(EQUIVALENT))
+    document = document_of(every, asked, store.verdicts, load_allowed(EQUIVALENT))
     return {
         "seed": None if sample is None else seed,
         **document,
