@@ -41,6 +41,11 @@ def is_finite(v: Vector) -> bool:
 
 
 @inner
+def _is_attitude(q: Quaternion) -> bool:
+    return math.isfinite(q[0] + q[1] + q[2] + q[3])
+
+
+@inner
 def own_attitude(memory: Any) -> Quaternion:
     """The attitude that the machine keeps, body to world."""
     a = memory.attitude
@@ -51,7 +56,7 @@ def own_attitude(memory: Any) -> Quaternion:
 def propagate_attitude(memory: Any, inputs: LandingInputs) -> None:
     """Turn the own attitude by the gyro, and outside the flip a little towards the estimate."""
     estimate = normalise(inputs.quaternion)
-    usable = math.isfinite(estimate[0] + estimate[1] + estimate[2] + estimate[3])
+    usable = _is_attitude(estimate)
     if memory.attitude_known == 0:
         if not usable:
             return
@@ -60,7 +65,9 @@ def propagate_attitude(memory: Any, inputs: LandingInputs) -> None:
     else:
         attitude = own_attitude(memory)
         if is_finite(inputs.gyro) and 0.0 < inputs.dt < 0.1:
-            attitude = integrate(attitude, inputs.gyro, inputs.dt)
+            turned = integrate(attitude, inputs.gyro, inputs.dt)
+            if _is_attitude(turned):  # Rates can be finite whose sum of squares is not.
+                attitude = turned
     if usable and memory.state != _FLIP and 0.0 < inputs.dt < 0.1:
         error = multiply(conjugate(attitude), estimate)
         sign = 2.0 if error[3] >= 0.0 else -2.0

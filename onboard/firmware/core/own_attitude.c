@@ -37,7 +37,10 @@ void perch_propagate_attitude(perch_landing_memory *memory, const perch_landing_
     memory->attitude_known = true;
     attitude = estimate;
   } else if (perch_is_finite(&in->gyro) && in_step) {
-    attitude = perch_integrate(&attitude, &in->gyro, in->dt);
+    const perch_quaternion turned = perch_integrate(&attitude, &in->gyro, in->dt);
+    if (is_attitude(&turned)) { /* rates can be finite whose sum of squares is not */
+      attitude = turned;
+    }
   }
   if (usable && memory->state != PERCH_FLIP && in_step) {
     const bool loose =

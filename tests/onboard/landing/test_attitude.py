@@ -75,6 +75,17 @@ def test_a_gyro_that_is_no_number_turns_nothing(part: int) -> None:
     assert rig.step(gyro=gyro, quaternion=UNKNOWN).attitude == pytest.approx(LEVEL)
 
 
+@pytest.mark.parametrize("rate", [1e30, 1e200])
+def test_a_gyro_too_great_to_be_squared_is_forgotten_again(rate: float) -> None:
+    """Its numbers are finite, and their squares are not: in float32, the drone's, from 1e22 rad/s on."""
+    rig = Rig()
+    rig.step()
+    assert math.isfinite(sum(rig.step(gyro=(rate, rate, rate)).attitude))
+    for _ in range(2000):
+        output = rig.step(gyro=(0.0, 0.0, 0.0))
+    assert angle_between(output.attitude, LEVEL) < 1e-3
+
+
 @pytest.mark.parametrize("dt", [1e-3, 2e-3, 0.098])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("error", [(0.05, 0.0, 0.0), (0.0, -0.06, 0.0), (0.02, 0.03, -0.04)])
