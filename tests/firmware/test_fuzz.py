@@ -1,4 +1,4 @@
-"""The core under the address and undefined-behaviour sanitizers: random bundles, accesses and sequences."""
+"""Core and shell under the address and undefined-behaviour sanitizers: bundles, accesses and sequences."""
 
 import os
 import subprocess
@@ -11,49 +11,65 @@ from onboard.app_interface import LandingState
 from onboard.firmware.compiler import FLAGS, SOURCES, find_compiler
 from onboard.firmware.header import vehicle_header
 from tests.firmware.histories import BUNDLE, VEHICLE
+from tests.firmware.shell import SHIM
 
 SANITIZERS = ("-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno-omit-frame-pointer")
 SAMPLE, LONG = 20_000, 1_000_000
-KINDS = ("bundles", "memory", "sequences")
-FUZZER = Path(__file__).with_name("fuzz") / "fuzz.c"
+KINDS = ("bundles", "memory", "sequences", "shell")
+"""Of the core, and `shell`: of the whole app, by its parameters, memory port and samples of the firmware."""
+
+SOURCES_OF_FUZZERS = Path(__file__).with_name("fuzz")
+CORE, SHELL = SOURCES / "core", SOURCES / "app" / "src"
 
 
-@pytest.fixture(scope="session")
-def fuzzer(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    compiler = find_compiler()
-    if compiler is None:
-        pytest.skip("no C compiler: the drone's code in C cannot be tested")
-    folder, core = tmp_path_factory.mktemp("fuzz"), SOURCES / "core"
-    (folder / "vehicle_constants.h").write_text(vehicle_header(VEHICLE))
-    (folder / "good.bundle").write_bytes(BUNDLE)
-    sources = [str(FUZZER), *map(str, sorted(core.glob("*.c")))]
-    command = [compiler, *FLAGS, *SANITIZERS, f"-I{core}", f"-I{folder}", *sources, "-lm", "-o", "fuzz"]
+def build(compiler: str, folder: Path, name: str, *places: Path) -> None:
+    """Compile a fuzzer and the sources in `places`, which find their headers in each other."""
+    fuzzer = SOURCES_OF_FUZZERS / f"{name}.c"
+    sources = [str(fuzzer), *(str(file) for place in places for file in sorted(place.glob("*.c")))]
+    flags = ["-std=gnu11" if flag == "-std=c11" else flag for flag in FLAGS]  # the shim has tasks
+    headers = [f"-I{place}" for place in (folder, SHIM / "include", *places)]
+    command = [compiler, *flags, *SANITIZERS, *headers, *sources, "-lm", "-o", name]
     made = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     if made.returncode != 0 and "-lasan" in made.stderr:
         pytest.skip("this compiler has no sanitizers (Debian: apt install libgcc-12-dev)")
     assert made.returncode == 0, made.stderr
-    return folder / "fuzz"
 
 
-def fuzz(fuzzer: Path, kind: str, cases: int) -> list[int]:
+@pytest.fixture(scope="session")
+def fuzzers(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of both fuzzers."""
+    compiler = find_compiler()
+    if compiler is None:
+        pytest.skip("no C compiler: the drone's code in C cannot be tested")
+    folder = tmp_path_factory.mktemp("fuzz")
+    for name in ("vehicle_constants.h", "perch_vehicle_constants.h"):
+        (folder / name).write_text(vehicle_header(VEHICLE))
+    (folder / "good.bundle").write_bytes(BUNDLE)
+    build(compiler, folder, "fuzz", CORE)
+    build(compiler, folder, "fuzz_shell", CORE, SHELL, SHIM)
+    return folder
+
+
+def fuzz(folder: Path, kind: str, cases: int) -> list[int]:
     """Steps that ended in each state of the landing machine."""
+    fuzzer = folder / ("fuzz_shell" if kind == "shell" else "fuzz")
     command = [str(fuzzer), kind, str(cases), os.environ.get("SEED", "1"), "good.bundle"]
-    run = subprocess.run(command, cwd=fuzzer.parent, capture_output=True, text=True, check=False)
+    run = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
     return [int(number) for number in run.stdout.split()]
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_sample(fuzzer: Path, kind: str) -> None:
-    fuzz(fuzzer, kind, SAMPLE)
+def test_a_sample(fuzzers: Path, kind: str) -> None:
+    fuzz(fuzzers, kind, SAMPLE)
 
 
 @pytest.mark.soak
 @pytest.mark.timeout(1800)
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_million_cases(fuzzer: Path, kind: str) -> None:
-    counts = fuzz(fuzzer, kind, LONG)
-    if kind == "sequences":
+def test_a_million_cases(fuzzers: Path, kind: str) -> None:
+    counts = fuzz(fuzzers, kind, LONG)
+    if kind in ("sequences", "shell"):
         assert all(counts[state] > 0 for state in LandingState), counts
 
 

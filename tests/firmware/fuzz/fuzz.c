@@ -3,67 +3,11 @@
  *   fuzz bundles|memory|sequences CASES SEED BUNDLE
  *
  * BUNDLE is a file with a good bundle. Ends with 1 where a promise of the core is broken, and says which. */
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include "crc32.h"
+#include "draw.h"
 #include "memory.h"
 #include "vehicle_constants.h"
 
-static uint64_t random_state;
 static perch_core core;
-static perch_bank good;
-static uint32_t good_length;
-
-/* xorshift64* (Vigna 2016). */
-static uint32_t random_word(void) {
-  random_state ^= random_state >> 12;
-  random_state ^= random_state << 25;
-  random_state ^= random_state >> 27;
-  return (uint32_t)((random_state * 0x2545F4914F6CDD1Dull) >> 32);
-}
-
-static uint32_t below(uint32_t n) { return random_word() % n; }
-
-static float random_float(float scale) {
-  static const float SPECIAL[] = {0.0f, -0.0f, 1e-30f, 3e38f, -3e38f, INFINITY, -INFINITY, NAN};
-  if (below(50) == 0) {
-    return SPECIAL[below(8)];
-  }
-  return scale * ((float)random_word() / 2147483648.0f - 1.0f);
-}
-
-static void require(bool holds, const char *what, uint32_t number) {
-  if (!holds) {
-    fprintf(stderr, "case %u: %s\n", (unsigned)number, what);
-    exit(1);
-  }
-}
-
-static void seal(perch_bank *bank, uint32_t length) {
-  const uint32_t before = perch_crc32(0, bank->bytes, 12);
-  bank->words[3] = perch_crc32(before, bank->bytes + 16, length - 16);
-}
-
-static uint32_t spoil(perch_bank *bank) {
-  uint32_t length = good_length;
-  memcpy(bank, &good, sizeof good);
-  for (uint32_t i = below(4); i > 0; i--) {
-    const uint32_t place = below(2) ? below(88) : below(length);
-    bank->bytes[place] = (uint8_t)(below(2) ? random_word() : bank->bytes[place] ^ (1u << below(8)));
-  }
-  if (below(4) == 0) {
-    length = below(PERCH_MAX_BUNDLE + 64);
-    if (below(2) && length <= PERCH_MAX_BUNDLE) {
-      bank->words[2] = length;
-    }
-  }
-  if (below(4) != 0 && length >= 16 && length <= PERCH_MAX_BUNDLE) {
-    seal(bank, length);
-  }
-  return length;
-}
 
 static void fuzz_bundle(uint32_t number) {
   static perch_bank bank;
@@ -271,6 +215,8 @@ static void check_outputs(const perch_inputs *in, uint32_t number) {
     require(!perch_setpoint_is_null(&in->setpoint) || out->duties[i] == 0.0f, "motors run unasked", number);
     require(!out->rehearses || (out->duties[i] == 0.0f && out->thrusts[i] == 0.0f), "motors run on the desk", number);
   }
+  const perch_quaternion *own = &core.landing.attitude;
+  require(!core.landing.attitude_known || isfinite(own->x + own->y + own->z + own->w), "an attitude of NaN", number);
   require(core.rehearses <= PERCH_ON_MODEL, "an unknown rehearsal", number);
   require(!out->rehearses || !(in->flying || in->thrust_seen), "a rehearsal in flight", number);
   require(out->state != PERCH_FLIP || isfinite(core.landing.snapshot.a_rot), "a flip of NaN", number);
@@ -295,14 +241,10 @@ static void fuzz_sequence(uint32_t number) {
 }
 
 int main(int argc, char **argv) {
-  FILE *file = argc == 5 ? fopen(argv[4], "rb") : NULL;
-  if (file == NULL) {
+  if (argc != 5 || !begin_drawing(argv[4], argv[3])) {
     fprintf(stderr, "usage: fuzz bundles|memory|sequences CASES SEED BUNDLE\n");
     return 2;
   }
-  good_length = (uint32_t)fread(good.bytes, 1, sizeof good, file);
-  fclose(file);
-  random_state = strtoull(argv[3], NULL, 10) * 2 + 1;
   perch_boot(&core, &PERCH_VEHICLE);
   const uint32_t cases = (uint32_t)strtoul(argv[2], NULL, 10);
   uint32_t states[PERCH_FAULT + 1] = {0};
