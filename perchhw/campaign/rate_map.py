@@ -47,7 +47,11 @@ class ExpectedRates:
 
 
 class RateSurrogate:
-    """Makes :class:`ExpectedRates` of counts at the conditions of one grid."""
+    """Makes :class:`ExpectedRates` of counts at the n conditions of one grid.
+
+    Attributes:
+        prior: (h, n, n) covariance of the logits before the first attempt, by length scales and amplitude.
+    """
 
     def __init__(self, conditions: Sequence[Condition]) -> None:
         places = np.asarray(conditions, dtype=float)
@@ -58,13 +62,11 @@ class RateSurrogate:
             amplitude**2 * _matern(np.hypot(apart[..., 0] / along, apart[..., 1] / across)) + _OFFSET**2
             for along, across, amplitude in itertools.product(LENGTHS, LENGTHS, AMPLITUDES)
         ]
-        self._prior = np.stack(kernels)
+        self.prior = np.stack(kernels)
 
     def fit(self, landed: FloatArray, flown: FloatArray) -> ExpectedRates:
         """The map after `landed` of `flown` attempts, (n,) each, at the conditions of the grid."""
-        mean, covariance, evidence = self._laplace(landed, flown)
-        weight = np.exp(evidence - evidence.max())
-        weight /= weight.sum()
+        mean, covariance, weight = self.logits(landed, flown)
         spread = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
         rates = _logistic(mean[..., None] + spread[..., None] * _NODES)  # (h, n, nodes)
         each = rates @ _WEIGHTS
@@ -76,9 +78,17 @@ class RateSurrogate:
         lowered = np.einsum("hi,hij->hj", slope**2, covariance**2) / (1.0 / information + own)
         return ExpectedRates(rate, np.sqrt(np.maximum(variance, 0.0)), weight @ lowered / rate.size)
 
+    def logits(self, landed: FloatArray, flown: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Mean (h, n) and covariance (h, n, n) of the logits after `landed` of `flown` attempts, and by its
+        evidence the weight (h,) of each set of length scales and amplitude.
+        """
+        mean, covariance, evidence = self._laplace(landed, flown)
+        weight = np.exp(evidence - evidence.max())
+        return mean, covariance, weight / weight.sum()
+
     def _laplace(self, landed: FloatArray, flown: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Mean (h, n) and covariance (h, n, n) of the logits, and log evidence (h,), by hyperparameters."""
-        prior, seen = self._prior, np.flatnonzero(flown)
+        prior, seen = self.prior, np.flatnonzero(flown)
         landed, flown = landed[seen], flown[seen]
         if not seen.size:
             return np.zeros(prior.shape[:2]), prior, np.zeros(len(prior))

@@ -61,6 +61,10 @@ class KnownMap:
         conditions: n of them.
         rng: of the attempts.
         most: attempts at a condition.
+
+    Attributes:
+        rate: as given.
+        surrogate: what makes maps of its attempts.
     """
 
     def __init__(
@@ -69,7 +73,7 @@ class KnownMap:
         self._rng, self.rate = rng, rate
         # The n-th attempt at a condition ends alike, whichever campaign flies it.
         self._lands = self._rng.random((len(conditions), most)) < self.rate[:, None]
-        self._surrogate = RateSurrogate(conditions)
+        self.surrogate = RateSurrogate(conditions)
 
     def landed(self, flown: FloatArray) -> FloatArray:
         """Landings after as many attempts at each condition."""
@@ -77,7 +81,7 @@ class KnownMap:
 
     def known(self, flown: FloatArray) -> ExpectedRates:
         """The surrogate's map after them."""
-        return self._surrogate.fit(self.landed(flown), flown)
+        return self.surrogate.fit(self.landed(flown), flown)
 
     def error(self, rate: FloatArray) -> float:
         """Mean square error of a map."""

@@ -9,7 +9,7 @@ import pytest
 
 from perchhw.attempt import AttemptRequest, AttemptResult, Outcome
 from perchhw.campaign import CampaignFileError, CampaignPlan, CampaignStore, load_plan, run_campaign
-from perchhw.campaign.adaptive import flown_map
+from perchhw.campaign.adaptive import choose, flown_map
 from perchhw.campaign.rate_map import RateSurrogate
 from tests.campaign.drawn_maps import DrawnMap
 from tests.campaign.stand_in import fly
@@ -105,6 +105,22 @@ def test_what_is_known_of_a_rate_follows_the_counts() -> None:
     assert flown.deviation[0] == pytest.approx(np.sqrt(0.9 * 0.1 / 30.0), rel=0.2)
     assert flown.deviation[1] > 2.0 * flown.deviation[0]
     assert flown.gain[1] > flown.gain[0]
+
+
+def test_where_it_flies_next_an_attempt_brings_about_as_much_as_anywhere() -> None:
+    """Held against the map made anew after either outcome, weighed by how likely each is."""
+    surrogate, rng = RateSurrogate(CONDITIONS), np.random.default_rng(1)
+    n = len(CONDITIONS)
+    truth = 1.0 / (1.0 + np.exp(-6.0 * (np.array(CONDITIONS)[:, 0] - 2.5)))
+    for attempts in (6, 20):
+        flown = np.bincount(rng.integers(0, n, attempts), minlength=n).astype(float)
+        landed = rng.binomial(flown.astype(int), truth).astype(float)
+        known = surrogate.fit(landed, flown)
+        brought = []
+        for place, rate in zip(np.eye(n), known.rate, strict=True):
+            after = [surrogate.fit(landed + lands * place, flown + place).error ** 2 for lands in (0, 1)]
+            brought.append(known.error**2 - (1.0 - rate) * after[0] - rate * after[1])
+        assert brought[choose(known, rng)] > 0.9 * max(brought) > 0.0
 
 
 @pytest.mark.parametrize("shape", ["cliff", "band"])
