@@ -65,7 +65,6 @@ def run(
     from perchhw.flight.fit import check_fit
     from perchhw.flight.ground_station import ground_station
     from perchhw.lab import find_lab
-    from perchhw.report.campaign_report import write_campaign_report
     from perchhw.screen.flight_display import flight_display
 
     if has_flights(file):
@@ -94,7 +93,7 @@ def run(
         except (CampaignStopped, DroneStopped) as stop:
             stopped = str(stop)
             progress_console().print(stopped, style="red", markup=False)
-        report = write_campaign_report(folder, draw_all=False)
+        report = _page_of(folder)
     _emit_rows(folder, report, stopped)
     return 3 if stopped else 0
 
@@ -137,6 +136,18 @@ def _fly_courses(
     stopped = next((row.aborted_by for row in rows if row.aborted_by), None)
     _emit_courses(folder, stopped)
     return 3 if stopped else 0
+
+
+def _page_of(folder: Path) -> Path | None:
+    """Write the report of a campaign that was just flown; a full disk costs it and no result."""
+    from onboard.record.folder import OutputFolderError
+    from perchhw.report.campaign_report import write_campaign_report
+
+    try:
+        return write_campaign_report(folder, draw_all=False)
+    except OutputFolderError as error:
+        progress_console().print(f"no report: {error}", style="red", markup=False, soft_wrap=True)
+        return None
 
 
 def _report_courses(folder: Path) -> None:

@@ -16,6 +16,7 @@ from calibration.measurement import wilson_interval
 from calibration.report_style import MUTED, grid, new_figure, page, report_style, section, svg, table
 from onboard.atomic_file import write_atomically
 from onboard.csv_file import read_csv
+from onboard.record.folder import OutputFolderError
 from onboard.record.run_record import RunFolderError, RunRecord, is_run_folder, read_info
 from perchhw.attempt import Outcome
 from perchhw.campaign.adaptive import FlownMap, flown_map
@@ -57,6 +58,7 @@ def write_campaign_report(folder: Path, *, draw_all: bool = True) -> Path:
 
     Raises:
         CampaignError: no campaign and no run in it.
+        OutputFolderError: a page cannot be written.
     """
     if CampaignStore.exists(folder):
         with closing(CampaignStore.open(folder)) as store:
@@ -78,7 +80,10 @@ def write_campaign_report(folder: Path, *, draw_all: bool = True) -> Path:
     with report_style():
         body = _body(_in_order(looked_at), folder, damaged, found) + misfit_section(skipped)
     body += remarks_section(one.run.folder for one in looked_at if one.run is not None)
-    write_atomically(path, page(title, _subtitle(attempts, planned), body))
+    try:
+        write_atomically(path, page(title, _subtitle(attempts, planned), body))
+    except OSError as error:
+        raise OutputFolderError(folder, error.strerror) from error
     return path
 
 

@@ -37,7 +37,8 @@ from perchhw.supervisor.state import IN_FLIGHT, Context, FlightState, Mission, P
 STOPPED_BY_OTHERS = "; stopped by others: perchhw stop, or the drone's own supervisor"
 """What follows the rule that noticed it."""
 
-_SIGNS_OF_A_STOP = ("drone_can_fly: no", "drone_state: locked", "drone_broke_off: not_flying")
+_SIGNS_OF_A_STOP = ("drone_can_fly: no", "drone_state: locked", "drone_broke_off: not_flying", "Arm failed: ")
+"""What a drone that others stop may show before it says that it is locked."""
 
 _TICK = 0.02
 """s that are counted for an event when the clock cannot say."""
@@ -138,7 +139,7 @@ def _stopped_by_others(state: FlightState, o: Admitted, context: Context) -> boo
 
 
 def _named_by_lock(state: FlightState) -> FlightState:
-    """What a stop of others shows first is that the drone cannot fly: the stop is the reason."""
+    """A stop of others shows first as a drone that cannot fly or does not arm: the stop is the reason."""
     sign = state.aborted_by or ""
     if not state.locked or not sign.startswith(_SIGNS_OF_A_STOP) or sign.endswith(STOPPED_BY_OTHERS):
         return state

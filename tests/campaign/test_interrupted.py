@@ -1,5 +1,8 @@
 """A campaign that is ended where nothing flies says how it goes on."""
 
+import errno
+import json
+import os
 import signal
 import socket
 import subprocess
@@ -8,7 +11,9 @@ from pathlib import Path
 
 import pytest
 
+from perchhw.campaign import load_plan, run_campaign
 from perchhw.cli.main import run
+from tests.campaign.stand_in import fly
 from tests.patience import PATIENCE_S
 
 GRID = "[grid]\nspeeds = [2.25]\nangles_deg = [52.5]\n"
@@ -62,3 +67,25 @@ def test_a_campaign_that_is_ended_while_its_pages_are_drawn_says_so_too(
     file.write_text(f'schema = "perchhw.campaign/1"\n{where}{GRID}')
     assert run(["campaign", "run", str(file), "--yes", "--out", str(tmp_path / "campaign")]) == 130
     assert "continue with --resume" in capsys.readouterr().err
+
+
+def test_a_full_disk_costs_a_campaign_its_page_and_no_result(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, folder = tmp_path / "one.toml", tmp_path / "campaign"
+    where = 'drone = "udp://127.0.0.1:1"\nmocap = "vicon://127.0.0.1:1?subject=cf1"\n'
+    file.write_text(f'schema = "perchhw.campaign/1"\n{where}{GRID}')
+    flown = run_campaign(load_plan(file), folder, fly)
+
+    def full(_stream: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("perchhw.cli.displayed_campaign.run_displayed", lambda *_, **__: flown)
+    monkeypatch.setattr("onboard.atomic_file.os.fsync", full)
+    assert run(["--json", "campaign", "run", str(file), "--yes", "--resume", "--out", str(folder)]) == 0
+    said = capsys.readouterr()
+    told = json.loads(said.out)
+    assert (told["report"], len(told["attempts"])) == (None, len(flown))
+    assert f"no report: {folder}" in said.err
+    assert "No space left on device" in said.err
+    assert run(["campaign", "report", str(folder)]) == 2

@@ -120,6 +120,7 @@ def document(days: list[tuple[Path, int]], seed: int) -> dict[str, Any]:
         "full_disks": sum(each["file_limit"] is not None for each in told),
         "outcomes": Counter(row.outcome or row.state for row in rows),
         "flights_the_world_saw": sum(each["flights"] for each in judged),
+        "flights_in_a_late_lab": sum(each.get("late", 0) for each in judged),
         "reasons_judged": sum(each["reasons"] for each in judged),
         "aborts_whose_motors_were_watched": sum(each["aborts"] for each in judged),
         "labels_judged": labels,

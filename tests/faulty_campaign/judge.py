@@ -22,6 +22,7 @@ from onboard.record.run_record import RunRecord, is_run_folder
 from perchhw.attempt import Outcome
 from perchhw.campaign.store import AttemptRow
 from perchhw.diagnosis import Cause
+from perchhw.diagnosis.busy import SLOWEST
 from tests.faulty_campaign.fly import ATTEMPTS
 from tests.faulty_campaign.shift import CAUSES, Blow
 
@@ -52,13 +53,16 @@ class Wrong:
 
 @dataclass(frozen=True)
 class Judged:
-    """What was judged in a shift, and what of it was wrong."""
+    """What was judged in a shift, and what of it was wrong; of `late` flights, in a lab that fell behind real
+    time on a busy computer (docs/lab_time.md), only that their records are there and whole.
+    """
 
     aborts: int
     reasons: int
     labels: int
     flights: int
     wrong: tuple[Wrong, ...]
+    late: int = 0
 
 
 @dataclass(frozen=True)
@@ -132,9 +136,12 @@ def judge(shift: Path, campaign: Path, rows: Sequence[AttemptRow]) -> Judged:
     world, offset = World.read(shift / "truth.csv"), float(said.get("clock_offset", 0.0))
     lived = "exit_code" in said and all(blow["blow"] != Blow.LAB_KILLED for blow in said["struck"])
     begins = [float(record.info["clock_at_start"]) - offset for _, record in records]
-    aborts = reasons = labels = 0
+    aborts = reasons = labels = late = 0
     for (row, record), begin, following in zip(records, begins, [*begins[1:], np.inf], strict=False):
         wrong += _internal(record) + _torn(record, said)
+        if said.get("at_real_pace") and _fell_behind(record):
+            late += 1
+            continue
         aborted = row.state != "done" or row.outcome is Outcome.ABORTED
         reasons += aborted
         wrong += _wrong_reason(row, record, said) if aborted else []
@@ -154,7 +161,7 @@ def judge(shift: Path, campaign: Path, rows: Sequence[AttemptRow]) -> Judged:
             wrong.append(Wrong(MOTORS, record.folder.name, f"at {t:.2f} s, it ended at {still:.2f} s"))
     flights = world.take_offs()
     wrong += _untold(flights, records, begins, shift.name)
-    return Judged(aborts, reasons, labels, len(flights), tuple(wrong))
+    return Judged(aborts, reasons, labels, len(flights), tuple(wrong), late)
 
 
 def counted(rows: Sequence[AttemptRow], campaign: Path, slots: int) -> list[Wrong]:
@@ -235,6 +242,11 @@ def _wrong_reason(row: AttemptRow, record: RunRecord, said: dict[str, Any]) -> l
         return []
     words = f"{told['code']} ({told['sentence']}; {row.aborted_by}), not {sorted(given)}"
     return [Wrong(REASON, name, words)]
+
+
+def _fell_behind(record: RunRecord) -> bool:
+    rate = record.info.get("drone_clock_rate")
+    return rate is not None and float(rate) < SLOWEST
 
 
 def _end(record: RunRecord, offset: float) -> float | None:

@@ -32,7 +32,7 @@ CAUSES: dict[Blow, tuple[Cause, ...]] = {
     Blow.KILLED: (Cause.PROCESS_KILLED,),
     Blow.INTERRUPTED: (Cause.OPERATOR,),
     Blow.STOPPED: (Cause.STOPPED_BY_OTHERS,),
-    Blow.LAB_KILLED: (Cause.LINK_LOST, Cause.MOCAP_SILENT),
+    Blow.LAB_KILLED: (Cause.LINK_LOST, Cause.MOCAP_SILENT, Cause.NOT_BEGUN),
     Blow.ROOM_KILLED: (Cause.MOCAP_SILENT,),
     Blow.SUSPENDED: (Cause.HOST_STOOD_STILL,),
 }

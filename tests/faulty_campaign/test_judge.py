@@ -98,6 +98,35 @@ def test_a_reason_for_which_there_was_no_cause(tmp_path: Path) -> None:
     assert wrongs(scene) == [REASON]
 
 
+def test_a_flight_in_a_lab_that_fell_behind_real_time_is_not_judged(tmp_path: Path) -> None:
+    scene = Scene(tmp_path)
+    scene.row = {"outcome": Outcome.ABORTED, "aborted_by": "tilt_in_hover: 39.4 deg"}
+    scene.closing = {
+        "outcome": "aborted",
+        "drone_clock_rate": 0.88,
+        "diagnosis": {"code": "tumbled", "sentence": "this computer was too busy"},
+    }
+    scene.off = END + 0.3
+    scene.said["at_real_pace"] = True
+    judged = scene.judged()
+    assert (judged.wrong, judged.late, judged.reasons) == ((), 1, 0)
+
+
+def test_in_lock_step_a_slow_clock_excuses_nothing(tmp_path: Path) -> None:
+    scene = Scene(tmp_path)
+    scene.closing["drone_clock_rate"] = 0.88
+    scene.off = END + 0.3
+    assert wrongs(scene) == [MOTORS]
+
+
+def test_a_lab_that_dies_before_a_flight_has_its_drone_is_cause_enough(tmp_path: Path) -> None:
+    scene = Scene(tmp_path)
+    scene.row = {"outcome": Outcome.ABORTED, "aborted_by": "no drone at udp://127.0.0.1:1"}
+    scene.closing = {"outcome": "aborted", "diagnosis": {"code": "not_begun", "sentence": "no drone"}}
+    scene.said["struck"] = [{"blow": Blow.LAB_KILLED, "record": NAME, "phase": "done", "left": ""}]
+    assert REASON not in wrongs(scene)
+
+
 def test_a_label_that_the_world_does_not_bear_out(tmp_path: Path) -> None:
     scene = Scene(tmp_path)
     scene.row = {"outcome": Outcome.TWO_LEG}

@@ -8,7 +8,7 @@ import pytest
 from onboard.app_interface import EndReason, LandingState
 from onboard.supervisor_info import SupervisorBits, SupervisorInfo
 from perchhw.supervisor import Phase, Tick, step
-from perchhw.supervisor.events import CommandFailed
+from perchhw.supervisor.events import Arm, CommandFailed, Order
 from perchhw.supervisor.machine import STOPPED_BY_OTHERS
 
 from .simulated_attempt import FLYING, PERIOD
@@ -110,6 +110,16 @@ def test_whatever_notices_the_stop_of_others_says_so(changes: dict[str, Any], si
     o = replace(good_in(Phase.APPROACHING), drone=LOCKED, **changes)
     state = step(state_in(Phase.APPROACHING), Tick(o), PERIOD, mission_of(Phase.APPROACHING)).state
     assert state.aborted_by == sign + STOPPED_BY_OTHERS
+
+
+def test_a_stop_that_comes_while_it_is_armed_is_the_reason_why_it_does_not_arm() -> None:
+    """The order fails in the 40 ms before the drone is locked; that it is, is seen when it is disarmed."""
+    mission, refused = mission_of(Phase.ARMING), "the drone does not arm: supervisor says high_level_finished"
+    failed = step(state_in(Phase.ARMING), CommandFailed(Order(7, Arm()), refused), 0.1, mission)
+    assert (failed.state.phase, failed.state.aborted_by) == (Phase.DISARMING, f"Arm failed: {refused}")
+    o = replace(good_in(Phase.DISARMING), drone=LOCKED)
+    state = step(failed.state, Tick(o), 0.1 + PERIOD, mission).state
+    assert (state.locked, state.aborted_by) == (True, f"Arm failed: {refused}{STOPPED_BY_OTHERS}")
 
 
 @pytest.mark.parametrize("lies", [SupervisorBits.TUMBLED, SupervisorBits.CRASHED])
