@@ -5,7 +5,8 @@
 Each condition (speed 1.5 to 3.5 m/s, angle 30 to 90 deg, those that the policy covers and the room has
 place for) is flown twice in a simulated world, from the floor to 1.5 s after the motors were cut, with the
 same noise. Two flights end alike when they trigger on the same sample and land the same way. Where they do
-not, the trigger values of the last samples tell whether it was a threshold.
+not, the trigger values of the last samples and the touches of the feet (how fast each met the ceiling, what
+its pad wants) tell whether it was a threshold.
 """
 
 import argparse
@@ -22,12 +23,15 @@ from onboard.app_interface import MEMORY_TYPE_APP, LandingState, Parameter
 from onboard.policy.bundle import bundle_crc32, encode_bundle
 from onboard.policy.files import Policy, find_policy, load_policy, policy_crc32
 from onboard.room import RoomGeometry
+from onboard.rotation import rotate
 from onboard.trajectory import ApproachError, ApproachPlan, fit_approach
 from onboard.vehicle import load_vehicle
 from perchhw.attempt import DEFAULT_POLICY, DEFAULT_VEHICLE
 from sim_backend.crazyflie.engine import SnapshotField
 from sim_backend.crazyflie.high_level import HighLevelCommand
 from sim_backend.engine_name import EngineName, usable_engine
+from sim_backend.physics.parameters import physics_parameters
+from sim_backend.physics.state import FootMode
 from sim_backend.world import World
 
 POSE_DELAY_MS = 10
@@ -39,10 +43,14 @@ class Pilot:
     """The hands of an operator, and a mocap room, for one flight in a world of its own."""
 
     def __init__(self, engine: EngineName, seed: int) -> None:
-        self.world = World(load_vehicle(DEFAULT_VEHICLE), seed=seed, engine=engine)
+        vehicle = load_vehicle(DEFAULT_VEHICLE)
+        self.world = World(vehicle, seed=seed, engine=engine)
         self.drone = self.world.drones[0]
         self.firmware = self.drone.firmware
         self.values: list[float] = []
+        self.touches: dict[int, dict[str, Any]] = {}
+        self._climbs = [0.0] * 4
+        self._physics = physics_parameters(vehicle, RoomGeometry())
         self._poses: list[tuple[float, ...]] = []
 
     def run(self, seconds: float) -> None:
@@ -60,6 +68,25 @@ class Pilot:
                 LandingState.FLIP,
             ):
                 self.values.append(engine.trigger_value)
+            if engine.state is LandingState.CUT:
+                self._watch_feet()
+
+    def _watch_feet(self) -> None:
+        """Keep how fast (m/s) each foot first met the ceiling: in the ms before."""
+        state, physics = self.drone.state, self._physics
+        for foot in range(4):
+            mode = FootMode(int(state["foot_mode"][foot]))
+            if foot not in self.touches and mode in (FootMode.PRESSING_CEILING, FootMode.ATTACHED):
+                spread = physics["capture_spread"] * state["pad_deviate"][foot]
+                self.touches[foot] = {
+                    "tick": self.firmware.tick_ms(),
+                    "climb_m_s": self._climbs[foot],
+                    "pad_wants_m_s": float(physics["capture_speed"] + spread),
+                    "sticks": not state["foot_refused"][foot],
+                }
+            arm = physics["hip"][foot] + physics["leg_length"] * physics["leg_direction"][foot]
+            turning = rotate(state["quaternion"], np.cross(state["omega"], arm))
+            self._climbs[foot] = float(state["velocity"][2] + turning[2])
 
     def write(self, name: str, value: float) -> None:
         """Write a parameter, and wait until its callback is done."""
@@ -159,7 +186,10 @@ def main() -> None:
             moments.append(abs((c["a_rot"] or 0.0) - (reference["a_rot"] or 0.0)))
         if way(c) != way(reference):
             values = {engine.value: pilot.values[-3:] for engine, pilot in pilots.items()}
-            differences.append({"speed_m_s": speed, "angle_deg": angle, **ends, "last_values": values})
+            touches = {engine.value: pilot.touches for engine, pilot in pilots.items()}
+            differences.append(
+                {"speed_m_s": speed, "angle_deg": angle, **ends, "last_values": values, "touches": touches}
+            )
         print(f"{index + 1} flown, {alike} alike", file=sys.stderr, flush=True)
     document = {
         "benchmark": "engines",

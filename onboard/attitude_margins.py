@@ -92,9 +92,20 @@ def vehicle_margins(vehicle: Vehicle) -> AttitudeMargins:
     effects = {effect.name: effect.values() for effect in vehicle.effects}
     scale = effects["motor_lag"]["scale"] if "motor_lag" in effects else 1.0
     ratio = effects["motor_lag_asymmetry"]["ratio"] if "motor_lag_asymmetry" in effects else 1.0
-    delay = effects["command_delay"]["delay"] if "command_delay" in effects else 0.0
     apart = math.sqrt(ratio)
-    return attitude_margins(controller_gains(vehicle), scale * up / apart, scale * down * apart, delay)
+    gains, delay = controller_gains(vehicle), command_delay(vehicle)
+    return attitude_margins(gains, scale * up / apart, scale * down * apart, delay)
+
+
+def margins_by_lag(vehicle: Vehicle) -> dict[float, AttitudeMargins]:
+    """Margins of a vehicle if its motors had each lag of :data:`LAGS`; its ``command_delay`` stays."""
+    gains, delay = controller_gains(vehicle), command_delay(vehicle)
+    return {lag: attitude_margins(gains, lag, lag, delay) for lag in LAGS}
+
+
+def command_delay(vehicle: Vehicle) -> float:
+    """s, the effect's; 0 without it."""
+    return sum(effect.values()["delay"] for effect in vehicle.effects if effect.name == "command_delay")
 
 
 def _least(cases: list[AttitudeMargins]) -> AttitudeMargins:

@@ -14,7 +14,7 @@ class AttitudeLoop:
 
     Attributes:
         own: with the motor lag of its file.
-        by_lag: with other motor lags (s), rising and falling thrust alike.
+        by_lag: with other motor lags (s), rising and falling thrust alike, and the delay of its file.
     """
 
     own: "AttitudeMargins"
@@ -56,11 +56,9 @@ class AttitudeLoop:
 
 def attitude_loop(vehicle: "Vehicle") -> AttitudeLoop:
     """The margins of a vehicle."""
-    from onboard.attitude_margins import LAGS, attitude_margins, vehicle_margins
-    from onboard.controller import controller_gains
+    from onboard.attitude_margins import margins_by_lag, vehicle_margins
 
-    gains = controller_gains(vehicle)
-    return AttitudeLoop(vehicle_margins(vehicle), {lag: attitude_margins(gains, lag, lag) for lag in LAGS})
+    return AttitudeLoop(vehicle_margins(vehicle), margins_by_lag(vehicle))
 
 
 def _json(margins: "AttitudeMargins") -> dict[str, float]:

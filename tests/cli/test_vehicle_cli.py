@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from onboard.vehicle import load_vehicle, vehicle_to_toml
+from onboard.quantity import Quantity
+from onboard.vehicle import Effect, load_vehicle, vehicle_to_toml
 from onboard.vehicle.file_format import parse_vehicle
 from perchhw.cli.main import run
 
@@ -83,6 +84,22 @@ def test_check_warns_of_motors_that_are_too_slow_for_the_law(
     assert "with the motor lag of the file" in warnings[0]
     assert run(["vehicle", "check", str(path)]) == 0
     assert "warning: the attitude loop" in " ".join(capsys.readouterr().out.split())
+
+
+def test_check_takes_the_delay_of_the_file_to_every_motor_lag(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """4 ms are little for its own motors, and too much for the fastest and the slowest."""
+    path = tmp_path / "late.toml"
+    delay = Effect(name="command_delay", parameters={"delay": Quantity(0.004, "s", 0.0, "test case")})
+    vehicle = dataclasses.replace(load_vehicle("crazyflie21-stock"), effects=(delay,))
+    path.write_text(vehicle_to_toml(vehicle), encoding="utf-8")
+    assert run(["--json", "vehicle", "check", str(path)]) == 0
+    result = document(capsys)
+    assert result["attitude_margins"]["by_lag"][0]["delay_s"] == pytest.approx(0.0137, abs=1e-4)
+    fastest, slowest = result["warnings"]
+    assert "a motor lag of 50 ms" in fastest
+    assert "a motor lag of 150 ms" in slowest
 
 
 @pytest.mark.parametrize("as_json", [True, False])
