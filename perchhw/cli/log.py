@@ -49,11 +49,22 @@ def _draw_runs(runs: "list[RunSummary]") -> None:
             "" if run.angle_deg is None else f"{run.angle_deg:g}",
             run.outcome or "",
             {True: "yes", False: "no", None: ""}[run.triggered],
-            "cut off" if run.cut_off else "closed" if run.closed else "torn",
+            _state_of(run),
         )
     console().print(table)
-    if any(run.cut_off for run in runs):
-        console().print("cut off: a damaged copy, copy it again")
+    for state in sorted({_state_of(run) for run in runs} & _STATES.keys()):
+        console().print(f"{state}: {_STATES[state]}")
+
+
+_STATES = {
+    "cut off": "a damaged copy, copy it again",
+    "open": "its flight still writes it, or was killed",
+}
+"""What the record of a run is where it is not closed and whole, in words."""
+
+
+def _state_of(run: "RunSummary") -> str:
+    return "cut off" if run.cut_off else "closed" if run.closed else "open"
 
 
 @app.command()

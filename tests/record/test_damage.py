@@ -257,7 +257,11 @@ def test_a_copy_that_ended_early_is_told_from_a_killed_flight(
     run(["log", "list", str(tmp_path)])
     listed = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in listed if line.split()[-2:] == ["cut", "off"]] == ["cut", "empty"]
-    assert listed[-1] == "cut off: a damaged copy, copy it again"
+    assert [line.split()[0] for line in listed if line.split()[-1:] == ["open"]] == ["killed"]
+    assert listed[-2:] == [
+        "cut off: a damaged copy, copy it again",
+        "open: its flight still writes it, or was killed",
+    ]
     length = (cut / "series.mcap").stat().st_size
     told = f"series.mcap: cut off at byte {length} after it was closed, a damaged copy: fetch it again"
     (note,) = read_run(cut).torn
