@@ -3,7 +3,9 @@
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import TypeAlias
 
 import pytest
 
@@ -35,9 +37,14 @@ def build(compiler: str, folder: Path, name: str, *places: Path) -> None:
     assert made.returncode == 0, made.stderr
 
 
+Fuzzers: TypeAlias = Callable[[str], Path]
+"""Compiles a fuzzer, once, and says where it is."""
+
+PLACES = {"fuzz": (CORE,), "fuzz_shell": (CORE, SHELL, SHIM)}
+
+
 @pytest.fixture(scope="session")
-def fuzzers(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of both fuzzers."""
+def fuzzers(tmp_path_factory: pytest.TempPathFactory) -> Fuzzers:
     compiler = find_compiler()
     if compiler is None:
         pytest.skip("no C compiler: the drone's code in C cannot be tested")
@@ -45,29 +52,33 @@ def fuzzers(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in ("vehicle_constants.h", "perch_vehicle_constants.h"):
         (folder / name).write_text(vehicle_header(VEHICLE))
     (folder / "good.bundle").write_bytes(BUNDLE)
-    build(compiler, folder, "fuzz", CORE)
-    build(compiler, folder, "fuzz_shell", CORE, SHELL, SHIM)
-    return folder
+
+    def built(name: str) -> Path:
+        if not (folder / name).exists():
+            build(compiler, folder, name, *PLACES[name])
+        return folder / name
+
+    return built
 
 
-def fuzz(folder: Path, kind: str, cases: int) -> list[int]:
+def fuzz(fuzzers: Fuzzers, kind: str, cases: int) -> list[int]:
     """Steps that ended in each state of the landing machine."""
-    fuzzer = folder / ("fuzz_shell" if kind == "shell" else "fuzz")
+    fuzzer = fuzzers("fuzz_shell" if kind == "shell" else "fuzz")
     command = [str(fuzzer), kind, str(cases), os.environ.get("SEED", "1"), "good.bundle"]
-    run = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    run = subprocess.run(command, cwd=fuzzer.parent, capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
     return [int(number) for number in run.stdout.split()]
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_sample(fuzzers: Path, kind: str) -> None:
+def test_a_sample(fuzzers: Fuzzers, kind: str) -> None:
     fuzz(fuzzers, kind, SAMPLE)
 
 
 @pytest.mark.soak
 @pytest.mark.timeout(1800)
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_million_cases(fuzzers: Path, kind: str) -> None:
+def test_a_million_cases(fuzzers: Fuzzers, kind: str) -> None:
     counts = fuzz(fuzzers, kind, LONG)
     if kind in ("sequences", "shell"):
         assert all(counts[state] > 0 for state in LandingState), counts
