@@ -17,13 +17,15 @@ _WIDE, _NARROW = 6, 2
 
 def plan_text(plan: CampaignPlan, fit: GridFit, cost: CampaignForecast) -> str:
     """Everything that ``perchhw campaign plan`` tells a person."""
-    head = f"{plan.name}: {len(plan.conditions())} conditions, {_times(plan.repeats)} each, {plan.order}"
+    planned = len(plan.conditions())
+    grid = "1 condition" if planned == 1 else f"{planned} conditions"
+    head = f"{plan.name}: {grid}, {_times(plan.repeats)} each, {plan.order}"
     turns = [f"in turn: {', '.join(f'{name} ({drone})' for drone, name in drone_names(plan.drones).items())}"]
     blocks = [head, *(turns if plan.others else []), *grid_picture(plan, fit)]
     if fit.misfits:
         rows = f"rows {row_of(plan.file, 'speeds')} and {row_of(plan.file, 'angles_deg')}"
         verb = "does" if len(fit.misfits) == 1 else "do"
-        what = f"{len(fit.misfits)} of {len(plan.conditions())} conditions {verb} not fit"
+        what = f"{len(fit.misfits)} of {planned} conditions {verb} not fit"
         blocks += ["", f"{plan.file}: {what} under {plan.room.ceiling_z:.2f} m ([grid], {rows}):"]
         blocks += [f"  {line}" for line in _by_speed(fit.misfits)]
         blocks += [*highest(fit), *(["fly the others with --skip-unflyable"] if fit.approaches else [])]

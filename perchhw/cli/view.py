@@ -30,7 +30,11 @@ def view(
     ] = False,
     port: Annotated[
         int | None,
-        typer.Option(help="With --web: port of the page, 0 for a free one; default: 9090, or a free one."),
+        typer.Option(
+            min=0,
+            max=65535,
+            help="With --web: port of the page, 0 for a free one; default: 9090, or a free one.",
+        ),
     ] = None,
     save: Annotated[
         Path | None, typer.Option(help="Write a recording (.rrd) instead, to be opened with `rerun FILE`.")

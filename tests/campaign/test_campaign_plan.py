@@ -172,6 +172,13 @@ def test_the_verb_draws_the_grid_and_writes_the_page(
     assert all(condition["fits"] for condition in document["conditions"])
 
 
+def test_one_condition_is_one(paper: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    one = PAPER.replace("[2.0, 2.25, 2.5, 2.75, 3.0]", "[2.5]").replace('"30:65:5"', "[50]")
+    paper.write_text(one)
+    code, text = planned(paper, capsys=capsys)
+    assert (code, text.splitlines()[0]) == (0, "paper: 1 condition, 3 times each, shuffled")
+
+
 def test_test_flights_are_planned_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "courses.toml"
     flights = '[[flight]]\nkind = "circles"\ntimes = 2\n\n[[flight]]\nkind = "long_discharge"\n'

@@ -97,7 +97,9 @@ def test_each_drone_has_its_own(tmp_path: Path) -> None:
 
 def test_a_drone_that_the_file_does_not_have_is_not_taken_for_one_of_its_own(tmp_path: Path) -> None:
     lab = lab_of(tmp_path)
-    with pytest.raises(SetupError, match=r"--vehicle: .*lab\.toml has no drone udp://127\.0\.0\.1:7"):
+    with pytest.raises(
+        SetupError, match=r"--vehicle: .*lab\.toml has no drone udp://127\.0\.0\.1:7, it has .*19850"
+    ):
         flight_setup(lab, drone="udp://127.0.0.1:7")
     assert flight_setup(lab, drone="udp://127.0.0.1:7", vehicle="crazyflie21-stock").legs is None
 

@@ -12,6 +12,7 @@ from urllib.parse import parse_qs, urlsplit
 import pytest
 from rerun.chunk import RrdReader
 
+from perchhw.cli.main import run
 from perchhw.view.viewer import program
 from tests.patience import until
 from tests.view.flown import record
@@ -73,3 +74,11 @@ def test_two_attempts_of_a_campaign_reach_another_client_over_loopback(tmp_path:
     reader = RrdReader(saved)
     assert {store.recording_id for store in reader.recordings()} == {run.name for run in runs}
     assert len(reader.blueprints()) == 2
+
+
+@pytest.mark.parametrize("port", ["80000", "-1"])
+def test_a_port_that_is_none_is_refused_in_words(
+    port: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["view", str(tmp_path), "--web", "--port", port]) == 2
+    assert "Invalid value for '--port'" in capsys.readouterr().err
