@@ -140,8 +140,8 @@ def desk_setup(
         has = ", ".join(one.uri for one in lab.drones)
         raise SetupError(
             "vehicle",
-            f"{lab.file} has no drone {drone}, it has {has}; give one of these as it stands there, add this one "
-            "under [[drones]], or give its vehicle too",
+            f"{lab.file} has no drone {drone}, it has {has}; give one of these as it stands there, "
+            "add this one under [[drones]], or give its vehicle too",
         )
     if lab is not None and known is not None:
         vehicle = vehicle or lab.beside(known.vehicle)
