@@ -19,6 +19,8 @@ from perchhw.view.page import LOOPBACK, guarded_page
 WEB_PORT = 9090
 _START_S = 60.0
 _LOOK_S = 0.05
+_SCREENS = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")
+"""Any of them names a screen, on Linux."""
 
 
 @dataclass(frozen=True)
@@ -61,9 +63,23 @@ def open_desktop_viewer() -> Viewer:
     Raises:
         ViewError: it does not start, for example without a screen.
     """
+    _require_screen()
     port = _free_port()
     process = _start(["--port", str(port), "--expect-data-soon"], (port,), "without a screen use --web")
     return Viewer(_feed(port), None, process)
+
+
+def _require_screen() -> None:
+    """The viewer takes connections before it finds that no window can open: look for a screen first.
+
+    Raises:
+        ViewError: there is none.
+    """
+    if sys.platform.startswith("linux") and not any(map(os.environ.get, _SCREENS)):
+        raise ViewError(
+            "this terminal has no screen for a window: open a page instead (perchhw view RUN --web; with a "
+            "flight --view web), or write a file (perchhw view RUN --save FILE.rrd)"
+        )
 
 
 @contextmanager

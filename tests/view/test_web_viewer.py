@@ -82,3 +82,19 @@ def test_a_port_that_is_none_is_refused_in_words(
 ) -> None:
     assert run(["view", str(tmp_path), "--web", "--port", port]) == 2
     assert "Invalid value for '--port'" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="elsewhere no variable names a screen")
+def test_a_window_without_a_screen_is_refused_before_it_opens(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Rerun's viewer takes connections first, and fails then."""
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr("perchhw.cli.view.os.nice", lambda _: 0)
+    record(tmp_path / "run")
+    assert run(["view", str(tmp_path / "run")]) != 0
+    said = capsys.readouterr()
+    assert "no screen" in said.err
+    assert "--web" in said.err
+    assert "opened" not in said.out
