@@ -1,6 +1,8 @@
 """Pads hidden by the independent landings, judged by the search over outcomes."""
 
+import json
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from calibration.gap.landings.outcomes.vehicles import HINGES, Point, filed_poin
 from calibration.gap.landings.outcomes.verdict import improved_vehicle, in_words, judge_outcomes
 from onboard.vehicle import load_vehicle
 from tests.gap.truth_landings.drone import Drone
-from tests.gap.truth_landings.judge import HEALTHY, VEHICLE, Judged, drawn, judge
+from tests.gap.truth_landings.judge import HEALTHY, VEHICLE, Judged, drawn, judge, lines_of, main, summary
 from tests.gap.truth_landings.judge import HINGES as DAMPED
 from tests.gap.truth_landings.outcomes import attempts, land
 from tests.likely import assert_likely
@@ -101,3 +103,38 @@ def test_counts_that_the_model_does_not_expect_are_a_gap_without_a_name() -> Non
     as_said = score(sure, np.array([0] * 9 + [1]), 100, rng)
     assert judge_outcomes(as_said, sure, None) is LandingVerdict.NO_GAP
     assert judge_outcomes(None, np.empty((0, 3)), None) is LandingVerdict.CANNOT_TELL
+
+
+def test_a_table_of_judged_sets_goes_on_and_counts_what_was_named(tmp_path: Path) -> None:
+    """Of each kind: false names of nothing, and hidden limits inside the interval of a name."""
+    made = [
+        {"seed": 1, "hidden": {"hinges": False, "speed": 0.0}, "named": [], "values": {}},
+        {"seed": 2, "hidden": {"hinges": False, "speed": 0.0}, "named": ["hull"], "values": {}},
+        {
+            "seed": 2,
+            "hidden": {"hinges": True, "speed": 0.8},
+            "named": ["pads"],
+            "values": {"speed": [1.0, 0.9, 1.1]},
+        },
+    ]
+    table = tmp_path / "judged.jsonl"
+    assert lines_of(table) == []
+    table.write_text("".join(json.dumps(one) + "\n" for one in made), encoding="utf-8")
+    assert lines_of(table) == made
+    counted = summary(lines_of(table))
+    nothing, pads = counted["nothing"], counted["pads"]
+    assert (nothing["sets"], nothing["named"]["anything"]["sets"]) == (2, 1)
+    assert nothing["named"]["anything"]["wilson95"] == pytest.approx((0.095, 0.905), abs=1e-3)
+    assert pads["named"]["pads"]["sets"] == 1
+    assert pads["named"]["pads, limit inside the interval"]["sets"] == 0
+
+
+def test_a_seed_that_is_in_the_table_is_not_flown_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = tmp_path / "judged.jsonl"
+    line = {"seed": 7, "hidden": {"hinges": False, "speed": 0.0}, "named": [], "values": {}}
+    table.write_text(json.dumps(line) + "\n", encoding="utf-8")
+    monkeypatch.setattr("sys.argv", ["judge", "--first", "7", "--seeds", "1", "--table", str(table)])
+    main()
+    assert json.loads(capsys.readouterr().out)["in_all"]["nothing"]["sets"] == 1
