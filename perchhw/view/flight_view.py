@@ -50,6 +50,7 @@ def follow(
     stream: "rerun.RecordingStream",
     wait: Callable[[float], object],
     over: Callable[[], bool],
+    taken: Callable[[], None],
 ) -> None:
     """Draw a run until its writer has closed it, or `over` says that nobody writes it any more.
 
@@ -58,6 +59,7 @@ def follow(
         stream: where it is drawn.
         wait: waits for so long, s.
         over: asked before each look.
+        taken: waits until all that was drawn has arrived.
 
     Raises:
         RunFolderError: damaged.
@@ -67,8 +69,8 @@ def follow(
     view = FlightView(stream, news, vehicle_of(news.config), policy_of(news))
     view.add(news)
     while not run.closed and not over():
-        stream.flush()
+        taken()
         wait(LOOK_PERIOD_S)
         view.add(run.look())
     view.add(run.look())
-    stream.flush()
+    taken()

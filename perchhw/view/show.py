@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import rerun
 
 APPLICATION = "perchhw"
+_HEARD_EVERY_S, _TAKEN_WITHIN_S = 1.0, 60.0
 QUIET_S = 60.0
 """A record that was not closed and has not grown for so long has lost its writer, s."""
 
@@ -41,7 +42,7 @@ def write_rrd(folder: Path, out: Path) -> Path:
     try:
         with _recording(folder) as stream:
             stream.save(out, default_blueprint=make_blueprint())
-            follow(run, stream, time.sleep, lambda: not _is_written(folder))
+            follow(run, stream, time.sleep, lambda: not _is_written(folder), stream.flush)
     except RuntimeError as error:  # Rerun's, when the disk takes no more
         raise ViewError(f"{out}: cannot be written ({error}); make room, or give another file") from error
     return out
@@ -97,10 +98,28 @@ class Show:
         try:
             with _recording(folder) as stream:
                 stream.connect_grpc(self.viewer.feed, default_blueprint=make_blueprint())
-                follow(GrowingRun(folder), stream, self.wait, over)
+                follow(GrowingRun(folder), stream, self.wait, over, lambda: self._taken(stream))
         except RuntimeError as error:  # Rerun's, when what is sent does not arrive
             if not self.viewer.closed:
                 raise ViewError(f"the viewer takes nothing any more ({error}); open it again") from error
+
+    def _taken(self, stream: "rerun.RecordingStream") -> None:
+        """Wait until the viewer has what was sent. Rerun waits for a dead one for ever, and hears no signal
+        meanwhile: every second one is heard here, and whether the viewer lives is asked.
+
+        Raises:
+            RuntimeError: it takes nothing. ViewError: it failed.
+        """
+        until = time.monotonic() + _TAKEN_WITHIN_S
+        while True:
+            try:
+                stream.flush(timeout_sec=_HEARD_EVERY_S)
+            except RuntimeError:
+                if self.viewer.closed or time.monotonic() > until:
+                    raise
+                self.wait(0.0)
+            else:
+                return
 
 
 def newest_run(root: Path) -> Path | None:
@@ -126,5 +145,4 @@ def _recording(folder: Path) -> "Iterator[rerun.RecordingStream]":
     try:
         yield stream
     finally:
-        stream.flush()
         stream.disconnect()

@@ -152,7 +152,7 @@ def test_a_live_view_ends_up_as_the_recorded_one(flown: Path, shown: Recording, 
     next(pieces)
     stream = rr.RecordingStream("perchhw", recording_id=flown.name)
     stream.save(tmp_path / "live.rrd")
-    follow(GrowingRun(tmp_path / "run"), stream, lambda _: next(pieces), lambda: False)
+    follow(GrowingRun(tmp_path / "run"), stream, lambda _: next(pieces), lambda: False, stream.flush)
     stream.disconnect()
     live = read(tmp_path / "live.rrd")
     assert live.keys() == shown.keys()

@@ -3,11 +3,18 @@
 import gc
 import os
 import signal
+import subprocess
+import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
 from perchhw.cli.view import until_told_to_end
+from perchhw.view.errors import ViewError
+from perchhw.view.show import Show
+from perchhw.view.viewer import Viewer
+from tests.view.flown import record
 
 
 @pytest.fixture(params=[signal.SIGTERM, signal.SIGINT])
@@ -43,3 +50,44 @@ def test_elsewhere_it_ends_at_once(number: signal.Signals) -> None:
     until_told_to_end()
     with pytest.raises(KeyboardInterrupt):
         os.kill(os.getpid(), number)
+
+
+class NeverFlushed:
+    """A stream to a viewer that took the connection and answers nothing: Rerun would wait for ever."""
+
+    def __init__(self, *_: object, **__: object) -> None:
+        pass
+
+    def flush(self, *, timeout_sec: float = 1e38) -> None:
+        assert timeout_sec < 10.0, "no signal is heard meanwhile"
+        raise RuntimeError("timeout")
+
+    def connect_grpc(self, *_: object, **__: object) -> None:
+        pass
+
+    def disconnect(self) -> None:
+        pass
+
+    def __getattr__(self, _: str) -> object:
+        return lambda *_, **__: None
+
+
+@pytest.mark.parametrize("ended", [False, True])
+def test_a_viewer_that_takes_nothing_keeps_nobody_from_ending(
+    ended: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rerun.RecordingStream", NeverFlushed)
+    code = "raise SystemExit(1)" if ended else "input()"
+    with subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE) as process:
+        if ended:
+            process.wait()
+
+        def told(_: float) -> None:
+            raise KeyboardInterrupt
+
+        show = Show(record(tmp_path / "run"), Viewer("rerun+http://127.0.0.1:1/proxy", None, process), told)
+        try:
+            with pytest.raises(ViewError if ended else KeyboardInterrupt):
+                show.run(0.0, 0.0)
+        finally:
+            process.kill()
