@@ -71,31 +71,31 @@ def test_a_level_of_each_flight_is_integrated_out_exactly() -> None:
         information += float(x @ weighed[:, 0])
         score += float(x @ weighed[:, 1])
         likelihood -= 0.5 * float(r @ weighed[:, 1] + np.linalg.slogdet(covariance)[1])
-    fit = fit_mixed(p, FLAT, spread, rounds=0)
+    fit = fit_mixed(p, FLAT, spread, keep_spread=True)
     assert fit.information.sum() == pytest.approx(information)
     assert np.all(fit.information >= 0.0)
     assert fit.theta[0] == pytest.approx(score / information)
     bare = p.of([])
-    kept = fit_mixed(bare, NONE, spread, rounds=0)
+    kept = fit_mixed(bare, NONE, spread, keep_spread=True)
     assert held_out_likelihood(bare, kept, NONE, np.zeros(PARTS)).sum() == pytest.approx(likelihood)
 
 
 def test_spreads_over_flights_and_over_their_parts_are_told_apart() -> None:
     rng = np.random.default_rng(8)
-    spreads = np.array([fit_mixed(drawn(rng)[0], FLAT, rounds=60).spread for _ in range(20)])
+    spreads = np.array([fit_mixed(drawn(rng)[0], FLAT).spread for _ in range(20)])
     assert np.mean(spreads[:, len(NUISANCES)]) == pytest.approx(LEVEL, rel=0.2)
     assert np.mean(spreads[:, 0]) == pytest.approx(SPREAD, rel=0.2)
 
 
 def test_a_mean_of_all_flights_is_no_scatter_between_them() -> None:
-    fits = [fit_mixed(drawn(np.random.default_rng([9, n]), mean=0.1)[0], FLAT, rounds=60) for n in range(20)]
+    fits = [fit_mixed(drawn(np.random.default_rng([9, n]), mean=0.1)[0], FLAT) for n in range(20)]
     assert np.mean([fit.spread[len(NUISANCES)] for fit in fits]) < 1.2 * LEVEL
     assert np.mean([fit.per_part[:, 0].mean() for fit in fits]) == pytest.approx(0.1, abs=0.01)
 
 
 def test_effect_and_spread_of_the_nuisance_are_found() -> None:
     rng = np.random.default_rng(3)
-    fits = [fit_mixed(products(rng), FLAT, rounds=60) for _ in range(60)]
+    fits = [fit_mixed(products(rng), FLAT) for _ in range(60)]
     thetas = np.array([fit.theta[0] for fit in fits])
     errors = np.array([np.sqrt(fit.covariance[0, 0]) for fit in fits])
     assert thetas.mean() == pytest.approx(THETA, abs=3 * thetas.std() / np.sqrt(60))

@@ -5,7 +5,7 @@
 where u is 0 but for what a flight has as a whole (:data:`~calibration.gap.estimate.nuisances.STEADY`), which
 is drawn once for its parts. The products of all columns are formed once per part (:class:`Products`); every
 fit, hold-out and bootstrap after that is algebra of small matrices. Nuisances are integrated out, and their
-spreads found by expectation-maximisation (Laird, Ware, Biometrics 38, 1982).
+spreads found by maximum likelihood (:mod:`calibration.gap.estimate.spreads`).
 """
 
 from collections.abc import Sequence
@@ -17,16 +17,13 @@ from scipy.linalg import block_diag
 
 from calibration.gap.data.signals import PARTS
 from calibration.gap.estimate.nuisances import NUISANCES, SPREADS, STEADY
+from calibration.gap.estimate.spreads import Scoring
 from onboard.arrays import FloatArray
 
 MOST = 0.5
 """Share of the information about an effect that one fold may have for the others to learn it without."""
 
-_ROUNDS = 40
-"""Of expectation-maximisation: scatter of flights and of their parts is told apart slowly, and what a name
-gains must not depend on where that began."""
 _OWN = len(NUISANCES)
-_LEAST, _MOST = np.array([s.least for s in SPREADS]), np.array([s.most for s in SPREADS])
 FIRST_SPREAD: FloatArray = np.array([s.first for s in SPREADS])
 """Spreads to begin with: of the nuisances of parts, then of those that flights have as a whole."""
 
@@ -81,6 +78,7 @@ class MixedFit:
         per_part: nuisances of each part, shape (parts, q).
         information: shape (parts, g, g); each part's share of the normal matrix, nuisances integrated out.
         score: shape (parts, g); its part of the right-hand side.
+        settled: whether the spreads are the most likely ones, not where the search for them was given up.
     """
 
     theta: FloatArray
@@ -89,6 +87,7 @@ class MixedFit:
     per_part: FloatArray
     information: FloatArray
     score: FloatArray
+    settled: bool
 
 
 class _Marginal(NamedTuple):
@@ -207,7 +206,7 @@ def solve(information: FloatArray, score: FloatArray, prior: Prior) -> FloatArra
 
 
 def fit_mixed(
-    p: Products, prior: Prior, spread: FloatArray = FIRST_SPREAD, rounds: int = _ROUNDS
+    p: Products, prior: Prior, spread: FloatArray = FIRST_SPREAD, keep_spread: bool = False
 ) -> MixedFit:
     """Fit shared effects, nuisances and their spreads.
 
@@ -215,23 +214,26 @@ def fit_mixed(
         p: products of the columns.
         prior: of the shared effects.
         spread: standard deviations of the nuisances to begin with.
-        rounds: of expectation-maximisation; 0 keeps the spreads.
+        keep_spread: whether to keep these.
     """
-    for last in (*[False] * rounds, True):
-        marginal = _without_nuisances(p, spread)
+    scoring = Scoring(p.zz, spread)
+    while True:
+        marginal = _without_nuisances(p, scoring.spread)
         theta = solve(marginal.information.sum(axis=0), marginal.score.sum(axis=0), prior)
         level = marginal.level - marginal.level_by_effect @ theta
         per_part = _times(marginal.inverse, p.zr - p.zx @ theta - _times(marginal.steady, level))
-        if not last:
-            spread = np.clip(np.sqrt(_squares(marginal, per_part, level)), _LEAST, _MOST)
-        per_part[:, STEADY] += level
+        if keep_spread or scoring.settled or scoring.exhausted:
+            break
+        scoring.step(_squares(marginal, per_part, level))
+    per_part[:, STEADY] += level
     return MixedFit(
         theta=theta,
         covariance=np.linalg.inv(marginal.information.sum(axis=0) + prior.precision),
-        spread=spread,
+        spread=scoring.spread,
         per_part=per_part,
         information=marginal.information,
         score=marginal.score,
+        settled=keep_spread or scoring.settled,
     )
 
 

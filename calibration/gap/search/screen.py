@@ -57,7 +57,7 @@ def _linear_gains(present: Fitted, offered: Sequence[Candidate], training: Train
         chosen = [*base, *range(first, first + len(candidate.variables))]
         first += len(candidate.variables)
         scores = _held_out(products.of(chosen), prior.of(chosen), spread, training)
-        covariance = fit_mixed(products.of(chosen), prior.of(chosen), spread, rounds=0).covariance
+        covariance = fit_mixed(products.of(chosen), prior.of(chosen), spread, keep_spread=True).covariance
         errors = np.sqrt(np.diag(covariance))[len(base) :]
         found.append(
             Promise(
