@@ -19,6 +19,7 @@ from onboard.room import RoomGeometry
 from onboard.vehicle import EFFECTS, Effect, Vehicle
 from onboard.vehicle.effects import EffectParameter, Size
 from onboard.vehicle.unnamed import UnnamedCurve
+from sim_backend.physics.effects.command_delay import STEP
 from sim_backend.physics.parameters import physics_parameters
 
 _BATTERY = "battery_sag"
@@ -33,6 +34,10 @@ WORKERS = 2
 """Threads; the kernels let go of the interpreter."""
 
 _SHARE_OF_RANGE = 1e-4
+
+_DELAY = "command_delay"
+"""Its response is a broken line that bends at every step of the physics: a derivative to one side of a bend
+asks for a step across it, that to the other side for one back, and no fit would ever arrive."""
 
 _NO_DRAG = 1e-6
 """1/rad, of a rotor in the law of its speed: next to none."""
@@ -162,18 +167,26 @@ class Model:
 
         Args:
             records: flights.
-            variable: by which; taken towards the middle of its bounds.
+            variable: by which; taken towards the middle of its bounds, of a delay to both sides.
             predicted: by this model, shape (n, 7).
         """
         value, rule = self.start_value(variable), self.rule(variable)
-        step = max(_SHARE_OF_RANGE * (rule.high - rule.low), 1e-3 * abs(value))
-        if value + step > rule.high:
-            step = -step
-        stepped = self.with_values({variable: value + step})
         of_battery = variable.effect == _BATTERY
-        there = stepped.predict(records) if of_battery else stepped._motion(records)
+
+        def at(other: float) -> FloatArray:
+            stepped = self.with_values({variable: other})
+            return stepped.predict(records) if of_battery else stepped._motion(records)
+
+        if variable.effect == _DELAY:
+            low, high = max(value - STEP, rule.low), min(value + STEP, rule.high)
+            slope = (at(high) - at(low)) / (high - low)
+        else:
+            step = max(_SHARE_OF_RANGE * (rule.high - rule.low), 1e-3 * abs(value))
+            if value + step > rule.high:
+                step = -step
+            slope = (at(value + step) - predicted) / step
         # In the order in which channels are whitened, one after the other.
-        change = np.asfortranarray((there - predicted) / step)
+        change = np.asfortranarray(slope)
         if of_battery:
             change[:, :VOLTAGE] = 0.0
         else:

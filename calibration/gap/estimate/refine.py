@@ -45,6 +45,9 @@ class UnnamedTerm(ABC):
 _ENOUGH = 0.1
 """Standard errors: a step this small ends the iteration."""
 
+_CLOSE = 3.0
+"""Standard errors: after a step no longer than this the derivatives are what they were."""
+
 _UNNAMED_RANGE = 100.0
 """Range of the coefficient of an unnamed term, in the unit of its channel."""
 
@@ -232,6 +235,8 @@ def refine(
             columns = [column for column, out in zip(columns, stuck, strict=True) if not out]
         errors = np.sqrt(np.diag(estimate.fit.covariance))[: len(variables)]
         arrived = bool(np.all(np.abs(step) <= _ENOUGH * errors))
+        if np.all(np.abs(step) <= _CLOSE * errors):
+            known = dict(zip(variables, columns, strict=True))
         if iteration == iterations or (arrived and iteration > 1):  # by then the noise is of this model
             break
         model = model.with_values({v: model.start_value(v) + d for v, d in zip(variables, step, strict=True)})

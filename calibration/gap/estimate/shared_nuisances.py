@@ -57,6 +57,17 @@ def shared_courses(fitted: Fitted) -> tuple[SharedNuisance, ...]:
     )
 
 
+def swallowed(fitted: Fitted, other: Fitted) -> tuple[str, ...]:
+    """Nuisances that take, on average over the flights, what `fitted` explains and `other` does not.
+
+    Each part of a flight has nuisances of its own, which cost little likelihood: a thrust that is weak on all
+    flights would pass for their scatter where sharper signals decide.
+    """
+    explained = {shared.name for shared in shared_nuisances(fitted, fitted.model.base)}
+    taken = (shared.name for shared in shared_nuisances(other, other.model.base))
+    return tuple(name for name in taken if name not in explained)
+
+
 def _by_part(fitted: Fitted) -> FloatArray:
     """Nuisances, shape (flights, parts, nuisances)."""
     return fitted.estimate.fit.per_part.reshape(-1, PARTS, len(NUISANCES))

@@ -7,9 +7,10 @@ small to matter stays in the model without a name: left out, another would be na
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -47,6 +48,10 @@ _NO_PROMISE = 2.0
 """Log-likelihood: who promises less by a linear fit is not looked at closely, beyond the first few."""
 
 _AT_LEAST = 3
+
+_OUT_OF_REACH = 0.25
+"""Share of what a believed candidate gains: who promises less is not looked at closely. It would neither be
+taken nor be a rival."""
 
 _MORE = 1.2
 """Factor by which the promise of a candidate whose gain did not hold across flights must have grown before it
@@ -129,6 +134,33 @@ class _Grown:
     unnamed: list[FittedTerm]
 
 
+class _Round(NamedTuple):
+    """What one look at every candidate found.
+
+    Attributes:
+        promises: of all, the best first.
+        step: the best that is believed.
+        refused: why others are not.
+        doubted: what those promised whose gain did not hold across flights.
+    """
+
+    promises: list[Promise]
+    step: SelectionStep | None
+    refused: dict[str, str]
+    doubted: dict[str, float]
+
+
+def _round(
+    present: Fitted,
+    training: Training,
+    rng: np.random.Generator,
+    progress: Progress,
+    doubted: Mapping[str, float],
+) -> _Round:
+    promises = screen(present, candidates_for(present, training), training)
+    return _forward(present, promises, training, rng, progress, doubted)
+
+
 def _grow(
     grown: _Grown,
     training: Training,
@@ -138,18 +170,24 @@ def _grow(
 ) -> list[Promise]:
     """Take in what explains most, round by round, until nothing is believed; the last round's promises."""
     doubted: dict[str, float] = {}
+    ahead: _Round | None = None
     rounds = TimeToGo()
     for _ in range(_MOST_ROUNDS):
         present = grown.present
         progress(f"every effect{rounds.to_go()}")  # one round more for each effect that is found
-        promises = screen(present, candidates_for(present, training), training)
-        step = _forward(present, promises, training, rng, progress, refused, doubted)
+        found = ahead or _round(present, training, rng, progress, doubted)
+        step, ahead = found.step, None
+        refused |= found.refused
+        doubted |= found.doubted
         anything = grown.steps or grown.unnamed
-        scale = None if anything else _far_off(present, promises, training, rng)
-        calibrates = scale is not None and not _outdone(scale, step, training, rng, progress)
-        step = scale if calibrates else step
+        scale = None if anything else _far_off(present, found.promises, training, rng)
+        if scale is not None:
+            ahead = _round(scale.after, training, rng, progress, {})
+            if _outdone(scale, step, ahead.step):
+                scale = ahead = None
+        step = step if scale is None else scale
         progress("what has no name")
-        other = None if calibrates else best_term(present, training, rng)
+        other = None if scale is not None else best_term(present, training, rng)
         if other is not None and (step is None or step.judgement.gain < _HALF * other.gain):
             grown.unnamed.append(other)
             grown.present = other.after
@@ -161,7 +199,7 @@ def _grow(
             doubted.clear()
         else:
             break
-    return promises
+    return found.promises
 
 
 def _always(training: Training) -> tuple[Variable, ...]:
@@ -186,20 +224,10 @@ def _far_off(
     return best if best is not None and best.judgement.gain >= LEAST_GAIN else None
 
 
-def _outdone(
-    scale: SelectionStep,
-    other: SelectionStep | None,
-    training: Training,
-    rng: np.random.Generator,
-    progress: Progress,
-) -> bool:
-    """Whether another effect alone explains more than a scale and the effect that is best after it."""
-    if other is None or other.judgement.gain < scale.judgement.gain:
-        return False
-    promises = screen(scale.after, candidates_for(scale.after, training), training)
-    after = _forward(scale.after, promises, training, rng, progress, {}, {})
+def _outdone(scale: SelectionStep, other: SelectionStep | None, after: SelectionStep | None) -> bool:
+    """Whether another effect alone explains more than a scale and the effect that is best `after` it."""
     both = scale.judgement.gain + (after.judgement.gain if after else 0.0)
-    return other.judgement.gain > both
+    return other is not None and other.judgement.gain > both
 
 
 def blind_to(promises: Sequence[Promise], model: Model) -> list[str]:
@@ -221,16 +249,14 @@ def _forward(
     training: Training,
     rng: np.random.Generator,
     progress: Progress,
-    refused: dict[str, str],
-    doubted: dict[str, float],
-) -> SelectionStep | None:
-    """The best candidate that is believed; None when there is none.
+    doubted: Mapping[str, float],
+) -> _Round:
+    """The best candidate that is believed.
 
     Args:
         present: the model that it would come into.
         promises: of all candidates, the best first.
         training, rng, progress: as in :func:`search`.
-        refused: receives why a candidate is not believed.
         doubted: what those promised whose gain did not hold across flights, since the last effect came in.
     """
     looked_at = [
@@ -241,25 +267,32 @@ def _forward(
     ]
     progress(", ".join(promise.candidate.effect for promise in looked_at))
 
-    def closely(promise: Promise) -> Fitted:
-        return refine(
-            promise.candidate.starts[0],
-            (*present.variables, *promise.candidate.variables),
+    def closely(promise: Promise) -> tuple[Fitted, Sequence[Variable]]:
+        candidate = promise.candidate
+        fitted = refine(
+            candidate.starts[0],
+            (*present.variables, *candidate.variables),
             training,
             start=present.estimate,
             unnamed=present.unnamed,
             near=present,
         )
+        return fitted, [v for v in candidate.variables if v.effect == candidate.effect]
 
-    with ThreadPoolExecutor(WORKERS) as pool:
-        fitted_ones = list(pool.map(closely, looked_at))
+    refused: dict[str, str] = {}
+    doubtful: dict[str, float] = {}
     fits: list[tuple[float, Candidate, Fitted, Judgement]] = []
-    for promise, fitted in zip(looked_at, fitted_ones, strict=True):
-        own = [v for v in promise.candidate.variables if v.effect == promise.candidate.effect]
-        judgement = judge(present, fitted, own, training, rng)
-        fits.append((judgement.gain, promise.candidate, fitted, judgement))
-        if not judgement.significant:
-            doubted[promise.candidate.effect] = promise.gain
+    for first in range(0, len(looked_at), _AT_LEAST):
+        within = max((g for g, _, _, judgement in fits if judgement.believed), default=0.0)
+        few = looked_at[first : first + _AT_LEAST]
+        some = [promise for promise in few if promise.gain >= _OUT_OF_REACH * within]
+        with ThreadPoolExecutor(WORKERS) as pool:
+            fitted_ones = list(pool.map(closely, some))
+        for promise, (fitted, own) in zip(some, fitted_ones, strict=True):
+            judgement = judge(present, fitted, own, training, rng)
+            fits.append((judgement.gain, promise.candidate, fitted, judgement))
+            if not judgement.significant:
+                doubtful[promise.candidate.effect] = promise.gain
     fits.sort(key=lambda item: _PARSIMONY * len(item[1].variables) - item[0])
     significant = [(candidate, fitted) for _, candidate, fitted, judgement in fits if judgement.significant]
     for gain, candidate, fitted, judgement in fits:
@@ -268,9 +301,10 @@ def _forward(
             continue
         if judgement.believed:
             rivals = {c.effect: gain - g for g, c, _, _ in fits if c is not candidate}
-            return SelectionStep(candidate.effect, judgement, settled(fitted, training), rivals)
+            step = SelectionStep(candidate.effect, judgement, settled(fitted, training), rivals)
+            return _Round(list(promises), step, refused, doubtful)
         refused[candidate.effect] = _reason(judgement)
-    return None
+    return _Round(list(promises), None, refused, doubtful)
 
 
 def gain_where(candidate: Candidate, other: tuple[Candidate, Fitted], present: Fitted) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 from calibration.gap.estimate.acceptance import LEAST_GAIN, sizeable
 from calibration.gap.estimate.model import WORKERS, Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training, refine, settled
-from calibration.gap.estimate.shared_nuisances import shared_nuisances
+from calibration.gap.estimate.shared_nuisances import swallowed
 from calibration.gap.search.candidates import Candidate, candidates_for
 from onboard.vehicle import EFFECTS
 
@@ -31,6 +31,9 @@ _AS_WELL = 2.0
 
 _BEYOND_DOUBT = 50.0
 """Log-likelihood of a lead that needs no scatter over flights to be believed: few flights may carry it."""
+
+_DOUBTFUL = 3.0
+"""Factor on what a name must gain, below which a first look does not decide that it does."""
 
 
 @dataclass(frozen=True)
@@ -90,17 +93,28 @@ class Rival:
 
 def without(final: Fitted, training: Training, *effects: str) -> Fitted:
     """The model fitted without some of its effects."""
+    return settled(nearly_without(final, training, *effects), training)
+
+
+def nearly_without(final: Fitted, training: Training, *effects: str) -> Fitted:
+    """:func:`without` with the derivatives of the model that has these effects: enough for a first look."""
     rest = [v for v in final.variables if v.effect not in effects]
     model = functools.reduce(Model.without, effects, final.model)
-    return refine(model, rest, training, start=final.estimate, unnamed=final.unnamed)
+    return refine(model, rest, training, start=final.estimate, unnamed=final.unnamed, near=final)
 
 
 def needed(final: Fitted, effect: str, training: Training) -> bool:
     """Whether the flights get less likely when an effect is taken out and the others are fitted anew, or the
     nuisances take what it explained."""
     in_time = final.few_kinds(final.columns_of(_variables(final, effect)))
-    reduced = without(final, training, effect)
-    return float(final.gains(reduced, in_time).sum()) >= LEAST_GAIN or bool(swallowed(final, reduced))
+
+    def gain_over(reduced: Fitted) -> float:
+        return float(final.gains(reduced, in_time).sum())
+
+    reduced = nearly_without(final, training, effect)
+    if _DOUBTFUL * LEAST_GAIN > gain_over(reduced) >= LEAST_GAIN:
+        reduced = settled(reduced, training)  # with its own derivatives it may do without
+    return gain_over(reduced) >= LEAST_GAIN or bool(swallowed(final, reduced))
 
 
 def rivals(final: Fitted, effect: str, close: Sequence[str], training: Training) -> list[Rival]:
@@ -112,7 +126,7 @@ def rivals(final: Fitted, effect: str, close: Sequence[str], training: Training)
         close: effects that came close when it was found; those it is commonly confused with are added.
         training: the flights.
     """
-    reduced = without(final, training, effect)
+    reduced = nearly_without(final, training, effect)
     names = {*close, *EFFECTS[effect].confused_with} - {effect}
     offered = candidates_for(reduced, training, names)
     with ThreadPoolExecutor(WORKERS) as pool:
@@ -153,17 +167,6 @@ def _compared(
         freed=swallowed(other, final),
         fitted=other,
     )
-
-
-def swallowed(final: Fitted, other: Fitted) -> tuple[str, ...]:
-    """Nuisances that take, on average over the flights, what `final` explains and `other` does not.
-
-    Each part of a flight has nuisances of its own, which cost little likelihood: a thrust that is weak on all
-    flights would pass for their scatter where sharper signals decide.
-    """
-    explained = {shared.name for shared in shared_nuisances(final, final.model.base)}
-    taken = (shared.name for shared in shared_nuisances(other, other.model.base))
-    return tuple(name for name in taken if name not in explained)
 
 
 def _variables(fitted: Fitted, effect: str) -> list[Variable]:

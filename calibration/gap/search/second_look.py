@@ -6,15 +6,17 @@ two that together do what one does (a scale of thrust is a mass and three inerti
 """
 
 import dataclasses
+import functools
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from calibration.gap.estimate.acceptance import judge
 from calibration.gap.estimate.refine import Fitted, Training, refine, settled
+from calibration.gap.estimate.shared_nuisances import swallowed
 from calibration.gap.search.candidates import Candidate, candidates
-from calibration.gap.search.rivals import KEPT, Rival, needed, rivals, swallowed, without
+from calibration.gap.search.rivals import KEPT, Rival, nearly_without, needed, rivals, without
 from calibration.gap.search.screen import screen
 from calibration.gap.search.selection import Progress, SelectionStep, TimeToGo
 from onboard.vehicle import EFFECTS
@@ -96,18 +98,24 @@ def _one_for_two(
     progress: Progress,
 ) -> tuple[Fitted, list[SelectionStep]]:
     """One cause in the place of two names that it explains, where there is one with fewer parameters."""
+
+    @functools.cache
+    def lacking(name: str) -> Fitted:
+        return nearly_without(present, training, name)
+
     for one, other in itertools.combinations(steps, 2):
         common = set(EFFECTS[one.effect].confused_with) & set(EFFECTS[other.effect].confused_with)
         common -= set(present.model.effects)
         if not common:
             continue
         progress(f"one effect for {one.effect} and {other.effect}")
-        reduced = without(present, training, one.effect, other.effect)
+        reduced = nearly_without(present, training, one.effect, other.effect)
         cause = _common_cause(present, reduced, common, training)
-        if cause is None or not _explains(cause[1], present, (one.effect, other.effect), training):
+        alone = {name: lacking(name) for name in (one.effect, other.effect)} if cause else {}
+        if cause is None or not _explains(cause[1], present, alone):
             continue
         candidate, fitted = cause[0], settled(cause[1], training)
-        if not _explains(fitted, present, (one.effect, other.effect), training):
+        if not _explains(fitted, present, alone):
             continue  # with derivatives of a model near by it looked better than it is
         step = SelectionStep(
             candidate.effect, judge(reduced, fitted, candidate.variables, training, rng), fitted
@@ -143,14 +151,19 @@ def _common_cause(
     return best, fitted
 
 
-def _explains(cause: Fitted, present: Fitted, names: Sequence[str], training: Training) -> bool:
-    """Whether a fit with one cause keeps most of what each of two names gains, and hides nothing."""
+def _explains(cause: Fitted, present: Fitted, lacking: Mapping[str, Fitted]) -> bool:
+    """Whether a fit with one cause keeps most of what each of two names gains, and hides nothing.
+
+    Args:
+        cause: the fit.
+        present: that with both names.
+        lacking: by name, the fit without it alone.
+    """
     if swallowed(present, cause):
         return False
     in_time = any(
         present.few_kinds(present.columns_of([v for v in present.variables if v.effect == name]))
-        for name in names
+        for name in lacking
     )
     lost = float(present.gains(cause, in_time).sum())
-    gained = [float(present.gains(without(present, training, name), in_time).sum()) for name in names]
-    return lost <= (1.0 - KEPT) * min(gained)
+    return lost <= (1.0 - KEPT) * min(float(present.gains(one, in_time).sum()) for one in lacking.values())

@@ -18,6 +18,9 @@ from onboard.vehicle import Vehicle
 _OFFERED = 3
 """Places, and lines, that are made into terms in a round."""
 
+_ROUNDS = 3
+"""Of a fit with another term: its coefficients are linear, and noise and spreads have followed by then."""
+
 
 @dataclass(frozen=True, eq=False)
 class FittedTerm:
@@ -111,7 +114,13 @@ def _with_terms(present: Fitted, terms: Sequence[UnnamedTerm], training: Trainin
     """The fit with these terms in the place of its own, and the derivatives that it had: a term moves the
     named parameters by little, and derivatives are most of the work."""
     return refine(
-        present.model, present.variables, training, start=present.estimate, unnamed=terms, near=present
+        present.model,
+        present.variables,
+        training,
+        iterations=_ROUNDS,
+        start=present.estimate,
+        unnamed=terms,
+        near=present,
     )
 
 
