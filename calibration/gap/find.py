@@ -44,7 +44,7 @@ from calibration.gap.search.nameless import Nameless, nameless_curves
 from calibration.gap.search.naming import FEWEST, NAMELESS, Named, as_believed, name_effects
 from calibration.gap.search.retest import FAILED, retested
 from calibration.gap.search.selection import Progress
-from calibration.gap.sensors import SensingFindings, apply_sensing, judge_sensing
+from calibration.gap.sensors import SensingFindings, apply_sensing, judge_sensing, unsaid
 from calibration.gap.unnamed.fitted_terms import FittedTerm, formulas, residual_map, with_consequence
 from onboard.errors import InputError
 from onboard.vehicle import EFFECTS, Vehicle
@@ -145,7 +145,7 @@ def _find(flights: Sequence[Flight], question: GapQuestion, progress: Progress) 
     progress("landings")
     landings = _landings(flights, names, rng)
     effects = [
-        *sensing.effects,
+        *unsaid(sensing.effects, question.vehicle),
         *in_the_air,
         *landing_effects(landings.findings if landings else (), question.vehicle),
     ]
@@ -305,6 +305,11 @@ def _limitations(
             f"{names.model.ceiling_z:.2f} m, and the parameters shift with it: give its height (--ceiling)"
         )
     limits += sensing.notes
+    if not found.final.estimate.fit.settled:
+        limits.append(
+            "how much flights differ by themselves (thrust, trims, battery) could not be found to the end: "
+            "the intervals are those of the last step"
+        )
     if landings is not None:
         limits += landings.limitations
     if not kept_back:

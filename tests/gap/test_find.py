@@ -29,9 +29,9 @@ Find = Callable[..., tuple[int, dict[str, Any]]]
 def find(capsys: pytest.CaptureFixture[str]) -> Find:
     """The command on files: its exit code and what it prints."""
 
-    def of(out: Path, *data: Path) -> tuple[int, dict[str, Any]]:
+    def of(out: Path, *data: Path, vehicle: str = "crazyflie21-stock") -> tuple[int, dict[str, Any]]:
         capsys.readouterr()
-        options = ("--vehicle", "crazyflie21-stock", "--out", str(out), "--data", *map(str, data))
+        options = ("--vehicle", vehicle, "--out", str(out), "--data", *map(str, data))
         code = run(["--json", "gap", "find", *options])
         return code, json.loads(capsys.readouterr().out)
 
@@ -60,6 +60,18 @@ def test_report_and_improved_vehicle(flights: Path, find: Find, tmp_path: Path) 
     assert effect.values()["coefficient"] == found["parameters"]["coefficient"]["value"]
     assert "gap finder" in effect.parameters["coefficient"].source
     assert "<html" in (tmp_path / "report.html").read_text()
+
+
+def test_with_the_vehicle_that_was_found_there_is_nothing_more_to_find(
+    flights: Path, find: Find, tmp_path: Path
+) -> None:
+    find(tmp_path / "first", flights / "flights")
+    found = tmp_path / "first" / "vehicle.toml"
+    _, report = find(tmp_path / "second", flights / "flights", vehicle=str(found))
+    assert report["effects"] == []
+    assert report["verdict"] == "no_gap"
+    again = load_vehicle(tmp_path / "second" / "vehicle.toml")
+    assert again.effects == load_vehicle(found).effects
 
 
 @pytest.mark.soak

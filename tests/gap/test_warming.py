@@ -10,8 +10,9 @@ from calibration.gap.data.signals import PARTS
 from calibration.gap.estimate.acceptance import LEAST_GAIN, Judgement, judge
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training, refine, training_set
-from calibration.gap.estimate.shared_nuisances import shared_courses, shared_nuisances
+from calibration.gap.estimate.shared_nuisances import SharedNuisance, every_mean, shared_nuisances
 from calibration.gap.search.candidates import candidates_for
+from calibration.gap.search.retest import shared_by
 from calibration.gap.search.screen import screen
 from onboard.quantity import Quantity
 from onboard.vehicle import Effect, Vehicle, load_vehicle
@@ -49,6 +50,10 @@ def fitted(warming: bool) -> tuple[Fitted, Fitted, Judgement]:
     none = refine(Model(STOCK), (), flights)
     found = refine(Model(STOCK), (LOSS, TIME), flights)
     return none, found, judge(none, found, (LOSS, TIME), flights, np.random.default_rng(1))
+
+
+def shared_courses(fit: Fitted) -> list[SharedNuisance]:
+    return [one for one in shared_nuisances(fit, STOCK) if one.name.endswith("at first")]
 
 
 def fall(fit: Fitted) -> float:
@@ -119,3 +124,13 @@ def test_a_shared_course_needs_no_second_proof_that_it_is_shared_but_must_predic
     )  # parts of flights that differ in nothing
     without_course = dataclasses.replace(none, estimate=dataclasses.replace(none.estimate, fit=alike))
     assert not judge(without_course, offered, (LOSS, TIME), training(True), rng).significant
+
+
+def test_flights_kept_back_tell_by_their_nuisances_whether_they_share_what_a_name_explains() -> None:
+    """Not by what whitened noise says of three of them, which may be less than nothing."""
+    none, found, _ = fitted(True)
+    (course,) = shared_courses(none)
+    assert shared_by(found, none, [course.name])
+    assert not shared_by(none, found, [course.name])
+    _, nothing, _ = fitted(False)
+    assert abs(next(one.mean for one in every_mean(nothing, STOCK) if one.name == course.name)) < 0.005

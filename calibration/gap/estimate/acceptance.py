@@ -13,7 +13,7 @@ from scipy.stats import t as student
 from calibration.gap.estimate.mixed import jackknife_errors
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training
-from calibration.gap.estimate.shared_nuisances import shared_courses
+from calibration.gap.estimate.shared_nuisances import swallowed
 from onboard.arrays import FloatArray
 
 LEAST_GAIN = 15.0
@@ -102,27 +102,27 @@ def judge(
     in_time = offered.few_kinds(columns)
     gains, otherwise = (offered.gains(present, way) for way in (in_time, not in_time))
     model = offered.model
-    with_neutral = [v for v in fitted if model.rule(v).neutral is not None]
+    with_neutral = [v for v in fitted if model.nothing_new(v) is not None]
     far = not with_neutral or any(abs(model.change(v)) >= DETECTABLE * errors[v] for v in with_neutral)
     lower = lower_bound(gains, training, offered.few_flights(columns), rng)
     holds = float(gains.sum()) >= LEAST_GAIN and lower > 0.0
-    if shared_courses(present) and not shared_courses(offered):
-        # That all flights share it, their courses have shown; whitened noise tells little of what is slow.
+    if swallowed(offered, present) and not swallowed(present, offered):
+        # That all flights share it, a nuisance has shown; whitened noise tells little of what is slow.
         holds = holds or min(gains.sum(), otherwise.sum()) > 0.0
     return Judgement(
         gain=float(gains.sum()),
         significant=bool(fitted) and holds and far,
         sizeable=any(sizeable(model, v) for v in fitted),
-        at_bound=tuple(v for v in fitted if stuck(model, v)),
+        at_bound=tuple(v for v in fitted if runs_out(offered, v, errors[v])),
         drifting=drifting(fitted, offered, errors),
         errors=errors,
     )
 
 
 def sizeable(model: Model, variable: Variable) -> bool:
-    """Whether a value is far enough from the neutral one to be worth a name."""
-    rule = model.rule(variable)
-    return rule.neutral is None or abs(model.change(variable)) >= rule.practical_minimum
+    """Whether a value is far enough from what the vehicle file says to be worth a name."""
+    least = model.rule(variable).practical_minimum
+    return model.nothing_new(variable) is None or abs(model.change(variable)) >= least
 
 
 def drifting(
@@ -136,7 +136,7 @@ def drifting(
         errors: standard error of each variable.
     """
     found = tuple(v for v in variables if drift(v, offered) > 0.0)
-    if any(offered.model.rule(v).neutral is None for v in variables):
+    if any(offered.model.nothing_new(v) is None for v in variables):
         return found
     evidence = {v: (offered.model.change(v) / errors[v]) ** 2 for v in variables}
     return found if sum(evidence[v] for v in found) > _CARRIES * sum(evidence.values()) else ()
@@ -169,6 +169,19 @@ def stuck(model: Model, variable: Variable) -> bool:
     margin = min(_AT_BOUND * (rule.high - rule.low), 0.5 * rule.practical_minimum)
     at_neutral = rule.neutral is not None and abs(value - rule.neutral) < margin
     return not at_neutral and (value > rule.high - margin or value < rule.low + margin)
+
+
+def runs_out(fitted: Fitted, variable: Variable, error: float) -> bool:
+    """Whether a value ended at a bound, or the flights ask for one beyond it.
+
+    Where they hardly tell it (`error`: its standard error) they ask for nothing.
+    """
+    model = fitted.model
+    rule, wanted = model.rule(variable), fitted.wanted(variable)
+    too_high = wanted > rule.high and rule.high != rule.neutral
+    too_low = wanted < rule.low and rule.low != rule.neutral
+    told = abs(model.change(variable)) >= DETECTABLE * error
+    return stuck(model, variable) or (told and (too_high or too_low))
 
 
 def lower_bound(gains: FloatArray, training: Training, few: bool, rng: np.random.Generator) -> float:

@@ -87,7 +87,7 @@ class MixedFit:
     per_part: FloatArray
     information: FloatArray
     score: FloatArray
-    settled: bool
+    settled: bool = True
 
 
 class _Marginal(NamedTuple):

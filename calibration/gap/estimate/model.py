@@ -78,9 +78,16 @@ class Model:
         """Magnitudes of the vehicle, with which the bounds of its effects grow."""
         return self.base.size
 
+    def nothing_new(self, variable: Variable) -> float | None:
+        """The value with which the vehicle is as its file says: of the file, else the neutral one, if any."""
+        for effect in self.base.effects:
+            if effect.name == variable.effect:
+                return effect.values()[variable.parameter]
+        return self.rule(variable).neutral
+
     def change(self, variable: Variable) -> float:
-        """Distance of the present value from the one that does nothing (from 0, where none does)."""
-        return self.start_value(variable) - (self.rule(variable).neutral or 0.0)
+        """Distance of the present value from the one that does nothing new (from 0, where none does)."""
+        return self.start_value(variable) - (self.nothing_new(variable) or 0.0)
 
     def without(self, effect: str) -> "Model":
         """The model without one effect (with what the vehicle file says of it)."""
@@ -98,11 +105,8 @@ class Model:
         """The value at present: searched for, else of the vehicle file, else the neutral or typical one."""
         if variable in self.values:
             return self.values[variable]
-        for effect in self.base.effects:
-            if effect.name == variable.effect:
-                return effect.values()[variable.parameter]
-        rule = self.rule(variable)
-        return rule.typical if rule.neutral is None else rule.neutral
+        value = self.nothing_new(variable)
+        return self.rule(variable).typical if value is None else value
 
     @property
     def effects(self) -> tuple[str, ...]:

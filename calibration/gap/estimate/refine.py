@@ -153,6 +153,14 @@ class Fitted:
         """Columns of the estimate that belong to these variables."""
         return [i for i, v in enumerate(self.variables) if v in variables]
 
+    def wanted(self, variable: Variable) -> float:
+        """The value that the flights ask for: as no step goes all the way to a bound, a fit that ends after a
+        few of them may be well short of one that they are beyond."""
+        value = self.model.start_value(variable)
+        if variable not in self.variables:
+            return value
+        return value + float(self.estimate.fit.theta[self.variables.index(variable)])
+
     def few_flights(self, columns: Sequence[int]) -> bool:
         """Whether fewer than :data:`FEW` flights carry the information about any of these columns."""
         share = self._shares(columns, np.arange(self.folds.size) // PARTS)
@@ -214,7 +222,8 @@ def refine(
         near: a fit whose derivatives are near enough for a first look: those of its variables are not
             computed anew, which with many variables is most of the work.
     """
-    known = {} if near is None else dict(zip(near.variables, near.columns, strict=False))
+    given = {} if near is None else dict(zip(near.variables, near.columns, strict=False))
+    known = given
     extra = [column for term in unnamed for column in term.columns]
     spread = FIRST_SPREAD if start is None else start.fit.spread
     noise: Noise | None = None if start is None else start.noise
@@ -235,8 +244,8 @@ def refine(
             columns = [column for column, out in zip(columns, stuck, strict=True) if not out]
         errors = np.sqrt(np.diag(estimate.fit.covariance))[: len(variables)]
         arrived = bool(np.all(np.abs(step) <= _ENOUGH * errors))
-        if np.all(np.abs(step) <= _CLOSE * errors):
-            known = dict(zip(variables, columns, strict=True))
+        close = bool(np.all(np.abs(step) <= _CLOSE * errors))
+        known = dict(zip(variables, columns, strict=True)) if close else given
         if iteration == iterations or (arrived and iteration > 1):  # by then the noise is of this model
             break
         model = model.with_values({v: model.start_value(v) + d for v, d in zip(variables, step, strict=True)})

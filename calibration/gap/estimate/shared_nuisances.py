@@ -25,36 +25,40 @@ _LEAST_COURSE = 0.01
 
 
 class SharedNuisance(NamedTuple):
-    """A nuisance whose mean over flights is beyond chance, and has a consequence.
+    """A nuisance, or its course within a flight, and what flights share of it.
 
     Attributes:
         name, unit: of the nuisance, or of its course.
         mean, error: over flights, and its standard error.
+        beyond_chance: whether the mean is, and has a consequence.
     """
 
     name: str
     unit: str
     mean: float
     error: float
+    beyond_chance: bool
 
 
 def shared_nuisances(fitted: Fitted, vehicle: Vehicle) -> tuple[SharedNuisance, ...]:
     """What all flights share and the model does not say; empty for a single flight."""
-    of_flights = _by_part(fitted).mean(axis=1)
+    return tuple(one for one in every_mean(fitted, vehicle) if one.beyond_chance)
+
+
+def every_mean(fitted: Fitted, vehicle: Vehicle) -> tuple[SharedNuisance, ...]:
+    """The means over flights of all nuisances and their courses, whether beyond chance or not."""
     names = [(nuisance.name, nuisance.unit) for nuisance in NUISANCES]
-    return (*_beyond_chance(names, of_flights, _least(vehicle)), *shared_courses(fitted))
+    return (*_means(names, _by_part(fitted).mean(axis=1), _least(vehicle)), *_courses(fitted))
 
 
-def shared_courses(fitted: Fitted) -> tuple[SharedNuisance, ...]:
+def _courses(fitted: Fitted) -> tuple[SharedNuisance, ...]:
     """The scale of thrust, where its parts do not merely scatter about their flight's own: all begin alike.
 
     The first part is held against the others: what warms, relaxes or settles does so most at first.
     """
     parts = _by_part(fitted)[:, :, [_SCALE]]
     begun = parts[:, 0] - parts[:, 1:].mean(axis=1)
-    return _beyond_chance(
-        [("thrust_scale at first", NUISANCES[_SCALE].unit)], begun, np.array([_LEAST_COURSE])
-    )
+    return _means([("thrust_scale at first", NUISANCES[_SCALE].unit)], begun, np.array([_LEAST_COURSE]))
 
 
 def swallowed(fitted: Fitted, other: Fitted) -> tuple[str, ...]:
@@ -73,22 +77,19 @@ def _by_part(fitted: Fitted) -> FloatArray:
     return fitted.estimate.fit.per_part.reshape(-1, PARTS, len(NUISANCES))
 
 
-def _beyond_chance(
+def _means(
     names: Sequence[tuple[str, str]], of_flights: FloatArray, least: FloatArray
 ) -> tuple[SharedNuisance, ...]:
-    """Columns, shape (flights, n), whose mean is beyond four standard errors and its least size."""
+    """Means of columns, shape (flights, n); those of one flight may all be chance."""
     count = of_flights.shape[0]
-    if count < 2:
-        return ()
     means = of_flights.mean(axis=0)
-    errors = of_flights.std(axis=0, ddof=1) / np.sqrt(count)
+    errors = of_flights.std(axis=0, ddof=1) / np.sqrt(count) if count > 1 else np.full(means.size, np.inf)
     beyond = np.abs(means) > np.maximum(_STANDARD_ERRORS * errors, least)
     return tuple(
-        SharedNuisance(name, unit, mean, error)
+        SharedNuisance(name, unit, mean, error, large)
         for (name, unit), mean, error, large in zip(
-            names, means.tolist(), errors.tolist(), beyond, strict=True
+            names, means.tolist(), errors.tolist(), beyond.tolist(), strict=True
         )
-        if large
     )
 
 

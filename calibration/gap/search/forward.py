@@ -17,6 +17,7 @@ import numpy as np
 from calibration.gap.estimate.acceptance import DETECTABLE, LEAST_GAIN, Judgement, judge
 from calibration.gap.estimate.model import WORKERS, Model, Variable, kinds_that_tell
 from calibration.gap.estimate.refine import Fitted, Training, refine, settled
+from calibration.gap.estimate.shared_nuisances import swallowed
 from calibration.gap.search.candidates import Candidate, candidates_for
 from calibration.gap.search.rivals import Rival
 from calibration.gap.search.screen import Promise, screen
@@ -49,10 +50,6 @@ _NO_PROMISE = 2.0
 
 _AT_LEAST = 3
 
-_OUT_OF_REACH = 0.25
-"""Share of what a believed candidate gains: who promises less is not looked at closely. It would neither be
-taken nor be a rival."""
-
 _MORE = 1.2
 """Factor by which the promise of a candidate whose gain did not hold across flights must have grown before it
 is looked at again, while nothing but terms without a name comes in."""
@@ -61,7 +58,8 @@ _HALF = 0.6
 """Share of what an unnamed term gains that a name must gain to be preferred to it."""
 
 _NEARLY = 0.7
-"""Share of the best gain beyond chance from which the next candidate is believed where the best is not."""
+"""Share of the best gain beyond chance from which the next candidate is believed where the best is not; one
+that gains less must keep this share of its own beside that one."""
 
 _PARSIMONY = 4.0
 """Log-likelihood that each further parameter must be worth."""
@@ -282,29 +280,64 @@ def _forward(
     refused: dict[str, str] = {}
     doubtful: dict[str, float] = {}
     fits: list[tuple[float, Candidate, Fitted, Judgement]] = []
-    for first in range(0, len(looked_at), _AT_LEAST):
-        within = max((g for g, _, _, judgement in fits if judgement.believed), default=0.0)
-        few = looked_at[first : first + _AT_LEAST]
-        some = [promise for promise in few if promise.gain >= _OUT_OF_REACH * within]
-        with ThreadPoolExecutor(WORKERS) as pool:
-            fitted_ones = list(pool.map(closely, some))
-        for promise, (fitted, own) in zip(some, fitted_ones, strict=True):
-            judgement = judge(present, fitted, own, training, rng)
-            fits.append((judgement.gain, promise.candidate, fitted, judgement))
-            if not judgement.significant:
-                doubtful[promise.candidate.effect] = promise.gain
+    with ThreadPoolExecutor(WORKERS) as pool:
+        fitted_ones = list(pool.map(closely, looked_at))
+    for promise, (fitted, own) in zip(looked_at, fitted_ones, strict=True):
+        judgement = judge(present, fitted, own, training, rng)
+        fits.append((judgement.gain, promise.candidate, fitted, judgement))
+        if not judgement.significant:
+            doubtful[promise.candidate.effect] = promise.gain
     fits.sort(key=lambda item: _PARSIMONY * len(item[1].variables) - item[0])
-    significant = [(candidate, fitted) for _, candidate, fitted, judgement in fits if judgement.significant]
+    better: list[tuple[Candidate, Fitted]] = []
     for gain, candidate, fitted, judgement in fits:
-        best = max((gain_where(candidate, one, present) for one in significant), default=0.0)
-        if gain < _NEARLY * best or not (gain >= LEAST_GAIN or judgement.significant):
+        if not (gain >= LEAST_GAIN or judgement.significant):
             continue
-        if judgement.believed:
+        if judgement.believed and not explained_better((candidate, fitted), gain, better, present, training):
             rivals = {c.effect: gain - g for g, c, _, _ in fits if c is not candidate}
             step = SelectionStep(candidate.effect, judgement, settled(fitted, training), rivals)
             return _Round(list(promises), step, refused, doubtful)
-        refused[candidate.effect] = _reason(judgement)
+        if not judgement.believed:
+            refused[candidate.effect] = _reason(judgement)
+        if judgement.significant:
+            better.append((candidate, fitted))
     return _Round(list(promises), None, refused, doubtful)
+
+
+def explained_better(
+    one: tuple[Candidate, Fitted],
+    gain: float,
+    better: Sequence[tuple[Candidate, Fitted]],
+    present: Fitted,
+    training: Training,
+) -> bool:
+    """Whether most of what a candidate gains is what another gains that explains more and is not believed.
+
+    Then what is there has another cause, and the nearest name is not given to it. It is no nearest name where
+    it explains a nuisance that all flights share and the other leaves.
+    """
+    candidate, alone = one
+    return any(
+        gain < _NEARLY * gain_where(candidate, other, present)
+        and not swallowed(alone, other[1])
+        and _gain_beside(one, other, present, training) < _NEARLY * gain
+        for other in better
+    )
+
+
+def _gain_beside(
+    one: tuple[Candidate, Fitted], other: tuple[Candidate, Fitted], present: Fitted, training: Training
+) -> float:
+    """What a candidate gains in a model that has the other one."""
+    (candidate, alone), (its, beside) = one, other
+    start = beside.model.with_values({v: alone.model.start_value(v) for v in candidate.variables})
+    if alone.model.ceiling_z is not None and start.ceiling_z is None:
+        start = start.at_ceiling(alone.model.ceiling_z)
+    variables = dict.fromkeys((*present.variables, *its.variables, *candidate.variables))
+    both = refine(
+        start, tuple(variables), training, start=beside.estimate, unnamed=present.unnamed, near=beside
+    )
+    columns = both.columns_of(candidate.variables)
+    return float(both.gains(beside, both.few_kinds(columns)).sum())
 
 
 def gain_where(candidate: Candidate, other: tuple[Candidate, Fitted], present: Fitted) -> float:

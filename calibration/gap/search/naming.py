@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from calibration.gap.data.excitation import excited
-from calibration.gap.estimate.acceptance import NINETY_FIVE, clustered_errors, drifting, sizeable, stuck
+from calibration.gap.estimate.acceptance import NINETY_FIVE, clustered_errors, drifting, runs_out, sizeable
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training, refine
 from calibration.gap.search.doubts import with_doubts
@@ -164,7 +164,7 @@ def _doubt(
     values = {v: x for v, x in final.model.values.items() if v.effect == effect}
     if effect == LOG_TIMING.effect and not excited(training.regression.weights):
         return "too little was commanded to tell it"
-    if at_bound := [v.parameter for v, x in values.items() if stuck(final.model, v)]:
+    if at_bound := [v.parameter for v in values if runs_out(final, v, chance.get(v, 0.0))]:
         return AT_BOUND.format(", ".join(at_bound))
     if unsteady := drifting([v for v in values if v in final.variables], final, chance):
         return DRIFTS.format(", ".join(v.parameter for v in unsteady))
@@ -177,7 +177,7 @@ def _doubt(
         large = [v for v in large if abs(final.model.change(v)) > half]
     if not large:
         return _small(values)
-    with_neutral = [v for v in large if final.model.rule(v).neutral is not None]
+    with_neutral = [v for v in large if final.model.nothing_new(v) is not None]
     if with_neutral and all(
         abs(final.model.change(v)) < NINETY_FIVE * errors.get(v, 0.0) for v in with_neutral
     ):

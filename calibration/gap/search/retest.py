@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.estimate.model import Model
 from calibration.gap.estimate.refine import Fitted, Training, refine, training_set
+from calibration.gap.estimate.shared_nuisances import every_mean, swallowed
 from calibration.gap.search.forward import LOG_TIMING, Search
 from calibration.gap.search.rivals import without
 
@@ -25,7 +26,9 @@ def retested(found: Search, kept_back: Sequence[FlightRecord], training: Trainin
         reduced = without(found.final, training, step.effect)
         with_it, without_it = (on_unseen(unseen, one, one.model) for one in (found.final, reduced))
         gain = float(with_it.gains(without_it, in_time=False).sum())
-        if step.effect != LOG_TIMING.effect and gain < _WORSE:
+        shared = swallowed(found.final, reduced)
+        holds = shared_by(with_it, without_it, shared) if shared else gain >= _WORSE
+        if step.effect != LOG_TIMING.effect and not holds:
             found = dataclasses.replace(
                 found,
                 final=reduced,
@@ -33,6 +36,16 @@ def retested(found: Search, kept_back: Sequence[FlightRecord], training: Trainin
                 refused={**found.refused, step.effect: FAILED},
             )
     return found
+
+
+def shared_by(with_it: Fitted, without_it: Fitted, names: Sequence[str]) -> bool:
+    """Whether flights that no fit saw need less of each of these nuisances with an effect than without it.
+
+    What all flights share shows in nuisances, and whitened noise tells little of it: of three flights the
+    likelihood may fall by chance.
+    """
+    less, more = ({one.name: one for one in every_mean(fit, fit.model.base)} for fit in (with_it, without_it))
+    return all(abs(less[name].mean) < abs(more[name].mean) for name in names)
 
 
 def on_unseen(unseen: Training, fitted: Fitted, model: Model) -> Fitted:

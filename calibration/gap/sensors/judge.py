@@ -15,6 +15,7 @@ from calibration.gap.sensors.flight_estimates import (
 )
 from calibration.gap.sensors.held_out import held_out_improvement
 from calibration.gap.sensors.pooling import Pooled
+from onboard.vehicle import Vehicle
 from onboard.vehicle.effects import EFFECTS
 
 _LEAST_IMPROVEMENT = 0.001
@@ -77,6 +78,23 @@ def apply_sensing(records: Sequence[FlightRecord], findings: SensingFindings) ->
         correct_flight(record, judged[record.name], findings.pooled) if record.name in judged else record
         for record in records
         if record.name not in broken
+    )
+
+
+def unsaid(effects: Sequence[FoundEffect], vehicle: Vehicle) -> tuple[FoundEffect, ...]:
+    """Those effects that the vehicle file does not say yet: with another value, or not at all."""
+    filed = {effect.name: effect.values() for effect in vehicle.effects}
+    return tuple(one for one in effects if one.name not in filed or not _says(filed[one.name], one))
+
+
+def _says(values: Mapping[str, float], effect: FoundEffect) -> bool:
+    """Whether each value is within the interval that was found, or next to it."""
+    rules = EFFECTS[effect.name].parameters
+    return all(
+        one.ci95[0] - rules[key].practical_minimum
+        <= values[key]
+        <= one.ci95[1] + rules[key].practical_minimum
+        for key, one in effect.parameters.items()
     )
 
 

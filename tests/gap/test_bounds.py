@@ -1,0 +1,36 @@
+"""A value that flights ask for beyond its bounds stands in for something else."""
+
+import dataclasses
+
+import numpy as np
+
+from calibration.gap.estimate.acceptance import judge, stuck
+from calibration.gap.estimate.model import Model, Variable
+from calibration.gap.estimate.refine import refine, training_set
+from onboard.quantity import Quantity
+from onboard.vehicle import Effect, load_vehicle
+from tests.gap.simulated_flight import circle, fly, up_and_down, with_noise
+
+STOCK = load_vehicle("crazyflie21-stock")
+DAMPING = tuple(Variable("rate_damping", axis) for axis in "xyz")
+
+
+def test_a_fit_that_ended_short_of_a_bound_that_it_was_going_to_is_at_the_bound() -> None:
+    rng = np.random.default_rng(5)
+    high = Model(STOCK).rule(DAMPING[0]).high
+    damped = Effect(
+        name="rate_damping",
+        parameters={axis: Quantity(3.0 * high, "N*m*s", 0.0, "hidden") for axis in "xyz"},
+    )
+    truth = dataclasses.replace(STOCK, effects=(damped,))
+    paths = (circle(period=2.0), up_and_down(period=2.0), circle(period=3.0), up_and_down(period=3.0))
+    records = [
+        with_noise(fly(truth, path, 12.0, shape=f"shape {n}", name=f"flight {n}", believed=STOCK), 0.5, rng)
+        for n, path in enumerate(paths)
+    ]
+    training = training_set(records, Model(STOCK))
+    none, found = refine(Model(STOCK), (), training), refine(Model(STOCK), DAMPING, training)
+    short = [v for v in DAMPING if v in found.variables and not stuck(found.model, v)]
+    judgement = judge(none, found, DAMPING, training, np.random.default_rng(1))
+    assert short
+    assert set(short) <= set(judgement.at_bound)
