@@ -4,7 +4,7 @@ import zlib
 
 import pytest
 
-from onboard.app_interface import Parameter, PolicyStatus
+from onboard.app_interface import Parameter, PolicyStatus, Rehearsal
 from onboard.firmware.compiler import find_compiler
 from onboard.vehicle import load_vehicle
 from tests.firmware.shell import INTERRUPTIBLE, Shell, build_shell
@@ -117,3 +117,36 @@ def test_a_word_for_the_bench_motors_is_never_taken_for_silence(shell: Shell) ->
             shell.step()
             shell.world.tick_ms += 1
         assert shell.world.motor_override == 1, f"interrupted at place {place}"
+
+
+def is_on_the_desk(shell: Shell) -> bool:
+    """Whether the control loop disarms at once whoever arms."""
+    shell.world.armed = True
+    shell.step()
+    disarmed = not shell.world.armed
+    shell.world.armed = False
+    return disarmed
+
+
+def test_a_rehearsal_that_begins_as_another_ends_is_on_for_all_or_for_none(shell: Shell) -> None:
+    """The control loop notes the end wherever the next beginning is; parameter, core and shell agree."""
+    shell.interrupt_parameters(0)
+    shell.world.motor_override = 0
+    shell.step(40)
+    place, interrupted = 0, True
+    while interrupted:
+        place += 1
+        shell.set(Parameter.REHEARSE, Rehearsal.POSES)
+        shell.step()
+        assert shell.outputs.rehearses
+        assert shell.write(Parameter.REHEARSE, Rehearsal.OFF)
+        shell.interrupt_parameters(place)
+        assert shell.write(Parameter.REHEARSE, Rehearsal.POSES)
+        interrupted = shell.callback_waits
+        shell.step(2)
+        said = shell.read(Parameter.REHEARSE) == Rehearsal.POSES
+        assert said == shell.outputs.rehearses == is_on_the_desk(shell), f"interrupted at place {place}"
+        shell.interrupt_parameters(0)
+        shell.set(Parameter.REHEARSE, Rehearsal.OFF)
+        shell.step()
+    assert place > 20

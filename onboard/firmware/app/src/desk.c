@@ -26,6 +26,8 @@ bool perch_switch_rehearsal(uint8_t wanted) {
   is_on = wanted != PERCH_NO_REHEARSAL && at_rest; /* before the core, which may end it at once */
   if (perch_rehearse(&perch, wanted, at_rest) == PERCH_NO_REHEARSAL) {
     is_on = false;
+  } else if (!is_on) { /* the end of another one came in between, and has taken this guard away */
+    perch_rehearse(&perch, PERCH_NO_REHEARSAL, at_rest);
   }
   return is_on;
 }

@@ -48,7 +48,10 @@ static void on_ceiling(void) { perch_set_ceiling(&perch, perch_ground.ceiling_z)
 static void on_motor_token(void) { perch_vouch(); }
 
 static void on_rehearse(void) {
-  if (!perch_switch_rehearsal(perch_ground.rehearse)) {
+  const uint8_t wanted = perch_ground.rehearse;
+  perch_switch_rehearsal(wanted);
+  perch_ground.rehearse = wanted; /* the end of another one may have cleared it */
+  if (!perch_is_on_the_desk()) {
     perch_ground.rehearse = 0;
   }
 }
