@@ -168,11 +168,14 @@ def test_a_firmware_of_another_configuration_is_disarmed_on_the_ground(
     shell.world.armed = True
     shell.step(20)
     assert not shell.world.armed
-    shell.set(Parameter.OWN_LAW, 1)
     for mode, value in POSITION_MODES.items():
         setattr(shell.setpoint, mode, value)
-    shell.step(10)
-    assert list(shell.control.forces) == [0.0] * 4
+    pid_steps = shell.asked.pid_steps
+    for own_law in (0, 1):
+        shell.set(Parameter.OWN_LAW, own_law)
+        shell.step(10)
+        assert list(shell.control.forces) == [0.0] * 4
+    assert shell.asked.pid_steps == pid_steps, "the firmware's PID gives no thrust either"
     shell.world.motor_override = 0
     setattr(shell.world, field, {"estimator": 2}.get(field, 0))
     shell.world.armed = True

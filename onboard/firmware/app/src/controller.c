@@ -96,13 +96,15 @@ void controllerOutOfTree(control_t *control, const setpoint_t *setpoint, const s
     perch_stay_on_the_desk(control);
     return;
   }
+  /* Nothing takes off in a wrong configuration, whose law it is; what flies when somebody changes it does not fall. */
+  const bool may_turn = inputs.flying || perch_is_configured();
   if (is_delegated()) {
     perch_give_way(&perch);
-    controllerPid(control, setpoint, sensors, state, stabilizerStep);
-    return;
+    if (may_turn) {
+      controllerPid(control, setpoint, sensors, state, stabilizerStep);
+      return;
+    }
   }
-  /* Nothing takes off in a wrong configuration; what flies when somebody changes it does not fall. */
-  const bool may_turn = inputs.flying || perch_is_configured();
   control->controlMode = controlModeForce;
   for (int i = 0; i < STABILIZER_NR_OF_MOTORS; i++) {
     control->normalizedForces[i] = may_turn ? perch.outputs.duties[i] : 0.0f;
