@@ -37,7 +37,7 @@ ARM_FLAGS = (*(flag for flag in FLAGS if flag != "-O2"), "-Os", "-ffunction-sect
 STATES = 2000
 COUNTS = (
     *("parse", "trigger", "action", "control", "mix", "step", "step_with_policy"),
-    *("in_approach", "model", "step_of_a_rehearsal_on_the_model"),
+    *("in_approach", "model", "step_of_a_rehearsal_on_the_model", "begin_record"),
 )
 CLOCK_HZ = 168e6
 CYCLES_AN_INSTRUCTION = 1.5
@@ -203,7 +203,7 @@ def test_time_and_memory_are_within_their_budgets(emulated: Run, capsys: pytest.
     with capsys.disabled():
         sys.stdout.write(json.dumps(document) + "\n")
     assert of_130 < 200.0
-    assert us["step"] < 60.0
+    assert us["step"] + us["begin_record"] < 60.0, "the step that arms an approach, too"
     assert us["step_of_a_rehearsal_on_the_model"] < 60.0
     assert ram <= 24 * 1024
     assert flash <= 24 * 1024

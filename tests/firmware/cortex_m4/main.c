@@ -5,7 +5,7 @@
 #include "rotation.h"
 #include "semihosting.h"
 
-enum { STATES = 2000, REPEATS = 50, COUNTS = 10 };
+enum { STATES = 2000, REPEATS = 50, COUNTS = 11 };
 
 typedef struct {
   perch_vehicle vehicle;
@@ -58,6 +58,8 @@ static void control(void) {
 }
 
 static void mix(void) { perch_mix(&out.wrenches[0], &in.vehicle, out.thrusts[0]); }
+
+static void begin_record(void) { perch_record_begin(&core.recorder); }
 
 static void fly(void) { perch_fly_model(&model, &in.vehicle, 0.001f); }
 
@@ -146,6 +148,7 @@ static void count(void) {
   out.counts[8] = instructions_of(fly);
   begin_rehearsal();
   out.counts[9] = instructions_of(even_step);
+  out.counts[10] = instructions_of(begin_record);
   out.counts[7] &= core.landing.state == PERCH_APPROACH;
 }
 
