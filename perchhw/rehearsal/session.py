@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 SETTLED_M, SETTLED_M_S = 0.05, 0.1
 """How near the approach's start, and how still, the drone believes to be before the approach is armed."""
 SETTLE_TIMEOUT_S = 10.0
+IDLE_TIMEOUT_S = 0.5
+"""The control loop takes the end of a rehearsal in its next step."""
 FLIP_TIMEOUT_S = 1.0
 """The flip of a drone that does not turn is cut after 0.5 s."""
 
@@ -125,11 +127,20 @@ def rehearse(
             on_stage(RehearsalStage.UPLOADING, "the policy to be read back")
             crc = link.upload_policy(encode_bundle(policy))
             _await_slot(time)
+            _end_abandoned(link, time)
             with _rehearsing(link, physics), open_record(time) if open_record else nullcontext() as record:
                 told, watch = _Drone(link, physics, record), LoopWatch(link)
                 ring = _fly(link, told, plan, landing_limits(vehicle).smoothing, physics, time, on_stage)
     verdict = judge(ring, told.reason, plan, policy, vehicle)
     return Rehearsed(physics, engine, crc, ring, verdict, watch.summary())
+
+
+def _end_abandoned(link: "DroneLink", time: Timebase) -> None:
+    """End a rehearsal whose host died: its machine would still be in the approach that nobody ended."""
+    if link.param(Parameter.REHEARSE) != Rehearsal.OFF:
+        link.set_param(Parameter.REHEARSE, Rehearsal.OFF)
+        idle = LandingState.IDLE
+        poll(lambda: link.param(Parameter.STATE), lambda state: state == idle, time, IDLE_TIMEOUT_S)
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from onboard.app_interface import LandingState, Parameter
+from onboard.app_interface import LandingState, Parameter, Rehearsal
 from onboard.firmware.compiler import find_compiler
 from onboard.lab_time import open_timebase
 from onboard.link import DroneLink
@@ -29,6 +29,7 @@ from perchhw.record.run import read_run
 from perchhw.rehearsal import loop_time
 from perchhw.rehearsal.physics import Physics
 from perchhw.rehearsal.record import COLUMNS, save_rehearsal
+from perchhw.rehearsal.session import OnStage, RehearsalStage
 from perchhw.rehearsal.session import rehearse as rehearse_in_session
 from perchhw.rehearsal.watched import record_in
 from sim_backend.engine_name import EngineName
@@ -237,6 +238,35 @@ def test_an_interrupt_switches_the_mode_off() -> None:
             process.send_signal(signal.SIGINT)
             assert process.wait(PATIENCE_S) == 130
         assert not served.call(rehearses)
+
+
+def test_a_rehearsal_whose_host_died_in_the_approach_is_ended_before_the_next_one_arms() -> None:
+    with on_the_desk() as served:
+        uri = patient_uri(served.uri)
+        command = [sys.executable, "-m", "perchhw", "rehearse", "--drone", uri, "--on", Physics.DRONE]
+        with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+            until(lambda: served.call(lambda: served.flight.param(Parameter.STATE)) == LandingState.APPROACH)
+            process.kill()
+        until(lambda: served.call(lambda: served.flight.param(Parameter.STATE)) != LandingState.APPROACH)
+        assert served.call(lambda: served.flight.param(Parameter.REHEARSE)) == Rehearsal.MODEL
+        states = []
+
+        def look(stage: RehearsalStage, _waits_for: str) -> None:
+            states.append((stage, served.call(lambda: served.flight.param(Parameter.STATE))))
+            if stage is RehearsalStage.APPROACHING:
+                raise KeyboardInterrupt  # by the operator: the rest is another test's
+
+        with pytest.raises(KeyboardInterrupt):
+            rehearse_until(look, uri)
+    assert states[-1] == (RehearsalStage.APPROACHING, LandingState.IDLE)
+
+
+def rehearse_until(on_stage: OnStage, uri: str) -> None:
+    """On the drone's own model, while somebody looks at each stage."""
+    setup = desk_setup(None, drone=uri, vehicle=None, policy=None)
+    plan = fit_approach(2.5, 50.0, setup.room)
+    policy, vehicle = load_policy(find_policy(setup.policy)), load_vehicle(setup.vehicle, setup.legs)
+    rehearse_in_session(setup.drone, plan, policy, vehicle, on_stage=on_stage, physics=Physics.DRONE)
 
 
 def test_a_drone_of_another_vehicle_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
