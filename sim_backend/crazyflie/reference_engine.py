@@ -217,6 +217,7 @@ class ReferenceEngine:
         """What was armed for a rehearsal must not wait for a flight."""
         self._recorder.end(sample.tick)
         self._memory["state"] = self.state = LandingState.IDLE
+        self._memory["attitude_known"] = 0  # Own: that of the model, perhaps upside down.
         self._memory["trajectory_status"] = self._memory["arm_seen"] = 0
         self._posted.withdraw()
         return EngineEvent.REHEARSAL_ENDED

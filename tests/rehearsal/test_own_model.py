@@ -168,6 +168,25 @@ def test_the_other_kind_in_an_approach_ends_the_rehearsal() -> None:
     assert desk.flight.param(Parameter.TRAJECTORY_ARM) == 0
 
 
+def test_the_models_attitude_does_not_stay_when_it_has_ended() -> None:
+    """It hung upside down: what is armed next begins with the estimate."""
+    desk = Desk(kind=Rehearsal.MODEL)
+    desk.rehearse()
+    desk.flight.write(Parameter.REHEARSE, Rehearsal.OFF)
+    desk.flight.run(0.01)
+    desk.kind = Rehearsal.POSES
+    assert desk.begin()
+    desk.flight.write("kalman.resetEstimation", 1)
+    desk.send(0.3)
+    desk.flight.write(Parameter.TRAJECTORY_ARM, 1)
+    assert desk.flight.param(Parameter.TRAJECTORY_STATUS) == TrajectoryStatus.ARMED
+    desk.send(0.02)
+    desk.flight.write(Parameter.REHEARSE, Rehearsal.OFF)
+    desk.flight.run(0.4)
+    first = decode_ring(desk.flight.firmware.engine.record()).periods[0]["law"][0]
+    assert abs(np.dot(first["own_attitude"], first["estimate"]["quaternion"])) > np.cos(np.deg2rad(1.0))
+
+
 def test_a_policy_that_does_not_fire_ends_in_a_brake_and_a_hold() -> None:
     """The law has the model on its own numbers: it stops below the ceiling, and stays there."""
     desk = Desk(kind=Rehearsal.MODEL)

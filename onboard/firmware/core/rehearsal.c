@@ -15,6 +15,7 @@ uint8_t perch_rehearse(perch_core *core, uint8_t wanted, bool at_rest) {
 static void forget(perch_core *core, uint32_t tick) {
   perch_record_end(&core->recorder, tick);
   core->landing.state = PERCH_IDLE;
+  core->landing.attitude_known = false; /* own: that of the model, perhaps upside down */
   core->landing.trajectory_status = PERCH_TRAJECTORY_NONE;
   core->outputs.trajectory_status = PERCH_TRAJECTORY_NONE;
   core->consumed = core->posted;
