@@ -10,20 +10,13 @@ import pytest
 
 from tests.conftest import REPOSITORY
 from tests.mutation.allowed import load_allowed
+from tests.mutation.given import give
 
 TARGET = "onboard/supervisor_info.py"
 
 
 def mutation(out: Path, *options: str) -> tuple[int, dict[str, Any]]:
-    done = subprocess.run(
-        [sys.executable, "-m", "tests.mutation", TARGET, "--out", str(out), *options],
-        cwd=REPOSITORY,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.stdout, done.stderr
-    return done.returncode, json.loads(done.stdout)
+    return give("tests.mutation", TARGET, "--out", str(out), *options)
 
 
 def lines(out: Path) -> list[str]:

@@ -1,4 +1,4 @@
-/* What fuzzers draw: numbers, floats with those that are none, and bundles near a good one. */
+/* What fuzzers share: numbers, floats with those that are none, bundles near a good one; the states that they reached. */
 #ifndef PERCH_DRAW_H
 #define PERCH_DRAW_H
 
@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "crc32.h"
+#include "landing.h"
 #include "policy.h"
 
 static uint64_t random_state;
@@ -75,6 +76,14 @@ static inline bool begin_drawing(const char *bundle, const char *seed) {
   fclose(file);
   random_state = strtoull(seed, NULL, 10) * 2 + 1;
   return true;
+}
+
+/* How often the landing machine was in each of its states: what was drawn must have reached them. */
+static inline void print_states(const uint32_t states[PERCH_FAULT + 1]) {
+  for (int i = 0; i <= PERCH_FAULT; i++) {
+    printf("%u ", (unsigned)states[i]);
+  }
+  printf("\n");
 }
 
 #endif

@@ -258,9 +258,6 @@ int main(int argc, char **argv) {
       states[core.landing.state]++;
     }
   }
-  for (int i = 0; i <= PERCH_FAULT; i++) {
-    printf("%u ", (unsigned)states[i]);
-  }
-  printf("\n");
+  print_states(states);
   return 0;
 }

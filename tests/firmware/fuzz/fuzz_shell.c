@@ -297,9 +297,6 @@ int main(int argc, char **argv) {
     one_ms(world);
     states[perch.landing.state]++;
   }
-  for (int i = 0; i <= PERCH_FAULT; i++) {
-    printf("%u ", (unsigned)states[i]);
-  }
-  printf("\n");
+  print_states(states);
   return 0;
 }

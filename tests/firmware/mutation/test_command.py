@@ -1,27 +1,17 @@
 """The command as it is given, stopped and given again."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from onboard.firmware.compiler import find_compiler
-from tests.conftest import REPOSITORY
+from tests.mutation.given import give
 
 
 def mutation(out: Path) -> tuple[int, dict[str, Any]]:
-    done = subprocess.run(
-        [sys.executable, "-m", "tests.firmware.mutation", "--sample", "3", "--seed", "2", "--out", str(out)],
-        cwd=REPOSITORY,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.stdout, done.stderr
-    return done.returncode, json.loads(done.stdout)
+    return give("tests.firmware.mutation", "--sample", "3", "--seed", "2", "--out", str(out))
 
 
 @pytest.mark.soak
