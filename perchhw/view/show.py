@@ -1,8 +1,8 @@
 """Show a run, or the newest below a folder and the next after it: in a viewer, or into a file."""
 
+import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import rerun
 
 APPLICATION = "perchhw"
-_HEARD_EVERY_S, _TAKEN_WITHIN_S = 1.0, 60.0
+_HEARD_EVERY_S, _TAKEN_WITHIN_S, _LET_GO_WITHIN_S = 1.0, 60.0, 5.0
 QUIET_S = 60.0
 """A record that was not closed and has not grown for so long has lost its writer, s."""
 
@@ -40,9 +40,12 @@ def write_rrd(folder: Path, out: Path) -> Path:
     run = GrowingRun(folder)
     make_folder(out.parent)
     try:
-        with _recording(folder) as stream:
+        stream = _recording(folder)
+        try:
             stream.save(out, default_blueprint=make_blueprint())
             follow(run, stream, time.sleep, lambda: not _is_written(folder), stream.flush)
+        finally:
+            stream.disconnect()
     except RuntimeError as error:  # Rerun's, when the disk takes no more
         raise ViewError(f"{out}: cannot be written ({error}); make room, or give another file") from error
     return out
@@ -95,13 +98,15 @@ class Show:
         def over() -> bool:
             return self.viewer.closed or newest_run(self.root) != folder or not _is_written(folder)
 
+        stream = _recording(folder)
         try:
-            with _recording(folder) as stream:
-                stream.connect_grpc(self.viewer.feed, default_blueprint=make_blueprint())
-                follow(GrowingRun(folder), stream, self.wait, over, lambda: self._taken(stream))
+            stream.connect_grpc(self.viewer.feed, default_blueprint=make_blueprint())
+            follow(GrowingRun(folder), stream, self.wait, over, lambda: self._taken(stream))
         except RuntimeError as error:  # Rerun's, when what is sent does not arrive
             if not self.viewer.closed:
                 raise ViewError(f"the viewer takes nothing any more ({error}); open it again") from error
+        finally:
+            self._let_go(stream)
 
     def _taken(self, stream: "rerun.RecordingStream") -> None:
         """Wait until the viewer has what was sent. Rerun waits for a dead one for ever, and hears no signal
@@ -121,6 +126,25 @@ class Show:
             else:
                 return
 
+    def _let_go(self, stream: "rerun.RecordingStream") -> None:
+        """Disconnect. Rerun waits for a viewer that hangs for ever, here and when Python ends: such a one is
+        closed, also where somebody does not want to wait for it."""
+        gone = threading.Event()  # a join that a signal interrupts leaves a thread that says it has ended
+
+        def leave() -> None:
+            try:
+                stream.disconnect()
+            finally:
+                gone.set()
+
+        threading.Thread(target=leave, name="disconnect", daemon=True).start()
+        try:
+            gone.wait(_LET_GO_WITHIN_S)
+        finally:
+            if not gone.is_set():
+                self.viewer.close()
+                gone.wait(_LET_GO_WITHIN_S)
+
 
 def newest_run(root: Path) -> Path | None:
     """The run itself, or the newest below a folder, whose names begin with the time; None: there is none."""
@@ -137,12 +161,7 @@ def _is_written(folder: Path) -> bool:
     return utc_now().timestamp() - newest < QUIET_S
 
 
-@contextmanager
-def _recording(folder: Path) -> "Iterator[rerun.RecordingStream]":
+def _recording(folder: Path) -> "rerun.RecordingStream":
     import rerun as rr
 
-    stream = rr.RecordingStream(APPLICATION, recording_id=folder.resolve().name)
-    try:
-        yield stream
-    finally:
-        stream.disconnect()
+    return rr.RecordingStream(APPLICATION, recording_id=folder.resolve().name)

@@ -51,6 +51,11 @@ class Viewer:
             )
         return code is not None
 
+    def close(self) -> None:
+        """End it at once, also where it hangs."""
+        self.process.kill()
+        self.process.wait()
+
     @property
     def address(self) -> str | None:
         """The page's address to read and to type: a browser that opens it gets the page."""

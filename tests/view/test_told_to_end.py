@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -70,6 +71,35 @@ class NeverFlushed:
 
     def __getattr__(self, _: str) -> object:
         return lambda *_, **__: None
+
+
+class NeverLetsGo(NeverFlushed):
+    """As Rerun: a stream leaves a viewer that hangs only when that has died."""
+
+    viewer: "subprocess.Popen[bytes]"
+
+    def disconnect(self) -> None:
+        self.viewer.wait(timeout=30.0)
+
+
+@pytest.mark.parametrize("impatient", [False, True])
+def test_a_viewer_that_hangs_is_closed_by_one_who_leaves(
+    impatient: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rerun.RecordingStream", NeverLetsGo)
+    monkeypatch.setattr("perchhw.view.show._LET_GO_WITHIN_S", 20.0 if impatient else 0.1)
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as process:
+        monkeypatch.setattr(NeverLetsGo, "viewer", process, raising=False)
+
+        def told(_: float) -> None:
+            if impatient:  # a second Ctrl-C, while it waits for the viewer
+                threading.Timer(0.3, os.kill, [os.getpid(), signal.SIGINT]).start()
+            raise KeyboardInterrupt
+
+        show = Show(record(tmp_path / "run"), Viewer("rerun+http://127.0.0.1:1/proxy", None, process), told)
+        with pytest.raises(KeyboardInterrupt):
+            show.run(0.0, 0.0)
+        assert process.poll() == -signal.SIGKILL
 
 
 @pytest.mark.parametrize("ended", [False, True])
