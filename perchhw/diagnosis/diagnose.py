@@ -100,7 +100,7 @@ def _flown(run: RunRecord, vehicle: Vehicle | None, judge: Judge) -> Diagnosis:
     try:
         flight = flight_from_run(run)
         if flight.trigger is None:
-            return blame_gyro(run, diagnose_no_trigger(flight, judge.region))
+            return blame_gyro(run, diagnose_no_trigger(flight, judge))
         if vehicle is not None:
             found = diagnose_landing(flight, flight.trigger, outcome, vehicle, judge)
             return found if outcome is Outcome.FOUR_LEG else blame_gyro(run, found)

@@ -8,7 +8,7 @@ from onboard.record.run_record import RunRecord
 from perchhw.diagnosis.busy import REMEDY, busy_words
 from perchhw.diagnosis.finding import Cause, Diagnosis, Number
 from perchhw.diagnosis.gyro import blame_gyro
-from perchhw.diagnosis.mocap import REMEDIES, WORDS, frames_share, mocap_fault
+from perchhw.diagnosis.mocap import REMEDIES, WORDS, blame_poses, frames_share, mocap_fault
 from perchhw.diagnosis.reasons import reason_in_words
 from perchhw.diagnosis.rules import BROKE_OFF, FENCES, RULES, RuleWords
 from perchhw.supervisor.machine import STOPPED_BY_OTHERS
@@ -16,6 +16,8 @@ from perchhw.supervisor.machine import STOPPED_BY_OTHERS
 _BROKEN = re.compile(r"^(?P<rule>[a-z_]+): (?P<measured>.*), need (?P<demanded>.*)$")
 _POSE_RULES = ("pose", "pose_age")
 _DRIFTING = (Cause.OFF_PATH, Cause.ESTIMATE_WRONG, Cause.START_NOT_REACHED)
+_MISPLACED = (*_DRIFTING, Cause.LEFT_ROOM)
+_MARK_RULES = ("start_mark_distance", "start_mark_heading")
 _MANY_FRAMES = 0.9
 _NOBODY_THERE = ("cannot receive from udp:", "cannot send to udp:")
 """What the link says where the system knows that nobody listens any more: no late computer's doing."""
@@ -64,7 +66,9 @@ def diagnose_ended(run: RunRecord, aborted_by: str) -> Diagnosis:
     if fell:
         sentence += "; its motors were cut before it was down"
     told = Diagnosis(found.cause, sentence, found.next, {"phase": phase, **numbers})
-    return blame_gyro(run, told) if found.cause in _DRIFTING else told
+    told = blame_gyro(run, told) if found.cause in _DRIFTING else told
+    misplaced = told.cause in _MISPLACED or any(rule in numbers for rule in _MARK_RULES)
+    return blame_poses(run, told) if misplaced else told
 
 
 def _stopped(run: RunRecord) -> bool:

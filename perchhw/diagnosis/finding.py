@@ -24,6 +24,7 @@ class Cause(StrEnum):
     CEILING_NOT_REACHED = "ceiling_not_reached"
     OTHER_POLICY_COMPUTED = "other_policy_computed"
     REGION_MISSED = "region_missed"
+    REGION_ELSEWHERE = "region_elsewhere"
     TOO_SLOW = "too_slow"
     NO_CUES = "no_cues"
     MOCAP_OCCLUDED = "mocap_occluded"

@@ -1,11 +1,14 @@
 """What motion capture did before a moment, from the verdicts in the record."""
 
 from collections import Counter
+from dataclasses import replace
+from itertools import groupby
 
 import numpy as np
 
+from mocap_bridge.health import HealthLimits
 from onboard.record.run_record import RunRecord
-from perchhw.diagnosis.finding import Cause
+from perchhw.diagnosis.finding import Cause, Diagnosis
 
 _WINDOW_S = 0.6
 """Longer than the time without poses after which an attempt is ended."""
@@ -18,6 +21,8 @@ _CAUSES = {
     "flipped": Cause.MOCAP_JUMPED,
     "late": Cause.MOCAP_LATE,
 }
+_TAKEN = HealthLimits().relock_samples - 1
+"""Poses of another place refused in a row, after which the next is believed while the drone stands."""
 WORDS = {
     Cause.MOCAP_OCCLUDED: "motion capture did not see the drone",
     Cause.MOCAP_FROZEN: "motion capture repeated one pose (frozen)",
@@ -49,6 +54,45 @@ def mocap_fault(run: RunRecord, t: float) -> tuple[Cause, dict[str, int]]:
     if np.isfinite(age).any() and np.nanmedian(age) > _OLD_S:
         return Cause.MOCAP_LATE, {"age_ms": round(1e3 * float(np.nanmedian(age)))}
     return Cause.MOCAP_SILENT, {"frames": int(near.sum())}
+
+
+def blame_poses(run: RunRecord, found: Diagnosis) -> Diagnosis:
+    """What was found, as the consequence of poses that jumped before take-off, where the record shows that.
+
+    A pose that stays elsewhere is believed on the ground, for somebody may have moved the drone; from there
+    on the drone's estimate is wrong.
+    """
+    counts = _taken_on_the_ground(run)
+    if not counts:
+        return found
+    frames = ", ".join(f"{count} frames {name}" for name, count in counts.items())
+    return replace(
+        found,
+        cause=Cause.MOCAP_JUMPED,
+        sentence=f"{WORDS[Cause.MOCAP_JUMPED]}, before take-off ({frames}); {found.sentence}",
+        next=f"{REMEDIES[Cause.MOCAP_JUMPED]}; then {found.next}",
+        values={**found.values, **counts},
+    )
+
+
+def _taken_on_the_ground(run: RunRecord) -> dict[str, int]:
+    """Poses refused as jumped or flipped before take-off, by verdict; nothing where fewer came in a row than
+    make the other place believed."""
+    pose = run.series.get("pose")
+    if pose is None:
+        return {}
+    phases = [e for e in run.events if e["event"] == "phase"]
+    off = next((e["t"] for e in phases if e.get("phase") == "taking off"), np.inf)
+    verdicts = pose.texts("verdict")
+    before = [(verdicts[k] or "").lower() for k in np.flatnonzero(pose.t < off)]
+    rows = [list(row) for refused, row in groupby(before, key=_jumps) if refused]
+    if max(map(len, rows), default=0) < _TAKEN:
+        return {}
+    return dict(Counter(name for row in rows for name in row))
+
+
+def _jumps(verdict: str) -> bool:
+    return _CAUSES.get(verdict) is Cause.MOCAP_JUMPED
 
 
 def frames_share(run: RunRecord) -> float | None:

@@ -7,6 +7,7 @@ from onboard.arrays import FloatArray
 from onboard.policy.model import Policy
 from perchhw.diagnosis.finding import Cause, Diagnosis, Number
 from perchhw.diagnosis.flip import CUES, approach_cues, values_of
+from perchhw.diagnosis.landing import Judge
 
 SLOW = 0.85
 """Share of the commanded speed that counts as reached."""
@@ -15,9 +16,12 @@ _STEPS = np.linspace(0.05, 4.0, 80)
 _REMEDY_REGION = (
     "fly a speed and angle inside the policy's region (perchhw learn validate), or train for this one"
 )
+_REMEDY_ELSEWHERE = (
+    "fly default, or look how this policy was learned and for which speeds (perchhw learn validate)"
+)
 
 
-def diagnose_no_trigger(flight: Flight, policy: Policy | None) -> Diagnosis:
+def diagnose_no_trigger(flight: Flight, judge: Judge) -> Diagnosis:
     """The finding of a flight that ended without a trigger, and by no other rule."""
     t, cues = approach_cues(flight) if flight.has(*CUES) else (np.empty(0), np.empty((0, 3)))
     coming = cues[:, 0] > 0.0
@@ -36,7 +40,22 @@ def diagnose_no_trigger(flight: Flight, policy: Policy | None) -> Diagnosis:
             "charge the pack and look at the path: what holds the drone back? then fly it again",
             {"speed_m_s": reached, "wanted_m_s": wanted},
         )
-    return _region_missed(cues, policy)
+    missed = _region_missed(cues, judge.flown)
+    return missed if judge.region is None else _held_against(judge.region, cues, missed)
+
+
+def _held_against(region: Policy, cues: FloatArray, missed: Diagnosis) -> Diagnosis:
+    """What was missed; where the policy that ships for the vehicle would have fired, by the flown one."""
+    inside = np.flatnonzero(values_of(region, cues) >= 0.0)
+    if not inside.size:
+        return missed
+    tau = float(cues[inside[0], 0])
+    return Diagnosis(
+        Cause.REGION_ELSEWHERE,
+        f"{missed.sentence}; that of the policy that ships for this vehicle was entered at tau {tau:.3f} s",
+        _REMEDY_ELSEWHERE,
+        {**missed.values, "shipped_tau_s": tau},
+    )
 
 
 def _region_missed(cues: FloatArray, policy: Policy | None) -> Diagnosis:

@@ -3,7 +3,8 @@
 ``python -m tests.diagnosis.faulty_flights --flights 200`` flies so many, each in a simulated lab of its own
 in lock step, through all kinds of fault in turn. Expected is the injected fault; where a fault leaves the
 landing alone, and where nothing was injected, what the world's own record shows. One JSON document at the
-end; exit code 1 where so few would be right once in a hundred runs if 95 % were.
+end; exit code 1 where so few would be right once in a hundred runs if 95 % were. With ``--table FILE`` each
+flight is written there when it has been judged, and the next run with that file goes on with it.
 """
 
 import argparse
@@ -98,8 +99,8 @@ def faults(rng: np.random.Generator) -> dict[str, Fault]:
     shift, bias = rng.uniform(0.03, 0.06), rng.uniform(0.15, 0.3)
     return {
         "none": Fault(),
-        "fires early": Fault((Cause.FLIP_EARLY,), policy=_shifted(shift)),
-        "fires late": Fault((Cause.FLIP_LATE,), policy=_shifted(-shift)),
+        "fires early": Fault((Cause.FLIP_EARLY, Cause.REGION_ELSEWHERE), policy=_shifted(shift)),
+        "fires late": Fault((Cause.FLIP_LATE, Cause.REGION_ELSEWHERE), policy=_shifted(-shift)),
         "turns weakly": Fault((Cause.FLIP_WEAK,), policy=_scaled(rng.uniform(0.4, 0.6))),
         "turns strongly": Fault((Cause.FLIP_STRONG,), policy=_scaled(rng.uniform(1.4, 1.6))),
         "ceiling higher": Fault(_BEYOND, ceiling_z=2.1 - rng.uniform(0.08, 0.15)),
@@ -138,6 +139,33 @@ class Told:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "right", self.told in self.expected)
+
+
+class Table:
+    """Flights that were judged, one JSON line each; None: kept in memory alone."""
+
+    def __init__(self, path: Path | None) -> None:
+        self._path = path
+        self._rows: dict[int, dict[str, Any]] = {}
+        if path is not None and path.exists():
+            text = path.read_text(encoding="utf-8")
+            whole = text[: text.rfind("\n") + 1]  # the last line may have been cut off by a kill
+            path.write_text(whole, encoding="utf-8")
+            self._rows = {row["seed"]: row for row in map(json.loads, whole.splitlines())}
+
+    def of(self, seed: int, fault: str) -> dict[str, Any] | None:
+        """The flight `seed`, unless it was flown with another fault than `fault`."""
+        row = self._rows.get(seed)
+        return row if row is not None and row["fault"] == fault else None
+
+    def keep(self, told: Told) -> dict[str, Any]:
+        """Write one flight."""
+        row = vars(told)
+        self._rows[told.seed] = row
+        if self._path is not None:
+            with self._path.open("a", encoding="utf-8") as lines:
+                lines.write(json.dumps(row) + "\n")
+        return row
 
 
 def fly(folder: Path, seed: int, name: str) -> Told:
@@ -229,29 +257,37 @@ def what_the_world_saw(truth: Path) -> tuple[Cause, ...]:
     return (Cause.FEET_LET_GO,) if gap < -TOUCH_M else (Cause.FEET_LET_GO, Cause.CEILING_NOT_REACHED)
 
 
+def judged(seed: int, name: str, keep: Path | None) -> Told:
+    """Fly one, and keep in `keep` what was told wrongly."""
+    with tempfile.TemporaryDirectory() as folder:
+        told = fly(Path(folder), seed, name)
+        if keep is not None and not told.right:
+            shutil.copytree(folder, keep / str(seed))
+    return told
+
+
 def main() -> int:
     """Entry point."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--flights", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--keep", type=Path, help="Keep the records of wrong diagnoses here.")
+    parser.add_argument("--table", type=Path, help="Write each flight here; those in it are not flown again.")
     arguments = parser.parse_args()
     names = sorted(faults(np.random.default_rng(0)))
-    told = []
+    table, told = Table(arguments.table), []
     for index in range(arguments.flights):
-        seed = arguments.seed + index
-        with tempfile.TemporaryDirectory() as folder:
-            told.append(fly(Path(folder), seed, names[index % len(names)]))
-            if arguments.keep is not None and not told[-1].right:
-                shutil.copytree(folder, arguments.keep / str(seed))
-        sys.stderr.write(f"{index + 1} of {arguments.flights}: {told[-1]}\n")
-    right = sum(one.right for one in told)
+        seed, name = arguments.seed + index, names[index % len(names)]
+        row = table.of(seed, name) or table.keep(judged(seed, name, arguments.keep))
+        told.append(row)
+        sys.stderr.write(f"{index + 1} of {arguments.flights}: {row}\n")
+    right = sum(row["right"] for row in told)
     document: dict[str, Any] = {
         "flights": len(told),
         "seed": arguments.seed,
         "right": right,
         "share": right / len(told),
-        "wrong": [vars(one) for one in told if not one.right],
+        "wrong": [row for row in told if not row["right"]],
     }
     json.dump(document, sys.stdout, indent=1)
     sys.stdout.write("\n")

@@ -146,6 +146,39 @@ def test_a_biased_gyro_is_found_behind_what_it_causes(ended: Ended) -> None:
     assert found.values["gyro_bias_rad_s"] == pytest.approx(0.2)
 
 
+ELSEWHERE = "estimate_to_mocap: 0.525 m, need at most 0.05 m"
+
+
+@pytest.mark.parametrize(
+    "reason",
+    [
+        ELSEWHERE,
+        "start_mark_heading: 179 deg, need at most 15 deg",
+        "the start of the approach was not reached within 14.6 s",
+    ],
+)
+def test_poses_that_turned_round_on_the_ground_are_found_behind_what_they_cause(
+    ended: Ended, reason: str
+) -> None:
+    found = diagnose_run(ended(reason, jumped=9))
+    assert (found.cause, found.values["flipped"]) == (Cause.MOCAP_JUMPED, 9)
+    assert "before take-off (9 frames flipped); ended while approaching: " in found.sentence
+    assert "asymmetric" in found.next
+
+
+@pytest.mark.parametrize(
+    ("jumped", "reason", "cause"),
+    [
+        (8, ELSEWHERE, Cause.ESTIMATE_WRONG),
+        (9, "battery_at_rest: 3.7 V, need at least 3.8 V", Cause.BATTERY_LOW),
+    ],
+)
+def test_poses_that_were_never_believed_or_explain_nothing_are_not_blamed(
+    ended: Ended, jumped: int, reason: str, cause: Cause
+) -> None:
+    assert diagnose_run(ended(reason, jumped=jumped)).cause is cause
+
+
 def test_a_start_that_is_not_reached(ended: Ended) -> None:
     reason = "the start of the approach was not reached within 14.6 s"
     assert diagnose_run(ended(reason)).cause is Cause.START_NOT_REACHED

@@ -127,7 +127,8 @@ def test_a_trigger_that_never_came(
 ) -> None:
     run = read_run(record_landing(landings[-1], tmp_path / "run", vehicle, 2.5, 60.0))
     flight = replace(flight_from_run(run), trigger=None)
-    assert diagnose_no_trigger(replace(flight, commanded_speed=4.0), policy).cause is Cause.TOO_SLOW
+    own = Judge(policy, policy)
+    assert diagnose_no_trigger(replace(flight, commanded_speed=4.0), own).cause is Cause.TOO_SLOW
     _, cues = flight.series("tau", "theta_x", "d_ceil")
     flow = float(cues[-1, 1])  # the region is around the last state, but at 2.1 times its flow
     away = replace(
@@ -141,13 +142,20 @@ def test_a_trigger_that_never_came(
         tau_min=np.float32(cues[-1, 0] - 0.05),
         tau_max=np.float32(cues[-1, 0] + 0.05),
     )
-    found = diagnose_no_trigger(flight, away)
+    found = diagnose_no_trigger(flight, Judge(away, away))
     assert found.cause is Cause.REGION_MISSED
     assert "theta_x was" in found.sentence
     assert f"below the region, which begins at {1.6 * flow:.1f}" in found.sentence
+    entered = replace(away, scaler_mean=np.array(cues[-1], np.float32))
+    told = diagnose_no_trigger(flight, Judge(away, entered))
+    assert told.cause is Cause.REGION_ELSEWHERE
+    assert told.sentence.startswith(found.sentence)  # held against the policy that flew
+    assert "that of the policy that ships for this vehicle was entered at tau 0." in told.sentence
+    unknown = diagnose_no_trigger(flight, Judge(None, away))
+    assert (unknown.cause, "tau" in unknown.sentence) == (Cause.REGION_MISSED, False)
     data = {name: values for name, values in flight.data.items() if name != "tau"}
     valid = {name: mask for name, mask in flight.valid.items() if name != "tau"}
-    assert diagnose_no_trigger(replace(flight, data=data, valid=valid), policy).cause is Cause.NO_CUES
+    assert diagnose_no_trigger(replace(flight, data=data, valid=valid), own).cause is Cause.NO_CUES
 
 
 @pytest.mark.parametrize(
