@@ -77,7 +77,7 @@ def diagnose_landing(
 
 def _what_happened(outcome: Outcome, flip: Flip, pair: str | None) -> tuple[str, Cause]:
     """What the body did, and the cause that this alone names."""
-    first = _first_touch(flip)
+    first = _first_touch(flip, clear=outcome in (Outcome.FOUR_LEG, Outcome.TWO_LEG))
     match outcome:
         case Outcome.FOUR_LEG:
             return f"it landed on four legs{first}", Cause.FOUR_LEGS
@@ -97,9 +97,13 @@ def _what_happened(outcome: Outcome, flip: Flip, pair: str | None) -> tuple[str,
     return what, Cause.CEILING_NOT_REACHED
 
 
-def _first_touch(flip: Flip) -> str:
-    """What met the ceiling first and at which turn; nothing where the record does not show it."""
-    if flip.touch is None:
+def _first_touch(flip: Flip, *, clear: bool) -> str:
+    """What met the ceiling first and at which turn; nothing where the record does not show it.
+
+    Where the poses have the body `clear` of the ceiling throughout, they and the gyro's clock are apart (a
+    computer that was too busy), and the attitude at the blow is not to be believed.
+    """
+    if flip.touch is None or (clear and flip.touch.feet_margin_m < 0.0):
         return ""
     what = "feet" if flip.touch.feet_margin_m >= 0.0 else "body"
     return f"; the {what} touched first at {flip.touch.turn_deg:.0f} deg"

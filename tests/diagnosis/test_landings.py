@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from onboard.vehicle import Vehicle
 from perchhw.attempt import Outcome
 from perchhw.diagnosis import Cause, diagnose
 from perchhw.diagnosis.diagnose import judge_of
-from perchhw.diagnosis.flip import measure_flip
+from perchhw.diagnosis.flip import Flip, measure_flip
 from perchhw.diagnosis.landing import Judge
 from perchhw.diagnosis.no_trigger import diagnose_no_trigger
 from perchhw.record.run import read_run
@@ -120,6 +121,27 @@ def test_a_drone_that_computes_something_else_is_named(
     found = diagnose(run, vehicle, Judge(policy, None))
     assert found.cause is Cause.OTHER_POLICY_COMPUTED
     assert f"its policy gives {moment * 1e3:.2f}" in found.sentence
+
+
+def test_a_body_that_the_poses_have_clear_of_the_ceiling_did_not_touch_first(
+    landings: list[Landing], vehicle: Vehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At load a lab's clock and that of the poses are 60 ms apart: the attitude at the blow is an old one."""
+    run = read_run(record_landing(landings[3], tmp_path / "run", vehicle, 2.5, 60.0))
+    run.info["outcome"] = Outcome.FOUR_LEG
+    assert "touched first" in diagnose(run, vehicle, Judge(None, None)).sentence
+
+    def behind(*arguments: Any) -> Flip:
+        flip = measure_flip(*arguments)
+        assert flip.touch is not None
+        return replace(flip, touch=replace(flip.touch, feet_margin_m=-0.013))
+
+    monkeypatch.setattr("perchhw.diagnosis.landing.measure_flip", behind)
+    found = diagnose(run, vehicle, Judge(None, None))
+    assert found.cause is Cause.FOUR_LEGS
+    assert "touched first" not in found.sentence
+    run.info["outcome"] = Outcome.FOUR_LEG_BODY_CONTACT
+    assert "the body touched first" in diagnose(run, vehicle, Judge(None, None)).sentence
 
 
 def test_a_trigger_that_never_came(
