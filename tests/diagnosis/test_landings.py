@@ -134,7 +134,7 @@ def test_a_body_that_the_poses_have_clear_of_the_ceiling_did_not_touch_first(
     def behind(*arguments: Any) -> Flip:
         flip = measure_flip(*arguments)
         assert flip.touch is not None
-        return replace(flip, touch=replace(flip.touch, feet_margin_m=-0.013))
+        return replace(flip, touch=flip.touch._replace(feet_margin_m=-0.013))
 
     monkeypatch.setattr("perchhw.diagnosis.landing.measure_flip", behind)
     found = diagnose(run, vehicle, Judge(None, None))
