@@ -8,7 +8,10 @@ BIN := $(VENV)/bin
 # Flying and the bench's wizards wait for some of their time: three tests more than there are cores leave none idle.
 WORKERS ?= $(shell $(PYTHON) -c 'import os; print((os.cpu_count() or 1) + 3)')
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
-PYTEST := $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist worksteal
+# Two environments at a time would write the same files into this folder.
+OURS := flock pyproject.toml $(PIP) --no-deps --editable .
+# A file of tests is one process's, which makes what they share once; the longest come first (tests/tiers.py).
+PYTEST := $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder
 
 # Some images of Python forbid it to keep compiled modules: every start would compile them all again.
 unexport PYTHONDONTWRITEBYTECODE
@@ -28,7 +31,7 @@ walkthrough: $(VENV)/.dev
 CHECKED := tests/supervisor tests/onboard tests/flight_files tests/record tests/label tests/mocap tests/lab_time \
 	tests/link/test_replies.py tests/link/test_uri.py tests/campaign/test_plan.py tests/lab_file/test_lab_file.py
 check: $(VENV)/.dev
-	$(PYTEST) --quiet -m "not slow and not soak" $(CHECKED)
+	$(PYTEST) --quiet -m "not slow and not soak and not further" $(CHECKED)
 	$(MAKE) lint
 
 # What a contributor must see green.
@@ -45,7 +48,7 @@ $(VENV)/.warm: $(VENV)/.dev
 # The long proofs, two hours on two cores. Each goes on where it can when it is started again, and says its seed.
 SEED ?= 1
 soak: $(VENV)/.dev
-	$(PYTEST) -m soak --hypothesis-profile soak
+	$(PYTEST) -m "soak or further" --hypothesis-profile soak
 	$(BIN)/python -m tests.lab_time.same_flight --busy 16 --flights 5 --seed $(SEED)
 	$(BIN)/python -m tests.faulty_campaign --attempts 200 --seed $(SEED)
 	$(BIN)/python -m tests.diagnosis.faulty_flights --flights 200 --seed $(SEED)
@@ -56,6 +59,7 @@ soak: $(VENV)/.dev
 
 # A sample of them, another one with each SEED.
 soak-sample: $(VENV)/.dev
+	$(BIN)/python -m pytest -m "further and not soak" --sample 20 --sample-seed $(SEED)
 	$(BIN)/python -m tests.lab_time.same_flight --busy 4 --flights 1 --seed $(SEED)
 	$(BIN)/python -m tests.faulty_campaign --attempts 1 --seed $(SEED)
 	$(BIN)/python -m tests.diagnosis.faulty_flights --flights 2 --seed $(SEED)
@@ -76,13 +80,13 @@ $(BIN)/python:
 
 $(VENV)/.demo: requirements/demo.lock pyproject.toml | $(BIN)/python
 	$(PIP) --require-hashes --requirement requirements/demo.lock
-	$(PIP) --no-deps --editable .
+	$(OURS)
 	touch $@
 
 $(VENV)/.dev: requirements/dev.lock requirements/torch.lock pyproject.toml | $(BIN)/python
 	$(PIP) --no-compile --require-hashes --requirement requirements/dev.lock
 	$(PIP) --no-compile --requirement requirements/torch.lock
-	$(PIP) --no-deps --editable .
+	$(OURS)
 	touch $@ $(VENV)/.demo
 
 # Resolve the newest versions again and pin them.

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from perchhw.lab_process import SimulatedLab
+from tests.tiers import drawn, longest_first
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 
@@ -24,6 +25,29 @@ settings.register_profile(
 )
 settings.register_profile("soak", deadline=None, max_examples=3000)
 settings.load_profile("perchhw")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    group = parser.getgroup("tiers", "the tests' tiers")
+    group.addoption(
+        "--sample", type=int, metavar="N", help="run N of the tests, drawn from all that are chosen"
+    )
+    group.addoption("--sample-seed", type=int, metavar="S", default=1, help="another sample (default: 1)")
+
+
+def pytest_report_header(config: pytest.Config) -> str | None:
+    count, seed = config.getoption("sample"), config.getoption("sample_seed")
+    return None if count is None else f"sample: {count} tests of seed {seed}"
+
+
+@pytest.hookimpl(trylast=True)  # after -m and -k
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """All processes of a run do the same, as they have to."""
+    count = config.getoption("sample")
+    if count is not None:
+        items[:], others = drawn(items, count, config.getoption("sample_seed"))
+        config.hook.pytest_deselected(items=others)
+    items[:] = longest_first(items, [item.path for item in items])
 
 
 @pytest.hookimpl(wrapper=True)

@@ -20,8 +20,15 @@ GRID = "[grid]\nspeeds = [2.25]\nangles_deg = [52.5]\n"
 FLIGHTS = '[[flight]]\nkind = "thrust_steps"\n'
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-@pytest.mark.parametrize("content", [GRID, FLIGHTS], ids=["grid", "flights"])
+@pytest.mark.parametrize(
+    ("content", "number"),
+    [
+        pytest.param(GRID, signal.SIGTERM, id="grid-term"),
+        pytest.param(FLIGHTS, signal.SIGINT, id="flights-int"),
+        pytest.param(GRID, signal.SIGINT, id="grid-int", marks=pytest.mark.further),
+        pytest.param(FLIGHTS, signal.SIGTERM, id="flights-term", marks=pytest.mark.further),
+    ],
+)
 def test_a_campaign_that_is_ended_before_a_flight_says_how_to_go_on(
     content: str, number: signal.Signals, tmp_path: Path
 ) -> None:

@@ -50,7 +50,7 @@ def run_process(file: Path, folder: Path, point: str, count: int) -> int:
         # The three points once: below they come too, in another order and again.
         pytest.param([("before", 1), ("inside", 1), ("closed", 1)], marks=pytest.mark.soak),
         [("inside", 3), ("closed", 2), ("before", 2), ("inside", 1)],
-        [("closed", 8)],
+        pytest.param([("closed", 8)], marks=pytest.mark.further),
     ],
 )
 def test_every_slot_ends_exactly_once_as_done_after_sigkill(

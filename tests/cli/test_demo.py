@@ -41,6 +41,13 @@ def test_the_demo_flies_where_the_policy_is_predicted_to_land_best() -> None:
         assert np.mean(list(predicted_rates(moved, 0, ENGINE).values())) < here
 
 
+@pytest.fixture
+def few_predictions(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Eight attempts behind a rate: what a test of something else needs."""
+    monkeypatch.setattr("perchhw.cli.demo.PREDICTIONS", 8)
+
+
+@pytest.mark.usefixtures("few_predictions")
 def test_predictions_are_those_of_the_seed() -> None:
     one = {(SPEEDS[0], ANGLES_DEG[0])}
     assert predicted_rates(one, 4, ENGINE) == predicted_rates(one, 4, ENGINE)
@@ -169,6 +176,7 @@ def test_landings_that_fail_are_no_error(
     assert code == exit_codes.DONE
 
 
+@pytest.mark.usefixtures("few_predictions")
 def test_an_attempt_that_was_not_flown_is_an_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

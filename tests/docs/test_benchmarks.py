@@ -46,6 +46,7 @@ def test_the_documentation_names_benchmarks_that_exist() -> None:
     assert named == {script.name for script in SCRIPTS}
 
 
+@pytest.mark.further  # seconds of compiling
 def test_rollouts_prints_one_document_of_positive_rates() -> None:
     done = run("rollouts.py", "--seconds", "0.01")
     assert done.returncode == 0, done.stderr

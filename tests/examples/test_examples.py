@@ -27,13 +27,13 @@ SAID = {
 """By script: its arguments, and the essential lines that it prints."""
 
 
-TWINS = ("campaign.py",)
-"""What other tests fly in the same way: in the long proofs."""
+TWINS = ("campaign.py", "gap_in_own_csv.py")
+"""What tests/campaign and tests/gap do in the same way: in the samples and the long proofs."""
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "script", [pytest.param(s, marks=pytest.mark.soak) if s in TWINS else s for s in SAID]
+    "script", [pytest.param(s, marks=pytest.mark.further) if s in TWINS else s for s in SAID]
 )
 def test_an_example_prints_what_it_promises(script: str, tmp_path: Path) -> None:
     arguments, said = SAID[script]

@@ -1,6 +1,6 @@
 """The whole landing app, shell included, flies the simulated drone to the ceiling.
 
-With ``-m soak`` all tests of the app run so (``either_engine`` of tests/sim_crazyflie).
+With ``-m further`` all tests of the app run so (``either_engine`` of tests/sim_crazyflie).
 """
 
 import pytest

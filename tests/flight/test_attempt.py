@@ -171,6 +171,7 @@ def test_input_that_cannot_be_used_leaves_no_record(
     assert not (tmp_path / "run").exists()
 
 
+@pytest.mark.further  # poses that do not come do not arm either, above
 def test_frozen_poses_do_not_arm(tmp_path: Path) -> None:
     with open_lab("--fault", "mocap_freeze_at=0") as lab:
         result = refused(lab, tmp_path / "run")

@@ -33,6 +33,7 @@ def request(folder: Path, drone: str, mocap: str, kind: str = KIND) -> CourseReq
     )
 
 
+@pytest.mark.further  # tests/room_calibration flies a longer one
 def test_a_test_flight_follows_its_course_and_can_be_analysed(tmp_path: Path) -> None:
     phases: list[Phase] = []
     with SimulatedLab("lab", (*FREE_PORTS, *LOCKSTEP, "--seed", "3")) as lab:

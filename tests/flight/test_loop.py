@@ -8,6 +8,7 @@ import pytest
 import perchhw.flight.loop as loop_module
 from perchhw.supervisor import Phase
 from tests.flight.stepped_flight import Injected, Injection, Stepped, fly
+from tests.tiers import some
 
 PLACES = (
     "clock()",
@@ -63,7 +64,7 @@ def test_one_exception_in_the_air_ends_in_a_soft_landing(
     assert Injected in [record.exc_info[0] for record in caplog.records if record.exc_info]
 
 
-@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("place", some(PLACES, 3))
 def test_a_part_that_fails_for_ever_ends_on_the_floor(place: str, tmp_path: Path) -> None:
     injection = Injection(place, Phase.TAKING_OFF, always=True)
     stepped = fly(tmp_path / "run", injection)

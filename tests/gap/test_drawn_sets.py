@@ -19,9 +19,9 @@ from tests.truth import drawn
 from tests.truth.airframe import nominal
 from tests.truth.mujoco_room import Hidden
 
-AT_ONCE = ("motor_lag", "inertia_error", "com_offset", "wind")
+AT_ONCE = ("motor_lag", "wind")
 MOVING = [
-    pytest.param(name, marks=() if name in AT_ONCE else pytest.mark.soak)
+    pytest.param(name, marks=() if name in AT_ONCE else pytest.mark.further)
     for name in drawn.EFFECTS_HERE
     if EFFECTS[name].domain not in (Domain.SENSING, Domain.TIMING) and name != "battery_sag"
 ]
@@ -64,6 +64,7 @@ def test_sensors_of_mujocos_room_err_as_is_hidden(name: str, tmp_path: Path) -> 
         assert mean.mean == pytest.approx(value, abs=4.0 * mean.error)
 
 
+@pytest.mark.further  # test_truth_flights asks it of the other program
 def test_a_set_comes_again_with_its_seed_and_can_be_read(tmp_path: Path) -> None:
     first, again = (drawn.draw_set(6, tmp_path / name) for name in ("first", "again"))
     assert first.answer == again.answer

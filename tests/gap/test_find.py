@@ -1,8 +1,9 @@
 """``perchhw gap find`` as its user calls it: files in, report and vehicle out, nothing claimed too much."""
 
+import io
 import json
 import shutil
-from collections.abc import Callable
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -22,60 +23,58 @@ def flights(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-Find = Callable[..., tuple[int, dict[str, Any]]]
-
-
-@pytest.fixture
-def find(capsys: pytest.CaptureFixture[str]) -> Find:
+def find(out: Path, *data: Path, vehicle: str = "crazyflie21-stock") -> tuple[int, dict[str, Any]]:
     """The command on files: its exit code and what it prints."""
-
-    def of(out: Path, *data: Path, vehicle: str = "crazyflie21-stock") -> tuple[int, dict[str, Any]]:
-        capsys.readouterr()
-        options = ("--vehicle", vehicle, "--out", str(out), "--data", *map(str, data))
+    options = ("--vehicle", vehicle, "--out", str(out), "--data", *map(str, data))
+    with redirect_stdout(io.StringIO()) as said:
         code = run(["--json", "gap", "find", *options])
-        return code, json.loads(capsys.readouterr().out)
-
-    return of
+    return code, json.loads(said.getvalue())
 
 
-def test_report_and_improved_vehicle(flights: Path, find: Find, tmp_path: Path) -> None:
-    code, report = find(tmp_path, flights / "flights")
+@pytest.fixture(scope="module")
+def found(flights: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, int, dict[str, Any]]:
+    """What it writes, its exit code and what it prints of all flights."""
+    out = tmp_path_factory.mktemp("found")
+    return (out, *find(out, flights / "flights"))
+
+
+def test_report_and_improved_vehicle(flights: Path, found: tuple[Path, int, dict[str, Any]]) -> None:
+    folder, code, report = found
     assert code == 0
-    assert json.loads((tmp_path / "report.json").read_text()) == report
+    assert json.loads((folder / "report.json").read_text()) == report
     assert report["schema"] == "perchhw.gap/1"
     assert report["verdict"] == "effects_found"
     assert [effect["name"] for effect in report["effects"]] == ["rotor_drag"]
     hidden = json.loads((flights / "answer.json").read_text())["effects"][0]["parameters"]["coefficient"]
-    found = report["effects"][0]
-    assert found["parameters"]["coefficient"]["value"] == pytest.approx(hidden, rel=0.05)
-    assert found["error_after"] < 0.8 * found["error_before"]
+    named = report["effects"][0]
+    assert named["parameters"]["coefficient"]["value"] == pytest.approx(hidden, rel=0.05)
+    assert named["error_after"] < 0.8 * named["error_before"]
     assert set(report["flights"]["train"]).isdisjoint(report["flights"]["held_out"])
     assert len(report["flights"]["train"] + report["flights"]["held_out"]) == FLIGHTS
     assert report["where"][0]["channel"].endswith(("_x", "_y"))
     assert report["landings"] is None
     assert report["settings"]["ceiling_z_m"] is None
     assert {"perchhw", "numpy"} <= set(report["settings"]["versions"])
-    improved = load_vehicle(tmp_path / "vehicle.toml")
+    improved = load_vehicle(folder / "vehicle.toml")
     (effect,) = improved.effects
-    assert effect.values()["coefficient"] == found["parameters"]["coefficient"]["value"]
+    assert effect.values()["coefficient"] == named["parameters"]["coefficient"]["value"]
     assert "gap finder" in effect.parameters["coefficient"].source
-    assert "<html" in (tmp_path / "report.html").read_text()
+    assert "<html" in (folder / "report.html").read_text()
 
 
 def test_with_the_vehicle_that_was_found_there_is_nothing_more_to_find(
-    flights: Path, find: Find, tmp_path: Path
+    flights: Path, found: tuple[Path, int, dict[str, Any]], tmp_path: Path
 ) -> None:
-    find(tmp_path / "first", flights / "flights")
-    found = tmp_path / "first" / "vehicle.toml"
-    _, report = find(tmp_path / "second", flights / "flights", vehicle=str(found))
+    first = found[0] / "vehicle.toml"
+    _, report = find(tmp_path, flights / "flights", vehicle=str(first))
     assert report["effects"] == []
     assert report["verdict"] == "no_gap"
-    again = load_vehicle(tmp_path / "second" / "vehicle.toml")
-    assert again.effects == load_vehicle(found).effects
+    again = load_vehicle(tmp_path / "vehicle.toml")
+    assert again.effects == load_vehicle(first).effects
 
 
 @pytest.mark.soak
-def test_names_and_order_of_the_files_decide_nothing(flights: Path, find: Find, tmp_path: Path) -> None:
+def test_names_and_order_of_the_files_decide_nothing(flights: Path, tmp_path: Path) -> None:
     files = sorted((flights / "flights").iterdir())
     renamed = [Path(shutil.copy(file, tmp_path / f"{n}.csv")) for n, file in enumerate(reversed(files))]
     _, as_flown = find(tmp_path / "a", *files)
@@ -85,7 +84,7 @@ def test_names_and_order_of_the_files_decide_nothing(flights: Path, find: Find, 
     assert as_flown["gap"] == as_called["gap"]
 
 
-def test_one_flight_and_its_copy_confirm_nothing(flights: Path, find: Find, tmp_path: Path) -> None:
+def test_one_flight_and_its_copy_confirm_nothing(flights: Path, tmp_path: Path) -> None:
     one = flights / "flights" / "circle_fast_rep1.csv"
     copy = shutil.copy(one, tmp_path / "copy.csv")
     code, report = find(tmp_path / "out", one, Path(copy))
@@ -99,7 +98,7 @@ def test_one_flight_and_its_copy_confirm_nothing(flights: Path, find: Find, tmp_
 
 @pytest.mark.soak  # what is said of them is tested without a search too
 def test_flights_without_a_voltage_are_used_and_it_is_said_what_that_costs(
-    flights: Path, find: Find, tmp_path: Path
+    flights: Path, tmp_path: Path
 ) -> None:
     for path in sorted((flights / "flights").glob("*.csv"))[:2]:
         rows = [line.rsplit(",", 1)[0] for line in path.read_text().splitlines()]

@@ -63,6 +63,7 @@ def landed() -> list[Judged]:
     return judge(HIDDEN, 8, 1, 40, [WITHOUT, *(as_point(drone) for drone in HIDDEN)])
 
 
+@pytest.mark.further  # as of healthy drones and pads in test_hidden_pads
 def test_landings_of_another_program_end_as_often_as_ours_predict(landed: list[Judged]) -> None:
     for one in landed:
         assert one.predicted is not None
@@ -70,6 +71,7 @@ def test_landings_of_another_program_end_as_often_as_ours_predict(landed: list[J
             assert_likely(count, shares.tolist(), simulated=40)
 
 
+@pytest.mark.further
 def test_a_hull_that_meets_the_ceiling_changes_how_landings_end_and_a_second_axis_hardly(
     landed: list[Judged],
 ) -> None:

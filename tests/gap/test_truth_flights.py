@@ -22,6 +22,7 @@ from tests.gap.truth.flight import HiddenFlight, hidden_flight
 from tests.gap.truth.layout import GRAVITY, MOTORS, nominal
 from tests.gap.truth.rotors import settled_thrusts, terminal_voltage
 from tests.gap.truth.shapes import SHAPES, campaign
+from tests.tiers import some
 
 MASS, INERTIA = 0.030, np.array([12.19e-6, 14.55e-6, 23.55e-6])
 ALOFT = slice(2500, 14700)
@@ -96,6 +97,7 @@ def test_the_sensors_ride_on_the_frame_not_on_the_centre_of_mass(vehicle: np.nda
     assert pwm[[0, 3]].min() > 1.05 * pwm[[1, 2]].max()  # nose-heavy: the front motors carry more
 
 
+@pytest.mark.further
 def test_saturation_clips_the_share_it_should(vehicle: np.ndarray) -> None:
     hidden = hide("motor_saturation", "strong", 4, vehicle)
     limit = hidden.effects["motor_saturation"]["thrust_limit"]
@@ -111,7 +113,7 @@ def test_saturation_clips_the_share_it_should(vehicle: np.ndarray) -> None:
 # --- ----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("shape", some(SHAPES, 4))
 def test_the_loop_flies_every_shape(shape: str, flights: dict[str, HiddenFlight]) -> None:
     flight = flights[shape]
     miss = flight.states[:, :3] - flight.setpoints[:, :3]
@@ -127,7 +129,7 @@ def test_the_loop_flies_every_shape(shape: str, flights: dict[str, HiddenFlight]
     assert np.mean(flight.log[:, 13:17] >= 65534) < 0.02
 
 
-@pytest.mark.parametrize("case", sorted({*SINGLE} - {"motor_saturation"}))
+@pytest.mark.parametrize("case", some(sorted({*SINGLE} - {"motor_saturation"}), 4))
 def test_a_strong_effect_does_not_bring_it_down(case: str, vehicle: np.ndarray) -> None:
     p = hide(case, "strong", 2, vehicle).vehicle
     shape = "near_ceiling" if case == "ceiling_effect" else "doublet_x"
@@ -271,6 +273,7 @@ def test_one_seed_gives_the_same_bytes_and_another_others(tmp_path: Path) -> Non
         assert all(x != y for x, y in zip(made("c", 6, defects), first, strict=True))
 
 
+@pytest.mark.further
 def test_the_second_tier_is_damaged_as_told(tmp_path: Path, vehicle: np.ndarray) -> None:
     paths = make_flights("none", "weak", 8, 4, out=tmp_path / "f", answer=tmp_path / "a.json", defects=True)
     shares, lags, tilts = [], [], []

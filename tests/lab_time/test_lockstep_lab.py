@@ -94,7 +94,7 @@ def test_a_lab_lives_on_for_a_drone_that_is_not_done_with_a_parameter_when_someb
             assert link.param(Parameter.TRAJECTORY_ARM) == 0
 
 
-@pytest.mark.parametrize("when", ["armed", "flying"])
+@pytest.mark.parametrize("when", [pytest.param("armed", marks=pytest.mark.further), "flying"])
 def test_a_process_that_dies_is_not_waited_for_and_the_watchdog_bites(when: str) -> None:
     with lab_at("lockstep") as lab:
         pilot = subprocess.Popen(

@@ -30,7 +30,9 @@ def bits_of(drone: str) -> SupervisorInfo:
         return link.supervisor_info()
 
 
-@pytest.mark.parametrize("fault", ["drone_dies_at=0.5", "freeze_drone_at=0.5"])
+@pytest.mark.parametrize(
+    "fault", ["drone_dies_at=0.5", pytest.param("freeze_drone_at=0.5", marks=pytest.mark.further)]
+)
 def test_the_stop_of_a_silent_drone_gives_up_in_the_labs_time_which_goes_on(fault: str) -> None:
     with SimulatedLab("lab", (*IN_LOCK_STEP, "--fault", fault)) as lab:
         drone = lab.drones[0]

@@ -128,6 +128,7 @@ def test_a_dead_worker_costs_nothing_but_time(cluster: Cluster, local: Path, tmp
         assert _pairs(tmp_path / "out") == _pairs(local)
 
 
+@pytest.mark.further
 def test_a_validation_gives_the_same_rows(cluster: Cluster) -> None:
     policy = load_policy(shipped_policy_path("default"))
     approaches = conditions((2.0, 3.0), (40.0, 60.0))
@@ -137,6 +138,7 @@ def test_a_validation_gives_the_same_rows(cluster: Cluster) -> None:
         assert validate_policy(policy, SETUP, approaches, rollouts=3, executor=executor) == here
 
 
+@pytest.mark.further  # a worker that dies is asked above
 def test_interrupted_on_the_cluster_and_resumed_here(cluster: Cluster, local: Path, tmp_path: Path) -> None:
     cluster.start_worker()
     for attempt in range(4):  # a sweep this small may end on its own before the signal arrives
@@ -187,6 +189,7 @@ def test_a_worker_with_another_source_is_refused(cluster: Cluster, tmp_path: Pat
         do_batch((1,), abs, {**environment(), "numba": "0.1"})
 
 
+@pytest.mark.further
 def test_a_lost_scheduler_keeps_the_rows(cluster: Cluster, tmp_path: Path) -> None:
     cluster.start_worker()
 
@@ -202,6 +205,7 @@ def test_a_lost_scheduler_keeps_the_rows(cluster: Cluster, tmp_path: Path) -> No
     assert _pairs(tmp_path / "out").count(b"\n") >= 4
 
 
+@pytest.mark.further
 def test_without_any_worker_left_the_sweep_ends(
     cluster: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

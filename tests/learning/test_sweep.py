@@ -163,6 +163,7 @@ def test_flown_policy_lands_in_our_simulation(shared_data: Path) -> None:
         assert float(row["four_leg_rate"] or 0) >= 0.5
 
 
+@pytest.mark.further  # tests/report makes a smaller one in the same way
 def test_learn_all_makes_a_policy_that_lands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """From nothing: a small grid around 2.5 m/s and 45 deg, trained and validated by the command."""
     arguments = ["--json", "learn", "all", "--speeds", "2.2:2.8:0.1", "--angles", "37.5:52.5:3.75"]

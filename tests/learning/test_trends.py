@@ -95,6 +95,7 @@ def test_larger_moments_go_with_smaller_tau(found: Study) -> None:
     assert min(numbers.values()) >= 0.4, numbers
 
 
+@pytest.mark.further  # those of our own are asked above
 def test_all_trends_hold_for_the_authors_vehicles() -> None:
     """Legs of 0, 30 and 50 deg, a hull of 120 mm, their reward, gains and cues: where the paper saw them."""
     setup = LearningSetup(vehicle=STORED_VEHICLE, reward="flown", gains="gazebo", sensing="gazebo", seed=0)

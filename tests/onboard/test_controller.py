@@ -160,9 +160,9 @@ def hover(_: float) -> tuple[Array, Array, Array]:
 @pytest.mark.parametrize(
     "start",
     [
-        state(position=(0.5, -0.4, 0.3)),
+        pytest.param(state(position=(0.5, -0.4, 0.3)), marks=pytest.mark.further),
         state(attitude=Rotation.from_euler("ZYX", [60, -45, 40], degrees=True)),
-        state(position=(-0.3, 0.2, -0.4), omega=(4.0, -4.0, 2.0)),
+        pytest.param(state(position=(-0.3, 0.2, -0.4), omega=(4.0, -4.0, 2.0)), marks=pytest.mark.further),
         state(attitude=Rotation.from_euler("x", 110, degrees=True), position=(0.0, 0.0, 1.0)),
     ],
 )

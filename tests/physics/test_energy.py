@@ -14,6 +14,7 @@ from sim_backend.physics.reset import approaching
 from sim_backend.physics.state import FootMode
 from sim_backend.physics.step import step_thrust
 from tests.physics.energy import mechanical_energy
+from tests.tiers import some
 
 OFF = (0.0, 0.0, 0.0, 0.0)
 STOP = math.radians(10.0)
@@ -71,13 +72,12 @@ def _growth(parameters: Any, floor: bool, rng: np.random.Generator, dt: float) -
     return growth / float(thrown), modes
 
 
-@pytest.mark.parametrize(("changes", "expected"), CONTACTS.values(), ids=CONTACTS)
-def test_energy_never_grows_without_power(
-    parameters: Any, rng: np.random.Generator, changes: dict[str, float], expected: set[FootMode]
-) -> None:
+@pytest.mark.parametrize("name", some(CONTACTS, 2))
+def test_energy_never_grows_without_power(parameters: Any, rng: np.random.Generator, name: str) -> None:
+    changes, expected = CONTACTS[name]
     floor = FootMode.PRESSING_FLOOR in expected
-    for name, value in changes.items():
-        parameters[name] = value
+    for changed, value in changes.items():
+        parameters[changed] = value
     coarse = [_growth(parameters, floor, rng, 1e-3) for _ in range(16)]
     fine = [_growth(parameters, floor, rng, 1e-3 / 8) for _ in range(2)]
     touched = set.union(*(modes for _, modes in coarse)) - {FootMode.FREE}

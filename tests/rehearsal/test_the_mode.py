@@ -8,13 +8,13 @@ from onboard.app_interface import EndReason, LandingState, Parameter, Rehearsal
 from onboard.firmware.compiler import find_compiler
 from sim_backend.engine_name import EngineName
 from tests.rehearsal.desk import PLAN, Desk
-from tests.sim_crazyflie.simulated_flight import Flight
+from tests.sim_crazyflie.simulated_flight import ENGINES, Flight
 
 EACH_KIND = pytest.mark.parametrize("kind", [Rehearsal.POSES, Rehearsal.MODEL])
 SWITCHES = (Parameter.REHEARSE, Parameter.TRAJECTORY_ARM, Parameter.POLICY_ARM, Parameter.GO)
 
 
-@pytest.fixture(autouse=True, params=list(EngineName))
+@pytest.fixture(autouse=True, params=ENGINES[:2])
 def engine(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> EngineName:
     engine = EngineName(request.param)
     if engine is EngineName.C and find_compiler() is None:

@@ -9,7 +9,7 @@ from sim_backend.crazyflie import firmware
 from sim_backend.engine_name import EngineName
 from tests.firmware.shell_engine import ShellEngine
 from tests.sim_crazyflie.minimal_firmware import MinimalFirmware, RawClient, ServedFirmware, serve
-from tests.sim_crazyflie.simulated_flight import Flight
+from tests.sim_crazyflie.simulated_flight import ENGINES, Flight
 
 
 @pytest.fixture
@@ -24,7 +24,7 @@ def client(drone: ServedFirmware) -> Iterator[RawClient]:
         yield raw
 
 
-@pytest.fixture(params=[*EngineName, pytest.param("shell", marks=pytest.mark.soak)])
+@pytest.fixture(params=ENGINES)
 def either_engine(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> EngineName:
     """What drones run in this test: the drone's own code, with its shell and without, and its reference."""
     engine = EngineName.REFERENCE if request.param == EngineName.REFERENCE else EngineName.C

@@ -4,6 +4,8 @@ import struct
 from collections import deque
 from collections.abc import Callable
 
+import pytest
+
 from onboard.app_interface import Parameter
 from onboard.policy.bundle import bundle_crc32
 from onboard.supervisor_info import SupervisorInfo
@@ -11,7 +13,7 @@ from onboard.trajectory import ApproachPlan
 from onboard.vehicle import Vehicle, load_vehicle
 from sim_backend.crazyflie.build import OURS, Build
 from sim_backend.crazyflie.high_level import HighLevelCommand
-from sim_backend.engine_name import EngineName
+from sim_backend.engine_name import EngineName, usable_engine
 from sim_backend.lab_faults import DroneFaults
 from sim_backend.world import World
 
@@ -21,8 +23,8 @@ VEHICLE, LEGS = "crazyflie21-upgraded-stored", "semi-narrow-long"  # feet that a
 class Flight:
     """One drone in a world of its own, with poses at 100 Hz that arrive 10 ms late."""
 
-    engine = EngineName.REFERENCE
-    """What drones run unless a test says otherwise."""
+    engine = usable_engine(None)
+    """What drones run unless a test says otherwise: as in a lab, the code in C, which is twice as fast."""
 
     def __init__(
         self,
@@ -137,3 +139,10 @@ class Flight:
         self.hover(0.5)
         assert self.go_to(plan.x0, plan.y0, plan.z0, 4.0) == 0
         self.run(6.0)
+
+
+ENGINES = [
+    pytest.param(name, marks=() if name == Flight.engine else pytest.mark.further)
+    for name in (*EngineName, "shell")
+]
+"""For a test's parameters: that of the lab, then further ones; "shell" is the code in C with its shell."""
