@@ -32,7 +32,7 @@ from perchhw.rehearsal.record import COLUMNS, save_rehearsal
 from perchhw.rehearsal.session import OnStage, RehearsalStage
 from perchhw.rehearsal.session import rehearse as rehearse_in_session
 from perchhw.rehearsal.watched import record_in
-from sim_backend.engine_name import EngineName
+from sim_backend.engine_name import EngineName, usable_engine
 from tests.patience import PATIENCE_S, patient_uri, until
 from tests.sim_crazyflie.served_flight import ServedFlight, serve_flight
 from tests.sim_crazyflie.simulated_flight import Flight
@@ -73,8 +73,9 @@ def desk(engine: EngineName, folder: Path) -> Iterator[Desk]:
 
 
 @pytest.fixture(scope="module")
-def c_desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Desk]:
-    with desk(EngineName.C, tmp_path_factory.mktemp("c")) as one:
+def lab_desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Desk]:
+    """Its drone flies what a lab's does by itself: the code in C, where there is a compiler."""
+    with desk(usable_engine(None), tmp_path_factory.mktemp("lab")) as one:
         yield one
 
 
@@ -93,16 +94,17 @@ def rehearse(uri: str, capsys: pytest.CaptureFixture[str], *arguments: str) -> t
 
 
 @pytest.mark.parametrize("on", Physics)
-@pytest.mark.parametrize("engine", EngineName)
+@pytest.mark.parametrize("whose", ["lab", pytest.param("reference", marks=pytest.mark.further)])
 def test_the_papers_approach_passes_and_nothing_moves(
-    engine: EngineName,
+    whose: str,
     on: Physics,
     request: pytest.FixtureRequest,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     """One after the other on the same drone: what the first left behind is there for the second."""
-    here: Desk = request.getfixturevalue(f"{engine.value}_desk")
+    here: Desk = request.getfixturevalue(f"{whose}_desk")
+    engine = usable_engine(None) if whose == "lab" else EngineName.REFERENCE
     before = len(here.heights())
     code, said = rehearse(here.drone, capsys, "--on", on, "--out", str(tmp_path / "out"))
     with open_timebase("test", here.drone) as time, DroneLink.open(here.drone, clock=time) as link:
@@ -123,8 +125,8 @@ def test_the_papers_approach_passes_and_nothing_moves(
     assert json.loads((Path(said["record"]) / "verdict.json").read_text())["pass"] is True
 
 
-def test_a_view_follows_where_the_drones_own_model_flies(reference_desk: Desk, tmp_path: Path) -> None:
-    code, _ = rehearse_on_record(reference_desk.drone, tmp_path / "run", Physics.DRONE)
+def test_a_view_follows_where_the_drones_own_model_flies(lab_desk: Desk, tmp_path: Path) -> None:
+    code, _ = rehearse_on_record(lab_desk.drone, tmp_path / "run", Physics.DRONE)
     assert code == 0
     flown = read_run(tmp_path / "run").series
     assert np.nanmax(flown["estimate"].numbers("z")) > 1.2
@@ -168,7 +170,8 @@ def test_a_lab_in_lock_step_gives_the_same_verdict_again_also_on_record(
     assert run.closed
 
 
-@pytest.mark.parametrize("engine", [EngineName.C, pytest.param(EngineName.REFERENCE, marks=pytest.mark.soak)])
+@pytest.mark.further  # test_own_model.py changes one without a lab
+@pytest.mark.parametrize("engine", EngineName)
 def test_one_weight_changed_in_the_drones_memory_fails(
     engine: EngineName, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -181,9 +184,9 @@ def test_one_weight_changed_in_the_drones_memory_fails(
 
 
 def test_an_approach_on_which_the_policy_does_not_fire_fails(
-    reference_desk: Desk, capsys: pytest.CaptureFixture[str]
+    lab_desk: Desk, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    code, said = rehearse(reference_desk.drone, capsys, "--speed", "0.5", "--angle", "30")
+    code, said = rehearse(lab_desk.drone, capsys, "--speed", "0.5", "--angle", "30")
     assert (code, said["pass"], said["trigger_sample_difference"]) == (1, False, None)
     assert any("the drone did not trigger" in failure for failure in said["failures"])
 
@@ -216,11 +219,11 @@ def test_a_drone_with_another_configuration_is_refused_and_the_doctor_named(
 
 
 def test_what_a_processor_says_of_its_loop_is_told(
-    c_desk: Desk, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    lab_desk: Desk, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The simulated drone has none: its battery, in mV, says something in its place."""
     monkeypatch.setattr(loop_time, "LOOP_TIME", "pm.vbatMV")
-    _, said = rehearse(c_desk.drone, capsys, "--on", Physics.DRONE)
+    _, said = rehearse(lab_desk.drone, capsys, "--on", Physics.DRONE)
     assert "error" not in said, said
     assert 3700.0 < said["loop_us"]["mean"] <= said["loop_us"]["most"] < 4400.0
 
