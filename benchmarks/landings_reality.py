@@ -1,4 +1,4 @@
-"""Every figure of how true landings are to life, from the shared data. Prints one JSON document.
+"""How true landings are to life, from the shared data. Prints one JSON document.
 
     python benchmarks/landings_reality.py --data ../shared/data [--draws 200] [--rollouts 100] [--repeats 6]
 
@@ -32,7 +32,12 @@ from perchhw.learning.validate import validate_policy
 from sim_backend.engine_name import usable_engine
 
 GRID = ("--domain", "none", "--speeds", "1.5:3.5:0.25", "--angles", "30:90:5", "--seed", "7")
-DESIGNS = {"NL": "semi-narrow-long", "WS": "wide-short", "NS": "semi-narrow-short"}
+SWEEPS = {
+    "NL": ("--legs", "semi-narrow-long", "--reward", "flown", "--gains", "gazebo"),
+    "WS": ("--legs", "wide-short", "--reward", "later", "--gains", "authors"),
+    "NS": ("--legs", "semi-narrow-short", "--reward", "later", "--gains", "gazebo"),
+}
+"""What each of the authors' sweeps had (docs/learning.md)."""
 POLICIES = ("default", "pads")
 
 
@@ -104,12 +109,14 @@ def policies(folder: Path, rollouts: int) -> dict[str, Any]:
 
 
 def agreements(sweeps: Path, folder: Path, repeats: int) -> dict[str, Any]:
-    """`learn agreement` with each sweep of the authors."""
+    """`learn agreement` with each sweep of the authors, without and with their launch."""
     found = {}
-    for letters, design in DESIGNS.items():
-        reference = ("--reference", sweeps / f"{letters}_LR_Trials.csv", "--legs", design)
-        document = told("learn", "agreement", *reference, "--repeats", repeats, "--out", folder / letters)
-        found[design] = document["median_of_sweeps"]
+    for letters, settings in SWEEPS.items():
+        for launch in ("gazebo", "gazebo-launch"):
+            sensing = launch if letters == "NL" else f"{launch}-later"
+            asked = ("--reference", sweeps / f"{letters}_LR_Trials.csv", *settings, "--sensing", sensing)
+            out = ("--repeats", repeats, "--out", folder / f"{letters}-{launch}")
+            found[f"{letters}, {sensing}"] = told("learn", "agreement", *asked, *out)["median_of_sweeps"]
     return found
 
 

@@ -66,7 +66,9 @@ def free_flight(states: Any, parameters: Any, gains: ControllerGains, control_st
         held = (1.0, 0.0, 0.5)
         for i in range(steps):
             if control_steps > 0 and i % control_steps == 0:
-                targets, lagged = hold_velocity(states[k], p, held, gains, lagged, control_steps * DT)
+                targets, lagged = hold_velocity(
+                    states[k], p, states[k].velocity, held, gains, lagged, control_steps * DT
+                )
             advance(states[k], p, targets, DT, up, down)
 
 

@@ -40,7 +40,7 @@ class FlightOptions:
         str,
         typer.Option(
             help="Errors of cues and approach: perfect (the paper), realistic, late, measured (in real "
-            "flights), or gazebo and gazebo-later (the authors')."
+            "flights), or gazebo, gazebo-later, gazebo-launch, gazebo-launch-later (the authors')."
         ),
     ] = "realistic"
     gains: Annotated[
@@ -77,7 +77,11 @@ class AuthorsOptions(SetupOptions):
 
     vehicle: Annotated[str, typer.Option(help="Vehicle: a known name or a vehicle file.")] = AUTHORS_VEHICLE
     sensing: Annotated[
-        str, typer.Option(help="Errors of the cues: gazebo, gazebo-later, perfect, realistic or late.")
+        str,
+        typer.Option(
+            help="Errors of the cues: gazebo, gazebo-later, perfect, realistic or late; with their launch: "
+            "gazebo-launch, gazebo-launch-later."
+        ),
     ] = "gazebo"
     gains: Annotated[str, typer.Option(help="Of the controller: gazebo, authors, or default.")] = "gazebo"
 

@@ -62,6 +62,10 @@ class RolloutSettings(NamedTuple):
         velocity_bias: m/s, standard deviation of an error of v_x and v_z that lasts a rollout.
         velocity_noise: m/s, standard deviation of the error of each look.
         height_noise: m, likewise for the height.
+        start_thrust: of the motors at the start, as a share of the weight; start_thrust_spread: its standard
+            deviation.
+        unseen: s, the controller takes the vehicle for standing still until a moment after the start that is
+            uniform up to this.
         launch: how the approach and the flip differ from what they are told.
     """
 
@@ -80,6 +84,9 @@ class RolloutSettings(NamedTuple):
     velocity_bias: float = 0.0
     velocity_noise: float = 0.0
     height_noise: float = 0.0
+    start_thrust: float = 1.0
+    start_thrust_spread: float = 0.0
+    unseen: float = 0.0
     launch: Launch = EXACT
 
 
@@ -112,26 +119,25 @@ _DELAY_STEPS = 128
 
 
 @kernel
-def place(state: Any, p: Any, velocity: Vector, time_to_ceiling: float) -> None:
-    """Put a fresh state on the approach: level, with a velocity (m/s, world), hover thrust."""
+def place(state: Any, p: Any, velocity: Vector, time_to_ceiling: float, thrust: float) -> None:
+    """Put a fresh state on the approach: level, velocity in m/s (world), thrust as share of the weight."""
     state.position[2] = p.ceiling_z - time_to_ceiling * velocity[2]
     state.velocity[0], state.velocity[1], state.velocity[2] = velocity
-    hover = 0.25 * p.mass * p.gravity
     for motor in range(4):
-        state.thrust[motor] = hover
+        state.thrust[motor] = 0.25 * thrust * p.mass * p.gravity
 
 
 @kernel
 def hold_velocity(
-    state: Any, p: Any, velocity: Vector, gains: ControllerGains, lagged: Vector, dt: float
+    state: Any, p: Any, seen: Vector, velocity: Vector, gains: ControllerGains, lagged: Vector, dt: float
 ) -> tuple[Thrusts, Vector]:
-    """Motor thrusts (N) of the controller that holds a velocity, without a position loop.
+    """Motor thrusts (N) of the controller that sees one velocity and holds another, without a position loop.
 
     `lagged` is the memory of :func:`onboard.controller.lead_moments`, returned as it is after `dt` (s).
     """
     zero = (0.0, 0.0, 0.0)
     wanted = geometric_control(
-        zero, state.velocity, tracked_attitude(state, p), measured_rate(state, p), zero,
+        zero, seen, tracked_attitude(state, p), measured_rate(state, p), zero,
         zero, velocity, zero, 0.0, gains,
     )  # fmt: skip
     wrench, lagged = lead_moments(wanted, lagged, gains, dt)
@@ -196,6 +202,20 @@ def draw_pads(rng: Any, state: Any, p: Any) -> None:
         state.pad_deviate[:] = rng.standard_normal()
 
 
+@inner
+def start_thrust(rng: Any, s: RolloutSettings) -> float:
+    """Thrust of the motors at the start, as a share of the weight; without a spread nothing is drawn."""
+    if s.start_thrust_spread <= 0.0:
+        return s.start_thrust
+    return max(0.0, s.start_thrust + s.start_thrust_spread * rng.standard_normal())
+
+
+@inner
+def first_seen(rng: Any, s: RolloutSettings) -> float:
+    """When (s) the controller first sees that the vehicle moves; at once, nothing is drawn."""
+    return s.unseen * rng.random() if s.unseen > 0.0 else 0.0
+
+
 @outlined
 def rollout(
     rng: Any, state: Any, p: Any, gains: ControllerGains, policy: Any, speed: float, angle: float,
@@ -215,7 +235,8 @@ def rollout(
     """
     out.speed, out.angle = speed, angle
     held = launch_velocity(rng, speed, angle, s.launch)
-    place(state, p, held, s.start_time_to_ceiling)
+    place(state, p, held, s.start_time_to_ceiling, start_thrust(rng, s))
+    unseen = first_seen(rng, s)
     draw_pads(rng, state, p)
     too_low = ceiling_error(rng, s.launch)
     flip = flip_gains(rng, p, s.launch)
@@ -247,7 +268,12 @@ def rollout(
                     record_trigger(out, state, float(tau), float(theta_x), float(d_ceil), a_rot)
         if count % s.control_steps == 0:
             if out.triggered == 0:
-                targets, lagged = hold_velocity(state, p, held, gains, lagged, s.control_steps * s.dt)
+                velocity = (state.velocity[0], state.velocity[1], state.velocity[2])
+                if state.time < unseen:
+                    velocity = (0.0, 0.0, 0.0)
+                targets, lagged = hold_velocity(
+                    state, p, velocity, held, gains, lagged, s.control_steps * s.dt
+                )
             else:
                 cut = cut or body_z(state.quaternion)[2] <= 0.0
                 targets = (0.0, 0.0, 0.0, 0.0)

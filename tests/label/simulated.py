@@ -48,7 +48,7 @@ def land(
     state = charged(new_state(), p)
     angle = math.radians(angle_deg)
     held = (speed * math.cos(angle), 0.0, speed * math.sin(angle))
-    place(state, p, held, 0.7)
+    place(state, p, held, 0.7, 1.0)
     rows: list[list[float]] = []
     trigger_t: float | None = None
     cut = False
@@ -61,7 +61,7 @@ def land(
             if trigger_t is None and tau <= tau_critical:
                 trigger_t = float(state["time"])
         if trigger_t is None:
-            targets, lagged = hold_velocity(state, p, held, DEFAULT_GAINS, lagged, 1e-3)
+            targets, lagged = hold_velocity(state, p, state["velocity"], held, DEFAULT_GAINS, lagged, 1e-3)
         else:
             cut = cut or body_z(state["quaternion"])[2] <= 0.0
             thrusts = (0.0, 0.0, 0.0, 0.0) if cut else flip_thrusts(a_rot, p["arm_x"])
