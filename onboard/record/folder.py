@@ -14,7 +14,7 @@ class OutputFolderError(OnboardError, InputError):
 
     def __init__(self, folder: Path, reason: str | None) -> None:
         super().__init__(f"{folder}: cannot be written ({reason}); give a folder that can, with --out")
-        self.folder = folder
+        self.folder, self.reason = folder, reason
 
 
 def utc_now() -> datetime:
@@ -62,6 +62,19 @@ def make_folder(folder: Path) -> None:
         raise OutputFolderError(folder, error.strerror) from error
     if not os.access(folder, os.W_OK | os.X_OK):
         raise OutputFolderError(folder, "no permission to write into it")
+
+
+def require_writable(folder: Path) -> None:
+    """See that `folder` is there and can be written, or could be made; nothing is made.
+
+    Raises:
+        OutputFolderError: it can not.
+    """
+    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    if not there.is_dir():
+        raise OutputFolderError(folder, f"{there} is no folder")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise OutputFolderError(folder, f"no permission to write into {there}")
 
 
 def discard_if_empty(folder: Path) -> None:

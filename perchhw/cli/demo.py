@@ -44,12 +44,14 @@ def demo(
     may fail. Exit codes say whether the attempts were flown, not how they ended: 0 every one was, 3 some were
     aborted by a safety rule.
     """
+    from onboard.record.folder import require_writable
     from perchhw.cli.displayed_campaign import run_displayed
     from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
     from perchhw.record import new_run_folder
     from perchhw.report.campaign_report import PREDICTION_FILE, write_campaign_report
     from perchhw.screen.flight_display import flight_display
 
+    require_writable(out)
     screen = progress_console()
     flown_by = usable_engine(engine)
     arguments = [*FREE_PORTS, *LOCKSTEP, "--seed", str(seed), "--engine", flown_by]

@@ -81,9 +81,11 @@ def find(
     from calibration.gap.find import GapQuestion, find_gap
     from calibration.gap.report import UnusableFile, write_report
     from calibration.gap.report.improved_vehicle import write_vehicle
+    from onboard.record.folder import require_writable
     from onboard.vehicle import load_vehicle
 
     model = load_vehicle(vehicle, legs=legs)
+    require_writable(out)
     with activity("reading") as tell:
         flights, refused = read_flights([*data, *(more or [])], format)
         asked = GapQuestion(

@@ -56,11 +56,14 @@ def landings_command(
         search_report,
     )
     from onboard.errors import InputError
+    from onboard.record.folder import require_writable
     from onboard.vehicle import load_vehicle
 
     model = load_vehicle(vehicle, legs=legs)
     if model.legs is None:
         raise InputError(f"vehicle {vehicle!r} has no legs to land on: choose a design with --legs")
+    if out is not None:
+        require_writable(out)
     files = [file for file in flight_files([*data, *(more or [])]) if file.name != LABELS_FILE]
     flights, unreadable = open_flights(files, format)
     labels = read_labels([flight.source for flight in flights])

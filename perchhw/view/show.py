@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from onboard.record.folder import make_folder, utc_now
+from onboard.record.folder import OutputFolderError, make_folder, utc_now
 from onboard.record.growing_run import GrowingRun
 from onboard.record.run_record import EVENTS_FILE, RUN_FILE, SERIES_FILE, RunFolderError, is_run_folder
 from perchhw.view.blueprint import make_blueprint
@@ -34,11 +34,13 @@ def write_rrd(folder: Path, out: Path) -> Path:
     Raises:
         ViewError: rerun-sdk is not installed, or `out` cannot be written.
         RunFolderError: the record cannot be read.
-        OutputFolderError: the folder of `out` cannot be written.
     """
     require_rerun()
     run = GrowingRun(folder)
-    make_folder(out.parent)
+    try:
+        make_folder(out.parent)
+    except OutputFolderError as error:
+        raise ViewError(f"{out}: cannot be written ({error.reason}); give another file") from error
     try:
         stream = _recording(folder)
         try:

@@ -1,5 +1,6 @@
 """The book of a run: steps are done once, recordings are never lost or overwritten."""
 
+import errno
 import gzip
 import hashlib
 import os
@@ -13,6 +14,7 @@ import pytest
 
 from calibration.bench.procedures.operator import Paused, StepAgain, StepBack, StepSkipped, Task
 from calibration.bench.procedures.run_book import RunBook, RunBookError
+from onboard.record.folder import OutputFolderError
 from tests.wizards.quiet_operator import QuietOperator
 
 
@@ -113,3 +115,25 @@ def test_a_killed_run_loses_the_running_step_only(tmp_path: Path) -> None:
     assert len(steps) in (finished + 1, finished + 2)
     for one in steps.values():
         assert hashlib.sha256((tmp_path / one["file"]).read_bytes()).hexdigest() == one["sha256"]
+
+
+def test_nobody_works_for_a_folder_that_cannot_be_written(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    book = RunBook(tmp_path / "file" / "run", "test", {}, QuietOperator())
+    worked: list[int] = []
+    with pytest.raises(OutputFolderError, match="is no folder"):
+        book.step("one", "One", lambda: {"worked": worked.append(1)})
+    assert not worked
+
+
+def test_a_disk_that_takes_no_more_is_an_error_of_ours(tmp_path: Path) -> None:
+    book = RunBook(tmp_path / "run", "test", {}, QuietOperator())
+
+    def full(_: Path) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with pytest.raises(OutputFolderError, match=r"run: cannot be written \(No space left on device\)"):
+        book.keep_raw("swing", full)
+    (tmp_path / "run" / "state.json").mkdir()
+    with pytest.raises(OutputFolderError, match="run: cannot be written"):
+        book.step("one", "One", dict)

@@ -8,7 +8,8 @@ first of either nothing is written: a run that never began leaves no trace.
 import hashlib
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from calibration.bench.procedures.operator import Operator, StepAgain, StepBack,
 from calibration.errors import CalibrationError
 from onboard.errors import InputError
 from onboard.json_file import write_json_atomically
+from onboard.record.folder import OutputFolderError, require_writable
 from onboard.schema import schema_problem
 
 STATE_FILE = "state.json"
@@ -91,12 +93,14 @@ class RunBook:
 
         Raises:
             StepBack: the operator wants the step before: it is forgotten, run the wizard from its start.
+            OutputFolderError: its result cannot be kept; where that can be known, before anybody works.
         """
         self._begun += 1
         entry = self._state["steps"].get(key)
         if entry is not None:
             result: Json = entry["result"]
             return result
+        require_writable(self.folder)
         self.operator.begin(title, self._begun)
         while True:
             try:
@@ -140,17 +144,30 @@ class RunBook:
 
         Returns:
             ``{file, sha256}``, once the file is on the disk.
+
+        Raises:
+            OutputFolderError: it cannot be written.
         """
-        (self.folder / RAW_FOLDER).mkdir(parents=True, exist_ok=True)
-        number = 1 + len(list((self.folder / RAW_FOLDER).glob(f"{stem}-*{suffix}")))
-        name = f"{RAW_FOLDER}/{stem}-{number}{suffix}"
-        path = self.folder / name
-        write(path)
-        with path.open("rb+") as stream:
-            digest = hashlib.file_digest(stream, "sha256").hexdigest()
-            os.fsync(stream.fileno())
+        with self._kept():
+            (self.folder / RAW_FOLDER).mkdir(parents=True, exist_ok=True)
+            number = 1 + len(list((self.folder / RAW_FOLDER).glob(f"{stem}-*{suffix}")))
+            name = f"{RAW_FOLDER}/{stem}-{number}{suffix}"
+            path = self.folder / name
+            write(path)
+            with path.open("rb+") as stream:
+                digest = hashlib.file_digest(stream, "sha256").hexdigest()
+                os.fsync(stream.fileno())
         return {"file": name, "sha256": digest}
 
     def _save(self) -> None:
-        self.folder.mkdir(parents=True, exist_ok=True)
-        write_json_atomically(self._path, self._state)
+        with self._kept():
+            self.folder.mkdir(parents=True, exist_ok=True)
+            write_json_atomically(self._path, self._state)
+
+    @contextmanager
+    def _kept(self) -> Iterator[None]:
+        """What the disk does not take, as an error of ours."""
+        try:
+            yield
+        except OSError as error:
+            raise OutputFolderError(self.folder, error.strerror) from error
