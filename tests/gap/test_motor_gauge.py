@@ -5,14 +5,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calibration.gap.estimate.acceptance import clustered_errors
+from calibration.gap.estimate.acceptance import clustered_errors, judge
 from calibration.gap.estimate.mixed import Prior
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import refine, training_set
 from calibration.gap.estimate.shared_nuisances import shared_nuisances
-from calibration.gap.search.forward import LOG_TIMING, MADE_SCALE, search
+from calibration.gap.search.forward import LOG_TIMING, MADE_SCALE, Search
 from calibration.gap.search.naming import as_believed, name_effects
 from calibration.gap.search.rivals import without
+from calibration.gap.search.selection import SelectionStep
 from tests.gap.mujoco_flights import flights, frame
 from tests.truth.airframe import nominal
 from tests.truth.mujoco_room import Hidden
@@ -56,11 +57,14 @@ def test_what_a_name_is_needed_for_does_not_depend_on_where_a_fit_began(tmp_path
 
 def test_what_loses_its_name_is_missing_again(tmp_path: Path) -> None:
     vehicle = nominal(frame(), "gauge")
-    rng = np.random.default_rng(1)
-    training = training_set(flights(Hidden(motors=UNEQUAL), tmp_path), Model(vehicle))
-    found = search(Model(vehicle), training, rng)
+    model, rng = Model(vehicle), np.random.default_rng(1)
+    training = training_set(flights(Hidden(motors=UNEQUAL), tmp_path), model)
+    first = refine(model, (LOG_TIMING,), training)
+    final = refine(model, (LOG_TIMING, *MOTORS), training)
+    step = SelectionStep("motor_imbalance", judge(first, final, MOTORS, training, rng), final)
+    found = Search(first, (step,), final, {}, {}, (), ())
     names = name_effects(found, training)
-    assert "motor_imbalance" in names.effects
+    assert names.effects == ("motor_imbalance",)
     assert as_believed(found, names, training) is found.final
     believed = as_believed(found, names.without_any("withdrawn"), training)
     told = {shared.name for shared in shared_nuisances(believed, vehicle)}
