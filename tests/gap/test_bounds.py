@@ -3,10 +3,12 @@
 import dataclasses
 
 import numpy as np
+import pytest
 
 from calibration.gap.estimate.acceptance import judge, stuck
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import refine, training_set
+from calibration.gap.search.forward import search
 from onboard.quantity import Quantity
 from onboard.vehicle import Effect, load_vehicle
 from tests.gap.simulated_flight import circle, fly, up_and_down, with_noise
@@ -34,3 +36,26 @@ def test_a_fit_that_ended_short_of_a_bound_that_it_was_going_to_is_at_the_bound(
     judgement = judge(none, found, DAMPING, training, np.random.default_rng(1))
     assert short
     assert set(short) <= set(judgement.at_bound)
+
+
+def test_an_axis_that_nothing_known_explains_keeps_no_other_from_its_value() -> None:
+    """Yaw is damped beyond all bounds, by whatever it may be; roll and pitch are as damped as may be."""
+    rng = np.random.default_rng(5)
+    high = Model(STOCK).rule(DAMPING[0]).high
+    truth = {"x": 0.5 * high, "y": 0.7 * high, "z": 10.0 * high}
+    damped = Effect(
+        name="rate_damping",
+        parameters={axis: Quantity(value, "N*m*s", 0.0, "hidden") for axis, value in truth.items()},
+    )
+    vehicle = dataclasses.replace(STOCK, effects=(damped,))
+    paths = (circle(period=2.0), up_and_down(period=2.0), circle(period=3.0), up_and_down(period=3.0))
+    records = [
+        with_noise(fly(vehicle, path, 8.0, shape=f"shape {n}", name=f"{n}", believed=STOCK), 0.3, rng)
+        for n, path in enumerate(paths)
+    ]
+    training = training_set(records, Model(STOCK))
+    found = search(Model(STOCK), training, rng)
+    assert found.refused["rate_damping z"].startswith("z ran into its bound")
+    for axis in "xy":
+        assert found.final.model.values[Variable("rate_damping", axis)] == pytest.approx(truth[axis], rel=0.1)
+    assert found.final.model.start_value(Variable("rate_damping", "z")) == 0.0

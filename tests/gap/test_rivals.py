@@ -22,8 +22,9 @@ def rival() -> Rival:
     record = with_noise(flight, 0.1, np.random.default_rng(1))
     model = Model(STOCK)
     return Rival(
-        effect="inertia_error", lead=-0.6, otherwise=1.4, gain=30.0, error=2.0, richer=True, sizeable=False,
-        swallowed=(), freed=(), fitted=refine(model, (), training_set([record], model), iterations=1),
+        effect="inertia_error", named="thrust_scale", lead=-0.6, otherwise=1.4, gain=30.0, error=2.0,
+        richer=True, sizeable=False, swallowed=(), freed=(), spared=(),
+        fitted=refine(model, (), training_set([record], model), iterations=1),
     )  # fmt: skip
 
 

@@ -61,7 +61,7 @@ def test_the_derivative_is_what_a_small_change_does() -> None:
     ):
         start = model.start_value(variable)
         changed = model.with_values({variable: start + size}).predict(records)
-        change = size * model.derivative(records, variable, predicted)
+        change = size * model.response(records, variable, predicted)
         told = FORCE if EFFECTS[variable.effect].by_forces else slice(0, 6)
         rows = slice(60, None), told
         tolerance = 0.03 * np.abs(change[rows]).max()

@@ -134,3 +134,20 @@ def test_flights_kept_back_tell_by_their_nuisances_whether_they_share_what_a_nam
     assert not shared_by(none, found, [course.name])
     _, nothing, _ = fitted(False)
     assert abs(next(one.mean for one in every_mean(nothing, STOCK) if one.name == course.name)) < 0.005
+
+
+def test_a_nuisance_of_no_consequence_refuses_no_name() -> None:
+    """Whether it is a little more or less in three flights is chance."""
+    none, found, _ = fitted(True)
+    (course,) = shared_courses(none)
+    least = next(one.least for one in every_mean(found, STOCK) if one.name == course.name)
+    assert shared_by(begun(found, 0.8 * least), begun(none, 0.5 * least), [course.name])
+    assert not shared_by(begun(found, 1.2 * least), begun(none, 0.5 * least), [course.name])
+
+
+def begun(fit: Fitted, scale: float) -> Fitted:
+    """A fit whose flights all begin with so much more thrust, and differ in nothing else."""
+    of_parts = np.zeros_like(fit.estimate.fit.per_part)
+    of_parts[::PARTS, 0] = scale
+    alike = dataclasses.replace(fit.estimate.fit, per_part=of_parts)
+    return dataclasses.replace(fit, estimate=dataclasses.replace(fit.estimate, fit=alike))

@@ -163,7 +163,20 @@ class Model:
     def derivative(
         self, records: Sequence[FlightRecord], variable: Variable, predicted: FloatArray
     ) -> FloatArray:
-        """Derivative of the predicted signals by one variable, shape (n, 7).
+        """Derivative, shape (n, 7), of the predicted signals that say how large a variable is.
+
+        As :meth:`response`, but for effects that forces alone measure (`sized_by_forces` of
+        :class:`~onboard.vehicle.effects.EffectDescription`).
+        """
+        change = self.response(records, variable, predicted)
+        if EFFECTS[variable.effect].sized_by_forces:
+            change[:, TORQUE] = 0.0
+        return change
+
+    def response(
+        self, records: Sequence[FlightRecord], variable: Variable, predicted: FloatArray
+    ) -> FloatArray:
+        """Derivative, shape (n, 7), of all predicted signals that speak for an effect by a variable of it.
 
         Voltage is left to the battery alone: it is known to millivolts, what a motor draws for a thrust is
         not, and so a voltage must not decide about a thrust. Likewise forces alone decide about some effects

@@ -9,7 +9,7 @@ import numpy as np
 from calibration.gap.data.channels import ResidualChannel
 from calibration.gap.data.excitation import excitation_weights
 from calibration.gap.data.record import FlightRecord
-from calibration.gap.data.signals import PARTS, stack_signals
+from calibration.gap.data.signals import PARTS, TORQUE, stack_signals
 from calibration.gap.data.split import FEW, folds
 from calibration.gap.estimate.mixed import FIRST_SPREAD, MOST, Prior, held_out_shares
 from calibration.gap.estimate.model import Model, Variable, kinds_that_tell
@@ -232,6 +232,7 @@ def refine(
         columns = [
             known[v] if v in known else model.derivative(training.records, v, predicted) for v in variables
         ]
+        columns = _mean_of_motors_by_forces(variables, columns)
         while True:
             prior = prior_step(model, variables).and_of(_unnamed_prior(len(extra)))
             estimate = training.regression.estimate(predicted, [*columns, *extra], prior, spread, noise)
@@ -270,6 +271,21 @@ def refine(
 def settled(fitted: Fitted, training: Training) -> Fitted:
     """A fit to the end, from one with derivatives of a model near by."""
     return refine(fitted.model, fitted.variables, training, start=fitted.estimate, unnamed=fitted.unnamed)
+
+
+def _mean_of_motors_by_forces(
+    variables: Sequence[Variable], columns: Sequence[FloatArray]
+) -> list[FloatArray]:
+    """Derivatives by which torques tell only how motors differ: what all four share is a scale of thrust."""
+    where = [index for index, v in enumerate(variables) if v in _MOTORS]
+    given = list(columns)
+    if len(where) < len(_MOTORS):
+        return given
+    shared = np.mean([columns[index][:, TORQUE] for index in where], axis=0)
+    for index in where:
+        given[index] = columns[index].copy(order="F")
+        given[index][:, TORQUE] -= shared
+    return given
 
 
 def _bounded_step(model: Model, variables: Sequence[Variable], theta: FloatArray) -> FloatArray:

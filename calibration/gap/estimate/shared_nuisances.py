@@ -30,6 +30,7 @@ class SharedNuisance(NamedTuple):
     Attributes:
         name, unit: of the nuisance, or of its course.
         mean, error: over flights, and its standard error.
+        least: mean that has a consequence.
         beyond_chance: whether the mean is, and has a consequence.
     """
 
@@ -37,6 +38,7 @@ class SharedNuisance(NamedTuple):
     unit: str
     mean: float
     error: float
+    least: float
     beyond_chance: bool
 
 
@@ -86,9 +88,9 @@ def _means(
     errors = of_flights.std(axis=0, ddof=1) / np.sqrt(count) if count > 1 else np.full(means.size, np.inf)
     beyond = np.abs(means) > np.maximum(_STANDARD_ERRORS * errors, least)
     return tuple(
-        SharedNuisance(name, unit, mean, error, large)
-        for (name, unit), mean, error, large in zip(
-            names, means.tolist(), errors.tolist(), beyond.tolist(), strict=True
+        SharedNuisance(name, unit, mean, error, smallest, large)
+        for (name, unit), mean, error, smallest, large in zip(
+            names, means.tolist(), errors.tolist(), least.tolist(), beyond.tolist(), strict=True
         )
     )
 

@@ -4,7 +4,7 @@ Most effects can be linearised about the value at which they do nothing. Some ca
 reached, a ceiling that is far away or a slack string have no derivative. Those start from several values.
 """
 
-from collections.abc import Container, Sequence
+from collections.abc import Collection, Container, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -48,13 +48,34 @@ class Candidate(NamedTuple):
     variables: tuple[Variable, ...]
     starts: tuple[Model, ...]
 
+    def along_other_axes(self, left_out: Collection[Variable]) -> "Candidate | None":
+        """The same effect with the vehicle file's value along some of its axes; None where its parameters are
+        not one quantity along several, or none would be left."""
+        own = EFFECTS[self.effect].parameters.values()
+        rest = tuple(v for v in self.variables if v not in left_out)
+        one_quantity = len({(rule.unit, rule.low, rule.high, rule.neutral) for rule in own}) == 1
+        if not rest or not one_quantity or any(rule.neutral is None for rule in own):
+            return None
+        return self._replace(variables=rest)
 
-def candidates(model: Model, records: Sequence[FlightRecord]) -> list[Candidate]:
-    """Every effect of free flight that this vehicle could have and the model does not search for yet."""
+    def axes_left_out(self) -> str:
+        """Parameters of the effect that are not to be fitted, in words."""
+        return ", ".join(
+            p for p in EFFECTS[self.effect].parameters if Variable(self.effect, p) not in self.variables
+        )
+
+
+def candidates(
+    model: Model, records: Sequence[FlightRecord], among: Container[str] | None = None
+) -> list[Candidate]:
+    """Every effect of free flight, or of those `among` some names, that this vehicle could have and the model
+    does not search for yet."""
     found = []
     made = not any(record.voltage_measured for record in records)
     for description in EFFECTS.values():
         if description.domain not in _DYNAMIC or description.name in {*_ELSEWHERE, *model.effects}:
+            continue
+        if among is not None and description.name not in among:
             continue
         if made and description.name in _IN_VOLTAGE:
             continue
@@ -77,7 +98,7 @@ def candidates_for(
     Forces without a derivative (a far ceiling, a slack string) start from what fits single instants of the
     flights best, a ceiling of unknown height from what does so at each of several heights and at any.
     """
-    found = [c for c in candidates(present.model, training.records) if among is None or c.effect in among]
+    found = candidates(present.model, training.records, among)
     instants: Instants | None = None
     for index, candidate in enumerate(found):
         if candidate.starts[0] is present.model or EFFECTS[candidate.effect].domain is Domain.ACTUATION:

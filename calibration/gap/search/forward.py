@@ -265,8 +265,7 @@ def _forward(
     ]
     progress(", ".join(promise.candidate.effect for promise in looked_at))
 
-    def closely(promise: Promise) -> tuple[Fitted, Sequence[Variable]]:
-        candidate = promise.candidate
+    def closely(candidate: Candidate) -> tuple[Fitted, Sequence[Variable]]:
         fitted = refine(
             candidate.starts[0],
             (*present.variables, *candidate.variables),
@@ -281,20 +280,27 @@ def _forward(
     doubtful: dict[str, float] = {}
     fits: list[tuple[float, Candidate, Fitted, Judgement]] = []
     with ThreadPoolExecutor(WORKERS) as pool:
-        fitted_ones = list(pool.map(closely, looked_at))
+        fitted_ones = list(pool.map(closely, [promise.candidate for promise in looked_at]))
     for promise, (fitted, own) in zip(looked_at, fitted_ones, strict=True):
-        judgement = judge(present, fitted, own, training, rng)
-        fits.append((judgement.gain, promise.candidate, fitted, judgement))
+        candidate, judgement = promise.candidate, judge(present, fitted, own, training, rng)
+        fits.append((judgement.gain, candidate, fitted, judgement))
         if not judgement.significant:
-            doubtful[promise.candidate.effect] = promise.gain
+            doubtful[candidate.effect] = promise.gain
+        if judgement.at_bound and (rest := candidate.along_other_axes(judgement.at_bound)):
+            fitted, own = closely(rest)
+            judgement = judge(present, fitted, own, training, rng)
+            fits.append((judgement.gain, rest, fitted, judgement))
     fits.sort(key=lambda item: _PARSIMONY * len(item[1].variables) - item[0])
     better: list[tuple[Candidate, Fitted]] = []
     for gain, candidate, fitted, judgement in fits:
         if not (gain >= LEAST_GAIN or judgement.significant):
             continue
-        if judgement.believed and not explained_better((candidate, fitted), gain, better, present, training):
-            rivals = {c.effect: gain - g for g, c, _, _ in fits if c is not candidate}
+        others = [one for one in better if one[0].effect != candidate.effect]
+        if judgement.believed and not explained_better((candidate, fitted), gain, others, present, training):
+            rivals = {c.effect: gain - g for g, c, _, _ in fits if c.effect != candidate.effect}
             step = SelectionStep(candidate.effect, judgement, settled(fitted, training), rivals)
+            if not_free := candidate.axes_left_out():
+                refused[f"{candidate.effect} {not_free}"] = AT_BOUND.format(not_free)
             return _Round(list(promises), step, refused, doubtful)
         if not judgement.believed:
             refused[candidate.effect] = _reason(judgement)

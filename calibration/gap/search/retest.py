@@ -39,13 +39,14 @@ def retested(found: Search, kept_back: Sequence[FlightRecord], training: Trainin
 
 
 def shared_by(with_it: Fitted, without_it: Fitted, names: Sequence[str]) -> bool:
-    """Whether flights that no fit saw need less of each of these nuisances with an effect than without it.
+    """Whether flights that no fit saw need less of each of these nuisances with an effect than without it, or
+    so little that it has no consequence.
 
     What all flights share shows in nuisances, and whitened noise tells little of it: of three flights the
     likelihood may fall by chance.
     """
     less, more = ({one.name: one for one in every_mean(fit, fit.model.base)} for fit in (with_it, without_it))
-    return all(abs(less[name].mean) < abs(more[name].mean) for name in names)
+    return all(abs(less[name].mean) < max(abs(more[name].mean), less[name].least) for name in names)
 
 
 def on_unseen(unseen: Training, fitted: Fitted, model: Model) -> Fitted:

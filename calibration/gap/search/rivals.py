@@ -12,6 +12,7 @@ from calibration.gap.estimate.model import WORKERS, Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training, refine, settled
 from calibration.gap.estimate.shared_nuisances import swallowed
 from calibration.gap.search.candidates import Candidate, candidates_for
+from calibration.gap.search.linear_look import LinearLook, linear_look
 from onboard.vehicle import EFFECTS
 
 NOT_TOLD_APART = 10.0
@@ -19,6 +20,9 @@ NOT_TOLD_APART = 10.0
 
 KEPT = 0.5
 """Share of a gain that must be kept by what explains more with it: two effects, or the mean of a nuisance."""
+
+_MOST_OF = 0.75
+"""Share of an effect's gain that a rival must lack to be out of the question."""
 
 _SAYS_MORE = 0.05
 """Share of an effect's gain that a rival with more parameters must gain beyond it: predictions are themselves
@@ -32,6 +36,9 @@ _AS_WELL = 2.0
 _BEYOND_DOUBT = 50.0
 """Log-likelihood of a lead that needs no scatter over flights to be believed: few flights may carry it."""
 
+HOPELESS = 100.0
+"""Log-likelihood by which a linear fit must miss what is asked, for no other fit to be made."""
+
 _DOUBTFUL = 3.0
 """Factor on what a name must gain, below which a first look does not decide that it does."""
 
@@ -42,6 +49,7 @@ class Rival:
 
     Attributes:
         effect: its name.
+        named: that in whose place it would be.
         lead: held-out log-likelihood by which the named effect is ahead.
         otherwise: likewise, with flights held out the other way (by shape, or in time).
         gain: what the named effect gains over neither.
@@ -50,10 +58,12 @@ class Rival:
         sizeable: whether any of its parameters is large enough to be worth a name.
         swallowed: nuisances whose mean over the flights takes what the named effect explained.
         freed: nuisances whose mean it explains, and the named effect does not.
+        spared: other effects of the model that are too small for a name beside it, not beside the named one.
         fitted: the model with the rival.
     """
 
     effect: str
+    named: str
     lead: float
     otherwise: float
     gain: float
@@ -62,6 +72,7 @@ class Rival:
     sizeable: bool
     swallowed: tuple[str, ...]
     freed: tuple[str, ...]
+    spared: tuple[str, ...]
     fitted: Fitted
 
     @property
@@ -73,6 +84,12 @@ class Rival:
             return self.lead < (1.0 - KEPT) * self.gain
         least = max(LEAST_GAIN, _SAYS_MORE * self.gain) if self.richer else LEAST_GAIN
         return self.lead < -least and self.otherwise < 0.0
+
+    @property
+    def says_the_same_with_fewer_names(self) -> bool:
+        """Whether it is what no flight tells from the named effect, and another name goes with that one."""
+        alike = self.effect in EFFECTS[self.named].alike
+        return bool(alike and self.spared) and not self.swallowed and abs(self.lead) <= NOT_TOLD_APART
 
     @property
     def negligible(self) -> bool:
@@ -118,7 +135,7 @@ def needed(final: Fitted, effect: str, training: Training) -> bool:
 
 
 def rivals(final: Fitted, effect: str, close: Sequence[str], training: Training) -> list[Rival]:
-    """Effects that could stand in the place of a named one, the closest first.
+    """Effects that could stand in the place of a named one, the closest first, but for those far behind.
 
     Args:
         final: the fit with all effects.
@@ -126,12 +143,20 @@ def rivals(final: Fitted, effect: str, close: Sequence[str], training: Training)
         close: effects that came close when it was found; those it is commonly confused with are added.
         training: the flights.
     """
+    names = {*close, *EFFECTS[effect].confused_with} - {effect, *final.model.effects}
+    look = linear_look(final, training, names)
+    far = {name for name in look.offered if _is_far_behind(look, effect, name)}
     reduced = nearly_without(final, training, effect)
-    names = {*close, *EFFECTS[effect].confused_with} - {effect}
-    offered = candidates_for(reduced, training, names)
+    offered = candidates_for(reduced, training, names - far)
     with ThreadPoolExecutor(WORKERS) as pool:
         found = list(pool.map(lambda c: _rival(final, effect, reduced, c, training), offered))
     return sorted(found, key=lambda rival: rival.lead)
+
+
+def _is_far_behind(look: LinearLook, effect: str, rival: str) -> bool:
+    """Whether a rival explains so little of what a named effect does that no closer fit need be made."""
+    lead, gain = look.lacks([effect], rival), look.lacks([effect])
+    return bool(np.all(lead > np.maximum(HOPELESS, _MOST_OF * gain)))
 
 
 def _rival(final: Fitted, effect: str, reduced: Fitted, candidate: Candidate, training: Training) -> Rival:
@@ -157,6 +182,7 @@ def _compared(
     leads = np.bincount(training.flight_of_part, weights=final.gains(other, in_time))
     return Rival(
         effect=candidate.effect,
+        named=effect,
         lead=float(leads.sum()),
         otherwise=float(final.gains(other, not in_time).sum()),
         gain=float(final.gains(reduced, in_time).sum()),
@@ -165,8 +191,18 @@ def _compared(
         sizeable=any(sizeable(other.model, v) for v in of_rival),
         swallowed=swallowed(final, other),
         freed=swallowed(other, final),
+        spared=tuple(
+            name
+            for name in other.model.effects
+            if name != candidate.effect and _is_large(final, name) and not _is_large(other, name)
+        ),
         fitted=other,
     )
+
+
+def _is_large(fitted: Fitted, effect: str) -> bool:
+    """Whether an effect of a model is large enough for a name."""
+    return any(sizeable(fitted.model, v) for v in fitted.model.values if v.effect == effect)
 
 
 def _variables(fitted: Fitted, effect: str) -> list[Variable]:

@@ -42,7 +42,7 @@ def screen(present: Fitted, offered: Sequence[Candidate], training: Training) ->
 def _linear_gains(present: Fitted, offered: Sequence[Candidate], training: Training) -> list[Promise]:
     variables = [variable for candidate in offered for variable in candidate.variables]
     columns = [
-        present.model.derivative(training.records, variable, present.predicted) for variable in variables
+        present.model.response(training.records, variable, present.predicted) for variable in variables
     ]
     regression, noise = training.regression, present.estimate.noise
     nuisances = nuisance_columns(regression.signals, present.predicted)
@@ -52,11 +52,11 @@ def _linear_gains(present: Fitted, offered: Sequence[Candidate], training: Train
     spread = present.estimate.fit.spread
     base = list(range(len(present.columns)))
     found, first = [], len(base)
-    reference = _held_out(products.of(base), prior.of(base), spread, training)
+    reference = held_out(products.of(base), prior.of(base), spread, training)
     for candidate in offered:
         chosen = [*base, *range(first, first + len(candidate.variables))]
         first += len(candidate.variables)
-        scores = _held_out(products.of(chosen), prior.of(chosen), spread, training)
+        scores = held_out(products.of(chosen), prior.of(chosen), spread, training)
         covariance = fit_mixed(products.of(chosen), prior.of(chosen), spread, keep_spread=True).covariance
         errors = np.sqrt(np.diag(covariance))[len(base) :]
         found.append(
@@ -78,7 +78,7 @@ def _best_starts(present: Fitted, offered: Sequence[Candidate], training: Traini
 
     def likelihood(predicted: FloatArray) -> float:
         products = regression.products(table, regression.misfit(predicted), len(nuisances), noise)
-        return float(_held_out(products, prior, spread, training)[1])
+        return float(held_out(products, prior, spread, training)[1])
 
     reference = likelihood(present.predicted)
     found = []
@@ -89,7 +89,7 @@ def _best_starts(present: Fitted, offered: Sequence[Candidate], training: Traini
     return found
 
 
-def _held_out(products: Products, prior: Prior, spread: FloatArray, training: Training) -> FloatArray:
+def held_out(products: Products, prior: Prior, spread: FloatArray, training: Training) -> FloatArray:
     """Held-out log-likelihood by shapes and by parts, shape (2,)."""
     fit = fit_mixed(products, prior, spread)
     return np.array(

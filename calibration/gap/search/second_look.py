@@ -16,7 +16,8 @@ from calibration.gap.estimate.acceptance import judge
 from calibration.gap.estimate.refine import Fitted, Training, refine, settled
 from calibration.gap.estimate.shared_nuisances import swallowed
 from calibration.gap.search.candidates import Candidate, candidates
-from calibration.gap.search.rivals import KEPT, Rival, nearly_without, needed, rivals, without
+from calibration.gap.search.linear_look import LinearLook, linear_look
+from calibration.gap.search.rivals import HOPELESS, KEPT, Rival, nearly_without, needed, rivals, without
 from calibration.gap.search.screen import screen
 from calibration.gap.search.selection import Progress, SelectionStep, TimeToGo
 from onboard.vehicle import EFFECTS
@@ -63,6 +64,7 @@ def second_look(
             left[index] = dataclasses.replace(step, effect=small.effect, after=present)
             continue
         best = next((rival for rival in found if rival.outdoes), None)
+        best = best or next((rival for rival in found if rival.says_the_same_with_fewer_names), None)
         # A single name gained most of all when it was found.
         if best is not None and (best.freed or len(left) > 1):
             present = settled(best.fitted, training)
@@ -103,9 +105,14 @@ def _one_for_two(
     def lacking(name: str) -> Fitted:
         return nearly_without(present, training, name)
 
+    pairs = {
+        (one.effect, other.effect): _common_names(one.effect, other.effect) - set(present.model.effects)
+        for one, other in itertools.combinations(steps, 2)
+    }
+    look = linear_look(present, training, set().union(*pairs.values()))
     for one, other in itertools.combinations(steps, 2):
-        common = set(EFFECTS[one.effect].confused_with) & set(EFFECTS[other.effect].confused_with)
-        common -= set(present.model.effects)
+        common = pairs[one.effect, other.effect]
+        common = {name for name in common if _may_explain(look, (one.effect, other.effect), name)}
         if not common:
             continue
         progress(f"one effect for {one.effect} and {other.effect}")
@@ -125,6 +132,18 @@ def _one_for_two(
     return present, steps
 
 
+def _common_names(one: str, other: str) -> set[str]:
+    return set(EFFECTS[one].confused_with) & set(EFFECTS[other].confused_with)
+
+
+def _may_explain(look: LinearLook, names: tuple[str, str], cause: str) -> bool:
+    """Whether a linear fit does not rule out that one cause keeps what each of two names gains."""
+    if cause not in look.offered:
+        return False
+    gained = np.minimum(*(look.lacks([name]) for name in names))
+    return bool(np.any(look.lacks(names, cause) <= np.maximum(gained, 0.0) + HOPELESS))
+
+
 def _common_cause(
     present: Fitted, reduced: Fitted, names: set[str], training: Training
 ) -> tuple[Candidate, Fitted] | None:
@@ -132,10 +151,8 @@ def _common_cause(
     fewer = len(present.variables) - len(reduced.variables)
     offered = [
         candidate
-        for candidate in candidates(reduced.model, training.records)
-        if candidate.effect in names
-        and candidate.starts[0] is reduced.model
-        and len(candidate.variables) < fewer
+        for candidate in candidates(reduced.model, training.records, names)
+        if candidate.starts[0] is reduced.model and len(candidate.variables) < fewer
     ]
     if not offered:
         return None

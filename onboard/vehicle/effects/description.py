@@ -98,6 +98,8 @@ class EffectDescription:
             are; only `revealed_by` does.
         by_forces: it is a force whose torques are by-products, so that only forces are asked about it: the
             torques of a controlled vehicle answer disturbances, which passes for a drag many times as large.
+        sized_by_forces: torques follow from it and speak for it, but forces alone say how large it is: what
+            turns a body is thrust over inertia, and inertias are known to tenths, a mass to thousandths.
     """
 
     name: str
@@ -111,6 +113,7 @@ class EffectDescription:
     excludes: tuple[str, ...] = ()
     alike: tuple[str, ...] = ()
     by_forces: bool = False
+    sized_by_forces: bool = False
 
     def values(self, given: Mapping[str, Quantity]) -> dict[str, float]:
         """Every parameter's value (SI), those that are not given at their neutral value.
