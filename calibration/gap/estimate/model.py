@@ -91,7 +91,11 @@ class Model:
 
     def without(self, effect: str) -> "Model":
         """The model without one effect (with what the vehicle file says of it)."""
-        return dataclasses.replace(self, values={v: x for v, x in self.values.items() if v.effect != effect})
+        return self.without_values([v for v in self.values if v.effect == effect])
+
+    def without_values(self, variables: Collection[Variable]) -> "Model":
+        """The model without some values (with what the vehicle file says of them)."""
+        return dataclasses.replace(self, values={v: x for v, x in self.values.items() if v not in variables})
 
     def with_curves(self, curves: Iterable[UnnamedCurve]) -> "Model":
         """The model of a vehicle with these curves, besides those that its file has."""

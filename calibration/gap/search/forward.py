@@ -14,7 +14,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibration.gap.estimate.acceptance import DETECTABLE, LEAST_GAIN, Judgement, judge
+from calibration.gap.estimate.acceptance import (
+    DETECTABLE,
+    LEAST_GAIN,
+    Judgement,
+    clustered_errors,
+    judge,
+    runs_out,
+)
 from calibration.gap.estimate.model import WORKERS, Model, Variable, kinds_that_tell
 from calibration.gap.estimate.refine import Fitted, Training, refine, settled
 from calibration.gap.estimate.shared_nuisances import swallowed
@@ -111,7 +118,7 @@ def search(
         grown.present, grown.steps, ambiguous = second_look(present, grown.steps, training, rng, progress)
         if before.issuperset(grown.present.model.effects):
             break  # nothing was exchanged, which might have made room for something else
-    present = grown.present
+    present = without_axes_at_bounds(grown.present, training, refused)
     return Search(
         first=first,
         steps=tuple(grown.steps),
@@ -121,6 +128,21 @@ def search(
         blind=tuple(blind_to(promises, model)),
         unnamed=tuple(one for one in grown.unnamed if one.term in present.unnamed),
     )
+
+
+def without_axes_at_bounds(present: Fitted, training: Training, refused: dict[str, str]) -> Fitted:
+    """The fit with the vehicle file's value along axes that ended at a bound, where others of it did not."""
+    errors = clustered_errors(present, training)
+    for effect in present.model.effects:
+        own = tuple(v for v in present.model.values if v.effect == effect)
+        beyond = [v for v in own if runs_out(present, v, errors.get(v, 0.0))]
+        if beyond and Candidate(effect, own, (present.model,)).along_other_axes(beyond):
+            name = ", ".join(v.parameter for v in beyond)
+            refused[f"{effect} {name}"] = AT_BOUND.format(name)
+            model = present.model.without_values(beyond)
+            kept = [v for v in present.variables if v not in beyond]
+            present = refine(model, kept, training, start=present.estimate, unnamed=present.unnamed)
+    return present
 
 
 @dataclass

@@ -8,7 +8,7 @@ from calibration.gap.estimate.model import Model
 from calibration.gap.estimate.refine import Fitted, Training, refine, training_set
 from calibration.gap.estimate.shared_nuisances import every_mean, swallowed
 from calibration.gap.search.forward import LOG_TIMING, Search
-from calibration.gap.search.rivals import without
+from calibration.gap.search.rivals import nearly_without, without
 
 FAILED = "flights that were kept back are predicted worse with it"
 
@@ -23,12 +23,12 @@ def retested(found: Search, kept_back: Sequence[FlightRecord], training: Trainin
         return found
     unseen = training_set(kept_back, Model(found.first.model.base, {}, found.first.model.ceiling_z))
     for step in reversed(found.steps):
+        if step.effect == LOG_TIMING.effect or _holds(
+            found.final, nearly_without(found.final, training, step.effect), unseen
+        ):
+            continue
         reduced = without(found.final, training, step.effect)
-        with_it, without_it = (on_unseen(unseen, one, one.model) for one in (found.final, reduced))
-        gain = float(with_it.gains(without_it, in_time=False).sum())
-        shared = swallowed(found.final, reduced)
-        holds = shared_by(with_it, without_it, shared) if shared else gain >= _WORSE
-        if step.effect != LOG_TIMING.effect and not holds:
+        if not _holds(found.final, reduced, unseen):  # not only with derivatives of a model near by
             found = dataclasses.replace(
                 found,
                 final=reduced,
@@ -36,6 +36,14 @@ def retested(found: Search, kept_back: Sequence[FlightRecord], training: Trainin
                 refused={**found.refused, step.effect: FAILED},
             )
     return found
+
+
+def _holds(final: Fitted, reduced: Fitted, unseen: Training) -> bool:
+    """Whether flights that no fit saw speak for what a fit has more than another."""
+    with_it, without_it = (on_unseen(unseen, one, one.model) for one in (final, reduced))
+    if shared := swallowed(final, reduced):
+        return shared_by(with_it, without_it, shared)
+    return float(with_it.gains(without_it, in_time=False).sum()) >= _WORSE
 
 
 def shared_by(with_it: Fitted, without_it: Fitted, names: Sequence[str]) -> bool:
