@@ -92,7 +92,7 @@ def _after(errors: Any) -> dict[str, float]:
 
 
 def _flown_again(records: Sequence[Any], vehicle: Any) -> str:
-    """How many flights our law flies along their measured path with the model, of those long enough for it."""
+    """How many flights our law flies along their measured path with the model, of those long enough."""
     from calibration.gap.replay import fly_again
 
     flights = [flight for flight in (fly_again(record, vehicle) for record in records) if flight is not None]
