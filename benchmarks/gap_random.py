@@ -9,7 +9,9 @@ it holds are not repeated; the summary of all goes to stdout.
 """
 
 import argparse
+import itertools
 import json
+import math
 import sys
 import tempfile
 import time
@@ -26,6 +28,9 @@ from onboard.json_file import as_json
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 TRUTHS = ("house", "mujoco")
+CLEARNESS = (0.0, 30.0)
+"""Standard errors from which on names are counted together."""
+
 JUDGED = (
     "named",
     "ambiguous",
@@ -74,6 +79,7 @@ def run(key: tuple[str, int]) -> dict[str, Any]:
     from calibration.flights import open_flights
     from calibration.gap.data import prepare_flights
     from calibration.gap.find import GapQuestion, find_gap
+    from calibration.gap.report.confidence import clearness
 
     truth, seed = key
     with tempfile.TemporaryDirectory() as folder:
@@ -92,6 +98,7 @@ def run(key: tuple[str, int]) -> dict[str, Any]:
         except Exception:  # noqa: BLE001 -- whatever it is: a crash is what this table counts
             return {**row, "hidden": _hidden(answer), "crash": traceback.format_exc()}
         report = as_json(found.report)
+        clear = {one.name: round(clearness(one, vehicle), 1) for one in found.report.effects}
         judged = judge(report, answer)
         closed = closed_share(
             prepare_flights(read).records, report["flights"]["held_out"], found, vehicle, answer, ceiling
@@ -102,6 +109,8 @@ def run(key: tuple[str, int]) -> dict[str, Any]:
         "cpu_s": round(time.process_time() - started, 1),
         "hidden": _hidden(answer),
         **{key: judged[key] for key in JUDGED},
+        "clearness": clear,
+        "probability": {one.name: one.probability for one in found.report.effects},
         "closed": None if closed is None else round(closed, 3),
         "before_m": round(gap["before"], 4),
         "after_m": round(gap["after"], 4),
@@ -120,6 +129,22 @@ def summary(runs: list[dict[str, Any]]) -> dict[str, Any]:
     return {
         "all": _figures(runs),
         **{truth: _figures([one for one in runs if one["program"] == truth]) for truth in TRUTHS},
+        "names_right_by_clearness": _by_clearness(runs),
+    }
+
+
+def _by_clearness(runs: list[dict[str, Any]]) -> dict[str, str]:
+    """How many names of each clearness were right, as `calibration/gap/report/confidence.py` has counted."""
+    names = [
+        (clear, name not in one["false_names"])
+        for one in runs
+        if not one["crash"]
+        for name, clear in one["clearness"].items()
+    ]
+    ends = [*CLEARNESS, math.inf]
+    return {
+        f"{low} to {high} standard errors": share([right for clear, right in names if low <= clear < high])
+        for low, high in itertools.pairwise(ends)
     }
 
 

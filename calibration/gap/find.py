@@ -25,6 +25,7 @@ from calibration.gap.estimate.refine import Training, training_set
 from calibration.gap.landings import LandingFindings, LandingVerdict, judge_landings
 from calibration.gap.replay import PredictionErrors, evaluate
 from calibration.gap.replay.hover_voltage import of_one_vehicle, voltage_for
+from calibration.gap.report.confidence import with_probability
 from calibration.gap.report.document import (
     AmbiguousSet,
     GapReport,
@@ -145,8 +146,7 @@ def _find(flights: Sequence[Flight], question: GapQuestion, progress: Progress) 
     progress("landings")
     landings = _landings(flights, names, rng)
     effects = [
-        *unsaid(sensing.effects, question.vehicle),
-        *in_the_air,
+        *with_probability([*unsaid(sensing.effects, question.vehicle), *in_the_air], question.vehicle),
         *landing_effects(landings.findings if landings else (), question.vehicle),
     ]
     progress("where it lives")

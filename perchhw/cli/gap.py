@@ -135,7 +135,7 @@ def _tell(report: "GapReport", page: Path) -> None:
     from rich.table import Table
 
     console().print(f"verdict: {report.verdict}", markup=False)
-    table = Table("effect", "parameter", "value", "95 %", "or", box=None, pad_edge=False)
+    table = Table("effect", "parameter", "value", "95 %", "right", "or", box=None, pad_edge=False)
     for effect in report.effects:
         for number, (name, one) in enumerate(effect.parameters.items()):
             table.add_row(
@@ -143,6 +143,7 @@ def _tell(report: "GapReport", page: Path) -> None:
                 name,
                 f"{one.value:.4g} {one.unit}",
                 f"{one.ci95[0]:.4g} .. {one.ci95[1]:.4g}",
+                f"{effect.probability:.2f}" if number == 0 and effect.probability is not None else "",
                 ", ".join(effect.ambiguous_with) if number == 0 else "",
             )
     if report.effects:

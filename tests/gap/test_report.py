@@ -59,6 +59,7 @@ def report(**changes: Any) -> GapReport:
                 improvement_ci95=(0.3018, 0.5019),
                 ambiguous_with=("thrust_scale",),
                 separated_by="a long discharge at equal thrust",
+                probability=0.954,
             ),
             FoundEffect(
                 name="motor_saturation",
@@ -173,7 +174,9 @@ def test_the_document_is_that_of_the_contract(tmp_path: Path) -> None:
         "ambiguous_with": ["thrust_scale"],
         "separated_by": "a long discharge at equal thrust",
         "metric": "",
+        "probability": 0.954,
     }
+    assert document["effects"][1]["probability"] is None
     gap = document["gap"]
     assert {key: gap[key] for key in ("metric", "unit", "before", "after", "noise_floor")} == {
         "metric": "position error after 1 s, attitude given",

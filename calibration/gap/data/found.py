@@ -51,6 +51,7 @@ class FoundEffect:
         ambiguous_with: effects that these flights cannot tell from it.
         separated_by: what a flight must do to tell them apart, in words.
         metric: what the errors are, with the unit.
+        probability: that the name, or one of `ambiguous_with`, is right; None where nothing tells (landings).
     """
 
     name: str
@@ -61,3 +62,4 @@ class FoundEffect:
     ambiguous_with: tuple[str, ...] = ()
     separated_by: str = ""
     metric: str = ""
+    probability: float | None = None

@@ -123,10 +123,11 @@ def _effects(report: GapReport) -> str:
                 values,
                 error,
                 interval(effect.improvement_ci95),
+                "" if effect.probability is None else number(effect.probability),
                 escape(others) + told,
             ]
         )
-    header = ["", "effect", "parameters", "error", "improvement, 95 %", "could also be"]
+    header = ["", "effect", "parameters", "error", "improvement, 95 %", "probability", "could also be"]
     return table(header, rows)
 
 

@@ -1,0 +1,58 @@
+"""How probable it is that a name is right, by what became of names that were as clear in random draws.
+
+A likelihood says how sure a model is of a number, if the model is right. Whether the name is right, programs
+that share nothing with the finder tell: so many of the names that it gave to sets drawn at random from them
+were there. `benchmarks/gap_random.py` counts them by clearness, and says on other sets whether that holds.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from calibration.gap.data.found import FoundEffect
+from calibration.gap.estimate.acceptance import NINETY_FIVE
+from onboard.vehicle import EFFECTS, Vehicle
+
+
+class Counted(NamedTuple):
+    """Names that were this clear and no clearer.
+
+    Attributes:
+        least: clearness from which on they are, in standard errors.
+        right: how many named what was hidden, or an effect that the report says it could also be.
+        total: how many there were.
+    """
+
+    least: float
+    right: int
+    total: int
+
+
+COUNTED = (Counted(0.0, 39, 40), Counted(30.0, 28, 28))
+"""From low to high; of the seeds from 8000 on (94 sets of two programs)."""
+
+
+def clearness(effect: FoundEffect, vehicle: Vehicle) -> float:
+    """Distance of the clearest parameter from what the vehicle file says, in its standard errors."""
+    filed = {one.name: one.values() for one in vehicle.effects}.get(effect.name, {})
+    distances = [0.0]
+    for name, found in effect.parameters.items():
+        neutral = filed.get(name, EFFECTS[effect.name].parameters[name].neutral)
+        error = 0.5 * (found.ci95[1] - found.ci95[0]) / NINETY_FIVE
+        if neutral is not None and error > 0.0:
+            distances.append(abs(found.value - neutral) / error)
+    return max(distances)
+
+
+def probability(clear: float) -> float:
+    """That a name which is so clear (standard errors) is right: mean of Jeffreys' posterior of its like."""
+    counted = max((one for one in COUNTED if one.least <= clear), key=lambda one: one.least)
+    return (counted.right + 0.5) / (counted.total + 1.0)
+
+
+def with_probability(effects: Sequence[FoundEffect], vehicle: Vehicle) -> list[FoundEffect]:
+    """The effects, each with the probability that its name is right."""
+    return [
+        dataclasses.replace(one, probability=round(probability(clearness(one, vehicle)), 3))
+        for one in effects
+    ]
