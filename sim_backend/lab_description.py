@@ -22,7 +22,7 @@ from sim_backend.errors import SimulationError
 from sim_backend.room.settings import RoomSettings
 from sim_backend.world import start_marks
 
-COMMENT = "Written by `perchhw sim lab` for as long as it serves this room."
+COMMENT = "Written by `perchhw sim lab`, which takes it away when it ends: copy what is to be kept."
 
 
 class LabDescription:

@@ -26,4 +26,4 @@ def confirmation(yes: bool, display: "Display") -> Callable[[str], None]:
             "this would ask the operator to make the drone ready, but there is no terminal: where it stands "
             "ready, add --yes"
         )
-    return (lambda request: display.say(f"{request}.")) if yes else display.confirm
+    return (lambda request: display.say(f"not asked (--yes): {request}.")) if yes else display.confirm

@@ -99,6 +99,7 @@ def _tell(viewer: "subprocess.Popen[bytes]", complaints: IO[bytes], display: "Di
     if not said and viewer.wait() > 0:
         with suppress(ValueError):  # the command has ended, too
             complaints.seek(0)
-            said = f"no view: {complaints.read().decode(errors='replace').strip().rpartition(chr(10))[2]}"
+            complaint = complaints.read().decode(errors="replace").strip().rpartition("\n")[2]
+            said = f"no view: {complaint.removeprefix('error: ')}"
     if said:
         display.viewed(said)

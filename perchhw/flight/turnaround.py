@@ -21,7 +21,7 @@ THE_DRONE = "the drone"
 
 def off_the_ceiling(name: str = THE_DRONE) -> str:
     """What the operator is asked after a landing."""
-    return f"Take {name} off the ceiling, put it upright on its start mark facing +x"
+    return f"Put {name} upright on its start mark facing +x (it may hang from the ceiling)"
 
 
 class Turnaround:

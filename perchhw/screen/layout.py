@@ -64,8 +64,8 @@ def _fitted(row: Text, width: int, plain: bool) -> Text:
 
 
 def _title(s: Snapshot, width: int) -> Text:
-    words = [f"{s.attempt} of {s.attempts}" if s.attempts else "", s.condition]
-    right = "attempt " * bool(s.attempts) + ", ".join(word for word in words if word)
+    which = "" if s.attempt is None or not s.attempts else f"attempt {s.attempt} of {s.attempts}"
+    right = ", ".join(word for word in (which, s.condition) if word)
     left = f"{s.title}  {s.drone}"
     if len(left) + len(right) + 2 > width:
         left = s.title

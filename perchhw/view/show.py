@@ -40,7 +40,7 @@ def write_rrd(folder: Path, out: Path) -> Path:
     try:
         make_folder(out.parent)
     except OutputFolderError as error:
-        raise ViewError(f"{out}: cannot be written ({error.reason}); give another file") from error
+        raise ViewError(f"{out.parent}: cannot be written ({error.reason}); give a file elsewhere") from error
     try:
         stream = _recording(folder)
         try:

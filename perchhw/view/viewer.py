@@ -82,8 +82,8 @@ def _require_screen() -> None:
     """
     if sys.platform.startswith("linux") and not any(map(os.environ.get, _SCREENS)):
         raise ViewError(
-            "this terminal has no screen for a window: open a page instead (perchhw view RUN --web; with a "
-            "flight --view web), or write a file (perchhw view RUN --save FILE.rrd)"
+            "no screen here for a window: fly with --view web, look with perchhw view RUN --web, or write "
+            "a file (perchhw view RUN --save FILE.rrd)"
         )
 
 

@@ -246,8 +246,8 @@ def test_the_operator_is_told_of_a_new_pack(hovers: list[CourseRequest], tmp_pat
         return runner(replace(request, drone=FIRST, new_pack="its pack rests at 3.70 V"))
 
     run_campaign(plan, tmp_path / "c", low)
-    words = "put it upright on its start mark facing +x, with a charged battery (its pack rests at 3.70 V)"
-    assert asked == [f"Take the drone off the ceiling, {words}"] * 4
+    where = "Put the drone upright on its start mark facing +x (it may hang from the ceiling)"
+    assert asked == [f"{where}, with a charged battery (its pack rests at 3.70 V)"] * 4
     assert hovers == []
 
 

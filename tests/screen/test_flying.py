@@ -61,7 +61,7 @@ def test_space_locks_the_drone(lab: SimulatedLab, tmp_path: Path) -> None:
 def test_l_lands_however_often_and_the_prompt_has_its_place(lab: SimulatedLab, tmp_path: Path) -> None:
     with fly(lab, tmp_path / "land", "--put-back") as terminal:
         rows = terminal.until("press Enter")
-        assert rows[-3].startswith("Take the drone off the ceiling")
+        assert rows[-3].startswith("Put the drone upright on its start mark")
         terminal.press("\r")
         terminal.until("waits for the first hover")
         terminal.press("nl")

@@ -97,6 +97,11 @@ def test_where_not_all_phases_fit_the_present_one_and_the_next_have_their_names(
     assert narrow.count("○") == bar.count("○")
 
 
+def test_before_the_first_attempt_none_has_a_number() -> None:
+    assert plain(FLYING.with_changes(attempt=None))[0].endswith(" 2.5 m/s, 50 deg")
+    assert "attempt 3 of 24, 2.5 m/s" in plain(FLYING)[0]
+
+
 def test_one_is_no_plural() -> None:
     last = FLYING.with_changes(attempts=3, packs_left=1)
     assert "1 attempt, about 12 min, 1 new pack" in "\n".join(plain(last))

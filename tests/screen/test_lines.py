@@ -107,4 +107,4 @@ def test_nobody_is_asked_without_a_terminal(capsys: pytest.CaptureFixture[str]) 
             confirmation(False, lines)
         assert "attempt" not in str(refused.value)  # a hover is none
         confirmation(True, lines)("Put it back")
-    assert read(capsys) == ["Put it back."]
+    assert read(capsys) == ["not asked (--yes): Put it back."]
