@@ -42,11 +42,13 @@ class Candidate(NamedTuple):
         effect: its name.
         variables: parameters to fit, of other effects too that it cannot be without.
         starts: models to start from; the first is the present one where that has a derivative.
+        at_bound: parameters that are not fitted, as the flights ask for them beyond their bounds.
     """
 
     effect: str
     variables: tuple[Variable, ...]
     starts: tuple[Model, ...]
+    at_bound: tuple[Variable, ...] = ()
 
     def along_other_axes(self, left_out: Collection[Variable]) -> "Candidate | None":
         """The same effect with the vehicle file's value along some of its axes; None where its parameters are
@@ -56,13 +58,7 @@ class Candidate(NamedTuple):
         one_quantity = len({(rule.unit, rule.low, rule.high, rule.neutral) for rule in own}) == 1
         if not rest or not one_quantity or any(rule.neutral is None for rule in own):
             return None
-        return self._replace(variables=rest)
-
-    def axes_left_out(self) -> str:
-        """Parameters of the effect that are not to be fitted, in words."""
-        return ", ".join(
-            p for p in EFFECTS[self.effect].parameters if Variable(self.effect, p) not in self.variables
-        )
+        return self._replace(variables=rest, at_bound=tuple(left_out))
 
 
 def candidates(

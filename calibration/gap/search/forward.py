@@ -321,7 +321,7 @@ def _forward(
         if judgement.believed and not explained_better((candidate, fitted), gain, others, present, training):
             rivals = {c.effect: gain - g for g, c, _, _ in fits if c.effect != candidate.effect}
             step = SelectionStep(candidate.effect, judgement, settled(fitted, training), rivals)
-            if not_free := candidate.axes_left_out():
+            if not_free := ", ".join(v.parameter for v in candidate.at_bound):
                 refused[f"{candidate.effect} {not_free}"] = AT_BOUND.format(not_free)
             return _Round(list(promises), step, refused, doubtful)
         if not judgement.believed:

@@ -37,6 +37,9 @@ class LinearLook:
     def lacks(self, without: Sequence[str], instead: str | None = None) -> FloatArray:
         """Held-out log-likelihood by which a model falls short of the fit, shape (2,): by shapes, by parts.
 
+        The noise is that of the fit. A model that leaves more would call some of it noise, and falls less
+        short: shares of what names explain are to be compared, not these numbers with those of fits.
+
         Args:
             without: effects of the fit that it has not.
             instead: effect that it has in their place, one of `offered`.
