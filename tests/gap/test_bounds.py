@@ -8,7 +8,8 @@ import pytest
 from calibration.gap.estimate.acceptance import judge, stuck
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training, refine, training_set
-from calibration.gap.search.forward import search, without_axes_at_bounds
+from calibration.gap.search.bounds import without_axes_at_bounds
+from calibration.gap.search.forward import search
 from onboard.quantity import Quantity
 from onboard.vehicle import Effect, load_vehicle
 from tests.gap.simulated_flight import circle, fly, up_and_down, with_noise

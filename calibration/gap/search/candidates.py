@@ -14,6 +14,7 @@ from calibration.gap.estimate.acceptance import stuck
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training
 from calibration.gap.replay.teacher_forcing import teacher_forced
+from calibration.gap.search.bounds import other_axes
 from calibration.gap.search.instants import Instants
 from onboard.vehicle import EFFECTS, Vehicle
 from onboard.vehicle.effects import AIR_FORCES, Domain, EffectDescription, Needs
@@ -51,14 +52,10 @@ class Candidate(NamedTuple):
     at_bound: tuple[Variable, ...] = ()
 
     def along_other_axes(self, left_out: Collection[Variable]) -> "Candidate | None":
-        """The same effect with the vehicle file's value along some of its axes; None where its parameters are
-        not one quantity along several, or none would be left."""
-        own = EFFECTS[self.effect].parameters.values()
-        rest = tuple(v for v in self.variables if v not in left_out)
-        one_quantity = len({(rule.unit, rule.low, rule.high, rule.neutral) for rule in own}) == 1
-        if not rest or not one_quantity or any(rule.neutral is None for rule in own):
-            return None
-        return self._replace(variables=rest, at_bound=tuple(left_out))
+        """The same effect with the vehicle file's value along the axes `left_out`; None where none is, where
+        its parameters are not one quantity along several, or where none would be left."""
+        rest = other_axes(self.effect, self.variables, left_out)
+        return self._replace(variables=rest, at_bound=tuple(left_out)) if rest else None
 
 
 def candidates(

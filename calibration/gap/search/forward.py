@@ -18,13 +18,12 @@ from calibration.gap.estimate.acceptance import (
     DETECTABLE,
     LEAST_GAIN,
     Judgement,
-    clustered_errors,
     judge,
-    runs_out,
 )
 from calibration.gap.estimate.model import WORKERS, Model, Variable, kinds_that_tell
 from calibration.gap.estimate.refine import Fitted, Training, refine, settled
 from calibration.gap.estimate.shared_nuisances import swallowed
+from calibration.gap.search.bounds import AT_BOUND, refused_axes, without_axes_at_bounds
 from calibration.gap.search.candidates import Candidate, candidates_for
 from calibration.gap.search.rivals import Rival
 from calibration.gap.search.screen import Promise, screen
@@ -39,7 +38,6 @@ other names. It is an effect only where it is larger than that doubt."""
 MADE_SCALE = Variable("thrust_scale", "scale")
 """Always fitted, and no effect, where no voltage was logged."""
 
-AT_BOUND = "{} ran into its bound: it stands in for something else"
 DRIFTS = "{} depends on how hard the vehicle was flown: it stands in for something else"
 """Why a parameter is not believed."""
 
@@ -128,21 +126,6 @@ def search(
         blind=tuple(blind_to(promises, model)),
         unnamed=tuple(one for one in grown.unnamed if one.term in present.unnamed),
     )
-
-
-def without_axes_at_bounds(present: Fitted, training: Training, refused: dict[str, str]) -> Fitted:
-    """The fit with the vehicle file's value along axes that ended at a bound, where others of it did not."""
-    errors = clustered_errors(present, training)
-    for effect in present.model.effects:
-        own = tuple(v for v in present.model.values if v.effect == effect)
-        beyond = [v for v in own if runs_out(present, v, errors.get(v, 0.0))]
-        if beyond and Candidate(effect, own, (present.model,)).along_other_axes(beyond):
-            name = ", ".join(v.parameter for v in beyond)
-            refused[f"{effect} {name}"] = AT_BOUND.format(name)
-            model = present.model.without_values(beyond)
-            kept = [v for v in present.variables if v not in beyond]
-            present = refine(model, kept, training, start=present.estimate, unnamed=present.unnamed)
-    return present
 
 
 @dataclass
@@ -308,7 +291,7 @@ def _forward(
         fits.append((judgement.gain, candidate, fitted, judgement))
         if not judgement.significant:
             doubtful[candidate.effect] = promise.gain
-        if judgement.at_bound and (rest := candidate.along_other_axes(judgement.at_bound)):
+        if rest := candidate.along_other_axes(judgement.at_bound):
             fitted, own = closely(rest)
             judgement = judge(present, fitted, own, training, rng)
             fits.append((judgement.gain, rest, fitted, judgement))
@@ -321,8 +304,7 @@ def _forward(
         if judgement.believed and not explained_better((candidate, fitted), gain, others, present, training):
             rivals = {c.effect: gain - g for g, c, _, _ in fits if c.effect != candidate.effect}
             step = SelectionStep(candidate.effect, judgement, settled(fitted, training), rivals)
-            if not_free := ", ".join(v.parameter for v in candidate.at_bound):
-                refused[f"{candidate.effect} {not_free}"] = AT_BOUND.format(not_free)
+            refused |= refused_axes(candidate.effect, candidate.at_bound)
             return _Round(list(promises), step, refused, doubtful)
         if not judgement.believed:
             refused[candidate.effect] = _reason(judgement)

@@ -5,7 +5,7 @@ about are hopeless, which the derivatives at the present model show: all from on
 """
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -33,6 +33,7 @@ class LinearLook:
     training: Training
     products: Products
     offered: dict[str, tuple[Variable, ...]]
+    _known: dict[tuple[frozenset[str], str | None], FloatArray] = field(default_factory=dict, init=False)
 
     def lacks(self, without: Sequence[str], instead: str | None = None) -> FloatArray:
         """Held-out log-likelihood by which a model falls short of the fit, shape (2,): by shapes, by parts.
@@ -44,9 +45,15 @@ class LinearLook:
             without: effects of the fit that it has not.
             instead: effect that it has in their place, one of `offered`.
         """
-        return self._likelihood((), None) - self._likelihood(without, instead)
+        return self._likelihood(frozenset(), None) - self._likelihood(frozenset(without), instead)
 
-    def _likelihood(self, without: Sequence[str], instead: str | None) -> FloatArray:
+    def _likelihood(self, without: frozenset[str], instead: str | None) -> FloatArray:
+        """Held-out log-likelihood, shape (2,); computed once, as a name is asked about in many pairs."""
+        if (without, instead) not in self._known:
+            self._known[without, instead] = self._computed(without, instead)
+        return self._known[without, instead]
+
+    def _computed(self, without: frozenset[str], instead: str | None) -> FloatArray:
         present, count = self.present, len(self.present.columns)
         gone = [index for index, v in enumerate(present.variables) if v.effect in without]
         moved = np.zeros(self.products.xr.shape[1])

@@ -9,8 +9,9 @@ from calibration.gap.data.excitation import excited
 from calibration.gap.estimate.acceptance import NINETY_FIVE, clustered_errors, drifting, runs_out, sizeable
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training, refine
+from calibration.gap.search.bounds import AT_BOUND
 from calibration.gap.search.doubts import with_doubts
-from calibration.gap.search.forward import AT_BOUND, DRIFTS, LOG_TIMING, Search
+from calibration.gap.search.forward import DRIFTS, LOG_TIMING, Search
 from calibration.gap.search.rivals import needed
 from onboard.vehicle import EFFECTS, Vehicle, VehicleFileError, vehicle_to_toml
 from onboard.vehicle.file_format import parse_vehicle
