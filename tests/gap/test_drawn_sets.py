@@ -3,6 +3,7 @@
 from functools import cache
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -16,8 +17,8 @@ from onboard.vehicle import EFFECTS
 from onboard.vehicle.effects import Domain
 from tests.gap.mujoco_flights import flights, frame
 from tests.truth import drawn
-from tests.truth.airframe import nominal
-from tests.truth.mujoco_room import Hidden
+from tests.truth.airframe import G, nominal
+from tests.truth.mujoco_room import Hidden, build, pose_lead
 
 AT_ONCE = ("motor_lag", "wind")
 MOVING = [
@@ -80,3 +81,17 @@ def test_a_body_whose_inertia_is_wrong_can_still_be() -> None:
             np.array([frame().ix, frame().iy, frame().iz]) * (1.0 + np.array(hidden.inertia))
         )
         assert sum(small) > large
+
+
+@pytest.mark.parametrize("integrator", ["RK4", "implicitfast", "Euler"])
+def test_a_fall_in_mujoco_is_ahead_of_its_velocity_by_what_the_logs_take_back(integrator: str) -> None:
+    model = build(frame(), Hidden(), integrator, 0.0, 0.0)
+    data = mujoco.MjData(model)
+    data.qpos[2] = 10.0
+    for _ in range(200):
+        mujoco.mj_step(model, data)
+    velocity = data.qvel[2]
+    fallen = 10.0 - data.qpos[2]
+    # From rest a body falls v^2 / 2g; one that is ahead by a time has fallen v times that time more.
+    lead = (fallen - 0.5 * velocity**2 / G) / abs(velocity)
+    assert lead == pytest.approx(pose_lead(integrator), abs=1e-6)

@@ -288,11 +288,18 @@ def _coloured(rng: np.random.Generator, count: int, time: float) -> Array:
     )
 
 
+def pose_lead(integrator: str) -> float:
+    """Time (s) that poses are ahead of the velocities beside them: half a step where a pose moves by the
+    velocity at its step's end, as in MuJoCo's integrators but Runge and Kutta's."""
+    return 0.0 if integrator == "RK4" else 0.5 * STEP
+
+
 def _measured(log: Array, hidden: Hidden, lab: Circumstances, rng: np.random.Generator) -> Array:
     """The log with delays, biases and noise; NaN for what this lab does not measure."""
     seen = log.copy()
+    late = hidden.pose_delay + pose_lead(lab.integrator)
     for column in range(1, 8):
-        seen[:, column] = np.interp(log[:, 0] - hidden.pose_delay, log[:, 0], log[:, column])
+        seen[:, column] = np.interp(log[:, 0] - late, log[:, 0], log[:, column])
     count = len(log)
     seen[:, 1:4] += lab.pose_noise * rng.standard_normal((count, 3))
     half = 0.5 * lab.angle_noise * rng.standard_normal((count, 3))
