@@ -38,10 +38,16 @@ def runs_of(
 
 def share(values: list[bool]) -> str:
     """How many, and the share with Wilson's interval of 95 %."""
-    count, z = len(values), 1.96
-    if not count:
+    if not values:
         return "none"
+    low, high = wilson(values)
+    return f"{sum(values)} of {len(values)} ({low:.2f} to {high:.2f})"
+
+
+def wilson(values: list[bool]) -> tuple[float, float]:
+    """Wilson's interval of 95 % of a share (E. B. Wilson, JASA 22, 1927); `values` are not empty."""
+    count, z = len(values), 1.96
     p = sum(values) / count
     middle = (p + z * z / (2 * count)) / (1 + z * z / count)
     half = z / (1 + z * z / count) * math.sqrt(p * (1 - p) / count + z * z / (4 * count * count))
-    return f"{sum(values)} of {count} ({max(middle - half, 0.0):.2f} to {min(middle + half, 1.0):.2f})"
+    return max(middle - half, 0.0), min(middle + half, 1.0)

@@ -4,7 +4,7 @@
 
 Flights come from ``tests/gap/truth``, which shares no equation with the finder and seals the answer in a file
 of its own. Every run is ``find_gap`` as a user calls it, on flights read from files. One JSON document goes
-to stdout: each run, the confusion matrix of truths against first names, and the figures of docs/gap.md.
+to stdout: each run, the confusion matrix of truths against first names, and figures of docs/gap_figures.md.
 """
 
 import argparse

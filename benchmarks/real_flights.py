@@ -1,13 +1,14 @@
 """Judge the gap finder on real flights: shapes that no fit saw, and whether two halves say the same.
 
-    python benchmarks/real_flights.py --data FOLDER [--vehicle crazyflie21-stock] [--jobs 2]
+    python benchmarks/real_flights.py --data FOLDER [--vehicle V] [--jobs 2] [--splits even odd] [--again]
 
 For every shape of trajectory all flights of other shapes are given to ``find_gap``; the improved vehicle then
 predicts the flights of that shape with measured attitude, thrust scale and trim of each flight fitted to its
 first 8 s (groups of airframes differ). Then every second flight, and the others. One JSON document goes to
 stdout: effects with values, errors after 1 s before and after, the floor of the accelerometer, attitude after
 0.1 s without such a calibration (with the disturbance torque of the last 0.2 s), and how many of the flights
-our own attitude law flies again with the model.
+our own attitude law flies again with the model. With `--again` the flights that were fitted are given to
+``find_gap`` once more with the vehicle that it wrote: what it still names, and how it predicts then.
 """
 
 import argparse
@@ -30,8 +31,8 @@ LOST = 45.0
 """deg between measured and needed attitude: a flight that the law has lost."""
 
 
-def run(folder: Path, vehicle: str, split: str, fitted: Sequence[str]) -> dict[str, Any]:
-    """Find on the flights named in `fitted`, predict the others."""
+def run(folder: Path, vehicle: str, split: str, fitted: Sequence[str], again: bool) -> dict[str, Any]:
+    """Find on the flights named in `fitted`, predict the others; find `again` with what was written."""
     from calibration.flights import open_flights
     from calibration.gap.data import prepare_flights
     from calibration.gap.find import GapQuestion, find_gap
@@ -45,17 +46,17 @@ def run(folder: Path, vehicle: str, split: str, fitted: Sequence[str]) -> dict[s
     found = find_gap(some, GapQuestion(vehicle=load_vehicle(vehicle)))
     unseen = [r for r in apply_sensing(everything, judge_sensing(everything)) if r.name not in fitted]
     models = {"before": load_vehicle(vehicle), "after": _in_flight(found.vehicle)}
+    second = find_gap(some, GapQuestion(vehicle=found.vehicle)) if again else None
+    if second is not None:
+        models["again"] = _in_flight(second.vehicle)
     return {
         "split": split,
         "fitted": len(some),
         "unseen": [record.name for record in unseen],
-        "effects": {
-            effect.name: {
-                key: {"value": one.value, "ci95": list(one.ci95), "unit": one.unit}
-                for key, one in effect.parameters.items()
-            }
-            for effect in found.report.effects
-        },
+        "verdict": found.report.verdict,
+        "effects": _effects(found.report),
+        "effects_again": None if second is None else _effects(second.report),
+        "verdict_again": None if second is None else second.report.verdict,
         "ambiguous": [list(one.names) for one in found.report.ambiguous],
         "rejected": [f"{one.name}: {one.reason}" for one in found.report.rejected],
         "unexplained": found.report.unexplained.formula,
@@ -67,6 +68,16 @@ def run(folder: Path, vehicle: str, split: str, fitted: Sequence[str]) -> dict[s
             for name, model in models.items()
         },
         "flown_again": {name: _flown_again(unseen, model) for name, model in models.items()},
+    }
+
+
+def _effects(report: Any) -> dict[str, Any]:
+    return {
+        effect.name: {
+            key: {"value": one.value, "ci95": list(one.ci95), "unit": one.unit}
+            for key, one in effect.parameters.items()
+        }
+        for effect in report.effects
     }
 
 
@@ -128,13 +139,16 @@ def main() -> None:
     parser.add_argument("--data", type=Path, required=True)
     parser.add_argument("--vehicle", default="crazyflie21-stock")
     parser.add_argument("--splits", nargs="*", help="only these")
+    parser.add_argument(
+        "--again", action="store_true", help="find once more with the vehicle that was written"
+    )
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     asked = parser.parse_args()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     wanted = {k: v for k, v in splits(asked.data).items() if not asked.splits or k in asked.splits}
     runs = []
     with ProcessPoolExecutor(asked.jobs) as pool:
-        futures = [pool.submit(run, asked.data, asked.vehicle, *one) for one in wanted.items()]
+        futures = [pool.submit(run, asked.data, asked.vehicle, *one, asked.again) for one in wanted.items()]
         for number, future in enumerate(futures, 1):
             runs.append(future.result())
             print(f"{number}/{len(wanted)} {json.dumps(runs[-1])}", file=sys.stderr, flush=True)

@@ -16,7 +16,8 @@ from onboard.vehicle import Vehicle
 
 LEAST_ERROR = 0.025
 """m, of a position after 1 s: half of what the accelerometer, in the place of a model, leaves on real flights
-(``floor`` of ``gap evaluate``: 4.2 to 5.4 cm, docs/gap.md). Beside that such an error does not show."""
+(``floor`` of ``gap evaluate``: 4.2 to 5.4 cm, docs/gap_figures.md). Beside that such an error does not
+show."""
 
 _HORIZON = 1.0
 """s."""
