@@ -96,16 +96,21 @@ def read_info(folder: Path) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         raise RunFolderError(f"{path} is not JSON ({error}): {REMEDY}") from error
     if isinstance(info, dict):
+        # Before its checksum: another version may reckon that otherwise, and is damaged by nobody.
+        problem = schema_problem(info["schema"], RUN_SCHEMA) if "schema" in info else None
         try:
             info = checked(info)
         except (ValueError, RecursionError) as error:
+            if problem is not None:
+                raise RunFolderError(f"{path} key 'schema': {problem}; {error}") from error
             raise RunFolderError(f"{path}: {error}: {REMEDY}") from error
+        if problem is not None:
+            raise RunFolderError(f"{path} key 'schema': {problem}")
     for key in ("config", "closed"):
         if not isinstance(info, dict) or key not in info:
             raise RunFolderError(f"{path} has no key {key!r}: not a run of perchhw")
-    problem = schema_problem(info.get("schema"), RUN_SCHEMA)
-    if problem is not None:
-        raise RunFolderError(f"{path} key 'schema': {problem}")
+    if "schema" not in info:
+        raise RunFolderError(f"{path} key 'schema': {schema_problem(None, RUN_SCHEMA)}")
     if not isinstance(info["config"], dict):
         raise RunFolderError(f"{path} key 'config': {info['config']!r} is not an object")
     for keys, kind, word in ((_NUMBERS, int | float, "number"), (_TEXTS, str, "text")):
