@@ -32,6 +32,19 @@ def as_json(value: Any) -> Any:
     return value
 
 
+def parsed(text: str | bytes) -> Any:
+    """What JSON says.
+
+    Raises:
+        ValueError: it is not JSON; the message has line and column. Nested deeper than can be read is no JSON
+            of ours, and no ``RecursionError`` that whoever reads a file would let through.
+    """
+    try:
+        return json.loads(text)
+    except RecursionError as error:
+        raise ValueError("nested too deeply") from error
+
+
 def write_json_atomically(path: Path, document: Any, room: Path | None = None) -> None:
     """Write `document` (:func:`as_json`) in one step, as :func:`write_atomically` does."""
     write_atomically(path, json.dumps(as_json(document), indent=2, allow_nan=False) + "\n", room)

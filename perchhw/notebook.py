@@ -182,12 +182,14 @@ def fly_campaign(
         KeyboardInterrupt: Ctrl-C; the drone was stopped and the attempt is planned again.
     """
     from perchhw.campaign import CampaignStopped, check_approaches, load_plan, run_campaign
+    from perchhw.campaign.run import refuse_running
     from perchhw.campaign.seats import drone_names, hold_all
     from perchhw.flight.turnaround import attempt_after_attempt
     from perchhw.report.campaign_report import write_campaign_report
 
     plan = load_plan(Path(file), _lab_file(lab))
     check_approaches(plan)
+    refuse_running(Path(folder))
     try:
         with hold_all(plan.drones):
             fly_one = attempt_after_attempt(confirm, names=drone_names(plan.drones))

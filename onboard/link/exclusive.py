@@ -14,11 +14,8 @@ Windows has no such locks.
 import contextlib
 import logging
 import os
-import shlex
-import sys
 import threading
 from dataclasses import dataclass
-from datetime import datetime
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -26,6 +23,7 @@ from typing import Self
 from onboard.link.errors import DroneInUse
 from onboard.link.machine_files import drone_key, file_of, files_ending, open_for_all
 from onboard.link.uri import stop_command
+from onboard.lock_note import holder, read_note, write_note
 
 try:
     import fcntl
@@ -33,7 +31,6 @@ except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
 _ENDING = ".lock"
-_NOTE_MAX = 300
 _log = logging.getLogger(__name__)
 
 
@@ -108,7 +105,7 @@ def drones_in_use() -> list[str]:
     found = []
     for path in files_ending(_ENDING):
         with contextlib.suppress(OSError):  # just given back, or of a process that was killed
-            process, uri, _ = _noted(path)
+            process, uri, _ = read_note(path)
             os.kill(process, 0)
             found.append(uri)
     return found
@@ -122,16 +119,14 @@ def _locked_file(uri: str, path: Path) -> int | None:
         file = _lock(path)
     except BlockingIOError as taken:
         raise DroneInUse(
-            f"{uri} is in use by {_holder(path)}: wait for it, or stop the drone with {stop_command(uri)}"
+            f"{uri} is in use by {holder(path)}: wait for it, or stop the drone with {stop_command(uri)}"
         ) from taken
     except OSError as error:
         _log.error(
             "cannot keep other processes off %s (%s: %s): see to it that none talks to it", uri, path, error
         )
         return None
-    with contextlib.suppress(OSError):  # a full disk: it is locked all the same
-        os.truncate(file, 0)
-        os.pwrite(file, f"{os.getpid()} {uri} {_command()}".encode(errors="replace")[:_NOTE_MAX], 0)
+    write_note(file, uri)
     return file
 
 
@@ -149,33 +144,3 @@ def _lock(path: Path) -> int:
             os.close(file)
             raise
         os.close(file)
-
-
-def _holder(path: Path) -> str:
-    """Who holds the lock and since when, from its file, in words."""
-    try:
-        (process, _, command), since = _noted(path), path.stat().st_mtime
-    except OSError:  # just given back
-        return "another process"
-    return f"process {process} ({command}) since {datetime.fromtimestamp(since):%Y-%m-%d %H:%M:%S}"
-
-
-def _noted(path: Path) -> tuple[int, str, str]:
-    """Process, address and command line of whoever holds the drone of this file.
-
-    Raises:
-        OSError: the file cannot be read, or does not say.
-    """
-    note = path.read_text(errors="replace")[:_NOTE_MAX]
-    process, uri, command = [*"".join(c for c in note if c.isprintable()).split(" ", 2), "", ""][:3]
-    if not process.isdecimal() or not uri:
-        raise OSError(f"{path} does not say who holds the drone")
-    return int(process), uri, command
-
-
-def _command() -> str:
-    """The command line of this process as a person would write it."""
-    program, *arguments = sys.argv or [""]
-    path = Path(program)
-    name = path.parent.name if path.name == "__main__.py" else path.name
-    return shlex.join([name, *arguments])

@@ -1,13 +1,12 @@
 """Which steps of the ladder a drone has passed today: a small file in the user's state folder."""
 
-import json
 import os
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 
 from onboard.errors import InputError, SafetyStop
-from onboard.json_file import write_json_atomically
+from onboard.json_file import parsed, write_json_atomically
 from perchhw.errors import FlightStackError
 
 STEPS = ("motors", "tilt", "hover", "step", "approach", "landing")
@@ -103,7 +102,7 @@ class Passes:
 
     def _read(self) -> dict[str, list[str]]:
         try:
-            document = json.loads(self.file.read_text(encoding="utf-8"))
+            document = parsed(self.file.read_text(encoding="utf-8"))
         except (OSError, ValueError):
             return {}
         kept = document if isinstance(document, dict) else {}

@@ -20,9 +20,10 @@ from onboard.outcome import Outcome
 from onboard.record.folder import make_folder, new_run_folder
 from onboard.toml_file import read_toml
 from onboard.vehicle import load_vehicle
+from perchhw.campaign.database import decoded, kept_in
 from perchhw.campaign.file_table import SCHEMA, CampaignFileError, FileTable, check_names, room_of, setup_of
 from perchhw.campaign.run import ATTEMPTS, only_one
-from perchhw.campaign.tries import Try, TryStore, kept_in
+from perchhw.campaign.tries import Try, TryStore
 from perchhw.flight.course import FLOWN, CourseRequest, CourseResult, fly_course
 from perchhw.flight.turnaround import Turnaround
 from perchhw.lab import FlightSetup
@@ -109,7 +110,7 @@ class FlightStore(TryStore[FlightRow]):
         return list({row.slot: row for row in self.rows()}.values())
 
     def _row(self, values: sqlite3.Row) -> FlightRow:
-        parameters = json.loads(values["parameters"])
+        parameters = decoded(self.folder, values["parameters"], f"parameters of flight {values['slot'] + 1}")
         return FlightRow(**self._tried(values), kind=values["kind"], parameters=parameters)
 
 

@@ -7,14 +7,15 @@ from pathlib import Path
 
 from onboard.errors import InputError, PerchhwError, SafetyStop
 from onboard.link.errors import DroneStopped
+from onboard.lock_note import holder, write_note
 from onboard.record.folder import make_folder, new_run_folder
 from onboard.record.recorder import DiskNearlyFull
 from perchhw.attempt import AttemptRequest, AttemptResult, AttemptRunner, Outcome, WarmUpAborted
 from perchhw.campaign.aborts import AbortCount
 from perchhw.campaign.adaptive import AdaptiveOrder
+from perchhw.campaign.database import CampaignError, kept_in
 from perchhw.campaign.plan import ADAPTIVE, CampaignPlan, Slot
 from perchhw.campaign.store import AttemptRow, CampaignStore
-from perchhw.campaign.tries import CampaignError, kept_in
 from perchhw.campaign.turns import Turns
 from perchhw.diagnosis.reasons import abort_kind
 from perchhw.diagnosis.rules import AbortKind
@@ -169,12 +170,30 @@ def request_of(plan: CampaignPlan, slot: Slot, record: Path, try_number: int) ->
 @contextmanager
 def only_one(folder: Path) -> Iterator[None]:
     """Hold the campaign's lock; the system releases it when the process dies, however it dies."""
-    with (folder / LOCK_FILE).open("w") as stream:
+    with (folder / LOCK_FILE).open("a") as stream:  # whoever holds it has noted there who it is
         try:
             fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            raise CampaignError(f"{folder}: another process is running this campaign") from error
+            raise _already_running(folder) from error
+        write_note(stream.fileno(), "campaign")
         yield
+
+
+def refuse_running(folder: Path) -> None:
+    """Before anybody asks for its drones, which would be said to be in use.
+
+    Raises:
+        CampaignError: a process runs the campaign in `folder` now; the message says which.
+    """
+    if is_held(folder):
+        raise _already_running(folder)
+
+
+def _already_running(folder: Path) -> CampaignError:
+    return CampaignError(
+        f"{folder}: this campaign is already running, by {holder(folder / LOCK_FILE)}: wait for it or end it "
+        f"there, or watch it with `perchhw view {folder}`"
+    )
 
 
 def is_held(folder: Path) -> bool:

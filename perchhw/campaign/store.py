@@ -1,6 +1,5 @@
 """The store of a campaign of landings: what its grid asked for, and a row per try of each attempt."""
 
-import json
 import sqlite3
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -50,17 +49,17 @@ class CampaignStore(TryStore[AttemptRow]):
     @property
     def planned(self) -> int:
         """How many attempts the campaign has at most."""
-        return int(json.loads(self._fact("planned", default="0"))) or len({row.slot for row in self.rows()})
+        return int(self._json_fact("planned", "0")) or len({row.slot for row in self.rows()})
 
     @property
     def conditions(self) -> list[Condition]:
         """The conditions of its grid; none where it was started before they were kept."""
-        return [(speed, angle) for speed, angle in json.loads(self._fact("conditions", default="[]"))]
+        return [(speed, angle) for speed, angle in self._json_fact("conditions", "[]")]
 
     @property
     def skipped(self) -> list[Misfit]:
         """What of the grid was left out at the start, and why."""
-        return [Misfit(**values) for values in json.loads(self._fact("skipped", default="[]"))]
+        return [Misfit(**values) for values in self._json_fact("skipped", "[]")]
 
     def plan_next(self, slot: Slot) -> AttemptRow:
         """Plan one more attempt than were planned at the start."""

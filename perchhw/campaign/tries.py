@@ -9,19 +9,17 @@ most one open one.
 import json
 import sqlite3
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Generic, Protocol, Self, TypeVar
 
-from onboard.errors import InputError, PerchhwError
+from onboard.errors import PerchhwError
 from onboard.outcome import Outcome
 from onboard.record.folder import discard_if_empty, utc_now
 from onboard.record.run_record import RunFolderError, is_run_folder, read_info
-from perchhw.errors import FlightStackError
+from perchhw.campaign.database import DATABASE, CampaignError, columns_of, connected, decoded
 from perchhw.flight.explain import explain
-
-DATABASE = "campaign.db"
 
 _SCHEMA = """
 CREATE TABLE facts (key TEXT PRIMARY KEY, value TEXT NOT NULL);
@@ -43,10 +41,6 @@ CREATE TABLE attempts (
 CREATE UNIQUE INDEX one_done ON attempts (slot) WHERE state = 'done';
 CREATE UNIQUE INDEX one_open ON attempts (slot) WHERE state IN ('planned', 'running');
 """
-
-
-class CampaignError(FlightStackError, InputError):
-    """A campaign folder cannot be used as asked; the message says what to do."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,12 +106,12 @@ class TryStore(Generic[Row]):
         Raises:
             CampaignError: the folder already holds a campaign.
         """
-        if _columns(folder):
+        if columns_of(folder):
             raise CampaignError(
                 f"{folder} already holds a campaign: continue it with --resume, or give another --out"
             )
         folder.mkdir(parents=True, exist_ok=True)
-        store = cls(folder, _connect(folder / DATABASE))
+        store = cls(folder, connected(folder / DATABASE))
         planned = ",\n    ".join(f"{name} {kind} NOT NULL" for name, kind in cls.PLANNED.items())
         with (
             store._connection
@@ -139,12 +133,12 @@ class TryStore(Generic[Row]):
         Raises:
             CampaignError: the folder holds none, or one of another kind.
         """
-        columns = _columns(folder)
+        columns = columns_of(folder)
         if not columns:
             raise CampaignError(f"{folder} holds no campaign (no {DATABASE}): give the folder of a campaign")
         if not columns >= set(cls.PLANNED):
             raise CampaignError(f"{folder} holds no campaign of {cls.WHAT}: give another folder")
-        return cls(folder, _connect(folder / DATABASE))
+        return cls(folder, connected(folder / DATABASE))
 
     @classmethod
     def resumed(cls, folder: Path, plan: StoredPlan, retry_aborted: bool) -> Self:
@@ -183,7 +177,7 @@ class TryStore(Generic[Row]):
     @classmethod
     def exists(cls, folder: Path) -> bool:
         """Whether `folder` holds a campaign of this kind that was completely created."""
-        return _columns(folder) >= {"slot", *cls.PLANNED}
+        return columns_of(folder) >= {"slot", *cls.PLANNED}
 
     def close(self) -> None:
         """Close the database."""
@@ -198,8 +192,11 @@ class TryStore(Generic[Row]):
         row = self._connection.execute("SELECT value FROM facts WHERE key = ?", (key,)).fetchone()
         return default if row is None else str(row[0])
 
+    def _json_fact(self, key: str, default: str = "") -> Any:
+        return decoded(self.folder, self._fact(key, default), f"fact {key}")
+
     def _check_plan(self, plan: StoredPlan) -> None:
-        ours, theirs = json.loads(self._fact("plan")), json.loads(_plan_text(plan))
+        ours, theirs = self._json_fact("plan"), json.loads(_plan_text(plan))
         changed = sorted(key for key in ours.keys() | theirs.keys() if ours.get(key) != theirs.get(key))
         if changed:
             raise CampaignError(
@@ -326,62 +323,14 @@ class TryStore(Generic[Row]):
             "state": values["state"],
             "outcome": values["outcome"],
             "triggered": None if values["triggered"] is None else bool(values["triggered"]),
-            "trigger": None if values["trigger"] is None else json.loads(values["trigger"]),
+            "trigger": None
+            if values["trigger"] is None
+            else decoded(self.folder, values["trigger"], f"trigger of attempt {values['slot'] + 1}"),
             "aborted_by": values["aborted_by"],
             "record": None if values["record"] is None else self.folder / values["record"],
             "started_utc": values["started_utc"],
             "ended_utc": values["ended_utc"],
         }
-
-
-@contextmanager
-def kept_in(folder: Path) -> Iterator[None]:
-    """An error of the database within is one of the folder.
-
-    Raises:
-        CampaignError: it cannot be written.
-    """
-    try:
-        yield
-    except sqlite3.Error as error:
-        raise CampaignError(
-            f"{folder}: the campaign cannot be kept ({error}): make room, then continue with --resume"
-        ) from error
-
-
-def _columns(folder: Path) -> set[str]:
-    """Columns of the table of tries; none where `folder` holds no campaign that was completely created."""
-    path = folder / DATABASE
-    if not path.is_file():
-        return set()
-    with closing(_connect(path)) as connection:
-        return {str(row["name"]) for row in connection.execute("PRAGMA table_info(attempts)")}
-
-
-def _connect(path: Path) -> sqlite3.Connection:
-    """Open the database.
-
-    Raises:
-        CampaignError: it is damaged.
-    """
-    connection = sqlite3.connect(path, isolation_level=None, timeout=5.0)
-    connection.row_factory = sqlite3.Row
-    try:
-        connection.execute("PRAGMA journal_mode = WAL")
-        connection.execute("PRAGMA synchronous = FULL")
-        (found,) = connection.execute("PRAGMA quick_check(1)").fetchone()
-    except sqlite3.OperationalError:  # locked, say: nothing is wrong with the file
-        connection.close()
-        raise
-    except sqlite3.DatabaseError as error:
-        found = str(error)
-    if found != "ok":
-        connection.close()
-        raise CampaignError(
-            f"{path}: is damaged ({found}): restore it; the records beside it can be read without "
-            f"(perchhw log list {path.parent / 'attempts'})"
-        )
-    return connection
 
 
 def _plan_text(plan: StoredPlan) -> str:

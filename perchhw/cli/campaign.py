@@ -59,7 +59,7 @@ def run(
     from perchhw.campaign import CampaignStopped, check_approaches, flyable_part, load_plan
     from perchhw.campaign.courses import has_flights, load_flight_plan
     from perchhw.campaign.plan import Slot
-    from perchhw.campaign.run import request_of
+    from perchhw.campaign.run import refuse_running, request_of
     from perchhw.campaign.seats import drone_names, hold_all
     from perchhw.cli.displayed_campaign import run_displayed
     from perchhw.flight.fit import check_fit
@@ -79,6 +79,7 @@ def run(
         check_approaches(plan)
     folder = out or Path("runs") / f"campaign-{slug(plan.name)}"
     names, stopped = drone_names(plan.drones), None
+    refuse_running(folder)
     with _told_how_to_go_on(folder):
         try:
             with (
@@ -119,11 +120,13 @@ def _fly_courses(
     """Fly a campaign of test flights."""
     from onboard.link.exclusive import hold
     from onboard.record.folder import slug
+    from perchhw.campaign.run import refuse_running
     from perchhw.cli.displayed_campaign import fly_courses_displayed
     from perchhw.flight.ground_station import ground_station
     from perchhw.screen.flight_display import flight_display
 
     folder = out or Path("runs") / f"campaign-{slug(plan.name)}"
+    refuse_running(folder)
     with _told_how_to_go_on(folder):
         with (
             hold(plan.setup.drone),

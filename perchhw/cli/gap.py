@@ -1,5 +1,6 @@
 """``perchhw gap``: where the model and measured flights disagree."""
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -163,9 +164,12 @@ def _seconds(text: str) -> tuple[float, ...]:
     from onboard.errors import InputError
 
     try:
-        return tuple(float(part) for part in text.split(","))
+        seconds = tuple(float(part) for part in text.split(","))
     except ValueError:
-        raise InputError(f"--horizons {text!r}: expected seconds such as 0.1,0.5,1.0") from None
+        seconds = ()
+    if not seconds or not all(map(math.isfinite, seconds)):
+        raise InputError(f"--horizons {text!r}: expected seconds such as 0.1,0.5,1.0")
+    return seconds
 
 
 def _warn(document: dict[str, Any]) -> None:

@@ -14,6 +14,7 @@ import typer
 
 from onboard.errors import InputError, PerchhwError, SafetyStop
 from perchhw.cli import exit_codes
+from perchhw.cli.finite_numbers import with_finite_numbers
 from perchhw.cli.output import emit_error, settings, written
 from perchhw.cli.view_option import complete_view_option
 from perchhw.consoles import progress_console
@@ -134,7 +135,7 @@ def run(arguments: Sequence[str]) -> int:
     called = next((a for a in ordered if not a.startswith("-")), None)
     settings.as_json, settings.emitted = "--json" in ordered, False
     try:
-        _command_line(called)(ordered, prog_name="perchhw")
+        with_finite_numbers(typer.main.get_command(_command_line(called)))(ordered, prog_name="perchhw")
     except (SystemExit, KeyboardInterrupt, PerchhwError) as ended:
         with unheard():
             return _told(ended)

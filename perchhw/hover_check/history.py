@@ -1,6 +1,5 @@
 """The checks of the last days: a file each, in a folder of the drone beside the records."""
 
-import json
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from onboard.errors import InputError
-from onboard.json_file import write_json_atomically
+from onboard.json_file import parsed, write_json_atomically
 from onboard.lab_file import split_subject
 from onboard.record.folder import make_folder, slug
 from onboard.schema import schema_problem
@@ -104,7 +103,7 @@ class History:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = parsed(path.read_text(encoding="utf-8"))
         problem = schema_problem(document.get("schema"), SCHEMA)
         if problem is not None:
             raise ValueError(f"schema {problem}")

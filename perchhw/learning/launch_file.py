@@ -1,10 +1,10 @@
 """How a lab's own approaches and flips scatter, from ``landings.json`` of `perchhw gap landings --out`."""
 
-import json
 from pathlib import Path
 from typing import Any
 
 from calibration.gap.landings.outcomes.document import SCHEMA
+from onboard.json_file import parsed
 from onboard.schema import schema_problem
 from perchhw.learning.errors import LearningInputError
 from sim_backend.physics.launch import Launch
@@ -19,7 +19,7 @@ def read_landings(path: Path) -> dict[str, Any]:
         LearningInputError: it cannot be read, or is of another version.
     """
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = parsed(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise LearningInputError(
             f"{path}: cannot be read ({error}): give the landings.json of perchhw gap landings --out"

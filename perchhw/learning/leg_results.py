@@ -1,6 +1,5 @@
 """What the folder of a leg study holds, read back for its report."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 
 from onboard.arrays import BoolArray, FloatArray
 from onboard.csv_file import read_csv
+from onboard.json_file import parsed
 from onboard.outcome import Outcome
 from onboard.schema import schema_problem
 from perchhw.learning.bands import best_per_condition
@@ -88,7 +88,7 @@ def read_leg_study(folder: Path) -> LegResults:
 
 def _read_study(path: Path) -> dict[str, Any]:
     try:
-        study = json.loads(path.read_text(encoding="utf-8"))
+        study = parsed(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise LearningInputError(f"{path}: cannot be read ({error}): run perchhw learn legs") from error
     if not isinstance(study, dict):

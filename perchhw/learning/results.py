@@ -2,7 +2,6 @@
 
 import csv
 import hashlib
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from onboard.arrays import FloatArray
+from onboard.json_file import parsed
 from onboard.policy.files import Policy, load_policy, policy_crc32
 from perchhw.learning.bands import best_per_condition
 from perchhw.learning.errors import LearningInputError
@@ -196,7 +196,7 @@ def _read_json(path: Path) -> dict[str, Any] | None:
     if not path.is_file():
         return None
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = parsed(path.read_text(encoding="utf-8"))
     except ValueError as error:
         raise LearningInputError(f"{path}: is not JSON ({error}): make it again") from error
     if not isinstance(document, dict):

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from onboard.json_file import as_json
+from onboard.json_file import as_json, parsed
 from onboard.schema import schema_problem
 from perchhw.learning.errors import LearningInputError
 
@@ -150,7 +150,7 @@ def read_settings(path: Path) -> dict[str, Any]:
         LearningInputError: the file cannot be read, or is not one of this version.
     """
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = parsed(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise LearningInputError(
             f"{path}: cannot be read ({error}): restore it, or sweep into another folder"

@@ -20,9 +20,9 @@ from onboard.record.folder import OutputFolderError
 from onboard.record.run_record import RunFolderError, RunRecord, is_run_folder, read_info
 from perchhw.attempt import Outcome
 from perchhw.campaign.adaptive import FlownMap, flown_map
+from perchhw.campaign.database import CampaignError
 from perchhw.campaign.seats import drone_names, seat_of
 from perchhw.campaign.store import CampaignStore
-from perchhw.campaign.tries import CampaignError
 from perchhw.diagnosis.diagnose import diagnose_run, judge_of
 from perchhw.record.listing import find_runs
 from perchhw.record.run import read_run

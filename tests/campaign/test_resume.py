@@ -1,6 +1,7 @@
 """A campaign neither loses nor repeats an attempt, however its process dies."""
 
 import json
+import os
 import signal
 import sqlite3
 import subprocess
@@ -24,6 +25,7 @@ from perchhw.campaign import (
     run_campaign,
 )
 from perchhw.campaign.run import only_one
+from perchhw.campaign.seats import hold_all
 from perchhw.cli.main import run
 from perchhw.errors import FlightStackError
 from perchhw.record import read_run
@@ -219,7 +221,8 @@ def test_a_campaign_is_not_started_twice_by_accident(campaign_file: Path, tmp_pa
     plan, folder = load_plan(campaign_file), tmp_path / "c"
 
     def second(request: AttemptRequest) -> AttemptResult:
-        with pytest.raises(CampaignError, match="another process is running"):
+        running = rf"already running, by process {os.getpid()} \(.*\) since .*perchhw view"
+        with pytest.raises(CampaignError, match=running):
             run_campaign(plan, folder, fly, resume=True)
         return fly(request)
 
@@ -233,6 +236,37 @@ def test_a_campaign_is_not_started_twice_by_accident(campaign_file: Path, tmp_pa
         campaign_file.read_text().replace("seed = 8", "seed = 7").replace("19850", "19999")
     )
     assert len(run_campaign(load_plan(campaign_file), folder, fly, resume=True)) == 8
+
+
+def test_whoever_starts_a_campaign_that_runs_hears_of_it_and_not_of_its_drone(
+    campaign_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "c"
+    folder.mkdir()
+    with only_one(folder), hold_all(load_plan(campaign_file).drones):
+        assert run(["campaign", "run", str(campaign_file), "--resume", "--out", str(folder)]) == 2
+    said = capsys.readouterr().err
+    assert f"{folder}: this campaign is already running, by process {os.getpid()}" in said
+
+
+@pytest.mark.parametrize(
+    ("cell", "named"),
+    [
+        ("UPDATE facts SET value = '{' WHERE key = 'plan'", "fact plan"),
+        ("UPDATE facts SET value = '[1,' WHERE key = 'conditions'", "fact conditions"),
+        ("UPDATE attempts SET trigger = '{\"tau\": x}' WHERE slot = 3", "trigger of attempt 4"),
+    ],
+)
+def test_damaged_json_in_the_database_is_an_error_of_the_campaign(
+    cell: str, named: str, campaign_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "campaign"
+    run_campaign(load_plan(campaign_file), folder, fly)
+    with closing(sqlite3.connect(folder / "campaign.db")) as connection, connection:
+        connection.execute(cell)
+    verb = ["run", str(campaign_file), "--resume", "--yes", "--out"] if named == "fact plan" else ["report"]
+    assert run(["campaign", *verb, str(folder)]) == 2
+    assert f"{folder / 'campaign.db'}: is damaged ({named} is not JSON: " in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -40,6 +40,28 @@ def test_wrong_usage_exits_2(arguments: list[str], capsys: pytest.CaptureFixture
     assert captured.err
 
 
+@pytest.mark.parametrize("word", ["nan", "inf", "-inf", "1e999"])
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["fly", "--angle", "50", "--speed"],
+        ["log", "export", "RUN", "--to", "csv", "--rate"],
+        ["check", "hover", "--seconds"],
+        ["gap", "suggest", "--report", "report.json", "--vehicle", "crazyflie21-stock", "--ceiling"],
+        ["bringup", "--step", "landing", "--angle"],
+    ],
+    ids=lambda words: " ".join(words[:2]),
+)
+def test_a_number_that_is_not_finite_is_wrong_usage_of_its_option(
+    command: list[str], word: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run([*command[:-1], f"{command[-1]}={word}"]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert f"Invalid value for {command[-1]}: {float(word)} is not a finite number" in said or (
+        f"Invalid value for '{command[-1]}': Input should be" in said  # it has limits of its own
+    )
+
+
 def test_global_flags_may_stand_anywhere_before_the_double_dash() -> None:
     assert hoist_global_flags(["vehicle", "list", "--json"]) == ["--json", "vehicle", "list"]
     assert hoist_global_flags(["-v", "x", "--", "--json"]) == ["-v", "x", "--", "--json"]

@@ -284,3 +284,15 @@ def test_a_record_that_the_disk_ended_is_no_damaged_copy(tmp_path: Path, closed:
     assert not record.cut_off
     assert "not finished by its writer" in record.torn[0]
     open_flight(lost)
+
+
+def test_a_record_of_another_version_is_refused_by_its_name_and_not_called_damaged(
+    closed: Path, tmp_path: Path
+) -> None:
+    def older(data: bytearray) -> None:
+        data[:] = data.replace(b"perchhw.run/1", b"perchhw.run/0")
+
+    set_back = copy(closed, tmp_path / "older", "run.json", older)
+    with pytest.raises(RunFolderError, match=r"key 'schema': is \"perchhw\.run/0\", older than") as refused:
+        read_run(set_back)
+    assert "CRC-32" in str(refused.value)  # where it was a wrong bit, that is to be seen as well

@@ -16,7 +16,7 @@ from typing import Any, Self
 from calibration.errors import CalibrationError
 from calibration.measurement import Contribution, Estimate, Finding, Severity
 from onboard.errors import InputError
-from onboard.json_file import as_json, write_json_atomically
+from onboard.json_file import as_json, parsed, write_json_atomically
 from onboard.schema import schema_problem
 
 SCHEMA = "perchhw.calibration/1"
@@ -207,7 +207,7 @@ def load_calibration(path: Path) -> Calibration:
     """
     file = path / RESULT_FILE if path.is_dir() else path
     try:
-        document: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+        document: dict[str, Any] = parsed(file.read_text(encoding="utf-8"))
     except OSError as error:
         raise ResultFileError(f"{file}: cannot be read ({error.strerror}); give a run's folder") from error
     except ValueError as error:

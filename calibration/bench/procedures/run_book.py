@@ -6,7 +6,6 @@ first of either nothing is written: a run that never began leaves no trace.
 """
 
 import hashlib
-import json
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -16,7 +15,7 @@ from typing import Any
 from calibration.bench.procedures.operator import Operator, StepAgain, StepBack, StepSkipped
 from calibration.errors import CalibrationError
 from onboard.errors import InputError
-from onboard.json_file import write_json_atomically
+from onboard.json_file import parsed, write_json_atomically
 from onboard.record.folder import OutputFolderError, require_writable
 from onboard.schema import schema_problem
 
@@ -60,7 +59,7 @@ class RunBook:
 
     def _read(self, kind: str, settings: Json) -> Json:
         try:
-            state: Json = json.loads(self._path.read_text(encoding="utf-8"))
+            state: Json = parsed(self._path.read_text(encoding="utf-8"))
             problem = schema_problem(state.get("schema"), SCHEMA)
             if problem is not None:
                 raise RunBookError(f"{self._path}: schema {problem}; give another folder with --out")

@@ -1,6 +1,5 @@
 """Which questions a gap report leaves open: read from ``report.json`` (``perchhw.gap/1``)."""
 
-import json
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import Any
 from calibration.errors import CalibrationError
 from calibration.gap.suggest.hypothesis import Hypothesis
 from onboard.errors import InputError
+from onboard.json_file import parsed
 from onboard.schema import schema_problem
 from onboard.vehicle import EFFECTS, Vehicle
 
@@ -55,7 +55,7 @@ def read_questions(path: Path) -> OpenQuestions:
         GapReportError: not a report, or it names an effect that does not exist.
     """
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = parsed(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise GapReportError(f"{path}: cannot be read ({error.strerror}); give a report.json") from error
     except ValueError as error:

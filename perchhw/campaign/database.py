@@ -1,0 +1,83 @@
+"""The database file of a campaign: opened, held against damage, its errors told as those of the folder."""
+
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Any
+
+from onboard.errors import InputError
+from onboard.json_file import parsed
+from perchhw.errors import FlightStackError
+
+DATABASE = "campaign.db"
+
+
+class CampaignError(FlightStackError, InputError):
+    """A campaign folder cannot be used as asked; the message says what to do."""
+
+
+@contextmanager
+def kept_in(folder: Path) -> Iterator[None]:
+    """An error of the database within is one of the folder.
+
+    Raises:
+        CampaignError: it cannot be written.
+    """
+    try:
+        yield
+    except sqlite3.Error as error:
+        raise CampaignError(
+            f"{folder}: the campaign cannot be kept ({error}): make room, then continue with --resume"
+        ) from error
+
+
+def columns_of(folder: Path) -> set[str]:
+    """Columns of the table of tries; none where `folder` holds no campaign that was completely created."""
+    path = folder / DATABASE
+    if not path.is_file():
+        return set()
+    with closing(connected(path)) as connection:
+        return {str(row["name"]) for row in connection.execute("PRAGMA table_info(attempts)")}
+
+
+def connected(path: Path) -> sqlite3.Connection:
+    """Open the database.
+
+    Raises:
+        CampaignError: it is damaged.
+    """
+    connection = sqlite3.connect(path, isolation_level=None, timeout=5.0)
+    connection.row_factory = sqlite3.Row
+    try:
+        connection.execute("PRAGMA journal_mode = WAL")
+        connection.execute("PRAGMA synchronous = FULL")
+        (found,) = connection.execute("PRAGMA quick_check(1)").fetchone()
+    except sqlite3.OperationalError:  # locked, say: nothing is wrong with the file
+        connection.close()
+        raise
+    except sqlite3.DatabaseError as error:
+        found = str(error)
+    if found != "ok":
+        connection.close()
+        raise CampaignError(_damaged(path, found))
+    return connection
+
+
+def decoded(folder: Path, text: str, what: str) -> Any:
+    """JSON in a cell of the database. SQLite has no checksum: a wrong bit in a text passes its own check.
+
+    Raises:
+        CampaignError: it is damaged.
+    """
+    try:
+        return parsed(text)
+    except ValueError as error:
+        raise CampaignError(_damaged(folder / DATABASE, f"{what} is not JSON: {error}")) from error
+
+
+def _damaged(path: Path, what: str) -> str:
+    return (
+        f"{path}: is damaged ({what}): restore it; the records beside it can be read without "
+        f"(perchhw log list {path.parent / 'attempts'})"
+    )
