@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from pymavlink.dialects.v20 import common
 
 from mocap_bridge.errors import SourceLost
+from onboard.taken_port import why_not_taken
 
 MESSAGES: Any = common
 """The dialect: message classes ``MAVLink_..._message`` and constants ``MAV_...``."""
@@ -68,8 +69,8 @@ class MavlinkEndpoint:
                 self._socket.close()
                 host, port = listen
                 raise SourceLost(
-                    f"cannot listen on UDP {host}:{port} ({error}); is the port in use, is the address one "
-                    "of this computer's?"
+                    f"cannot listen for MAVLink: {why_not_taken(error, 'UDP', host, port)}; does another "
+                    "perchhw or a ground station listen there? End that, or send to another port"
                 ) from error
         self._selector = selectors.DefaultSelector()
         self._selector.register(self._socket, selectors.EVENT_READ)

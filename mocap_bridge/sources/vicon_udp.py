@@ -14,6 +14,7 @@ from mocap_bridge.rotation import continuous, quaternion_from_euler_xyz
 from mocap_bridge.sources.queued import QueuedStream
 from mocap_bridge.tracker_udp import NAME_BYTES, TrackerItem, decode_block
 from mocap_bridge.uri import MocapUri
+from onboard.taken_port import why_not_taken
 from onboard.timebase import Timebase
 
 OPEN_TIMEOUT_S = 0.5
@@ -35,8 +36,8 @@ def open_vicon_udp(uri: MocapUri, clock: Timebase) -> "ViconUdpStream":
     except OSError as error:
         listener.close()
         raise SourceLost(
-            f"cannot listen on UDP {uri.host}:{uri.port} ({error}); is the port in use, is the address "
-            "one of this computer's?"
+            f"cannot listen for Tracker's objects: {why_not_taken(error, 'UDP', uri.host, uri.port)}; does "
+            "another perchhw listen to it? End that, or let Tracker send to another port"
         ) from error
     return ViconUdpStream(listener, uri, clock).opened(OPEN_TIMEOUT_S)
 

@@ -203,6 +203,6 @@ def is_held(folder: Path) -> bool:
             fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
         return True
-    except FileNotFoundError:  # nobody has run it yet
+    except (FileNotFoundError, NotADirectoryError):  # nobody has run it yet, or can
         return False
     return False

@@ -29,12 +29,18 @@ _BY_A_LATE_LAB = (*_MAY_BE_LATE, Cause.MOCAP_OCCLUDED)
 
 def busy_words(info: Mapping[str, Any], cause: Cause) -> tuple[str, dict[str, Number]] | None:
     """What ``run.json`` says of a computer that was too busy, where that can be behind `cause`, or None."""
+    return (
+        too_busy(info)
+        if cause in (_MAY_BE_LATE if _rate_of_late_lab(info) is None else _BY_A_LATE_LAB)
+        else None
+    )
+
+
+def too_busy(info: Mapping[str, Any]) -> tuple[str, dict[str, Number]] | None:
+    """What ``run.json`` says of a computer that was too busy, in words and numbers, or None."""
     words, numbers = [], dict[str, Number]()
-    rate, host = info.get("drone_clock_rate"), info.get("host") or {}
-    late_lab = isinstance(rate, float) and rate < SLOWEST
-    if cause not in (_BY_A_LATE_LAB if late_lab else _MAY_BE_LATE):
-        return None
-    if late_lab:
+    rate, host = _rate_of_late_lab(info), info.get("host") or {}
+    if rate is not None:
         words.append(f"the lab ran at {rate:.2f} of real time")
         numbers["drone_clock_rate"] = rate
     cpus, load = host.get("cpus"), host.get("load")
@@ -42,3 +48,8 @@ def busy_words(info: Mapping[str, Any], cause: Cause) -> tuple[str, dict[str, Nu
         words.append(f"its load was {load:.0f} on {cpus} processors")
         numbers |= {"load": load, "cpus": cpus}
     return (f"this computer was too busy: {', '.join(words)}", numbers) if words else None
+
+
+def _rate_of_late_lab(info: Mapping[str, Any]) -> float | None:
+    rate = info.get("drone_clock_rate")
+    return rate if isinstance(rate, float) and rate < SLOWEST else None

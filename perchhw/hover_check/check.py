@@ -10,6 +10,7 @@ from calibration.measurement import Estimate
 from onboard.manoeuvres import manoeuvre
 from onboard.room import RoomGeometry
 from onboard.vehicle import Vehicle, load_vehicle
+from perchhw.diagnosis.busy import too_busy
 from perchhw.flight.course import CourseRequest, CourseResult, fly_uninterrupted
 from perchhw.hover_check.expected import expected
 from perchhw.hover_check.history import History
@@ -20,7 +21,7 @@ from perchhw.hover_check.thrust import hover_thrust
 from perchhw.hover_check.vibration import RotorLine, vibration
 from perchhw.hover_check.windows import CheckWindows
 from perchhw.lab.setup import FlightSetup
-from perchhw.record import new_run_folder, read_run
+from perchhw.record import RunRecord, new_run_folder, read_run
 from perchhw.screen.display import Display
 
 KIND = "attitude_doublets"
@@ -113,10 +114,12 @@ def examine_check(record: Path, setup: FlightSetup, out: Path, *, begins_anew: b
         HistoryError: an earlier check is damaged.
     """
     vehicle = load_vehicle(setup.vehicle, setup.legs)
-    measured, rotors = measure(record, vehicle, setup.room)
+    run = read_run(record)
+    measured, rotors = measure(run, vehicle, setup.room)
     history = History.of(out, setup.drone, setup.mocap, vehicle)
     before = () if begins_anew else history.before()
-    lines = judge(measured, expected(vehicle), [one.values for one in before])
+    busy = too_busy(run.info)
+    lines = judge(measured, expected(vehicle), [one.values for one in before], busy and busy[0])
     kept = history.keep(datetime.now(UTC), record, lines, begins_anew=begins_anew)
     return HoverCheck(
         lines=lines,
@@ -129,14 +132,13 @@ def examine_check(record: Path, setup: FlightSetup, out: Path, *, begins_anew: b
 
 
 def measure(
-    record: Path, vehicle: Vehicle, room: RoomGeometry
+    run: RunRecord, vehicle: Vehicle, room: RoomGeometry
 ) -> tuple[Mapping[str, Estimate], tuple[RotorLine, ...]]:
     """What the record of a check says, by name of the held quantity; and the rotors' lines.
 
     Raises:
         RecordTooShort: it does not hold what is needed.
     """
-    run = read_run(record)
     parameters = {name: float(value) for name, value in run.config["parameters"].items()}
     duration = manoeuvre(KIND).course(parameters, room).duration
     windows = CheckWindows.of(run, parameters["seconds"], duration)

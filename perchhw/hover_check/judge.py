@@ -11,7 +11,7 @@ Shewhart's three standard deviations (1931).
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any
 
@@ -19,6 +19,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from calibration.measurement import Estimate, normalised_difference
+from perchhw.diagnosis.busy import REMEDY
 from perchhw.hover_check.quantities import HELD, HeldQuantity
 
 KNOWN_DAYS = 10
@@ -55,6 +56,7 @@ class CheckedQuantity:
         ratio: E_n; None without `expected`.
         days: None without days before.
         verdict: what comes of it.
+        busy: how busy this computer was, where that can be the reason; None: it was not, or cannot be.
     """
 
     held: HeldQuantity
@@ -63,11 +65,14 @@ class CheckedQuantity:
     ratio: float | None
     days: Days | None
     verdict: LineVerdict
+    busy: str | None = None
 
     @property
     def settles(self) -> str | None:
         """What settles it, where it is not as it was or should be."""
-        return self.held.settles if self.verdict in (LineVerdict.CHANGED, LineVerdict.OFF_FILE) else None
+        if self.verdict not in (LineVerdict.CHANGED, LineVerdict.OFF_FILE):
+            return None
+        return self.held.settles if self.busy is None else f"{self.busy}; {REMEDY}; else {self.held.settles}"
 
     def json_shape(self) -> dict[str, Any]:
         """The line in the JSON document; SI."""
@@ -87,18 +92,21 @@ def judge(
     measured: Mapping[str, Estimate],
     expected: Mapping[str, Estimate],
     before: Sequence[Mapping[str, float]],
+    busy: str | None = None,
 ) -> tuple[CheckedQuantity, ...]:
     """A line for each held quantity that was measured.
 
     Args:
         measured, expected: by name of the quantity.
         before: values by name of earlier checks of the same drone.
+        busy: how this computer was too busy for the flight, in words; None: it was not.
     """
-    return tuple(
+    lines = (
         _line(held, measured[held.what], expected.get(held.what), before)
         for held in HELD
         if held.what in measured
     )
+    return tuple(replace(line, busy=busy if line.held.late_with_computer else None) for line in lines)
 
 
 def _line(
@@ -138,6 +146,9 @@ def in_words(lines: Sequence[CheckedQuantity], last_day: str | None) -> str:
     """The morning's answer in one sentence."""
     changed = [line.held.what for line in lines if line.verdict is LineVerdict.CHANGED]
     off = [line.held.what for line in lines if line.verdict is LineVerdict.OFF_FILE]
+    asked = [line for line in lines if line.settles is not None]
+    if asked and (busy := asked[0].busy) is not None and all(line.busy is not None for line in asked):
+        return f"not to be judged, {busy}: {', '.join(line.held.what for line in asked)}"
     if changed:
         return f"not the drone of {last_day}: {', '.join(changed)} changed"
     if off and last_day is not None:

@@ -18,6 +18,7 @@ class HeldQuantity:
         shown: factor and unit in which a person reads it.
         more_is_wrong: only a larger value is a change.
         relative: `repeats` is a share of the value.
+        late_with_computer: a computer that is too busy for the flight makes it wrong, too.
     """
 
     what: str
@@ -27,6 +28,7 @@ class HeldQuantity:
     shown: tuple[float, str] = (1.0, "")
     more_is_wrong: bool = False
     relative: bool = False
+    late_with_computer: bool = False
 
 
 _PROPELLER: Final = "exchange that propeller, then that motor; centre battery and markers; "
@@ -86,13 +88,16 @@ HELD: Final = (
         more_is_wrong=True,
         relative=True,
     ),
-    HeldQuantity("mocap_rate", "poses a second", 0.5, _MOCAP, (1.0, "Hz")),
-    HeldQuantity(
-        "mocap_missing", "share of the frames that never came", 0.003, _MOCAP, _PERCENT, more_is_wrong=True
+    HeldQuantity("mocap_rate", "poses a second", 0.5, _MOCAP, (1.0, "Hz"), late_with_computer=True),
+    *(
+        HeldQuantity(what, meaning, repeats, _MOCAP, shown, more_is_wrong=True, late_with_computer=True)
+        for what, meaning, repeats, shown in (
+            ("mocap_missing", "share of the frames that never came", 0.003, _PERCENT),
+            ("mocap_longest_gap", "longest time without a pose", 0.006, _MS),
+            ("mocap_age", "age of the poses at receipt", 0.001, _MS),
+            ("mocap_jitter", "of that age, 95 of 100 poses", 0.001, _MS),
+        )
     ),
-    HeldQuantity("mocap_longest_gap", "longest time without a pose", 0.006, _MOCAP, _MS, more_is_wrong=True),
-    HeldQuantity("mocap_age", "age of the poses at receipt", 0.001, _MOCAP, _MS, more_is_wrong=True),
-    HeldQuantity("mocap_jitter", "of that age, 95 of 100 poses", 0.001, _MOCAP, _MS, more_is_wrong=True),
     HeldQuantity("mocap_latency", "delay of the poses that nobody reports", 0.0015, _MOCAP, _MS),
     *(
         HeldQuantity(

@@ -19,6 +19,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Protocol
 
+from onboard.taken_port import why_not_taken
 from sim_backend.crazyflie.crtp import PAYLOAD_MAX, Packet, Port
 from sim_backend.crazyflie.faults import DatagramFaults
 from sim_backend.crazyflie.interfaces import FirmwareAssertion, FirmwarePort
@@ -133,7 +134,8 @@ class CrazyflieServer:
         except OSError as error:
             sock.close()
             raise ServerError(
-                f"no simulated drone on udp://{host}:{port}: {error}; use another port"
+                f"no simulated drone: {why_not_taken(error, 'UDP', host, port)}; is a simulated lab running "
+                "already? Use that, end it, or give another --drone-port (0: a free one)"
             ) from error
         self._socket = sock
         self._loop.add_reader(sock, self._drain)

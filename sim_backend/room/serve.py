@@ -14,6 +14,7 @@ import numpy as np
 from mocap_bridge.rotation import euler_xyz_from_quaternion
 from mocap_bridge.tracker_udp import TrackerItem, encode_blocks
 from onboard.clock import Clock
+from onboard.taken_port import why_not_taken
 from sim_backend.room.cameras import CameraFrame, Cameras
 from sim_backend.room.datastream_server import DataStreamServer
 from sim_backend.room.feed import ANSWER, FeedError, FeedReceiver, FeedUpdate, decode_feed
@@ -88,16 +89,19 @@ class RoomServer:
         """
         host = self._settings.host
         loop = asyncio.get_running_loop()
+        protocol, port = "UDP", self._settings.feed_port
         try:
             self._feed_transport, _ = await loop.create_datagram_endpoint(
                 lambda: _FeedProtocol(self._take_update), local_addr=(host, self._settings.feed_port)
             )
             self.feed_port = self._feed_transport.get_extra_info("sockname")[1]
+            protocol, port = "TCP", self._settings.vicon_port
             self.vicon_port = await self._datastream.start(host, self._settings.vicon_port)
         except OSError as error:
             await self.close()
             raise RoomError(
-                f"simulated room on {host}: {error}; choose another port (0 takes a free one)"
+                f"no simulated room: {why_not_taken(error, protocol, host, port)}; is a simulated lab "
+                "running already? Use that, end it, or give another port (--vicon-port 0: a free one)"
             ) from error
         if self.vicon_udp_port == 0:
             self.vicon_udp_port = _free_udp_port(host)

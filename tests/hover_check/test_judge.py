@@ -111,6 +111,22 @@ def test_against_the_file_alone() -> None:
     assert "but not as its vehicle file says" in in_words(lines, "yesterday")
 
 
+def test_what_a_busy_computer_makes_late_is_not_blamed_on_motion_capture() -> None:
+    late, busy = {"mocap_jitter": 0.06, "mocap_age": 0.08}, "its load was 17 on 2 processors"
+    calm = judge(measured(late), expected(VEHICLE), [])
+    assert {line.settles for line in calm} == {BY_NAME["mocap_age"].settles}
+    lines = judge(measured(late), expected(VEHICLE), [], busy)
+    for line in lines:
+        assert str(line.settles).startswith(f"{busy}; end other programs on this computer")
+        assert str(line.settles).endswith(f"else {line.held.settles}")
+    assert in_words(lines, "yesterday") == f"not to be judged, {busy}: mocap_age, mocap_jitter"
+    # What no computer makes wrong is said as ever.
+    both = judge(measured({**late, "motor_2": 1.18}), expected(VEHICLE), [], busy)
+    assert both[0].settles == BY_NAME["motor_2"].settles
+    assert "motor_2" in in_words(both, None)
+    assert "not to be judged" not in in_words(both, None)
+
+
 def keep(history: History, values: dict[str, float], number: int, *, begins_anew: bool = False) -> None:
     before = () if begins_anew else history.before()
     lines = judge(measured(values), expected(VEHICLE), [one.values for one in before])

@@ -1,6 +1,7 @@
 """The running lab as a process: unmodified cflib flies its drone on its room's poses; it ends cleanly."""
 
 import contextlib
+import errno
 import json
 import os
 import select
@@ -21,6 +22,7 @@ from cflib.crazyflie.syncCrazyflie import SyncCrazyflie
 
 from mocap_bridge.bridge import PoseBridge
 from mocap_bridge.health import PoseVerdict
+from onboard.taken_port import why_not_taken
 from perchhw.cli.main import run
 from tests.patience import PATIENCE_S, until
 
@@ -252,4 +254,33 @@ def test_a_taken_port_is_named(capsys: pytest.CaptureFixture[str]) -> None:
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
         assert run(["sim", "drone", "--drone-port", str(port)]) == 1
-    assert str(port) in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert f"no simulated drone: UDP port {port} on 127.0.0.1 is in use by another program (`ss -ulpn" in said
+    assert "is a simulated lab running already?" in said
+    assert "Errno" not in said
+
+
+@pytest.mark.parametrize(("option", "kind"), [("--vicon-port", socket.SOCK_STREAM)])
+def test_a_taken_port_of_the_room_is_named(
+    option: str, kind: socket.SocketKind, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with socket.socket(socket.AF_INET, kind) as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        assert run(["sim", "room", option, str(port), "--vicon-udp-port", "0"]) == 1
+    said = capfd.readouterr().err
+    assert f"no simulated room: TCP port {port} on 127.0.0.1 is in use by another program" in said
+    assert "Errno" not in said
+
+
+@pytest.mark.parametrize(
+    ("number", "words"),
+    [
+        (errno.EACCES, "UDP port 80 on ::1 is not for this user: take one of 1024 or more"),
+        (errno.EADDRNOTAVAIL, "UDP port 80 on ::1 cannot be taken: this computer has no such address"),
+        (errno.ENOBUFS, "UDP port 80 on ::1 cannot be taken: No buffer space available"),
+    ],
+)
+def test_why_a_port_cannot_be_taken(number: int, words: str) -> None:
+    assert why_not_taken(OSError(number, os.strerror(number)), "UDP", "::1", 80) == words
