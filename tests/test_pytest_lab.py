@@ -98,7 +98,7 @@ def test_freeze_and_thaw(fresh: Lab) -> None:
         fresh.run_for(0.1)
         drone.thaw()
         assert drone.boots == before
-        assert cf.link_uri == drone.uri
+        assert cf.link_uri == f"{drone.uri}?silence_s=10"
 
 
 def test_brown_out(fresh: Lab) -> None:

@@ -8,11 +8,15 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import typer
+from onboard.errors import InputError
 
 
 def with_finite_numbers(command: Any) -> Any:
-    """The command as built by :func:`typer.main.get_command`, with those of its groups; changed in place."""
+    """The command as built by :func:`typer.main.get_command`, with those of its groups; changed in place.
+
+    Raises:
+        InputError: by the command, when it runs: an option's value is not finite.
+    """
     for below in getattr(command, "commands", {}).values():
         with_finite_numbers(below)
     if command.callback is not None:
@@ -26,7 +30,7 @@ def _checked(callback: Callable[..., Any], names: Mapping[str, str]) -> Callable
     def checked(*arguments: Any, **values: Any) -> Any:
         for name, value in values.items():
             if isinstance(value, float) and not math.isfinite(value):
-                raise typer.BadParameter(f"{value} is not a finite number", param_hint=names.get(name, name))
+                raise InputError(f"{names.get(name, name)}: {value} is not a finite number")
         return callback(*arguments, **values)
 
     return checked

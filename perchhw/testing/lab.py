@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 CONNECT_TIMEOUT_S = 60.0
 CLOSE_TIMEOUT_S = 2.0
+SILENCE_S = 10.0
+"""Of a drone before its link counts as lost, s: a busy machine stands still for longer than a radio may."""
 POLL_S = 0.01
 STANDSTILL_S = 60.0
 """When the lab's time has not gone on for so long by the machine's clock, waiting for it ends."""
@@ -118,7 +120,8 @@ class SimulatedDrone:
     @contextmanager
     def connect(self) -> "Iterator[Crazyflie]":
         """A cflib ``Crazyflie``, fully connected by perchhw's driver: a lost packet is repeated, and a drone
-        that does not answer is an error where cflib alone would wait for ever.
+        that does not answer for 10 s is an error where cflib alone would wait for ever. Its ``link_uri``
+        says so.
 
         Raises:
             LabInputError: the drone of an instant lab.
@@ -128,7 +131,9 @@ class SimulatedDrone:
 
         if self.uri.startswith("perchhw://"):
             raise LabInputError(f"{self.uri}: an instant lab's drone is for cflib's own SyncCrazyflie")
-        connected = open_crazyflie(self.uri, timeout_s=CONNECT_TIMEOUT_S, clock=WALL)
+        connected = open_crazyflie(
+            f"{self.uri}?silence_s={SILENCE_S:g}", timeout_s=CONNECT_TIMEOUT_S, clock=WALL
+        )
         try:
             yield connected
         finally:

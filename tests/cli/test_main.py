@@ -57,7 +57,7 @@ def test_a_number_that_is_not_finite_is_wrong_usage_of_its_option(
 ) -> None:
     assert run([*command[:-1], f"{command[-1]}={word}"]) == 2
     said = " ".join(capsys.readouterr().err.split())
-    assert f"Invalid value for {command[-1]}: {float(word)} is not a finite number" in said or (
+    assert f"error: {command[-1]}: {float(word)} is not a finite number" in said or (
         f"Invalid value for '{command[-1]}': Input should be" in said  # it has limits of its own
     )
 
