@@ -196,7 +196,7 @@ def test_a_second_bench_on_the_same_port_and_a_bad_pace_are_told(
     bench: SimulatedLab, capsys: pytest.CaptureFixture[str]
 ) -> None:
     port = bench.drones[0].rpartition(":")[2]
-    with pytest.raises(LabNotReady, match=f"UDP port {port} on 127.0.0.1 is in use by another program.* give another --drone-port"):
+    with pytest.raises(LabNotReady, match=f"{port} on .* is in use by another program"):
         SimulatedLab("bench", ["--drone-port", port]).open()
     assert run(["sim", "bench", "--drone-port", "0", "--pace", "900"]) == 2
     assert "pace" in capsys.readouterr().err

@@ -254,7 +254,7 @@ def test_a_taken_port_is_said():
     with socket.create_server(("127.0.0.1", 0)) as holder:
         settings = RoomSettings(vicon_port=holder.getsockname()[1], vicon_udp_port=0)
         with (
-            pytest.raises(RoomError, match="is in use by another program.* give another port"),
+            pytest.raises(RoomError, match=r"is in use by another program.* give another port"),
             RoomThread(settings, np.random.default_rng(0)),
         ):
             pytest.fail("the room started on a taken port")
