@@ -63,6 +63,30 @@ def test_laws_that_predict_alike_are_one_name_and_an_open_question() -> None:
     assert set(document["search"]["laws"]) == set(LAWS)
 
 
+def test_what_has_no_name_but_bends_a_value_widens_its_interval() -> None:
+    """Flights that a high limit with hinges as filed predicts like a low one with softer hinges: the limit is
+    either, also where one of the two models is a little better."""
+    high = WITHOUT._replace(speed=1.4, spread=0.4)
+    low = WITHOUT._replace(speed=0.6, spread=0.4, stiffness=0.5)
+    nearly = 0.98 * KNOWS + 0.02 / 3.0
+    points = [WITHOUT, WITHOUT._replace(stiffness=0.5), high, low]
+    table = np.stack([KIND, KIND, KNOWS, nearly])
+    found = search_outcomes(points, table, REAL, 200, np.random.default_rng(0))
+    assert found.named == ("pads",)
+    assert found.best.groups == ("pads",)
+    assert found.best.values["speed"][0] > 1.3  # sure of it
+    mean, sigma, (least, most) = found.values["speed"]
+    assert least <= 0.6
+    assert most >= 1.4
+    assert 0.6 < mean < 1.4
+    better = improved_vehicle(load_vehicle("crazyflie21-upgraded-stored"), found, "a test")
+    written = next(e for e in better.effects if e.name == "pad_capture").parameters["speed"]
+    assert written.value == pytest.approx(found.best.values["speed"][0])  # fits the hinges that are filed
+    assert written.sigma is not None
+    assert written.sigma >= sigma
+    assert abs(written.value - 0.6) < 4.0 * written.sigma
+
+
 def test_no_law_is_named_where_none_helps() -> None:
     assert not set(LAWS) & set(searched(KIND, KIND).named)
 

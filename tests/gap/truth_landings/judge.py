@@ -56,7 +56,7 @@ class Judged:
     @property
     def speed(self) -> tuple[float, float, float]:
         """Limit of the pads (m/s) and its 95 % interval, where it was named."""
-        mean, _, (low, high) = self.found.best.values["speed"]
+        mean, _, (low, high) = self.found.values["speed"]
         return mean, low, high
 
 
@@ -115,7 +115,7 @@ def drawn(seed: int, pads: int) -> list[Drone]:
 
 
 def line(seed: int, one: Judged) -> dict[str, Any]:
-    values = {name: _short(mean, *interval) for name, (mean, _, interval) in one.found.best.values.items()}
+    values = {name: _short(mean, *interval) for name, (mean, _, interval) in one.found.values.items()}
     return {
         "seed": seed,
         "hidden": {

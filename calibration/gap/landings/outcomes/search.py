@@ -3,8 +3,11 @@
 Every vehicle of the grid predicts every flight once (:mod:`..vehicles`). The probability of what happened,
 all flights together, is a vehicle's likelihood; with every vehicle of the grid as likely beforehand its share
 is its posterior. A prediction is the mean over the posterior (Bayesian model averaging: Hoeting et al.,
-Statist. Sci. 14, 382, 1999), so that what a few flights leave open widens it. Flights are predicted from the
-others: one left out, and each half from the other. Nothing maps probabilities to probabilities.
+Statist. Sci. 14, 382, 1999), so that what a few flights leave open widens it. What is named has its value
+from all models that have it open, each as much as its evidence says, and not from the best alone: that one may
+shut what has no name and yet bends the value (hinges as filed: a limit of pads of twice what is true, and sure
+of it). Flights are predicted from the others: one left out, and each half from the other. Nothing maps
+probabilities to probabilities.
 """
 
 from collections.abc import Sequence
@@ -91,6 +94,10 @@ def counts_inside(table: FloatArray, logs: FloatArray, real: IntArray, own: Bool
     return [low <= count <= high for count, (low, high) in zip(happened, intervals, strict=True)]
 
 
+Estimate = tuple[float, float, Interval]
+"""Mean, standard deviation and 95 % interval of a coordinate."""
+
+
 @dataclass(frozen=True)
 class HalfScore:
     """Flights predicted from a half that they are not in, with the base rate of that half beside it.
@@ -121,13 +128,17 @@ class ModelFit:
         halves: likewise, each half predicted from the other, SPLITS times.
         brier: left one out, by flight (n,).
         values: posterior mean, standard deviation and 95 % interval by coordinate.
+        shares: posterior of the vehicles of the whole grid (points,).
+        log_evidence: ln of the mean probability, over the vehicles that it leaves open, of what happened.
     """
 
     groups: tuple[str, ...]
     left_one_out: Score
     halves: HalfScore
     brier: FloatArray
-    values: dict[str, tuple[float, float, Interval]]
+    values: dict[str, Estimate]
+    shares: FloatArray
+    log_evidence: float
 
     @property
     def name(self) -> str:
@@ -159,6 +170,7 @@ class OutcomeSearch:
         gains: mean change of the Brier score by group, from the best model without it (of a law: without any)
             to the best with it, left one out, with its 95 % interval (flights drawn again).
         spared: likewise without the flight that speaks most for the group: no name rests on one flight.
+        values: of the coordinates of what is named: over all models that have that open, by their evidence.
         behind: mean change of the Brier score from the law that is named, else the best one, to each law,
             likewise; with hinges open at most.
         filed: what the vehicle file says.
@@ -169,6 +181,7 @@ class OutcomeSearch:
     named: tuple[str, ...]
     gains: dict[str, tuple[float, Interval]]
     spared: dict[str, float]
+    values: dict[str, Estimate]
     behind: dict[str, tuple[float, Interval]]
     filed: Point
 
@@ -178,10 +191,6 @@ class OutcomeSearch:
         refuted = {law for law, (_, (low, _)) in self.behind.items() if low > 0.0}
         return tuple(group for group in GROUPS if group not in self.named and group not in refuted)
 
-    def value_of(self, coordinate: str) -> tuple[float, float, Interval]:
-        """Mean, standard deviation, 95 % interval by the best model; as filed where that leaves it shut."""
-        return self.best.values.get(coordinate, (getattr(self.filed, coordinate), 0.0, (0.0, 0.0)))
-
     def json_shape(self) -> dict[str, Any]:
         """``effects`` and ``search`` of the document."""
         effects: dict[str, dict[str, Any]] = {}
@@ -189,7 +198,7 @@ class OutcomeSearch:
             gain, interval = self.gains[group]
             for coordinate in GROUPS[group]:
                 effect, parameter = EFFECT_OF[coordinate]
-                mean, sigma, between = self.value_of(coordinate)
+                mean, sigma, between = self.values[coordinate]
                 entry = effects.setdefault(
                     effect,
                     {
@@ -258,9 +267,25 @@ def search_outcomes(
         named=named,
         gains=gains,
         spared=spared,
+        values=_averaged(named, fits, np.array(points)),
         behind={law: _mean_of(laws[law].brier - laws[chosen].brier, drawn) for law in LAWS},
         filed=filed,
     )
+
+
+def _averaged(named: Sequence[str], fits: Sequence[ModelFit], points: FloatArray) -> dict[str, Estimate]:
+    """Estimates of what is named, each group's over the models that have it open; one with another law of the
+    pads than the named one is no model of it."""
+    other_laws = set(LAWS) - set(named) if set(LAWS) & set(named) else set()
+    values = {}
+    for group in named:
+        able = [fit for fit in fits if group in fit.groups and not other_laws & set(fit.groups)]
+        evidence = np.array([fit.log_evidence for fit in able])
+        weight = np.exp(evidence - evidence.max())
+        shares = weight @ np.array([fit.shares for fit in able]) / weight.sum()
+        for name in GROUPS[group]:
+            values[name] = _moments(points[:, Point._fields.index(name)], shares)
+    return values
 
 
 def _mean_of(change: FloatArray, drawn: IntArray) -> tuple[float, Interval]:
@@ -285,12 +310,16 @@ def _fit(
     own, own_logs = table[rows], logs[rows]
     left = held_out(own, own_logs, np.arange(real.size))
     share = posterior(own_logs, np.ones(real.size, dtype=np.bool_))
+    shares = np.zeros(len(points))
+    shares[rows] = share
     return ModelFit(
         groups=groups,
         left_one_out=score(left, real, draws, rng),
         halves=_halves(own, own_logs, real, rng),
         brier=brier(left, real),
         values={name: _moments(points[rows, axis], share) for name, axis in free.items()},
+        shares=shares,
+        log_evidence=float(np.logaddexp.reduce(own_logs.sum(axis=1)) - np.log(rows.size)),
     )
 
 
@@ -311,8 +340,8 @@ def _halves(table: FloatArray, logs: FloatArray, real: IntArray, rng: np.random.
     return HalfScore(float(own.mean()), float(base.mean()), gain, interval, auc, held)
 
 
-def _moments(value: FloatArray, share: FloatArray) -> tuple[float, float, Interval]:
-    """Mean, standard deviation, 95 % interval: a point of the grid stands for all half-way to the next."""
+def _moments(value: FloatArray, share: FloatArray) -> Estimate:
+    """Of a coordinate over vehicles: a point of the grid stands for all half-way to the next."""
     mean = float(share @ value)
     sigma = float(np.sqrt(share @ (value - mean) ** 2))
     levels, inverse = np.unique(value, return_inverse=True)

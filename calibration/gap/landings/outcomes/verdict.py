@@ -1,6 +1,7 @@
 """What predicted and real outcomes say of a vehicle file: what it lacks, what the flights leave open."""
 
 import dataclasses
+import math
 
 from calibration.gap.landings.findings import LandingVerdict
 from calibration.gap.landings.outcomes.scores import Score, count_interval
@@ -57,7 +58,7 @@ def _lacks(search: OutcomeSearch, group: str) -> str:
     said = []
     for coordinate in GROUPS[group]:
         effect, parameter = EFFECT_OF[coordinate]
-        mean, sigma, _ = search.value_of(coordinate)
+        mean, sigma, _ = search.values[coordinate]
         unit = "" if UNITS[coordinate] == "1" else f" {UNITS[coordinate]}"
         filed = getattr(search.filed, coordinate)
         said.append(f"{effect}.{parameter} {mean:.3g} +- {sigma:.2g}{unit} (filed {filed:g})")
@@ -65,10 +66,11 @@ def _lacks(search: OutcomeSearch, group: str) -> str:
 
 
 def improved_vehicle(vehicle: Vehicle, search: OutcomeSearch, source: str) -> Vehicle:
-    """The vehicle with what the best model found; other effects as filed.
+    """The vehicle with what the best model found, which fits together; other effects as filed.
 
-    What goes with a named group in the best model and has no name of its own is written too, and says so. A
-    law of pads that is found stands in place of those that were filed.
+    The standard deviation of what is named is that about its value here over all models. What goes with a
+    named group in the best model and has no name of its own is written too, and says so. A law of pads that
+    is found stands in place of those that were filed.
 
     Args:
         vehicle: as given. search: with at least one named group. source: provenance of the numbers.
@@ -79,6 +81,9 @@ def improved_vehicle(vehicle: Vehicle, search: OutcomeSearch, source: str) -> Ve
         for coordinate in GROUPS[group]:
             effect, parameter = EFFECT_OF[coordinate]
             mean, sigma, _ = search.best.values[coordinate]
+            if coordinate in search.values:  # which models the flights leave open makes it less certain
+                average, spread, _ = search.values[coordinate]
+                sigma = math.hypot(spread, average - mean)
             found.setdefault(effect, {})[parameter] = Quantity(mean, UNITS[coordinate], sigma, origin)
     groups = (*search.best.groups, *(LAWS if set(LAWS) & set(search.best.groups) else ()))
     kept = stripped(vehicle.effects, [name for group in groups for name in GROUPS[group]])
