@@ -4,9 +4,9 @@ Every vehicle of the grid predicts every flight once (:mod:`..vehicles`). The pr
 all flights together, is a vehicle's likelihood; with every vehicle of the grid as likely beforehand its share
 is its posterior. A prediction is the mean over the posterior (Bayesian model averaging: Hoeting et al.,
 Statist. Sci. 14, 382, 1999), so that what a few flights leave open widens it. What is named has its value
-from all models that have it open, each as much as its evidence says, and not from the best alone: that one may
-shut what has no name and yet bends the value (hinges as filed: a limit of pads of twice what is true, and sure
-of it). Flights are predicted from the others: one left out, and each half from the other. Nothing maps
+from all models that have it open, each as much as its evidence says, and not from the best alone: that one
+may shut what has no name and yet bends the value (hinges as filed: a limit of pads of twice what is true, and
+sure of it). Flights are predicted from the others: one left out, and each half from the other. Nothing maps
 probabilities to probabilities.
 """
 
