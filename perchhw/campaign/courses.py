@@ -12,16 +12,23 @@ from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
-from mocap_bridge.uri import parse_mocap_uri
 from onboard.lab_file import LabFile
-from onboard.link import check_drone_uri
 from onboard.manoeuvres import MANOEUVRES
 from onboard.outcome import Outcome
 from onboard.record.folder import make_folder, new_run_folder
+from onboard.room import RoomGeometry
 from onboard.toml_file import read_toml
-from onboard.vehicle import load_vehicle
 from perchhw.campaign.database import decoded, kept_in
-from perchhw.campaign.file_table import SCHEMA, CampaignFileError, FileTable, check_names, room_of, setup_of
+from perchhw.campaign.file_table import (
+    SCHEMA,
+    CampaignFileError,
+    FileTable,
+    check_names,
+    check_vehicle,
+    nobody,
+    room_of,
+    setup_of,
+)
 from perchhw.campaign.run import ATTEMPTS, only_one
 from perchhw.campaign.tries import Try, TryStore
 from perchhw.flight.course import FLOWN, CourseRequest, CourseResult, fly_course
@@ -140,35 +147,27 @@ def load_flight_plan(path: Path, lab: LabFile | None = None, drones: Sequence[st
     root.schema(SCHEMA)
     tables = root.tables("flight")
     if len(drones) > 1:
-        raise root.error("drone", f"test flights are flown by one drone, not by {' and '.join(drones)}")
-    setup = setup_of(root, lab, drone=drones[0] if drones else None)
+        root.complain("drone", f"test flights are flown by one drone, not by {' and '.join(drones)}")
+    setup = setup_of(root, lab, drone=drones[0] if drones else None) or nobody(root)
     setup = replace(setup, room=room_of(root.table("room", required=False), setup.room))
-    flights = tuple(flight for table in tables for flight in _flights(table))
-    plan = FlightPlan(root.text("name", default=path.stem), setup, flights)
+    flights = tuple(flight for table in tables for flight in _flights(table, setup.room))
+    name = root.text("name", default=path.stem)
     root.refuse_unread()
-    check_names(
-        root,
-        {
-            "drone": lambda: check_drone_uri(setup.drone),
-            "mocap": lambda: parse_mocap_uri(setup.mocap),
-            "vehicle": lambda: load_vehicle(setup.vehicle),
-            "legs": lambda: load_vehicle(setup.vehicle, setup.legs),
-        },
-    )
+    check_vehicle(root, setup)
+    root.settle()
     setup.check()
-    for table in tables:
-        flight = _flights(table)[0]
-        check_names(table, {"kind": partial(MANOEUVRES[flight.kind].course, flight.parameters, setup.room)})
-    return plan
+    return FlightPlan(name, setup, flights)
 
 
-def _flights(table: FileTable) -> list[PlannedFlight]:
-    """The flights of one table: its ``times`` many."""
+def _flights(table: FileTable, room: RoomGeometry) -> list[PlannedFlight]:
+    """The flights of one table, its ``times`` many, whose course must fit the room."""
     kind = table.choice("kind", tuple(MANOEUVRES))
     times = table.integer("times", default=1, minimum=1)
     rules = MANOEUVRES[kind].rules
     parameters = {key: table.number(key, 0.0) for key in rules if key in table.content}
     table.refuse_unread()
+    if table.sound:
+        check_names(table, {"kind": partial(MANOEUVRES[kind].course, parameters, room)})
     return [PlannedFlight(kind, parameters)] * times
 
 

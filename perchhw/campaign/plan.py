@@ -19,9 +19,16 @@ from onboard.policy.files import find_policy, load_policy
 from onboard.room import RoomGeometry
 from onboard.toml_file import read_toml
 from onboard.trajectory import ANGLE_MIN_DEG, SPEED_MAX
-from onboard.vehicle import load_vehicle
 from perchhw.attempt import APPROACH_PARAMETERS, SHAPE
-from perchhw.campaign.file_table import SCHEMA, CampaignFileError, FileTable, check_names, room_of
+from perchhw.campaign.file_table import (
+    SCHEMA,
+    CampaignFileError,
+    FileTable,
+    check_names,
+    check_vehicle,
+    nobody,
+    room_of,
+)
 from perchhw.campaign.seats import Seat, setups_of
 from perchhw.diagnosis.rules import AbortKind
 
@@ -219,13 +226,13 @@ def load_plan(path: Path, lab: LabFile | None = None, drones: Sequence[str] = ()
     Raises:
         LabRequired: it is to be flown on hardware, and there is no lab file.
         CampaignFileError: missing, not TOML, with an unknown key or an unusable value, or naming a policy,
-            vehicle or kind of address that does not exist.
+            vehicle or kind of address that does not exist; with all that is wrong, a line each.
     """
     root = FileTable(path, "", read_toml(path, CampaignFileError))
     root.schema(SCHEMA)
     grid, stop = root.table("grid"), root.table("stop", required=False)
     day = root.table("day", required=False)
-    setup, *others = setups_of(root, lab, drones)
+    setup, *others = setups_of(root, lab, drones) or [nobody(root)]
     plan = CampaignPlan(
         name=root.text("name", default=path.stem),
         drone=setup.drone,
@@ -263,18 +270,13 @@ def load_plan(path: Path, lab: LabFile | None = None, drones: Sequence[str] = ()
     for table in (root, grid, stop, day):
         table.refuse_unread()
     if (every := len(plan.speeds) * len(plan.angles_deg) * plan.repeats) > MOST_ATTEMPTS:
-        raise grid.error("repeats", f"{every} attempts in all, more than {MOST_ATTEMPTS}: is that meant?")
-    check_names(
-        root,
-        {
-            "policy": lambda: encode_bundle(load_policy(find_policy(plan.policy))),
-            "vehicle": lambda: load_vehicle(plan.vehicle),
-            "legs": lambda: load_vehicle(plan.vehicle, plan.legs),
-        },
-    )
+        grid.complain("repeats", f"{every} attempts in all, more than {MOST_ATTEMPTS}: is that meant?")
+    check_names(root, {"policy": lambda: encode_bundle(load_policy(find_policy(plan.policy)))})
+    check_vehicle(root, setup)
     if plan.day.warm_up_s > 0.0:
         hover = partial(manoeuvre(HOVER).course, {"seconds": plan.day.warm_up_s}, plan.room)
         check_names(day, {"warm_up_s": hover})
+    root.settle()
     for each in (setup, *others):
         each.check()
     return plan
@@ -288,14 +290,14 @@ def _aborts(table: FileTable) -> dict[str, int]:
 
 def _map_error(root: FileTable, stop: FileTable) -> float:
     if "map_error" in stop.content and root.content.get("order") != ADAPTIVE:
-        raise stop.error("map_error", f'only a campaign with order = "{ADAPTIVE}" ends by it')
+        stop.complain("map_error", f'only a campaign with order = "{ADAPTIVE}" ends by it')
     return stop.at_least("map_error", 0.0, 0.0)
 
 
 def _approach(table: FileTable) -> dict[str, float]:
     values = {key: table.number(key, 0.0) for key in APPROACH_PARAMETERS if key in table.content}
-    table.refuse_unread()
+    table.refuse_unread(APPROACH_PARAMETERS)
     missing = [key for key in SHAPE if key not in values]
     if 0 < len(missing) < len(SHAPE):
-        raise table.error(missing[0], f"missing; give all of {', '.join(SHAPE)}, or none")
+        table.complain(missing[0], f"missing; give all of {', '.join(SHAPE)}, or none")
     return values

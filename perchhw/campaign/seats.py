@@ -5,14 +5,11 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-from mocap_bridge.uri import parse_mocap_uri
-from onboard.errors import InputError
 from onboard.lab_file import LabFile, split_subject
-from onboard.link import check_drone_uri
 from onboard.link.exclusive import hold
 from onboard.record.run_record import RunFolderError, is_run_folder, read_info
-from perchhw.campaign.file_table import FileTable, setup_of
-from perchhw.lab import FlightSetup, SetupError, flight_setup
+from perchhw.campaign.file_table import FileTable, check_addresses, completed, setup_of
+from perchhw.lab import FlightSetup
 
 
 class Seat(NamedTuple):
@@ -54,26 +51,29 @@ class _Asked(NamedTuple):
 
 
 def setups_of(root: FileTable, lab: LabFile | None, drones: Sequence[str] = ()) -> list[FlightSetup]:
-    """Who flies where, for every drone in the order of their turns; each checked, none connected.
+    """Who flies where, for every drone in the order of their turns; each checked, none connected. `root` is
+    told what the file does not say, which addresses cannot be used, and which drones are not alike; those
+    that it does not say are left out.
 
     Args:
         root: the file.
         lab: completes what it leaves out.
         drones: addresses that are flown instead of those in the file.
-
-    Raises:
-        CampaignFileError: the file does not say it, an address cannot be used, or the drones are not alike.
-        LabRequired: one is hardware, and there is no lab file.
     """
     policy, asked = root.optional_text("policy"), _asked(root, drones)
-    setups = (
-        [_setup(root, lab, policy, each, single=len(asked) == 1) for each in asked]
-        if asked
-        else [setup_of(root, lab, policy)]
-    )
-    for setup, table in zip(setups, [each.table for each in asked] or [root], strict=True):
-        _check(setup, setups[0], table, "drone" if table is root else "uri")
-    return setups
+    if asked is None:
+        return []
+    if not asked:
+        setups, tables = [setup_of(root, lab, policy)], [root]
+    else:
+        for each in asked:
+            check_addresses(each.table, each.drone, each.mocap, _drone_key(each.table, root))
+        setups = [_setup(root, lab, policy, each, single=len(asked) == 1) for each in asked]
+        tables = [each.table for each in asked]
+    said = [(setup, table) for setup, table in zip(setups, tables, strict=True) if setup is not None]
+    for setup, table in said:
+        _check_like(setup, said[0][0], table, _drone_key(table, root))
+    return [setup for setup, _ in said]
 
 
 @contextmanager
@@ -89,55 +89,46 @@ def hold_all(seats: Iterable[Seat]) -> Iterator[None]:
         yield
 
 
-def _check(setup: FlightSetup, first: FlightSetup, table: FileTable, drone_key: str) -> None:
-    for key, value, check in (
-        (drone_key, setup.drone, check_drone_uri),
-        ("mocap", setup.mocap, parse_mocap_uri),
-    ):
-        try:
-            check(value)
-        except InputError as error:
-            raise table.error(key, str(error)) from error
+def _drone_key(table: FileTable, root: FileTable) -> str:
+    return "drone" if table is root else "uri"
+
+
+def _check_like(setup: FlightSetup, first: FlightSetup, table: FileTable, drone_key: str) -> None:
     ours, theirs = ((s.vehicle, s.legs, s.policy) for s in (setup, first))
     if ours != theirs:
         difference = ", ".join(str(mine) for mine, other in zip(ours, theirs, strict=True) if mine != other)
-        raise table.error(
+        table.complain(
             drone_key,
             f"{setup.drone} is not like {first.drone}: {difference}; give it its own campaign",
         )
 
 
-def _asked(root: FileTable, drones: Sequence[str]) -> list[_Asked]:
-    """The drones that are named one by one; none where ``drone`` or the lab file names the only one."""
+def _asked(root: FileTable, drones: Sequence[str]) -> list[_Asked] | None:
+    """The drones that are named one by one; none where ``drone`` or the lab file names the only one. None
+    where the file does not say it.
+    """
     tables = root.tables("drones") if "drones" in root.content else []
     if tables and "drone" in root.content:
-        raise root.error("drones", "stands beside drone; give one of the two")
+        root.complain("drones", "stands beside drone; give one of the two")
     named = [_Asked(table.text("uri"), table.optional_text("mocap"), table) for table in tables]
     for table in tables:
         table.refuse_unread()
+    if not all(table.sound for table in tables):
+        return None
     if drones:
         root.optional_text("drone")
         known = {each.drone: each for each in named}
         named = [known.get(uri, _Asked(uri, None, root)) for uri in drones]
     if len({each.drone for each in named}) < len(named):
-        raise root.error("drones", "names a drone twice")
+        root.complain("drones", "names a drone twice")
     return named
 
 
 def _setup(
     root: FileTable, lab: LabFile | None, policy: str | None, asked: _Asked, single: bool
-) -> FlightSetup:
+) -> FlightSetup | None:
     shared = root.optional_text("mocap")
     if shared is not None and asked.mocap is None and not single:
-        raise root.error("mocap", "belongs to one drone; name each under [[drones]], or give a lab file")
-    try:
-        return flight_setup(
-            lab,
-            drone=asked.drone,
-            mocap=asked.mocap or shared,
-            vehicle=root.optional_text("vehicle"),
-            legs=root.optional_text("legs"),
-            policy=policy,
-        )
-    except SetupError as error:
-        raise root.error(error.key, error.message) from error
+        root.complain("mocap", "belongs to one drone; name each under [[drones]], or give a lab file")
+        return None
+    return completed(root, lab, asked.drone, asked.mocap or shared, policy)

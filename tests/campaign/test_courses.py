@@ -172,3 +172,12 @@ def test_status_says_what_is_left_of_test_flights(
     assert "battery" in told["flights"][0]["aborted_by"]
     with pytest.raises(CampaignError, match="no campaign of landings"):
         CampaignStore.open(folder)
+
+
+def test_all_that_is_wrong_is_told_at_once(file: Path) -> None:
+    text = file.read_text().replace("udp://127", "foo://127").replace("radius = 0.5", "radius = 500")
+    file.write_text(text.replace("times = 2", "times = 0"))
+    with pytest.raises(CampaignFileError) as caught:
+        load_flight_plan(file)
+    told = [line.split(": ")[1] for line in str(caught.value).splitlines()]
+    assert told == ["key drone", "key flight[0].times"]

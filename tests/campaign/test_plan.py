@@ -63,7 +63,11 @@ def test_a_range_includes_both_ends(campaign_file: Path) -> None:
         ("repeats = 2", "repeats = 2501", "key grid.repeats: 10004 attempts in all, more than 10000"),
         ('"40:60:20"', "[95]", "key grid.angles_deg: 95 is not among angles above 1.57 and up to 90"),
         ('"40:60:20"', "[0.87, 1.05]", "90 deg. That looks like radians; write degrees (49.85)"),
-        ("[2.0, 2.5]", "[200, 250]", "key grid.speeds: 200 is not among positive speeds below 10 m/s. That"),
+        (
+            "[2.0, 2.5]",
+            "[200, 250]",
+            "key grid.speeds: 200, 250 are not among positive speeds below 10 m/s. That",
+        ),
         ("repeats = 2", "repeats = 0", "key grid.repeats: 0 is less than 1"),
         ("repeats = 2", "repeat = 2", "key grid.repeat: unknown; known are angles_deg, repeats, speeds"),
         ("repeats = 2", "[room]\nceiling = 2", "key room.ceiling: unknown; known are ceiling_z"),
@@ -96,3 +100,74 @@ def test_errors_name_file_and_key(campaign_file: Path, old: str, new: str, messa
         load_plan(campaign_file)
     assert str(campaign_file) in str(caught.value)
     assert message in str(caught.value)
+
+
+WRONG = [
+    ("drone", "'udp:/nonsense' is not a drone address; the known schemes"),
+    ("mocap", "missing; give it, or a lab file that has it"),
+    ("seed", "-1 is less than 0"),
+    ("order", "'random' is not one of shuffled, grid, adaptive"),
+    ("grid.speeds", "200, -1, 'fast', 300 and 1 more are not among positive speeds below 10 m/s. That looks"),
+    ("grid.angles_deg", "'40:60:0' needs first <= last and a step above 0"),
+    ("grid.repeats", "0 is less than 1"),
+    ("room.ceiling_z", "'high' is not a number"),
+    ("approach.ax", "inf is not finite"),
+    ("approach.az", "missing; give all of ax, az, tau0"),
+    ("stop.attempts", "True is not a whole number"),
+    ("stop.aborts.link", "-1 is less than 0"),
+    ("sed", "unknown; known are"),
+    ("policy", "no-such: no such file"),
+    ("day.warm_up_s", "long_discharge: seconds = 1 (s) must be 5 to 600"),
+]
+
+
+def test_all_that_is_wrong_is_told_at_once(campaign_file: Path) -> None:
+    campaign_file.write_text(
+        """schema = "perchhw.campaign/1"
+drone = "udp:/nonsense"
+policy = "no-such"
+order = "random"
+seed = -1
+sed = 1
+
+[grid]
+speeds = [2.0, 200, -1, "fast", 300, 400]
+angles_deg = "40:60:0"
+repeats = 0
+
+[room]
+ceiling_z = "high"
+
+[approach]
+ax = inf
+
+[stop]
+attempts = true
+aborts = { link = -1 }
+
+[day]
+warm_up_s = 1
+"""
+    )
+    with pytest.raises(CampaignFileError) as caught:
+        load_plan(campaign_file)
+    told = str(caught.value).splitlines()
+    assert all(line.startswith(f"{campaign_file}: key ") for line in told)
+    for line, (key, problem) in zip(told, WRONG, strict=True):
+        assert line.startswith(f"{campaign_file}: key {key}: {problem}")
+
+
+def test_a_number_of_more_digits_than_a_float_has_room_for_is_refused(campaign_file: Path) -> None:
+    campaign_file.write_text(
+        campaign_file.read_text().replace("repeats = 2", f"[room]\nceiling_z = {10**400}")
+    )
+    with pytest.raises(CampaignFileError, match=r"key room\.ceiling_z: inf is not finite"):
+        load_plan(campaign_file)
+
+
+def test_a_table_that_is_none_is_told_once(campaign_file: Path) -> None:
+    text = campaign_file.read_text()
+    campaign_file.write_text(text[: text.index("[grid]")])
+    with pytest.raises(CampaignFileError) as caught:
+        load_plan(campaign_file)
+    assert str(caught.value) == f"{campaign_file}: key grid: missing; expected a table"
