@@ -22,6 +22,9 @@ CUT: signal.Signals | None = getattr(signal, "SIGUSR2", None)
 ENDS = known("SIGTERM", "SIGHUP")
 """End a command as Ctrl-C does: somebody's ``kill``, and a terminal that closes."""
 
+_OF_KEYS = known("SIGQUIT", "SIGTSTP")
+"""Ctrl-\\ and Ctrl-Z."""
+
 
 def act_as_ctrl_c(numbers: Iterable[signal.Signals | None]) -> dict[signal.Signals, Any]:
     """From now on these signals end the program in order, as Ctrl-C does, but for those that it was started
@@ -43,10 +46,10 @@ def act_as_ctrl_c(numbers: Iterable[signal.Signals | None]) -> dict[signal.Signa
 
 @contextmanager
 def ending_in_order() -> Iterator[None]:
-    """While motors may turn that nothing else stops: what ends or suspends a program by default, also a
-    terminal that closes, Ctrl-\\ and Ctrl-Z, ends it in order.
+    """While motors may turn that nothing else stops, or a screen is shown: what ends or suspends a program by
+    default, also a terminal that closes, Ctrl-\\ and Ctrl-Z, ends it in order.
     """
-    before = act_as_ctrl_c((*ENDS, *known("SIGQUIT", "SIGTSTP")))
+    before = act_as_ctrl_c((*ENDS, *_OF_KEYS))
     try:
         yield
     finally:
@@ -57,7 +60,7 @@ def ending_in_order() -> Iterator[None]:
 def unheard() -> Iterator[None]:
     """While open, who ends the program once more does not: it is ending, and says what came of it."""
     ours = threading.current_thread() is threading.main_thread()
-    signals = (signal.SIGINT, *ENDS, *(number for number in (LAND, CUT) if number is not None))
+    signals = (signal.SIGINT, *ENDS, *_OF_KEYS, *(number for number in (LAND, CUT) if number is not None))
     before = {number: signal.signal(number, signal.SIG_IGN) for number in signals if ours}
     try:
         yield

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from perchhw.operator_signals import ending_in_order
 from perchhw.screen.display import Display
 from perchhw.screen.lines import Lines
 
@@ -21,7 +22,8 @@ def flight_display(title: str, drone: str) -> Iterator[Display]:
         return
     from perchhw.screen.screen import Screen
 
-    with Screen(title, drone) as screen:
+    # Between two flights, too: a command that Ctrl-Z suspends would leave its screen on the terminal.
+    with ending_in_order(), Screen(title, drone) as screen:
         yield screen
 
 

@@ -36,12 +36,10 @@ def settings_of(terminal: int) -> Settings:
 
 
 def one_by_one(terminal: int) -> None:
-    """Keys come at once and unseen. Ctrl-C stays what it is; nothing suspends or kills a flight by a slip."""
+    """Keys come at once and unseen; those of signals (Ctrl-C, Ctrl-Z, Ctrl-\\) stay what they are."""
     wanted = termios.tcgetattr(terminal)
     wanted[_LFLAG] &= ~(termios.ICANON | termios.ECHO)
     wanted[_CC][termios.VMIN], wanted[_CC][termios.VTIME] = 1, 0
-    for key in (termios.VSUSP, termios.VQUIT):
-        wanted[_CC][key] = os.fpathconf(terminal, "PC_VDISABLE").to_bytes(1, "little")
     termios.tcsetattr(terminal, termios.TCSANOW, wanted)
 
 

@@ -133,6 +133,21 @@ def test_a_terminal_that_takes_nothing(opened: Open, tmp_path: Path) -> None:
     assert terminal.ended() == -signal.SIGINT
 
 
+@pytest.mark.parametrize("key", ["\x1a", "\x1c"])
+def test_what_suspends_or_kills_a_program_lands_it_and_ends_it_in_order(
+    opened: Open, tmp_path: Path, key: str
+) -> None:
+    terminal = opened()
+    terminal.until("waits for the checks")
+    terminal.press(key)
+    terminal.wait(lambda: find(tmp_path, "count"))
+    assert find(tmp_path, "count")["count"] == 1
+    (tmp_path / "end1").touch()
+    terminal.until("then press Enter")
+    terminal.press(key)
+    assert terminal.ended() == -signal.SIGINT
+
+
 def test_a_screen_that_dies_leaves_lines_and_the_flight(opened: Open, tmp_path: Path) -> None:
     terminal = opened()
     terminal.until("attempt 1 of 2")
