@@ -28,19 +28,26 @@ def parse_range(text: str, option: str) -> tuple[float, ...]:
     """
     try:
         if ":" in text:
-            first, last, step = (float(part) for part in text.split(":"))
-            if not (step > 0.0 and math.isfinite(first) and last >= first):
+            first, last, step = _finite(text.split(":"))
+            if not (step > 0.0 and last >= first):
                 raise ValueError
             count = math.floor((last - first) / step + 1e-9) + 1
             if count > VALUES_MOST:
                 raise ValueError
             return tuple(round(first + k * step, 9) for k in range(count))
-        values = tuple(float(part) for part in text.split(","))
+        values = _finite(text.split(","))
     except (ValueError, OverflowError) as error:
         raise LearningInputError(
             f"{option} {text!r} is not a range: write FIRST:LAST:STEP with FIRST <= LAST and at most "
             f"{VALUES_MOST} values, or values as A,B,C"
         ) from error
+    return values
+
+
+def _finite(parts: Iterable[str]) -> tuple[float, ...]:
+    values = tuple(map(float, parts))
+    if not all(map(math.isfinite, values)):
+        raise ValueError
     return values
 
 

@@ -101,6 +101,7 @@ def test_evaluate_doubts_the_file_of_another_vehicle(
         (["--data", "{folder}/missing.csv", "--vehicle", NAME], "no such file"),
         (["--data", "{folder}", "--vehicle", "no-such"], "no-such"),
         (["--data", "{folder}", "--vehicle", NAME, "--horizons", "soon"], "--horizons 'soon'"),
+        (["--data", "{folder}", "--vehicle", NAME, "--horizons", "0.5,nan"], "--horizons '0.5,nan'"),
         (["--data", "{folder}", "--vehicle", NAME, "--horizons", "1.0,0.5"], "increasing"),
         (["--data", "{folder}", "--vehicle", NAME, "--horizons", "60"], "no 60 s of free flight"),
         (["--data", "{folder}", "--vehicle", NAME, "--format", "xls"], "xls"),

@@ -126,7 +126,9 @@ def test_ranges(text: str, values: tuple[float, ...]) -> None:
     assert parse_range(text, "--speeds") == pytest.approx(values)
 
 
-@pytest.mark.parametrize("text", ["", "1:2", "2:1:0.1", "1:2:0", "1:2:-1", "fast", "nan:2:1", "1:inf:1"])
+@pytest.mark.parametrize(
+    "text", ["", "1:2", "2:1:0.1", "1:2:0", "1:2:-1", "fast", "nan:2:1", "1:inf:1", "1:2:inf", "1,nan", "inf"]
+)
 def test_ranges_that_mean_nothing_are_refused(text: str) -> None:
     with pytest.raises(LearningInputError, match="--speeds"):
         parse_range(text, "--speeds")
