@@ -18,7 +18,7 @@ from onboard.outcome import Outcome
 from onboard.record.folder import make_folder, new_run_folder
 from onboard.room import RoomGeometry
 from onboard.toml_file import read_toml
-from perchhw.campaign.database import decoded, kept_in
+from perchhw.campaign.database import decoded, kept_in, numbers
 from perchhw.campaign.file_table import (
     SCHEMA,
     CampaignFileError,
@@ -117,7 +117,8 @@ class FlightStore(TryStore[FlightRow]):
         return list({row.slot: row for row in self.rows()}.values())
 
     def _row(self, values: sqlite3.Row) -> FlightRow:
-        parameters = decoded(self.folder, values["parameters"], f"parameters of flight {values['slot'] + 1}")
+        what = f"parameters of flight {values['slot'] + 1}"
+        parameters = decoded(self.folder, values["parameters"], what, numbers)
         return FlightRow(**self._tried(values), kind=values["kind"], parameters=parameters)
 
 

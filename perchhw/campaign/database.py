@@ -1,16 +1,17 @@
 """The database file of a campaign: opened, held against damage, its errors told as those of the folder."""
 
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from onboard.errors import InputError
 from onboard.json_file import parsed
 from perchhw.errors import FlightStackError
 
 DATABASE = "campaign.db"
+_Shaped = TypeVar("_Shaped")
 
 
 class CampaignError(FlightStackError, InputError):
@@ -64,16 +65,53 @@ def connected(path: Path) -> sqlite3.Connection:
     return connection
 
 
-def decoded(folder: Path, text: str, what: str) -> Any:
-    """JSON in a cell of the database. SQLite has no checksum: a wrong bit in a text passes its own check.
+def decoded(folder: Path, text: str, what: str, shaped: Callable[[Any], _Shaped]) -> _Shaped:
+    """JSON in a cell of the database, as `shaped` takes it. SQLite has no checksum: a wrong bit in a text
+    passes its own check.
 
     Raises:
         CampaignError: it is damaged.
     """
     try:
-        return parsed(text)
+        content = parsed(text)
     except ValueError as error:
         raise CampaignError(_damaged(folder / DATABASE, f"{what} is not JSON: {error}")) from error
+    return understood(folder, content, what, shaped)
+
+
+def understood(folder: Path, content: Any, what: str, shaped: Callable[[Any], _Shaped]) -> _Shaped:
+    """What a cell says, as `shaped` takes it.
+
+    Raises:
+        CampaignError: it does not (ValueError, TypeError): none of ours wrote that.
+    """
+    try:
+        return shaped(content)
+    except (ValueError, TypeError) as error:
+        raise CampaignError(_damaged(folder / DATABASE, f"{what} cannot be {content!r}")) from error
+
+
+def mapping(content: Any) -> dict[str, Any]:
+    """A JSON object.
+
+    Raises:
+        TypeError: it is something else.
+    """
+    if not isinstance(content, dict):
+        raise TypeError(content)
+    return content
+
+
+def numbers(content: Any) -> dict[str, Any]:
+    """A JSON object of numbers.
+
+    Raises:
+        TypeError: it is something else.
+    """
+    for value in mapping(content).values():
+        if not isinstance(value, int | float):
+            raise TypeError(value)
+    return mapping(content)
 
 
 def _damaged(path: Path, what: str) -> str:

@@ -3,9 +3,10 @@
 import sqlite3
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from perchhw.attempt import Outcome
+from perchhw.campaign.database import mapping, understood
 from perchhw.campaign.plan import CampaignPlan, Condition, Misfit, Slot
 from perchhw.campaign.tries import Try, TryStore
 
@@ -49,17 +50,17 @@ class CampaignStore(TryStore[AttemptRow]):
     @property
     def planned(self) -> int:
         """How many attempts the campaign has at most."""
-        return int(self._json_fact("planned", "0")) or len({row.slot for row in self.rows()})
+        return int(self._json_fact("planned", int, "0")) or len({row.slot for row in self.rows()})
 
     @property
     def conditions(self) -> list[Condition]:
         """The conditions of its grid; none where it was started before they were kept."""
-        return [(speed, angle) for speed, angle in self._json_fact("conditions", "[]")]
+        return self._json_fact("conditions", _conditions, "[]")
 
     @property
     def skipped(self) -> list[Misfit]:
         """What of the grid was left out at the start, and why."""
-        return [Misfit(**values) for values in self._json_fact("skipped", "[]")]
+        return self._json_fact("skipped", lambda said: [Misfit(**mapping(one)) for one in said], "[]")
 
     def plan_next(self, slot: Slot) -> AttemptRow:
         """Plan one more attempt than were planned at the start."""
@@ -70,9 +71,15 @@ class CampaignStore(TryStore[AttemptRow]):
     def _row(self, values: sqlite3.Row) -> AttemptRow:
         tried = self._tried(values)
         tried["outcome"] = None if tried["outcome"] is None else Outcome(tried["outcome"])
-        return AttemptRow(
-            **tried, speed=values["speed_m_s"], angle_deg=values["angle_deg"], repeat=values["repeat"]
+        speed, angle = (
+            understood(self.folder, values[key], f"{key} of attempt {tried['slot'] + 1}", float)
+            for key in ("speed_m_s", "angle_deg")
         )
+        return AttemptRow(**tried, speed=speed, angle_deg=angle, repeat=values["repeat"])
+
+
+def _conditions(said: Any) -> list[Condition]:
+    return [(float(speed), float(angle)) for speed, angle in said]
 
 
 def _values(slot: Slot) -> tuple[int, float, float, int]:

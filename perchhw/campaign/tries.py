@@ -8,7 +8,7 @@ most one open one.
 
 import json
 import sqlite3
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +18,16 @@ from onboard.errors import PerchhwError
 from onboard.outcome import Outcome
 from onboard.record.folder import discard_if_empty, utc_now
 from onboard.record.run_record import RunFolderError, is_run_folder, read_info
-from perchhw.campaign.database import DATABASE, CampaignError, columns_of, connected, decoded
+from perchhw.campaign.database import (
+    DATABASE,
+    CampaignError,
+    columns_of,
+    connected,
+    decoded,
+    mapping,
+    numbers,
+    understood,
+)
 from perchhw.flight.explain import explain
 
 _SCHEMA = """
@@ -61,6 +70,7 @@ class Try:
 
 
 Row = TypeVar("Row", bound=Try)
+_Shaped = TypeVar("_Shaped")
 
 
 class StoredPlan(Protocol):
@@ -192,11 +202,11 @@ class TryStore(Generic[Row]):
         row = self._connection.execute("SELECT value FROM facts WHERE key = ?", (key,)).fetchone()
         return default if row is None else str(row[0])
 
-    def _json_fact(self, key: str, default: str = "") -> Any:
-        return decoded(self.folder, self._fact(key, default), f"fact {key}")
+    def _json_fact(self, key: str, shaped: Callable[[Any], _Shaped], default: str = "") -> _Shaped:
+        return decoded(self.folder, self._fact(key, default), f"fact {key}", shaped)
 
     def _check_plan(self, plan: StoredPlan) -> None:
-        ours, theirs = self._json_fact("plan"), json.loads(_plan_text(plan))
+        ours, theirs = self._json_fact("plan", mapping), json.loads(_plan_text(plan))
         changed = sorted(key for key in ours.keys() | theirs.keys() if ours.get(key) != theirs.get(key))
         if changed:
             raise CampaignError(
@@ -316,21 +326,29 @@ class TryStore(Generic[Row]):
 
     def _tried(self, values: sqlite3.Row) -> dict[str, Any]:
         """What all kinds of rows have."""
+        attempt = f"of attempt {values['slot'] + 1}"
         return {
             "id": values["id"],
             "slot": values["slot"],
             "try_number": values["try"],
             "state": values["state"],
-            "outcome": values["outcome"],
+            "outcome": None
+            if values["outcome"] is None
+            else understood(self.folder, values["outcome"], f"outcome {attempt}", self._known_outcome),
             "triggered": None if values["triggered"] is None else bool(values["triggered"]),
             "trigger": None
             if values["trigger"] is None
-            else decoded(self.folder, values["trigger"], f"trigger of attempt {values['slot'] + 1}"),
+            else decoded(self.folder, values["trigger"], f"trigger {attempt}", numbers),
             "aborted_by": values["aborted_by"],
             "record": None if values["record"] is None else self.folder / values["record"],
             "started_utc": values["started_utc"],
             "ended_utc": values["ended_utc"],
         }
+
+    def _known_outcome(self, said: str) -> str:
+        if said not in (*self.ENDS, Outcome.ABORTED):
+            raise ValueError(said)
+        return said
 
 
 def _plan_text(plan: StoredPlan) -> str:

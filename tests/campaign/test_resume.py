@@ -270,6 +270,34 @@ def test_damaged_json_in_the_database_is_an_error_of_the_campaign(
 
 
 @pytest.mark.parametrize(
+    ("cell", "named"),
+    [
+        ("UPDATE attempts SET outcome = 'hanged' WHERE slot = 3", "outcome of attempt 4 cannot be 'hanged'"),
+        ("UPDATE attempts SET trigger = '[0.25]' WHERE slot = 3", "trigger of attempt 4 cannot be [0.25]"),
+        (
+            'UPDATE attempts SET trigger = \'{"tau": "soon"}\' WHERE slot = 3',
+            "trigger of attempt 4 cannot be",
+        ),
+        ("UPDATE attempts SET speed_m_s = 'fast' WHERE slot = 3", "speed_m_s of attempt 4 cannot be 'fast'"),
+        ("UPDATE facts SET value = '[2.5]' WHERE key = 'conditions'", "fact conditions cannot be [2.5]"),
+        ("UPDATE facts SET value = '[{}]' WHERE key = 'skipped'", "fact skipped cannot be [{}]"),
+        ("UPDATE facts SET value = '{}' WHERE key = 'planned'", "fact planned cannot be {}"),
+        ("UPDATE facts SET value = '3' WHERE key = 'plan'", "fact plan cannot be 3"),
+    ],
+)
+def test_what_no_version_wrote_into_the_database_is_an_error_of_the_campaign(
+    cell: str, named: str, campaign_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "campaign"
+    run_campaign(load_plan(campaign_file), folder, fly)
+    with closing(sqlite3.connect(folder / "campaign.db")) as connection, connection:
+        assert connection.execute(cell).rowcount == 1
+    verb = ["run", str(campaign_file), "--resume", "--yes", "--out"] if "fact plan " in named else ["status"]
+    assert run(["campaign", *verb, str(folder)]) == 2
+    assert f"{folder / 'campaign.db'}: is damaged ({named}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
     "damage", [lambda whole: b"no database" * 900, lambda whole: whole[: len(whole) // 2]]
 )
 def test_a_damaged_database_is_named(
