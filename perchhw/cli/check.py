@@ -98,7 +98,10 @@ def in_words(check: "HoverCheck") -> str:
         each = ", ".join(f"M{number} {rotor.rate_hz:.0f} Hz" for number, rotor in enumerate(check.rotors, 1))
         sigma = max(rotor.sigma_hz for rotor in check.rotors)
         lines.append(f"rotors  {each}, each +-{2.0 * sigma:.0f} Hz: {_folding(check)}")
-    return "\n".join([*lines, "", check.verdict, f"record: {check.record}"])
+    told = [check.verdict]
+    if check.busy is not None:
+        told += [f"{check.busy}; this check is none of the days that later ones are held against"]
+    return "\n".join([*lines, "", *told, f"record: {check.record}"])
 
 
 def _folding(check: "HoverCheck") -> str:

@@ -15,6 +15,7 @@ from onboard.link.stop import LONGEST_S
 from onboard.timebase import Queue, Timebase
 from perchhw.flight.actions import CommandRunner
 from perchhw.flight.caught import Caught
+from perchhw.flight.host_load import Lateness
 from perchhw.flight.interrupts import OperatorInterrupts
 from perchhw.flight.kicker import HEART_S, WatchdogKicker
 from perchhw.flight.recording import FlightRecorder
@@ -68,6 +69,7 @@ class FlightLoop:
         link, bridge, telemetry, commands, record, interrupts, kicker: the flight's parts, all running.
         events: where answers to orders come.
         mission, limits: what the supervisor works towards, and within what.
+        lateness: is told how late each look of the supervisor is.
         on_phase: called when the phase or the alert changes, for a display.
         on_look: called with every look of the supervisor, for a display. Both must return at once; one that
             fails is not called again, and the flight goes on.
@@ -87,6 +89,7 @@ class FlightLoop:
     limits: SafetyLimits
     on_phase: OnPhase | None
     on_look: OnLook | None = None
+    lateness: Lateness = field(default_factory=Lateness)
     state: FlightState = field(init=False)
 
     def __post_init__(self) -> None:
@@ -115,7 +118,7 @@ class FlightLoop:
     def _beat(self) -> None:
         """The heart of the supervisor. Where it did not beat, nobody kicked the drone's watchdog either."""
         self._stood_still()
-        watched = self.state.phase in WATCHED_PHASES
+        watched = self.lateness.watched = self.state.phase in WATCHED_PHASES
         self._beaten_at = self._now() if watched else None
         self.kicker.beat(watched)
 
@@ -143,7 +146,9 @@ class FlightLoop:
         event = self._noticed()
         if event is not None:
             return event
-        self._next_tick = max(self._next_tick + TICK_PERIOD, self._now())
+        now = self._now()
+        self.lateness.note(now - self._next_tick)
+        self._next_tick = max(self._next_tick + TICK_PERIOD, now)
         return Tick(observation)
 
     def _noticed(self) -> Event | None:

@@ -16,7 +16,7 @@ from onboard.link.power import refuse_flying
 from onboard.timebase import WALL, Queue, Timebase
 from perchhw.flight.actions import CommandRunner
 from perchhw.flight.caught import Caught
-from perchhw.flight.host_load import host_load
+from perchhw.flight.host_load import Lateness, host_load
 from perchhw.flight.interrupts import OperatorInterrupts
 from perchhw.flight.kicker import WatchdogKicker
 from perchhw.flight.loop import FlightLoop, OnLook, OnPhase
@@ -87,23 +87,23 @@ class SupervisedFlight:
         Raises:
             PerchhwError: no link, or something else without which the flight does not begin.
         """
-        stack, interrupts = ExitStack(), OperatorInterrupts()
+        stack, interrupts, lateness = ExitStack(), OperatorInterrupts(), Lateness()
         try:
-            flown = self._fly(stack, interrupts)
+            flown = self._fly(stack, interrupts, lateness)
         except BaseException:
             with stack:
                 raise
         with Caught(self._not_closed):
             stack.close()
         if self.clock is WALL:
-            self.record.update(host=host_load())
+            self.record.update(host={**host_load(), "late_s": lateness.worst})
         return replace(flown, interrupted=interrupts.count > 0)  # also while it closed
 
     def _not_closed(self, error: BaseException) -> None:
         self.record.event("internal_error", self.clock(), error=repr(error))
         _log.error("error in perchhw while it closed a flight that was over", exc_info=error)
 
-    def _fly(self, stack: ExitStack, interrupts: OperatorInterrupts) -> FlightEnd:
+    def _fly(self, stack: ExitStack, interrupts: OperatorInterrupts, lateness: Lateness) -> FlightEnd:
         """Everything is open in `stack`."""
         clock, record = self.clock, self.record
         stack.enter_context(interrupts)
@@ -125,7 +125,7 @@ class SupervisedFlight:
             correction=self.correction,
         )
         stack.enter_context(bridge)
-        telemetry = Telemetry(link, bridge, record, readback, clock, self.blocks)
+        telemetry = Telemetry(link, bridge, record, readback, clock, self.blocks, lateness)
         telemetry.start()
         commands = self.commands(link, events, readback)
         stack.callback(commands.close)
@@ -143,6 +143,7 @@ class SupervisedFlight:
             limits=self.limits,
             on_phase=self.on_phase,
             on_look=self.on_look,
+            lateness=lateness,
         )
         interrupts.stop_by(lambda: _cut_motors(loop))
         state = loop.run()

@@ -12,6 +12,7 @@ from onboard.arrays import Quaternion
 from onboard.gravity import GRAVITY
 from onboard.supervisor_info import SupervisorInfo
 from onboard.timebase import Timebase
+from perchhw.flight.host_load import Lateness
 from perchhw.flight.readback import ReadBack
 from perchhw.flight.recording import FlightRecorder
 from perchhw.supervisor import Observation
@@ -152,6 +153,7 @@ class Telemetry:
         readback: what the drone was asked, and not logs.
         clock: time of the flight.
         blocks: what to subscribe to.
+        lateness: is told how long each message waited, from its receipt on.
     """
 
     def __init__(
@@ -162,6 +164,7 @@ class Telemetry:
         readback: ReadBack,
         clock: Timebase,
         blocks: tuple[TelemetryBlock, ...] = BLOCKS,
+        lateness: Lateness | None = None,
     ) -> None:
         self._blocks = blocks
         self._link = link
@@ -177,6 +180,7 @@ class Telemetry:
             for field in block.variables.values()
         }
         self._lock = threading.Lock()
+        self._lateness = Lateness() if lateness is None else lateness
         self._trigger_written = False
         self._averaged = False
 
@@ -192,6 +196,7 @@ class Telemetry:
 
     def _receiver(self, index: int, block: TelemetryBlock) -> "Callable[[LogSample], None]":
         def receive(sample: "LogSample") -> None:
+            self._lateness.note(self._clock() - sample.receipt_time)
             values = {
                 (target.topic, target.name): sample.values[variable] * target.scale
                 for variable, target in block.variables.items()

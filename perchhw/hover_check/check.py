@@ -10,7 +10,7 @@ from calibration.measurement import Estimate
 from onboard.manoeuvres import manoeuvre
 from onboard.room import RoomGeometry
 from onboard.vehicle import Vehicle, load_vehicle
-from perchhw.diagnosis.busy import too_busy
+from perchhw.diagnosis.busy import too_busy_for_poses
 from perchhw.flight.course import CourseRequest, CourseResult, fly_uninterrupted
 from perchhw.hover_check.expected import expected
 from perchhw.hover_check.history import History
@@ -43,6 +43,7 @@ class HoverCheck:
         checks: how many of these are looked back on.
         record: of the flight.
         kept: file of this check.
+        busy: how this computer was too busy for it, which then is none of the days to come; or None.
     """
 
     lines: tuple[CheckedQuantity, ...]
@@ -51,6 +52,7 @@ class HoverCheck:
     checks: int
     record: Path
     kept: Path
+    busy: str | None
 
     @property
     def same(self) -> bool:
@@ -72,6 +74,7 @@ class HoverCheck:
             "off_file": [one.held.what for one in self.lines if one.verdict is LineVerdict.OFF_FILE],
             "checks_before": self.checks,
             "since": self.since,
+            "busy": self.busy,
             "lines": self.lines,
             "rotors": self.rotors,
             "record": self.record,
@@ -118,9 +121,9 @@ def examine_check(record: Path, setup: FlightSetup, out: Path, *, begins_anew: b
     measured, rotors = measure(run, vehicle, setup.room)
     history = History.of(out, setup.drone, setup.mocap, vehicle)
     before = () if begins_anew else history.before()
-    busy = too_busy(run.info)
-    lines = judge(measured, expected(vehicle), [one.values for one in before], busy and busy[0])
-    kept = history.keep(datetime.now(UTC), record, lines, begins_anew=begins_anew)
+    busy = too_busy_for_poses(run.info)
+    lines = judge(measured, expected(vehicle), [one.values for one in before], busy)
+    kept = history.keep(datetime.now(UTC), record, lines, begins_anew=begins_anew, busy=busy)
     return HoverCheck(
         lines=lines,
         rotors=rotors,
@@ -128,6 +131,7 @@ def examine_check(record: Path, setup: FlightSetup, out: Path, *, begins_anew: b
         checks=len(before),
         record=record,
         kept=kept,
+        busy=busy,
     )
 
 

@@ -59,7 +59,8 @@ class History:
         return cls(out / FOLDER / slug(name), zlib.crc32(vehicle_to_toml(vehicle).encode()))
 
     def before(self) -> tuple[EarlierCheck, ...]:
-        """The last checks that found nothing changed, oldest first, from the newest beginning on.
+        """The last checks that found nothing changed, on a computer that was not too busy; oldest first, from
+        the newest beginning on.
 
         Raises:
             HistoryError: a file is damaged.
@@ -71,12 +72,18 @@ class History:
                 continue
             if document["begins_anew"]:
                 kept.clear()
-            if not document["changed"]:
+            if not document["changed"] and document["busy"] is None:
                 kept.append(EarlierCheck(document["when"], document["values"]))
         return tuple(kept[-LAST:])
 
     def keep(
-        self, when: datetime, record: Path, lines: Sequence[CheckedQuantity], *, begins_anew: bool
+        self,
+        when: datetime,
+        record: Path,
+        lines: Sequence[CheckedQuantity],
+        *,
+        begins_anew: bool,
+        busy: str | None,
     ) -> Path:
         """Write today's check.
 
@@ -94,6 +101,7 @@ class History:
                 "vehicle_crc32": self.vehicle_crc,
                 "record": str(record),
                 "begins_anew": begins_anew,
+                "busy": busy,
                 "changed": [] if begins_anew else changed,
                 "values": {line.held.what: line.measured.value for line in lines},
             },
@@ -112,6 +120,7 @@ def _read(path: Path) -> dict[str, Any]:
             "when": str(document["when"]),
             "vehicle_crc32": int(document["vehicle_crc32"]),
             "begins_anew": bool(document["begins_anew"]),
+            "busy": document.get("busy"),  # not there in checks of before it was asked
             "changed": list(document["changed"]),
             "values": values,
         }

@@ -98,7 +98,14 @@ HELD: Final = (
             ("mocap_jitter", "of that age, 95 of 100 poses", 0.001, _MS),
         )
     ),
-    HeldQuantity("mocap_latency", "delay of the poses that nobody reports", 0.0015, _MOCAP, _MS),
+    HeldQuantity(
+        "mocap_latency",
+        "delay of the poses that nobody reports",
+        0.0015,
+        _MOCAP,
+        _MS,
+        late_with_computer=True,
+    ),
     *(
         HeldQuantity(
             f"mocap_turn_{axis}",

@@ -97,6 +97,8 @@ def test_frames_that_stay_away(ended: Ended) -> None:
         ({"drone_clock_rate": 0.83, "host": {"cpus": 2, "load": 1.0}}, "the lab ran at 0.83 of real time"),
         ({"drone_clock_rate": 1.0, "host": {"cpus": 2, "load": 17.0}}, "its load was 17 on 2 processors"),
         ({"drone_clock_rate": 1.0, "host": {"cpus": 8, "load": 9.0}}, None),
+        ({"host": {"cpus": 2, "load": 3.7, "late_s": 0.251}}, "program was late by 251 ms"),
+        ({"host": {"cpus": 2, "load": 3.7, "late_s": 0.052}}, None),
         ({"drone_clock_rate": None}, None),
     ],
 )

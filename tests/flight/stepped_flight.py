@@ -205,11 +205,14 @@ class _Bridge:
 
 @dataclass(frozen=True)
 class Stepped:
-    """How it ended: the supervisor's last state, the drone, and the greatest speed of its way down, m/s."""
+    """How it ended: the supervisor's last state, the drone, the greatest speed of its way down, m/s, and how
+    late the loop's looks were at most, s.
+    """
 
     state: FlightState
     flight: Flight
     fastest_fall: float
+    late_s: float
 
 
 def fly(folder: Path, injection: Injection) -> Stepped:
@@ -257,4 +260,4 @@ def fly(folder: Path, injection: Injection) -> Stepped:
         injection.state, injection.wait = lambda: loop.state, flight.run
         state = loop.run()
     flight.run(2.0)
-    return Stepped(state, flight, -min(speeds))
+    return Stepped(state, flight, -min(speeds), loop.lateness.worst)

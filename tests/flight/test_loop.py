@@ -82,6 +82,7 @@ def test_a_display_that_fails_ends_no_flight(place: str, error: type[BaseExcepti
     stepped = fly(tmp_path / "run", injection)
     assert injection.thrown == 1
     assert at_rest(stepped)
+    assert stepped.late_s < 0.03
     assert stepped.state.phase is Phase.DONE
     assert "no FlyCourse" in str(stepped.state.aborted_by), "as without a display"
 
@@ -107,6 +108,7 @@ def test_a_program_that_stood_still_in_the_air_lands_and_says_why(
     assert injection.thrown
     assert at_rest(stepped)
     assert stepped.fastest_fall < SOFT
+    assert stepped.late_s == pytest.approx(seconds, abs=0.03)
     told = f"host_stood_still: {seconds:g}" if noticed else "FlyCourse failed: "
     assert str(stepped.state.aborted_by).startswith(told)
 

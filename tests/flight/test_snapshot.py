@@ -3,8 +3,11 @@
 from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
+import pytest
+
 from onboard.app_interface import LOGS, Log, ValueType
 from onboard.link.drone import LogSample
+from perchhw.flight.host_load import Lateness
 from perchhw.flight.telemetry import BLOCKS, LoggedField, Telemetry, TelemetryBlock
 
 WATCHED = TelemetryBlock(10, {Log.SNAPSHOT_COUNT: LoggedField("trigger", "count")})
@@ -45,6 +48,21 @@ def watched() -> tuple[Blocks, Telemetry]:
     telemetry = Telemetry(link, nobody, nobody, nobody, lambda: 0.0, (WATCHED, CUES, MOTION))
     telemetry.start()
     return link, telemetry
+
+
+def test_how_long_a_message_waited_is_told_once_it_flies() -> None:
+    link: Any = Blocks()
+    nobody: Any = None
+    lateness, now = Lateness(), 0.3
+    telemetry = Telemetry(link, nobody, nobody, nobody, lambda: now, (WATCHED, CUES, MOTION), lateness)
+    telemetry.start()
+    link.send(WATCHED, 0, 0.0)
+    assert lateness.worst == 0.0
+    lateness.watched, now = True, 0.27
+    link.send(WATCHED, 0, 0.0)
+    now = 0.03
+    link.send(WATCHED, 0, 0.0)
+    assert lateness.worst == pytest.approx(0.25)  # received at 0.02 s
 
 
 def test_both_blocks_carry_the_count_and_fit_a_packet() -> None:

@@ -10,6 +10,7 @@ import pytest
 from calibration.measurement import Estimate
 from onboard.json_file import as_json
 from perchhw.cli.check import as_table, in_digits
+from perchhw.diagnosis.busy import too_busy_for_poses
 from perchhw.hover_check.expected import expected
 from perchhw.hover_check.history import History, HistoryError
 from perchhw.hover_check.judge import LineVerdict, against_days, in_words, judge
@@ -112,14 +113,17 @@ def test_against_the_file_alone() -> None:
 
 
 def test_what_a_busy_computer_makes_late_is_not_blamed_on_motion_capture() -> None:
-    late, busy = {"mocap_jitter": 0.06, "mocap_age": 0.08}, "its load was 17 on 2 processors"
+    late = {"mocap_jitter": 0.06, "mocap_age": 0.08, "mocap_latency": 0.05}
+    busy = "its load was 17 on 2 processors"
     calm = judge(measured(late), expected(VEHICLE), [])
     assert {line.settles for line in calm} == {BY_NAME["mocap_age"].settles}
     lines = judge(measured(late), expected(VEHICLE), [], busy)
     for line in lines:
         assert str(line.settles).startswith(f"{busy}; end other programs on this computer")
         assert str(line.settles).endswith(f"else {line.held.settles}")
-    assert in_words(lines, "yesterday") == f"not to be judged, {busy}: mocap_age, mocap_jitter"
+    assert in_words(lines, "yesterday") == (
+        f"not to be judged, {busy}: mocap_age, mocap_jitter, mocap_latency"
+    )
     # What no computer makes wrong is said as ever.
     both = judge(measured({**late, "motor_2": 1.18}), expected(VEHICLE), [], busy)
     assert both[0].settles == BY_NAME["motor_2"].settles
@@ -127,10 +131,17 @@ def test_what_a_busy_computer_makes_late_is_not_blamed_on_motion_capture() -> No
     assert "not to be judged" not in in_words(both, None)
 
 
-def keep(history: History, values: dict[str, float], number: int, *, begins_anew: bool = False) -> None:
+def keep(
+    history: History,
+    values: dict[str, float],
+    number: int,
+    *,
+    begins_anew: bool = False,
+    busy: str | None = None,
+) -> None:
     before = () if begins_anew else history.before()
     lines = judge(measured(values), expected(VEHICLE), [one.values for one in before])
-    history.keep(MORNING + timedelta(days=number), Path("run"), lines, begins_anew=begins_anew)
+    history.keep(MORNING + timedelta(days=number), Path("run"), lines, begins_anew=begins_anew, busy=busy)
 
 
 def test_a_changed_day_does_not_count_until_it_is_meant(tmp_path: Path) -> None:
@@ -145,6 +156,30 @@ def test_a_changed_day_does_not_count_until_it_is_meant(tmp_path: Path) -> None:
     assert History.of(tmp_path, "radio://0/90/2M/E7E7E7E7E7", ROOM, VEHICLE).before() == ()
     lighter = replace(VEHICLE, body=replace(VEHICLE.body, mass=replace(VEHICLE.body.mass, value=0.03)))
     assert History.of(tmp_path, "radio://0/80/2M/E7E7E7E7E7", ROOM, lighter).before() == ()
+
+
+def test_a_day_on_a_busy_computer_does_not_count(tmp_path: Path) -> None:
+    history = History.of(tmp_path, "radio://0/80/2M/E7E7E7E7E7", ROOM, VEHICLE)
+    keep(history, {"mocap_jitter": 0.001}, 0)
+    keep(history, {"mocap_jitter": 0.004}, 1, busy="this computer was too busy: it was late by 40 ms")
+    assert [one.values for one in history.before()] == [{"mocap_jitter": 0.001}]
+    (file, _) = sorted(history.folder.iterdir())
+    file.write_text(file.read_text().replace('"busy"', '"of_old"'), encoding="utf-8")
+    assert len(history.before()) == 1
+
+
+@pytest.mark.parametrize(
+    ("host", "said"),
+    [
+        ({"cpus": 2, "load": 1.0, "late_s": 0.0026}, None),
+        ({"cpus": 2, "load": 1.0, "late_s": 0.0525}, "the flight's program was late by 52 ms"),
+        ({"cpus": 2, "load": 17.0, "late_s": 0.0026}, None),  # who waits may be nobody of ours
+        ({"cpus": 2, "load": 17.0}, "its load was 17 on 2 processors"),  # a record of before it was measured
+    ],
+)
+def test_a_busy_computer_is_known_by_what_waited_for_it(host: dict[str, float], said: str | None) -> None:
+    words = too_busy_for_poses({"drone_clock_rate": 1.0, "host": host})
+    assert words == (None if said is None else f"this computer was too busy: {said}")
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"schema": "perchhw.hover_check/0"}', '{"values": 3}'])
