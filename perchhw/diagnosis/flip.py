@@ -31,8 +31,11 @@ _FLIP_S = (0.08, 0.7)
 """After the trigger: nothing is turned over sooner, nothing is still on its way up later."""
 _BLOW_RAD_S = 2.0
 """Drop of the nose-up rate from one row to the next (10 ms) that only a blow causes."""
-_BLOW_M_S2 = 45.0
-"""Downward acceleration that only a ceiling causes: motors that push down while upside down give 2 g."""
+_BLOW_M_S = 0.45
+"""Drop of the climb from one row to the next that only a ceiling causes: motors that push down while upside
+down give 2 g, 0.2 m/s in 10 ms."""
+_OLD_S = 0.035
+"""For so long poses may show an older state; a blow slows for longer."""
 _NEAR_CEILING_M = 0.35
 _FOUND = 1.15
 """What the flips of the simulated lab deliver by this arithmetic (1.10 to 1.21); 1.0 where no delay of radio
@@ -251,12 +254,24 @@ def _first_blow(flight: Flight, trigger_t: float, motion: PoseTrack) -> float | 
         rows = np.flatnonzero((np.diff(rate[:, 0]) > _BLOW_RAD_S) & (t[:-1] > first) & (t[:-1] < last))
         blows += [float(t[row]) for row in rows]
     t = motion.t
-    speed = np.diff(motion.height) / np.maximum(np.diff(t), 1e-4)
-    steep = np.diff(speed) / np.maximum(0.5 * (t[2:] - t[:-2]), 1e-4) < -_BLOW_M_S2
-    blows += [float(t[row]) for row in np.flatnonzero(steep & (t[1:-1] > first) & (t[1:-1] < last))]
+    rows = np.flatnonzero((t > first) & (t < last))
+    blows += [float(t[row - 1]) for row in rows if _slows(motion, int(row))]
     ceiling = math.inf if flight.ceiling_z is None else flight.ceiling_z
     near = [blow for blow in blows if ceiling - np.interp(blow, t, motion.height) < _NEAR_CEILING_M]
     return min(near, default=None)
+
+
+def _slows(motion: PoseTrack, row: int) -> bool:
+    """Whether the climb to this row was faster than from it on, by a blow, over whichever of the rows beside
+    it: one that shows an older state is below the path before and after it.
+    """
+    apart = motion.t - motion.t[row]
+    near = np.abs(apart) < _OLD_S
+    before, after = near & (apart < -1e-4), near & (apart > 1e-4)
+    if not (before.any() and after.any()):
+        return False
+    climbed = motion.height - motion.height[row]
+    return bool(np.min(climbed[before] / apart[before]) - np.max(climbed[after] / apart[after]) > _BLOW_M_S)
 
 
 def _least_gap(

@@ -80,6 +80,31 @@ def test_a_flip_is_measured(landings: list[Landing], vehicle: Vehicle, tmp_path:
     assert flip.touch.ceiling_error_m == pytest.approx(0.0, abs=0.03)
 
 
+@pytest.mark.parametrize("frames", [1, 2])
+def test_poses_that_show_an_older_state_once_are_no_blow(
+    frames: int, landings: list[Landing], vehicle: Vehicle, tmp_path: Path
+) -> None:
+    """As those of a simulated room whose lab was late for a moment."""
+    run = read_run(record_landing(landings[3], tmp_path / "run", vehicle, 2.5, 60.0))
+    flight = flight_from_run(run)
+    assert flight.trigger is not None
+    touch = measure_flip(flight, flight.trigger, vehicle, None).touch
+    assert touch is not None
+    poses = run.series["pose"]
+    rising = np.flatnonzero(
+        (poses.t > flight.trigger.t + 0.08) & (poses.t < flight.trigger.t + touch.after_s)
+    )
+    for first in rising[: -frames - 2]:
+        heights = [message["z"] for message in poses.messages]
+        for late in range(first, first + frames):
+            poses.messages[late]["z"] = heights[first - 1]
+        again = measure_flip(flight_from_run(run), flight.trigger, vehicle, None).touch
+        assert again is not None
+        assert again.after_s == pytest.approx(touch.after_s, abs=0.011)
+        for message, height in zip(poses.messages, heights, strict=True):
+            message["z"] = height
+
+
 @pytest.mark.parametrize(("shift", "cause"), [(0.05, Cause.FLIP_LATE), (-0.05, Cause.FLIP_EARLY)])
 def test_a_region_elsewhere_makes_a_flip_late_or_early(
     landings: list[Landing], vehicle: Vehicle, policy: Policy, tmp_path: Path, shift: float, cause: Cause
