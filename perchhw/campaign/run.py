@@ -24,6 +24,7 @@ from perchhw.errors import FlightStackError
 LOCK_FILE = "campaign.lock"
 ATTEMPTS = "attempts"
 """Folder of the records, in that of the campaign."""
+RETRY = "(and --retry-aborted, to fly what was aborted again)"
 
 OnChange = Callable[[list[AttemptRow]], None]
 
@@ -86,12 +87,13 @@ def _fly_all(
         result, kind = _fly_one(plan, store, row, runner, turns, on_change)
         on_change(store.rows())
         if result.halt is not None:
-            raise CampaignStopped(f"stopped: {result.halt}, then continue with --resume")
+            again = f" {RETRY}" if kind is not None else ""
+            raise CampaignStopped(f"stopped: {result.halt}, then continue with --resume{again}")
         reached = aborts.ended(kind)
         if reached is not None:
             raise CampaignStopped(
                 f"stopped: {reached}, the last one by {result.aborted_by or 'an unnamed rule'}; put that "
-                "right and continue with --resume"
+                f"right and continue with --resume {RETRY}"
             )
     return store.rows()
 

@@ -182,7 +182,7 @@ def _prompt(s: Snapshot, typed: str, width: int) -> list[Text]:
 
 def _keys(s: Snapshot, width: int) -> Text:
     answer = () if s.question is None else ANSWER_KEYS
-    orders = KEYS[:1] if s.on_desk else KEYS
+    orders = KEYS[:1] if s.on_desk else [key for key in KEYS if s.attempts or key[0] != "p"]
     keys = WORD_KEYS if s.wants_words else (*answer, *orders)
     if sum(len(key) + len(does) + 5 for key, does in keys) > width:
         keys = tuple((key, does.split()[0]) for key, does in keys)

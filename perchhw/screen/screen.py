@@ -207,7 +207,8 @@ class Screen(Display):
 
     def say(self, text: str) -> None:
         """Shown among the messages."""
-        self._messages.append(text)
+        if text not in self._messages:  # as said before each attempt
+            self._messages.append(text)
         if self._instead is not None:
             self._instead.say(text)
 
@@ -340,7 +341,7 @@ class Screen(Display):
 
     def _heard(self, message: dict[str, Any]) -> None:
         match message.get("key"):
-            case "p":
+            case "p" if self._fixed.attempts:  # a single flight is the last
                 self._paused = not self._paused
             case "n" if self._watching:
                 mark = self._mark()

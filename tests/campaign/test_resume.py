@@ -165,6 +165,13 @@ def test_a_drone_that_a_person_must_look_at_is_not_flown_again_by_itself(
         run_campaign(plan, folder, stopped)
     assert [r.state for r in rows_of(folder)] == ["done"] * 3 + ["planned"] * 5
 
+    def stopped_in_the_air(request: AttemptRequest) -> AttemptResult:
+        result = stopped(request)
+        return replace(result, outcome=Outcome.ABORTED) if result.halt is not None else result
+
+    with pytest.raises(CampaignStopped, match=r"continue with --resume \(and --retry-aborted, to fly"):
+        run_campaign(plan, tmp_path / "in-the-air", stopped_in_the_air)
+
 
 def test_a_landing_that_was_labelled_counts_though_the_operator_then_interrupted(
     campaign_file: Path, tmp_path: Path

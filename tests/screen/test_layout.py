@@ -174,3 +174,8 @@ def test_a_long_message_is_said_to_its_end() -> None:
     shown = [row.plain for row in rows(Snapshot(title="fly", drone="cf1", messages=(words,)), "", 80, 24)]
     assert " ".join(" ".join(shown).split()).count(words) == 1
     assert max(map(len, shown)) <= 80
+
+
+def test_only_a_campaign_offers_a_pause() -> None:
+    assert "p  pause after attempt" in plain(FLYING, 120)[-1]
+    assert "pause" not in plain(FLYING.with_changes(attempts=None), 120)[-1]

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from perchhw.record import read_run
+from perchhw.screen.screen import Screen
 from tests.screen.terminal import Terminal
 
 Told = list[dict[str, Any]]
@@ -193,3 +194,10 @@ def test_an_exception_of_ours_is_read_after_the_screen(opened: Open, tmp_path: P
     (tmp_path / "raise").touch()
     assert terminal.ended() == 1
     terminal.until("RuntimeError: an error of ours")
+
+
+def test_what_is_said_before_each_attempt_stands_there_once() -> None:
+    screen = Screen("campaign trial", "udp://127.0.0.1:1")
+    for text in ("not asked: put it back", "a new pack", "not asked: put it back"):
+        screen.say(text)
+    assert screen._snapshot().messages == ("not asked: put it back", "a new pack")
