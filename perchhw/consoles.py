@@ -38,6 +38,11 @@ def in_width(text: str, screen: "Console", mark: str = "") -> str:
     return "\n".join(f"{' ' * len(mark) if k else mark}{part}" for k, part in enumerate(parts))
 
 
+def say(screen: "Console", text: str, style: str = "") -> None:
+    """Print a sentence as it is, :func:`in_width`."""
+    screen.print(in_width(text, screen), style=style, markup=False, soft_wrap=True)
+
+
 def _broken(line: str, width: int | None, taken: int) -> Iterator[str]:
     if width is None or taken + len(line) <= width:
         yield line

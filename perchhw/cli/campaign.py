@@ -12,7 +12,7 @@ from perchhw.cli.campaign_plan import plan as plan_command
 from perchhw.cli.options import AcceptMismatch, Drones, Lab, Mavlink, Note, Operator
 from perchhw.cli.output import emit
 from perchhw.cli.view_option import LiveView, ViewKind, live_view
-from perchhw.consoles import console, progress_console
+from perchhw.consoles import console, progress_console, say
 
 if TYPE_CHECKING:
     from perchhw.campaign.adaptive import FlownMap
@@ -149,7 +149,7 @@ def _page_of(folder: Path) -> Path | None:
     try:
         return write_campaign_report(folder, draw_all=False)
     except OutputFolderError as error:
-        progress_console().print(f"no report: {error}", style="red", markup=False, soft_wrap=True)
+        say(progress_console(), f"no report: {error}", "red")
         return None
 
 
@@ -265,9 +265,9 @@ def _emit_rows(folder: Path, report: Path | None, stopped: str | None = None) ->
         console().print(attempts_table(rows, planned))
         for misfit in skipped:
             left_out = f"left out: {misfit.speed:g} m/s at {misfit.angle_deg:g} deg {misfit.remedy}"
-            console().print(left_out, markup=False, soft_wrap=True)
+            say(console(), left_out)
         if left_alone:
-            console().print(_LEFT_ALONE, markup=False, soft_wrap=True)
+            say(console(), _LEFT_ALONE)
         if report is not None:
             console().print(f"report: {report}", markup=False)
 

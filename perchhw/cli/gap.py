@@ -12,7 +12,7 @@ from perchhw.cli.gap_suggest import suggest_command
 from perchhw.cli.gap_walkthrough import walkthrough_command
 from perchhw.cli.options import FlightFormat, Legs
 from perchhw.cli.output import emit
-from perchhw.consoles import console, progress_console
+from perchhw.consoles import console, progress_console, say
 from perchhw.screen.long_work import activity
 
 if TYPE_CHECKING:
@@ -150,7 +150,7 @@ def _tell(report: "GapReport", page: Path) -> None:
     if report.effects:
         console().print(table)
     for refused in report.landings.refused if report.landings else ():
-        console().print(f"landing refused: {refused.file}: {refused.reason}", markup=False, soft_wrap=True)
+        say(console(), f"landing refused: {refused.file}: {refused.reason}")
     if report.unexplained.formula:
         console().print(f"unexplained: {report.unexplained.formula}", markup=False)
     for text in report.nameless.written:
@@ -178,7 +178,7 @@ def _warn(document: dict[str, Any]) -> None:
     lines += [f"limit: {text}" for text in document["limitations"]]
     lines += [f"doubt: {text}" for text in document["doubts"]]
     for line in lines:
-        progress_console().print(line, style="yellow", markup=False, soft_wrap=True)
+        say(progress_console(), line, "yellow")
 
 
 def _draw(errors: "PredictionErrors", vehicle: str) -> None:

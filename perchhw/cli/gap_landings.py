@@ -8,7 +8,7 @@ import typer
 from onboard.json_file import as_json
 from perchhw.cli.options import FlightFormat, Legs
 from perchhw.cli.output import emit
-from perchhw.consoles import console, progress_console
+from perchhw.consoles import console, progress_console, say
 from perchhw.screen.long_work import share_done
 
 if TYPE_CHECKING:
@@ -137,10 +137,10 @@ def _tell(report: "LandingReport", page: Path | None) -> None:
         screen.print("too few classified flights for a score")
     else:
         low, high = found.gain_interval
-        screen.print(
+        say(
+            screen,
             f"Brier {found.brier:.2f}, base rate {found.brier_base:.2f} (in sample "
             f"{found.brier_base_in_sample:.2f}); difference {found.gain:+.2f} ({low:+.2f} to {high:+.2f})",
-            soft_wrap=True,
         )
         screen.print(f"log score {found.log:.2f}, base rate {found.log_base:.2f}")
         if found.auc_four is not None:
@@ -156,11 +156,11 @@ def _tell(report: "LandingReport", page: Path | None) -> None:
     if report.search is not None:
         _tell_search(report.search)
     for item in report.unused:
-        progress_console().print(f"not judged: {item.name}: {item.reason}", markup=False, soft_wrap=True)
+        say(progress_console(), f"not judged: {item.name}: {item.reason}")
     for sentence in report.words:
-        screen.print(sentence, markup=False, soft_wrap=True)
+        say(screen, sentence)
     if report.expectation is not None:
-        screen.print(report.expectation.words, markup=False, soft_wrap=True)
+        say(screen, report.expectation.words)
     if page is not None and report.search is not None and report.search.named:
         screen.print(f"vehicle with it: {page.with_name(VEHICLE_FILE)}", markup=False, soft_wrap=True)
     if page is not None:
@@ -189,4 +189,4 @@ def _tell_search(found: "OutcomeSearch") -> None:
             if group in found.left_open
             else "another law does better"
         )
-        screen.print(f"{group}: {verdict} (Brier {gain:+.3f}, {low:+.3f} to {high:+.3f})", soft_wrap=True)
+        say(screen, f"{group}: {verdict} (Brier {gain:+.3f}, {low:+.3f} to {high:+.3f})")

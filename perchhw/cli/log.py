@@ -10,7 +10,7 @@ from perchhw.attempt import DEFAULT_POLICY, DEFAULT_VEHICLE
 from perchhw.cli.options import FlightFormat, Legs, Policy
 from perchhw.cli.output import emit
 from perchhw.cli.view import view
-from perchhw.consoles import console, progress_console
+from perchhw.consoles import console, progress_console, say
 
 if TYPE_CHECKING:
     from calibration.flights import Flight
@@ -129,9 +129,7 @@ def label(
     if len(files) == 1 and labels:
         document["outcome"] = labels[0]["outcome"]
     for entry in unusable:
-        progress_console().print(
-            f"unusable: {_with_file(entry)}", style="yellow", markup=False, soft_wrap=True
-        )
+        say(progress_console(), f"unusable: {_with_file(entry)}", "yellow")
     emit(document, lambda: _draw_labels(labels) if labels else None)
     return 0 if labels else 2
 

@@ -17,7 +17,7 @@ from perchhw.cli import exit_codes
 from perchhw.cli.finite_numbers import with_finite_numbers
 from perchhw.cli.output import emit_error, settings, written
 from perchhw.cli.view_option import complete_view_option
-from perchhw.consoles import progress_console
+from perchhw.consoles import progress_console, say
 from perchhw.operator_signals import CUT, ENDS, LAND, act_as_ctrl_c, known, unheard
 
 _GARBAGE_THRESHOLDS = (20_000, 50, 100)
@@ -164,7 +164,7 @@ def _exit_code(error: PerchhwError) -> int:
 
 def _ended_by(message: str, exit_code: int) -> int:
     """Tell the person on stderr, and the script that asked for JSON on stdout."""
-    written(sys.stderr, lambda: progress_console().print(message, style="red", markup=False, soft_wrap=True))
+    written(sys.stderr, lambda: say(progress_console(), message, "red"))
     emit_error(message.removeprefix("error: "), exit_code)
     return exit_code
 

@@ -14,7 +14,7 @@ from perchhw.cli.mocap_calibrate import calibrate
 from perchhw.cli.mocap_send import send
 from perchhw.cli.options import Lab
 from perchhw.cli.output import emit, written
-from perchhw.consoles import console, progress_console
+from perchhw.consoles import console, progress_console, say
 
 if TYPE_CHECKING:
     from mocap_bridge.bridge import BridgeStatus
@@ -76,7 +76,7 @@ def _say(second: int, status: "BridgeStatus") -> None:
     pose = None if status.last_sample is None else status.last_sample.position
     where = "" if pose is None else " at ({:.3f}, {:.3f}, {:.3f}) m".format(*pose)
     line = f"{second} s: {status.verdict.name.lower()}, {status.rate_hz:.0f} Hz{where}"
-    progress_console().print(line, markup=False, soft_wrap=True)
+    say(progress_console(), line)
 
 
 def summary(uri: str, seconds: float, status: "BridgeStatus", ages: list[float]) -> dict[str, Any]:

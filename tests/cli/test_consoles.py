@@ -5,7 +5,9 @@ from io import StringIO
 import pytest
 from rich.console import Console
 
+from perchhw.cli.main import run
 from perchhw.consoles import in_width
+from tests.screen.terminal import Terminal
 
 SENTENCE = "the body touched first: the flip began 14 ms early"
 
@@ -31,3 +33,14 @@ def test_a_path_stays_whole() -> None:
 
 def test_elsewhere_a_line_stays_one() -> None:
     assert in_width(f"{SENTENCE}\n\n{SENTENCE}", screen(False)) == f"{SENTENCE}\n\n{SENTENCE}"
+
+
+def test_an_error_is_broken_between_words_on_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["campaign", "status", "no-such-folder-of-a-campaign"]
+    assert run(command) == 2
+    said = capsys.readouterr().err.split()
+    assert len(" ".join(said)) > 40
+    with Terminal(*command, columns=40) as terminal:
+        assert terminal.ended() == 2
+        terminal.wait(lambda: said[-1] in terminal.text(), what="the error")
+        assert terminal.text().split() == said
