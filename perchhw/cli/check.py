@@ -100,7 +100,8 @@ def in_words(check: "HoverCheck") -> str:
         lines.append(f"rotors  {each}, each +-{2.0 * sigma:.0f} Hz: {_folding(check)}")
     told = [check.verdict]
     if check.busy is not None:
-        told += [f"{check.busy}; this check is none of the days that later ones are held against"]
+        why = "" if check.busy in check.verdict else f"{check.busy}; "
+        told.append(f"{why}this check is none of the days that later ones are held against")
     return "\n".join([*lines, "", *told, f"record: {check.record}"])
 
 

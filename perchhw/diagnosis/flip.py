@@ -263,7 +263,7 @@ def _first_blow(flight: Flight, trigger_t: float, motion: PoseTrack) -> float | 
 
 def _slows(motion: PoseTrack, row: int) -> bool:
     """Whether the climb to this row was faster than from it on, by a blow, over whichever of the rows beside
-    it: one that shows an older state is below the path before and after it.
+    it: one that shows an older state is below the path before and after it. What falls meets no ceiling.
     """
     apart = motion.t - motion.t[row]
     near = np.abs(apart) < _OLD_S
@@ -271,7 +271,8 @@ def _slows(motion: PoseTrack, row: int) -> bool:
     if not (before.any() and after.any()):
         return False
     climbed = motion.height - motion.height[row]
-    return bool(np.min(climbed[before] / apart[before]) - np.max(climbed[after] / apart[after]) > _BLOW_M_S)
+    climb = np.min(climbed[before] / apart[before])
+    return bool(climb > 0.0 and climb - np.max(climbed[after] / apart[after]) > _BLOW_M_S)
 
 
 def _least_gap(

@@ -22,6 +22,8 @@ from perchhw.operator_signals import CUT, LAND, known
 
 _OF_TERMINAL = known("SIGHUP", "SIGQUIT", "SIGTSTP")
 _HEARD = {signal.SIGINT, signal.SIGTERM, *_OF_TERMINAL, *(n for n in (LAND, CUT) if n is not None)}
+_AT_MOST_A_LANDING = {LAND, *known("SIGHUP")}
+"""A terminal closes once, but its shell and the system each say so."""
 
 
 def _noted(_number: int, _frame: FrameType | None) -> None:
@@ -58,7 +60,7 @@ class OperatorInterrupts:
         self._stop = trigger
 
     def _note(self, number: int) -> None:
-        if number == LAND:
+        if number in _AT_MOST_A_LANDING:
             self.count = max(self.count, 1)
             return
         self.count = max(self.count + 1, 2 if number == CUT else 1)

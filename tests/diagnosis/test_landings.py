@@ -105,6 +105,23 @@ def test_poses_that_show_an_older_state_once_are_no_blow(
             message["z"] = height
 
 
+def test_what_falls_meets_no_ceiling(landings: list[Landing], vehicle: Vehicle, tmp_path: Path) -> None:
+    run = read_run(record_landing(landings[4], tmp_path / "run", vehicle, 2.5, 60.0))
+    trigger = flight_from_run(run).trigger
+    assert trigger is not None
+    assert measure_flip(flight_from_run(run), trigger, vehicle, None).touch is None
+    poses = run.series["pose"]
+    heights = [message["z"] for message in poses.messages]
+    falls = np.flatnonzero(
+        (np.diff(heights, prepend=heights[0]) < -0.005) & (poses.t > trigger.t) & (poses.t < trigger.t + 0.65)
+    )
+    assert falls.size > 5
+    for late in falls:
+        poses.messages[late]["z"] = heights[late - 1]
+        assert measure_flip(flight_from_run(run), trigger, vehicle, None).touch is None
+        poses.messages[late]["z"] = heights[late]
+
+
 @pytest.mark.parametrize(("shift", "cause"), [(0.05, Cause.FLIP_LATE), (-0.05, Cause.FLIP_EARLY)])
 def test_a_region_elsewhere_makes_a_flip_late_or_early(
     landings: list[Landing], vehicle: Vehicle, policy: Policy, tmp_path: Path, shift: float, cause: Cause

@@ -88,6 +88,20 @@ def test_a_terminal_that_closes_suspends_or_kills_asks_for_a_landing(
         signal.signal(number, previous)
 
 
+def test_a_terminal_that_closes_lands_though_its_shell_says_so_too() -> None:
+    stopped = threading.Event()
+    with OperatorInterrupts() as interrupts:
+        interrupts.stop_by(stopped.set)
+        os.kill(os.getpid(), signal.SIGHUP)
+        wait_for_count(interrupts, 1)
+        os.kill(os.getpid(), signal.SIGHUP)
+        os.kill(os.getpid(), signal.SIGUSR1)  # is heard after it, and counts as little
+        os.kill(os.getpid(), signal.SIGTERM)
+        wait_for_count(interrupts, 2)
+    assert stopped.is_set()
+    assert interrupts.count == 2
+
+
 @pytest.mark.parametrize("number", [signal.SIGUSR1, signal.SIGUSR2, signal.SIGTERM])
 def test_before_a_flight_the_same_signals_end_the_command(number: signal.Signals, tmp_path: Path) -> None:
     """Here while it waits for the answer of a drone that is to be rebooted."""
