@@ -228,3 +228,38 @@ def test_the_height_of_a_standing_drone_is_that_of_the_simulation() -> None:
         vehicle = load_vehicle(name)
         rests = resting_on_floor(physics_parameters(vehicle, RoomGeometry()), 0.0, 0.0, 0.0)
         assert standing_height(vehicle) == pytest.approx(float(rests["position"][2]), abs=HEIGHT_SIGMA)
+
+
+LAB = """schema = "perchhw.lab/1"
+
+[room]
+ceiling = { height = 2.1, tilt_x_deg = 0.0, tilt_y_deg = 0.0 }
+x_min = -6.5
+x_max = 2.0
+y_min = -1.0
+y_max = 1.0
+floor = 0.0
+start = { x = -2.5, y = 0.0, yaw_deg = 0.0 }
+
+[[drones]]
+uri = "udp://127.0.0.1:1"
+vehicle = "crazyflie21-upgraded"
+subject = "cf1"
+
+[mocap]
+uri = "vicon://127.0.0.1:1"
+subject = "cf1"
+"""
+
+
+def test_who_interrupts_it_is_told_that_it_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*_arguments: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("perchhw.mocap_calibration.session.calibrate_room", interrupted)
+    (tmp_path / "lab.toml").write_text(LAB, encoding="utf-8")
+    out = tmp_path / "found"
+    assert run([*CALIBRATE, "--lab", str(tmp_path / "lab.toml"), "--out", str(out), "--yes"]) == 130
+    assert f"the steps that are done are kept in {out}: the same command goes on" in capsys.readouterr().err
