@@ -101,11 +101,22 @@ def run(
 
 @contextmanager
 def _told_how_to_go_on(folder: Path) -> Iterator[None]:
-    """Whoever interrupts the campaign in `folder` is told how to continue it."""
+    """Whoever interrupts the campaign in `folder` is told what came of the last flight, whose drone may hang or
+    have fallen, and how to continue it.
+    """
+    from perchhw.campaign.run import ATTEMPTS
+    from perchhw.record.listing import kept_diagnosis
+
+    before = set((folder / ATTEMPTS).glob("*"))
     try:
         yield
     except KeyboardInterrupt:
-        progress_console().print(f"continue with --resume; the records are in {folder}", markup=False)
+        last = max(
+            set((folder / ATTEMPTS).glob("*")) - before, default=None
+        )  # their names begin with the time
+        if (told := kept_diagnosis(last)) is not None:
+            say(progress_console(), f"{told['sentence']}\nnext: {told['next']}")
+        say(progress_console(), f"continue with --resume; the records are in {folder}")
         raise
 
 

@@ -13,6 +13,7 @@ import pytest
 
 from perchhw.campaign import load_plan, run_campaign
 from perchhw.cli.main import run
+from perchhw.record import RunRecorder
 from tests.campaign.stand_in import fly
 from tests.patience import PATIENCE_S
 
@@ -74,6 +75,31 @@ def test_a_campaign_that_is_ended_while_its_pages_are_drawn_says_so_too(
     file.write_text(f'schema = "perchhw.campaign/1"\n{where}{GRID}')
     assert run(["campaign", "run", str(file), "--yes", "--out", str(tmp_path / "campaign")]) == 130
     assert "continue with --resume" in capsys.readouterr().err
+
+
+def test_who_interrupts_a_flight_is_told_what_came_of_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "campaign"
+
+    def flown(name: str) -> None:
+        with RunRecorder(folder / "attempts" / name, {}) as recorder:
+            told = {"code": "operator", "sentence": f"{name} was cut", "next": "look it over", "values": {}}
+            recorder.close(outcome="aborted", diagnosis=told)
+
+    def interrupted(*_: object, **__: object) -> None:
+        flown("20261125T2-second")
+        raise KeyboardInterrupt
+
+    flown("20261125T1-first")
+    monkeypatch.setattr("perchhw.cli.displayed_campaign.run_displayed", interrupted)
+    file = tmp_path / "one.toml"
+    where = 'drone = "udp://127.0.0.1:1"\nmocap = "vicon://127.0.0.1:1?subject=cf1"\n'
+    file.write_text(f'schema = "perchhw.campaign/1"\n{where}{GRID}')
+    assert run(["campaign", "run", str(file), "--yes", "--out", str(folder)]) == 130
+    said = capsys.readouterr().err
+    assert "20261125T2-second was cut\nnext: look it over\ncontinue with --resume" in said
+    assert "first" not in said
 
 
 def test_a_full_disk_costs_a_campaign_its_page_and_no_result(
