@@ -101,9 +101,7 @@ def run(
 
 @contextmanager
 def _told_how_to_go_on(folder: Path) -> Iterator[None]:
-    """Whoever interrupts the campaign in `folder` is told what came of the last flight, whose drone may hang or
-    have fallen, and how to continue it.
-    """
+    """Whoever interrupts the campaign in `folder` is told how its last flight ended, and how to continue."""
     from perchhw.campaign.run import ATTEMPTS
     from perchhw.record.listing import kept_diagnosis
 
