@@ -10,7 +10,9 @@ import pytest
 from calibration.measurement import Estimate
 from onboard.json_file import as_json
 from perchhw.cli.check import as_table, in_digits
+from perchhw.cli.check import in_words as check_in_words
 from perchhw.diagnosis.busy import too_busy_for_poses
+from perchhw.hover_check.check import HoverCheck
 from perchhw.hover_check.expected import expected
 from perchhw.hover_check.history import History, HistoryError
 from perchhw.hover_check.judge import LineVerdict, against_days, in_words, judge
@@ -180,6 +182,19 @@ def test_a_day_on_a_busy_computer_does_not_count(tmp_path: Path) -> None:
 def test_a_busy_computer_is_known_by_what_waited_for_it(host: dict[str, float], said: str | None) -> None:
     words = too_busy_for_poses({"drone_clock_rate": 1.0, "host": host})
     assert words == (None if said is None else f"this computer was too busy: {said}")
+
+
+def test_who_checks_on_a_busy_computer_is_told_that_the_day_does_not_count() -> None:
+    busy = "this computer was too busy: the flight's program was late by 32 ms"
+    for measured_today, why in (({"thrust": 1.0}, f"{busy}; "), ({"mocap_jitter": 0.06}, "")):
+        lines = judge(measured(measured_today), expected(VEHICLE), [], busy)
+        check = HoverCheck(
+            lines=lines, rotors=(), since=None, checks=0, record=Path("run"), kept=Path("kept"), busy=busy
+        )
+        told = check_in_words(check)
+        assert f"\n{why}this check is none of the days that later ones are held against\n" in told
+        assert "none of the days" not in check_in_words(replace(check, busy=None))
+    assert as_json(check)["busy"] == busy
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"schema": "perchhw.hover_check/0"}', '{"values": 3}'])
