@@ -184,4 +184,7 @@ def main() -> None:
         code = exit_codes.INTERRUPTED
     for number in known("SIGINT", "SIGTERM", "SIGHUP", "SIGUSR1", "SIGUSR2"):
         signal.signal(number, signal.SIG_IGN)  # one more would turn the exit code into a death
+    # Whatever the exit code, Python dies of SIGINT where the last text that it ran was interrupted, as by a
+    # key that comes while a dataclass is made. This text is not.
+    exec("")
     sys.exit(code)

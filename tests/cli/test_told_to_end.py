@@ -107,3 +107,24 @@ def test_the_page_of_a_flight_is_named_once_it_is_there(
     assert f"report: {tmp_path / 'a' / 'report.html'}" in capsys.readouterr().err.splitlines()
     assert run(line) == 0
     assert "report:" not in capsys.readouterr().err
+
+
+def test_a_verb_that_was_interrupted_in_the_text_of_a_dataclass_keeps_its_exit_code(tmp_path: Path) -> None:
+    """Else Python dies of SIGINT whatever the exit code: a class is made by running text."""
+    (tmp_path / "interrupted.py").write_text(
+        "import perchhw.cli.main as root\n"
+        "def end(_called):\n"
+        "    root.progress_console().print('all that speaks is loaded, and runs no more text')\n"
+        "    exec('raise KeyboardInterrupt')\n"
+        "root._command_line = end\n"
+        "root.main()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-m", "interrupted", "--json", "vehicle"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 130, done.stderr
+    assert json.loads(done.stdout) == {"error": "interrupted", "exit_code": 130}
