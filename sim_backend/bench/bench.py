@@ -22,6 +22,7 @@ from sim_backend.bench.scpi import SimulatedScpiSupply
 from sim_backend.bench.spin_record import SpinRecord
 from sim_backend.bench.tachometer import OpticalSensor, TachometerBoard
 from sim_backend.crazyflie.firmware import Firmware
+from sim_backend.engine_name import EngineName
 from sim_backend.lab_faults import DroneFaults
 
 DT = 0.001
@@ -51,12 +52,14 @@ class BenchOptions:
         faults: of the bench.
         drone: faults of the drone itself.
         jig: what holds a hung drone.
+        engine: which code the drone runs; both compute the same.
     """
 
     seed: int = 0
     faults: BenchFaults = field(default_factory=BenchFaults)
     drone: DroneFaults = field(default_factory=DroneFaults)
     jig: SimulatedJig = field(default_factory=SimulatedJig)
+    engine: EngineName = EngineName.REFERENCE
 
 
 class BenchFirmware(Firmware):
@@ -114,7 +117,9 @@ class Bench:
         )
         rngs = dict(zip(names, np.random.default_rng(options.seed).spawn(len(names)), strict=True))
         self.hands_rng = rngs["hands"]
-        self.firmware = BenchFirmware(vehicle, rngs["firmware"], gyro_bias=options.drone.gyro_bias)
+        self.firmware = BenchFirmware(
+            vehicle, rngs["firmware"], gyro_bias=options.drone.gyro_bias, engine=options.engine
+        )
         self.motors = BenchMotors(vehicle, rngs["motors"], missing=faults.missing_propeller)
         self.supply = PowerStage(faults)
         self.pack = Pack(vehicle.battery, options.drone.battery_voltage)

@@ -23,6 +23,7 @@ from sim_backend.bench.operator import CannotDo, SimulatedOperator
 from sim_backend.bench.ports import AskedPort, BoardPort, Electronics, InstrumentPort
 from sim_backend.crazyflie.faults import DatagramFaults
 from sim_backend.crazyflie.server import ACTIVITY_TIMEOUT_MS, CrazyflieServer
+from sim_backend.engine_name import usable_engine
 from sim_backend.lab_faults import Faults
 
 PERIOD_S = 0.002
@@ -112,7 +113,7 @@ class ServedBench:
         settings = self.settings
         vehicle = load_vehicle(settings.vehicle, settings.legs)
         faults = BenchFaults.parse(settings.faults.bench)
-        options = BenchOptions(settings.seed, faults, settings.faults.drone)
+        options = BenchOptions(settings.seed, faults, settings.faults.drone, engine=usable_engine(None))
         warm_up = Bench(vehicle, options)
         operator = SimulatedOperator(warm_up, lambda name: name)
         strings = {"string_distance_top": 0.06, "string_distance_bottom": 0.06, "string_length": 0.6}
