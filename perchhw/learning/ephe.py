@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from onboard.arrays import FloatArray
+from onboard.arrays import FloatArray, IntArray
 from onboard.jit import kept
 
 TAU_SCALE = 10.0
@@ -75,6 +75,22 @@ def sample(rng: Any, mu: FloatArray, sigma: FloatArray, s: EpheSettings) -> tupl
 
 
 @kept()
+def _best_first(rewards: FloatArray, count: int) -> IntArray:
+    """Indices of the `count` best (all, where there are no more), of equal ones the earlier first. Numba's
+    own sort takes seconds to compile."""
+    order = np.empty(min(count, len(rewards)), np.int64)
+    left = np.ones(len(rewards), np.bool_)
+    for place in range(len(order)):
+        best = -1
+        for k in range(len(rewards)):
+            if left[k] and (best < 0 or rewards[k] > rewards[best]):
+                best = k
+        order[place] = best
+        left[best] = False
+    return order
+
+
+@kept()
 def update(
     theta: FloatArray, rewards: FloatArray, best: int,
     mu: FloatArray, sigma: FloatArray,
@@ -90,7 +106,7 @@ def update(
         best: how many count.
         mu, sigma: (2,).
     """
-    order = np.argsort(-rewards, kind="mergesort")[:best]
+    order = _best_first(rewards, best)
     total = 1e-3
     for k in order:
         total += rewards[k]

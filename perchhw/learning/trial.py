@@ -164,8 +164,9 @@ def learn_pair(
     sigma[0], sigma[1] = s.sigma_tau, s.sigma_moment
     theta, rewards = np.zeros((s.rollouts, 2)), np.zeros(s.rollouts)
     while trial.episodes < s.episodes and not trial.converged:
-        trial.mu_history[trial.episodes] = mu
-        trial.sigma_history[trial.episodes] = sigma
+        for i in range(2):  # two arrays of which one is assigned to the other take seconds to compile
+            trial.mu_history[trial.episodes, i] = mu[i]
+            trial.sigma_history[trial.episodes, i] = sigma[i]
         for k in range(s.rollouts):
             if trial.rollouts == stop:
                 return
