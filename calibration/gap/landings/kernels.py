@@ -205,6 +205,13 @@ def count_of(case: Any) -> int:
     return 3 * int(case.gyro.shape[0]) + 6 * int(case.pose.shape[0])
 
 
+@kernel
+def copy_into(target: Any, source: Any) -> None:
+    """`target` is from now on as `source`; both (n,)."""
+    for i in range(len(target)):
+        target[i] = source[i]
+
+
 @outlined
 def descend(x: Any, iterations: int, case: Any) -> float:
     """Levenberg-Marquardt from x, which it improves in place; returns the cost.
@@ -225,7 +232,8 @@ def descend(x: Any, iterations: int, case: Any) -> float:
             residuals(probe, case, moved)
             slope[:, j] = 0.0
             if cost_of(probe, moved) < np.inf:
-                slope[:, j] = (moved - r) / PROBE
+                for i in range(m):  # here and below: arrays assigned to slices take seconds to compile
+                    slope[i, j] = (moved[i] - r[i]) / PROBE
         weighted = slope.T * (1.0 / (1.0 + r * r / C2))
         normal = weighted @ slope + np.eye(NUISANCES)
         gradient = weighted @ r + x
@@ -240,8 +248,8 @@ def descend(x: Any, iterations: int, case: Any) -> float:
             if new < cost:
                 better = cost - new > 1e-3 * cost
                 cost = new
-                x[:] = trial
-                r[:] = moved
+                copy_into(x, trial)
+                copy_into(r, moved)
                 damping *= 0.2
                 break
             damping *= 8.0
@@ -270,5 +278,5 @@ def best_start(starts: Any, keep: int, iterations: int, case: Any, x: Any) -> fl
         cost = descend(trial, iterations, case)
         if cost < least:
             least = cost
-            x[:] = trial
+            copy_into(x, trial)
     return least
