@@ -1,11 +1,14 @@
 """Judge the gap finder by sets of flights drawn at random from several programs that share nothing with it.
 
-    python benchmarks/gap_random.py --runs 10 --table FILE [--truths house mujoco] [--first N]
+    python benchmarks/gap_random.py --runs 10 --table FILE [--first N] [--truths house mujoco]
+        [--crazyflow PYTHON]
 
 Drawn are the laboratory (integrator, pilot, rates, noise, what the log lacks), the vehicle, how much is
 flown, and what is hidden: nothing, one effect, two, or something without a name, weak to strong. Seeds
 follow from the commit of the finder. Runs are appended to the table, one JSON document a line, and those that
-it holds are not repeated; the summary of all goes to stdout.
+it holds are not repeated; the summary of all goes to stdout. The third program, crazyflow, is a simulator
+that others published: it flies in PYTHON, an interpreter that has it (docs/physics.md), and only where one is
+given.
 """
 
 import argparse
@@ -16,6 +19,9 @@ import sys
 import tempfile
 import time
 import traceback
+from collections.abc import Callable
+from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +33,10 @@ from onboard.json_file import as_json
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-TRUTHS = ("house", "mujoco")
+TRUTHS = ("house", "mujoco", "crazyflow")
+Draw = Callable[[int, Path], tuple[list[Path], Any, dict[str, Any], float | None]]
+"""From a seed and a folder to the logs of a set, vehicle, answer and height of its ceiling (m)."""
+
 CLEARNESS = (0.0, 30.0)
 """Standard errors from which on names are counted together."""
 
@@ -74,7 +83,17 @@ def draw_mujoco(seed: int, folder: Path) -> tuple[list[Path], Any, dict[str, Any
     return drawn.files, drawn.vehicle, drawn.answer, None
 
 
-def run(key: tuple[str, int]) -> dict[str, Any]:
+def draw_crazyflow(
+    room: Any, seed: int, folder: Path
+) -> tuple[list[Path], Any, dict[str, Any], float | None]:
+    """A set of `tests/truth/published.py`."""
+    from tests.truth.published import draw_published_set
+
+    drawn = draw_published_set(seed, folder, room)
+    return drawn.files, drawn.vehicle, drawn.answer, None
+
+
+def run(draws: dict[str, Draw], key: tuple[str, int]) -> dict[str, Any]:
     """One set: fly, find, compare."""
     from calibration.flights import open_flights
     from calibration.gap.data import prepare_flights
@@ -83,11 +102,10 @@ def run(key: tuple[str, int]) -> dict[str, Any]:
 
     truth, seed = key
     with tempfile.TemporaryDirectory() as folder:
-        draw = {"house": draw_house, "mujoco": draw_mujoco}[truth]
-        files, vehicle, answer, ceiling = draw(seed, Path(folder))
+        files, vehicle, answer, ceiling = draws[truth](seed, Path(folder))
         facts = {
             name: answer[name]
-            for name in ("size", "flights", "hertz", "kilograms", "accelerometer", "voltage")
+            for name in ("size", "flights", "hertz", "kilograms", "accelerometer", "voltage", "state_hz")
             if name in answer
         }
         row = {"program": truth, "seed": seed, **facts}
@@ -128,7 +146,11 @@ def summary(runs: list[dict[str, Any]]) -> dict[str, Any]:
     """The figures that a sceptic asks for, with Wilson's intervals of 95 %, of each program and of all."""
     return {
         "all": _figures(runs),
-        **{truth: _figures([one for one in runs if one["program"] == truth]) for truth in TRUTHS},
+        **{
+            truth: _figures([one for one in runs if one["program"] == truth])
+            for truth in TRUTHS
+            if any(one["program"] == truth for one in runs)
+        },
         "names_right_by_clearness": _by_clearness(runs),
     }
 
@@ -179,12 +201,22 @@ def main() -> None:
     )
     parser.add_argument("--runs", type=int, default=10, help="of each program")
     parser.add_argument("--first", type=int, help="first seed; default: from the commit")
-    parser.add_argument("--truths", nargs="+", choices=TRUTHS, default=list(TRUTHS))
+    parser.add_argument("--truths", nargs="+", choices=TRUTHS, help="default: all that can fly here")
+    parser.add_argument("--crazyflow", metavar="PYTHON", help="interpreter that has crazyflow")
     parser.add_argument("--table", type=Path, required=True)
     asked = parser.parse_args()
     first = seed_of_commit() if asked.first is None else asked.first
-    keys = [(truth, seed) for seed in range(first, first + asked.runs) for truth in asked.truths]
-    runs = runs_of(asked.table, keys, lambda one: (one["program"], one["seed"]), run)
+    truths = asked.truths or [truth for truth in TRUTHS if asked.crazyflow or truth != "crazyflow"]
+    if "crazyflow" in truths and asked.crazyflow is None:
+        parser.error("crazyflow flies in an interpreter that has it: give --crazyflow PYTHON")
+    keys = [(truth, seed) for seed in range(first, first + asked.runs) for truth in truths]
+    draws: dict[str, Draw] = {"house": draw_house, "mujoco": draw_mujoco}
+    with ExitStack() as rooms:
+        if "crazyflow" in truths:
+            from tests.truth.published import PublishedRoom
+
+            draws["crazyflow"] = partial(draw_crazyflow, rooms.enter_context(PublishedRoom(asked.crazyflow)))
+        runs = runs_of(asked.table, keys, lambda one: (one["program"], one["seed"]), partial(run, draws))
     print(json.dumps(summary(runs), indent=1))
 
 

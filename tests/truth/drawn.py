@@ -4,7 +4,7 @@ An answer has the shape of `tests.gap.truth`'s: `verdict`, `effects` (name, para
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,14 @@ CLASSES = ((0.027, 0.042), (0.15, 0.6), (1.0, 4.0))
 RATES = (50, 100, 200, 500)
 WIND = (1.0, 2.5)
 """m/s of wind per unit of its size: rooms with a fan, since a typical draught would not show."""
+FLIGHTS = (4, 6, 8, 12, 16)
+"""Of a set."""
 HEADER = "t,x,y,z,qx,qy,qz,qw,gx,gy,gz,ax,ay,az,m1,m2,m3,m4,vbat"
+
+Effects = dict[str, dict[str, float]]
+"""Parameters by key, of each effect by name."""
+Unlisted = dict[str, Any] | None
+"""What was hidden that has no name, if anything."""
 
 
 @dataclass(frozen=True)
@@ -42,8 +49,8 @@ def draw_set(seed: int, folder: Path) -> DrawnSet:
     vehicle = nominal(frame, "mujoco-room")
     lab = draw_circumstances(rng, frame)
     size = str(rng.choice(list(SIZES)))
-    hidden, effects, unlisted = _hide(size, frame, lab, rng)
-    flights = int(rng.choice((4, 6, 8, 12, 16)))
+    hidden, effects, unlisted = hide_something(size, frame, lab, rng)
+    flights = int(rng.choice(FLIGHTS))
     seconds = float(rng.uniform(15.0, 40.0)) + lab.rest
     folder.mkdir(parents=True, exist_ok=True)
     files = []
@@ -54,15 +61,20 @@ def draw_set(seed: int, folder: Path) -> DrawnSet:
         log = fly(frame, hidden, lab, goals, np.random.default_rng([seed, 29, number]))
         files.append(folder / f"{kind}-{number + 1}.csv")
         write_log(files[-1], log)
-    verdict = "unexplained_gap" if unlisted else "effects_found" if effects else "no_gap"
-    answer = {
+    return DrawnSet(files, vehicle, answer_of(size, flights, frame, lab, effects, unlisted))
+
+
+def answer_of(
+    size: str, flights: int, frame: Airframe, lab: Circumstances, effects: Effects, unlisted: Unlisted
+) -> dict[str, Any]:
+    """What a judge needs to know of a set, as a JSON object."""
+    return {
         "size": size, "flights": flights, "hertz": round(1.0 / (lab.per_line * STEP)),
         "kilograms": round(frame.mass, 3), "accelerometer": lab.accelerometer, "voltage": lab.voltage,
-        "verdict": verdict,
+        "verdict": "unexplained_gap" if unlisted else "effects_found" if effects else "no_gap",
         "effects": [{"name": name, "parameters": values} for name, values in effects.items()],
         "unlisted": unlisted,
     }  # fmt: skip
-    return DrawnSet(files, vehicle, answer)
 
 
 def draw_circumstances(rng: np.random.Generator, frame: Airframe) -> Circumstances:
@@ -88,15 +100,22 @@ def draw_circumstances(rng: np.random.Generator, frame: Airframe) -> Circumstanc
     )
 
 
-def _hide(
-    size: str, frame: Airframe, lab: Circumstances, rng: np.random.Generator
-) -> tuple[Hidden, dict[str, dict[str, float]], dict[str, Any] | None]:
-    """Nothing, one effect, two that nobody takes for one another, or something that has no name."""
+def hide_something(
+    size: str,
+    frame: Airframe,
+    lab: Circumstances,
+    rng: np.random.Generator,
+    known: Sequence[str] | None = None,
+) -> tuple[Hidden, Effects, Unlisted]:
+    """Nothing, one effect, two that nobody takes for one another, or something that has no name.
+
+    `known` are the effects that a program can hide, all of `EFFECTS_HERE` where it is None.
+    """
     kind = rng.random()
     if kind >= 0.85:
         return _unlisted(size, frame, rng)
-    hidden, effects = Hidden(), dict[str, dict[str, float]]()
-    names = [name for name in EFFECTS_HERE if _shows(name, lab)]
+    hidden, effects = Hidden(), Effects()
+    names = [name for name in known or EFFECTS_HERE if _shows(name, lab)]
     for _ in range(0 if kind < 0.2 else 1 if kind < 0.65 else 2):
         name = str(rng.choice(names))
         hidden, new = hide(hidden, name, size, frame, rng)
@@ -108,7 +127,7 @@ def _hide(
 
 def hide(
     hidden: Hidden, name: str, size: str, frame: Airframe, rng: np.random.Generator
-) -> tuple[Hidden, dict[str, dict[str, float]]]:
+) -> tuple[Hidden, Effects]:
     """`hidden` with one more effect of a size of `SIZES`, and its parameters (a wind brings a drag)."""
     hidden, values = EFFECTS_HERE[name](hidden, _Drawing(name, size, frame, nominal(frame, name), rng))
     effects = {name: values}
@@ -243,9 +262,7 @@ EFFECTS_HERE: dict[str, Hide] = {
 """What this program can hide, by the name of the effect."""
 
 
-def _unlisted(
-    size: str, frame: Airframe, rng: np.random.Generator
-) -> tuple[Hidden, dict[str, dict[str, float]], dict[str, Any]]:
+def _unlisted(size: str, frame: Airframe, rng: np.random.Generator) -> tuple[Hidden, Effects, Unlisted]:
     """A side wind in a slab of the room, or a part that is out of balance."""
     times = float(rng.uniform(*SIZES[size]) * rng.choice((-1.0, 1.0)))
     if rng.integers(2):

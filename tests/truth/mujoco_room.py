@@ -219,7 +219,7 @@ def fly(frame: Airframe, hidden: Hidden, lab: Circumstances, goals: Array, rng: 
     inertia = np.array([frame.ix, frame.iy, frame.iz])
     told = np.array([frame.mass, frame.arm, *inertia, frame.yaw_lever, frame.highest, frame.lag_up])
     trim = inertia * rng.standard_normal(3) * (0.5, 0.5, 0.2)
-    gusts = _gusts(frame, inertia, len(goals), rng) * lab.gust
+    gusts = draw_gusts(frame, inertia, len(goals), rng) * lab.gust
     duty, total = np.zeros(4), np.zeros(3)
     if not lab.rest:
         duty += math.sqrt(frame.mass * G / 4.0 / frame.highest)
@@ -239,7 +239,7 @@ def fly(frame: Airframe, hidden: Hidden, lab: Circumstances, goals: Array, rng: 
         if over == 0 and line >= 0:
             seen = data.sensordata
             log[line] = [k * STEP, *seen[0:3], *seen[4:7], seen[3], *seen[7:13], *duty, rotors.voltage]
-    return _measured(log, hidden, lab, rng)
+    return measured(log, hidden, lab, pose_lead(lab.integrator), rng)
 
 
 def _push(
@@ -272,7 +272,7 @@ def _push(
     data.qfrc_applied[:3], data.qfrc_applied[3:] = force, torque
 
 
-def _gusts(frame: Airframe, inertia: Array, count: int, rng: np.random.Generator) -> Array:
+def draw_gusts(frame: Airframe, inertia: Array, count: int, rng: np.random.Generator) -> Array:
     """Ornstein-Uhlenbeck pushes (N) and turns (N m); a heavy vehicle is turned less."""
     turning = 2.0 * (0.03 / frame.mass) ** 0.4
     gusts = np.empty((count, 6))
@@ -294,10 +294,13 @@ def pose_lead(integrator: str) -> float:
     return 0.0 if integrator == "RK4" else 0.5 * STEP
 
 
-def _measured(log: Array, hidden: Hidden, lab: Circumstances, rng: np.random.Generator) -> Array:
-    """The log with delays, biases and noise; NaN for what this lab does not measure."""
+def measured(log: Array, hidden: Hidden, lab: Circumstances, lead: float, rng: np.random.Generator) -> Array:
+    """The log with delays, biases and noise; NaN for what this lab does not measure.
+
+    `lead` is by how much (s) the poses of the log are ahead of what stands beside them.
+    """
     seen = log.copy()
-    late = hidden.pose_delay + pose_lead(lab.integrator)
+    late = hidden.pose_delay + lead
     for column in range(1, 8):
         seen[:, column] = np.interp(log[:, 0] - late, log[:, 0], log[:, column])
     count = len(log)

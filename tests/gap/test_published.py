@@ -1,0 +1,76 @@
+"""What is done to flights of a published simulator before they are judged; it flies in benchmarks alone."""
+
+import math
+import sys
+
+import numpy as np
+import pytest
+
+from tests.truth.airframe import Airframe, G
+from tests.truth.mujoco_room import Hidden
+from tests.truth.published import PublishedRoom, RoomEnded, as_logged, frame_of, owners_vehicle, speed_for
+
+PUBLISHED = {
+    "mass": [0.04],
+    "L": [0.035],
+    "prop_inertia": [4e-8],
+    "J": [[2e-5, 0.0, 0.0], [0.0, 2.5e-5, 0.0], [0.0, 0.0, 4e-5]],
+    "rpm2thrust": [[0.001, -3e-7, 4.4e-10]],
+    "rpm2torque": [[0.0, 1.7e-9, 2.5e-12]],
+    "rotor_dyn_coef": [[14.0, 1e-4, 6.0, 3e-4]],
+    "slowest": 7000.0,
+    "fastest": 21_000.0,
+}
+CURVE = np.array(PUBLISHED["rpm2thrust"][0])
+
+
+@pytest.fixture
+def frame() -> Airframe:
+    return frame_of(PUBLISHED)
+
+
+def test_an_interpreter_without_the_simulator_is_told_of() -> None:
+    with (
+        pytest.raises(RoomEnded, match=r"crazyflow_room.py ended with 1: ModuleNotFoundError"),
+        PublishedRoom(sys.executable),
+    ):
+        pytest.fail("it has nothing to fly with")
+
+
+@pytest.mark.parametrize(("up", "lag"), [(True, "lag_up"), (False, "lag_down")])
+def test_rotors_follow_a_small_step_about_hover_with_the_lag_of_the_file(
+    frame: Airframe, up: bool, lag: str
+) -> None:
+    """The published law, integrated until 63 % of a step of 1 %."""
+    hover = speed_for(CURVE, 0.04 * G / 4.0)
+    linear, square = PUBLISHED["rotor_dyn_coef"][0][:2] if up else PUBLISHED["rotor_dyn_coef"][0][2:]
+    goal, speed, time = hover * (1.01 if up else 0.99), hover, 0.0
+    while abs(speed - hover) < (1.0 - math.exp(-1.0)) * abs(goal - hover):
+        speed += 1e-5 * (linear * (goal - speed) + square * (goal**2 - speed**2))
+        time += 1e-5
+    assert time == pytest.approx(getattr(frame, lag), rel=0.01)
+
+
+def test_its_owner_knows_what_hovers_and_what_is_most(frame: Airframe) -> None:
+    vehicle = owners_vehicle("test", PUBLISHED)
+    assert vehicle.motors.thrust_max.value == pytest.approx(CURVE @ [1.0, 21e3, 21e3**2])
+    speed = speed_for(CURVE, frame.mass * G / 4.0) * np.array([0.999, 1.001])
+    torques, forces = 1.7e-9 * speed + 2.5e-12 * speed**2, 1e-3 - 3e-7 * speed + 4.4e-10 * speed**2
+    assert frame.yaw_lever == pytest.approx(
+        np.diff(torques)[0] / np.diff(forces)[0]
+    )  # what yaws it in flight
+    assert {effect.name for effect in vehicle.effects} == {"rotor_gyroscopic", "rotor_acceleration_torque"}
+
+
+def test_a_log_has_the_marker_that_cameras_see_and_duties_that_bring_the_thrust(frame: Airframe) -> None:
+    """Heading east and 90 deg to the left, with a marker 10 mm ahead that is turned by 0.1 rad about b_z."""
+    flown = np.zeros((2, 17))
+    flown[0, 6] = 1.0
+    flown[1, 5:7] = math.sin(math.pi / 4.0), math.cos(math.pi / 4.0)
+    flown[:, 13:] = speed_for(CURVE, frame.mass * G / 4.0)
+    hidden = Hidden(pose_offset=(0.01, 0.0, 0.0), pose_turn=(0.0, 0.0, 0.1))
+    log = as_logged(flown, CURVE, frame, hidden)
+    np.testing.assert_allclose(log[:, 1:4], [[0.01, 0.0, 0.0], [0.0, 0.01, 0.0]], atol=1e-12)
+    half = [0.05, math.pi / 4.0 + 0.05]
+    np.testing.assert_allclose(log[:, 6:8], np.column_stack([np.sin(half), np.cos(half)]))
+    np.testing.assert_allclose(4.0 * frame.highest * log[:, 14:18] ** 2, frame.mass * G)
