@@ -14,9 +14,10 @@ from tests.tiers import drawn, longest_first
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 
-# A shell's background jobs ignore the interrupt, and so would every program that a test interrupts.
-if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+# A shell's background jobs ignore these two keys, and so would every program that a test gives them to.
+for key, handler in ((signal.SIGINT, signal.default_int_handler), (signal.SIGQUIT, signal.SIG_DFL)):
+    if signal.getsignal(key) is signal.SIG_IGN:
+        signal.signal(key, handler)
 
 # A kernel's first call compiles, and a busy machine is slow: time is no property of a test here. Nor is
 # chance: the same examples each time, so that what was green stays green; the long proofs draw others.

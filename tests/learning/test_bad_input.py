@@ -24,7 +24,7 @@ VEHICLE = "crazyflie21-upgraded"
         (("--repeats", "0"), "--repeats 0 makes no attempt"),
         (("--speeds", "0"), "a speed of 0 m/s makes no approach"),
         (("--speeds=-2",), "a speed of -2 m/s"),
-        (("--speeds", "nan"), "a speed of nan m/s"),
+        (("--speeds", "nan"), "--speeds 'nan' is not a range"),
         (("--angles", "0"), "an angle of 0 deg makes no approach"),
         (("--angles", "90.5"), "an angle of 90.5 deg"),
         (("--speeds", "2,2"), "2 m/s is given twice"),
