@@ -145,7 +145,10 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     asked = parser.parse_args()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    wanted = {k: v for k, v in splits(asked.data).items() if not asked.splits or k in asked.splits}
+    wanted = splits(asked.data)
+    if unknown := set(asked.splits or ()) - set(wanted):
+        parser.error(f"no split {', '.join(sorted(unknown))}; there are: {', '.join(wanted)}")
+    wanted = {k: v for k, v in wanted.items() if not asked.splits or k in asked.splits}
     runs = []
     with ProcessPoolExecutor(asked.jobs) as pool:
         futures = [pool.submit(run, asked.data, asked.vehicle, *one, asked.again) for one in wanted.items()]

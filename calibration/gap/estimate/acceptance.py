@@ -105,13 +105,14 @@ def judge(
     with_neutral = [v for v in fitted if model.nothing_new(v) is not None]
     far = not with_neutral or any(abs(model.change(v)) >= DETECTABLE * errors[v] for v in with_neutral)
     lower = lower_bound(gains, training, offered.few_flights(columns), rng)
-    holds = float(gains.sum()) >= LEAST_GAIN and lower > 0.0
+    beyond_chance = far and float(gains.sum()) >= LEAST_GAIN and lower > 0.0
     if swallowed(offered, present) and not swallowed(present, offered):
-        # That all flights share it, a nuisance has shown; whitened noise tells little of what is slow.
-        holds = holds or min(gains.sum(), otherwise.sum()) > 0.0
+        # That all flights share it, a nuisance has shown beyond chance; what is slow tells its own size
+        # badly, and gains little where noise is whitened.
+        beyond_chance = beyond_chance or min(gains.sum(), otherwise.sum()) > 0.0
     return Judgement(
         gain=float(gains.sum()),
-        significant=bool(fitted) and holds and far,
+        significant=bool(fitted) and beyond_chance,
         sizeable=any(sizeable(model, v) for v in fitted),
         at_bound=tuple(v for v in fitted if runs_out(offered, v, errors[v])),
         drifting=drifting(fitted, offered, errors),

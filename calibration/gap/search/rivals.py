@@ -43,6 +43,10 @@ _DOUBTFUL = 3.0
 """Factor on what a name must gain, below which a first look does not decide that it does."""
 
 
+_SCALES = ("thrust_scale", "mass_error")
+"""Whose place no difference between motors takes."""
+
+
 @dataclass(frozen=True)
 class Rival:
     """Another effect in the place of one that was named.
@@ -150,7 +154,15 @@ def rivals(final: Fitted, effect: str, close: Sequence[str], training: Training)
     offered = candidates_for(reduced, training, names - far)
     with ThreadPoolExecutor(WORKERS) as pool:
         found = list(pool.map(lambda c: _rival(final, effect, reduced, c, training), offered))
+    found = [one for one in found if not (effect in _SCALES and alike_in_all_motors(one.fitted.model))]
     return sorted(found, key=lambda rival: rival.lead)
+
+
+def alike_in_all_motors(model: Model) -> bool:
+    """Whether four motors are further from what the vehicle file says than from each other: that is a scale
+    of thrust, in whose place they stand, and no difference between motors."""
+    motors = np.array([value for v, value in model.values.items() if v.effect == "motor_imbalance"])
+    return bool(motors.size and abs(motors.mean() - 1.0) > np.abs(motors - motors.mean()).max())
 
 
 def _is_far_behind(look: LinearLook, effect: str, rival: str) -> bool:

@@ -17,7 +17,16 @@ from calibration.gap.estimate.refine import Fitted, Training, refine, settled
 from calibration.gap.estimate.shared_nuisances import swallowed
 from calibration.gap.search.candidates import Candidate, candidates
 from calibration.gap.search.linear_look import LinearLook, linear_look
-from calibration.gap.search.rivals import HOPELESS, KEPT, Rival, nearly_without, needed, rivals, without
+from calibration.gap.search.rivals import (
+    HOPELESS,
+    KEPT,
+    Rival,
+    alike_in_all_motors,
+    nearly_without,
+    needed,
+    rivals,
+    without,
+)
 from calibration.gap.search.screen import screen
 from calibration.gap.search.selection import Progress, SelectionStep, TimeToGo
 from onboard.vehicle import EFFECTS
@@ -119,7 +128,7 @@ def _one_for_two(
         reduced = nearly_without(present, training, one.effect, other.effect)
         cause = _common_cause(present, reduced, common, training)
         alone = {name: lacking(name) for name in (one.effect, other.effect)} if cause else {}
-        if cause is None or not _explains(cause[1], present, alone):
+        if cause is None or alike_in_all_motors(cause[1].model) or not _explains(cause[1], present, alone):
             continue
         candidate, fitted = cause[0], settled(cause[1], training)
         if not _explains(fitted, present, alone):
