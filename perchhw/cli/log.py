@@ -13,6 +13,8 @@ from perchhw.cli.view import view
 from perchhw.consoles import console, progress_console, say
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from calibration.flights import Flight
     from onboard.vehicle import Vehicle
     from perchhw.record.listing import RunSummary
@@ -30,30 +32,44 @@ def list_runs(root: Annotated[Path, typer.Argument(help="Folder that holds runs.
     runs, broken = find_runs(root)
     for problem in broken:
         progress_console().print(f"skipped: {problem}", style="yellow", markup=False)
-    emit({"runs": runs, "broken": broken}, lambda: _draw_runs(runs))
+    emit({"runs": runs, "broken": broken}, lambda: _draw_runs(root, runs))
     return 0
 
 
-def _draw_runs(runs: "list[RunSummary]") -> None:
+def _draw_runs(root: Path, runs: "list[RunSummary]") -> None:
+    from itertools import groupby
+
+    table = _table_of_runs()
+    parents = {run.folder.parent for run in runs}
+    for parent, together in groupby(runs, key=lambda run: run.folder.parent):
+        if len(parents) > 1:
+            table.add_row(f"in {parent.relative_to(root)}:")
+        for run in together:
+            table.add_row(*_cells(run))
+    console().print(table)
+    for state in sorted({_state_of(run) for run in runs} & _STATES.keys()):
+        console().print(f"{state}: {_STATES[state]}")
+
+
+def _table_of_runs() -> "Table":
     from rich.table import Column, Table
 
     name = Column("run", no_wrap=True)  # RUN is typed elsewhere
     outcome = Column("outcome", overflow="fold", min_width=len("dry_run_passed"))
-    table = Table(
+    return Table(
         name, "m/s", "deg", outcome, "fired", "record", box=None, pad_edge=False, collapse_padding=True
     )
-    for run in runs:
-        table.add_row(
-            run.folder.name,
-            "" if run.speed is None else f"{run.speed:g}",
-            "" if run.angle_deg is None else f"{run.angle_deg:g}",
-            run.outcome or "",
-            {True: "yes", False: "no", None: ""}[run.triggered],
-            _state_of(run),
-        )
-    console().print(table)
-    for state in sorted({_state_of(run) for run in runs} & _STATES.keys()):
-        console().print(f"{state}: {_STATES[state]}")
+
+
+def _cells(run: "RunSummary") -> tuple[str, ...]:
+    return (
+        run.folder.name,
+        "" if run.speed is None else f"{run.speed:g}",
+        "" if run.angle_deg is None else f"{run.angle_deg:g}",
+        run.outcome or "",
+        {True: "yes", False: "no", None: ""}[run.triggered],
+        _state_of(run),
+    )
 
 
 _STATES = {

@@ -73,7 +73,8 @@ def summarise_run(folder: Path) -> RunSummary:
 
 
 def find_runs(root: Path) -> tuple[list[RunSummary], list[str]]:
-    """All runs below `root` in order of their names, and in words those whose ``run.json`` is broken.
+    """All runs below `root` as they were flown (those that do not say when come first), and in words those
+    whose ``run.json`` is broken.
 
     Raises:
         RunFolderError: `root` does not exist.
@@ -88,6 +89,7 @@ def find_runs(root: Path) -> tuple[list[RunSummary], list[str]]:
             runs.append(summarise_run(path.parent))
         except RunFolderError as error:
             broken.append(str(error))
+    runs.sort(key=lambda run: run.started_utc or "")
     return runs, broken
 
 

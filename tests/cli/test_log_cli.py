@@ -143,6 +143,23 @@ def test_list_names_runs_and_broken_ones(capsys: pytest.CaptureFixture[str], lan
     shutil.rmtree(damaged)
 
 
+def test_list_is_in_the_order_of_flying_and_says_in_which_folder(
+    capsys: pytest.CaptureFixture[str], landing: Path, tmp_path: Path
+) -> None:
+    """Names of runs begin with what they are; only the record says when they were flown."""
+    started = {"day/b": "2026-11-23T09:00:00+00:00", "day/a": "2026-11-23T10:00:00+00:00"}
+    started |= {"hover/c": "2026-11-23T11:00:00+00:00"}
+    for name, at in started.items():
+        shutil.copytree(landing, tmp_path / name)
+        info = tmp_path / name / "run.json"
+        info.write_text(json.dumps(with_checksum(json.loads(info.read_text()) | {"started_utc": at})))
+    _, document, _ = call(capsys, "log", "list", tmp_path)
+    assert [entry["folder"] for entry in document["runs"]] == [str(tmp_path / name) for name in started]
+    run(["log", "list", str(tmp_path)])
+    shown = [line.split()[:2] for line in capsys.readouterr().out.splitlines()]
+    assert shown == [["run", "m/s"], ["in", "day:"], ["b", "3"], ["a", "3"], ["in", "hover:"], ["c", "3"]]
+
+
 def test_list_breaks_neither_names_nor_outcomes_in_80_columns(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, landing: Path, tmp_path: Path
 ) -> None:

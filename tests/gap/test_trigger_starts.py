@@ -1,11 +1,18 @@
 """What the commands of an approach say of a flip's start: thrusts, without what only keeps it straight."""
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calibration.gap.landings.outcomes.starts import STRAIGHT, straightened
+from calibration.flights import Flight, PoseSource
+from calibration.gap.landings.outcomes.starts import STRAIGHT, straightened, trigger_start
+from calibration.gap.landings.segments import NotUsed
 from onboard.arrays import FloatArray
+from onboard.vehicle import load_vehicle
 
 AT = 3.0
 PARTS = np.array([[1, 1, 1, 1], [-1, -1, 1, 1], [-1, 1, 1, -1], [-1, 1, -1, 1]])
@@ -48,3 +55,22 @@ def test_what_was_held_long_before_does_not_count() -> None:
 def test_commands_that_end_too_early_stay_as_they_are() -> None:
     t, thrust = approach(0)
     assert straightened((t, thrust), AT + 10.0)[1] is thrust
+
+
+@pytest.mark.parametrize(
+    ("ended", "reason"),
+    [
+        ({}, "the policy never fired"),
+        ({"finished": False}, "its record ends before the policy fired"),
+        ({"aborted_by": "link_alive"}, "aborted before the policy fired: link_alive"),
+    ],
+)
+def test_only_an_approach_that_came_to_its_end_has_a_policy_that_never_fired(
+    ended: dict[str, Any], reason: str
+) -> None:
+    flight = Flight(
+        "attempt", Path("attempt"), "perchhw", PoseSource.MOCAP, np.arange(3.0), {}, {}, trigger=None, **ended
+    )
+    start = trigger_start(flight, load_vehicle("crazyflie21-upgraded"), None)
+    assert isinstance(start, NotUsed)
+    assert reason in start.reason

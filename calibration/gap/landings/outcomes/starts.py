@@ -108,7 +108,7 @@ def trigger_start(flight: Flight, vehicle: Vehicle, parameters: Any) -> TriggerS
         vehicle: its vehicle. parameters: the physics of it.
     """
     if flight.trigger is None:
-        return NotUsed(flight.name, "the policy never fired")
+        return NotUsed(flight.name, _without_trigger(flight))
     if flight.ceiling_z is None:
         return NotUsed(flight.name, "the ceiling's height is not recorded")
     at = flight.trigger.t
@@ -139,6 +139,15 @@ def trigger_start(flight: Flight, vehicle: Vehicle, parameters: Any) -> TriggerS
         gyro=around.gyro[after],
         redundant=redundant,
     )
+
+
+def _without_trigger(flight: Flight) -> str:
+    """Why a flight has no trigger; of one that ended early nobody knows whether it would have fired."""
+    if not flight.finished:
+        return "its record ends before the policy fired: its program was killed, or still flies"
+    if flight.aborted_by is not None:
+        return f"it was aborted before the policy fired: {flight.aborted_by}"
+    return "the policy never fired"
 
 
 def straightened(approach: tuple[FloatArray, FloatArray], at: float) -> tuple[FloatArray, FloatArray]:
