@@ -97,7 +97,7 @@ def run(draws: dict[str, Draw], key: tuple[str, int]) -> dict[str, Any]:
     """One set: fly, find, compare."""
     from calibration.flights import open_flights
     from calibration.gap.data import prepare_flights
-    from calibration.gap.find import GapQuestion, find_gap
+    from calibration.gap.find import GapQuestion, NothingToFindError, find_gap
     from calibration.gap.report.confidence import clearness
 
     truth, seed = key
@@ -113,6 +113,8 @@ def run(draws: dict[str, Draw], key: tuple[str, int]) -> dict[str, Any]:
         read = open_flights(files)[0]
         try:
             found = find_gap(read, GapQuestion(vehicle=vehicle, seed=seed))
+        except NothingToFindError as error:  # a hidden fault that keeps the vehicle on the floor
+            return {**row, "hidden": _hidden(answer), "crash": None, "refused": str(error)}
         except Exception:  # noqa: BLE001 -- whatever it is: a crash is what this table counts
             return {**row, "hidden": _hidden(answer), "crash": traceback.format_exc()}
         report = as_json(found.report)
@@ -159,8 +161,7 @@ def _by_clearness(runs: list[dict[str, Any]]) -> dict[str, str]:
     """How many names of each clearness were right, as `calibration/gap/report/confidence.py` has counted."""
     names = [
         (clear, name not in one["false_names"])
-        for one in runs
-        if not one["crash"]
+        for one in _ended(runs)
         for name, clear in one["clearness"].items()
     ]
     ends = [*CLEARNESS, math.inf]
@@ -170,15 +171,21 @@ def _by_clearness(runs: list[dict[str, Any]]) -> dict[str, str]:
     }
 
 
+def _ended(runs: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Those with a report."""
+    return [one for one in runs if not one["crash"] and "refused" not in one]
+
+
 def _figures(runs: list[dict[str, Any]]) -> dict[str, Any]:
-    ended = [one for one in runs if not one["crash"]]
+    ended = _ended(runs)
     listed = [one for one in ended if one["hidden"] and "unlisted" not in one["hidden"]]
     clear = [one for one in listed if one["size"] != "weak"]
     none = [one for one in ended if not one["hidden"]]
     values = [pair["covered"] for one in listed for pair in one["values"] if pair["covered"] is not None]
     return {
         "sets": len(runs),
-        "crashes": len(runs) - len(ended),
+        "crashes": sum(bool(one["crash"]) for one in runs),
+        "without_a_usable_flight": sum("refused" in one for one in runs),
         "first_name_right_medium_and_strong": share([one["first_right"] for one in clear]),
         "all_found_medium_and_strong": share([one["all_found"] for one in clear]),
         "first_name_right_weak": share([one["first_right"] for one in listed if one["size"] == "weak"]),

@@ -32,6 +32,9 @@ LOWEST_BATTERY_VOLTAGE = 2.0
 
 _NEWTON_STEPS = 60
 
+_HIGHEST_VOLTAGE = 128.0
+"""V: more than packs of any multirotor have; the app on the drone stops at 16 V, above any Crazyflie's."""
+
 
 @inner
 def _quadratic_root(a: float, b: float, c: float, thrust: float) -> float:
@@ -44,7 +47,9 @@ def _cubic_root(c0: float, c1: float, c2: float, c3: float, thrust: float) -> fl
     if thrust <= c0:
         return 0.0
     low, high = 0.0, 16.0
-    voltage = 2.0
+    while high < _HIGHEST_VOLTAGE and c0 + high * (c1 + high * (c2 + high * c3)) < thrust:
+        low, high = high, 2.0 * high
+    voltage = max(low, 2.0)
     for _ in range(_NEWTON_STEPS):
         excess = c0 + voltage * (c1 + voltage * (c2 + voltage * c3)) - thrust
         if excess > 0.0:

@@ -43,6 +43,9 @@ LEGS_FILE = LIBRARY / "legs.toml"
 THRUST_MAPS_FILE = LIBRARY / "thrust_maps.toml"
 LEGS_SCHEMA = "perchhw.legs/1"
 THRUST_MAPS_SCHEMA = "perchhw.thrust_maps/1"
+_CELL_VOLTAGE = 5.0
+"""V: up to it every map is asked to rise; packs of several cells ask it up to their own full voltage."""
+
 _SECTIONS = (
     "schema",
     "name",
@@ -204,12 +207,14 @@ def _parse_full_thrust_map(raw: object, key: str, problems: Problems) -> ThrustM
     if len(problems.messages) > before:
         return None
     description = ThrustMapDescription(form=form, coefficients=coefficients)
-    _check_increasing(description, key, problems)
+    _check_increasing(description, _CELL_VOLTAGE, key, problems)
     return description
 
 
-def _check_increasing(description: ThrustMapDescription, key: str, problems: Problems) -> None:
-    """Note a map whose thrust does not rise with the voltage wherever it is used."""
+def _check_increasing(
+    description: ThrustMapDescription, highest: float, key: str, problems: Problems
+) -> None:
+    """Note a map whose thrust does not rise with the voltage up to `highest` (V)."""
     c = {name: quantity.value for name, quantity in description.coefficients.items()}
     match description.form:
         case ThrustMapForm.QUADRATIC_INVERSE:
@@ -222,12 +227,13 @@ def _check_increasing(description: ThrustMapDescription, key: str, problems: Pro
             )
             rule = "low_a, high_a > 0, low_b >= 0, and both rows must reach break_thrust"
         case ThrustMapForm.FIRMWARE_CUBIC:
-            # The slope must be positive from 0 to 5 V: it is a parabola, so ends and vertex decide.
-            ends = [0.0, 5.0]
-            if c["c3"] != 0.0 and 0.0 < -c["c2"] / (3.0 * c["c3"]) < 5.0:
-                ends.append(-c["c2"] / (3.0 * c["c3"]))
-            fine = all(c["c1"] + v * (2.0 * c["c2"] + v * 3.0 * c["c3"]) > 0.0 for v in ends)
-            rule = "thrust must rise with voltage from 0 to 5 V"
+            # The slope is a parabola, so ends and vertex decide; at 0 V itself it may vanish (f = c2 V2).
+            vertex = -c["c2"] / (3.0 * c["c3"]) if c["c3"] != 0.0 else highest
+            places = [highest, min(vertex, highest)] if vertex > 0.0 else [highest]
+            fine = c["c1"] >= 0.0 and all(
+                c["c1"] + v * (2.0 * c["c2"] + v * 3.0 * c["c3"]) > 0.0 for v in places
+            )
+            rule = f"thrust must rise with voltage from 0 to {highest:g} V"
         case ThrustMapForm.TWO_REGION_LOG:
             fine = all(c[name] > 0.0 for name in ("a1", "b1", "a2", "break_thrust"))
             fine = fine and c["break_thrust"] + c["b2"] > 0.0
@@ -255,6 +261,9 @@ def _check_consistency(
     body: Body | None, motors: Motors | None, battery: Battery | None, problems: Problems
 ) -> None:
     """Note numbers that contradict each other."""
+    if motors is not None and battery is not None and battery.open_circuit_full.value > _CELL_VOLTAGE:
+        full = battery.open_circuit_full.value
+        _check_increasing(motors.thrust_map, full, "motors.thrust_map", problems)
     if body is not None:
         inertia = sorted((body.inertia_xx.value, body.inertia_yy.value, body.inertia_zz.value))
         if inertia[0] + inertia[1] <= inertia[2]:

@@ -55,6 +55,20 @@ def test_rates_in_the_world_frame_are_refused_by_name(flight: Flight) -> None:
     assert "world frame" in reason(flight, **turned, **world)
 
 
+@pytest.mark.parametrize(("held", "said"), [(10, "refused"), (60, "limited"), (1, "neither")])
+def test_a_flight_of_which_hardly_anything_is_known_is_refused(flight: Flight, held: int, said: str) -> None:
+    """Commands that a log holds: 0.1 s of every 0.12 s leave nothing, 0.6 s of every 1.4 s a half."""
+    rows = np.arange(flight.t.size)
+    made_up = {10: rows % 12 < 10, 60: rows % 140 < 60, 1: rows < 0}[held]
+    since = np.maximum.accumulate(np.where(made_up & (np.roll(made_up, 1)), 0, rows))
+    commands = {k: flight.data[k][since] for k in ("m1", "m2", "m3", "m4")}
+    told = prepare_flights([replace(flight, data={**flight.data, **commands})])
+    refused = " ".join(one.reason for one in told.refused)
+    assert ("% of the time in flight can be used: motor commands" in refused) == (said == "refused")
+    limited = " ".join(told.limitations)
+    assert ("less than half of the time in flight can be used" in limited) == (said == "limited")
+
+
 def test_a_copy_that_was_cut_and_rounded_is_found(flight: Flight) -> None:
     keep = slice(300, None)
     cut = replace(

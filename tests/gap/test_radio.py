@@ -54,3 +54,26 @@ def test_a_link_that_is_lost_leaves_a_line_to_the_end() -> None:
     done = received(given, RESOLUTION)
     assert done.dead_s == pytest.approx(4.0, abs=0.01)
     assert done.samples.t[-1] <= 6.0
+
+
+@pytest.mark.parametrize("step", [65535.0 / 255.0, 65535.0 / 100.0, 65535.0 / 2000.0])
+@pytest.mark.parametrize("hertz", [100.0, 500.0])
+def test_commands_in_coarse_steps_stand_still_and_are_no_gap(hertz: float, step: float) -> None:
+    """Bytes, percent and DShot's 2000 steps, brought to 0..65535 as docs/gap_data.md asks for."""
+    given = commands(hertz)
+    stepped = Samples(given.t, np.round(np.round(given.values / step) * step))
+    done = received(stepped, RESOLUTION, may_stand=True)
+    assert (done.samples.t.size, done.lost_s) == (given.t.size, 0.0)
+    broken, inside = with_gap(stepped, 4.0, 4.4)
+    done = received(broken, RESOLUTION, may_stand=True)
+    gone = ~np.isin(given.t, done.samples.t)
+    sloped = np.any(np.abs(np.diff(broken.values, axis=0, prepend=broken.values[:1])) > 0.0, axis=1) & inside
+    assert not np.any(gone & ~inside)
+    assert np.count_nonzero(gone & sloped) >= 0.7 * np.count_nonzero(sloped)
+
+
+def test_commands_in_fine_steps_that_stand_still_were_held() -> None:
+    given = commands(100.0, 200.0)
+    held = given.values.copy()
+    held[400:420] = held[400]
+    assert received(Samples(given.t, held), RESOLUTION, may_stand=True).lost_s == pytest.approx(0.2, abs=0.04)

@@ -67,6 +67,7 @@ class TinyDrone(Closing):
         self.drop: Callable[[bytes], bool] = lambda _request: False
         self.copies: Callable[[bytes], int] = lambda _reply: 1
         self.peer: tuple[str, int] | None = None
+        self.clients: set[tuple[str, int]] = set()
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind(("127.0.0.1", 0))
         self._socket.settimeout(0.02)
@@ -110,6 +111,7 @@ class TinyDrone(Closing):
             except (TimeoutError, ConnectionRefusedError):
                 continue
             self.requests.append(packet)
+            self.clients.add(self.peer)
             if self.frozen.is_set() or self.drop(packet):
                 continue
             for reply in self.answers(packet[0] & 0xF3, packet[1:]):

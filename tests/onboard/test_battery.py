@@ -65,6 +65,13 @@ def test_hover_voltages_of_the_paper_vehicle() -> None:
     assert voltage_from_thrust(MAPS["paper-stock"], hover) == pytest.approx(2.79, abs=0.005)
 
 
+def test_packs_of_many_cells_have_their_voltages_too() -> None:
+    """The square of the voltage, up to 12 cells."""
+    square = ThrustMap(int(ThrustMapForm.FIRMWARE_CUBIC), np.array([0.0, 0.0, 0.0165, *[0.0] * 5]))
+    for volts in (3.0, 15.9, 16.1, 25.2, 50.4):
+        assert voltage_from_thrust(square, 0.0165 * volts**2) == pytest.approx(volts, rel=1e-12)
+
+
 @pytest.mark.parametrize("name", MAPS)
 @given(grams=st.floats(0.8, 20.0))
 def test_inverse_round_trip(name: str, grams: float) -> None:

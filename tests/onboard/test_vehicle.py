@@ -326,20 +326,33 @@ def test_effects_need_what_they_act_on() -> None:
 def test_a_thrust_map_that_falls_with_the_voltage_is_refused() -> None:
     for name in known_thrust_maps():
         assert read_thrust_map(name).name == name
+    falling = with_cubic(0.05, -0.02, 0.0, full=4.2)
+    assert "thrust must rise with voltage from 0 to 5 V" in problems_of(falling)
+
+
+def test_a_thrust_map_must_rise_up_to_the_full_voltage_of_its_own_pack() -> None:
+    """Also one that is nothing but the square of the voltage, whose slope vanishes at 0 V."""
+    square, bending = (0.0, 0.0165, 0.0), (0.05, 0.01, -0.0006)  # the slope of the second ends at 13 V
+    for cubic, full in ((square, 25.2), (bending, 12.6)):
+        parsed = parse_vehicle(with_cubic(*cubic, full=full), "mine.toml")
+        assert parsed.battery.open_circuit_full.value == full
+    assert "thrust must rise with voltage from 0 to 16.8 V" in problems_of(with_cubic(*bending, full=16.8))
+
+
+def with_cubic(c1: float, c2: float, c3: float, full: float) -> dict[str, Any]:
+    """A vehicle file with another thrust map, and a pack of `full` volts."""
     changed = content()
     changed["motors"]["thrust_map"] = {
         "form": "firmware_cubic",
         **{
-            key: {"value": value, "unit": unit, "sigma": 0.0, "source": "test case"}
-            for key, value, unit in [
-                ("c0", 0.0, "N"),
-                ("c1", 0.05, "N/V"),
-                ("c2", -0.02, "N/V2"),
-                ("c3", 0.0, "N/V3"),
-            ]
+            f"c{power}": {"value": value, "unit": unit, "sigma": 0.0, "source": "test case"}
+            for power, (value, unit) in enumerate(
+                zip((0.0, c1, c2, c3), ("N", "N/V", "N/V2", "N/V3"), strict=True)
+            )
         },
     }
-    assert "thrust must rise with voltage" in problems_of(changed)
+    changed["battery"]["open_circuit_full"]["value"] = full
+    return changed
 
 
 @given(st.text(max_size=60))

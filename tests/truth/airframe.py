@@ -78,7 +78,7 @@ def nominal(frame: Airframe, name: str) -> Vehicle:
         body_top_z=q(0.4 * frame.arm, "m"), body_bottom_z=q(-0.4 * frame.arm, "m"),
         propeller_radius=q(0.45 * frame.arm, "m"), propeller_height_z=q(0.0, "m"),
     )  # fmt: skip
-    cubic = {"c0": 0.0, "c1": 1e-6 * frame.highest, "c2": frame.highest / frame.full_voltage**2, "c3": 0.0}
+    cubic = {"c0": 0.0, "c1": 0.0, "c2": frame.highest / frame.full_voltage**2, "c3": 0.0}
     units = {"c0": "N", "c1": "N/V", "c2": "N/V2", "c3": "N/V3"}
     thrust_map = dataclasses.replace(
         base.motors.thrust_map,

@@ -5,8 +5,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from calibration.flights.flight import PoseSource
+from calibration.gap.data.known_time import known_share
 from calibration.gap.data.record import FlightRecord
 
+_HALF = 0.5
 _QUIET_RATE = 0.15  # rad/s rms
 _QUIET_SPEED = 0.1  # m/s rms
 
@@ -35,6 +37,12 @@ def limitations(records: Sequence[FlightRecord]) -> tuple[str, ...]:
         "pose is the onboard estimate, which depends on the gyro: sensing effects cannot be judged",
         records,
         lambda r: r.pose_source is PoseSource.ONBOARD_ESTIMATE,
+    )
+    found += _missing(
+        "less than half of the time in flight can be used: the rest is lost in radio gaps, or lies on "
+        "straight lines as a log makes them up; what is not seen there is not judged",
+        records,
+        lambda r: known_share(r) < _HALF,
     )
     found += _missing(
         "hardly any excitation: lag, delay, inertia and air effects cannot be judged", records, _quiet

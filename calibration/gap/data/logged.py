@@ -110,7 +110,7 @@ def _motors(flight: Flight) -> tuple[ReceivedSignal, int]:
     if off.all():
         raise UnusableFlightError(flight.source, "never flies: the motor commands are 0 throughout")
     check_range(flight, pwm)
-    signal = _measured(flight, "motor commands", received(pwm, _PWM_RESOLUTION, off))
+    signal = _measured(flight, "motor commands", received(pwm, _PWM_RESOLUTION, off, may_stand=True))
     values = signal.samples.values
     clipped = np.clip(values, 0.0, FULL_RATIO)
     count = int(np.count_nonzero(np.any(clipped != values, axis=1)))

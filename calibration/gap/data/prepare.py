@@ -8,6 +8,7 @@ import numpy as np
 from calibration.flights import Flight, UnusableFlight, UnusableFlightError
 from calibration.gap.data.duplicates import duplicate_of
 from calibration.gap.data.kinematics import continuous_quaternions, differentiate
+from calibration.gap.data.known_time import check_known
 from calibration.gap.data.limitations import limitations
 from calibration.gap.data.logged import LoggedSignals, read_signals
 from calibration.gap.data.phases import LEAST_FLYING_S, free_flight, resting
@@ -57,6 +58,7 @@ def prepare_flights(flights: Sequence[Flight]) -> PreparedFlights:
         try:
             record = _record(flight, signals, float(np.median(intervals)))
             check_plausible(flight, record)
+            check_known(flight, record)
             records.append(record)
         except UnusableFlightError as error:
             refused.append(UnusableFlight(error.source, error.reason))

@@ -10,6 +10,8 @@ from onboard.arrays import BoolArray
 _LEAST_STRAIGHT = 4  # samples on one line, which are 5 intervals between measured ones
 _LEAST_STRAIGHT_S = 0.04  # and how long: a smooth command that is logged at 500 Hz looks straight over less
 _WINDOW = 256  # samples that are looked at together
+_COARSE = 8.0  # resolutions between the values that occur: such commands come in steps, and may stand still
+_FINE_SHARE = 10.0  # percent of values that may be closer: clipped ones, and lines that were not found out
 
 
 @dataclass(frozen=True)
@@ -27,15 +29,22 @@ class ReceivedSignal:
     dead_s: float
 
 
-def received(samples: Samples, resolution: float, idle: BoolArray | None = None) -> ReceivedSignal:
+def received(
+    samples: Samples, resolution: float, idle: BoolArray | None = None, may_stand: bool = False
+) -> ReceivedSignal:
     """The measured part of `samples`, shape (n, k).
 
     Commands of a controller and readings of a sensor never lie on a straight line for long: where all
     columns do, within `resolution` in their second difference, for 5 intervals and 40 ms or more, the log was
     interpolated (or held); where that goes on to the end, the link was lost. `idle`, shape (n,), tells where
-    a straight line is true, such as motors that are off.
+    a straight line is true, such as motors that are off. What `may_stand`, as commands that are logged in
+    coarse steps (percent, bytes, pulses) do in calm flight, is not lost where it stands still.
     """
     straight = _straight(samples, resolution)
+    if may_stand:
+        level = _level(samples, resolution)
+        if _in_steps(samples, straight & ~level, resolution):
+            straight &= ~level
     if idle is not None:
         straight &= ~idle
     edges = np.flatnonzero(np.diff(np.concatenate([[False], straight, [False]])))
@@ -65,6 +74,20 @@ def _straight(samples: Samples, resolution: float) -> BoolArray:
     straight = np.zeros(t.size, dtype=np.bool_)
     straight[1:-1] = np.all(np.abs(bend) < resolution, axis=1)
     return straight
+
+
+def _level(samples: Samples, resolution: float) -> BoolArray:
+    """Samples that are as their neighbours in all columns; the two ends are not."""
+    same = np.all(np.abs(np.diff(samples.values, axis=0)) < 0.5 * resolution, axis=1)
+    level = np.zeros(samples.t.size, dtype=np.bool_)
+    level[1:-1] = same[:-1] & same[1:]
+    return level
+
+
+def _in_steps(samples: Samples, made_up: BoolArray, resolution: float) -> bool:
+    """Whether the values that were measured are far from each other, as no noise would leave them."""
+    apart = np.concatenate([np.diff(np.unique(column)) for column in samples.values[~made_up].T])
+    return bool(apart.size and np.percentile(apart, _FINE_SHARE) >= _COARSE * resolution)
 
 
 def _lines(samples: Samples, start: int, end: int, tolerance: float) -> list[tuple[int, int]]:

@@ -98,9 +98,13 @@ def _measured(record: FlightRecord) -> FloatArray:
     return part
 
 
+def usable(record: FlightRecord) -> BoolArray:
+    """Rows in flight of which commands and poses are known, and the thrusts have settled: shape (n,)."""
+    return record.flying & record.pose_known & _after_loss(record.motors_known, SETTLING / record.dt)
+
+
 def _valid(record: FlightRecord) -> BoolArray:
-    settled = _after_loss(record.motors_known, SETTLING / record.dt)
-    rows = record.flying & settled & record.pose_known
+    rows = usable(record)
     valid = np.zeros((record.t.size, len(CHANNELS)), dtype=np.bool_)
     valid[:, FORCE] = (rows & record.inertial_known)[:, None]
     valid[:-1, TORQUE] = (rows & record.inertial_known)[:-1, None] & record.inertial_known[1:, None]
