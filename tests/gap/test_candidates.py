@@ -39,7 +39,9 @@ def test_wind_is_looked_for_along_the_floor_and_with_a_drag_where_there_is_none(
     assert {v.effect for v in wind.variables} == {"linear_drag", "wind"}
 
 
-def test_where_no_voltage_was_logged_a_scale_is_no_candidate() -> None:
+def test_where_no_voltage_was_logged_nothing_is_offered_that_an_emptying_pack_does_too() -> None:
     made = [replace(record, voltage_measured=False) for record in records()]
     names = {c.effect for c in candidates(AIR, made)}
-    assert names.isdisjoint({"thrust_scale", "mass_error", "battery_sag"})
+    unseen = {"thrust_scale", "mass_error", "battery_sag", "motor_warming"}
+    assert names.isdisjoint(unseen)
+    assert unseen <= offered(AIR).keys()

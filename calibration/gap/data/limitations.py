@@ -24,7 +24,7 @@ def limitations(records: Sequence[FlightRecord]) -> tuple[str, ...]:
         found.append("one trajectory shape only: no unseen shape to confirm an effect on")
     found += _missing(
         "no battery voltage: the one at which the model hovers stands for it, so that thrust_scale, "
-        "mass_error and battery_sag cannot be judged; log it (pm.vbat, vbat)",
+        "mass_error, battery_sag and motor_warming cannot be judged; log it (pm.vbat, vbat)",
         records,
         lambda r: r.voltage is None,
     )

@@ -23,8 +23,8 @@ _ELSEWHERE = {"pose_delay", "motor_speed_law"}
 """Timing of poses is judged without a vehicle model; the speed law is another form of the motor lag."""
 
 _DYNAMIC = {Domain.ACTUATION, Domain.AIR, Domain.RIGID_BODY, Domain.TIMING}
-_IN_VOLTAGE = {"thrust_scale", "mass_error", "battery_sag"}
-"""What a voltage that was made to carry the vehicle has taken in."""
+_IN_VOLTAGE = {"thrust_scale", "mass_error", "battery_sag", "motor_warming"}
+"""What a voltage that was made to carry the vehicle has taken in, and what a pack does too that empties unseen."""
 
 _WIND_DIRECTIONS, _WIND_SPEEDS = 4, (1.0, 6.0)
 """Directions and speeds (m/s) from which a wind is sought together with the drag that makes it felt."""
