@@ -24,7 +24,7 @@ _ELSEWHERE = {"pose_delay", "motor_speed_law"}
 
 _DYNAMIC = {Domain.ACTUATION, Domain.AIR, Domain.RIGID_BODY, Domain.TIMING}
 _IN_VOLTAGE = {"thrust_scale", "mass_error", "battery_sag", "motor_warming"}
-"""What a voltage that was made to carry the vehicle has taken in, and what a pack does too that empties unseen."""
+"""What a voltage that was made to carry the vehicle has taken in, and what an emptying pack does unseen."""
 
 _WIND_DIRECTIONS, _WIND_SPEEDS = 4, (1.0, 6.0)
 """Directions and speeds (m/s) from which a wind is sought together with the drag that makes it felt."""
