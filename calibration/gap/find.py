@@ -25,6 +25,7 @@ from calibration.gap.estimate.refine import Training, training_set
 from calibration.gap.landings import LandingFindings, LandingVerdict, judge_landings
 from calibration.gap.replay import PredictionErrors, evaluate
 from calibration.gap.replay.hover_voltage import of_one_vehicle, voltage_for
+from calibration.gap.replay.motor_order import check_motor_order
 from calibration.gap.report.confidence import with_probability
 from calibration.gap.report.document import (
     AmbiguousSet,
@@ -124,6 +125,7 @@ def _find(flights: Sequence[Flight], question: GapQuestion, progress: Progress) 
     if not corrected:
         reasons = "; ".join(f"{item.name}: {item.reason}" for item in (*sensing.broken, *strange))
         raise NothingToFindError(f"no flight can be used: {reasons}")
+    check_motor_order(corrected, question.vehicle)
     fit_to, kept_back = split_flights(corrected)
     model = Model(question.vehicle, {}, _ceiling(question, corrected))
     training = training_set([corrected[i] for i in fit_to], model)

@@ -96,6 +96,9 @@ def find(
             unusable=[UnusableFile(file=item["file"], reason=item["reason"]) for item in refused],
         )
         result = find_gap(flights, asked, progress=tell)
+    for item in result.report.unusable:
+        left_out = with_file({"file": item.file, "reason": item.reason})
+        say(progress_console(), f"unusable: {left_out}", "yellow")
     page = write_report(result.report, out, result.figures)
     write_vehicle(result.vehicle, out)
     emit(result.report, lambda: _tell(result.report, page))

@@ -3,7 +3,7 @@
 import io
 import json
 import shutil
-from contextlib import redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +35,12 @@ def find(out: Path, *data: Path, vehicle: str = "crazyflie21-stock") -> tuple[in
 def found(flights: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, int, dict[str, Any]]:
     """What it writes, its exit code and what it prints of all flights."""
     out = tmp_path_factory.mktemp("found")
-    return (out, *find(out, flights / "flights"))
+    broken = flights / "broken.csv"
+    broken.write_text("t,x,y,z,qx,qy,qz,qw\n0,0,oops,0,0,0,0,1\n")
+    with redirect_stderr(io.StringIO()) as told:
+        said = find(out, flights / "flights", broken)
+    assert "broken.csv" in told.getvalue()  # whoever reads the verdict is told what it is not on
+    return (out, *said)
 
 
 def test_report_and_improved_vehicle(flights: Path, found: tuple[Path, int, dict[str, Any]]) -> None:

@@ -11,8 +11,10 @@ from calibration.flights import Flight, open_flights
 from calibration.gap.data import prepare_flights
 from calibration.gap.data.smoothing import as_poses_see, force_from_poses
 from calibration.gap.replay.hover_voltage import NeverCarriedError, of_one_vehicle, with_hover_voltage
+from calibration.gap.replay.motor_order import MotorOrderError, check_motor_order
 from calibration.gap.replay.teacher_forcing import teacher_forced
 from onboard.room import RoomGeometry
+from onboard.vehicle import load_vehicle
 from sim_backend.physics.parameters import physics_parameters
 from tests.gap.truth.campaign import make_flights
 from tests.truth import tunnel
@@ -42,6 +44,35 @@ def test_a_gyro_in_degrees_is_refused_by_name(flight: Flight) -> None:
 
 def test_millivolts_are_refused_by_name(flight: Flight) -> None:
     assert "mV" in reason(flight, vbat=1000.0 * flight.data["vbat"])
+
+
+def test_millimetres_are_refused_by_name(flight: Flight) -> None:
+    assert "positions seem to be in mm" in reason(
+        flight, **{k: 1e3 * flight.data[k] for k in ("x", "y", "z")}
+    )
+
+
+def test_an_accelerometer_in_g_is_refused_by_name(flight: Flight) -> None:
+    assert "in g" in reason(flight, **{k: flight.data[k] / 9.81 for k in ("ax", "ay", "az")})
+
+
+def test_a_quaternion_with_its_scalar_first_is_refused_by_name(flight: Flight) -> None:
+    written, read = ("qw", "qx", "qy", "qz"), ("qx", "qy", "qz", "qw")
+    said = reason(flight, **{column: flight.data[k] for column, k in zip(read, written, strict=True)})
+    assert "scalar last" in said
+
+
+@pytest.mark.parametrize("order", [(1, 0, 3, 2), (1, 2, 3, 0), (2, 3, 0, 1), (1, 0, 2, 3)])
+def test_motors_in_another_order_are_refused_by_name(flight: Flight, order: tuple[int, ...]) -> None:
+    """Such as PX4's, or clockwise from another corner: M1 is logged in the first column of `order`."""
+    columns = [f"m{column + 1}" for column in order]
+    numbered = {column: flight.data[f"m{motor}"] for motor, column in enumerate(columns, 1)}
+    vehicle = load_vehicle("crazyflie21-stock")
+    (record,) = prepare_flights([replace(flight, data={**flight.data, **numbered})]).records
+    said = ", ".join(f"M{motor} is in {column}" for motor, column in enumerate(columns, 1))
+    with pytest.raises(MotorOrderError, match=said):
+        check_motor_order([record], vehicle)
+    check_motor_order(prepare_flights([flight]).records, vehicle)
 
 
 def test_rates_in_the_world_frame_are_refused_by_name(flight: Flight) -> None:

@@ -9,9 +9,11 @@ from typing import Self
 
 import numpy as np
 
+from mocap_bridge.pose import PoseSample, PoseStream
 from mocap_bridge.rotation import Quaternion, Vector
 from sim_backend.room.feed import FeedSender
 from sim_backend.room.settings import RoomSettings
+from tests.patience import PATIENCE_S
 from tests.room_thread import RoomThread
 
 Bodies = list[tuple[str, Vector, Quaternion]]
@@ -22,6 +24,16 @@ def circling(world_time: float) -> Bodies:
     """cf1 on a circle of 1 m radius at 1 m/s, nose along its path."""
     t = world_time
     return [("cf1", (math.cos(t), math.sin(t), 1.0), (0.0, 0.0, math.sin(t / 2), math.cos(t / 2)))]
+
+
+def samples_seen(stream: PoseStream, count: int) -> list[PoseSample]:
+    """The next `count` samples with a pose: a body whose feed stood still, on a busy machine, is left out."""
+    samples: list[PoseSample] = []
+    while len(samples) < count:
+        sample = stream.read(PATIENCE_S)
+        if not sample.occluded:
+            samples.append(sample)
+    return samples
 
 
 class MovingRoom:

@@ -26,7 +26,7 @@ from mocap_bridge.errors import PoseTimeout, SourceLost, SourceUnusable, Unknown
 from mocap_bridge.pose import open_pose_stream
 from mocap_bridge.rotation import angle_between, dot
 from onboard.timebase import WallTime
-from tests.mocap.moving_room import MovingRoom
+from tests.mocap.moving_room import MovingRoom, samples_seen
 from tests.patience import PATIENCE_S, StandingClock
 
 IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
@@ -79,7 +79,7 @@ def test_follows_a_moving_body_frame_by_frame():
     with MovingRoom(rate_hz=200.0) as room, open_pose_stream(room.uri) as stream:
         while stream.read(PATIENCE_S).position is None:
             pass  # cameras that are on before the body is there
-        samples = [stream.read(PATIENCE_S) for _ in range(300)]
+        samples = samples_seen(stream, 300)
         statistics = stream.statistics()
     frames = [sample.frame for sample in samples]
     # In order, each once; the simulated cameras skip when the machine is busy.

@@ -10,7 +10,7 @@ from mocap_bridge.errors import PoseTimeout, SourceLost, UnknownSubject
 from mocap_bridge.pose import open_pose_stream
 from mocap_bridge.rotation import angle_between, quaternion_from_euler_xyz
 from mocap_bridge.tracker_udp import TrackerItem, encode_blocks
-from tests.mocap.moving_room import MovingRoom
+from tests.mocap.moving_room import MovingRoom, samples_seen
 from tests.patience import PATIENCE_S
 
 ZERO = (0.0, 0.0, 0.0)
@@ -71,7 +71,7 @@ def test_follows_a_moving_body(block_size: int):
         MovingRoom(rate_hz=200.0, udp_block_size=block_size) as room,
         open_pose_stream(room.udp_uri) as stream,
     ):
-        samples = [stream.read(PATIENCE_S) for _ in range(100)]
+        samples = samples_seen(stream, 100)
     for sample in samples:
         t = sample.capture_time - room.start_time
         assert sample.position is not None

@@ -1,4 +1,4 @@
-"""Channels that hold something else than they should: rates in deg/s or in the world frame, millivolts."""
+"""Channels that hold something else than they should: another unit, another frame, another order."""
 
 import numpy as np
 
@@ -17,10 +17,33 @@ _LIKE = (0.7, 1.4)
 
 _HALF = 0.5
 _MOST_VOLTS = 100.0
+_MOST_SPEED = 30.0
+"""m/s, median in flight: faster than any room."""
+
+_IN_G = (0.5, 2.5)
+"""Specific force in flight, median, that is one of g's and none of m/s2."""
+
+_UPSIDE_DOWN = -0.5
+"""Cosine of the tilt at the beginning of a log, below which the vehicle would lie on its back."""
+
+
+def check_upright(flight: Flight, attitude: FloatArray) -> None:
+    """Refuse a flight whose vehicle, by the `attitude` (n, 4), lies on its back from the beginning.
+
+    Raises:
+        UnusableFlightError: it does; the message says what to look at.
+    """
+    x, y = attitude[0, 0], attitude[0, 1]
+    if 1.0 - 2.0 * (x**2 + y**2) < _UPSIDE_DOWN:
+        raise UnusableFlightError(
+            flight.source,
+            "the vehicle lies on its back when the log begins: columns qx, qy, qz, qw are a rotation from "
+            "body to world with the scalar last; is yours in qx, or the rotation the other way round?",
+        )
 
 
 def check_plausible(flight: Flight, record: FlightRecord) -> None:
-    """Refuse a flight whose gyro or voltage are in another unit or frame.
+    """Refuse a flight whose gyro, accelerometer, position or voltage are in another unit or frame.
 
     Raises:
         UnusableFlightError: they are; the message says what to convert.
@@ -30,6 +53,18 @@ def check_plausible(flight: Flight, record: FlightRecord) -> None:
         raise UnusableFlightError(
             flight.source, f"battery voltage of {volts:.0f} V: it seems to be in mV; divide it by 1000"
         )
+    speed = float(np.median(np.linalg.norm(record.velocity[record.flying], axis=1)))
+    if speed > _MOST_SPEED:
+        raise UnusableFlightError(
+            flight.source, f"flies at {speed:.0f} m/s: positions seem to be in mm or cm; bring them to m"
+        )
+    if record.specific_force is not None:
+        force = float(np.nanmedian(np.linalg.norm(record.specific_force[record.flying], axis=1)))
+        if _IN_G[0] < force < _IN_G[1]:
+            raise UnusableFlightError(
+                flight.source,
+                f"the accelerometer shows {force:.1f} in flight: it seems to be in g; multiply it by 9.81",
+            )
     body, world, gyro = _rates(record)
     power = float(np.mean(np.sum(body**2, axis=1))) if body.size else 0.0
     if power < _TURNING**2:

@@ -12,7 +12,7 @@ from calibration.gap.data.known_time import check_known
 from calibration.gap.data.limitations import limitations
 from calibration.gap.data.logged import LoggedSignals, read_signals
 from calibration.gap.data.phases import LEAST_FLYING_S, free_flight, resting
-from calibration.gap.data.plausible import check_plausible
+from calibration.gap.data.plausible import check_plausible, check_upright
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.samples import grid_interval, resample, uniform_grid
 from calibration.gap.data.shapes import kinds_of
@@ -77,6 +77,7 @@ def _record(flight: Flight, signals: LoggedSignals, interval: float) -> FlightRe
     if t.size < 2 or t[-1] - t[0] < LEAST_FLYING_S:
         raise UnusableFlightError(flight.source, "pose, gyro and motor commands do not overlap in time")
     poses, pose_known = resample(signals.pose, t)
+    check_upright(flight, poses[:, 3:])
     rate, inertial_known = resample(signals.gyro.samples, t)
     pwm, motors_known = resample(signals.motors.samples, t)
     specific_force = None

@@ -1,0 +1,84 @@
+"""Whether a log numbers its motors as the vehicle file does: in which order do its columns turn the body?"""
+
+from collections.abc import Sequence
+from itertools import permutations
+
+import numpy as np
+
+from calibration.errors import CalibrationError
+from calibration.gap.data.record import FlightRecord
+from calibration.gap.data.signals import usable
+from calibration.gap.replay.teacher_forcing import teacher_forced
+from onboard.arrays import FloatArray
+from onboard.errors import InputError
+from onboard.room import RoomGeometry
+from onboard.vehicle import Vehicle
+from sim_backend.physics.parameters import physics_parameters
+
+_FAR = 1e3
+"""m: a ceiling that no rotor feels."""
+
+_BLOCK = 0.05
+"""s over which rates and thrusts are averaged: long against the noise of a gyro, short against a turn."""
+
+_TURNS = np.array([[-1.0, -1.0, 1.0, 1.0], [-1.0, 1.0, 1.0, -1.0]])
+"""Roll and pitch moment of M1 to M4 per lever (:mod:`onboard.mixer`)."""
+
+_CLEAR, _BETTER = 0.7, 0.25
+"""Mean correlation of both moments with the angular accelerations from which on another order is told, and by
+which it must beat the file's: what delays, lags and weak motors do to a correlation is far less."""
+
+
+class MotorOrderError(CalibrationError, InputError):
+    """The motors of a log are numbered otherwise; the message says how."""
+
+
+def check_motor_order(records: Sequence[FlightRecord], vehicle: Vehicle) -> None:
+    """Refuse flights that turn as their motor commands would have them in another order.
+
+    Args:
+        records: with a voltage each.
+        vehicle: whose thrusts the commands are.
+
+    Raises:
+        MotorOrderError: they do.
+    """
+    scores = _scores(records, vehicle)
+    own = scores.pop((0, 1, 2, 3))
+    order = max(scores, key=lambda one: scores[one])
+    if scores[order] < _CLEAR or scores[order] - own < _BETTER:
+        return
+    columns = ", ".join(f"M{motor} is in m{column + 1}" for motor, column in enumerate(order, 1))
+    raise MotorOrderError(
+        "the body turns as if the motors were logged in another order than M1 front right, M2 back right, "
+        f"M3 back left, M4 front left: {columns}. Put the columns in that order (docs/gap_data.md)"
+    )
+
+
+def _scores(records: Sequence[FlightRecord], vehicle: Vehicle) -> dict[tuple[int, ...], float]:
+    """Mean correlation of roll and pitch by order of the columns."""
+    parameters = physics_parameters(vehicle, RoomGeometry(ceiling_z=_FAR))
+    pairs = [_blocks(record, teacher_forced(record, parameters).thrust) for record in records]
+    thrust, turn = (np.concatenate(part) for part in zip(*pairs, strict=True))
+    return {order: _correlation(thrust[:, order], turn) for order in permutations(range(4))}
+
+
+def _blocks(record: FlightRecord, thrust: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Thrusts (N, (b, 4)), angular accelerations (rad/s2, (b, 2)): means over blocks, less the flight's."""
+    length = max(1, round(_BLOCK / record.dt))
+    count = (record.t.size - 1) // length
+    rows = (usable(record) & record.inertial_known)[: count * length].reshape(count, length).all(axis=1)
+    means = thrust[: count * length].reshape(count, length, 4).mean(axis=1)
+    edges = record.rate[: count * length + 1 : length, :2]
+    turns = np.diff(edges, axis=0) / (length * record.dt)
+    if not rows.any():
+        return np.empty((0, 4)), np.empty((0, 2))
+    return means[rows] - means[rows].mean(axis=0), turns[rows] - turns[rows].mean(axis=0)
+
+
+def _correlation(thrust: FloatArray, turn: FloatArray) -> float:
+    moments = thrust @ _TURNS.T
+    sizes = np.sqrt(np.sum(moments**2, axis=0) * np.sum(turn**2, axis=0))
+    if not np.all(sizes > 0.0):
+        return 0.0
+    return float(np.mean(np.sum(moments * turn, axis=0) / sizes))
