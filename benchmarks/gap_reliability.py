@@ -1,10 +1,11 @@
 """Judge the probability that the gap finder gives to its names: of those claimed with 0.9, are 9 in 10 right?
 
-    python benchmarks/gap_reliability.py --table FILE [--first 8051] [--picture FILE.png]
+    python benchmarks/gap_reliability.py --table FILE [--first SEED] [--picture FILE.png]
 
-The table is that of `gap_random.py`. Only sets from the seed `--first` on are judged: those before it are
-what the probabilities were counted on (`calibration/gap/report/confidence.py`). A name is right that was
-hidden, or that the report says could also be what was. One JSON document goes to stdout; with `--picture` the
+The table is that of `gap_random.py`, of sets that the probabilities were not counted on (seeds 8000 to 8099,
+434113806 to 434113834 and 2434042786 to 2434042809 were: `calibration/gap/report/confidence.py`); `--first`
+leaves out those before a seed. The probability is that of today for a name's clearness. A name is right that
+was hidden, or that the report says could also be what was. One JSON document goes to stdout; with `--picture` the
 diagram is drawn: share right, with Wilson's interval of 95 %, against the probability that was claimed.
 """
 
@@ -20,9 +21,6 @@ from drawn_sets import share, wilson
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-NOT_COUNTED = 8051
-"""First seed that the probabilities were not counted on."""
-
 
 class Claimed(NamedTuple):
     """Names that had the same probability, and which of them were right."""
@@ -33,15 +31,17 @@ class Claimed(NamedTuple):
 
 def claims(runs: Sequence[dict[str, Any]]) -> list[Claimed]:
     """The names of all runs by their probability, the least first."""
+    from calibration.gap.report.confidence import probability
+
     names = sorted(
-        (probability, name not in one["false_names"])
+        (round(probability(clear), 3), name not in one["false_names"])
         for one in runs
-        if not one["crash"]
-        for name, probability in one["probability"].items()
+        if not one["crash"] and "refused" not in one
+        for name, clear in one["clearness"].items()
     )
     return [
-        Claimed(probability, [right for _, right in group])
-        for probability, group in itertools.groupby(names, key=lambda pair: pair[0])
+        Claimed(claimed, [right for _, right in group])
+        for claimed, group in itertools.groupby(names, key=lambda pair: pair[0])
     ]
 
 
@@ -70,7 +70,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--table", type=Path, required=True)
-    parser.add_argument("--first", type=int, default=NOT_COUNTED)
+    parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--picture", type=Path)
     asked = parser.parse_args()
     runs = [json.loads(line) for line in asked.table.read_text().splitlines()]
