@@ -5,8 +5,8 @@
 The table is that of `gap_random.py`, of sets that the probabilities were not counted on (seeds 8000 to 8099,
 434113806 to 434113834 and 2434042786 to 2434042809 were: `calibration/gap/report/confidence.py`); `--first`
 leaves out those before a seed. The probability is that of today for a name's clearness. A name is right that
-was hidden, or that the report says could also be what was. One JSON document goes to stdout; with `--picture` the
-diagram is drawn: share right, with Wilson's interval of 95 %, against the probability that was claimed.
+was hidden, or that the report says could also be what was. One JSON document goes to stdout; with `--picture`
+the diagram is drawn: share right, with Wilson's interval of 95 %, against the probability that was claimed.
 """
 
 import argparse
