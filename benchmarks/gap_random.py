@@ -37,9 +37,6 @@ TRUTHS = ("house", "mujoco", "crazyflow")
 Draw = Callable[[int, Path], tuple[list[Path], Any, dict[str, Any], float | None]]
 """From a seed and a folder to the logs of a set, vehicle, answer and height of its ceiling (m)."""
 
-CLEARNESS = (0.0, 30.0)
-"""Standard errors from which on names are counted together."""
-
 JUDGED = (
     "named",
     "ambiguous",
@@ -159,12 +156,14 @@ def summary(runs: list[dict[str, Any]]) -> dict[str, Any]:
 
 def _by_clearness(runs: list[dict[str, Any]]) -> dict[str, str]:
     """How many names of each clearness were right, as `calibration/gap/report/confidence.py` has counted."""
+    from calibration.gap.report.confidence import COUNTED
+
     names = [
         (clear, name not in one["false_names"])
         for one in _ended(runs)
         for name, clear in one["clearness"].items()
     ]
-    ends = [*CLEARNESS, math.inf]
+    ends = [*(counted.least for counted in COUNTED), math.inf]
     return {
         f"{low} to {high} standard errors": share([right for clear, right in names if low <= clear < high])
         for low, high in itertools.pairwise(ends)

@@ -1,5 +1,6 @@
 """``perchhw log``: list, export, label, report, view and replay recorded flights."""
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -43,7 +44,7 @@ def _draw_runs(root: Path, runs: "list[RunSummary]") -> None:
     parents = {run.folder.parent for run in runs}
     for parent, together in groupby(runs, key=lambda run: run.folder.parent):
         if len(parents) > 1:
-            table.add_row(f"in {parent.relative_to(root)}:")
+            table.add_row(f"in {os.path.relpath(parent, root)}:")  # a run may be the root itself
         for run in together:
             table.add_row(*_cells(run))
     console().print(table)

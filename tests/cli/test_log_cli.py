@@ -158,6 +158,9 @@ def test_list_is_in_the_order_of_flying_and_says_in_which_folder(
     run(["log", "list", str(tmp_path)])
     shown = [line.split()[:2] for line in capsys.readouterr().out.splitlines()]
     assert shown == [["run", "m/s"], ["in", "day:"], ["b", "3"], ["a", "3"], ["in", "hover:"], ["c", "3"]]
+    shutil.copytree(landing, tmp_path / "day" / "b" / "again")  # a run that others lie in
+    assert run(["log", "list", str(tmp_path / "day" / "b")]) == 0
+    assert "in ..:" in capsys.readouterr().out
 
 
 def test_list_breaks_neither_names_nor_outcomes_in_80_columns(

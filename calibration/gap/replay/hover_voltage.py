@@ -69,7 +69,7 @@ def _needed(record: FlightRecord, vehicle: Vehicle) -> float:
     force, used = _known_force(record)
     if not used.any():
         return 1.0
-    predicted = teacher_forced(record, _free(vehicle)).force[used, 2]
+    predicted = teacher_forced(record, below_no_ceiling(vehicle)).force[used, 2]
     return float(force[used, 2].mean() / predicted.mean())
 
 
@@ -93,7 +93,7 @@ def with_hover_voltage(record: FlightRecord, vehicle: Vehicle) -> FlightRecord:
     Raises:
         NeverCarriedError: there is none; the message says what the commands amount to.
     """
-    parameters = _free(vehicle)
+    parameters = below_no_ceiling(vehicle)
     force, used = _known_force(record)
     needed = float(force[used, 2].mean()) if used.any() else np.nan
     full = vehicle.battery.open_circuit_full.value
@@ -118,6 +118,6 @@ def _known_force(record: FlightRecord) -> tuple[FloatArray, BoolArray]:
     return force, np.asarray(record.flying & record.motors_known & np.isfinite(force).all(axis=1))
 
 
-def _free(vehicle: Vehicle) -> Any:
+def below_no_ceiling(vehicle: Vehicle) -> Any:
     """Physics parameters far from any ceiling."""
     return physics_parameters(vehicle, RoomGeometry(ceiling_z=_FAR))

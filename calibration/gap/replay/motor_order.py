@@ -8,15 +8,11 @@ import numpy as np
 from calibration.errors import CalibrationError
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.signals import usable
+from calibration.gap.replay.hover_voltage import below_no_ceiling
 from calibration.gap.replay.teacher_forcing import teacher_forced
 from onboard.arrays import FloatArray
 from onboard.errors import InputError
-from onboard.room import RoomGeometry
 from onboard.vehicle import Vehicle
-from sim_backend.physics.parameters import physics_parameters
-
-_FAR = 1e3
-"""m: a ceiling that no rotor feels."""
 
 _BLOCK = 0.05
 """s over which rates and thrusts are averaged: long against the noise of a gyro, short against a turn."""
@@ -57,7 +53,7 @@ def check_motor_order(records: Sequence[FlightRecord], vehicle: Vehicle) -> None
 
 def _scores(records: Sequence[FlightRecord], vehicle: Vehicle) -> dict[tuple[int, ...], float]:
     """Mean correlation of roll and pitch by order of the columns."""
-    parameters = physics_parameters(vehicle, RoomGeometry(ceiling_z=_FAR))
+    parameters = below_no_ceiling(vehicle)
     pairs = [_blocks(record, teacher_forced(record, parameters).thrust) for record in records]
     thrust, turn = (np.concatenate(part) for part in zip(*pairs, strict=True))
     return {order: _correlation(thrust[:, order], turn) for order in permutations(range(4))}
