@@ -24,7 +24,7 @@ from calibration.gap.estimate.nuisances import NUISANCES, STEADY
 from calibration.gap.estimate.refine import Training, training_set
 from calibration.gap.landings import LandingFindings, LandingVerdict, judge_landings
 from calibration.gap.replay import PredictionErrors, evaluate
-from calibration.gap.replay.hover_voltage import of_one_vehicle, voltage_for
+from calibration.gap.replay.hover_voltage import of_one_vehicle
 from calibration.gap.replay.motor_order import check_motor_order
 from calibration.gap.report.confidence import with_probability
 from calibration.gap.report.document import (
@@ -40,11 +40,12 @@ from calibration.gap.report.figures_data import ReportFigures
 from calibration.gap.report.improved_vehicle import hard_to_fly, improved_vehicle, provenance
 from calibration.gap.report.prediction_figures import HORIZON, acted_on, prediction_gap
 from calibration.gap.report.remaining import chance_floor, own_floor, remaining
+from calibration.gap.search.conclusion import concluded
 from calibration.gap.search.differing import differing, in_words
-from calibration.gap.search.forward import LOG_TIMING, Search, search
+from calibration.gap.search.forward import LOG_TIMING, Search
 from calibration.gap.search.nameless import Nameless, nameless_curves
-from calibration.gap.search.naming import FEWEST, NAMELESS, Named, as_believed, name_effects
-from calibration.gap.search.retest import FAILED, retested
+from calibration.gap.search.naming import FEWEST, NAMELESS, Named, as_believed
+from calibration.gap.search.retest import FAILED
 from calibration.gap.search.selection import Progress
 from calibration.gap.sensors import SensingFindings, apply_sensing, judge_sensing, unsaid
 from calibration.gap.unnamed.fitted_terms import FittedTerm, formulas, residual_map, with_consequence
@@ -129,10 +130,8 @@ def _find(flights: Sequence[Flight], question: GapQuestion, progress: Progress) 
     fit_to, kept_back = split_flights(corrected)
     model = Model(question.vehicle, {}, _ceiling(question, corrected))
     training = training_set([corrected[i] for i in fit_to], model)
-    found = search(model, training, rng, progress)
+    found, names = concluded(model, training, [corrected[i] for i in kept_back], rng, progress)
     progress("flights that no fit saw")
-    found = retested(found, [corrected[i] for i in kept_back], training)
-    names = name_effects(found, training)
     held_out = [corrected[i] for i in kept_back] or list(training.records)
     stages = _stages(names, held_out)
     if _worse(stages):
@@ -245,10 +244,7 @@ def _landings(flights: Sequence[Flight], names: Named, rng: np.random.Generator)
 
 def _stages(names: Named, records: Sequence[FlightRecord]) -> dict[str, PredictionErrors]:
     """Predictions before, after each effect, and with all, on flights that no fit saw."""
-    stages = {
-        name: evaluate(voltage_for(records, model.vehicle()), model.vehicle())
-        for name, model in names.models().items()
-    }
+    stages = {name: evaluate(records, model.vehicle()) for name, model in names.models().items()}
     if len(stages) == 1:
         stages["after"] = stages["before"]
     return stages
@@ -262,8 +258,7 @@ def _with_curves(
     if not nameless.curves:
         return names, nameless
     added = dataclasses.replace(names, curves=tuple(nameless.curves.values()))
-    vehicle = added.models()[NAMELESS].vehicle()
-    errors = evaluate(voltage_for(records, vehicle), vehicle)
+    errors = evaluate(records, added.models()[NAMELESS].vehicle())
     *_, last = stages.values()
     if any(levels.after > levels.before for levels in acted_on(last, errors, added.curves)):
         return names, nameless.without_any(FAILED)

@@ -7,8 +7,8 @@ import numpy as np
 from calibration.gap.estimate.acceptance import judge
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training, refine, training_set
+from calibration.gap.search.beside import explained_better
 from calibration.gap.search.candidates import Candidate
-from calibration.gap.search.forward import explained_better
 from onboard.vehicle import EFFECTS, load_vehicle
 from tests.gap.simulated_flight import circle, fly, up_and_down, with_noise
 

@@ -10,8 +10,8 @@ from calibration.gap.data.signals import TORQUE
 from calibration.gap.estimate.acceptance import judge
 from calibration.gap.estimate.model import Model, Variable, kinds_that_tell
 from calibration.gap.estimate.refine import Fitted, Training, refine, training_set
+from calibration.gap.search.beside import gain_where
 from calibration.gap.search.candidates import Candidate
-from calibration.gap.search.forward import gain_where
 from onboard.vehicle import load_vehicle
 from tests.gap.simulated_flight import circle, fly, up_and_down, with_noise
 

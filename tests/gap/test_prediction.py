@@ -253,18 +253,6 @@ def test_a_flight_that_cannot_be_scored_is_named(laps: FlightRecord) -> None:
         evaluate([], VEHICLE)
 
 
-def test_without_a_voltage_the_battery_of_the_model_drives(laps: FlightRecord) -> None:
-    blind = dataclasses.replace(laps, voltage=None)
-    voltage = prediction_inputs(blind, VEHICLE).voltage
-    full = VEHICLE.battery.open_circuit_full.value
-    hover_current = VEHICLE.battery.motor_current_per_newton.value * VEHICLE.body.mass.value * GRAVITY
-    assert voltage[0] == pytest.approx(full)
-    # It sags under the load and then falls with the charge.
-    drop = VEHICLE.battery.resistance.value * hover_current
-    assert voltage[100] == pytest.approx(full - drop, abs=0.15)
-    assert voltage[-1] < voltage[100]
-
-
 def test_start_velocity_is_causal_and_unbiased() -> None:
     """Jerk is carried by the accelerometer, an accelerometer's bias by the parabola."""
     t = 0.01 * np.arange(60)

@@ -23,7 +23,7 @@ def rival() -> Rival:
     model = Model(STOCK)
     return Rival(
         effect="inertia_error", named="thrust_scale", lead=-0.6, otherwise=1.4, gain=30.0, error=2.0,
-        richer=True, sizeable=False, swallowed=(), freed=(), spared=(),
+        richer=True, sizeable=False, swallowed=(), freed=(), spared=(), fewer=False,
         fitted=refine(model, (), training_set([record], model), iterations=1),
     )  # fmt: skip
 
@@ -46,3 +46,20 @@ def test_what_is_large_or_explains_less_or_hides_a_cause_does_not(
     rival: Rival, different: dict[str, Any]
 ) -> None:
     assert not replace(rival, **different).negligible
+
+
+@pytest.mark.parametrize(
+    ("different", "simpler"),
+    [
+        ({}, True),
+        ({"lead": 12.0}, False),
+        ({"fewer": False}, False),
+        ({"spared": ()}, False),
+        ({"swallowed": ("thrust_scale",)}, False),
+    ],
+)
+def test_one_name_for_two_is_simpler_where_the_flights_do_not_mind(
+    rival: Rival, different: dict[str, Any], simpler: bool
+) -> None:
+    one = replace(rival, sizeable=True, spared=("velocity_moment",), fewer=True)
+    assert replace(one, **different).says_the_same_with_fewer_names is simpler

@@ -81,10 +81,21 @@ class FlightRecord:
         Raises:
             CalibrationError: the flight has no battery voltage, so that a command means no thrust.
         """
-        if self.voltage is None:
-            raise CalibrationError(f"{self.source}: no battery voltage; teacher forcing needs it")
-        known = (self.position, self.velocity, self.attitude, self.rate, self.duty, self.voltage)
+        known = (self.position, self.velocity, self.attitude, self.rate, self.duty, self.known_voltage)
         return tuple(np.ascontiguousarray(np.nan_to_num(values)) for values in known)
+
+    @property
+    def known_voltage(self) -> FloatArray:
+        """V, shape (n,), measured or made.
+
+        Raises:
+            CalibrationError: there is none, so that a command means no thrust.
+        """
+        if self.voltage is None:
+            raise CalibrationError(
+                f"{self.source}: no battery voltage, and a command means no thrust without"
+            )
+        return self.voltage
 
     @property
     def dt(self) -> float:

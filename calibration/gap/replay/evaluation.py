@@ -19,6 +19,7 @@ from calibration.gap.replay.flight_prediction import (
     prediction_errors,
 )
 from calibration.gap.replay.floors import accelerometer_driven, gyro_driven
+from calibration.gap.replay.hover_voltage import NeverCarriedError, thrust_needed, with_voltage
 from calibration.gap.replay.inputs import PredictionInputs, motor_starts, prediction_inputs
 from calibration.gap.replay.nuisances import LEAST_STARTS, Nuisances, fit_nuisances
 from calibration.gap.replay.torque_estimate import HORIZON as TORQUE_HORIZON
@@ -261,7 +262,8 @@ def evaluate(
     A start and its horizon lie in free flight, with pose, gyro and motor commands known from 0.15 s before
     the start on. The start velocity comes from the past alone. Where the vehicle file says that pose or gyro
     are wrong, that is taken out of the measurements first; so for records from which it was removed already,
-    give a vehicle without those effects.
+    give a vehicle without those effects. A flight without a measured voltage gets the one at which the model
+    hovers (:mod:`calibration.gap.replay.hover_voltage`).
 
     Args:
         records: the flights.
@@ -299,6 +301,10 @@ def _flight(
     ends = np.array([round(h / record.dt) for h in horizons])
     if ends[0] < 1 or np.any(np.diff(ends) < 1):
         return Unpredicted(record, f"samples {record.dt:g} s apart are too coarse for these horizons")
+    try:
+        record = with_voltage(record, vehicle)
+    except NeverCarriedError as error:
+        return Unpredicted(record, str(error))
     inputs = prediction_inputs(record, vehicle)
     lengths = usable_lengths(inputs)
     rows = start_rows(lengths, max(1, round(START_EVERY / record.dt)), int(ends[0]))
@@ -319,7 +325,9 @@ def _flight(
             f"no {horizons[0]:g} s of free flight with pose, gyro and motor commands known"
             + (f" after the first {calibrate_first_s:g} s" if calibrate_first_s else ""),
         )
-    return _scored(inputs, rows, ends, lengths[rows], nuisances)
+    # A voltage that was made makes both equal, and tells instead.
+    ratio = _thrust_ratio(inputs) if record.voltage_measured else thrust_needed(record, vehicle)
+    return _scored(inputs, rows, ends, lengths[rows], nuisances, ratio)
 
 
 def _calibrated(inputs: PredictionInputs, lengths: Rows, split: float) -> Nuisances | None:
@@ -331,7 +339,7 @@ def _calibrated(inputs: PredictionInputs, lengths: Rows, split: float) -> Nuisan
 
 
 def _scored(
-    inputs: PredictionInputs, rows: Rows, ends: Rows, lengths: Rows, nuisances: Nuisances
+    inputs: PredictionInputs, rows: Rows, ends: Rows, lengths: Rows, nuisances: Nuisances, thrust_ratio: float
 ) -> FlightErrors:
     replay = nuisances.replay(inputs, rows, ends, lengths)
     model = BothWays(
@@ -345,7 +353,7 @@ def _scored(
         phases=phase_indices(inputs, rows),
         rotation=inputs.rotation[rows],
         nuisances=nuisances,
-        thrust_ratio=_thrust_ratio(inputs),
+        thrust_ratio=thrust_ratio,
     )
 
 

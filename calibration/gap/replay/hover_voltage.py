@@ -1,4 +1,5 @@
-"""A battery voltage for flights that logged none: the one at which the model carries the vehicle."""
+"""A battery voltage for flights that logged none: that of the model's own battery, at the charge at which the
+model carries the vehicle."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -42,12 +43,12 @@ def of_one_vehicle(
     carried, needs, refused = [], [], []
     for record in records:
         try:
-            (one,) = voltage_for([record], vehicle)
+            one = with_voltage(record, vehicle)
         except NeverCarriedError as error:
             refused.append(NotUsed(record.name, str(error)))
             continue
         carried.append(one)
-        needs.append(_needed(one, vehicle))
+        needs.append(thrust_needed(one, vehicle))
     usual = float(np.median(needs)) if len(needs) >= _SEVERAL else np.nan
     alike = [not abs(need / usual - 1.0) > _ANOTHER for need in needs]
     refused += [
@@ -62,10 +63,13 @@ def of_one_vehicle(
     return [one for one, same in zip(carried, alike, strict=True) if same], refused
 
 
-def _needed(record: FlightRecord, vehicle: Vehicle) -> float:
-    """Thrust that a flight needed, as a share of what its commands mean to the model."""
+def thrust_needed(record: FlightRecord, vehicle: Vehicle) -> float:
+    """Thrust that a flight needed, as a share of what its commands mean to the model; where no voltage was
+    measured, with a battery that is half empty."""
     if record.voltage is not None and not record.voltage_measured:
-        return float(record.voltage[0] / vehicle.battery.open_circuit_full.value) ** 2
+        battery = vehicle.battery
+        half_empty = battery.open_circuit_full.value - 0.5 * battery.open_circuit_slope.value
+        return float(record.voltage.mean() / half_empty) ** 2
     force, used = _known_force(record)
     if not used.any():
         return 1.0
@@ -73,43 +77,62 @@ def _needed(record: FlightRecord, vehicle: Vehicle) -> float:
     return float(force[used, 2].mean() / predicted.mean())
 
 
-def voltage_for(records: Sequence[FlightRecord], vehicle: Vehicle) -> list[FlightRecord]:
-    """The records, those without a measured voltage with the one that this vehicle needs.
+def with_voltage(record: FlightRecord, vehicle: Vehicle) -> FlightRecord:
+    """The record with its measured voltage, or with the one that this vehicle needs.
 
     Raises:
-        NeverCarriedError: one of them cannot be carried; the message names it.
+        NeverCarriedError: it cannot be carried; the message says what the commands amount to.
     """
-    return [
-        record
-        if record.voltage is not None and record.voltage_measured
-        else with_hover_voltage(record, vehicle)
-        for record in records
-    ]
+    measured = record.voltage is not None and record.voltage_measured
+    return record if measured else with_hover_voltage(record, vehicle)
 
 
 def with_hover_voltage(record: FlightRecord, vehicle: Vehicle) -> FlightRecord:
-    """The record with the constant voltage at which the thrusts of its commands make its mean specific force.
+    """The record with a voltage at which the thrusts of its commands make its mean specific force.
+
+    It falls as the model's battery does under these thrusts: a pack empties in every flight, and a constant
+    voltage would call that a thrust that fades.
 
     Raises:
         NeverCarriedError: there is none; the message says what the commands amount to.
     """
     parameters = below_no_ceiling(vehicle)
     force, used = _known_force(record)
-    needed = float(force[used, 2].mean()) if used.any() else np.nan
+    if not used.any():
+        raise NeverCarriedError(
+            f"{record.source}: no voltage, and no flight with known motor commands to tell it"
+        )
+    needed = float(force[used, 2].mean())
     full = vehicle.battery.open_circuit_full.value
 
-    def at(voltage: float) -> FlightRecord:
-        return replace(record, voltage=np.full(record.t.size, voltage), voltage_measured=False)
+    def carrying(course: FloatArray) -> FlightRecord:
+        """The record with a voltage (V) of this course, shape (n,), all of it shifted."""
 
-    def missing(voltage: float) -> float:
-        return float(teacher_forced(at(voltage), parameters).force[used, 2].mean()) - needed
+        def at(voltage: float) -> FlightRecord:
+            return replace(record, voltage=voltage + course, voltage_measured=False)
 
-    if not used.any() or not missing(full / _RANGE) < 0.0 < missing(full * _RANGE):
-        raise NeverCarriedError(
-            f"{record.source}: the model does not carry the vehicle with these commands at any voltage (mean "
-            f"duty {record.duty[record.flying].mean():.2g} of 1): wrong vehicle, or commands in another range"
-        )
-    return at(float(brentq(missing, full / _RANGE, full * _RANGE, xtol=1e-3)))
+        def missing(voltage: float) -> float:
+            return float(teacher_forced(at(voltage), parameters).force[used, 2].mean()) - needed
+
+        if not missing(full / _RANGE) < 0.0 < missing(full * _RANGE):
+            raise NeverCarriedError(
+                f"{record.source}: the model does not carry the vehicle with these commands at any voltage "
+                f"(mean duty {record.duty[record.flying].mean():.2g} of 1): wrong vehicle, or commands in "
+                "another range"
+            )
+        return at(float(brentq(missing, full / _RANGE, full * _RANGE, xtol=1e-3)))
+
+    steady = carrying(np.zeros(record.t.size))
+    return carrying(_course(steady, vehicle, used))
+
+
+def _course(record: FlightRecord, vehicle: Vehicle, used: BoolArray) -> FloatArray:
+    """Voltage (V) of the model's battery along a flight, less its mean where `used`, shape (n,)."""
+    battery = vehicle.battery
+    drawn = teacher_forced(record, below_no_ceiling(vehicle))
+    emptied = battery.open_circuit_slope.value / battery.capacity.value * drawn.charge
+    fallen = emptied + battery.resistance.value * drawn.current
+    return np.asarray(fallen[used].mean() - fallen)
 
 
 def _known_force(record: FlightRecord) -> tuple[FloatArray, BoolArray]:

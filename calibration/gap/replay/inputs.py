@@ -12,14 +12,14 @@ import numpy as np
 
 from calibration.gap.data.kinematics import continuous_quaternions
 from calibration.gap.data.record import FlightRecord
-from calibration.gap.replay.kernels import follow_duty, voltage_of_model
+from calibration.gap.replay.kernels import follow_duty
 from onboard.arrays import BoolArray, FloatArray
 from onboard.room import RoomGeometry
 from onboard.rotation import to_matrices
 from onboard.vehicle import Vehicle
 from sim_backend.physics.effects.command_delay import STEP
 from sim_backend.physics.parameters import physics_parameters
-from sim_backend.physics.reset import charged, with_cold_motors
+from sim_backend.physics.reset import with_cold_motors
 from sim_backend.physics.state import new_state, new_states
 
 VELOCITY_WINDOW = 0.1
@@ -37,7 +37,7 @@ class PredictionInputs:
         rotation: the same as matrices, shape (n, 3, 3).
         rate: rad/s, body, shape (n, 3).
         start_velocity: m/s, shape (n, 3), from the past alone; NaN where there is not enough of it.
-        duty: shape (n, 4). voltage: V, shape (n,), measured, or of the model's battery without a measurement.
+        duty: shape (n, 4). voltage: V, shape (n,).
         known: shape (n,): pose, gyro and motor commands are all known.
         parameters: of the physics; a delay of the commands, and their warming, count in steps of `step`.
         substeps, step: steps from one sample to the next, about 1 ms, and their length (s).
@@ -70,10 +70,10 @@ class PredictionInputs:
 def prediction_inputs(record: FlightRecord, vehicle: Vehicle) -> PredictionInputs:
     """The flight, seen through the vehicle file.
 
-    Without a known ceiling there is none in the prediction. Without a measured voltage the model's own
-    battery drives the motors, full at the beginning of the record.
+    Without a known ceiling there is none in the prediction.
 
     Raises:
+        CalibrationError: the flight has no battery voltage, so that a command means no thrust.
         SimulationError: the vehicle has an effect without an equation.
     """
     ceiling = np.inf if record.ceiling_z is None else record.ceiling_z
@@ -88,7 +88,7 @@ def prediction_inputs(record: FlightRecord, vehicle: Vehicle) -> PredictionInput
     lever = rotation @ (p["geometric_centre"] + p["pose_offset"])
     rate = record.rate - p["gyro_bias"]
     known = known & record.inertial_known & record.motors_known
-    duty = _filled(record.duty, record.motors_known)
+    duty, voltage = _filled(record.duty, record.motors_known), record.known_voltage
     position = pose[:, :3] - lever
     # The tracked point swings about the centre of mass: v = v_tracked - R (w x b).
     swing = (rotation @ np.cross(rate, p["geometric_centre"] + p["pose_offset"])[:, :, None])[:, :, 0]
@@ -101,7 +101,7 @@ def prediction_inputs(record: FlightRecord, vehicle: Vehicle) -> PredictionInput
         rate=rate,
         start_velocity=velocity_from_the_past(position, _acceleration(record, rotation), record.dt),
         duty=duty,
-        voltage=_voltage(record, p, duty, substeps, step),
+        voltage=_filled(voltage[:, None], np.isfinite(voltage))[:, 0],
         known=known,
         parameters=p,
         substeps=substeps,
@@ -201,12 +201,3 @@ def _filled(values: FloatArray, known: BoolArray) -> FloatArray:
         return np.nan_to_num(values)
     rows = np.arange(known.size)
     return np.column_stack([np.interp(rows, rows[known], column[known]) for column in values.T])
-
-
-def _voltage(record: FlightRecord, p: Any, duty: FloatArray, substeps: int, step: float) -> FloatArray:
-    if record.voltage is not None:
-        return _filled(record.voltage[:, None], np.isfinite(record.voltage))[:, 0]
-    voltage = np.empty(duty.shape[0])
-    fresh = with_cold_motors(charged(new_state(), p))
-    voltage_of_model(fresh, p, duty, substeps, step, voltage)
-    return voltage

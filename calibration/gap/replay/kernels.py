@@ -7,7 +7,7 @@ middle of a step. Nothing touches a surface here: records are cut to free flight
 from typing import Any
 
 from onboard.mixer import Thrusts
-from sim_backend.physics.battery import draw, motor_targets
+from sim_backend.physics.battery import motor_targets
 from sim_backend.physics.forces import free_flight_wrench
 from sim_backend.physics.frames import Wrench, to_body, to_world
 from sim_backend.physics.jit import kernel, outlined
@@ -123,22 +123,6 @@ def settle(state: Any, p: Any, duty: Any, voltage: Any) -> None:
     targets = motor_targets(state, p, duty[0])
     for motor in range(4):
         state.thrust[motor] = targets[motor]
-
-
-@outlined
-def voltage_of_model(state: Any, p: Any, duty: Any, substeps: int, h: float, voltage: Any) -> None:
-    """Battery voltage (V, shape (n,)) of the model's own battery, which the duties drain from full."""
-    up, down = decay(p, 0.5 * h)
-    for row in range(duty.shape[0] - 1):
-        voltage[row] = state.battery_voltage
-        for j in range(substeps):
-            share = (j + 0.5) / substeps
-            now = duty_between(duty, row, share, substeps * h)
-            targets = commanded(state, p, motor_targets(state, p, now))
-            lag_to_middle(state, p, targets, up, down, 0.5 * h)
-            lag_to_end(state, p, targets, up, down)
-            draw(state, p, h)
-    voltage[duty.shape[0] - 1] = state.battery_voltage
 
 
 @kernel

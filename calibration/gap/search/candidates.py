@@ -51,6 +51,11 @@ class Candidate(NamedTuple):
     starts: tuple[Model, ...]
     at_bound: tuple[Variable, ...] = ()
 
+    @property
+    def effects(self) -> frozenset[str]:
+        """Its own name, and those of effects that it cannot be without."""
+        return frozenset({self.effect, *(v.effect for v in self.variables)})
+
     def along_other_axes(self, left_out: Collection[Variable]) -> "Candidate | None":
         """The same effect with the vehicle file's value along the axes `left_out`; None where none is, where
         its parameters are not one quantity along several, or where none would be left."""

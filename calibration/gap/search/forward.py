@@ -20,9 +20,9 @@ from calibration.gap.estimate.acceptance import (
     Judgement,
     judge,
 )
-from calibration.gap.estimate.model import WORKERS, Model, Variable, kinds_that_tell
+from calibration.gap.estimate.model import WORKERS, Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training, refine, settled
-from calibration.gap.estimate.shared_nuisances import swallowed
+from calibration.gap.search.beside import explained_better
 from calibration.gap.search.bounds import AT_BOUND, refused_axes, without_axes_at_bounds
 from calibration.gap.search.candidates import Candidate, candidates_for
 from calibration.gap.search.rivals import Rival
@@ -61,10 +61,6 @@ is looked at again, while nothing but terms without a name comes in."""
 
 _HALF = 0.6
 """Share of what an unnamed term gains that a name must gain to be preferred to it."""
-
-_NEARLY = 0.7
-"""Share of the best gain beyond chance from which the next candidate is believed where the best is not; one
-that gains less must keep this share of its own beside that one."""
 
 _PARSIMONY = 4.0
 """Log-likelihood that each further parameter must be worth."""
@@ -106,14 +102,47 @@ def search(
         rng: for the bootstrap.
         progress: told what is being looked at.
     """
-    first = present = refine(model, _always(training), training)
-    grown = _Grown(present, [], [])
-    refused: dict[str, str] = {}
+    first = refine(model, _always(training), training)
+    return _searched(first, _Grown(first, [], [], {}), {}, training, rng, progress)
+
+
+def search_on(
+    found: Search,
+    present: Fitted,
+    barred: Mapping[str, str],
+    training: Training,
+    rng: np.random.Generator,
+    progress: Progress,
+) -> Search:
+    """Go on with a search from a fit without some of its effects, which are not believed any more.
+
+    Args:
+        found: the search.
+        present: the fit without them.
+        barred: those, each with the reason; what they explain better gets no other name either.
+        training, rng, progress: as in :func:`search`.
+    """
+    steps = [step for step in found.steps if step.effect in present.model.effects]
+    unnamed = [one for one in found.unnamed if one.term in present.unnamed]
+    grown = _Grown(present, steps, unnamed, barred)
+    return _searched(found.first, grown, dict(found.refused), training, rng, progress)
+
+
+def _searched(
+    first: Fitted,
+    grown: "_Grown",
+    refused: dict[str, str],
+    training: Training,
+    rng: np.random.Generator,
+    progress: Progress,
+) -> Search:
     for _ in range(_MOST_LOOKS):
         promises = _grow(grown, training, rng, progress, refused)
         present = without_superfluous(grown.present, grown.unnamed, training)
         before = set(present.model.effects)
-        grown.present, grown.steps, ambiguous = second_look(present, grown.steps, training, rng, progress)
+        grown.present, grown.steps, ambiguous = second_look(
+            present, grown.steps, training, rng, progress, grown.barred
+        )
         if before.issuperset(grown.present.model.effects):
             break  # nothing was exchanged, which might have made room for something else
     present = without_axes_at_bounds(grown.present, training, refused)
@@ -123,18 +152,19 @@ def search(
         final=present,
         refused=refused,
         ambiguous=ambiguous,
-        blind=tuple(blind_to(promises, model)),
+        blind=tuple(blind_to(promises, first.model)),
         unnamed=tuple(one for one in grown.unnamed if one.term in present.unnamed),
     )
 
 
 @dataclass
 class _Grown:
-    """How far a search has come: its fit, and what came into it."""
+    """How far a search has come: its fit, what came into it, and what may not, with the reason."""
 
     present: Fitted
     steps: list[SelectionStep]
     unnamed: list[FittedTerm]
+    barred: Mapping[str, str]
 
 
 class _Round(NamedTuple):
@@ -159,9 +189,10 @@ def _round(
     rng: np.random.Generator,
     progress: Progress,
     doubted: Mapping[str, float],
+    barred: Mapping[str, str],
 ) -> _Round:
     promises = screen(present, candidates_for(present, training), training)
-    return _forward(present, promises, training, rng, progress, doubted)
+    return _forward(present, promises, training, rng, progress, doubted, barred)
 
 
 def _grow(
@@ -178,14 +209,14 @@ def _grow(
     for _ in range(_MOST_ROUNDS):
         present = grown.present
         progress(f"every effect{rounds.to_go()}")  # one round more for each effect that is found
-        found = ahead or _round(present, training, rng, progress, doubted)
+        found = ahead or _round(present, training, rng, progress, doubted, grown.barred)
         step, ahead = found.step, None
         refused |= found.refused
         doubted |= found.doubted
         anything = grown.steps or grown.unnamed
         scale = None if anything else _far_off(present, found.promises, training, rng)
         if scale is not None:
-            ahead = _round(scale.after, training, rng, progress, {})
+            ahead = _round(scale.after, training, rng, progress, {}, grown.barred)
             if _outdone(scale, step, ahead.step):
                 scale = ahead = None
         step = step if scale is None else scale
@@ -253,6 +284,7 @@ def _forward(
     rng: np.random.Generator,
     progress: Progress,
     doubted: Mapping[str, float],
+    barred: Mapping[str, str],
 ) -> _Round:
     """The best candidate that is believed.
 
@@ -261,6 +293,7 @@ def _forward(
         promises: of all candidates, the best first.
         training, rng, progress: as in :func:`search`.
         doubted: what those promised whose gain did not hold across flights, since the last effect came in.
+        barred: what is not believed whatever it gains, with the reason.
     """
     looked_at = [
         promise
@@ -301,66 +334,25 @@ def _forward(
         if not (gain >= LEAST_GAIN or judgement.significant):
             continue
         others = [one for one in better if one[0].effect != candidate.effect]
-        if judgement.believed and not explained_better((candidate, fitted), gain, others, present, training):
+        reason = _reason(judgement, [barred[e] for e in candidate.effects if e in barred])
+        if reason is None and not explained_better((candidate, fitted), gain, others, present, training):
             rivals = {c.effect: gain - g for g, c, _, _ in fits if c.effect != candidate.effect}
             step = SelectionStep(candidate.effect, judgement, settled(fitted, training), rivals)
             refused |= refused_axes(candidate.effect, candidate.at_bound)
             return _Round(list(promises), step, refused, doubtful)
-        if not judgement.believed:
-            refused[candidate.effect] = _reason(judgement)
+        if reason is not None:
+            refused[candidate.effect] = reason
         if judgement.significant:
             better.append((candidate, fitted))
     return _Round(list(promises), None, refused, doubtful)
 
 
-def explained_better(
-    one: tuple[Candidate, Fitted],
-    gain: float,
-    better: Sequence[tuple[Candidate, Fitted]],
-    present: Fitted,
-    training: Training,
-) -> bool:
-    """Whether most of what a candidate gains is what another gains that explains more and is not believed.
-
-    Then what is there has another cause, and the nearest name is not given to it. It is no nearest name where
-    it explains a nuisance that all flights share and the other leaves.
-    """
-    candidate, alone = one
-    return any(
-        gain < _NEARLY * gain_where(candidate, other, present)
-        and not swallowed(alone, other[1])
-        and _gain_beside(one, other, present, training) < _NEARLY * gain
-        for other in better
-    )
-
-
-def _gain_beside(
-    one: tuple[Candidate, Fitted], other: tuple[Candidate, Fitted], present: Fitted, training: Training
-) -> float:
-    """What a candidate gains in a model that has the other one."""
-    (candidate, alone), (its, beside) = one, other
-    start = beside.model.with_values({v: alone.model.start_value(v) for v in candidate.variables})
-    if alone.model.ceiling_z is not None and start.ceiling_z is None:
-        start = start.at_ceiling(alone.model.ceiling_z)
-    variables = dict.fromkeys((*present.variables, *its.variables, *candidate.variables))
-    both = refine(
-        start, tuple(variables), training, start=beside.estimate, unnamed=present.unnamed, near=beside
-    )
-    columns = both.columns_of(candidate.variables)
-    return float(both.gains(beside, both.few_kinds(columns)).sum())
-
-
-def gain_where(candidate: Candidate, other: tuple[Candidate, Fitted], present: Fitted) -> float:
-    """What another candidate gains in the signals that tell of both: torques that nobody believes keep no
-    force from its name."""
-    its, fitted = other
-    in_time = fitted.few_kinds(fitted.columns_of(its.variables))
-    of_other = kinds_that_tell([its.effect])
-    kinds = [kind for kind in kinds_that_tell([candidate.effect]) if kind in of_other]
-    return float(fitted.gains(present, in_time, kinds).sum())
-
-
-def _reason(judgement: Judgement) -> str:
+def _reason(judgement: Judgement, barred: Sequence[str]) -> str | None:
+    """Why a candidate is not believed; None where it is."""
+    if barred:
+        return barred[0]
+    if judgement.believed:
+        return None
     if judgement.at_bound:
         return AT_BOUND.format(", ".join(v.parameter for v in judgement.at_bound))
     if judgement.drifting:

@@ -2,11 +2,13 @@
 
 import dataclasses
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
+from scipy.stats import norm
+
 from calibration.gap.data.excitation import excited
-from calibration.gap.estimate.acceptance import NINETY_FIVE, clustered_errors, drifting, runs_out, sizeable
+from calibration.gap.estimate.acceptance import clustered_errors, drifting, runs_out, sizeable
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training, refine
 from calibration.gap.search.bounds import AT_BOUND
@@ -25,6 +27,10 @@ FEWEST = 3
 
 NAMELESS = "with what has no name"
 """The stage of a model with terms without a name."""
+
+NOTHING = "its interval contains nothing"
+
+SMALL_AND_NOTHING = f"too small for a name, and {NOTHING}"
 
 _LAGS = ("motor_lag", "motor_lag_asymmetry")
 
@@ -55,6 +61,17 @@ class Named:
     unconfirmed: tuple[str, ...]
     rejected: dict[str, str]
     curves: tuple[UnnamedCurve, ...] = ()
+
+    @property
+    def given_up(self) -> dict[str, str]:
+        """What was in the last fit and is believed no more, not even without a name; with the reason."""
+        if self.unconfirmed:
+            return {}
+        return {
+            name: reason
+            for name, reason in self.rejected.items()
+            if name not in self.minor and name != LOG_TIMING.effect and reason != SMALL_AND_NOTHING
+        }
 
     def without_any(self, reason: str) -> "Named":
         """The same without a name, each refused for one reason."""
@@ -172,18 +189,29 @@ def _doubt(
     if effect == LOG_TIMING.effect:
         half = 0.5 * training.regression.signals.dt
         return None if final.model.values[LOG_TIMING] > half else _small(values)
+    nothing = contains_nothing(values, final, errors)
     large = [v for v in values if sizeable(final.model, v)]
     if effect in _LAGS:  # no better known than when a line of the log was written
         half = 0.5 * training.regression.signals.dt / final.model.base.motors.time_constant_up.value
         large = [v for v in large if abs(final.model.change(v)) > half]
     if not large:
-        return _small(values)
-    with_neutral = [v for v in large if final.model.nothing_new(v) is not None]
-    if with_neutral and all(
-        abs(final.model.change(v)) < NINETY_FIVE * errors.get(v, 0.0) for v in with_neutral
-    ):
-        return "its interval contains nothing"
-    return None
+        return SMALL_AND_NOTHING if nothing else _small(values)
+    return NOTHING if nothing or contains_nothing(large, final, errors) else None
+
+
+def contains_nothing(
+    variables: Collection[Variable], final: Fitted, errors: Mapping[Variable, float]
+) -> bool:
+    """Whether chance alone takes one of these parameters as far from nothing once in twenty times.
+
+    Each has its 95 % interval; of three, one is outside it by chance once in seven times (Sidak, JASA 62,
+    1967).
+    """
+    with_neutral = [v for v in variables if final.model.nothing_new(v) is not None]
+    if not with_neutral:
+        return False
+    least = norm.isf(0.5 * (1.0 - 0.95 ** (1.0 / len(with_neutral))))
+    return all(abs(final.model.change(v)) < least * errors.get(v, 0.0) for v in with_neutral)
 
 
 def not_loaded(vehicle: Vehicle) -> str | None:

@@ -63,6 +63,7 @@ class Rival:
         swallowed: nuisances whose mean over the flights takes what the named effect explained.
         freed: nuisances whose mean it explains, and the named effect does not.
         spared: other effects of the model that are too small for a name beside it, not beside the named one.
+        fewer: whether it has no more parameters than the named effect and those together.
         fitted: the model with the rival.
     """
 
@@ -77,6 +78,7 @@ class Rival:
     swallowed: tuple[str, ...]
     freed: tuple[str, ...]
     spared: tuple[str, ...]
+    fewer: bool
     fitted: Fitted
 
     @property
@@ -91,9 +93,14 @@ class Rival:
 
     @property
     def says_the_same_with_fewer_names(self) -> bool:
-        """Whether it is what no flight tells from the named effect, and another name goes with that one."""
+        """Whether the flights do not tell it from the named effect, and another name goes with that one.
+
+        Two names that undo part of each other (a drag at the rotors, and the moment about the centre of mass
+        that it does not have) are one cause.
+        """
         alike = self.effect in EFFECTS[self.named].alike
-        return bool(alike and self.spared) and not self.swallowed and abs(self.lead) <= NOT_TOLD_APART
+        simpler = alike or self.fewer
+        return bool(simpler and self.spared) and not self.swallowed and abs(self.lead) <= NOT_TOLD_APART
 
     @property
     def negligible(self) -> bool:
@@ -191,6 +198,12 @@ def _compared(
     """Both by the same hold-out: in time where few flights tell of either."""
     own, of_rival = _variables(final, effect), candidate.variables
     in_time = final.few_kinds(final.columns_of(own)) or other.few_kinds(other.columns_of(of_rival))
+    spared = tuple(
+        name
+        for name in other.model.effects
+        if name != candidate.effect and _is_large(final, name) and not _is_large(other, name)
+    )
+    spent = len(own) + sum(len(_variables(final, name)) for name in spared)
     leads = np.bincount(training.flight_of_part, weights=final.gains(other, in_time))
     return Rival(
         effect=candidate.effect,
@@ -203,11 +216,8 @@ def _compared(
         sizeable=any(sizeable(other.model, v) for v in of_rival),
         swallowed=swallowed(final, other),
         freed=swallowed(other, final),
-        spared=tuple(
-            name
-            for name in other.model.effects
-            if name != candidate.effect and _is_large(final, name) and not _is_large(other, name)
-        ),
+        spared=spared,
+        fewer=len(of_rival) <= spent,
         fitted=other,
     )
 

@@ -8,7 +8,7 @@ two that together do what one does (a scale of thrust is a mass and three inerti
 import dataclasses
 import functools
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 
 import numpy as np
 
@@ -44,6 +44,7 @@ def second_look(
     training: Training,
     rng: np.random.Generator,
     progress: Progress,
+    barred: Container[str] = (),
 ) -> tuple[Fitted, list[SelectionStep], Ambiguous]:
     """Drop what others have made superfluous; put in the place of names what outdoes them.
 
@@ -53,6 +54,7 @@ def second_look(
         training: the flights.
         rng: for the bootstrap.
         progress: told what is being looked at.
+        barred: effects that take no name's place.
 
     Returns:
         The fit, its steps, and by named effect the rivals that the flights do not rule out.
@@ -66,7 +68,7 @@ def second_look(
         if not step.judgement.sizeable:
             continue
         progress(f"{step.effect} or another{names.to_go(len(left) - index)}")
-        found = _rivals(present, step, training)
+        found = [one for one in _rivals(present, step, training) if one.effect not in barred]
         small = next((rival for rival in found if rival.negligible), None)
         if small is not None:
             present = settled(small.fitted, training)

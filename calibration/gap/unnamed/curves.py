@@ -8,7 +8,7 @@ import numpy as np
 from calibration.gap.data.channels import ResidualChannel
 from calibration.gap.estimate.refine import Fitted
 from calibration.gap.unnamed.fitted_terms import coefficients
-from calibration.gap.unnamed.terms import IntervalTerm, PolynomialTerm
+from calibration.gap.unnamed.terms import CurveTerm, IntervalTerm, PolynomialTerm
 from onboard.arrays import FloatArray
 from onboard.vehicle.unnamed import MOST_KNOTS, REGRESSORS, UnnamedCurve
 
@@ -46,7 +46,7 @@ def worded_terms(fitted: Fitted, parameters: Any, source: str) -> Iterator[Worde
         columns = slice(first, first + values.size)
         first = columns.stop
         formula = term.formula(values, fitted.model.base)
-        if not isinstance(term, IntervalTerm | PolynomialTerm):
+        if not isinstance(term, IntervalTerm | PolynomialTerm | CurveTerm):
             yield WordedTerm(formula, None, OWN_PHASE)
         elif term.regressor not in REGRESSORS:
             yield WordedTerm(formula, None, NO_STATE.format(term.quantity.symbol))
@@ -70,8 +70,10 @@ def _scale(channel: ResidualChannel, parameters: Any) -> float:
     return float(parameters["mass"] if channel.kind == "force" else parameters["inertia"][channel.axis])
 
 
-def _shapes(term: IntervalTerm | PolynomialTerm) -> tuple[FloatArray, FloatArray]:
+def _shapes(term: IntervalTerm | PolynomialTerm | CurveTerm) -> tuple[FloatArray, FloatArray]:
     """Knots, shape (k,), and the columns of a term at them, shape (k, values)."""
+    if isinstance(term, CurveTerm):
+        return term.knots, np.eye(term.knots.size)
     low, high = np.nanquantile(term.quantity.values, _FLOWN).tolist()
     if isinstance(term, IntervalTerm):
         return _of_interval(term, _RAMP * (high - low))

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calibration.gap.data.split import FEW
 from calibration.gap.estimate.acceptance import LEAST_GAIN, lower_bound
 from calibration.gap.estimate.refine import Fitted, Training, UnnamedTerm, refine, settled
 from calibration.gap.unnamed.consequence import amplitude, least_amplitude
@@ -129,15 +130,24 @@ def _offer(
 ) -> FittedTerm | None:
     fitted = _with_terms(present, (*present.unnamed, term), training)
     columns = list(range(len(fitted.columns)))[-len(term.columns) :]
-    if structure.line is None and fitted.few_flights(columns):
-        return None  # it may be of those flights alone, and nobody knows a physics that says otherwise
     gains = fitted.gains(present, _own_phase(structure) or fitted.few_kinds(columns))
     total = float(gains.sum())
     if total < _least_gain(structure):
         return None
-    if structure.line is None and lower_bound(gains, training, False, rng) <= 0.0:
+    if structure.line is None and (
+        _of_few(gains, training) or lower_bound(gains, training, False, rng) <= 0.0
+    ):
         return None
     return FittedTerm(structure, term, total, fitted)
+
+
+def _of_few(gains: FloatArray, training: Training) -> bool:
+    """Whether few flights gain most: it may be of those alone, and no known physics says otherwise.
+
+    Of a power of a place, the flights that went farthest tell most, and yet all may gain.
+    """
+    flights = np.maximum(np.bincount(training.flight_of_part, weights=gains), 0.0)
+    return bool(np.sum(flights**2) > flights.sum() ** 2 / FEW)
 
 
 def _own_phase(structure: Structure) -> bool:

@@ -1,4 +1,4 @@
-"""Which plain formula describes a place in the map best: a constant in a range, or a polynomial."""
+"""Which plain formula describes a place in the map best: a constant in a range, a polynomial, or a curve."""
 
 from collections.abc import Sequence
 
@@ -22,6 +22,8 @@ from calibration.gap.unnamed.normal_equations import Grid, whitened_equations
 from calibration.gap.unnamed.profile import places
 from calibration.gap.unnamed.regressors import Regressor
 from calibration.gap.unnamed.terms import (
+    curve_term,
+    hats,
     inside,
     interval_term,
     line_term,
@@ -29,6 +31,7 @@ from calibration.gap.unnamed.terms import (
     powers,
 )
 from onboard.arrays import BoolArray, FloatArray
+from onboard.vehicle.unnamed import MOST_KNOTS
 
 _FINE = 64
 """Knots between which the ends of a range are searched."""
@@ -37,6 +40,13 @@ _PER_PARAMETER = 5.0
 """Log-likelihood that a further parameter must gain."""
 
 _MOST_POWERS = 3
+
+_KNOTS = (5, 8, MOST_KNOTS)
+"""Of curves."""
+
+_CURVED = (0.005, 0.995)
+"""Quantiles of a regressor between which a curve has its knots."""
+
 _RARE = 1e-3
 """A range must tell at least this much of what all of the flights tell about any."""
 
@@ -135,6 +145,11 @@ def _best_term(
         place.gain(powers(values, centre, degree)) - _PER_PARAMETER * degree
         for degree in range(1, _MOST_POWERS + 1)
     ]
+    low, high = np.nanquantile(values, _CURVED)
+    curves = [np.linspace(low, high, count) for count in _KNOTS]
+    by_knots = [place.gain(hats(values, knots)) - _PER_PARAMETER * knots.size for knots in curves]
+    if max(by_knots) > max(in_range, *by_degree):
+        return curve_term(channel, regressor, curves[int(np.argmax(by_knots))], turns)
     if max(by_degree) > in_range:
         return polynomial_term(channel, regressor, centre, int(np.argmax(by_degree)) + 1, turns)
     return interval_term(channel, regressor, ends, turns)

@@ -1,4 +1,4 @@
-"""Terms without a name: a force where the vehicle is in some range, a polynomial, a sinusoid.
+"""Terms without a name: a force where the vehicle is in some range, a polynomial, a curve, a sinusoid.
 
 They stand beside the named effects in the regression, as columns of the signals, so that no name is taken for
 something that a plain range or a line explains better.
@@ -7,6 +7,7 @@ something that a plain range or a line explains better.
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import BSpline
 
 from calibration.gap.data.channels import ResidualChannel
 from calibration.gap.data.signals import CHANNELS as SIGNALS
@@ -49,6 +50,23 @@ class PolynomialTerm(UnnamedTerm):
 
 
 @dataclass(frozen=True, eq=False)
+class CurveTerm(UnnamedTerm):
+    """Straight between `knots` of a regressor, shape (k,), and constant beyond; its columns are the values
+    there."""
+
+    quantity: Regressor
+    knots: FloatArray
+
+    def formula(self, values: FloatArray, vehicle: Vehicle) -> str:
+        """As "0.01 to 0.21 N along world y, a curve of y (largest at 0.31 m)"."""
+        forces = values * _scale(self.channel, vehicle)
+        low, high = forces.min(), forces.max()
+        at = self.knots[np.argmax(np.abs(forces))]
+        where = f"a curve of {self.quantity.symbol} (largest at {at:.3g} {self.quantity.unit}".rstrip()
+        return f"{_number(low)} to {_number(high)} {_unit(self.channel)}, {where})"
+
+
+@dataclass(frozen=True, eq=False)
 class LineTerm(UnnamedTerm):
     """A sinusoid of `frequency` (Hz), with a phase and an amplitude of its own in each flight.
 
@@ -88,6 +106,14 @@ def polynomial_term(
     return PolynomialTerm(channel, quantity.name, columns, quantity, centre)
 
 
+def curve_term(
+    channel: ResidualChannel, quantity: Regressor, knots: FloatArray, turns: FloatArray
+) -> CurveTerm:
+    """A curve through values at `knots` of a regressor."""
+    columns = tuple(as_signals(channel, shape, turns) for shape in hats(quantity.values, knots).T)
+    return CurveTerm(channel, quantity.name, columns, quantity, knots)
+
+
 def line_term(channel: ResidualChannel, frequency: float, signals: Signals) -> LineTerm:
     """A sinusoid in each flight; torques are means over the interval that begins at the sample."""
     index = SIGNALS.index(channel.signal)
@@ -117,6 +143,16 @@ def powers(values: FloatArray, centre: float, degree: int) -> FloatArray:
     """Powers 1 .. `degree`, shape (n, degree); 0 where the value is not known."""
     about = np.where(np.isfinite(values), values - centre, 0.0)
     return np.asarray(about[:, None] ** np.arange(1, degree + 1))
+
+
+def hats(values: FloatArray, knots: FloatArray) -> FloatArray:
+    """Linear interpolation from `knots`, shape (k,), and constant beyond, as columns, shape (n, k); 0 where
+    the value is not known."""
+    known = np.isfinite(values)
+    at = np.clip(np.where(known, values, knots[0]), knots[0], knots[-1])
+    return np.asarray(
+        BSpline.design_matrix(at, np.r_[knots[0], knots, knots[-1]], 1).toarray() * known[:, None]
+    )
 
 
 def as_signals(channel: ResidualChannel, shape: FloatArray, turns: FloatArray) -> FloatArray:

@@ -1,0 +1,117 @@
+"""What no name fits gets no name, and yet a place in the model; two names that are one cause become one."""
+
+from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+import pytest
+
+from calibration.gap.data.record import FlightRecord
+from calibration.gap.estimate.model import Model, Variable
+from calibration.gap.estimate.refine import Fitted, Training, refine, training_set
+from calibration.gap.search.conclusion import concluded
+from calibration.gap.search.forward import Search, search_on
+from calibration.gap.search.naming import contains_nothing
+from calibration.gap.unnamed.fitted_terms import coefficients
+from calibration.gap.unnamed.terms import CurveTerm
+from onboard.vehicle import Vehicle, load_vehicle
+from onboard.vehicle.unnamed import UnnamedCurve
+from tests.gap.simulated_flight import circle, fly, up_and_down, with_noise
+
+STOCK = load_vehicle("crazyflie21-stock")
+MASS = STOCK.body.mass.value
+DRAG = (Variable("linear_drag", "x"), Variable("linear_drag", "y"), Variable("linear_drag", "z"))
+MOMENT = (Variable("velocity_moment", "roll"), Variable("velocity_moment", "pitch"))
+ROTORS = Variable("rotor_drag", "coefficient")
+
+
+def flown(truth: Vehicle, first: int = 0, count: int = 6) -> list[FlightRecord]:
+    """Flights of 12 s, circles and climbs that differ, each with noise of its own."""
+    paths = [circle(radius=0.45 + 0.06 * n, period=3.0 + 0.3 * n) for n in range(4)]
+    paths += [up_and_down(), up_and_down(period=2.0)]
+    records = []
+    for n in range(first, first + count):
+        record = fly(truth, paths[n % 6], shape=f"shape {n % 6}", name=f"flight {n}", believed=STOCK)
+        records.append(with_noise(record, 0.5, np.random.default_rng(n)))
+    return records
+
+
+def bump() -> UnnamedCurve:
+    """0.8 m/s2 along world x where y is about 0.3 m, as from a fan beside the room."""
+    knots = np.linspace(-0.6, 0.8, 12)
+    values = 0.8 * MASS * np.exp(-(((knots - 0.3) / 0.2) ** 2))
+    return UnnamedCurve(
+        channel="world_force_x", regressor="y", knots=tuple(knots.tolist()), values=tuple(values.tolist()),
+        sigma=0.0, source="hidden",
+    )  # fmt: skip
+
+
+@cache
+def disturbed() -> tuple[Training, list[FlightRecord]]:
+    truth = STOCK.with_unnamed([bump()])
+    return training_set(flown(truth), Model(STOCK)), flown(truth, 6, 4)
+
+
+@cache
+def slowed() -> Training:
+    return training_set(flown(Model(STOCK, dict.fromkeys(DRAG, 0.02)).vehicle()), Model(STOCK))
+
+
+def largest_error(fitted: Fitted, truth: UnnamedCurve) -> float:
+    """Of the curves along y of a fit, summed: N."""
+    y = np.linspace(-0.4, 0.55, 50)
+    told = np.zeros_like(y)
+    for term, values in coefficients(fitted):
+        assert isinstance(term, CurveTerm)
+        assert (term.channel.signal, term.regressor) == ("force_x", "y")  # nobody turned: body or world
+        told += MASS * np.interp(y, term.knots, values)
+    return float(np.abs(told - np.interp(y, truth.knots, truth.values)).max())
+
+
+def test_a_force_that_comes_and_goes_softly_is_one_curve() -> None:
+    training, unseen = disturbed()
+    found, names = concluded(Model(STOCK), training, unseen, np.random.default_rng(1))
+    assert names.effects == ()
+    assert largest_error(found.final, bump()) < 0.15 * 0.8 * MASS
+
+
+def search_without(training: Training, *barred: str) -> Search:
+    """What a search that may not take these comes to, from nothing."""
+    rng, nothing = np.random.default_rng(1), refine(Model(STOCK), (), training)
+    start = Search(nothing, (), nothing, {}, {}, (), ())
+    return search_on(start, nothing, dict.fromkeys(barred, "given up"), training, rng, lambda _: None)
+
+
+def test_what_was_given_up_leaves_no_room_for_the_nearest_name() -> None:
+    on = search_without(slowed(), "linear_drag", "rotor_drag")
+    assert on.final.model.effects == ()  # no wind, no battery, no drag of the body
+    assert on.refused["linear_drag"] == "given up"
+
+
+def test_what_was_given_up_leaves_room_for_what_has_no_name() -> None:
+    training, _ = disturbed()
+    on = search_without(training, "wind", "tether", "body_drag")
+    assert not {"wind", "tether", "body_drag"} & set(on.final.model.effects)
+    assert largest_error(on.final, bump()) < 0.15 * 0.8 * MASS
+
+
+def test_two_names_that_undo_part_of_each_other_are_one_cause() -> None:
+    """Drag at the centre of mass is drag at the rotors with a moment, and a plain drag alone."""
+    names = concluded(Model(STOCK), slowed(), [], np.random.default_rng(1))[1]
+    assert names.effects == ("linear_drag",)
+
+
+@pytest.mark.parametrize(
+    ("variables", "sigmas", "nothing"),
+    [
+        (DRAG, 2.2, True),  # one of three is that far off by chance once in eleven times
+        (DRAG, 2.6, False),
+        (DRAG[:1], 2.2, False),
+    ],
+)
+def test_of_several_numbers_one_is_off_by_chance_more_often(
+    variables: Sequence[Variable], sigmas: float, nothing: bool
+) -> None:
+    fitted = refine(Model(STOCK), variables, slowed())
+    errors = {v: abs(fitted.model.change(v)) / sigmas for v in variables}
+    assert contains_nothing(variables, fitted, errors) is nothing

@@ -1,0 +1,62 @@
+"""Without a logged voltage, one is made that empties as the pack of the vehicle file does."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from calibration.gap.data.record import FlightRecord
+from calibration.gap.replay import evaluate
+from onboard.arrays import FloatArray
+from onboard.vehicle import Vehicle
+from tests.gap.mujoco_flights import flights, frame
+from tests.truth.airframe import nominal
+from tests.truth.mujoco_room import Hidden
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> list[FlightRecord]:
+    """Flights of a healthy vehicle in MuJoCo, with the voltage of its pack."""
+    return flights(Hidden(), tmp_path_factory.mktemp("flights"))
+
+
+@pytest.fixture(scope="module")
+def vehicle() -> Vehicle:
+    return nominal(frame(), "healthy")
+
+
+def without(record: FlightRecord) -> FlightRecord:
+    return dataclasses.replace(record, voltage=None)
+
+
+def measured(record: FlightRecord) -> FloatArray:
+    assert record.voltage is not None
+    return record.voltage
+
+
+def test_it_is_what_was_measured(flown: list[FlightRecord], vehicle: Vehicle) -> None:
+    for flight in evaluate([without(record) for record in flown], vehicle).flights:
+        (record,) = (one for one in flown if one.name == flight.record.name)
+        assert not flight.record.voltage_measured
+        made, volts = (measured(one)[record.flying] for one in (flight.record, record))
+        assert made.mean() == pytest.approx(volts.mean(), rel=0.03)
+        assert np.corrcoef(made, volts)[0, 1] > 0.8
+
+
+def test_it_predicts_better_than_a_constant_one(flown: list[FlightRecord], vehicle: Vehicle) -> None:
+    blind = evaluate([without(record) for record in flown], vehicle)
+    constant = [
+        dataclasses.replace(one.record, voltage=np.full_like(one.record.t, measured(one.record).mean()))
+        for one in blind.flights
+    ]
+    told = [dataclasses.replace(record, voltage_measured=True) for record in constant]
+    made, flat = (errors.overall.given_attitude[1.0] for errors in (blind, evaluate(told, vehicle)))
+    assert made.position_m < 0.5 * flat.position_m
+
+
+def test_a_vehicle_that_needs_another_voltage_is_doubted(flown: list[FlightRecord], vehicle: Vehicle) -> None:
+    mass = dataclasses.replace(vehicle.body.mass, value=2.0 * vehicle.body.mass.value)
+    heavy = dataclasses.replace(vehicle, body=dataclasses.replace(vehicle.body, mass=mass))
+    (doubt,) = evaluate([without(record) for record in flown], heavy).doubts()
+    assert "is this the vehicle that flew?" in doubt
+    assert not evaluate([without(record) for record in flown], vehicle).doubts()
