@@ -52,3 +52,13 @@ def test_what_goes_with_nothing_is_drawn_over_itself(monkeypatch: pytest.MonkeyP
 
 def test_an_effect_that_is_not_in_the_fit_has_no_picture() -> None:
     assert effect_pictures(["battery_sag"], *found()) == ()
+
+
+def test_a_drag_is_drawn_where_it_is_judged() -> None:
+    """A drag at the rotors makes a moment too, which is larger than its force in units of the noise."""
+    rotors = Variable("rotor_drag", "coefficient")
+    truth = Model(STOCK, {rotors: 3e-6}).vehicle()
+    records = [with_noise(fly(truth, circle(), 12.0), 0.5, np.random.default_rng(n)) for n in range(2)]
+    training = training_set(records, Model(STOCK))
+    (picture,) = effect_pictures(["rotor_drag"], refine(Model(STOCK), (rotors,), training), training)
+    assert picture.channel in ("force_x", "force_y")

@@ -42,6 +42,25 @@ def test_a_gyro_in_degrees_is_refused_by_name(flight: Flight) -> None:
     assert "deg/s" in reason(flight, **{k: np.degrees(flight.data[k]) for k in ("gx", "gy", "gz")})
 
 
+def test_beside_more_that_are_in_another_unit_a_flight_that_cannot_be_told_is_not_used(
+    tmp_path: Path,
+) -> None:
+    """Of eight flights in one wrong frame, the two that hardly turned were once believed."""
+    one, *others = open_flights(
+        make_flights("none", "medium", 3, 3, out=tmp_path / "f", answer=tmp_path / "a")
+    )[0]
+    wrong = [
+        replace(flight, data=flight.data | {k: np.degrees(flight.data[k]) for k in ("gx", "gy", "gz")})
+        for flight in others
+    ]
+    assert [record.name for record in prepare_flights([one, wrong[0]]).records] == [one.name]
+    prepared = prepare_flights([one, *wrong])
+    assert prepared.records == ()
+    (told,) = (item.reason for item in prepared.refused if item.file == one.source)
+    assert told.startswith("2 others were refused")
+    assert told.endswith("convert all of them")
+
+
 def test_millivolts_are_refused_by_name(flight: Flight) -> None:
     assert "mV" in reason(flight, vbat=1000.0 * flight.data["vbat"])
 

@@ -27,15 +27,19 @@ _UPSIDE_DOWN = -0.5
 """Cosine of the tilt at the beginning of a log, below which the vehicle would lie on its back."""
 
 
+class ConventionError(UnusableFlightError):
+    """A channel is in another unit, frame or order than it should be."""
+
+
 def check_upright(flight: Flight, attitude: FloatArray) -> None:
     """Refuse a flight whose vehicle, by the `attitude` (n, 4), lies on its back from the beginning.
 
     Raises:
-        UnusableFlightError: it does; the message says what to look at.
+        ConventionError: it does; the message says what to look at.
     """
     x, y = attitude[0, 0], attitude[0, 1]
     if 1.0 - 2.0 * (x**2 + y**2) < _UPSIDE_DOWN:
-        raise UnusableFlightError(
+        raise ConventionError(
             flight.source,
             "the vehicle lies on its back when the log begins: columns qx, qy, qz, qw are a rotation from "
             "body to world with the scalar last; is yours in qx, or the rotation the other way round?",
@@ -46,22 +50,22 @@ def check_plausible(flight: Flight, record: FlightRecord) -> None:
     """Refuse a flight whose gyro, accelerometer, position or voltage are in another unit or frame.
 
     Raises:
-        UnusableFlightError: they are; the message says what to convert.
+        ConventionError: they are; the message says what to convert.
     """
     if record.voltage is not None and float(np.nanmedian(record.voltage)) > _MOST_VOLTS:
         volts = float(np.nanmedian(record.voltage))
-        raise UnusableFlightError(
+        raise ConventionError(
             flight.source, f"battery voltage of {volts:.0f} V: it seems to be in mV; divide it by 1000"
         )
     speed = float(np.median(np.linalg.norm(record.velocity[record.flying], axis=1)))
     if speed > _MOST_SPEED:
-        raise UnusableFlightError(
+        raise ConventionError(
             flight.source, f"flies at {speed:.0f} m/s: positions seem to be in mm or cm; bring them to m"
         )
     if record.specific_force is not None:
         force = float(np.nanmedian(np.linalg.norm(record.specific_force[record.flying], axis=1)))
         if _IN_G[0] < force < _IN_G[1]:
-            raise UnusableFlightError(
+            raise ConventionError(
                 flight.source,
                 f"the accelerometer shows {force:.1f} in flight: it seems to be in g; multiply it by 9.81",
             )
@@ -71,14 +75,14 @@ def check_plausible(flight: Flight, record: FlightRecord) -> None:
         return
     factor = float(np.mean(np.sum(body * gyro, axis=1))) / power
     if _LIKE[0] < factor / _DEGREES < _LIKE[1]:
-        raise UnusableFlightError(
+        raise ConventionError(
             flight.source,
             f"the gyro shows {factor:.0f} times the rate of the tracked body: it seems to be in deg/s; "
             "convert it to rad/s",
         )
     missed, alike = (float(np.mean(np.sum((gyro - rate) ** 2, axis=1))) for rate in (body, world))
     if alike < _HALF**2 * missed and missed > _HALF**2 * _TURNING**2:
-        raise UnusableFlightError(
+        raise ConventionError(
             flight.source,
             "the gyro follows the rate in the world frame, not in the body's: turn it into the body frame",
         )

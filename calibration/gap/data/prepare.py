@@ -12,7 +12,7 @@ from calibration.gap.data.known_time import check_known
 from calibration.gap.data.limitations import limitations
 from calibration.gap.data.logged import LoggedSignals, read_signals
 from calibration.gap.data.phases import LEAST_FLYING_S, free_flight, resting
-from calibration.gap.data.plausible import check_plausible, check_upright
+from calibration.gap.data.plausible import ConventionError, check_plausible, check_upright
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.samples import grid_interval, resample, uniform_grid
 from calibration.gap.data.shapes import kinds_of
@@ -54,17 +54,33 @@ def prepare_flights(flights: Sequence[Flight]) -> PreparedFlights:
             refused.append(UnusableFlight(error.source, error.reason))
     # One interval for all flights, or their noise and their lags would be of different kinds.
     intervals = [grid_interval(s.pose, s.gyro.samples) for _, s in readable]
+    otherwise = []
     for flight, signals in readable:
         try:
             record = _record(flight, signals, float(np.median(intervals)))
             check_plausible(flight, record)
             check_known(flight, record)
             records.append(record)
+        except ConventionError as error:
+            otherwise.append(UnusableFlight(error.source, error.reason))
         except UnusableFlightError as error:
             refused.append(UnusableFlight(error.source, error.reason))
+    refused += otherwise
+    if len(otherwise) > len(records):  # one program wrote them all: the others move too little to tell
+        refused += [_as_most(record, otherwise) for record in records]
+        records = []
     kinds = kinds_of(records).tolist()
     records = [replace(record, shape=f"kind {kind:03d}") for record, kind in zip(records, kinds, strict=True)]
     return PreparedFlights(tuple(records), tuple(refused), limitations(records))
+
+
+def _as_most(record: FlightRecord, otherwise: Sequence[UnusableFlight]) -> UnusableFlight:
+    """A flight beside more that are in another unit or frame."""
+    return UnusableFlight(
+        record.source,
+        f"{len(otherwise)} others were refused ({otherwise[0].reason}), and this one moves too little "
+        "to tell whether it is different: convert all of them",
+    )
 
 
 def _record(flight: Flight, signals: LoggedSignals, interval: float) -> FlightRecord:

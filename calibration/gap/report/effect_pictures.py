@@ -1,13 +1,15 @@
 """One picture per named effect: what the data show without it, and what it says (component and residual).
 
-An effect is drawn in the channel in which it stands out most, over what it goes with most.
+Of the channels that tell of an effect it is drawn in the one in which it stands out most, over what it goes
+with most.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from calibration.gap.data.signals import CHANNELS, UNITS
+from calibration.gap.data.signals import CHANNELS, KINDS, UNITS
+from calibration.gap.estimate.model import kinds_that_tell
 from calibration.gap.estimate.refine import Fitted, Training
 from calibration.gap.report.figures_data import EffectPicture
 from calibration.gap.unnamed.regressors import Regressor, regressors
@@ -39,6 +41,7 @@ def _picture(
     says = final.predicted - final.model.without(name).predict(training.records)
     says = np.where(signals.valid, says, 0.0)
     power = (says**2).mean(axis=0) / final.estimate.noise.sigma**2
+    power *= np.isin(np.arange(power.size), np.r_[tuple(KINDS[kind] for kind in kinds_that_tell([name]))])
     channel = int(np.argmax(power))
     if power[channel] == 0.0:
         return None

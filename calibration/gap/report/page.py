@@ -287,6 +287,6 @@ def _settings(report: GapReport) -> Iterator[tuple[str, str]]:
 def _facts(facts: Mapping[str, Any]) -> str:
     rows = []
     for place, value in leaves(facts):
-        shown = number(value) if isinstance(value, float) else str(value)
+        shown = number(value) if isinstance(value, float) else "not given" if value is None else str(value)
         rows.append([escape(plain(place).replace(".", ", ")), escape(shown)])
     return table(["", ""], rows)

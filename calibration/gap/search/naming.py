@@ -225,6 +225,7 @@ def not_loaded(vehicle: Vehicle) -> str | None:
 
 def _small(values: Mapping[Variable, float]) -> str:
     values_in_words = ", ".join(
-        f"{v.parameter} = {x:.3g} {EFFECTS[v.effect].parameters[v.parameter].unit}" for v, x in values.items()
+        f"{v.parameter} = {x:.3g} {EFFECTS[v.effect].parameters[v.parameter].unit}".removesuffix(" 1")
+        for v, x in values.items()
     )
     return f"{REAL} ({values_in_words})"
