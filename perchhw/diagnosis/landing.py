@@ -70,7 +70,7 @@ def diagnose_landing(
     why = _computed_otherwise(trigger, judge.flown) or (
         None if outcome is Outcome.FOUR_LEG else _deviation(flip)
     )
-    found = why or _Why(plain, _in_time(flip), _next_after(plain, pair))
+    found = why or _Why(plain, _when(flip), _next_after(plain, pair))
     sentence = what if not found.words else f"{what}; {found.words}"
     return Diagnosis(found.cause, sentence, found.next, _values(flip, pair))
 
@@ -153,9 +153,12 @@ def _tau(flip: Flip) -> str:
     return f"tau {flip.tau_s:.3f} s, the region begins at {flip.region_tau_s:.3f}"
 
 
-def _in_time(flip: Flip) -> str:
+def _when(flip: Flip) -> str:
+    """When the flip began, in words; a landing may well have forgiven that it was early or late."""
     if flip.tau_s is None or flip.region_tau_s is None:
         return ""
+    if (off := _timing(flip)) is not None:
+        return off.words
     return f"the flip began in time ({_tau(flip)})"
 
 
