@@ -12,13 +12,15 @@ from calibration.gap.estimate.refine import Fitted, Training, refine, training_s
 from calibration.gap.search.conclusion import concluded
 from calibration.gap.search.forward import Search, search_on
 from calibration.gap.search.naming import contains_nothing
-from calibration.gap.unnamed.fitted_terms import coefficients
-from calibration.gap.unnamed.terms import CurveTerm
+from calibration.gap.unnamed.curves import worded_terms
+from onboard.room import RoomGeometry
 from onboard.vehicle import Vehicle, load_vehicle
 from onboard.vehicle.unnamed import UnnamedCurve
+from sim_backend.physics.parameters import physics_parameters
 from tests.gap.simulated_flight import circle, fly, up_and_down, with_noise
 
 STOCK = load_vehicle("crazyflie21-stock")
+PARAMETERS = physics_parameters(STOCK, RoomGeometry(ceiling_z=1e3))
 MASS = STOCK.body.mass.value
 DRAG = (Variable("linear_drag", "x"), Variable("linear_drag", "y"), Variable("linear_drag", "z"))
 MOMENT = (Variable("velocity_moment", "roll"), Variable("velocity_moment", "pitch"))
@@ -58,17 +60,19 @@ def slowed() -> Training:
 
 
 def largest_error(fitted: Fitted, truth: UnnamedCurve) -> float:
-    """Of the curves along y of a fit, summed: N."""
-    y = np.linspace(-0.4, 0.55, 50)
-    told = np.zeros_like(y)
-    for term, values in coefficients(fitted):
-        assert isinstance(term, CurveTerm)
-        assert (term.channel.signal, term.regressor) == ("force_x", "y")  # nobody turned: body or world
-        told += MASS * np.interp(y, term.knots, values)
+    """Of what a fit has without a name, summed, against the force that was flown: N."""
+    y, told = np.linspace(-0.4, 0.55, 50), np.zeros(50)
+    for term in worded_terms(fitted, PARAMETERS, "a test"):
+        assert term.curve is not None
+        if term.curve.channel not in ("force_x", "world_force_x"):  # nobody turned
+            assert np.ptp(term.curve.values) < 0.05 * MASS  # of no consequence
+            continue
+        assert term.curve.regressor == "y"
+        told += np.interp(y, term.curve.knots, term.curve.values)
     return float(np.abs(told - np.interp(y, truth.knots, truth.values)).max())
 
 
-def test_a_force_that_comes_and_goes_softly_is_one_curve() -> None:
+def test_a_force_that_comes_and_goes_softly_is_measured() -> None:
     training, unseen = disturbed()
     found, names = concluded(Model(STOCK), training, unseen, np.random.default_rng(1))
     assert names.effects == ()
@@ -88,6 +92,7 @@ def test_what_was_given_up_leaves_no_room_for_the_nearest_name() -> None:
     assert on.refused["linear_drag"] == "given up"
 
 
+@pytest.mark.soak
 def test_what_was_given_up_leaves_room_for_what_has_no_name() -> None:
     training, _ = disturbed()
     on = search_without(training, "wind", "tether", "body_drag")
@@ -95,6 +100,7 @@ def test_what_was_given_up_leaves_room_for_what_has_no_name() -> None:
     assert largest_error(on.final, bump()) < 0.15 * 0.8 * MASS
 
 
+@pytest.mark.soak
 def test_two_names_that_undo_part_of_each_other_are_one_cause() -> None:
     """Drag at the centre of mass is drag at the rotors with a moment, and a plain drag alone."""
     names = concluded(Model(STOCK), slowed(), [], np.random.default_rng(1))[1]

@@ -10,7 +10,7 @@ from calibration.gap.unnamed.lines import find_lines
 from calibration.gap.unnamed.regressors import regressors
 from calibration.gap.unnamed.structure import Structure, structured
 from calibration.gap.unnamed.term_search import unnamed_terms
-from calibration.gap.unnamed.terms import IntervalTerm, PolynomialTerm, as_signals, interval_term
+from calibration.gap.unnamed.terms import CurveTerm, IntervalTerm, PolynomialTerm, as_signals, interval_term
 from onboard.vehicle import load_vehicle
 from tests.gap.disturbed_motion import DT, SHAPES, Flights, disturbed_flights
 
@@ -79,6 +79,19 @@ def test_a_push_in_a_slab_of_the_room_is_found_and_measured(seed: int) -> None:
     assert value == pytest.approx([0.3], rel=0.1)
     newton = VEHICLE.body.mass.value * value[0]
     assert term.formula(value, VEHICLE).startswith(f"{newton:.3g} N along world y where 0.")
+
+
+def test_a_push_that_comes_and_goes_softly_is_a_curve_that_is_nothing_elsewhere() -> None:
+    flights = disturbed_flights(1)
+    x = flights.along("position")[:, 0]
+    residual = flights.add(flights.world_force(1, 0.6 * np.exp(-(((x - 0.4) / 0.15) ** 2)) + 0.5))
+    (found, *_) = judged(flights, residual)
+    (term,) = unnamed_terms([found.cell], [], flights.signals, flights.records, residual)
+    assert isinstance(term, CurveTerm)
+    curve = term.at_knots(fitted(flights, residual - flights.world_force(1, np.full(x.size, 0.5)), term))
+    assert curve[term.zero] == 0.0
+    told = np.interp([-0.5, -0.2, 0.4], term.knots, curve)
+    assert told == pytest.approx([0.0, 0.0, 0.6], abs=0.08)  # what is everywhere is no part of it
 
 
 def test_the_condition_names_the_end_where_the_residual_lives() -> None:

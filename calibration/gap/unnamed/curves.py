@@ -73,7 +73,7 @@ def _scale(channel: ResidualChannel, parameters: Any) -> float:
 def _shapes(term: IntervalTerm | PolynomialTerm | CurveTerm) -> tuple[FloatArray, FloatArray]:
     """Knots, shape (k,), and the columns of a term at them, shape (k, values)."""
     if isinstance(term, CurveTerm):
-        return term.knots, np.eye(term.knots.size)
+        return term.knots, term.at_knots(np.eye(term.knots.size - 1))
     low, high = np.nanquantile(term.quantity.values, _FLOWN).tolist()
     if isinstance(term, IntervalTerm):
         return _of_interval(term, _RAMP * (high - low))

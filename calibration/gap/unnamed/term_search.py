@@ -92,10 +92,14 @@ class _Whitened:
 
     def gain(self, columns: FloatArray) -> float:
         """Log-likelihood gained by columns of the channel, shape (n, k)."""
+        return self.fit(columns)[1]
+
+    def fit(self, columns: FloatArray) -> tuple[FloatArray, float]:
+        """Values of columns of the channel, shape (n, k), and the log-likelihood that they gain."""
         white = np.column_stack([self._centred(column[:, None])[:, 0] for column in columns.T])
         score = white.T @ self.innovations
         fitted = np.linalg.lstsq(white.T @ white, score, rcond=1e-10)[0]
-        return float(0.5 * score @ fitted / self.sigma2)
+        return fitted, float(0.5 * score @ fitted / self.sigma2)
 
     def _centred(self, column: FloatArray) -> FloatArray:
         white = whiten(column, self.whole, self.coefficients)
@@ -147,12 +151,22 @@ def _best_term(
     ]
     low, high = np.nanquantile(values, _CURVED)
     curves = [np.linspace(low, high, count) for count in _KNOTS]
-    by_knots = [place.gain(hats(values, knots)) - _PER_PARAMETER * knots.size for knots in curves]
+    by_knots = [place.gain(hats(values, knots)) - _PER_PARAMETER * (knots.size - 1) for knots in curves]
     if max(by_knots) > max(in_range, *by_degree):
-        return curve_term(channel, regressor, curves[int(np.argmax(by_knots))], turns)
+        knots = curves[int(np.argmax(by_knots))]
+        return curve_term(channel, regressor, knots, _level(place, values, knots), turns)
     if max(by_degree) > in_range:
         return polynomial_term(channel, regressor, centre, int(np.argmax(by_degree)) + 1, turns)
     return interval_term(channel, regressor, ends, turns)
+
+
+def _level(place: _Whitened, values: FloatArray, knots: FloatArray) -> int:
+    """Index of the knot at which a curve is as large as it is half of the time: there is nothing there."""
+    columns = hats(values, knots)
+    fitted, _ = place.fit(columns)
+    order = np.argsort(fitted)
+    time = np.cumsum(columns.sum(axis=0)[order])
+    return int(order[np.searchsorted(time, 0.5 * time[-1])])
 
 
 def _smaller_side(ends: Ends, values: FloatArray) -> Ends:

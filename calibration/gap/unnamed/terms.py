@@ -51,15 +51,23 @@ class PolynomialTerm(UnnamedTerm):
 
 @dataclass(frozen=True, eq=False)
 class CurveTerm(UnnamedTerm):
-    """Straight between `knots` of a regressor, shape (k,), and constant beyond; its columns are the values
-    there."""
+    """Straight between `knots` of a regressor, shape (k,), and constant beyond; 0 at that of index `zero`.
+    A column for the value at each of the others.
+
+    A level of its own would be a scale of thrust or a bias by another name.
+    """
 
     quantity: Regressor
     knots: FloatArray
+    zero: int
+
+    def at_knots(self, values: FloatArray) -> FloatArray:
+        """Values at all knots, shape (k, ...), from those of the columns, shape (k - 1, ...)."""
+        return np.insert(values, self.zero, 0.0, axis=0)
 
     def formula(self, values: FloatArray, vehicle: Vehicle) -> str:
         """As "0.01 to 0.21 N along world y, a curve of y (largest at 0.31 m)"."""
-        forces = values * _scale(self.channel, vehicle)
+        forces = self.at_knots(values) * _scale(self.channel, vehicle)
         low, high = forces.min(), forces.max()
         at = self.knots[np.argmax(np.abs(forces))]
         where = f"a curve of {self.quantity.symbol} (largest at {at:.3g} {self.quantity.unit}".rstrip()
@@ -107,11 +115,12 @@ def polynomial_term(
 
 
 def curve_term(
-    channel: ResidualChannel, quantity: Regressor, knots: FloatArray, turns: FloatArray
+    channel: ResidualChannel, quantity: Regressor, knots: FloatArray, zero: int, turns: FloatArray
 ) -> CurveTerm:
-    """A curve through values at `knots` of a regressor."""
-    columns = tuple(as_signals(channel, shape, turns) for shape in hats(quantity.values, knots).T)
-    return CurveTerm(channel, quantity.name, columns, quantity, knots)
+    """A curve through values at `knots` of a regressor, and 0 at that of index `zero`."""
+    shapes = np.delete(hats(quantity.values, knots).T, zero, axis=0)
+    columns = tuple(as_signals(channel, shape, turns) for shape in shapes)
+    return CurveTerm(channel, quantity.name, columns, quantity, knots, zero)
 
 
 def line_term(channel: ResidualChannel, frequency: float, signals: Signals) -> LineTerm:
