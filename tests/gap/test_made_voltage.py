@@ -7,9 +7,11 @@ import pytest
 
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.replay import evaluate
+from calibration.gap.replay.hover_voltage import with_voltages
 from onboard.arrays import FloatArray
-from onboard.vehicle import Vehicle
+from onboard.vehicle import Vehicle, load_vehicle
 from tests.gap.mujoco_flights import flights, frame
+from tests.gap.simulated_flight import fly, up_and_down, with_noise
 from tests.truth.airframe import nominal
 from tests.truth.mujoco_room import Hidden
 
@@ -52,6 +54,14 @@ def test_it_predicts_better_than_a_constant_one(flown: list[FlightRecord], vehic
     told = [dataclasses.replace(record, voltage_measured=True) for record in constant]
     made, flat = (errors.overall.given_attitude[1.0] for errors in (blind, evaluate(told, vehicle)))
     assert made.position_m < 0.5 * flat.position_m
+
+
+def test_a_supply_that_does_not_sag_stays_constant() -> None:
+    stock, rng = load_vehicle("crazyflie21-stock"), np.random.default_rng(2)
+    for sag in (0.0, 0.4):
+        records = [with_noise(fly(stock, up_and_down(period=p), 20.0, sag=sag), 0.5, rng) for p in (2.0, 2.5)]
+        made, _ = with_voltages([without(record) for record in records], stock)
+        assert all((np.ptp(measured(one)) == 0.0) == (sag == 0.0) for one in made)
 
 
 def test_a_vehicle_that_needs_another_voltage_is_doubted(flown: list[FlightRecord], vehicle: Vehicle) -> None:

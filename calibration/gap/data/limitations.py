@@ -23,9 +23,9 @@ def limitations(records: Sequence[FlightRecord]) -> tuple[str, ...]:
     elif len({r.shape for r in records}) == 1:
         found.append("one trajectory shape only: no unseen shape to confirm an effect on")
     found += _missing(
-        "no battery voltage: that of the model's battery, as full as the model needs to hover, stands for "
-        "it, so that thrust_scale, mass_error, battery_sag and motor_warming cannot be judged; log it "
-        "(pm.vbat, vbat)",
+        "no battery voltage: the one at which the model hovers stands for it, and empties as its pack does "
+        "where the flights say so, so that thrust_scale, mass_error, battery_sag and motor_warming cannot be "
+        "judged; log it (pm.vbat, vbat)",
         records,
         lambda r: r.voltage is None,
     )

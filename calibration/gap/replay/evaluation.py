@@ -19,7 +19,7 @@ from calibration.gap.replay.flight_prediction import (
     prediction_errors,
 )
 from calibration.gap.replay.floors import accelerometer_driven, gyro_driven
-from calibration.gap.replay.hover_voltage import NeverCarriedError, thrust_needed, with_voltage
+from calibration.gap.replay.hover_voltage import thrust_needed, with_voltages
 from calibration.gap.replay.inputs import PredictionInputs, motor_starts, prediction_inputs
 from calibration.gap.replay.nuisances import LEAST_STARTS, Nuisances, fit_nuisances
 from calibration.gap.replay.torque_estimate import HORIZON as TORQUE_HORIZON
@@ -282,8 +282,9 @@ def evaluate(
     if not calibrate_first_s >= 0.0:
         raise PredictionError(f"calibration over the first {calibrate_first_s} s: must not be negative")
     done: list[FlightErrors] = []
-    left: list[Unpredicted] = []
-    for record in records:
+    carried, never = with_voltages(records, vehicle)
+    left = [Unpredicted(record, reason) for record, reason in never]
+    for record in carried:
         result = _flight(record, vehicle, wanted, calibrate_first_s)
         if isinstance(result, FlightErrors):
             done.append(result)
@@ -301,10 +302,6 @@ def _flight(
     ends = np.array([round(h / record.dt) for h in horizons])
     if ends[0] < 1 or np.any(np.diff(ends) < 1):
         return Unpredicted(record, f"samples {record.dt:g} s apart are too coarse for these horizons")
-    try:
-        record = with_voltage(record, vehicle)
-    except NeverCarriedError as error:
-        return Unpredicted(record, str(error))
     inputs = prediction_inputs(record, vehicle)
     lengths = usable_lengths(inputs)
     rows = start_rows(lengths, max(1, round(START_EVERY / record.dt)), int(ends[0]))

@@ -1,9 +1,12 @@
-"""A battery voltage for flights that logged none: that of the model's own battery, at the charge at which the
-model carries the vehicle."""
+"""A battery voltage for flights that logged none: the one at which the model carries the vehicle.
+
+It falls as the model's battery does under these thrusts, or not at all (a controller that compensates for it,
+a supply on a cable), whichever the flights' forces speak for.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
@@ -28,10 +31,6 @@ _SEVERAL, _ANOTHER = 4, 0.25
 """Flights from which one is told to be of another vehicle; share of the thrust needed by which it differs."""
 
 
-class NeverCarriedError(CalibrationError):
-    """The model cannot carry the vehicle with these commands at any voltage."""
-
-
 def of_one_vehicle(
     records: Sequence[FlightRecord], vehicle: Vehicle
 ) -> tuple[list[FlightRecord], list[NotUsed]]:
@@ -40,15 +39,9 @@ def of_one_vehicle(
     A flight that needs another thrust for its commands than most is one of another vehicle, or its commands
     or voltage are in another unit.
     """
-    carried, needs, refused = [], [], []
-    for record in records:
-        try:
-            one = with_voltage(record, vehicle)
-        except NeverCarriedError as error:
-            refused.append(NotUsed(record.name, str(error)))
-            continue
-        carried.append(one)
-        needs.append(thrust_needed(one, vehicle))
+    carried, never = with_voltages(records, vehicle)
+    refused = [NotUsed(record.name, reason) for record, reason in never]
+    needs = [thrust_needed(one, vehicle) for one in carried]
     usual = float(np.median(needs)) if len(needs) >= _SEVERAL else np.nan
     alike = [not abs(need / usual - 1.0) > _ANOTHER for need in needs]
     refused += [
@@ -77,58 +70,84 @@ def thrust_needed(record: FlightRecord, vehicle: Vehicle) -> float:
     return float(force[used, 2].mean() / predicted.mean())
 
 
-def with_voltage(record: FlightRecord, vehicle: Vehicle) -> FlightRecord:
-    """The record with its measured voltage, or with the one that this vehicle needs.
+class NeverCarried(NamedTuple):
+    """A flight that the model cannot carry with these commands at any voltage, and what they amount to."""
 
-    Raises:
-        NeverCarriedError: it cannot be carried; the message says what the commands amount to.
+    record: FlightRecord
+    reason: str
+
+
+def with_voltages(
+    records: Sequence[FlightRecord], vehicle: Vehicle
+) -> tuple[list[FlightRecord], list[NeverCarried]]:
+    """The records with a voltage each, measured or made, and those for which none can be.
+
+    A pack empties in every flight, and a constant voltage would call that a thrust that fades; but one that
+    does not sag where the model's does would be a thrust that grows.
     """
-    measured = record.voltage is not None and record.voltage_measured
-    return record if measured else with_hover_voltage(record, vehicle)
+    carried: list[FlightRecord] = []
+    never: list[NeverCarried] = []
+    made: list[tuple[FlightRecord, FlightRecord]] = []
+    for record in records:
+        if record.voltage is not None and record.voltage_measured:
+            carried.append(record)
+            continue
+        try:
+            steady = _carrying(record, vehicle, np.zeros(record.t.size))
+            made.append((steady, _carrying(record, vehicle, _course(steady, vehicle))))
+        except _NoVoltageError as error:
+            never.append(NeverCarried(record, str(error)))
+            continue
+        carried.append(steady)
+    falls = sum(_missed(one, vehicle) - _missed(other, vehicle) for one, other in made) > 0.0
+    falling = {id(steady): other for steady, other in made if falls}
+    return [falling.get(id(record), record) for record in carried], never
 
 
-def with_hover_voltage(record: FlightRecord, vehicle: Vehicle) -> FlightRecord:
-    """The record with a voltage at which the thrusts of its commands make its mean specific force.
+class _NoVoltageError(CalibrationError):
+    """The model cannot carry the vehicle with these commands at any voltage."""
 
-    It falls as the model's battery does under these thrusts: a pack empties in every flight, and a constant
-    voltage would call that a thrust that fades.
+
+def _carrying(record: FlightRecord, vehicle: Vehicle, course: FloatArray) -> FlightRecord:
+    """The record with a voltage of this `course` (V, shape (n,)), all of it shifted until the thrusts of
+    its commands make its mean specific force.
 
     Raises:
-        NeverCarriedError: there is none; the message says what the commands amount to.
+        _NoVoltageError: there is none; the message says what the commands amount to.
     """
     parameters = below_no_ceiling(vehicle)
     force, used = _known_force(record)
     if not used.any():
-        raise NeverCarriedError(
+        raise _NoVoltageError(
             f"{record.source}: no voltage, and no flight with known motor commands to tell it"
         )
     needed = float(force[used, 2].mean())
     full = vehicle.battery.open_circuit_full.value
 
-    def carrying(course: FloatArray) -> FlightRecord:
-        """The record with a voltage (V) of this course, shape (n,), all of it shifted."""
+    def at(voltage: float) -> FlightRecord:
+        return replace(record, voltage=voltage + course, voltage_measured=False)
 
-        def at(voltage: float) -> FlightRecord:
-            return replace(record, voltage=voltage + course, voltage_measured=False)
+    def missing(voltage: float) -> float:
+        return float(teacher_forced(at(voltage), parameters).force[used, 2].mean()) - needed
 
-        def missing(voltage: float) -> float:
-            return float(teacher_forced(at(voltage), parameters).force[used, 2].mean()) - needed
-
-        if not missing(full / _RANGE) < 0.0 < missing(full * _RANGE):
-            raise NeverCarriedError(
-                f"{record.source}: the model does not carry the vehicle with these commands at any voltage "
-                f"(mean duty {record.duty[record.flying].mean():.2g} of 1): wrong vehicle, or commands in "
-                "another range"
-            )
-        return at(float(brentq(missing, full / _RANGE, full * _RANGE, xtol=1e-3)))
-
-    steady = carrying(np.zeros(record.t.size))
-    return carrying(_course(steady, vehicle, used))
+    if not missing(full / _RANGE) < 0.0 < missing(full * _RANGE):
+        raise _NoVoltageError(
+            f"{record.source}: the model does not carry the vehicle with these commands at any voltage (mean "
+            f"duty {record.duty[record.flying].mean():.2g} of 1): wrong vehicle, or commands in another range"
+        )
+    return at(float(brentq(missing, full / _RANGE, full * _RANGE, xtol=1e-3)))
 
 
-def _course(record: FlightRecord, vehicle: Vehicle, used: BoolArray) -> FloatArray:
-    """Voltage (V) of the model's battery along a flight, less its mean where `used`, shape (n,)."""
-    battery = vehicle.battery
+def _missed(record: FlightRecord, vehicle: Vehicle) -> float:
+    """Squares of the force along the thrust that the model does not make (m2/s4), summed over a flight."""
+    force, used = _known_force(record)
+    predicted = teacher_forced(record, below_no_ceiling(vehicle)).force
+    return float(np.sum((force[used, 2] - predicted[used, 2]) ** 2))
+
+
+def _course(record: FlightRecord, vehicle: Vehicle) -> FloatArray:
+    """Voltage (V) of the model's battery along a flight, less its mean where it is known, shape (n,)."""
+    battery, used = vehicle.battery, _known_force(record)[1]
     drawn = teacher_forced(record, below_no_ceiling(vehicle))
     emptied = battery.open_circuit_slope.value / battery.capacity.value * drawn.charge
     fallen = emptied + battery.resistance.value * drawn.current
