@@ -15,6 +15,7 @@ from calibration.flights import Flight
 from calibration.gap.data import PreparedFlights, prepare_flights
 from calibration.gap.data.duplicates import content_hash
 from calibration.gap.data.found import FoundEffect
+from calibration.gap.data.names import distinctly_named
 from calibration.gap.data.record import FlightRecord, NotUsed
 from calibration.gap.data.signals import CHANNELS, UNITS
 from calibration.gap.data.split import split_flights
@@ -118,7 +119,9 @@ def find_gap(
 
 def _find(flights: Sequence[Flight], question: GapQuestion, progress: Progress) -> GapResult:
     rng = np.random.default_rng(question.seed)
-    flights = sorted(flights, key=content_hash)  # names and order of the files decide nothing
+    flights = sorted(
+        distinctly_named(flights), key=content_hash
+    )  # names and order of the files decide nothing
     prepared = _prepared(flights, question)
     progress("sensors")
     sensing = judge_sensing(prepared.records)
@@ -134,7 +137,8 @@ def _find(flights: Sequence[Flight], question: GapQuestion, progress: Progress) 
     progress("flights that no fit saw")
     held_out = [corrected[i] for i in kept_back] or list(training.records)
     stages = _stages(names, held_out)
-    if _worse(stages):
+    own = own_floor(found.final, HORIZON, len(held_out))
+    if _worse(stages, own):
         names = names.without_any(FAILED)
         stages = _stages(names, held_out)
     source = provenance(len(fit_to), len(kept_back), question.seed)
@@ -180,6 +184,7 @@ def _find(flights: Sequence[Flight], question: GapQuestion, progress: Progress) 
             *prepared.limitations,
             *stages["before"].doubts(),
             *_limitations(kept_back, found, names, sensing, landings),
+            *_no_better(stages, own, in_the_air),
             *_negligible(found, sizeable),
             *_differing(found, names, training),
             *hard_to_fly(improved),
@@ -267,10 +272,22 @@ def _with_curves(
     return added, nameless
 
 
-def _worse(stages: dict[str, PredictionErrors]) -> bool:
-    """Whether the position of flights kept back is predicted worse with all names than without any."""
+def _worse(stages: dict[str, PredictionErrors], own: float) -> bool:
+    """Whether the position of flights kept back is predicted worse with all names than without any, by more
+    than what each has of its `own` (m) explains: a flight that lifts a little less may suit a wrong model."""
     levels = prediction_gap(stages).overall
-    return levels.after > _CLEARLY * levels.before
+    return levels.after > max(_CLEARLY * levels.before, math.hypot(levels.before, own))
+
+
+def _no_better(stages: dict[str, PredictionErrors], own: float, effects: Sequence[FoundEffect]) -> list[str]:
+    """That flights kept back do not show what was named."""
+    levels = prediction_gap(stages).overall
+    if not effects or levels.after <= _CLEARLY * levels.before:
+        return []
+    return [
+        f"the flights kept back are predicted no better ({levels.before:.3g} to {levels.after:.3g} m): each "
+        f"has a thrust and lean of its own, which move it by about {own:.2g} m; fly more to confirm them"
+    ]
 
 
 def _unusable(

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.estimate.acceptance import NINETY_FIVE, clustered_errors
@@ -12,6 +13,7 @@ from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training, refine, training_set
 from calibration.gap.search.doubts import with_doubts
 from calibration.gap.search.forward import LOG_TIMING
+from calibration.gap.search.naming import is_another_law
 from onboard.quantity import Quantity
 from onboard.vehicle import Effect
 from tests.gap.mujoco_flights import CALM, flights, frame
@@ -35,6 +37,14 @@ def test_rotors_whose_speed_follows_are_within_the_interval_of_a_lag(tmp_path: P
     found = final.model.change(RATIO)
     assert abs(found) > NINETY_FIVE * chance[RATIO]
     assert abs(found) < NINETY_FIVE * with_doubts(chance, final, training)[RATIO]
+
+
+@pytest.mark.parametrize(("ratio", "speed_law"), [(1.0, True), (2.0, False)])
+def test_a_lag_that_the_other_law_does_without_is_none(tmp_path: Path, ratio: float, speed_law: bool) -> None:
+    """As strangers' rotors: equal in speed, they looked 1.3 times as quick to slow down."""
+    lab = dataclasses.replace(CALM, speed_law=speed_law)
+    final, training = fitted(flights(Hidden(lag_ratio=ratio), tmp_path, lab), RATIO)
+    assert is_another_law([RATIO], final, training, clustered_errors(final, training)) is speed_law
 
 
 def test_a_law_that_a_tachometer_told_is_not_doubted(tmp_path: Path) -> None:

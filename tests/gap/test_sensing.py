@@ -20,6 +20,7 @@ from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.rotations import integrate_rate, products
 from calibration.gap.data.smoothing import Smoothing
 from calibration.gap.sensors import SensingFindings, apply_sensing, judge_sensing
+from calibration.gap.sensors.first_path import first_path
 from calibration.gap.sensors.pooling import pool
 from onboard.arrays import FloatArray
 from tests.gap.truth import make_flights
@@ -118,6 +119,15 @@ def test_delay_is_found_and_taken_out() -> None:
     again = judge_sensing(apply_sensing(records, findings))
     assert names(again) == []
     assert abs(again.pooled["pose_delay"][0].mean) < 3e-4
+
+
+@pytest.mark.parametrize("samples", [3, 8, 15])
+def test_a_turn_that_begins_as_the_log_ends_is_no_wander_of_the_clock(samples: int) -> None:
+    (record,) = campaign(3, flights=1)
+    rate = record.rate.copy()
+    rate[-samples:, 0] += np.linspace(0.0, 8.0, samples)
+    path = first_path(replace(record, rate=rate, attitude=integrate_rate(rate, record.dt)))
+    assert np.abs(path.delay).max() <= 0.02
 
 
 def test_rotation_is_found_about_all_axes_beside_accelerometer_biases() -> None:

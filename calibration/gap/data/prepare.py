@@ -11,6 +11,7 @@ from calibration.gap.data.kinematics import continuous_quaternions, differentiat
 from calibration.gap.data.known_time import check_known
 from calibration.gap.data.limitations import limitations
 from calibration.gap.data.logged import LoggedSignals, read_signals
+from calibration.gap.data.names import distinctly_named
 from calibration.gap.data.phases import LEAST_FLYING_S, free_flight, resting
 from calibration.gap.data.plausible import ConventionError, check_plausible, check_upright
 from calibration.gap.data.record import FlightRecord
@@ -41,6 +42,7 @@ def prepare_flights(flights: Sequence[Flight]) -> PreparedFlights:
     frame, biases): that is for :mod:`calibration.gap.sensors` to find and to correct.
     """
     records, refused, readable = [], [], []
+    flights = distinctly_named(flights)
     copies = duplicate_of(flights)
     for flight, copied in zip(flights, copies, strict=True):
         if copied is not None:

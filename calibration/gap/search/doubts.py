@@ -37,8 +37,8 @@ def with_doubts(chance: Mapping[Variable, float], final: Fitted, training: Train
     """
     half = 0.5 * training.regression.signals.dt
     alternatives = [
-        _moved(final, training, [LOG_TIMING], _other_timing(final, training, half)),
-        _moved(final, training, [], _other_law(final, training)),
+        moved_by_timing(final, training),
+        moved_by_speed(final, training),
         {LOG_TIMING: half, _RESISTANCE: _other_current(final.model)},
     ]
     return {
@@ -46,10 +46,25 @@ def with_doubts(chance: Mapping[Variable, float], final: Fitted, training: Train
             error,
             SYSTEMATIC * _size(v, chance, final.model),
             drift(v, final),
-            *(bounds.get(v, 0.0) / math.sqrt(3.0) for bounds in alternatives),
+            *(abs(bounds.get(v, 0.0)) / math.sqrt(3.0) for bounds in alternatives),
         )
         for v, error in chance.items()
     }
+
+
+def moved_by_timing(final: Fitted, training: Training) -> dict[Variable, float]:
+    """What each variable moves by where each line of the log was written half an interval later."""
+    half = 0.5 * training.regression.signals.dt
+    return _moved(final, training, [LOG_TIMING], _other_timing(final, training, half))
+
+
+def moved_by_speed(final: Fitted, training: Training) -> dict[Variable, float]:
+    """What each variable moves by where the speed of a rotor follows in first order, not its thrust.
+
+    Nothing but a tachometer tells the two apart, and a lag that is equal up and down in the one is not in the
+    other.
+    """
+    return _moved(final, training, [], _other_law(final, training))
 
 
 def _size(variable: Variable, chance: Mapping[Variable, float], model: Model) -> float:
@@ -74,7 +89,7 @@ def _moved(
         for one in (final.predicted, predicted)
     )
     variables = [v for v in final.variables if v not in known]
-    return {v: abs(float(step)) for v, step in zip(variables, other - theta, strict=False)}
+    return {v: float(step) for v, step in zip(variables, other - theta, strict=False)}
 
 
 def _other_timing(final: Fitted, training: Training, half: float) -> FloatArray:
@@ -90,11 +105,7 @@ def _other_timing(final: Fitted, training: Training, half: float) -> FloatArray:
 
 
 def _other_law(final: Fitted, training: Training) -> FloatArray:
-    """Predicted signals, shape (n, 7), where the speed of a rotor follows in first order, not its thrust.
-
-    Nothing but a tachometer tells the two apart, and a lag that is equal up and down in the one is not in the
-    other.
-    """
+    """Predicted signals, shape (n, 7), where the speed of a rotor follows in first order, not its thrust."""
     moved = final.model.predict_by_speed(training.records)
     moved[:, VOLTAGE] = final.predicted[:, VOLTAGE]
     return moved

@@ -42,11 +42,13 @@ def first_path(record: FlightRecord) -> FirstPath:
     """The path for one flight of some seconds."""
     tracked, gyro = _rates(record)
     good = record.flying & record.pose_known & record.inertial_known
+    # Beyond the ends of the log nothing is known: shifted by so much, what would be compared is not there.
+    edge = round(_WIDEST_S / record.dt)
+    good[:edge] = good[max(record.t.size - edge, 0) :] = False
     length = round(_BLOCK_S / record.dt)
     blocks = max(record.t.size // length, 1)
     block = np.minimum(np.arange(record.t.size) // length, blocks - 1)
-    widest = round(_WIDEST_S / record.dt)
-    shifts = np.arange(-widest, widest + 1)
+    shifts = np.arange(-edge, edge + 1)
     cost = np.empty((blocks, shifts.size))
     for column, shift in enumerate(shifts):
         error = np.sum((np.roll(tracked, -shift, axis=0) - gyro) ** 2, axis=1)
@@ -70,8 +72,8 @@ def _rates(record: FlightRecord) -> tuple[FloatArray, FloatArray]:
     """Tracked rate, over 20 ms to either side, and gyro, both in the band; rad/s, body, shape (n, 3)."""
     half = 2
     turns = rotation_vectors(products(conjugates(record.attitude[: -2 * half]), record.attitude[2 * half :]))
-    tracked = np.zeros_like(record.rate)
-    tracked[half:-half] = turns / (2 * half * record.dt)
+    # A turn that goes on at the end of the log does not stop there: a step would ring through the filter.
+    tracked = np.pad(turns / (2 * half * record.dt), ((half, half), (0, 0)), mode="edge")
     high = min(_BAND_HZ[1], 0.4 / record.dt)
     band = butter(3, (_BAND_HZ[0], high), "bandpass", fs=1.0 / record.dt, output="sos")
     return sosfiltfilt(band, tracked, axis=0), sosfiltfilt(band, record.rate, axis=0)

@@ -99,7 +99,7 @@ class _Whitened:
         white = np.column_stack([self._centred(column[:, None])[:, 0] for column in columns.T])
         score = white.T @ self.innovations
         fitted = np.linalg.lstsq(white.T @ white, score, rcond=1e-10)[0]
-        return fitted, float(0.5 * score @ fitted / self.sigma2)
+        return np.asarray(fitted), float(0.5 * score @ fitted / self.sigma2)
 
     def _centred(self, column: FloatArray) -> FloatArray:
         white = whiten(column, self.whole, self.coefficients)
