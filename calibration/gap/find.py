@@ -207,7 +207,13 @@ def _prepared(flights: Sequence[Flight], question: GapQuestion) -> PreparedFligh
     if not prepared.records:
         refused = [(one.file, one.reason) for one in question.unusable]
         refused += [(str(one.file), one.reason) for one in prepared.refused]
-        reasons = (reason if file in reason else f"{file}: {reason}" for file, reason in refused)
+        files: dict[str, list[str]] = {}
+        for file, reason in refused:
+            files.setdefault(reason, []).append(file)
+        reasons = (
+            reason if names[0] in reason else f"{', '.join(names)}: {reason}"
+            for reason, names in files.items()
+        )
         raise NothingToFindError(f"no usable flight: {'; '.join(reasons)}")
     return prepared
 

@@ -75,6 +75,29 @@ def test_an_accelerometer_in_g_is_refused_by_name(flight: Flight) -> None:
     assert "in g" in reason(flight, **{k: flight.data[k] / 9.81 for k in ("ax", "ay", "az")})
 
 
+def test_an_accelerometer_without_gravity_is_refused_by_name(flight: Flight) -> None:
+    still = {k: flight.data[k] - (9.81 if k == "az" else 0.0) for k in ("ax", "ay", "az")}
+    assert "gravity seems to be taken out" in reason(flight, **still)
+
+
+def test_inertial_sensors_whose_z_points_down_are_refused_by_name(flight: Flight) -> None:
+    assert "(forward, right, down)" in reason(flight, **{k: -flight.data[k] for k in ("ay", "az", "gy", "gz")})
+
+
+def test_a_room_whose_z_points_down_is_refused_by_name(flight: Flight) -> None:
+    assert "z seems to point down" in reason(flight, **{k: -flight.data[k] for k in ("y", "z")})
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "words"), [(1000.0, 2000.0, "pulse widths"), (48.0, 2047.0, "DShot")]
+)
+def test_motor_commands_of_another_range_are_refused_by_name(
+    flight: Flight, low: float, high: float, words: str
+) -> None:
+    commands = {k: flight.data[k] / 65535.0 for k in ("m1", "m2", "m3", "m4")}
+    assert words in reason(flight, **{k: low + (high - low) * v for k, v in commands.items()})
+
+
 def test_a_quaternion_with_its_scalar_first_is_refused_by_name(flight: Flight) -> None:
     written, read = ("qw", "qx", "qy", "qz"), ("qx", "qy", "qz", "qw")
     said = reason(flight, **{column: flight.data[k] for column, k in zip(read, written, strict=True)})

@@ -103,6 +103,12 @@ def _check_leaves_floor(flight: Flight, height: FloatArray, pwm: FloatArray) -> 
     """
     touching = float(np.mean(height < _CLEAR_M))
     saturated = float(np.mean(np.any(pwm > _SATURATED_PWM, axis=1)))
+    if height.max() < _LOW_M and -height.min() > _LOW_M:
+        raise UnusableFlightError(
+            flight.source,
+            f"flies below the floor (down to {height.min():.2f} m): z seems to point down; bring position "
+            "and attitude into a frame whose z points up",
+        )
     if height.max() < _LOW_M and (touching > 0.1 or saturated > 0.5):
         raise UnusableFlightError(
             flight.source,

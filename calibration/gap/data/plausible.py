@@ -23,6 +23,9 @@ _MOST_SPEED = 30.0
 _IN_G = (0.5, 2.5)
 """Specific force in flight, median, that is one of g's and none of m/s2."""
 
+_GRAVITY_FELT = 5.0
+"""m/s2: half of what an accelerometer shows in hover."""
+
 _UPSIDE_DOWN = -0.5
 """Cosine of the tilt at the beginning of a log, below which the vehicle would lie on its back."""
 
@@ -63,12 +66,7 @@ def check_plausible(flight: Flight, record: FlightRecord) -> None:
             flight.source, f"flies at {speed:.0f} m/s: positions seem to be in mm or cm; bring them to m"
         )
     if record.specific_force is not None:
-        force = float(np.nanmedian(np.linalg.norm(record.specific_force[record.flying], axis=1)))
-        if _IN_G[0] < force < _IN_G[1]:
-            raise ConventionError(
-                flight.source,
-                f"the accelerometer shows {force:.1f} in flight: it seems to be in g; multiply it by 9.81",
-            )
+        _check_accelerometer(flight, record.specific_force[record.flying])
     body, world, gyro = _rates(record)
     power = float(np.mean(np.sum(body**2, axis=1))) if body.size else 0.0
     if power < _TURNING**2:
@@ -86,6 +84,30 @@ def check_plausible(flight: Flight, record: FlightRecord) -> None:
             flight.source,
             "the gyro follows the rate in the world frame, not in the body's: turn it into the body frame",
         )
+
+
+def _check_accelerometer(flight: Flight, force: FloatArray) -> None:
+    """Refuse an accelerometer whose `force` in flight, shape (n, 3), is no specific force in m/s2.
+
+    Raises:
+        ConventionError: it is none; the message says what to convert.
+    """
+    felt, upward = float(np.nanmedian(np.linalg.norm(force, axis=1))), float(np.nanmedian(force[:, 2]))
+    if abs(upward) < _IN_G[0] and felt < _GRAVITY_FELT:
+        words = (
+            f"the accelerometer shows {upward:.1f} m/s2 along z in flight: gravity seems to be taken out; "
+            "what is needed is the specific force, 9.81 along z in hover"
+        )
+    elif upward < -_GRAVITY_FELT:
+        words = (
+            f"the accelerometer shows {upward:.1f} m/s2 along z in flight: its z seems to point down "
+            "(forward, right, down); change the signs of y and z of accelerometer and gyro"
+        )
+    elif _IN_G[0] < felt < _IN_G[1]:
+        words = f"the accelerometer shows {felt:.1f} in flight: it seems to be in g; multiply it by 9.81"
+    else:
+        return
+    raise ConventionError(flight.source, words)
 
 
 def _rates(record: FlightRecord) -> tuple[FloatArray, FloatArray, FloatArray]:
