@@ -81,7 +81,9 @@ def test_an_accelerometer_without_gravity_is_refused_by_name(flight: Flight) -> 
 
 
 def test_inertial_sensors_whose_z_points_down_are_refused_by_name(flight: Flight) -> None:
-    assert "(forward, right, down)" in reason(flight, **{k: -flight.data[k] for k in ("ay", "az", "gy", "gz")})
+    assert "(forward, right, down)" in reason(
+        flight, **{k: -flight.data[k] for k in ("ay", "az", "gy", "gz")}
+    )
 
 
 def test_a_room_whose_z_points_down_is_refused_by_name(flight: Flight) -> None:
