@@ -33,7 +33,7 @@ from calibration.gap.report.prediction_figures import (
     phase_bars,
     prediction_gap,
 )
-from calibration.gap.report.words import number
+from calibration.gap.report.words import number, unexplained_in_words
 from calibration.gap.report.writing import ReportFolderError, write_report
 from calibration.gap.unnamed.gap_map import GapMap
 from onboard.json_file import as_json
@@ -302,3 +302,13 @@ def test_predictions_of_one_model_after_the_other_fill_the_report(tmp_path: Path
     page = Page(write_report(report(gap=gap), tmp_path, drawn))
     assert page.svgs == 5  # horizons for two widths
     assert "laps" in page.text
+
+
+def test_what_is_left_is_told_in_sentences_of_its_own() -> None:
+    rest = Unexplained(
+        share=0.5,
+        channels=("world_force_y",),
+        suspects=("x", "0.1 m < x < 0.5 m", "position error after 1 s: 0.1 m, where sensors leave 0.04"),
+    )
+    told = unexplained_in_words(report(unexplained=rest))
+    assert "it goes with x and 0.1 m < x < 0.5 m. Position error after 1 s: 0.1 m" in told

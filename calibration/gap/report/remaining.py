@@ -96,7 +96,7 @@ def _error(gap: Gap, chance: float, named: bool) -> Iterator[str]:
     if levels.after > _TIMES * floor and not (named and closed >= _HALF):
         yield (
             f"{gap.metric}: {levels.after:.3g} {levels.unit}, where sensors and chance leave {floor:.3g}; "
-            f"{max(closed, 0.0):.0%} of what is above that is explained"
+            f"{max(closed, 0.0):.0%} of what is above that has a name"
         )
 
 

@@ -88,15 +88,20 @@ def closed(share: float) -> str:
     return "all" if share >= 1.0 else f"{100.0 * share:.0f} %"
 
 
+_TOLD = ": "
+"""Stands in what is said of a place or an error, and not in the name of what goes with it."""
+
+
 def unexplained_in_words(report: GapReport) -> str:
     """Where the rest lives and what it looks like."""
     rest = report.unexplained
     text = f"{100.0 * rest.share:.0f} % of the gap is left and structured"
     if rest.channels:
         text += f", in {listed([plain(channel) for channel in rest.channels])}"
-    if rest.suspects:
-        text += f"; it goes with {listed([plain(suspect) for suspect in rest.suspects])}"
-    return f"{text}."
+    sentences = [suspect for suspect in rest.suspects if _TOLD in suspect]
+    if goes_with := [plain(suspect) for suspect in rest.suspects if suspect not in sentences]:
+        text += f"; it goes with {listed(goes_with)}"
+    return ". ".join([text, *(capital(plain(sentence)) for sentence in sentences)]) + "."
 
 
 def ambiguity_in_words(effect: FoundEffect) -> str:
