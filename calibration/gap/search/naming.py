@@ -212,9 +212,11 @@ def is_another_law(
     moved, later = moved_by_speed(final, training), moved_by_timing(final, training)
 
     def left(v: Variable) -> float:
-        change = final.model.change(v)
-        by_speed = math.copysign(1.0, change) * (change + moved.get(v, 0.0))
-        return by_speed - NINETY_FIVE * chance.get(v, 0.0) - abs(later.get(v, 0.0))
+        # By its inverse, a rate, in which a step as long as this one is straight.
+        change, value = final.model.change(v), final.model.values[v]
+        by_speed = (1.0 - moved.get(v, 0.0) / value) / value - 1.0 / (value - change)
+        doubt = (NINETY_FIVE * chance.get(v, 0.0) + abs(later.get(v, 0.0))) / value**2
+        return math.copysign(1.0, -change) * by_speed - doubt
 
     return all(left(v) <= 0.0 for v in lags)
 
