@@ -38,13 +38,14 @@ def concluded(
     """
     found = retested(search(model, training, rng, progress), kept_back, training)
     names = name_effects(found, training)
+    barred: dict[str, str] = {}
     for _ in range(_MOST_TIMES):
-        given_up = names.given_up
-        if not given_up:
+        if not names.given_up:
             break
-        progress(f"without {', '.join(given_up)}")
+        progress(f"without {', '.join(names.given_up)}")
+        barred |= names.given_up  # what was given up the first time does not come back the second
         present = as_believed(found, names, training)
-        on = search_on(found, present, given_up, training, rng, progress)
+        on = search_on(found, present, barred, training, rng, progress)
         if on.final.model.effects == present.model.effects and on.final.unnamed == present.unnamed:
             break
         found = retested(on, kept_back, training)
