@@ -4,6 +4,7 @@ A cause that no name fits makes the nearest one grow until it is refused (at a b
 gone on other flights). Were that the end, what it stood in for would have no place in the model at all.
 """
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -14,6 +15,7 @@ from calibration.gap.estimate.refine import Training
 from calibration.gap.search.forward import Search, search, search_on
 from calibration.gap.search.naming import Named, as_believed, name_effects
 from calibration.gap.search.retest import retested
+from calibration.gap.search.rigid_body import as_a_rigid_body
 from calibration.gap.search.selection import Progress
 
 _MOST_TIMES = 2
@@ -36,7 +38,7 @@ def concluded(
         rng: of the bootstrap.
         progress: told what is being looked at.
     """
-    found = retested(search(model, training, rng, progress), kept_back, training)
+    found = _held(search(model, training, rng, progress), training, kept_back)
     names = name_effects(found, training)
     barred: dict[str, str] = {}
     for _ in range(_MOST_TIMES):
@@ -48,6 +50,12 @@ def concluded(
         on = search_on(found, present, barred, training, rng, progress)
         if on.final.model.effects == present.model.effects and on.final.unnamed == present.unnamed:
             break
-        found = retested(on, kept_back, training)
+        found = _held(on, training, kept_back)
         names = name_effects(found, training)
     return found, names
+
+
+def _held(found: Search, training: Training, kept_back: Sequence[FlightRecord]) -> Search:
+    """The search with what holds on flights that were kept back, and is a vehicle."""
+    held = retested(found, kept_back, training)
+    return dataclasses.replace(held, final=as_a_rigid_body(held.final, training))

@@ -119,7 +119,9 @@ def name_effects(found: Search, training: Training) -> Named:
         [name for name in believed if doubts[name] is None or name != LOG_TIMING.effect] if confirmed else []
     )
     while believed and (problem := not_loaded(_model_of(believed, final).vehicle())):
-        doubts[believed.pop()] = f"no vehicle file can say it: {problem}"
+        culprit = _why_not_loaded(believed, final)
+        believed.remove(culprit)
+        doubts[culprit] = f"no vehicle file can say it: {problem}"
     order = [name for name in believed if doubts[name] is None]
     minor = [name for name in believed if name not in order]
     return Named(
@@ -243,6 +245,15 @@ def not_loaded(vehicle: Vehicle) -> str | None:
     except VehicleFileError as error:
         return str(error)
     return None
+
+
+def _why_not_loaded(believed: Sequence[str], final: Fitted) -> str:
+    """The effect without which the others load; the last, where there is more than one to blame."""
+    for name in reversed(believed):
+        others = [one for one in believed if one != name]
+        if not_loaded(_model_of(others, final).vehicle()) is None:
+            return name
+    return believed[-1]
 
 
 def _small(values: Mapping[Variable, float]) -> str:
