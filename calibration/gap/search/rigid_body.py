@@ -13,8 +13,8 @@ _EFFECT = "inertia_error"
 _AXES = ("xx", "yy", "zz")
 
 _THICKNESS = 1e-3
-"""By how much of the largest moment the others exceed it: in a flat plate they add up to it."""
-
+"""Share of the largest moment by which the other two exceed it, small beside any error of them: they add up
+to it in a plate without thickness, which a vehicle file may not have."""
 
 _FAR = 4.0
 """Standard errors beyond which it is not for chance that no body has them: few flights know their errors
