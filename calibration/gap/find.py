@@ -41,9 +41,10 @@ from calibration.gap.report.figures_data import ReportFigures
 from calibration.gap.report.improved_vehicle import hard_to_fly, improved_vehicle, provenance
 from calibration.gap.report.prediction_figures import HORIZON, acted_on, prediction_gap
 from calibration.gap.report.remaining import chance_floor, own_floor, remaining
+from calibration.gap.search.always import LOG_TIMING
 from calibration.gap.search.conclusion import concluded
 from calibration.gap.search.differing import differing, in_words
-from calibration.gap.search.forward import LOG_TIMING, Search
+from calibration.gap.search.forward import Search
 from calibration.gap.search.nameless import Nameless, nameless_curves
 from calibration.gap.search.naming import FEWEST, NAMELESS, Named, as_believed
 from calibration.gap.search.retest import FAILED

@@ -10,7 +10,8 @@ from calibration.gap.estimate.mixed import Prior
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import refine, training_set
 from calibration.gap.estimate.shared_nuisances import shared_nuisances
-from calibration.gap.search.forward import LOG_TIMING, MADE_SCALE, Search
+from calibration.gap.search.always import LOG_TIMING, MADE_SCALE
+from calibration.gap.search.forward import Search
 from calibration.gap.search.naming import as_believed, name_effects
 from calibration.gap.search.rivals import without
 from calibration.gap.search.selection import SelectionStep

@@ -40,7 +40,7 @@ def fitted(per_part: np.ndarray) -> Fitted:
     noise = Noise(np.zeros((7, 16)), np.ones(7))
     estimate = LinearisedFit(mixed, products, (products,) * 3, noise, np.zeros((0, 7)))
     likelihoods = (np.zeros((3, zeros.size)),) * 2
-    return Fitted(Model(VEHICLE), (), estimate, *likelihoods, zeros.astype(int), np.zeros((0, 7)), ())
+    return Fitted(Model(VEHICLE), (), estimate, *likelihoods, zeros.astype(int), np.zeros((0, 7)), (), laws=0)
 
 
 def left(levels: Gap, per_part: np.ndarray, named: bool) -> tuple[str, ...]:

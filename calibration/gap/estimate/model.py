@@ -39,9 +39,6 @@ _DELAY = "command_delay"
 """Its response is a broken line that bends at every step of the physics: a derivative to one side of a bend
 asks for a step across it, that to the other side for one back, and no fit would ever arrive."""
 
-_NO_DRAG = 1e-6
-"""1/rad, of a rotor in the law of its speed: next to none."""
-
 
 class Variable(NamedTuple):
     """One parameter of one effect."""
@@ -145,19 +142,14 @@ class Model:
         drawing = predictions if plain.effects == self.effects else plain._along(records, plain.parameters())
         return stack_predictions(records, predictions, [terminal_voltage(p, one) for one in drawing])
 
-    def predict_by_speed(self, records: Sequence[FlightRecord]) -> FloatArray:
-        """:meth:`predict`, nothing in the voltage, with rotors whose speed follows in first order, not their
-        thrust; the same as ever where the vehicle file says the law, or nothing of speeds."""
-        p = self.parameters()
-        if p["speed_law_b"][0] == 0.0 and p["speed2_per_thrust"] > 0.0:
-            p["speed_law_a"] = [1.0 / p["time_constant_up"], 1.0 / p["time_constant_down"]]
-            p["speed_law_b"] = _NO_DRAG
-            p["motors_on"] = True
-        return self._motion(records, p)
+    def motion(self, records: Sequence[FlightRecord], p: Any) -> FloatArray:
+        """:meth:`predict` with nothing in the voltage, which takes half of its time or more.
 
-    def _motion(self, records: Sequence[FlightRecord], p: Any | None = None) -> FloatArray:
-        """:meth:`predict` with nothing to go by in the voltage, which takes half of its time or more."""
-        predictions = self._along(records, self.parameters() if p is None else p)
+        Args:
+            records: flights.
+            p: the model's :meth:`parameters`, or others near them.
+        """
+        predictions = self._along(records, p)
         return stack_predictions(records, predictions, [np.zeros_like(one.current) for one in predictions])
 
     def _along(self, records: Sequence[FlightRecord], p: Any) -> list[Prediction]:
@@ -196,7 +188,7 @@ class Model:
 
         def at(other: float) -> FloatArray:
             stepped = self.with_values({variable: other})
-            return stepped.predict(records) if of_battery else stepped._motion(records)
+            return stepped.predict(records) if of_battery else stepped.motion(records, stepped.parameters())
 
         if variable.effect == _DELAY:
             low, high = max(value - STEP, rule.low), min(value + STEP, rule.high)

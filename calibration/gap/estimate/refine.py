@@ -13,6 +13,7 @@ from calibration.gap.data.signals import PARTS, TORQUE, stack_signals
 from calibration.gap.data.split import FEW, folds
 from calibration.gap.estimate.mixed import FIRST_SPREAD, MOST, Prior, held_out_shares
 from calibration.gap.estimate.model import Model, Variable, kinds_that_tell
+from calibration.gap.estimate.motor_laws import motor_laws, prior_of_laws
 from calibration.gap.estimate.regression import LinearisedFit, Noise, Regression
 from onboard.arrays import FloatArray
 from onboard.vehicle import Vehicle
@@ -73,12 +74,15 @@ class Training:
         regression: their signals.
         by_shape: fold of each part of a flight; flights of one kind are in one fold.
         by_time: fold of each part, neighbours apart: for effects that one or two flights alone show.
+        laws: columns of what motors may do otherwise (:mod:`calibration.gap.estimate.motor_laws`), always
+            fitted.
     """
 
     records: tuple[FlightRecord, ...]
     regression: Regression
     by_shape: np.ndarray
     by_time: np.ndarray
+    laws: tuple[FloatArray, ...]
 
     @property
     def flight_of_part(self) -> np.ndarray:
@@ -95,6 +99,7 @@ def training_set(records: Sequence[FlightRecord], model: Model) -> Training:
         regression=Regression(signals, excitation_weights(signals, model.predict(records))),
         by_shape=np.repeat(folds(records), PARTS),
         by_time=by_time,
+        laws=motor_laws(model, records),
     )
 
 
@@ -111,7 +116,9 @@ class Fitted:
         held_out_in_time: likewise, with those of the other parts of all flights.
         folds: of each part, by kind of flight, shape (parts,).
         predicted: signals along the flights, shape (n, 7).
-        columns: derivative of the signals by each variable, then the columns of the unnamed terms.
+        columns: derivative of the signals by each variable, then laws of motors, then the columns of the
+            unnamed terms.
+        laws: how many laws of motors.
         unnamed: terms without a name that are in the model.
     """
 
@@ -123,13 +130,18 @@ class Fitted:
     folds: np.ndarray
     predicted: FloatArray
     columns: tuple[FloatArray, ...]
+    laws: int
     unnamed: tuple[UnnamedTerm, ...] = ()
+
+    @property
+    def first_unnamed(self) -> int:
+        """Index of the first column of an unnamed term."""
+        return len(self.variables) + self.laws
 
     @property
     def prior(self) -> Prior:
         """Of all coefficients, in the order of the estimate's columns."""
-        others = len(self.columns) - len(self.variables)
-        return prior_step(self.model, self.variables).and_of(_unnamed_prior(others))
+        return _prior(self.model, self.variables, self.laws, len(self.columns) - self.first_unnamed)
 
     def gains(self, over: "Fitted", in_time: bool, kinds: Sequence[int] | None = None) -> FloatArray:
         """Gain in held-out log-likelihood of each part over another fit.
@@ -197,8 +209,9 @@ def prior_step(model: Model, variables: Sequence[Variable]) -> Prior:
     return believed
 
 
-def _unnamed_prior(count: int) -> Prior:
-    return Prior.independent(np.zeros(count), np.full(count, _UNNAMED_RANGE**-2.0))
+def _prior(model: Model, variables: Sequence[Variable], laws: int, unnamed: int) -> Prior:
+    nameless = Prior.independent(np.zeros(unnamed), np.full(unnamed, _UNNAMED_RANGE**-2.0))
+    return prior_step(model, variables).and_of(prior_of_laws(laws)).and_of(nameless)
 
 
 def refine(
@@ -224,7 +237,8 @@ def refine(
     """
     given = {} if near is None else dict(zip(near.variables, near.columns, strict=False))
     known = given
-    extra = [column for term in unnamed for column in term.columns]
+    nameless = [column for term in unnamed for column in term.columns]
+    extra = [*training.laws, *nameless]
     spread = FIRST_SPREAD if start is None else start.fit.spread
     noise: Noise | None = None if start is None else start.noise
     for iteration in range(1, iterations + 1):
@@ -234,7 +248,7 @@ def refine(
         ]
         columns = _mean_of_motors_by_forces(variables, columns)
         while True:
-            prior = prior_step(model, variables).and_of(_unnamed_prior(len(extra)))
+            prior = _prior(model, variables, len(training.laws), len(nameless))
             estimate = training.regression.estimate(predicted, [*columns, *extra], prior, spread, noise)
             step = _bounded_step(model, variables, estimate.fit.theta)
             stuck = (step == 0.0) & (estimate.fit.theta[: len(variables)] != 0.0)
@@ -264,6 +278,7 @@ def refine(
         folds=training.by_shape,
         predicted=predicted,
         columns=(*columns, *extra),
+        laws=len(training.laws),
         unnamed=tuple(unnamed),
     )
 
@@ -290,7 +305,7 @@ def _mean_of_motors_by_forces(
 
 def _bounded_step(model: Model, variables: Sequence[Variable], theta: FloatArray) -> FloatArray:
     step = np.empty(len(variables))
-    for index, (v, wanted) in enumerate(zip(variables, theta, strict=False)):  # unnamed ones follow
+    for index, (v, wanted) in enumerate(zip(variables, theta, strict=False)):  # laws and unnamed ones follow
         rule, value = model.rule(v), model.start_value(v)
         extent = rule.high - rule.low
         room = (rule.high if wanted > 0.0 else rule.low) - value

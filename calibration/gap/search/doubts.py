@@ -12,7 +12,7 @@ from calibration.gap.data.signals import VOLTAGE
 from calibration.gap.estimate.acceptance import NINETY_FIVE, drift
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training
-from calibration.gap.search.forward import LOG_TIMING
+from calibration.gap.search.always import LOG_TIMING
 from onboard.arrays import FloatArray
 from onboard.vehicle import EFFECTS
 
@@ -38,7 +38,6 @@ def with_doubts(chance: Mapping[Variable, float], final: Fitted, training: Train
     half = 0.5 * training.regression.signals.dt
     alternatives = [
         moved_by_timing(final, training),
-        moved_by_speed(final, training),
         {LOG_TIMING: half, _RESISTANCE: _other_current(final.model)},
     ]
     return {
@@ -56,15 +55,6 @@ def moved_by_timing(final: Fitted, training: Training) -> dict[Variable, float]:
     """What each variable moves by where each line of the log was written half an interval later."""
     half = 0.5 * training.regression.signals.dt
     return _moved(final, training, [LOG_TIMING], _other_timing(final, training, half))
-
-
-def moved_by_speed(final: Fitted, training: Training) -> dict[Variable, float]:
-    """What each variable moves by where the speed of a rotor follows in first order, not its thrust.
-
-    Nothing but a tachometer tells the two apart, and a lag that is equal up and down in the one is not in the
-    other.
-    """
-    return _moved(final, training, [], _other_law(final, training))
 
 
 def _size(variable: Variable, chance: Mapping[Variable, float], model: Model) -> float:
@@ -100,13 +90,6 @@ def _other_timing(final: Fitted, training: Training, half: float) -> FloatArray:
     """
     later = final.model.start_value(LOG_TIMING) + half
     moved = final.model.with_values({LOG_TIMING: later}).predict(training.records)
-    moved[:, VOLTAGE] = final.predicted[:, VOLTAGE]
-    return moved
-
-
-def _other_law(final: Fitted, training: Training) -> FloatArray:
-    """Predicted signals, shape (n, 7), where the speed of a rotor follows in first order, not its thrust."""
-    moved = final.model.predict_by_speed(training.records)
     moved[:, VOLTAGE] = final.predicted[:, VOLTAGE]
     return moved
 

@@ -22,6 +22,7 @@ from calibration.gap.estimate.acceptance import (
 )
 from calibration.gap.estimate.model import WORKERS, Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training, refine, settled
+from calibration.gap.search.always import always_fitted
 from calibration.gap.search.beside import explained_better
 from calibration.gap.search.bounds import AT_BOUND, refused_axes, without_axes_at_bounds
 from calibration.gap.search.candidates import Candidate, candidates_for
@@ -30,13 +31,6 @@ from calibration.gap.search.screen import Promise, screen
 from calibration.gap.search.second_look import second_look
 from calibration.gap.search.selection import Progress, SelectionStep, TimeToGo
 from calibration.gap.unnamed.fitted_terms import FittedTerm, best_term, without_superfluous
-
-LOG_TIMING = Variable("command_delay", "delay")
-"""Always fitted: when a command was logged is never known to the millisecond, and a delay left out makes
-other names. It is an effect only where it is larger than that doubt."""
-
-MADE_SCALE = Variable("thrust_scale", "scale")
-"""Always fitted, and no effect, where no voltage was logged."""
 
 DRIFTS = "{} depends on how hard the vehicle was flown: it stands in for something else"
 """Why a parameter is not believed."""
@@ -102,7 +96,7 @@ def search(
         rng: for the bootstrap.
         progress: told what is being looked at.
     """
-    first = refine(model, _always(training), training)
+    first = refine(model, always_fitted(training), training)
     return _searched(first, _Grown(first, [], [], {}), {}, training, rng, progress)
 
 
@@ -234,12 +228,6 @@ def _grow(
         else:
             break
     return found.promises
-
-
-def _always(training: Training) -> tuple[Variable, ...]:
-    """What is fitted whatever is missing: a voltage made to carry one model does not carry the next."""
-    made = not any(record.voltage_measured for record in training.records)
-    return (LOG_TIMING, MADE_SCALE) if made else (LOG_TIMING,)
 
 
 def _far_off(

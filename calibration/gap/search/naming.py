@@ -1,7 +1,6 @@
 """From a finished search to names, values and intervals."""
 
 import dataclasses
-import math
 import tomllib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -9,12 +8,13 @@ from dataclasses import dataclass
 from scipy.stats import norm
 
 from calibration.gap.data.excitation import excited
-from calibration.gap.estimate.acceptance import NINETY_FIVE, clustered_errors, drifting, runs_out, sizeable
+from calibration.gap.estimate.acceptance import clustered_errors, drifting, runs_out, sizeable
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training, refine
+from calibration.gap.search.always import LOG_TIMING, late_by_more_than_the_log
 from calibration.gap.search.bounds import AT_BOUND
-from calibration.gap.search.doubts import moved_by_speed, moved_by_timing, with_doubts
-from calibration.gap.search.forward import DRIFTS, LOG_TIMING, Search
+from calibration.gap.search.doubts import with_doubts
+from calibration.gap.search.forward import DRIFTS, Search
 from calibration.gap.search.rivals import needed
 from onboard.vehicle import EFFECTS, Vehicle, VehicleFileError, vehicle_to_toml
 from onboard.vehicle.file_format import parse_vehicle
@@ -32,8 +32,6 @@ NAMELESS = "with what has no name"
 NOTHING = "its interval contains nothing"
 
 SMALL_AND_NOTHING = f"too small for a name, and {NOTHING}"
-
-ANOTHER_LAW = "none where it is a rotor's speed that follows in first order, and not its thrust"
 
 _LAGS = ("motor_lag", "motor_lag_asymmetry")
 
@@ -192,35 +190,15 @@ def _doubt(
     if unsteady := drifting([v for v in values if v in final.variables], final, chance):
         return DRIFTS.format(", ".join(v.parameter for v in unsteady))
     if effect == LOG_TIMING.effect:
-        half = 0.5 * training.regression.signals.dt
-        return None if final.model.values[LOG_TIMING] > half else _small(values)
+        return None if late_by_more_than_the_log(final.model, training) else _small(values)
     nothing = contains_nothing(values, final, errors)
     large = [v for v in values if sizeable(final.model, v)]
     if effect in _LAGS:  # no better known than when a line of the log was written
         half = 0.5 * training.regression.signals.dt / final.model.base.motors.time_constant_up.value
         large = [v for v in large if abs(final.model.change(v)) > half]
-        if large and is_another_law(large, final, training, chance):
-            return ANOTHER_LAW
     if not large:
         return SMALL_AND_NOTHING if nothing else _small(values)
     return NOTHING if nothing or contains_nothing(large, final, errors) else None
-
-
-def is_another_law(
-    lags: Collection[Variable], final: Fitted, training: Training, chance: Mapping[Variable, float]
-) -> bool:
-    """Whether none of these is left by the other law by which a rotor may follow, but for chance and for when
-    the lines of the log were written."""
-    moved, later = moved_by_speed(final, training), moved_by_timing(final, training)
-
-    def left(v: Variable) -> float:
-        # By its inverse, a rate, in which a step as long as this one is straight.
-        change, value = final.model.change(v), final.model.values[v]
-        by_speed = (1.0 - moved.get(v, 0.0) / value) / value - 1.0 / (value - change)
-        doubt = (NINETY_FIVE * chance.get(v, 0.0) + abs(later.get(v, 0.0))) / value**2
-        return math.copysign(1.0, -change) * by_speed - doubt
-
-    return all(left(v) <= 0.0 for v in lags)
 
 
 def contains_nothing(

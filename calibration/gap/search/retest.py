@@ -7,7 +7,8 @@ from calibration.gap.data.record import FlightRecord
 from calibration.gap.estimate.model import Model
 from calibration.gap.estimate.refine import Fitted, Training, refine, training_set
 from calibration.gap.estimate.shared_nuisances import every_mean, swallowed
-from calibration.gap.search.forward import LOG_TIMING, Search
+from calibration.gap.search.always import LOG_TIMING
+from calibration.gap.search.forward import Search
 from calibration.gap.search.rivals import nearly_without, without
 
 FAILED = "flights that were kept back are predicted worse with it"

@@ -15,6 +15,7 @@ import numpy as np
 from calibration.gap.estimate.acceptance import judge
 from calibration.gap.estimate.refine import Fitted, Training, refine, settled
 from calibration.gap.estimate.shared_nuisances import swallowed
+from calibration.gap.search.always import LOG_TIMING, late_by_more_than_the_log
 from calibration.gap.search.candidates import Candidate, candidates
 from calibration.gap.search.linear_look import LinearLook, linear_look
 from calibration.gap.search.rivals import (
@@ -83,6 +84,10 @@ def second_look(
             found = _rivals(present, step, training)
         if doubtful := tuple(rival for rival in found if not rival.told_apart):
             ambiguous[step.effect] = doubtful
+    if late_by_more_than_the_log(present.model, training):  # which no round has asked about
+        late = rivals(present, LOG_TIMING.effect, (), training)
+        if doubtful := tuple(rival for rival in late if not rival.told_apart):
+            ambiguous[LOG_TIMING.effect] = doubtful
     return present, left, ambiguous
 
 

@@ -90,7 +90,7 @@ def with_consequence(
 
 def coefficients(fitted: Fitted) -> Iterator[tuple[UnnamedTerm, FloatArray]]:
     """The unnamed terms of a fit, each with its values, in the order of the estimate's columns."""
-    values = fitted.estimate.fit.theta[len(fitted.variables) :]
+    values = fitted.estimate.fit.theta[fitted.first_unnamed :]
     for term in fitted.unnamed:
         count = len(term.columns)
         yield term, values[:count]

@@ -1,0 +1,74 @@
+"""Flights tell by which law rotors follow, so that no name stands in for it."""
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calibration.gap.estimate.model import Model
+from calibration.gap.estimate.motor_laws import motor_laws
+from calibration.gap.estimate.refine import refine, training_set
+from calibration.gap.search.always import LOG_TIMING
+from onboard.quantity import Quantity
+from onboard.vehicle import Effect, Vehicle
+from tests.gap.mujoco_flights import CALM, flights, frame
+from tests.truth.airframe import nominal
+from tests.truth.mujoco_room import Hidden
+
+VEHICLE = nominal(frame(), "laws")
+
+
+def with_law(vehicle: Vehicle, up: tuple[float, float], down: tuple[float, float]) -> Vehicle:
+    """The vehicle whose file has a law of the rotors' speed: a (1/s) and b (1/rad), up and down."""
+    values = dict(zip(("a_up", "b_up", "a_down", "b_down"), (*up, *down), strict=True))
+    units = {"a": "1/s", "b": "1/rad"}
+    told = {key: Quantity(value, units[key[0]], 0.0, "test") for key, value in values.items()}
+    return vehicle.with_effects([Effect(name="motor_speed_law", parameters=told)])
+
+
+@pytest.mark.parametrize("speed_law", [True, False])
+def test_flights_tell_the_law(tmp_path: Path, speed_law: bool) -> None:
+    """MuJoCo's rotors follow by their speed, or by their thrust."""
+    records = flights(Hidden(), tmp_path, dataclasses.replace(CALM, speed_law=speed_law))
+    model = Model(VEHICLE)
+    fit = refine(model, (LOG_TIMING,), training_set(records, model))
+    by_speed, *others = fit.estimate.fit.theta[len(fit.variables) : fit.first_unnamed]
+    assert by_speed == pytest.approx(float(speed_law), abs=0.15)
+    assert np.abs(others).max() < 0.15
+
+
+def test_a_law_that_a_tachometer_told_is_not_asked_about(tmp_path: Path) -> None:
+    known = Model(with_law(VEHICLE, (15.0, 1e-4), (15.0, 1e-4)))
+    assert motor_laws(known, flights(Hidden(), tmp_path)) == ()
+
+
+def test_each_law_is_that_of_a_vehicle_file(tmp_path: Path) -> None:
+    """As quick near hover as the thrusts; a file has no rotor without any drag."""
+    records = flights(Hidden(), tmp_path)
+    motors = VEHICLE.motors
+    assert motors.thrust_coefficient is not None
+    hover = math.sqrt(0.25 * VEHICLE.body.mass.value * 9.81 / motors.thrust_coefficient.value)
+    speed = tuple((1.0 / lag.value, 1e-5) for lag in (motors.time_constant_up, motors.time_constant_down))
+    drag = tuple(
+        (0.0, 0.5 / lag.value / hover) for lag in (motors.time_constant_up, motors.time_constant_down)
+    )
+    usual = Model(VEHICLE).predict(records)
+    added = motor_laws(Model(VEHICLE), records)
+    for law, (up, down) in zip(added, (speed, drag, (speed[0], drag[1])), strict=True):
+        filed = Model(with_law(VEHICLE, up, down)).predict(records)
+        left = (filed - usual - law)[:, :6]
+        assert np.sqrt(np.mean(left**2)) < 0.1 * np.sqrt(np.mean(law[:, :6] ** 2))
+
+
+def test_ratios_of_speeds_alone_count(tmp_path: Path) -> None:
+    """A vehicle file without a thrust coefficient says nothing of speeds."""
+    records = flights(Hidden(), tmp_path)
+    without = dataclasses.replace(
+        VEHICLE, motors=dataclasses.replace(VEHICLE.motors, thrust_coefficient=None)
+    )
+    for one, other in zip(
+        motor_laws(Model(VEHICLE), records), motor_laws(Model(without), records), strict=True
+    ):
+        assert np.allclose(one, other, atol=1e-6 * np.abs(one).max())
