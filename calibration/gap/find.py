@@ -41,7 +41,7 @@ from calibration.gap.report.figures_data import ReportFigures
 from calibration.gap.report.improved_vehicle import hard_to_fly, improved_vehicle, provenance
 from calibration.gap.report.prediction_figures import HORIZON, acted_on, prediction_gap
 from calibration.gap.report.remaining import chance_floor, own_floor, remaining
-from calibration.gap.search.always import LOG_TIMING
+from calibration.gap.search.always import LOG_TIMING, law_in_words
 from calibration.gap.search.conclusion import concluded
 from calibration.gap.search.differing import differing, in_words
 from calibration.gap.search.forward import Search
@@ -325,6 +325,7 @@ def _limitations(
             "ceiling_effect: nobody said how high the ceiling is; it was fitted at "
             f"{names.model.ceiling_z:.2f} m, and the parameters shift with it: give its height (--ceiling)"
         )
+    limits += law_in_words(found.final)
     limits += sensing.notes
     if not found.final.estimate.fit.settled:
         limits.append(

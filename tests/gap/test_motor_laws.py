@@ -10,7 +10,7 @@ import pytest
 from calibration.gap.estimate.model import Model
 from calibration.gap.estimate.motor_laws import motor_laws
 from calibration.gap.estimate.refine import refine, training_set
-from calibration.gap.search.always import LOG_TIMING
+from calibration.gap.search.always import LOG_TIMING, law_in_words
 from onboard.quantity import Quantity
 from onboard.vehicle import Effect, Vehicle
 from tests.gap.mujoco_flights import CALM, flights, frame
@@ -37,6 +37,9 @@ def test_flights_tell_the_law(tmp_path: Path, speed_law: bool) -> None:
     by_speed, *others = fit.estimate.fit.theta[len(fit.variables) : fit.first_unnamed]
     assert by_speed == pytest.approx(float(speed_law), abs=0.15)
     assert np.abs(others).max() < 0.15
+    assert [words.startswith("rotors follow by their speed") for words in law_in_words(fit)] == [
+        True
+    ] * speed_law
 
 
 def test_a_law_that_a_tachometer_told_is_not_asked_about(tmp_path: Path) -> None:

@@ -24,7 +24,15 @@ _NO_DRAG = 1e-4
 _ANY = 1e7
 """rad2/(N s2) where the vehicle file says nothing of speeds: their ratios alone count."""
 
-_SPEED, _DRAG = "speed in first order", "drag of the propeller"
+_SPEED, _DRAG = "by their speed in first order", "by the drag of their propellers"
+_PAIRS = ((_SPEED, _SPEED), (_DRAG, _DRAG), (_SPEED, _DRAG))
+"""Up and down."""
+
+LAWS = tuple(
+    f"rotors follow {up}" if up == down else f"rotors speed up {up} and slow down {down}"
+    for up, down in _PAIRS
+)
+"""In words, in the order of :func:`motor_laws`."""
 
 
 def motor_laws(model: Model, records: Sequence[FlightRecord]) -> tuple[FloatArray, ...]:
@@ -40,8 +48,7 @@ def motor_laws(model: Model, records: Sequence[FlightRecord]) -> tuple[FloatArra
     if p["speed_law_b"][0] > 0.0:
         return ()
     usual = model.motion(records, p)
-    pairs = ((_SPEED, _SPEED), (_DRAG, _DRAG), (_SPEED, _DRAG))
-    return tuple(np.asfortranarray(model.motion(records, _by(p, up, down)) - usual) for up, down in pairs)
+    return tuple(np.asfortranarray(model.motion(records, _by(p, up, down)) - usual) for up, down in _PAIRS)
 
 
 def prior_of_laws(count: int) -> Prior:

@@ -1,13 +1,20 @@
 """What is fitted whatever is missing, for nobody knows it: it is an effect only beyond that doubt."""
 
+import numpy as np
+
+from calibration.gap.estimate.acceptance import DETECTABLE
 from calibration.gap.estimate.model import Model, Variable
-from calibration.gap.estimate.refine import Training
+from calibration.gap.estimate.motor_laws import LAWS
+from calibration.gap.estimate.refine import Fitted, Training
 
 LOG_TIMING = Variable("command_delay", "delay")
 """When a command was logged is never known to the millisecond, and a delay left out makes other names."""
 
 MADE_SCALE = Variable("thrust_scale", "scale")
 """Where no voltage was logged: one made for the vehicle file carries no other model. It is no effect."""
+
+_MOST = 0.5
+"""Share of a law from which on it is that of the rotors."""
 
 
 def always_fitted(training: Training) -> tuple[Variable, ...]:
@@ -20,3 +27,16 @@ def late_by_more_than_the_log(model: Model, training: Training) -> bool:
     """Whether commands reach the motors later than half an interval of the log: nobody knows better when a
     line was written."""
     return model.start_value(LOG_TIMING) > 0.5 * training.regression.signals.dt
+
+
+def law_in_words(final: Fitted) -> list[str]:
+    """Which law the rotors follow, where the flights tell that it is another than the model's."""
+    laws = slice(len(final.variables), final.first_unnamed)
+    shares = final.estimate.fit.theta[laws]
+    errors = np.sqrt(np.diag(final.estimate.fit.covariance))[laws]
+    return [
+        f"{law} ({share:.0%} +- {error:.0%} of what that changes), and no thrust of first order: the vehicle "
+        "file cannot say it without a tachometer (`perchhw calibrate tachometer`); no name stands in for it"
+        for law, share, error in zip(LAWS, shares, errors, strict=False)
+        if share > max(_MOST, DETECTABLE * error)
+    ]
