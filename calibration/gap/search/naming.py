@@ -189,9 +189,9 @@ def _doubt(
         return AT_BOUND.format(", ".join(at_bound))
     if unsteady := drifting([v for v in values if v in final.variables], final, chance):
         return DRIFTS.format(", ".join(v.parameter for v in unsteady))
-    if effect == LOG_TIMING.effect:
-        return None if late_by_more_than_the_log(final.model, training) else _small(values)
     nothing = contains_nothing(values, final, errors)
+    if effect == LOG_TIMING.effect and not late_by_more_than_the_log(final.model, training):
+        return _small(values)
     large = [v for v in values if sizeable(final.model, v)]
     if effect in _LAGS:  # no better known than when a line of the log was written
         half = 0.5 * training.regression.signals.dt / final.model.base.motors.time_constant_up.value
