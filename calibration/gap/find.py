@@ -185,7 +185,7 @@ def _find(flights: Sequence[Flight], question: GapQuestion, progress: Progress) 
             *prepared.limitations,
             *stages["before"].doubts(),
             *_limitations(kept_back, found, names, sensing, landings),
-            *_no_better(stages, own, in_the_air),
+            *(_no_better(stages, own, in_the_air) if kept_back else ()),
             *_negligible(found, sizeable),
             *_differing(found, names, training),
             *hard_to_fly(improved),

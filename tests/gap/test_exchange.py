@@ -60,7 +60,7 @@ def looked_at(variables: tuple[Variable, ...]) -> tuple[Fitted, list[SelectionSt
         )
         for effect in named.model.effects
     ]
-    present, left, _ = second_look(named, steps, training(), rng, lambda _: None)
+    present, left, _ = second_look(named, steps, training(), rng, lambda _: None, ())
     return present, left
 
 

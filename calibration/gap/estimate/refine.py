@@ -74,15 +74,12 @@ class Training:
         regression: their signals.
         by_shape: fold of each part of a flight; flights of one kind are in one fold.
         by_time: fold of each part, neighbours apart: for effects that one or two flights alone show.
-        laws: columns of what motors may do otherwise (:mod:`calibration.gap.estimate.motor_laws`), always
-            fitted.
     """
 
     records: tuple[FlightRecord, ...]
     regression: Regression
     by_shape: np.ndarray
     by_time: np.ndarray
-    laws: tuple[FloatArray, ...]
 
     @property
     def flight_of_part(self) -> np.ndarray:
@@ -99,7 +96,6 @@ def training_set(records: Sequence[FlightRecord], model: Model) -> Training:
         regression=Regression(signals, excitation_weights(signals, model.predict(records))),
         by_shape=np.repeat(folds(records), PARTS),
         by_time=by_time,
-        laws=motor_laws(model, records),
     )
 
 
@@ -116,9 +112,9 @@ class Fitted:
         held_out_in_time: likewise, with those of the other parts of all flights.
         folds: of each part, by kind of flight, shape (parts,).
         predicted: signals along the flights, shape (n, 7).
-        columns: derivative of the signals by each variable, then laws of motors, then the columns of the
-            unnamed terms.
-        laws: how many laws of motors.
+        columns: derivative of the signals by each variable, then what other laws of the motors would do
+            (:mod:`calibration.gap.estimate.motor_laws`), then the columns of the unnamed terms.
+        laws: how many laws.
         unnamed: terms without a name that are in the model.
     """
 
@@ -132,6 +128,11 @@ class Fitted:
     columns: tuple[FloatArray, ...]
     laws: int
     unnamed: tuple[UnnamedTerm, ...] = ()
+
+    @property
+    def columns_of_laws(self) -> tuple[FloatArray, ...]:
+        """What other laws of the motors would do."""
+        return self.columns[len(self.variables) : self.first_unnamed]
 
     @property
     def first_unnamed(self) -> int:
@@ -235,10 +236,11 @@ def refine(
         near: a fit whose derivatives are near enough for a first look: those of its variables are not
             computed anew, which with many variables is most of the work.
     """
+    laws = near.columns_of_laws if near is not None else motor_laws(model, training.records)
     given = {} if near is None else dict(zip(near.variables, near.columns, strict=False))
     known = given
     nameless = [column for term in unnamed for column in term.columns]
-    extra = [*training.laws, *nameless]
+    extra = [*laws, *nameless]
     spread = FIRST_SPREAD if start is None else start.fit.spread
     noise: Noise | None = None if start is None else start.noise
     for iteration in range(1, iterations + 1):
@@ -248,7 +250,7 @@ def refine(
         ]
         columns = _mean_of_motors_by_forces(variables, columns)
         while True:
-            prior = _prior(model, variables, len(training.laws), len(nameless))
+            prior = _prior(model, variables, len(laws), len(nameless))
             estimate = training.regression.estimate(predicted, [*columns, *extra], prior, spread, noise)
             step = _bounded_step(model, variables, estimate.fit.theta)
             stuck = (step == 0.0) & (estimate.fit.theta[: len(variables)] != 0.0)
@@ -278,7 +280,7 @@ def refine(
         folds=training.by_shape,
         predicted=predicted,
         columns=(*columns, *extra),
-        laws=len(training.laws),
+        laws=len(laws),
         unnamed=tuple(unnamed),
     )
 

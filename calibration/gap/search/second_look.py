@@ -45,7 +45,7 @@ def second_look(
     training: Training,
     rng: np.random.Generator,
     progress: Progress,
-    barred: Container[str] = (),
+    barred: Container[str],
 ) -> tuple[Fitted, list[SelectionStep], Ambiguous]:
     """Drop what others have made superfluous; put in the place of names what outdoes them.
 
