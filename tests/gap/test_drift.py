@@ -32,9 +32,8 @@ def offered(difference: float) -> Fitted:
     )  # fmt: skip
     estimate = LinearisedFit(mixed, products, (products,) * 3, Noise(np.zeros((7, 16)), np.ones(7)), nothing)
     likelihoods = (np.zeros((3, PARTS)),) * 2
-    return Fitted(
-        model, (X, Z), estimate, *likelihoods, np.zeros(PARTS, dtype=int), nothing, (nothing,) * 2, 0
-    )
+    folds, columns = np.zeros(PARTS, dtype=int), (nothing, nothing)
+    return Fitted(model, (X, Z), estimate, *likelihoods, folds, nothing, columns, laws=0)
 
 
 def test_a_number_that_makes_the_name_and_drifts_costs_it() -> None:

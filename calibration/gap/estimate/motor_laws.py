@@ -1,6 +1,6 @@
-"""By which law rotors follow their commands: fitted whatever is missing, for no flight tells it well.
+"""By which law rotors follow their commands: fitted whatever is missing, for few vehicle files say it.
 
-A vehicle file says how long a thrust takes to follow. By which law it gets there, a tachometer alone shows:
+A vehicle file says how long a thrust takes to follow, and only after a tachometer by which law it gets there:
 the speed w of a rotor may follow in first order (an electric brake, a controller of speed), or by the drag of
 its propeller, dw/dt = b (ws^2 - w^2) (a winding that only drives; bench notes 1.2), the one on the way up and
 the other on the way down. With hover's time constants they differ in the second order of a step: enough to

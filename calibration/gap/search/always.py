@@ -36,7 +36,7 @@ def law_in_words(final: Fitted) -> list[str]:
     errors = np.sqrt(np.diag(final.estimate.fit.covariance))[laws]
     return [
         f"{law} ({share:.0%} +- {error:.0%} of what that changes), and no thrust of first order: the vehicle "
-        "file cannot say it without a tachometer (`perchhw calibrate tachometer`); no name stands in for it"
+        "file has it from a tachometer alone (`perchhw calibrate tachometer`); it was fitted beside names"
         for law, share, error in zip(LAWS, shares, errors, strict=False)
         if share > max(_MOST, DETECTABLE * error)
     ]
