@@ -1,11 +1,13 @@
-"""A wind that blew on some of the flights is said flight by flight; one that always blew is not."""
+"""A wind that blew on some of the flights is said flight by flight; one that always blew is not; and what
+belongs to the vehicle has no name where it seems to come and go."""
 
 import numpy as np
 import pytest
 
+from calibration.gap.estimate.acceptance import clustered_errors
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, refine, training_set
-from calibration.gap.search.differing import differing, in_words
+from calibration.gap.search.differing import another_in_each, differing, in_words
 from onboard.vehicle import load_vehicle
 from tests.gap.simulated_flight import circle, fly, up_and_down, with_noise
 
@@ -39,6 +41,23 @@ def test_a_wind_that_blew_on_two_flights_of_four_differs() -> None:
 
 def test_one_wind_for_all_does_not() -> None:
     assert differing(fitted([2.0, 2.0, 2.0, 2.0]), ["wind"]) == ()
+
+
+def test_a_drag_cannot_come_and_go_as_a_wind_can() -> None:
+    """Laps with the drag of the rotors alternate with laps without."""
+    rng = np.random.default_rng(6)
+    records = []
+    for n in range(4):
+        truth = Model(STOCK, {DRAG: 2e-6 if n % 2 else 0.0}).vehicle()
+        record = fly(truth, circle(period=2.5 + 0.2 * n), 12.0, name=f"flight {n}", believed=STOCK)
+        records.append(with_noise(record, 0.5, rng))
+    training = training_set(records, Model(STOCK))
+    fit = refine(Model(STOCK), (DRAG,), training)
+    assert another_in_each([DRAG], fit, clustered_errors(fit, training)) == (DRAG,)
+
+    blown = fitted([0.0, 2.0, 0.0, 2.0])
+    assert differing(blown, ["wind"])
+    assert another_in_each(blown.variables, blown, dict.fromkeys(blown.variables, 0.1)) == ()
 
 
 def test_only_what_has_a_name_is_told() -> None:

@@ -8,7 +8,15 @@ import pytest
 
 from tests.truth.airframe import Airframe, G
 from tests.truth.mujoco_room import Hidden
-from tests.truth.published import PublishedRoom, RoomEnded, as_logged, frame_of, owners_vehicle, speed_for
+from tests.truth.published import (
+    RPM,
+    PublishedRoom,
+    RoomEnded,
+    as_logged,
+    frame_of,
+    owners_vehicle,
+    speed_for,
+)
 
 PUBLISHED = {
     "mass": [0.04],
@@ -58,7 +66,8 @@ def test_its_owner_knows_what_hovers_and_what_is_most(frame: Airframe) -> None:
     torques, forces = 1.7e-9 * speed + 2.5e-12 * speed**2, 1e-3 - 3e-7 * speed + 4.4e-10 * speed**2
     assert frame.yaw_lever == pytest.approx(
         np.diff(torques)[0] / np.diff(forces)[0]
-    )  # what yaws it in flight
+    )  # what yaws it in flight, with what rotors that speed up do
+    assert np.diff(np.sqrt(forces / frame.kf))[0] == pytest.approx(np.diff(speed)[0] * RPM, rel=1e-3)
     assert {effect.name for effect in vehicle.effects} == {"rotor_gyroscopic", "rotor_acceleration_torque"}
 
 

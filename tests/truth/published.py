@@ -4,8 +4,8 @@ controller, and the four Crazyflies whose parameters come with it.
 It runs in a Python of its own (`benchmarks/peers/crazyflow_room.py`). Drawn here are the lab, the paths and
 what is hidden, with the same words as for the MuJoCo room; noise and what a log lacks are of that room, too.
 The owner's vehicle file has the published parameters: masses, inertias (the rotors' too), levers and thrust
-at its highest, lags and levers of yaw of the rotors as they are about hover, no drag. crazyflow has no
-battery: a log's voltage stays as it is.
+at its highest, as they are about hover the rotors' lags, levers of yaw and changes of speed (which turn the
+body, too), no drag. crazyflow has no battery: a log's voltage stays as it is.
 """
 
 import json
@@ -125,12 +125,13 @@ def frame_of(published: dict[str, Any]) -> Airframe:
     highest = float(thrust(published["fastest"]))
     hover = speed_for(thrust.coef, mass * G / 4.0)
     up, up_square, down, down_square = published["rotor_dyn_coef"][0]
-    fastest = published["fastest"] * RPM
+    # Of thrusts that go with the square of a speed, the one whose speed changes as much with the thrust.
+    kf = float(thrust.deriv()(hover) / RPM) ** 2 / (mass * G)
     full = 4.1
     current = 25.0 / full * mass * G
     return Airframe(
         mass, lever * math.sqrt(2.0), ix, iy, iz,
-        highest / fastest**2, fastest,
+        kf, math.sqrt(highest / kf),
         1.0 / (up + 2.0 * up_square * hover), 1.0 / (down + 2.0 * down_square * hover),
         float(torque.deriv()(hover) / thrust.deriv()(hover)),
         full, 0.15 * full, 450.0 * current, 0.08 * full / current, 25.0 / full,

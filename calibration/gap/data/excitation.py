@@ -54,6 +54,12 @@ def excitation_weights(signals: Signals, predicted: FloatArray) -> FloatArray:
     return weights
 
 
+def only_excited(weights: FloatArray) -> FloatArray:
+    """The weights, shape (parts, 7), of parts in which most of the motion was commanded; others count for
+    next to nothing."""
+    return np.where(weights >= _EXCITED, weights, np.minimum(weights, _LEAST))
+
+
 def excited(weights: FloatArray) -> bool:
     """Whether roll or pitch was commanded in several parts, so that delays and levers can be told at all."""
     rolling = weights[:, TORQUE.start : TORQUE.start + 2].max(axis=1)

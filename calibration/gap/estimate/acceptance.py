@@ -33,7 +33,7 @@ _DRIFT = 0.5
 """Share of its size by which a value may differ between quiet and hard flying."""
 
 _CARRIES = 0.1
-"""Share of the evidence for an effect that its numbers may carry which so differ: the others make the name.
+"""Share of the evidence for an effect that odd numbers may carry: the others make the name.
 Along one axis of three a law may be another."""
 
 _REPEATS = 400
@@ -136,11 +136,22 @@ def drifting(
         offered: the fit.
         errors: standard error of each variable.
     """
-    found = tuple(v for v in variables if drift(v, offered) > 0.0)
+    return where_they_carry([v for v in variables if drift(v, offered) > 0.0], variables, offered, errors)
+
+
+def where_they_carry(
+    odd: Sequence[Variable], variables: Sequence[Variable], offered: Fitted, errors: Mapping[Variable, float]
+) -> tuple[Variable, ...]:
+    """The `odd` ones of an effect's fitted variables, if they carry the evidence for it; else none.
+
+    Args:
+        odd: what about them is not as it should be.
+        variables, offered, errors: as for :func:`drifting`.
+    """
     if any(offered.model.nothing_new(v) is None for v in variables):
-        return found
+        return tuple(odd)
     evidence = {v: (offered.model.change(v) / errors[v]) ** 2 for v in variables}
-    return found if sum(evidence[v] for v in found) > _CARRIES * sum(evidence.values()) else ()
+    return tuple(odd) if sum(evidence[v] for v in odd) > _CARRIES * sum(evidence.values()) else ()
 
 
 def drift(variable: Variable, offered: Fitted) -> float:

@@ -114,7 +114,7 @@ class Fitted:
         predicted: signals along the flights, shape (n, 7).
         columns: derivative of the signals by each variable, then what other laws of the motors would do
             (:mod:`calibration.gap.estimate.motor_laws`), then the columns of the unnamed terms.
-        laws: how many laws.
+        laws: what was known of the laws before these flights.
         unnamed: terms without a name that are in the model.
     """
 
@@ -126,7 +126,7 @@ class Fitted:
     folds: np.ndarray
     predicted: FloatArray
     columns: tuple[FloatArray, ...]
-    laws: int
+    laws: Prior
     unnamed: tuple[UnnamedTerm, ...] = ()
 
     @property
@@ -137,12 +137,19 @@ class Fitted:
     @property
     def first_unnamed(self) -> int:
         """Index of the first column of an unnamed term."""
-        return len(self.variables) + self.laws
+        return len(self.variables) + self.laws.mean.size
 
     @property
     def prior(self) -> Prior:
         """Of all coefficients, in the order of the estimate's columns."""
         return _prior(self.model, self.variables, self.laws, len(self.columns) - self.first_unnamed)
+
+    @property
+    def known_of_laws(self) -> Prior:
+        """What is known of the laws after these flights."""
+        own = slice(len(self.variables), self.first_unnamed)
+        fit = self.estimate.fit
+        return Prior(fit.theta[own], np.asarray(np.linalg.inv(fit.covariance[own, own])))
 
     def gains(self, over: "Fitted", in_time: bool, kinds: Sequence[int] | None = None) -> FloatArray:
         """Gain in held-out log-likelihood of each part over another fit.
@@ -210,9 +217,9 @@ def prior_step(model: Model, variables: Sequence[Variable]) -> Prior:
     return believed
 
 
-def _prior(model: Model, variables: Sequence[Variable], laws: int, unnamed: int) -> Prior:
+def _prior(model: Model, variables: Sequence[Variable], laws: Prior, unnamed: int) -> Prior:
     nameless = Prior.independent(np.zeros(unnamed), np.full(unnamed, _UNNAMED_RANGE**-2.0))
-    return prior_step(model, variables).and_of(prior_of_laws(laws)).and_of(nameless)
+    return prior_step(model, variables).and_of(laws).and_of(nameless)
 
 
 def refine(
@@ -223,6 +230,7 @@ def refine(
     start: LinearisedFit | None = None,
     unnamed: Sequence[UnnamedTerm] = (),
     near: "Fitted | None" = None,
+    known_of_laws: Prior | None = None,
 ) -> Fitted:
     """The model with `variables` fitted to the flights.
 
@@ -235,12 +243,14 @@ def refine(
         unnamed: terms whose coefficients are fitted as well.
         near: a fit whose derivatives are near enough for a first look: those of its variables are not
             computed anew, which with many variables is most of the work.
+        known_of_laws: from other flights of the vehicle; None: nothing.
     """
     laws = near.columns_of_laws if near is not None else motor_laws(model, training.records)
     given = {} if near is None else dict(zip(near.variables, near.columns, strict=False))
     known = given
     nameless = [column for term in unnamed for column in term.columns]
     extra = [*laws, *nameless]
+    believed = prior_of_laws(len(laws)) if known_of_laws is None else known_of_laws
     spread = FIRST_SPREAD if start is None else start.fit.spread
     noise: Noise | None = None if start is None else start.noise
     for iteration in range(1, iterations + 1):
@@ -250,7 +260,7 @@ def refine(
         ]
         columns = _mean_of_motors_by_forces(variables, columns)
         while True:
-            prior = _prior(model, variables, len(laws), len(nameless))
+            prior = _prior(model, variables, believed, len(nameless))
             estimate = training.regression.estimate(predicted, [*columns, *extra], prior, spread, noise)
             step = _bounded_step(model, variables, estimate.fit.theta)
             stuck = (step == 0.0) & (estimate.fit.theta[: len(variables)] != 0.0)
@@ -280,7 +290,7 @@ def refine(
         folds=training.by_shape,
         predicted=predicted,
         columns=(*columns, *extra),
-        laws=len(laws),
+        laws=believed,
         unnamed=tuple(unnamed),
     )
 

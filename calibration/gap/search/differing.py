@@ -2,19 +2,26 @@
 
 A wind that was on for some of the flights, a payload, another battery: each flight by itself tells a step
 from the common value, and these steps scatter by more than their errors (random effects: DerSimonian and
-Laird, Controlled Clinical Trials 7, 1986).
+Laird, Controlled Clinical Trials 7, 1986). That is said flight by flight. What belongs to the vehicle itself
+(a drag, an inertia, a lag) cannot be another in each flight: where it seems so, it is the nearest name of
+something else, and gets none.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from calibration.gap.data.signals import PARTS
+from calibration.gap.estimate.acceptance import where_they_carry
 from calibration.gap.estimate.model import Variable
 from calibration.gap.estimate.refine import Fitted
 from onboard.arrays import FloatArray
+from onboard.vehicle import EFFECTS
+
+DIFFERS = "{} is another in each flight, though it belongs to the vehicle: it stands in for something else"
+"""Why a parameter is not believed."""
 
 _CHANCE = 4.0
 """Standard deviations of the scatter of equal flights beyond which theirs is not chance."""
@@ -50,6 +57,21 @@ def differing(final: Fitted, names: Sequence[str]) -> tuple[Differing, ...]:
             final.model.rule(one.variable).practical_minimum, _SHARE * abs(final.model.change(one.variable))
         )
     )
+
+
+def another_in_each(
+    variables: Sequence[Variable], final: Fitted, errors: Mapping[Variable, float]
+) -> tuple[Variable, ...]:
+    """Those of an effect's fitted variables that differ between flights and cannot, where they matter.
+
+    Args:
+        variables: all of the effect.
+        final: the fit.
+        errors: standard error of each variable.
+    """
+    names = {v.effect for v in variables if not EFFECTS[v.effect].may_differ}
+    odd = [one.variable for one in differing(final, sorted(names))]
+    return where_they_carry(odd, variables, final, errors)
 
 
 def _scatter(final: Fitted, variable: Variable) -> Differing | None:

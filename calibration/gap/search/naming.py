@@ -13,6 +13,7 @@ from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training, refine
 from calibration.gap.search.always import LOG_TIMING, late_by_more_than_the_log
 from calibration.gap.search.bounds import AT_BOUND
+from calibration.gap.search.differing import DIFFERS, another_in_each
 from calibration.gap.search.doubts import with_doubts
 from calibration.gap.search.forward import DRIFTS, Search
 from calibration.gap.search.rivals import needed
@@ -143,8 +144,7 @@ def as_believed(found: Search, names: Named, training: Training) -> Fitted:
     gone = {step.effect for step in found.steps} - believed
     if names.unconfirmed or not gone:
         return final
-    values = {v: x for v, x in final.model.values.items() if v.effect not in gone}
-    model = Model(final.model.base, values, final.model.ceiling_z)
+    model = final.model.without_values([v for v in final.model.values if v.effect in gone])
     return refine(
         model, [v for v in final.variables if v.effect not in gone], training, unnamed=final.unnamed
     )
@@ -187,8 +187,11 @@ def _doubt(
         return "too little was commanded to tell it"
     if at_bound := [v.parameter for v in values if runs_out(final, v, chance.get(v, 0.0))]:
         return AT_BOUND.format(", ".join(at_bound))
-    if unsteady := drifting([v for v in values if v in final.variables], final, chance):
+    fitted = [v for v in values if v in final.variables]
+    if unsteady := drifting(fitted, final, chance):
         return DRIFTS.format(", ".join(v.parameter for v in unsteady))
+    if differ := another_in_each(fitted, final, chance):
+        return DIFFERS.format(", ".join(v.parameter for v in differ))
     nothing = contains_nothing(values, final, errors)
     if effect == LOG_TIMING.effect and not late_by_more_than_the_log(final.model, training):
         return _small(values)

@@ -3,9 +3,11 @@
 import dataclasses
 from collections.abc import Sequence
 
+from calibration.gap.data.excitation import only_excited
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.estimate.model import Model
 from calibration.gap.estimate.refine import Fitted, Training, refine, training_set
+from calibration.gap.estimate.regression import Regression
 from calibration.gap.estimate.shared_nuisances import every_mean, swallowed
 from calibration.gap.search.always import LOG_TIMING
 from calibration.gap.search.forward import Search
@@ -22,7 +24,7 @@ def retested(found: Search, kept_back: Sequence[FlightRecord], training: Trainin
     """The search without effects that do not hold on flights that were kept back, the others fitted anew."""
     if not kept_back:
         return found
-    unseen = training_set(kept_back, Model(found.first.model.base, {}, found.first.model.ceiling_z))
+    unseen = unseen_set(kept_back, found.first.model)
     for step in reversed(found.steps):
         if step.effect == LOG_TIMING.effect or _holds(
             found.final, nearly_without(found.final, training, step.effect), unseen
@@ -37,6 +39,17 @@ def retested(found: Search, kept_back: Sequence[FlightRecord], training: Trainin
                 refused={**found.refused, step.effect: FAILED},
             )
     return found
+
+
+def unseen_set(kept_back: Sequence[FlightRecord], model: Model) -> Training:
+    """Flights that no fit saw, of whose torques those count that somebody commanded.
+
+    Beside hard flights what answers noise has no say; by themselves quiet ones would refuse a lag that the
+    others show beyond doubt.
+    """
+    unseen = training_set(kept_back, Model(model.base, {}, model.ceiling_z))
+    regression = Regression(unseen.regression.signals, only_excited(unseen.regression.weights))
+    return dataclasses.replace(unseen, regression=regression)
 
 
 def _holds(final: Fitted, reduced: Fitted, unseen: Training) -> bool:
@@ -59,5 +72,6 @@ def shared_by(with_it: Fitted, without_it: Fitted, names: Sequence[str]) -> bool
 
 
 def on_unseen(unseen: Training, fitted: Fitted, model: Model) -> Fitted:
-    """A model held against other flights, whose nuisances are integrated out, with the noise of a fit."""
-    return refine(model, (), unseen, iterations=1, start=fitted.estimate)
+    """A model held against other flights, whose nuisances are integrated out, with the noise of a fit, and
+    the laws of the motors that it has found."""
+    return refine(model, (), unseen, iterations=1, start=fitted.estimate, known_of_laws=fitted.known_of_laws)

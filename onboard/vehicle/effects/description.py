@@ -100,6 +100,8 @@ class EffectDescription:
             torques of a controlled vehicle answer disturbances, which passes for a drag many times as large.
         sized_by_forces: torques follow from it and speak for it, but forces alone say how large it is: what
             turns a body is thrust over inertia, and inertias are known to tenths, a mass to thousandths.
+        may_differ: flights of one vehicle may each have their own: the air, the load, pack, propellers and
+            trim of the day. What cannot differ and does stands in for something else.
     """
 
     name: str
@@ -114,6 +116,7 @@ class EffectDescription:
     alike: tuple[str, ...] = ()
     by_forces: bool = False
     sized_by_forces: bool = False
+    may_differ: bool = False
 
     def values(self, given: Mapping[str, Quantity]) -> dict[str, float]:
         """Every parameter's value (SI), those that are not given at their neutral value.

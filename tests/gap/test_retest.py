@@ -1,0 +1,46 @@
+"""Flights kept back refuse nothing by torques that answer noise, nor by a law that they do not tell."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calibration.gap.data.excitation import only_excited
+from calibration.gap.estimate.model import Model
+from calibration.gap.estimate.refine import Fitted, refine, training_set
+from calibration.gap.search.always import LOG_TIMING
+from calibration.gap.search.retest import on_unseen, unseen_set
+from tests.gap.mujoco_flights import CALM, flights, frame
+from tests.truth.airframe import nominal
+from tests.truth.mujoco_room import Hidden
+
+STOCK = Model(nominal(frame(), "kept back"))
+
+
+def shares(fit: Fitted) -> np.ndarray:
+    """Of what each other law of the motors changes."""
+    return fit.estimate.fit.theta[len(fit.variables) : fit.first_unnamed]
+
+
+def test_flights_kept_back_have_the_law_that_the_others_told(tmp_path: Path) -> None:
+    """An eight by itself tells none, and would take for a law what a lag does."""
+    eight, *others = flights(Hidden(), tmp_path, dataclasses.replace(CALM, speed_law=True))
+    fit = refine(STOCK, (LOG_TIMING,), training_set(others, STOCK))
+    assert shares(on_unseen(unseen_set([eight], fit.model), fit, fit.model)) == pytest.approx(
+        shares(fit), abs=0.05
+    )
+    alone = refine(fit.model, (), training_set([eight], fit.model), iterations=1)
+    assert np.abs(shares(alone) - shares(fit)).max() > 0.3
+
+
+def test_torques_of_flights_kept_back_count_where_most_of_the_motion_was_commanded(tmp_path: Path) -> None:
+    records = flights(Hidden(), tmp_path)
+    every = training_set(records, STOCK).regression.weights
+    counted = unseen_set(records, STOCK).regression.weights
+    quiet = every < 0.5
+    assert quiet.any()
+    assert not quiet.all()
+    assert np.all(counted[quiet] <= 0.01)
+    assert np.array_equal(counted[~quiet], every[~quiet])
+    assert np.array_equal(only_excited(counted), counted)
