@@ -8,7 +8,7 @@ import pytest
 
 from calibration.gap.estimate.model import Model
 from calibration.gap.estimate.refine import refine, training_set
-from calibration.gap.search.rivals import Rival
+from calibration.gap.search.rivals import Rival, doubt_of
 from onboard.vehicle import load_vehicle
 from tests.gap.simulated_flight import circle, fly, with_noise
 
@@ -22,7 +22,7 @@ def rival() -> Rival:
     record = with_noise(flight, 0.1, np.random.default_rng(1))
     model = Model(STOCK)
     return Rival(
-        effect="inertia_error", named="thrust_scale", lead=-0.6, otherwise=1.4, gain=30.0, error=2.0,
+        effect="inertia_error", named="thrust_scale", lead=-0.6, otherwise=1.4, gain=30.0, doubt=2.0,
         richer=True, sizeable=False, swallowed=(), freed=(), spared=(), fewer=False,
         fitted=refine(model, (), training_set([record], model), iterations=1),
     )  # fmt: skip
@@ -63,3 +63,22 @@ def test_one_name_for_two_is_simpler_where_the_flights_do_not_mind(
 ) -> None:
     one = replace(rival, sizeable=True, spared=("velocity_moment",), fewer=True)
     assert replace(one, **different).says_the_same_with_fewer_names is simpler
+
+
+@pytest.mark.parametrize(
+    ("lead", "doubt", "told"),
+    [(30.0, 20.0, True), (15.0, 20.0, False), (8.0, 2.0, False), (120.0, 500.0, True)],
+)
+def test_a_rival_is_ruled_out_by_a_lead_beyond_chance(
+    rival: Rival, lead: float, doubt: float, told: bool
+) -> None:
+    one = replace(rival, richer=False, sizeable=True, lead=lead, doubt=doubt)
+    assert one.told_apart is told
+
+
+def test_of_few_flights_the_scatter_of_leads_is_itself_in_doubt() -> None:
+    """The interval of Student's distribution: for three flights 4.3 standard errors, for thirty 2.0."""
+    few, many = np.array([10.0, 20.0, 30.0]), np.tile([10.0, 20.0, 30.0], 10)
+    assert doubt_of(few) == pytest.approx(4.303 * 10.0 * np.sqrt(3.0), rel=1e-3)
+    assert doubt_of(many) == pytest.approx(2.045 * many.std(ddof=1) * np.sqrt(30.0), rel=1e-3)
+    assert doubt_of(few[:1]) == float("inf")

@@ -1,11 +1,13 @@
 """The second look: is each name needed, and would another do as well?"""
 
 import functools
+import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import t as student
 
 from calibration.gap.estimate.acceptance import LEAST_GAIN, sizeable
 from calibration.gap.estimate.model import WORKERS, Model, Variable
@@ -13,6 +15,7 @@ from calibration.gap.estimate.refine import Fitted, Training, refine, settled
 from calibration.gap.estimate.shared_nuisances import swallowed
 from calibration.gap.search.candidates import Candidate, candidates_for
 from calibration.gap.search.linear_look import LinearLook, linear_look
+from onboard.arrays import FloatArray
 from onboard.vehicle import EFFECTS
 
 NOT_TOLD_APART = 10.0
@@ -28,13 +31,15 @@ _SAYS_MORE = 0.05
 """Share of an effect's gain that a rival with more parameters must gain beyond it: predictions are themselves
 known to a few hundredths, and the more numbers, the more of that they fit."""
 
-_STANDARD_ERRORS = 2.0
+_SURE = 0.975
+"""Of the distribution of leads over flights: a scatter that few flights show is itself known badly (Student)."""
 
 _AS_WELL = 2.0
 """Log-likelihood that a rival may lack to explain as much."""
 
-_BEYOND_DOUBT = 50.0
-"""Log-likelihood of a lead that needs no scatter over flights to be believed: few flights may carry it."""
+_BEYOND_DOUBT = 100.0
+"""Log-likelihood of a lead that needs no scatter over flights to be believed: few flights may carry it. No
+less, as models are right to some hundredths of what they explain: a lead of 67 of 752 was once wrong."""
 
 HOPELESS = 100.0
 """Log-likelihood by which a linear fit must miss what is asked, for no other fit to be made."""
@@ -57,7 +62,7 @@ class Rival:
         lead: held-out log-likelihood by which the named effect is ahead.
         otherwise: likewise, with flights held out the other way (by shape, or in time).
         gain: what the named effect gains over neither.
-        error: standard error of the lead, over flights.
+        doubt: half of the 95 % interval of the lead, over flights.
         richer: whether it has more parameters than the named effect.
         sizeable: whether any of its parameters is large enough to be worth a name.
         swallowed: nuisances whose mean over the flights takes what the named effect explained.
@@ -72,7 +77,7 @@ class Rival:
     lead: float
     otherwise: float
     gain: float
-    error: float
+    doubt: float
     richer: bool
     sizeable: bool
     swallowed: tuple[str, ...]
@@ -116,7 +121,7 @@ class Rival:
             return not self.outdoes
         if self.richer and self.lead >= -max(NOT_TOLD_APART, _SAYS_MORE * self.gain):
             return True
-        return self.lead > min(max(NOT_TOLD_APART, _STANDARD_ERRORS * self.error), _BEYOND_DOUBT)
+        return self.lead > min(max(NOT_TOLD_APART, self.doubt), _BEYOND_DOUBT)
 
 
 def without(final: Fitted, training: Training, *effects: str) -> Fitted:
@@ -204,14 +209,15 @@ def _compared(
         if name != candidate.effect and _is_large(final, name) and not _is_large(other, name)
     )
     spent = len(own) + sum(len(_variables(final, name)) for name in spared)
-    leads = np.bincount(training.flight_of_part, weights=final.gains(other, in_time))
+    by_flight = np.bincount(training.flight_of_part, weights=final.gains(other, in_time))
+    leads = by_flight.astype(np.float64)
     return Rival(
         effect=candidate.effect,
         named=effect,
         lead=float(leads.sum()),
         otherwise=float(final.gains(other, not in_time).sum()),
         gain=float(final.gains(reduced, in_time).sum()),
-        error=float(np.sqrt(leads.size) * leads.std(ddof=1)) if leads.size > 1 else float("inf"),
+        doubt=doubt_of(leads),
         richer=len(of_rival) > len(own),
         sizeable=any(sizeable(other.model, v) for v in of_rival),
         swallowed=swallowed(final, other),
@@ -220,6 +226,14 @@ def _compared(
         fewer=len(of_rival) <= spent,
         fitted=other,
     )
+
+
+def doubt_of(leads: FloatArray) -> float:
+    """Half of the 95 % interval of the sum of the leads of some flights."""
+    if leads.size < 2:
+        return math.inf
+    error = math.sqrt(leads.size) * float(leads.std(ddof=1))
+    return float(student.ppf(_SURE, leads.size - 1)) * error
 
 
 def _is_large(fitted: Fitted, effect: str) -> bool:
