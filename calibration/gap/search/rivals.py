@@ -32,7 +32,7 @@ _SAYS_MORE = 0.05
 known to a few hundredths, and the more numbers, the more of that they fit."""
 
 _SURE = 0.975
-"""Of the distribution of leads over flights: a scatter that few flights show is itself known badly (Student)."""
+"""Of the distribution of leads over flights: a scatter that few of them show is known badly (Student)."""
 
 _AS_WELL = 2.0
 """Log-likelihood that a rival may lack to explain as much."""
