@@ -15,7 +15,7 @@ from calibration.gap.search.always import LOG_TIMING
 from calibration.gap.search.doubts import with_doubts
 from tests.gap.mujoco_flights import CALM, flights, frame
 from tests.truth.airframe import nominal
-from tests.truth.mujoco_room import Hidden
+from tests.truth.mujoco_room import Hidden, faces_of
 
 RATIO = Variable("motor_lag_asymmetry", "ratio")
 
@@ -33,6 +33,24 @@ def test_a_lag_that_another_law_does_without_is_none(tmp_path: Path, ratio: floa
     final, training = fitted(flights(Hidden(lag_ratio=ratio), tmp_path, lab), RATIO)
     errors = with_doubts(clustered_errors(final, training), final, training)
     assert (abs(final.model.change(RATIO)) < NINETY_FIVE * errors[RATIO]) is speed_law
+
+
+def test_an_area_is_known_no_better_than_the_law_of_its_drag(tmp_path: Path) -> None:
+    """MuJoCo's bodies are dragged by the square of each component, ours by the speed: see how each area is
+    found, and that its interval holds the one that flew."""
+    hidden = Hidden(area=0.03)
+    model = Model(nominal(frame(), "doubts"))
+    training = training_set(flights(hidden, tmp_path), model)
+    areas = tuple(Variable("body_drag", f"area_{axis}") for axis in "xyz")
+    final = refine(model, (LOG_TIMING, *areas), training)
+    chance = clustered_errors(final, training)
+    errors = with_doubts(chance, final, training)
+    flown = hidden.area * faces_of(frame(), hidden)
+    for area, true in zip(areas, flown, strict=True):
+        short = true - final.model.start_value(area)
+        assert short > 0.0
+        assert short < NINETY_FIVE * errors[area]
+    assert flown[2] - final.model.start_value(areas[2]) > NINETY_FIVE * chance[areas[2]]
 
 
 def test_what_moves_with_the_logs_timing_is_known_no_better_than_it(tmp_path: Path) -> None:

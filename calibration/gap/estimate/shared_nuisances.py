@@ -1,5 +1,5 @@
-"""Nuisances that all flights share: such a mean, or such a course within a flight, is no flight's own, and
-something explains it."""
+"""Nuisances that are none: a mean or a course within a flight that all flights share, and what is too large
+for any flight to have of its own. Something explains it."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -18,6 +18,10 @@ _STANDARD_ERRORS = 4.0
 _LEAST_SCALE, _LEAST_BIAS, _LEAST_IMBALANCE = 0.02, 0.15, 0.01
 """Means over flights that have a consequence: of the scale of thrust, of a force (m/s2: 1.5 % of gravity),
 and of a torque, as the share of one rotor's hover thrust that makes it."""
+
+_ORDINARY = 10.0
+"""Such means that single flights may have, root mean square: a fifth of the thrust, a tenth of what a rotor
+turns the vehicle with. A vehicle that tips over at take-off has a torque of its own in every flight."""
 
 _SCALE = [nuisance.name for nuisance in NUISANCES].index("thrust_scale")
 _LEAST_COURSE = 0.01
@@ -61,6 +65,15 @@ def _courses(fitted: Fitted) -> tuple[SharedNuisance, ...]:
     parts = _by_part(fitted)[:, :, [_SCALE]]
     begun = parts[:, 0] - parts[:, 1:].mean(axis=1)
     return _means([("thrust_scale at first", NUISANCES[_SCALE].unit)], begun, np.array([_LEAST_COURSE]))
+
+
+def beyond_the_ordinary(fitted: Fitted, vehicle: Vehicle) -> tuple[tuple[str, float, str], ...]:
+    """Nuisances without a shared mean that are larger than any flight's own: name, rms over flights, unit."""
+    shared = {one.name for one in shared_nuisances(fitted, vehicle)}
+    sizes = np.sqrt(np.mean(_by_part(fitted).mean(axis=1) ** 2, axis=0))
+    found = zip(NUISANCES, sizes.tolist(), (_ORDINARY * _least(vehicle)).tolist(), strict=True)
+    large = [(one, size) for one, size, most in found if size > most]
+    return tuple((one.name, size, one.unit) for one, size in large if one.name not in shared)
 
 
 def swallowed(fitted: Fitted, other: Fitted) -> tuple[str, ...]:

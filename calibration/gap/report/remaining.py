@@ -10,7 +10,7 @@ from calibration.gap.data.signals import FORCE
 from calibration.gap.estimate.mixed import FIRST_SPREAD
 from calibration.gap.estimate.nuisances import NUISANCES, STEADY
 from calibration.gap.estimate.refine import Fitted, Training
-from calibration.gap.estimate.shared_nuisances import shared_nuisances
+from calibration.gap.estimate.shared_nuisances import beyond_the_ordinary, shared_nuisances
 from calibration.gap.report.document import Gap
 from calibration.gap.unnamed.consequence import least_amplitude
 from calibration.gap.unnamed.gap_map import GapMap
@@ -85,7 +85,8 @@ def remaining(
         vehicle: as given.
         named: whether anything has a name.
     """
-    return (*_error(gap, chance, named), *_places(after, vehicle), *_means(final, vehicle))
+    nuisances = (*_means(final, vehicle), *_own(final, vehicle))
+    return (*_error(gap, chance, named), *_places(after, vehicle), *nuisances)
 
 
 def _error(gap: Gap, chance: float, named: bool) -> Iterator[str]:
@@ -117,3 +118,8 @@ def _means(final: Fitted, vehicle: Vehicle) -> Iterator[str]:
     for shared in shared_nuisances(final, vehicle):
         name = shared.name.replace("_", " ")
         yield f"{name}: {shared.mean:.3g} +- {shared.error:.2g} {shared.unit} in all flights"
+
+
+def _own(final: Fitted, vehicle: Vehicle) -> Iterator[str]:
+    for name, size, unit in beyond_the_ordinary(final, vehicle):
+        yield f"{name.replace('_', ' ')}: {size:.3g} {unit} rms over flights, more than any has of its own"
