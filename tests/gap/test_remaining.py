@@ -15,6 +15,7 @@ from calibration.gap.report.document import Gap, Levels
 from calibration.gap.report.remaining import own_floor, remaining
 from calibration.gap.unnamed.gap_map import GapMap
 from onboard.vehicle import load_vehicle
+from tests.truth.airframe import draw_airframe, nominal
 
 VEHICLE = load_vehicle("crazyflie21-stock")
 NONE = np.zeros((0, 0))
@@ -120,3 +121,11 @@ def test_a_torque_larger_than_any_flight_has_of_its_own_is_a_gap_though_it_scatt
     tipping[:, 3] += np.repeat([-7.0, -24.0, -23.0, -43.0, -14.0, 30.0], PARTS)
     (sentence,) = left(gap(0.03, 0.03), tipping, False)
     assert sentence.startswith("torque trim x: 26.1 rad/s2")
+
+
+def test_a_yaw_that_every_vehicle_of_kilograms_has_is_its_own() -> None:
+    """0.2 rad/s2 of a rotor that leans, on a healthy one of 3.4 kg."""
+    heavy = nominal(draw_airframe(np.random.default_rng(1), 3.4, 3.5), "heavy")
+    yawing = quiet()
+    yawing[:, 5] = np.repeat([-0.2, 0.3, 0.1, -0.3, 0.2, 0.1], PARTS)
+    assert remaining(gap(0.03, 0.03), 0.0, fitted(yawing), NO_MAP, heavy, False) == ()

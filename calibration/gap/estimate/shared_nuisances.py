@@ -19,11 +19,12 @@ _LEAST_SCALE, _LEAST_BIAS, _LEAST_IMBALANCE = 0.02, 0.15, 0.01
 """Means over flights that have a consequence: of the scale of thrust, of a force (m/s2: 1.5 % of gravity),
 and of a torque, as the share of one rotor's hover thrust that makes it."""
 
-_ORDINARY = 10.0
-"""Such means that single flights may have, root mean square: a fifth of the thrust, a tenth of what a rotor
-turns the vehicle with. A vehicle that tips over at take-off has a torque of its own in every flight."""
+_ORDINARY, _ORDINARY_YAW = 10.0, 50.0
+"""Such means that single flights may have, root mean square: a fifth of the thrust, a tenth of a rotor's
+torque in hover, and half of it about b_z, where that is next to nothing and a rotor that leans turns as much.
+A vehicle that tips over at take-off has a torque of its own in every flight."""
 
-_SCALE = [nuisance.name for nuisance in NUISANCES].index("thrust_scale")
+_SCALE, _YAW = ([one.name for one in NUISANCES].index(name) for name in ("thrust_scale", "torque_trim_z"))
 _LEAST_COURSE = 0.01
 """Scale of thrust in the first part of a flight less that in the others, on average: 5 cm after 1 s."""
 
@@ -71,7 +72,8 @@ def beyond_the_ordinary(fitted: Fitted, vehicle: Vehicle) -> tuple[tuple[str, fl
     """Nuisances without a shared mean that are larger than any flight's own: name, rms over flights, unit."""
     shared = {one.name for one in shared_nuisances(fitted, vehicle)}
     sizes = np.sqrt(np.mean(_by_part(fitted).mean(axis=1) ** 2, axis=0))
-    found = zip(NUISANCES, sizes.tolist(), (_ORDINARY * _least(vehicle)).tolist(), strict=True)
+    times = np.where(np.arange(sizes.size) == _YAW, _ORDINARY_YAW, _ORDINARY)
+    found = zip(NUISANCES, sizes.tolist(), (times * _least(vehicle)).tolist(), strict=True)
     large = [(one, size) for one, size, most in found if size > most]
     return tuple((one.name, size, one.unit) for one, size in large if one.name not in shared)
 
