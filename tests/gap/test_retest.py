@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from calibration.gap.data.excitation import only_excited
-from calibration.gap.estimate.model import Model
+from calibration.gap.data.signals import TORQUE
+from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, refine, training_set
 from calibration.gap.search.always import LOG_TIMING
 from calibration.gap.search.retest import on_unseen, unseen_set
@@ -27,20 +28,41 @@ def test_flights_kept_back_have_the_law_that_the_others_told(tmp_path: Path) -> 
     """An eight by itself tells none, and would take for a law what a lag does."""
     eight, *others = flights(Hidden(), tmp_path, dataclasses.replace(CALM, speed_law=True))
     fit = refine(STOCK, (LOG_TIMING,), training_set(others, STOCK))
-    assert shares(on_unseen(unseen_set([eight], fit.model), fit, fit.model)) == pytest.approx(
-        shares(fit), abs=0.05
-    )
+    unseen = unseen_set([eight], fit.model, training_set(others, STOCK))
+    assert shares(on_unseen(unseen, fit, fit.model)) == pytest.approx(shares(fit), abs=0.05)
     alone = refine(fit.model, (), training_set([eight], fit.model), iterations=1)
     assert np.abs(shares(alone) - shares(fit)).max() > 0.3
 
 
 def test_torques_of_flights_kept_back_count_where_most_of_the_motion_was_commanded(tmp_path: Path) -> None:
     records = flights(Hidden(), tmp_path)
-    every = training_set(records, STOCK).regression.weights
-    counted = unseen_set(records, STOCK).regression.weights
+    training = training_set(records, STOCK)
+    every = training.regression.weights
+    counted = unseen_set(records, STOCK, training).regression.weights
     quiet = every < 0.5
     assert quiet.any()
     assert not quiet.all()
     assert np.all(counted[quiet] <= 0.01)
     assert np.array_equal(counted[~quiet], every[~quiet])
     assert np.array_equal(only_excited(counted), counted)
+
+
+def test_a_single_flight_of_shakes_that_is_kept_back_counts(tmp_path: Path) -> None:
+    """By itself none of its parts is quiet; a moment that grows with the speed once lost its name by that."""
+    eight, shake, climbs = flights(Hidden(), tmp_path)
+    counted = unseen_set([shake], STOCK, training_set([eight, climbs], STOCK)).regression.weights
+    assert np.all(counted[:, TORQUE.start : TORQUE.start + 2] > 0.9)
+    alone = training_set([shake], STOCK).regression.weights
+    assert np.median(alone[:, TORQUE.start]) < 0.1
+
+
+def test_a_moment_holds_on_a_flight_harder_than_those_that_told_it(tmp_path: Path) -> None:
+    """Each model under a noise of its own, the one without the moment won on a flight of shakes by 107."""
+    eight, shake, climbs = flights(Hidden(velocity_moment=(2e-4, -2e-4)), tmp_path)
+    moment = tuple(Variable("velocity_moment", axis) for axis in ("roll", "pitch"))
+    training = training_set([eight, climbs], STOCK)
+    final = refine(STOCK, (LOG_TIMING, *moment), training)
+    reduced = refine(STOCK, (LOG_TIMING,), training)
+    unseen = unseen_set([shake], STOCK, training)
+    with_it, without_it = (on_unseen(unseen, one, one.model, final) for one in (final, reduced))
+    assert float(with_it.gains(without_it, in_time=False).sum()) > 100.0

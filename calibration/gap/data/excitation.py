@@ -30,28 +30,41 @@ _LEAST = 0.01
 """Weight of a part without any excitation."""
 
 
-def excitation_weights(signals: Signals, predicted: FloatArray) -> FloatArray:
+def excitation_weights(variance: FloatArray, quiet: FloatArray) -> FloatArray:
     """Weight of each part in each channel, shape (parts, 7), at most 1; it is 1 but for torques.
+
+    Args:
+        variance: of what was commanded in each part, from :func:`commanded`.
+        quiet: where the vehicle is quiet, from :func:`quiet_level` of these flights, or of others of its own.
+    """
+    weights = np.ones((variance.shape[0], len(CHANNELS)))
+    share = 1.0 - np.minimum(_BEYOND * quiet / np.maximum(np.maximum(variance, quiet), 1e-300), 1.0)
+    weights[:, TORQUE] = np.where(variance.any(axis=0), np.maximum(share, _LEAST), 1.0)
+    return weights
+
+
+def commanded(signals: Signals, predicted: FloatArray) -> FloatArray:
+    """Variance of the angular acceleration that was commanded in each part, shape (parts, 3), rad2/s4.
 
     Args:
         signals: of the flights.
         predicted: signals by a model, shape (n, 7), of which the angular accelerations are used.
     """
-    weights = np.ones((signals.part_bounds.size - 1, len(CHANNELS)))
-    variance = np.array(
+    return np.array(
         [
             _variance(predicted[first:end, TORQUE], signals.valid[first:end, TORQUE], signals.dt)
             for first, end in zip(signals.part_bounds[:-1], signals.part_bounds[1:], strict=True)
         ]
     )
-    for axis, channel in enumerate(range(TORQUE.start, TORQUE.stop)):
-        seen = variance[:, axis] > 0.0
-        if not seen.any():
-            continue
-        quiet = np.quantile(variance[seen, axis], _QUIET)
-        share = 1.0 - np.minimum(_BEYOND * quiet / np.maximum(variance[:, axis], quiet), 1.0)
-        weights[:, channel] = np.maximum(share, _LEAST)
-    return weights
+
+
+def quiet_level(variance: FloatArray) -> FloatArray:
+    """That of the quietest parts, shape (3,); 0 about an axis that nothing is known of."""
+    known = np.where(variance > 0.0, variance, np.nan)
+    told = np.isfinite(known).any(axis=0)
+    level = np.zeros(3)
+    level[told] = np.nanquantile(known[:, told], _QUIET, axis=0)
+    return level
 
 
 def only_excited(weights: FloatArray) -> FloatArray:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.gap.data.channels import ResidualChannel
-from calibration.gap.data.excitation import excitation_weights
+from calibration.gap.data.excitation import commanded, excitation_weights, quiet_level
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.signals import PARTS, TORQUE, stack_signals
 from calibration.gap.data.split import FEW, folds
@@ -74,12 +74,14 @@ class Training:
         regression: their signals.
         by_shape: fold of each part of a flight; flights of one kind are in one fold.
         by_time: fold of each part, neighbours apart: for effects that one or two flights alone show.
+        quiet: variance of the angular acceleration that is commanded where nobody asks for any, shape (3,).
     """
 
     records: tuple[FlightRecord, ...]
     regression: Regression
     by_shape: np.ndarray
     by_time: np.ndarray
+    quiet: FloatArray
 
     @property
     def flight_of_part(self) -> np.ndarray:
@@ -90,12 +92,15 @@ class Training:
 def training_set(records: Sequence[FlightRecord], model: Model) -> Training:
     """Flights to fit to, with their folds; `model` says how hard each was flown."""
     signals = stack_signals(records)
+    variance = commanded(signals, model.predict(records))
+    quiet = quiet_level(variance)
     by_time = (np.arange(len(records) * PARTS) + np.arange(len(records) * PARTS) // PARTS) % 2
     return Training(
         records=tuple(records),
-        regression=Regression(signals, excitation_weights(signals, model.predict(records))),
+        regression=Regression(signals, excitation_weights(variance, quiet)),
         by_shape=np.repeat(folds(records), PARTS),
         by_time=by_time,
+        quiet=quiet,
     )
 
 

@@ -4,9 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from calibration.gap.data.record import FlightRecord
-from calibration.gap.estimate.refine import Fitted
+from calibration.gap.estimate.model import Model
+from calibration.gap.estimate.refine import Fitted, training_set
 from calibration.gap.search.naming import Named, not_loaded
-from calibration.gap.search.retest import FAILED, on_unseen, unseen_set
+from calibration.gap.search.retest import FAILED, on_unseen
 from calibration.gap.unnamed.curves import WordedTerm, worded_terms
 from onboard.vehicle.unnamed import MOST_CURVES, UnnamedCurve
 
@@ -79,7 +80,7 @@ def _that_hold(
     """Those without which flights kept back are less likely, the last one found asked first."""
     if not curves:
         return curves
-    unseen = unseen_set(kept_back, believed.model)
+    unseen = training_set(kept_back, Model(believed.model.base, {}, believed.model.ceiling_z))
     present = dict(curves)
     for formula in reversed(curves):
         rest = {other: curve for other, curve in present.items() if other != formula}

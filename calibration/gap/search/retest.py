@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Sequence
 
-from calibration.gap.data.excitation import only_excited
+from calibration.gap.data.excitation import commanded, excitation_weights, only_excited
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.estimate.model import Model
 from calibration.gap.estimate.refine import Fitted, Training, refine, training_set
@@ -24,7 +24,7 @@ def retested(found: Search, kept_back: Sequence[FlightRecord], training: Trainin
     """The search without effects that do not hold on flights that were kept back, the others fitted anew."""
     if not kept_back:
         return found
-    unseen = unseen_set(kept_back, found.first.model)
+    unseen = unseen_set(kept_back, found.first.model, training)
     for step in reversed(found.steps):
         if step.effect == LOG_TIMING.effect or _holds(
             found.final, nearly_without(found.final, training, step.effect), unseen
@@ -41,20 +41,23 @@ def retested(found: Search, kept_back: Sequence[FlightRecord], training: Trainin
     return found
 
 
-def unseen_set(kept_back: Sequence[FlightRecord], model: Model) -> Training:
+def unseen_set(kept_back: Sequence[FlightRecord], model: Model, training: Training) -> Training:
     """Flights that no fit saw, of whose torques those count that somebody commanded.
 
     Beside hard flights what answers noise has no say; by themselves quiet ones would refuse a lag that the
-    others show beyond doubt.
+    others show beyond doubt. How quiet quiet is, those tell that were fitted: one flight of shakes is none.
     """
-    unseen = training_set(kept_back, Model(model.base, {}, model.ceiling_z))
-    regression = Regression(unseen.regression.signals, only_excited(unseen.regression.weights))
-    return dataclasses.replace(unseen, regression=regression)
+    plain = Model(model.base, {}, model.ceiling_z)
+    unseen = training_set(kept_back, plain)
+    variance = commanded(unseen.regression.signals, plain.predict(kept_back))
+    weights = only_excited(excitation_weights(variance, training.quiet))
+    return dataclasses.replace(unseen, regression=Regression(unseen.regression.signals, weights))
 
 
 def _holds(final: Fitted, reduced: Fitted, unseen: Training) -> bool:
     """Whether flights that no fit saw speak for what a fit has more than another."""
-    with_it, without_it = (on_unseen(unseen, one, one.model) for one in (final, reduced))
+    # Under one noise: that of a model which lacks something is broader, and forgives a harder flight more.
+    with_it, without_it = (on_unseen(unseen, one, one.model, final) for one in (final, reduced))
     if shared := swallowed(final, reduced):
         return shared_by(with_it, without_it, shared)
     return float(with_it.gains(without_it, in_time=False).sum()) >= _WORSE
@@ -71,7 +74,14 @@ def shared_by(with_it: Fitted, without_it: Fitted, names: Sequence[str]) -> bool
     return all(abs(less[name].mean) < max(abs(more[name].mean), less[name].least) for name in names)
 
 
-def on_unseen(unseen: Training, fitted: Fitted, model: Model) -> Fitted:
-    """A model held against other flights, whose nuisances are integrated out, with the noise of a fit, and
-    the laws of the motors that it has found."""
-    return refine(model, (), unseen, iterations=1, start=fitted.estimate, known_of_laws=fitted.known_of_laws)
+def on_unseen(unseen: Training, fitted: Fitted, model: Model, noise_of: Fitted | None = None) -> Fitted:
+    """A model held against other flights, whose nuisances are integrated out.
+
+    Args:
+        unseen: the flights.
+        fitted: whose laws of the motors they have.
+        model: that is held against them.
+        noise_of: fit whose noise they have; None: that of `fitted`.
+    """
+    start = (noise_of or fitted).estimate
+    return refine(model, (), unseen, iterations=1, start=start, known_of_laws=fitted.known_of_laws)
