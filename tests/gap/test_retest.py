@@ -29,7 +29,7 @@ def test_flights_kept_back_have_the_law_that_the_others_told(tmp_path: Path) -> 
     eight, *others = flights(Hidden(), tmp_path, dataclasses.replace(CALM, speed_law=True))
     fit = refine(STOCK, (LOG_TIMING,), training_set(others, STOCK))
     unseen = unseen_set([eight], fit.model, training_set(others, STOCK))
-    assert shares(on_unseen(unseen, fit, fit.model)) == pytest.approx(shares(fit), abs=0.05)
+    assert shares(on_unseen(unseen, fit.model, fit, fit)) == pytest.approx(shares(fit), abs=0.05)
     alone = refine(fit.model, (), training_set([eight], fit.model), iterations=1)
     assert np.abs(shares(alone) - shares(fit)).max() > 0.3
 
@@ -64,5 +64,5 @@ def test_a_moment_holds_on_a_flight_harder_than_those_that_told_it(tmp_path: Pat
     final = refine(STOCK, (LOG_TIMING, *moment), training)
     reduced = refine(STOCK, (LOG_TIMING,), training)
     unseen = unseen_set([shake], STOCK, training)
-    with_it, without_it = (on_unseen(unseen, one, one.model, final) for one in (final, reduced))
+    with_it, without_it = (on_unseen(unseen, one.model, final, one) for one in (final, reduced))
     assert float(with_it.gains(without_it, in_time=False).sum()) > 100.0

@@ -89,11 +89,17 @@ class Training:
         return np.arange(self.by_shape.size) // PARTS
 
 
-def training_set(records: Sequence[FlightRecord], model: Model) -> Training:
-    """Flights to fit to, with their folds; `model` says how hard each was flown."""
+def training_set(records: Sequence[FlightRecord], model: Model, quiet: FloatArray | None = None) -> Training:
+    """Flights to fit to, with their folds.
+
+    Args:
+        records: the flights.
+        model: says how hard each was flown.
+        quiet: as of other flights of the vehicle; None: as the quietest of these are.
+    """
     signals = stack_signals(records)
     variance = commanded(signals, model.predict(records))
-    quiet = quiet_level(variance)
+    quiet = quiet_level(variance) if quiet is None else quiet
     by_time = (np.arange(len(records) * PARTS) + np.arange(len(records) * PARTS) // PARTS) % 2
     return Training(
         records=tuple(records),

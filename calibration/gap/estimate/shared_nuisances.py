@@ -24,7 +24,7 @@ _ORDINARY, _ORDINARY_YAW = 10.0, 50.0
 torque in hover, and half of it about b_z, where that is next to nothing and a rotor that leans turns as much.
 A vehicle that tips over at take-off has a torque of its own in every flight."""
 
-_SCALE, _YAW = ([one.name for one in NUISANCES].index(name) for name in ("thrust_scale", "torque_trim_z"))
+_SCALE = [nuisance.name for nuisance in NUISANCES].index("thrust_scale")
 _LEAST_COURSE = 0.01
 """Scale of thrust in the first part of a flight less that in the others, on average: 5 cm after 1 s."""
 
@@ -72,8 +72,8 @@ def beyond_the_ordinary(fitted: Fitted, vehicle: Vehicle) -> tuple[tuple[str, fl
     """Nuisances without a shared mean that are larger than any flight's own: name, rms over flights, unit."""
     shared = {one.name for one in shared_nuisances(fitted, vehicle)}
     sizes = np.sqrt(np.mean(_by_part(fitted).mean(axis=1) ** 2, axis=0))
-    times = np.where(np.arange(sizes.size) == _YAW, _ORDINARY_YAW, _ORDINARY)
-    found = zip(NUISANCES, sizes.tolist(), (times * _least(vehicle)).tolist(), strict=True)
+    times = [_ORDINARY_YAW if one.name == "torque_trim_z" else _ORDINARY for one in NUISANCES]
+    found = zip(NUISANCES, sizes.tolist(), (np.array(times) * _least(vehicle)).tolist(), strict=True)
     large = [(one, size) for one, size, most in found if size > most]
     return tuple((one.name, size, one.unit) for one, size in large if one.name not in shared)
 

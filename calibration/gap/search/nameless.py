@@ -85,7 +85,8 @@ def _that_hold(
     for formula in reversed(curves):
         rest = {other: curve for other, curve in present.items() if other != formula}
         with_it, without_it = (
-            on_unseen(unseen, believed, believed.model.with_curves(some.values())) for some in (present, rest)
+            on_unseen(unseen, believed.model.with_curves(some.values()), believed, believed)
+            for some in (present, rest)
         )
         if float(with_it.gains(without_it, in_time=False).sum()) <= 0.0:
             present = rest

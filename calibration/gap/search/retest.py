@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Sequence
 
-from calibration.gap.data.excitation import commanded, excitation_weights, only_excited
+from calibration.gap.data.excitation import only_excited
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.estimate.model import Model
 from calibration.gap.estimate.refine import Fitted, Training, refine, training_set
@@ -47,17 +47,15 @@ def unseen_set(kept_back: Sequence[FlightRecord], model: Model, training: Traini
     Beside hard flights what answers noise has no say; by themselves quiet ones would refuse a lag that the
     others show beyond doubt. How quiet quiet is, those tell that were fitted: one flight of shakes is none.
     """
-    plain = Model(model.base, {}, model.ceiling_z)
-    unseen = training_set(kept_back, plain)
-    variance = commanded(unseen.regression.signals, plain.predict(kept_back))
-    weights = only_excited(excitation_weights(variance, training.quiet))
+    unseen = training_set(kept_back, Model(model.base, {}, model.ceiling_z), training.quiet)
+    weights = only_excited(unseen.regression.weights)
     return dataclasses.replace(unseen, regression=Regression(unseen.regression.signals, weights))
 
 
 def _holds(final: Fitted, reduced: Fitted, unseen: Training) -> bool:
     """Whether flights that no fit saw speak for what a fit has more than another."""
     # Under one noise: that of a model which lacks something is broader, and forgives a harder flight more.
-    with_it, without_it = (on_unseen(unseen, one, one.model, final) for one in (final, reduced))
+    with_it, without_it = (on_unseen(unseen, one.model, final, one) for one in (final, reduced))
     if shared := swallowed(final, reduced):
         return shared_by(with_it, without_it, shared)
     return float(with_it.gains(without_it, in_time=False).sum()) >= _WORSE
@@ -74,14 +72,14 @@ def shared_by(with_it: Fitted, without_it: Fitted, names: Sequence[str]) -> bool
     return all(abs(less[name].mean) < max(abs(more[name].mean), less[name].least) for name in names)
 
 
-def on_unseen(unseen: Training, fitted: Fitted, model: Model, noise_of: Fitted | None = None) -> Fitted:
+def on_unseen(unseen: Training, model: Model, noise_of: Fitted, laws_of: Fitted) -> Fitted:
     """A model held against other flights, whose nuisances are integrated out.
 
     Args:
         unseen: the flights.
-        fitted: whose laws of the motors they have.
         model: that is held against them.
-        noise_of: fit whose noise they have; None: that of `fitted`.
+        noise_of: fit whose noise they have.
+        laws_of: fit that tells the laws of the motors.
     """
-    start = (noise_of or fitted).estimate
-    return refine(model, (), unseen, iterations=1, start=start, known_of_laws=fitted.known_of_laws)
+    start, known = noise_of.estimate, laws_of.known_of_laws
+    return refine(model, (), unseen, iterations=1, start=start, known_of_laws=known)
