@@ -279,6 +279,7 @@ def test_values_that_no_lab_can_have_are_refused(fresh: Lab) -> None:
     assert drone.powered
 
 
+@pytest.mark.further
 def test_workers_of_xdist_do_not_meet(pytester: pytest.Pytester) -> None:
     pytester.makepyfile(
         """

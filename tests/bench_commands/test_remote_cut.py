@@ -44,7 +44,11 @@ PATIENT = 3.0
 
 
 @pytest.mark.parametrize(
-    ("end", "within_s"), [(signal.SIGKILL, CUT_S), (signal.SIGSTOP, PATIENT * HANG_S + CUT_S)]
+    ("end", "within_s"),
+    [
+        pytest.param(signal.SIGKILL, CUT_S, marks=pytest.mark.further),
+        (signal.SIGSTOP, PATIENT * HANG_S + CUT_S),
+    ],
 )
 def test_motors_lose_their_power_when_the_wizard_dies_or_hangs(
     bench: Bench, tmp_path: Path, end: signal.Signals, within_s: float

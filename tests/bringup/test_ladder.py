@@ -91,6 +91,7 @@ def test_the_ladder_leads_to_a_landing_that_is_judged_by_its_label(
         assert climb()[1]["next"] == (None if attached else "landing")
 
 
+@pytest.mark.further
 def test_a_subject_that_is_turned_fails_the_tilt_though_the_doctor_cannot_see_it(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

@@ -63,6 +63,7 @@ def is_true_but_for_yaw(fitted: Fitted) -> bool:
     return found == pytest.approx([TRUTH["x"], TRUTH["y"], 0.0], rel=0.1)
 
 
+@pytest.mark.further  # without a search: the next one
 def test_an_axis_that_nothing_known_explains_keeps_no_other_from_its_value() -> None:
     found = search(Model(STOCK), yaw_beyond_all_bounds(), np.random.default_rng(1))
     assert found.refused["rate_damping z"].startswith("z ran into its bound")

@@ -72,6 +72,7 @@ def largest_error(fitted: Fitted, truth: UnnamedCurve) -> float:
     return float(np.abs(told - np.interp(y, truth.knots, truth.values)).max())
 
 
+@pytest.mark.soak  # the curve alone: tests/gap/test_unnamed.py
 def test_a_force_that_comes_and_goes_softly_is_measured() -> None:
     training, unseen = disturbed()
     found, names = concluded(Model(STOCK), training, unseen, np.random.default_rng(1))
@@ -86,6 +87,7 @@ def search_without(training: Training, *barred: str) -> Search:
     return search_on(start, nothing, dict.fromkeys(barred, "given up"), training, rng, lambda _: None)
 
 
+@pytest.mark.further
 def test_what_was_given_up_leaves_no_room_for_the_nearest_name() -> None:
     on = search_without(slowed(), "linear_drag", "rotor_drag")
     assert on.final.model.effects == ()  # no wind, no battery, no drag of the body

@@ -67,6 +67,7 @@ def test_report_and_improved_vehicle(flights: Path, found: tuple[Path, int, dict
     assert "<html" in (folder / "report.html").read_text()
 
 
+@pytest.mark.further
 def test_with_the_vehicle_that_was_found_there_is_nothing_more_to_find(
     flights: Path, found: tuple[Path, int, dict[str, Any]], tmp_path: Path
 ) -> None:

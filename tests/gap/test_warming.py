@@ -72,6 +72,7 @@ def test_a_fall_of_thrust_is_measured_and_left_to_no_nuisance() -> None:
     assert abs(fall(found)) < 0.002
 
 
+@pytest.mark.further
 def test_what_passes_for_it_where_torques_are_asked_promises_nothing_beside_it() -> None:
     none, found, _ = fitted(True)
     before, beside = (

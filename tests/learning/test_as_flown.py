@@ -51,6 +51,7 @@ def several() -> NDArray[np.void]:
     return flown(12)
 
 
+@pytest.mark.further
 def test_the_labs_flight_is_one_of_them(several: NDArray[np.void], tmp_path: Path) -> None:
     """What the policy saw when it fired in a whole lab, over the real protocols."""
     with SimulatedLab("lab") as lab:

@@ -23,6 +23,7 @@ def lines(out: Path) -> list[str]:
     return (out / "results.jsonl").read_text(encoding="utf-8").splitlines()
 
 
+@pytest.mark.further  # CI tries samples of everything
 def test_a_sample_is_tried_counted_and_not_tried_again(tmp_path: Path) -> None:
     before = (REPOSITORY / TARGET).read_bytes()
     code, document = mutation(tmp_path, "--sample", "6", "--seed", "3", "--jobs", "2")

@@ -118,6 +118,7 @@ def test_reference_condition_and_pictures(copy_of_learned: Path, tmp_path: Path)
     assert "3 m/s at 50 deg, simulated" in page.text
 
 
+@pytest.mark.further
 def test_a_sweep_alone_and_a_flown_approach(copy_of_learned: Path, runs: Path) -> None:
     for name in (
         "policy.policy.json",

@@ -9,17 +9,24 @@ from calibration.measurement import Interval
 
 @dataclass(frozen=True, kw_only=True)
 class FoundParameter:
-    """A number of an effect. `at_bound`: the fit ended at the limit of what is physical: a warning."""
+    """A number of an effect.
+
+    Attributes:
+        at_bound: the fit ended at the limit of what is physical: a warning.
+        unseen: its interval holds all that is physical: the flights say nothing of it.
+    """
 
     value: float
     unit: str
     ci95: Interval
     at_bound: bool = False
+    unseen: bool = False
 
     def json_shape(self) -> dict[str, Any]:
-        """As in the contract; `at_bound` where it is so."""
+        """As in the contract; `at_bound` and `unseen` where it is so."""
         shown: dict[str, Any] = {"value": self.value, "unit": self.unit, "ci95": self.ci95}
-        return {**shown, "at_bound": True} if self.at_bound else shown
+        marks = {"at_bound": self.at_bound, "unseen": self.unseen}
+        return shown | {mark: True for mark, is_so in marks.items() if is_so}
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ def found_effects(names: Named, flights: HeldOutFlights, rng: np.random.Generato
         effects.append(
             FoundEffect(
                 name=name,
-                parameters=_parameters(name, names),
+                parameters=found_parameters(name, names),
                 error_before=gain.before,
                 error_after=gain.after,
                 improvement_ci95=gain.interval,
@@ -37,15 +37,17 @@ def found_effects(names: Named, flights: HeldOutFlights, rng: np.random.Generato
     return effects
 
 
-def _parameters(name: str, names: Named) -> dict[str, FoundParameter]:
+def found_parameters(name: str, names: Named) -> dict[str, FoundParameter]:
+    """The parameters of a named effect, each with its interval of 95 %."""
     parameters = {}
     for v, value in names.model.values.items():
         if v.effect == name:
-            half = NINETY_FIVE * names.errors.get(v, 0.0)
+            half, rule = NINETY_FIVE * names.errors.get(v, 0.0), names.model.rule(v)
             parameters[v.parameter] = FoundParameter(
                 value=value,
-                unit=EFFECTS[name].parameters[v.parameter].unit,
+                unit=rule.unit,
                 ci95=(value - half, value + half),
+                unseen=value - half <= rule.low and value + half >= rule.high,
             )
     return parameters
 

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from html import escape
 from typing import Any
 
+from calibration.gap.data.found import FoundEffect
 from calibration.gap.landings.flip import FlipResidual
 from calibration.gap.replay.closed_loop import ClosedLoopFlight
 from calibration.gap.report import drawings, words
@@ -123,12 +124,19 @@ def _effects(report: GapReport) -> str:
                 values,
                 error,
                 interval(effect.improvement_ci95),
-                "" if effect.probability is None else number(effect.probability),
+                _probability(effect),
                 escape(others) + told,
             ]
         )
     header = ["", "effect", "parameters", "error", "improvement, 95 %", "probability", "could also be"]
     return table(header, rows)
+
+
+def _probability(effect: FoundEffect) -> str:
+    if effect.probability is None:
+        return ""
+    either = "<br><small>it, or what it could also be</small>" if effect.ambiguous_with else ""
+    return number(effect.probability) + either
 
 
 def _gap(report: GapReport, figures: ReportFigures) -> Iterator[str]:
