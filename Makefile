@@ -18,7 +18,8 @@ unexport PYTHONDONTWRITEBYTECODE
 # As the command line does: threads of the linear algebra only spin where every core has a test already.
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo walkthrough check test soak soak-sample lint lock clean
+.PHONY: demo walkthrough check test soak soak-sample sample-of-tests sample-of-flights sample-of-mutants lint lock \
+	clean
 
 demo: $(VENV)/.demo
 	$(BIN)/perchhw demo --out demo-run
@@ -57,13 +58,19 @@ soak: $(VENV)/.dev
 	$(BIN)/python -m tests.firmware.mutation
 	$(BIN)/python benchmarks/gap.py
 
-# A sample of them, another one with each SEED.
-soak-sample: $(VENV)/.dev
-	$(BIN)/python -m pytest -m "further and not soak" --sample 20 --sample-seed $(SEED)
+# A sample of them, another one with each SEED; the three parts may run beside each other.
+soak-sample: sample-of-tests sample-of-flights sample-of-mutants
+
+sample-of-tests: $(VENV)/.dev
+	$(BIN)/python -m pytest -m "further and not soak" --sample 16 --sample-seed $(SEED)
+
+sample-of-flights: $(VENV)/.dev
 	$(BIN)/python -m tests.lab_time.same_flight --busy 4 --flights 1 --seed $(SEED)
 	$(BIN)/python -m tests.faulty_campaign --attempts 1 --seed $(SEED)
 	$(BIN)/python -m tests.diagnosis.faulty_flights --flights 2 --seed $(SEED)
 	$(BIN)/python -m tests.flight.stop_proof --stops 4 --seed $(SEED)
+
+sample-of-mutants: $(VENV)/.dev
 	$(BIN)/python -m tests.mutation --sample 20 --seed $(SEED)
 	$(BIN)/python -m tests.firmware.mutation --sample 8 --seed $(SEED)
 
