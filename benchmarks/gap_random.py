@@ -96,10 +96,14 @@ def run(draws: dict[str, Draw], key: tuple[str, int]) -> dict[str, Any]:
     from calibration.gap.data import prepare_flights
     from calibration.gap.find import GapQuestion, NothingToFindError, find_gap
     from calibration.gap.report.confidence import clearness
+    from tests.truth.published import VehicleLost
 
     truth, seed = key
     with tempfile.TemporaryDirectory() as folder:
-        files, vehicle, answer, ceiling = draws[truth](seed, Path(folder))
+        try:
+            files, vehicle, answer, ceiling = draws[truth](seed, Path(folder))
+        except VehicleLost as error:
+            return {"program": truth, "seed": seed, "hidden": {}, "crash": None, "refused": str(error)}
         facts = {
             name: answer[name]
             for name in ("size", "flights", "hertz", "kilograms", "accelerometer", "voltage", "state_hz")

@@ -12,8 +12,10 @@ from tests.truth.published import (
     RPM,
     PublishedRoom,
     RoomEnded,
+    VehicleLost,
     as_logged,
     frame_of,
+    kept,
     owners_vehicle,
     speed_for,
 )
@@ -83,3 +85,13 @@ def test_a_log_has_the_marker_that_cameras_see_and_duties_that_bring_the_thrust(
     half = [0.05, math.pi / 4.0 + 0.05]
     np.testing.assert_allclose(log[:, 6:8], np.column_stack([np.sin(half), np.cos(half)]))
     np.testing.assert_allclose(4.0 * frame.highest * log[:, 14:18] ** 2, frame.mass * G)
+
+
+@pytest.mark.parametrize(("column", "value"), [(3, 0.0), (1, math.nan), (8, math.inf)])
+def test_a_flight_that_ends_in_no_vehicle_is_no_flight(column: int, value: float) -> None:
+    log = np.tile(np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0] + [0.0] * 10), (3, 5, 1))
+    assert kept(log) is log
+    lost = log.copy()
+    lost[1, 4, [column, 6] if column == 3 else column] = value
+    with pytest.raises(VehicleLost, match="flight 2 of 3"):
+        kept(lost)

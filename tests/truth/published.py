@@ -58,6 +58,10 @@ class RoomEnded(RuntimeError):
     """The simulator's process ended; the message has its last words."""
 
 
+class VehicleLost(RuntimeError):
+    """The published controller could not keep the vehicle with what is hidden in it: there is no flight."""
+
+
 class PublishedRoom:
     """The simulator as a process; a context manager.
 
@@ -97,6 +101,7 @@ class PublishedRoom:
 
         Raises:
             RoomEnded: it could not.
+            VehicleLost: what it flew ends in numbers that no vehicle has.
         """
         given, flown = (self._folder / name for name in ("given.npz", "flown.npz"))
         np.savez(given, **arrays)
@@ -104,7 +109,7 @@ class PublishedRoom:
         self._process.stdin.write(json.dumps({**request, "input": str(given), "output": str(flown)}) + "\n")
         self._process.stdin.flush()
         self._answer()
-        return np.asarray(np.load(flown)["log"])
+        return kept(np.load(flown)["log"])
 
     def _answer(self) -> dict[str, Any]:
         assert self._process.stdout is not None
@@ -115,6 +120,19 @@ class PublishedRoom:
         self._words.seek(0)
         last = self._words.read().strip().splitlines()[-1:]
         raise RoomEnded(f"{SCRIPT.name} ended with {self._process.returncode}: {''.join(last)}")
+
+
+def kept(log: np.ndarray) -> np.ndarray:
+    """The log (flights, steps, 17), if every vehicle was kept to its end.
+
+    Raises:
+        VehicleLost: one was not; the message names the first.
+    """
+    has_attitude = np.linalg.norm(log[..., 3:7], axis=-1) > 0.5
+    there = (np.isfinite(log).all(axis=-1) & has_attitude).all(axis=-1)
+    if not there.all():
+        raise VehicleLost(f"flight {np.argmin(there) + 1} of {len(log)} ended in numbers that no vehicle has")
+    return log
 
 
 def frame_of(published: dict[str, Any]) -> Airframe:
