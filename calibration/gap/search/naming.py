@@ -5,9 +5,10 @@ import tomllib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
 from scipy.stats import norm
 
-from calibration.gap.data.excitation import excited
+from calibration.gap.data.excitation import answered, commanded, excitation_weights, excited
 from calibration.gap.estimate.acceptance import clustered_errors, drifting, runs_out, sizeable
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training, refine
@@ -183,7 +184,7 @@ def _doubt(
         chance, errors: standard error of each variable, clustered, and with all doubts.
     """
     values = {v: x for v, x in final.model.values.items() if v.effect == effect}
-    if effect == LOG_TIMING.effect and not excited(training.regression.weights):
+    if effect == LOG_TIMING.effect and not _tells_delays(final, training):
         return "too little was commanded to tell it"
     if at_bound := [v.parameter for v in values if runs_out(final, v, chance.get(v, 0.0))]:
         return AT_BOUND.format(", ".join(at_bound))
@@ -202,6 +203,16 @@ def _doubt(
     if not large:
         return SMALL_AND_NOTHING if nothing else _small(values)
     return NOTHING if nothing or contains_nothing(large, final, errors) else None
+
+
+def _tells_delays(final: Fitted, training: Training) -> bool:
+    """Whether enough was commanded, or else the vehicle moved by itself as the final model says."""
+    signals, predicted = training.regression.signals, final.predicted
+    quiet = answered(training.quiet, signals, predicted)
+    own = excited(excitation_weights(commanded(signals, predicted), quiet)) and bool(
+        np.any(quiet < training.quiet)
+    )
+    return own or excited(training.regression.weights)
 
 
 def contains_nothing(
