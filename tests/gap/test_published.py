@@ -14,8 +14,8 @@ from tests.truth.published import (
     RoomEnded,
     VehicleLost,
     as_logged,
+    flown_to_the_end,
     frame_of,
-    kept,
     owners_vehicle,
     speed_for,
 )
@@ -90,8 +90,8 @@ def test_a_log_has_the_marker_that_cameras_see_and_duties_that_bring_the_thrust(
 @pytest.mark.parametrize(("column", "value"), [(3, 0.0), (1, math.nan), (8, math.inf)])
 def test_a_flight_that_ends_in_no_vehicle_is_no_flight(column: int, value: float) -> None:
     log = np.tile(np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0] + [0.0] * 10), (3, 5, 1))
-    assert kept(log) is log
+    assert flown_to_the_end(log) is log
     lost = log.copy()
     lost[1, 4, [column, 6] if column == 3 else column] = value
     with pytest.raises(VehicleLost, match="flight 2 of 3"):
-        kept(lost)
+        flown_to_the_end(lost)

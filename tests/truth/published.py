@@ -109,7 +109,7 @@ class PublishedRoom:
         self._process.stdin.write(json.dumps({**request, "input": str(given), "output": str(flown)}) + "\n")
         self._process.stdin.flush()
         self._answer()
-        return kept(np.load(flown)["log"])
+        return flown_to_the_end(np.load(flown)["log"])
 
     def _answer(self) -> dict[str, Any]:
         assert self._process.stdout is not None
@@ -122,8 +122,8 @@ class PublishedRoom:
         raise RoomEnded(f"{SCRIPT.name} ended with {self._process.returncode}: {''.join(last)}")
 
 
-def kept(log: np.ndarray) -> np.ndarray:
-    """The log (flights, steps, 17), if every vehicle was kept to its end.
+def flown_to_the_end(log: np.ndarray) -> np.ndarray:
+    """The log (flights, steps, 17) itself.
 
     Raises:
         VehicleLost: one was not; the message names the first.

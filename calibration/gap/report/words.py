@@ -40,8 +40,11 @@ def listed(names: list[str]) -> str:
 
 def parameter(name: str, found: FoundParameter) -> str:
     """``scale 0.951 (95 %: 0.948 to 0.954)``."""
-    warning = ", at the limit of what is physical" if found.at_bound else ""
-    warning = ", all that is physical: these flights do not tell" if found.unseen else warning
+    warning = ""
+    if found.unseen:
+        warning = ", all that is physical: these flights do not tell"
+    elif found.at_bound:
+        warning = ", at the limit of what is physical"
     return f"{plain(name)} {number(found.value)}{unit(found.unit)} (95 %: {interval(found.ci95)}{warning})"
 
 

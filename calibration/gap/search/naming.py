@@ -209,10 +209,9 @@ def _tells_delays(final: Fitted, training: Training) -> bool:
     """Whether enough was commanded, or else the vehicle moved by itself as the final model says."""
     signals, predicted = training.regression.signals, final.predicted
     quiet = answered(training.quiet, signals, predicted)
-    own = excited(excitation_weights(commanded(signals, predicted), quiet)) and bool(
-        np.any(quiet < training.quiet)
-    )
-    return own or excited(training.regression.weights)
+    shakes = bool(np.any(quiet < training.quiet))
+    by_itself = shakes and excited(excitation_weights(commanded(signals, predicted), quiet))
+    return by_itself or excited(training.regression.weights)
 
 
 def contains_nothing(
