@@ -75,3 +75,23 @@ def turn_rate(
     mz = wz + half * (tz + gz) * inv_z
     gx, gy, gz = gyroscopic_torque(mx, my, mz, ix, iy, iz)
     return wx + dt * (tx + gx) * inv_x, wy + dt * (ty + gy) * inv_y, wz + dt * (tz + gz) * inv_z
+
+
+@inner
+def acceleration_beside(point: Vector, wx: float, wy: float, wz: float, turn_up: Vector) -> Vector:
+    """What a point of the body accelerates by more than its centre of mass: a x r + w x (w x r), m/s2, body.
+
+    Args:
+        point: r, m from the centre of mass, body frame.
+        wx, wy, wz: body rate w, rad/s.
+        turn_up: angular acceleration a, rad/s2, body frame.
+    """
+    rx, ry, rz = point
+    ax, ay, az = turn_up
+    along = wx * rx + wy * ry + wz * rz
+    square = wx * wx + wy * wy + wz * wz
+    return (
+        ay * rz - az * ry + wx * along - square * rx,
+        az * rx - ax * rz + wy * along - square * ry,
+        ax * ry - ay * rx + wz * along - square * rz,
+    )

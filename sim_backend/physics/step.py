@@ -24,7 +24,13 @@ from sim_backend.physics.frames import Rotation, Wrench, cross, to_body, to_worl
 from sim_backend.physics.jit import inner, kernel, outlined
 from sim_backend.physics.legs import hinge_force
 from sim_backend.physics.motors import commanded, decay, lag_to_end, lag_to_middle
-from sim_backend.physics.rigid_body import rotation_matrix, turn, turn_rate, unit
+from sim_backend.physics.rigid_body import (
+    acceleration_beside,
+    rotation_matrix,
+    turn,
+    turn_rate,
+    unit,
+)
 from sim_backend.physics.rods import LOOSE, Inverse, Rod, coupling, rod_forces
 
 HeldLeg = tuple[Rod, Vector, Vector]
@@ -86,6 +92,26 @@ def attitude(state: Any) -> Rotation:
 
 
 @inner
+def feel(state: Any, p: Any, force: Vector, before: Vector, dt: float) -> None:
+    """Put the mean specific force (m/s2, body) of a substep into the state, as felt in the drone's middle.
+
+    Args:
+        state, p: the vehicle.
+        force: specific force at the centre of mass, m/s2, body.
+        before: body rate (rad/s) at the beginning of the substep.
+        dt: s, its length.
+    """
+    x, y, z = force
+    if p.sensors_on:  # the board is where the drone's middle is, beside the centre of mass
+        w, c = state.omega, p.geometric_centre
+        turn_up = ((w[0] - before[0]) / dt, (w[1] - before[1]) / dt, (w[2] - before[2]) / dt)
+        wx, wy, wz = 0.5 * (w[0] + before[0]), 0.5 * (w[1] + before[1]), 0.5 * (w[2] + before[2])
+        beside = acceleration_beside((c[0], c[1], c[2]), wx, wy, wz, turn_up)
+        x, y, z = x + beside[0], y + beside[1], z + beside[2]
+    state.specific_force[0], state.specific_force[1], state.specific_force[2] = x, y, z
+
+
+@inner
 def free_substep(state: Any, p: Any, targets: Thrusts, dt: float, up: float, down: float) -> None:
     """`dt` (s) of free flight; `up` and `down` are the motor decays of half the time."""
     drift_to_middle(state, 0.5 * dt)
@@ -94,13 +120,13 @@ def free_substep(state: Any, p: Any, targets: Thrusts, dt: float, up: float, dow
     velocity = state.velocity
     vx, vy, vz = to_body(rot, velocity[0], velocity[1], velocity[2])
     wrench = free_flight_wrench(state, p, rot, vx, vy, vz)
-    inverse = inverse_inertia(p)
+    inverse, w = inverse_inertia(p), state.omega
+    before = w[0], w[1], w[2]
     kick(state, p, rot, inverse, wrench, dt)
     lag_to_end(state, p, targets, up, down)
     drift_to_end(state, 0.5 * dt)
-    state.specific_force[0] = wrench[0] * inverse[0]
-    state.specific_force[1] = wrench[1] * inverse[0]
-    state.specific_force[2] = wrench[2] * inverse[0]
+    force = wrench[0] * inverse[0], wrench[1] * inverse[0], wrench[2] * inverse[0]
+    feel(state, p, force, before, dt)
     state.time += dt
 
 
@@ -242,17 +268,18 @@ def contact_substep(state: Any, p: Any, targets: Thrusts, dt: float, up: float, 
     ux, uy, uz = velocity[0], velocity[1], velocity[2]
     v = to_body(rot, ux, uy, uz)
     wrench = free_flight_wrench(state, p, rot, v[0], v[1], v[2])
-    inverse = inverse_inertia(p)
+    inverse, w = inverse_inertia(p), state.omega
+    before = w[0], w[1], w[2]
     if any_foot_holds(state):
         kick_with_legs(state, p, rot, inverse, wrench, v, dt)
     else:
         kick(state, p, rot, inverse, wrench, dt)
     collide_all(state, p, rot)
     rate = 1.0 / dt
-    sx, sy, sz = to_body(
+    force = to_body(
         rot, (velocity[0] - ux) * rate, (velocity[1] - uy) * rate, (velocity[2] - uz) * rate + p.gravity
     )
-    state.specific_force[0], state.specific_force[1], state.specific_force[2] = sx, sy, sz
+    feel(state, p, force, before, dt)
     lag_to_end(state, p, targets, up, down)
     drift_to_end(state, 0.5 * dt)
     state.time += dt

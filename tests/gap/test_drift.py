@@ -6,10 +6,10 @@ import pytest
 from calibration.gap.estimate.acceptance import drift, drifting
 from calibration.gap.estimate.mixed import FIRST_SPREAD, MixedFit, Products
 from calibration.gap.estimate.model import Model, Variable
-from calibration.gap.estimate.motor_laws import prior_of_laws
 from calibration.gap.estimate.nuisances import NUISANCES
 from calibration.gap.estimate.refine import Fitted
 from calibration.gap.estimate.regression import LinearisedFit, Noise
+from calibration.gap.estimate.unstated import prior_of_unstated
 from onboard.vehicle import load_vehicle
 
 X, Z = Variable("body_drag", "area_x"), Variable("body_drag", "area_z")
@@ -34,7 +34,9 @@ def offered(difference: float) -> Fitted:
     estimate = LinearisedFit(mixed, products, (products,) * 3, Noise(np.zeros((7, 16)), np.ones(7)), nothing)
     likelihoods = (np.zeros((3, PARTS)),) * 2
     folds, columns = np.zeros(PARTS, dtype=int), (nothing, nothing)
-    return Fitted(model, (X, Z), estimate, *likelihoods, folds, nothing, columns, laws=prior_of_laws(0))
+    return Fitted(
+        model, (X, Z), estimate, *likelihoods, folds, nothing, columns, unstated=prior_of_unstated(0)
+    )
 
 
 def test_a_number_that_makes_the_name_and_drifts_costs_it() -> None:

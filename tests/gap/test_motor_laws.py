@@ -10,6 +10,7 @@ import pytest
 from calibration.gap.estimate.model import Model
 from calibration.gap.estimate.motor_laws import motor_laws
 from calibration.gap.estimate.refine import refine, training_set
+from calibration.gap.estimate.unstated import AXES
 from calibration.gap.search.always import LOG_TIMING, law_in_words
 from onboard.quantity import Quantity
 from onboard.vehicle import Effect, Vehicle
@@ -34,7 +35,7 @@ def test_flights_tell_the_law(tmp_path: Path, speed_law: bool) -> None:
     records = flights(Hidden(), tmp_path, dataclasses.replace(CALM, speed_law=speed_law))
     model = Model(VEHICLE)
     fit = refine(model, (LOG_TIMING,), training_set(records, model))
-    by_speed, *others = fit.estimate.fit.theta[len(fit.variables) : fit.first_unnamed]
+    by_speed, *others = fit.estimate.fit.theta[len(fit.variables) + AXES : fit.first_unnamed]
     assert by_speed == pytest.approx(float(speed_law), abs=0.15)
     assert np.abs(others).max() < 0.15
     told = [words.startswith("rotors follow by their speed in first order") for words in law_in_words(fit)]

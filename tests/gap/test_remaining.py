@@ -7,10 +7,10 @@ import pytest
 
 from calibration.gap.estimate.mixed import FIRST_SPREAD, MixedFit, Products
 from calibration.gap.estimate.model import Model
-from calibration.gap.estimate.motor_laws import prior_of_laws
 from calibration.gap.estimate.nuisances import NUISANCES
 from calibration.gap.estimate.refine import Fitted
 from calibration.gap.estimate.regression import LinearisedFit, Noise
+from calibration.gap.estimate.unstated import prior_of_unstated
 from calibration.gap.report.document import Gap, Levels
 from calibration.gap.report.remaining import own_floor, remaining
 from calibration.gap.unnamed.gap_map import GapMap
@@ -50,7 +50,7 @@ def fitted(per_part: np.ndarray) -> Fitted:
         zeros.astype(int),
         np.zeros((0, 7)),
         (),
-        laws=prior_of_laws(0),
+        unstated=prior_of_unstated(0),
     )
 
 

@@ -136,10 +136,10 @@ class Model:
     def predict(self, records: Sequence[FlightRecord]) -> FloatArray:
         """Predicted signals along the flights (:mod:`calibration.gap.data.signals`), shape (n, 7)."""
         p = self.parameters()
-        predictions = self._along(records, p)
+        predictions = self.along(records, p)
         # What a motor lifts at a voltage says nothing of what it draws.
         plain = self.without("thrust_curve").without("motor_warming")
-        drawing = predictions if plain.effects == self.effects else plain._along(records, plain.parameters())
+        drawing = predictions if plain.effects == self.effects else plain.along(records, plain.parameters())
         return stack_predictions(records, predictions, [terminal_voltage(p, one) for one in drawing])
 
     def motion(self, records: Sequence[FlightRecord], p: Any) -> FloatArray:
@@ -149,10 +149,11 @@ class Model:
             records: flights.
             p: the model's :meth:`parameters`, or others near them.
         """
-        predictions = self._along(records, p)
+        predictions = self.along(records, p)
         return stack_predictions(records, predictions, [np.zeros_like(one.current) for one in predictions])
 
-    def _along(self, records: Sequence[FlightRecord], p: Any) -> list[Prediction]:
+    def along(self, records: Sequence[FlightRecord], p: Any) -> list[Prediction]:
+        """What these :meth:`parameters` say along each flight."""
         with ThreadPoolExecutor(WORKERS) as pool:
             return list(pool.map(lambda record: teacher_forced(record, p), records))
 

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from calibration.gap.data.record import FlightRecord
-from calibration.gap.estimate.mixed import Prior
 from calibration.gap.estimate.model import Model
 from onboard.arrays import FloatArray
 
@@ -49,11 +48,6 @@ def motor_laws(model: Model, records: Sequence[FlightRecord]) -> tuple[FloatArra
         return ()
     usual = model.motion(records, p)
     return tuple(np.asfortranarray(model.motion(records, _by(p, up, down)) - usual) for up, down in _PAIRS)
-
-
-def prior_of_laws(count: int) -> Prior:
-    """Of the share that each law has: none of it, give or take all."""
-    return Prior.independent(np.zeros(count), np.ones(count))
 
 
 def _by(p: Any, up: str, down: str) -> Any:

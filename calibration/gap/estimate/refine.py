@@ -13,8 +13,8 @@ from calibration.gap.data.signals import PARTS, TORQUE, stack_signals
 from calibration.gap.data.split import FEW, folds
 from calibration.gap.estimate.mixed import FIRST_SPREAD, MOST, Prior, held_out_shares
 from calibration.gap.estimate.model import Model, Variable, kinds_that_tell
-from calibration.gap.estimate.motor_laws import motor_laws, prior_of_laws
 from calibration.gap.estimate.regression import LinearisedFit, Noise, Regression
+from calibration.gap.estimate.unstated import prior_of_unstated, unstated
 from onboard.arrays import FloatArray
 from onboard.vehicle import Vehicle
 
@@ -123,9 +123,9 @@ class Fitted:
         held_out_in_time: likewise, with those of the other parts of all flights.
         folds: of each part, by kind of flight, shape (parts,).
         predicted: signals along the flights, shape (n, 7).
-        columns: derivative of the signals by each variable, then what other laws of the motors would do
-            (:mod:`calibration.gap.estimate.motor_laws`), then the columns of the unnamed terms.
-        laws: what was known of the laws before these flights.
+        columns: derivative of the signals by each variable, then by what no vehicle file states
+            (:mod:`calibration.gap.estimate.unstated`), then the columns of the unnamed terms.
+        unstated: what was known of that before these flights.
         unnamed: terms without a name that are in the model.
     """
 
@@ -137,27 +137,27 @@ class Fitted:
     folds: np.ndarray
     predicted: FloatArray
     columns: tuple[FloatArray, ...]
-    laws: Prior
+    unstated: Prior
     unnamed: tuple[UnnamedTerm, ...] = ()
 
     @property
-    def columns_of_laws(self) -> tuple[FloatArray, ...]:
-        """What other laws of the motors would do."""
+    def columns_of_unstated(self) -> tuple[FloatArray, ...]:
+        """What no vehicle file states would do."""
         return self.columns[len(self.variables) : self.first_unnamed]
 
     @property
     def first_unnamed(self) -> int:
         """Index of the first column of an unnamed term."""
-        return len(self.variables) + self.laws.mean.size
+        return len(self.variables) + self.unstated.mean.size
 
     @property
     def prior(self) -> Prior:
         """Of all coefficients, in the order of the estimate's columns."""
-        return _prior(self.model, self.variables, self.laws, len(self.columns) - self.first_unnamed)
+        return _prior(self.model, self.variables, self.unstated, len(self.columns) - self.first_unnamed)
 
     @property
-    def known_of_laws(self) -> Prior:
-        """What is known of the laws after these flights."""
+    def known_of_unstated(self) -> Prior:
+        """What is known after these flights of what no vehicle file states."""
         own = slice(len(self.variables), self.first_unnamed)
         fit = self.estimate.fit
         return Prior(fit.theta[own], np.asarray(np.linalg.inv(fit.covariance[own, own])))
@@ -228,9 +228,9 @@ def prior_step(model: Model, variables: Sequence[Variable]) -> Prior:
     return believed
 
 
-def _prior(model: Model, variables: Sequence[Variable], laws: Prior, unnamed: int) -> Prior:
+def _prior(model: Model, variables: Sequence[Variable], beside: Prior, unnamed: int) -> Prior:
     nameless = Prior.independent(np.zeros(unnamed), np.full(unnamed, _UNNAMED_RANGE**-2.0))
-    return prior_step(model, variables).and_of(laws).and_of(nameless)
+    return prior_step(model, variables).and_of(beside).and_of(nameless)
 
 
 def refine(
@@ -241,7 +241,7 @@ def refine(
     start: LinearisedFit | None = None,
     unnamed: Sequence[UnnamedTerm] = (),
     near: "Fitted | None" = None,
-    known_of_laws: Prior | None = None,
+    known_of_unstated: Prior | None = None,
 ) -> Fitted:
     """The model with `variables` fitted to the flights.
 
@@ -254,14 +254,14 @@ def refine(
         unnamed: terms whose coefficients are fitted as well.
         near: a fit whose derivatives are near enough for a first look: those of its variables are not
             computed anew, which with many variables is most of the work.
-        known_of_laws: from other flights of the vehicle; None: nothing.
+        known_of_unstated: from other flights of the vehicle; None: nothing.
     """
-    laws = near.columns_of_laws if near is not None else motor_laws(model, training.records)
     given = {} if near is None else dict(zip(near.variables, near.columns, strict=False))
     known = given
     nameless = [column for term in unnamed for column in term.columns]
-    extra = [*laws, *nameless]
-    believed = prior_of_laws(len(laws)) if known_of_laws is None else known_of_laws
+    beside = unstated(model, training.records) if near is None else near.columns_of_unstated
+    extra = [*beside, *nameless]
+    believed = prior_of_unstated(len(beside)) if known_of_unstated is None else known_of_unstated
     spread = FIRST_SPREAD if start is None else start.fit.spread
     noise: Noise | None = None if start is None else start.noise
     for iteration in range(1, iterations + 1):
@@ -301,7 +301,7 @@ def refine(
         folds=training.by_shape,
         predicted=predicted,
         columns=(*columns, *extra),
-        laws=believed,
+        unstated=believed,
         unnamed=tuple(unnamed),
     )
 

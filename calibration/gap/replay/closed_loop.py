@@ -2,6 +2,8 @@
 
 The project's own controller flies the model along the measured positions. A right model needs the thrust and
 the attitude that the real vehicle needed; what an open-loop replay gets wrong by feedback is right here.
+The controller is trimmed for the model: those that flew integrate the error of the attitude, ours does not,
+and motors that differ, or a centre of mass beside the middle, would leave it leaning by up to 30 deg.
 """
 
 from dataclasses import dataclass
@@ -15,7 +17,7 @@ from calibration.gap.replay.inputs import PredictionInputs, motor_starts, predic
 from calibration.gap.replay.kernels import interpolated, keep
 from calibration.gap.replay.windows import longest_stretch
 from onboard.arrays import BoolArray, FloatArray, Vector
-from onboard.battery import duty_for_thrust
+from onboard.battery import duty_for_thrust, thrust_from_voltage
 from onboard.controller import (
     ControllerGains,
     controller_gains,
@@ -27,8 +29,11 @@ from onboard.mixer import mix
 from onboard.thrust_map import ThrustMap
 from onboard.vehicle import Vehicle
 from sim_backend.physics.battery import draw, motor_targets
+from sim_backend.physics.forces import free_flight_wrench
 from sim_backend.physics.jit import kernel, outlined
 from sim_backend.physics.motors import commanded, decay
+from sim_backend.physics.reset import with_cold_motors
+from sim_backend.physics.state import new_state
 from sim_backend.physics.step import free_substep
 
 SETTLING = 1.0
@@ -38,6 +43,10 @@ SHORTEST = 3.0
 
 CONTROL_PERIOD = 2e-3
 """s from one run of the controller to the next."""
+UNTRIMMED: Vector = (0.0, 0.0, 0.0)
+"""N m: moments of a controller that knows of no torque to be held against."""
+_TRIMMING = 20
+"""Steps in which a trim is found: each leaves the share by which the motors are weaker than believed."""
 _ACCELERATION_WINDOW = 0.15
 SETPOINT = 11
 """Numbers of a setpoint: position, velocity, acceleration, yaw, yaw rate; m, rad, s, world."""
@@ -69,7 +78,7 @@ class ClosedLoopFlight:
 @kernel
 def _control(
     state: Any, p: Any, gains: ControllerGains, thrust_map: ThrustMap, integral: Any,
-    setpoint: Any, lagged: Vector, dt: float, duty: Any,
+    setpoint: Any, lagged: Vector, trim: Vector, dt: float, duty: Any,
 ) -> Vector:  # fmt: skip
     """Duties of the firmware's controller, mixer and battery compensation, into `duty` (4,).
 
@@ -81,18 +90,54 @@ def _control(
         setpoint[0:3], setpoint[3:6], setpoint[6:9], setpoint[9], gains,
     )  # fmt: skip
     wrench, lagged = lead_moments(wanted, lagged, gains, dt)
+    _mixed(state, p, thrust_map, wrench[0], trim, (wrench[1], wrench[2], wrench[3]), duty)
+    return lagged
+
+
+@kernel
+def _mixed(
+    state: Any, p: Any, thrust_map: ThrustMap, collective: float, trim: Vector, moments: Vector, duty: Any
+) -> None:
+    """Duties of mixer and battery compensation, into `duty` (4,).
+
+    The limit is full duty, as that of every firmware, not the thrust that a vehicle file thinks a motor has.
+    """
+    most = thrust_from_voltage(thrust_map, state.battery_voltage)
     thrusts = mix(
-        wrench[0], wrench[1], wrench[2], wrench[3], p.arm_x, p.arm_y, p.thrust_to_torque, p.thrust_max
-    )
+        collective, moments[0] + trim[0], moments[1] + trim[1], moments[2] + trim[2],
+        p.arm_x, p.arm_y, p.thrust_to_torque, most,
+    )  # fmt: skip
     for motor in range(4):
         duty[motor] = duty_for_thrust(thrusts[motor], state.battery_voltage, thrust_map, 0.0)
-    return lagged
+
+
+@outlined
+def hover_trim(state: Any, p: Any, gains: ControllerGains, thrust_map: ThrustMap) -> Vector:
+    """Moments (N m) by which a controller that believes in equal motors holds the model in hover.
+
+    Args:
+        state: far from floor and ceiling; receives the motors.
+        p: parameters, of motors without a delay.
+        gains, thrust_map: as in :func:`fly_setpoints`.
+    """
+    level, duty = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0), np.zeros(4)
+    collective, x, y, z = gains.mass * p.gravity, 0.0, 0.0, 0.0
+    for _ in range(_TRIMMING):
+        _mixed(state, p, thrust_map, collective, (x, y, z), UNTRIMMED, duty)
+        targets = commanded(state, p, motor_targets(state, p, duty))
+        for motor in range(4):
+            state.thrust[motor] = targets[motor]
+        _, _, fz, tx, ty, tz = free_flight_wrench(state, p, level, 0.0, 0.0, 0.0)
+        collective += p.mass * p.gravity - fz
+        x, y, z = x - tx, y - ty, z - tz
+    return x, y, z
 
 
 @outlined
 def fly_setpoints(
     state: Any, p: Any, gains: ControllerGains, thrust_map: ThrustMap, setpoints: Any, voltage: Any,
-    disturbance: Any, substeps: int, h: float, control_steps: int, position_steps: int, out: Any,
+    disturbance: Any, trim: Vector, substeps: int, h: float, control_steps: int, position_steps: int,
+    out: Any,
 ) -> None:  # fmt: skip
     """Fly a model, away from floor and ceiling, as the firmware would along these setpoints.
 
@@ -103,6 +148,7 @@ def fly_setpoints(
         setpoints: at the samples, shape (n, 11), see :data:`SETPOINT`.
         voltage: V, shape (n,), that the motors get; shape (0,): that of the model's own battery.
         disturbance: rad/s2 (body) and m/s2 (world) of each sample interval, shape (n, 6).
+        trim: N m, moments that the controller adds to its own.
         substeps, h: steps from one sample to the next, and their length (s).
         control_steps, position_steps: steps between two runs of the controller, and of its integrator.
         out: filled at every sample, shape (n, 21), see :data:`LOGGED`.
@@ -127,7 +173,7 @@ def fly_setpoints(
                 )
             if count % control_steps == 0:
                 lagged = _control(
-                    state, p, gains, thrust_map, integral, target, lagged, control_steps * h, duty
+                    state, p, gains, thrust_map, integral, target, lagged, trim, control_steps * h, duty
                 )
             targets = commanded(state, p, motor_targets(state, p, duty))
             if j == 0:
@@ -171,9 +217,16 @@ def fly_again(record: FlightRecord, vehicle: Vehicle) -> ClosedLoopFlight | None
     count = stretch.stop - stretch.start
     control_steps = max(1, round(CONTROL_PERIOD / inputs.step))
     out = np.empty((count, LOGGED))
+    gains, thrust_map = controller_gains(vehicle), vehicle.motors.thrust_map_compiled()
+    in_hover = with_cold_motors(new_state())
+    in_hover["battery_voltage"] = inputs.voltage[stretch.start]
+    in_hover["position"] = inputs.position[stretch].mean(axis=0)
+    prompt = p.copy()
+    prompt["delay_steps"] = 0.0
+    trim = hover_trim(in_hover, prompt, gains, thrust_map)
     fly_setpoints(
-        starts[0], p, controller_gains(vehicle), vehicle.motors.thrust_map_compiled(),
-        _path(inputs, stretch), inputs.voltage[stretch], np.zeros((count, 6)),
+        starts[0], p, gains, thrust_map,
+        _path(inputs, stretch), inputs.voltage[stretch], np.zeros((count, 6)), trim,
         inputs.substeps, inputs.step, control_steps, control_steps, out,
     )  # fmt: skip
     settled = slice(inputs.rows(SETTLING), None)

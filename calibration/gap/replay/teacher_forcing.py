@@ -13,7 +13,7 @@ import numpy as np
 
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.replay.kernels import duty_between
-from onboard.arrays import FloatArray
+from onboard.arrays import FloatArray, Vector
 from onboard.battery import battery_current
 from sim_backend.physics.battery import motor_targets
 from sim_backend.physics.effects.command_delay import STEP
@@ -22,7 +22,12 @@ from sim_backend.physics.frames import to_body
 from sim_backend.physics.jit import kernel, outlined
 from sim_backend.physics.motors import commanded, decay, lag_to_end, lag_to_middle
 from sim_backend.physics.reset import with_cold_motors
-from sim_backend.physics.rigid_body import rotation_matrix, unit
+from sim_backend.physics.rigid_body import (
+    acceleration_beside,
+    gyroscopic_torque,
+    rotation_matrix,
+    unit,
+)
 from sim_backend.physics.state import new_state
 
 
@@ -30,8 +35,9 @@ class Prediction(NamedTuple):
     """What a model says along a measured flight of n samples.
 
     Attributes:
-        force: m/s2, body, shape (n, 3): specific force at each sample.
+        force: m/s2, body, shape (n, 3): specific force at each sample, in the middle of the drone.
         angular_acceleration: rad/s2, body, shape (n - 1, 3): mean over each sample interval.
+        turn_up: rad/s2, body, shape (n, 3): angular acceleration at each sample, as in `force`.
         thrust: N, shape (n, 4), of the motors at each sample.
         current: A, shape (n,), out of the battery.
         charge: C, shape (n,), drawn since the first sample.
@@ -39,6 +45,7 @@ class Prediction(NamedTuple):
 
     force: FloatArray
     angular_acceleration: FloatArray
+    turn_up: FloatArray
     thrust: FloatArray
     current: FloatArray
     charge: FloatArray
@@ -83,6 +90,18 @@ def _wrench(state: Any, p: Any) -> tuple[float, float, float, float, float, floa
 
 
 @outlined
+def _felt(state: Any, p: Any) -> tuple[Vector, Vector]:
+    """Specific force (m/s2, body) in the middle of the drone, where board and tracked origin are, and the
+    angular acceleration (rad/s2, body)."""
+    fx, fy, fz, tx, ty, tz = _wrench(state, p)
+    w, inertia, centre = state.omega, p.inertia, p.geometric_centre
+    gx, gy, gz = gyroscopic_torque(w[0], w[1], w[2], inertia[0], inertia[1], inertia[2])
+    turn_up = ((tx + gx) / inertia[0], (ty + gy) / inertia[1], (tz + gz) / inertia[2])
+    ax, ay, az = acceleration_beside((centre[0], centre[1], centre[2]), w[0], w[1], w[2], turn_up)
+    return (fx / p.mass + ax, fy / p.mass + ay, fz / p.mass + az), turn_up
+
+
+@outlined
 def force_at_sample(state: Any, record: Any, k: int, p: Any) -> tuple[float, float, float]:
     """Force (N, body) at sample `k` of a record, with the motors' thrusts that `state` has."""
     if k == 0:
@@ -96,7 +115,7 @@ def force_at_sample(state: Any, record: Any, k: int, p: Any) -> tuple[float, flo
 @outlined
 def _follow(state: Any, p: Any, record: Any, dt: float, steps: int, out: Any) -> None:
     """Fill `out`, the arrays of a :class:`Prediction`, along a record."""
-    force, acceleration, thrust, current, charge = out
+    force, acceleration, turn_up, thrust, current, charge = out
     rate, duty = record[3], record[4]
     count = duty.shape[0]
     step = dt / steps
@@ -109,8 +128,9 @@ def _follow(state: Any, p: Any, record: Any, dt: float, steps: int, out: Any) ->
     for k in range(count):
         last = k == count - 1
         _place(state, record, k - 1 if last else k, 1.0 if last else 0.0)
-        fx, fy, fz, _, _, _ = _wrench(state, p)
-        force[k, 0], force[k, 1], force[k, 2] = fx / p.mass, fy / p.mass, fz / p.mass
+        felt, turned = _felt(state, p)
+        for i in range(3):
+            force[k, i], turn_up[k, i] = felt[i], turned[i]
         for motor in range(4):
             thrust[k, motor] = state.thrust[motor]
         current[k] = battery_current(
@@ -128,9 +148,8 @@ def _follow(state: Any, p: Any, record: Any, dt: float, steps: int, out: Any) ->
             lag_to_middle(state, p, targets, up, down, 0.5 * step)
             _, _, _, tx, ty, tz = _wrench(state, p)
             wx, wy, wz = state.omega[0], state.omega[1], state.omega[2]
-            sx += (tx - (iz - iy) * wy * wz) / ix
-            sy += (ty - (ix - iz) * wz * wx) / iy
-            sz += (tz - (iy - ix) * wx * wy) / iz
+            gx, gy, gz = gyroscopic_torque(wx, wy, wz, ix, iy, iz)
+            sx, sy, sz = sx + (tx + gx) / ix, sy + (ty + gy) / iy, sz + (tz + gz) / iz
             lag_to_end(state, p, targets, up, down)
         acceleration[k, 0], acceleration[k, 1], acceleration[k, 2] = sx / steps, sy / steps, sz / steps
 
@@ -153,6 +172,7 @@ def teacher_forced(record: FlightRecord, parameters: Any) -> Prediction:
     out = Prediction(
         np.empty((count, 3)),
         np.empty((count - 1, 3)),
+        np.empty((count, 3)),
         np.empty((count, 4)),
         np.empty(count),
         np.empty(count),

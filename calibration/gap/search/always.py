@@ -6,6 +6,7 @@ from calibration.gap.estimate.acceptance import DETECTABLE
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.motor_laws import LAWS
 from calibration.gap.estimate.refine import Fitted, Training
+from calibration.gap.estimate.unstated import AXES
 
 LOG_TIMING = Variable("command_delay", "delay")
 """When a command was logged is never known to the millisecond, and a delay left out makes other names."""
@@ -31,7 +32,7 @@ def late_by_more_than_the_log(model: Model, training: Training) -> bool:
 
 def law_in_words(final: Fitted) -> list[str]:
     """Which law the rotors follow, where the flights tell that it is another than the model's."""
-    laws = slice(len(final.variables), final.first_unnamed)
+    laws = slice(len(final.variables) + AXES, final.first_unnamed)
     shares = final.estimate.fit.theta[laws]
     errors = np.sqrt(np.diag(final.estimate.fit.covariance))[laws]
     return [

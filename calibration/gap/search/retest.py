@@ -72,14 +72,14 @@ def shared_by(with_it: Fitted, without_it: Fitted, names: Sequence[str]) -> bool
     return all(abs(less[name].mean) < max(abs(more[name].mean), less[name].least) for name in names)
 
 
-def on_unseen(unseen: Training, model: Model, noise_of: Fitted, laws_of: Fitted) -> Fitted:
+def on_unseen(unseen: Training, model: Model, noise_of: Fitted, unstated_of: Fitted) -> Fitted:
     """A model held against other flights, whose nuisances are integrated out.
 
     Args:
         unseen: the flights.
         model: that is held against them.
         noise_of: fit whose noise they have.
-        laws_of: fit that tells the laws of the motors.
+        unstated_of: fit that tells what no vehicle file states.
     """
-    start, known = noise_of.estimate, laws_of.known_of_laws
-    return refine(model, (), unseen, iterations=1, start=start, known_of_laws=known)
+    start, known = noise_of.estimate, unstated_of.known_of_unstated
+    return refine(model, (), unseen, iterations=1, start=start, known_of_unstated=known)

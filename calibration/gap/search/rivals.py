@@ -2,7 +2,7 @@
 
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -14,6 +14,7 @@ from calibration.gap.estimate.model import WORKERS, Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training, refine, settled
 from calibration.gap.estimate.shared_nuisances import swallowed
 from calibration.gap.search.candidates import Candidate, candidates_for
+from calibration.gap.search.credible import credible
 from calibration.gap.search.linear_look import LinearLook, linear_look
 from onboard.arrays import FloatArray
 from onboard.vehicle import EFFECTS
@@ -50,6 +51,9 @@ _DOUBTFUL = 3.0
 
 _SCALES = ("thrust_scale", "mass_error")
 """Whose place no difference between motors takes."""
+
+_YAW = np.array([1.0, -1.0, 1.0, -1.0])
+"""By which motors that differ yaw, without roll or pitch."""
 
 
 @dataclass(frozen=True)
@@ -145,21 +149,27 @@ def needed(final: Fitted, effect: str, training: Training) -> bool:
         return float(final.gains(reduced, in_time).sum())
 
     reduced = nearly_without(final, training, effect)
+    if effect in _SCALES and alike_in_all_motors(reduced.model):
+        return True  # four motors have taken its place
     if _DOUBTFUL * LEAST_GAIN > gain_over(reduced) >= LEAST_GAIN:
         reduced = settled(reduced, training)  # with its own derivatives it may do without
     return gain_over(reduced) >= LEAST_GAIN or bool(swallowed(final, reduced))
 
 
-def rivals(final: Fitted, effect: str, close: Sequence[str], training: Training) -> list[Rival]:
-    """Effects that could stand in the place of a named one, the closest first, but for those far behind.
+def rivals(
+    final: Fitted, effect: str, close: Sequence[str], training: Training, barred: Iterable[str] = ()
+) -> list[Rival]:
+    """Effects that could stand in the place of a named one and be believed, the closest first, but for those
+    far behind.
 
     Args:
         final: the fit with all effects.
         effect: the one to be replaced.
         close: effects that came close when it was found; those it is commonly confused with are added.
         training: the flights.
+        barred: effects that take no name's place.
     """
-    names = {*close, *EFFECTS[effect].confused_with} - {effect, *final.model.effects}
+    names = {*close, *EFFECTS[effect].confused_with} - {effect, *final.model.effects, *barred}
     look = linear_look(final, training, names)
     far = {name for name in look.offered if _is_far_behind(look, effect, name)}
     reduced = nearly_without(final, training, effect)
@@ -167,6 +177,8 @@ def rivals(final: Fitted, effect: str, close: Sequence[str], training: Training)
     with ThreadPoolExecutor(WORKERS) as pool:
         found = list(pool.map(lambda c: _rival(final, effect, reduced, c, training), offered))
     found = [one for one in found if not (effect in _SCALES and alike_in_all_motors(one.fitted.model))]
+    # What would be refused later takes no name's place now.
+    found = [one for one in found if credible(one.fitted, one.effect, training)]
     return sorted(found, key=lambda rival: rival.lead)
 
 
@@ -174,7 +186,12 @@ def alike_in_all_motors(model: Model) -> bool:
     """Whether four motors are further from what the vehicle file says than from each other: that is a scale
     of thrust, in whose place they stand, and no difference between motors."""
     motors = np.array([value for v, value in model.values.items() if v.effect == "motor_imbalance"])
-    return bool(motors.size and abs(motors.mean() - 1.0) > np.abs(motors - motors.mean()).max())
+    if not motors.size:
+        return False
+    differences = motors - motors.mean()
+    if "com_offset" in model.effects:  # undoes whatever of them rolls or pitches, be it large
+        differences = _YAW * (_YAW @ differences) / _YAW.size
+    return bool(abs(motors.mean() - 1.0) > np.abs(differences).max())
 
 
 def _is_far_behind(look: LinearLook, effect: str, rival: str) -> bool:

@@ -8,7 +8,7 @@ two that together do what one does (a scale of thrust is a mass and three inerti
 import dataclasses
 import functools
 import itertools
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from calibration.gap.estimate.refine import Fitted, Training, refine, settled
 from calibration.gap.estimate.shared_nuisances import swallowed
 from calibration.gap.search.always import LOG_TIMING, late_by_more_than_the_log
 from calibration.gap.search.candidates import Candidate, candidates
+from calibration.gap.search.credible import credible
 from calibration.gap.search.linear_look import LinearLook, linear_look
 from calibration.gap.search.rivals import (
     HOPELESS,
@@ -45,7 +46,7 @@ def second_look(
     training: Training,
     rng: np.random.Generator,
     progress: Progress,
-    barred: Container[str],
+    barred: Collection[str],
 ) -> tuple[Fitted, list[SelectionStep], Ambiguous]:
     """Drop what others have made superfluous; put in the place of names what outdoes them.
 
@@ -69,7 +70,7 @@ def second_look(
         if not step.judgement.sizeable:
             continue
         progress(f"{step.effect} or another{names.to_go(len(left) - index)}")
-        found = [one for one in _rivals(present, step, training) if one.effect not in barred]
+        found = _rivals(present, step, training, barred)
         small = next((rival for rival in found if rival.negligible), None)
         if small is not None:
             present = settled(small.fitted, training)
@@ -81,11 +82,11 @@ def second_look(
         if best is not None and (best.freed or len(left) > 1):
             present = settled(best.fitted, training)
             left[index] = step = dataclasses.replace(step, effect=best.effect, after=present)
-            found = _rivals(present, step, training)
+            found = _rivals(present, step, training, barred)
         if doubtful := tuple(rival for rival in found if not rival.told_apart):
             ambiguous[step.effect] = doubtful
     if late_by_more_than_the_log(present.model, training):  # which no round has asked about
-        late = rivals(present, LOG_TIMING.effect, (), training)
+        late = rivals(present, LOG_TIMING.effect, (), training, barred)
         if doubtful := tuple(rival for rival in late if not rival.told_apart):
             ambiguous[LOG_TIMING.effect] = doubtful
     return present, left, ambiguous
@@ -102,10 +103,10 @@ def _drop_superfluous(
     return present
 
 
-def _rivals(present: Fitted, step: SelectionStep, training: Training) -> list[Rival]:
+def _rivals(present: Fitted, step: SelectionStep, training: Training, barred: Collection[str]) -> list[Rival]:
     """Effects in the place of a named one, the closest first."""
     close = [name for name, lack in step.rivals.items() if lack < _CLOSE * step.judgement.gain]
-    return rivals(present, step.effect, close, training)
+    return rivals(present, step.effect, close, training, barred)
 
 
 def _one_for_two(
@@ -138,7 +139,7 @@ def _one_for_two(
         if cause is None or alike_in_all_motors(cause[1].model) or not _explains(cause[1], present, alone):
             continue
         candidate, fitted = cause[0], settled(cause[1], training)
-        if not _explains(fitted, present, alone):
+        if not (_explains(fitted, present, alone) and credible(fitted, candidate.effect, training)):
             continue  # with derivatives of a model near by it looked better than it is
         step = SelectionStep(
             candidate.effect, judge(reduced, fitted, candidate.variables, training, rng), fitted

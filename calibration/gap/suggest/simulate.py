@@ -13,7 +13,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from calibration.gap.data.record import FlightRecord
-from calibration.gap.replay.closed_loop import CONTROL_PERIOD, LOGGED, fly_setpoints
+from calibration.gap.replay.closed_loop import CONTROL_PERIOD, LOGGED, UNTRIMMED, fly_setpoints
 from onboard.arrays import FloatArray
 from onboard.controller import controller_gains
 from onboard.manoeuvres.course import RATE, Course
@@ -67,7 +67,7 @@ def fly_course(
     out = np.empty((count, LOGGED))
     fly_setpoints(
         state, p, controller_gains(vehicle), vehicle.motors.thrust_map_compiled(), setpoints, np.empty(0),
-        disturbance, _PER_SAMPLE, _STEP, _CONTROL_STEPS, _POSITION_STEPS, out,
+        disturbance, UNTRIMMED, _PER_SAMPLE, _STEP, _CONTROL_STEPS, _POSITION_STEPS, out,
     )  # fmt: skip
     if not _followed(out, course, p):
         return None

@@ -2,8 +2,8 @@
 
 The body frame has its origin in the centre of mass: rotors, hips and hull move the other way. Mixer and
 controller still believe in rotors at (+-arm_x, +-arm_y). The inertia in the vehicle file is that about the
-centre of mass. What is tracked or called the origin of the drone stays in the middle: it is at
-`geometric_centre` in the body frame.
+centre of mass. What is tracked or called the origin of the drone stays in the middle, and so does the
+board with its accelerometer: both are at `geometric_centre` in the body frame.
 """
 
 from collections.abc import Mapping
