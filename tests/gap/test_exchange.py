@@ -9,7 +9,8 @@ import pytest
 from calibration.gap.estimate.acceptance import judge, sizeable
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training, refine, training_set
-from calibration.gap.search.rivals import NOT_TOLD_APART, alike_in_all_motors, rivals
+from calibration.gap.search.credible import credible
+from calibration.gap.search.rivals import NOT_TOLD_APART, alike_in_all_motors, needed, rivals
 from calibration.gap.search.second_look import second_look
 from calibration.gap.search.selection import SelectionStep
 from onboard.quantity import Quantity
@@ -18,6 +19,7 @@ from tests.gap.simulated_flight import circle, fly, up_and_down, with_noise
 
 STOCK = load_vehicle("crazyflie21-stock")
 SCALE, MASS = Variable("thrust_scale", "scale"), Variable("mass_error", "relative")
+MOTORS = tuple(Variable("motor_imbalance", f"m{k}") for k in range(1, 5))
 INERTIAS = tuple(Variable("inertia_error", axis) for axis in ("xx", "yy", "zz"))
 
 
@@ -87,6 +89,32 @@ def test_four_motors_that_are_all_weaker_are_a_scale(motors: tuple[float, ...], 
     values = {Variable("motor_imbalance", f"m{k}"): value for k, value in enumerate(motors, 1)}
     assert alike_in_all_motors(Model(STOCK, values)) == alike
     assert not alike_in_all_motors(Model(STOCK, {SCALE: 0.8}))
+
+
+def test_motors_that_a_centre_of_mass_undoes_are_alike_all_the_same() -> None:
+    """Of 13 real flights: differences that roll, and a centre of mass 5 mm to the side of it."""
+    motors = dict(zip(MOTORS, (0.593, 0.616, 1.018, 0.775), strict=True))
+    assert not alike_in_all_motors(Model(STOCK, motors))
+    assert alike_in_all_motors(Model(STOCK, {**motors, Variable("com_offset", "y"): 0.005}))
+
+
+def test_a_scale_is_needed_where_four_motors_would_have_to_take_its_place() -> None:
+    assert needed(fitted(SCALE, *MOTORS), "thrust_scale", training())
+    assert not needed(fitted(SCALE, *MOTORS), "motor_imbalance", training())
+
+
+def test_what_runs_into_its_bound_takes_no_name_s_place() -> None:
+    """A thrust that is weak from the first second on is no loss by warmth."""
+    warm = fitted(Variable("motor_warming", "loss"), Variable("motor_warming", "time_constant"))
+    assert not credible(warm, "motor_warming", training())
+    scaled = fitted(SCALE)
+    assert credible(scaled, "thrust_scale", training())
+    assert "motor_warming" not in {one.effect for one in rivals(scaled, "thrust_scale", [], training())}
+
+
+def test_what_is_barred_is_not_even_fitted_as_a_rival() -> None:
+    found = rivals(fitted(SCALE), "thrust_scale", [], training(), barred=("inertia_error",))
+    assert "inertia_error" not in {one.effect for one in found}
 
 
 def test_a_scale_takes_the_place_of_an_inertia_that_was_named_for_it() -> None:

@@ -285,6 +285,33 @@ def test_flying_again_needs_what_the_model_lacks(laps: FlightRecord) -> None:
     assert fly_again(dataclasses.replace(laps, flying=laps.t < 1.0), VEHICLE) is None
 
 
+@pytest.mark.parametrize(
+    "unequal",
+    [
+        {"motor_imbalance": {"m1": 1.06, "m2": 1.03, "m3": 1.04, "m4": 0.86}},
+        {"com_offset": {"x": 0.004, "y": -0.003}},
+    ],
+)
+def test_flying_again_is_trimmed_as_the_controllers_that_flew(
+    laps: FlightRecord, unequal: dict[str, dict[str, float]]
+) -> None:
+    """Without an integral of the attitude error ours leans by 20 deg with such motors."""
+    again = fly_again(laps, with_effects(unequal))
+    assert again is not None
+    leans = np.linalg.norm(rotation_between(again.attitude, again.needed_attitude), axis=1)
+    assert np.degrees(np.median(leans)) < 3.0
+
+
+def test_flying_again_has_what_the_battery_gives(laps: FlightRecord) -> None:
+    """A weak vehicle needs more than its file thinks that a motor has; real ones flew at 95 % of duty."""
+    needed = 0.25 * VEHICLE.body.mass.value * GRAVITY / 0.5
+    assert needed > VEHICLE.motors.thrust_max.value
+    weak = fly_again(laps, with_effects({"thrust_scale": {"scale": 0.5}}))
+    assert weak is not None
+    leans = np.linalg.norm(rotation_between(weak.attitude, weak.needed_attitude), axis=1)
+    assert np.degrees(np.median(leans)) < 3.0
+
+
 def test_twenty_flights_take_seconds(laps: FlightRecord) -> None:
     long = fly(VEHICLE, circle(), 35.0)
     evaluate([laps], VEHICLE)

@@ -217,7 +217,9 @@ def fly_again(record: FlightRecord, vehicle: Vehicle) -> ClosedLoopFlight | None
     count = stretch.stop - stretch.start
     control_steps = max(1, round(CONTROL_PERIOD / inputs.step))
     out = np.empty((count, LOGGED))
-    gains, thrust_map = controller_gains(vehicle), vehicle.motors.thrust_map_compiled()
+    thrust_map = vehicle.motors.thrust_map_compiled()
+    full = thrust_from_voltage(thrust_map, float(inputs.voltage[stretch].max()))
+    gains = controller_gains(vehicle)._replace(collective_max=4.0 * full)
     in_hover = with_cold_motors(new_state())
     in_hover["battery_voltage"] = inputs.voltage[stretch.start]
     in_hover["position"] = inputs.position[stretch].mean(axis=0)

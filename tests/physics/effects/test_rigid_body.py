@@ -118,6 +118,25 @@ def test_with_an_offset_everything_keeps_its_place_from_the_middle(make: MakePar
         np.testing.assert_allclose(there, hull_point(plain, rot, index, 1.0), atol=1e-12)
 
 
+def test_an_accelerometer_beside_the_centre_of_mass_feels_the_middle_move(make: MakeParameters) -> None:
+    """Its specific force is the second derivative of where the middle is, less gravity."""
+    p, dt = make({"com_offset": {"x": 0.004, "y": -0.003, "z": 0.002}}), 1e-3
+    state = approaching(p, HIGH, STILL)
+    state["omega"] = [4.0, -3.0, 2.0]
+    middle, felt, turns = [], [], []
+    for _ in range(12):
+        middle.append(tracked_position(state, p))
+        turns.append(np.array(attitude(state)).reshape(3, 3))
+        step_thrust(state, p, (0.05, 0.08, 0.1, 0.06), dt)
+        felt.append(state["specific_force"].copy())
+    moved = np.diff(middle, 2, axis=0) / dt**2 + [0.0, 0.0, 9.81]
+    seen = np.einsum("nji,nj->ni", np.array(turns)[1:-1], moved)
+    mean = 0.5 * (np.array(felt)[:-2] + np.array(felt)[1:-1])
+    np.testing.assert_allclose(mean, seen, atol=0.02)
+    at_centre = np.array([0.0, 0.0, float(state["thrust"].sum() / p["mass"])])
+    assert np.abs(seen[-1] - at_centre).max() > 0.3
+
+
 def test_the_quick_look_for_contact_knows_of_the_offset(make: MakeParameters) -> None:
     p = make({"com_offset": {"x": 0.02, "y": -0.015, "z": 0.01}}, ceiling_z=2.1)
     rng = np.random.default_rng(4)
