@@ -1,11 +1,14 @@
 """What an effect does for flights that no fit saw has an interval, also on a single flight."""
 
+import math
+
 import numpy as np
 
 from calibration.gap.data.signals import PARTS
 from calibration.gap.estimate.held_out import HeldOutFlights, improvement
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.report.improved_vehicle import hard_to_fly
+from onboard.controller import controller_gains
 from onboard.vehicle import load_vehicle
 from tests.gap.simulated_flight import circle, fly, with_noise
 
@@ -42,3 +45,14 @@ def test_it_is_said_when_our_law_may_lose_the_vehicle_that_was_found() -> None:
     assert list(hard_to_fly(STOCK)) == []
     (sentence,) = hard_to_fly(late)
     assert "may lose it in closed loop" in sentence
+
+
+def test_it_is_said_what_our_law_lacks_to_hold_the_vehicle_in_hover() -> None:
+    """It integrates no error of the attitude, and stays within what the vehicle file gives a motor."""
+    motors = {Variable("motor_imbalance", f"m{k}"): x for k, x in enumerate((1.06, 1.03, 1.04, 0.86), 1)}
+    (leans,) = hard_to_fly(Model(STOCK, motors).vehicle())
+    # Motors that differ by -0.19 and 0.15 on arms of 32.5 mm, each with a quarter of the weight.
+    torque = 0.25 * STOCK.body.mass.value * 9.81 * STOCK.body.arm_x.value * math.hypot(0.19, 0.15)
+    assert f"lean by {math.degrees(torque / controller_gains(STOCK).kr_xy):.0f} deg" in leans
+    (weak,) = hard_to_fly(Model(STOCK, {Variable("thrust_scale", "scale"): 0.6}).vehicle())
+    assert "of the largest thrust that its file gives a motor" in weak

@@ -13,11 +13,12 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from calibration.gap.data.record import FlightRecord
+from calibration.gap.replay.hover import hover_command, mixed
 from calibration.gap.replay.inputs import PredictionInputs, motor_starts, prediction_inputs
 from calibration.gap.replay.kernels import interpolated, keep
 from calibration.gap.replay.windows import longest_stretch
 from onboard.arrays import BoolArray, FloatArray, Vector
-from onboard.battery import duty_for_thrust, thrust_from_voltage
+from onboard.battery import thrust_from_voltage
 from onboard.controller import (
     ControllerGains,
     controller_gains,
@@ -25,15 +26,11 @@ from onboard.controller import (
     integrate_position_error,
     lead_moments,
 )
-from onboard.mixer import mix
 from onboard.thrust_map import ThrustMap
 from onboard.vehicle import Vehicle
 from sim_backend.physics.battery import draw, motor_targets
-from sim_backend.physics.forces import free_flight_wrench
 from sim_backend.physics.jit import kernel, outlined
 from sim_backend.physics.motors import commanded, decay
-from sim_backend.physics.reset import with_cold_motors
-from sim_backend.physics.state import new_state
 from sim_backend.physics.step import free_substep
 
 SETTLING = 1.0
@@ -45,8 +42,6 @@ CONTROL_PERIOD = 2e-3
 """s from one run of the controller to the next."""
 UNTRIMMED: Vector = (0.0, 0.0, 0.0)
 """N m: moments of a controller that knows of no torque to be held against."""
-_TRIMMING = 20
-"""Steps in which a trim is found: each leaves the share by which the motors are weaker than believed."""
 _ACCELERATION_WINDOW = 0.15
 SETPOINT = 11
 """Numbers of a setpoint: position, velocity, acceleration, yaw, yaw rate; m, rad, s, world."""
@@ -90,47 +85,9 @@ def _control(
         setpoint[0:3], setpoint[3:6], setpoint[6:9], setpoint[9], gains,
     )  # fmt: skip
     wrench, lagged = lead_moments(wanted, lagged, gains, dt)
-    _mixed(state, p, thrust_map, wrench[0], trim, (wrench[1], wrench[2], wrench[3]), duty)
+    moments = wrench[1] + trim[0], wrench[2] + trim[1], wrench[3] + trim[2]
+    mixed(state, p, thrust_map, wrench[0], moments, duty)
     return lagged
-
-
-@kernel
-def _mixed(
-    state: Any, p: Any, thrust_map: ThrustMap, collective: float, trim: Vector, moments: Vector, duty: Any
-) -> None:
-    """Duties of mixer and battery compensation, into `duty` (4,).
-
-    The limit is full duty, as that of every firmware, not the thrust that a vehicle file thinks a motor has.
-    """
-    most = thrust_from_voltage(thrust_map, state.battery_voltage)
-    thrusts = mix(
-        collective, moments[0] + trim[0], moments[1] + trim[1], moments[2] + trim[2],
-        p.arm_x, p.arm_y, p.thrust_to_torque, most,
-    )  # fmt: skip
-    for motor in range(4):
-        duty[motor] = duty_for_thrust(thrusts[motor], state.battery_voltage, thrust_map, 0.0)
-
-
-@outlined
-def hover_trim(state: Any, p: Any, gains: ControllerGains, thrust_map: ThrustMap) -> Vector:
-    """Moments (N m) by which a controller that believes in equal motors holds the model in hover.
-
-    Args:
-        state: far from floor and ceiling; receives the motors.
-        p: parameters, of motors without a delay.
-        gains, thrust_map: as in :func:`fly_setpoints`.
-    """
-    level, duty = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0), np.zeros(4)
-    collective, x, y, z = gains.mass * p.gravity, 0.0, 0.0, 0.0
-    for _ in range(_TRIMMING):
-        _mixed(state, p, thrust_map, collective, (x, y, z), UNTRIMMED, duty)
-        targets = commanded(state, p, motor_targets(state, p, duty))
-        for motor in range(4):
-            state.thrust[motor] = targets[motor]
-        _, _, fz, tx, ty, tz = free_flight_wrench(state, p, level, 0.0, 0.0, 0.0)
-        collective += p.mass * p.gravity - fz
-        x, y, z = x - tx, y - ty, z - tz
-    return x, y, z
 
 
 @outlined
@@ -220,12 +177,7 @@ def fly_again(record: FlightRecord, vehicle: Vehicle) -> ClosedLoopFlight | None
     thrust_map = vehicle.motors.thrust_map_compiled()
     full = thrust_from_voltage(thrust_map, float(inputs.voltage[stretch].max()))
     gains = controller_gains(vehicle)._replace(collective_max=4.0 * full)
-    in_hover = with_cold_motors(new_state())
-    in_hover["battery_voltage"] = inputs.voltage[stretch.start]
-    in_hover["position"] = inputs.position[stretch].mean(axis=0)
-    prompt = p.copy()
-    prompt["delay_steps"] = 0.0
-    trim = hover_trim(in_hover, prompt, gains, thrust_map)
+    trim = hover_command(p, gains, thrust_map, float(inputs.voltage[stretch.start]))[1:]
     fly_setpoints(
         starts[0], p, gains, thrust_map,
         _path(inputs, stretch), inputs.voltage[stretch], np.zeros((count, 6)), trim,
