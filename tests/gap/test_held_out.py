@@ -51,8 +51,8 @@ def test_it_is_said_what_our_law_lacks_to_hold_the_vehicle_in_hover() -> None:
     """It integrates no error of the attitude, and stays within what the vehicle file gives a motor."""
     motors = {Variable("motor_imbalance", f"m{k}"): x for k, x in enumerate((1.06, 1.03, 1.04, 0.86), 1)}
     (leans,) = hard_to_fly(Model(STOCK, motors).vehicle())
-    # Motors that differ by -0.19 and 0.15 on arms of 32.5 mm, each with a quarter of the weight.
-    torque = 0.25 * STOCK.body.mass.value * 9.81 * STOCK.body.arm_x.value * math.hypot(0.19, 0.15)
+    # Told 1 / m of a quarter of the weight each, they differ by 0.211 (roll) and -0.173 (pitch) of it.
+    torque = 0.25 * STOCK.body.mass.value * 9.81 * STOCK.body.arm_x.value * math.hypot(0.211, 0.173)
     assert f"lean by {math.degrees(torque / controller_gains(STOCK).kr_xy):.0f} deg" in leans
     (weak,) = hard_to_fly(Model(STOCK, {Variable("thrust_scale", "scale"): 0.6}).vehicle())
     assert "of the largest thrust that its file gives a motor" in weak
