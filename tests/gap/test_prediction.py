@@ -163,6 +163,15 @@ def test_nuisances_of_the_first_seconds_serve_the_rest() -> None:
     assert plain.flights[0].nuisances.thrust_scale == 1.0
 
 
+def test_what_the_accelerometer_feels_beside_the_centre_of_mass_is_no_error() -> None:
+    """Neither of the floor nor of the velocities that a prediction starts with: 0.7 mm, were it ignored."""
+    heavy = with_effects({"com_offset": {"x": 0.002, "y": -0.0015}})
+    errors = evaluate([fly(heavy, circle(radius=0.4, period=2.5))], heavy)
+    assert errors.floor is not None
+    assert errors.floor.given_attitude[0.5].position_m < 1e-4
+    assert errors.overall.given_attitude[0.5].position_m < 5e-5
+
+
 def test_the_floor_of_a_calibrated_flight_is_calibrated_too() -> None:
     record = fly(VEHICLE, circle(), 14.0)
     assert record.specific_force is not None
@@ -295,7 +304,7 @@ def test_flying_again_needs_what_the_model_lacks(laps: FlightRecord) -> None:
 def test_flying_again_is_trimmed_as_the_controllers_that_flew(
     laps: FlightRecord, unequal: dict[str, dict[str, float]]
 ) -> None:
-    """Without an integral of the attitude error ours leans by 20 deg with such motors."""
+    """Ours has no integral of the attitude error to hold what is unequal."""
     again = fly_again(laps, with_effects(unequal))
     assert again is not None
     leans = np.linalg.norm(rotation_between(again.attitude, again.needed_attitude), axis=1)

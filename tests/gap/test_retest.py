@@ -10,6 +10,7 @@ from calibration.gap.data.excitation import only_excited
 from calibration.gap.data.signals import TORQUE
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, refine, training_set
+from calibration.gap.estimate.unstated import AXES
 from calibration.gap.search.always import LOG_TIMING
 from calibration.gap.search.retest import on_unseen, unseen_set
 from tests.gap.mujoco_flights import CALM, flights, frame
@@ -21,7 +22,7 @@ STOCK = Model(nominal(frame(), "kept back"))
 
 def shares(fit: Fitted) -> np.ndarray:
     """Of what each other law of the motors changes."""
-    return fit.estimate.fit.theta[len(fit.variables) : fit.first_unnamed]
+    return fit.estimate.fit.theta[len(fit.variables) + AXES : fit.first_unnamed]
 
 
 def test_flights_kept_back_have_the_law_that_the_others_told(tmp_path: Path) -> None:

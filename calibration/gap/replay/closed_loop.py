@@ -2,8 +2,8 @@
 
 The project's own controller flies the model along the measured positions. A right model needs the thrust and
 the attitude that the real vehicle needed; what an open-loop replay gets wrong by feedback is right here.
-The controller is trimmed for the model: those that flew integrate the error of the attitude, ours does not,
-and motors that differ, or a centre of mass beside the middle, would leave it leaning by up to 30 deg.
+The controller is trimmed for the model and stops at full duty, as those that flew: they integrate the error
+of the attitude, ours does not, and motors that differ, or a centre of mass beside the middle, push it off.
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from calibration.gap.data.record import FlightRecord
-from calibration.gap.replay.hover import hover_command, mixed
+from calibration.gap.replay.hover import at_full_duty, hover_command, mixed
 from calibration.gap.replay.inputs import PredictionInputs, motor_starts, prediction_inputs
 from calibration.gap.replay.kernels import interpolated, keep
 from calibration.gap.replay.windows import longest_stretch
@@ -174,13 +174,13 @@ def fly_again(record: FlightRecord, vehicle: Vehicle) -> ClosedLoopFlight | None
     count = stretch.stop - stretch.start
     control_steps = max(1, round(CONTROL_PERIOD / inputs.step))
     out = np.empty((count, LOGGED))
-    thrust_map = vehicle.motors.thrust_map_compiled()
-    full = thrust_from_voltage(thrust_map, float(inputs.voltage[stretch].max()))
-    gains = controller_gains(vehicle)._replace(collective_max=4.0 * full)
-    trim = hover_command(p, gains, thrust_map, float(inputs.voltage[stretch.start]))[1:]
+    thrust_map, voltage = vehicle.motors.thrust_map_compiled(), inputs.voltage[stretch]
+    most = thrust_from_voltage(thrust_map, float(voltage.mean()))
+    p, gains = at_full_duty(p, controller_gains(vehicle), most)
+    held = hover_command(p, thrust_map, float(voltage[0]), inputs.position[stretch.start])
     fly_setpoints(
         starts[0], p, gains, thrust_map,
-        _path(inputs, stretch), inputs.voltage[stretch], np.zeros((count, 6)), trim,
+        _path(inputs, stretch), voltage, np.zeros((count, 6)), held.moments if held else UNTRIMMED,
         inputs.substeps, inputs.step, control_steps, control_steps, out,
     )  # fmt: skip
     settled = slice(inputs.rows(SETTLING), None)

@@ -82,17 +82,19 @@ def _translation(
     force = inputs.record.specific_force
     if force is None:
         raise ValueError("a floor needs an accelerometer")
-    velocity, position = twice_integrated((rotation @ (force - bias)[:, :, None])[:, :, 0], inputs.dt)
+    faster, further = twice_integrated((rotation @ (force - bias)[:, :, None])[:, :, 0], inputs.dt)
     gravity = np.array([0.0, 0.0, -float(inputs.parameters["gravity"])])
     at = np.minimum(rows[:, None] + ends[None, :], inputs.position.shape[0] - 1)
     time = (inputs.dt * ends)[None, :, None]
-    gained = velocity[at] - velocity[rows][:, None]
-    moved = position[at] - position[rows][:, None] - time * velocity[rows][:, None]
+    gained = faster[at] - faster[rows][:, None]
+    moved = further[at] - further[rows][:, None] - time * faster[rows][:, None]
     gained = np.einsum("mij,mhj->mhi", into_world, gained) + time * gravity
     moved = np.einsum("mij,mhj->mhi", into_world, moved) + 0.5 * time**2 * gravity
-    start_v = inputs.start_velocity[rows][:, None]
-    vectors[:, :, 1] = start_v + gained - inputs.velocity[at]
-    vectors[:, :, 0] = inputs.position[rows][:, None] + time * start_v + moved - inputs.position[at]
+    # What an accelerometer feels is the motion of its board.
+    position, velocity = inputs.position + inputs.board, inputs.velocity + inputs.board_swing
+    start_v = (inputs.start_velocity + inputs.board_swing)[rows][:, None]
+    vectors[:, :, 1] = start_v + gained - velocity[at]
+    vectors[:, :, 0] = position[rows][:, None] + time * start_v + moved - position[at]
 
 
 def _exponential(vector: FloatArray) -> FloatArray:

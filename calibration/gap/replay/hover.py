@@ -1,11 +1,11 @@
 """What a controller that believes in a vehicle file commands to hold a model in hover."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from onboard.arrays import Vector
-from onboard.battery import duty_for_thrust, thrust_from_voltage
+from onboard.arrays import FloatArray, Vector
+from onboard.battery import duty_for_thrust
 from onboard.controller import ControllerGains
 from onboard.mixer import mix
 from onboard.thrust_map import ThrustMap
@@ -16,55 +16,78 @@ from sim_backend.physics.motors import commanded
 from sim_backend.physics.reset import with_cold_motors
 from sim_backend.physics.state import new_state
 
-_STEPS = 20
-"""Each leaves the share by which the motors are weaker than believed."""
+_STEPS = 60
+"""Each leaves half of what is lacking, or the share by which motors are weaker than believed: enough for a
+thrust of a quarter to four times what is believed."""
 
-_HIGH = 1e3
-"""m above the floor."""
+_HELD = 0.01
+"""Share of the weight, and of that weight on an arm, that may be lacking in a hover."""
 
-Held = tuple[float, float, float, float]
-"""Collective (N) and moments (N m, body)."""
+
+class HoverCommand(NamedTuple):
+    """What holds a model level and at rest, as its controller believes it.
+
+    Attributes:
+        collective: N.
+        moments: N m, body.
+    """
+
+    collective: float
+    moments: Vector
 
 
 @kernel
 def mixed(state: Any, p: Any, thrust_map: ThrustMap, collective: float, moments: Vector, duty: Any) -> None:
-    """Duties of mixer and battery compensation, into `duty` (4,), for a collective (N) and moments (N m).
-
-    The limit is full duty, as that of every firmware, not the thrust that a vehicle file thinks a motor has.
-    """
-    most = thrust_from_voltage(thrust_map, state.battery_voltage)
-    thrusts = mix(collective, moments[0], moments[1], moments[2], p.arm_x, p.arm_y, p.thrust_to_torque, most)
+    """Duties of mixer and battery compensation, into `duty` (4,), for a collective (N) and moments (N m)."""
+    thrusts = mix(
+        collective, moments[0], moments[1], moments[2],
+        p.arm_x, p.arm_y, p.thrust_to_torque, p.thrust_max,
+    )  # fmt: skip
     for motor in range(4):
         duty[motor] = duty_for_thrust(thrusts[motor], state.battery_voltage, thrust_map, 0.0)
 
 
 @outlined
-def _held(state: Any, p: Any, gains: ControllerGains, thrust_map: ThrustMap) -> Held:
+def _held(state: Any, p: Any, thrust_map: ThrustMap) -> tuple[float, Vector, float]:
+    """Collective, moments, and the share of weight and levers that they leave."""
     level, duty = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0), np.zeros(4)
-    collective, x, y, z = gains.mass * p.gravity, 0.0, 0.0, 0.0
+    weight = p.mass * p.gravity
+    collective, x, y, z, lacking = weight, 0.0, 0.0, 0.0, 1.0
     for _ in range(_STEPS):
         mixed(state, p, thrust_map, collective, (x, y, z), duty)
         targets = commanded(state, p, motor_targets(state, p, duty))
         for motor in range(4):
             state.thrust[motor] = targets[motor]
         _, _, fz, tx, ty, tz = free_flight_wrench(state, p, level, 0.0, 0.0, 0.0)
-        collective += p.mass * p.gravity - fz
-        x, y, z = x - tx, y - ty, z - tz
-    return collective, x, y, z
+        turned = max(abs(tx) / p.arm_y, abs(ty) / p.arm_x, abs(tz) / p.thrust_to_torque)
+        lacking = max(abs(weight - fz), turned) / weight
+        collective += 0.5 * (weight - fz)
+        x, y, z = x - 0.5 * tx, y - 0.5 * ty, z - 0.5 * tz
+    return collective, (x, y, z), lacking
 
 
-def hover_command(parameters: Any, gains: ControllerGains, thrust_map: ThrustMap, voltage: float) -> Held:
-    """Collective (N) and moments (N m) that hold a model level, far from floor and ceiling, as its
-    controller believes them.
+def at_full_duty(parameters: Any, gains: ControllerGains, most: float) -> tuple[Any, ControllerGains]:
+    """Parameters and gains of a controller that stops at full duty, as every firmware, not at the thrust that
+    a vehicle file thinks a motor has; `most`: N, what it believes that to be."""
+    free = parameters.copy()
+    free["thrust_max"] = most
+    return free, gains._replace(collective_max=4.0 * most)
+
+
+def hover_command(
+    parameters: Any, thrust_map: ThrustMap, voltage: float, place: FloatArray
+) -> HoverCommand | None:
+    """What holds a model level at a place, without a string; None where nothing does.
 
     Args:
         parameters: record of physics parameters of the model.
-        gains, thrust_map: of the controller and its battery compensation.
+        thrust_map: of the controller's battery compensation.
         voltage: V, of the battery.
+        place: m, world.
     """
     prompt = parameters.copy()
-    prompt["delay_steps"], prompt["ceiling_z"] = 0.0, np.inf
+    prompt["delay_steps"] = prompt["tether_stiffness"] = prompt["tether_damping"] = 0.0
     state = with_cold_motors(new_state())
-    state["position"] = (0.0, 0.0, _HIGH)
-    state["battery_voltage"] = voltage
-    return _held(state, prompt, gains, thrust_map)
+    state["position"], state["battery_voltage"] = place, voltage
+    collective, moments, lacking = _held(state, prompt, thrust_map)
+    return HoverCommand(collective, moments) if lacking < _HELD else None

@@ -37,6 +37,7 @@ class PredictionInputs:
         rotation: the same as matrices, shape (n, 3, 3).
         rate: rad/s, body, shape (n, 3).
         start_velocity: m/s, shape (n, 3), from the past alone; NaN where there is not enough of it.
+        board, board_swing: m, m/s, world, shape (n, 3), of the accelerometer from the centre of mass.
         duty: shape (n, 4). voltage: V, shape (n,).
         known: shape (n,): pose, gyro and motor commands are all known.
         parameters: of the physics; a delay of the commands, and their warming, count in steps of `step`.
@@ -50,6 +51,8 @@ class PredictionInputs:
     rotation: FloatArray
     rate: FloatArray
     start_velocity: FloatArray
+    board: FloatArray
+    board_swing: FloatArray
     duty: FloatArray
     voltage: FloatArray
     known: BoolArray
@@ -90,6 +93,9 @@ def prediction_inputs(record: FlightRecord, vehicle: Vehicle) -> PredictionInput
     known = known & record.inertial_known & record.motors_known
     duty, voltage = _filled(record.duty, record.motors_known), record.known_voltage
     position = pose[:, :3] - lever
+    board = rotation @ p["geometric_centre"]
+    board_swing = (rotation @ np.cross(rate, p["geometric_centre"])[:, :, None])[:, :, 0]
+    felt = velocity_from_the_past(position + board, _acceleration(record, rotation), record.dt)
     # The tracked point swings about the centre of mass: v = v_tracked - R (w x b).
     swing = (rotation @ np.cross(rate, p["geometric_centre"] + p["pose_offset"])[:, :, None])[:, :, 0]
     return PredictionInputs(
@@ -99,7 +105,9 @@ def prediction_inputs(record: FlightRecord, vehicle: Vehicle) -> PredictionInput
         quaternion=quaternion,
         rotation=rotation,
         rate=rate,
-        start_velocity=velocity_from_the_past(position, _acceleration(record, rotation), record.dt),
+        start_velocity=felt - board_swing,
+        board=board,
+        board_swing=board_swing,
         duty=duty,
         voltage=_filled(voltage[:, None], np.isfinite(voltage))[:, 0],
         known=known,

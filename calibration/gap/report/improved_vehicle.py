@@ -4,13 +4,16 @@ import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from calibration.gap.data.found import FoundEffect
 from calibration.gap.estimate.acceptance import NINETY_FIVE
-from calibration.gap.replay.hover import hover_command
+from calibration.gap.replay.hover import HoverCommand, at_full_duty, hover_command
 from calibration.gap.search.naming import Named
 from onboard.attitude_margins import DELAY_LIMIT, PHASE_LIMIT_DEG, vehicle_margins
 from onboard.battery import thrust_from_voltage
-from onboard.controller import controller_gains
+from onboard.controller import ControllerGains, controller_gains
+from onboard.gravity import GRAVITY
 from onboard.mixer import mix
 from onboard.quantity import Quantity
 from onboard.room import RoomGeometry
@@ -19,8 +22,11 @@ from sim_backend.physics.parameters import physics_parameters
 
 VEHICLE_FILE = "vehicle.toml"
 
-_LEAN = 5.0
-"""deg: a hover that leans more drifts off before the position's integral holds it."""
+_ASIDE = 0.03
+"""m, in hover, from which on it is worth a sentence."""
+
+_HEIGHT = 1.0
+"""m, of that hover."""
 
 _MOST_OF_A_MOTOR = 0.9
 """Share of a motor's largest thrust up to which the law commands (:mod:`onboard.controller`)."""
@@ -79,24 +85,47 @@ def hard_to_fly(improved: Vehicle) -> Iterator[str]:
 
 
 def _hard_to_hold(improved: Vehicle) -> Iterator[str]:
-    gains, thrust_map = controller_gains(improved), improved.motors.thrust_map_compiled()
+    """Where it hovers, if it does, with the law that integrates no error of the attitude and stops at the
+    thrust that a vehicle file gives a motor."""
+    thrust_map = improved.motors.thrust_map_compiled()
     p = physics_parameters(improved, RoomGeometry(ceiling_z=math.inf))
-    full = float(p["open_circuit_full"])
-    collective, x, y, z = hover_command(p, gains, thrust_map, full)
-    lean = math.degrees(math.hypot(x, y) / gains.kr_xy)
-    if lean > _LEAN:
+    voltage = float(p["open_circuit_full"])
+    most = thrust_from_voltage(thrust_map, voltage)
+    free, gains = at_full_duty(p, controller_gains(improved), most)
+    held = hover_command(free, thrust_map, voltage, np.array([0.0, 0.0, _HEIGHT]))
+    if held is None:
+        yield "the vehicle that was found does not hover at full duty of a full battery"
+        return
+    aside = aside_in_hover(held, gains)
+    if aside > _ASIDE:
+        there = f"hover {aside:.2f} m beside its place" if math.isfinite(aside) else "tip over"
         yield (
-            "our attitude law integrates no error of the attitude: with the vehicle that was found it would "
-            f"lean by {lean:.0f} deg in hover; balance the vehicle, or leave hover to the firmware's PID"
+            "our attitude law integrates no error of the attitude: with it the vehicle that was found would "
+            f"{there}; balance it, or leave hover to the firmware's PID"
         )
-    most = thrust_from_voltage(thrust_map, full)
-    needed = max(mix(collective, x, y, z, p["arm_x"], p["arm_y"], p["thrust_to_torque"], most))
-    share = needed / improved.motors.thrust_max.value
+    x, y, z = held.moments
+    thrusts = mix(held.collective, x, y, z, p["arm_x"], p["arm_y"], p["thrust_to_torque"], most)
+    share = max(thrusts) / improved.motors.thrust_max.value
     if share > _MOST_OF_A_MOTOR:
         yield (
             f"to hover, the vehicle that was found needs {share:.0%} of the largest thrust that its file "
             "gives a motor, by which our law is limited: measure thrust_max (`perchhw calibrate thrust`)"
         )
+
+
+def aside_in_hover(held: HoverCommand, gains: ControllerGains) -> float:
+    """How far (m) from its place a controller without an integral of the attitude error hovers; inf where it
+    tips over.
+
+    The vehicle hovers level, so its law must want it to lean: by the angle e whose moment kr sin(e) is the
+    one that holds it. That takes m g tan(e) from an error of the position and its integral (the equations of
+    :mod:`onboard.controller`).
+    """
+    sine = math.hypot(held.moments[0], held.moments[1]) / gains.kr_xy
+    if sine >= 1.0:
+        return math.inf
+    push = gains.mass * GRAVITY * sine / math.sqrt(1.0 - sine * sine)
+    return max(push - gains.ki_xy * gains.integral_limit, 0.0) / gains.kp_xy
 
 
 def provenance(flights: int, held_out: int, seed: int) -> str:

@@ -52,8 +52,8 @@ _DOUBTFUL = 3.0
 _SCALES = ("thrust_scale", "mass_error")
 """Whose place no difference between motors takes."""
 
-_YAW = np.array([1.0, -1.0, 1.0, -1.0])
-"""By which motors that differ yaw, without roll or pitch."""
+_FORWARD, _LEFT = np.array([1.0, -1.0, -1.0, 1.0]), np.array([-1.0, -1.0, 1.0, 1.0])
+"""On which side of the middle M1 to M4 are."""
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,7 @@ def needed(final: Fitted, effect: str, training: Training) -> bool:
         return float(final.gains(reduced, in_time).sum())
 
     reduced = nearly_without(final, training, effect)
-    if effect in _SCALES and alike_in_all_motors(reduced.model):
+    if effect in _SCALES and alike_in_all_motors(reduced.model) and not alike_in_all_motors(final.model):
         return True  # four motors have taken its place
     if _DOUBTFUL * LEAST_GAIN > gain_over(reduced) >= LEAST_GAIN:
         reduced = settled(reduced, training)  # with its own derivatives it may do without
@@ -189,8 +189,10 @@ def alike_in_all_motors(model: Model) -> bool:
     if not motors.size:
         return False
     differences = motors - motors.mean()
-    if "com_offset" in model.effects:  # undoes whatever of them rolls or pitches, be it large
-        differences = _YAW * (_YAW @ differences) / _YAW.size
+    body = model.base.body
+    for axis, side, arm in (("x", _FORWARD, body.arm_x), ("y", _LEFT, body.arm_y)):
+        centre = model.values.get(Variable("com_offset", axis), 0.0)
+        differences -= motors.mean() * centre / arm.value * side  # which holds the thrust's centre over it
     return bool(abs(motors.mean() - 1.0) > np.abs(differences).max())
 
 

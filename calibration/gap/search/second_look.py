@@ -63,7 +63,7 @@ def second_look(
     """
     present = _drop_superfluous(present, steps, training, progress)
     left = [step for step in steps if step.effect in present.model.effects]
-    present, left = _one_for_two(present, left, training, rng, progress)
+    present, left = _one_for_two(present, left, training, rng, progress, barred)
     ambiguous: Ambiguous = {}
     names = TimeToGo()
     for index, step in enumerate(left):
@@ -115,6 +115,7 @@ def _one_for_two(
     training: Training,
     rng: np.random.Generator,
     progress: Progress,
+    barred: Collection[str],
 ) -> tuple[Fitted, list[SelectionStep]]:
     """One cause in the place of two names that it explains, where there is one with fewer parameters."""
 
@@ -123,7 +124,8 @@ def _one_for_two(
         return nearly_without(present, training, name)
 
     pairs = {
-        (one.effect, other.effect): _common_names(one.effect, other.effect) - set(present.model.effects)
+        (one.effect, other.effect): _common_names(one.effect, other.effect)
+        - {*present.model.effects, *barred}
         for one, other in itertools.combinations(steps, 2)
     }
     look = linear_look(present, training, set().union(*pairs.values()))
@@ -145,7 +147,7 @@ def _one_for_two(
             candidate.effect, judge(reduced, fitted, candidate.variables, training, rng), fitted
         )
         kept = [step if s is one else s for s in steps if s is not other]
-        return _one_for_two(fitted, kept, training, rng, progress)
+        return _one_for_two(fitted, kept, training, rng, progress, barred)
     return present, steps
 
 
