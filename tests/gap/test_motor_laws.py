@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calibration.gap.data.record import FlightRecord
 from calibration.gap.estimate.model import Model
 from calibration.gap.estimate.motor_laws import motor_laws
 from calibration.gap.estimate.refine import refine, training_set
@@ -29,6 +30,10 @@ def with_law(vehicle: Vehicle, up: tuple[float, float], down: tuple[float, float
     return vehicle.with_effects([Effect(name="motor_speed_law", parameters=told)])
 
 
+def laws_of(model: Model, records: list[FlightRecord]) -> tuple[np.ndarray, ...]:
+    return motor_laws(model, records, model.motion(records, model.parameters()))
+
+
 @pytest.mark.parametrize("speed_law", [True, False])
 def test_flights_tell_the_law(tmp_path: Path, speed_law: bool) -> None:
     """MuJoCo's rotors follow by their speed, or by their thrust."""
@@ -44,7 +49,8 @@ def test_flights_tell_the_law(tmp_path: Path, speed_law: bool) -> None:
 
 def test_a_law_that_a_tachometer_told_is_not_asked_about(tmp_path: Path) -> None:
     known = Model(with_law(VEHICLE, (15.0, 1e-4), (15.0, 1e-4)))
-    assert motor_laws(known, flights(Hidden(), tmp_path)) == ()
+    records = flights(Hidden(), tmp_path)
+    assert laws_of(known, records) == ()
 
 
 def test_each_law_is_that_of_a_vehicle_file(tmp_path: Path) -> None:
@@ -57,7 +63,7 @@ def test_each_law_is_that_of_a_vehicle_file(tmp_path: Path) -> None:
     speed = [(1.0 / lag, 1e-5) for lag in lags]
     drag = [(0.0, 0.5 / lag / hover) for lag in lags]
     usual = Model(VEHICLE).predict(records)
-    added = motor_laws(Model(VEHICLE), records)
+    added = laws_of(Model(VEHICLE), records)
     for law, (up, down) in zip(added, (tuple(speed), tuple(drag), (speed[0], drag[1])), strict=True):
         filed = Model(with_law(VEHICLE, up, down)).predict(records)
         left = (filed - usual - law)[:, :6]
@@ -70,7 +76,5 @@ def test_ratios_of_speeds_alone_count(tmp_path: Path) -> None:
     without = dataclasses.replace(
         VEHICLE, motors=dataclasses.replace(VEHICLE.motors, thrust_coefficient=None)
     )
-    for one, other in zip(
-        motor_laws(Model(VEHICLE), records), motor_laws(Model(without), records), strict=True
-    ):
+    for one, other in zip(laws_of(Model(VEHICLE), records), laws_of(Model(without), records), strict=True):
         assert np.allclose(one, other, atol=1e-6 * np.abs(one).max())

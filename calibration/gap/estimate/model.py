@@ -149,8 +149,7 @@ class Model:
             records: flights.
             p: the model's :meth:`parameters`, or others near them.
         """
-        predictions = self.along(records, p)
-        return stack_predictions(records, predictions, [np.zeros_like(one.current) for one in predictions])
+        return stack_motion(records, self.along(records, p))
 
     def along(self, records: Sequence[FlightRecord], p: Any) -> list[Prediction]:
         """What these :meth:`parameters` say along each flight."""
@@ -226,6 +225,11 @@ def terminal_voltage(p: Any, prediction: Prediction) -> FloatArray:
     """Battery voltage (V) by the vehicle's battery model, shape (n,), from full at the first sample."""
     fallen = p["open_circuit_slope"] * prediction.charge / p["battery_capacity"]
     return np.asarray(p["open_circuit_full"] - fallen - p["battery_resistance"] * prediction.current)
+
+
+def stack_motion(records: Sequence[FlightRecord], predictions: Sequence[Prediction]) -> FloatArray:
+    """:func:`stack_predictions` with nothing in the voltage."""
+    return stack_predictions(records, predictions, [np.zeros_like(one.current) for one in predictions])
 
 
 def stack_predictions(

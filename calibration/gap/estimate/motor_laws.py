@@ -34,7 +34,7 @@ LAWS = tuple(
 """In words, in the order of :func:`motor_laws`."""
 
 
-def motor_laws(model: Model, records: Sequence[FlightRecord]) -> tuple[FloatArray, ...]:
+def motor_laws(model: Model, records: Sequence[FlightRecord], usual: FloatArray) -> tuple[FloatArray, ...]:
     """What other laws add to the predicted signals, shape (n, 7) each; none where the vehicle file says it.
 
     One law both up and down, the other one so, and the first up with the second down.
@@ -42,11 +42,11 @@ def motor_laws(model: Model, records: Sequence[FlightRecord]) -> tuple[FloatArra
     Args:
         model: whose thrusts follow in first order.
         records: flights.
+        usual: the model's own :meth:`~calibration.gap.estimate.model.Model.motion` along them, shape (n, 7).
     """
     p = model.parameters()
     if p["speed_law_b"][0] > 0.0:
         return ()
-    usual = model.motion(records, p)
     return tuple(np.asfortranarray(model.motion(records, _by(p, up, down)) - usual) for up, down in _PAIRS)
 
 

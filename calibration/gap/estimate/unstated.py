@@ -14,8 +14,9 @@ from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.signals import CHANNELS, FORCE
 from calibration.gap.data.smoothing import as_poses_see
 from calibration.gap.estimate.mixed import Prior
-from calibration.gap.estimate.model import Model
+from calibration.gap.estimate.model import Model, stack_motion
 from calibration.gap.estimate.motor_laws import motor_laws
+from calibration.gap.replay.teacher_forcing import Prediction
 from onboard.arrays import FloatArray
 
 AXES = 3
@@ -33,7 +34,9 @@ def unstated(model: Model, records: Sequence[FlightRecord]) -> tuple[FloatArray,
         model: of the vehicle.
         records: flights.
     """
-    return (*place_of_board(model, records), *motor_laws(model, records))
+    predictions = model.along(records, model.parameters())
+    laws = motor_laws(model, records, stack_motion(records, predictions))
+    return (*place_of_board(model, records, predictions), *laws)
 
 
 def prior_of_unstated(count: int) -> Prior:
@@ -41,11 +44,19 @@ def prior_of_unstated(count: int) -> Prior:
     return Prior.independent(np.zeros(count), np.ones(count))
 
 
-def place_of_board(model: Model, records: Sequence[FlightRecord]) -> tuple[FloatArray, ...]:
-    """Specific force beside that of the middle, by axis, of a board one standard deviation beside it."""
+def place_of_board(
+    model: Model, records: Sequence[FlightRecord], predictions: Sequence[Prediction]
+) -> tuple[FloatArray, ...]:
+    """Specific force beside that of the middle, by axis, of a board one standard deviation beside it.
+
+    Args:
+        model: of the vehicle.
+        records: flights.
+        predictions: by the model, one per flight.
+    """
     places = _BESIDE * model.size.arm * np.eye(AXES)
     columns: list[list[FloatArray]] = [[] for _ in places]
-    for record, predicted in zip(records, model.along(records, model.parameters()), strict=True):
+    for record, predicted in zip(records, predictions, strict=True):
         rate, seen = np.nan_to_num(record.rate), record.specific_force is not None
         for place, parts in zip(places, columns, strict=True):
             felt = np.cross(predicted.turn_up, place) + np.cross(rate, np.cross(rate, place))
