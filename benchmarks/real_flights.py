@@ -103,10 +103,15 @@ def _after(errors: Any) -> dict[str, float]:
 
 
 def _flown_again(records: Sequence[Any], vehicle: Any) -> str:
-    """How many flights our law flies along their measured path with the model, of those long enough."""
-    from calibration.gap.replay import fly_again
+    """How many flights our law flies along their measured path with the model, of those long enough.
 
-    flights = [flight for flight in (fly_again(record, vehicle) for record in records) if flight is not None]
+    Each has its own thrust scale and trim, of its first seconds, as its predictions have.
+    """
+    from calibration.gap.replay import evaluate, fly_again
+
+    own = {f.record.name: f.nuisances for f in evaluate(records, vehicle, (HORIZON,), CALIBRATED).flights}
+    again = (fly_again(record, vehicle, own.get(record.name)) for record in records)
+    flights = [flight for flight in again if flight is not None]
     turned = [np.abs(np.sum(one.attitude * one.needed_attitude, axis=1)) for one in flights]
     kept = [2.0 * np.degrees(np.arccos(np.minimum(cosines, 1.0))).max() < LOST for cosines in turned]
     return f"{sum(kept)} of {len(kept)}"

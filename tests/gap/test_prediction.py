@@ -11,6 +11,7 @@ from calibration.gap.data.record import FlightRecord
 from calibration.gap.replay import PredictionError, evaluate, fly_again
 from calibration.gap.replay.flight_prediction import rotation_between
 from calibration.gap.replay.inputs import prediction_inputs, velocity_from_the_past
+from calibration.gap.replay.nuisances import Nuisances
 from calibration.gap.replay.windows import usable_lengths
 from onboard.gravity import GRAVITY
 from onboard.json_file import as_json
@@ -308,6 +309,19 @@ def test_flying_again_is_trimmed_as_the_controllers_that_flew(
     again = fly_again(laps, with_effects(unequal))
     assert again is not None
     leans = np.linalg.norm(rotation_between(again.attitude, again.needed_attitude), axis=1)
+    assert np.degrees(np.median(leans)) < 3.0
+
+
+def test_flying_again_knows_what_a_flight_has_of_its_own() -> None:
+    """A thrust that is 5 % weak, and a torque of its own, are what the commands show."""
+    weak = fly(with_effects({"thrust_scale": {"scale": 0.95}}), up_and_down(), believed=VEHICLE)
+    calibrated = fly_again(weak, VEHICLE, Nuisances(thrust_scale=0.95))
+    turned = fly_again(weak, VEHICLE, Nuisances(thrust_scale=0.95, angular_acceleration=(8.0, -5.0, 1.0)))
+    assert calibrated is not None
+    assert turned is not None
+    for flight in (calibrated, turned):
+        assert (flight.needed_duty / flight.duty).mean() == pytest.approx(1.0, abs=0.01)
+    leans = np.linalg.norm(rotation_between(turned.attitude, turned.needed_attitude), axis=1)
     assert np.degrees(np.median(leans)) < 3.0
 
 

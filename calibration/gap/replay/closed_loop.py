@@ -16,6 +16,7 @@ from calibration.gap.data.record import FlightRecord
 from calibration.gap.replay.hover import at_full_duty, hover_command, mixed
 from calibration.gap.replay.inputs import PredictionInputs, motor_starts, prediction_inputs
 from calibration.gap.replay.kernels import interpolated, keep
+from calibration.gap.replay.nuisances import Nuisances
 from calibration.gap.replay.windows import longest_stretch
 from onboard.arrays import BoolArray, FloatArray, Vector
 from onboard.battery import thrust_from_voltage
@@ -150,12 +151,15 @@ def fly_setpoints(
             count += 1
 
 
-def fly_again(record: FlightRecord, vehicle: Vehicle) -> ClosedLoopFlight | None:
+def fly_again(
+    record: FlightRecord, vehicle: Vehicle, own: Nuisances | None = None
+) -> ClosedLoopFlight | None:
     """Fly the model along the longest known stretch of a measured flight.
 
     Args:
         record: the flight.
         vehicle: the model.
+        own: thrust scale and trim of this flight, as its predictions have; None: none.
 
     Returns:
         None when no stretch of free flight with a known pose is :data:`SHORTEST` long.
@@ -167,7 +171,8 @@ def fly_again(record: FlightRecord, vehicle: Vehicle) -> ClosedLoopFlight | None
     stretch = longest_stretch(record.flying & record.pose_known)
     if (stretch.stop - stretch.start) * record.dt < SHORTEST:
         return None
-    p = inputs.parameters
+    own = own or Nuisances()
+    p = own.scaled(inputs.parameters)
     starts, _ = motor_starts(inputs, p, np.array([stretch.start]))
     starts["velocity"] = inputs.velocity[stretch.start]
     starts["omega"] = 0.0  # the gyro may not be known there, and the controller settles
@@ -178,9 +183,13 @@ def fly_again(record: FlightRecord, vehicle: Vehicle) -> ClosedLoopFlight | None
     most = thrust_from_voltage(thrust_map, float(voltage.mean()))
     p, gains = at_full_duty(p, controller_gains(vehicle), most)
     held = hover_command(p, thrust_map, float(voltage[0]), inputs.position[stretch.start])
+    turned = np.asarray(own.angular_acceleration)
+    trim = np.asarray(held.moments if held else UNTRIMMED) - p["inertia"] * turned
+    disturbance = np.zeros((count, 6))
+    disturbance[:, :3] = turned
     fly_setpoints(
         starts[0], p, gains, thrust_map,
-        _path(inputs, stretch), voltage, np.zeros((count, 6)), held.moments if held else UNTRIMMED,
+        _path(inputs, stretch), voltage, disturbance, tuple(trim.tolist()),
         inputs.substeps, inputs.step, control_steps, control_steps, out,
     )  # fmt: skip
     settled = slice(inputs.rows(SETTLING), None)
