@@ -99,8 +99,18 @@ def _drop_superfluous(
     for step in sorted(steps, key=lambda s: s.judgement.gain):
         progress(f"without {step.effect}")
         if len(steps) > 1 and not needed(present, step.effect, training):
-            present = without(present, training, step.effect)
+            # What has no name takes no name's place: a drag stays one beside a force of any shape.
+            plain = _without_what_has_no_name(present, training)
+            if plain is present or not needed(plain, step.effect, training):
+                present = without(present, training, step.effect)
     return present
+
+
+def _without_what_has_no_name(present: Fitted, training: Training) -> Fitted:
+    """The fit with its names alone; itself where it has nothing else."""
+    if not present.unnamed:
+        return present
+    return refine(present.model, present.variables, training, start=present.estimate)
 
 
 def _rivals(present: Fitted, step: SelectionStep, training: Training, barred: Collection[str]) -> list[Rival]:
