@@ -43,11 +43,7 @@ STATE = np.dtype(
         ("coldness", "f8", (4,)),  # 1: has stood for long, 0: a long hover; kept only with motor_warming
         ("command_count", "i8"),  # commands so far; kept only with a command delay
         ("command_memory", "f8", (COMMAND_MEMORY, 4)),  # N, ring of the last commands, one a step
-        (
-            "specific_force",
-            "f8",
-            (3,),
-        ),  # m/s2, body: what an ideal accelerometer in the middle shows, mean over the step
+        ("specific_force", "f8", (3,)),  # m/s2, body: mean over the step in the middle of the drone, ideal
         ("charge_used", "f8"),  # C drawn from the full battery
         ("battery_current", "f8"),  # A
         ("battery_voltage", "f8"),  # V at the terminals under load
