@@ -96,7 +96,7 @@ def run(draws: dict[str, Draw], key: tuple[str, int]) -> dict[str, Any]:
     from calibration.gap.data import prepare_flights
     from calibration.gap.find import GapQuestion, NothingToFindError, find_gap
     from calibration.gap.report.confidence import clearness
-    from tests.truth.published import VehicleLost
+    from tests.truth.lost import VehicleLost
 
     truth, seed = key
     with tempfile.TemporaryDirectory() as folder:

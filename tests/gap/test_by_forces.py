@@ -43,7 +43,8 @@ def test_a_loss_of_thrust_is_measured_though_torques_say_ten_times_as_much() -> 
     judgement = judge(none, found, [INFLOW], training(), np.random.default_rng(1))
     assert found.model.values[INFLOW] == pytest.approx(HIDDEN, rel=0.03)
     assert judgement.errors[INFLOW] < 0.1 * HIDDEN
-    assert judgement.believed
+    assert judgement.significant
+    assert not judgement.at_bound
 
 
 def test_what_torques_gain_by_it_does_not_count() -> None:

@@ -28,7 +28,7 @@ def named(hidden: Hidden, folder: Path) -> Named:
         SelectionStep(SCALE.effect, judge(first, scaled, [SCALE], training, rng), scaled),
         SelectionStep(RESISTANCE.effect, judge(scaled, both, [RESISTANCE], training, rng), both),
     )
-    assert steps[1].judgement.believed  # the voltage, beyond doubt, is not that of the model
+    assert steps[1].judgement.significant  # the voltage, beyond doubt, is not that of the model
     return name_effects(Search(first, steps, both, {}, {}, (), ()), training)
 
 

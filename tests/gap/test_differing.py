@@ -4,10 +4,14 @@ belongs to the vehicle has no name where it seems to come and go."""
 import numpy as np
 import pytest
 
+from calibration.gap.data.signals import PARTS
 from calibration.gap.estimate.acceptance import clustered_errors
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, refine, training_set
+from calibration.gap.search.always import LOG_TIMING
+from calibration.gap.search.credible import what_speaks_against
 from calibration.gap.search.differing import another_in_each, differing, in_words
+from calibration.gap.search.forward import search
 from onboard.vehicle import load_vehicle
 from tests.gap.simulated_flight import circle, fly, up_and_down, with_noise
 
@@ -44,20 +48,35 @@ def test_one_wind_for_all_does_not() -> None:
 
 
 def test_a_drag_cannot_come_and_go_as_a_wind_can() -> None:
-    """Laps with the drag of the rotors alternate with laps without."""
+    """Of four laps, slower and slower, the first and the last are with the drag of the rotors."""
     rng = np.random.default_rng(6)
     records = []
     for n in range(4):
-        truth = Model(STOCK, {DRAG: 2e-6 if n % 2 else 0.0}).vehicle()
+        truth = Model(STOCK, {DRAG: 2e-6 if n in (0, 3) else 0.0}).vehicle()
         record = fly(truth, circle(period=2.5 + 0.2 * n), 12.0, name=f"flight {n}", believed=STOCK)
         records.append(with_noise(record, 0.5, rng))
     training = training_set(records, Model(STOCK))
     fit = refine(Model(STOCK), (DRAG,), training)
-    assert another_in_each([DRAG], fit, clustered_errors(fit, training)) == (DRAG,)
+    errors = clustered_errors(fit, training)
+    assert another_in_each([DRAG], fit, errors) == (DRAG,)
+    assert "another in each flight" in (what_speaks_against([DRAG], fit, errors) or "")
+    found = search(Model(STOCK), training, np.random.default_rng(1))
+    assert found.final.model.effects == (LOG_TIMING.effect,)
+    assert any("another in each flight" in reason for reason in found.refused.values())
 
     blown = fitted([0.0, 2.0, 0.0, 2.0])
     assert differing(blown, ["wind"])
     assert another_in_each(blown.variables, blown, dict.fromkeys(blown.variables, 0.1)) == ()
+
+
+def test_a_flight_that_hardly_tells_says_nothing_of_the_others() -> None:
+    """Where nothing is commanded a law looks weaker than it is: not as if the vehicle had another."""
+    blown = fitted([2.0, 2.0, 0.0, 0.0])
+    assert differing(blown, ["wind"])
+    fit = blown.estimate.fit
+    for array in (fit.score, fit.information):
+        array[2 * PARTS :] *= 1e-3  # what excitation_weights leaves of quiet flights, and they turn less
+    assert differing(blown, ["wind"]) == ()
 
 
 def test_only_what_has_a_name_is_told() -> None:

@@ -54,5 +54,6 @@ def test_no_curve_of_thrust_is_believed() -> None:
 
 def test_the_inertia_is_believed() -> None:
     fitted, judgement = offered(SCALE, *INERTIA)
-    assert judgement.believed
+    assert judgement.significant
+    assert not judgement.at_bound
     assert [fitted.model.values[v] for v in INERTIA] == pytest.approx([0.6, 0.6, 0.6], abs=0.05)

@@ -42,7 +42,8 @@ def fitted(mass: float, scales: list[float]) -> tuple[Fitted, Fitted, Judgement]
 
 def test_four_flights_that_all_weigh_more_tell_a_mass() -> None:
     _, found, judgement = fitted(0.055, [0.996, 1.003, 1.005, 0.997])
-    assert judgement.believed
+    assert judgement.significant
+    assert not judgement.at_bound
     assert judgement.sizeable
     assert found.model.values[MASS] == pytest.approx(0.055, abs=0.005)
     assert found.estimate.fit.spread[len(NUISANCES)] < 0.01

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from tests.truth.airframe import Airframe, G
+from tests.truth.lost import VehicleLost, check_kept
 from tests.truth.mujoco_room import Hidden
 from tests.truth.published import (
     RPM,
     PublishedRoom,
     RoomEnded,
-    VehicleLost,
     as_logged,
     flown_to_the_end,
     frame_of,
@@ -95,3 +95,10 @@ def test_a_flight_that_ends_in_no_vehicle_is_no_flight(column: int, value: float
     lost[1, 4, [column, 6] if column == 3 else column] = value
     with pytest.raises(VehicleLost, match="flight 2 of 3"):
         flown_to_the_end(lost)
+
+
+def test_flights_that_all_turn_over_are_no_set() -> None:
+    level, over = np.array([[0.0, 0.0, 0.0, 1.0]] * 3), np.array([[0.0, 0.0, 0.0, 1.0], [0.8, 0.0, 0.0, 0.6]])
+    check_kept([level, over])
+    with pytest.raises(VehicleLost, match="all 2 flights"):
+        check_kept([over, over])

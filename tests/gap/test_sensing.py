@@ -130,6 +130,21 @@ def test_a_turn_that_begins_as_the_log_ends_is_no_wander_of_the_clock(samples: i
     assert np.abs(path.delay).max() <= 0.02
 
 
+def test_a_crash_does_not_ring_into_the_flight_before_it() -> None:
+    (record,) = campaign(31, flights=1)
+    crashed = (record.t >= 8.0)[:, None]
+    tumbling = 40.0 * np.sin(record.t[:, None] * [31.0, 23.0, 17.0])
+    fallen = replace(
+        record,
+        rate=np.where(crashed, tumbling, record.rate),
+        attitude=integrate_rate(np.where(crashed, -tumbling, record.rate), record.dt),
+        flying=record.flying & ~crashed[:, 0],
+    )
+    path = first_path(fallen)
+    assert path.agreement > 0.9
+    assert np.abs(path.delay).max() <= 0.02
+
+
 def test_rotation_is_found_about_all_axes_beside_accelerometer_biases() -> None:
     truth = (0.03, -0.02, 0.015)
     records = campaign(2, rotation=truth)

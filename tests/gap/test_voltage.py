@@ -49,7 +49,7 @@ def test_a_fit_that_is_only_gone_on_with_gains_nothing() -> None:
 def test_a_mass_is_judged_by_forces() -> None:
     none, found = fitted(), fitted(MASS)
     assert abs(voltage_gain(found, none)) < 5.0  # a mass says nothing of it
-    assert judge(none, found, [MASS], training(), np.random.default_rng(1)).believed
+    assert judge(none, found, [MASS], training(), np.random.default_rng(1)).significant
     assert found.model.values[MASS] == pytest.approx(0.02, abs=0.001)
 
 

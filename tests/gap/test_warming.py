@@ -64,7 +64,8 @@ def fall(fit: Fitted) -> float:
 
 def test_a_fall_of_thrust_is_measured_and_left_to_no_nuisance() -> None:
     none, found, judgement = fitted(True)
-    assert judgement.believed
+    assert judgement.significant
+    assert not judgement.at_bound
     assert judgement.sizeable
     assert found.model.values[LOSS] == pytest.approx(HIDDEN[LOSS], rel=0.1)
     assert found.model.values[TIME] == pytest.approx(HIDDEN[TIME], rel=0.3)

@@ -14,6 +14,7 @@ import numpy as np
 from onboard.vehicle import EFFECTS, Vehicle
 from tests.truth import paths, pilots
 from tests.truth.airframe import Airframe, draw_airframe, nominal
+from tests.truth.lost import check_kept
 from tests.truth.mujoco_room import STEP, Circumstances, Hidden, faces_of, fly
 
 SIZES = {"weak": (0.4, 0.6), "medium": (0.8, 1.3), "strong": (1.6, 2.4)}
@@ -43,7 +44,11 @@ class DrawnSet:
 
 
 def draw_set(seed: int, folder: Path) -> DrawnSet:
-    """Draw, fly and write the logs of a set into `folder`."""
+    """Draw, fly and write the logs of a set into `folder`.
+
+    Raises:
+        VehicleLost: in none of its flights the pilot can keep the vehicle.
+    """
     rng = np.random.default_rng([seed, 23])
     frame = draw_airframe(rng, *CLASSES[rng.integers(len(CLASSES))])
     vehicle = nominal(frame, "mujoco-room")
@@ -53,7 +58,7 @@ def draw_set(seed: int, folder: Path) -> DrawnSet:
     flights = int(rng.choice(FLIGHTS))
     seconds = float(rng.uniform(15.0, 40.0)) + lab.rest
     folder.mkdir(parents=True, exist_ok=True)
-    files = []
+    files, attitudes = [], []
     for number in range(flights):
         kind = paths.KINDS[number % len(paths.KINDS)]
         extent = 1.0 if frame.mass < 0.1 else 2.0 if frame.mass < 0.8 else 3.0
@@ -61,6 +66,8 @@ def draw_set(seed: int, folder: Path) -> DrawnSet:
         log = fly(frame, hidden, lab, goals, np.random.default_rng([seed, 29, number]))
         files.append(folder / f"{kind}-{number + 1}.csv")
         write_log(files[-1], log)
+        attitudes.append(log[:, 4:8])
+    check_kept(attitudes)
     return DrawnSet(files, vehicle, answer_of(size, flights, frame, lab, effects, unlisted))
 
 

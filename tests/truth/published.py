@@ -33,6 +33,7 @@ from tests.truth.drawn import (
     hide_something,
     write_log,
 )
+from tests.truth.lost import VehicleLost
 from tests.truth.mujoco_room import STEP, Hidden, draw_gusts, measured
 
 SCRIPT = Path(__file__).parents[2] / "benchmarks/peers/crazyflow_room.py"
@@ -56,10 +57,6 @@ RPM = 2.0 * math.pi / 60.0
 
 class RoomEnded(RuntimeError):
     """The simulator's process ended; the message has its last words."""
-
-
-class VehicleLost(RuntimeError):
-    """The published controller could not keep the vehicle with what is hidden in it: there is no flight."""
 
 
 class PublishedRoom:

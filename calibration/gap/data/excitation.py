@@ -80,9 +80,8 @@ def answered(quiet: FloatArray, signals: Signals, predicted: FloatArray) -> Floa
 
 
 def only_excited(weights: FloatArray) -> FloatArray:
-    """The weights, shape (parts, 7), of parts in which most of the motion was commanded; others count for
-    next to nothing."""
-    return np.where(weights >= _EXCITED, weights, np.minimum(weights, _LEAST))
+    """The weights, shape (parts, 7), of parts in which most of the motion was commanded; others have none."""
+    return np.where(weights >= _EXCITED, weights, 0.0)
 
 
 def excited(weights: FloatArray) -> bool:

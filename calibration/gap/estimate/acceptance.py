@@ -48,7 +48,6 @@ class Judgement:
         significant: whether the gain and at least one parameter are beyond chance.
         sizeable: whether at least one parameter is as far from neutral as is worth a name.
         at_bound: parameters that ended at a bound.
-        drifting: parameters that carry the evidence, and depend on how hard the vehicle was flown.
         errors: clustered standard error of each new variable.
     """
 
@@ -56,13 +55,7 @@ class Judgement:
     significant: bool
     sizeable: bool
     at_bound: tuple[Variable, ...]
-    drifting: tuple[Variable, ...]
     errors: dict[Variable, float]
-
-    @property
-    def believed(self) -> bool:
-        """Whether it is real, though perhaps too small to matter."""
-        return self.significant and not self.at_bound and not self.drifting
 
 
 def clustered_errors(fitted: Fitted, training: Training) -> dict[Variable, float]:
@@ -115,7 +108,6 @@ def judge(
         significant=bool(fitted) and beyond_chance,
         sizeable=any(sizeable(model, v) for v in fitted),
         at_bound=tuple(v for v in fitted if runs_out(offered, v, errors[v])),
-        drifting=drifting(fitted, offered, errors),
         errors=errors,
     )
 

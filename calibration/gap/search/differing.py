@@ -30,6 +30,11 @@ _SHARE = 0.5
 """Of a value by which it must scatter to be said to differ: less is within what its name promises."""
 
 
+_TELLS = 0.01
+"""Of the information that the flight has which tells a parameter best: one that has less says nothing of it.
+Where nothing is commanded, what turns the vehicle is answered, and a law looks weaker than it is."""
+
+
 class Differing(NamedTuple):
     """A parameter of which flights have values of their own.
 
@@ -79,7 +84,7 @@ def _scatter(final: Fitted, variable: Variable) -> Differing | None:
     fit, column = final.estimate.fit, final.variables.index(variable)
     left = fit.score - np.einsum("pgh,h->pg", fit.information, fit.theta)
     weights = fit.information[:, column, column].reshape(-1, PARTS).sum(axis=1)
-    told = weights > 0.0
+    told = weights > _TELLS * weights.max()
     free = int(np.count_nonzero(told)) - 1
     if free < 1:
         return None

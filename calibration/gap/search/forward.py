@@ -24,16 +24,14 @@ from calibration.gap.estimate.model import WORKERS, Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training, refine, settled
 from calibration.gap.search.always import always_fitted
 from calibration.gap.search.beside import explained_better
-from calibration.gap.search.bounds import AT_BOUND, refused_axes, without_axes_at_bounds
+from calibration.gap.search.bounds import refused_axes, without_axes_at_bounds
 from calibration.gap.search.candidates import Candidate, candidates_for
+from calibration.gap.search.credible import what_speaks_against
 from calibration.gap.search.rivals import Rival
 from calibration.gap.search.screen import Promise, screen
 from calibration.gap.search.second_look import second_look
 from calibration.gap.search.selection import Progress, SelectionStep, TimeToGo
 from calibration.gap.unnamed.fitted_terms import FittedTerm, best_term, without_superfluous
-
-DRIFTS = "{} depends on how hard the vehicle was flown: it stands in for something else"
-"""Why a parameter is not believed."""
 
 SCALES = ("thrust_scale", "mass_error")
 """What is looked at before all else where the flights weigh far more or less than the vehicle file."""
@@ -322,7 +320,7 @@ def _forward(
         if not (gain >= LEAST_GAIN or judgement.significant):
             continue
         others = [one for one in better if one[0].effect != candidate.effect]
-        reason = _reason(judgement, [barred[e] for e in candidate.effects if e in barred])
+        reason = _reason(fitted, judgement, [barred[e] for e in candidate.effects if e in barred])
         if reason is None and not explained_better((candidate, fitted), gain, others, present, training):
             rivals = {c.effect: gain - g for g, c, _, _ in fits if c.effect != candidate.effect}
             step = SelectionStep(candidate.effect, judgement, settled(fitted, training), rivals)
@@ -335,14 +333,11 @@ def _forward(
     return _Round(list(promises), None, refused, doubtful)
 
 
-def _reason(judgement: Judgement, barred: Sequence[str]) -> str | None:
+def _reason(fitted: Fitted, judgement: Judgement, barred: Sequence[str]) -> str | None:
     """Why a candidate is not believed; None where it is."""
     if barred:
         return barred[0]
-    if judgement.believed:
-        return None
-    if judgement.at_bound:
-        return AT_BOUND.format(", ".join(v.parameter for v in judgement.at_bound))
-    if judgement.drifting:
-        return DRIFTS.format(", ".join(v.parameter for v in judgement.drifting))
-    return "its gain does not hold across flights"
+    against = what_speaks_against(list(judgement.errors), fitted, judgement.errors)
+    if against is None and not judgement.significant:
+        return "its gain does not hold across flights"
+    return against

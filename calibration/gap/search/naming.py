@@ -9,14 +9,13 @@ import numpy as np
 from scipy.stats import norm
 
 from calibration.gap.data.excitation import answered, commanded, excitation_weights, excited
-from calibration.gap.estimate.acceptance import clustered_errors, drifting, runs_out, sizeable
+from calibration.gap.estimate.acceptance import clustered_errors, sizeable
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training, refine
 from calibration.gap.search.always import LOG_TIMING, late_by_more_than_the_log
-from calibration.gap.search.bounds import AT_BOUND
-from calibration.gap.search.differing import DIFFERS, another_in_each
+from calibration.gap.search.credible import what_speaks_against
 from calibration.gap.search.doubts import with_doubts
-from calibration.gap.search.forward import DRIFTS, Search
+from calibration.gap.search.forward import Search
 from calibration.gap.search.rivals import needed
 from onboard.vehicle import EFFECTS, Vehicle, VehicleFileError, vehicle_to_toml
 from onboard.vehicle.file_format import parse_vehicle
@@ -186,13 +185,8 @@ def _doubt(
     values = {v: x for v, x in final.model.values.items() if v.effect == effect}
     if effect == LOG_TIMING.effect and not _tells_delays(final, training):
         return "too little was commanded to tell it"
-    if at_bound := [v.parameter for v in values if runs_out(final, v, chance.get(v, 0.0))]:
-        return AT_BOUND.format(", ".join(at_bound))
-    fitted = [v for v in values if v in final.variables]
-    if unsteady := drifting(fitted, final, chance):
-        return DRIFTS.format(", ".join(v.parameter for v in unsteady))
-    if differ := another_in_each(fitted, final, chance):
-        return DIFFERS.format(", ".join(v.parameter for v in differ))
+    if against := what_speaks_against(list(values), final, chance):
+        return against
     nothing = contains_nothing(values, final, errors)
     if effect == LOG_TIMING.effect and not late_by_more_than_the_log(final.model, training):
         return _small(values)

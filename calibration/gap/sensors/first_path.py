@@ -9,11 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_erosion
 from scipy.signal import butter, sosfiltfilt
 
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.rotations import conjugates, products, rotation_vectors
-from onboard.arrays import FloatArray
+from onboard.arrays import BoolArray, FloatArray
 
 _BLOCK_S = 1.0
 _WIDEST_S = 0.3
@@ -40,8 +41,8 @@ class FirstPath:
 
 def first_path(record: FlightRecord) -> FirstPath:
     """The path for one flight of some seconds."""
-    tracked, gyro = _rates(record)
     good = record.flying & record.pose_known & record.inertial_known
+    tracked, gyro = _rates(record, good)
     # Beyond the ends of the log nothing is known: shifted by so much, what would be compared is not there.
     edge = round(_WIDEST_S / record.dt)
     good[:edge] = good[max(record.t.size - edge, 0) :] = False
@@ -68,15 +69,28 @@ def first_path(record: FlightRecord) -> FirstPath:
     return FirstPath(middles, delays[best], agreement)
 
 
-def _rates(record: FlightRecord) -> tuple[FloatArray, FloatArray]:
-    """Tracked rate, over 20 ms to either side, and gyro, both in the band; rad/s, body, shape (n, 3)."""
+def _rates(record: FlightRecord, good: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Tracked rate, over 20 ms to either side, and gyro, both in the band; rad/s, body, shape (n, 3).
+
+    Between what is `good`, and before and after, they are drawn through: a crash would ring into the flight.
+    """
     half = 2
     turns = rotation_vectors(products(conjugates(record.attitude[: -2 * half]), record.attitude[2 * half :]))
     # A turn that goes on at the end of the log does not stop there: a step would ring through the filter.
     tracked = np.pad(turns / (2 * half * record.dt), ((half, half), (0, 0)), mode="edge")
+    known = binary_erosion(good, iterations=half, border_value=1)
     high = min(_BAND_HZ[1], 0.4 / record.dt)
     band = butter(3, (_BAND_HZ[0], high), "bandpass", fs=1.0 / record.dt, output="sos")
-    return sosfiltfilt(band, tracked, axis=0), sosfiltfilt(band, record.rate, axis=0)
+    tracked, gyro = (sosfiltfilt(band, _through(rate, known), axis=0) for rate in (tracked, record.rate))
+    return tracked, gyro
+
+
+def _through(values: FloatArray, known: BoolArray) -> FloatArray:
+    """`values`, shape (n, 3), with straight lines between what is `known`; themselves where nothing is."""
+    if not known.any():
+        return values
+    index = np.arange(known.size)
+    return np.column_stack([np.interp(index, index[known], column[known]) for column in values.T])
 
 
 def _least_cost_path(cost: FloatArray, delays: FloatArray) -> NDArray[np.int64]:
