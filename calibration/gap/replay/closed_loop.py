@@ -13,7 +13,7 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from calibration.gap.data.record import FlightRecord
-from calibration.gap.replay.hover import at_full_duty, hover_command, mixed
+from calibration.gap.replay.hover import hover_command, mixed, up_to_full_duty
 from calibration.gap.replay.inputs import PredictionInputs, motor_starts, prediction_inputs
 from calibration.gap.replay.kernels import interpolated, keep
 from calibration.gap.replay.nuisances import Nuisances
@@ -180,16 +180,17 @@ def fly_again(
     control_steps = max(1, round(CONTROL_PERIOD / inputs.step))
     out = np.empty((count, LOGGED))
     thrust_map, voltage = vehicle.motors.thrust_map_compiled(), inputs.voltage[stretch]
-    most = thrust_from_voltage(thrust_map, float(voltage.mean()))
-    p, gains = at_full_duty(p, controller_gains(vehicle), most)
-    held = hover_command(p, thrust_map, float(voltage[0]), inputs.position[stretch.start])
+    highest = float(voltage.max())
+    gains = up_to_full_duty(controller_gains(vehicle), thrust_from_voltage(thrust_map, highest))
     turned = np.asarray(own.angular_acceleration)
-    trim = np.asarray(held.moments if held else UNTRIMMED) - p["inertia"] * turned
+    pushed = tuple((p["inertia"] * turned).tolist())
+    # A trim is a moment: no battery changes it, but one that is low may hold no hover to find it in.
+    held = hover_command(p, thrust_map, highest, inputs.position[stretch.start], pushed)
     disturbance = np.zeros((count, 6))
     disturbance[:, :3] = turned
     fly_setpoints(
         starts[0], p, gains, thrust_map,
-        _path(inputs, stretch), voltage, disturbance, tuple(trim.tolist()),
+        _path(inputs, stretch), voltage, disturbance, held.moments if held else UNTRIMMED,
         inputs.substeps, inputs.step, control_steps, control_steps, out,
     )  # fmt: skip
     settled = slice(inputs.rows(SETTLING), None)

@@ -5,9 +5,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from onboard.arrays import FloatArray, Vector
-from onboard.battery import duty_for_thrust
+from onboard.battery import LOWEST_BATTERY_VOLTAGE, voltage_from_thrust
 from onboard.controller import ControllerGains
-from onboard.mixer import mix
 from onboard.thrust_map import ThrustMap
 from sim_backend.physics.battery import motor_targets
 from sim_backend.physics.forces import free_flight_wrench
@@ -38,17 +37,27 @@ class HoverCommand(NamedTuple):
 
 @kernel
 def mixed(state: Any, p: Any, thrust_map: ThrustMap, collective: float, moments: Vector, duty: Any) -> None:
-    """Duties of mixer and battery compensation, into `duty` (4,), for a collective (N) and moments (N m)."""
-    thrusts = mix(
-        collective, moments[0], moments[1], moments[2],
-        p.arm_x, p.arm_y, p.thrust_to_torque, p.thrust_max,
-    )  # fmt: skip
+    """Duties of mixer and battery compensation, into `duty` (4,), for a collective (N) and moments (N m).
+
+    As the firmware of a Crazyflie: by how much the first motor is beyond full duty is taken from all, so that
+    moments stay and the collective goes (crazyflie-firmware@2a18fc29, powerDistributionCap; in measured
+    flights one motor at a time stands at full duty).
+    """
+    each = 0.25 * collective
+    roll, pitch = 0.25 * moments[0] / p.arm_y, 0.25 * moments[1] / p.arm_x
+    yaw = 0.25 * moments[2] / p.thrust_to_torque
+    duty[0] = voltage_from_thrust(thrust_map, each - roll - pitch - yaw)
+    duty[1] = voltage_from_thrust(thrust_map, each - roll + pitch + yaw)
+    duty[2] = voltage_from_thrust(thrust_map, each + roll + pitch - yaw)
+    duty[3] = voltage_from_thrust(thrust_map, each + roll - pitch + yaw)
+    battery = max(state.battery_voltage, LOWEST_BATTERY_VOLTAGE)
+    beyond = max(max(duty[0], duty[1], duty[2], duty[3]) - battery, 0.0)
     for motor in range(4):
-        duty[motor] = duty_for_thrust(thrusts[motor], state.battery_voltage, thrust_map, 0.0)
+        duty[motor] = max(duty[motor] - beyond, 0.0) / battery
 
 
 @outlined
-def _held(state: Any, p: Any, thrust_map: ThrustMap) -> tuple[float, Vector, float]:
+def _held(state: Any, p: Any, thrust_map: ThrustMap, pushed: Vector) -> tuple[float, Vector, float]:
     """Collective, moments, and the share of weight and levers that they leave."""
     level, duty = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0), np.zeros(4)
     weight = p.mass * p.gravity
@@ -59,6 +68,7 @@ def _held(state: Any, p: Any, thrust_map: ThrustMap) -> tuple[float, Vector, flo
         for motor in range(4):
             state.thrust[motor] = targets[motor]
         _, _, fz, tx, ty, tz = free_flight_wrench(state, p, level, 0.0, 0.0, 0.0)
+        tx, ty, tz = tx + pushed[0], ty + pushed[1], tz + pushed[2]
         turned = max(abs(tx) / p.arm_y, abs(ty) / p.arm_x, abs(tz) / p.thrust_to_torque)
         lacking = max(abs(weight - fz), turned) / weight
         collective += 0.5 * (weight - fz)
@@ -66,16 +76,18 @@ def _held(state: Any, p: Any, thrust_map: ThrustMap) -> tuple[float, Vector, flo
     return collective, (x, y, z), lacking
 
 
-def at_full_duty(parameters: Any, gains: ControllerGains, most: float) -> tuple[Any, ControllerGains]:
-    """Parameters and gains of a controller that stops at full duty, as every firmware, not at the thrust that
-    a vehicle file thinks a motor has; `most`: N, what it believes that to be."""
-    free = parameters.copy()
-    free["thrust_max"] = most
-    return free, gains._replace(collective_max=4.0 * most)
+def up_to_full_duty(gains: ControllerGains, most: float) -> ControllerGains:
+    """Gains of a controller that stops at full duty, as every firmware, not at the thrust that a vehicle file
+    thinks a motor has; `most`: N, what a motor gives at full duty, as it believes."""
+    return gains._replace(collective_max=4.0 * most)
 
 
 def hover_command(
-    parameters: Any, thrust_map: ThrustMap, voltage: float, place: FloatArray
+    parameters: Any,
+    thrust_map: ThrustMap,
+    voltage: float,
+    place: FloatArray,
+    pushed: Vector = (0.0, 0.0, 0.0),
 ) -> HoverCommand | None:
     """What holds a model level at a place, without a string; None where nothing does.
 
@@ -84,10 +96,11 @@ def hover_command(
         thrust_map: of the controller's battery compensation.
         voltage: V, of the battery.
         place: m, world.
+        pushed: N m, body, moments that act on the model besides.
     """
     prompt = parameters.copy()
     prompt["delay_steps"] = prompt["tether_stiffness"] = prompt["tether_damping"] = 0.0
     state = with_cold_motors(new_state())
     state["position"], state["battery_voltage"] = place, voltage
-    collective, moments, lacking = _held(state, prompt, thrust_map)
+    collective, moments, lacking = _held(state, prompt, thrust_map, pushed)
     return HoverCommand(collective, moments) if lacking < _HELD else None

@@ -8,7 +8,7 @@ import numpy as np
 
 from calibration.gap.data.found import FoundEffect
 from calibration.gap.estimate.acceptance import NINETY_FIVE
-from calibration.gap.replay.hover import HoverCommand, at_full_duty, hover_command
+from calibration.gap.replay.hover import HoverCommand, hover_command, up_to_full_duty
 from calibration.gap.search.naming import Named
 from onboard.attitude_margins import DELAY_LIMIT, PHASE_LIMIT_DEG, vehicle_margins
 from onboard.battery import thrust_from_voltage
@@ -91,8 +91,8 @@ def _hard_to_hold(improved: Vehicle) -> Iterator[str]:
     p = physics_parameters(improved, RoomGeometry(ceiling_z=math.inf))
     voltage = float(p["open_circuit_full"])
     most = thrust_from_voltage(thrust_map, voltage)
-    free, gains = at_full_duty(p, controller_gains(improved), most)
-    held = hover_command(free, thrust_map, voltage, np.array([0.0, 0.0, _HEIGHT]))
+    gains = up_to_full_duty(controller_gains(improved), most)
+    held = hover_command(p, thrust_map, voltage, np.array([0.0, 0.0, _HEIGHT]))
     if held is None:
         yield "the vehicle that was found does not hover at full duty of a full battery"
         return
