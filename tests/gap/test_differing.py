@@ -11,6 +11,7 @@ from calibration.gap.estimate.refine import Fitted, refine, training_set
 from calibration.gap.search.always import LOG_TIMING
 from calibration.gap.search.credible import what_speaks_against
 from calibration.gap.search.differing import another_in_each, differing, in_words
+from calibration.gap.search.doubts import with_doubts
 from calibration.gap.search.forward import search
 from onboard.vehicle import load_vehicle
 from tests.gap.simulated_flight import circle, fly, up_and_down, with_noise
@@ -77,6 +78,25 @@ def test_a_flight_that_hardly_tells_says_nothing_of_the_others() -> None:
     for array in (fit.score, fit.information):
         array[2 * PARTS :] *= 1e-3  # what excitation_weights leaves of quiet flights, and they turn less
     assert differing(blown, ["wind"]) == ()
+
+
+def test_a_small_axis_that_scatters_leaves_the_name_to_the_others() -> None:
+    """A moment by forward speed that is there in every second flight, beside one by sideways speed in all."""
+    rng = np.random.default_rng(7)
+    roll, pitch = axes = Variable("velocity_moment", "roll"), Variable("velocity_moment", "pitch")
+    records = []
+    for n in range(4):
+        truth = Model(STOCK, {roll: 3e-4, pitch: 6e-5 * (n % 2)}).vehicle()
+        record = fly(truth, circle(period=2.5 + 0.1 * n), 12.0, name=f"flight {n}", believed=STOCK)
+        records.append(with_noise(record, 0.5, rng))
+    training = training_set(records, Model(STOCK))
+    fit = refine(Model(STOCK), axes, training)
+    (one,) = differing(fit, ["velocity_moment"])
+    assert one.variable == pitch
+    # As where one flight of shakes tells more than the others together: its scatter makes it no better known.
+    assert another_in_each(axes, fit, {roll: 3e-5, pitch: 6e-6}) == ()
+    assert another_in_each(axes, fit, {roll: 3e-4, pitch: 6e-6}) == (pitch,)
+    assert with_doubts({roll: 3e-5, pitch: 6e-6}, fit, training)[pitch] > one.error_of_mean > 1e-5
 
 
 def test_only_what_has_a_name_is_told() -> None:

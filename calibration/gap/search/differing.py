@@ -49,6 +49,11 @@ class Differing(NamedTuple):
     values: FloatArray
     errors: FloatArray
 
+    @property
+    def error_of_mean(self) -> float:
+        """Standard error of the mean over the flights that tell, by their scatter alone."""
+        return self.scatter / math.sqrt(np.count_nonzero(np.isfinite(self.values)))
+
 
 def differing(final: Fitted, names: Sequence[str]) -> tuple[Differing, ...]:
     """The parameters of these effects that differ between the flights of a fit."""
@@ -75,8 +80,10 @@ def another_in_each(
         errors: standard error of each variable.
     """
     names = {v.effect for v in variables if not EFFECTS[v.effect].may_differ}
-    odd = [one.variable for one in differing(final, sorted(names))]
-    return where_they_carry(odd, variables, final, errors)
+    odd = {one.variable: one for one in differing(final, sorted(names))}
+    # A mean over flights that scatter is known no better than they let it (random effects).
+    known = {v: math.hypot(e, odd[v].error_of_mean) if v in odd else e for v, e in errors.items()}
+    return where_they_carry(tuple(odd), variables, final, known)
 
 
 def _scatter(final: Fitted, variable: Variable) -> Differing | None:
