@@ -103,6 +103,12 @@ def test_a_scale_is_needed_where_four_motors_would_have_to_take_its_place() -> N
     assert not needed(fitted(SCALE, *MOTORS), "motor_imbalance", training())
 
 
+def test_four_motors_that_are_all_as_weak_are_one_scale() -> None:
+    (scale,) = (one for one in rivals(fitted(*MOTORS), "motor_imbalance", [], training()) if one.one_for_four)
+    assert scale.effect == "thrust_scale"
+    assert scale.says_the_same_with_fewer_names
+
+
 def test_what_runs_into_its_bound_takes_no_name_s_place() -> None:
     """A thrust that is weak from the first second on is no loss by warmth."""
     warm = fitted(Variable("motor_warming", "loss"), Variable("motor_warming", "time_constant"))

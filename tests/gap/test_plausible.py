@@ -1,5 +1,6 @@
 """Channels in another unit or frame are refused by name, and near-copies are found."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -117,6 +118,30 @@ def test_motors_in_another_order_are_refused_by_name(flight: Flight, order: tupl
     with pytest.raises(MotorOrderError, match=said):
         check_motor_order([record], vehicle)
     check_motor_order(prepare_flights([flight]).records, vehicle)
+
+
+def turned_by_a_quarter(flight: Flight) -> Flight:
+    """The flight in a body frame whose x is what y was, as the message says."""
+    d, half = flight.data, math.sqrt(0.5)
+    return replace(
+        flight,
+        data={
+            **d,
+            **{f"m{new}": d[f"m{old}"] for new, old in enumerate((4, 1, 2, 3), 1)},
+            **{"gx": d["gy"], "gy": -d["gx"], "ax": d["ay"], "ay": -d["ax"]},
+            **{"qx": half * (d["qx"] + d["qy"]), "qy": half * (d["qy"] - d["qx"])},
+            **{"qz": half * (d["qz"] + d["qw"]), "qw": half * (d["qw"] - d["qz"])},
+        },
+    )
+
+
+def test_rotors_that_turn_the_other_way_are_refused_by_name(flight: Flight) -> None:
+    """In a frame that is turned by a quarter each rotor has its neighbour's place: again, and all is well."""
+    vehicle = load_vehicle("crazyflie21-stock")
+    other_way = turned_by_a_quarter(flight)
+    with pytest.raises(MotorOrderError, match="its rotors turn the other way"):
+        check_motor_order(prepare_flights([other_way]).records, vehicle)
+    check_motor_order(prepare_flights([turned_by_a_quarter(other_way)]).records, vehicle)
 
 
 def test_rates_in_the_world_frame_are_refused_by_name(flight: Flight) -> None:

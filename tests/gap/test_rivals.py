@@ -23,7 +23,7 @@ def rival() -> Rival:
     model = Model(STOCK)
     return Rival(
         effect="inertia_error", named="thrust_scale", lead=-0.6, otherwise=1.4, gain=30.0, doubt=2.0,
-        richer=True, sizeable=False, swallowed=(), freed=(), spared=(), fewer=False,
+        richer=True, sizeable=False, swallowed=(), freed=(), spared=(), fewer=False, one_for_four=False,
         fitted=refine(model, (), training_set([record], model), iterations=1),
     )  # fmt: skip
 
@@ -82,3 +82,12 @@ def test_of_few_flights_the_scatter_of_leads_is_itself_in_doubt() -> None:
     assert doubt_of(few) == pytest.approx(4.303 * 10.0 * np.sqrt(3.0), rel=1e-3)
     assert doubt_of(many) == pytest.approx(2.045 * many.std(ddof=1) * np.sqrt(30.0), rel=1e-3)
     assert doubt_of(few[:1]) == float("inf")
+
+
+@pytest.mark.parametrize(("lead", "takes_their_place"), [(-12.0, True), (8.0, True), (11.0, False)])
+def test_a_scale_takes_the_place_of_four_motors_that_say_the_same(
+    rival: Rival, lead: float, takes_their_place: bool
+) -> None:
+    scale = replace(rival, effect="thrust_scale", named="motor_imbalance", one_for_four=True, lead=lead)
+    assert scale.says_the_same_with_fewer_names == takes_their_place
+    assert not replace(scale, one_for_four=False).says_the_same_with_fewer_names

@@ -1,4 +1,5 @@
-"""Whether a log numbers its motors as the vehicle file does: in which order do its columns turn the body?"""
+"""Whether a log numbers its motors as the vehicle file does, and its rotors turn as they should: how do its
+columns turn the body?"""
 
 from collections.abc import Sequence
 from itertools import permutations
@@ -17,8 +18,11 @@ from onboard.vehicle import Vehicle
 _BLOCK = 0.05
 """s over which rates and thrusts are averaged: long against the noise of a gyro, short against a turn."""
 
-_TURNS = np.array([[-1.0, -1.0, 1.0, 1.0], [-1.0, 1.0, 1.0, -1.0]])
-"""Roll and pitch moment of M1 to M4 per lever (:mod:`onboard.mixer`)."""
+_TURNS = np.array([[-1.0, -1.0, 1.0, 1.0], [-1.0, 1.0, 1.0, -1.0], [-1.0, 1.0, -1.0, 1.0]])
+"""Roll, pitch and yaw moment of M1 to M4 per lever (:mod:`onboard.mixer`)."""
+
+_LEAN, _YAW = slice(0, 2), slice(2, 3)
+"""Axes that tell an order, and the one that tells in which direction rotors turn."""
 
 _CLEAR, _BETTER = 0.7, 0.25
 """Mean correlation of both moments with the angular accelerations from which on another order is told, and by
@@ -39,10 +43,12 @@ def check_motor_order(records: Sequence[FlightRecord], vehicle: Vehicle) -> None
     Raises:
         MotorOrderError: they do.
     """
-    scores = _scores(records, vehicle)
+    thrust, turn = _moved(records, vehicle)
+    scores = {order: _correlation(thrust[:, order], turn, _LEAN) for order in permutations(range(4))}
     own = scores.pop((0, 1, 2, 3))
     order = max(scores, key=lambda one: scores[one])
     if scores[order] < _CLEAR or scores[order] - own < _BETTER:
+        _check_rotors(_correlation(thrust, turn, _YAW))
         return
     columns = ", ".join(f"M{motor} is in m{column + 1}" for motor, column in enumerate(order, 1))
     raise MotorOrderError(
@@ -51,30 +57,51 @@ def check_motor_order(records: Sequence[FlightRecord], vehicle: Vehicle) -> None
     )
 
 
-def _scores(records: Sequence[FlightRecord], vehicle: Vehicle) -> dict[tuple[int, ...], float]:
-    """Mean correlation of roll and pitch by order of the columns."""
+def _check_rotors(yaws: float) -> None:
+    """Refuse a body that yaws against its rotors.
+
+    Args:
+        yaws: correlation of its yaw with what they are told.
+
+    Raises:
+        MotorOrderError: it does.
+    """
+    if yaws > -_CLEAR:
+        return
+    raise MotorOrderError(
+        "the body yaws against its motor commands: its rotors turn the other way than M1 and M3 "
+        "counter-clockwise seen from above. Turn the body's frame by a quarter, so that x is what y was and "
+        "y what -x was: m1 to m4 are what m4, m1, m2, m3 were, gx and gy what gy and -gx, ax and ay what ay "
+        "and -ax, and qx, qy, qz, qw what 0.7071 times qx+qy, qy-qx, qz+qw, qw-qz were; inertia_xx and "
+        "inertia_yy, arm_x and arm_y of the vehicle file change places (docs/gap_data.md)"
+    )
+
+
+def _moved(records: Sequence[FlightRecord], vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
+    """Thrusts and angular accelerations of all flights, as :func:`_blocks` has them."""
     parameters = below_no_ceiling(vehicle)
     pairs = [_blocks(record, teacher_forced(record, parameters).thrust) for record in records]
     thrust, turn = (np.concatenate(part) for part in zip(*pairs, strict=True))
-    return {order: _correlation(thrust[:, order], turn) for order in permutations(range(4))}
+    return thrust, turn
 
 
 def _blocks(record: FlightRecord, thrust: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Thrusts (N, (b, 4)), angular accelerations (rad/s2, (b, 2)): means over blocks, less the flight's."""
+    """Thrusts (N, (b, 4)), angular accelerations (rad/s2, (b, 3)): means over blocks, less the flight's."""
     length = max(1, round(_BLOCK / record.dt))
     count = (record.t.size - 1) // length
     rows = (usable(record) & record.inertial_known)[: count * length].reshape(count, length).all(axis=1)
     means = thrust[: count * length].reshape(count, length, 4).mean(axis=1)
-    edges = record.rate[: count * length + 1 : length, :2]
+    edges = record.rate[: count * length + 1 : length]
     turns = np.diff(edges, axis=0) / (length * record.dt)
     if not rows.any():
-        return np.empty((0, 4)), np.empty((0, 2))
+        return np.empty((0, 4)), np.empty((0, 3))
     return means[rows] - means[rows].mean(axis=0), turns[rows] - turns[rows].mean(axis=0)
 
 
-def _correlation(thrust: FloatArray, turn: FloatArray) -> float:
-    moments = thrust @ _TURNS.T
-    sizes = np.sqrt(np.sum(moments**2, axis=0) * np.sum(turn**2, axis=0))
+def _correlation(thrust: FloatArray, turn: FloatArray, axes: slice) -> float:
+    """Of moments with angular accelerations, mean over these axes; 0 where one of them does not move."""
+    moments, turns = thrust @ _TURNS[axes].T, turn[:, axes]
+    sizes = np.sqrt(np.sum(moments**2, axis=0) * np.sum(turns**2, axis=0))
     if not np.all(sizes > 0.0):
         return 0.0
-    return float(np.mean(np.sum(moments * turn, axis=0) / sizes))
+    return float(np.mean(np.sum(moments * turns, axis=0) / sizes))

@@ -73,6 +73,7 @@ class Rival:
         freed: nuisances whose mean it explains, and the named effect does not.
         spared: other effects of the model that are too small for a name beside it, not beside the named one.
         fewer: whether it has no more parameters than the named effect and those together.
+        one_for_four: whether it is a scale, and the named effect four motors that all say what it does.
         fitted: the model with the rival.
     """
 
@@ -88,6 +89,7 @@ class Rival:
     freed: tuple[str, ...]
     spared: tuple[str, ...]
     fewer: bool
+    one_for_four: bool
     fitted: Fitted
 
     @property
@@ -105,10 +107,11 @@ class Rival:
         """Whether the flights do not tell it from the named effect, and another name goes with that one.
 
         Two names that undo part of each other (a drag at the rotors, and the moment about the centre of mass
-        that it does not have) are one cause.
+        that it does not have) are one cause, and so are four motors that are all as weak.
         """
-        alike = self.effect in EFFECTS[self.named].alike
-        simpler = alike or self.fewer
+        if self.one_for_four:
+            return not self.swallowed and self.lead <= NOT_TOLD_APART
+        simpler = self.effect in EFFECTS[self.named].alike or self.fewer
         return bool(simpler and self.spared) and not self.swallowed and abs(self.lead) <= NOT_TOLD_APART
 
     @property
@@ -196,6 +199,15 @@ def alike_in_all_motors(model: Model) -> bool:
     return bool(abs(motors.mean() - 1.0) > np.abs(differences).max())
 
 
+def _are_one_scale(model: Model, effect: str) -> bool:
+    """Whether an effect is four motors between which no difference is worth a name."""
+    if effect != "motor_imbalance":
+        return False
+    motors = {v: value for v, value in model.values.items() if v.effect == effect}
+    mean = sum(motors.values()) / len(motors)
+    return all(abs(value - mean) < model.rule(v).practical_minimum for v, value in motors.items())
+
+
 def _is_far_behind(look: LinearLook, effect: str, rival: str) -> bool:
     """Whether a rival explains so little of what a named effect does that no closer fit need be made."""
     lead, gain = look.lacks([effect], rival), look.lacks([effect])
@@ -243,6 +255,7 @@ def _compared(
         freed=swallowed(other, final),
         spared=spared,
         fewer=len(of_rival) <= spent,
+        one_for_four=candidate.effect in _SCALES and _are_one_scale(final.model, effect),
         fitted=other,
     )
 

@@ -79,7 +79,7 @@ def second_look(
         best = next((rival for rival in found if rival.outdoes), None)
         best = best or next((rival for rival in found if rival.says_the_same_with_fewer_names), None)
         # A single name gained most of all when it was found.
-        if best is not None and (best.freed or len(left) > 1):
+        if best is not None and (best.freed or best.one_for_four or len(left) > 1):
             present = settled(best.fitted, training)
             left[index] = step = dataclasses.replace(step, effect=best.effect, after=present)
             found = _rivals(present, step, training, barred)
