@@ -15,7 +15,6 @@ from calibration.gap.estimate.acceptance import NINETY_FIVE, drift
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training
 from calibration.gap.search.always import LOG_TIMING
-from calibration.gap.search.differing import differing
 from onboard.arrays import FloatArray
 from onboard.vehicle import EFFECTS
 
@@ -45,13 +44,11 @@ def with_doubts(chance: Mapping[Variable, float], final: Fitted, training: Train
         moved_by_drag_along_each_axis(final, training),
         {LOG_TIMING: half, _RESISTANCE: _other_current(final.model)},
     ]
-    scattered = {one.variable: one.error_of_mean for one in differing(final, final.model.effects)}
     return {
         v: math.hypot(
             error,
             SYSTEMATIC * _size(v, chance, final.model),
             drift(v, final),
-            scattered.get(v, 0.0),
             *(abs(bounds.get(v, 0.0)) / math.sqrt(3.0) for bounds in alternatives),
         )
         for v, error in chance.items()
