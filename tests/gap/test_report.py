@@ -225,7 +225,7 @@ def test_the_page_loads_nothing_and_draws_everything(tmp_path: Path) -> None:
     [
         (
             {"verdict": GapVerdict.NO_GAP, "effects": ()},
-            "Nothing is missing: the model",
+            "Nothing is missing that these flights show",
         ),
         (
             {
@@ -239,7 +239,9 @@ def test_the_page_loads_nothing_and_draws_everything(tmp_path: Path) -> None:
         ),
         ({"verdict": GapVerdict.EFFECTS_FOUND}, "Found: battery sag and motor saturation were missing"),
         ({}, "Battery sag and motor saturation were missing, and something else"),
-        ({"effects": ()}, "Something is missing that no known effect explains"),
+        ({"effects": (), "train": ("a", "b", "c")}, "Something is missing that no known effect explains"),
+        ({"effects": ()}, "Something is missing, and fewer than 3 flights cannot name it: fly more"),
+        ({"held_out": ()}, "on flights that were fitted, as none was kept back: "),
     ],
 )
 def test_the_verdict_in_words_comes_first(tmp_path: Path, changes: dict[str, Any], sentence: str) -> None:

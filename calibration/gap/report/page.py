@@ -82,7 +82,8 @@ def _sections(report: GapReport, figures: ReportFigures) -> Iterator[str]:
 
 
 def _verdict(report: GapReport) -> str:
-    sentences = [words.gap_in_words(report.gap.metric, report.gap.overall)]
+    unseen = bool(report.held_out)
+    sentences = [words.gap_in_words(report.gap.metric, report.gap.overall, unseen)]
     if report.verdict is GapVerdict.UNEXPLAINED_GAP:
         sentences.append(words.unexplained_in_words(report))
     if report.nameless.closes is not None:

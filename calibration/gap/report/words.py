@@ -2,7 +2,7 @@
 
 from calibration.gap.data.found import FoundEffect, FoundParameter
 from calibration.gap.report.document import GapReport, GapVerdict, Levels
-from calibration.gap.search.naming import REAL
+from calibration.gap.search.naming import FEWEST, REAL
 from calibration.measurement import Interval
 
 
@@ -57,17 +57,23 @@ def headline(report: GapReport) -> str:
             "Nothing is missing that matters; what is real and too small for a name is in the vehicle file."
         )
     if report.verdict is GapVerdict.NO_GAP:
-        return "Nothing is missing: the model predicts these flights as well as their noise allows."
+        return (
+            "Nothing is missing that these flights show: what is left of the error is what sensors, gusts "
+            "and each flight's own thrust leave."
+        )
     if report.verdict is GapVerdict.EFFECTS_FOUND:
         return f"Found: {missing} in the model."
     if names:
         return f"{capital(missing)}, and something else that is not known is still missing."
+    if len(report.train) < FEWEST:
+        return f"Something is missing, and fewer than {FEWEST} flights cannot name it: fly more."
     return "Something is missing that no known effect explains."
 
 
-def gap_in_words(metric: str, levels: Levels) -> str:
-    """How far the gap went down."""
-    text = f"{capital(metric)}, on flights that no fit saw: {number(levels.before)}{unit(levels.unit)} before"
+def gap_in_words(metric: str, levels: Levels, unseen: bool) -> str:
+    """How far the gap went down, on flights that no fit saw (`unseen`) or on those that were fitted."""
+    where = "on flights that no fit saw" if unseen else "on flights that were fitted, as none was kept back"
+    text = f"{capital(metric)}, {where}: {number(levels.before)}{unit(levels.unit)} before"
     if levels.after != levels.before:
         text += f", {number(levels.after)}{unit(levels.unit)} after"
     if levels.noise_floor is not None:
@@ -75,7 +81,7 @@ def gap_in_words(metric: str, levels: Levels) -> str:
         text += unit(levels.unit)
     text += "."
     if levels.closed_share is not None and levels.after != levels.before:
-        text += f" Of what could be removed, {closed(levels.closed_share)} is."
+        text += f" Of what could be removed, {closed(levels.closed_share)} is gone."
     return text
 
 
