@@ -58,7 +58,9 @@ def draw(claimed: Sequence[Claimed], path: Path) -> None:
         around = [[found - low], [high - found]]
         axes.errorbar(one.probability, found, around, fmt="o", ms=5, lw=1.6, capsize=4, color=BLUE)
         text = f"{sum(one.right)} of {len(one.right)}"
-        axes.annotate(text, (one.probability - 0.008, found), ha="right", va="center", fontsize=8.5)
+        axes.annotate(
+            text, (one.probability + 0.008, low - 0.01), ha="right", va="top", rotation=60, fontsize=8.5
+        )
     axes.set(xlim=(0.45, 1.02), ylim=(0.45, 1.02), xlabel="probability claimed", ylabel="share right")
     axes.legend(fontsize=8.5, loc="upper left", frameon=False)
     figure.savefig(path, dpi=RASTER_DPI)
