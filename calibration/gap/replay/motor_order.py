@@ -25,9 +25,9 @@ _LEAN, _YAW = slice(0, 2), slice(2, 3)
 """Axes that tell an order, and the one that tells in which direction rotors turn."""
 
 _CLEAR, _BETTER = 0.7, 0.25
-"""Mean correlation of moments with the angular accelerations from which on another order (or, negative, another
-direction) is told, and by which an order must beat the file's: what delays, lags and weak motors do to a
-correlation is far less."""
+"""Mean correlation of moments with the angular accelerations from which on another order (or, negative,
+another direction) is told, and by which an order must beat the file's: what delays, lags and weak motors do
+to a correlation is far less."""
 
 
 class MotorOrderError(CalibrationError, InputError):
