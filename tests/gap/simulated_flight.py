@@ -22,6 +22,7 @@ from onboard.room import RoomGeometry
 from onboard.rotation import from_rotation_vector, multiply
 from onboard.thrust_map import ThrustMap
 from onboard.vehicle import Vehicle
+from sim_backend.physics.effects.command import set_step
 from sim_backend.physics.effects.sensors import measured_rate, tracked_attitude, tracked_position
 from sim_backend.physics.parameters import physics_parameters
 from sim_backend.physics.reset import approaching, with_cold_motors
@@ -127,8 +128,7 @@ def fly(
     believed = believed or dataclasses.replace(vehicle, effects=())
     room = RoomGeometry(ceiling_z=1e6 if ceiling_z is None else ceiling_z)
     p = physics_parameters(vehicle, room)
-    p["delay_steps"] *= fine / SUBSTEPS
-    p["warming_per_step"] *= SUBSTEPS / fine
+    set_step(p, DT / fine)
     t = DT * np.arange(round(seconds / DT) + 1)
     position = path(t)
     velocity = np.gradient(position, DT, axis=0)

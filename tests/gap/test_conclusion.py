@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from calibration.gap.data.channels import BY_NAME, attitudes
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training, refine, training_set
@@ -13,6 +14,8 @@ from calibration.gap.search.conclusion import concluded
 from calibration.gap.search.forward import Search, search_on
 from calibration.gap.search.naming import contains_nothing
 from calibration.gap.unnamed.curves import worded_terms
+from calibration.gap.unnamed.regressors import regressors
+from calibration.gap.unnamed.terms import polynomial_term
 from onboard.room import RoomGeometry
 from onboard.vehicle import Vehicle, load_vehicle
 from onboard.vehicle.unnamed import UnnamedCurve
@@ -78,6 +81,24 @@ def test_a_force_that_comes_and_goes_softly_is_measured() -> None:
     found, names = concluded(Model(STOCK), training, unseen, np.random.default_rng(1))
     assert names.effects == ()
     assert largest_error(found.final, bump()) < 0.15 * 0.8 * MASS
+
+
+def test_a_torque_that_grows_with_a_place_is_written_with_what_it_is_there() -> None:
+    """A term tells how it changes, and each flight's trim takes the rest: the vehicle file needs both."""
+    knots, slope = (-1.0, 1.0), 0.02 * STOCK.body.arm_y.value * MASS * 9.81
+    hidden = UnnamedCurve(
+        channel="torque_x", regressor="y", knots=knots, values=tuple(slope * (y + 2.0) for y in knots),
+        sigma=0.0, source="hidden",
+    )  # fmt: skip
+    records = flown(STOCK.with_unnamed([hidden]))
+    training = training_set(records, Model(STOCK))
+    place = next(one for one in regressors(records) if one.name == "y")
+    term = polynomial_term(BY_NAME["torque_x"], place, 0.0, 1, attitudes(records))
+    fitted = refine(Model(STOCK), [Variable("motor_lag", "scale")], training, unnamed=[term])
+    (written,) = worded_terms(fitted, PARAMETERS, "a test")
+    assert written.curve is not None
+    assert "everywhere" in written.formula
+    assert written.curve.values == pytest.approx([slope * (y + 2.0) for y in written.curve.knots], rel=0.03)
 
 
 def search_without(training: Training, *barred: str) -> Search:

@@ -13,7 +13,9 @@ from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training, refine, training_set
 from calibration.gap.search.always import LOG_TIMING
 from calibration.gap.search.doubts import with_doubts
+from onboard.vehicle import load_vehicle
 from tests.gap.mujoco_flights import CALM, flights, frame
+from tests.gap.simulated_flight import fly, up_and_down, with_noise
 from tests.truth.airframe import nominal
 from tests.truth.mujoco_room import Hidden, faces_of
 
@@ -62,3 +64,28 @@ def test_what_moves_with_the_logs_timing_is_known_no_better_than_it(tmp_path: Pa
     assert errors[LOG_TIMING] > half / np.sqrt(3.0)
     of_lag = half / final.model.base.motors.time_constant_up.value
     assert 0.3 * of_lag < errors[lag] < 1.5 * of_lag
+
+
+def drawing_for_lift(record: FlightRecord, flown: Model, rng: np.random.Generator) -> FlightRecord:
+    """The flight with a battery whose motors draw for what they lift; they get the same voltage as before."""
+    voltage = flown.voltage_for_lift([record])
+    duty = record.duty * (record.known_voltage / voltage)[:, None]
+    measured = voltage + 2e-3 * rng.standard_normal(voltage.size)
+    return dataclasses.replace(record, duty=duty, voltage=measured)
+
+
+def test_a_resistance_is_known_no_better_than_what_bent_motors_draw() -> None:
+    curve, resistance = Variable("thrust_curve", "curvature"), Variable("battery_sag", "resistance")
+    stock, rng = load_vehicle("crazyflie21-stock"), np.random.default_rng(3)
+    truth = Model(stock).with_values({curve: 0.15})
+    records = []
+    for n, period in enumerate((1.5, 1.8, 2.1, 2.5)):
+        record = fly(truth.vehicle(), up_and_down(0.5, period), name=f"flight {n}", believed=stock)
+        records.append(with_noise(drawing_for_lift(record, truth, rng), 0.5, rng))
+    training = training_set(records, Model(stock))
+    final = refine(Model(stock), (LOG_TIMING, curve, resistance), training)
+    chance = clustered_errors(final, training)
+    errors = with_doubts(chance, final, training)
+    false = abs(final.model.change(resistance))
+    assert NINETY_FIVE * chance[resistance] < false < NINETY_FIVE * errors[resistance]
+    assert abs(final.model.change(curve) - 0.15) < NINETY_FIVE * errors[curve]

@@ -1,6 +1,7 @@
 """A vehicle with effects whose parameters are being searched for, and its predictions along flights."""
 
 import dataclasses
+import functools
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -12,18 +13,20 @@ import numpy as np
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.signals import CHANNELS, FORCE, KINDS, TORQUE, VOLTAGE
 from calibration.gap.data.smoothing import as_poses_see
-from calibration.gap.replay.teacher_forcing import Prediction, teacher_forced
+from calibration.gap.replay.teacher_forcing import STEP, Prediction, teacher_forced
 from onboard.arrays import FloatArray
 from onboard.quantity import Quantity
 from onboard.room import RoomGeometry
 from onboard.vehicle import EFFECTS, Effect, Vehicle
 from onboard.vehicle.effects import EffectParameter, Size
 from onboard.vehicle.unnamed import UnnamedCurve
-from sim_backend.physics.effects.command_delay import STEP
 from sim_backend.physics.parameters import physics_parameters
 
 _BATTERY = "battery_sag"
 """The effect that a voltage decides about."""
+
+LIFT_ONLY = ("thrust_curve", "motor_warming")
+"""Effects of what a motor lifts at a voltage, which says nothing of what it draws."""
 
 _FORCES, _TORQUES, _VOLTAGES = range(len(KINDS))
 
@@ -137,8 +140,7 @@ class Model:
         """Predicted signals along the flights (:mod:`calibration.gap.data.signals`), shape (n, 7)."""
         p = self.parameters()
         predictions = self.along(records, p)
-        # What a motor lifts at a voltage says nothing of what it draws.
-        plain = self.without("thrust_curve").without("motor_warming")
+        plain = functools.reduce(Model.without, LIFT_ONLY, self)
         drawing = predictions if plain.effects == self.effects else plain.along(records, plain.parameters())
         return stack_predictions(records, predictions, [terminal_voltage(p, one) for one in drawing])
 
@@ -150,6 +152,11 @@ class Model:
             p: the model's :meth:`parameters`, or others near them.
         """
         return stack_motion(records, self.along(records, p))
+
+    def voltage_for_lift(self, records: Sequence[FlightRecord]) -> FloatArray:
+        """Battery voltage (V), shape (n,), of motors that draw for what they lift, :data:`LIFT_ONLY` too."""
+        p = self.parameters()
+        return np.concatenate([terminal_voltage(p, one) for one in self.along(records, p)])
 
     def along(self, records: Sequence[FlightRecord], p: Any) -> list[Prediction]:
         """What these :meth:`parameters` say along each flight."""

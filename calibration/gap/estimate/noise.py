@@ -53,15 +53,17 @@ def whiten_channel(values: FloatArray, whole: BoolArray, coefficients: FloatArra
     out[:order] = 0.0
     for first in range(order, count, _BLOCK):
         end = min(first + _BLOCK, count)
-        for k in range(first, end):
-            out[k] = values[k]
+        # Slices with an index from 0 on: one that could be negative is looked at each time, six times slower.
+        block, present, used = out[first:end], values[first:end], whole[first:end]
+        for k in range(block.size):
+            block[k] = present[k]
         for i in range(order):
-            coefficient = coefficients[i]
-            for k in range(first, end):
-                out[k] -= coefficient * values[k - 1 - i]
-        for k in range(first, end):
-            if not whole[k]:
-                out[k] = 0.0
+            coefficient, past = coefficients[i], values[first - 1 - i : end - 1 - i]
+            for k in range(block.size):
+                block[k] -= coefficient * past[k]
+        for k in range(block.size):
+            if not used[k]:
+                block[k] = 0.0
 
 
 def whiten(signal: FloatArray, whole: BoolArray, coefficients: FloatArray) -> FloatArray:

@@ -17,6 +17,7 @@ from onboard.arrays import BoolArray, FloatArray
 from onboard.room import RoomGeometry
 from onboard.rotation import to_matrices
 from onboard.vehicle import Vehicle
+from sim_backend.physics.effects.command import set_step
 from sim_backend.physics.effects.command_delay import STEP
 from sim_backend.physics.parameters import physics_parameters
 from sim_backend.physics.reset import with_cold_motors
@@ -83,8 +84,7 @@ def prediction_inputs(record: FlightRecord, vehicle: Vehicle) -> PredictionInput
     p = physics_parameters(vehicle, RoomGeometry(ceiling_z=ceiling))
     substeps = max(1, round(record.dt / STEP))
     step = record.dt / substeps
-    p["delay_steps"] *= STEP / step
-    p["warming_per_step"] *= step / STEP
+    set_step(p, step)
     pose, known = _pose_in_time(record, float(p["pose_delay"]))
     quaternion = _without_turn(pose[:, 6:10], p["pose_turn"])
     rotation = to_matrices(quaternion)

@@ -16,7 +16,7 @@ from calibration.gap.replay.kernels import duty_between
 from onboard.arrays import FloatArray, Vector
 from onboard.battery import battery_current
 from sim_backend.physics.battery import motor_targets
-from sim_backend.physics.effects.command_delay import STEP
+from sim_backend.physics.effects.command import set_step
 from sim_backend.physics.forces import free_flight_wrench
 from sim_backend.physics.frames import to_body
 from sim_backend.physics.jit import kernel, outlined
@@ -29,6 +29,10 @@ from sim_backend.physics.rigid_body import (
     unit,
 )
 from sim_backend.physics.state import new_state
+
+STEP = 2e-3
+"""s: longest step between two samples. Motors follow a command that is straight between samples, and half the
+steps of the simulation are half the work of a search."""
 
 
 class Prediction(NamedTuple):
@@ -178,5 +182,7 @@ def teacher_forced(record: FlightRecord, parameters: Any) -> Prediction:
         np.empty(count),
     )
     steps = max(1, math.ceil(record.dt / STEP - 1e-6))
-    _follow(with_cold_motors(new_state()), parameters, record.inputs, record.dt, steps, tuple(out))
+    p = parameters.copy()
+    set_step(p, record.dt / steps)
+    _follow(with_cold_motors(new_state()), p, record.inputs, record.dt, steps, tuple(out))
     return out

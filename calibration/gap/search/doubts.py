@@ -12,7 +12,7 @@ import numpy as np
 
 from calibration.gap.data.signals import VOLTAGE
 from calibration.gap.estimate.acceptance import NINETY_FIVE, drift
-from calibration.gap.estimate.model import Model, Variable
+from calibration.gap.estimate.model import LIFT_ONLY, Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training
 from calibration.gap.search.always import LOG_TIMING
 from onboard.arrays import FloatArray
@@ -42,6 +42,7 @@ def with_doubts(chance: Mapping[Variable, float], final: Fitted, training: Train
     alternatives = [
         moved_by_timing(final, training),
         moved_by_drag_along_each_axis(final, training),
+        moved_by_current(final, training),
         {LOG_TIMING: half, _RESISTANCE: _other_current(final.model)},
     ]
     return {
@@ -81,6 +82,20 @@ def moved_by_drag_along_each_axis(final: Fitted, training: Training) -> dict[Var
     other = training.regression.estimate(predicted, columns, final.prior, at.fit.spread, at.noise)
     steps = other.fit.theta - at.fit.theta
     return {v: float(step) for v, step in zip(final.variables, steps, strict=False)}
+
+
+def moved_by_current(final: Fitted, training: Training) -> dict[Variable, float]:
+    """What a battery's resistance moves by where motors draw for what they lift, not for their command.
+
+    A bent thrust map, and motors that warm, lift otherwise at a command than the vehicle file says; whether
+    they draw otherwise as well, no flight tells.
+    """
+    effects = final.model.effects
+    if _RESISTANCE not in final.variables or not any(name in effects for name in LIFT_ONLY):
+        return {}
+    other = final.predicted.copy()
+    other[:, VOLTAGE] = final.model.voltage_for_lift(training.records)
+    return {_RESISTANCE: _moved(final, training, [], other)[_RESISTANCE]}
 
 
 def _size(variable: Variable, chance: Mapping[Variable, float], model: Model) -> float:

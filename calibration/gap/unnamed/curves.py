@@ -7,6 +7,7 @@ import numpy as np
 
 from calibration.gap.data.channels import ResidualChannel
 from calibration.gap.estimate.refine import Fitted
+from calibration.gap.estimate.shared_nuisances import shared_nuisances
 from calibration.gap.unnamed.fitted_terms import coefficients
 from calibration.gap.unnamed.terms import CurveTerm, IntervalTerm, PolynomialTerm
 from onboard.arrays import FloatArray
@@ -23,6 +24,14 @@ _RAMP = 0.005
 ends are not better known."""
 
 
+_LEVELS = {
+    **{f"force_{axis}": f"force_bias_{axis}" for axis in "xy"},
+    **{f"torque_{axis}": f"torque_trim_{axis}" for axis in "xyz"},
+}
+"""By channel, the nuisance that takes what a term is on average: a term alone tells how a force changes, the
+trim of a flight the rest. What all flights share of that is the term's."""
+
+
 class WordedTerm(NamedTuple):
     """A term of a fit: what it is in words, its curve, and why it has none (empty where it has one)."""
 
@@ -32,7 +41,8 @@ class WordedTerm(NamedTuple):
 
 
 def worded_terms(fitted: Fitted, parameters: Any, source: str) -> Iterator[WordedTerm]:
-    """Every term without a name of a fit, in the order in which they were found.
+    """Every term without a name of a fit, in the order in which they were found; the first of a channel with
+    the level there that all flights share.
 
     Args:
         fitted: the fit.
@@ -42,6 +52,7 @@ def worded_terms(fitted: Fitted, parameters: Any, source: str) -> Iterator[Worde
     """
     covariance = fitted.estimate.fit.covariance
     first = len(fitted.variables)
+    levels = {one.name: one for one in shared_nuisances(fitted, fitted.model.base)}
     for term, values in coefficients(fitted):
         columns = slice(first, first + values.size)
         first = columns.stop
@@ -54,12 +65,15 @@ def worded_terms(fitted: Fitted, parameters: Any, source: str) -> Iterator[Worde
             knots, shapes = _shapes(term)
             scale = _scale(term.channel, parameters)
             variance = np.einsum("ki,ij,kj->k", shapes, covariance[columns, columns], shapes)
+            level = levels.pop(_LEVELS.get(term.channel.name, ""), None)
+            of_all, error = (0.0, 0.0) if level is None else (level.mean, level.error)
+            formula += f" and {scale * of_all:.3g} everywhere" if level else ""
             curve = UnnamedCurve(
                 channel=term.channel.name,
                 regressor=term.regressor,
                 knots=tuple(knots.tolist()),
-                values=tuple((scale * (shapes @ values)).tolist()),
-                sigma=scale * float(np.sqrt(variance.max())),
+                values=tuple((scale * (shapes @ values + of_all)).tolist()),
+                sigma=scale * float(np.sqrt(variance.max() + error**2)),
                 source=f"{source}; without a name: {formula}",
             )
             yield WordedTerm(formula, curve, "")

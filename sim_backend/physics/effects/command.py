@@ -3,10 +3,22 @@
 from typing import Any
 
 from onboard.mixer import Thrusts
-from sim_backend.physics.effects.command_delay import delayed
+from sim_backend.physics.effects.command_delay import STEP, delayed
 from sim_backend.physics.effects.motor_warming import warmed
 from sim_backend.physics.effects.thrust_curve import bent
 from sim_backend.physics.jit import outlined
+
+
+def set_step(p: Any, step: float) -> None:
+    """Have effects with a memory take each call of :func:`command_with_effects` for `step` (s), not for the
+    1 ms of the simulation.
+
+    Args:
+        p: record of parameters as a vehicle file gives them, changed in place.
+        step: s.
+    """
+    p["delay_steps"] *= STEP / step
+    p["warming_per_step"] *= step / STEP
 
 
 @outlined
