@@ -39,6 +39,12 @@ from calibration.gap.report.effects import found_effects, landing_effects, landi
 from calibration.gap.report.figures import figures, nameless_terms, unexplained, where
 from calibration.gap.report.figures_data import ReportFigures
 from calibration.gap.report.improved_vehicle import hard_to_fly, improved_vehicle, provenance
+from calibration.gap.report.predicted_worse import (
+    FITTED_TOO,
+    no_better,
+    worse_than_their_own,
+    worse_where_fitted_too,
+)
 from calibration.gap.report.prediction_figures import HORIZON, acted_on, prediction_gap
 from calibration.gap.report.remaining import chance_floor, own_floor, remaining
 from calibration.gap.search.always import LOG_TIMING, law_in_words
@@ -58,9 +64,6 @@ from onboard.vehicle import EFFECTS, Vehicle
 class NothingToFindError(CalibrationError, InputError):
     """Not one flight can be held against a model; the message says why."""
 
-
-_CLEARLY = 1.05
-"""Factor on the error of position beyond which a model is worse than another."""
 
 _VERSIONS = ("perchhw", "numpy", "scipy", "numba")
 """Packages whose next version may give other last digits."""
@@ -139,8 +142,8 @@ def _find(flights: Sequence[Flight], question: GapQuestion, progress: Progress) 
     held_out = [corrected[i] for i in kept_back] or list(training.records)
     stages = _stages(names, held_out)
     own = own_floor(found.final, HORIZON, len(held_out))
-    if _worse(stages, own):
-        names = names.without_any(FAILED)
+    if reason := _predicted_worse(names, stages, own, training.records):
+        names = names.without_any(reason)
         stages = _stages(names, held_out)
     source = provenance(len(fit_to), len(kept_back), question.seed)
     believed = as_believed(found, names, training)
@@ -185,7 +188,7 @@ def _find(flights: Sequence[Flight], question: GapQuestion, progress: Progress) 
             *prepared.limitations,
             *stages["before"].doubts(),
             *_limitations(kept_back, found, names, sensing, landings),
-            *(_no_better(stages, own, in_the_air) if kept_back else ()),
+            *(no_better(stages, own, in_the_air) if kept_back else ()),
             *_negligible(found, sizeable),
             *_differing(found, names, training),
             *hard_to_fly(improved),
@@ -262,6 +265,15 @@ def _stages(names: Named, records: Sequence[FlightRecord]) -> dict[str, Predicti
     return stages
 
 
+def _predicted_worse(
+    names: Named, stages: dict[str, PredictionErrors], own: float, fitted: Sequence[FlightRecord]
+) -> str | None:
+    """Why no name is believed; None where names predict no worse than nothing."""
+    if worse_than_their_own(stages, own):
+        return FAILED
+    return FITTED_TOO if worse_where_fitted_too(names, stages, fitted) else None
+
+
 def _with_curves(
     names: Named, nameless: Nameless, stages: dict[str, PredictionErrors], records: Sequence[FlightRecord]
 ) -> tuple[Named, Nameless]:
@@ -277,24 +289,6 @@ def _with_curves(
     stages.pop("after", None)  # where there are no names
     stages[NAMELESS] = errors
     return added, nameless
-
-
-def _worse(stages: dict[str, PredictionErrors], own: float) -> bool:
-    """Whether the position of flights kept back is predicted worse with all names than without any, by more
-    than what each has of its `own` (m) explains: a flight that lifts a little less may suit a wrong model."""
-    levels = prediction_gap(stages).overall
-    return levels.after > max(_CLEARLY * levels.before, math.hypot(levels.before, own))
-
-
-def _no_better(stages: dict[str, PredictionErrors], own: float, effects: Sequence[FoundEffect]) -> list[str]:
-    """That flights kept back do not show what was named."""
-    levels = prediction_gap(stages).overall
-    if not effects or levels.after <= _CLEARLY * levels.before:
-        return []
-    return [
-        f"the flights kept back are predicted no better ({levels.before:.3g} to {levels.after:.3g} m): each "
-        f"has a thrust and lean of its own, which move it by about {own:.2g} m; fly more to confirm them"
-    ]
 
 
 def _unusable(

@@ -75,6 +75,7 @@ def test_without_a_supply_they_run_on_as_the_operator_was_told(bench: Bench, tmp
         assert turning(hands)
 
 
+@pytest.mark.further
 @pytest.mark.parametrize("end", [signal.SIGHUP, signal.SIGTSTP], ids=["terminal closed", "Ctrl-Z"])
 def test_without_a_supply_a_terminal_that_closes_or_suspends_stops_the_motors(
     bench: Bench, tmp_path: Path, end: signal.Signals

@@ -176,6 +176,7 @@ def test_landings_that_fail_are_no_error(
     assert code == exit_codes.DONE
 
 
+@pytest.mark.further
 @pytest.mark.usefixtures("few_predictions")
 def test_an_attempt_that_was_not_flown_is_an_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

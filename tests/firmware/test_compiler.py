@@ -64,6 +64,7 @@ def test_sources_that_do_not_compile_say_why(monkeypatch: pytest.MonkeyPatch, tm
     assert not list(tmp_path.rglob("*.so"))
 
 
+@pytest.mark.further
 @needs_compiler
 def test_old_libraries_make_room(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))

@@ -71,6 +71,7 @@ def fuzz(fuzzers: Fuzzers, kind: str, cases: int) -> list[int]:
     return [int(number) for number in run.stdout.split()]
 
 
+@pytest.mark.further
 @pytest.mark.parametrize("kind", some(reversed(KINDS), len(KINDS)))
 def test_a_sample(fuzzers: Fuzzers, kind: str) -> None:
     fuzz(fuzzers, kind, SAMPLE)

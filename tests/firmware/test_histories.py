@@ -130,6 +130,7 @@ def test_they_come_through_every_state_and_reason() -> None:
     assert {reason for _, reason in ends} >= set(EndReason) - {EndReason.NONE}
 
 
+@pytest.mark.further
 @settings(max_examples=25)
 @given(history=HISTORIES, seed=st.integers(0, 1000))
 def test_any_history(core: CoreLibrary, history: list[Stretch], seed: int) -> None:

@@ -143,6 +143,7 @@ def test_a_dry_run_uploads_the_policy_and_never_arms(lab: Watched, tmp_path: Pat
     assert phases == [Phase.CHECKING, Phase.UPLOADING, Phase.DONE]
 
 
+@pytest.mark.further
 def test_a_wrong_subject_name_does_not_arm(lab: Watched, tmp_path: Path) -> None:
     wrong = lab.mocap[0].replace("subject=", "subject=not-")
     result = refused(lab, tmp_path / "run", mocap=wrong)
@@ -251,6 +252,7 @@ def test_who_flies_in_a_lab_that_dies_or_hangs_is_told_and_keeps_the_record(
     assert run.info["fell"] is not None
 
 
+@pytest.mark.further
 def test_a_flight_killed_on_the_approach_loses_nothing_but_its_last_instant(
     lab: Watched, tmp_path: Path
 ) -> None:
@@ -324,6 +326,7 @@ def test_ctrl_c_twice_stops_the_motors_and_knows_that_they_are_locked(
     assert "StopConfirmed" in events
 
 
+@pytest.mark.further
 def test_a_trigger_that_does_not_come_ends_on_the_floor(lab: Watched, tmp_path: Path) -> None:
     with lab.flown():
         result = fly_attempt(request(lab, tmp_path / "run", speed=1.5, angle_deg=88.0))

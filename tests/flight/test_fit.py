@@ -132,6 +132,7 @@ def stock_lab() -> Any:
         yield lab
 
 
+@pytest.mark.further
 def test_an_accepted_mismatch_is_kept_and_a_passed_dry_run_is_no_abort(
     stock_lab: SimulatedLab, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

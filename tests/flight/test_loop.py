@@ -46,7 +46,7 @@ def test_the_loop_calls_nothing_else(tmp_path: Path) -> None:
     assert used == {*PLACES, *DISPLAYS}
 
 
-@pytest.mark.parametrize("phase", [Phase.TAKING_OFF, Phase.LANDING])
+@pytest.mark.parametrize("phase", [Phase.TAKING_OFF, pytest.param(Phase.LANDING, marks=pytest.mark.further)])
 @pytest.mark.parametrize("place", PLACES)
 def test_one_exception_in_the_air_ends_in_a_soft_landing(
     place: str, phase: Phase, tmp_path: Path, caplog: pytest.LogCaptureFixture
@@ -74,7 +74,7 @@ def test_a_part_that_fails_for_ever_ends_on_the_floor(place: str, tmp_path: Path
     assert stepped.state.aborted_by is not None
 
 
-@pytest.mark.parametrize("error", [Injected, SystemExit])
+@pytest.mark.parametrize("error", [Injected, pytest.param(SystemExit, marks=pytest.mark.further)])
 @pytest.mark.parametrize("place", DISPLAYS)
 def test_a_display_that_fails_ends_no_flight(place: str, error: type[BaseException], tmp_path: Path) -> None:
     """A console whose pipe has closed raises ``SystemExit``."""
@@ -98,7 +98,9 @@ def test_a_library_that_gives_up_the_process_does_not_give_up_the_drone(tmp_path
 
 
 @pytest.mark.parametrize(("seconds", "noticed"), [(0.25, False), (0.4, True), (0.9, True)])
-@pytest.mark.parametrize("phase", [Phase.TAKING_OFF, Phase.MOVING_TO_START])
+@pytest.mark.parametrize(
+    "phase", [Phase.TAKING_OFF, pytest.param(Phase.MOVING_TO_START, marks=pytest.mark.further)]
+)
 def test_a_program_that_stood_still_in_the_air_lands_and_says_why(
     phase: Phase, seconds: float, noticed: bool, tmp_path: Path
 ) -> None:

@@ -32,6 +32,7 @@ def named(hidden: Hidden, folder: Path) -> Named:
     return name_effects(Search(first, steps, both, {}, {}, (), ()), training)
 
 
+@pytest.mark.further
 def test_what_weak_motors_draw_is_no_resistance(tmp_path: Path) -> None:
     names = named(Hidden(thrust_scale=0.9), tmp_path)  # these motors draw the current of their commands
     assert names.effects == ("thrust_scale",)

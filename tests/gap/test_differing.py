@@ -47,6 +47,7 @@ def test_one_wind_for_all_does_not() -> None:
     assert differing(fitted([2.0, 2.0, 2.0, 2.0]), ["wind"]) == ()
 
 
+@pytest.mark.further
 def test_a_drag_cannot_come_and_go_as_a_wind_can() -> None:
     """Of four laps, slower and slower, the first and the last are with the drag of the rotors."""
     rng = np.random.default_rng(6)

@@ -37,6 +37,7 @@ def test_a_lag_that_another_law_does_without_is_none(tmp_path: Path, ratio: floa
     assert (abs(final.model.change(RATIO)) < NINETY_FIVE * errors[RATIO]) is speed_law
 
 
+@pytest.mark.further
 def test_an_area_is_known_no_better_than_the_law_of_its_drag(tmp_path: Path) -> None:
     """MuJoCo's bodies are dragged by the square of each component, ours by the speed: see how each area is
     found, and that its interval holds the one that flew."""

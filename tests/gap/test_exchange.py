@@ -123,6 +123,7 @@ def test_what_is_barred_is_not_even_fitted_as_a_rival() -> None:
     assert "inertia_error" not in {one.effect for one in found}
 
 
+@pytest.mark.further
 def test_a_scale_takes_the_place_of_an_inertia_that_was_named_for_it() -> None:
     present, steps = looked_at(INERTIAS)
     assert [step.effect for step in steps] == ["thrust_scale"]
@@ -138,6 +139,7 @@ def test_one_scale_takes_the_place_of_a_mass_and_an_inertia() -> None:
     assert set(present.model.values) == {SCALE, *INERTIAS}
 
 
+@pytest.mark.further
 def test_what_no_flight_tells_apart_is_said_with_the_fewer_names() -> None:
     (mass,) = [
         r for r in rivals(fitted(MASS, *INERTIAS), "mass_error", [], training()) if r.effect == SCALE.effect

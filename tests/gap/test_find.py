@@ -90,6 +90,7 @@ def test_names_and_order_of_the_files_decide_nothing(flights: Path, tmp_path: Pa
     assert as_flown["gap"] == as_called["gap"]
 
 
+@pytest.mark.further
 def test_one_flight_and_its_copy_confirm_nothing(flights: Path, tmp_path: Path) -> None:
     one = flights / "flights" / "circle_fast_rep1.csv"
     copy = shutil.copy(one, tmp_path / "copy.csv")

@@ -78,6 +78,7 @@ def soft_findings(soft: Campaign, vehicle: Vehicle) -> LandingFindings:
     return judge_landings(soft.flights, vehicle, np.random.default_rng(0))
 
 
+@pytest.mark.further
 def test_truth_loses_energy_and_keeps_momentum() -> None:
     """The independent landings are no perpetual motion: what swings after the motors stop dies away."""
     log = fly_truth(CASES["damping-10"], Attempt(2.6, 0.7, 0.23, -0.0066), Noise(), np.random.default_rng(3))
@@ -98,6 +99,7 @@ def test_contact_is_found_to_the_sample(healthy: Campaign) -> None:
         assert outcome["touch"] <= landing.after + 1e-9
 
 
+@pytest.mark.further
 def test_state_before_the_contact_is_known_well(tmp_path: Path, vehicle: Vehicle) -> None:
     """Dead reckoning through 0.1 s of noisy poses gives the velocity to 2 cm/s, the ceiling to 5 mm."""
     still = Noise(position=0.0, attitude=0.0, gyro=0.0)
@@ -188,6 +190,7 @@ def test_a_fit_at_the_end_of_its_range_is_no_value() -> None:
     assert at_bound(stuck, "leg_stiffness") == ()
 
 
+@pytest.mark.further
 def test_healthy_legs_are_cleared(healthy: Campaign, vehicle: Vehicle) -> None:
     found = judge_landings(healthy.flights, vehicle, np.random.default_rng(0))
     assert found.verdict is LandingVerdict.NO_GAP

@@ -60,6 +60,7 @@ def real_of(prepared: PreparedLandings, labels: dict[Path, Outcome]) -> list[Out
     return [labels[start.flight.source] for start in prepared.starts]
 
 
+@pytest.mark.further
 def test_the_filed_vehicle_scores_what_was_measured_outside(
     prepared: PreparedLandings, labels: dict[Path, Outcome]
 ) -> None:

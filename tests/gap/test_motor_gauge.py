@@ -33,6 +33,7 @@ def test_a_tie_says_what_the_flights_cannot() -> None:
     np.testing.assert_allclose(np.sqrt(np.diag(np.linalg.inv(matrix))), 0.1, rtol=1e-2)
 
 
+@pytest.mark.further
 def test_each_motor_is_known_beside_a_scale_of_thrust(tmp_path: Path) -> None:
     model = Model(nominal(frame(), "gauge"))
     training = training_set(flights(Hidden(motors=UNEQUAL), tmp_path), model)

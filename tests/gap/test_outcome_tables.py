@@ -44,6 +44,7 @@ def rungs() -> list[Point]:
     return [*ruled[::-1], *shaped, *reaches, both, WITHOUT]
 
 
+@pytest.mark.further
 def test_vehicles_share_approaches_and_landings_without_any_coming_out_otherwise(
     prepared: PreparedLandings,
 ) -> None:

@@ -25,6 +25,7 @@ def shares(fit: Fitted) -> np.ndarray:
     return fit.estimate.fit.theta[len(fit.variables) + AXES : fit.first_unnamed]
 
 
+@pytest.mark.further
 def test_flights_kept_back_have_the_law_that_the_others_told(tmp_path: Path) -> None:
     """An eight by itself tells none, and would take for a law what a lag does."""
     eight, *others = flights(Hidden(), tmp_path, dataclasses.replace(CALM, speed_law=True))
@@ -48,6 +49,7 @@ def test_torques_of_flights_kept_back_count_where_most_of_the_motion_was_command
     assert np.array_equal(only_excited(counted), counted)
 
 
+@pytest.mark.further
 def test_a_single_flight_of_shakes_that_is_kept_back_counts(tmp_path: Path) -> None:
     """By itself none of its parts is quiet; a moment that grows with the speed once lost its name by that."""
     eight, shake, climbs = flights(Hidden(), tmp_path)

@@ -254,6 +254,7 @@ def test_the_answer_never_lies_with_the_flights(place: str, tmp_path: Path) -> N
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.further
 def test_one_seed_gives_the_same_bytes_and_another_others(tmp_path: Path) -> None:
     def made(folder: str, seed: int, defects: bool) -> list[bytes]:
         paths = make_flights(

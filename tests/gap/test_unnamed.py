@@ -13,6 +13,7 @@ from calibration.gap.unnamed.term_search import unnamed_terms
 from calibration.gap.unnamed.terms import CurveTerm, IntervalTerm, PolynomialTerm, as_signals, interval_term
 from onboard.vehicle import load_vehicle
 from tests.gap.disturbed_motion import DT, SHAPES, Flights, disturbed_flights
+from tests.tiers import some
 
 VEHICLE = load_vehicle("crazyflie21-stock")
 
@@ -131,7 +132,7 @@ def test_what_one_flight_alone_shows_is_found_by_its_parts() -> None:
     assert (found.channel.signal, found.regressor) == ("force_z", "z")
 
 
-@pytest.mark.parametrize(("size", "hertz"), [(2.0, 4.3), (6.0, 7.77)])
+@pytest.mark.parametrize(("size", "hertz"), some([(2.0, 4.3), (6.0, 7.77)], 2))
 def test_a_line_is_found_and_measured(size: float, hertz: float) -> None:
     flights = disturbed_flights(7)
     residual = flights.add(line_in(flights, 4, size, hertz))

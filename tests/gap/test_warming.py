@@ -145,6 +145,7 @@ def test_a_shared_course_that_tells_its_own_size_badly_is_known_all_the_same() -
     assert not judge(without_course, vague, (LOSS, TIME), training(True), rng).significant
 
 
+@pytest.mark.further
 def test_flights_kept_back_tell_by_their_nuisances_whether_they_share_what_a_name_explains() -> None:
     """Not by what whitened noise says of three of them, which may be less than nothing."""
     none, found, _ = fitted(True)

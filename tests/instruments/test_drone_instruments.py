@@ -22,6 +22,7 @@ from onboard.link import reboot as reboot_within
 from tests.instruments.stand import STILL, Power, Witness, motors, renew_for_ever, unlocked
 from tests.link.faulty_network import Faults, FaultyNetwork
 from tests.patience import PATIENCE_S, patient_link, until
+from tests.tiers import some
 
 
 def reboot(uri: str) -> None:
@@ -244,7 +245,7 @@ def test_motors_stop_when_an_instrument_is_lost(drone: DroneLink) -> None:
         witness.close()
 
 
-@pytest.mark.parametrize("with_supply", [True, False])
+@pytest.mark.parametrize("with_supply", some([True, False], 2))
 def test_a_lost_link_cuts_the_power_and_is_not_called_a_stop(drone_uri: str, with_supply: bool) -> None:
     port = int(drone_uri.rpartition(":")[2])
     power = Power()

@@ -139,6 +139,7 @@ def test_the_supply_is_off_soon_after_the_wizard_dies_or_hangs(
     assert ("was switched off: the wizard hangs" in said) is (end is signal.SIGSTOP), said
 
 
+@pytest.mark.further
 def test_a_question_that_is_never_answered_does_not_delay_the_cut(wizard: Callable[..., Wizard]) -> None:
     supply = TinyScpi()
     heard = threading.Event()

@@ -175,6 +175,7 @@ def test_a_mark_without_echo_is_an_error() -> None:
             tachometer.mark("two words")
 
 
+@pytest.mark.further
 def test_wrong_devices_are_named() -> None:
     legacy = b"".join(b"%d, 1034.72\r\n" % (1000 + 51 * i) for i in range(5))
     noise = np.random.default_rng(1).bytes(300)

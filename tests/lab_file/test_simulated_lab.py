@@ -51,6 +51,7 @@ def test_a_flight_needs_only_the_lab_file(
     assert config["room"]["x_min"] == RoomGeometry().x_min
 
 
+@pytest.mark.further
 def test_the_transform_and_the_limits_of_the_file_are_flown_with(
     lab: SimulatedLab, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -57,6 +57,7 @@ def test_the_same_seed_gives_the_same_flights_also_on_a_busy_machine(
     assert max(sample[4] for sample in first.samples) == pytest.approx(0.5, abs=0.05)
 
 
+@pytest.mark.further
 def test_time_stands_still_where_nobody_takes_part_and_nothing_moves() -> None:
     with lab_at("lockstep") as lab:
         assert figures(lab)["t"] == 0.0
@@ -128,6 +129,7 @@ def test_a_factor_gives_the_flight_of_lock_step_however_long_it_was_waited_for()
     assert flights[0] == flights[1]
 
 
+@pytest.mark.further
 def test_lost_packets_are_sent_again_in_the_labs_time() -> None:
     with lab_at("lockstep", "--fault", "link_loss=0.1") as lab:
         flown = hover(lab.drones[0], lab.mocap[0])

@@ -29,6 +29,7 @@ def pairs():
     return TrainingSet(states, smooth_moment(scaled), np.ones(120), {"table": "synthetic"})
 
 
+@pytest.mark.further
 def test_learns_a_smooth_moment():
     scaled = np.random.default_rng(7).normal(size=(200, 3))
     fit = fit_action(scaled, smooth_moment(scaled), ActionSettings(epochs=1500), seed=0)
@@ -51,6 +52,7 @@ def test_pairs_held_back_do_not_teach():
     assert again.held_out_rms > fit.held_out_rms
 
 
+@pytest.mark.further
 def test_the_same_seed_gives_the_same_policy(pairs):
     import torch
 

@@ -95,6 +95,7 @@ def test_late_poses_bring_the_trigger_nearer_to_the_ceiling(several: NDArray[np.
     assert left(flown(12, pose_delay=0.01)) < left(several) - 0.005
 
 
+@pytest.mark.further
 def test_both_engines_fly_the_same_attempts() -> None:
     reference, c = (flown(4, engine, seed=2) for engine in (EngineName.REFERENCE, EngineName.C))
     assert reference["triggered"].tolist() == c["triggered"].tolist() == [1] * 4

@@ -112,6 +112,7 @@ def _pairs(folder: Path) -> bytes:
     return (folder / "pairs.csv").read_bytes()
 
 
+@pytest.mark.further
 def test_a_dead_worker_costs_nothing_but_time(cluster: Cluster, local: Path, tmp_path: Path) -> None:
     """One of two workers is killed with its hands full; the table is that of the local sweep, bit for bit."""
     victim, _ = cluster.start_worker(), cluster.start_worker()

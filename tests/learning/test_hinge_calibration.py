@@ -82,6 +82,7 @@ def test_calibration_picks_the_hinge_that_fits() -> None:
     assert found.as_good(within=1e3) == (0.04, 0.08)
 
 
+@pytest.mark.further
 def test_a_softer_hinge_lets_narrow_legs_overswing() -> None:
     """The paper's flexure: at 2.5 to 3.5 m/s and 30 to 40 deg, 0.02 N m/rad lands narrow legs less often."""
     grid = SweepGrid((2.5, 3.0, 3.5), (30.0, 37.5), 2)

@@ -36,6 +36,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.further
 def test_every_landing_has_its_row(study: Path) -> None:
     rows = _landings(study)
     assert tuple(rows[0]) == COLUMNS
@@ -46,6 +47,7 @@ def test_every_landing_has_its_row(study: Path) -> None:
         assert all(bool(row[name]) == touched for name in FACTOR_COLUMNS if name != "sufficiency")
 
 
+@pytest.mark.further
 def test_factors_agree_with_what_the_landing_did(study: Path) -> None:
     """A foot that touches first is inside the window, and clean landings are."""
     landed = [row for row in _landings(study) if row["tilt_deg"]]
@@ -61,6 +63,7 @@ def test_factors_agree_with_what_the_landing_did(study: Path) -> None:
             assert margin >= 0.0
 
 
+@pytest.mark.further
 def test_study_document_has_rates_medians_and_trends(study: Path) -> None:
     document = json.loads((study / "study.json").read_text(encoding="utf-8"))
     assert document["schema"] == "perchhw.leg_study/1"
@@ -80,6 +83,7 @@ def test_study_document_has_rates_medians_and_trends(study: Path) -> None:
     assert set(document["trends"]) >= {"speed", "narrow"}
 
 
+@pytest.mark.further
 def test_study_does_not_depend_on_workers_and_resumes(study: Path, tmp_path: Path) -> None:
     designs = ("narrow-long", "wide-short")
     run_leg_study(SETUP, designs[:1], GRID, tmp_path, rollouts=5, executor=LocalThreads(1))

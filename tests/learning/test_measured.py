@@ -21,6 +21,7 @@ from perchhw.learning.setup import MEASURED, SENSING, LearningSetup, recorded_se
 from sim_backend.physics.launch import EXACT, Launch
 
 
+@pytest.mark.further
 def test_the_preset_is_what_the_authors_flights_show(shared_data: Path) -> None:
     files = [f for f in flight_files([shared_data / "habas2022" / "flights"]) if f.name != "labels.csv"]
     flights, _ = open_flights(files)

@@ -33,6 +33,7 @@ def test_the_middle_is_that_of_the_neighbours_of_the_best() -> None:
     assert middle_of_landing_range(moments, rates, 0.7) == pytest.approx(-5e-3)
 
 
+@pytest.mark.further
 def test_a_spoilt_action_lands_again_after_the_refinement() -> None:
     policy = load_policy(shipped_policy_path())
     spoilt = with_constant_moment(policy, -2e-3)

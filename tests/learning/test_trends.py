@@ -62,6 +62,7 @@ def test_higher_speed_helps(found: Study) -> None:
     assert numbers["narrow-long"] >= -0.1
 
 
+@pytest.mark.further
 def test_semi_narrow_legs_are_best_at_low_angles_and_decline(found: Study) -> None:
     numbers = found.trends["semi_narrow"].numbers
     assert numbers["semi-narrow-long, 30-65 less 65-90 deg"] >= 0.15
@@ -69,6 +70,7 @@ def test_semi_narrow_legs_are_best_at_low_angles_and_decline(found: Study) -> No
     assert numbers["semi-narrow-long less the best other at 30-65 deg"] >= 0.02
 
 
+@pytest.mark.further
 def test_narrow_legs_are_better_near_the_vertical(found: Study) -> None:
     """Than semi-narrow ones there; than themselves at low angles clearly only with the authors' legs."""
     numbers = found.trends["narrow"].numbers
@@ -76,6 +78,7 @@ def test_narrow_legs_are_better_near_the_vertical(found: Study) -> None:
     assert numbers["narrow-long less semi-narrow-long at 65-90 deg"] >= 0.05
 
 
+@pytest.mark.further
 def test_wide_legs_are_worst_in_between(found: Study) -> None:
     numbers = found.trends["wide"].numbers
     assert numbers["wide-long, ends less 45-80 deg"] >= 0.1
@@ -83,12 +86,14 @@ def test_wide_legs_are_worst_in_between(found: Study) -> None:
     assert numbers["worst other of its length less wide-short at 45-80 deg"] >= 0.05
 
 
+@pytest.mark.further
 def test_short_legs_lose(found: Study) -> None:
     """By 0.1 and 0.2; wide ones here by nothing (0.00 +- 0.02), by 0.05 to 0.09 as the authors' vehicles."""
     assert found.trends["length"].numbers["narrow"] >= 0.04
     assert found.trends["length"].numbers["semi-narrow"] >= 0.12
 
 
+@pytest.mark.further
 def test_larger_moments_go_with_smaller_tau(found: Study) -> None:
     numbers = found.trends["moment"].numbers
     assert len(numbers) >= 4
@@ -116,6 +121,7 @@ def test_all_trends_hold_for_the_authors_vehicles() -> None:
         assert min(stated.values()) >= value, stated
 
 
+@pytest.mark.further
 def test_two_stage_policy_keeps_up_at_low_angles_and_loses_near_the_vertical(found: Study) -> None:
     """The shipped policy less the best of the repeats: about -0.1 at 30 to 65 deg, -0.3 above."""
     learned = found.pairs["semi-narrow-long"]

@@ -52,6 +52,7 @@ class Watching:
         self._thread.join()
 
 
+@pytest.mark.further
 def test_a_ground_station_follows_a_flight_that_loses_its_poses(tmp_path: Path) -> None:
     rng = np.random.default_rng(11)
     arguments = (*FREE_PORTS, *LOCKSTEP, "--seed", "7", "--fault", "mocap_occlude_at=6:60")

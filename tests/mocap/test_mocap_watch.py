@@ -98,6 +98,7 @@ def test_a_bad_uri_is_exit_code_2():
     assert "unknown option 'subjct'" in done.stderr
 
 
+@pytest.mark.further
 def test_a_person_gets_a_table(lab: SimulatedLab):
     command = [
         sys.executable,

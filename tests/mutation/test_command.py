@@ -43,6 +43,7 @@ def test_a_sample_is_tried_counted_and_not_tried_again(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.further
 def test_a_survivor_is_named_with_its_line(tmp_path: Path) -> None:
     """One that was kept as survived stays so while code and tests are the same."""
     mutation(tmp_path, "--sample", "1")
@@ -59,6 +60,7 @@ def test_a_survivor_is_named_with_its_line(tmp_path: Path) -> None:
     assert source[int(line) - 1].strip() == survivor["before"] != survivor["after"]
 
 
+@pytest.mark.further
 @pytest.mark.parametrize("work", ["while True: pass", "import time; time.sleep(1000)"])
 def test_a_mutant_that_does_not_end_is_ended(work: str) -> None:
     script = f"""

@@ -69,6 +69,7 @@ def quaternion_of(rotation: Rotation) -> Quaternion:
     return x, y, z, w
 
 
+@pytest.mark.further
 @given(vectors, vectors, vectors, vectors, st.floats(-3.0, 3.0))
 def test_a_position_setpoint_is_what_the_controller_tracks(
     at: Vector, moving: Vector, position: Vector, velocity: Vector, yaw: float

@@ -95,6 +95,7 @@ def run_with(project: Path, value: int, package: str = "onboard") -> str:
     return python(project, f"import {package}.kernel; print({package}.kernel.g())", PYTHONPATH=str(project))
 
 
+@pytest.mark.further
 @pytest.mark.slow
 def test_a_change_in_another_file_is_compiled_in(project: Path) -> None:
     for value in (1, 2):
@@ -154,6 +155,7 @@ def test_commands_without_kernels_do_not_look_for_their_source(project: Path) ->
     assert python(project, "import onboard, os; print(os.environ.get('NUMBA_CACHE_DIR'))") == "None"
 
 
+@pytest.mark.further
 @pytest.mark.slow
 def test_a_note_of_complete_kernels_goes_with_the_source(project: Path) -> None:
     ask = "import onboard.jit; from onboard.kernel_cache import *; print(is_complete('flight'))"

@@ -143,6 +143,7 @@ def test_a_plan_with_a_number_that_is_none_is_not_sound(field: str, value: float
         assert not approach_is_sound(good._replace(**{field: value}), 0.2)
 
 
+@pytest.mark.further
 @settings(max_examples=40)
 @given(conditions, st.floats(0.02, 0.2), st.floats(0.0, 1.2))
 def test_rounding_off_is_the_moving_average(

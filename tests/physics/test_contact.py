@@ -15,6 +15,7 @@ from tests.physics.energy import mechanical_energy
 OFF = (0.0, 0.0, 0.0, 0.0)
 
 
+@pytest.mark.further
 def test_a_step_that_feet_cut_loses_no_time(parameters: Any, rng: np.random.Generator) -> None:
     """Feet that come down together, apart, or grazing: every step takes a millisecond, whatever it meets."""
     cuts = 0

@@ -72,7 +72,7 @@ def _growth(parameters: Any, floor: bool, rng: np.random.Generator, dt: float) -
     return growth / float(thrown), modes
 
 
-@pytest.mark.parametrize("name", some(CONTACTS, 2))
+@pytest.mark.parametrize("name", some(CONTACTS, 4))
 def test_energy_never_grows_without_power(parameters: Any, rng: np.random.Generator, name: str) -> None:
     changes, expected = CONTACTS[name]
     floor = FootMode.PRESSING_FLOOR in expected
@@ -86,7 +86,9 @@ def test_energy_never_grows_without_power(parameters: Any, rng: np.random.Genera
     assert max(growth for growth, _ in fine) < 2e-4
 
 
-@pytest.mark.parametrize("law", [{"pad_impulse": 0.01}, {"pad_angle": 0.6}, {"minimum_preload": 5.0}])
+@pytest.mark.parametrize(
+    "law", some([{"pad_impulse": 0.01}, {"pad_angle": 0.6}, {"minimum_preload": 5.0}], 3)
+)
 def test_feet_that_take_hold_late_give_no_energy(
     parameters: Any, rng: np.random.Generator, law: dict[str, float]
 ) -> None:

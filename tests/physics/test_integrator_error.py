@@ -22,12 +22,14 @@ def printed() -> dict[str, Any]:
     return dict(json.loads(done.stdout))
 
 
+@pytest.mark.further
 def test_free_flight_is_second_order(printed: dict[str, Any]) -> None:
     """Halving the step divides every error by four."""
     orders = np.array(list(printed["free_flight"]["order"].values()))
     assert np.all((orders > 1.95) & (orders < 2.05)), orders
 
 
+@pytest.mark.further
 def test_landings_at_1_khz_agree_with_8_khz(printed: dict[str, Any]) -> None:
     """150 random landings, all outcomes among them."""
     landings = printed["landings"]
@@ -43,6 +45,7 @@ def test_landings_at_1_khz_agree_with_8_khz(printed: dict[str, Any]) -> None:
     assert error["place_without_hull_contact_mm"]["q95"] < 1.0
 
 
+@pytest.mark.further
 def test_landings_converge(printed: dict[str, Any]) -> None:
     """Each halving of the step brings the place of rest nearer to that of 64 kHz."""
     fine = printed["landings"]["against_64_khz"]

@@ -166,6 +166,7 @@ def _swing(p: Any, rng: np.random.Generator, low: float) -> Any | None:
     return state
 
 
+@pytest.mark.further
 def test_energy_balance_predicts_rigid_swings(rng: np.random.Generator) -> None:
     """The sign of the surplus says whether a swing on rigid legs reaches four feet, over all designs."""
     agree, closed, total = 0, 0, 0

@@ -18,6 +18,7 @@ from sim_backend.physics.reset import approaching
 from sim_backend.physics.step import step_thrust
 from tests.physics.attempts import Attempt, History, fly_ours, fly_referee, lagged
 from tests.physics.mujoco_vehicle import Referee, RefereeSettings
+from tests.tiers import some
 
 FOUR_LEGS = {
     "2.5 m/s 45 deg": Attempt(2.5, 45.0, 0.23, 7e-3),
@@ -92,9 +93,8 @@ def test_free_flight_is_the_same() -> None:
 @pytest.mark.parametrize(
     "attempt",
     [
-        # Between the steepest and the flattest: its crooked twin is flown here.
-        pytest.param(attempt, marks=pytest.mark.soak if name == "2.5 m/s 45 deg" else (), id=name)
-        for name, attempt in FOUR_LEGS.items()
+        pytest.param(attempt, marks=pytest.mark.further if number else (), id=name)
+        for number, (name, attempt) in enumerate(FOUR_LEGS.items())
     ],
 )
 def test_four_leg_landing_is_the_same(attempt: Attempt) -> None:
@@ -114,11 +114,14 @@ def test_four_leg_landing_is_the_same(attempt: Attempt) -> None:
 
 @pytest.mark.parametrize(
     ("attempt", "outcome"),
-    [
-        (Attempt(2.44, 63.0, 0.223, 8.0e-3), Outcome.TWO_LEG),
-        (Attempt(3.09, 58.0, 0.222, 6.1e-3), Outcome.FOUR_LEG_BODY_CONTACT),
-        (Attempt(1.55, 52.0, 0.211, 5.5e-3), Outcome.FAILURE),
-    ],
+    some(
+        [
+            (Attempt(2.44, 63.0, 0.223, 8.0e-3), Outcome.TWO_LEG),
+            (Attempt(3.09, 58.0, 0.222, 6.1e-3), Outcome.FOUR_LEG_BODY_CONTACT),
+            (Attempt(1.55, 52.0, 0.211, 5.5e-3), Outcome.FAILURE),
+        ],
+        3,
+    ),
     ids=["two legs", "body contact", "failure"],
 )
 def test_other_outcomes_are_the_same(attempt: Attempt, outcome: Outcome) -> None:
@@ -131,6 +134,7 @@ def test_other_outcomes_are_the_same(attempt: Attempt, outcome: Outcome) -> None
     assert np.abs(ours.position - mujoco.position)[together].max() < 0.8e-3
 
 
+@pytest.mark.further
 def test_the_difference_is_the_mass_of_the_legs() -> None:
     """With fine steps on our side, what is left is proportional to the mass of MuJoCo's legs."""
     attempt = FOUR_LEGS["2.5 m/s 45 deg"]

@@ -16,6 +16,7 @@ from scipy.special import ellipj, ellipk
 from sim_backend.physics.reset import approaching
 from sim_backend.physics.state import FootMode
 from sim_backend.physics.step import step_thrust
+from tests.tiers import some
 
 OFF = (0.0, 0.0, 0.0, 0.0)
 DT = 1e-3 / 32
@@ -82,7 +83,7 @@ def pendulum(open_sky: Any) -> Pendulum:
     return Pendulum(p, distance, math.atan2(foot[0], foot[2]), math.sqrt(m * g * distance / inertia))
 
 
-@pytest.mark.parametrize("amplitude_deg", [3.0, 60.0, 120.0, 170.0])
+@pytest.mark.parametrize("amplitude_deg", some([3.0, 60.0, 170.0, 120.0], 2))
 def test_swing_from_rest_follows_the_elliptic_solution(pendulum: Pendulum, amplitude_deg: float) -> None:
     """More than a period of the swing, every millisecond of it."""
     start = math.radians(amplitude_deg)

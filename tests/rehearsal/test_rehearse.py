@@ -125,6 +125,7 @@ def test_the_papers_approach_passes_and_nothing_moves(
     assert json.loads((Path(said["record"]) / "verdict.json").read_text())["pass"] is True
 
 
+@pytest.mark.further
 def test_a_view_follows_where_the_drones_own_model_flies(lab_desk: Desk, tmp_path: Path) -> None:
     code, _ = rehearse_on_record(lab_desk.drone, tmp_path / "run", Physics.DRONE)
     assert code == 0
@@ -183,6 +184,7 @@ def test_one_weight_changed_in_the_drones_memory_fails(
             assert any("moment differs" in failure for failure in said["failures"])
 
 
+@pytest.mark.further
 def test_an_approach_on_which_the_policy_does_not_fire_fails(
     lab_desk: Desk, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -65,6 +65,7 @@ def test_a_leg_study_is_reported_with_its_numbers(leg_study: Path) -> None:
     assert page.row("higher speed helps: from 2.5 m/s less below")[1] in ("yes", "not all")
 
 
+@pytest.mark.further
 def test_a_leg_study_fits_a_phone(leg_study: Path, tmp_path: Path) -> None:
     assert_they_fit([leg_study / "report.html"], tmp_path)
 

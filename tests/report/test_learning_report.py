@@ -49,6 +49,7 @@ def test_learn_all_writes_a_report_with_every_picture(learned: Path) -> None:
     assert "Read with care" not in page.text
 
 
+@pytest.mark.further
 def test_it_fits_a_phone_and_says_what_its_pictures_show(learned: Path, tmp_path: Path) -> None:
     page = learned / "report.html"
     text = page.read_text(encoding="utf-8")

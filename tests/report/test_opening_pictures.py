@@ -71,5 +71,6 @@ def test_a_map_names_its_best_and_its_least_certain_condition() -> None:
     assert "0 of 0" not in drawn
 
 
+@pytest.mark.further
 def test_in_the_browser_they_fit_a_phone(pages: dict[str, Path], tmp_path: Path) -> None:
     assert_they_fit(list(pages.values()), tmp_path)

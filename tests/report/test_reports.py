@@ -66,6 +66,7 @@ def test_a_damaged_record_is_named_and_the_others_are_shown(runs: Path, tmp_path
     assert page.references.count("run-1/report.html") == 1
 
 
+@pytest.mark.further
 def test_the_end_of_a_campaign_draws_only_the_pages_of_runs_that_have_changed(
     runs: Path, tmp_path: Path
 ) -> None:

@@ -116,6 +116,7 @@ def events(folder: Path, name: str) -> list[dict[str, Any]]:
     return [event for event in read_run(folder).events if event["event"] == name]
 
 
+@pytest.mark.further
 def test_a_terminal_that_takes_nothing(opened: Open, tmp_path: Path) -> None:
     """Paused by Ctrl-S: the flight's loop goes on, space stops, and the command can be ended."""
     terminal = opened()

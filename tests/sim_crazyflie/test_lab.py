@@ -25,6 +25,7 @@ from mocap_bridge.health import PoseVerdict
 from onboard.taken_port import why_not_taken
 from perchhw.cli.main import run
 from tests.patience import PATIENCE_S, until
+from tests.tiers import some
 
 READY_S = 240.0  # the first start on a machine compiles everything
 FREE_PORTS = ("--drone-port", "0", "--vicon-port", "0", "--vicon-udp-port", "0")
@@ -165,6 +166,7 @@ def test_unmodified_cflib_takes_off_on_poses_from_the_room(tmp_path: Path) -> No
             bridge.stop()
 
 
+@pytest.mark.further
 def test_the_ready_line_names_a_room_that_can_die_alone() -> None:
     with running("lab", *FREE_PORTS) as lab:
         assert_ready_line_is_the_contract(lab)
@@ -182,7 +184,7 @@ def test_the_ready_line_names_a_room_that_can_die_alone() -> None:
         assert lab.end(signal.SIGTERM)[0] == 0
 
 
-@pytest.mark.parametrize(("how", "code"), [(signal.SIGINT, 130), (signal.SIGKILL, -9)])
+@pytest.mark.parametrize(("how", "code"), some([(signal.SIGKILL, -9), (signal.SIGINT, 130)], 2))
 def test_the_room_dies_with_the_lab(how: signal.Signals, code: int) -> None:
     with running("lab", *FREE_PORTS) as lab:
         room = lab.ready["processes"]["room"]

@@ -206,6 +206,7 @@ def test_a_drone_in_motion_is_handed_over_without_a_gap(phase_ms: int) -> None:
     assert math.dist(flight.position, caught) < 0.15, "it stays where it was caught"
 
 
+@pytest.mark.further
 def test_switches_cleared_at_speed_hand_over_after_the_hold_has_slowed_down() -> None:
     flight = hovering_at_the_start()
     flight.write(Parameter.TRAJECTORY_ARM, 1)

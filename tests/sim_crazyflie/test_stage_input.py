@@ -10,7 +10,7 @@ import pytest
 from tests.patience import PATIENCE_S
 
 
-@pytest.mark.parametrize("said", ["", '{"do": "look"}\n'])
+@pytest.mark.parametrize("said", [pytest.param("", marks=pytest.mark.further), '{"do": "look"}\n'])
 @pytest.mark.parametrize("kind", ["file", "pipe", "nothing"])
 def test_it_ends_with_its_input(said: str, kind: str, tmp_path: Path) -> None:
     """For a file and for /dev/null no event loop can wait."""

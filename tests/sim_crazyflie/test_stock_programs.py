@@ -77,6 +77,7 @@ def test_motion_commander(lab: Lab, scf: SyncCrazyflie) -> None:
     lab.wait_until(lambda: drone.position[2] < 0.15, within=5.0)
 
 
+@pytest.mark.further
 def test_position_high_level_commander(lab: Lab, scf: SyncCrazyflie) -> None:
     drone = lab.drones[0]
     arm(lab, drone, scf.cf)
@@ -87,6 +88,7 @@ def test_position_high_level_commander(lab: Lab, scf: SyncCrazyflie) -> None:
     lab.wait_until(lambda: drone.position[2] < 0.15, within=5.0)
 
 
+@pytest.mark.further
 def test_autonomous_sequence_of_setpoints(lab: Lab, scf: SyncCrazyflie) -> None:
     drone = lab.drones[0]
     arm(lab, drone, scf.cf)
@@ -148,6 +150,7 @@ def test_a_ramp_of_thrust_that_does_not_lift_it(lab: Lab, scf: SyncCrazyflie) ->
     assert highest(lab) < 0.1
 
 
+@pytest.mark.further
 def test_a_circle_of_hover_setpoints(lab: Lab, scf: SyncCrazyflie) -> None:
     drone, commander = lab.drones[0], scf.cf.commander
     arm(lab, drone, scf.cf)
@@ -168,6 +171,7 @@ def test_a_circle_of_hover_setpoints(lab: Lab, scf: SyncCrazyflie) -> None:
     lab.wait_until(lambda: drone.motors == (0, 0, 0, 0), within=2.0)
 
 
+@pytest.mark.further
 def test_a_hand_pushes_it_away(lab: Lab, scf: SyncCrazyflie) -> None:
     drone = lab.drones[0]
     for side in ("front", "back", "left", "right", "up"):
@@ -202,6 +206,7 @@ def test_parameters_are_listed_watched_and_set(lab: Lab, scf: SyncCrazyflie) -> 
         assert again.cf.param.get_value("ring.effect") == before
 
 
+@pytest.mark.further
 @pytest.mark.parametrize("lab", [2], indirect=True)
 def test_a_swarm_takes_off_and_lands(lab: Lab, tmp_path: Path) -> None:
     uris = [drone.uri for drone in lab.drones]

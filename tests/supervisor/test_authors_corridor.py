@@ -45,6 +45,7 @@ def worst(flight: Flight, trigger: float) -> Deviation:
     return Deviation(*(max(values) for values in zip(*found, strict=True)))
 
 
+@pytest.mark.further
 def test_no_flight_of_the_authors_leaves_the_corridor_before_its_trigger(shared_data: Path) -> None:
     folder = shared_data / "habas2022" / "flights"
     flights, _ = open_flights(sorted(folder.glob("*.csv.gz")))

@@ -48,6 +48,7 @@ def test_duty_is_of_eight_bits() -> None:
     assert points[-1] == 65280
 
 
+@pytest.mark.further
 @pytest.mark.parametrize("name", some(["L250", "T350", "DC"], 3))
 def test_truth_is_recovered_after_drift(name: str) -> None:
     inside, worst = [], 0.0

@@ -33,6 +33,7 @@ def listening_addresses(port: int) -> set[str]:
     return {address for (address, number), state in local if state == LISTENING and int(number, 16) == port}
 
 
+@pytest.mark.further
 @pytest.mark.slow
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads the kernel's table of sockets")
 def test_two_attempts_of_a_campaign_reach_another_client_over_loopback(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from sim_backend.physics.parameters import physics_parameters
 from sim_backend.physics.reset import approaching
 from sim_backend.physics.step import step_thrust
 from tests.physics.effects.conftest import Effects, with_effects
+from tests.tiers import some
 
 ROOM = RoomGeometry()
 OFF = (0.0, 0.0, 0.0, 0.0)
@@ -44,7 +45,7 @@ def touches_at(p: Any, quaternion: list[float]) -> float:
     return low
 
 
-@pytest.mark.parametrize("pitch", [0.0, 0.5 * math.pi, 0.8])
+@pytest.mark.parametrize("pitch", some([0.8, 0.0, 0.5 * math.pi], 3))
 @given(shape=SHAPE)
 def test_the_corner_that_comes_first_is_where_the_shape_puts_it(
     pitch: float, shape: tuple[float, float, float]
