@@ -52,6 +52,12 @@ FORMATS: dict[str, FlightFormat] = {
 """Known formats by name, in the order in which they are tried."""
 
 
+_TABLES = (".csv", ".csv.gz")
+
+_OTHER_SIGNS = {";": "semicolons", "\t": "tabs"}
+"""What spreadsheets of some countries write between columns."""
+
+
 def open_flight(path: str | Path, format: str = "auto") -> Flight:
     """Read one flight.
 
@@ -105,7 +111,9 @@ def flight_files(paths: Iterable[str | Path]) -> list[Path]:
             continue
         inside = _flights_in(path)
         if not inside:
-            raise FlightFileError(f"{path}: no flight of a known format in this folder")
+            tables = (entry for entry in sorted(path.iterdir()) if entry.name.endswith(_TABLES))
+            hint = next((f": {table.name} {why}" for table in tables if (why := _separated(table))), "")
+            raise FlightFileError(f"{path}: no flight of a known format in this folder{hint}")
         found += inside
     return found
 
@@ -119,9 +127,18 @@ def _flights_in(folder: Path) -> list[Path]:
             found.append(entry)
         elif entry.is_dir():
             found += _flights_in(entry)
-        elif entry.name.endswith((".csv", ".csv.gz")):
+        elif entry.name.endswith(_TABLES):
             odd.append(entry)
     return sorted([*found, *odd]) if any(one.parent == folder and one.is_file() for one in found) else found
+
+
+def _separated(path: Path) -> str:
+    """That the columns of a table are separated by something else than commas; empty where they are not."""
+    header = read_header(path) if path.is_file() else ()
+    for sign, words in _OTHER_SIGNS.items():
+        if len(header) == 1 and sign in header[0]:
+            return f"has columns separated by {words}: write it with commas, and numbers with a point"
+    return ""
 
 
 def _detected(path: Path) -> FlightFormat | None:
@@ -132,6 +149,8 @@ def _format_of(path: Path, name: str) -> FlightFormat:
     if name == "auto":
         found = _detected(path)
         if found is None:
+            if why := _separated(path):
+                raise FlightFileError(f"{path}: {why}")
             raise FlightFileError(
                 f"{path}: of no known flight format; known are {', '.join(FORMATS)} "
                 "(name one with --format for a clearer error)"

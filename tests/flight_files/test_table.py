@@ -10,6 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from calibration.flights import FlightFileError, PoseSource, UnusableFlightError, open_flight
+from calibration.flights.formats import flight_files
 from onboard.errors import InputError
 
 HEADER = "t,x,y,z,qx,qy,qz,qw"
@@ -32,6 +33,16 @@ def test_a_table_with_gaps(tmp_path: Path) -> None:
     assert flight.series("gy")[1].tolist() == [[0.2]]
     assert flight.has("vbat", "gx")
     assert not flight.has("ax")
+
+
+@pytest.mark.parametrize(("sign", "words"), [(";", "semicolons"), ("\t", "tabs")])
+def test_columns_separated_otherwise_are_named(sign: str, words: str, tmp_path: Path) -> None:
+    """As a spreadsheet writes them where a comma stands in numbers."""
+    path = write(tmp_path / "a.csv", HEADER.replace(",", sign), sign.join(["0"] * 8))
+    with pytest.raises(FlightFileError, match=f"separated by {words}: write it with commas"):
+        open_flight(path)
+    with pytest.raises(FlightFileError, match=f"no flight .* in this folder: a.csv has columns .* {words}"):
+        flight_files([tmp_path])
 
 
 def test_truth_files_of_the_lab_are_tables(tmp_path: Path) -> None:

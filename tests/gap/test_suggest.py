@@ -158,6 +158,14 @@ def test_of_two_effects_of_which_one_contains_the_other_the_simpler_is_kept() ->
     assert "keep thrust_scale" in str(suggestion.advice)
 
 
+def test_a_mass_and_a_thrust_are_measured_though_a_mass_does_all_that_a_scale_does() -> None:
+    questions = OpenQuestions((), (("thrust_scale", "mass_error"),))
+    (suggestion,) = Suggester(VEHICLE, ROOM, kinds=("thrust_steps",)).suggest(questions)
+    assert "keep" not in str(suggestion.advice)
+    assert "weigh the drone" in str(suggestion.advice)
+    assert "calibrate thrust" in str(suggestion.advice)
+
+
 def test_what_is_written_is_a_campaign_that_can_be_flown(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -144,7 +144,10 @@ class Suggester:
         )
         telling = [item for item in ranking if item[1].log_likelihood_ratio >= LEAST_OF_A_FLIGHT]
         if not telling:
-            advice = _imitation(pair, directed.values()) or measurement_for(*pair)
+            # Each is measured by means of its own (a mass, a thrust): one need not be kept.
+            by_means = len({MEASUREMENTS[name] for name in pair if name in MEASUREMENTS}) == len(pair)
+            contained = None if by_means else _imitation(pair, directed.values())
+            advice = contained or measurement_for(*pair)
             return Suggestion(pair, None, 0, tuple(ranking), advice)
         kind, best = telling[0]
         times = math.ceil(WANTED / best.log_likelihood_ratio)
