@@ -13,7 +13,7 @@ import numpy as np
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.signals import CHANNELS, FORCE, KINDS, TORQUE, VOLTAGE
 from calibration.gap.data.smoothing import as_poses_see
-from calibration.gap.replay.teacher_forcing import STEP, Prediction, teacher_forced
+from calibration.gap.replay.teacher_forcing import LONGEST_STEP, Prediction, teacher_forced
 from onboard.arrays import FloatArray
 from onboard.quantity import Quantity
 from onboard.room import RoomGeometry
@@ -39,7 +39,7 @@ WORKERS = 2
 _SHARE_OF_RANGE = 1e-4
 
 _DELAY = "command_delay"
-"""Its response is a broken line that bends at every step of the physics: a derivative to one side of a bend
+"""Its response is a broken line that bends at every step of a prediction: a derivative to one side of a bend
 asks for a step across it, that to the other side for one back, and no fit would ever arrive."""
 
 
@@ -198,7 +198,7 @@ class Model:
             return stepped.predict(records) if of_battery else stepped.motion(records, stepped.parameters())
 
         if variable.effect == _DELAY:
-            low, high = max(value - STEP, rule.low), min(value + STEP, rule.high)
+            low, high = max(value - LONGEST_STEP, rule.low), min(value + LONGEST_STEP, rule.high)
             slope = (at(high) - at(low)) / (high - low)
         else:
             step = max(_SHARE_OF_RANGE * (rule.high - rule.low), 1e-3 * abs(value))
