@@ -35,6 +35,7 @@ class CsvFile:
         path: of the file.
         header: names of the columns.
         rows: below it.
+        torn: that the last line was left out, in words; empty where it is whole.
         error: raised where a column is not what it is asked to be; its message names row and column.
     """
 
@@ -42,6 +43,7 @@ class CsvFile:
     header: tuple[str, ...]
     rows: tuple[CsvRow, ...]
     error: type[PerchhwError]
+    torn: str = ""
 
     def column(
         self, name: str, rows: Sequence[CsvRow] | None = None, missing: Sequence[str] = ("",)
@@ -139,20 +141,24 @@ def read_header(path: Path) -> tuple[str, ...]:
 
 
 class _Lines:
-    """Lines of a file but for its comments, and the number of the last one."""
+    """Lines of a file but for its comments, the number of the last one, and whether that has an end."""
 
     def __init__(self, stream: TextIO, comment: str | None) -> None:
         self._stream, self._comment = stream, comment
         self.number = 0
+        self.ended = True
 
     def __iter__(self) -> Iterator[str]:
         for line in self._stream:
             self.number += 1
+            self.ended = line.endswith(("\n", "\r"))
             if self._comment is None or (line.strip() and not line.startswith(self._comment)):
                 yield line
 
 
-def read_csv(path: Path, error: type[PerchhwError], comment: str | None = None) -> CsvFile:
+def read_csv(
+    path: Path, error: type[PerchhwError], comment: str | None = None, may_be_torn: bool = False
+) -> CsvFile:
     """Read `path`.
 
     Args:
@@ -160,9 +166,12 @@ def read_csv(path: Path, error: type[PerchhwError], comment: str | None = None) 
         error: raised when the file is not readable as CSV, has no header, or a row whose number of cells
             differs from the header's; and by the columns of what is returned.
         comment: lines that begin so are passed over, as are lines of white space.
+        may_be_torn: a last line of too few cells without an end, as of a program that was killed while it
+            wrote, is left out: the lines before it are as good as ever.
     """
     rows: list[CsvRow] = []
     header: tuple[str, ...] = ()
+    torn = ""
     try:
         with _open(path) as stream:
             lines = _Lines(stream, comment)
@@ -172,6 +181,9 @@ def read_csv(path: Path, error: type[PerchhwError], comment: str | None = None) 
                 raise error(f"{path}: empty first row; expected a header")
             for cells in reader:
                 if not cells:
+                    continue
+                if may_be_torn and len(cells) < len(header) and not lines.ended:
+                    torn = f"row {lines.number} is cut off after {len(cells)} cells: left out"
                     continue
                 if len(cells) != len(header):
                     raise error(
@@ -183,7 +195,7 @@ def read_csv(path: Path, error: type[PerchhwError], comment: str | None = None) 
         raise error(f"{path}: cannot be read after row {len(rows) + 1}: {problem}") from problem
     except OSError as problem:
         raise error(f"{path}: {problem.strerror or problem}; check the path") from problem
-    return CsvFile(path, header, tuple(rows), error)
+    return CsvFile(path, header, tuple(rows), error, torn)
 
 
 def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:

@@ -56,7 +56,7 @@ def load_nanobench(path: Path) -> Flight:
         FlightFileError: broken; names row and column.
         UnusableFlightError: fewer than two rows.
     """
-    file = read_csv(path, FlightFileError)
+    file = read_csv(path, FlightFileError, may_be_torn=True)
     for name in ("t", *_CHANNELS.values()):
         file.index(name)
     if len(file.rows) < 2:
@@ -77,4 +77,5 @@ def load_nanobench(path: Path) -> Flight:
         t=t,
         data=data,
         valid=valid,
+        notes=(file.torn,) if file.torn else (),
     )

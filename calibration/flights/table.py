@@ -41,7 +41,7 @@ def load_table(path: Path) -> Flight:
         FlightFileError: broken; names row and column.
         UnusableFlightError: fewer than two rows.
     """
-    file = read_csv(path, FlightFileError)
+    file = read_csv(path, FlightFileError, may_be_torn=True)
     _check_header(file)
     if len(file.rows) < 2:
         raise UnusableFlightError(path, f"only {len(file.rows)} data rows")
@@ -60,7 +60,7 @@ def load_table(path: Path) -> Flight:
         valid=finite_masks(data),
         trigger=trigger,
         ceiling_z=_ceiling(data),
-        notes=notes,
+        notes=(*notes, *([file.torn] if file.torn else [])),
     )
 
 

@@ -35,6 +35,7 @@ class RuleWords(NamedTuple):
 _LINK = "look at antenna, channel and distance, and at the drone's power; then perchhw doctor"
 _ESTIMATE = "put the drone level and still on its mark, reboot it, and hold mocap frame against the drone"
 _PACK = "charge or change the pack"
+_CELLS = "fly a pack of one cell; with one, look at how the drone measures it (perchhw doctor)"
 _TUMBLE = "look at propellers and motor order (perchhw bringup --step motors), then at the airframe"
 _PATH = "look at thrust, imbalance and mocap (hover first); a wrong mass or centre of mass pulls it aside"
 _MARK = "put the drone on its start mark, upright, heading along +x"
@@ -63,6 +64,7 @@ RULES_BY_KIND: Final[dict[AbortKind, dict[str, RuleWords]]] = {
         "battery_age": RuleWords(Cause.LINK_LOST, "the battery's voltage did not arrive any more", _LINK),
         "battery_at_rest": RuleWords(Cause.BATTERY_LOW, "the pack is not charged", _PACK),
         "battery_in_flight": RuleWords(Cause.BATTERY_LOW, "the pack's voltage gave way under load", _PACK),
+        "battery_full": RuleWords(Cause.NOT_READY, "the drone reports more than one cell can have", _CELLS),
     },
     AbortKind.DRONE: {
         "policy_crc_age": RuleWords(Cause.LINK_LOST, "the drone did not name its policy any more", _LINK),

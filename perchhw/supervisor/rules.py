@@ -107,7 +107,7 @@ def _battery(name: str, o: Admitted, least: float, limits: SafetyLimits) -> Viol
     return (
         at_most("battery_age", o.battery_age, limits.battery_age, "s")
         or at_least(name, o.battery_voltage, least, "V")
-        or at_most(name, o.battery_voltage, limits.battery_full, "V")
+        or at_most("battery_full", o.battery_voltage, limits.battery_full, "V")
     )
 
 

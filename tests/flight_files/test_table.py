@@ -35,6 +35,23 @@ def test_a_table_with_gaps(tmp_path: Path) -> None:
     assert not flight.has("ax")
 
 
+def test_a_last_row_that_was_cut_off_costs_itself_alone(tmp_path: Path) -> None:
+    whole = write(tmp_path / "a.csv", HEADER, "0,1,2,3,0,0,0,1", "0.1,1,2,3,0,0,0,1", "0.2,1,2,3,0,0,0,1")
+    text = whole.read_text()
+    for end in range(text.rindex("0.2"), len(text) - 1):
+        whole.write_text(text[:end])
+        last = text[text.rindex("0.2") : end]
+        flight = open_flight(whole)
+        cut_off = 0 < last.count(",") + bool(last) < 8
+        assert flight.t.size == (2 if cut_off or not last else 3)
+        assert flight.notes == (
+            (f"row 4 is cut off after {last.count(',') + 1} cells: left out",) if cut_off else ()
+        )
+    whole.write_text(text.replace("0.1,1,2,3,0,0,0,1", "0.1,1,2"))
+    with pytest.raises(FlightFileError, match="row 3: 3 cells where the header has 8"):
+        open_flight(whole)
+
+
 @pytest.mark.parametrize(("sign", "words"), [(";", "semicolons"), ("\t", "tabs")])
 def test_columns_separated_otherwise_are_named(sign: str, words: str, tmp_path: Path) -> None:
     """As a spreadsheet writes them where a comma stands in numbers."""

@@ -225,6 +225,13 @@ def test_limitations_say_what_cannot_be_concluded() -> None:
     assert any("sensing effects cannot be judged" in line for line in prepare_flights(estimate).limitations)
 
 
+def test_what_readers_left_out_is_told_once_of_each_kind() -> None:
+    notes = ("row 812 is cut off after 3 cells: left out", "row 94 is cut off after 11 cells: left out")
+    flights = [replace(flight(f"circle_rep{i}", i), notes=(note,)) for i, note in enumerate(notes)]
+    told = [line for line in prepare_flights(flights).limitations if "cut off" in line]
+    assert told == [f"circle_rep0: {notes[0]} (and 1 more like it)"]
+
+
 def test_twenty_flights_take_seconds() -> None:
     flights = [flight(f"circle_rep{i}", i, end=35.0) for i in range(20)]
     start = time.process_time()

@@ -103,7 +103,7 @@ ON_GROUND: list[Edge] = [
         {"estimate_velocity": (0.09, 0.0, -0.121)},
     ),
     ("battery_at_rest", {"battery_voltage": 3.8}, {"battery_voltage": 3.799}),
-    ("battery_at_rest", {"battery_voltage": 4.4}, {"battery_voltage": 4.401}),
+    ("battery_full", {"battery_voltage": 4.4}, {"battery_voltage": 4.401}),
 ]
 IN_THE_AIR: list[Edge] = [
     *EVERYWHERE,
@@ -113,7 +113,7 @@ IN_THE_AIR: list[Edge] = [
         {"pose_position": (-2.0, 0.251, 1.0), "estimate_position": (-2.0, 0.0, 1.0)},
     ),
     ("battery_in_flight", {"battery_voltage": 2.72}, {"battery_voltage": 2.719}),
-    ("battery_in_flight", {"battery_voltage": 4.4}, {"battery_voltage": 4.401}),
+    ("battery_full", {"battery_voltage": 4.4}, {"battery_voltage": 4.401}),
     ("fence_x_min", at(-6.0, 0.0, 1.0, -2.08, 0.0, 0.0), at(-6.0, 0.0, 1.0, -2.09, 0.0, 0.0)),
     ("fence_x_max", at(1.5, 0.0, 1.0, 2.08, 0.0, 0.0), at(1.5, 0.0, 1.0, 2.09, 0.0, 0.0)),
     ("fence_y_min", at(-2.0, -0.5, 1.0, 0.0, -2.08, 0.0), at(-2.0, -0.5, 1.0, 0.0, -2.09, 0.0)),

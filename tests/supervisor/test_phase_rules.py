@@ -26,6 +26,7 @@ EVERYWHERE: dict[str, dict[str, Any]] = {
     "pose_age": {"pose_age": 0.31},
     "estimate_age": {"estimate_age": 0.26},
     "battery_age": {"battery_age": 1.01},
+    "battery_full": {"battery_voltage": 4.41},
 }
 ON_GROUND: dict[str, dict[str, Any]] = {
     **EVERYWHERE,

@@ -1,5 +1,6 @@
 """What a set of flights cannot tell."""
 
+import re
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -48,7 +49,7 @@ def limitations(records: Sequence[FlightRecord]) -> tuple[str, ...]:
     found += _missing(
         "hardly any excitation: lag, delay, inertia and air effects cannot be judged", records, _quiet
     )
-    return tuple(found)
+    return (*found, *_noted(records))
 
 
 def _missing(text: str, records: Sequence[FlightRecord], test: Callable[[FlightRecord], bool]) -> list[str]:
@@ -56,6 +57,18 @@ def _missing(text: str, records: Sequence[FlightRecord], test: Callable[[FlightR
     if not names:
         return []
     return [text if len(names) == len(records) else f"{text} (in {', '.join(names)})"]
+
+
+def _noted(records: Sequence[FlightRecord]) -> list[str]:
+    """What readers left out, or had to infer: each kind of it once, with a flight that has it."""
+    kinds: dict[str, list[str]] = {}
+    for record in records:
+        for note in record.notes:
+            kinds.setdefault(re.sub(r"[\d.]+", "", note), []).append(f"{record.name}: {note}")
+    return [
+        first if not others else f"{first} (and {len(others)} more like it)"
+        for first, *others in kinds.values()
+    ]
 
 
 def _quiet(record: FlightRecord) -> bool:
