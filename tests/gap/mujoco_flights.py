@@ -1,6 +1,8 @@
 """Three short flights of a Crazyflie in a calm room of MuJoCo, with what a test hides in it."""
 
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -23,12 +25,13 @@ def frame() -> Airframe:
     return draw_airframe(np.random.default_rng(3), *drawn.CLASSES[0])
 
 
-def flights(hidden: Hidden, folder: Path, lab: Circumstances = CALM) -> list[FlightRecord]:
-    """An eight, quick shakes and climbs, as the gap finder has them."""
-    folder.mkdir(exist_ok=True)
-    files = []
-    for number, kind in enumerate(("eight", "shake", "climbs")):
-        goals = paths.draw_path(np.random.default_rng([5, number]), kind, STEP, 14.0, 0.0, 1.0)
-        files.append(folder / f"{kind}.csv")
-        drawn.write_log(files[-1], fly(frame(), hidden, lab, goals, np.random.default_rng([7, number])))
-    return prepare_flights(open_flights(files)[0]).records
+@cache
+def flights(hidden: Hidden, lab: Circumstances = CALM) -> tuple[FlightRecord, ...]:
+    """An eight, quick shakes and climbs, as the gap finder has them: flown once by each process."""
+    with TemporaryDirectory() as folder:
+        files = []
+        for number, kind in enumerate(("eight", "shake", "climbs")):
+            goals = paths.draw_path(np.random.default_rng([5, number]), kind, STEP, 14.0, 0.0, 1.0)
+            files.append(Path(folder, f"{kind}.csv"))
+            drawn.write_log(files[-1], fly(frame(), hidden, lab, goals, np.random.default_rng([7, number])))
+        return prepare_flights(open_flights(files)[0]).records

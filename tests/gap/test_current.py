@@ -1,7 +1,5 @@
 """A battery's resistance is known no better than the current through it."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -18,10 +16,10 @@ from tests.truth.mujoco_room import Hidden
 SCALE, RESISTANCE = Variable("thrust_scale", "scale"), Variable("battery_sag", "resistance")
 
 
-def named(hidden: Hidden, folder: Path) -> Named:
+def named(hidden: Hidden) -> Named:
     """What of a scale and a resistance that a search took in gets a name."""
     model, rng = Model(nominal(frame(), "current")), np.random.default_rng(1)
-    training = training_set(flights(hidden, folder), model)
+    training = training_set(flights(hidden), model)
     first, scaled = refine(model, (), training), refine(model, (SCALE,), training)
     both = refine(scaled.model, (SCALE, RESISTANCE), training, start=scaled.estimate)
     steps = (
@@ -33,15 +31,15 @@ def named(hidden: Hidden, folder: Path) -> Named:
 
 
 @pytest.mark.further
-def test_what_weak_motors_draw_is_no_resistance(tmp_path: Path) -> None:
-    names = named(Hidden(thrust_scale=0.9), tmp_path)  # these motors draw the current of their commands
+def test_what_weak_motors_draw_is_no_resistance() -> None:
+    names = named(Hidden(thrust_scale=0.9))  # these motors draw the current of their commands
     assert names.effects == ("thrust_scale",)
     assert names.minor == ()
 
 
-def test_a_resistance_beyond_that_is_named_and_its_interval_holds(tmp_path: Path) -> None:
+def test_a_resistance_beyond_that_is_named_and_its_interval_holds() -> None:
     resistance = 0.8 * frame().resistance
-    names = named(Hidden(thrust_scale=0.9, resistance=resistance), tmp_path)
+    names = named(Hidden(thrust_scale=0.9, resistance=resistance))
     assert names.effects == ("thrust_scale", "battery_sag")
     found = names.model.values[RESISTANCE]
     assert abs(found - resistance) < 1.96 * names.errors[RESISTANCE]

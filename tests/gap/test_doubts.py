@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,21 +28,21 @@ def fitted(records: Sequence[FlightRecord], variable: Variable) -> tuple[Fitted,
 
 
 @pytest.mark.parametrize(("ratio", "speed_law"), [(1.0, True), (2.0, False)])
-def test_a_lag_that_another_law_does_without_is_none(tmp_path: Path, ratio: float, speed_law: bool) -> None:
+def test_a_lag_that_another_law_does_without_is_none(ratio: float, speed_law: bool) -> None:
     """As strangers' rotors: equal in speed, they looked 1.3 times as quick to slow down."""
     lab = dataclasses.replace(CALM, speed_law=speed_law)
-    final, training = fitted(flights(Hidden(lag_ratio=ratio), tmp_path, lab), RATIO)
+    final, training = fitted(flights(Hidden(lag_ratio=ratio), lab), RATIO)
     errors = with_doubts(clustered_errors(final, training), final, training)
     assert (abs(final.model.change(RATIO)) < NINETY_FIVE * errors[RATIO]) is speed_law
 
 
 @pytest.mark.further
-def test_an_area_is_known_no_better_than_the_law_of_its_drag(tmp_path: Path) -> None:
+def test_an_area_is_known_no_better_than_the_law_of_its_drag() -> None:
     """MuJoCo's bodies are dragged by the square of each component, ours by the speed: see how each area is
     found, and that its interval holds the one that flew."""
     hidden = Hidden(area=0.03)
     model = Model(nominal(frame(), "doubts"))
-    training = training_set(flights(hidden, tmp_path), model)
+    training = training_set(flights(hidden), model)
     areas = tuple(Variable("body_drag", f"area_{axis}") for axis in "xyz")
     final = refine(model, (LOG_TIMING, *areas), training)
     chance = clustered_errors(final, training)
@@ -56,10 +55,10 @@ def test_an_area_is_known_no_better_than_the_law_of_its_drag(tmp_path: Path) -> 
     assert flown[2] - final.model.start_value(areas[2]) > NINETY_FIVE * chance[areas[2]]
 
 
-def test_what_moves_with_the_logs_timing_is_known_no_better_than_it(tmp_path: Path) -> None:
+def test_what_moves_with_the_logs_timing_is_known_no_better_than_it() -> None:
     """A delay and a lag that is shorter by as much tell the same."""
     lag = Variable("motor_lag", "scale")
-    final, training = fitted(flights(Hidden(delay=0.012), tmp_path), lag)
+    final, training = fitted(flights(Hidden(delay=0.012)), lag)
     errors = with_doubts(clustered_errors(final, training), final, training)
     half = 0.5 * training.regression.signals.dt
     assert errors[LOG_TIMING] > half / np.sqrt(3.0)

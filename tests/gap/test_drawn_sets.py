@@ -30,22 +30,20 @@ MOVING = [
 
 
 @cache
-def floor(folder: Path) -> NDArray[np.float64]:
+def floor() -> NDArray[np.float64]:
     """Errors of the vehicle file where nothing is hidden, by channel."""
-    return HeldOutFlights(flights(Hidden(), folder)).errors(Model(nominal(frame(), "floor"))).rms()
+    return HeldOutFlights(flights(Hidden())).errors(Model(nominal(frame(), "floor"))).rms()
 
 
 @pytest.mark.parametrize("name", MOVING)
-def test_our_equation_of_an_effect_predicts_mujocos_flights(
-    name: str, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_our_equation_of_an_effect_predicts_mujocos_flights(name: str) -> None:
     hidden, effects = drawn.hide(Hidden(), name, "strong", frame(), np.random.default_rng(11))
-    measured = HeldOutFlights(flights(hidden, tmp_path / "hidden"))
+    measured = HeldOutFlights(flights(hidden))
     vehicle = nominal(frame(), name)
     values = {
         Variable(effect, key): value for effect, all_of in effects.items() for key, value in all_of.items()
     }
-    least = floor(tmp_path_factory.getbasetemp() / "floor")
+    least = floor()
     known = least > 0.0
     without = (measured.errors(Model(vehicle)).rms() / least)[known]
     with_it = (measured.errors(Model(vehicle, values)).rms() / least)[known]
@@ -57,9 +55,9 @@ def test_our_equation_of_an_effect_predicts_mujocos_flights(
 
 
 @pytest.mark.parametrize("name", ["pose_rotation", pytest.param("gyro_bias", marks=pytest.mark.soak)])
-def test_sensors_of_mujocos_room_err_as_is_hidden(name: str, tmp_path: Path) -> None:
+def test_sensors_of_mujocos_room_err_as_is_hidden(name: str) -> None:
     hidden, effects = drawn.hide(Hidden(), name, "strong", frame(), np.random.default_rng(11))
-    pooled = judge_sensing(flights(hidden, tmp_path)).pooled[name]
+    pooled = judge_sensing(flights(hidden)).pooled[name]
     for mean, value in zip(pooled, effects[name].values(), strict=True):
         assert mean.error < 0.2 * max(np.abs(list(effects[name].values())))
         assert mean.mean == pytest.approx(value, abs=4.0 * mean.error)

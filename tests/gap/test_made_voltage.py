@@ -1,6 +1,7 @@
 """Without a logged voltage, one is made that empties as the pack of the vehicle file does."""
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -17,9 +18,9 @@ from tests.truth.mujoco_room import Hidden
 
 
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory: pytest.TempPathFactory) -> list[FlightRecord]:
+def flown() -> tuple[FlightRecord, ...]:
     """Flights of a healthy vehicle in MuJoCo, with the voltage of its pack."""
-    return flights(Hidden(), tmp_path_factory.mktemp("flights"))
+    return flights(Hidden())
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +37,7 @@ def measured(record: FlightRecord) -> FloatArray:
     return record.voltage
 
 
-def test_it_is_what_was_measured(flown: list[FlightRecord], vehicle: Vehicle) -> None:
+def test_it_is_what_was_measured(flown: Sequence[FlightRecord], vehicle: Vehicle) -> None:
     for flight in evaluate([without(record) for record in flown], vehicle).flights:
         (record,) = (one for one in flown if one.name == flight.record.name)
         assert not flight.record.voltage_measured
@@ -45,7 +46,7 @@ def test_it_is_what_was_measured(flown: list[FlightRecord], vehicle: Vehicle) ->
         assert np.corrcoef(made, volts)[0, 1] > 0.8
 
 
-def test_it_predicts_better_than_a_constant_one(flown: list[FlightRecord], vehicle: Vehicle) -> None:
+def test_it_predicts_better_than_a_constant_one(flown: Sequence[FlightRecord], vehicle: Vehicle) -> None:
     blind = evaluate([without(record) for record in flown], vehicle)
     constant = [
         dataclasses.replace(one.record, voltage=np.full_like(one.record.t, measured(one.record).mean()))
@@ -64,7 +65,9 @@ def test_a_supply_that_does_not_sag_stays_constant() -> None:
         assert all((np.ptp(measured(one)) == 0.0) == (sag == 0.0) for one in made)
 
 
-def test_a_vehicle_that_needs_another_voltage_is_doubted(flown: list[FlightRecord], vehicle: Vehicle) -> None:
+def test_a_vehicle_that_needs_another_voltage_is_doubted(
+    flown: Sequence[FlightRecord], vehicle: Vehicle
+) -> None:
     mass = dataclasses.replace(vehicle.body.mass, value=2.0 * vehicle.body.mass.value)
     heavy = dataclasses.replace(vehicle, body=dataclasses.replace(vehicle.body, mass=mass))
     (doubt,) = evaluate([without(record) for record in flown], heavy).doubts()

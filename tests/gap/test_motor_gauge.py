@@ -1,7 +1,5 @@
 """Four motors and a scale of thrust: no number without a meaning; names that were withdrawn are missing."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -34,9 +32,9 @@ def test_a_tie_says_what_the_flights_cannot() -> None:
 
 
 @pytest.mark.further
-def test_each_motor_is_known_beside_a_scale_of_thrust(tmp_path: Path) -> None:
+def test_each_motor_is_known_beside_a_scale_of_thrust() -> None:
     model = Model(nominal(frame(), "gauge"))
-    training = training_set(flights(Hidden(motors=UNEQUAL), tmp_path), model)
+    training = training_set(flights(Hidden(motors=UNEQUAL)), model)
     fitted = refine(model, (MADE_SCALE, *MOTORS), training)
     errors = clustered_errors(fitted, training)
     found = np.array([fitted.model.values[motor] for motor in MOTORS])
@@ -45,10 +43,10 @@ def test_each_motor_is_known_beside_a_scale_of_thrust(tmp_path: Path) -> None:
     assert max(errors[motor] for motor in MOTORS) < 0.01
 
 
-def test_what_a_name_is_needed_for_does_not_depend_on_where_a_fit_began(tmp_path: Path) -> None:
+def test_what_a_name_is_needed_for_does_not_depend_on_where_a_fit_began() -> None:
     """Nuisances that had nothing to explain beside a name are small; its noise must not take their place."""
     model = Model(nominal(frame(), "gauge"))
-    training = training_set(flights(Hidden(motors=UNEQUAL), tmp_path), model)
+    training = training_set(flights(Hidden(motors=UNEQUAL)), model)
     named = refine(model, (LOG_TIMING, *MOTORS), training)
     reduced, never = without(named, training, "motor_imbalance"), refine(model, (LOG_TIMING,), training)
     assert float(reduced.gains(never, False).sum()) == pytest.approx(0.0, abs=2.0)
@@ -57,10 +55,10 @@ def test_what_a_name_is_needed_for_does_not_depend_on_where_a_fit_began(tmp_path
     assert {shared.name for shared in shared_nuisances(reduced, model.base)} == missing
 
 
-def test_what_loses_its_name_is_missing_again(tmp_path: Path) -> None:
+def test_what_loses_its_name_is_missing_again() -> None:
     vehicle = nominal(frame(), "gauge")
     model, rng = Model(vehicle), np.random.default_rng(1)
-    training = training_set(flights(Hidden(motors=UNEQUAL), tmp_path), model)
+    training = training_set(flights(Hidden(motors=UNEQUAL)), model)
     first = refine(model, (LOG_TIMING,), training)
     final = refine(model, (LOG_TIMING, *MOTORS), training)
     step = SelectionStep("motor_imbalance", judge(first, final, MOTORS, training, rng), final)

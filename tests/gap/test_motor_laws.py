@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from pathlib import Path
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -30,14 +30,14 @@ def with_law(vehicle: Vehicle, up: tuple[float, float], down: tuple[float, float
     return vehicle.with_effects([Effect(name="motor_speed_law", parameters=told)])
 
 
-def laws_of(model: Model, records: list[FlightRecord]) -> tuple[np.ndarray, ...]:
+def laws_of(model: Model, records: Sequence[FlightRecord]) -> tuple[np.ndarray, ...]:
     return motor_laws(model, records, model.motion(records, model.parameters()))
 
 
 @pytest.mark.parametrize("speed_law", [True, False])
-def test_flights_tell_the_law(tmp_path: Path, speed_law: bool) -> None:
+def test_flights_tell_the_law(speed_law: bool) -> None:
     """MuJoCo's rotors follow by their speed, or by their thrust."""
-    records = flights(Hidden(), tmp_path, dataclasses.replace(CALM, speed_law=speed_law))
+    records = flights(Hidden(), dataclasses.replace(CALM, speed_law=speed_law))
     model = Model(VEHICLE)
     fit = refine(model, (LOG_TIMING,), training_set(records, model))
     by_speed, *others = fit.estimate.fit.theta[len(fit.variables) + AXES : fit.first_unnamed]
@@ -47,15 +47,15 @@ def test_flights_tell_the_law(tmp_path: Path, speed_law: bool) -> None:
     assert told == ([True] if speed_law else [])
 
 
-def test_a_law_that_a_tachometer_told_is_not_asked_about(tmp_path: Path) -> None:
+def test_a_law_that_a_tachometer_told_is_not_asked_about() -> None:
     known = Model(with_law(VEHICLE, (15.0, 1e-4), (15.0, 1e-4)))
-    records = flights(Hidden(), tmp_path)
+    records = flights(Hidden())
     assert laws_of(known, records) == ()
 
 
-def test_each_law_is_that_of_a_vehicle_file(tmp_path: Path) -> None:
+def test_each_law_is_that_of_a_vehicle_file() -> None:
     """As quick near hover as the thrusts; a file has no rotor without any drag."""
-    records = flights(Hidden(), tmp_path)
+    records = flights(Hidden())
     motors = VEHICLE.motors
     assert motors.thrust_coefficient is not None
     hover = math.sqrt(0.25 * VEHICLE.body.mass.value * 9.81 / motors.thrust_coefficient.value)
@@ -70,9 +70,9 @@ def test_each_law_is_that_of_a_vehicle_file(tmp_path: Path) -> None:
         assert np.sqrt(np.mean(left**2)) < 0.1 * np.sqrt(np.mean(law[:, :6] ** 2))
 
 
-def test_ratios_of_speeds_alone_count(tmp_path: Path) -> None:
+def test_ratios_of_speeds_alone_count() -> None:
     """A vehicle file without a thrust coefficient says nothing of speeds."""
-    records = flights(Hidden(), tmp_path)
+    records = flights(Hidden())
     without = dataclasses.replace(
         VEHICLE, motors=dataclasses.replace(VEHICLE.motors, thrust_coefficient=None)
     )

@@ -1,7 +1,6 @@
 """Flights kept back refuse nothing by torques that answer noise, nor by a law that they do not tell."""
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -26,9 +25,9 @@ def shares(fit: Fitted) -> np.ndarray:
 
 
 @pytest.mark.further
-def test_flights_kept_back_have_the_law_that_the_others_told(tmp_path: Path) -> None:
+def test_flights_kept_back_have_the_law_that_the_others_told() -> None:
     """An eight by itself tells none, and would take for a law what a lag does."""
-    eight, *others = flights(Hidden(), tmp_path, dataclasses.replace(CALM, speed_law=True))
+    eight, *others = flights(Hidden(), dataclasses.replace(CALM, speed_law=True))
     fit = refine(STOCK, (LOG_TIMING,), training_set(others, STOCK))
     unseen = unseen_set([eight], fit.model, training_set(others, STOCK))
     assert shares(on_unseen(unseen, fit.model, fit, fit)) == pytest.approx(shares(fit), abs=0.05)
@@ -36,8 +35,8 @@ def test_flights_kept_back_have_the_law_that_the_others_told(tmp_path: Path) -> 
     assert np.abs(shares(alone) - shares(fit)).max() > 0.3
 
 
-def test_torques_of_flights_kept_back_count_where_most_of_the_motion_was_commanded(tmp_path: Path) -> None:
-    records = flights(Hidden(), tmp_path)
+def test_torques_of_flights_kept_back_count_where_most_of_the_motion_was_commanded() -> None:
+    records = flights(Hidden())
     training = training_set(records, STOCK)
     every = training.regression.weights
     counted = unseen_set(records, STOCK, training).regression.weights
@@ -50,18 +49,18 @@ def test_torques_of_flights_kept_back_count_where_most_of_the_motion_was_command
 
 
 @pytest.mark.further
-def test_a_single_flight_of_shakes_that_is_kept_back_counts(tmp_path: Path) -> None:
+def test_a_single_flight_of_shakes_that_is_kept_back_counts() -> None:
     """By itself none of its parts is quiet; a moment that grows with the speed once lost its name by that."""
-    eight, shake, climbs = flights(Hidden(), tmp_path)
+    eight, shake, climbs = flights(Hidden())
     counted = unseen_set([shake], STOCK, training_set([eight, climbs], STOCK)).regression.weights
     assert np.all(counted[:, TORQUE.start : TORQUE.start + 2] > 0.9)
     alone = training_set([shake], STOCK).regression.weights
     assert np.median(alone[:, TORQUE.start]) < 0.1
 
 
-def test_a_moment_holds_on_a_flight_harder_than_those_that_told_it(tmp_path: Path) -> None:
+def test_a_moment_holds_on_a_flight_harder_than_those_that_told_it() -> None:
     """Each model under a noise of its own, the one without the moment won on a flight of shakes by 107."""
-    eight, shake, climbs = flights(Hidden(velocity_moment=(2e-4, -2e-4)), tmp_path)
+    eight, shake, climbs = flights(Hidden(velocity_moment=(2e-4, -2e-4)))
     moment = tuple(Variable("velocity_moment", axis) for axis in ("roll", "pitch"))
     training = training_set([eight, climbs], STOCK)
     final = refine(STOCK, (LOG_TIMING, *moment), training)
