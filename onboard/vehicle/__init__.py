@@ -6,6 +6,7 @@ file format in :mod:`onboard.vehicle.file_format`; the names are gathered here.
 """
 
 import dataclasses
+from functools import cache
 from pathlib import Path
 
 from onboard.quantity import Quantity
@@ -63,6 +64,7 @@ __all__ = [
 ]
 
 
+@cache
 def known_vehicles() -> tuple[str, ...]:
     """Names of the vehicles that ship with the code."""
     libraries = (LEGS_FILE, THRUST_MAPS_FILE)
@@ -109,8 +111,18 @@ def load_vehicle(name_or_path: str | Path, legs: str | None = None) -> Vehicle:
         VehicleFileError: the file cannot be used; the message has one line a problem, with file and key.
     """
     path = _vehicle_path(name_or_path)
-    vehicle = parse_vehicle(read_toml(path, VehicleFileError), str(path))
+    vehicle = _shipped(path) if path.parent == LIBRARY else _read(path)
     return vehicle if legs is None else dataclasses.replace(vehicle, legs=read_leg_design(legs))
+
+
+def _read(path: Path) -> Vehicle:
+    return parse_vehicle(read_toml(path, VehicleFileError), str(path))
+
+
+@cache
+def _shipped(path: Path) -> Vehicle:
+    """One that ships with the code, which stays as it is while that runs: flights and pages ask for it often."""
+    return _read(path)
 
 
 def check_vehicle(path: str | Path) -> list[str]:

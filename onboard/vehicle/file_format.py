@@ -6,7 +6,9 @@ The format is described in docs/vehicle_file.md.
 import dataclasses
 import json
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
+from types import MappingProxyType
 
 from onboard.gravity import GRAVITY
 from onboard.quantity import Quantity
@@ -68,10 +70,11 @@ def _check_schema(content: Mapping[str, object], schema: str, problems: Problems
         problems.raise_any()
 
 
-def _library(path: Path, schema: str) -> dict[str, object]:
+@cache  # what ships with the code stays as it is while that runs, and every vehicle file asks for it
+def _library(path: Path, schema: str) -> Mapping[str, object]:
     content = read_toml(path, VehicleFileError)
     _check_schema(content, schema, Problems(str(path)))
-    return {name: table for name, table in content.items() if name != "schema"}
+    return MappingProxyType({name: table for name, table in content.items() if name != "schema"})
 
 
 def leg_design_names() -> tuple[str, ...]:
