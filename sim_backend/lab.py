@@ -132,7 +132,7 @@ class LabServer:
 
         Raises:
             InputError: the vehicle or a fault is not known.
-            SimulationError: the vehicle cannot be simulated.
+            SimulationError: the vehicle cannot be simulated, or the lab file would overwrite another.
             NoCompiler: the engine in C is asked for, and there is no compiler.
             CompilationFailed: it does not compile.
         """
@@ -146,6 +146,7 @@ class LabServer:
     def load(self) -> None:
         """Read the vehicle alone, for a process that has compiled before; errors as :meth:`prepare`."""
         settings = self.settings
+        self._description.require_free()
         self._engine = usable_engine(settings.engine)
         self._vehicle = load_vehicle(settings.vehicle, settings.legs)
         self._flashed = None if settings.flashed is None else load_vehicle(settings.flashed, settings.legs)

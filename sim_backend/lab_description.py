@@ -40,22 +40,30 @@ class LabDescription:
         self._folder: Path | None = None
         self.path: Path | None = None
 
+    def require_free(self) -> None:
+        """Refuse the chosen place where something is: before a lab is prepared for it.
+
+        Raises:
+            SimulationError: there is a file, which may be that of a real room.
+        """
+        if self._chosen is not None and self._chosen.exists():
+            raise SimulationError(
+                f"{self._chosen.absolute()}: exists and is not overwritten; remove it or choose another place"
+            )
+
     def write(self, lab: LabFile) -> Path:
         """Write the file and give its absolute path.
 
         Raises:
-            SimulationError: there is a file in that place, which may be that of a real room.
+            SimulationError: as :meth:`require_free`; the file may have come since.
             LabFileError: it cannot be written.
         """
         if self._chosen is None:
             self._folder = Path(tempfile.mkdtemp(prefix="perchhw-lab-"))
             path = self._folder / "lab.toml"
         else:
+            self.require_free()
             path = self._chosen.absolute()
-            if path.exists():
-                raise SimulationError(
-                    f"{path}: exists and is not overwritten; remove it or choose another place"
-                )
         write_lab_file(path, lab, COMMENT)
         self.path = path
         return path

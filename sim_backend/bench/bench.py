@@ -215,7 +215,7 @@ class Bench:
         if self.hung is not None:
             self.hung.feel(self._force, self._rates)
         self._duties = self.firmware.step(self._force, self._rates, self.gauge_gain * self.board_voltage)
-        self.driven = bool(self._duties.any())
+        self.driven = bool(np.count_nonzero(self._duties))
 
     def _turn(self) -> None:
         motor = self.watched - 1

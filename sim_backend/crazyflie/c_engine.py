@@ -1,6 +1,7 @@
 """The drone's own code in C as the engine of a simulated drone: single precision, as it flies."""
 
 import ctypes
+import struct
 from collections.abc import Sequence
 from typing import Any
 
@@ -35,6 +36,8 @@ from sim_backend.crazyflie.engine import ApproachRequest, EngineEvent, Sample, S
 from sim_backend.crazyflie.setpoint import Setpoint, complete_setpoint
 
 _WORD = ctypes.sizeof(ctypes.c_float)
+_ESTIMATE = struct.Struct(f"={ctypes.sizeof(PerchEstimate) // _WORD}f")
+"""Ten of the filter, three of the gyro: in a quarter of the time that numpy takes for so few."""
 _MODES = {int(mode): mode for mode in OutputMode}
 _STATES = {int(state): state for state in LandingState}
 _STATUSES = {int(status): status for status in TrajectoryStatus}
@@ -52,6 +55,7 @@ class CEngine:
     def __init__(self, vehicle: Vehicle) -> None:
         """Raises NoCompiler or CompilationFailed (:mod:`onboard.firmware.compiler`)."""
         self._library = core_library()
+        self._host_step = self._library.perch_host_step  # looked up once, called a thousand times a second
         self._constants = vehicle_constants(vehicle)  # the core keeps only where they are
         self._core = ctypes.create_string_buffer(self._library.core_bytes)
         self._inputs, self._view = PerchInputs(), PerchView()
@@ -69,6 +73,7 @@ class CEngine:
     def boot(self) -> None:
         """Start anew."""
         self._library.perch_boot(self._core, self._constants)
+        self._taken: Setpoint | None = None
         self._view = PerchView()
         begin = PerchView.outputs.offset + PerchOutputs.duties.offset
         self._duties = _floats_at(self._view, begin, begin + 4 * _WORD)
@@ -228,32 +233,32 @@ class CEngine:
         inputs.flying = sample.flying
         inputs.levelling = sample.levelling
         inputs.thrust_seen = sample.thrust_seen
-        with np.errstate(over="ignore"):  # an estimate that diverges becomes infinite, as on the drone
-            self._estimate[:10] = state[:10]
-            self._estimate[10:] = sample.gyro
-            self._take_setpoint(sample.setpoint, sample.tick)
-        self._library.perch_host_step(self._core, inputs, self._view)
+        known = (*state.tolist()[:10], *sample.gyro.tolist())
+        try:
+            _ESTIMATE.pack_into(inputs, PerchInputs.estimate.offset, *known)
+        except OverflowError:
+            with np.errstate(over="ignore"):  # an estimate that diverges becomes infinite, as on the drone
+                self._estimate[:] = known
+        self._take_setpoint(sample.setpoint, sample.tick)
+        self._host_step(self._core, inputs, self._view)
         self.ratios[:] = [int(duty * FULL_RATIO) for duty in self._duties.tolist()]
         events = self._view.outputs.events
         return EngineEvent(events) if events else EngineEvent.NONE
 
     def _take_setpoint(self, s: Setpoint, tick: int) -> None:
+        self._setpoint[-1] = 1e-3 * (tick - s.time_ms)
+        if s is self._taken:  # one is in force for many ms, and only ages
+            return
+        self._taken = s
         c = self._inputs.setpoint
         c.mode[0], c.mode[1], c.mode[2] = s.mode_x, s.mode_y, s.mode_z
         c.mode_roll, c.mode_pitch, c.mode_yaw = s.mode_roll, s.mode_pitch, s.mode_yaw
         c.mode_quaternion, c.velocity_body = s.mode_quat, s.velocity_body
-        self._setpoint[:] = (
-            *s.position,
-            *s.velocity,
-            *s.acceleration,
-            s.roll,
-            s.pitch,
-            s.yaw,
-            *s.rates,
-            *s.quaternion,
-            s.thrust,
-            1e-3 * (tick - s.time_ms),
-        )
+        angles = (s.roll, s.pitch, s.yaw)
+        with np.errstate(over="ignore"):
+            self._setpoint[:-1] = (
+                *s.position, *s.velocity, *s.acceleration, *angles, *s.rates, *s.quaternion, s.thrust,
+            )  # fmt: skip
 
 
 def _vector(v: PerchVector) -> Vector:

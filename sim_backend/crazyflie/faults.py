@@ -39,6 +39,8 @@ class DatagramFaults:
 
     def copies(self, echo: bool = False) -> list[float]:
         """Delays [s] of the copies of one datagram that arrive; empty when it is lost."""
+        if not self.at_work:
+            return [0.0]
         rng = self._rng_of_echoes if echo else self.rng
         if rng.random() < self.loss:
             self.lost += 1

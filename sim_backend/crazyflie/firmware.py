@@ -44,6 +44,8 @@ DT = 0.001
 HIGH_LEVEL_PERIOD_MS = 10
 SUPERVISOR_PERIOD_MS = 1000 // RATE_HZ
 _KALMAN = 2
+_NULL = Setpoint()
+"""In force while flying is not allowed: one for all, so that an engine knows it again."""
 APP_PERIOD_MS = 20
 """Between two looks of the app's slow task (`LOOK_PERIOD_MS` of its C code)."""
 
@@ -236,7 +238,7 @@ class Firmware:
             planned = self.high_level.setpoint(self.flat_state(), tick * DT)
             if planned is not None:
                 self.setpoints.set(planned, Priority.HIGH_LEVEL, tick)
-        return self.setpoints.setpoint if can_fly else Setpoint()
+        return self.setpoints.setpoint if can_fly else _NULL
 
     def _supervise(self, tick: int, setpoint: Setpoint) -> None:
         if tick % SUPERVISOR_PERIOD_MS:
@@ -271,7 +273,7 @@ class Firmware:
         """The supervisor's say on the setpoint."""
         if self.supervisor.state is SupervisorState.WARNING_LEVEL_OUT:
             return level_out(setpoint)
-        return setpoint if self.supervisor.motors_allowed else Setpoint()
+        return setpoint if self.supervisor.motors_allowed else _NULL
 
     def _control(self, tick: int, setpoint: Setpoint) -> None:
         engine = self.engine
@@ -284,7 +286,7 @@ class Firmware:
             voltage=self.power.voltage,
             flying=self.supervisor.is_flying,
             levelling=self.supervisor.state is SupervisorState.WARNING_LEVEL_OUT,
-            thrust_seen=bool(self.ratios.any()),
+            thrust_seen=bool(np.count_nonzero(self.ratios)),  # `any` of so few takes six times as long
         )
         events = engine.step(sample)
         flown = engine.mode is OutputMode.SETPOINT and not setpoint.is_null

@@ -98,17 +98,3 @@ def test_the_file_lives_as_long_as_the_lab(tmp_path: Path, capsys: pytest.Captur
         code, document = fly(capsys, "--lab", str(chosen), "--dry-run", "--out", str(tmp_path / "runs"))
         assert code == 0, document
     assert not chosen.exists()
-
-
-def test_the_temporary_folder_goes_with_the_lab() -> None:
-    with SimulatedLab("lab", LAB) as lab:
-        folder = Path(lab.ready["lab"]).parent
-        assert folder.is_dir()
-    assert not folder.exists()
-
-
-@pytest.mark.parametrize("part", ["drone", "room"])
-def test_a_part_of_a_lab_has_no_lab_file(part: str) -> None:
-    ports = ("--drone-port", "0") if part == "drone" else ("--vicon-port", "0", "--vicon-udp-port", "0")
-    with SimulatedLab(part, ports) as lab:
-        assert "lab" not in lab.ready

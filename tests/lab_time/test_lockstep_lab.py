@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -12,7 +13,7 @@ import pytest
 from onboard.app_interface import Parameter
 from onboard.lab_time import open_timebase, time_address
 from onboard.lab_time.figures import lab_figures
-from onboard.link import DroneLink
+from onboard.link import DroneLink, reboot
 from perchhw.lab_process import FREE_PORTS, SimulatedLab
 from tests.lab_time.busy import busy_processes
 from tests.lab_time.hover import hover
@@ -23,6 +24,13 @@ pytestmark = pytest.mark.slow
 
 def lab_at(pace: str, *arguments: str) -> SimulatedLab:
     return SimulatedLab("lab", (*FREE_PORTS, "--seed", "5", "--pace", pace, *arguments))
+
+
+@pytest.fixture(scope="module")
+def lab() -> Iterator[SimulatedLab]:
+    """One in lock step, for tests that leave it to the next: the last one locks its drone."""
+    with lab_at("lockstep") as served:
+        yield served
 
 
 def figures(lab: SimulatedLab) -> dict[str, Any]:
@@ -68,8 +76,8 @@ def test_time_stands_still_where_nobody_takes_part_and_nothing_moves() -> None:
         assert figures(lab)["takes_part"] == []
 
 
-def test_a_client_that_takes_no_part_finds_a_lab_in_real_time() -> None:
-    with lab_at("lockstep") as lab, patient_link(without_query(lab.drones[0])) as stranger:
+def test_a_client_that_takes_no_part_finds_a_lab_in_real_time(lab: SimulatedLab) -> None:
+    with patient_link(without_query(lab.drones[0])) as stranger:
         begin, lab_begin = time.monotonic(), figures(lab)["t"]
         heard: list[int] = []
         stranger.stream(("pm.vbat",), 100, lambda sample: heard.append(sample.drone_time_ms))
@@ -81,9 +89,11 @@ def test_a_client_that_takes_no_part_finds_a_lab_in_real_time() -> None:
     assert lab_elapsed <= 1.1 * elapsed + 0.1
 
 
-def test_a_lab_lives_on_for_a_drone_that_is_not_done_with_a_parameter_when_somebody_connects() -> None:
+def test_a_lab_lives_on_for_a_drone_that_is_not_done_with_a_parameter_when_somebody_connects(
+    lab: SimulatedLab,
+) -> None:
     """Its parameter task answers nobody before; a lab that stood still would wait for it for ever."""
-    with lab_at("lockstep") as lab, open_timebase("test", lab.drones[0]) as lab_time:
+    with open_timebase("test", lab.drones[0]) as lab_time:
         for _ in range(2):
             begin = lab_time()
             with DroneLink.open(lab.drones[0], clock=lab_time) as link:
@@ -96,20 +106,20 @@ def test_a_lab_lives_on_for_a_drone_that_is_not_done_with_a_parameter_when_someb
 
 
 @pytest.mark.parametrize("when", [pytest.param("armed", marks=pytest.mark.further), "flying"])
-def test_a_process_that_dies_is_not_waited_for_and_the_watchdog_bites(when: str) -> None:
-    with lab_at("lockstep") as lab:
-        pilot = subprocess.Popen(
-            [sys.executable, "-m", "tests.lab_time.hover", lab.drones[0], lab.mocap[0], when],
-            stdout=subprocess.PIPE,
-        )
-        assert pilot.stdout is not None
-        assert pilot.stdout.readline() == b"watched\n"
-        pilot.send_signal(signal.SIGKILL)
-        pilot.wait()
-        pilot.stdout.close()
-        assert figures(lab)["takes_part"] == []
-        with patient_link(without_query(lab.drones[0])) as link:
-            until(lambda: link.supervisor_info().is_locked)
+def test_a_process_that_dies_is_not_waited_for_and_the_watchdog_bites(when: str, lab: SimulatedLab) -> None:
+    reboot(lab.drones[0], even_flying=True)  # of what the one before locked
+    pilot = subprocess.Popen(
+        [sys.executable, "-m", "tests.lab_time.hover", lab.drones[0], lab.mocap[0], when],
+        stdout=subprocess.PIPE,
+    )
+    assert pilot.stdout is not None
+    assert pilot.stdout.readline() == b"watched\n"
+    pilot.send_signal(signal.SIGKILL)
+    pilot.wait()
+    pilot.stdout.close()
+    assert figures(lab)["takes_part"] == []
+    with patient_link(without_query(lab.drones[0])) as link:
+        until(lambda: link.supervisor_info().is_locked)
 
 
 def test_a_factor_is_a_limit() -> None:

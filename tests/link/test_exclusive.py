@@ -41,18 +41,15 @@ def test_a_second_process_is_refused_before_its_first_packet(tiny: TinyDrone) ->
         assert tiny.clients == before  # a link has a socket of its own: no packet came from another
 
 
-@pytest.mark.parametrize(
-    "verb",
-    [
-        ("fly", "--mocap", "vicon://127.0.0.1:9?subject=cf1", "--speed", "2.5", "--angle", "50"),
-        ("policy", "upload", "default"),
-        ("rehearse",),
-        ("bringup", "--mocap", "vicon://127.0.0.1:9?subject=cf1", "--step", "motors", "--confirm", "x"),
-    ],
-    ids=lambda verb: verb[0],
+ARMS_OR_WRITES = (
+    ("fly", "--mocap", "vicon://127.0.0.1:9?subject=cf1", "--speed", "2.5", "--angle", "50"),
+    ("policy", "upload", "default"),
+    ("rehearse",),
+    ("bringup", "--mocap", "vicon://127.0.0.1:9?subject=cf1", "--step", "motors", "--confirm", "x"),
 )
+
+
 def test_whatever_arms_or_writes_is_refused_while_another_process_has_the_drone(
-    verb: tuple[str, ...],
     tiny: TinyDrone,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -61,9 +58,10 @@ def test_whatever_arms_or_writes_is_refused_while_another_process_has_the_drone(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     with connected_elsewhere(tiny.uri) as client:
-        code = run([*verb, "--drone", tiny.uri])
-        said = capsys.readouterr().err
-        assert (code, f"in use by process {client.pid}" in said) == (2, True), said
+        for verb in ARMS_OR_WRITES:
+            code = run([*verb, "--drone", tiny.uri])
+            said = capsys.readouterr().err
+            assert (code, f"in use by process {client.pid}" in said) == (2, True), f"{verb[0]}: {said}"
 
 
 def test_a_drone_that_is_given_back_is_free(tiny: TinyDrone) -> None:

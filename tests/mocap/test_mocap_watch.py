@@ -1,15 +1,14 @@
 import json
 import re
 import socket
-import subprocess
-import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
+from perchhw.cli.main import run
 from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
-from tests.patience import PATIENCE_S
 
 
 @pytest.fixture(scope="module")
@@ -19,22 +18,26 @@ def lab() -> Iterator[SimulatedLab]:
         yield served
 
 
-def watch(*arguments: str, folder: Path | None = None) -> subprocess.CompletedProcess[str]:
-    command = [
-        sys.executable,
-        "-c",
-        "from perchhw.cli.main import main; main()",
-        "--json",
-        "mocap",
-        "watch",
-        *arguments,
-    ]
-    return subprocess.run(
-        command, capture_output=True, text=True, timeout=PATIENCE_S, check=False, cwd=folder
-    )
+class Watched(NamedTuple):
+    """What a command line ended with, and said."""
+
+    returncode: int
+    stdout: str
+    stderr: str
 
 
-def test_a_good_source_as_one_json_document(lab: SimulatedLab):
+@pytest.fixture
+def watch(capsys: pytest.CaptureFixture[str]) -> Callable[..., Watched]:
+    """Runs ``perchhw --json mocap watch`` in this process, which saves its start."""
+
+    def run_here(*arguments: str) -> Watched:
+        capsys.readouterr()
+        return Watched(run(["--json", "mocap", "watch", *arguments]), *capsys.readouterr())
+
+    return run_here
+
+
+def test_a_good_source_as_one_json_document(lab: SimulatedLab, watch: Callable[..., Watched]):
     done = watch(lab.mocap[0], "--seconds", "1.5")
     assert done.returncode == 0, done.stderr
     result = json.loads(done.stdout)
@@ -49,7 +52,7 @@ def test_a_good_source_as_one_json_document(lab: SimulatedLab):
     assert len(result["last_pose"]["quaternion"]) == 4
 
 
-def test_the_poses_of_the_lab_file(lab: SimulatedLab) -> None:
+def test_the_poses_of_the_lab_file(lab: SimulatedLab, watch: Callable[..., Watched]) -> None:
     """Its address names the lab's clock, without which a lab in lock step stands still."""
     done = watch("--lab", str(lab.ready["lab"]), "--seconds", "0.5")
     assert done.returncode == 0, done.stderr
@@ -57,7 +60,9 @@ def test_the_poses_of_the_lab_file(lab: SimulatedLab) -> None:
     assert (result["uri"], result["verdict"], result["next"]) == (lab.mocap[0], "ok", None)
 
 
-def test_an_address_without_the_labs_clock_is_told_of_it(lab: SimulatedLab) -> None:
+def test_an_address_without_the_labs_clock_is_told_of_it(
+    lab: SimulatedLab, watch: Callable[..., Watched]
+) -> None:
     address = re.sub(r"&time=[^&]*", "", lab.mocap[0])
     done = watch(address, "--seconds", "0.3")
     result = json.loads(done.stdout)
@@ -65,13 +70,16 @@ def test_an_address_without_the_labs_clock_is_told_of_it(lab: SimulatedLab) -> N
     assert "give the whole address, with time=HOST:PORT" in result["next"]
 
 
-def test_nothing_to_watch(tmp_path: Path) -> None:
-    done = watch("--seconds", "0.5", folder=tmp_path)
+def test_nothing_to_watch(
+    watch: Callable[..., Watched], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = watch("--seconds", "0.5")
     assert done.returncode == 2
     assert "--lab: missing; give it, or what to watch instead" in done.stderr
 
 
-def test_a_source_that_tells_nothing_of_time_has_no_age(lab: SimulatedLab):
+def test_a_source_that_tells_nothing_of_time_has_no_age(lab: SimulatedLab, watch: Callable[..., Watched]):
     done = watch(lab.mocap[1], "--seconds", "0.5")
     assert done.returncode == 0, done.stderr
     result = json.loads(done.stdout)
@@ -80,7 +88,7 @@ def test_a_source_that_tells_nothing_of_time_has_no_age(lab: SimulatedLab):
     assert result["rate_hz"] == pytest.approx(100.0, abs=4.0)
 
 
-def test_no_source_is_exit_code_1_with_the_reason():
+def test_no_source_is_exit_code_1_with_the_reason(watch: Callable[..., Watched]):
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
     done = watch(f"vicon://127.0.0.1:{port}?subject=cf1", "--seconds", "0.3")
@@ -91,7 +99,7 @@ def test_no_source_is_exit_code_1_with_the_reason():
     assert result["last_pose"] is None
 
 
-def test_a_bad_uri_is_exit_code_2():
+def test_a_bad_uri_is_exit_code_2(watch: Callable[..., Watched]):
     done = watch("vicon://host?subjct=cf1")
     assert done.returncode == 2
     assert "unknown option 'subjct'" in json.loads(done.stdout)["error"]
@@ -99,18 +107,8 @@ def test_a_bad_uri_is_exit_code_2():
 
 
 @pytest.mark.further
-def test_a_person_gets_a_table(lab: SimulatedLab):
-    command = [
-        sys.executable,
-        "-c",
-        "from perchhw.cli.main import main; main()",
-        "mocap",
-        "watch",
-        lab.mocap[0],
-    ]
-    done = subprocess.run(
-        [*command, "--seconds", "0.5"], capture_output=True, text=True, timeout=PATIENCE_S, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    assert "verdict" in done.stdout
-    assert "cf1" in done.stdout
+def test_a_person_gets_a_table(lab: SimulatedLab, capsys: pytest.CaptureFixture[str]):
+    assert run(["mocap", "watch", lab.mocap[0], "--seconds", "0.5"]) == 0
+    said = capsys.readouterr().out
+    assert "verdict" in said
+    assert "cf1" in said

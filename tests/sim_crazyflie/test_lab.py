@@ -195,6 +195,7 @@ def test_the_room_dies_with_the_lab(how: signal.Signals, code: int) -> None:
 def test_room_alone_shows_resting_drones() -> None:
     with running("room", "--drones", "2", *FREE_PORTS[2:]) as lab:
         assert lab.ready["drones"] == []
+        assert "lab" not in lab.ready, "a room without drones has no lab file"
         assert len(lab.ready["mocap"]) == 4
         seen = threading.Event()
         places: list[tuple[float, ...]] = []
