@@ -9,8 +9,10 @@ says.
 """
 
 from collections.abc import Callable
-from typing import Any, ParamSpec, TypeVar
+from importlib import import_module
+from typing import Any, NamedTuple, ParamSpec, TypeVar
 
+from llvmlite.binding import parse_assembly
 from numba import njit
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.runtime.nrt import rtsys
@@ -38,9 +40,51 @@ INLINED: dict[str, Any] = APART | {"forceinline": True}
 """Inlined besides: takes a fifth off a step of physics and a quarter off one with the controller."""
 
 
-def kept(**options: Any) -> Callable[[Callable[_P, _R]], Callable[_P, _R]]:
+class _ReplacedError(Exception):
+    """A kernel on disk calls machine code that has been compiled anew since."""
+
+
+class _Callee(NamedTuple):
+    """Puts a kernel into the memory of a process that loads one of its callers from disk.
+
+    Attributes:
+        module, name: of the kernel.
+        arguments: numba types.
+        symbol: that its callers were compiled to call.
+    """
+
+    module: str
+    name: str
+    arguments: tuple[Any, ...]
+    symbol: str
+
+    def __call__(self) -> None:
+        """Load it, or compile it.
+
+        Raises:
+            _ReplacedError: it has another symbol now.
+        """
+        dispatcher = getattr(import_module(self.module), self.name)
+        dispatcher.compile(self.arguments)
+        if dispatcher.overloads[self.arguments].fndesc.llvm_func_name != self.symbol:
+            raise _ReplacedError(self.symbol)
+
+
+def _stand_alone(dispatcher: Any, arguments: tuple[Any, ...]) -> None:
+    """From now on callers of a compiled kernel call its machine code, instead of compiling a copy of it.
+
+    Numba links nothing then, and has the kernel brought into memory before a caller is loaded from disk.
+    """
+    compiled = dispatcher.overloads[arguments]
+    library, function = compiled.library, dispatcher.py_func
+    symbol = compiled.fndesc.llvm_func_name
+    library._shared_module = parse_assembly("")
+    library._reload_init = {_Callee(function.__module__, function.__name__, arguments, symbol)}
+
+
+def kept(*, apart: bool = False, **options: Any) -> Callable[[Callable[_P, _R]], Callable[_P, _R]]:
     """Decorator of functions that are compiled with numba's `options` and kept on disk, without an entry for
-    C, which nobody calls.
+    C, which nobody calls. What is compiled `apart` is compiled once; others become a part of each caller.
 
     Of several processes that need one at the same time, one compiles it and the others wait for it. One that
     finds it on disk loads it without all that numba knows for compiling, whose import takes a quarter of the
@@ -56,14 +100,25 @@ def kept(**options: Any) -> Callable[[Callable[_P, _R]], Callable[_P, _R]]:
         def compile_once(signature: Any) -> Any:
             # numba's own lock first: it is held where a kernel compiles another.
             with global_compiler_lock, compiling(f"{function.__module__}.{function.__qualname__}"):
-                return compile_here(signature)
+                known = set(dispatcher.overloads)
+                entry = compile_here(signature)
+                if apart:
+                    for arguments in dispatcher.overloads.keys() - known:
+                        _stand_alone(dispatcher, arguments)
+                return entry
 
         cache = dispatcher._cache  # of numba's class, which has no public way to it
 
         def load(signature: Any, target: Any) -> Any:
             # As numba's own, but that makes the whole of `target` ready first; a kernel needs its memory's.
             rtsys.initialize(target)
-            return cache._load_overload(signature, target)
+            try:
+                found = cache._load_overload(signature, target)
+            except _ReplacedError:
+                return None
+            if found is not None:  # its callers need what it needs, which numba forgets
+                found.library._reload_init.update(found.reload_init)
+            return found
 
         dispatcher.compile, cache.load_overload = compile_once, load
         kept_function: Callable[_P, _R] = dispatcher
@@ -102,7 +157,7 @@ def for_kernels(**options: Any) -> Callable[[Callable[_P, _R]], Callable[_P, _R]
 kernel = kept(**INLINED)
 """Decorator of kernels that Python calls, or that several others share: kept on disk."""
 
-outlined = kept(**APART)
+outlined = kept(apart=True, **APART)
 """Decorator of large functions, and of those that Python calls alone: what is inlined is compiled once more
 for each caller, and Python's way in is one."""
 

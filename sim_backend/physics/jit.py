@@ -13,5 +13,5 @@ kernel = kept(**INLINED, **_ROUNDING)
 inner = for_kernels(**INLINED, **_ROUNDING)
 """As :data:`onboard.jit.inner`, likewise."""
 
-outlined = kept(**APART, **_ROUNDING)
+outlined = kept(apart=True, **APART, **_ROUNDING)
 """Decorator of large functions that few vehicles need: kept apart, so that their callers stay small."""

@@ -285,7 +285,7 @@ def contact_substep(state: Any, p: Any, targets: Thrusts, dt: float, up: float, 
     state.time += dt
 
 
-@inner
+@outlined
 def contact_step(state: Any, p: Any, targets: Thrusts, dt: float, up: float, down: float) -> None:
     """`dt` (s) near a surface, cut where a foot meets the ceiling, so that it takes hold just there.
 

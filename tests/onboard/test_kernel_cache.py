@@ -31,6 +31,21 @@ from {package} import (  # in the way that long imports are written
 def value():
     return numbers.VALUE
 """
+PAIR = """\
+from onboard.jit import outlined
+
+@outlined
+def called(x):
+    return 2.0 * x
+
+@outlined
+def calling(x):
+    return called(x) + 1.0
+"""
+CALL_AND_COUNT = """\
+from onboard.pair import called, calling
+print(calling(3.0), *(sum(kernel.stats.cache_misses.values()) for kernel in (called, calling)))
+"""
 DISPATCHERS = """\
 import importlib, inspect, pkgutil
 from numba.core.dispatcher import Dispatcher
@@ -116,6 +131,19 @@ def test_of_two_processes_one_compiles_and_the_other_waits(project: Path) -> Non
         processes = [threads.submit(python, project, code, PYTHONPATH=str(project)) for _ in range(2)]
         compiled = [int(process.result()) for process in processes]
     assert sorted(compiled) == [0, 1]
+
+
+@pytest.mark.slow
+def test_a_caller_on_disk_finds_what_it_calls_and_is_compiled_anew_with_it(project: Path) -> None:
+    (project / "onboard" / "pair.py").write_text(PAIR)
+    runs = [python(project, CALL_AND_COUNT, PYTHONPATH=str(project)) for _ in range(2)]
+    for file in (project.parent / "cache").rglob("pair.called-*"):
+        file.unlink()
+    # Whatever is compiled before it changes the name of its machine code.
+    before = "from numba import int64; from onboard.pair import calling; calling.compile((int64,)); "
+    runs += [python(project, before + CALL_AND_COUNT, PYTHONPATH=str(project))]
+    runs += [python(project, CALL_AND_COUNT, PYTHONPATH=str(project))]
+    assert runs == ["7.0 1 1", "7.0 0 0", "7.0 2 2", "7.0 0 0"]
 
 
 def test_the_packages_are_those_that_are_installed() -> None:
