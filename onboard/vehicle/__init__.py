@@ -121,7 +121,7 @@ def _read(path: Path) -> Vehicle:
 
 @cache
 def _shipped(path: Path) -> Vehicle:
-    """One that ships with the code, which stays as it is while that runs: flights and pages ask for it often."""
+    """One that ships with the code and stays as it is while that runs; flights and pages ask for it often."""
     return _read(path)
 
 

@@ -84,6 +84,7 @@ class Firmware:
         self._rng = rng
         self._gyro_bias = gyro_bias
         self.params = ParameterTable.firmware(with_app)
+        self._estimator_parameter = self.params.entry("stabilizer.estimator").ident
         self.logs = LogTable.firmware(with_app)
         self.engine = make_engine(engine, vehicle)
         self.app: LandingApp | None = None
@@ -340,7 +341,8 @@ class Firmware:
 
     def _is_configured(self) -> bool:
         """As the app needs it; else idle motors turn after CUT, or others have the estimate or the motors."""
-        has_kalman = self.params["stabilizer.estimator"] == _KALMAN
+        # Its byte alone: it is asked for in every ms of a flight.
+        has_kalman = self.params.raw(self._estimator_parameter)[0] == _KALMAN
         return has_kalman and self.idle_thrust == 0 and not self.motor_override[0]
 
     def _at_rest(self) -> bool:

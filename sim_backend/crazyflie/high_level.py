@@ -21,6 +21,9 @@ from sim_backend.crazyflie.setpoint import ZERO, Mode, Setpoint
 
 NUMBER_OF_DEFINITIONS = 31
 POLYNOMIAL_PIECE = struct.Struct("<33f")  # x, y, z, yaw with 8 coefficients each, then the duration
+_N = np.arange(8)
+_N_TWICE = _N[2:] * _N[1:7]
+"""What derivatives bring down: of a power, and of one that is derived twice."""
 
 
 class HighLevelCommand(IntEnum):
@@ -122,11 +125,10 @@ class Trajectory:
             local -= float(self.durations[index])
             index += 1
         c = self.coefficients[index]
-        n = np.arange(8)
-        powers = local**n
+        powers = local**_N
         value = c @ powers
-        rate = (c[:, 1:] * n[1:]) @ powers[:7] / self.timescale
-        acceleration = (c[:, 2:] * (n[2:] * n[1:7])) @ powers[:6] / self.timescale**2
+        rate = (c[:, 1:] * _N[1:]) @ powers[:7] / self.timescale
+        acceleration = (c[:, 2:] * _N_TWICE) @ powers[:6] / self.timescale**2
         if self.reversed:
             rate = -rate
         if at_rest:
