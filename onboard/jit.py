@@ -19,7 +19,18 @@ from numba.core.runtime.nrt import rtsys
 
 from onboard.kernel_cache import compiling, use_cache_of_this_source
 
-__all__ = ["APART", "INLINED", "for_kernels", "inner", "interpreted", "kept", "kernel", "outlined"]
+__all__ = [
+    "ALONE",
+    "APART",
+    "INLINED",
+    "alone",
+    "for_kernels",
+    "inner",
+    "interpreted",
+    "kept",
+    "kernel",
+    "outlined",
+]
 
 use_cache_of_this_source()
 
@@ -35,6 +46,9 @@ matters.
 
 _NOT_FROM_C: dict[str, Any] = {"no_cfunc_wrapper": True}
 _NOT_FROM_PYTHON: dict[str, Any] = {"no_cpython_wrapper": True}
+
+ALONE: dict[str, Any] = APART | {"alone": True}
+"""A function of its own in its callers' machine code too: a call takes some nanoseconds."""
 
 INLINED: dict[str, Any] = APART | {"forceinline": True}
 """Inlined besides: takes a fifth off a step of physics and a quarter off one with the controller."""
@@ -82,9 +96,9 @@ def _stand_alone(dispatcher: Any, arguments: tuple[Any, ...]) -> None:
     library._reload_init = {_Callee(function.__module__, function.__name__, arguments, symbol)}
 
 
-def kept(*, apart: bool = False, **options: Any) -> Callable[[Callable[_P, _R]], Callable[_P, _R]]:
+def kept(*, alone: bool = False, **options: Any) -> Callable[[Callable[_P, _R]], Callable[_P, _R]]:
     """Decorator of functions that are compiled with numba's `options` and kept on disk, without an entry for
-    C, which nobody calls. What is compiled `apart` is compiled once; others become a part of each caller.
+    C, which nobody calls. What stands `alone` is compiled once, other functions once more within each caller.
 
     Of several processes that need one at the same time, one compiles it and the others wait for it. One that
     finds it on disk loads it without all that numba knows for compiling, whose import takes a quarter of the
@@ -102,7 +116,7 @@ def kept(*, apart: bool = False, **options: Any) -> Callable[[Callable[_P, _R]],
             with global_compiler_lock, compiling(f"{function.__module__}.{function.__qualname__}"):
                 known = set(dispatcher.overloads)
                 entry = compile_here(signature)
-                if apart:
+                if alone:
                     for arguments in dispatcher.overloads.keys() - known:
                         _stand_alone(dispatcher, arguments)
                 return entry
@@ -157,9 +171,12 @@ def for_kernels(**options: Any) -> Callable[[Callable[_P, _R]], Callable[_P, _R]
 kernel = kept(**INLINED)
 """Decorator of kernels that Python calls, or that several others share: kept on disk."""
 
-outlined = kept(apart=True, **APART)
+outlined = kept(**APART)
 """Decorator of large functions, and of those that Python calls alone: what is inlined is compiled once more
 for each caller, and Python's way in is one."""
+
+alone = kept(**ALONE)
+"""Decorator of large functions that take a microsecond or more: compiled once, however many call them."""
 
 inner = for_kernels(**INLINED)
 """Decorator of kernels that only kernels call: on disk as a part of these, but not by themselves."""

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from onboard.jit import outlined
+from onboard.jit import alone
 from perchhw.learning.ephe import sample
 from perchhw.learning.grid import Condition, generator
 from perchhw.learning.setup import Recipe, prepared
@@ -44,7 +44,7 @@ def pair_of(row: Row) -> Pair:
     return *condition, mu_tau, sigma_tau, mu_moment, sigma_moment
 
 
-@outlined
+@alone
 def fly_pair(
     rng: Any, bench: TrialMemory, factors: Any, mu: Any, sigma: Any, speed: float, angle: float, rules: Rules
 ) -> None:

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from onboard.controller import ControllerGains
-from onboard.jit import kernel, outlined
+from onboard.jit import alone, inner, kernel
 from perchhw.learning.domain_randomisation import DomainRandomisation, draw_vehicle
 from perchhw.learning.ephe import (
     EPISODES_MOST,
@@ -97,7 +97,7 @@ def new_bench(parameters: Any, results: int) -> TrialMemory:
     )
 
 
-@outlined
+@alone
 def fly(
     rng: Any, bench: TrialMemory, index: int, policy: Any, speed: float, angle: float, rules: Rules
 ) -> float:
@@ -116,7 +116,7 @@ def fly(
     return reward(out, rules.reward)
 
 
-@outlined
+@alone
 def fly_next(
     rng: Any, bench: TrialMemory, policy: Any, speed: float, angle: float, rules: Rules, trial: Any
 ) -> float:
@@ -135,7 +135,7 @@ def threshold_policy(theta: Any) -> ThresholdPolicy:
     return ThresholdPolicy(theta[0] / TAU_SCALE, theta[1] * MOMENT_SCALE)
 
 
-@outlined
+@alone
 def learn_pair(
     rng: Any,
     bench: TrialMemory,
@@ -187,7 +187,7 @@ def learn_pair(
     summarise(bench.outs[first : first + count], trial)
 
 
-@kernel
+@inner
 def succeeded(out: Any) -> bool:
     """Three or four legs and no contact of body or propellers."""
     return out.feet >= 3 and not out.body_contact

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from onboard.jit import outlined
+from onboard.jit import alone
 from onboard.policy.files import Policy
 from perchhw.learning.executor import ALL_CORES, Executor
 from perchhw.learning.grid import Condition, generator
@@ -27,7 +27,7 @@ COLUMNS = (
 )  # fmt: skip
 
 
-@outlined
+@alone
 def try_policy(
     rng: Any,
     bench: TrialMemory,

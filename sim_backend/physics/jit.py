@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from onboard.jit import APART, INLINED, for_kernels, kept
+from onboard.jit import ALONE, APART, INLINED, for_kernels, kept
 
 _ROUNDING: dict[str, Any] = {"fastmath": {"contract", "reassoc", "arcp"}}
 """The compiler may fuse, reorder and take reciprocals: the last bits change, infinities and NaN do not."""
@@ -13,5 +13,8 @@ kernel = kept(**INLINED, **_ROUNDING)
 inner = for_kernels(**INLINED, **_ROUNDING)
 """As :data:`onboard.jit.inner`, likewise."""
 
-outlined = kept(apart=True, **APART, **_ROUNDING)
+outlined = kept(**APART, **_ROUNDING)
 """Decorator of large functions that few vehicles need: kept apart, so that their callers stay small."""
+
+alone = kept(**ALONE, **_ROUNDING)
+"""As :data:`onboard.jit.alone`, likewise."""

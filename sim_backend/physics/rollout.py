@@ -20,7 +20,7 @@ from onboard.mixer import Thrusts, flip_thrusts, mix
 from onboard.rotation import body_z
 from sim_backend.physics.decision import decide
 from sim_backend.physics.effects.sensors import measured_rate, tracked_attitude, tracked_position
-from sim_backend.physics.jit import inner, kernel, outlined
+from sim_backend.physics.jit import alone, inner, kernel
 from sim_backend.physics.launch import (
     EXACT,
     Launch,
@@ -216,7 +216,7 @@ def first_seen(rng: Any, s: RolloutSettings) -> float:
     return s.unseen * rng.random() if s.unseen > 0.0 else 0.0
 
 
-@outlined
+@alone
 def rollout(
     rng: Any, state: Any, p: Any, gains: ControllerGains, policy: Any, speed: float, angle: float,
     s: RolloutSettings, out: Any,

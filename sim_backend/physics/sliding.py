@@ -9,7 +9,7 @@ cone would let it).
 import math
 
 from onboard.arrays import Vector
-from sim_backend.physics.jit import inner, kernel
+from sim_backend.physics.jit import inner
 
 BISECTIONS = 40
 """Halvings of the longest slide, some centimetres: down to the last bit that matters."""
@@ -56,7 +56,7 @@ def slip(friction: float, a: float, b: float, push: float, stiff: Vector) -> Vec
     return (s, 0.0, 0.0) if off else (s, fa, fb)
 
 
-@kernel
+@inner
 def slide(friction: float, force: Vector, sign: float, u: Vector, across: float, along: float) -> Slide:
     """What a surface does to a foot that presses against it.
 

@@ -21,7 +21,7 @@ from sim_backend.physics.feet import (
 )
 from sim_backend.physics.forces import add, free_flight_wrench
 from sim_backend.physics.frames import Rotation, Wrench, cross, to_body, to_world
-from sim_backend.physics.jit import inner, kernel, outlined
+from sim_backend.physics.jit import alone, inner, kernel, outlined
 from sim_backend.physics.legs import hinge_force
 from sim_backend.physics.motors import commanded, decay, lag_to_end, lag_to_middle
 from sim_backend.physics.rigid_body import (
@@ -198,7 +198,7 @@ def push(state: Any, rot: Rotation, inverse: Inverse, wrench: Wrench, dt: float)
     state.omega[2] += dt * inverse[3] * wrench[5]
 
 
-@kernel
+@inner
 def kick_with_legs(
     state: Any, p: Any, rot: Rotation, inverse: Inverse, wrench: Wrench, v: Vector, dt: float
 ) -> None:
@@ -285,7 +285,7 @@ def contact_substep(state: Any, p: Any, targets: Thrusts, dt: float, up: float, 
     state.time += dt
 
 
-@outlined
+@alone
 def contact_step(state: Any, p: Any, targets: Thrusts, dt: float, up: float, down: float) -> None:
     """`dt` (s) near a surface, cut where a foot meets the ceiling, so that it takes hold just there.
 

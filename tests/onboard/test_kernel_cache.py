@@ -32,9 +32,9 @@ def value():
     return numbers.VALUE
 """
 PAIR = """\
-from onboard.jit import outlined
+from onboard.jit import alone, outlined
 
-@outlined
+@alone
 def called(x):
     return 2.0 * x
 

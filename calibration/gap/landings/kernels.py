@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from onboard.rotation import multiply
-from sim_backend.physics.jit import kernel, outlined
+from sim_backend.physics.jit import alone, inner, kernel
 from sim_backend.physics.motors import commanded, decay, lag_to_end, lag_to_middle
 from sim_backend.physics.step import advance
 
@@ -38,7 +38,7 @@ PROBE = 0.2
 """Step of the numerical derivatives, in prior standard deviations."""
 
 
-@outlined
+@alone
 def spin(state: Any, p: Any, targets: Any) -> None:
     """Let only the motors of `state` follow `targets` (N, shape (n, 4)), one row a step."""
     up, down = decay(p, 0.5 * DT)
@@ -48,7 +48,7 @@ def spin(state: Any, p: Any, targets: Any) -> None:
         lag_to_end(state, p, delayed, up, down)
 
 
-@kernel
+@inner
 def note(state: Any, row: Any) -> None:
     """Write a state into one row of a trace."""
     for i in range(3):
@@ -59,7 +59,7 @@ def note(state: Any, row: Any) -> None:
     row[BODY] = state.body_contact
 
 
-@outlined
+@alone
 def fly(state: Any, p: Any, targets: Any, parts: int, trace: Any) -> None:
     """Fly `state` with thrust targets (N, (n, 4)), each held for 1 ms.
 
@@ -92,7 +92,7 @@ def displace(state: Any, p: Any, x: Any, sigma: Any) -> None:
         state.quaternion[i] = q[i] / size
 
 
-@kernel
+@inner
 def place_in(trace: Any, t: float) -> tuple[int, float]:
     """Row of a trace before the time t (s), and the share of the step after it."""
     at = min(max(t / DT, 0.0), trace.shape[0] - 1.001)
@@ -100,7 +100,7 @@ def place_in(trace: Any, t: float) -> tuple[int, float]:
     return row, at - row
 
 
-@outlined
+@alone
 def gyro_residuals(trace: Any, gyro: Any, weight: Any, delay: float, limit: float, out: Any) -> None:
     """(measured - predicted) x weight of a gyro with range `limit` (rad/s), into `out` ((m, 3)).
 
@@ -119,7 +119,7 @@ def gyro_residuals(trace: Any, gyro: Any, weight: Any, delay: float, limit: floa
             out[k, i] = weight[k, i] * (gyro[k, 1 + i] - min(max(value, -limit), limit))
 
 
-@outlined
+@alone
 def pose_residuals(trace: Any, pose: Any, weight: Any, out: Any) -> None:
     """Attitude (body, rad) and position (m), measured - predicted, x weight, into `out` ((m, 6)).
 
@@ -175,7 +175,7 @@ class Case(NamedTuple):
     trace: Any
 
 
-@outlined
+@alone
 def residuals(x: Any, case: Any, out: Any) -> None:
     """Residuals of a landing with the nuisances x into `out` ((3 gyro rows + 6 pose rows,))."""
     case.states[0] = case.start[0]
@@ -188,7 +188,7 @@ def residuals(x: Any, case: Any, out: Any) -> None:
     pose_residuals(case.trace, case.pose, case.pose_weight, out[split:].reshape(-1, 6))
 
 
-@kernel
+@inner
 def cost_of(x: Any, r: Any) -> float:
     """Prior and robust misfit; infinite where a number is none."""
     total = 0.0
@@ -199,20 +199,55 @@ def cost_of(x: Any, r: Any) -> float:
     return total if np.isfinite(total) else np.inf
 
 
-@kernel
+@inner
 def count_of(case: Any) -> int:
     """Number of residuals."""
     return 3 * int(case.gyro.shape[0]) + 6 * int(case.pose.shape[0])
 
 
-@kernel
+@inner
 def copy_into(target: Any, source: Any) -> None:
     """`target` is from now on as `source`; both (n,)."""
     for i in range(len(target)):
         target[i] = source[i]
 
 
-@outlined
+@inner
+def solve(matrix: Any, right: Any, out: Any) -> None:
+    """Into `out` the x of A x = `right`, A symmetric, positive definite; its lower half becomes L of L L^T.
+
+    numpy's solver takes seconds to compile.
+    """
+    n = len(right)
+    for i in range(n):
+        for j in range(i + 1):
+            rest = matrix[i, j]
+            for k in range(j):
+                rest -= matrix[i, k] * matrix[j, k]
+            matrix[i, j] = rest / matrix[j, j] if j < i else np.sqrt(rest)
+    for i in range(n):
+        rest = right[i]
+        for k in range(i):
+            rest -= matrix[i, k] * out[k]
+        out[i] = rest / matrix[i, i]
+    for i in range(n - 1, -1, -1):
+        rest = out[i]
+        for k in range(i + 1, n):
+            rest -= matrix[k, i] * out[k]
+        out[i] = rest / matrix[i, i]
+
+
+@inner
+def least_of(values: Any) -> int:
+    """Index of the first of the least values (n,)."""
+    least = 0
+    for i in range(1, len(values)):
+        if values[i] < values[least]:
+            least = i
+    return least
+
+
+@alone
 def descend(x: Any, iterations: int, case: Any) -> float:
     """Levenberg-Marquardt from x, which it improves in place; returns the cost.
 
@@ -221,6 +256,7 @@ def descend(x: Any, iterations: int, case: Any) -> float:
     """
     m = count_of(case)
     r, moved, slope = np.empty(m), np.empty(m), np.empty((m, NUISANCES))
+    trial = np.empty(NUISANCES)
     residuals(x, case, r)
     cost, damping = cost_of(x, r), 0.1
     if cost == np.inf:
@@ -235,14 +271,18 @@ def descend(x: Any, iterations: int, case: Any) -> float:
                 for i in range(m):  # here and below: arrays assigned to slices take seconds to compile
                     slope[i, j] = (moved[i] - r[i]) / PROBE
         weighted = slope.T * (1.0 / (1.0 + r * r / C2))
-        normal = weighted @ slope + np.eye(NUISANCES)
+        normal = weighted @ slope
+        for j in range(NUISANCES):
+            normal[j, j] += 1.0
         gradient = weighted @ r + x
         better = False
         for _ in range(3):
             matrix = normal.copy()
             for j in range(NUISANCES):
                 matrix[j, j] *= 1.0 + damping
-            trial = x - np.linalg.solve(matrix, gradient)
+            solve(matrix, gradient, trial)
+            for j in range(NUISANCES):
+                trial[j] = x[j] - trial[j]
             residuals(trial, case, moved)
             new = cost_of(trial, moved)
             if new < cost:
@@ -258,7 +298,7 @@ def descend(x: Any, iterations: int, case: Any) -> float:
     return cost
 
 
-@outlined
+@alone
 def best_start(starts: Any, keep: int, iterations: int, case: Any, x: Any) -> float:
     """Least cost over x: all `starts` are tried, and the `keep` best of them descended from.
 
@@ -273,7 +313,9 @@ def best_start(starts: Any, keep: int, iterations: int, case: Any, x: Any) -> fl
         residuals(starts[s], case, r)
         costs[s] = cost_of(starts[s], r)
     least = np.inf
-    for s in np.argsort(costs)[:keep]:
+    for _ in range(min(keep, len(costs))):
+        s = least_of(costs)
+        costs[s] = np.inf
         trial = starts[s].copy()
         cost = descend(trial, iterations, case)
         if cost < least:

@@ -10,7 +10,7 @@ from onboard.mixer import Thrusts
 from sim_backend.physics.battery import motor_targets
 from sim_backend.physics.forces import free_flight_wrench
 from sim_backend.physics.frames import Wrench, to_body, to_world
-from sim_backend.physics.jit import kernel, outlined
+from sim_backend.physics.jit import inner, kernel, outlined
 from sim_backend.physics.motors import commanded, decay, lag_to_end, lag_to_middle
 from sim_backend.physics.state import COMMAND_MEMORY
 from sim_backend.physics.step import attitude, drift_to_end, drift_to_middle, inverse_inertia, kick
@@ -51,14 +51,14 @@ TRIMS = 5
 """Numbers of a :data:`Trim`."""
 
 
-@kernel
+@inner
 def interpolated(values: Any, row: int, share: float, column: int) -> float:
     """Linear between the samples `row` and the next."""
     here = values[row, column]
     return here + share * (values[row + 1, column] - here)
 
 
-@kernel
+@inner
 def targets_between(
     state: Any, p: Any, duty: Any, voltage: Any, row: int, share: float, dt: float
 ) -> Thrusts:
@@ -70,7 +70,7 @@ def targets_between(
     return commanded(state, p, motor_targets(state, p, duty_between(duty, row, share, dt)))
 
 
-@kernel
+@inner
 def copy_motors(source: Any, target: Any) -> None:
     """Everything of a state that belongs to the motors."""
     target.command_count = source.command_count

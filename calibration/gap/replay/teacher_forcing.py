@@ -19,7 +19,7 @@ from sim_backend.physics.battery import motor_targets
 from sim_backend.physics.effects.command import set_step
 from sim_backend.physics.forces import free_flight_wrench
 from sim_backend.physics.frames import to_body
-from sim_backend.physics.jit import kernel, outlined
+from sim_backend.physics.jit import inner, outlined
 from sim_backend.physics.motors import commanded, decay, lag_to_end, lag_to_middle
 from sim_backend.physics.reset import with_cold_motors
 from sim_backend.physics.rigid_body import (
@@ -71,7 +71,7 @@ def _place(state: Any, record: Any, k: int, part: float) -> None:
     state.battery_voltage = rest * voltage[k] + part * voltage[k + 1]
 
 
-@kernel
+@inner
 def _turn_on(state: Any, rate: FloatArray, k: int, part: float) -> None:
     """Body rate `part` of the way from sample `k` to the next, from `k` and earlier samples alone.
 

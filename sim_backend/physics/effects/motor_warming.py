@@ -11,10 +11,10 @@ from typing import Any
 from onboard.mixer import Thrusts
 from sim_backend.physics.effects.command_delay import STEP
 from sim_backend.physics.effects.term import Acts, EffectTerm, Field
-from sim_backend.physics.jit import kernel
+from sim_backend.physics.jit import inner
 
 
-@kernel
+@inner
 def warmed(state: Any, p: Any, targets: Thrusts) -> Thrusts:
     """Thrusts (N) that motors as warm as these head for; warms them for a step: to be called once a step."""
     cold, thrust, per_hover = state.coldness, state.thrust, 1.0 / p.hover_thrust

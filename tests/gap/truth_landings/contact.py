@@ -71,6 +71,15 @@ def slide(n, force, anchor):
 
 
 @jitted
+def add(force, arm, total):
+    """A force and its moment about the origin of `arm` to `total` (6,)."""
+    moment = _cross(arm, force)
+    for i in range(3):
+        total[i] += force[i]
+        total[3 + i] += moment[i]
+
+
+@jitted
 def feet(n, x, v, R, spin, hips, rests, mode, anchors, total):
     """Add the force and the world moment about the centre of mass of all feet to `total` (6,)."""
     for k in range(4):
@@ -82,7 +91,8 @@ def feet(n, x, v, R, spin, hips, rests, mode, anchors, total):
         if mode[k] == TORN and gap > CLEAR:
             mode[k] = FREE
         if mode[k] == FREE and gap <= 0.0:
-            anchors[k] = tip
+            for i in range(3):  # here and below: arrays assigned to slices take seconds to compile
+                anchors[k, i] = tip[i]
             climb = v[2] + _cross(spin, tip - x)[2]
             if climb < n[CAPTURE]:
                 mode[k] = REFUSED
@@ -107,8 +117,7 @@ def feet(n, x, v, R, spin, hips, rests, mode, anchors, total):
         if mode[k] == HELD and force[2] > n[ADHESION]:
             mode[k] = TORN
             continue
-        total[:3] += force
-        total[3:] += _cross(anchors[k] - x, force)
+        add(force, anchors[k] - x, total)
 
 
 @jitted
@@ -144,6 +153,5 @@ def hull(n, x, v, R, spin, points, discs, total):
         slip = np.hypot(speed[0], speed[1])
         grip = n[HULL_MU] * push / max(slip, 0.02)
         force = np.array([-grip * speed[0], -grip * speed[1], -push])
-        total[:3] += force
-        total[3:] += _cross(arm, force)
+        add(force, arm, total)
     return touched

@@ -96,9 +96,10 @@ def advance(
             body[1] -= arm[k, 0] * thrust[k]
         body[2] += lever * (thrust[1] + thrust[3] - thrust[0] - thrust[2])
         total = np.zeros(6)
-        total[:3] = push + np.sum(thrust) * np.ascontiguousarray(R[:, 2])
+        lift, turning = np.sum(thrust), R @ body
+        for i in range(3):
+            total[i], total[3 + i] = push[i] + lift * R[i, 2], turning[i]
         total[2] -= n[contact.MASS] * 9.81
-        total[3:] = R @ body
         v = p / n[contact.MASS]
         spin = R @ ((R.T @ L) / inertia)
         if x[2] > n[contact.CEILING] - 0.2:

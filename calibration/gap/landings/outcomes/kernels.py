@@ -14,7 +14,7 @@ from calibration.gap.landings.kernels import note
 from onboard.mixer import Thrusts
 from onboard.rotation import body_z
 from sim_backend.physics.feet import pad_limit
-from sim_backend.physics.jit import inner, outlined
+from sim_backend.physics.jit import alone, inner
 from sim_backend.physics.motors import decay
 from sim_backend.physics.rollout import RolloutSettings, end_of, record_end
 from sim_backend.physics.step import advance, near_surface
@@ -41,7 +41,7 @@ def flip_on(state: Any, p: Any, flip: Any, s: RolloutSettings, count: int, cut: 
     return cut
 
 
-@outlined
+@alone
 def fly_flips(states: Any, p: Any, flips: Any, s: RolloutSettings, out: Any) -> None:
     """Fly each state from its trigger until it rests, falls, or time is up.
 
@@ -66,7 +66,7 @@ def fly_flips(states: Any, p: Any, flips: Any, s: RolloutSettings, out: Any) -> 
         record_end(result, state, end)
 
 
-@outlined
+@alone
 def approach(states: Any, p: Any, flips: Any, s: RolloutSettings, out: Any, ways: Any) -> None:
     """Fly each state until something of the vehicle may touch within a step, or it is over before that.
 
@@ -95,7 +95,7 @@ def feet_held(state: Any) -> int:
     return int(attached[0] + attached[1] + attached[2] + attached[3])
 
 
-@outlined
+@alone
 def land(
     states: Any, ways: Any, vehicles: Any, law: int, flips: Any, s: RolloutSettings, out: Any, feet: Any,
     bodies: Any,
@@ -148,7 +148,7 @@ def land(
     return flown
 
 
-@outlined
+@alone
 def trace_flips(states: Any, p: Any, flips: Any, s: RolloutSettings, traces: Any) -> None:
     """Fly each state for a given time; keep the motion.
 
