@@ -49,7 +49,7 @@ $(VENV)/.warm: $(VENV)/.dev
 # The long proofs, two hours on two cores. Each goes on where it can when it is started again, and says its seed.
 SEED ?= 1
 soak: $(VENV)/.dev
-	$(PYTEST) -m "soak or further" --hypothesis-profile soak
+	$(PYTEST) -m "soak or further or hypothesis" --hypothesis-profile soak
 	$(BIN)/python -m tests.lab_time.same_flight --busy 16 --flights 5 --seed $(SEED)
 	$(BIN)/python -m tests.faulty_campaign --attempts 200 --seed $(SEED)
 	$(BIN)/python -m tests.diagnosis.faulty_flights --flights 200 --seed $(SEED)

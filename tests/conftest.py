@@ -20,9 +20,13 @@ for key, handler in ((signal.SIGINT, signal.default_int_handler), (signal.SIGQUI
         signal.signal(key, handler)
 
 # A kernel's first call compiles, and a busy machine is slow: time is no property of a test here. Nor is
-# chance: the same examples each time, so that what was green stays green; the long proofs draw others.
+# chance: the same examples each time, so that what was green stays green; the long proofs draw many others.
 settings.register_profile(
-    "perchhw", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
+    "perchhw",
+    deadline=None,
+    derandomize=True,
+    max_examples=50,
+    suppress_health_check=[HealthCheck.too_slow],
 )
 settings.register_profile("soak", deadline=None, max_examples=3000)
 settings.load_profile("perchhw")
