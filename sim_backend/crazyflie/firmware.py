@@ -44,8 +44,7 @@ DT = 0.001
 HIGH_LEVEL_PERIOD_MS = 10
 SUPERVISOR_PERIOD_MS = 1000 // RATE_HZ
 _KALMAN = 2
-_NULL = Setpoint()
-"""In force while flying is not allowed: one for all, so that an engine knows it again."""
+_NULL = Setpoint()  # in force while flying is not allowed: one for all, so that an engine knows it again
 APP_PERIOD_MS = 20
 """Between two looks of the app's slow task (`LOOK_PERIOD_MS` of its C code)."""
 
@@ -341,14 +340,12 @@ class Firmware:
 
     def _is_configured(self) -> bool:
         """As the app needs it; else idle motors turn after CUT, or others have the estimate or the motors."""
-        # Its byte alone: it is asked for in every ms of a flight.
-        has_kalman = self.params.raw(self._estimator_parameter)[0] == _KALMAN
+        has_kalman = self.params.raw(self._estimator_parameter)[0] == _KALMAN  # its byte: asked every ms
         return has_kalman and self.idle_thrust == 0 and not self.motor_override[0]
 
     def _at_rest(self) -> bool:
         """Nobody flies, nothing turns, and the firmware is configured as the app needs it."""
-        supervisor = self.supervisor
-        moves = supervisor.is_armed or supervisor.is_flying or bool(self.ratios.any())
+        moves = self.supervisor.is_armed or self.supervisor.is_flying or bool(self.ratios.any())
         return self._is_configured() and not moves
 
     def _boot(self) -> None:
@@ -371,7 +368,7 @@ class Firmware:
             self.high_level.stop, lambda: self.high_level.tell_state(self.flat_state())
         )
         self.engine.boot()
-        self.setpoint = Setpoint()
+        self.setpoint = _NULL
         self.ratios[:] = 0
         self._duties[:] = 0.0
         self.motor_override[:] = [0, 0, 0, 0, 0]
