@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from onboard.link import DroneLink, reboot
-from perchhw.lab_process import FREE_PORTS, LOCKSTEP, SimulatedLab
+from perchhw.lab_process import FREE_PORTS, SimulatedLab
 from perchhw.record import RunRecord, read_run
 from tests.flight.airborne import Witness, when_it_flies
 from tests.screen.pressed import fly, from_space_to_motors_off
@@ -39,7 +39,8 @@ def orders(record: RunRecord) -> str:
 
 @pytest.fixture(scope="module")
 def lab() -> Iterator[SimulatedLab]:
-    with SimulatedLab("lab", (*FREE_PORTS, *LOCKSTEP, "--seed", "3")) as lab:
+    """At a pace at which a busy machine sees what is shown, and presses a key, before the flight is over."""
+    with SimulatedLab("lab", (*FREE_PORTS, "--pace", "0.5", "--seed", "3")) as lab:
         yield lab
 
 
