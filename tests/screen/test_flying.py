@@ -93,7 +93,7 @@ def test_a_campaign_at_120_columns(lab: SimulatedLab, tmp_path: Path) -> None:
         terminal.press("hops\r")
         terminal.until("Paused")
         terminal.press("\r")
-        terminal.until("Take the drone off")
+        terminal.until("it may hang from the ceiling")
         terminal.press("\r")
         terminal.until("attempt 2 of 2")
         terminal.until("▶ take-off")
