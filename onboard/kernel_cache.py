@@ -15,6 +15,7 @@ import platform
 import re
 import shutil
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
@@ -34,6 +35,9 @@ KEPT = 4
 """States of the source whose kernels are kept beside the present one, for those who switch branches."""
 
 VARIABLE = "NUMBA_CACHE_DIR"
+
+_TICK_S = 2.0
+"""A file that was written so short a time ago may be written again without a trace in its times."""
 
 _NUMBA = re.compile(rb"^[ \t]*(?:from|import)[ \t]+numba\b", re.MULTILINE)
 _FROM = re.compile(rb"^[ \t]*from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)|[^\n]*)", re.MULTILINE)
@@ -173,7 +177,36 @@ def _note(kernels: str) -> Path:
 
 @cache
 def _key_of_this_source() -> str:
-    return source_key(Path(__file__).resolve().parents[1])
+    """Read in a tenth of a second, or taken from a note of the process that read these very files."""
+    root = Path(__file__).resolve().parents[1]
+    note = user_cache() / "sources" / hashlib.sha256(bytes(root)).hexdigest()[:12]
+    state, youngest = _state_of_files(root)
+    with suppress(OSError, ValueError):
+        noted, key = note.read_text().split()
+        if noted == state:
+            return key
+    key = source_key(root)
+    if youngest < time.time() - _TICK_S:
+        with suppress(OSError):  # without a note the source is read each time
+            note.parent.mkdir(parents=True, exist_ok=True)
+            draft = note.with_suffix(f".{os.getpid()}")
+            draft.write_text(f"{state} {key}\n")
+            draft.replace(note)
+    return key
+
+
+def _state_of_files(root: Path) -> tuple[str, float]:
+    """Digits that change whenever a source file is written or put in place of another, and when (s) the last
+    was. A file's time of change, other than that of its content, is the system's: nobody sets it back."""
+    digest, youngest = hashlib.sha256(), 0.0
+    for package in PACKAGES:
+        for folder, _, files in os.walk(root / package):
+            for path in (Path(folder, file) for file in files if file.endswith(".py")):
+                about = path.stat()
+                times = f"{about.st_mtime_ns} {about.st_ctime_ns}"
+                digest.update(f"{path}\0{about.st_size} {times}\0".encode())
+                youngest = max(youngest, about.st_ctime)
+    return digest.hexdigest()[:32], youngest
 
 
 def _make_room(parent: Path) -> None:

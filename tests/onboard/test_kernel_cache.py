@@ -204,10 +204,10 @@ def test_the_same_source_compiles_once_and_old_kernels_go(project: Path) -> None
         folder.mkdir(parents=True)
         os.utime(folder, (0, 0))
     run_with(project, 1)
-    youngest = set(cache.iterdir())
+    youngest = set(cache.glob("kernels-*"))
     assert len(youngest) == KEPT + 1
     run_with(project, 1)
-    assert set(cache.iterdir()) == youngest
+    assert set(cache.glob("kernels-*")) == youngest
     assert len(youngest - set(earlier)) == 1
 
 
@@ -217,3 +217,28 @@ def test_the_key_follows_content_and_names(project: Path) -> None:
     kernel = project / "onboard" / "kernel.py"
     kernel.rename(kernel.with_name("other.py"))
     assert source_key(project) != before
+
+
+def test_a_source_that_was_read_is_known_by_its_times_until_it_changes(project: Path) -> None:
+    code = """\
+import onboard.kernel_cache as cache
+cache._TICK_S = -1.0
+read, cache.source_key = cache.source_key, lambda root: print("read") or read(root)
+print(cache._key_of_this_source())
+"""
+
+    def told() -> list[str]:
+        return python(project, code, PYTHONPATH=str(project)).split()
+
+    put_value(project, 1)
+    first = told()
+    assert first[0] == "read"
+    assert told() == first[1:]
+    constants = project / "onboard" / "constants.py"
+    before = constants.stat()
+    put_value(project, 2)
+    os.utime(constants, ns=(before.st_atime_ns, before.st_mtime_ns))  # of the same length and time
+    second = told()
+    assert second[0] == "read"
+    assert second[1] != first[1]
+    assert told() == second[1:]
