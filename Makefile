@@ -65,14 +65,13 @@ sample-of-tests: $(VENV)/.dev
 	$(BIN)/python -m pytest -m "further and not soak" --sample 16 --sample-seed $(SEED)
 
 sample-of-flights: $(VENV)/.dev
-	$(BIN)/python -m tests.lab_time.same_flight --busy 4 --flights 1 --seed $(SEED)
 	$(BIN)/python -m tests.faulty_campaign --attempts 1 --seed $(SEED)
 	$(BIN)/python -m tests.diagnosis.faulty_flights --flights 2 --seed $(SEED)
 	$(BIN)/python -m tests.flight.stop_proof --stops 4 --seed $(SEED)
 
 sample-of-mutants: $(VENV)/.dev
-	$(BIN)/python -m tests.mutation --sample 20 --seed $(SEED)
-	$(BIN)/python -m tests.firmware.mutation --sample 8 --seed $(SEED)
+	$(BIN)/python -m tests.mutation --sample 12 --seed $(SEED)
+	$(BIN)/python -m tests.firmware.mutation --sample 6 --seed $(SEED)
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .

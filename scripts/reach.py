@@ -14,7 +14,7 @@ import re
 import textwrap
 import tomllib
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 
 PACKAGES = ("perchhw", "calibration", "onboard", "mocap_bridge", "sim_backend")
@@ -117,26 +117,36 @@ class Module:
 
 
 class Project:
-    """All modules by name, and the first of :data:`STAGES` from which each definition is reached."""
+    """All modules by name, and the first of `stages` from which each definition is reached.
 
-    def __init__(self, root: Path) -> None:
+    Args:
+        root: of the project.
+        stages: the first of :data:`STAGES`; only their files are read.
+    """
+
+    def __init__(self, root: Path, stages: Collection[str] = STAGES) -> None:
         self.root, self.modules, self.reached = root, dict[str, Module](), dict[Key, str]()
-        for stage, folders in STAGES.items():
+        for stage, folders in ((stage, STAGES[stage]) for stage in stages):
             for path in (p for folder in folders for p in sorted((root / folder).rglob("*.py"))):
                 name = ".".join(path.relative_to(root).with_suffix("").parts).removesuffix(".__init__")
                 self.modules[name] = Module(name, stage, path, path.read_text(encoding="utf-8"))
-        for page in [root / "README.md", *sorted((root / "docs").glob("*.md"))]:
-            for fenced, indented in _CODE_OF_PAGE.findall(page.read_text(encoding="utf-8")):
-                if fenced or re.search("^ +(from|import) ", indented, re.MULTILINE):
-                    name = f"{page.name}[{len(self.modules)}]"
-                    self.modules[name] = Module(name, "docs", page, fenced or textwrap.dedent(indented))
-        for stage in STAGES:
+        if "docs" in stages:
+            self._read_pages()
+        for stage in stages:
             waiting = list(self._roots(stage))
             while waiting:
                 key = waiting.pop()
                 if key not in self.reached:
                     self.reached[key] = stage
                     waiting += self._next(*key)
+
+    def _read_pages(self) -> None:
+        """The code blocks of all pages, as modules."""
+        for page in [self.root / "README.md", *sorted((self.root / "docs").glob("*.md"))]:
+            for fenced, indented in _CODE_OF_PAGE.findall(page.read_text(encoding="utf-8")):
+                if fenced or re.search("^ +(from|import) ", indented, re.MULTILINE):
+                    name = f"{page.name}[{len(self.modules)}]"
+                    self.modules[name] = Module(name, "docs", page, fenced or textwrap.dedent(indented))
 
     def _roots(self, stage: str) -> Iterator[Key]:
         """Where a stage begins: of the packages at the entry points, else everywhere."""

@@ -31,9 +31,11 @@ def uncalled(project: Project) -> dict[str, str]:
 
 def main() -> int:
     """Print how names and list differ; the exit code is 1 where they do."""
-    found = uncalled(Project(ROOT))
+    found = uncalled(Project(ROOT, ["code"]))
     lines = ALLOWED.read_text(encoding="utf-8").splitlines()
     allowed = {line.split("#")[0].strip() for line in lines} - {""}
+    if found.keys() != allowed:
+        found = uncalled(Project(ROOT))  # who else uses them
     for name in sorted(found.keys() - allowed):
         print(found[name])
     for name in sorted(allowed - found.keys()):
