@@ -186,7 +186,7 @@ class _Drone:
         age = room.latency + float(body.parameters[0]["pose_delay"])
         self._latency = round(age / DT)
         self._frames: deque[tuple[int, TruePose]] = deque()
-        self._hover = complete_setpoint(0, (x, y, z))
+        self._hover = complete_setpoint((x, y, z))
         self._duties = np.zeros(4)
         self._tick = 0
         self._last_pose: int | None = None
@@ -203,13 +203,13 @@ class _Drone:
         self._power.step(tick, float(body.state["battery_voltage"]))
         self._look(tick)
         estimator.step(sensors.acc, sensors.gyro, True)
-        self._hover.time_ms = tick
         self._engine.step(
             Sample(
                 tick=tick,
                 estimator=estimator,
                 gyro=sensors.gyro,
                 setpoint=self._hover,
+                set_at=tick,
                 pose_age=None if self._last_pose is None else tick - self._last_pose,
                 voltage=self._power.voltage,
                 flying=True,

@@ -107,7 +107,6 @@ class CEngine:
         """What is tracked in mode SETPOINT."""
         motion = self._view.outputs.motion
         return complete_setpoint(
-            self._inputs.tick,
             _vector(motion.position),
             _vector(motion.velocity),
             _vector(motion.acceleration),
@@ -239,14 +238,14 @@ class CEngine:
         except OverflowError:
             with np.errstate(over="ignore"):  # an estimate that diverges becomes infinite, as on the drone
                 self._estimate[:] = known
-        self._take_setpoint(sample.setpoint, sample.tick)
+        self._take_setpoint(sample.setpoint, sample.tick - sample.set_at)
         self._host_step(self._core, inputs, self._view)
         self.ratios[:] = [int(duty * FULL_RATIO) for duty in self._duties.tolist()]
         events = self._view.outputs.events
         return EngineEvent(events) if events else EngineEvent.NONE
 
-    def _take_setpoint(self, s: Setpoint, tick: int) -> None:
-        self._setpoint[-1] = 1e-3 * (tick - s.time_ms)
+    def _take_setpoint(self, s: Setpoint, age_ms: int) -> None:
+        self._setpoint[-1] = 1e-3 * age_ms
         if s is self._taken:  # one is in force for many ms, and only ages
             return
         self._taken = s

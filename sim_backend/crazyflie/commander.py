@@ -60,9 +60,8 @@ def _velocity(payload: bytes, yaw_sign: float, body: bool) -> Setpoint:
 
 def _hover(payload: bytes, yaw_sign: float) -> Setpoint:
     vx, vy, yaw_rate, z = struct.unpack("<4f", payload)
-    setpoint = _velocity(struct.pack("<4f", vx, vy, 0.0, yaw_rate), yaw_sign, body=True)
-    setpoint.position = (0.0, 0.0, z)
-    return setpoint
+    level = _velocity(struct.pack("<4f", vx, vy, 0.0, yaw_rate), yaw_sign, body=True)
+    return level._replace(position=(0.0, 0.0, z))
 
 
 def _level(payload: bytes, yaw_sign: float, z_mode: Mode) -> Setpoint:
@@ -162,7 +161,7 @@ def decode_generic(payload: bytes) -> Setpoint:
 
 
 class Commander:
-    """Keeps the setpoint in force and its priority.
+    """Keeps the setpoint in force, the ms since boot at which it was set, and its priority.
 
     Args:
         high_level_stop: called when a setpoint above high-level priority arrives.
@@ -172,7 +171,7 @@ class Commander:
     def __init__(
         self, high_level_stop: Callable[[], None], high_level_tell_state: Callable[[], None]
     ) -> None:
-        self.setpoint = Setpoint()
+        self.setpoint, self.set_at = Setpoint(), 0
         self.priority = Priority.DISABLED
         self._high_level_stop = high_level_stop
         self._high_level_tell_state = high_level_tell_state
@@ -182,8 +181,7 @@ class Commander:
         """Put `setpoint` in force unless one of higher priority is."""
         if priority < self.priority:
             return
-        setpoint.time_ms = tick_ms
-        self.setpoint = setpoint
+        self.setpoint, self.set_at = setpoint, tick_ms
         self.priority = priority
         if priority > Priority.HIGH_LEVEL:
             self._high_level_stop()

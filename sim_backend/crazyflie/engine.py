@@ -45,6 +45,7 @@ class Sample(NamedTuple):
         estimator: the filter, for its state.
         gyro: rad/s, body, (3,).
         setpoint: after the supervisor's say.
+        set_at: ms since boot at which it was set.
         pose_age: ms since the last external pose; None: there was none.
         voltage: of the battery, as measured, V.
         flying: what the supervisor says.
@@ -56,6 +57,7 @@ class Sample(NamedTuple):
     estimator: Estimator
     gyro: FloatArray
     setpoint: Setpoint
+    set_at: int
     pose_age: int | None
     voltage: float
     flying: bool

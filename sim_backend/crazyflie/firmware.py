@@ -44,7 +44,7 @@ DT = 0.001
 HIGH_LEVEL_PERIOD_MS = 10
 SUPERVISOR_PERIOD_MS = 1000 // RATE_HZ
 _KALMAN = 2
-_NULL = Setpoint()  # in force while flying is not allowed: one for all, so that an engine knows it again
+_NULL = (Setpoint(), 0)  # in force, from the boot on, while flying is not allowed
 APP_PERIOD_MS = 20
 """Between two looks of the app's slow task (`LOOK_PERIOD_MS` of its C code)."""
 
@@ -198,10 +198,10 @@ class Firmware:
         self.supervisor.watch(tick)
         if self.estimator.step(self.sensors.acc, self.sensors.gyro, self.supervisor.is_flying):
             self._console.append("ESTKALMAN: State out of bounds, resetting\n")
-        setpoint = self._commanded(tick)
-        self._supervise(tick, setpoint)
+        setpoint, set_at = self._commanded(tick)
+        self._supervise(tick, set_at)
         self._hold_to_configuration(tick)
-        self._control(tick, self._overridden(setpoint))
+        self._control(tick, *self._overridden(setpoint, set_at))
         self._idle_motors()
         self.run_parameter_task()
         return self._duties
@@ -228,8 +228,8 @@ class Firmware:
         except FirmwareAssertion as assertion:
             self.assert_failed(str(assertion))
 
-    def _commanded(self, tick: int) -> Setpoint:
-        """The setpoint in force; null while flying is not allowed."""
+    def _commanded(self, tick: int) -> tuple[Setpoint, int]:
+        """The setpoint in force, null while flying is not allowed, and the ms since boot of its setting."""
         can_fly = self.supervisor.can_fly
         self.high_level.block(not can_fly)
         if can_fly and tick % HIGH_LEVEL_PERIOD_MS == 0:
@@ -238,9 +238,9 @@ class Firmware:
             planned = self.high_level.setpoint(self.flat_state(), tick * DT)
             if planned is not None:
                 self.setpoints.set(planned, Priority.HIGH_LEVEL, tick)
-        return self.setpoints.setpoint if can_fly else _NULL
+        return (self.setpoints.setpoint, self.setpoints.set_at) if can_fly else _NULL
 
-    def _supervise(self, tick: int, setpoint: Setpoint) -> None:
+    def _supervise(self, tick: int, set_at: int) -> None:
         if tick % SUPERVISOR_PERIOD_MS:
             return
         acc = self.sensors.acc / GRAVITY
@@ -248,7 +248,7 @@ class Firmware:
             tick,
             (float(acc[0]), float(acc[1]), float(acc[2])),
             bool((self.ratios > self.idle_thrust).any()),
-            setpoint.time_ms,
+            set_at,
             self.high_level.info_bits(tick * DT),
         )
         # A radio needs longer than this step to tell that flying is allowed and to bring a command. Here both
@@ -269,19 +269,20 @@ class Firmware:
         elif tick % APP_PERIOD_MS == 0:
             self.supervisor.arm(False)
 
-    def _overridden(self, setpoint: Setpoint) -> Setpoint:
-        """The supervisor's say on the setpoint."""
+    def _overridden(self, setpoint: Setpoint, set_at: int) -> tuple[Setpoint, int]:
+        """The supervisor's say on the setpoint, and when that was set."""
         if self.supervisor.state is SupervisorState.WARNING_LEVEL_OUT:
-            return level_out(setpoint)
-        return setpoint if self.supervisor.motors_allowed else _NULL
+            return level_out(setpoint), set_at
+        return (setpoint, set_at) if self.supervisor.motors_allowed else _NULL
 
-    def _control(self, tick: int, setpoint: Setpoint) -> None:
+    def _control(self, tick: int, setpoint: Setpoint, set_at: int) -> None:
         engine = self.engine
         sample = Sample(
             tick=tick,
             estimator=self.estimator,
             gyro=self.sensors.gyro,
             setpoint=setpoint,
+            set_at=set_at,
             pose_age=None if self.last_pose_tick is None else tick - self.last_pose_tick,
             voltage=self.power.voltage,
             flying=self.supervisor.is_flying,
@@ -351,8 +352,7 @@ class Firmware:
     def _boot(self) -> None:
         self.boot_count += 1
         self.running = True
-        self._tick = 0
-        self._packet_tick = 0
+        self._tick, self._packet_tick = 0, 0
         self._terminal_voltage = 0.0
         self.params.reset()
         sensing = self._vehicle.sensing
@@ -368,7 +368,7 @@ class Firmware:
             self.high_level.stop, lambda: self.high_level.tell_state(self.flat_state())
         )
         self.engine.boot()
-        self.setpoint = _NULL
+        self.setpoint = _NULL[0]
         self.ratios[:] = 0
         self._duties[:] = 0.0
         self.motor_override[:] = [0, 0, 0, 0, 0]

@@ -19,7 +19,7 @@ class HandOver:
             self._tick = sample.tick
         if self._tick is None:
             return False
-        is_old = sample.setpoint.time_ms <= self._tick > sample.tick - HELD_ON_MS
+        is_old = sample.set_at <= self._tick > sample.tick - HELD_ON_MS
         if not is_old or state is not LandingState.IDLE:
             self._tick = None
         return self._tick is not None

@@ -296,7 +296,7 @@ class ReferenceEngine:
             )
         self.mode = OutputMode(self._output.mode)
         if self.mode is OutputMode.SETPOINT:
-            self.target = _setpoint(self._output, sample.tick)
+            self.target = _setpoint(self._output)
         return events
 
     def _inputs(self, sample: Sample) -> LandingInputs:
@@ -343,9 +343,9 @@ class ReferenceEngine:
         if mode is OutputMode.OFF or sample.setpoint.is_null:
             stabilizer.stop()  # never runs the motors against somebody who wants them off
         elif mode is OutputMode.SETPOINT:
-            stabilizer.follow(sample.tick, self.target, sample.estimator, sample.gyro)
+            stabilizer.follow(sample.tick, self.target, sample.tick, sample.estimator, sample.gyro)
         elif mode is OutputMode.PASS:
-            stabilizer.follow(sample.tick, sample.setpoint, sample.estimator, sample.gyro)
+            stabilizer.follow(sample.tick, sample.setpoint, sample.set_at, sample.estimator, sample.gyro)
         elif self._output is not None and sample.tick % CONTROL_PERIOD_MS == 0:
             self._drive(self._output, sample)
 
@@ -361,6 +361,6 @@ class ReferenceEngine:
         )
 
 
-def _setpoint(output: LandingOutput, tick_ms: int) -> Setpoint:
+def _setpoint(output: LandingOutput) -> Setpoint:
     """A complete setpoint of the machine, for the position controller."""
-    return complete_setpoint(tick_ms, output.position, output.velocity, output.acceleration, output.yaw)
+    return complete_setpoint(output.position, output.velocity, output.acceleration, output.yaw)

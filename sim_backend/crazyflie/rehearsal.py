@@ -78,8 +78,8 @@ class RehearsalMode:
             gyro = self._state[RATE : RATE + 3].copy()
             sample = sample._replace(estimator=self._believed, gyro=gyro, pose_age=0)
             place = self._place
-        here = complete_setpoint(sample.tick, place)
-        return sample._replace(flying=True, levelling=False, setpoint=here)
+        here = complete_setpoint(place)
+        return sample._replace(flying=True, levelling=False, setpoint=here, set_at=sample.tick)
 
     def move(self, tick: int, thrusts: Thrusts, goal: Vector | None) -> None:
         """The model flies for a ms, by the `thrusts` (N) of the law's last step.

@@ -5,7 +5,7 @@ positive); both are converted where packets are decoded (:mod:`sim_backend.crazy
 this form is used inside.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from onboard.arrays import Vector
 from onboard.follower import Mode
@@ -15,16 +15,16 @@ __all__ = ["ZERO", "Mode", "Setpoint"]
 ZERO: Vector = (0.0, 0.0, 0.0)
 
 
-@dataclass(slots=True)
-class Setpoint:
+class Setpoint(NamedTuple):
     """Desired state. The default is the null setpoint: everything disabled, motors off.
+
+    It never changes, so that an engine knows one again by its identity; when it was set goes beside it.
 
     position [m], velocity [m/s] and acceleration [m/s2] in the world frame (velocity x and y in the
     yaw-aligned body frame with `velocity_body`); roll, pitch, yaw [rad] and rates [rad/s] about the body's
     FLU axes; quaternion (x, y, z, w) body to world; thrust 0 to 65535 (used when the z axis is disabled).
     """
 
-    time_ms: int = 0
     mode_x: Mode = Mode.DISABLED
     mode_y: Mode = Mode.DISABLED
     mode_z: Mode = Mode.DISABLED
@@ -58,7 +58,6 @@ class Setpoint:
 
 
 def complete_setpoint(
-    time_ms: int,
     position: Vector,
     velocity: Vector = (0.0, 0.0, 0.0),
     acceleration: Vector = (0.0, 0.0, 0.0),
@@ -66,7 +65,6 @@ def complete_setpoint(
 ) -> Setpoint:
     """A setpoint with everything that the position controller tracks: m, m/s, m/s2, rad."""
     return Setpoint(
-        time_ms=time_ms,
         mode_x=Mode.ABSOLUTE,
         mode_y=Mode.ABSOLUTE,
         mode_z=Mode.ABSOLUTE,

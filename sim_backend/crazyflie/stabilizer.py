@@ -4,8 +4,6 @@ The law (:mod:`onboard.follower`, :mod:`onboard.controller`), the mixer and the 
 reference functions of :mod:`onboard`, the ones that our firmware app implements.
 """
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -62,8 +60,7 @@ def applied_duties(ratios: NDArray[np.int64], duties: FloatArray) -> None:
 
 def level_out(setpoint: Setpoint) -> Setpoint:
     """The supervisor's replacement when setpoints stop coming: level, no turning, height as it was."""
-    return replace(
-        setpoint,
+    return setpoint._replace(
         mode_x=Mode.DISABLED,
         mode_y=Mode.DISABLED,
         mode_roll=Mode.ABSOLUTE,
@@ -104,14 +101,16 @@ class Stabilizer:
         self._memory = new_follower_memory()
         self._lagged: Vector = (0.0, 0.0, 0.0)
 
-    def follow(self, tick_ms: int, setpoint: Setpoint, estimator: Estimator, gyro: FloatArray) -> None:
-        """One ms of tracking `setpoint`; a null setpoint stops the motors."""
+    def follow(
+        self, tick_ms: int, setpoint: Setpoint, set_at: int, estimator: Estimator, gyro: FloatArray
+    ) -> None:
+        """One ms of tracking `setpoint`, of the ms `set_at`; a null setpoint stops the motors."""
         if setpoint.is_null:
             self.stop()
             return
         if tick_ms % CONTROL_PERIOD_MS == 0:
             position, quaternion = estimator.position(), estimator.quaternion()
-            asked = _asked(setpoint, tick_ms)
+            asked = _asked(setpoint, tick_ms - set_at)
             follow(self._memory, asked, position, quaternion, self.gains, self.thrust_max)
             x = estimator.state
             self.apply(track(self._memory, x[0:3], x[3:6], x[6:10], gyro, self.gains))
@@ -127,7 +126,7 @@ class Stabilizer:
         motor_ratios(self.thrusts, supply, self.thrust_map, self.thrust_min, self.ratios)
 
 
-def _asked(setpoint: Setpoint, tick_ms: int) -> FollowerSetpoint:
+def _asked(setpoint: Setpoint, age_ms: int) -> FollowerSetpoint:
     """A firmware's setpoint as the law takes it."""
     return FollowerSetpoint(
         modes=(int(setpoint.mode_x), int(setpoint.mode_y), int(setpoint.mode_z)),
@@ -145,5 +144,5 @@ def _asked(setpoint: Setpoint, tick_ms: int) -> FollowerSetpoint:
         rates=setpoint.rates,
         quaternion=setpoint.quaternion,
         thrust=setpoint.thrust,
-        age=1e-3 * (tick_ms - setpoint.time_ms),
+        age=1e-3 * age_ms,
     )

@@ -3,7 +3,7 @@
 import copy
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -200,13 +200,20 @@ def samples(history: list[Stretch], seed: int) -> Iterator[tuple[Stretch | None,
         wish = setpoint(stretch.setpoint)
         for ms in range(stretch.ms):
             tick += 1
-            wish = replace(wish, time_ms=tick - tick % 20)
             motion.step(stretch.motion)
             state, gyro = motion.seen(stretch.motion)
             estimator = Estimator()
             estimator.state[:10] = state
             sample = Sample(
-                tick, estimator, gyro, wish, stretch.pose_age, 4.0, stretch.flying, stretch.levelling
+                tick,
+                estimator,
+                gyro,
+                wish,
+                tick - tick % 20,
+                stretch.pose_age,
+                4.0,
+                stretch.flying,
+                stretch.levelling,
             )
             yield (stretch if ms == 0 else None), sample
 

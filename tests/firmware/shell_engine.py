@@ -70,7 +70,6 @@ class ShellEngine:
     def __init__(self, vehicle: Vehicle) -> None:
         self._library = _built(vehicle)
         self.ratios = np.zeros(4, dtype=np.int64)
-        self._tick = 0
         self.boot()
 
     def boot(self) -> None:
@@ -98,7 +97,7 @@ class ShellEngine:
     @property
     def target(self) -> Setpoint:
         p, v, a = (getattr(self._shell.outputs.motion, n) for n in ("position", "velocity", "acceleration"))
-        return complete_setpoint(self._tick, (p.x, p.y, p.z), (v.x, v.y, v.z), (a.x, a.y, a.z))
+        return complete_setpoint((p.x, p.y, p.z), (v.x, v.y, v.z), (a.x, a.y, a.z))
 
     @property
     def mean_ratios(self) -> Sequence[int]:
@@ -209,7 +208,6 @@ class ShellEngine:
         shell.world.tick_ms, shell.step_number = sample.tick - 1, sample.tick
         shell.step()
         self.ratios[:] = [int(force * FULL_RATIO) for force in shell.control.forces]
-        self._tick = sample.tick
         events = EngineEvent.NONE
         for name, event in FLAGS.items():
             if before[name] != 0 and shell.read(name) == 0:
@@ -233,11 +231,11 @@ class ShellEngine:
         q = state.quaternion
         q.x, q.y, q.z, q.w = estimator.quaternion()
         sensors.gyro.x, sensors.gyro.y, sensors.gyro.z = np.degrees(sample.gyro).tolist()
-        self._show_setpoint(sample.setpoint)
+        self._show_setpoint(sample.setpoint, sample.set_at)
 
-    def _show_setpoint(self, s: Setpoint) -> None:
+    def _show_setpoint(self, s: Setpoint, set_at: int) -> None:
         theirs = self._shell.setpoint
-        theirs.timestamp, theirs.thrust, theirs.velocity_body = s.time_ms, s.thrust, s.velocity_body
+        theirs.timestamp, theirs.thrust, theirs.velocity_body = set_at, s.thrust, s.velocity_body
         for name in ("x", "y", "z", "roll", "pitch", "yaw", "quat"):
             setattr(theirs, f"mode_{name}", int(getattr(s, f"mode_{name}")))
         for name in ("position", "velocity", "acceleration"):

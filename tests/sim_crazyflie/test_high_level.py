@@ -178,12 +178,23 @@ def test_crtp_setpoints_win_until_relaxed(commander: Commander, events: list[str
     assert events == ["stop"]
     commander.set(Setpoint(), Priority.HIGH_LEVEL, 30)
     assert commander.setpoint.position == (1.0, 2.0, 3.0)
-    assert commander.setpoint.time_ms == 20
+    assert commander.set_at == 20
     assert commander.setpoint.yaw == pytest.approx(math.pi / 2)
     commander.relax()
     commander.set(Setpoint(), Priority.HIGH_LEVEL, 40)
     assert commander.setpoint.is_null
     assert events == ["stop", "tell"]
+
+
+def test_a_setpoint_that_is_set_again_is_the_same_and_young(commander: Commander) -> None:
+    """An engine knows a setpoint by its identity: who sets it changes nothing of it."""
+    wish = Setpoint(mode_x=Mode.ABSOLUTE, position=(1.0, 2.0, 3.0))
+    commander.set(wish, Priority.CRTP, 20)
+    commander.set(wish, Priority.CRTP, 30)
+    assert commander.setpoint is wish
+    assert commander.set_at == 30
+    with pytest.raises(AttributeError):
+        wish.position = (0.0, 0.0, 0.0)  # type: ignore[misc]
 
 
 def test_thrust_is_locked_until_a_zero(commander: Commander) -> None:
