@@ -4,16 +4,18 @@ import csv
 import gzip
 import math
 import zlib
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TextIO, cast
+from typing import TextIO, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from onboard.arrays import FloatArray
 from onboard.errors import PerchhwError
+
+_T = TypeVar("_T")
 
 _LARGEST = 1 << 62
 _UNREADABLE = (UnicodeDecodeError, gzip.BadGzipFile, EOFError, zlib.error, csv.Error)
@@ -36,6 +38,7 @@ class CsvFile:
         header: names of the columns.
         rows: below it.
         torn: that the last line was left out, in words; empty where it is whole.
+        ended: whether the last of the rows has an end. Of one without, the last number may be cut.
         error: raised where a column is not what it is asked to be; its message names row and column.
     """
 
@@ -44,6 +47,27 @@ class CsvFile:
     rows: tuple[CsvRow, ...]
     error: type[PerchhwError]
     torn: str = ""
+    ended: bool = True
+
+    def read_as(self, read: Callable[["CsvFile"], _T]) -> _T:
+        """What `read` makes of the file: where it refuses the last number of a last line without an end, of
+        the file without that line.
+
+        Raises:
+            PerchhwError: `read` refuses something else.
+        """
+        try:
+            return read(self)
+        except self.error as problem:
+            if self.ended or len(self.rows) < 2:
+                raise
+            *rows, last = self.rows
+            torn = f"row {last.number} is cut off in its last number: left out"
+            try:
+                read(replace(self, rows=(*rows, CsvRow(last.number, [*last.cells[:-1], ""]))))
+                return read(replace(self, rows=tuple(rows), torn=torn, ended=True))
+            except self.error:
+                raise problem from None
 
     def column(
         self, name: str, rows: Sequence[CsvRow] | None = None, missing: Sequence[str] = ("",)
@@ -167,7 +191,8 @@ def read_csv(
             differs from the header's; and by the columns of what is returned.
         comment: lines that begin so are passed over, as are lines of white space.
         may_be_torn: a last line of too few cells without an end, as of a program that was killed while it
-            wrote, is left out: the lines before it are as good as ever.
+            wrote, is left out: the lines before it are as good as ever. One that has all its cells may end
+            in half a number (:meth:`CsvFile.read_as`).
     """
     rows: list[CsvRow] = []
     header: tuple[str, ...] = ()
@@ -195,7 +220,7 @@ def read_csv(
         raise error(f"{path}: cannot be read after row {len(rows) + 1}: {problem}") from problem
     except OSError as problem:
         raise error(f"{path}: {problem.strerror or problem}; check the path") from problem
-    return CsvFile(path, header, tuple(rows), error, torn)
+    return CsvFile(path, header, tuple(rows), error, torn, bool(lines.ended or torn) or not may_be_torn)
 
 
 def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:

@@ -24,7 +24,7 @@ from calibration.flights.flight import (
     UnusableFlightError,
     finite_masks,
 )
-from onboard.csv_file import read_csv
+from onboard.csv_file import CsvFile, read_csv
 from onboard.gravity import GRAVITY
 
 _CHANNELS = {
@@ -56,7 +56,11 @@ def load_nanobench(path: Path) -> Flight:
         FlightFileError: broken; names row and column.
         UnusableFlightError: fewer than two rows.
     """
-    file = read_csv(path, FlightFileError, may_be_torn=True)
+    return read_csv(path, FlightFileError, may_be_torn=True).read_as(_flight)
+
+
+def _flight(file: CsvFile) -> Flight:
+    path = file.path
     for name in ("t", *_CHANNELS.values()):
         file.index(name)
     if len(file.rows) < 2:

@@ -41,7 +41,11 @@ def load_table(path: Path) -> Flight:
         FlightFileError: broken; names row and column.
         UnusableFlightError: fewer than two rows.
     """
-    file = read_csv(path, FlightFileError, may_be_torn=True)
+    return read_csv(path, FlightFileError, may_be_torn=True).read_as(_flight)
+
+
+def _flight(file: CsvFile) -> Flight:
+    path = file.path
     _check_header(file)
     if len(file.rows) < 2:
         raise UnusableFlightError(path, f"only {len(file.rows)} data rows")
@@ -113,6 +117,7 @@ def _trigger(t: FloatArray, data: dict[str, FloatArray]) -> tuple[Trigger | None
     turned = np.flatnonzero(upright < _FLIPPING)
     if turned.size == 0:
         return None, ()
-    return Trigger(float(t[turned[0]])), (
-        "no column triggered: the flip is taken to begin at 60 deg of tilt",
+    begun = float(t[turned[0]])
+    return Trigger(begun), (
+        f"no column triggered: 60 deg of tilt at {begun:.2f} s are taken for a flip, and may be a crash",
     )
