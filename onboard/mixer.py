@@ -17,6 +17,25 @@ Thrusts: TypeAlias = tuple[float, float, float, float]
 
 
 @kernel
+def shares(
+    tau_x: float, tau_y: float, tau_z: float, arm_x: float, arm_y: float, thrust_to_torque: float
+) -> tuple[float, float, float]:
+    """What roll, pitch and yaw take of each motor (N), by the signs of :func:`on_motors`."""
+    return tau_x / (4.0 * arm_y), tau_y / (4.0 * arm_x), tau_z / (4.0 * thrust_to_torque)
+
+
+@kernel
+def on_motors(base: float, roll: float, pitch: float, yaw: float) -> Thrusts:
+    """Thrusts (N) of M1..M4 without limits, for what each gives (`base`) and takes (:func:`shares`)."""
+    return (
+        base - roll - pitch - yaw,
+        base - roll + pitch + yaw,
+        base + roll + pitch - yaw,
+        base + roll - pitch + yaw,
+    )
+
+
+@kernel
 def mix(
     collective: float,
     tau_x: float,
@@ -33,9 +52,7 @@ def mix(
     together only when they alone exceed the range of a motor), the collective moves as far as they need, up
     as well as down, and yaw gets what room is left.
     """
-    roll = tau_x / (4.0 * arm_y)
-    pitch = tau_y / (4.0 * arm_x)
-    yaw = tau_z / (4.0 * thrust_to_torque)
+    roll, pitch, yaw = shares(tau_x, tau_y, tau_z, arm_x, arm_y, thrust_to_torque)
     reach = abs(roll) + abs(pitch)
     if reach > 0.5 * thrust_max:
         roll *= 0.5 * thrust_max / reach
@@ -43,19 +60,16 @@ def mix(
         reach = 0.5 * thrust_max
     base = min(max(0.25 * collective, reach), thrust_max - reach)
 
-    m1 = base - roll - pitch
-    m2 = base - roll + pitch
-    m3 = base + roll + pitch
-    m4 = base + roll - pitch
+    m1, m2, m3, m4 = on_motors(base, roll, pitch, 0.0)
     # Yaw adds to M2 and M4 and takes from M1 and M3.
     most = min(m1, m3, thrust_max - m2, thrust_max - m4)
     least = -min(m2, m4, thrust_max - m1, thrust_max - m3)
-    yaw = min(max(yaw, least), most)
+    m1, m2, m3, m4 = on_motors(base, roll, pitch, min(max(yaw, least), most))
     return (
-        min(max(m1 - yaw, 0.0), thrust_max),
-        min(max(m2 + yaw, 0.0), thrust_max),
-        min(max(m3 - yaw, 0.0), thrust_max),
-        min(max(m4 + yaw, 0.0), thrust_max),
+        min(max(m1, 0.0), thrust_max),
+        min(max(m2, 0.0), thrust_max),
+        min(max(m3, 0.0), thrust_max),
+        min(max(m4, 0.0), thrust_max),
     )
 
 

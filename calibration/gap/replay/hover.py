@@ -7,6 +7,7 @@ import numpy as np
 from onboard.arrays import FloatArray, Vector
 from onboard.battery import LOWEST_BATTERY_VOLTAGE, voltage_from_thrust
 from onboard.controller import ControllerGains
+from onboard.mixer import on_motors, shares
 from onboard.thrust_map import ThrustMap
 from sim_backend.physics.battery import motor_targets
 from sim_backend.physics.forces import free_flight_wrench
@@ -43,13 +44,12 @@ def mixed(state: Any, p: Any, thrust_map: ThrustMap, collective: float, moments:
     moments stay and the collective goes (crazyflie-firmware@2a18fc29, powerDistributionCap; in measured
     flights one motor at a time stands at full duty).
     """
-    each = 0.25 * collective
-    roll, pitch = 0.25 * moments[0] / p.arm_y, 0.25 * moments[1] / p.arm_x
-    yaw = 0.25 * moments[2] / p.thrust_to_torque
-    duty[0] = voltage_from_thrust(thrust_map, each - roll - pitch - yaw)
-    duty[1] = voltage_from_thrust(thrust_map, each - roll + pitch + yaw)
-    duty[2] = voltage_from_thrust(thrust_map, each + roll + pitch - yaw)
-    duty[3] = voltage_from_thrust(thrust_map, each + roll - pitch + yaw)
+    roll, pitch, yaw = shares(moments[0], moments[1], moments[2], p.arm_x, p.arm_y, p.thrust_to_torque)
+    m1, m2, m3, m4 = on_motors(0.25 * collective, roll, pitch, yaw)
+    duty[0] = voltage_from_thrust(thrust_map, m1)
+    duty[1] = voltage_from_thrust(thrust_map, m2)
+    duty[2] = voltage_from_thrust(thrust_map, m3)
+    duty[3] = voltage_from_thrust(thrust_map, m4)
     battery = max(state.battery_voltage, LOWEST_BATTERY_VOLTAGE)
     beyond = max(max(duty[0], duty[1], duty[2], duty[3]) - battery, 0.0)
     for motor in range(4):
