@@ -103,6 +103,14 @@ def test_a_scale_is_needed_where_four_motors_would_have_to_take_its_place() -> N
     assert not needed(fitted(SCALE, *MOTORS), "motor_imbalance", training())
 
 
+def test_motors_that_are_alike_are_one_scale_by_the_rule_by_which_they_take_no_place_of_one() -> None:
+    uneven = Model(STOCK, dict(zip(MOTORS, (0.86, 0.9, 0.88, 0.92), strict=True)))  # each worth a name
+    assert alike_in_all_motors(uneven)
+    final = dataclasses.replace(fitted(*MOTORS), model=uneven)
+    found = {one.effect: one for one in rivals(final, "motor_imbalance", [], training())}
+    assert found["thrust_scale"].one_for_four
+
+
 def test_four_motors_that_are_all_as_weak_are_one_scale() -> None:
     (scale,) = (one for one in rivals(fitted(*MOTORS), "motor_imbalance", [], training()) if one.one_for_four)
     assert scale.effect == "thrust_scale"

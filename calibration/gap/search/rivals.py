@@ -49,8 +49,8 @@ _DOUBTFUL = 3.0
 """Factor on what a name must gain, below which a first look does not decide that it does."""
 
 
-_SCALES = ("thrust_scale", "mass_error")
-"""Whose place no difference between motors takes."""
+_SCALES, _MOTORS = ("thrust_scale", "mass_error"), "motor_imbalance"
+"""Whose place no difference between motors takes; that difference."""
 
 _FORWARD, _LEFT = np.array([1.0, -1.0, -1.0, 1.0]), np.array([-1.0, -1.0, 1.0, 1.0])
 """On which side of the middle M1 to M4 are."""
@@ -188,7 +188,7 @@ def rivals(
 def alike_in_all_motors(model: Model) -> bool:
     """Whether four motors are further from what the vehicle file says than from each other: that is a scale
     of thrust, in whose place they stand, and no difference between motors."""
-    motors = np.array([value for v, value in model.values.items() if v.effect == "motor_imbalance"])
+    motors = np.array([value for v, value in model.values.items() if v.effect == _MOTORS])
     if not motors.size:
         return False
     differences = motors - motors.mean()
@@ -197,15 +197,6 @@ def alike_in_all_motors(model: Model) -> bool:
         centre = model.values.get(Variable("com_offset", axis), 0.0)
         differences -= motors.mean() * centre / arm.value * side  # which holds the thrust's centre over it
     return bool(abs(motors.mean() - 1.0) > np.abs(differences).max())
-
-
-def _are_one_scale(model: Model, effect: str) -> bool:
-    """Whether an effect is four motors between which no difference is worth a name."""
-    if effect != "motor_imbalance":
-        return False
-    motors = {v: value for v, value in model.values.items() if v.effect == effect}
-    mean = sum(motors.values()) / len(motors)
-    return all(abs(value - mean) < model.rule(v).practical_minimum for v, value in motors.items())
 
 
 def _is_far_behind(look: LinearLook, effect: str, rival: str) -> bool:
@@ -255,7 +246,7 @@ def _compared(
         freed=swallowed(other, final),
         spared=spared,
         fewer=len(of_rival) <= spent,
-        one_for_four=candidate.effect in _SCALES and _are_one_scale(final.model, effect),
+        one_for_four=candidate.effect in _SCALES and effect == _MOTORS and alike_in_all_motors(final.model),
         fitted=other,
     )
 
