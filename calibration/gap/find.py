@@ -39,12 +39,7 @@ from calibration.gap.report.effects import found_effects, landing_effects, landi
 from calibration.gap.report.figures import figures, nameless_terms, unexplained, where
 from calibration.gap.report.figures_data import ReportFigures
 from calibration.gap.report.improved_vehicle import hard_to_fly, improved_vehicle, provenance
-from calibration.gap.report.predicted_worse import (
-    FITTED_TOO,
-    no_better,
-    worse_than_their_own,
-    worse_where_fitted_too,
-)
+from calibration.gap.report.predicted_worse import no_better, predicted_worse
 from calibration.gap.report.prediction_figures import HORIZON, acted_on, prediction_gap
 from calibration.gap.report.remaining import chance_floor, own_floor, remaining
 from calibration.gap.search.always import LOG_TIMING, law_in_words
@@ -142,7 +137,7 @@ def _find(flights: Sequence[Flight], question: GapQuestion, progress: Progress) 
     held_out = [corrected[i] for i in kept_back] or list(training.records)
     stages = _stages(names, held_out)
     own = own_floor(found.final, HORIZON, len(held_out))
-    if reason := _predicted_worse(names, stages, own, training.records):
+    if reason := predicted_worse(names, stages, own, training.records):
         names = names.without_any(reason)
         stages = _stages(names, held_out)
     source = provenance(len(fit_to), len(kept_back), question.seed)
@@ -263,15 +258,6 @@ def _stages(names: Named, records: Sequence[FlightRecord]) -> dict[str, Predicti
     if len(stages) == 1:
         stages["after"] = stages["before"]
     return stages
-
-
-def _predicted_worse(
-    names: Named, stages: dict[str, PredictionErrors], own: float, fitted: Sequence[FlightRecord]
-) -> str | None:
-    """Why no name is believed; None where names predict no worse than nothing."""
-    if worse_than_their_own(stages, own):
-        return FAILED
-    return FITTED_TOO if worse_where_fitted_too(names, stages, fitted) else None
 
 
 def _with_curves(

@@ -8,8 +8,9 @@ import pytest
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.replay import PredictionErrors, evaluate
-from calibration.gap.report.predicted_worse import worse_than_their_own, worse_where_fitted_too
+from calibration.gap.report.predicted_worse import FITTED_TOO, predicted_worse
 from calibration.gap.search.naming import Named
+from calibration.gap.search.retest import FAILED
 from onboard.vehicle import load_vehicle
 from tests.gap.simulated_flight import circle, fly, with_noise
 
@@ -42,11 +43,10 @@ def test_what_flights_that_were_fitted_bear_out_is_no_worse(
 ) -> None:
     """Flights that lift 2 % more: a scale that says so is right, though one was kept back that lifts less."""
     fitted, names = lifting(1.018, 1.02, 1.022), named(name)
-    predicted = stages(names, lifting(kept_back))
-    assert not worse_than_their_own(predicted, own=1.0)
-    assert worse_where_fitted_too(names, predicted, fitted) is not believed
+    reason = predicted_worse(names, stages(names, lifting(kept_back)), 1.0, fitted)
+    assert reason == (None if believed else FITTED_TOO)
 
 
 def test_beyond_what_flights_have_of_their_own_worse_is_worse() -> None:
-    predicted = stages(named(0.98), lifting(1.02))
-    assert worse_than_their_own(predicted, own=0.01)
+    names = named(0.98)
+    assert predicted_worse(names, stages(names, lifting(1.02)), 0.01, lifting(0.98)) == FAILED

@@ -8,11 +8,28 @@ from calibration.gap.data.record import FlightRecord
 from calibration.gap.replay import PredictionErrors, evaluate
 from calibration.gap.report.prediction_figures import prediction_gap
 from calibration.gap.search.naming import Named
+from calibration.gap.search.retest import FAILED
 
 FITTED_TOO = "flights are predicted worse with it, those that it was fitted to as well"
 
 _CLEARLY = 1.05
 """Factor on the error of position beyond which a model is worse than another."""
+
+
+def predicted_worse(
+    names: Named, stages: Mapping[str, PredictionErrors], own: float, fitted: Sequence[FlightRecord]
+) -> str | None:
+    """Why no name is believed; None where names predict no worse than nothing.
+
+    Args:
+        names: all of them.
+        stages: predictions of the flights kept back.
+        own: m, what each of these has of its own.
+        fitted: the flights that were fitted.
+    """
+    if worse_than_their_own(stages, own):
+        return FAILED
+    return FITTED_TOO if worse_where_fitted_too(names, stages, fitted) else None
 
 
 def worse_than_their_own(stages: Mapping[str, PredictionErrors], own: float) -> bool:
@@ -29,12 +46,8 @@ def worse_where_fitted_too(
 
     A fit leaves to each part of a flight a scale of thrust of its own: a name that tells a torque well may
     bring a wrong thrust, which no likelihood resents. What a few flights have of their own may make a right
-    model look worse on them, but not on those that it was fitted to.
-
-    Args:
-        names: all of them.
-        stages: predictions of the flights kept back.
-        fitted: the flights that were fitted.
+    model look worse on them, but not on those that it was fitted to. The arguments are those of
+    :func:`predicted_worse`.
     """
     kept_back = prediction_gap(stages).overall
     if not names.effects or kept_back.after <= kept_back.before:
