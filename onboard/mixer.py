@@ -11,9 +11,14 @@ Compiled; nothing is checked: parameters come from a checked vehicle file.
 
 from typing import TypeAlias
 
+import numpy as np
+
 from onboard.jit import kernel
 
 Thrusts: TypeAlias = tuple[float, float, float, float]
+
+ROLL, PITCH, YAW = np.array([[-1.0, -1.0, 1.0, 1.0], [-1.0, 1.0, 1.0, -1.0], [-1.0, 1.0, -1.0, 1.0]])
+"""Signs of the equations above: moments of the thrusts of M1..M4 about b_x, b_y and b_z, per lever."""
 
 
 @kernel

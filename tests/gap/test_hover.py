@@ -13,6 +13,7 @@ from calibration.gap.replay.hover import hover_command, mixed
 from calibration.gap.replay.nuisances import Nuisances
 from onboard.arrays import FloatArray
 from onboard.battery import thrust_from_voltage
+from onboard.mixer import mix
 from onboard.room import RoomGeometry
 from onboard.vehicle import load_vehicle
 from sim_backend.physics.parameters import physics_parameters
@@ -53,7 +54,9 @@ ASKED = (8e-4, -5e-4, 1e-4)
 
 
 def test_the_mixer_gives_what_is_asked_where_it_can() -> None:
-    duty = duties(2.0 * FULL, ASKED)
+    duty, p = duties(2.0 * FULL, ASKED), parameters()
+    told = mix(2.0 * FULL, *ASKED, p["arm_x"], p["arm_y"], p["thrust_to_torque"], FULL)
+    assert [thrust_from_voltage(MAP, VOLTS * one) for one in duty] == pytest.approx(told, rel=1e-9)
     assert np.sum([thrust_from_voltage(MAP, VOLTS * one) for one in duty]) == pytest.approx(2.0 * FULL)
     assert moments_of(duty) == pytest.approx(np.array(ASKED))
 

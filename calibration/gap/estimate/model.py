@@ -13,6 +13,7 @@ import numpy as np
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.signals import CHANNELS, FORCE, KINDS, TORQUE, VOLTAGE
 from calibration.gap.data.smoothing import as_poses_see
+from calibration.gap.replay.inputs import NO_CEILING
 from calibration.gap.replay.teacher_forcing import LONGEST_STEP, Prediction, teacher_forced
 from onboard.arrays import FloatArray
 from onboard.quantity import Quantity
@@ -29,9 +30,6 @@ LIFT_ONLY = ("thrust_curve", "motor_warming")
 """Effects of what a motor lifts at a voltage, which says nothing of what it draws."""
 
 _FORCES, _TORQUES, _VOLTAGES = range(len(KINDS))
-
-NO_CEILING = 1e3
-"""m: a ceiling that no rotor feels."""
 
 WORKERS = 2
 """Threads; the kernels let go of the interpreter."""

@@ -12,10 +12,9 @@ import numpy as np
 
 from calibration.gap.landings.kernels import COLUMNS, DT, OMEGA, fly
 from calibration.gap.landings.segments import LandingSegment, commanded_thrusts, on_steps, running_until
+from calibration.gap.replay.inputs import below_no_ceiling
 from onboard.arrays import FloatArray
-from onboard.room import RoomGeometry
 from onboard.vehicle import Vehicle
-from sim_backend.physics.parameters import physics_parameters
 from sim_backend.physics.state import new_states
 
 LONGEST = 0.24
@@ -72,7 +71,7 @@ class FlipResidual:
 
 def flip_residual(landings: Sequence[LandingSegment], vehicle: Vehicle) -> FlipResidual | None:
     """Compare all flips with commands and at least seven samples; None when there is none."""
-    base = physics_parameters(vehicle, RoomGeometry(ceiling_z=1e3))
+    base = below_no_ceiling(vehicle)
     errors: dict[str, list[FloatArray]] = {name: [] for name in VARIANTS}
     names = []
     for landing in landings:

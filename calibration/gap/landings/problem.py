@@ -21,10 +21,10 @@ from calibration.gap.landings.kernels import (
 )
 from calibration.gap.landings.segments import LandingSegment, commanded_thrusts, on_steps
 from calibration.gap.landings.start_state import StartState, start_state
+from calibration.gap.replay.inputs import below_no_ceiling
 from onboard.arrays import FloatArray
-from onboard.room import RoomGeometry
 from onboard.vehicle import Vehicle
-from sim_backend.physics.parameters import PARAMETERS, parameter_batch, physics_parameters
+from sim_backend.physics.parameters import PARAMETERS, parameter_batch
 from sim_backend.physics.state import new_states
 
 HORIZON = 0.4
@@ -117,7 +117,7 @@ def _in_room(problem: Problem, room: float, sigma: float) -> Problem:
 
 
 def _problem(landing: LandingSegment, vehicle: Vehicle) -> Problem:
-    parameters = physics_parameters(vehicle, RoomGeometry(ceiling_z=1e3))
+    parameters = below_no_ceiling(vehicle)
     commands = commanded_thrusts(landing.flight, vehicle)
     start = start_state(landing, parameters, commands)
     end = min(landing.after + HORIZON, float(landing.gyro_t[-1]))

@@ -19,7 +19,7 @@ from calibration.gap.replay.flight_prediction import (
     prediction_errors,
 )
 from calibration.gap.replay.floors import accelerometer_driven, gyro_driven
-from calibration.gap.replay.hover_voltage import thrust_needed, with_voltages
+from calibration.gap.replay.hover_voltage import Unpredicted, thrust_needed, with_voltages
 from calibration.gap.replay.inputs import PredictionInputs, motor_starts, prediction_inputs
 from calibration.gap.replay.nuisances import LEAST_STARTS, Nuisances, fit_nuisances
 from calibration.gap.replay.torque_estimate import HORIZON as TORQUE_HORIZON
@@ -89,14 +89,6 @@ class FlightErrors:
     rotation: FloatArray
     nuisances: Nuisances
     thrust_ratio: float
-
-
-@dataclass(frozen=True)
-class Unpredicted:
-    """A flight without a single start that could be scored, and why."""
-
-    record: FlightRecord
-    reason: str
 
 
 @dataclass(frozen=True)
@@ -282,8 +274,7 @@ def evaluate(
     if not calibrate_first_s >= 0.0:
         raise PredictionError(f"calibration over the first {calibrate_first_s} s: must not be negative")
     done: list[FlightErrors] = []
-    carried, never = with_voltages(records, vehicle)
-    left = [Unpredicted(record, reason) for record, reason in never]
+    carried, left = with_voltages(records, vehicle)
     for record in carried:
         result = _flight(record, vehicle, wanted, calibrate_first_s)
         if isinstance(result, FlightErrors):

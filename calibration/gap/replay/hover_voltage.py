@@ -6,7 +6,7 @@ a supply on a cable), whichever the flights' forces speak for.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
@@ -14,14 +14,10 @@ from scipy.optimize import brentq
 from calibration.errors import CalibrationError
 from calibration.gap.data.record import FlightRecord, NotUsed
 from calibration.gap.data.smoothing import force_from_poses
+from calibration.gap.replay.inputs import below_no_ceiling
 from calibration.gap.replay.teacher_forcing import teacher_forced
 from onboard.arrays import BoolArray, FloatArray
-from onboard.room import RoomGeometry
 from onboard.vehicle import Vehicle
-from sim_backend.physics.parameters import physics_parameters
-
-_FAR = 1e3
-"""m: a ceiling that no rotor feels."""
 
 _RANGE = 5.0
 """Factor about the full battery's voltage within which a voltage is sought."""
@@ -70,8 +66,8 @@ def thrust_needed(record: FlightRecord, vehicle: Vehicle) -> float:
     return float(force[used, 2].mean() / predicted.mean())
 
 
-class NeverCarried(NamedTuple):
-    """A flight that the model cannot carry with these commands at any voltage, and what they amount to."""
+class Unpredicted(NamedTuple):
+    """A flight of which nothing can be predicted, and why."""
 
     record: FlightRecord
     reason: str
@@ -79,14 +75,14 @@ class NeverCarried(NamedTuple):
 
 def with_voltages(
     records: Sequence[FlightRecord], vehicle: Vehicle
-) -> tuple[list[FlightRecord], list[NeverCarried]]:
-    """The records with a voltage each, measured or made, and those for which none can be.
+) -> tuple[list[FlightRecord], list[Unpredicted]]:
+    """The records with a voltage each, measured or made, and those that the model carries at none.
 
     A pack empties in every flight, and a constant voltage would call that a thrust that fades; but one that
     does not sag where the model's does would be a thrust that grows.
     """
     carried: list[FlightRecord] = []
-    never: list[NeverCarried] = []
+    never: list[Unpredicted] = []
     made: list[tuple[FlightRecord, FlightRecord]] = []
     for record in records:
         if record.voltage is not None and record.voltage_measured:
@@ -96,7 +92,7 @@ def with_voltages(
             steady = _carrying(record, vehicle, np.zeros(record.t.size))
             made.append((steady, _carrying(record, vehicle, _course(steady, vehicle))))
         except _NoVoltageError as error:
-            never.append(NeverCarried(record, str(error)))
+            never.append(Unpredicted(record, str(error)))
             continue
         carried.append(steady)
     falls = sum(_missed(one, vehicle) - _missed(other, vehicle) for one, other in made) > 0.0
@@ -158,8 +154,3 @@ def _known_force(record: FlightRecord) -> tuple[FloatArray, BoolArray]:
     """Specific force (m/s2, body), shape (n, 3), and where it and the commands are known in flight."""
     force = force_from_poses(record) if record.specific_force is None else record.specific_force
     return force, np.asarray(record.flying & record.motors_known & np.isfinite(force).all(axis=1))
-
-
-def below_no_ceiling(vehicle: Vehicle) -> Any:
-    """Physics parameters far from any ceiling."""
-    return physics_parameters(vehicle, RoomGeometry(ceiling_z=_FAR))

@@ -26,6 +26,14 @@ from sim_backend.physics.state import new_state, new_states
 VELOCITY_WINDOW = 0.1
 """s before a start whose positions give its velocity."""
 
+NO_CEILING = 1e3
+"""m: a ceiling that no rotor feels, and nothing reaches."""
+
+
+def below_no_ceiling(vehicle: Vehicle) -> Any:
+    """Physics parameters far from any ceiling."""
+    return physics_parameters(vehicle, RoomGeometry(ceiling_z=NO_CEILING))
+
 
 @dataclass(frozen=True)
 class PredictionInputs:

@@ -9,17 +9,15 @@ import numpy as np
 from calibration.errors import CalibrationError
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.signals import usable
-from calibration.gap.replay.hover_voltage import below_no_ceiling
+from calibration.gap.replay.inputs import below_no_ceiling
 from calibration.gap.replay.teacher_forcing import teacher_forced
 from onboard.arrays import FloatArray
 from onboard.errors import InputError
+from onboard.mixer import PITCH, ROLL, YAW
 from onboard.vehicle import Vehicle
 
 _BLOCK = 0.05
 """s over which rates and thrusts are averaged: long against the noise of a gyro, short against a turn."""
-
-_TURNS = np.array([[-1.0, -1.0, 1.0, 1.0], [-1.0, 1.0, 1.0, -1.0], [-1.0, 1.0, -1.0, 1.0]])
-"""Roll, pitch and yaw moment of M1 to M4 per lever (:mod:`onboard.mixer`)."""
 
 _LEAN, _YAW = slice(0, 2), slice(2, 3)
 """Axes that tell an order, and the one that tells in which direction rotors turn."""
@@ -102,7 +100,7 @@ def _blocks(record: FlightRecord, thrust: FloatArray) -> tuple[FloatArray, Float
 
 def _correlation(thrust: FloatArray, turn: FloatArray, axes: slice) -> float:
     """Of moments with angular accelerations, mean over these axes; 0 where one of them does not move."""
-    moments, turns = thrust @ _TURNS[axes].T, turn[:, axes]
+    moments, turns = thrust @ np.array([ROLL, PITCH, YAW])[axes].T, turn[:, axes]
     sizes = np.sqrt(np.sum(moments**2, axis=0) * np.sum(turns**2, axis=0))
     if not np.all(sizes > 0.0):
         return 0.0

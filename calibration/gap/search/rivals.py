@@ -17,6 +17,7 @@ from calibration.gap.search.candidates import Candidate, candidates_for
 from calibration.gap.search.credible import credible
 from calibration.gap.search.linear_look import LinearLook, linear_look
 from onboard.arrays import FloatArray
+from onboard.mixer import PITCH, ROLL
 from onboard.vehicle import EFFECTS
 
 NOT_TOLD_APART = 10.0
@@ -51,9 +52,6 @@ _DOUBTFUL = 3.0
 
 _SCALES, _MOTORS = ("thrust_scale", "mass_error"), "motor_imbalance"
 """Whose place no difference between motors takes; that difference."""
-
-_FORWARD, _LEFT = np.array([1.0, -1.0, -1.0, 1.0]), np.array([-1.0, -1.0, 1.0, 1.0])
-"""On which side of the middle M1 to M4 are."""
 
 
 @dataclass(frozen=True)
@@ -193,7 +191,7 @@ def alike_in_all_motors(model: Model) -> bool:
         return False
     differences = motors - motors.mean()
     body = model.base.body
-    for axis, side, arm in (("x", _FORWARD, body.arm_x), ("y", _LEFT, body.arm_y)):
+    for axis, side, arm in (("x", -PITCH, body.arm_x), ("y", ROLL, body.arm_y)):
         centre = model.values.get(Variable("com_offset", axis), 0.0)
         differences -= motors.mean() * centre / arm.value * side  # which holds the thrust's centre over it
     return bool(abs(motors.mean() - 1.0) > np.abs(differences).max())

@@ -20,10 +20,9 @@ from calibration.gap.landings.outcomes.kernels import trace_flips
 from calibration.gap.landings.outcomes.roll import RollEvidence, roll_evidence
 from calibration.gap.landings.outcomes.starts import TriggerStart, trigger_start
 from calibration.gap.landings.problem import highest
+from calibration.gap.replay.inputs import below_no_ceiling
 from onboard.arrays import FloatArray
-from onboard.room import RoomGeometry
 from onboard.vehicle import Vehicle
-from sim_backend.physics.parameters import physics_parameters
 from sim_backend.physics.rollout import RolloutSettings
 
 DRAWS = 200
@@ -41,7 +40,6 @@ old, one of them the trigger's flag (authors' data, section 1); our own runs hav
 _CLOCK_GRID = np.arange(-0.04, 0.0401, 0.002)
 _RATE_ERROR = 1.3  # rad/s, RMS that flips leave with a clock of their own
 _UNSEEN_FLIP = 0.2  # s of a flip that is used where no contact was seen
-_FAR = 1e3  # m: no ceiling
 _LEAST_CEILING = 3  # contacts that tell a session's ceiling
 
 
@@ -110,7 +108,7 @@ def prepare(
         rng: draws the errors of each landing.
         draws: landings a flight.
     """
-    free = physics_parameters(vehicle, RoomGeometry(ceiling_z=_FAR))
+    free = below_no_ceiling(vehicle)
     starts: list[TriggerStart] = []
     unused: list[NotUsed] = []
     for flight in flights:

@@ -28,7 +28,7 @@ from calibration.gap.landings.segments import (
 )
 from calibration.gap.landings.start_state import LEAD, start_state
 from onboard.arrays import BoolArray, FloatArray
-from onboard.mixer import flip_thrusts
+from onboard.mixer import ROLL, YAW, flip_thrusts
 from onboard.vehicle import Vehicle
 
 EARLIER = 0.2
@@ -36,9 +36,6 @@ EARLIER = 0.2
 
 STRAIGHT = 0.5
 """s before the trigger: several motor lags long, and short against the time in which the speed changes."""
-
-_ROLL, _YAW = np.array([-1.0, -1.0, 1.0, 1.0]), np.array([-1.0, 1.0, -1.0, 1.0])
-"""Parts of the thrusts of M1 to M4 that roll and yaw; each has the square 4."""
 
 _BEFORE, _AFTER = 0.7, 1.2  # s of samples around the trigger that are kept
 _LINE = 0.06  # s of gyro samples that a straight line goes through
@@ -165,7 +162,7 @@ def straightened(approach: tuple[FloatArray, FloatArray], at: float) -> tuple[Fl
     if not rows.any():
         return approach
     held = thrust[rows].mean(axis=0)
-    return t, np.maximum(thrust - sum(0.25 * (held @ part) * part for part in (_ROLL, _YAW)), 0.0)
+    return t, np.maximum(thrust - sum(0.25 * (held @ part) * part for part in (ROLL, YAW)), 0.0)
 
 
 def _around(flight: Flight, at: float) -> LandingSegment | None:
