@@ -35,12 +35,12 @@ from calibration.gap.report.document import (
     Rejected,
     UnusableFile,
 )
-from calibration.gap.report.effects import found_effects, landing_effects, landing_section
+from calibration.gap.report.effects import found_effects, landing_section
 from calibration.gap.report.figures import figures, nameless_terms, unexplained, where
 from calibration.gap.report.figures_data import ReportFigures
 from calibration.gap.report.improved_vehicle import hard_to_fly, improved_vehicle, provenance
 from calibration.gap.report.predicted_worse import no_better, predicted_worse
-from calibration.gap.report.prediction_figures import HORIZON, acted_on, prediction_gap
+from calibration.gap.report.prediction_figures import acted_on, prediction_gap
 from calibration.gap.report.remaining import chance_floor, own_floor, remaining
 from calibration.gap.search.always import LOG_TIMING, law_in_words
 from calibration.gap.search.conclusion import concluded
@@ -136,7 +136,7 @@ def _find(flights: Sequence[Flight], question: GapQuestion, progress: Progress) 
     progress("flights that no fit saw")
     held_out = [corrected[i] for i in kept_back] or list(training.records)
     stages = _stages(names, held_out)
-    own = own_floor(found.final, HORIZON, len(held_out))
+    own = own_floor(found.final, len(held_out))
     if reason := predicted_worse(names, stages, own, training.records):
         names = names.without_any(reason)
         stages = _stages(names, held_out)
@@ -151,13 +151,11 @@ def _find(flights: Sequence[Flight], question: GapQuestion, progress: Progress) 
     landings = _landings(flights, names, rng)
     effects = [
         *with_probability([*unsaid(sensing.effects, question.vehicle), *in_the_air], question.vehicle),
-        *landing_effects(landings.findings if landings else (), question.vehicle),
+        *(landings.findings if landings else ()),
     ]
     progress("where it lives")
     maps = residual_map(found.first, training, rng), residual_map(believed, training, rng)
-    chance = math.hypot(
-        chance_floor(believed, training, HORIZON), own_floor(believed, HORIZON, len(held_out))
-    )
+    chance = math.hypot(chance_floor(believed, training), own_floor(believed, len(held_out)))
     left = remaining(by_names, chance, believed, maps[1], question.vehicle, bool(effects))
     sizeable = with_consequence(found.unnamed, found.final, training)
     gap = prediction_gap(stages)

@@ -165,14 +165,14 @@ def test_hidden_hinge_costs_least_where_it_is(soft: Campaign, vehicle: Vehicle) 
 def test_soft_hinge_is_named_and_measured(soft_findings: LandingFindings) -> None:
     assert soft_findings.verdict is LandingVerdict.EFFECTS_FOUND
     finding = soft_findings.findings[0]
-    assert [found.effect for found in soft_findings.findings] == ["leg_stiffness"]
-    value, (low, high) = finding.parameters["scale"]
+    assert [found.name for found in soft_findings.findings] == ["leg_stiffness"]
+    value, (low, high) = finding.parameters["scale"].value, finding.parameters["scale"].ci95
     assert value == pytest.approx(0.5, rel=0.1)
     assert low < 0.5 < high
     assert finding.error_after < 0.3 * finding.error_before
     low, high = finding.improvement_ci95
     assert 0.3 * finding.error_before < low < finding.error_before - finding.error_after < high
-    assert not finding.at_bound
+    assert not finding.parameters["scale"].at_bound
     assert len(soft_findings.usable) == COUNT
     assert soft_findings.misfit is not None
     assert soft_findings.misfit > 2.0
@@ -203,8 +203,9 @@ def test_healthy_legs_are_cleared(healthy: Campaign, vehicle: Vehicle) -> None:
 def test_damped_hinge_is_not_called_stiff(tmp_path: Path, vehicle: Vehicle) -> None:
     campaign = _campaign(tmp_path, "damping-10", seed=13)
     found = judge_landings(campaign.flights, vehicle, np.random.default_rng(0))
-    assert [finding.effect for finding in found.findings] == ["leg_damping"]
-    value, (low, high) = found.findings[0].parameters["scale"]
+    assert [finding.name for finding in found.findings] == ["leg_damping"]
+    scale = found.findings[0].parameters["scale"]
+    value, (low, high) = scale.value, scale.ci95
     assert value == pytest.approx(10.0, rel=0.2)
     assert low < 10.0 < high
 

@@ -64,7 +64,7 @@ def own(scale: float, kept_back: int) -> float:
     spread = np.where(np.arange(FIRST_SPREAD.size) == len(NUISANCES), scale, 0.0)
     mixed = dataclasses.replace(one.estimate.fit, spread=spread)
     return own_floor(
-        dataclasses.replace(one, estimate=dataclasses.replace(one.estimate, fit=mixed)), 1.0, kept_back
+        dataclasses.replace(one, estimate=dataclasses.replace(one.estimate, fit=mixed)), kept_back
     )
 
 

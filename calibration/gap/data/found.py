@@ -1,10 +1,11 @@
 """An effect that was found, in the air, in the sensors or at landings, as the report has it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from calibration.measurement import Interval
+from onboard.vehicle import EFFECTS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,3 +71,8 @@ class FoundEffect:
     separated_by: str = ""
     metric: str = ""
     probability: float | None = None
+
+
+def separations(names: Sequence[str]) -> str:
+    """What a flight must do to tell effects apart, in words."""
+    return "; ".join(f"{name}: {EFFECTS[name].revealed_by}" for name in names)

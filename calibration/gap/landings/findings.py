@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from enum import StrEnum
 
+from calibration.gap.data.found import FoundEffect
 from calibration.gap.data.record import NotUsed
 from calibration.gap.landings.flip import FlipResidual
 from calibration.measurement import Interval
@@ -20,35 +21,14 @@ class LandingVerdict(StrEnum):
 
 
 @dataclass(frozen=True)
-class LandingEffect:
-    """One missing effect.
-
-    Attributes:
-        effect: name as in vehicle files.
-        parameters: value and 95 % interval by parameter, SI, relative to the vehicle file.
-        error_before, error_after: rad/s, median over landings of the RMS rate error in the 0.3 s after the
-            contact, without and with the effect, each landing with values that were fitted to the others.
-        improvement_ci95: rad/s, of `error_before` minus `error_after`, bootstrap over landings.
-        ambiguous_with: effects that explain these landings as well.
-        at_bound: parameters that ended at the end of what is searched: no values.
-    """
-
-    effect: str
-    parameters: dict[str, tuple[float, Interval]]
-    error_before: float
-    error_after: float
-    improvement_ci95: Interval
-    ambiguous_with: tuple[str, ...]
-    at_bound: tuple[str, ...]
-
-
-@dataclass(frozen=True)
 class LandingFindings:
     """The result.
 
     Attributes:
         verdict: in one word.
-        findings: in the order found.
+        findings: in the order found. Errors are rad/s, median over landings of the RMS rate error in the
+            0.3 s after the contact, each landing with values that were fitted to the others. What ended at
+            the end of what is searched is at its bound: no value.
         allowed: what the data still allow for each effect alone: 95 % interval by effect and parameter.
         usable: names of the flights whose landings can be judged.
         misfit: their median cost per residual with the vehicle as it was given: about 0.1 to 1 where the
@@ -59,7 +39,7 @@ class LandingFindings:
     """
 
     verdict: LandingVerdict
-    findings: tuple[LandingEffect, ...]
+    findings: tuple[FoundEffect, ...]
     allowed: dict[str, dict[str, Interval]]
     usable: tuple[str, ...]
     misfit: float | None

@@ -1,15 +1,16 @@
 """Judge a set of landings: which effect of legs and feet is missing in a vehicle file."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calibration.flights import Flight
+from calibration.gap.data.found import FoundEffect, FoundParameter, separations
 from calibration.gap.data.record import NotUsed
 from calibration.gap.landings.choose import REPLICATES, Choice, at_bound, choose, intervals
-from calibration.gap.landings.findings import LandingEffect, LandingFindings, LandingVerdict
+from calibration.gap.landings.findings import LandingFindings, LandingVerdict
 from calibration.gap.landings.flip import flip_residual
 from calibration.gap.landings.kernels import BODY
 from calibration.gap.landings.limitations import limitations
@@ -38,7 +39,7 @@ from calibration.gap.landings.segments import LandingSegment, landing_of
 from calibration.measurement import Interval, interval_of
 from onboard.arrays import FloatArray
 from onboard.room import RoomGeometry
-from onboard.vehicle import Vehicle
+from onboard.vehicle import EFFECTS, Vehicle
 from sim_backend.physics.parameters import physics_parameters
 
 LEAST_LANDINGS = 4
@@ -73,12 +74,7 @@ class _Evidence:
     allowed: dict[str, dict[str, tuple[float, Interval]]]
 
 
-def judge_landings(
-    flights: Sequence[Flight],
-    vehicle: Vehicle,
-    rng: np.random.Generator,
-    progress: Callable[[float], None] | None = None,
-) -> LandingFindings:
+def judge_landings(flights: Sequence[Flight], vehicle: Vehicle, rng: np.random.Generator) -> LandingFindings:
     """Find which of leg_stiffness, leg_damping and foot_slip the landings in `flights` miss in `vehicle`.
 
     Args:
@@ -86,7 +82,6 @@ def judge_landings(
             are listed in the result.
         vehicle: the model; what is found is relative to it, effects that it declares included.
         rng: draws start states and bootstrap samples; the same generator state gives the same result.
-        progress: called with the share of the work done, 0..1.
     """
     landings, unused = _landings(flights)
     flip = flip_residual(landings, vehicle)
@@ -101,10 +96,10 @@ def judge_landings(
         reason = "the vehicle has no legs" if vehicle.legs is None else few
         words = (reason, *words)
         return LandingFindings(LandingVerdict.CANNOT_TELL, (), {}, usable, None, words, flip, tuple(unused))
-    evidence = _weigh(problems, vehicle, rng, progress or (lambda share: None))
+    evidence = _weigh(problems, vehicle, rng)
     table, choice = evidence.table, evidence.choice
     theta = choice.held_out[choice.model].theta if choice.model else None
-    findings = _findings(evidence, rng)
+    findings = _findings(evidence, vehicle, rng)
     words = ()
     if theta is not None and theta.adhesion < PERFECT:
         finer = _finer(problems, vehicle, theta, rng)
@@ -145,13 +140,11 @@ def _landings(flights: Sequence[Flight]) -> tuple[list[LandingSegment], list[Not
     return found, unused
 
 
-def _weigh(
-    problems: list[Problem], vehicle: Vehicle, rng: np.random.Generator, progress: Callable[[float], None]
-) -> _Evidence:
+def _weigh(problems: list[Problem], vehicle: Vehicle, rng: np.random.Generator) -> _Evidence:
     parameters = physics_parameters(vehicle, RoomGeometry())
     coarse = Solver([shortened(p, COARSE_HORIZON) for p in problems], rng, random_starts=6, descents=1)
     fine = ScoreTable(Solver(problems, rng, random_starts=6, descents=2), parameters)
-    best = explore(ScoreTable(coarse, parameters), fine, progress)
+    best = explore(ScoreTable(coarse, parameters), fine)
     choice = choose(fine, best, rng)
     if choice.model:
         widen(fine, best[choice.model], choice.model)
@@ -164,7 +157,7 @@ def _weigh(
     return _Evidence(problems, fine, choice, allowed)
 
 
-def _findings(evidence: _Evidence, rng: np.random.Generator) -> tuple[LandingEffect, ...]:
+def _findings(evidence: _Evidence, vehicle: Vehicle, rng: np.random.Generator) -> tuple[FoundEffect, ...]:
     """One finding per accepted effect: errors before and after it, on landings that were held out."""
     table, choice = evidence.table, evidence.choice
     if not choice.model:
@@ -176,17 +169,39 @@ def _findings(evidence: _Evidence, rng: np.random.Generator) -> tuple[LandingEff
         steps.append(choice.model if len(steps) == len(choice.effects) else (effect,))
     errors = [held_out_errors(table, choice.held_out[model].chosen) for model in steps]
     return tuple(
-        LandingEffect(
-            effect=effect,
-            parameters=values[effect],
+        FoundEffect(
+            name=effect,
+            parameters=_parameters(effect, values[effect], at_bound(held_out.theta, effect), vehicle),
             error_before=float(np.median(before)),
             error_after=float(np.median(after)),
             improvement_ci95=improvement(before, after, rng),
             ambiguous_with=choice.rivals,
-            at_bound=at_bound(held_out.theta, effect),
+            separated_by=separations([effect, *choice.rivals]),
+            metric="pitch and roll rate in the 0.3 s after contact, median over landings, rad/s",
         )
         for effect, before, after in zip(choice.effects, errors[:-1], errors[1:], strict=True)
     )
+
+
+def _parameters(
+    effect: str, values: Mapping[str, tuple[float, Interval]], bounds: Sequence[str], vehicle: Vehicle
+) -> dict[str, FoundParameter]:
+    """The parameters of an effect; what is a factor multiplies that of the vehicle file.
+
+    Args:
+        effect: which.
+        values: relative to the vehicle file, with their intervals.
+        bounds: parameters that ended at the end of what is searched.
+        vehicle: its file.
+    """
+    filed = next((one.values() for one in vehicle.effects if one.name == effect), {})
+    found = {}
+    for name, (value, (low, high)) in values.items():
+        factor = filed.get(name, 1.0) if name == "scale" else 1.0
+        unit = EFFECTS[effect].parameters[name].unit
+        ends = factor * low, factor * high
+        found[name] = FoundParameter(value=factor * value, unit=unit, ci95=ends, at_bound=name in bounds)
+    return found
 
 
 def misfit_left(table: ScoreTable, theta: Theta) -> float:
@@ -221,12 +236,14 @@ def _finer(problems: list[Problem], vehicle: Vehicle, theta: Theta, rng: np.rand
     return math.exp(finer_adhesion(table, theta))
 
 
-def _up_to(finding: LandingEffect, strength: float) -> LandingEffect:
+def _up_to(finding: FoundEffect, strength: float) -> FoundEffect:
     """The finding with an interval of the adhesion strength that reaches `strength` (N) too."""
     if "adhesion_strength" not in finding.parameters:
         return finding
-    value, (low, high) = finding.parameters["adhesion_strength"]
-    reached = (value, (min(low, strength * low / value), max(high, strength * high / value)))
+    found = finding.parameters["adhesion_strength"]
+    low, high = found.ci95
+    ends = min(low, strength * low / found.value), max(high, strength * high / found.value)
+    reached = replace(found, ci95=ends)
     return replace(finding, parameters={**finding.parameters, "adhesion_strength": reached})
 
 
@@ -237,7 +254,7 @@ def improvement(before: FloatArray, after: FloatArray, rng: np.random.Generator)
 
 
 def _verdict(
-    findings: Sequence[LandingEffect], left: float, allowed: dict[str, dict[str, Interval]]
+    findings: Sequence[FoundEffect], left: float, allowed: dict[str, dict[str, Interval]]
 ) -> LandingVerdict:
     if findings:
         return LandingVerdict.EFFECTS_FOUND

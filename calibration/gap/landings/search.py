@@ -11,7 +11,7 @@ they were not fitted to.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import product
 from typing import Any, NamedTuple
@@ -149,34 +149,25 @@ def coarse_points() -> list[Theta]:
     return points
 
 
-def explore(
-    coarse: ScoreTable, fine: ScoreTable, progress: Callable[[float], None] = lambda share: None
-) -> dict[tuple[str, ...], Theta]:
+def explore(coarse: ScoreTable, fine: ScoreTable) -> dict[tuple[str, ...], Theta]:
     """Best vehicle of every model that was worth a fit; `fine` then holds all that was tried.
 
     Pairs are fitted where the best single effect leaves something to explain.
 
     Args:
         coarse: landings with a short horizon, on which the valleys are wide. fine: with the whole one.
-        progress: called with the share of the work that is done.
     """
-    points = coarse_points()
-    for index, theta in enumerate(points):
+    for theta in coarse_points():
         coarse.total(theta)
-        progress(0.2 * (index + 1) / len(points))
     best: dict[tuple[str, ...], Theta] = {(): NOMINAL}
     fine.total(NOMINAL)
-    for index, effect in enumerate(CANDIDATES):
+    for effect in CANDIDATES:
         best[(effect,)] = _refine(fine, _coarse_best(coarse, (effect,)), (effect,))
-        progress(0.2 + 0.1 * (index + 1))
     top = max(best, key=lambda model: fine.total(best[model]))
     if float(np.median(fine.ratios[best[top]])) > EXPLAINED:
-        pairs = [model for model in MODELS if len(model) == 2]
-        for index, model in enumerate(pairs):
+        for model in (model for model in MODELS if len(model) == 2):
             best[model] = _best_pair(coarse, fine, model, best)
-            progress(0.5 + 0.4 * (index + 1) / len(pairs))
     fine.polish(list(best.values()))
-    progress(1.0)
     return best
 
 
@@ -282,7 +273,7 @@ def leave_one_out(table: ScoreTable, model: tuple[str, ...], theta: Theta) -> Le
 
 
 def bootstrap(
-    table: ScoreTable, model: tuple[str, ...], rng: np.random.Generator, replicates: int = 400
+    table: ScoreTable, model: tuple[str, ...], rng: np.random.Generator, replicates: int
 ) -> FloatArray:
     """Fits (replicates, 4) of a model to landings drawn with replacement, between the vehicles tried."""
     thetas, scores = table.of_model(model)

@@ -12,6 +12,7 @@ from calibration.gap.estimate.nuisances import NUISANCES, STEADY
 from calibration.gap.estimate.refine import Fitted, Training
 from calibration.gap.estimate.shared_nuisances import beyond_the_ordinary, shared_nuisances
 from calibration.gap.report.document import Gap
+from calibration.gap.report.prediction_figures import HORIZON
 from calibration.gap.unnamed.consequence import least_amplitude
 from calibration.gap.unnamed.gap_map import GapMap
 from calibration.gap.unnamed.structure import LEVEL
@@ -32,8 +33,8 @@ _HALF = 0.5
 """Share of the error above the floor that names must close; of a channel that no place may hold."""
 
 
-def chance_floor(final: Fitted, training: Training, horizon: float) -> float:
-    """Mean position error (m) that the forces of chance make in `horizon` (s): what a fit leaves, integrated.
+def chance_floor(final: Fitted, training: Training) -> float:
+    """Mean position error (m) that forces of chance make in :data:`HORIZON`: what a fit leaves, integrated.
 
     What each part of a flight has of its own is taken out, and so are names; structure in the rest is looked
     for elsewhere.
@@ -42,8 +43,8 @@ def chance_floor(final: Fitted, training: Training, horizon: float) -> float:
     turns = attitudes(training.records)
     force = np.einsum("nij,nj->ni", turns, final.estimate.residual[:, FORCE])
     valid = np.asarray(signals.valid[:, FORCE].all(axis=1))
-    size = round(horizon / signals.dt)
-    weights = signals.dt * (horizon - signals.dt * (np.arange(size) + 0.5))
+    size = round(HORIZON / signals.dt)
+    weights = signals.dt * (HORIZON - signals.dt * (np.arange(size) + 0.5))
     errors = [
         float(np.linalg.norm(weights @ force[first : first + size]))
         for flight in range(signals.flights)
@@ -53,8 +54,8 @@ def chance_floor(final: Fitted, training: Training, horizon: float) -> float:
     return float(np.mean(errors)) if errors else 0.0
 
 
-def own_floor(final: Fitted, horizon: float, kept_back: int) -> float:
-    """Position error (m) that kept-back flights make in `horizon` (s) by what each has of its own.
+def own_floor(final: Fitted, kept_back: int) -> float:
+    """Position error (m) that kept-back flights make in :data:`HORIZON` by what each has of its own.
 
     Scale of thrust and bias differ from flight to flight (random effects), and no model knows those of a
     flight that it has not seen: of few flights kept back, one that lifts 1.5 % less than the others says
@@ -62,14 +63,13 @@ def own_floor(final: Fitted, horizon: float, kept_back: int) -> float:
 
     Args:
         final: the fit with all names, whose spreads count.
-        horizon: s.
         kept_back: how many flights are predicted.
     """
     ordinary = np.minimum(final.estimate.fit.spread, FIRST_SPREAD)
     spreads = zip((*NUISANCES, *(NUISANCES[index] for index in STEADY)), ordinary, strict=True)
     forces = [spread * _FORCE_OF[nuisance.name] for nuisance, spread in spreads if nuisance.name in _FORCE_OF]
     few = max(1.0, _DEVIATIONS / (_TIMES * math.sqrt(kept_back)))
-    return few * 0.5 * horizon**2 * math.hypot(*forces)
+    return few * 0.5 * HORIZON**2 * math.hypot(*forces)
 
 
 def remaining(

@@ -121,25 +121,16 @@ def base_rates(real: IntArray, folds: IntArray | None = None) -> FloatArray:
     return out
 
 
-def score(
-    probability: FloatArray,
-    real: IntArray,
-    draws: int,
-    rng: np.random.Generator,
-    base: FloatArray | None = None,
-) -> Score:
+def score(probability: FloatArray, real: IntArray, draws: int, rng: np.random.Generator) -> Score:
     """Score probabilities.
 
     Args:
         probability: (n, 3), of four legs, two, none. real: (n,), the class that happened.
         draws: landings behind each probability: one that never happened in them is not impossible.
         rng: draws flights.
-        base: what to compare with (n, 3); default: the base rates of all other flights.
     """
     count = len(real)
-    happened = np.eye(3)[real]
-    if base is None:
-        base = base_rates(real)
+    happened, base = np.eye(3)[real], base_rates(real)
     own, by_base = brier(probability, real), brier(base, real)
     drawn = rng.integers(0, count, (REPLICATES, count))
     auc = auc_of(probability[:, 0], real == 0)

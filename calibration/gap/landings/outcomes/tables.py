@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from calibration.gap.estimate.model import WORKERS
 from calibration.gap.landings.outcomes.kernels import APPROACH, approach, land
 from calibration.gap.landings.outcomes.labels import shares_of
 from calibration.gap.landings.outcomes.pad_laws import PadLaw, mixture, pad_laws
@@ -75,7 +76,6 @@ def tabulate(
     parameters: Any,
     points: Sequence[Point],
     progress: Callable[[float], None] | None = None,
-    workers: int = 2,
 ) -> FloatArray:
     """Probabilities (points, flights, 3) of four legs, two, none.
 
@@ -83,13 +83,11 @@ def tabulate(
         prepared: the flights. parameters: of the vehicle without these effects (:func:`..bare_parameters`).
         points: vehicles.
         progress: called with the share done, 0..1.
-        workers: threads; the result does not depend on them.
     """
     laws = pad_laws(parameters)
     mixed = [_mixed(point, laws) for point in points]
     ladders = _ladders([one for parts in mixed for one in parts], laws)
     arrived = [_arrive(prepared, index, parameters) for index in range(len(prepared.starts))]
-
     families = _families(ladders)
 
     def simulated(family: Sequence[_Ladder]) -> dict[Point, FloatArray]:
@@ -101,7 +99,7 @@ def tabulate(
         return {point: np.array([shares[point] for shares in flights]) for point in flights[0]}
 
     found: dict[Point, FloatArray] = {}
-    with ThreadPoolExecutor(workers) as pool:
+    with ThreadPoolExecutor(WORKERS) as pool:
         for index, shares in enumerate(pool.map(simulated, families)):
             found |= shares
             if progress is not None:
