@@ -86,11 +86,10 @@ def sensing(windows: CheckWindows) -> SensorAgreement:
         RecordTooShort: the flight cannot be analysed; the message says why.
     """
     found = flight_sensing(windows.run.folder)
-    values, errors = found.values, found.errors
     return SensorAgreement(
         delay=unreported_delay(found),
-        turn=_three(values["pose_rotation"], errors["pose_rotation"], "rad"),
-        bias=_three(values["gyro_bias"], errors["gyro_bias"], "rad/s"),
+        turn=_three(*found.estimates["pose_rotation"], "rad"),
+        bias=_three(*found.estimates["gyro_bias"], "rad/s"),
     )
 
 

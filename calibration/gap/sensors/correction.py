@@ -22,9 +22,9 @@ _STEADY_S = 1e-4  # a path that wanders less is a constant
 def best_values(flight: FlightSensing, pooled: Mapping[str, Sequence[Pooled]]) -> dict[str, FloatArray]:
     """The flight's parameters by effect, each drawn towards the mean over flights as its error is large."""
     best = {}
-    for name, values in flight.values.items():
+    for name, (values, errors) in flight.estimates.items():
         if name in pooled:
-            means = zip(pooled[name], values, flight.errors[name], strict=True)
+            means = zip(pooled[name], values, errors, strict=True)
             best[name] = np.array([p.shrunk(value, error) for p, value, error in means])
         else:
             best[name] = values

@@ -33,28 +33,18 @@ class FlightSensing:
     acceleration: AccelerationFit | None
 
     @property
-    def values(self) -> dict[str, FloatArray]:
-        """Estimates by effect: ``pose_delay`` (1,), the others (3,)."""
-        fit = self.acceleration or self.attitude
-        values = {
-            "pose_delay": np.array([self.attitude.delay]),
-            "pose_rotation": fit.rotation,
-            "gyro_bias": self.attitude.bias,
+    def estimates(self) -> dict[str, tuple[FloatArray, FloatArray]]:
+        """Values and their standard errors by effect: ``pose_delay`` (1,), the others (3,)."""
+        attitude, acceleration = self.attitude, self.acceleration
+        fit = acceleration or attitude
+        found = {
+            "pose_rotation": (fit.rotation, fit.rotation_covariance),
+            "gyro_bias": (attitude.bias, attitude.bias_covariance),
         }
-        return values if self.acceleration is None else {**values, "pose_offset": self.acceleration.offset}
-
-    @property
-    def errors(self) -> dict[str, FloatArray]:
-        """Standard errors of :attr:`values`."""
-        fit = self.acceleration or self.attitude
-        errors = {
-            "pose_delay": np.array([self.attitude.delay_error]),
-            "pose_rotation": np.sqrt(np.diag(fit.rotation_covariance)),
-            "gyro_bias": np.sqrt(np.diag(self.attitude.bias_covariance)),
-        }
-        if self.acceleration is None:
-            return errors
-        return {**errors, "pose_offset": np.sqrt(np.diag(self.acceleration.offset_covariance))}
+        if acceleration is not None:
+            found["pose_offset"] = (acceleration.offset, acceleration.offset_covariance)
+        delay = np.array([attitude.delay]), np.array([attitude.delay_error])
+        return {"pose_delay": delay, **{name: (x, np.sqrt(np.diag(c))) for name, (x, c) in found.items()}}
 
 
 def estimate_flights(
@@ -80,10 +70,9 @@ def pool_flights(flights: Sequence[FlightSensing]) -> dict[str, tuple[Pooled, ..
     """Means over flights by effect, one per parameter; effects with two flights or more."""
     pooled = {}
     for effect in ("pose_delay", "pose_rotation", "pose_offset", "gyro_bias"):
-        known = [f for f in flights if effect in f.values]
+        known = [f.estimates[effect] for f in flights if effect in f.estimates]
         if len(known) >= 2:
-            values = np.array([f.values[effect] for f in known])
-            errors = np.array([f.errors[effect] for f in known])
+            values, errors = (np.array(column) for column in zip(*known, strict=True))
             pooled[effect] = tuple(pool(v, e) for v, e in zip(values.T, errors.T, strict=True))
     return pooled
 

@@ -94,7 +94,7 @@ def held_out_improvement(
     squares = []
     for record, flight in zip(records, flights, strict=True):
         others = pool_flights([f for f, s in zip(flights, shapes, strict=True) if s != record.shape])
-        if name not in others or name not in flight.values:
+        if name not in others or name not in flight.estimates:
             continue
         values = best_values(flight, pooled)
         own = values[name] - common
