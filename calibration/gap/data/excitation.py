@@ -9,7 +9,7 @@ quietest parts show, where the controller talks to itself.
 
 import numpy as np
 
-from calibration.gap.data.signals import CHANNELS, TORQUE, Signals
+from calibration.gap.data.signals import CHANNELS, TORQUE, Signals, window_means
 from onboard.arrays import FloatArray
 
 WINDOW = 0.1
@@ -103,7 +103,6 @@ def _variances(signals: Signals, values: FloatArray) -> FloatArray:
 def _variance(values: FloatArray, valid: np.ndarray, dt: float) -> FloatArray:
     """Variance of means over :data:`WINDOW`, shape (3,); windows with rows not valid are left out."""
     window = max(1, round(WINDOW / dt))
-    count = values.shape[0] // window * window
-    means = values[:count].reshape(-1, window, 3).mean(axis=1)
-    whole = valid[:count].reshape(-1, window, 3).all(axis=(1, 2))
+    means = window_means(values, window)
+    whole = valid[: means.shape[0] * window].reshape(-1, window, 3).all(axis=(1, 2))
     return means[whole].var(axis=0) if whole.sum() > 1 else np.zeros(3)

@@ -5,6 +5,7 @@ import numpy as np
 from calibration.flights.flight import Flight, UnusableFlightError
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.data.rotations import conjugates, matrices, products, rotation_vectors
+from calibration.gap.data.signals import window_means
 from onboard.arrays import FloatArray
 
 _WINDOW_S = 0.1
@@ -117,8 +118,6 @@ def _rates(record: FlightRecord) -> tuple[FloatArray, FloatArray, FloatArray]:
     known = record.flying & record.pose_known & record.inertial_known
     together = np.hstack([turns, world, 0.5 * (record.rate[1:] + record.rate[:-1])])
     together[~(known[1:] & known[:-1])] = np.nan
-    window = max(1, round(_WINDOW_S / record.dt))
-    count = together.shape[0] // window * window
-    means = together[:count].reshape(-1, window, 9).mean(axis=1)
+    means = window_means(together, max(1, round(_WINDOW_S / record.dt)))
     means = means[np.isfinite(means).all(axis=1)]
     return means[:, :3], means[:, 3:6], means[:, 6:]

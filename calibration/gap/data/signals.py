@@ -75,6 +75,12 @@ class Signals:
         return slice(int(self.bounds[flight]), int(self.bounds[flight + 1]))
 
 
+def window_means(values: FloatArray, window: int) -> FloatArray:
+    """Means of rows, shape (n, ...), over windows of so many: shape (n // window, ...)."""
+    count = values.shape[0] // window * window
+    return np.asarray(values[:count].reshape(-1, window, *values.shape[1:]).mean(axis=1))
+
+
 def stack_signals(records: Sequence[FlightRecord]) -> Signals:
     """What was measured on the flights, as :class:`Signals`."""
     measured = np.vstack([_measured(record) for record in records])

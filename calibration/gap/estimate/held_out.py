@@ -8,7 +8,7 @@ import numpy as np
 
 from calibration.gap.data.found import Improvement
 from calibration.gap.data.record import FlightRecord
-from calibration.gap.data.signals import CHANNELS, UNITS, Signals, stack_signals
+from calibration.gap.data.signals import CHANNELS, UNITS, Signals, stack_signals, window_means
 from calibration.gap.estimate.model import Model
 from calibration.measurement import interval_of
 from onboard.arrays import FloatArray
@@ -54,9 +54,7 @@ class HeldOutFlights:
         signals = self.signals
         squares, counts = [], []
         for first, end in itertools.pairwise(signals.bounds if signals.flights > 1 else signals.part_bounds):
-            rows = residual[first:end]
-            rows = rows[: rows.shape[0] // window * window].reshape(-1, window, len(CHANNELS))
-            means = rows.mean(axis=1)  # NaN where a sample of the window is not valid
+            means = window_means(residual[first:end], window)  # NaN where a sample of the window is not valid
             if np.isfinite(means[:, -1]).any():
                 means[:, -1] -= np.nanmean(means[:, -1])
             squares.append(np.nansum(means**2, axis=0))

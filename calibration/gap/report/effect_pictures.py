@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calibration.gap.data.signals import CHANNELS, KINDS, UNITS
+from calibration.gap.data.signals import CHANNELS, KINDS, UNITS, Signals, window_means
 from calibration.gap.estimate.model import kinds_that_tell
 from calibration.gap.estimate.refine import Fitted, Training
 from calibration.gap.report.figures_data import EffectPicture
@@ -45,14 +45,13 @@ def _picture(
     channel = int(np.argmax(power))
     if power[channel] == 0.0:
         return None
-    window = max(1, round(_WINDOW_S / signals.dt))
     valid = signals.valid[:, channel]
-    said = _averaged(says[:, channel], valid, window)
-    shown = _averaged(final.estimate.residual[:, channel] + says[:, channel], valid, window)
-    shares = [_share(_averaged(one.values, valid, window), said) for one in along]
+    said = averaged(says[:, channel], valid, signals)
+    shown = averaged(final.estimate.residual[:, channel] + says[:, channel], valid, signals)
+    shares = [_share(averaged(one.values, valid, signals), said) for one in along]
     best = int(np.argmax(shares))
     itself = shares[best] < _TELLING
-    x = said if itself else _averaged(along[best].values, valid, window)
+    x = said if itself else averaged(along[best].values, valid, signals)
     known = np.isfinite(x) & np.isfinite(said) & np.isfinite(shown)
     return EffectPicture(
         effect=name,
@@ -66,11 +65,9 @@ def _picture(
     )
 
 
-def _averaged(values: FloatArray, valid: BoolArray, window: int) -> FloatArray:
-    """Means over windows all of which is valid; NaN for the others."""
-    count = values.size // window * window
-    known = np.where(valid, values, np.nan)[:count]
-    return np.asarray(known.reshape(-1, window).mean(axis=1))
+def averaged(values: FloatArray, valid: BoolArray, signals: Signals) -> FloatArray:
+    """Means over 0.1 s, shape (k,), of rows (n,); NaN where not all of them are valid."""
+    return window_means(np.where(valid, values, np.nan), max(1, round(_WINDOW_S / signals.dt)))
 
 
 def _share(x: FloatArray, y: FloatArray) -> float:

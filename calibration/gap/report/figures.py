@@ -12,7 +12,7 @@ from calibration.gap.estimate.refine import Fitted, Training
 from calibration.gap.replay import PredictionErrors, fly_again
 from calibration.gap.replay.closed_loop import ClosedLoopFlight
 from calibration.gap.report.document import Gap, NamelessTerms, Rejected, Unexplained, Where
-from calibration.gap.report.effect_pictures import effect_pictures
+from calibration.gap.report.effect_pictures import averaged, effect_pictures
 from calibration.gap.report.figures_data import ReportFigures, ResidualCloud
 from calibration.gap.report.prediction_figures import (
     channel_bars,
@@ -26,7 +26,6 @@ from calibration.gap.unnamed.fitted_terms import FittedTerm, formulas
 from calibration.gap.unnamed.gap_map import GapMap
 from calibration.gap.unnamed.regressors import regressors
 from calibration.gap.unnamed.structure import LEAST_SHARE, LEVEL
-from onboard.arrays import FloatArray
 from onboard.vehicle import Vehicle
 
 _PLACES = 8
@@ -107,7 +106,7 @@ def figures(
 def _clouds(before: GapMap, found: Search, training: Training) -> tuple[ResidualCloud, ...]:
     """Residuals against the regressors that explained most, before and after, averaged over 0.1 s."""
     along = {regressor.name: regressor for regressor in regressors(training.records)}
-    window = max(1, round(0.1 / training.regression.signals.dt))
+    signals = training.regression.signals
     clouds: list[ResidualCloud] = []
     for cell in before.cells:
         if len(clouds) == _CLOUDS or cell.p >= LEVEL:
@@ -115,13 +114,13 @@ def _clouds(before: GapMap, found: Search, training: Training) -> tuple[Residual
         if cell.channel.frame == "world":
             continue
         index = CHANNELS.index(cell.channel.signal)
-        valid = training.regression.signals.valid[:, index]
         columns = [
             along[cell.regressor.name].values,
             found.first.estimate.residual[:, index],
             found.final.estimate.residual[:, index],
         ]
-        x, one, other = _averaged([np.where(valid, column, np.nan) for column in columns], window)
+        means = np.array([averaged(column, signals.valid[:, index], signals) for column in columns])
+        x, one, other = means[:, np.isfinite(means).all(axis=0)]
         clouds.append(
             ResidualCloud(
                 channel=cell.channel.name,
@@ -134,13 +133,6 @@ def _clouds(before: GapMap, found: Search, training: Training) -> tuple[Residual
             )
         )
     return tuple(clouds)
-
-
-def _averaged(columns: Sequence[FloatArray], window: int) -> list[FloatArray]:
-    count = columns[0].size // window * window
-    means = [column[:count].reshape(-1, window).mean(axis=1) for column in columns]
-    known = np.logical_and.reduce([np.isfinite(mean) for mean in means])
-    return [mean[known] for mean in means]
 
 
 def _flown_again(names: Named, held_out: Sequence[FlightRecord]) -> dict[str, ClosedLoopFlight]:

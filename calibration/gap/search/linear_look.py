@@ -11,10 +11,9 @@ import numpy as np
 
 from calibration.gap.estimate.mixed import Products
 from calibration.gap.estimate.model import Variable
-from calibration.gap.estimate.nuisances import nuisance_columns
 from calibration.gap.estimate.refine import Fitted, Training, prior_step
 from calibration.gap.search.candidates import candidates
-from calibration.gap.search.screen import held_out
+from calibration.gap.search.screen import held_out, products_with
 from onboard.arrays import FloatArray
 
 
@@ -80,12 +79,7 @@ def linear_look(present: Fitted, training: Training, effects: Collection[str]) -
             if candidate.starts[0] is model:
                 offered[candidate.effect] = candidate.variables
     asked = [*present.variables, *(v for variables in offered.values() for v in variables)]
-    responses = [present.model.response(training.records, v, present.predicted) for v in asked]
-    regression, noise = training.regression, present.estimate.noise
-    nuisances = nuisance_columns(regression.signals, present.predicted)
-    table = regression.whitened([*nuisances, *present.columns, *responses], noise)
-    products = regression.products(table, regression.misfit(present.predicted), len(nuisances), noise)
-    return LinearLook(present, training, products, offered)
+    return LinearLook(present, training, products_with(present, asked, training), offered)
 
 
 def _with_residual_moved(p: Products, by: FloatArray) -> Products:

@@ -39,15 +39,18 @@ def screen(present: Fitted, offered: Sequence[Candidate], training: Training) ->
     return sorted(found, key=lambda promise: (-promise.gain, promise.candidate.effect))
 
 
-def _linear_gains(present: Fitted, offered: Sequence[Candidate], training: Training) -> list[Promise]:
-    variables = [variable for candidate in offered for variable in candidate.variables]
-    columns = [
-        present.model.response(training.records, variable, present.predicted) for variable in variables
-    ]
+def products_with(present: Fitted, variables: Sequence[Variable], training: Training) -> Products:
+    """Products of the columns of a fit and, behind them, of the responses to some variables."""
+    responses = [present.model.response(training.records, v, present.predicted) for v in variables]
     regression, noise = training.regression, present.estimate.noise
     nuisances = nuisance_columns(regression.signals, present.predicted)
-    table = regression.whitened([*nuisances, *present.columns, *columns], noise)
-    products = regression.products(table, regression.misfit(present.predicted), len(nuisances), noise)
+    table = regression.whitened([*nuisances, *present.columns, *responses], noise)
+    return regression.products(table, regression.misfit(present.predicted), len(nuisances), noise)
+
+
+def _linear_gains(present: Fitted, offered: Sequence[Candidate], training: Training) -> list[Promise]:
+    variables = [variable for candidate in offered for variable in candidate.variables]
+    products = products_with(present, variables, training)
     prior = present.prior.and_of(prior_step(present.model, variables))
     spread = present.estimate.fit.spread
     base = list(range(len(present.columns)))
