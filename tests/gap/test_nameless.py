@@ -15,6 +15,7 @@ from calibration.gap.data.channels import BY_NAME, attitudes
 from calibration.gap.data.record import FlightRecord
 from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, UnnamedTerm, refine, training_set
+from calibration.gap.estimate.shared_nuisances import shared_nuisances
 from calibration.gap.replay import evaluate
 from calibration.gap.search.nameless import NO_FLIGHT, NO_ROOM, UNCONFIRMED, Nameless, nameless_curves
 from calibration.gap.search.naming import Named
@@ -146,6 +147,33 @@ def test_the_curve_of_a_heavier_vehicle_is_the_force_that_moves_it_as_much() -> 
     (one,) = nameless_curves(named(heavy), plain, unseen, "a test").curves.values()
     (other,) = written(plain, unseen).curves.values()
     assert max(one.values) == pytest.approx(1.25 * max(other.values))
+
+
+TRIM, LEAN = curve("torque_y", "z", (0.0, 1.0), (1.5e-4,) * 2), curve("force_x", "z", (0.0, 1.0), (0.02,) * 2)
+"""N m and N in every flight, wherever it is."""
+
+
+def test_a_trim_that_all_flights_share_is_written_and_turns_flights_that_no_fit_saw() -> None:
+    records, unseen = fitted_to(TRIM), kept_back(TRIM)
+    (one,) = written(fit(records), unseen).curves.values()
+    assert one.channel == "torque_y"
+    assert one.values == pytest.approx(TRIM.values, rel=0.1)
+    told = [evaluate(unseen, vehicle).by_channel()[0.5] for vehicle in (STOCK, STOCK.with_unnamed([one]))]
+    assert told[1]["rate_y_rad_s"] < 0.5 * told[0]["rate_y_rad_s"]
+    improved = STOCK.with_unnamed([one])
+    assert parse_vehicle(tomllib.loads(vehicle_to_toml(improved)), "copy") == improved
+
+
+def test_a_force_in_all_flights_is_not_written_as_it_may_be_the_accelerometer_s() -> None:
+    records, unseen = fitted_to(LEAN), kept_back(LEAN)
+    fitted = fit(records)
+    assert [one.name for one in shared_nuisances(fitted, STOCK)] == ["force_bias_x"]
+    assert written(fitted, unseen) == Nameless({}, {})
+
+
+def test_a_trim_that_flights_kept_back_do_not_have_is_refused() -> None:
+    found = written(fit(fitted_to(TRIM)), kept_back())
+    assert (found.curves, list(found.refused.values())) == ({}, [FAILED])
 
 
 def test_what_flights_kept_back_do_not_bear_out_is_not_written() -> None:

@@ -5,9 +5,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from calibration.gap.data.channels import ResidualChannel
+from calibration.gap.data.channels import BY_NAME, ResidualChannel
 from calibration.gap.estimate.refine import Fitted
-from calibration.gap.estimate.shared_nuisances import shared_nuisances
+from calibration.gap.estimate.shared_nuisances import SharedNuisance, shared_nuisances
 from calibration.gap.unnamed.fitted_terms import coefficients
 from calibration.gap.unnamed.terms import CurveTerm, IntervalTerm, PolynomialTerm
 from onboard.arrays import FloatArray
@@ -42,7 +42,8 @@ class WordedTerm(NamedTuple):
 
 def worded_terms(fitted: Fitted, parameters: Any, source: str) -> Iterator[WordedTerm]:
     """Every term without a name of a fit, in the order in which they were found; the first of a channel with
-    the level there that all flights share.
+    the level there that all flights share. Then the trims of torque that are left: what all flights share of
+    them, and no name explains.
 
     Args:
         fitted: the fit.
@@ -77,6 +78,25 @@ def worded_terms(fitted: Fitted, parameters: Any, source: str) -> Iterator[Worde
                 source=f"{source}; without a name: {formula}",
             )
             yield WordedTerm(formula, curve, "")
+    # A force that is left may be the accelerometer's; a gyro's rate has no such part of its own.
+    for channel in (BY_NAME[f"torque_{axis}"] for axis in "xyz"):
+        if level := levels.get(_LEVELS[channel.name]):
+            yield _everywhere(channel, level, _scale(channel, parameters), source)
+
+
+def _everywhere(channel: ResidualChannel, level: SharedNuisance, scale: float, source: str) -> WordedTerm:
+    """A torque that is the same wherever the vehicle flies: a curve without a slope."""
+    torque = scale * level.mean
+    formula = f"{torque:.3g} N m {channel.words} everywhere"
+    curve = UnnamedCurve(
+        channel=channel.name,
+        regressor="z",
+        knots=(0.0, 1.0),
+        values=(torque, torque),
+        sigma=scale * level.error,
+        source=f"{source}; without a name: {formula}",
+    )
+    return WordedTerm(formula, curve, "")
 
 
 def _scale(channel: ResidualChannel, parameters: Any) -> float:
