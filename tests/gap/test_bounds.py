@@ -10,6 +10,7 @@ from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training, refine, training_set
 from calibration.gap.search.bounds import without_axes_at_bounds
 from calibration.gap.search.forward import search
+from calibration.gap.search.selection import SearchContext
 from onboard.quantity import Quantity
 from onboard.vehicle import Effect, load_vehicle
 from tests.gap.simulated_flight import circle, fly, up_and_down, with_noise
@@ -65,7 +66,7 @@ def is_true_but_for_yaw(fitted: Fitted) -> bool:
 
 @pytest.mark.further  # without a search: the next one
 def test_an_axis_that_nothing_known_explains_keeps_no_other_from_its_value() -> None:
-    found = search(Model(STOCK), yaw_beyond_all_bounds(), np.random.default_rng(1))
+    found = search(Model(STOCK), SearchContext(yaw_beyond_all_bounds(), np.random.default_rng(1)))
     assert found.refused["rate_damping z"].startswith("z ran into its bound")
     assert is_true_but_for_yaw(found.final)
 

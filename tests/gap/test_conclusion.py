@@ -13,6 +13,7 @@ from calibration.gap.estimate.refine import Fitted, Training, refine, training_s
 from calibration.gap.search.conclusion import concluded
 from calibration.gap.search.forward import Search, search_on
 from calibration.gap.search.naming import contains_nothing
+from calibration.gap.search.selection import SearchContext
 from calibration.gap.unnamed.curves import worded_terms
 from calibration.gap.unnamed.regressors import regressors
 from calibration.gap.unnamed.terms import polynomial_term
@@ -105,7 +106,8 @@ def search_without(training: Training, *barred: str) -> Search:
     """What a search that may not take these comes to, from nothing."""
     rng, nothing = np.random.default_rng(1), refine(Model(STOCK), (), training)
     start = Search(nothing, (), nothing, {}, {}, (), ())
-    return search_on(start, nothing, dict.fromkeys(barred, "given up"), training, rng, lambda _: None)
+    context = SearchContext(training, rng, barred=dict.fromkeys(barred, "given up"))
+    return search_on(start, nothing, context)
 
 
 @pytest.mark.further

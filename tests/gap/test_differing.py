@@ -12,6 +12,7 @@ from calibration.gap.search.always import LOG_TIMING
 from calibration.gap.search.credible import what_speaks_against
 from calibration.gap.search.differing import another_in_each, differing, in_words
 from calibration.gap.search.forward import search
+from calibration.gap.search.selection import SearchContext
 from onboard.vehicle import load_vehicle
 from tests.gap.simulated_flight import circle, fly, up_and_down, with_noise
 
@@ -61,7 +62,7 @@ def test_a_drag_cannot_come_and_go_as_a_wind_can() -> None:
     errors = clustered_errors(fit, training)
     assert another_in_each([DRAG], fit, errors) == (DRAG,)
     assert "another in each flight" in (what_speaks_against([DRAG], fit, errors) or "")
-    found = search(Model(STOCK), training, np.random.default_rng(1))
+    found = search(Model(STOCK), SearchContext(training, np.random.default_rng(1)))
     assert found.final.model.effects == (LOG_TIMING.effect,)
     assert any("another in each flight" in reason for reason in found.refused.values())
 

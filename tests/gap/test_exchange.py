@@ -12,7 +12,7 @@ from calibration.gap.estimate.refine import Fitted, Training, refine, training_s
 from calibration.gap.search.credible import credible
 from calibration.gap.search.rivals import NOT_TOLD_APART, alike_in_all_motors, needed, rivals
 from calibration.gap.search.second_look import second_look
-from calibration.gap.search.selection import SelectionStep
+from calibration.gap.search.selection import SearchContext, SelectionStep
 from onboard.quantity import Quantity
 from onboard.vehicle import Effect, Vehicle, load_vehicle
 from tests.gap.simulated_flight import circle, fly, up_and_down, with_noise
@@ -62,7 +62,7 @@ def looked_at(variables: tuple[Variable, ...]) -> tuple[Fitted, list[SelectionSt
         )
         for effect in named.model.effects
     ]
-    present, left, _ = second_look(named, steps, training(), rng, lambda _: None, ())
+    present, left, _ = second_look(named, steps, SearchContext(training(), rng))
     return present, left
 
 

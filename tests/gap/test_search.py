@@ -16,6 +16,7 @@ from calibration.gap.estimate.model import Model, Variable
 from calibration.gap.estimate.refine import training_set
 from calibration.gap.search.forward import Search, search
 from calibration.gap.search.naming import Named, name_effects
+from calibration.gap.search.selection import SearchContext
 from onboard.vehicle import load_vehicle
 from tests.gap.truth.campaign import make_flights
 
@@ -29,7 +30,7 @@ def searched(case: str, size: str, seed: int, folder: Path) -> tuple[Search, Nam
     records = prepare_flights(open_flights(files)[0]).records
     model, rng = Model(load_vehicle("crazyflie21-stock")), np.random.default_rng(seed)
     training = training_set(records, model)
-    found = search(model, training, rng)
+    found = search(model, SearchContext(training, rng))
     return found, name_effects(found, training), json.loads(answer.read_text())
 
 

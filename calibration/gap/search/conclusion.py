@@ -16,7 +16,7 @@ from calibration.gap.search.forward import Search, search, search_on
 from calibration.gap.search.naming import Named, as_believed, name_effects
 from calibration.gap.search.retest import retested
 from calibration.gap.search.rigid_body import as_a_rigid_body
-from calibration.gap.search.selection import Progress
+from calibration.gap.search.selection import Progress, SearchContext
 
 _MOST_TIMES = 2
 """A search goes on: each takes as long as a round or two."""
@@ -38,16 +38,17 @@ def concluded(
         rng: of the bootstrap.
         progress: told what is being looked at.
     """
-    found = _held(search(model, training, rng, progress), training, kept_back)
+    context = SearchContext(training, rng, progress)
+    found = _held(search(model, context), training, kept_back)
     names = name_effects(found, training)
-    barred: dict[str, str] = {}
     for _ in range(_MOST_TIMES):
         if not names.given_up:
             break
         progress(f"without {', '.join(names.given_up)}")
-        barred |= names.given_up  # what was given up the first time does not come back the second
+        # What was given up the first time does not come back the second.
+        context = dataclasses.replace(context, barred={**context.barred, **names.given_up})
         present = as_believed(found, names, training)
-        on = search_on(found, present, barred, training, rng, progress)
+        on = search_on(found, present, context)
         if on.final.model.effects == present.model.effects and on.final.unnamed == present.unnamed:
             break
         found = _held(on, training, kept_back)

@@ -12,16 +12,9 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numpy as np
-
-from calibration.gap.estimate.acceptance import (
-    DETECTABLE,
-    LEAST_GAIN,
-    Judgement,
-    judge,
-)
+from calibration.gap.estimate.acceptance import DETECTABLE, LEAST_GAIN, Judgement, judge
 from calibration.gap.estimate.model import WORKERS, Model, Variable
-from calibration.gap.estimate.refine import Fitted, Training, refine, settled
+from calibration.gap.estimate.refine import Fitted, refine, settled
 from calibration.gap.search.always import always_fitted
 from calibration.gap.search.beside import explained_better
 from calibration.gap.search.bounds import refused_axes, without_axes_at_bounds
@@ -30,7 +23,7 @@ from calibration.gap.search.credible import what_speaks_against
 from calibration.gap.search.rivals import Rival
 from calibration.gap.search.screen import Promise, screen
 from calibration.gap.search.second_look import second_look
-from calibration.gap.search.selection import Progress, SelectionStep, TimeToGo
+from calibration.gap.search.selection import SearchContext, SelectionStep, TimeToGo
 from calibration.gap.unnamed.fitted_terms import FittedTerm, best_term, without_superfluous
 
 SCALES = ("thrust_scale", "mass_error")
@@ -83,58 +76,32 @@ class Search:
     unnamed: tuple[FittedTerm, ...]
 
 
-def search(
-    model: Model, training: Training, rng: np.random.Generator, progress: Progress = lambda _: None
-) -> Search:
-    """Find what is missing in a model.
-
-    Args:
-        model: to begin with.
-        training: flights to fit to.
-        rng: for the bootstrap.
-        progress: told what is being looked at.
-    """
-    first = refine(model, always_fitted(training), training)
-    return _searched(first, _Grown(first, [], [], {}), {}, training, rng, progress)
+def search(model: Model, context: SearchContext) -> Search:
+    """Find what is missing in a model, from which the search begins."""
+    first = refine(model, always_fitted(context.training), context.training)
+    return _searched(first, _Grown(first, [], []), {}, context)
 
 
-def search_on(
-    found: Search,
-    present: Fitted,
-    barred: Mapping[str, str],
-    training: Training,
-    rng: np.random.Generator,
-    progress: Progress,
-) -> Search:
+def search_on(found: Search, present: Fitted, context: SearchContext) -> Search:
     """Go on with a search from a fit without some of its effects, which are not believed any more.
 
     Args:
         found: the search.
         present: the fit without them.
-        barred: those, each with the reason; what they explain better gets no other name either.
-        training, rng, progress: as in :func:`search`.
+        context: in which they are barred.
     """
     steps = [step for step in found.steps if step.effect in present.model.effects]
     unnamed = [one for one in found.unnamed if one.term in present.unnamed]
-    grown = _Grown(present, steps, unnamed, barred)
-    return _searched(found.first, grown, dict(found.refused), training, rng, progress)
+    return _searched(found.first, _Grown(present, steps, unnamed), dict(found.refused), context)
 
 
-def _searched(
-    first: Fitted,
-    grown: "_Grown",
-    refused: dict[str, str],
-    training: Training,
-    rng: np.random.Generator,
-    progress: Progress,
-) -> Search:
+def _searched(first: Fitted, grown: "_Grown", refused: dict[str, str], context: SearchContext) -> Search:
+    training = context.training
     for _ in range(_MOST_LOOKS):
-        promises = _grow(grown, training, rng, progress, refused)
+        promises = _grow(grown, context, refused)
         present = without_superfluous(grown.present, grown.unnamed, training)
         before = set(present.model.effects)
-        grown.present, grown.steps, ambiguous = second_look(
-            present, grown.steps, training, rng, progress, grown.barred
-        )
+        grown.present, grown.steps, ambiguous = second_look(present, grown.steps, context)
         if before.issuperset(grown.present.model.effects):
             break  # nothing was exchanged, which might have made room for something else
     present = without_axes_at_bounds(grown.present, training, refused)
@@ -151,12 +118,11 @@ def _searched(
 
 @dataclass
 class _Grown:
-    """How far a search has come: its fit, what came into it, and what may not, with the reason."""
+    """How far a search has come: its fit, and what came into it."""
 
     present: Fitted
     steps: list[SelectionStep]
     unnamed: list[FittedTerm]
-    barred: Mapping[str, str]
 
 
 class _Round(NamedTuple):
@@ -175,45 +141,32 @@ class _Round(NamedTuple):
     doubted: dict[str, float]
 
 
-def _round(
-    present: Fitted,
-    training: Training,
-    rng: np.random.Generator,
-    progress: Progress,
-    doubted: Mapping[str, float],
-    barred: Mapping[str, str],
-) -> _Round:
-    promises = screen(present, candidates_for(present, training), training)
-    return _forward(present, promises, training, rng, progress, doubted, barred)
+def _round(present: Fitted, context: SearchContext, doubted: Mapping[str, float]) -> _Round:
+    promises = screen(present, candidates_for(present, context.training), context.training)
+    return _forward(present, promises, context, doubted)
 
 
-def _grow(
-    grown: _Grown,
-    training: Training,
-    rng: np.random.Generator,
-    progress: Progress,
-    refused: dict[str, str],
-) -> list[Promise]:
+def _grow(grown: _Grown, context: SearchContext, refused: dict[str, str]) -> list[Promise]:
     """Take in what explains most, round by round, until nothing is believed; the last round's promises."""
     doubted: dict[str, float] = {}
     ahead: _Round | None = None
     rounds = TimeToGo()
     for _ in range(_MOST_ROUNDS):
         present = grown.present
-        progress(f"every effect{rounds.to_go()}")  # one round more for each effect that is found
-        found = ahead or _round(present, training, rng, progress, doubted, grown.barred)
+        context.progress(f"every effect{rounds.to_go()}")  # one round more for each effect that is found
+        found = ahead or _round(present, context, doubted)
         step, ahead = found.step, None
         refused |= found.refused
         doubted |= found.doubted
         anything = grown.steps or grown.unnamed
-        scale = None if anything else _far_off(present, found.promises, training, rng)
+        scale = None if anything else _far_off(present, found.promises, context)
         if scale is not None:
-            ahead = _round(scale.after, training, rng, progress, {}, grown.barred)
+            ahead = _round(scale.after, context, {})
             if _outdone(scale, step, ahead.step):
                 scale = ahead = None
         step = step if scale is None else scale
-        progress("what has no name")
-        other = None if scale is not None else best_term(present, training, rng)
+        context.progress("what has no name")
+        other = None if scale is not None else best_term(present, context.training, context.rng)
         if other is not None and (step is None or step.judgement.gain < _HALF * other.gain):
             grown.unnamed.append(other)
             grown.present = other.after
@@ -228,17 +181,15 @@ def _grow(
     return found.promises
 
 
-def _far_off(
-    present: Fitted, promises: Sequence[Promise], training: Training, rng: np.random.Generator
-) -> SelectionStep | None:
+def _far_off(present: Fitted, promises: Sequence[Promise], context: SearchContext) -> SelectionStep | None:
     """The error of scale that explains most, where it is far off; None where the scale is about right."""
-    fits = []
+    training, fits = context.training, []
     for promise in promises:
         effect, variables = promise.candidate.effect, promise.candidate.variables
         if effect in SCALES:
             fitted = refine(present.model, (*present.variables, *variables), training, start=present.estimate)
             if abs(fitted.model.change(variables[0])) >= _FAR_OFF:
-                judgement = judge(present, fitted, variables, training, rng)
+                judgement = judge(present, fitted, variables, training, context.rng)
                 fits.append(SelectionStep(effect, judgement, fitted))
     best = max(fits, key=lambda step: step.judgement.gain, default=None)
     return best if best is not None and best.judgement.gain >= LEAST_GAIN else None
@@ -264,30 +215,24 @@ def blind_to(promises: Sequence[Promise], model: Model) -> list[str]:
 
 
 def _forward(
-    present: Fitted,
-    promises: Sequence[Promise],
-    training: Training,
-    rng: np.random.Generator,
-    progress: Progress,
-    doubted: Mapping[str, float],
-    barred: Mapping[str, str],
+    present: Fitted, promises: Sequence[Promise], context: SearchContext, doubted: Mapping[str, float]
 ) -> _Round:
     """The best candidate that is believed.
 
     Args:
         present: the model that it would come into.
         promises: of all candidates, the best first.
-        training, rng, progress: as in :func:`search`.
+        context: of the search.
         doubted: what those promised whose gain did not hold across flights, since the last effect came in.
-        barred: what is not believed whatever it gains, with the reason.
     """
+    training, rng, barred = context.training, context.rng, context.barred
     looked_at = [
         promise
         for rank, promise in enumerate(promises[:_CLOSELY])
         if (promise.gain >= _NO_PROMISE or rank < _AT_LEAST)
         and promise.gain > _MORE * doubted.get(promise.candidate.effect, -math.inf)
     ]
-    progress(", ".join(promise.candidate.effect for promise in looked_at))
+    context.progress(", ".join(promise.candidate.effect for promise in looked_at))
 
     def closely(candidate: Candidate) -> tuple[Fitted, Sequence[Variable]]:
         fitted = refine(

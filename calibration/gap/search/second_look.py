@@ -8,7 +8,7 @@ two that together do what one does (a scale of thrust is a mass and three inerti
 import dataclasses
 import functools
 import itertools
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -30,7 +30,7 @@ from calibration.gap.search.rivals import (
     without,
 )
 from calibration.gap.search.screen import screen
-from calibration.gap.search.selection import Progress, SelectionStep, TimeToGo
+from calibration.gap.search.selection import SearchContext, SelectionStep, TimeToGo
 from onboard.vehicle import EFFECTS
 
 Ambiguous = dict[str, tuple[Rival, ...]]
@@ -41,36 +41,29 @@ _CLOSE = 0.3
 
 
 def second_look(
-    present: Fitted,
-    steps: Sequence[SelectionStep],
-    training: Training,
-    rng: np.random.Generator,
-    progress: Progress,
-    barred: Collection[str],
+    present: Fitted, steps: Sequence[SelectionStep], context: SearchContext
 ) -> tuple[Fitted, list[SelectionStep], Ambiguous]:
     """Drop what others have made superfluous; put in the place of names what outdoes them.
 
     Args:
         present: fit with all names.
         steps: how they came in.
-        training: the flights.
-        rng: for the bootstrap.
-        progress: told what is being looked at.
-        barred: effects that take no name's place.
+        context: of the search.
 
     Returns:
         The fit, its steps, and by named effect the rivals that the flights do not rule out.
     """
-    present = _drop_superfluous(present, steps, training, progress)
+    training = context.training
+    present = _drop_superfluous(present, steps, context)
     left = [step for step in steps if step.effect in present.model.effects]
-    present, left = _one_for_two(present, left, training, rng, progress, barred)
+    present, left = _one_for_two(present, left, context)
     ambiguous: Ambiguous = {}
     names = TimeToGo()
     for index, step in enumerate(left):
         if not step.judgement.sizeable:
             continue
-        progress(f"{step.effect} or another{names.to_go(len(left) - index)}")
-        found = _rivals(present, step, training, barred)
+        context.progress(f"{step.effect} or another{names.to_go(len(left) - index)}")
+        found = _rivals(present, step, context)
         small = next((rival for rival in found if rival.negligible), None)
         if small is not None:
             present = settled(small.fitted, training)
@@ -82,22 +75,21 @@ def second_look(
         if best is not None and (best.freed or best.one_for_four or len(left) > 1):
             present = settled(best.fitted, training)
             left[index] = step = dataclasses.replace(step, effect=best.effect, after=present)
-            found = _rivals(present, step, training, barred)
+            found = _rivals(present, step, context)
         if doubtful := tuple(rival for rival in found if not rival.told_apart):
             ambiguous[step.effect] = doubtful
     if late_by_more_than_the_log(present.model, training):  # which no round has asked about
-        late = rivals(present, LOG_TIMING.effect, (), training, barred)
+        late = rivals(present, LOG_TIMING.effect, (), training, context.barred)
         if doubtful := tuple(rival for rival in late if not rival.told_apart):
             ambiguous[LOG_TIMING.effect] = doubtful
     return present, left, ambiguous
 
 
-def _drop_superfluous(
-    present: Fitted, steps: Sequence[SelectionStep], training: Training, progress: Progress
-) -> Fitted:
+def _drop_superfluous(present: Fitted, steps: Sequence[SelectionStep], context: SearchContext) -> Fitted:
     """The model without effects that others have made superfluous, the weakest first."""
+    training = context.training
     for step in sorted(steps, key=lambda s: s.judgement.gain):
-        progress(f"without {step.effect}")
+        context.progress(f"without {step.effect}")
         if len(steps) > 1 and not needed(present, step.effect, training):
             # What has no name takes no name's place: a drag stays one beside a force of any shape.
             plain = _without_what_has_no_name(present, training)
@@ -113,21 +105,17 @@ def _without_what_has_no_name(present: Fitted, training: Training) -> Fitted:
     return refine(present.model, present.variables, training, start=present.estimate)
 
 
-def _rivals(present: Fitted, step: SelectionStep, training: Training, barred: Collection[str]) -> list[Rival]:
+def _rivals(present: Fitted, step: SelectionStep, context: SearchContext) -> list[Rival]:
     """Effects in the place of a named one, the closest first."""
     close = [name for name, lack in step.rivals.items() if lack < _CLOSE * step.judgement.gain]
-    return rivals(present, step.effect, close, training, barred)
+    return rivals(present, step.effect, close, context.training, context.barred)
 
 
 def _one_for_two(
-    present: Fitted,
-    steps: list[SelectionStep],
-    training: Training,
-    rng: np.random.Generator,
-    progress: Progress,
-    barred: Collection[str],
+    present: Fitted, steps: list[SelectionStep], context: SearchContext
 ) -> tuple[Fitted, list[SelectionStep]]:
     """One cause in the place of two names that it explains, where there is one with fewer parameters."""
+    training = context.training
 
     @functools.cache
     def lacking(name: str) -> Fitted:
@@ -135,7 +123,7 @@ def _one_for_two(
 
     pairs = {
         (one.effect, other.effect): _common_names(one.effect, other.effect)
-        - {*present.model.effects, *barred}
+        - {*present.model.effects, *context.barred}
         for one, other in itertools.combinations(steps, 2)
     }
     look = linear_look(present, training, set().union(*pairs.values()))
@@ -144,7 +132,7 @@ def _one_for_two(
         common = {name for name in common if _may_explain(look, (one.effect, other.effect), name)}
         if not common:
             continue
-        progress(f"one effect for {one.effect} and {other.effect}")
+        context.progress(f"one effect for {one.effect} and {other.effect}")
         reduced = nearly_without(present, training, one.effect, other.effect)
         cause = _common_cause(present, reduced, common, training)
         alone = {name: lacking(name) for name in (one.effect, other.effect)} if cause else {}
@@ -154,10 +142,10 @@ def _one_for_two(
         if not (_explains(fitted, present, alone) and credible(fitted, candidate.effect, training)):
             continue  # with derivatives of a model near by it looked better than it is
         step = SelectionStep(
-            candidate.effect, judge(reduced, fitted, candidate.variables, training, rng), fitted
+            candidate.effect, judge(reduced, fitted, candidate.variables, training, context.rng), fitted
         )
         kept = [step if s is one else s for s in steps if s is not other]
-        return _one_for_two(fitted, kept, training, rng, progress, barred)
+        return _one_for_two(fitted, kept, context)
     return present, steps
 
 

@@ -1,14 +1,34 @@
-"""One effect that came into the model, and why; what is told while the search goes on."""
+"""What a search has to go by, and one effect that came into the model; what is told while it goes on."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from calibration.gap.estimate.acceptance import Judgement
-from calibration.gap.estimate.refine import Fitted
+from calibration.gap.estimate.refine import Fitted, Training
 
 Progress = Callable[[str], None]
 """Called with what is being looked at."""
+
+
+@dataclass(frozen=True)
+class SearchContext:
+    """What all parts of a search have in common.
+
+    Attributes:
+        training: flights to fit to.
+        rng: of the bootstrap.
+        progress: told what is being looked at.
+        barred: effects that are not believed whatever they gain, and take no name's place, each with the
+            reason; what they explain better gets no other name either.
+    """
+
+    training: Training
+    rng: np.random.Generator
+    progress: Progress = lambda _: None
+    barred: Mapping[str, str] = field(default_factory=dict)
 
 
 class TimeToGo:
