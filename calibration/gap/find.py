@@ -35,7 +35,7 @@ from calibration.gap.report.document import (
     Rejected,
     UnusableFile,
 )
-from calibration.gap.report.effects import found_effects, landing_section
+from calibration.gap.report.effects import found_effects
 from calibration.gap.report.figures import figures, nameless_terms, unexplained, where
 from calibration.gap.report.figures_data import ReportFigures
 from calibration.gap.report.improved_vehicle import hard_to_fly, improved_vehicle, provenance
@@ -186,7 +186,7 @@ def _find(flights: Sequence[Flight], question: GapQuestion, progress: Progress) 
             *_differing(found, names, training),
             *hard_to_fly(improved),
         ),
-        landings=landing_section(landings) if landings else None,
+        landings=landings,
         seed=question.seed,
         settings=_settings(names.model),
         noise=_noise(found, training),

@@ -152,8 +152,8 @@ def _tell(report: "GapReport", page: Path) -> None:
             )
     if report.effects:
         console().print(table)
-    for refused in report.landings.refused if report.landings else ():
-        say(console(), f"landing refused: {refused.file}: {refused.reason}")
+    for refused in report.landings.unused if report.landings else ():
+        say(console(), f"landing refused: {refused.name}: {refused.reason}")
     if report.unexplained.formula:
         console().print(f"unexplained: {report.unexplained.formula}", markup=False)
     for text in report.nameless.written:

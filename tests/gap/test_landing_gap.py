@@ -18,7 +18,6 @@ from calibration.gap.landings.kernels import COLUMNS, POSITION, fly
 from calibration.gap.landings.problem import Solver, pose_problems
 from calibration.gap.landings.search import HIGHEST, NOMINAL, Theta, apply
 from calibration.gap.landings.segments import LandingSegment, landing_of
-from calibration.gap.report.effects import landing_section
 from onboard.json_file import as_json
 from onboard.room import RoomGeometry
 from onboard.vehicle import Vehicle, load_vehicle
@@ -216,7 +215,7 @@ def test_one_landing_or_its_copies_name_nothing(one_soft: Flight, vehicle: Vehic
     assert found.verdict is LandingVerdict.CANNOT_TELL
     assert not found.findings
     assert "can be held out" in found.limitations[0]
-    refused = as_json(landing_section(found))["refused"]
+    refused = as_json(found)["refused"]
     assert sum("the same landing" in flight["reason"] for flight in refused) == 7
 
 

@@ -10,6 +10,8 @@ import pytest
 
 from calibration.errors import CalibrationError
 from calibration.gap.data.found import FoundEffect, FoundParameter
+from calibration.gap.data.record import NotUsed
+from calibration.gap.landings import LandingFindings, LandingVerdict
 from calibration.gap.landings.flip import FlipResidual
 from calibration.gap.replay import evaluate, fly_again
 from calibration.gap.report.document import (
@@ -17,7 +19,6 @@ from calibration.gap.report.document import (
     Gap,
     GapReport,
     GapVerdict,
-    Landings,
     Levels,
     Rejected,
     Unexplained,
@@ -90,11 +91,15 @@ def report(**changes: Any) -> GapReport:
         ambiguous=(AmbiguousSet(names=("drag", "tilt"), separated_by="laps in both directions"),),
         rejected=(Rejected(name="inertia_error", reason="drifts with excitation"),),
         limitations=("no flight near a ceiling: ceiling_effect cannot be judged",),
-        landings=Landings(
+        landings=LandingFindings(
+            verdict=LandingVerdict.NO_GAP,
+            findings=(),
+            allowed={},
             usable=("landing-1", "landing-2"),
-            refused=(UnusableFile(file="landing-3", reason="the gyro <ends> with the contact"),),
+            unused=(NotUsed(name="landing-3", reason="the gyro <ends> with the contact"),),
             misfit=7.171,
-            flips=FlipResidual(
+            limitations=(),
+            flip=FlipResidual(
                 flights=("landing-1",),
                 samples=57,
                 mean={"as filed": 2.231, "no motor lag": -11.92},

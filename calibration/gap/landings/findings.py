@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 from calibration.gap.data.found import FoundEffect
 from calibration.gap.data.record import NotUsed
@@ -32,7 +33,7 @@ class LandingFindings:
         allowed: what the data still allow for each effect alone: 95 % interval by effect and parameter.
         usable: names of the flights whose landings can be judged.
         misfit: their median cost per residual with the vehicle as it was given: about 0.1 to 1 where the
-            equations hold; None where they are too few to be judged.
+            equations hold; None where they are too few to be judged, or the vehicle does not fly them at all.
         limitations: what was not, or could not be, judged.
         flip: pitch rate before the contact, or None without commands.
         unused: flights without a usable landing.
@@ -46,3 +47,8 @@ class LandingFindings:
     limitations: tuple[str, ...]
     flip: FlipResidual | None
     unused: tuple[NotUsed, ...]
+
+    def json_shape(self) -> dict[str, Any]:
+        """Which landings were looked at, as the report has it: its effects stand among those of the air."""
+        refused = [{"file": one.name, "reason": one.reason} for one in self.unused]
+        return {"usable": self.usable, "refused": refused, "misfit": self.misfit, "flips": self.flip}

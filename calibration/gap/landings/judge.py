@@ -111,12 +111,13 @@ def judge_landings(flights: Sequence[Flight], vehicle: Vehicle, rng: np.random.G
         effect: {name: interval for name, (_, interval) in parameters.items()}
         for effect, parameters in evidence.allowed.items()
     }
+    misfit = float(np.median(table.ratios[NOMINAL]))
     return LandingFindings(
         _verdict(findings, left, allowed),
         findings,
         allowed,
         usable,
-        float(np.median(table.ratios[NOMINAL])),
+        misfit if math.isfinite(misfit) else None,
         words,
         flip,
         tuple(unused),

@@ -13,7 +13,7 @@ from typing import Any
 
 from calibration.errors import CalibrationError
 from calibration.gap.data.found import FoundEffect
-from calibration.gap.landings.flip import FlipResidual
+from calibration.gap.landings import LandingFindings
 from onboard.json_file import as_json
 
 SCHEMA = "perchhw.gap/1"
@@ -138,24 +138,6 @@ class AmbiguousSet:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Landings:
-    """The landings that were looked at.
-
-    Attributes:
-        usable: names of the flights that effects of legs and feet were judged by, if they were enough.
-        refused: flights with a flip whose landing was not used, and why.
-        misfit: median cost per residual of these, before any effect of legs and feet: about 0.1 to 1 where
-            the equations hold; None where they were too few, or the model does not fly them at all.
-        flips: None without motor commands.
-    """
-
-    usable: tuple[str, ...]
-    refused: tuple[UnusableFile, ...]
-    misfit: float | None
-    flips: FlipResidual | None
-
-
-@dataclass(frozen=True, kw_only=True)
 class GapReport:
     """What ``perchhw gap find`` found.
 
@@ -191,7 +173,7 @@ class GapReport:
     rejected: tuple[Rejected, ...] = ()
     limitations: tuple[str, ...] = ()
     nameless: NamelessTerms = NamelessTerms()
-    landings: Landings | None = None
+    landings: LandingFindings | None = None
     seed: int = 0
     settings: Mapping[str, Any] = field(default_factory=dict)
     noise: Mapping[str, Any] = field(default_factory=dict)

@@ -1,14 +1,10 @@
-"""Effects found in the air as the report has them, and the landings that were looked at."""
-
-import math
+"""Effects found in the air as the report has them."""
 
 import numpy as np
 
 from calibration.gap.data.found import FoundEffect, FoundParameter, separations
 from calibration.gap.estimate.acceptance import NINETY_FIVE
 from calibration.gap.estimate.held_out import HeldOutFlights, improvement
-from calibration.gap.landings import LandingFindings
-from calibration.gap.report.document import Landings, UnusableFile
 from calibration.gap.search.naming import Named
 
 
@@ -48,14 +44,3 @@ def found_parameters(name: str, names: Named) -> dict[str, FoundParameter]:
                 unseen=value - half <= rule.low and value + half >= rule.high,
             )
     return parameters
-
-
-def landing_section(found: LandingFindings) -> Landings:
-    """Which landings could be judged and which were refused, as the report has it."""
-    misfit = found.misfit
-    return Landings(
-        usable=found.usable,
-        refused=tuple(UnusableFile(file=item.name, reason=item.reason) for item in found.unused),
-        misfit=misfit if misfit is not None and math.isfinite(misfit) else None,
-        flips=found.flip,
-    )

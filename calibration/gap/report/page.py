@@ -5,10 +5,11 @@ from html import escape
 from typing import Any
 
 from calibration.gap.data.found import FoundEffect
+from calibration.gap.landings import LandingFindings
 from calibration.gap.landings.flip import FlipResidual
 from calibration.gap.replay.closed_loop import ClosedLoopFlight
 from calibration.gap.report import drawings, words
-from calibration.gap.report.document import GapReport, GapVerdict, Landings, Levels, leaves
+from calibration.gap.report.document import GapReport, GapVerdict, Levels, leaves
 from calibration.gap.report.figures_data import ReportFigures
 from calibration.gap.report.words import interval, number, plain, unit
 from calibration.report_style import by_width, grid, page, report_style, section, svg, table
@@ -267,16 +268,16 @@ def _flights(report: GapReport) -> str:
     return content
 
 
-def _landings(landings: Landings) -> str:
+def _landings(landings: LandingFindings) -> str:
     rows = [[f"usable ({len(landings.usable)})", escape(", ".join(landings.usable) or "none")]]
     if landings.misfit is not None:
         meaning = "about 0.1 to 1 where the equations hold"
         rows.append(["cost per residual before, median", f"{number(landings.misfit)} ({meaning})"])
     content = table(["", ""], rows)
-    if landings.refused:
-        refused = [[escape(item.file), escape(item.reason)] for item in landings.refused]
+    if landings.unused:
+        refused = [[escape(item.name), escape(item.reason)] for item in landings.unused]
         content += "<h3>Refused</h3>" + table(["flight", "reason"], refused)
-    return content if landings.flips is None else content + _flips(landings.flips)
+    return content if landings.flip is None else content + _flips(landings.flip)
 
 
 def _flips(flips: FlipResidual) -> str:
