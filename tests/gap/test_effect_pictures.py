@@ -31,23 +31,23 @@ def found() -> tuple[Fitted, Training]:
 def test_a_loss_by_climbing_is_drawn_over_the_speed_along_the_thrust() -> None:
     (picture,) = effect_pictures(["inflow_thrust_loss"], *found())
     assert (picture.channel, picture.regressor) == ("force_z", "velocity_z")
-    slope = np.polyfit(picture.x, picture.said, 1)[0]
+    slope = np.polyfit(picture.x, picture.second, 1)[0]
     assert slope < 0.0
-    assert np.polyfit(picture.x, picture.shown, 1)[0] == pytest.approx(slope, rel=0.1)
+    assert np.polyfit(picture.x, picture.first, 1)[0] == pytest.approx(slope, rel=0.1)
 
 
 def test_a_delay_is_drawn_over_the_rate_that_its_commands_answer() -> None:
     (picture,) = effect_pictures(["command_delay"], *found())
     assert (picture.channel, picture.regressor) == ("torque_x", "rate_x")
-    assert np.polyfit(picture.x, picture.said, 1)[0] * np.polyfit(picture.x, picture.shown, 1)[0] > 0.0
+    assert np.polyfit(picture.x, picture.second, 1)[0] * np.polyfit(picture.x, picture.first, 1)[0] > 0.0
 
 
 def test_what_goes_with_nothing_is_drawn_over_itself(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("calibration.gap.report.effect_pictures._TELLING", 0.9)  # more than anything tells
     (picture,) = effect_pictures(["command_delay"], *found())
     assert picture.regressor == "what the effect says"
-    np.testing.assert_array_equal(picture.x, picture.said)
-    assert np.polyfit(picture.said, picture.shown, 1)[0] > 0.3  # answers to noise take from it
+    np.testing.assert_array_equal(picture.x, picture.second)
+    assert np.polyfit(picture.second, picture.first, 1)[0] > 0.3  # answers to noise take from it
 
 
 def test_an_effect_that_is_not_in_the_fit_has_no_picture() -> None:

@@ -27,7 +27,7 @@ from calibration.gap.report.document import (
     leaves,
 )
 from calibration.gap.report.drawings import quantile_bands
-from calibration.gap.report.figures_data import EffectPicture, HorizonCurves, ReportFigures, ResidualCloud
+from calibration.gap.report.figures_data import AlongRegressor, HorizonCurves, ReportFigures
 from calibration.gap.report.prediction_figures import (
     channel_bars,
     horizon_curves,
@@ -127,15 +127,15 @@ def figures() -> ReportFigures:
     noise = RNG.normal(size=300)
     return ReportFigures(
         effects=(
-            EffectPicture(
+            AlongRegressor(
                 effect="battery_sag",
                 channel="force_z",
                 channel_unit="m/s2",
                 regressor="voltage",
                 regressor_unit="V",
                 x=x,
-                shown=x + noise,
-                said=x,
+                first=x + noise,
+                second=x,
             ),
         ),
         horizons=(
@@ -152,14 +152,14 @@ def figures() -> ReportFigures:
             gap_map([[0.1, 0.02, np.nan], [0.0, 0.2, 0.1]]),
         ),
         clouds=(
-            ResidualCloud(
+            AlongRegressor(
                 channel="force_z",
                 channel_unit="m/s2",
                 regressor="voltage",
                 regressor_unit="V",
                 x=x,
-                before=x + noise,
-                after=noise,
+                first=x + noise,
+                second=noise,
             ),
         ),
     )

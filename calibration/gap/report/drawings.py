@@ -6,12 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from calibration.gap.replay.closed_loop import ClosedLoopFlight
-from calibration.gap.report.figures_data import (
-    EffectPicture,
-    HorizonCurves,
-    ResidualCloud,
-    StageBars,
-)
+from calibration.gap.report.figures_data import AlongRegressor, HorizonCurves, StageBars
 from calibration.gap.report.words import plain
 from calibration.gap.unnamed.gap_map import GapMap
 from calibration.report_style import BLUE, INK, MUTED, ORANGE, new_figure
@@ -123,40 +118,41 @@ def heat_maps(maps: tuple[GapMap, GapMap]) -> "Figure":
     return figure
 
 
-def cloud_panels(clouds: tuple[ResidualCloud, ...]) -> "Figure":
+def cloud_panels(clouds: tuple[AlongRegressor, ...]) -> "Figure":
     """Median and middle two thirds of the residual over parts of the regressor, before and after."""
     figure, axes = _panels(len(clouds), 2.7)
     for panel, data in zip(axes, clouds, strict=True):
-        for values, colour, name in ((data.before, _BEFORE, "before"), (data.after, _AFTER, "after")):
+        for values, colour, name in ((data.first, _BEFORE, "before"), (data.second, _AFTER, "after")):
             x, low, middle, high = quantile_bands(data.x, values)
             panel.fill_between(x, low, high, color=colour, alpha=0.15, lw=0)
             panel.plot(x, middle, "o-", ms=3, lw=1.5, color=colour, label=name)
         panel.axhline(0.0, color=MUTED, lw=0.8)
-        panel.set(
-            xlabel=f"{plain(data.regressor)} ({data.regressor_unit})",
-            ylabel=f"{plain(data.channel)} ({data.channel_unit})",
-        )
+        _label(panel, data)
     _shared_legend(figure, axes)
     return figure
 
 
-def effect_panels(pictures: tuple[EffectPicture, ...]) -> "Figure":
+def effect_panels(pictures: tuple[AlongRegressor, ...]) -> "Figure":
     """Per effect: the data beyond a model without it (medians, middle two thirds), and what it says."""
     figure, axes = _panels(len(pictures), 2.9)
     for panel, data in zip(axes, pictures, strict=True):
         panel.axhline(0.0, color=_BEFORE, lw=1.4, label="model without it")
-        x, low, middle, high = quantile_bands(data.x, data.shown)
+        x, low, middle, high = quantile_bands(data.x, data.first)
         panel.fill_between(x, low, high, color=INK, alpha=0.12, lw=0)
         panel.plot(x, middle, "o", ms=3.5, color=INK, label="flights")
-        x, _, middle, _ = quantile_bands(data.x, data.said)
+        x, _, middle, _ = quantile_bands(data.x, data.second)
         panel.plot(x, middle, lw=1.8, color=_AFTER, label="with it")
-        behind = f" ({data.regressor_unit})" if data.regressor_unit else ""
-        panel.set(
-            xlabel=f"{plain(data.regressor)}{behind}", ylabel=f"{plain(data.channel)} ({data.channel_unit})"
-        )
+        _label(panel, data)
         panel.set_title(plain(data.effect), fontsize=9.5, loc="left")
     _shared_legend(figure, axes)
     return figure
+
+
+def _label(panel: "Axes", data: AlongRegressor) -> None:
+    behind = f" ({data.regressor_unit})" if data.regressor_unit else ""
+    panel.set(
+        xlabel=f"{plain(data.regressor)}{behind}", ylabel=f"{plain(data.channel)} ({data.channel_unit})"
+    )
 
 
 def quantile_bands(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

@@ -11,7 +11,7 @@ import numpy as np
 from calibration.gap.data.signals import CHANNELS, KINDS, UNITS, Signals, window_means
 from calibration.gap.estimate.model import kinds_that_tell
 from calibration.gap.estimate.refine import Fitted, Training
-from calibration.gap.report.figures_data import EffectPicture
+from calibration.gap.report.figures_data import AlongRegressor
 from calibration.gap.unnamed.regressors import Regressor, regressors
 from onboard.arrays import BoolArray, FloatArray
 
@@ -27,7 +27,7 @@ _TELLING = 0.5
 _ITSELF = "what the effect says"
 
 
-def effect_pictures(names: Sequence[str], final: Fitted, training: Training) -> tuple[EffectPicture, ...]:
+def effect_pictures(names: Sequence[str], final: Fitted, training: Training) -> tuple[AlongRegressor, ...]:
     """Pictures of these effects of a fit, in their order; none of an effect that does nothing here."""
     along = regressors(training.records)
     pictures = (_picture(name, final, training, along) for name in names)
@@ -36,7 +36,7 @@ def effect_pictures(names: Sequence[str], final: Fitted, training: Training) -> 
 
 def _picture(
     name: str, final: Fitted, training: Training, along: Sequence[Regressor]
-) -> EffectPicture | None:
+) -> AlongRegressor | None:
     signals = training.regression.signals
     says = final.predicted - final.model.without(name).predict(training.records)
     says = np.where(signals.valid, says, 0.0)
@@ -53,15 +53,15 @@ def _picture(
     itself = shares[best] < _TELLING
     x = said if itself else averaged(along[best].values, valid, signals)
     known = np.isfinite(x) & np.isfinite(said) & np.isfinite(shown)
-    return EffectPicture(
+    return AlongRegressor(
         effect=name,
         channel=CHANNELS[channel],
         channel_unit=UNITS[channel],
         regressor=_ITSELF if itself else along[best].name,
         regressor_unit=UNITS[channel] if itself else along[best].unit,
         x=x[known],
-        shown=shown[known],
-        said=said[known],
+        first=shown[known],
+        second=said[known],
     )
 
 

@@ -13,7 +13,7 @@ from calibration.gap.replay import PredictionErrors, fly_again
 from calibration.gap.replay.closed_loop import ClosedLoopFlight
 from calibration.gap.report.document import Gap, NamelessTerms, Rejected, Unexplained, Where
 from calibration.gap.report.effect_pictures import averaged, effect_pictures
-from calibration.gap.report.figures_data import ReportFigures, ResidualCloud
+from calibration.gap.report.figures_data import AlongRegressor, ReportFigures
 from calibration.gap.report.prediction_figures import (
     channel_bars,
     horizon_curves,
@@ -103,11 +103,11 @@ def figures(
     )
 
 
-def _clouds(before: GapMap, found: Search, training: Training) -> tuple[ResidualCloud, ...]:
+def _clouds(before: GapMap, found: Search, training: Training) -> tuple[AlongRegressor, ...]:
     """Residuals against the regressors that explained most, before and after, averaged over 0.1 s."""
     along = {regressor.name: regressor for regressor in regressors(training.records)}
     signals = training.regression.signals
-    clouds: list[ResidualCloud] = []
+    clouds: list[AlongRegressor] = []
     for cell in before.cells:
         if len(clouds) == _CLOUDS or cell.p >= LEVEL:
             break
@@ -122,14 +122,14 @@ def _clouds(before: GapMap, found: Search, training: Training) -> tuple[Residual
         means = np.array([averaged(column, signals.valid[:, index], signals) for column in columns])
         x, one, other = means[:, np.isfinite(means).all(axis=0)]
         clouds.append(
-            ResidualCloud(
+            AlongRegressor(
                 channel=cell.channel.name,
                 channel_unit=UNITS[index],
                 regressor=cell.regressor.name,
                 regressor_unit=cell.regressor.unit,
                 x=x,
-                before=one,
-                after=other,
+                first=one,
+                second=other,
             )
         )
     return tuple(clouds)

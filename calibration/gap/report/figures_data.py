@@ -50,13 +50,15 @@ class StageBars:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ResidualCloud:
-    """Residual of a channel against a regressor, before and after; drawn as medians of equal parts.
+class AlongRegressor:
+    """Two readings of a channel along a regressor; drawn as medians of equal parts.
 
     Attributes:
         channel, channel_unit: such as "force_z", "m/s2".
         regressor, regressor_unit: such as "battery voltage", "V".
-        x: shape (n,). before, after: residuals, shape (n,).
+        x: shape (n,). first, second: residuals before and after, or what the data show of an effect beyond a
+            model without it and what it says; shape (n,).
+        effect: its name; empty for residuals.
     """
 
     channel: str
@@ -64,28 +66,9 @@ class ResidualCloud:
     regressor: str
     regressor_unit: str
     x: FloatArray
-    before: FloatArray
-    after: FloatArray
-
-
-@dataclass(frozen=True, kw_only=True)
-class EffectPicture:
-    """What the data show of an effect, beyond a model without it, and what it says, along a regressor.
-
-    Attributes:
-        effect: its name.
-        channel, channel_unit, regressor, regressor_unit: as of a :class:`ResidualCloud`.
-        x: shape (n,). shown, said: by data and effect, shape (n,).
-    """
-
-    effect: str
-    channel: str
-    channel_unit: str
-    regressor: str
-    regressor_unit: str
-    x: FloatArray
-    shown: FloatArray
-    said: FloatArray
+    first: FloatArray
+    second: FloatArray
+    effect: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,10 +84,10 @@ class ReportFigures:
         closed_loop: a held-out flight, flown again by the models of some stages.
     """
 
-    effects: tuple[EffectPicture, ...] = ()
+    effects: tuple[AlongRegressor, ...] = ()
     horizons: tuple[HorizonCurves, ...] = ()
     channels: StageBars | None = None
     phases: StageBars | None = None
     heat_map: tuple[GapMap, GapMap] | None = None
-    clouds: tuple[ResidualCloud, ...] = ()
+    clouds: tuple[AlongRegressor, ...] = ()
     closed_loop: Mapping[str, ClosedLoopFlight] = field(default_factory=dict)
