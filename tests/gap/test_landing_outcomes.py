@@ -91,7 +91,7 @@ def test_starts_are_where_the_flights_were(prepared: PreparedLandings) -> None:
     assert float(np.sqrt(np.nanmean(prepared.rate_error**2))) < 2.2
     assert prepared.dispersion.height < 0.04
     assert max(prepared.dispersion.velocity) < 0.2
-    assert np.nanmedian(prepared.slopes.roll) == pytest.approx(-0.15, abs=0.04)
+    assert np.nanmedian(prepared.roll_slopes) == pytest.approx(-0.15, abs=0.04)
     missed, left = np.sqrt(np.nanmean(prepared.roll_error**2, axis=0))
     assert missed < 2.1  # of 2.6 rad/s where trim counts as thrust
     assert left < missed / 3.0  # one number, from the other flights

@@ -10,7 +10,6 @@ from calibration.gap.landings.search import (
     CANDIDATES,
     HIGHEST,
     LOWEST,
-    NOMINAL,
     PERFECT,
     STRONGEST,
     LeaveOneOut,
@@ -105,8 +104,7 @@ def at_bound(theta: Theta, effect: str) -> tuple[str, ...]:
     return tuple(
         _WORDS[name]
         for name in CANDIDATES[effect]
-        if getattr(theta, name) != getattr(NOMINAL, name)
-        and getattr(theta, name) in (getattr(LOWEST, name), getattr(HIGHEST, name))
+        if name in theta.moved and getattr(theta, name) in (getattr(LOWEST, name), getattr(HIGHEST, name))
     )
 
 
@@ -122,10 +120,10 @@ def intervals(
     for effect in held.model:
         out[effect] = {}
         for name in CANDIDATES[effect]:
+            if name not in held.theta.moved:
+                continue
             axis = Theta._fields.index(name)
             value = held.theta[axis]
-            if value == NOMINAL[axis]:
-                continue
             low, high = interval_of(drawn[:, axis])
             others = np.array([theta[axis] for theta in held.chosen])
             jackknife = 1.96 * float(np.sqrt((others.size - 1) * np.var(others)))

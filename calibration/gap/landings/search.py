@@ -43,6 +43,11 @@ class Theta(NamedTuple):
     adhesion: float = PERFECT
     preload: float = 0.0
 
+    @property
+    def moved(self) -> frozenset[str]:
+        """Names of the parameters that are not as the vehicle file has them."""
+        return frozenset(name for name, own in self._asdict().items() if own != getattr(NOMINAL, name))
+
 
 NOMINAL = Theta()
 HIGHEST = Theta(math.log(50.0), math.log(100.0), STRONGEST, 20.0)
@@ -131,13 +136,7 @@ class ScoreTable:
     def of_model(self, model: Sequence[str]) -> tuple[list[Theta], FloatArray]:
         """Vehicles that differ from the file only by what the model moves, and their scores (vehicles, n)."""
         moved = {name for effect in model for name in CANDIDATES[effect]}
-        inside = [
-            theta
-            for theta in self.scores
-            if all(
-                getattr(theta, name) == getattr(NOMINAL, name) for name in Theta._fields if name not in moved
-            )
-        ]
+        inside = [theta for theta in self.scores if theta.moved <= moved]
         return inside, np.array([self.scores[theta] for theta in inside])
 
 
@@ -234,12 +233,7 @@ def finer_adhesion(table: ScoreTable, theta: Theta) -> float:
 
 def widen(table: ScoreTable, theta: Theta, model: tuple[str, ...]) -> None:
     """Try a grid around a model's best vehicle, so that bootstrap and hold-out can choose across a ridge."""
-    names = [
-        name
-        for effect in model
-        for name in CANDIDATES[effect]
-        if getattr(theta, name) != getattr(NOMINAL, name)
-    ]
+    names = [name for effect in model for name in CANDIDATES[effect] if name in theta.moved]
     for offsets in product(_WIDE, repeat=len(names)):
         moved = {}
         for name, offset in zip(names, offsets, strict=True):

@@ -32,6 +32,8 @@ _WIND_DIRECTIONS, _WIND_SPEEDS = 4, (1.0, 6.0)
 _OPENINGS = (0.9, 0.35)
 """Shares of a rotor's rim through which air can enter."""
 
+_TETHER = tuple(Variable("tether", name) for name in ("x", "y", "z", "length", "stiffness"))
+
 _ABOVE = (0.02, 0.04, 0.07, 0.12, 0.25)
 """m, ceiling above the highest rotor flown, where nobody said how high it is."""
 
@@ -131,7 +133,7 @@ def _candidate(description: EffectDescription, model: Model, records: Sequence[F
         case "ceiling_effect":
             return Candidate(name, variables, _ceilings(model, records))
         case "tether":
-            return Candidate(name, _tether_variables(), _tethers(model, records))
+            return Candidate(name, _TETHER, _tethers(model, records))
         case "wind":
             # Upwards it does what a scale of thrust does, and would stand in for any error of a thrust map.
             return Candidate(name, tuple(v for v in variables if v.parameter != "z"), (model,))
@@ -179,10 +181,6 @@ def _ceilings(model: Model, records: Sequence[FlightRecord]) -> tuple[Model, ...
     return tuple(start.at_ceiling(top + gap) for start in starts for gap in _ABOVE)
 
 
-def _tether_variables() -> tuple[Variable, ...]:
-    return tuple(Variable("tether", parameter) for parameter in ("x", "y", "z", "length", "stiffness"))
-
-
 def _tethers(model: Model, records: Sequence[FlightRecord]) -> tuple[Model, ...]:
     """Soft strings from places around the flown volume, taut in half of it."""
     places = np.vstack([r.position[r.flying] for r in records])
@@ -193,7 +191,7 @@ def _tethers(model: Model, records: Sequence[FlightRecord]) -> tuple[Model, ...]
     for direction in ((0, 0, 1), (0, 0, -1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)):
         anchor = middle + (reach + 0.5) * np.asarray(direction, dtype=float)
         length = float(np.median(np.linalg.norm(places - anchor, axis=1)))
-        values = dict(zip(_tether_variables(), (*anchor, length, 0.1), strict=True))
+        values = dict(zip(_TETHER, (*anchor, length, 0.1), strict=True))
         starts.append(model.with_values(values))
     return tuple(starts)
 

@@ -41,24 +41,16 @@ class Dispersion:
     roll: float
 
 
-@dataclass(frozen=True)
-class FlipSlopes:
-    """Measured over predicted change of rate in the flips.
-
-    Attributes:
-        pitch: by flight (n,), about b_y. roll: change about b_x over the predicted one about b_y (n,).
-    """
-
-    pitch: FloatArray
-    roll: FloatArray
-
-
 UNKNOWN = Dispersion(0.01, (0.03, 0.03, 0.03), (0.01, 0.01, 0.01), (0.15, 0.15, 0.15), 0.03, 0.03)
 """Of a start that is known from motion capture (``start_state``), where flights are too few to tell."""
 
 
 def estimate_dispersion(
-    starts: Sequence[TriggerStart], ceilings: FloatArray, speeds: FloatArray, slopes: FlipSlopes
+    starts: Sequence[TriggerStart],
+    ceilings: FloatArray,
+    speeds: FloatArray,
+    pitch_slopes: FloatArray,
+    roll_slopes: FloatArray,
 ) -> Dispersion:
     """Standard deviations over flights.
 
@@ -66,7 +58,7 @@ def estimate_dispersion(
         starts: all flights.
         ceilings: m (n,), height that each contact implies, less that of its session; NaN where unseen.
         speeds: m/s (n,), climb of the highest point at the contact.
-        slopes: of the flips.
+        pitch_slopes, roll_slopes: as of :class:`..prepare.PreparedLandings`.
     """
     wait = np.array([start.contact_error for start in starts])
     unseen = np.abs(speeds) * wait / np.sqrt(3.0)  # uniform between the samples
@@ -82,8 +74,8 @@ def estimate_dispersion(
         velocity=_half(np.array(velocities), UNKNOWN.velocity),
         attitude=_half(np.array([s.redundant.attitude for s in starts]), UNKNOWN.attitude),
         rate=_half(np.array([s.redundant.rate for s in starts]), UNKNOWN.rate),
-        pitch=_or(slopes.pitch, UNKNOWN.pitch),
-        roll=_or(slopes.roll, UNKNOWN.roll),
+        pitch=_or(pitch_slopes, UNKNOWN.pitch),
+        roll=_or(roll_slopes, UNKNOWN.roll),
     )
 
 

@@ -97,8 +97,8 @@ class LandingReport:
             "launch": self.launch,
             "flip": {
                 "pitch_rate_rms_rad_s": _rms(self.prepared.rate_error),
-                "pitch_slope": _mean(self.prepared.slopes.pitch),
-                "roll_per_pitch": _mean(self.prepared.slopes.roll),
+                "pitch_slope": _mean(self.prepared.pitch_slopes),
+                "roll_per_pitch": _mean(self.prepared.roll_slopes),
                 "roll_rate_rms_rad_s": _rms(self.prepared.roll_error[:, 0]),
                 "roll_rate_rms_with_it_rad_s": _rms(self.prepared.roll_error[:, 1]),
                 "roll": self.prepared.roll,

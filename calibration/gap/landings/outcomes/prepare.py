@@ -15,7 +15,7 @@ import numpy as np
 from calibration.flights import Flight
 from calibration.gap.data.record import NotUsed
 from calibration.gap.landings.kernels import COLUMNS, OMEGA
-from calibration.gap.landings.outcomes.dispersion import Dispersion, FlipSlopes, estimate_dispersion
+from calibration.gap.landings.outcomes.dispersion import Dispersion, estimate_dispersion
 from calibration.gap.landings.outcomes.kernels import trace_flips
 from calibration.gap.landings.outcomes.roll import RollEvidence, roll_evidence
 from calibration.gap.landings.outcomes.starts import TriggerStart, trigger_start
@@ -51,7 +51,9 @@ class PreparedLandings:
         starts: their triggers.
         clocks: s (n,), by how much the log is later than the trigger.
         ceilings: m (n,), of the session, from the contacts of the other flights.
-        slopes: of the flips, with the vehicle that prepared them. rate_error: rad/s (n,), RMS about b_y.
+        pitch_slopes: measured over predicted change of rate about b_y in the flips (n,), with the vehicle
+            that prepared them. roll_slopes: change about b_x over the predicted one about b_y (n,).
+        rate_error: rad/s (n,), RMS about b_y.
         roll_error: rad/s (n, 2), RMS about b_x: as the vehicle has it, and with as much roll per pitch as the
             other flights showed.
         dispersion: of starts and flips.
@@ -63,7 +65,8 @@ class PreparedLandings:
     starts: tuple[TriggerStart, ...]
     clocks: FloatArray
     ceilings: FloatArray
-    slopes: FlipSlopes
+    pitch_slopes: FloatArray
+    roll_slopes: FloatArray
     rate_error: FloatArray
     roll_error: FloatArray
     dispersion: Dispersion
@@ -120,16 +123,17 @@ def prepare(
     flips = [_flip(start, free) for start in starts]
     implied = np.array([flip.ceiling for flip in flips])
     ceilings = _ceilings(starts, implied)
-    slopes = FlipSlopes(np.array([flip.pitch for flip in flips]), np.array([flip.roll for flip in flips]))
+    pitch, roll = np.array([flip.pitch for flip in flips]), np.array([flip.roll for flip in flips])
     climbs = np.array([flip.climb for flip in flips])
     return PreparedLandings(
         starts=tuple(starts),
         clocks=np.array([flip.clock for flip in flips]),
         ceilings=ceilings,
-        slopes=slopes,
+        pitch_slopes=pitch,
+        roll_slopes=roll,
         rate_error=np.array([flip.error for flip in flips]),
         roll_error=_roll_error(flips),
-        dispersion=estimate_dispersion(starts, implied - ceilings, climbs, slopes),
+        dispersion=estimate_dispersion(starts, implied - ceilings, climbs, pitch, roll),
         draws=rng.standard_normal((len(starts), draws, ERRORS)),
         roll=roll_evidence(starts, vehicle, rng),
         unused=tuple(unused),
