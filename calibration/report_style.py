@@ -1,7 +1,7 @@
 """How reports look: colours, figures as inline SVG, the page, its sections and tables."""
 
 import io
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from html import escape
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -95,6 +95,11 @@ def table(header: list[str], rows: list[list[str]]) -> str:
     kind = ' class="many"' if len(header) >= _MANY_COLUMNS else ""
     body = "".join(f"<tr>{_cells(row, names if kind else [])}</tr>" for row in rows)
     return f"<table{kind}><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def text_table(header: list[str], rows: Iterable[Iterable[str]]) -> str:
+    """A :func:`table` whose cells are text."""
+    return table(header, [[escape(cell) for cell in row] for row in rows])
 
 
 def _cells(row: list[str], names: list[str]) -> str:

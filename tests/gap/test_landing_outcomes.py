@@ -82,7 +82,7 @@ def test_starts_are_where_the_flights_were(prepared: PreparedLandings) -> None:
     """The room differs by day, the log lags the trigger by less than two rows, and flips are followed."""
     by_day = {
         day: np.median(
-            [c for s, c in zip(prepared.starts, prepared.ceilings, strict=True) if s.session == day]
+            [c for s, c in zip(prepared.starts, prepared.ceilings, strict=True) if s.flight.session == day]
         )
         for day in ("10-26", "10-27")
     }

@@ -28,6 +28,7 @@ from calibration.report_style import (
     section,
     svg,
     table,
+    text_table,
 )
 from onboard.arrays import FloatArray
 from onboard.json_file import as_json
@@ -65,8 +66,8 @@ def landings_page(report: LandingReport, parameters: Any) -> str:
         if report.prepared.roll is not None:
             parts.append(section("Why flips roll", _roll(report.prepared.roll), _ROLL_NOTE))
     if report.unused:
-        rows = [[escape(item.name), escape(item.reason)] for item in report.unused]
-        parts.append(section("Not judged", table(["flight", "why not"], rows)))
+        unused = text_table(["flight", "why not"], ([one.name, one.reason] for one in report.unused))
+        parts.append(section("Not judged", unused))
     count = len(report.real)
     title = f"Landings of {report.vehicle}: predicted and real"
     return page(
@@ -193,7 +194,7 @@ def motions(report: LandingReport, parameters: Any, side_by_side: int) -> "Figur
         panel = axes[index]
         p["ceiling_z"] = report.prepared.ceilings[index]
         numbers = report.prepared.draws[index][:_MOTIONS]
-        states, flips = scattered(start, report.dispersion, numbers, p)
+        states, flips = scattered(start, report.prepared.dispersion, numbers, p)
         traces = np.empty((len(states), at.size, COLUMNS))
         trace_flips(states, p, flips, SETTINGS, traces)
         panel.plot(at, traces[:, :, OMEGA + 1].T, color=MUTED, lw=0.4, alpha=0.35, rasterized=True)
@@ -247,9 +248,9 @@ def _flights(report: LandingReport) -> str:
     for flight, real in zip(as_json(report)["flights"], report.real, strict=True):
         shares = [f"{flight[f'p_{name}']:.2f}" for name in (*CLASS_NAMES, "body_contact")]
         times = [_time(flight["contact_s"]), _time(flight["contact_measured_s"])]
-        rows.append([escape(flight["name"]), "" if real is None else real.value, *shares, *times])
+        rows.append([flight["name"], "" if real is None else real.value, *shares, *times])
     header = ["flight", "real", "four", "two", "none", "body contact", "contact, s", "measured, s"]
-    return table(header, rows)
+    return text_table(header, rows)
 
 
 def _time(value: float | None) -> str:
@@ -257,7 +258,7 @@ def _time(value: float | None) -> str:
 
 
 def _dispersion(report: LandingReport) -> str:
-    found = report.dispersion
+    found = report.prepared.dispersion
     three = [
         ("velocity, m/s (world)", found.velocity),
         ("attitude, rad (body)", found.attitude),

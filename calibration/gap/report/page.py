@@ -12,7 +12,7 @@ from calibration.gap.report import drawings, words
 from calibration.gap.report.document import GapReport, GapVerdict, Levels, leaves
 from calibration.gap.report.figures_data import ReportFigures
 from calibration.gap.report.words import interval, number, plain, unit
-from calibration.report_style import by_width, grid, page, report_style, section, svg, table
+from calibration.report_style import by_width, grid, page, report_style, section, svg, table, text_table
 from onboard.vehicle import EFFECTS
 
 _COLOURS = {
@@ -56,13 +56,11 @@ def _sections(report: GapReport, figures: ReportFigures) -> Iterator[str]:
             "before it in the model.",
         )
     if report.ambiguous:
-        rows = [
-            [escape(" or ".join(map(plain, item.names))), escape(item.separated_by)]
-            for item in report.ambiguous
-        ]
-        yield section(
-            "What these flights cannot tell apart", table(["effects", "what would tell them"], rows)
+        alike = text_table(
+            ["effects", "what would tell them"],
+            ([" or ".join(map(plain, item.names)), item.separated_by] for item in report.ambiguous),
         )
+        yield section("What these flights cannot tell apart", alike)
     yield from _where(report, figures)
     if figures.closed_loop:
         yield _closed_loop(figures.closed_loop)
@@ -71,8 +69,8 @@ def _sections(report: GapReport, figures: ReportFigures) -> Iterator[str]:
     if report.nameless.written or report.nameless.refused:
         yield section("What was found without a name", _nameless(report), _NAMELESS)
     if report.rejected:
-        rows = [[escape(plain(item.name)), escape(item.reason)] for item in report.rejected]
-        yield section("What looked missing and was not accepted", table(["effect", "why not"], rows))
+        rejected = text_table(["effect", "why not"], ([plain(it.name), it.reason] for it in report.rejected))
+        yield section("What looked missing and was not accepted", rejected)
     yield section("Flights", _flights(report))
     if report.landings is not None:
         yield section("Landings", _landings(report.landings))
@@ -195,11 +193,8 @@ def _folded(title: str, content: str) -> str:
 
 def _where(report: GapReport, figures: ReportFigures) -> Iterator[str]:
     if report.where or figures.heat_map is not None:
-        rows = [
-            [escape(plain(place.channel)), escape(place.condition), f"{number(place.share)}"]
-            for place in report.where
-        ]
-        content = table(["channel", "condition", "share of the gap before"], rows) if rows else ""
+        rows = [[plain(one.channel), one.condition, number(one.share)] for one in report.where]
+        content = text_table(["channel", "condition", "share of the gap before"], rows) if rows else ""
         note = ""
         if figures.heat_map is not None:
             content += svg(
@@ -258,32 +253,32 @@ def _nameless(report: GapReport) -> str:
 
 
 def _flights(report: GapReport) -> str:
-    rows = []
-    for title, names in (("fitted", report.train), ("held out", report.held_out)):
-        rows.append([f"{title} ({len(names)})", escape(", ".join(names) or "none")])
-    content = table(["", ""], rows)
+    kinds = (("fitted", report.train), ("held out", report.held_out))
+    content = text_table(
+        ["", ""], ([f"{title} ({len(names)})", ", ".join(names) or "none"] for title, names in kinds)
+    )
     if report.unusable:
-        unusable = [[escape(item.file), escape(item.reason)] for item in report.unusable]
-        content += "<h3>Not used</h3>" + table(["file", "reason"], unusable)
+        unusable = ([item.file, item.reason] for item in report.unusable)
+        content += "<h3>Not used</h3>" + text_table(["file", "reason"], unusable)
     return content
 
 
 def _landings(landings: LandingFindings) -> str:
-    rows = [[f"usable ({len(landings.usable)})", escape(", ".join(landings.usable) or "none")]]
+    rows = [[f"usable ({len(landings.usable)})", ", ".join(landings.usable) or "none"]]
     if landings.misfit is not None:
         meaning = "about 0.1 to 1 where the equations hold"
         rows.append(["cost per residual before, median", f"{number(landings.misfit)} ({meaning})"])
-    content = table(["", ""], rows)
+    content = text_table(["", ""], rows)
     if landings.unused:
-        refused = [[escape(item.name), escape(item.reason)] for item in landings.unused]
-        content += "<h3>Refused</h3>" + table(["flight", "reason"], refused)
+        refused = ([item.name, item.reason] for item in landings.unused)
+        content += "<h3>Refused</h3>" + text_table(["flight", "reason"], refused)
     return content if landings.flip is None else content + _flips(landings.flip)
 
 
 def _flips(flips: FlipResidual) -> str:
     words = "".join(f"<li>{escape(text)}</li>" for text in flips.judgement)
-    rows = [[escape(name), number(flips.mean[name]), number(flips.rms[name])] for name in flips.mean]
-    compared = table(["model minus gyro", "mean, rad/s", "RMS, rad/s"], rows)
+    rows = ([name, number(flips.mean[name]), number(flips.rms[name])] for name in flips.mean)
+    compared = text_table(["model minus gyro", "mean, rad/s", "RMS, rad/s"], rows)
     names = f"{flips.samples} samples of {', '.join(flips.flights)}"
     return f"<h3>Flips before the contact</h3><ul>{words}</ul>" + _folded(names, compared)
 
@@ -298,5 +293,5 @@ def _facts(facts: Mapping[str, Any]) -> str:
     rows = []
     for place, value in leaves(facts):
         shown = number(value) if isinstance(value, float) else "not given" if value is None else str(value)
-        rows.append([escape(plain(place).replace(".", ", ")), escape(shown)])
-    return table(["", ""], rows)
+        rows.append([plain(place).replace(".", ", "), shown])
+    return text_table(["", ""], rows)

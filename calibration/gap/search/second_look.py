@@ -122,8 +122,8 @@ def _one_for_two(
         return nearly_without(present, training, name)
 
     pairs = {
-        (one.effect, other.effect): _common_names(one.effect, other.effect)
-        - {*present.model.effects, *context.barred}
+        (one.effect, other.effect): set(EFFECTS[one.effect].confused_with)
+        & set(EFFECTS[other.effect].confused_with) - {*present.model.effects, *context.barred}
         for one, other in itertools.combinations(steps, 2)
     }
     look = linear_look(present, training, set().union(*pairs.values()))
@@ -147,10 +147,6 @@ def _one_for_two(
         kept = [step if s is one else s for s in steps if s is not other]
         return _one_for_two(fitted, kept, context)
     return present, steps
-
-
-def _common_names(one: str, other: str) -> set[str]:
-    return set(EFFECTS[one].confused_with) & set(EFFECTS[other].confused_with)
 
 
 def _may_explain(look: LinearLook, names: tuple[str, str], cause: str) -> bool:

@@ -9,7 +9,6 @@ import numpy as np
 from calibration.errors import CalibrationError
 from calibration.gap.data.record import NotUsed
 from calibration.gap.landings.findings import LandingVerdict
-from calibration.gap.landings.outcomes.dispersion import Dispersion
 from calibration.gap.landings.outcomes.expectation import JudgedExpectation, judged_expectation
 from calibration.gap.landings.outcomes.labels import CLASS_NAMES, FOUR, landing_class
 from calibration.gap.landings.outcomes.launch import MeasuredLaunch, measured_launch
@@ -60,11 +59,6 @@ class LandingReport:
     search: OutcomeSearch | None = None
 
     @property
-    def dispersion(self) -> Dispersion:
-        """How the starts scatter."""
-        return self.prepared.dispersion
-
-    @property
     def launch(self) -> MeasuredLaunch | None:
         """How approaches differ from what they were told."""
         ready = self.prepared
@@ -93,7 +87,7 @@ class LandingReport:
             "flights": [self._flight(index) for index in range(len(self.real))],
             "score": self.score,
             "expectation": self.expectation,
-            "dispersion": self.dispersion,
+            "dispersion": self.prepared.dispersion,
             "launch": self.launch,
             "flip": {
                 "pitch_rate_rms_rad_s": _rms(self.prepared.rate_error),

@@ -189,7 +189,7 @@ def _clock(t: FloatArray, seen: FloatArray, trace: FloatArray, sigma: float) -> 
 
 def _ceilings(starts: Sequence[TriggerStart], implied: FloatArray) -> FloatArray:
     """Ceiling (m) of each flight: the median of the others of its session, else where the drone had it."""
-    sessions = np.array([start.session for start in starts])
+    sessions = np.array([start.flight.session for start in starts])
     found = np.array([start.reckoned_ceiling for start in starts])
     for index in range(len(starts)):
         others = (sessions == sessions[index]) & np.isfinite(implied)

@@ -91,11 +91,6 @@ class TriggerStart:
         """Whether motion capture saw it; else poses and times are those of a radio log."""
         return self.flight.pose_source is not PoseSource.ONBOARD_ESTIMATE
 
-    @property
-    def session(self) -> str:
-        """Flights of one session had the ceiling at the same height."""
-        return self.flight.session
-
 
 def trigger_start(flight: Flight, vehicle: Vehicle, parameters: Any) -> TriggerStart | NotUsed:
     """The start of one flight, or why there is none.
