@@ -21,7 +21,7 @@ def named(hidden: Hidden) -> Named:
     model, rng = Model(nominal(frame(), "current")), np.random.default_rng(1)
     training = training_set(flights(hidden), model)
     first, scaled = refine(model, (), training), refine(model, (SCALE,), training)
-    both = refine(scaled.model, (SCALE, RESISTANCE), training, start=scaled.estimate)
+    both = refine(scaled.model, (SCALE, RESISTANCE), training, start=scaled)
     steps = (
         SelectionStep(SCALE.effect, judge(first, scaled, [SCALE], training, rng), scaled),
         SelectionStep(RESISTANCE.effect, judge(scaled, both, [RESISTANCE], training, rng), both),

@@ -238,9 +238,9 @@ def refine(
     variables: Sequence[Variable],
     training: Training,
     iterations: int = 5,
-    start: LinearisedFit | None = None,
-    unnamed: Sequence[UnnamedTerm] = (),
-    near: "Fitted | None" = None,
+    start: Fitted | None = None,
+    unnamed: Sequence[UnnamedTerm] | None = None,
+    near: Fitted | None = None,
     known_of_unstated: Prior | None = None,
 ) -> Fitted:
     """The model with `variables` fitted to the flights.
@@ -250,20 +250,21 @@ def refine(
         variables: to fit; the others keep their values.
         training: the flights.
         iterations: of Gauss and Newton, at most.
-        start: an earlier estimate, whose noise and spreads save time.
-        unnamed: terms whose coefficients are fitted as well.
+        start: an earlier fit, whose noise and spreads save time.
+        unnamed: terms whose coefficients are fitted as well; None: those of `start`.
         near: a fit whose derivatives are near enough for a first look: those of its variables are not
             computed anew, which with many variables is most of the work.
         known_of_unstated: from other flights of the vehicle; None: nothing.
     """
     given = {} if near is None else dict(zip(near.variables, near.columns, strict=False))
     known = given
-    nameless = [column for term in unnamed for column in term.columns]
+    terms = tuple(unnamed if unnamed is not None else start.unnamed if start is not None else ())
+    nameless = [column for term in terms for column in term.columns]
     beside = unstated(model, training.records) if near is None else near.columns_of_unstated
     extra = [*beside, *nameless]
     believed = prior_of_unstated(len(beside)) if known_of_unstated is None else known_of_unstated
-    spread = FIRST_SPREAD if start is None else start.fit.spread
-    noise: Noise | None = None if start is None else start.noise
+    spread = FIRST_SPREAD if start is None else start.estimate.fit.spread
+    noise: Noise | None = None if start is None else start.estimate.noise
     for iteration in range(1, iterations + 1):
         predicted = model.predict(training.records)
         columns = [
@@ -302,13 +303,13 @@ def refine(
         predicted=predicted,
         columns=(*columns, *extra),
         unstated=believed,
-        unnamed=tuple(unnamed),
+        unnamed=terms,
     )
 
 
 def settled(fitted: Fitted, training: Training) -> Fitted:
     """A fit to the end, from one with derivatives of a model near by."""
-    return refine(fitted.model, fitted.variables, training, start=fitted.estimate, unnamed=fitted.unnamed)
+    return refine(fitted.model, fitted.variables, training, start=fitted)
 
 
 def _mean_of_motors_by_forces(

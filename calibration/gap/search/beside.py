@@ -42,9 +42,7 @@ def _gain_beside(
     if alone.model.ceiling_z is not None and start.ceiling_z is None:
         start = start.at_ceiling(alone.model.ceiling_z)
     variables = dict.fromkeys((*present.variables, *its.variables, *candidate.variables))
-    both = refine(
-        start, tuple(variables), training, start=beside.estimate, unnamed=present.unnamed, near=beside
-    )
+    both = refine(start, tuple(variables), training, start=beside, near=beside)
     columns = both.columns_of(candidate.variables)
     return float(both.gains(beside, both.few_kinds(columns)).sum())
 

@@ -39,5 +39,5 @@ def without_axes_at_bounds(present: Fitted, training: Training, refused: dict[st
             refused |= refused_axes(effect, beyond)
             model = present.model.without_values(beyond)
             kept = [v for v in present.variables if v not in beyond]
-            present = refine(model, kept, training, start=present.estimate, unnamed=present.unnamed)
+            present = refine(model, kept, training, start=present)
     return present

@@ -187,7 +187,7 @@ def _far_off(present: Fitted, promises: Sequence[Promise], context: SearchContex
     for promise in promises:
         effect, variables = promise.candidate.effect, promise.candidate.variables
         if effect in SCALES:
-            fitted = refine(present.model, (*present.variables, *variables), training, start=present.estimate)
+            fitted = refine(present.model, (*present.variables, *variables), training, start=present)
             if abs(fitted.model.change(variables[0])) >= _FAR_OFF:
                 judgement = judge(present, fitted, variables, training, context.rng)
                 fits.append(SelectionStep(effect, judgement, fitted))
@@ -235,14 +235,8 @@ def _forward(
     context.progress(", ".join(promise.candidate.effect for promise in looked_at))
 
     def closely(candidate: Candidate) -> tuple[Fitted, Sequence[Variable]]:
-        fitted = refine(
-            candidate.starts[0],
-            (*present.variables, *candidate.variables),
-            training,
-            start=present.estimate,
-            unnamed=present.unnamed,
-            near=present,
-        )
+        variables = (*present.variables, *candidate.variables)
+        fitted = refine(candidate.starts[0], variables, training, start=present, near=present)
         return fitted, [v for v in candidate.variables if v.effect == candidate.effect]
 
     refused: dict[str, str] = {}

@@ -81,5 +81,5 @@ def on_unseen(unseen: Training, model: Model, noise_of: Fitted, unstated_of: Fit
         noise_of: fit whose noise they have.
         unstated_of: fit that tells what no vehicle file states.
     """
-    start, known = noise_of.estimate, unstated_of.known_of_unstated
-    return refine(model, (), unseen, iterations=1, start=start, known_of_unstated=known)
+    known = unstated_of.known_of_unstated
+    return refine(model, (), unseen, iterations=1, start=noise_of, unnamed=(), known_of_unstated=known)

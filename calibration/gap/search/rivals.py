@@ -138,7 +138,7 @@ def nearly_without(final: Fitted, training: Training, *effects: str) -> Fitted:
     """:func:`without` with the derivatives of the model that has these effects: enough for a first look."""
     rest = [v for v in final.variables if v.effect not in effects]
     model = functools.reduce(Model.without, effects, final.model)
-    return refine(model, rest, training, start=final.estimate, unnamed=final.unnamed, near=final)
+    return refine(model, rest, training, start=final, near=final)
 
 
 def needed(final: Fitted, effect: str, training: Training) -> bool:
@@ -205,10 +205,7 @@ def _is_far_behind(look: LinearLook, effect: str, rival: str) -> bool:
 
 def _rival(final: Fitted, effect: str, reduced: Fitted, candidate: Candidate, training: Training) -> Rival:
     variables = (*reduced.variables, *candidate.variables)
-    fits = [
-        refine(start, variables, training, start=final.estimate, unnamed=final.unnamed, near=reduced)
-        for start in candidate.starts
-    ]
+    fits = [refine(model, variables, training, start=final, near=reduced) for model in candidate.starts]
     other = max(fits, key=lambda fit: float(fit.gains(reduced, True).sum()))
     rival = _compared(final, effect, reduced, other, candidate, training)
     if rival.told_apart and rival.lead > 0.0:

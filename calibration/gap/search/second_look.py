@@ -102,7 +102,7 @@ def _without_what_has_no_name(present: Fitted, training: Training) -> Fitted:
     """The fit with its names alone; itself where it has nothing else."""
     if not present.unnamed:
         return present
-    return refine(present.model, present.variables, training, start=present.estimate)
+    return refine(present.model, present.variables, training, start=present, unnamed=())
 
 
 def _rivals(present: Fitted, step: SelectionStep, context: SearchContext) -> list[Rival]:
@@ -170,15 +170,8 @@ def _common_cause(
     if not offered:
         return None
     best = screen(reduced, offered, training)[0].candidate
-    fitted = refine(
-        reduced.model,
-        (*reduced.variables, *best.variables),
-        training,
-        start=present.estimate,
-        unnamed=present.unnamed,
-        near=reduced,
-    )
-    return best, fitted
+    variables = (*reduced.variables, *best.variables)
+    return best, refine(reduced.model, variables, training, start=present, near=reduced)
 
 
 def _explains(cause: Fitted, present: Fitted, lacking: Mapping[str, Fitted]) -> bool:

@@ -114,15 +114,8 @@ def without_superfluous(present: Fitted, found: Sequence[FittedTerm], training: 
 def _with_terms(present: Fitted, terms: Sequence[UnnamedTerm], training: Training) -> Fitted:
     """The fit with these terms in the place of its own, and the derivatives that it had: a term moves the
     named parameters by little, and derivatives are most of the work."""
-    return refine(
-        present.model,
-        present.variables,
-        training,
-        iterations=_ROUNDS,
-        start=present.estimate,
-        unnamed=terms,
-        near=present,
-    )
+    model, variables = present.model, present.variables
+    return refine(model, variables, training, _ROUNDS, start=present, unnamed=terms, near=present)
 
 
 def _offer(
