@@ -6,7 +6,7 @@ import numpy as np
 
 from calibration.flights.flight import POSE_CHANNELS, Flight, UnusableFlightError
 from calibration.gap.data.kinematics import continuous_quaternions
-from calibration.gap.data.motor_range import check_range
+from calibration.gap.data.plausible import check_range
 from calibration.gap.data.radio import ReceivedSignal, received
 from calibration.gap.data.samples import Samples, check_rate, samples_of
 from onboard.battery import FULL_RATIO
