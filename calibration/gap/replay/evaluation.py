@@ -13,6 +13,7 @@ from calibration.gap.replay.flight_prediction import (
     QUANTITIES,
     SCALES,
     ByHorizon,
+    Replay,
     WindowErrors,
     in_body_axes,
     mean_by_horizon,
@@ -336,7 +337,7 @@ def _scored(
     return FlightErrors(
         record=inputs.record,
         model=model,
-        floor=_floor(inputs, rows, ends, lengths, nuisances),
+        floor=_floor(inputs, replay, np.array(nuisances.accelerometer_bias)),
         torque_estimate=with_torque_estimate(inputs, rows, lengths, nuisances),
         phases=phase_indices(inputs, rows),
         rotation=inputs.rotation[rows],
@@ -345,17 +346,10 @@ def _scored(
     )
 
 
-def _floor(
-    inputs: PredictionInputs, rows: Rows, ends: Rows, lengths: Rows, nuisances: Nuisances
-) -> BothWays | None:
+def _floor(inputs: PredictionInputs, replay: Replay, bias: FloatArray) -> BothWays | None:
     if inputs.record.specific_force is None:
         return None
-    reached = ends[None, :] <= lengths[:, None]
-    bias = np.array(nuisances.accelerometer_bias)
-    return BothWays(
-        gyro_driven(inputs, rows, ends, reached, bias),
-        accelerometer_driven(inputs, rows, ends, reached, bias),
-    )
+    return BothWays(gyro_driven(inputs, replay, bias), accelerometer_driven(inputs, replay, bias))
 
 
 def _thrust_ratio(inputs: PredictionInputs) -> float:

@@ -135,6 +135,11 @@ class Replay:
     given_attitude: bool = False
     velocity: FloatArray | None = None
 
+    @property
+    def reached(self) -> BoolArray:
+        """Which start reaches which horizon, shape (m, h)."""
+        return self.ends[None, :] <= self.lengths[:, None]
+
 
 def predicted_states(inputs: PredictionInputs, replay: Replay) -> FloatArray:
     """States of the model at the horizons after each start of a flight.
@@ -167,4 +172,4 @@ def prediction_errors(inputs: PredictionInputs, replay: Replay) -> WindowErrors:
     if not replay.given_attitude:
         vectors[:, :, 2] = rotation_between(inputs.quaternion[at], states[:, :, 6:10])
         vectors[:, :, 3] = states[:, :, 10:13] - inputs.rate[at]
-    return WindowErrors(rows, vectors, ends[None, :] <= replay.lengths[:, None])
+    return WindowErrors(rows, vectors, replay.reached)

@@ -8,13 +8,14 @@ what is left is noise of start, reference and sensors.
 import numpy as np
 
 from calibration.gap.data.rotations import integrate_rate
-from calibration.gap.replay.flight_prediction import WindowErrors, in_body_axes, rotation_between
+from calibration.gap.replay.flight_prediction import Replay, WindowErrors, in_body_axes, rotation_between
 from calibration.gap.replay.inputs import PredictionInputs, twice_integrated
+from calibration.gap.replay.kernels import TRIMS
 from calibration.gap.replay.windows import Rows
-from onboard.arrays import BoolArray, FloatArray
+from onboard.arrays import FloatArray
 from onboard.rotation import to_matrices
 
-NO_BIAS = np.zeros(3)
+NO_TRIM = np.zeros(TRIMS)
 
 
 def accelerometer_bias(inputs: PredictionInputs, rows: Rows, end: int) -> FloatArray:
@@ -27,58 +28,49 @@ def accelerometer_bias(inputs: PredictionInputs, rows: Rows, end: int) -> FloatA
         inputs: a flight with an accelerometer.
         rows: starts that reach the horizon, shape (m,). end: samples of the horizon.
     """
-    everywhere = np.ones((rows.size, 1), dtype=np.bool_)
-    errors = accelerometer_driven(inputs, rows, np.array([end]), everywhere, NO_BIAS)
+    ends, lengths = np.array([end]), np.full(rows.size, end)
+    replay = Replay(rows=rows, ends=ends, lengths=lengths, parameters=inputs.parameters, trims=NO_TRIM)
+    errors = accelerometer_driven(inputs, replay, np.zeros(3))
     bias: FloatArray = in_body_axes(errors, inputs.rotation[rows])[:, 0, 1].mean(axis=0) / (end * inputs.dt)
     return bias
 
 
-def accelerometer_driven(
-    inputs: PredictionInputs, rows: Rows, ends: Rows, reached: BoolArray, bias: FloatArray
-) -> WindowErrors:
+def accelerometer_driven(inputs: PredictionInputs, replay: Replay, bias: FloatArray) -> WindowErrors:
     """Errors of the measured specific force integrated with the measured attitude.
 
     Args:
         inputs: a flight with an accelerometer.
-        rows: starts, shape (m,). ends: samples of the horizons, shape (h,).
-        reached: shape (m, h): which start reaches which horizon.
+        replay: from where, and how far.
         bias: m/s2, body, of the accelerometer.
     """
-    vectors = np.full((rows.size, ends.size, 4, 3), np.nan)
-    same = np.broadcast_to(np.eye(3), (rows.size, 3, 3))
-    _translation(inputs, inputs.rotation, same, rows, ends, bias, vectors)
-    vectors[~reached] = np.nan
-    return WindowErrors(rows, vectors, reached)
+    same = np.broadcast_to(np.eye(3), (replay.rows.size, 3, 3))
+    vectors = _translation(inputs, inputs.rotation, same, replay, bias)
+    vectors[~replay.reached] = np.nan
+    return WindowErrors(replay.rows, vectors, replay.reached)
 
 
-def gyro_driven(
-    inputs: PredictionInputs, rows: Rows, ends: Rows, reached: BoolArray, bias: FloatArray
-) -> WindowErrors:
+def gyro_driven(inputs: PredictionInputs, replay: Replay, bias: FloatArray) -> WindowErrors:
     """As :func:`accelerometer_driven`, with the attitude from the gyro; the rate itself has no floor."""
-    vectors = np.full((rows.size, ends.size, 4, 3), np.nan)
+    rows, ends = replay.rows, replay.ends
     turned = integrate_rate(np.nan_to_num(inputs.rate), inputs.dt)
     # One path of the gyro through the flight serves all starts: C turns it into the world of a start.
     rotation = to_matrices(turned)
     into_world = inputs.rotation[rows] @ rotation[rows].transpose(0, 2, 1)
-    _translation(inputs, rotation, into_world, rows, ends, bias, vectors)
+    vectors = _translation(inputs, rotation, into_world, replay, bias)
     at = np.minimum(rows[:, None] + ends[None, :], turned.shape[0] - 1)
     start = rotation_between(turned[rows][:, None], turned[at])
     measured = rotation_between(inputs.quaternion[rows][:, None], inputs.quaternion[at])
     vectors[:, :, 2] = rotation_between(_exponential(measured), _exponential(start))
-    vectors[~reached] = np.nan
-    return WindowErrors(rows, vectors, reached)
+    vectors[~replay.reached] = np.nan
+    return WindowErrors(rows, vectors, replay.reached)
 
 
 def _translation(
-    inputs: PredictionInputs,
-    rotation: FloatArray,
-    into_world: FloatArray,
-    rows: Rows,
-    ends: Rows,
-    bias: FloatArray,
-    vectors: FloatArray,
-) -> None:
-    """Write position and velocity errors of the integrated specific force into `vectors`."""
+    inputs: PredictionInputs, rotation: FloatArray, into_world: FloatArray, replay: Replay, bias: FloatArray
+) -> FloatArray:
+    """Errors with position and velocity of the integrated specific force alone, shape (m, h, 4, 3)."""
+    rows, ends = replay.rows, replay.ends
+    vectors = np.full((rows.size, ends.size, 4, 3), np.nan)
     force = inputs.record.specific_force
     if force is None:
         raise ValueError("a floor needs an accelerometer")
@@ -95,6 +87,7 @@ def _translation(
     start_v = (inputs.start_velocity + inputs.board_swing)[rows][:, None]
     vectors[:, :, 1] = start_v + gained - velocity[at]
     vectors[:, :, 0] = position[rows][:, None] + time * start_v + moved - position[at]
+    return vectors
 
 
 def _exponential(vector: FloatArray) -> FloatArray:
