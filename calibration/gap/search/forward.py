@@ -20,14 +20,11 @@ from calibration.gap.search.beside import explained_better
 from calibration.gap.search.bounds import refused_axes, without_axes_at_bounds
 from calibration.gap.search.candidates import Candidate, candidates_for
 from calibration.gap.search.credible import what_speaks_against
-from calibration.gap.search.rivals import Rival
+from calibration.gap.search.rivals import SCALES, Rival
 from calibration.gap.search.screen import Promise, screen
 from calibration.gap.search.second_look import second_look
 from calibration.gap.search.selection import SearchContext, SelectionStep, TimeToGo
 from calibration.gap.unnamed.fitted_terms import FittedTerm, best_term, without_superfluous
-
-SCALES = ("thrust_scale", "mass_error")
-"""What is looked at before all else where the flights weigh far more or less than the vehicle file."""
 
 _FAR_OFF = 0.1
 """Error of scale beyond which a drag or an inertia of absurd size would come first."""

@@ -50,8 +50,8 @@ _DOUBTFUL = 3.0
 """Factor on what a name must gain, below which a first look does not decide that it does."""
 
 
-_SCALES, _MOTORS = ("thrust_scale", "mass_error"), "motor_imbalance"
-"""Whose place no difference between motors takes; that difference."""
+SCALES, _MOTORS = ("thrust_scale", "mass_error"), "motor_imbalance"
+"""What all motors share, and whose place no difference between them takes; that difference."""
 
 
 @dataclass(frozen=True)
@@ -150,7 +150,7 @@ def needed(final: Fitted, effect: str, training: Training) -> bool:
         return float(final.gains(reduced, in_time).sum())
 
     reduced = nearly_without(final, training, effect)
-    if effect in _SCALES and alike_in_all_motors(reduced.model) and not alike_in_all_motors(final.model):
+    if effect in SCALES and alike_in_all_motors(reduced.model) and not alike_in_all_motors(final.model):
         return True  # four motors have taken its place
     if _DOUBTFUL * LEAST_GAIN > gain_over(reduced) >= LEAST_GAIN:
         reduced = settled(reduced, training)  # with its own derivatives it may do without
@@ -177,7 +177,7 @@ def rivals(
     offered = candidates_for(reduced, training, names - far)
     with ThreadPoolExecutor(WORKERS) as pool:
         found = list(pool.map(lambda c: _rival(final, effect, reduced, c, training), offered))
-    found = [one for one in found if not (effect in _SCALES and alike_in_all_motors(one.fitted.model))]
+    found = [one for one in found if not (effect in SCALES and alike_in_all_motors(one.fitted.model))]
     # What would be refused later takes no name's place now.
     found = [one for one in found if credible(one.fitted, one.effect, training)]
     return sorted(found, key=lambda rival: rival.lead)
@@ -241,7 +241,7 @@ def _compared(
         freed=swallowed(other, final),
         spared=spared,
         fewer=len(of_rival) <= spent,
-        one_for_four=candidate.effect in _SCALES and effect == _MOTORS and alike_in_all_motors(final.model),
+        one_for_four=candidate.effect in SCALES and effect == _MOTORS and alike_in_all_motors(final.model),
         fitted=other,
     )
 
