@@ -1,7 +1,6 @@
 """The fit against a bifilar pendulum that was integrated from its own equation of motion."""
 
 import math
-import time
 
 import numpy as np
 import pytest
@@ -91,14 +90,6 @@ def test_a_turned_axis_is_the_one_that_is_found() -> None:
     assert np.allclose(fit.axis, np.array(axis) / np.linalg.norm(axis), atol=2e-3)
     assert fit.off_axis is not None
     assert fit.off_axis < 2e-3
-
-
-def test_a_fit_is_quick() -> None:
-    recording = record(Hang(), np.random.default_rng(9), 12.0, cycles=40.0)
-    fit_swing(recording)
-    begin = time.process_time()
-    fit_swing(recording)
-    assert time.process_time() - begin < 1.0
 
 
 def test_the_same_recording_gives_the_same_fit() -> None:

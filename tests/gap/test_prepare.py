@@ -2,7 +2,6 @@
 
 import gzip
 import re
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -230,13 +229,6 @@ def test_what_readers_left_out_is_told_once_of_each_kind() -> None:
     flights = [replace(flight(f"circle_rep{i}", i), notes=(note,)) for i, note in enumerate(notes)]
     told = [line for line in prepare_flights(flights).limitations if "cut off" in line]
     assert told == [f"circle_rep0: {notes[0]} (and 1 more like it)"]
-
-
-def test_twenty_flights_take_seconds() -> None:
-    flights = [flight(f"circle_rep{i}", i, end=35.0) for i in range(20)]
-    start = time.process_time()
-    assert len(prepare_flights(flights).records) == 20
-    assert time.process_time() - start < 3.0
 
 
 def test_public_flights(shared_data: Path) -> None:
