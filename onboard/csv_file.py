@@ -63,8 +63,10 @@ class CsvFile:
                 raise
             *rows, last = self.rows
             torn = f"row {last.number} is cut off in its last number: left out"
+            # Any cell may be missing, but for a time: there the one before it does no harm.
+            harmless = rows[-1].cells[-1] if self.header[-1] == "t" else ""
             try:
-                read(replace(self, rows=(*rows, CsvRow(last.number, [*last.cells[:-1], ""]))))
+                read(replace(self, rows=(*rows, CsvRow(last.number, [*last.cells[:-1], harmless]))))
                 return read(replace(self, rows=tuple(rows), torn=torn, ended=True))
             except self.error:
                 raise problem from None

@@ -66,6 +66,22 @@ def test_a_last_row_that_was_cut_off_costs_itself_alone(tmp_path: Path) -> None:
         open_flight(whole)
 
 
+def test_a_last_row_whose_time_was_cut_costs_itself_alone(tmp_path: Path) -> None:
+    path = write(
+        tmp_path / "a.csv", "x,y,z,qx,qy,qz,qw,t", *(f"1,2,3,0,0,0,1,{t}" for t in ("9.8", "9.9", "10.0"))
+    )
+    text = path.read_text()
+    for end in range(text.rindex("10.0") + 1, len(text) - 1):
+        path.write_text(text[:end])
+        flight = open_flight(path)
+        told = flight.t.size == 3 or flight.notes == ("row 4 is cut off in its last number: left out",)
+        assert told, text[:end]
+        assert flight.t[-1] in (9.9, 10.0)
+    path.write_text(text.replace("1,10.0\n", "up,10"))
+    with pytest.raises(FlightFileError, match="row 4 column 'qw': 'up' is not a number"):
+        open_flight(path)
+
+
 @pytest.mark.parametrize(("sign", "words"), [(";", "semicolons"), ("\t", "tabs")])
 def test_columns_separated_otherwise_are_named(sign: str, words: str, tmp_path: Path) -> None:
     """As a spreadsheet writes them where a comma stands in numbers."""
