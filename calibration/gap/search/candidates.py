@@ -19,6 +19,9 @@ from calibration.gap.search.instants import Instants
 from onboard.vehicle import EFFECTS, Vehicle
 from onboard.vehicle.effects import AIR_FORCES, Domain, EffectDescription, Needs
 
+SCALES = ("thrust_scale", "mass_error")
+"""What lifts more or less with all motors alike."""
+
 _ELSEWHERE = {"pose_delay", "motor_speed_law"}
 """Timing of poses is judged without a vehicle model; the speed law is another form of the motor lag."""
 

@@ -18,9 +18,9 @@ from calibration.gap.estimate.refine import Fitted, refine, settled
 from calibration.gap.search.always import always_fitted
 from calibration.gap.search.beside import explained_better
 from calibration.gap.search.bounds import refused_axes, without_axes_at_bounds
-from calibration.gap.search.candidates import Candidate, candidates_for
+from calibration.gap.search.candidates import SCALES, Candidate, candidates_for
 from calibration.gap.search.credible import what_speaks_against
-from calibration.gap.search.rivals import SCALES, Rival
+from calibration.gap.search.rivals import Rival
 from calibration.gap.search.screen import Promise, screen
 from calibration.gap.search.second_look import second_look
 from calibration.gap.search.selection import SearchContext, SelectionStep, TimeToGo

@@ -13,7 +13,7 @@ from calibration.gap.estimate.acceptance import LEAST_GAIN, sizeable
 from calibration.gap.estimate.model import WORKERS, Model, Variable
 from calibration.gap.estimate.refine import Fitted, Training, refine, settled
 from calibration.gap.estimate.shared_nuisances import swallowed
-from calibration.gap.search.candidates import Candidate, candidates_for
+from calibration.gap.search.candidates import SCALES, Candidate, candidates_for
 from calibration.gap.search.credible import credible
 from calibration.gap.search.linear_look import LinearLook, linear_look
 from onboard.arrays import FloatArray
@@ -50,8 +50,8 @@ _DOUBTFUL = 3.0
 """Factor on what a name must gain, below which a first look does not decide that it does."""
 
 
-SCALES, _MOTORS = ("thrust_scale", "mass_error"), "motor_imbalance"
-"""What all motors share, and whose place no difference between them takes; that difference."""
+_MOTORS = "motor_imbalance"
+"""A difference between motors: takes no place of what they share (:data:`SCALES`)."""
 
 
 @dataclass(frozen=True)
