@@ -1,8 +1,7 @@
 """Find the gap: sensors first, then the missing effects, then the proof on flights that no fit saw."""
 
-import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from typing import Any
@@ -24,7 +23,6 @@ from calibration.gap.estimate.model import Model
 from calibration.gap.estimate.nuisances import NUISANCES, STEADY
 from calibration.gap.estimate.refine import Training, training_set
 from calibration.gap.landings import LandingFindings, LandingVerdict, judge_landings
-from calibration.gap.replay import PredictionErrors, evaluate
 from calibration.gap.replay.hover_voltage import of_one_vehicle
 from calibration.gap.replay.motor_order import check_motor_order
 from calibration.gap.report.confidence import with_probability
@@ -39,21 +37,26 @@ from calibration.gap.report.effects import found_effects
 from calibration.gap.report.figures import figures, nameless_terms, unexplained, where
 from calibration.gap.report.figures_data import ReportFigures
 from calibration.gap.report.improved_vehicle import hard_to_fly, improved_vehicle, provenance
-from calibration.gap.report.predicted_worse import no_better, predicted_worse
-from calibration.gap.report.prediction_figures import acted_on, prediction_gap
+from calibration.gap.report.predicted_worse import no_better
+from calibration.gap.report.prediction_figures import prediction_gap
+from calibration.gap.report.proof import Proof, proof
 from calibration.gap.report.remaining import chance_floor, own_floor, remaining
-from calibration.gap.search.always import LOG_TIMING, law_in_words
+from calibration.gap.report.reservations import (
+    of_one_number_for_all,
+    of_small_terms,
+    of_the_fit,
+    of_the_search,
+)
+from calibration.gap.search.always import LOG_TIMING
 from calibration.gap.search.conclusion import concluded
-from calibration.gap.search.differing import differing, in_words
 from calibration.gap.search.forward import Search
-from calibration.gap.search.nameless import Nameless, nameless_curves
-from calibration.gap.search.naming import FEWEST, NAMELESS, Named, as_believed
-from calibration.gap.search.retest import FAILED
+from calibration.gap.search.naming import Named
 from calibration.gap.search.selection import Progress
 from calibration.gap.sensors import SensingFindings, apply_sensing, judge_sensing, unsaid
-from calibration.gap.unnamed.fitted_terms import FittedTerm, formulas, residual_map, with_consequence
+from calibration.gap.unnamed.fitted_terms import FittedTerm, residual_map, with_consequence
+from calibration.gap.unnamed.gap_map import GapMap
 from onboard.errors import InputError
-from onboard.vehicle import EFFECTS, Vehicle
+from onboard.vehicle import Vehicle
 
 
 class NothingToFindError(CalibrationError, InputError):
@@ -116,86 +119,147 @@ def find_gap(
         return _find(flights, question, progress)
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Flown:
+    """The flights as a search gets them.
+
+    Attributes:
+        prepared: as read, with what cannot be concluded from them.
+        sensing: what their sensors show.
+        not_used: those that were left out after that, with the reason.
+        to_fit, kept_back: the others, the latter for the proof; none of few flights.
+        ceiling_z: m, or None.
+    """
+
+    prepared: PreparedFlights
+    sensing: SensingFindings
+    not_used: Sequence[NotUsed]
+    to_fit: Sequence[FlightRecord]
+    kept_back: Sequence[FlightRecord]
+    ceiling_z: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Examined:
+    """What the flights gave, step by step.
+
+    Attributes:
+        flown: the flights.
+        training: those that were fitted.
+        found: the search.
+        proved: what flights that no fit saw leave of it.
+        in_the_air: effects of body, motors and air.
+        landings: what landings say of legs and feet, if there are any.
+        effects: all of them, those of the sensors first.
+        maps: where the gap lived before anything was added, and where the rest lives.
+    """
+
+    flown: _Flown
+    training: Training
+    found: Search
+    proved: Proof
+    in_the_air: Sequence[FoundEffect]
+    landings: LandingFindings | None
+    effects: Sequence[FoundEffect]
+    maps: tuple[GapMap, GapMap]
+
+
 def _find(flights: Sequence[Flight], question: GapQuestion, progress: Progress) -> GapResult:
-    rng = np.random.default_rng(question.seed)
-    flights = sorted(
-        distinctly_named(flights), key=content_hash
-    )  # names and order of the files decide nothing
+    # Names and order of the files decide nothing.
+    flights = sorted(distinctly_named(flights), key=content_hash)
+    flown = _flown(flights, question, progress)
+    source = provenance(len(flown.to_fit), len(flown.kept_back), question.seed)
+    examined = _examined(flights, flown, question, source, progress)
+    proved = examined.proved
+    improved = improved_vehicle(question.vehicle, examined.effects, proved.names, source)
+    return GapResult(
+        report=_report(examined, question, improved),
+        figures=figures(
+            proved.stages, proved.names, proved.held_out, examined.found, examined.training, examined.maps
+        ),
+        vehicle=improved,
+        ceiling_z=proved.names.model.ceiling_z,
+    )
+
+
+def _flown(flights: Sequence[Flight], question: GapQuestion, progress: Progress) -> _Flown:
     prepared = _prepared(flights, question)
     progress("sensors")
     sensing = judge_sensing(prepared.records)
     corrected, strange = of_one_vehicle(apply_sensing(prepared.records, sensing), question.vehicle)
+    not_used = (*sensing.broken, *strange)
     if not corrected:
-        reasons = "; ".join(f"{item.name}: {item.reason}" for item in (*sensing.broken, *strange))
+        reasons = "; ".join(f"{item.name}: {item.reason}" for item in not_used)
         raise NothingToFindError(f"no flight can be used: {reasons}")
     check_motor_order(corrected, question.vehicle)
-    fit_to, kept_back = split_flights(corrected)
-    model = Model(question.vehicle, {}, _ceiling(question, corrected))
-    training = training_set([corrected[i] for i in fit_to], model)
-    found, names = concluded(model, training, [corrected[i] for i in kept_back], rng, progress)
+    to_fit, kept_back = split_flights(corrected)
+    return _Flown(
+        prepared=prepared,
+        sensing=sensing,
+        not_used=not_used,
+        to_fit=[corrected[i] for i in to_fit],
+        kept_back=[corrected[i] for i in kept_back],
+        ceiling_z=_ceiling(question, corrected),
+    )
+
+
+def _examined(
+    flights: Sequence[Flight], flown: _Flown, question: GapQuestion, source: str, progress: Progress
+) -> _Examined:
+    rng = np.random.default_rng(question.seed)
+    model = Model(question.vehicle, {}, flown.ceiling_z)
+    training = training_set(flown.to_fit, model)
+    found, names = concluded(model, training, flown.kept_back, rng, progress)
     progress("flights that no fit saw")
-    held_out = [corrected[i] for i in kept_back] or list(training.records)
-    stages = _stages(names, held_out)
-    own = own_floor(found.final, len(held_out))
-    if reason := predicted_worse(names, stages, own, training.records):
-        names = names.without_any(reason)
-        stages = _stages(names, held_out)
-    source = provenance(len(fit_to), len(kept_back), question.seed)
-    believed = as_believed(found, names, training)
-    nameless = nameless_curves(names, believed, [corrected[i] for i in kept_back], source)
-    by_names = prediction_gap(stages)
-    names, nameless = _with_curves(names, nameless, stages, held_out)
-    unseen = HeldOutFlights(held_out)
-    in_the_air = found_effects(names, unseen, rng)
+    proved = proof(found, names, training, flown.kept_back, source)
+    in_the_air = found_effects(proved.names, HeldOutFlights(proved.held_out), rng)
     progress("landings")
-    landings = _landings(flights, names, rng)
-    effects = [
-        *with_probability([*unsaid(sensing.effects, question.vehicle), *in_the_air], question.vehicle),
-        *(landings.findings if landings else ()),
-    ]
+    landings = _landings(flights, proved.names, rng)
+    sensed = unsaid(flown.sensing.effects, question.vehicle)
+    named = with_probability([*sensed, *in_the_air], question.vehicle)
     progress("where it lives")
-    maps = residual_map(found.first, training, rng), residual_map(believed, training, rng)
-    chance = math.hypot(chance_floor(believed, training), own_floor(believed, len(held_out)))
-    left = remaining(by_names, chance, believed, maps[1], question.vehicle, bool(effects))
+    return _Examined(
+        flown=flown,
+        training=training,
+        found=found,
+        proved=proved,
+        in_the_air=in_the_air,
+        landings=landings,
+        effects=(*named, *(landings.findings if landings else ())),
+        maps=(residual_map(found.first, training, rng), residual_map(proved.believed, training, rng)),
+    )
+
+
+def _report(examined: _Examined, question: GapQuestion, improved: Vehicle) -> GapReport:
+    flown, training, effects = examined.flown, examined.training, examined.effects
+    found, proved, (first_map, last_map) = examined.found, examined.proved, examined.maps
+    believed, names = proved.believed, proved.names
+    chance = math.hypot(chance_floor(believed, training), own_floor(believed, len(proved.held_out)))
+    left = remaining(proved.by_names, chance, believed, last_map, question.vehicle, bool(effects))
     sizeable = with_consequence(found.unnamed, found.final, training)
-    gap = prediction_gap(stages)
-    improved = improved_vehicle(question.vehicle, effects, names, source)
-    report = GapReport(
-        verdict=_verdict(effects, sizeable, names, landings, left),
+    gap = prediction_gap(proved.stages)
+    return GapReport(
+        verdict=_verdict(effects, sizeable, names, examined.landings, left),
         vehicle=question.vehicle.name,
         effects=tuple(effects),
         gap=gap,
-        where=where(maps[0]),
+        where=where(first_map),
         unexplained=unexplained(sizeable, found.final, names, question.vehicle, left),
-        nameless=nameless_terms(nameless, by_names, gap),
-        train=tuple(record.name for record in training.records),
-        held_out=tuple(corrected[i].name for i in kept_back),
-        unusable=_unusable(question, prepared, (*sensing.broken, *strange)),
+        nameless=nameless_terms(proved.nameless, proved.by_names, gap),
+        train=tuple(record.name for record in flown.to_fit),
+        held_out=tuple(record.name for record in flown.kept_back),
+        unusable=_unusable(question, flown),
         ambiguous=_ambiguous(effects),
         rejected=tuple(
             Rejected(name=name, reason=reason)
             for name, reason in (found.refused | names.rejected).items()
             if name not in names.effects  # refused in one round, named in a later one
         ),
-        limitations=(
-            *prepared.limitations,
-            *stages["before"].doubts(),
-            *_limitations(kept_back, found, names, sensing, landings),
-            *(no_better(stages, own, in_the_air) if kept_back else ()),
-            *_negligible(found, sizeable),
-            *_differing(found, names, training),
-            *hard_to_fly(improved),
-        ),
-        landings=landings,
+        limitations=(*_limitations(examined, sizeable), *hard_to_fly(improved)),
+        landings=examined.landings,
         seed=question.seed,
         settings=_settings(names.model),
         noise=_noise(found, training),
-    )
-    return GapResult(
-        report=report,
-        figures=figures(stages, names, held_out, found, training, maps),
-        vehicle=improved,
-        ceiling_z=names.model.ceiling_z,
     )
 
 
@@ -250,90 +314,25 @@ def _landings(flights: Sequence[Flight], names: Named, rng: np.random.Generator)
     return judge_landings(landed, names.model.vehicle(), rng)
 
 
-def _stages(names: Named, records: Sequence[FlightRecord]) -> dict[str, PredictionErrors]:
-    """Predictions before, after each effect, and with all, on flights that no fit saw."""
-    stages = {name: evaluate(records, model.vehicle()) for name, model in names.models().items()}
-    if len(stages) == 1:
-        stages["after"] = stages["before"]
-    return stages
+def _unusable(question: GapQuestion, flown: _Flown) -> tuple[UnusableFile, ...]:
+    refused = [UnusableFile(file=str(item.file), reason=item.reason) for item in flown.prepared.refused]
+    left_out = [UnusableFile(file=item.name, reason=item.reason) for item in flown.not_used]
+    return (*question.unusable, *refused, *left_out)
 
 
-def _with_curves(
-    names: Named, nameless: Nameless, stages: dict[str, PredictionErrors], records: Sequence[FlightRecord]
-) -> tuple[Named, Nameless]:
-    """The names with the curves, whose predictions are added to the stages; without them, where those are
-    worse: nobody knows a physics that would speak for them."""
-    if not nameless.curves:
-        return names, nameless
-    added = dataclasses.replace(names, curves=tuple(nameless.curves.values()))
-    errors = evaluate(records, added.models()[NAMELESS].vehicle())
-    *_, last = stages.values()
-    if any(levels.after > levels.before for levels in acted_on(last, errors, added.curves)):
-        return names, nameless.without_any(FAILED)
-    stages.pop("after", None)  # where there are no names
-    stages[NAMELESS] = errors
-    return added, nameless
-
-
-def _unusable(
-    question: GapQuestion, prepared: PreparedFlights, not_used: Sequence[NotUsed]
-) -> tuple[UnusableFile, ...]:
-    refused = [UnusableFile(file=str(item.file), reason=item.reason) for item in prepared.refused]
-    broken = [UnusableFile(file=item.name, reason=item.reason) for item in not_used]
-    return (*question.unusable, *refused, *broken)
-
-
-def _limitations(
-    kept_back: Sequence[int],
-    found: Search,
-    names: Named,
-    sensing: SensingFindings,
-    landings: LandingFindings | None,
-) -> tuple[str, ...]:
-    limits = [
-        f"{name} cannot be judged: even an ordinary one would not show; needed: {EFFECTS[name].revealed_by}"
-        for name in found.blind
-    ]
-    limits += [
-        f"{name} explains these flights best, but fewer than {FEWEST} were fitted: fly more to confirm it"
-        for name in names.unconfirmed
-    ]
-    if found.first.model.ceiling_z is None and "ceiling_effect" in names.effects:
-        limits.append(
-            "ceiling_effect: nobody said how high the ceiling is; it was fitted at "
-            f"{names.model.ceiling_z:.2f} m, and the parameters shift with it: give its height (--ceiling)"
-        )
-    limits += law_in_words(found.final)
-    limits += sensing.notes
-    if not found.final.estimate.fit.settled:
-        limits.append(
-            "how much flights differ by themselves (thrust, trims, battery) could not be found to the end: "
-            "the intervals are those of the last step"
-        )
-    if landings is not None:
-        limits += landings.limitations
-    if not kept_back:
-        limits.append(
-            "no flight could be kept back, so the errors are on flights that were fitted: fly more, every "
-            "important manoeuvre at least twice"
-        )
-    return tuple(limits)
-
-
-def _negligible(found: Search, nameless: Sequence[FittedTerm]) -> list[str]:
-    """Terms without a name that are no gap."""
-    small = [one.term for one in found.unnamed if one not in nameless]
-    words = formulas(found.final, small, found.final.model.base)
-    return [f"{formula}: real, but without a name and too small to matter to a flight" for formula in words]
-
-
-def _differing(found: Search, names: Named, training: Training) -> list[str]:
-    """Named effects that one number does not tell for all flights."""
-    flights = [record.name for record in training.records]
-    return [
-        in_words(one, found.final.model.rule(one.variable).unit, flights)
-        for one in differing(found.final, names.effects)
-    ]
+def _limitations(examined: _Examined, sizeable: Sequence[FittedTerm]) -> Iterator[str]:
+    flown, found, proved = examined.flown, examined.found, examined.proved
+    yield from flown.prepared.limitations
+    yield from proved.stages["before"].doubts()
+    yield from of_the_search(found, proved.names)
+    yield from flown.sensing.notes
+    if examined.landings is not None:
+        yield from examined.landings.limitations
+    yield from of_the_fit(found, flown.kept_back)
+    if flown.kept_back:
+        yield from no_better(proved.stages, proved.own, examined.in_the_air)
+    yield from of_small_terms(found, sizeable)
+    yield from of_one_number_for_all(found, proved.names, examined.training)
 
 
 def _settings(model: Model) -> dict[str, Any]:

@@ -1,0 +1,97 @@
+"""The proof: what was named and what has no name, held against flights that no fit saw."""
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from calibration.gap.data.record import FlightRecord
+from calibration.gap.estimate.refine import Fitted, Training
+from calibration.gap.replay import PredictionErrors, evaluate
+from calibration.gap.report.document import Gap
+from calibration.gap.report.predicted_worse import predicted_worse
+from calibration.gap.report.prediction_figures import acted_on, prediction_gap
+from calibration.gap.report.remaining import own_floor
+from calibration.gap.search.forward import Search
+from calibration.gap.search.nameless import Nameless, nameless_curves
+from calibration.gap.search.naming import NAMELESS, Named, as_believed
+from calibration.gap.search.retest import FAILED
+
+
+@dataclass(frozen=True, kw_only=True)
+class Proof:
+    """What flights that no fit saw leave of a search.
+
+    Attributes:
+        held_out: these flights; where none was kept back, those that were fitted.
+        names: what is believed, with the curves of what has no name.
+        nameless: the terms without a name.
+        believed: the fit with these names and all terms without one.
+        stages: predictions of these flights before, after each effect, and with all.
+        by_names: the gap that names alone close.
+        own: m, position error by what each of these flights has of its own.
+    """
+
+    held_out: Sequence[FlightRecord]
+    names: Named
+    nameless: Nameless
+    believed: Fitted
+    stages: dict[str, PredictionErrors]
+    by_names: Gap
+    own: float
+
+
+def proof(
+    found: Search, names: Named, training: Training, kept_back: Sequence[FlightRecord], source: str
+) -> Proof:
+    """Hold what a search found against `kept_back`, the flights that no fit saw.
+
+    Args:
+        found: the search.
+        names: what it named.
+        training: what it was fitted to.
+        kept_back: may be empty.
+        source: provenance of the numbers, for the vehicle file.
+    """
+    held_out = list(kept_back) or list(training.records)
+    stages = _stages(names, held_out)
+    own = own_floor(found.final, len(held_out))
+    if reason := predicted_worse(names, stages, own, training.records):
+        names = names.without_any(reason)
+        stages = _stages(names, held_out)
+    believed = as_believed(found, names, training)
+    nameless = nameless_curves(names, believed, kept_back, source)
+    by_names = prediction_gap(stages)
+    names, nameless = _with_curves(names, nameless, stages, held_out)
+    return Proof(
+        held_out=held_out,
+        names=names,
+        nameless=nameless,
+        believed=believed,
+        stages=stages,
+        by_names=by_names,
+        own=own,
+    )
+
+
+def _stages(names: Named, records: Sequence[FlightRecord]) -> dict[str, PredictionErrors]:
+    stages = {name: evaluate(records, model.vehicle()) for name, model in names.models().items()}
+    if len(stages) == 1:
+        stages["after"] = stages["before"]
+    return stages
+
+
+def _with_curves(
+    names: Named, nameless: Nameless, stages: dict[str, PredictionErrors], records: Sequence[FlightRecord]
+) -> tuple[Named, Nameless]:
+    """The names with the curves, whose predictions are added to the stages; without them, where those are
+    worse: nobody knows a physics that would speak for them."""
+    if not nameless.curves:
+        return names, nameless
+    added = dataclasses.replace(names, curves=tuple(nameless.curves.values()))
+    errors = evaluate(records, added.models()[NAMELESS].vehicle())
+    *_, last = stages.values()
+    if any(levels.after > levels.before for levels in acted_on(last, errors, added.curves)):
+        return names, nameless.without_any(FAILED)
+    stages.pop("after", None)  # where there are no names
+    stages[NAMELESS] = errors
+    return added, nameless
