@@ -21,7 +21,7 @@ def read_toml(path: Path, error: type[InputError]) -> dict[str, object]:
         raise error(f"{path}: cannot be read ({problem.strerror}); check the path") from problem
     except UnicodeDecodeError as problem:
         raise error(f"{path}: is not UTF-8 text (byte {problem.start}); save it as UTF-8") from problem
-    except (tomllib.TOMLDecodeError, RecursionError) as problem:
+    except (ValueError, RecursionError) as problem:  # also of a number with more digits than Python reads
         raise error(f"{path}: is not valid TOML: {problem}") from problem
 
 

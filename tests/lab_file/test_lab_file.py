@@ -275,6 +275,10 @@ def test_a_stop_finds_its_drones_in_a_file_that_is_otherwise_broken(file: Path) 
     found = drone_addresses(file)
     assert found.uris == ["udp://127.0.0.1:19850?time=shm"]
     assert "perchhw.lab/9" in found.doubt  # a newer one may name drones elsewhere, too
+    file.write_text(f"x = {'9' * 5000}\n{LAB}")  # more digits than Python reads
+    found = drone_addresses(file)
+    assert found.uris == ["udp://127.0.0.1:19850?time=shm"]
+    assert "5000 digits" in found.doubt
     file.write_text("drones = [3, { uri = 4 }]\n")
     with pytest.raises(LabFileError, match=r"lab\.toml: drones: .*--drone"):
         drone_addresses(file)
