@@ -1,5 +1,6 @@
 """Root of the command line: global flags, verbs imported when called, and how errors become exit codes."""
 
+import errno
 import gc
 import importlib
 import io
@@ -24,6 +25,10 @@ _GARBAGE_THRESHOLDS = (20_000, 50, 100)
 """Of Python's collector. By default it runs 500 times while a flight's program is loaded and its page is
 drawn, where there is nothing to collect: a tenth of their time."""
 _GLOBAL_FLAGS = ("--json", "-v", "--verbose")
+_ON_DEVICES = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
+"""Where a file cannot be used, and its path is not what is wrong."""
+
+_log = logging.getLogger(__name__)
 
 
 class Verb(NamedTuple):
@@ -136,10 +141,26 @@ def run(arguments: Sequence[str]) -> int:
     settings.as_json, settings.emitted = "--json" in ordered, False
     try:
         with_finite_numbers(typer.main.get_command(_command_line(called)))(ordered, prog_name="perchhw")
+    except OSError as refused:
+        if refused.filename is None:
+            raise
+        with unheard():
+            return _refused(refused)
     except (SystemExit, KeyboardInterrupt, PerchhwError) as ended:
         with unheard():
             return _told(ended)
     return exit_codes.DONE
+
+
+def _refused(refused: OSError) -> int:
+    """Say which file the system does not give, such as one in a folder that others may not look into: a verb
+    that only asks whether it is there is told so by an error, too.
+    """
+    _log.info("the system refused a file", exc_info=refused)
+    message = f"error: {refused.filename}: cannot be used ({refused.strerror}); check "
+    if refused.errno in _ON_DEVICES:
+        return _ended_by(f"{message}the disk", exit_codes.FAILED)
+    return _ended_by(f"{message}the path, and who may use it", exit_codes.USAGE)
 
 
 def _told(ended: SystemExit | KeyboardInterrupt | PerchhwError) -> int:

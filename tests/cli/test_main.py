@@ -91,6 +91,21 @@ def test_errors_become_exit_codes(
     assert document["error"] == (str(error) or "interrupted")
 
 
+@pytest.mark.parametrize(
+    "arguments", ["policy show", "vehicle show", "campaign status", "log report", "calibrate verify", "view"]
+)
+def test_a_path_that_the_system_refuses_is_told_in_a_sentence(
+    arguments: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Too long a name: the tests may be run by somebody who may look into every folder."""
+    name = 300 * "x"
+    assert run([*arguments.split(), name]) == 2
+    assert f"error: {name}" in (said := capsys.readouterr().err).replace("\n", "")
+    assert "check the path" in said.replace("\n", " ")
+    assert run(["--json", *arguments.split(), name]) == 2
+    assert json.loads(capsys.readouterr().out)["exit_code"] == 2
+
+
 def test_wrong_usage_gives_a_script_one_document(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["fly", "--json"]) == 2
     assert json.loads(capsys.readouterr().out)["exit_code"] == 2
