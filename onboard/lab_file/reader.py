@@ -33,6 +33,7 @@ from onboard.vehicle.schema import (
     as_table,
     as_text,
     check_keys,
+    finite,
     parse_quantity,
 )
 
@@ -274,14 +275,13 @@ def _list(raw: object, length: int, key: str, problems: Problems) -> list[tuple[
 
 def _quaternion(raw: object, key: str, problems: Problems) -> Quaternion:
     """A unit quaternion; the identity, with the problem noted, when it is none."""
-    numbers = [
-        float(part)
-        for _, part in _list(raw, 4, key, problems)
-        if isinstance(part, int | float) and not isinstance(part, bool)
-    ]
+    before = len(problems.messages)
+    found = [finite(part, f"{key}[{index}]", problems) for index, part in _list(raw, 4, key, problems)]
+    numbers = [part for part in found if part is not None]
     if len(numbers) == 4 and abs(math.hypot(*numbers) - 1.0) <= _NORM_TOLERANCE:
         return numbers[0], numbers[1], numbers[2], numbers[3]
-    problems.add(key, f"must be x, y, z, w of unit length, not {raw!r}; no rotation is [0, 0, 0, 1]")
+    if len(problems.messages) == before:
+        problems.add(key, f"must be x, y, z, w of unit length, not {raw!r}; no rotation is [0, 0, 0, 1]")
     return SubjectToBody().quaternion
 
 

@@ -231,6 +231,12 @@ def test_a_subject_put_into_a_uri_comes_out_again(address: str, subject: str, ot
         ),
         (
             'subject = "cf1"',
+            f'subject = "cf1"\nsubject_to_body = {{ quaternion = [0, 0, 0, 1{"0" * 400}] }}',
+            "mocap.subject_to_body.quaternion[3]",
+            "finite number",
+        ),
+        (
+            'subject = "cf1"',
             'subject = "cf1"\nsubject_to_body = { attitude = [0, 0, 0, 1] }',
             "mocap.subject_to_body.attitude",
             "known keys",
