@@ -29,6 +29,7 @@ from perchhw.campaign.file_table import (
     room_of,
     setup_of,
 )
+from perchhw.campaign.plan import MOST_ATTEMPTS
 from perchhw.campaign.run import ATTEMPTS, only_one
 from perchhw.campaign.tries import Try, TryStore
 from perchhw.flight.course import FLOWN, CourseRequest, CourseResult, fly_course
@@ -164,6 +165,9 @@ def _flights(table: FileTable, room: RoomGeometry) -> list[PlannedFlight]:
     """The flights of one table, its ``times`` many, whose course must fit the room."""
     kind = table.choice("kind", tuple(MANOEUVRES))
     times = table.integer("times", default=1, minimum=1)
+    if times > MOST_ATTEMPTS:
+        table.complain("times", f"{times} flights, more than {MOST_ATTEMPTS}: is that meant?")
+        times = 1
     rules = MANOEUVRES[kind].rules
     parameters = {key: table.number(key, 0.0) for key in rules if key in table.content}
     table.refuse_unread()

@@ -38,7 +38,7 @@ ORDERS = ("shuffled", "grid", ADAPTIVE)
 Condition = tuple[float, float]
 """A speed (m/s) and an angle (deg)."""
 MOST_ATTEMPTS = 10_000
-"""Of a grid: years of flights; one more is a slip of the pen."""
+"""Of a grid, or of one test flight: years of flights; one more is a slip of the pen."""
 
 _MAY_CHANGE = (
     "drone",

@@ -56,6 +56,7 @@ def test_the_drone_that_is_asked_for_flies(file: Path) -> None:
         ("radius = 0.5", "radius = 500", r"key flight\[0\].kind: circles: radius = 500 .* must be 0.2 to 20"),
         ("radius = 0.5", "diameter = 0.5", r"key flight\[0\].diameter: unknown; known are"),
         ("times = 2", "times = 0", r"key flight\[0\].times: 0 is less than 1"),
+        ("times = 2", "times = 20000000000000000000", r"key flight\[0\].times: 2.* flights, more than 10000"),
         ("udp://127", "foo://127", "key drone: 'foo://127.0.0.1:19850' is not a drone address"),
         ("schema", "[grid]\nspeeds = [2.0]\n[stop]\nschema", "key schema: is missing"),
         ('drone = "udp', 'seed = 1\ndrone = "udp', "key seed: unknown"),
