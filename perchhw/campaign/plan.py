@@ -14,7 +14,7 @@ import numpy as np
 
 from onboard.lab_file import LabFile
 from onboard.manoeuvres import HOVER, manoeuvre
-from onboard.policy.bundle import encode_bundle
+from onboard.policy.bundle import encode_bundle, policy_crc32
 from onboard.policy.files import find_policy, load_policy
 from onboard.room import RoomGeometry
 from onboard.toml_file import read_toml
@@ -208,11 +208,12 @@ class CampaignPlan:
 
     def fixed_part(self) -> dict[str, Any]:
         """What must not change when a campaign is resumed: everything but the URIs, the stop rules, the
-        day, who flies, and what of the lab file is not the room.
+        day, who flies, and what of the lab file is not the room; of the policy also what is in its file.
         """
         part = dataclasses.asdict(dataclasses.replace(self, lab=None))
         for key in _MAY_CHANGE:
             del part[key]
+        part["policy_crc32"] = f"{policy_crc32(load_policy(find_policy(self.policy))):08x}"
         part["skipped"] = [misfit.condition for misfit in self.skipped]
         for key in [key for key in ("skipped",) if not part[key]]:
             del part[key]  # as it was written before there was such a thing

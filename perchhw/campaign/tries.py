@@ -50,6 +50,8 @@ CREATE TABLE attempts (
 CREATE UNIQUE INDEX one_done ON attempts (slot) WHERE state = 'done';
 CREATE UNIQUE INDEX one_open ON attempts (slot) WHERE state IN ('planned', 'running');
 """
+_KEPT_SINCE = ("policy_crc32",)
+"""What is kept of a plan now and was not once: a campaign without it is older, and not asked for it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -207,11 +209,12 @@ class TryStore(Generic[Row]):
 
     def _check_plan(self, plan: StoredPlan) -> None:
         ours, theirs = self._json_fact("plan", mapping), json.loads(_plan_text(plan))
+        theirs = {key: value for key, value in theirs.items() if key in ours or key not in _KEPT_SINCE}
         changed = sorted(key for key in ours.keys() | theirs.keys() if ours.get(key) != theirs.get(key))
         if changed:
             raise CampaignError(
-                f"{self.folder}: the campaign file changed since the start in {', '.join(changed)}: "
-                "undo that, or start a new campaign in another folder"
+                f"{self.folder}: the campaign file, or what it names, changed since the start in "
+                f"{', '.join(changed)}: undo that, or start a new campaign in another folder"
             )
 
     def rows(self) -> list[Row]:

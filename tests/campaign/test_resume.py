@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from onboard.link.errors import DroneStopped
+from onboard.policy.files import find_policy, load_policy, save_policy
 from perchhw.attempt import AttemptInterrupted, AttemptRequest, AttemptResult, Outcome
 from perchhw.campaign import (
     AttemptRow,
@@ -242,6 +243,23 @@ def test_a_campaign_is_not_started_twice_by_accident(campaign_file: Path, tmp_pa
     campaign_file.write_text(
         campaign_file.read_text().replace("seed = 8", "seed = 7").replace("19850", "19999")
     )
+    assert len(run_campaign(load_plan(campaign_file), folder, fly, resume=True)) == 8
+
+
+def test_a_campaign_goes_on_with_the_policy_that_it_began_with(campaign_file: Path, tmp_path: Path) -> None:
+    """A policy that is learned anew is written to the same file."""
+    policy, folder = tmp_path / "mine.policy.json", tmp_path / "c"
+    first = load_policy(find_policy("default"))
+    save_policy(first, policy)
+    campaign_file.write_text(f'policy = "{policy}"\n{campaign_file.read_text()}')
+    run_campaign(load_plan(campaign_file), folder, fly)
+    save_policy(replace(first, intercept=first.intercept - 0.01), policy)
+    with pytest.raises(CampaignError, match="changed since the start in policy_crc32: undo that"):
+        run_campaign(load_plan(campaign_file), folder, fly, resume=True)
+    with closing(sqlite3.connect(folder / "campaign.db")) as database, database:  # begun before it was kept
+        (plan,) = database.execute("SELECT value FROM facts WHERE key = 'plan'").fetchone()
+        older = {key: value for key, value in json.loads(plan).items() if key != "policy_crc32"}
+        database.execute("UPDATE facts SET value = ? WHERE key = 'plan'", (json.dumps(older),))
     assert len(run_campaign(load_plan(campaign_file), folder, fly, resume=True)) == 8
 
 
