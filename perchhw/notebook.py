@@ -53,6 +53,7 @@ def simulate_approach(
         The true motion (world; rates in the body frame), feet and cues; the trigger is what the policy saw.
 
     Raises:
+        LearningInputError: no approach has such a speed or angle.
         LearningInputError, VehicleFileError: the setup cannot be used.
 
     >>> flight = simulate_approach(load_policy(), 2.5, 50.0)
@@ -60,13 +61,14 @@ def simulate_approach(
     (True, 4)
     """
     from perchhw.learning.examples import example_flight
-    from perchhw.learning.grid import Condition
+    from perchhw.learning.grid import conditions
     from perchhw.learning.setup import LearningSetup
 
+    (condition,) = conditions((speed,), (angle_deg,))
     setup = setup or LearningSetup(legs="semi-narrow-long")
     if seed is not None:
         setup = replace(setup, seed=seed)
-    return example_flight(policy, setup, Condition(speed, angle_deg))
+    return example_flight(policy, setup, condition)
 
 
 def sweep(

@@ -10,6 +10,7 @@ import pytest
 
 import perchhw
 import perchhw.notebook
+from perchhw.learning.errors import LearningInputError
 from tests.conftest import REPOSITORY
 
 
@@ -45,6 +46,22 @@ def test_type_checkers_see_the_same_names() -> None:
         for alias in node.names
     }
     assert seen == set(perchhw._HOMES.items())
+
+
+@pytest.mark.parametrize(
+    ("speed", "angle_deg", "problem"),
+    [
+        (0.0, 50.0, "a speed of 0 m/s"),
+        (250.0, 50.0, "a speed of 250 m/s"),
+        (float("nan"), 50.0, "a speed of nan m/s"),
+        (2.5, -10.0, "an angle of -10 deg"),
+        (2.5, 500.0, "an angle of 500 deg"),
+    ],
+)
+def test_an_approach_that_cannot_be_is_not_simulated(speed: float, angle_deg: float, problem: str) -> None:
+    policy = perchhw.load_policy("default")
+    with pytest.raises(LearningInputError, match=f"{problem} makes no approach"):
+        perchhw.simulate_approach(policy, speed, angle_deg)
 
 
 def test_a_name_that_is_not_there_says_so() -> None:
