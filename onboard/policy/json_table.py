@@ -39,7 +39,7 @@ class JsonTable:
             content = json.loads(path.read_text(encoding="utf-8"), parse_constant=refuse)
         except OSError as error:
             raise PolicyFileError(f"{path}: cannot be read ({error.strerror}); check the path") from error
-        except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+        except (ValueError, RecursionError) as error:  # also of more digits than Python reads
             raise PolicyFileError(f"{path}: is not JSON ({error}); give a policy file") from error
         return cls(content, path)
 

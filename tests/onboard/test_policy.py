@@ -114,7 +114,17 @@ def test_a_bad_file_is_refused_by_file_and_key(tmp_path, change, words):
 
 
 @pytest.mark.parametrize(
-    "content", [b"", b"{", b"[1]", b"null", b"\xff\xfe\x00", b'{"a": NaN}', b"[" * 100000]
+    "content",
+    [
+        b"",
+        b"{",
+        b"[1]",
+        b"null",
+        b"\xff\xfe\x00",
+        b'{"a": NaN}',
+        b"[" * 100000,
+        b'{"a": 1' + b"0" * 5000 + b"}",
+    ],
 )
 def test_what_is_no_policy_file_is_refused(tmp_path, content):
     path = tmp_path / "bad.policy.json"
