@@ -8,6 +8,7 @@ import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from types import TracebackType
 from typing import IO, Any, Self
 
@@ -60,6 +61,17 @@ class SimulatedLab:
     def mocap(self) -> list[str]:
         """URIs of the simulated mocap streams, Vicon DataStream first."""
         return list(self.ready.get("mocap", []))
+
+    @property
+    def lab_file(self) -> Path:
+        """The lab file of its room.
+
+        Raises:
+            LabNotReady: it has none yet, or is a part that has no room with a drone.
+        """
+        if "lab" not in self.ready:
+            raise LabNotReady("no lab file: the simulated lab is not running, or not a whole one: open it first")
+        return Path(self.ready["lab"])
 
     @property
     def pid(self) -> int:

@@ -207,7 +207,7 @@ def _lab_file(lab: "SimulatedLab | str | Path") -> "LabFile | None":
     from perchhw.lab import find_lab
     from perchhw.lab_process import SimulatedLab
 
-    return find_lab(Path(lab.ready["lab"]) if isinstance(lab, SimulatedLab) else Path(lab))
+    return find_lab(lab.lab_file if isinstance(lab, SimulatedLab) else Path(lab))
 
 
 def open_flights(*paths: str | Path, format: str = "auto") -> "tuple[list[Flight], list[UnusableFlight]]":

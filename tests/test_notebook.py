@@ -10,6 +10,7 @@ import pytest
 
 import perchhw
 import perchhw.notebook
+from perchhw.lab_process import LabNotReady
 from perchhw.learning.errors import LearningInputError
 from tests.conftest import REPOSITORY
 
@@ -62,6 +63,11 @@ def test_an_approach_that_cannot_be_is_not_simulated(speed: float, angle_deg: fl
     policy = perchhw.load_policy("default")
     with pytest.raises(LearningInputError, match=f"{problem} makes no approach"):
         perchhw.simulate_approach(policy, speed, angle_deg)
+
+
+def test_a_lab_that_was_not_opened_is_told_to_whoever_flies_in_it(tmp_path: Path) -> None:
+    with pytest.raises(LabNotReady, match="open it first"):
+        perchhw.fly(perchhw.SimulatedLab(), 2.5, 50.0, out=tmp_path)
 
 
 def test_a_name_that_is_not_there_says_so() -> None:
