@@ -70,7 +70,9 @@ class SimulatedLab:
             LabNotReady: it has none yet, or is a part that has no room with a drone.
         """
         if "lab" not in self.ready:
-            raise LabNotReady("no lab file: the simulated lab is not running, or not a whole one: open it first")
+            raise LabNotReady(
+                "no lab file: the simulated lab is not running, or not a whole one: open it first"
+            )
         return Path(self.ready["lab"])
 
     @property

@@ -133,6 +133,7 @@ def fly(
     *,
     policy: str = "default",
     out: str | Path = "runs",
+    confirm: Callable[[str], object] | None = None,
 ) -> "AttemptResult":
     """One supervised attempt: check, upload, arm, fly, land, label, record; as ``perchhw fly``.
 
@@ -142,12 +143,16 @@ def fly(
         angle_deg: of that line above the horizon, deg.
         policy: name or file.
         out: folder for the record (a new folder inside it).
+        confirm: asks somebody to put a drone that is locked, as after every flight and every stop, back on
+            its start mark, and returns when that is done, as ``input`` does; then it is rebooted. In a
+            simulated lab nobody has to. None: such a drone ends the attempt before take-off.
 
     Raises:
         PerchhwError: the attempt cannot begin.
         AttemptInterrupted: Ctrl-C; the drone was stopped and the record closed first.
     """
-    from perchhw.flight import fly_attempt
+    from perchhw.flight import check_attempt, fly_attempt
+    from perchhw.flight.turnaround import Turnaround
     from perchhw.lab import flight_setup
     from perchhw.record import discard_if_empty
 
@@ -155,7 +160,10 @@ def fly(
     setup.check()
     request = setup.attempt(speed, angle_deg, Path(out))
     try:
-        return fly_attempt(request)
+        checked = check_attempt(request)  # before anybody is asked for the drone
+        if confirm is not None:
+            Turnaround(setup.drone, confirm).put_back_if_needed()
+        return fly_attempt(request, checked=checked)
     finally:
         discard_if_empty(request.folder)
 

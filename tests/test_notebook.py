@@ -10,6 +10,7 @@ import pytest
 
 import perchhw
 import perchhw.notebook
+from onboard.link.stop_drone import stop_drone
 from perchhw.lab_process import LabNotReady
 from perchhw.learning.errors import LearningInputError
 from tests.conftest import REPOSITORY
@@ -68,6 +69,18 @@ def test_an_approach_that_cannot_be_is_not_simulated(speed: float, angle_deg: fl
 def test_a_lab_that_was_not_opened_is_told_to_whoever_flies_in_it(tmp_path: Path) -> None:
     with pytest.raises(LabNotReady, match="open it first"):
         perchhw.fly(perchhw.SimulatedLab(), 2.5, 50.0, out=tmp_path)
+
+
+@pytest.mark.further
+def test_a_drone_that_is_locked_is_put_back_where_somebody_can_be_asked(tmp_path: Path) -> None:
+    asked: list[str] = []
+    with perchhw.SimulatedLab() as lab:
+        assert stop_drone(lab.drones[0]).locked
+        left = perchhw.fly(lab, 2.5, 50.0, out=tmp_path)
+        flown = perchhw.fly(lab, 2.5, 50.0, out=tmp_path, confirm=asked.append)
+    assert str(left.aborted_by).startswith("drone_state: locked")
+    assert (flown.triggered, flown.aborted_by) == (True, None)
+    assert ["on its start mark" in request for request in asked] == [True]
 
 
 def test_a_name_that_is_not_there_says_so() -> None:
