@@ -76,7 +76,7 @@ def find(
     format: FlightFormat = "auto",
     legs: Legs = None,
     ceiling: Annotated[float | None, typer.Option(help="Height of the ceiling, m, if there is one.")] = None,
-    seed: Annotated[int, typer.Option(help="Of all random numbers.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Of all random numbers.")] = 0,
 ) -> None:
     """Find where model and flights disagree, name what is missing, and write the improved vehicle file."""
     from calibration.gap.find import GapQuestion, find_gap

@@ -44,7 +44,7 @@ Flashed = Annotated[
     str | None,
     typer.Option(help="Vehicle file that the drones' firmware was built with, if it is not what they are."),
 ]
-Seed = Annotated[int, typer.Option(help="Seed of all random numbers.")]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of all random numbers.")]
 FeedPoses = Annotated[
     bool,
     typer.Option(

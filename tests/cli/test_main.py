@@ -106,6 +106,14 @@ def test_a_path_that_the_system_refuses_is_told_in_a_sentence(
     assert json.loads(capsys.readouterr().out)["exit_code"] == 2
 
 
+@pytest.mark.parametrize("part", ["lab", "drone", "room", "bench"])
+def test_a_seed_that_is_none_is_refused_before_anything_is_served(
+    part: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["sim", part, "--seed", "-1"]) == 2
+    assert "Invalid value for '--seed'" in capsys.readouterr().err
+
+
 def test_wrong_usage_gives_a_script_one_document(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["fly", "--json"]) == 2
     assert json.loads(capsys.readouterr().out)["exit_code"] == 2
