@@ -1,5 +1,6 @@
 """The database file of a campaign: opened, held against damage, its errors told as those of the folder."""
 
+import os
 import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
@@ -43,26 +44,48 @@ def columns_of(folder: Path) -> set[str]:
 
 
 def connected(path: Path) -> sqlite3.Connection:
-    """Open the database.
+    """Open the database; where it cannot be written, to be read.
 
     Raises:
-        CampaignError: it is damaged.
+        CampaignError: it is damaged, or cannot be opened now.
     """
-    connection = sqlite3.connect(path, isolation_level=None, timeout=5.0)
+    writable = os.access(path if path.exists() else path.parent, os.W_OK) and os.access(path.parent, os.W_OK)
+    try:
+        connection = sqlite3.connect(
+            path if writable else _to_be_read(path), isolation_level=None, timeout=5.0, uri=not writable
+        )
+    except sqlite3.OperationalError as error:
+        raise _not_opened(path, error) from error
     connection.row_factory = sqlite3.Row
     try:
-        connection.execute("PRAGMA journal_mode = WAL")
-        connection.execute("PRAGMA synchronous = FULL")
+        if writable:
+            connection.execute("PRAGMA journal_mode = WAL")
+            connection.execute("PRAGMA synchronous = FULL")
         (found,) = connection.execute("PRAGMA quick_check(1)").fetchone()
-    except sqlite3.OperationalError:  # locked, say: nothing is wrong with the file
+    except sqlite3.OperationalError as error:  # locked, say: nothing is wrong with the file
         connection.close()
-        raise
+        raise _not_opened(path, error) from error
     except sqlite3.DatabaseError as error:
         found = str(error)
     if found != "ok":
         connection.close()
         raise CampaignError(_damaged(path, found))
     return connection
+
+
+def _to_be_read(path: Path) -> str:
+    """The address of a database on a disk, or of somebody, that lets nobody write: SQLite then makes none of
+    the files that it shares with who writes. Where its log is there, somebody may write, or was killed.
+    """
+    alone = "" if path.with_name(f"{path.name}-wal").exists() else "&immutable=1"
+    return f"{path.absolute().as_uri()}?mode=ro{alone}"
+
+
+def _not_opened(path: Path, error: sqlite3.OperationalError) -> CampaignError:
+    return CampaignError(
+        f"{path}: cannot be opened ({error}): end what else has it open, or copy the folder to where it can "
+        "be written"
+    )
 
 
 def decoded(folder: Path, text: str, what: str, shaped: Callable[[Any], _Shaped]) -> _Shaped:

@@ -7,8 +7,8 @@ import sqlite3
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Callable
-from contextlib import closing
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +16,7 @@ import pytest
 
 from onboard.link.errors import DroneStopped
 from onboard.policy.files import find_policy, load_policy, save_policy
+from onboard.record.folder import OutputFolderError
 from perchhw.attempt import AttemptInterrupted, AttemptRequest, AttemptResult, Outcome
 from perchhw.campaign import (
     AttemptRow,
@@ -337,6 +338,39 @@ def test_a_damaged_database_is_named(
         assert f"{database}: is damaged" in capsys.readouterr().err.replace("\n", "")
     with pytest.raises(CampaignError, match="is damaged"):
         run_campaign(load_plan(campaign_file), folder, fly, resume=True)
+
+
+@contextmanager
+def read_only(folder: Path) -> Iterator[None]:
+    """Nobody may write into `folder`; root may write everywhere but where the file system forbids it."""
+    if os.geteuid() != 0:
+        folder.chmod(0o500)
+        yield
+        folder.chmod(0o700)
+        return
+    steps = (["--bind", folder, folder], ["-o", "remount,bind,ro", folder])
+    if any(subprocess.run(["mount", *step], capture_output=True, check=False).returncode for step in steps):
+        pytest.skip("only who may mount a file system can have one that root cannot write")
+    try:
+        yield
+    finally:
+        subprocess.run(["umount", folder], check=True)
+
+
+def test_a_campaign_on_a_disk_that_only_reads_is_told_of(
+    campaign_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "campaign"
+    run_campaign(load_plan(campaign_file), folder, fly)
+    assert run(["--json", "campaign", "status", str(folder)]) == 0
+    before = json.loads(capsys.readouterr().out)
+    with read_only(folder):
+        assert run(["--json", "campaign", "status", str(folder)]) == 0
+        assert json.loads(capsys.readouterr().out) == before
+        assert run(["campaign", "report", str(folder)]) == 2
+        assert "cannot be written" in capsys.readouterr().err
+        with pytest.raises(OutputFolderError, match="cannot be written"):
+            run_campaign(load_plan(campaign_file), folder, fly, resume=True)
 
 
 def test_the_database_itself_refuses_a_second_done_row(campaign_file: Path, tmp_path: Path) -> None:
