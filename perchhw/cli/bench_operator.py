@@ -58,12 +58,15 @@ class TerminalOperator:
         """Say what to do; wait for Enter or a key unless the wizard notices by itself.
 
         Raises:
-            Paused, StepAgain, StepBack, StepSkipped: the key of the person.
+            Paused, StepAgain, StepBack, StepSkipped: the key of the person; Ctrl-D pauses, too.
             NobodyToAsk: there is no terminal and no ``--yes``.
         """
         self.tell(task.text)
-        if not task.noticed and not self._yes:
-            self._key(self._ask(KEYS))
+        if task.noticed or self._yes:
+            return {}
+        while typed := self._ask(KEYS):
+            self._key(typed)
+            self.warn(f"{typed!r} is none of these keys; Enter alone says that it is done")
         return {}
 
     def measure(self, question: Question) -> list[float]:
@@ -138,7 +141,10 @@ class TerminalOperator:
                 f"this would ask: {prompt}; but there is no terminal: answer with --input FILE.toml, --yes, "
                 "or an assistant (--hands)"
             )
-        return self._screen.input(f"    {prompt}: ", markup=False).strip()
+        try:
+            return self._screen.input(f"    {prompt}: ", markup=False).strip()
+        except EOFError as error:  # Ctrl-D, or the terminal is gone
+            raise Paused("the input has ended; the same command goes on") from error
 
 
 def _gauge_table(title: str, gauges: Sequence[Gauge]) -> "Table":
