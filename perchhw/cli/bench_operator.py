@@ -82,7 +82,7 @@ class TerminalOperator:
             typed = self._ask(prompt)
             self._key(typed)
             try:
-                return [self._reading(part, question) for part in typed.split(",")]
+                return [self._reading(part, question) for part in _parts(typed, question)]
             except (AnswerNotUsable, UnitError) as error:
                 self.warn(str(error))
 
@@ -145,6 +145,22 @@ class TerminalOperator:
             return self._screen.input(f"    {prompt}: ", markup=False).strip()
         except EOFError as error:  # Ctrl-D, or the terminal is gone
             raise Paused("the input has ended; the same command goes on") from error
+
+
+def _parts(typed: str, question: Question) -> list[str]:
+    """As many readings as were asked for: ``12,5`` is neither two of them nor one.
+
+    Raises:
+        AnswerNotUsable: it is another number of them.
+    """
+    parts = typed.split(",")
+    if len(parts) != question.readings:
+        wanted = "one reading is" if question.readings == 1 else f"{question.readings} readings are"
+        raise AnswerNotUsable(
+            f"{question.name}: {wanted} asked for, and {typed!r} is {len(parts)}: a comma stands between "
+            "readings, decimals follow a point"
+        )
+    return parts
 
 
 def _gauge_table(title: str, gauges: Sequence[Gauge]) -> "Table":

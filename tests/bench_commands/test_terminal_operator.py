@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from calibration.bench.procedures.operator import Paused, StepAgain, Task
+from calibration.bench.procedures.operator import Paused, Question, StepAgain, Task
 from perchhw.cli.bench_operator import TerminalOperator
 
 CTRL_D = b"\x04"
@@ -40,3 +40,20 @@ def test_the_end_of_the_input_pauses(keyboard: int) -> None:
     os.write(keyboard, CTRL_D)
     with pytest.raises(Paused):
         TerminalOperator().agree("Apply it?")
+
+
+@pytest.mark.parametrize(
+    ("readings", "typed", "found"),
+    [
+        (1, b"12,5\n12.5\n", [0.0125]),  # was taken for 12 g and 5 g
+        (1, b"38,10 g\n38.10 g\n", [0.0381]),
+        (3, b"600,4\n600.4, 600.2, 600.3\n", [0.6004, 0.6002, 0.6003]),
+    ],
+)
+def test_a_decimal_comma_is_not_taken_for_two_readings(
+    readings: int, typed: bytes, found: list[float], keyboard: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    os.write(keyboard, typed)
+    question = Question("mass", "what the scale showed", "kg", "g", (-0.5, 2.0), 0.0, readings)
+    assert TerminalOperator().measure(question) == pytest.approx(found)
+    assert "decimals follow a point" in " ".join(capsys.readouterr().err.split())
