@@ -226,7 +226,7 @@ def _check_increasing(
                 and c["low_b"] >= 0.0
                 and c["low_c"] <= c["break_thrust"]
                 and c["high_a"] > 0.0
-                and c["high_c"] - c["high_b"] ** 2 / (4.0 * c["high_a"]) <= c["break_thrust"]
+                and c["high_c"] - c["high_b"] * c["high_b"] / (4.0 * c["high_a"]) <= c["break_thrust"]
             )
             rule = "low_a, high_a > 0, low_b >= 0, and both rows must reach break_thrust"
         case ThrustMapForm.FIRMWARE_CUBIC:

@@ -1,5 +1,6 @@
 """A damaged vehicle file gives a vehicle or an error that names file and key, never anything else."""
 
+import contextlib
 import copy
 import math
 import random
@@ -98,3 +99,14 @@ def test_damaged_text_gives_a_vehicle_or_an_input_error(
     path.write_bytes(data)
     for problem in check_vehicle(path):
         assert "damaged.toml" in problem or problem.strip()
+
+
+@pytest.mark.parametrize("name", known_vehicles())
+def test_a_coefficient_of_any_size_gives_a_vehicle_or_an_input_error(name: str) -> None:
+    """Of the thrust map, whose squares may be more than a float holds."""
+    content = _CONTENTS[name, True]
+    for coefficient in set(content["motors"]["thrust_map"]) - {"name", "form"}:
+        changed = copy.deepcopy(content)
+        changed["motors"]["thrust_map"][coefficient]["value"] = 1e308
+        with contextlib.suppress(InputError):
+            parse_vehicle(changed, name)
