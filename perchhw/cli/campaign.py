@@ -1,6 +1,6 @@
 """``perchhw campaign``: fly a grid of attempts; resume, status, report."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -67,7 +67,10 @@ def run(
     from perchhw.lab import find_lab
     from perchhw.screen.flight_display import flight_display
 
+    if retry_aborted and not resume:
+        raise typer.BadParameter("--retry-aborted goes with --resume")
     if has_flights(file):
+        _refuse_of_grids({"--skip-unflyable": skip_unflyable, "--accept-mismatch": accept_mismatch})
         flights = replace(load_flight_plan(file, find_lab(lab), drone or ()), operator=operator, note=note)
         return _fly_courses(flights, out, resume, yes, mavlink, view)
     plan = load_plan(file, find_lab(lab), drone or ())
@@ -97,6 +100,12 @@ def run(
         report = _page_of(folder)
     _emit_rows(folder, report, stopped)
     return 3 if stopped else 0
+
+
+def _refuse_of_grids(given: Mapping[str, bool]) -> None:
+    """Test flights fly no policy, and each of them must fit the room."""
+    for option in [option for option, wanted in given.items() if wanted]:
+        raise typer.BadParameter(f"{option} is for campaigns with a [grid]; leave it out for test flights")
 
 
 @contextmanager

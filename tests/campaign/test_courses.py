@@ -182,3 +182,19 @@ def test_all_that_is_wrong_is_told_at_once(file: Path) -> None:
         load_flight_plan(file)
     told = [line.split(": ")[1] for line in str(caught.value).splitlines()]
     assert told == ["key drone", "key flight[0].times"]
+
+
+@pytest.mark.parametrize(
+    ("option", "why"),
+    [
+        ("--skip-unflyable", "is for campaigns with a [grid]"),
+        ("--accept-mismatch", "is for campaigns with a [grid]"),
+        ("--retry-aborted", "goes with --resume"),
+    ],
+)
+def test_an_option_that_would_do_nothing_is_refused(
+    option: str, why: str, file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["campaign", "run", str(file), "--yes", option]) == 2
+    said = capsys.readouterr().err.replace("│", " ")
+    assert f"{option} {why}" in " ".join(said.split())
