@@ -10,6 +10,7 @@ import pytest
 
 import perchhw
 import perchhw.notebook
+from calibration.gap.find import NothingToFindError
 from onboard.link.stop_drone import stop_drone
 from perchhw.lab_process import LabNotReady
 from perchhw.learning.errors import LearningInputError
@@ -64,6 +65,11 @@ def test_an_approach_that_cannot_be_is_not_simulated(speed: float, angle_deg: fl
     policy = perchhw.load_policy("default")
     with pytest.raises(LearningInputError, match=f"{problem} makes no approach"):
         perchhw.simulate_approach(policy, speed, angle_deg)
+
+
+def test_a_gap_in_no_flights_is_not_looked_for() -> None:
+    with pytest.raises(NothingToFindError, match="no usable flight: none was given"):
+        perchhw.find_gap([], perchhw.load_vehicle("crazyflie21-upgraded"))
 
 
 def test_a_lab_that_was_not_opened_is_told_to_whoever_flies_in_it(tmp_path: Path) -> None:

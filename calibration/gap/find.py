@@ -275,7 +275,7 @@ def _prepared(flights: Sequence[Flight], question: GapQuestion) -> PreparedFligh
             reason if names[0] in reason else f"{', '.join(names)}: {reason}"
             for reason, names in files.items()
         )
-        raise NothingToFindError(f"no usable flight: {'; '.join(reasons)}")
+        raise NothingToFindError(f"no usable flight: {'; '.join(reasons) or 'none was given'}")
     return prepared
 
 
