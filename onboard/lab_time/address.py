@@ -9,6 +9,7 @@ from onboard.lab_time.lab_time import LabTime, LabTimeError
 from onboard.timebase import WALL, Timebase
 
 OPTION = "time"
+_LAST_PORT = 65_535
 
 
 class TimeAddress(NamedTuple):
@@ -24,11 +25,14 @@ def time_address(uri: str) -> TimeAddress | None:
     Raises:
         LabTimeError: what it names is no address.
     """
-    values = parse_qs(urlsplit(uri).query).get(OPTION)
+    try:
+        values = parse_qs(urlsplit(uri).query).get(OPTION)
+    except ValueError as error:  # a bracket that is left open
+        raise LabTimeError(f"{uri!r} is no usable address ({error}); correct it") from error
     if not values:
         return None
     host, _, port = values[0].rpartition(":")
-    if not host or not port.isdecimal():
+    if not host or not port.isdecimal() or int(port) > _LAST_PORT:
         raise LabTimeError(f"{uri!r}: {OPTION}={values[0]} is no address; write {OPTION}=HOST:PORT")
     return TimeAddress(host, int(port))
 

@@ -136,6 +136,12 @@ def test_it_serves_one_of_the_two(what: list[str], capsys: pytest.CaptureFixture
     assert "--drone" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("drone", ["udp://[::1", "udp://127.0.0.1:1?time=127.0.0.1:99999"])
+def test_an_address_that_is_none_is_told_as_such(drone: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["mavlink", "serve", "--drone", drone]) == 1
+    assert drone in capsys.readouterr().err.replace("\n", "")
+
+
 @needs_mavproxy
 @pytest.mark.slow
 def test_mavproxy_reads_it_and_may_not_arm(tmp_path: Path) -> None:
