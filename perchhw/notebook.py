@@ -33,7 +33,7 @@ def load_policy(name_or_path: str | Path = "default") -> Policy:
 
 
 def simulate_approach(
-    policy: Policy,
+    policy: Policy | str | Path,
     speed: float,
     angle_deg: float,
     *,
@@ -43,7 +43,7 @@ def simulate_approach(
     """One approach of `policy` in the physics alone, sampled at 100 Hz until it has come to rest.
 
     Args:
-        policy: two-stage policy.
+        policy: two-stage policy, or as :func:`load_policy` finds it.
         speed: on the approach line, m/s.
         angle_deg: of that line above the horizon, deg.
         setup: vehicle, legs, randomisation, errors of the cues; default: those of the shipped policy.
@@ -53,8 +53,8 @@ def simulate_approach(
         The true motion (world; rates in the body frame), feet and cues; the trigger is what the policy saw.
 
     Raises:
-        LearningInputError: no approach has such a speed or angle.
-        LearningInputError, VehicleFileError: the setup cannot be used.
+        LearningInputError: no approach has such a speed or angle, or the setup cannot be used.
+        PolicyError, VehicleFileError: nor can policy or vehicle.
 
     >>> flight = simulate_approach(load_policy(), 2.5, 50.0)
     >>> bool(flight.data["z"][-1] > 2.0), int(flight.data["legs_attached"][-1])   # it hangs by all its legs
@@ -64,6 +64,7 @@ def simulate_approach(
     from perchhw.learning.grid import conditions
     from perchhw.learning.setup import LearningSetup
 
+    policy = policy if isinstance(policy, Policy) else load_policy(policy)
     (condition,) = conditions((speed,), (angle_deg,))
     setup = setup or LearningSetup(legs="semi-narrow-long")
     if seed is not None:

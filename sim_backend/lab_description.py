@@ -6,6 +6,7 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from onboard.errors import InputError
 from onboard.lab_file import (
     Ceiling,
     LabDrone,
@@ -23,6 +24,10 @@ from sim_backend.room.settings import RoomSettings
 from sim_backend.world import start_marks
 
 COMMENT = "Written by `perchhw sim lab`, which takes it away when it ends: copy what is to be kept."
+
+
+class LabFileTakenError(SimulationError, InputError):
+    """Where the lab file is to be there is one already, which may be that of a real room."""
 
 
 class LabDescription:
@@ -44,10 +49,10 @@ class LabDescription:
         """Refuse the chosen place where something is: before a lab is prepared for it.
 
         Raises:
-            SimulationError: there is a file, which may be that of a real room.
+            LabFileTakenError: there is a file.
         """
         if self._chosen is not None and self._chosen.exists():
-            raise SimulationError(
+            raise LabFileTakenError(
                 f"{self._chosen.absolute()}: exists and is not overwritten; remove it or choose another place"
             )
 
@@ -55,7 +60,7 @@ class LabDescription:
         """Write the file and give its absolute path.
 
         Raises:
-            SimulationError: as :meth:`require_free`; the file may have come since.
+            LabFileTakenError: as :meth:`require_free`; the file may have come since.
             LabFileError: it cannot be written.
         """
         if self._chosen is None:

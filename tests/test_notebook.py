@@ -6,10 +6,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import perchhw
 import perchhw.notebook
+from calibration.flights import FlightFileError
 from calibration.gap.find import NothingToFindError
 from onboard.link.stop_drone import stop_drone
 from perchhw.lab_process import LabNotReady
@@ -65,6 +67,18 @@ def test_an_approach_that_cannot_be_is_not_simulated(speed: float, angle_deg: fl
     policy = perchhw.load_policy("default")
     with pytest.raises(LearningInputError, match=f"{problem} makes no approach"):
         perchhw.simulate_approach(policy, speed, angle_deg)
+
+
+def test_a_policy_goes_by_its_name_too() -> None:
+    flights = [perchhw.simulate_approach(which, 2.5, 50.0) for which in ("default", perchhw.load_policy())]
+    assert flights[0].t.size == flights[1].t.size
+    assert np.array_equal(flights[0].data["z"], flights[1].data["z"])
+
+
+def test_a_format_that_there_is_not_is_no_fault_of_the_files(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("t,x\n0,1\n")
+    with pytest.raises(FlightFileError, match="unknown flight format 'nope'"):
+        perchhw.open_flights(tmp_path / "a.csv", format="nope")
 
 
 def test_a_gap_in_no_flights_is_not_looked_for() -> None:

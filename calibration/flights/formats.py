@@ -82,7 +82,13 @@ def open_flight(path: str | Path, format: str = "auto") -> Flight:
 def open_flights(
     paths: Iterable[str | Path], format: str = "auto"
 ) -> tuple[list[Flight], list[UnusableFlight]]:
-    """Read many flights: the usable ones, and the files that hold none, each with its reason."""
+    """Read many flights: the usable ones, and the files that hold none, each with its reason.
+
+    Raises:
+        FlightFileError: there is no such format.
+    """
+    if format != "auto":
+        _known(format)
     flights, unusable = [], []
     for path in paths:
         try:
@@ -156,6 +162,10 @@ def _format_of(path: Path, name: str) -> FlightFormat:
                 "(name one with --format for a clearer error)"
             )
         return found
+    return _known(name)
+
+
+def _known(name: str) -> FlightFormat:
     if name not in FORMATS:
         raise FlightFileError(f"unknown flight format {name!r}; known are auto, {', '.join(FORMATS)}")
     return FORMATS[name]

@@ -28,6 +28,7 @@ from perchhw.campaign.file_table import (
     nobody,
     room_of,
     setup_of,
+    vehicle_sha256,
 )
 from perchhw.campaign.plan import MOST_ATTEMPTS
 from perchhw.campaign.run import ATTEMPTS, only_one
@@ -76,6 +77,7 @@ class FlightPlan:
             "name": self.name,
             "vehicle": self.setup.vehicle,
             "legs": self.setup.legs,
+            "vehicle_sha256": vehicle_sha256(self.setup.vehicle, self.setup.legs),
             "room": asdict(self.setup.room),
             "flights": [asdict(flight) for flight in self.flights],
         }

@@ -15,7 +15,8 @@ from onboard.link import check_drone_uri
 from onboard.room import RoomGeometry
 from onboard.schema import schema_problem
 from onboard.unit_slip import unit_hint
-from onboard.vehicle import load_vehicle
+from onboard.vehicle import load_vehicle, vehicle_to_toml
+from onboard.vehicle.fingerprint import fingerprint
 from perchhw.attempt import DEFAULT_POLICY, DEFAULT_VEHICLE
 from perchhw.errors import FlightStackError
 from perchhw.lab import FlightSetup, SetupError, flight_setup
@@ -307,6 +308,11 @@ def check_addresses(table: FileTable, drone: str | None, mocap: str | None, dron
         check_names(table, {drone_key: lambda: check_drone_uri(drone)})
     if mocap:
         check_names(table, {"mocap": lambda: parse_mocap_uri(mocap)})
+
+
+def vehicle_sha256(vehicle: str, legs: str | None) -> str:
+    """Of the numbers of a vehicle, which labels go by: its file may be written anew during a campaign."""
+    return fingerprint(vehicle_to_toml(load_vehicle(vehicle, legs)))
 
 
 def check_vehicle(root: FileTable, setup: FlightSetup) -> None:

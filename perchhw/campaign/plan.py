@@ -28,6 +28,7 @@ from perchhw.campaign.file_table import (
     check_vehicle,
     nobody,
     room_of,
+    vehicle_sha256,
 )
 from perchhw.campaign.seats import Seat, setups_of
 from perchhw.diagnosis.rules import AbortKind
@@ -208,12 +209,14 @@ class CampaignPlan:
 
     def fixed_part(self) -> dict[str, Any]:
         """What must not change when a campaign is resumed: everything but the URIs, the stop rules, the
-        day, who flies, and what of the lab file is not the room; of the policy also what is in its file.
+        day, who flies, and what of the lab file is not the room; of policy and vehicle also what their files
+        hold.
         """
         part = dataclasses.asdict(dataclasses.replace(self, lab=None))
         for key in _MAY_CHANGE:
             del part[key]
         part["policy_crc32"] = f"{policy_crc32(load_policy(find_policy(self.policy))):08x}"
+        part["vehicle_sha256"] = vehicle_sha256(self.vehicle, self.legs)
         part["skipped"] = [misfit.condition for misfit in self.skipped]
         for key in [key for key in ("skipped",) if not part[key]]:
             del part[key]  # as it was written before there was such a thing

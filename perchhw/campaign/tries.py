@@ -50,7 +50,7 @@ CREATE TABLE attempts (
 CREATE UNIQUE INDEX one_done ON attempts (slot) WHERE state = 'done';
 CREATE UNIQUE INDEX one_open ON attempts (slot) WHERE state IN ('planned', 'running');
 """
-_KEPT_SINCE = ("policy_crc32",)
+_KEPT_SINCE = ("policy_crc32", "vehicle_sha256")
 """What is kept of a plan now and was not once: a campaign without it is older, and not asked for it."""
 
 

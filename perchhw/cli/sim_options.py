@@ -133,6 +133,8 @@ class DroneOptions(WorldOptions):
         Raises:
             SimulationError: a fault, a pace or a deck that there is not.
         """
+        if self.truth_motors and self.truth is None:
+            raise typer.BadParameter("--truth-motors goes with --truth")
         from sim_backend.crazyflie.build import Build, known_decks
         from sim_backend.lab import LabSettings
         from sim_backend.pace import Pace

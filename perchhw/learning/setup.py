@@ -1,8 +1,6 @@
 """What a sweep or a validation runs on: vehicle, legs, room and rules, as named in its settings."""
 
 import dataclasses
-import hashlib
-import json
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,6 +14,7 @@ from onboard.quantity import Quantity
 from onboard.room import RoomGeometry
 from onboard.vehicle import Vehicle, VehicleFileError, load_vehicle, vehicle_to_toml
 from onboard.vehicle.file_format import parse_vehicle
+from onboard.vehicle.fingerprint import fingerprint
 from perchhw.attempt import AUTHORS_VEHICLE, STORED_VEHICLE
 from perchhw.learning.authors_models import authors_vehicle
 from perchhw.learning.domain_randomisation import VEHICLE, DomainRandomisation, domain_randomisation
@@ -282,15 +281,3 @@ def _domain(setup: LearningSetup, content: dict[str, Any], room: RoomGeometry) -
         inertia_yy=0.0 if "body.inertia_yy" in names else domain.inertia_yy,
         pool=vehicle_pool(rng, draws, content, room),
     )
-
-
-def fingerprint(vehicle_toml: str) -> str:
-    """SHA-256 of the names, numbers and units of a vehicle: another description or source does not count."""
-    text = json.dumps(_without_words(tomllib.loads(vehicle_toml)), sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()
-
-
-def _without_words(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _without_words(v) for key, v in value.items() if key not in ("source", "description")}
-    return [_without_words(item) for item in value] if isinstance(value, list) else value

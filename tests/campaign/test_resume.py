@@ -17,6 +17,7 @@ import pytest
 from onboard.link.errors import DroneStopped
 from onboard.policy.files import find_policy, load_policy, save_policy
 from onboard.record.folder import OutputFolderError
+from onboard.vehicle import load_vehicle, vehicle_to_toml
 from perchhw.attempt import AttemptInterrupted, AttemptRequest, AttemptResult, Outcome
 from perchhw.campaign import (
     AttemptRow,
@@ -262,6 +263,20 @@ def test_a_campaign_goes_on_with_the_policy_that_it_began_with(campaign_file: Pa
         older = {key: value for key, value in json.loads(plan).items() if key != "policy_crc32"}
         database.execute("UPDATE facts SET value = ? WHERE key = 'plan'", (json.dumps(older),))
     assert len(run_campaign(load_plan(campaign_file), folder, fly, resume=True)) == 8
+
+
+def test_a_vehicle_file_that_was_written_anew_is_another_vehicle(campaign_file: Path, tmp_path: Path) -> None:
+    file, folder = tmp_path / "mine.toml", tmp_path / "campaign"
+    vehicle = load_vehicle("crazyflie21-upgraded", "semi-narrow-long")
+    file.write_text(vehicle_to_toml(vehicle))
+    campaign_file.write_text(f'vehicle = "{file}"\n{campaign_file.read_text()}')
+    run_campaign(load_plan(campaign_file), folder, fly)
+    file.write_text(vehicle_to_toml(replace(vehicle, description="as it was flown")))
+    run_campaign(load_plan(campaign_file), folder, fly, resume=True)
+    heavier = replace(vehicle.body.mass, value=1.1 * vehicle.body.mass.value)
+    file.write_text(vehicle_to_toml(replace(vehicle, body=replace(vehicle.body, mass=heavier))))
+    with pytest.raises(CampaignError, match="changed since the start in vehicle_sha256: undo that"):
+        run_campaign(load_plan(campaign_file), folder, fly, resume=True)
 
 
 def test_whoever_starts_a_campaign_that_runs_hears_of_it_and_not_of_its_drone(

@@ -7,10 +7,11 @@ from pathlib import Path
 import pytest
 
 from onboard.vehicle import load_vehicle, vehicle_to_toml
+from onboard.vehicle.fingerprint import fingerprint
 from perchhw.cli.main import run
 from perchhw.learning.errors import LearningInputError
 from perchhw.learning.executor import LocalThreads
-from perchhw.learning.setup import LearningSetup, fingerprint
+from perchhw.learning.setup import LearningSetup
 from perchhw.learning.sweep import SweepGrid, run_sweep
 
 GRID = SweepGrid((2.5,), (40.0, 50.0), 1)
