@@ -118,7 +118,8 @@ def trigger_start(flight: Flight, vehicle: Vehicle, parameters: Any) -> TriggerS
     )
     _take_snapshot(flight.trigger.snapshot, flight.ceiling_z, state[0])
     touched = landing_of(flight)
-    seen = None if isinstance(touched, NotUsed) else touched
+    # What jumps before the policy fired is no landing: a simulated flip has no time before its trigger.
+    seen = None if isinstance(touched, NotUsed) or touched.before <= at else touched
     after = around.gyro_t >= at
     return TriggerStart(
         flight=flight,
