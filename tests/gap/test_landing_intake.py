@@ -43,3 +43,31 @@ def test_a_jolt_before_the_trigger_is_no_contact(day: list[Flight]) -> None:
     ready = prepared([changed(flight, lambda _: pitching, "gy")])
     assert ready.starts[0].contact is None
     assert ready.contact(0) is None
+
+
+SCALED = {
+    "deg/s": (("gx", "gy", "gz"), np.degrees(1.0)),
+    "N mm": (("a_rot",), 1e3),
+    "a negative a_rot and a negative gy are nose up": (("a_rot",), -1.0),
+    "mm or cm": (("x", "y", "z"), 1e3),
+    "d_ceil seems to be in mm": (("d_ceil",), 1e3),
+    "percent": (("m1", "m2", "m3", "m4"), 1.0 / 655.35),
+    "vbat in V": (("vbat",), 1e3),
+}
+"""What a flight is told, by channels and factor."""
+
+
+@pytest.mark.parametrize("words", SCALED)
+def test_numbers_in_another_unit_are_no_gap_of_the_vehicle(day: list[Flight], words: str) -> None:
+    channels, factor = SCALED[words]
+    flight = changed(day[0], lambda values: factor * values, *channels)
+    if "d_ceil" in channels:
+        assert flight.ceiling_z is not None
+        flight = replace(flight, ceiling_z=flight.ceiling_z * factor)
+    ready = prepared([flight])
+    assert not ready.starts
+    assert words in ready.unused[0].reason
+
+
+def test_flights_in_si_units_are_all_taken(day: list[Flight]) -> None:
+    assert prepared(day).unused == ()

@@ -23,7 +23,7 @@ _LIKE = (0.7, 1.4)
 
 _HALF = 0.5
 _MOST_VOLTS = 100.0
-_MOST_SPEED = 30.0
+MOST_SPEED = 30.0
 """m/s, median in flight: faster than any room."""
 
 _IN_G = (0.5, 2.5)
@@ -112,7 +112,7 @@ def check_plausible(flight: Flight, record: FlightRecord) -> None:
             flight.source, f"battery voltage of {volts:.0f} V: it seems to be in mV; divide it by 1000"
         )
     speed = float(np.median(np.linalg.norm(record.velocity[record.flying], axis=1)))
-    if speed > _MOST_SPEED:
+    if speed > MOST_SPEED:
         raise ConventionError(
             flight.source, f"flies at {speed:.0f} m/s: positions seem to be in mm or cm; bring them to m"
         )

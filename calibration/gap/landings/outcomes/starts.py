@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from calibration.flights import Flight, PoseSource, Trigger
+from calibration.flights import Flight, PoseSource, Trigger, UnusableFlightError
 from calibration.gap.data.record import NotUsed
 from calibration.gap.data.rotations import accumulated
+from calibration.gap.landings.outcomes.units import check_units
 from calibration.gap.landings.segments import (
     LandingSegment,
     commanded_thrusts,
@@ -117,6 +118,10 @@ def trigger_start(flight: Flight, vehicle: Vehicle, parameters: Any) -> TriggerS
         _snapshot_difference(flight.trigger.snapshot, state[0]), _wander(around), _jump(around)
     )
     _take_snapshot(flight.trigger.snapshot, flight.ceiling_z, state[0])
+    try:
+        check_units(flight, around, approach[1][-1], moment, state[0], parameters)
+    except UnusableFlightError as error:
+        return NotUsed(flight.name, error.reason)
     touched = landing_of(flight)
     # What jumps before the policy fired is no landing: a simulated flip has no time before its trigger.
     seen = None if isinstance(touched, NotUsed) or touched.before <= at else touched
