@@ -123,7 +123,8 @@ class Flight:
         commanded_speed: speed asked for (m/s), if known.
         commanded_angle_deg: angle above the horizon asked for (deg), if known.
         ceiling_z: height of the ceiling (m), if known.
-        session: flights of one session were flown in one room, unchanged; empty: unknown.
+        session: flights of one session were flown in one room, unchanged: the day where a file tells it, else
+            the folder that holds it; empty: unknown.
         aborted_by: rule that aborted the flight, or None.
         finished: whether the file was finished by its writer (False: the writer was killed).
         notes: what the loader found wrong or left out, in words.

@@ -99,6 +99,7 @@ def flight_from_run(run: RunRecord) -> Flight:
         commanded_speed=_number(config.get("speed_m_s")),
         commanded_angle_deg=_number(config.get("angle_deg")),
         ceiling_z=_number(config.get("ceiling_z")),
+        session=str(run.folder.parent),
         aborted_by=_aborted_by(run),
         finished=_finished(run),
         notes=run.torn,

@@ -64,6 +64,7 @@ def _flight(file: CsvFile) -> Flight:
         valid=finite_masks(data),
         trigger=trigger,
         ceiling_z=_ceiling(data),
+        session=str(path.parent),
         notes=(*notes, *([file.torn] if file.torn else [])),
     )
 

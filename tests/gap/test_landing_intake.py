@@ -71,3 +71,29 @@ def test_numbers_in_another_unit_are_no_gap_of_the_vehicle(day: list[Flight], wo
 
 def test_flights_in_si_units_are_all_taken(day: list[Flight]) -> None:
     assert prepared(day).unused == ()
+
+
+def raised(flight: Flight, by: float, folder: str) -> Flight:
+    """The same flight in a room that is `by` (m) higher."""
+    higher = changed(flight, lambda values: values + by, "z")
+    assert flight.ceiling_z is not None
+    return replace(higher, ceiling_z=flight.ceiling_z + by, session=folder)
+
+
+@pytest.mark.parametrize("folder", ["here", "there"])
+def test_a_room_is_judged_by_its_own_contacts(day: list[Flight], folder: str) -> None:
+    """Half of the flights in a room that is 0.5 m higher, in the same folder or in another."""
+    low = [replace(flight, session="here") for flight in day[:4]]
+    high = [raised(flight, 0.5, folder) for flight in day[4:]]
+    alone = [prepared(low).ceilings, prepared(high).ceilings]
+    together = prepared([*low, *high]).ceilings
+    np.testing.assert_allclose(together, np.concatenate(alone), atol=1e-9)
+
+
+def test_days_of_one_room_are_folders(day: list[Flight]) -> None:
+    """Rooms differ by some centimetres from day to day: less than what tells two rooms apart."""
+    moved = [raised(flight, 0.06, "tuesday") for flight in day[4:]]
+    monday = [replace(flight, session="monday") for flight in day[:4]]
+    together = prepared([*monday, *moved]).ceilings
+    np.testing.assert_allclose(together[4:], prepared(moved).ceilings, atol=1e-9)
+    assert {Path(flight.session) for flight in day} == {day[0].source.parent}

@@ -41,6 +41,7 @@ _CLOCK_GRID = np.arange(-0.04, 0.0401, 0.002)
 _RATE_ERROR = 1.3  # rad/s, RMS that flips leave with a clock of their own
 _UNSEEN_FLIP = 0.2  # s of a flip that is used where no contact was seen
 _LEAST_CEILING = 3  # contacts that tell a session's ceiling
+_ONE_ROOM = 0.2  # m between what two drones of one room take for its ceiling, at most
 
 
 @dataclass(frozen=True)
@@ -188,11 +189,16 @@ def _clock(t: FloatArray, seen: FloatArray, trace: FloatArray, sigma: float) -> 
 
 
 def _ceilings(starts: Sequence[TriggerStart], implied: FloatArray) -> FloatArray:
-    """Ceiling (m) of each flight: the median of the others of its session, else where the drone had it."""
+    """Ceiling (m) of each flight: the median of the others of its session, else where the drone had it.
+
+    Flights whose drones reckoned with quite another ceiling were in another room, whatever their session.
+    """
     sessions = np.array([start.flight.session for start in starts])
-    found = np.array([start.reckoned_ceiling for start in starts])
+    reckoned = np.array([start.reckoned_ceiling for start in starts])
+    found = reckoned.copy()
     for index in range(len(starts)):
-        others = (sessions == sessions[index]) & np.isfinite(implied)
+        near = np.abs(reckoned - reckoned[index]) < _ONE_ROOM
+        others = (sessions == sessions[index]) & near & np.isfinite(implied)
         others[index] = False
         if np.count_nonzero(others) >= _LEAST_CEILING:
             found[index] = float(np.median(implied[others]))
