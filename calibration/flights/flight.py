@@ -100,11 +100,13 @@ class Trigger:
         t: time in the flight's time column (s).
         snapshot: what was stored on board at that moment, by channel name (and ``pitch``, rad); may be empty.
         drone_time: the drone's own time of it (s), on the time base of ``cues_drone_time``, if known.
+        inferred: from the attitude: the flip was under way already, or it was a crash.
     """
 
     t: float
     snapshot: dict[str, float] = field(default_factory=dict)
     drone_time: float | None = None
+    inferred: bool = False
 
 
 @dataclass(frozen=True)

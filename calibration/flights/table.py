@@ -119,6 +119,6 @@ def _trigger(t: FloatArray, data: dict[str, FloatArray]) -> tuple[Trigger | None
     if turned.size == 0:
         return None, ()
     begun = float(t[turned[0]])
-    return Trigger(begun), (
+    return Trigger(begun, inferred=True), (
         f"no column triggered: 60 deg of tilt at {begun:.2f} s are taken for a flip, and may be a crash",
     )

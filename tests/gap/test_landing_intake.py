@@ -1,5 +1,6 @@
 """What a lab's own day may hold: flights that cannot be judged say why, and do not spoil the others."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -97,3 +98,40 @@ def test_days_of_one_room_are_folders(day: list[Flight]) -> None:
     together = prepared([*monday, *moved]).ceilings
     np.testing.assert_allclose(together[4:], prepared(moved).ceilings, atol=1e-9)
     assert {Path(flight.session) for flight in day} == {day[0].source.parent}
+
+
+def without(flight: Flight, *channels: str) -> Flight:
+    """The flight without some channels."""
+    kept = flight.data.keys() - set(channels)
+    return replace(
+        flight,
+        data={name: flight.data[name] for name in kept},
+        valid={name: flight.valid[name] for name in kept},
+    )
+
+
+@pytest.mark.parametrize(
+    ("channels", "words"),
+    [
+        (("gx",), "lacks pose and gyro"),
+        (("m1", "m2"), "lacks motor commands"),
+        (("vbat",), "m1 to m4 with vbat"),
+        (("a_rot",), r"lacks the flip's moment \(a_rot\)$"),
+    ],
+)
+def test_what_a_start_lacks_is_named(day: list[Flight], channels: tuple[str, ...], words: str) -> None:
+    ready = prepared([without(day[0], *channels), replace(day[1], ceiling_z=None)])
+    assert not ready.starts
+    assert re.search(words, ready.unused[0].reason)
+    assert ready.unused[1].reason == "lacks the distance to the ceiling (d_ceil)"
+
+
+def test_a_trigger_that_was_guessed_from_the_tilt_starts_no_flip(day: list[Flight], tmp_path: Path) -> None:
+    """It is 0.1 s late: the simulation would flip again from 60 deg of tilt."""
+    lines = [line.split(",") for line in day[0].source.read_text().splitlines()]
+    column = lines[0].index("triggered")
+    table = "\n".join(",".join(cell for i, cell in enumerate(line) if i != column) for line in lines)
+    (tmp_path / "untold.csv").write_text(table + "\n")
+    ready = prepared(open_flights([tmp_path / "untold.csv"])[0])
+    assert not ready.starts
+    assert "when the policy fired (triggered)" in ready.unused[0].reason

@@ -102,14 +102,23 @@ def trigger_start(flight: Flight, vehicle: Vehicle, parameters: Any) -> TriggerS
     """
     if flight.trigger is None:
         return NotUsed(flight.name, _without_trigger(flight))
-    if flight.ceiling_z is None:
-        return NotUsed(flight.name, "the ceiling's height is not recorded")
+    if flight.trigger.inferred:
+        return NotUsed(
+            flight.name,
+            "does not say when the policy fired (triggered): 60 deg of tilt is too late for a start",
+        )
     at = flight.trigger.t
     around = _around(flight, at)
     commands = commanded_thrusts(flight, vehicle)
     moment = _flip_moment(flight, flight.trigger)
-    if around is None or commands is None or moment is None:
-        return NotUsed(flight.name, "a start needs pose, gyro, motor commands and the flip's moment")
+    if around is None or commands is None or moment is None or flight.ceiling_z is None:
+        missing = (
+            (f"pose and gyro in the last {_BEFORE} s before the trigger", around),
+            ("motor commands (f1 to f4, or m1 to m4 with vbat)", commands),
+            ("the flip's moment (a_rot)", moment),
+            ("the distance to the ceiling (d_ceil)", flight.ceiling_z),
+        )
+        return NotUsed(flight.name, f"lacks {', '.join(what for what, value in missing if value is None)}")
     approach = running_until(commands, at)
     if approach is None:
         return NotUsed(flight.name, "no row before the trigger has all motors running")
