@@ -135,3 +135,12 @@ def test_a_trigger_that_was_guessed_from_the_tilt_starts_no_flip(day: list[Fligh
     ready = prepared(open_flights([tmp_path / "untold.csv"])[0])
     assert not ready.starts
     assert "when the policy fired (triggered)" in ready.unused[0].reason
+
+
+def test_a_copy_of_a_landing_does_not_count_twice(day: list[Flight]) -> None:
+    copy = replace(day[2], name="again", source=Path("again.csv"), t=day[2].t + 3.0)
+    assert day[2].trigger is not None
+    copy = replace(copy, trigger=replace(day[2].trigger, t=day[2].trigger.t + 3.0))
+    ready = prepared([*day, copy])
+    assert [start.name for start in ready.starts] == [flight.name for flight in day]
+    assert [(one.name, str(day[2].source) in one.reason) for one in ready.unused] == [("again", True)]

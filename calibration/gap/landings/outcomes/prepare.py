@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from calibration.flights import Flight
+from calibration.gap.data.duplicates import duplicate_of
 from calibration.gap.data.record import NotUsed
 from calibration.gap.landings.kernels import COLUMNS, OMEGA
 from calibration.gap.landings.outcomes.dispersion import Dispersion, estimate_dispersion
@@ -115,7 +116,10 @@ def prepare(
     free = below_no_ceiling(vehicle)
     starts: list[TriggerStart] = []
     unused: list[NotUsed] = []
-    for flight in flights:
+    for flight, copied in zip(flights, duplicate_of(flights), strict=True):
+        if copied is not None:
+            unused.append(NotUsed(flight.name, f"holds the same numbers as {copied.source}, or nearly"))
+            continue
         found = trigger_start(flight, vehicle, free)
         if isinstance(found, NotUsed):
             unused.append(found)
