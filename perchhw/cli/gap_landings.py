@@ -51,6 +51,7 @@ def landings_command(
         LABELS_FILE,
         forecast,
         landing_report,
+        lost_labels,
         prepare,
         read_labels,
         search_report,
@@ -66,9 +67,10 @@ def landings_command(
         require_writable(out)
     files = [file for file in flight_files([*data, *(more or [])]) if file.name != LABELS_FILE]
     flights, unreadable = open_flights(files, format)
-    labels = read_labels([flight.source for flight in flights])
+    sources = [flight.source for flight in flights]
+    labels, lost = read_labels(sources), lost_labels(sources)
     prepared = prepare(flights, model, np.random.default_rng(seed), draws)
-    refused = tuple(NotUsed(str(item.file), item.reason) for item in unreadable)
+    refused = (*(NotUsed(str(item.file), item.reason) for item in unreadable), *lost)
     if not prepared.starts:
         reasons = "; ".join(f"{item.name}: {item.reason}" for item in (*prepared.unused, *refused))
         raise InputError(f"no flight has a trigger to start from: {reasons or 'there is no flight'}")

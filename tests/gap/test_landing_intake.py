@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from calibration.flights import Flight, flight_files, open_flights
-from calibration.gap.landings.outcomes import PreparedLandings, prepare
+from calibration.gap.landings.outcomes import PreparedLandings, lost_labels, prepare, read_labels
+from calibration.gap.landings.outcomes.labels import LabelsFileError
+from onboard.outcome import Outcome
 from onboard.vehicle import load_vehicle
 from tests.gap.truth_landings.drone import Drone
 from tests.gap.truth_landings.judge import VEHICLE
@@ -144,3 +146,20 @@ def test_a_copy_of_a_landing_does_not_count_twice(day: list[Flight]) -> None:
     ready = prepared([*day, copy])
     assert [start.name for start in ready.starts] == [flight.name for flight in day]
     assert [(one.name, str(day[2].source) in one.reason) for one in ready.unused] == [("again", True)]
+
+
+def test_labels_that_name_no_flight_are_told(tmp_path: Path) -> None:
+    for name in ("a.csv", "b.csv"):
+        (tmp_path / name).touch()
+    rows = ["a.csv,four_leg", "B.csv,two_leg", "c.csv,", *(f"{n}.csv.gz,failure" for n in range(4))]
+    (tmp_path / "labels.csv").write_text("\n".join(["file,outcome", *rows]) + "\n")
+    sources = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    assert read_labels(sources) == {tmp_path / "a.csv": Outcome.FOUR_LEG}
+    (lost,) = lost_labels(sources)
+    assert lost.reason == "names flights that are not beside it: B.csv, 0.csv.gz, 1.csv.gz and 2 more"
+
+
+def test_a_flight_that_is_classified_twice_is_an_error(tmp_path: Path) -> None:
+    (tmp_path / "labels.csv").write_text("file,outcome\na.csv,four_leg\na.csv,failure\n")
+    with pytest.raises(LabelsFileError, match=r"row 3 column 'file': a.csv was classified in a row above"):
+        read_labels([tmp_path / "a.csv"])

@@ -2,7 +2,7 @@
 
 from calibration.gap.landings.outcomes.dispersion import Dispersion
 from calibration.gap.landings.outcomes.document import LandingReport, landing_report, search_report
-from calibration.gap.landings.outcomes.labels import LABELS_FILE, read_labels
+from calibration.gap.landings.outcomes.labels import LABELS_FILE, lost_labels, read_labels
 from calibration.gap.landings.outcomes.predict import Forecast, OutcomeForecast, forecast
 from calibration.gap.landings.outcomes.prepare import PreparedLandings, prepare
 from calibration.gap.landings.outcomes.scores import Score, score
@@ -17,6 +17,7 @@ __all__ = [
     "Score",
     "forecast",
     "landing_report",
+    "lost_labels",
     "prepare",
     "read_labels",
     "score",

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from calibration.errors import CalibrationError
+from calibration.gap.data.record import NotUsed
 from onboard.arrays import FloatArray, IntArray
 from onboard.csv_file import read_csv
 from onboard.errors import InputError
@@ -17,6 +18,9 @@ FOUR, TWO, NONE = 0, 1, 2
 """Classes that a score counts: three or four legs, one or two, none."""
 
 CLASS_NAMES = ("four", "two", "none")
+
+_LISTED = 3
+"""Names in a message."""
 
 _CLASSES = {
     Outcome.FOUR_LEG: FOUR,
@@ -50,19 +54,40 @@ def read_labels(sources: Iterable[Path]) -> dict[Path, Outcome]:
     """
     files = list(sources)
     known: dict[Path, Outcome] = {}
-    for folder in dict.fromkeys(file.parent for file in files):
-        table = folder / LABELS_FILE
-        if table.is_file():
-            known |= _read(table)
+    for table in _tables(files):
+        known |= _read(table)
     return {file: known[file] for file in files if file in known}
+
+
+def lost_labels(sources: Iterable[Path]) -> tuple[NotUsed, ...]:
+    """Tables beside these files that name flights which are not there: a name that is spelt otherwise.
+
+    Raises:
+        LabelsFileError: a table is broken.
+    """
+    found = []
+    for table in _tables(sources):
+        lost = [file.name for file in _read(table) if not file.exists()]
+        if lost:
+            more = f" and {len(lost) - _LISTED} more" if len(lost) > _LISTED else ""
+            named = ", ".join(lost[:_LISTED])
+            found.append(NotUsed(str(table), f"names flights that are not beside it: {named}{more}"))
+    return tuple(found)
+
+
+def _tables(files: Iterable[Path]) -> list[Path]:
+    folders = dict.fromkeys(file.parent for file in files)
+    return [folder / LABELS_FILE for folder in folders if (folder / LABELS_FILE).is_file()]
 
 
 def _read(table: Path) -> dict[Path, Outcome]:
     rows = read_csv(table, LabelsFileError)
-    found = {}
+    found: dict[Path, Outcome] = {}
     for row, name, text in zip(rows.rows, rows.text("file"), rows.text("outcome"), strict=True):
         if not text:
             continue  # a flight that nobody classified
+        if table.parent / name in found:
+            raise rows.problem(row, "file", f"{name} was classified in a row above; leave one")
         try:
             found[table.parent / name] = Outcome(text)
         except ValueError:
