@@ -1,5 +1,6 @@
 """``perchhw gap landings``: how landings end, predicted from each flight's trigger, beside how they did."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,6 +14,7 @@ from perchhw.screen.long_work import share_done
 
 if TYPE_CHECKING:
     from calibration.flights import Flight
+    from calibration.gap.data.record import NotUsed
     from calibration.gap.landings.outcomes import LandingReport
     from calibration.gap.landings.outcomes.search import OutcomeSearch
     from onboard.outcome import Outcome
@@ -72,8 +74,8 @@ def landings_command(
     prepared = prepare(flights, model, np.random.default_rng(seed), draws)
     refused = (*(NotUsed(str(item.file), item.reason) for item in unreadable), *lost)
     if not prepared.starts:
-        reasons = "; ".join(f"{item.name}: {item.reason}" for item in (*prepared.unused, *refused))
-        raise InputError(f"no flight has a trigger to start from: {reasons or 'there is no flight'}")
+        reasons = _grouped((*prepared.unused, *refused)) or "there is no flight"
+        raise InputError(f"no flight has a trigger to start from: {reasons}")
     real = [_outcome(start.flight, labels, model) for start in prepared.starts]
     with share_done("simulating") as simulated:
         found = forecast(prepared, model, lambda share: simulated(share, 1.0))
@@ -83,6 +85,23 @@ def landings_command(
             report = search_report(report, model, lambda share: searched(share, 1.0))
     written = None if out is None else _write(report, model, out)
     emit(report, lambda: _tell(report, written))
+
+
+_REASONS = 3  # that an error tells
+
+
+def _grouped(unused: "Sequence[NotUsed]") -> str:
+    """Why flights are not used, each reason once, the most frequent ones."""
+    named: dict[str, list[str]] = {}
+    for item in unused:
+        named.setdefault(item.reason, []).append(item.name)
+    told = sorted(named.items(), key=lambda entry: -len(entry[1]))[:_REASONS]
+    words = [
+        f"{names[0]}{f' and {len(names) - 1} more' if len(names) > 1 else ''}: {reason}"
+        for reason, names in told
+    ]
+    rest = len(unused) - sum(len(names) for _, names in told)
+    return "; ".join([*words, *([f"and {rest} more flights"] if rest else [])])
 
 
 def _outcome(flight: "Flight", labels: "dict[Path, Outcome]", vehicle: "Vehicle") -> "Outcome | None":
@@ -135,9 +154,7 @@ def _tell(report: "LandingReport", page: Path | None) -> None:
         listed.add_row(flight["name"], flight["real"] or "", *shares)
     screen.print(listed)
     found = report.score
-    if found is None:
-        screen.print("too few classified flights for a score")
-    else:
+    if found is not None:
         low, high = found.gain_interval
         say(
             screen,

@@ -1,6 +1,8 @@
 """What a lab's own day may hold: flights that cannot be judged say why, and do not spoil the others."""
 
+import json
 import re
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +15,7 @@ from calibration.gap.landings.outcomes import PreparedLandings, lost_labels, pre
 from calibration.gap.landings.outcomes.labels import LabelsFileError
 from onboard.outcome import Outcome
 from onboard.vehicle import load_vehicle
+from perchhw.cli.main import run
 from tests.gap.truth_landings.drone import Drone
 from tests.gap.truth_landings.judge import VEHICLE
 from tests.gap.truth_landings.outcomes import write_outcomes
@@ -163,3 +166,27 @@ def test_a_flight_that_is_classified_twice_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "labels.csv").write_text("file,outcome\na.csv,four_leg\na.csv,failure\n")
     with pytest.raises(LabelsFileError, match=r"row 3 column 'file': a.csv was classified in a row above"):
         read_labels([tmp_path / "a.csv"])
+
+
+def test_the_command_says_once_what_all_flights_lack(
+    day: list[Flight], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for flight in day[:3]:
+        rows = flight.source.read_text().splitlines()
+        (tmp_path / flight.source.name).write_text("\n".join(row.rsplit(",", 1)[0] for row in rows) + "\n")
+    assert run(["gap", "landings", "--data", str(tmp_path), "--vehicle", VEHICLE]) == 2
+    told = " ".join(capsys.readouterr().err.split())
+    assert told.count("lacks the distance to the ceiling (d_ceil)") == 1
+    assert "landing-00 and 2 more" in told
+
+
+def test_flights_that_nobody_classified_are_told_where_to_say_it(
+    day: list[Flight], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for flight in day[:2]:
+        shutil.copy(flight.source, tmp_path)
+    command = ["gap", "landings", "--data", str(tmp_path), "--vehicle", VEHICLE, "--draws", "20"]
+    assert run([*command, "--json"]) == 0
+    (said,) = json.loads(capsys.readouterr().out)["says"]
+    assert "of 2 flights are classified, and a score needs 4" in said
+    assert "labels.csv" in said

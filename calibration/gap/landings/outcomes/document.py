@@ -73,6 +73,13 @@ class LandingReport:
     @property
     def words(self) -> tuple[str, ...]:
         """The verdict for people, a sentence a line."""
+        if self.score is None:
+            rows, _ = classified(self.real)
+            return (
+                f"cannot tell: {rows.size} of {len(self.real)} flights are classified, and a score needs "
+                f"{LEAST_FLIGHTS}: add flights, or write what happened into labels.csv (file,outcome) beside "
+                "them",
+            )
         return in_words(self.verdict, self.score, self.search)
 
     def json_shape(self) -> dict[str, Any]:

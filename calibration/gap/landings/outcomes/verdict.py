@@ -36,10 +36,8 @@ def judge_outcomes(
     return LandingVerdict.NO_GAP if expected else LandingVerdict.UNEXPLAINED_GAP
 
 
-def in_words(verdict: LandingVerdict, score: Score | None, search: OutcomeSearch | None) -> tuple[str, ...]:
+def in_words(verdict: LandingVerdict, score: Score, search: OutcomeSearch | None) -> tuple[str, ...]:
     """What a lab is told, a sentence a line."""
-    if score is None:
-        return ("cannot tell: too few classified flights",)
     flights = f"{score.flights} flights"
     if verdict is LandingVerdict.EFFECTS_FOUND and search is not None:
         left = ", ".join(search.left_open)
