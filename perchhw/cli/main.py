@@ -172,8 +172,8 @@ def _told(ended: SystemExit | KeyboardInterrupt | PerchhwError) -> int:
     code = ended.code if isinstance(ended.code, int) else exit_codes.DONE
     if code == exit_codes.USAGE:
         emit_error("wrong usage: the message is on stderr", code)
-    if code == exit_codes.INTERRUPTED:
-        emit_error("interrupted", code)
+    if code == exit_codes.INTERRUPTED:  # typer ends a verb so, without a word
+        return _ended_by("interrupted", code)
     return code
 
 

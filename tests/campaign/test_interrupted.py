@@ -99,6 +99,7 @@ def test_who_interrupts_a_flight_is_told_what_came_of_it(
     assert run(["campaign", "run", str(file), "--yes", "--out", str(folder)]) == 130
     said = capsys.readouterr().err
     assert "20261125T2-second was cut\nnext: look it over\ncontinue with --resume" in said
+    assert said.endswith("interrupted\n")
     assert "first" not in said
 
 

@@ -44,7 +44,16 @@ def in_words(verdict: LandingVerdict, score: Score, search: OutcomeSearch | None
         open_ones = (f"what {flights} cannot tell: {left}",) if left else ()
         return (*(_lacks(search, group) for group in search.named), *open_ones)
     if verdict is LandingVerdict.NO_GAP:
-        return (f"no gap that {flights} can show: four, two and none happened about as often as expected",)
+        beside = (
+            ""
+            if all(count.inside for count in score.counts)
+            else (
+                f" (all within {LEVEL:.0%}; a right model misses one of three 80 % intervals every other day)"
+            )
+        )
+        return (
+            f"no gap that {flights} can show: four, two and none happened about as often as expected{beside}",
+        )
     counts = zip(("four", "two", "none"), score.counts, strict=True)
     often = ", ".join(f"{word} {count.real} (expected {count.expected:.1f})" for word, count in counts)
     why = "look for what is missing with --search" if search is None else "no known effect explains it"
