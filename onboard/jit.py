@@ -18,6 +18,7 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.core.runtime.nrt import rtsys
 
 from onboard.kernel_cache import compiling, use_cache_of_this_source
+from onboard.kernel_file import keep_in_whole_files
 
 __all__ = [
     "ALONE",
@@ -122,6 +123,7 @@ def kept(*, alone: bool = False, **options: Any) -> Callable[[Callable[_P, _R]],
                 return entry
 
         cache = dispatcher._cache  # of numba's class, which has no public way to it
+        keep_in_whole_files(cache)
 
         def load(signature: Any, target: Any) -> Any:
             # As numba's own, but that makes the whole of `target` ready first; a kernel needs its memory's.

@@ -65,7 +65,7 @@ def project(tmp_path: Path) -> Path:
     """A tiny project with the real cache rule and our decorators."""
     folder = tmp_path / "project"
     (folder / "onboard").mkdir(parents=True)
-    for name in ("__init__.py", "kernel_cache.py", "user_cache.py", "jit.py"):
+    for name in ("__init__.py", "kernel_cache.py", "kernel_file.py", "user_cache.py", "jit.py"):
         (folder / "onboard" / name).write_bytes((REPOSITORY / "onboard" / name).read_bytes())
     put_kernel(folder, "onboard")
     return folder
@@ -144,6 +144,33 @@ def test_a_caller_on_disk_finds_what_it_calls_and_is_compiled_anew_with_it(proje
     runs += [python(project, before + CALL_AND_COUNT, PYTHONPATH=str(project))]
     runs += [python(project, CALL_AND_COUNT, PYTHONPATH=str(project))]
     assert runs == ["7.0 1 1", "7.0 0 0", "7.0 2 2", "7.0 0 0"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
+def test_a_kernel_whose_file_is_damaged_is_compiled_anew(project: Path, suffix: str) -> None:
+    (project / "onboard" / "pair.py").write_text(PAIR)
+
+    def told() -> str:
+        return python(project, CALL_AND_COUNT, PYTHONPATH=str(project))
+
+    assert told() == "7.0 1 1"
+    (file,) = (project.parent / "cache").rglob(f"pair.calling-*{suffix}")
+    whole = file.read_bytes()
+    middle = len(whole) // 2
+    for damaged in (whole[:middle], b"", bytes(len(whole)), whole[:-9] + b"\0" + whole[-8:]):
+        file.write_bytes(damaged)
+        assert told() == "7.0 0 1"
+        assert told() == "7.0 0 0"
+
+
+@pytest.mark.slow
+def test_a_disk_that_takes_no_kernel_costs_the_time_to_compile_it(project: Path) -> None:
+    put_value(project, 1)
+    no_room = "import resource, signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN); "
+    no_room += "from onboard.kernel import g; resource.setrlimit(resource.RLIMIT_FSIZE, (64, 64)); print(g())"
+    assert python(project, no_room, PYTHONPATH=str(project)) == "1"
+    assert run_with(project, 1) == "1"
 
 
 def test_the_packages_are_those_that_are_installed() -> None:
