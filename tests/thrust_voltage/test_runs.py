@@ -225,6 +225,18 @@ def test_discharge_files(tmp_path: Path) -> None:
         read_discharge(path)
 
 
+def test_a_discharge_without_readings_or_with_two_clocks_is_not_judged(tmp_path: Path) -> None:
+    path = tmp_path / "d.csv"
+    path.write_text("t_s,battery_v,asked_gf,command,scale_g,motors\n")
+    with pytest.raises(ThrustTableError, match="no readings"):
+        read_discharge(path)
+    hover = [f"{t},4.1,{8 if t < 50 else 9},38400,{32 if t < 50 else 36},4" for t in range(60)]
+    strong_but_weak = [f"{t},4.1,16,50000,48,4" for t in range(40)]
+    path.write_text("\n".join(["t_s,battery_v,asked_gf,command,scale_g,motors", *hover, *strong_but_weak]))
+    with pytest.raises(ThrustTableError, match="row 62 column 't_s': time goes back"):
+        read_discharge(path)
+
+
 def test_a_form_that_falls_is_not_chosen() -> None:
     voltage = np.linspace(0.5, 3.0, 12)
     x = voltage - 1.75

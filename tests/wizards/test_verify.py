@@ -36,8 +36,10 @@ def test_a_discharge_is_judged(
 def test_a_battery_that_cannot_give_more_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = discharge(tmp_path, 0.0)
     lines = path.read_text().splitlines()
+    cells = [line.split(",") for line in lines[-20:]]
     low = [
-        line.replace(line.split(",")[1], "3.1").replace(line.split(",")[3], "65280") for line in lines[-20:]
+        ",".join([str(200 + k), "3.1", asked, "65280", *rest])
+        for k, (_, _, asked, _, *rest) in enumerate(cells)
     ]
     path.write_text("\n".join([*lines, *low]) + "\n")
     assert run(["--json", "calibrate", "verify", str(path)]) == 0

@@ -93,7 +93,8 @@ def read_discharge(path: Path) -> Discharge:
     """A recorded discharge: columns of `VERIFY_HEADER`, the scale's reading already without drift.
 
     Raises:
-        ThrustTableError: not readable, other columns, or a cell that is no number.
+        ThrustTableError: not readable, other columns, no readings, a cell that is no number, or a time that
+            goes back: from when a thrust was asked for, and so which readings count, is not known then.
     """
     table = read_csv(path, ThrustTableError, comment="#")
     if table.header != VERIFY_HEADER:
@@ -101,8 +102,13 @@ def read_discharge(path: Path) -> Discharge:
             f"{path}: header {','.join(table.header)!r}; expected {','.join(VERIFY_HEADER)!r}"
         )
     values = {name: table.finite(name) for name in VERIFY_HEADER}
+    if not table.rows:
+        raise ThrustTableError(f"{path}: no readings below the header; record the discharge again")
     if np.any(values["motors"] < 1.0):
         raise ThrustTableError(f"{path}: column 'motors': at least one motor turns")
+    for back in np.flatnonzero(np.diff(values["t_s"]) < 0.0)[:1]:
+        what = "time goes back; judge recordings that began anew one by one, or let their times go on"
+        raise table.problem(table.rows[back + 1], "t_s", what)
     return Discharge(
         time=values["t_s"],
         battery=values["battery_v"],
